@@ -1,8 +1,8 @@
-//! Hashes the sources on which reduced models depend. Builds with equal sources then share their cached models.
+//! Build script that hashes the sources on which reduced models depend. Builds with equal sources share their cached models.
 
 use std::path::Path;
 
-/// Crates whose code a reduced model may depend on.
+/// Crates on whose code a reduced model may depend.
 const MECHANICS: [&str; 5] = ["base", "record", "laws", "elements", "models"];
 
 fn main() -> std::io::Result<()> {

@@ -188,7 +188,7 @@ test("a workbench that is killed during a job loses nothing", async () => {
   await page.waitForSelector("#item:visible");
   await page.waitForSelector("#job:not([hidden])");
   await isIdle();
-  await page.waitForFunction(() => /nothing is missing|is missing|unexplained/i.test(document.getElementById("missing-sentence").textContent), null, { timeout: 20_000 });
+  await page.waitForFunction(() => /no missing effect|may be missing|lacks|explains/i.test(document.getElementById("missing-sentence").textContent), null, { timeout: 20_000 });
 });
 
 test("a stopped job leaves no file half-written", async () => {

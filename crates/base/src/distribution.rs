@@ -1,7 +1,7 @@
-//! Univariate distributions for priors, in their natural parameter and in an unconstrained coordinate.
+//! Univariate prior distributions of a parameter x, and their densities in an unconstrained coordinate z.
 //!
-//! The sampler moves in z: z = ln x if only the lower end is bounded (at 0), z = x without bounds, and a scaled
-//! logit with two bounds. `ln_pdf_unconstrained` is the density of z, the Jacobian included.
+//! The sampler moves in z. It is ln x if x is only bounded below by 0, x itself without bounds, and a scaled logit of x with two bounds.
+//! `ln_pdf_unconstrained` is the log-density of z; it includes the Jacobian.
 
 use std::f64::consts::PI;
 
@@ -11,90 +11,90 @@ use statrs::function::erf::{erf, erf_inv, erfc, erfc_inv};
 
 use crate::elementary;
 
-/// Prior distribution. Numbers are in the parameter's unit.
+/// Prior distribution of a parameter x. All numbers except shapes and `log_sd` are in the parameter's unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Distribution {
-    /// ln x is normal: median > 0, log_sd > 0.
+    /// Log-normal distribution: ln x is normal; median > 0, log_sd > 0.
     LogNormal {
         /// Median of x.
         median: f64,
         /// Standard deviation of ln x.
         log_sd: f64,
     },
-    /// Normal: sd > 0.
+    /// Normal distribution; sd > 0.
     Normal {
-        /// Mean.
+        /// Mean of x.
         mean: f64,
-        /// Standard deviation.
+        /// Standard deviation of x.
         sd: f64,
     },
-    /// The positive half of a normal around 0: sd > 0.
+    /// Distribution of the absolute value of a normal variable with mean 0; sd > 0.
     HalfNormal {
-        /// Standard deviation of the whole normal.
+        /// Standard deviation of that normal variable.
         sd: f64,
     },
-    /// Uniform: lower < upper.
+    /// Uniform distribution; lower < upper.
     Uniform {
-        /// Lower end.
+        /// Lower end of x.
         lower: f64,
-        /// Upper end.
+        /// Upper end of x.
         upper: f64,
     },
-    /// ln x is uniform: 0 < lower < upper.
+    /// Log-uniform distribution: ln x is uniform; 0 < lower < upper.
     LogUniform {
-        /// Lower end.
+        /// Lower end of x.
         lower: f64,
-        /// Upper end.
+        /// Upper end of x.
         upper: f64,
     },
-    /// Beta on [lower, upper]: alpha, beta > 0, lower < upper.
+    /// Beta distribution, scaled to [lower, upper]; alpha > 0, beta > 0, lower < upper.
     Beta {
-        /// First shape.
+        /// First shape α.
         alpha: f64,
-        /// Second shape.
+        /// Second shape β.
         beta: f64,
-        /// Lower end.
+        /// Lower end of x.
         lower: f64,
-        /// Upper end.
+        /// Upper end of x.
         upper: f64,
     },
 }
 
 use Distribution::{Beta, HalfNormal, LogNormal, LogUniform, Normal, Uniform};
 
-/// Φ(t).
+/// Standard normal distribution function Φ(t).
 fn normal_cdf(t: f64) -> f64 {
     0.5 * erfc(-t * std::f64::consts::FRAC_1_SQRT_2)
 }
 
-/// Φ⁻¹(p) for p in (0, 1).
+/// Standard normal quantile Φ⁻¹(p) for 0 < p < 1.
 fn normal_quantile(p: f64) -> f64 {
     -std::f64::consts::SQRT_2 * erfc_inv(2.0 * p)
 }
 
-/// ln(1 + eᵗ) without overflow.
+/// Returns ln(1 + eᵗ) without overflow.
 fn softplus(t: f64) -> f64 {
     t.max(0.0) + (-t.abs()).exp().ln_1p()
 }
 
-/// 1/(1 + e⁻ᵗ) without overflow.
+/// Returns 1/(1 + e⁻ᵗ) without overflow.
 fn logistic(t: f64) -> f64 {
     if t >= 0.0 { 1.0 / (1.0 + (-t).exp()) } else { t.exp() / (1.0 + t.exp()) }
 }
 
-/// ln(sd √(2π)).
+/// Returns ln(sd √(2π)), the negative logarithm of a normal density's maximum.
 fn normal_log_scale(sd: f64) -> f64 {
     sd.ln() + 0.5 * (2.0 * PI).ln()
 }
 
 impl Distribution {
-    /// A log-normal with the given mean > 0 and standard deviation > 0 of x itself.
+    /// Log-normal distribution whose x has the given mean > 0 and standard deviation > 0.
     pub fn log_normal_from_moments(mean: f64, sd: f64) -> Self {
         let log_variance = (sd / mean).powi(2).ln_1p();
         LogNormal { median: mean * (-0.5 * log_variance).exp(), log_sd: log_variance.sqrt() }
     }
 
-    /// Ends of the support; ±∞ if it is unbounded.
+    /// Lower and upper end of x; −∞ or +∞ if that side is unbounded.
     pub fn support(&self) -> (f64, f64) {
         match *self {
             Normal { .. } => (f64::NEG_INFINITY, f64::INFINITY),
@@ -103,7 +103,7 @@ impl Distribution {
         }
     }
 
-    /// Log-density of x; −∞ outside the support.
+    /// Log-density at x; −∞ outside the support.
     pub fn ln_pdf(&self, x: f64) -> f64 {
         let (lower, upper) = self.support();
         if x.is_nan() || x < lower || x > upper {
@@ -120,7 +120,7 @@ impl Distribution {
             LogUniform { lower, upper } => -x.ln() - (upper / lower).ln().ln(),
             Beta { alpha, beta, lower, upper } => {
                 let width = upper - lower;
-                // 0·ln 0 is 0 here: at α = 1 the density at the end is finite.
+                // 0·ln 0 counts as 0, because the density at the end is finite for α = 1.
                 let power = |exponent: f64, base: f64| if exponent == 0.0 { 0.0 } else { exponent * base.ln() };
                 power(alpha - 1.0, (x - lower) / width) + power(beta - 1.0, (upper - x) / width)
                     - ln_beta(alpha, beta)
@@ -129,7 +129,7 @@ impl Distribution {
         }
     }
 
-    /// Derivative of [`Distribution::ln_pdf`] with respect to x. It is 0 outside the support, where the log-density is −∞.
+    /// Derivative of [`Distribution::ln_pdf`] with respect to x. It is 0 outside the support, where the log-density is constant at −∞.
     pub fn ln_pdf_slope(&self, x: f64) -> f64 {
         if self.ln_pdf(x) == f64::NEG_INFINITY {
             return 0.0;
@@ -141,14 +141,14 @@ impl Distribution {
             Uniform { .. } => 0.0,
             LogUniform { .. } => -1.0 / x,
             Beta { alpha, beta, lower, upper } => {
-                // 0/0 is 0 here: at α = 1 the density has no slope at the end.
+                // 0/0 counts as 0, because the slope at the end is 0 for α = 1.
                 let power = |exponent: f64, base: f64| if exponent == 0.0 { 0.0 } else { exponent / base };
                 power(alpha - 1.0, x - lower) - power(beta - 1.0, upper - x)
             }
         }
     }
 
-    /// Probability of a value of at most x.
+    /// Probability that the parameter is at most x.
     pub fn cdf(&self, x: f64) -> f64 {
         let (lower, upper) = self.support();
         if x <= lower {
@@ -169,7 +169,7 @@ impl Distribution {
         }
     }
 
-    /// Value with a fraction `p` of the probability below it; an end of the support for p ≤ 0 and p ≥ 1.
+    /// Value that the parameter stays below with probability `p`. For p ≤ 0 and p ≥ 1 it is the end of the support.
     pub fn quantile(&self, p: f64) -> f64 {
         let (low, high) = self.support();
         if p <= 0.0 {
@@ -188,7 +188,7 @@ impl Distribution {
         }
     }
 
-    /// Quantile by bisection on [`Distribution::cdf`], to full floating-point precision.
+    /// Computes the quantile by bisection on [`Distribution::cdf`], to full floating-point precision.
     fn bisect(&self, p: f64) -> f64 {
         let (mut low, mut high) = self.support();
         loop {
@@ -200,14 +200,14 @@ impl Distribution {
         }
     }
 
-    /// One draw: the quantile of one uniform number from `rng`.
+    /// Draws one value: the quantile of a uniform random number from `rng`.
     pub fn draw(&self, rng: &mut (impl Rng + ?Sized)) -> f64 {
-        // 53 random bits, centred in their cell, are never 0 or 1.
+        // The 53 random bits select one of 2⁵³ cells of (0, 1). Its midpoint is never 0 or 1.
         let cell = rng.random::<u64>() >> 11;
         self.quantile((cell as f64 + 0.5) / (1_u64 << 53) as f64)
     }
 
-    /// Coordinate z of x; ±∞ at an end of the support, NaN outside.
+    /// Coordinate z at x; ±∞ at an end of the support, NaN outside.
     pub fn to_unconstrained(&self, x: f64) -> f64 {
         match *self {
             Normal { .. } => x,
@@ -217,13 +217,13 @@ impl Distribution {
         }
     }
 
-    /// Value x at the coordinate z. It lies inside the support or, for extreme z, at its end.
+    /// Value x at the coordinate z. It lies inside the support or, for extreme z, at an end.
     pub fn from_unconstrained(&self, z: f64) -> f64 {
         match *self {
             Normal { .. } => z,
             LogNormal { .. } | HalfNormal { .. } => z.exp(),
             Uniform { lower, upper } | Beta { lower, upper, .. } => {
-                // Computing from the nearer end keeps the digits of values close to an end.
+                // Computing from the nearer end keeps the significant digits of values close to an end.
                 let width = upper - lower;
                 if z < 0.0 { lower + width * logistic(z) } else { upper - width * logistic(-z) }
             }
@@ -231,7 +231,7 @@ impl Distribution {
         }
     }
 
-    /// Values at many coordinates, by vector instructions if they are exponentials. The slices have the same length.
+    /// Fills `x[i]` with the value at `z[i]`. The slices have equal length. Exponentials use vector instructions.
     pub fn fill_from_unconstrained(&self, z: &[f64], x: &mut [f64]) {
         match *self {
             LogNormal { .. } | HalfNormal { .. } => {
@@ -242,14 +242,14 @@ impl Distribution {
         }
     }
 
-    /// Log-density of z, the Jacobian ln|dx/dz| included.
+    /// Log-density of z at z. It includes the Jacobian ln|dx/dz|.
     pub fn ln_pdf_unconstrained(&self, z: f64) -> f64 {
         let mut out = [0.0];
         self.unconstrained().add_ln_pdf(&[z], &mut out);
         out[0]
     }
 
-    /// Density of the coordinate z with its constants precomputed, for the hot loop.
+    /// Returns the density of z with precomputed constants, for loops that evaluate it many times.
     pub fn unconstrained(&self) -> UnconstrainedDensity {
         let gaussian = |mean: f64, sd: f64| UnconstrainedDensity::Gaussian {
             constant: -normal_log_scale(sd),
@@ -276,7 +276,7 @@ impl Distribution {
     }
 }
 
-/// Density of the sampler's coordinate z of one parameter, Jacobian included.
+/// Density of one parameter's coordinate z, with the Jacobian and precomputed constants.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum UnconstrainedDensity {
     /// ln density = constant − half_precision (z − mean)², for normal and log-normal priors.
@@ -285,30 +285,29 @@ pub enum UnconstrainedDensity {
         constant: f64,
         /// Mean of z.
         mean: f64,
-        /// 1/(2 sd²) of z.
+        /// 1/(2 sd²), where sd is the standard deviation of z.
         half_precision: f64,
     },
     /// ln density = constant + z − half_precision e²ᶻ, for half-normal priors.
     HalfNormal {
         /// ln 2 − ln(sd √(2π)).
         constant: f64,
-        /// 1/(2 sd²) of x.
+        /// 1/(2 sd²), where sd is the standard deviation of x's normal.
         half_precision: f64,
     },
     /// ln density = constant + α ln u + β ln(1 − u), where u = 1/(1 + e⁻ᶻ) has the distribution Beta(α, β).
     Logistic {
-        /// −ln B(α, β).
+        /// −ln B(α, β), where B is the beta function.
         constant: f64,
-        /// First shape.
+        /// First shape α.
         alpha: f64,
-        /// Second shape.
+        /// Second shape β.
         beta: f64,
     },
 }
 
 impl UnconstrainedDensity {
-    /// Adds the log-density of each `z[i]` to `out[i]`. The slices have the same length. A point's value does not
-    /// depend on its neighbours.
+    /// Adds the log-density at each `z[i]` to `out[i]`. The slices have equal length. The value for a point does not depend on the other points.
     pub fn add_ln_pdf(&self, z: &[f64], out: &mut [f64]) {
         match *self {
             Self::Gaussian { constant, mean, half_precision } => {
@@ -373,7 +372,7 @@ mod tests {
         for distribution in examples() {
             for p in [0.03, 0.4, 0.9] {
                 let x = distribution.quantile(p);
-                // Densities may change fast near an end of the support, so the step is a small part of the local probability range.
+                // Densities may change quickly near an end of the support. The step h is therefore a small fraction of the quantile range around p.
                 let h = 1e-4 * (distribution.quantile(p + 0.02) - distribution.quantile(p - 0.02));
                 let difference = (distribution.ln_pdf(x + h) - distribution.ln_pdf(x - h)) / (2.0 * h);
                 let slope = distribution.ln_pdf_slope(x);
@@ -386,7 +385,7 @@ mod tests {
         assert_eq!(HalfNormal { sd: 0.7 }.ln_pdf_slope(-1.0), 0.0);
     }
 
-    /// Composite Simpson rule.
+    /// Integrates `f` from `lower` to `upper` by the composite Simpson rule.
     fn integral(f: impl Fn(f64) -> f64, lower: f64, upper: f64) -> f64 {
         let n = 40_000;
         let h = (upper - lower) / f64::from(n);
@@ -501,7 +500,7 @@ mod tests {
         assert_eq!(examples()[0].ln_pdf(0.0), f64::NEG_INFINITY);
     }
 
-    /// Kolmogorov–Smirnov test on 4,000 draws at D < 2.75/√n: false failure 2·exp(−2·2.75²) = 5e-7 for each.
+    /// Kolmogorov–Smirnov test on 4,000 draws with the threshold D < 2.75/√n. A correct distribution fails with probability 2·exp(−2·2.75²) = 5e-7.
     #[test]
     fn draws_follow_the_cdf() {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(20);

@@ -1,30 +1,30 @@
-//! Exponentials and logarithms of many numbers, by vector instructions.
+//! Exponentials and logarithms of slices of numbers, by vector instructions.
 //!
-//! The code has no branches and no fused operations, so a number's result depends neither on its neighbours nor on the processor. Errors are below
-//! two units in the last place.
+//! The code has no branches and no fused multiply-add. The result of a number therefore depends neither on the other numbers nor on the processor. Errors
+//! are below two units in the last place.
 
 use pulp::{Arch, Simd, WithSimd};
 
-/// Adding this constant puts the nearest integer into the last bits.
+/// 1.5·2⁵². Adding it to a small number x rounds x to an integer, which is then in the lowest bits of the sum.
 const ROUNDING: f64 = 6_755_399_441_055_744.0;
-/// ln 2 in two parts. The first ends with zero bits, so its product with an integer is exact.
+/// ln 2 as a sum of two constants. The first one's last bits are zero, so its product with a small integer is exact.
 const LN_2_HIGH: f64 = 6.931_471_803_691_238e-1;
 const LN_2_LOW: f64 = 1.908_214_929_270_587_7e-10;
 const EXPONENT_BIAS: u64 = 1023;
 const MANTISSA_BITS: u32 = 52;
-/// Limits beyond which eˣ is not a normal number.
+/// Bounds of x within which eˣ is a normal floating-point number.
 const LARGEST_EXPONENT: f64 = 709.0;
 const SMALLEST_EXPONENT: f64 = -708.0;
-/// 2⁵⁴, the factor that makes a subnormal number normal.
+/// 2⁵⁴. A subnormal number multiplied by it is a normal number.
 const SCALE_OF_SUBNORMAL: f64 = 18_014_398_509_481_984.0;
 const BITS_OF_SCALE: f64 = 54.0;
 
-/// Replaces every x by eˣ; 0 below −708, +∞ above 709.
+/// Replaces every x by eˣ. The result is 0 for x < −708 and +∞ for x > 709.
 pub fn exp_all(values: &mut [f64]) {
     Arch::new().dispatch(ExpAll(values));
 }
 
-/// Replaces every x by ln x; −∞ at 0, NaN below.
+/// Replaces every x by ln x. The result is −∞ at 0 and NaN for negative x.
 pub fn ln_all(values: &mut [f64]) {
     Arch::new().dispatch(LnAll(values));
 }
@@ -55,7 +55,7 @@ impl WithSimd for LnAll<'_> {
     }
 }
 
-/// Replaces every x by eˣ − 1, accurate near 0; −1 below −708, +∞ above 709.
+/// Replaces every x by eˣ − 1, accurate near 0. The result is −1 for x < −708 and +∞ for x > 709.
 pub fn exp_m1_all(values: &mut [f64]) {
     Arch::new().dispatch(ExpM1All(values));
 }
@@ -75,7 +75,7 @@ impl WithSimd for ExpM1All<'_> {
     }
 }
 
-/// eˣ.
+/// Returns eˣ for one number, with bits equal to those of [`exp_all`].
 #[inline(always)]
 pub fn exp(x: f64) -> f64 {
     let (scale, grown) = parts(x);
@@ -84,7 +84,7 @@ pub fn exp(x: f64) -> f64 {
     if x < SMALLEST_EXPONENT { 0.0 } else { value }
 }
 
-/// 2ᵏ and eʳ − 1 of eˣ = 2ᵏ eʳ with |r| ≤ ln 2/2.
+/// Returns 2ᵏ and eʳ − 1, where eˣ = 2ᵏ eʳ and |r| ≤ ln 2/2.
 #[inline(always)]
 fn parts(x: f64) -> (f64, f64) {
     let inside = if x > LARGEST_EXPONENT { LARGEST_EXPONENT } else { x };
@@ -105,13 +105,13 @@ fn parts(x: f64) -> (f64, f64) {
     (scale, r + r * r * sum)
 }
 
-/// ln x = e ln 2 + 2 artanh s, s = (m − 1)/(m + 1), x = 2ᵉ m with m between √½ and √2.
+/// Returns ln x = e ln 2 + 2 artanh s. Here x = 2ᵉ m with m between √½ and √2, and s = (m − 1)/(m + 1).
 #[inline(always)]
 pub fn ln(x: f64) -> f64 {
     let is_subnormal = x < f64::MIN_POSITIVE;
     let normal = if is_subnormal { x * SCALE_OF_SUBNORMAL } else { x };
     let bits = normal.to_bits();
-    // Dividing by √½ centres the mantissa on 1.
+    // Subtracting the bits of √½ moves the range of the mantissa m to [√½, √2], centred on 1.
     let shifted = bits.wrapping_sub(std::f64::consts::FRAC_1_SQRT_2.to_bits());
     let exponent_bits = ((shifted as i64) >> MANTISSA_BITS) as u64;
     let mantissa = f64::from_bits(bits.wrapping_sub(exponent_bits << MANTISSA_BITS));
@@ -128,7 +128,7 @@ pub fn ln(x: f64) -> f64 {
         odd -= 2.0;
         sum = sum * z + 1.0 / odd;
     }
-    // 2 artanh s = f − s (f − 2 z Σ), in which the large part is exact.
+    // 2 artanh s = f − s (f − 2 z Σ) with f = m − 1 and z = s². The leading term f is exact.
     let tail = s * (f - 2.0 * z * sum);
     let value = exponent * LN_2_HIGH + (f - (tail - exponent * LN_2_LOW));
     let value = if x == f64::INFINITY { f64::INFINITY } else { value };
@@ -140,7 +140,7 @@ pub fn ln(x: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Compares with the standard library over all sizes and at the ends.
+    /// Compares with the standard library over numbers of all magnitudes and at the ends of the range.
     #[test]
     fn agree_with_the_standard_library() {
         let mut largest = [0.0_f64; 2];
@@ -168,7 +168,7 @@ mod tests {
         assert!((ln(3e-310) / 3e-310_f64.ln() - 1.0).abs() < 1e-15);
     }
 
-    /// Slices of any length give the same bits as single numbers.
+    /// The results for slices of any length equal those for single numbers to the last bit.
     #[test]
     fn slices_have_the_bits_of_single_numbers() {
         for n in [1, 3, 8, 17] {

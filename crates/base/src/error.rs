@@ -1,84 +1,85 @@
-//! Error type of all crates.
+//! Error type that all crates use.
 
 use std::path::PathBuf;
 use std::sync::OnceLock;
 
-/// Result with the common [`Error`].
+/// Result type whose error is [`Error`].
 pub type Result<T> = std::result::Result<T, Error>;
 
-/// All kinds of errors, with the data for a helpful message.
+/// Error with the data for a helpful message: what is wrong, where, and what to do.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// An input file or argument is not acceptable. Nothing has been written.
+    /// An input file or argument is not acceptable. Nothing was written.
     #[error("{place}: {found}\n  what to do: {remedy}")]
     Input {
-        /// Place of the fault.
+        /// Place of the fault in the input.
         place: InputPlace,
-        /// Unacceptable content at that place.
+        /// Content found at that place.
         found: String,
-        /// Action for the user.
+        /// What the user can do.
         remedy: String,
     },
-    /// The operating system refused a file operation.
+    /// The operating system refused an operation on a file or directory.
     #[error("cannot {action} {}: {source}\n  what to do: {remedy}", path.display())]
     File {
         /// "read", "write", "create", …
         action: &'static str,
-        /// File or directory.
+        /// File or directory of the failed operation.
         path: PathBuf,
-        /// The operating system's reason.
+        /// Error of the operating system.
         #[source]
         source: std::io::Error,
-        /// Action for the user.
+        /// What the user can do.
         remedy: String,
     },
-    /// A computation failed in a way that is not the input's fault alone.
+    /// A computation failed, and the input alone does not explain the failure.
     #[error("{what}\n  what to do: {remedy}")]
     Numerical {
-        /// Failed computation, with the relevant numbers.
+        /// Description of the failed computation, with its numbers.
         what: String,
-        /// Action for the user.
+        /// What the user can do.
         remedy: String,
     },
-    /// A query outside the range on which a surrogate was trained.
+    /// A parameter value lies outside the range on which a surrogate was trained.
     #[error(
         "{parameter} = {value:e} lies outside the surrogate's trained range [{lower:e}, {upper:e}]\n  what to do: widen the prior and rebuild the surrogate, or use the full finite-element model"
     )]
     OutsideTrainedRange {
-        /// Parameter name, with unit.
+        /// Name of the parameter, with its unit.
         parameter: String,
-        /// Requested value.
+        /// Value of the parameter.
         value: f64,
         /// Lower end of the trained range.
         lower: f64,
         /// Upper end of the trained range.
         upper: f64,
     },
-    /// The run was interrupted; its checkpoints are kept.
+    /// The user interrupted the run. Its checkpoints are kept.
     #[error("interrupted; {kept}")]
     Interrupted {
-        /// Kept results, and how to continue.
+        /// Description of the kept results, and how to continue.
         kept: String,
     },
 }
 
 macro_rules! settings {
     ($($(#[$doc:meta])* $setting:ident $name:literal)*) => {
-        /// Input that a caller gives to the library, such as the noise model. Errors name it by its [`Display`](std::fmt::Display): the plain name, or the program's name for it.
+        /// Setting that a caller passes to the library, such as the noise model. Errors show its [`Display`](std::fmt::Display) text: the plain name, or the
+        /// program's own name for it ([`rename_settings`]).
         ///
-        /// To add a setting, add a line with its documentation and its plain name to the list in this file.
-        /// The compiler then asks for its option in the program's table (`src/bin/vitreo-uq/settings.rs`), and a test checks that a command has this option.
+        /// To add a setting, add a line with its documentation and its plain name to the list in this file. The compiler then asks for its option in the
+        /// program's table (`src/bin/vitreo-uq/settings.rs`), and a test checks that a command has this option.
         #[derive(Debug, Clone, Copy, PartialEq, Eq)]
         pub enum Setting {
             $($(#[$doc])* $setting,)*
         }
 
         impl Setting {
-            /// All settings.
+            /// All settings, in the order of their definition.
             pub const ALL: &[Self] = &[$(Self::$setting),*];
 
-            /// The plain name, such as `noise`.
+            /// Plain name of the setting, such as `noise`.
             pub fn name(self) -> &'static str {
                 match self {
                     $(Self::$setting => $name,)*
@@ -95,11 +96,11 @@ settings! {
     Effects "effects"
     /// Noise model.
     Noise "noise"
-    /// Prior: the name of a built-in one, or a file.
+    /// Prior: name of a built-in prior, or a file.
     Prior "prior"
-    /// Parameters held at given values.
+    /// Parameters that are held at given values.
     Fixed "fixed"
-    /// Server of an external model.
+    /// Address of the server of an external model.
     Forward "forward"
     /// Name of a model on that server.
     ForwardModel "forward_model"
@@ -111,57 +112,57 @@ settings! {
     Revision "revision"
     /// Number of walkers of the sampler.
     Chains "chains"
-    /// Largest number of steps of the sampler.
+    /// Largest number of steps of the sampler's walkers.
     Steps "steps"
-    /// Continue from a checkpoint.
+    /// Request to continue an interrupted run from its checkpoint.
     Resume "resume"
     /// Number of threads.
     Threads "threads"
     /// Directory of the results.
     Out "out"
-    /// Replace existing results.
+    /// Permission to replace existing results.
     Force "force"
-    /// Replace an existing experiment.
+    /// Permission to replace an existing experiment.
     Replace "replace"
-    /// Time scheme of a simulation.
+    /// Time integration scheme of a simulation.
     Scheme "scheme"
     /// Time step of a simulation in s.
     TimeStep "time_step_s"
     /// Number of mesh levels of a convergence study.
     Refine "refine"
-    /// Number of first cycles from which a function is learned.
+    /// Number of first cycles from which `learn` infers a correction.
     FirstCycles "first_cycles"
     /// Keys that define the groups of a cohort.
     By "by"
-    /// Measurements left out of a cohort.
+    /// Records or specimens to leave out of a cohort.
     LeaveOut "leave_out"
-    /// Column of the time in a table.
+    /// Column that holds the time in a table.
     TimeColumn "time"
-    /// Column of the force in a table.
+    /// Column that holds the force in a table.
     ForceColumn "force"
-    /// Column of the position in a table.
+    /// Column that holds the position in a table.
     PositionColumn "position"
-    /// Column of the cycle in a table.
+    /// Column that holds the cycle number in a table.
     CycleColumn "cycle"
-    /// Column of x in a table.
+    /// Column that holds the x coordinate in a table.
     XColumn "x"
-    /// Column of y in a table.
+    /// Column that holds the y coordinate in a table.
     YColumn "y"
-    /// Column of z in a table.
+    /// Column that holds the z coordinate in a table.
     ZColumn "z"
-    /// Tables to read from a file with several tables.
+    /// Names of the tables to read from a file with several tables.
     Tables "table"
-    /// Column of the tracks in a table.
+    /// Column that holds the track identifier in a table of several tracks.
     TrackColumn "track_column"
-    /// Track to read.
+    /// Identifier of the track to read.
     Track "track"
-    /// Meaning of a blank force.
+    /// Value that a blank force cell stands for.
     BlankForce "blank_force"
-    /// Sign between thousands.
+    /// Character that separates thousands in numbers.
     Thousands "thousands"
-    /// Treatment of a clock that restarts.
+    /// Treatment of a clock that restarts within the record.
     TimeRestarts "time_restarts"
-    /// Treatment of equal times from a coarse clock.
+    /// Treatment of rows with equal times, which a coarse clock produces.
     TimeTies "time_ties"
     /// Unit of the time in a table.
     TimeUnit "unit_time"
@@ -169,39 +170,39 @@ settings! {
     ForceUnit "unit_force"
     /// Unit of the position in a table.
     PositionUnit "unit_position"
-    /// Number of a task.
+    /// Number of a task in a list of tasks.
     Task "task"
-    /// Part of a list of tasks.
+    /// Number of the part of a task list to run.
     Part "part"
-    /// Number of parts of a list of tasks.
+    /// Number of parts into which a list of tasks is divided.
     Parts "parts"
-    /// Processor cores of a worker.
+    /// Number of processor cores per worker.
     Cores "cores"
     /// Time limit of a worker in minutes.
     Minutes "minutes"
     /// Memory of a worker in MiB.
     Memory "memory_mib"
-    /// Number of simulated records.
+    /// Number of simulated records of a calibration or of challenges.
     Count "count"
-    /// Hidden effect of a challenge.
+    /// Effect to hide in a challenge.
     HiddenEffect "effect"
-    /// Pair of hidden effects of a challenge.
+    /// Pair of effects to hide in a challenge.
     Pair "pair"
-    /// Hidden physics outside the library of effects.
+    /// Physics to hide in a challenge that is not in the library of effects.
     Outside "outside"
-    /// Size of a hidden effect in standard deviations of the data.
+    /// Size of a challenge's hidden effect, in standard deviations of the data.
     Strength "strength"
-    /// Size of a hidden effect in its own unit.
+    /// Size of a challenge's hidden effect, in the unit of the effect's parameter.
     Size "size"
-    /// Sizes of the hidden effects of many challenges, in standard deviations of the data.
+    /// Sizes of the hidden effects in a series of challenges, in standard deviations of the data.
     Signal "signal"
     /// Force protocol of a challenge.
     Protocol "protocol"
-    /// Directory of cached trajectories.
+    /// Directory with the cached trajectories.
     Cache "cache"
 }
 
-/// Names under which a program shows settings, see [`rename_settings`].
+/// Source and names of settings in errors, set by [`rename_settings`].
 struct Naming {
     source: &'static str,
     name: fn(Setting) -> &'static str,
@@ -209,9 +210,10 @@ struct Naming {
 
 static NAMING: OnceLock<Naming> = OnceLock::new();
 
-/// Sets how all later errors of this process name settings. `source` is the origin of the settings, such as "command line". Only the first call has an effect.
+/// Sets the names by which all later errors of this process refer to settings. `source` is where the settings come from, such as "command line". Only the
+/// first call has an effect.
 ///
-/// A program calls this before anything else. Otherwise settings keep their plain names.
+/// A program calls this before anything else. Otherwise errors use the plain names.
 pub fn rename_settings(source: &'static str, name: fn(Setting) -> &'static str) {
     NAMING.get_or_init(|| Naming { source, name });
 }
@@ -222,10 +224,10 @@ impl std::fmt::Display for Setting {
     }
 }
 
-/// Place in the input: a file, and if known its line (from 1) and its column or key.
+/// Place of a fault in the input: the file, the line, and the column or key, as far as they are known.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct InputPlace {
-    /// File, or `None` for input from the caller.
+    /// File; `None` if the caller passed the input directly.
     pub file: Option<PathBuf>,
     /// Line, counted from 1.
     pub line: Option<usize>,
@@ -234,15 +236,15 @@ pub struct InputPlace {
 }
 
 impl InputPlace {
-    /// A place in a file.
+    /// Makes a place that names a file.
     pub fn file(file: impl Into<PathBuf>) -> Self {
         Self { file: Some(file.into()), ..Self::default() }
     }
-    /// A setting that the caller gave.
+    /// Makes a place that names a setting of the caller.
     pub fn setting(setting: Setting) -> Self {
         Self::default().at_key(setting.to_string())
     }
-    /// Adds a line, counted from 1.
+    /// Adds a line number, counted from 1.
     pub fn at_line(mut self, line: usize) -> Self {
         self.line = Some(line);
         self
@@ -267,11 +269,11 @@ impl std::fmt::Display for InputPlace {
 }
 
 impl Error {
-    /// An [`Error::Input`].
+    /// Makes an [`Error::Input`].
     pub fn input(place: InputPlace, found: impl Into<String>, remedy: impl Into<String>) -> Self {
         Self::Input { place, found: found.into(), remedy: remedy.into() }
     }
-    /// An [`Error::File`].
+    /// Makes an [`Error::File`].
     pub fn at_path(
         action: &'static str,
         path: impl Into<PathBuf>,
@@ -280,11 +282,11 @@ impl Error {
     ) -> Self {
         Self::File { action, path: path.into(), source, remedy: remedy.into() }
     }
-    /// An [`Error::Numerical`].
+    /// Makes an [`Error::Numerical`].
     pub fn numerical(what: impl Into<String>, remedy: impl Into<String>) -> Self {
         Self::Numerical { what: what.into(), remedy: remedy.into() }
     }
-    /// Exit code of the program for this error: 2 for usage and input, 130 after an interruption (as by Ctrl-C), 1 for others.
+    /// Exit code of the program: 2 for errors of usage or input, 130 after an interruption (such as Ctrl-C), 1 for all other errors.
     pub fn exit_code(&self) -> u8 {
         match self {
             Self::Input { .. } | Self::File { .. } => 2,

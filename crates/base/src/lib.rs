@@ -1,4 +1,4 @@
-//! Errors, files, units, parameters and distributions: the basis of every other crate.
+//! Errors, files, units, parameters and distributions, which every other crate uses.
 
 pub mod distribution;
 pub mod elementary;

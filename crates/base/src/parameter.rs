@@ -1,34 +1,34 @@
-//! Description of a model's parameters, and the parameters of laws and noise. Parameters of effects are in the effects' own files.
+//! Description of a model's parameters ([`ParameterSpec`]), and the parameters of laws and noise. Each effect's parameters are in the effect's own file.
 
-/// Parameter of a law, an effect or a noise term.
+/// Name, symbol, unit and allowed range of one parameter of a law, an effect or a noise term.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ParameterSpec {
-    /// Name that ends in the unit, or `slug.name` for a parameter of an effect.
+    /// Unique name: for laws and noise it ends in the unit, as in `ou_time_s`; for an effect it is `slug.name`.
     pub name: &'static str,
-    /// Symbol in equations and figures; empty for parameters of a network, for which figures show the name.
+    /// Symbol in equations and figures. It is empty for parameters of a neural network; figures then show the name.
     pub symbol: &'static str,
     /// Unit of the parameter in priors and results.
     pub unit: &'static str,
-    /// Allowed range.
+    /// Interval of allowed values.
     pub support: Support,
-    /// The response to the parameter begins with its square, so searches use the square as coordinate.
+    /// `true` if the model's response near the null is proportional to the parameter's square. Searches then use the square as coordinate.
     pub enters_as_square: bool,
-    /// The parameter stays at its null unless it is set or freed.
+    /// `true` if the parameter keeps its null value unless the user sets or frees it.
     pub is_optional: bool,
 }
 
 impl ParameterSpec {
-    /// Makes a parameter.
+    /// Makes a parameter that is neither squared nor optional.
     pub const fn new(name: &'static str, symbol: &'static str, unit: &'static str, support: Support) -> Self {
         Self { name, symbol, unit, support, enters_as_square: false, is_optional: false }
     }
 
-    /// Marks the parameter as one whose response begins with its square.
+    /// Sets [`ParameterSpec::enters_as_square`].
     pub const fn squared(self) -> Self {
         Self { enters_as_square: true, ..self }
     }
 
-    /// Keeps the parameter at its null unless it is set or freed.
+    /// Sets [`ParameterSpec::is_optional`].
     pub const fn optional(self) -> Self {
         Self { is_optional: true, ..self }
     }
@@ -38,36 +38,36 @@ impl ParameterSpec {
     }
 }
 
-/// Young's modulus E of the Kelvin–Voigt body.
+/// Young's modulus E of the Kelvin–Voigt body (spring and dashpot in parallel).
 pub const YOUNG_MODULUS: ParameterSpec = ParameterSpec::positive("young_modulus_pa", "E", "Pa");
-/// Retardation viscosity c₁ of the Kelvin–Voigt body.
+/// Retardation viscosity c₁ of the Kelvin–Voigt body's dashpot.
 pub const RETARDATION_VISCOSITY: ParameterSpec = ParameterSpec::positive("viscosity_1_pa_s", "c₁", "Pa s");
-/// Flow viscosity c₂ of the dashpot in series.
+/// Flow viscosity c₂ of the dashpot in series with the Kelvin–Voigt body.
 pub const FLOW_VISCOSITY: ParameterSpec = ParameterSpec::positive("viscosity_2_pa_s", "c₂", "Pa s");
-/// Modulus of the Burgers law's spring in series.
+/// Modulus E₀ of the spring in series in the Burgers law.
 pub const INSTANTANEOUS_MODULUS: ParameterSpec = ParameterSpec::positive("instantaneous_modulus_pa", "E₀", "Pa");
-/// Modulus of the two-element law's second body.
+/// Modulus E₂ of the second Kelvin–Voigt body in the two-element law.
 pub const SECOND_MODULUS: ParameterSpec = ParameterSpec::positive("second_modulus_pa", "E₂", "Pa");
-/// Viscosity of the two-element law's second body.
+/// Viscosity c₃ of the second Kelvin–Voigt body in the two-element law.
 pub const SECOND_VISCOSITY: ParameterSpec = ParameterSpec::positive("second_viscosity_pa_s", "c₃", "Pa s");
 /// Standard deviation of white noise.
 pub const NOISE_SD: ParameterSpec = ParameterSpec::positive("noise_sd_um", "σ", "um");
-/// Standard deviation of slow noise.
+/// Standard deviation of slow noise, an Ornstein–Uhlenbeck (OU) process.
 pub const SLOW_NOISE_SD: ParameterSpec = ParameterSpec::positive("ou_sd_um", "σ OU", "um");
-/// Correlation time of slow noise.
+/// Correlation time of slow noise, an Ornstein–Uhlenbeck (OU) process.
 pub const SLOW_NOISE_TIME: ParameterSpec = ParameterSpec::positive("ou_time_s", "τ OU", "s");
-/// Standard deviation of a cycle's gain.
+/// Standard deviation of the random gain that multiplies the positions of each cycle.
 pub const GAIN_SD: ParameterSpec = ParameterSpec::positive("gain_sd", "sd of gain", "1");
-/// Standard deviation of a cycle's offset.
+/// Standard deviation of the random offset that is added to the positions of each cycle.
 pub const OFFSET_SD: ParameterSpec = ParameterSpec::positive("offset_sd_um", "sd of offset", "um");
-/// Degrees of freedom of Student's t; below 2 the errors would have no variance.
+/// Degrees of freedom of Student's t distribution of the measurement errors. They exceed 2, because otherwise the errors have no variance.
 pub const STUDENT_DOF: ParameterSpec =
     ParameterSpec::new("student_dof", "degrees of freedom", "1", Support { lower: 2.0, upper: f64::INFINITY });
 
-/// Standard deviation of both numbers of an oscillation, relative to |G*|; of a phase in rad.
+/// Standard deviation of the errors of an oscillation's two values per row: relative to |G*| for moduli, in rad for a phase.
 pub const RELATIVE_NOISE: ParameterSpec = ParameterSpec::positive("noise_relative", "relative error", "1");
 
-/// Finds a parameter of laws or noise by its name.
+/// Finds a parameter of laws or noise by its name; `None` if there is none.
 pub fn named(name: &str) -> Option<&'static ParameterSpec> {
     const NAMED: &[ParameterSpec] = &[
         YOUNG_MODULUS,
@@ -87,19 +87,19 @@ pub fn named(name: &str) -> Option<&'static ParameterSpec> {
     NAMED.iter().find(|spec| spec.name == name)
 }
 
-/// Interval; infinite ends are open.
+/// Interval of allowed values. Finite ends belong to the interval.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Support {
-    /// Lower end.
+    /// Lower end, or −∞.
     pub lower: f64,
-    /// Upper end.
+    /// Upper end, or +∞.
     pub upper: f64,
 }
 
 impl Support {
-    /// All positive numbers.
+    /// Interval from 0 to +∞.
     pub const POSITIVE: Self = Self { lower: 0.0, upper: f64::INFINITY };
-    /// All numbers.
+    /// Interval from −∞ to +∞.
     pub const REAL: Self = Self { lower: f64::NEG_INFINITY, upper: f64::INFINITY };
 
     /// Returns `true` if a value lies in the interval, finite ends included.

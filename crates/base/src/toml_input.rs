@@ -1,6 +1,6 @@
-//! TOML input with positions: every error names file, line, key and remedy.
+//! TOML input with positions. Every error names the file, the line, the key and what the user can do.
 //!
-//! Experiments, priors and model specifications share it, so their errors have the same wording.
+//! Experiments, priors and model specifications are read with this module, so their errors have equal wording.
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -11,17 +11,17 @@ use toml::de::{DeTable, DeValue};
 use crate::error::{Error, InputPlace, Result};
 use crate::units::nearest_name;
 
-/// Text that `init` writes for an unknown number.
+/// Placeholder that `init` writes for an unknown number.
 pub const UNKNOWN: &str = "?";
 
-/// Parsed TOML file with the positions of its content.
+/// Parsed TOML file with the line of each key.
 pub struct TomlInput<'a> {
     file: PathBuf,
     text: &'a str,
     root: Spanned<DeTable<'a>>,
 }
 
-/// Table of a [`TomlInput`].
+/// One table of a [`TomlInput`]. Its getters return errors that name the file, line and key.
 #[derive(Clone, Copy)]
 pub struct TomlTable<'a> {
     document: &'a TomlInput<'a>,
@@ -29,12 +29,12 @@ pub struct TomlTable<'a> {
     line: usize,
 }
 
-/// Text as a quoted TOML string.
+/// Returns `text` as a quoted TOML string.
 pub fn quoted(text: &str) -> String {
     toml::Value::String(text.into()).to_string()
 }
 
-/// Bytes as text, without a byte-order mark. Refuses text that is not UTF-8 or is empty.
+/// Decodes UTF-8 bytes and removes a byte-order mark. Refuses text that is not UTF-8 or is empty.
 pub fn text_of<'a>(file: &Path, bytes: &'a [u8]) -> Result<&'a str> {
     let text = std::str::from_utf8(bytes).map_err(|error| {
         let line = 1 + bytes[..error.valid_up_to()].iter().filter(|byte| **byte == b'\n').count();
@@ -56,7 +56,7 @@ pub fn text_of<'a>(file: &Path, bytes: &'a [u8]) -> Result<&'a str> {
 }
 
 impl<'a> TomlInput<'a> {
-    /// Parses TOML. `file` is only used in errors.
+    /// Parses TOML. `file` appears only in errors.
     pub fn parse(file: &Path, text: &'a str) -> Result<Self> {
         let root = DeTable::parse(text).map_err(|error| {
             let line = line_of(text, error.span().map_or(0, |span| span.start));
@@ -69,7 +69,7 @@ impl<'a> TomlInput<'a> {
         Ok(Self { file: file.to_path_buf(), text, root })
     }
 
-    /// Root table.
+    /// Returns the root table.
     pub fn root(&'a self) -> TomlTable<'a> {
         TomlTable { document: self, table: self.root.get_ref(), line: 1 }
     }
@@ -79,7 +79,8 @@ fn line_of(text: &str, byte: usize) -> usize {
     1 + text.as_bytes().iter().take(byte).filter(|byte| **byte == b'\n').count()
 }
 
-/// Path from a table to a nested table, found by identity: `a.b`, with `[n]` for the n-th of a list.
+/// Path from a table to a nested table, such as `a.b`; `[n]` marks the n-th table of a list. Tables are compared by address. `None` if `target` is not
+/// nested in `from`.
 fn path_to(from: &DeTable<'_>, target: &DeTable<'_>) -> Option<String> {
     from.iter().find_map(|(key, value)| {
         path_in(value.get_ref(), target).map(|rest| {
@@ -104,7 +105,7 @@ fn path_in(value: &DeValue<'_>, target: &DeTable<'_>) -> Option<String> {
 }
 
 impl<'a> TomlTable<'a> {
-    /// Path from the root, empty for the root itself. It is searched for on demand, because only errors need it.
+    /// Path of this table from the root; empty for the root table. It is computed only when an error needs it.
     fn path(&self) -> String {
         path_to(self.document.root.get_ref(), self.table).unwrap_or_default()
     }
@@ -136,23 +137,23 @@ impl<'a> TomlTable<'a> {
         self.entry(key).is_some()
     }
 
-    /// Place of a key; for a missing key, the line of its table's header.
+    /// File, line and name of a key. For a missing key the line is that of the table's header.
     pub fn place(&self, key: &str) -> InputPlace {
         let line = self.entry(key).map_or(self.line, |(span, _)| line_of(self.document.text, span.start));
         InputPlace::file(&self.document.file).at_line(line).at_key(self.full_key(key))
     }
 
-    /// Error about the value of a key.
+    /// Makes an error about the value of a key. `found` is the content, `remedy` what the user can do.
     pub fn refuse(&self, key: &str, found: impl Into<String>, remedy: impl Into<String>) -> Error {
         Error::input(self.place(key), found, remedy)
     }
 
-    /// Error about the table as a whole.
+    /// Makes an error about this table instead of one of its keys.
     pub fn refuse_whole(&self, found: impl Into<String>, remedy: impl Into<String>) -> Error {
         Error::input(InputPlace::file(&self.document.file).at_line(self.line).at_key(self.path()), found, remedy)
     }
 
-    /// Refuses the first key that is not in `known`, and suggests the most similar one.
+    /// Refuses the first key that is not in `known`, and suggests the most similar known key.
     pub fn only(&self, known: &[&str]) -> Result<()> {
         let Some(unknown) = self.keys().find(|key| !known.contains(key)) else { return Ok(()) };
         let dotted = known.iter().find(|name| name.strip_prefix(unknown).is_some_and(|rest| rest.starts_with('.')));
@@ -167,7 +168,7 @@ impl<'a> TomlTable<'a> {
         Err(self.refuse(unknown, "unknown key", remedy))
     }
 
-    /// Error for a missing key. `example` is a complete acceptable line.
+    /// Makes an error for a missing key. `example` is a complete line that would be accepted.
     pub fn missing(&self, key: &str, example: &str) -> Error {
         let path = self.path();
         let found = if path.is_empty() { "missing".into() } else { format!("missing in [{path}]") };
@@ -178,7 +179,7 @@ impl<'a> TomlTable<'a> {
         self.refuse(key, format!("expected {wanted}, found {}", value.type_str()), format!("write `{example}`"))
     }
 
-    /// Text, if present.
+    /// Text of a key; `None` if the key is absent.
     pub fn text(&self, key: &str) -> Result<Option<String>> {
         let Some((_, value)) = self.entry(key) else { return Ok(None) };
         match value.get_ref().as_str() {
@@ -188,7 +189,7 @@ impl<'a> TomlTable<'a> {
         }
     }
 
-    /// Required text.
+    /// Text of a key that must be present. `example` is a line that would be accepted.
     pub fn required_text(&self, key: &str, example: &str) -> Result<String> {
         self.text(key)?.ok_or_else(|| self.missing(key, example))
     }
@@ -198,7 +199,7 @@ impl<'a> TomlTable<'a> {
         self.entry(key).is_some_and(|(_, value)| matches!(value.get_ref(), DeValue::Float(_) | DeValue::Integer(_)))
     }
 
-    /// Finite number, if present; whole numbers count.
+    /// Finite number, written as an integer or a float; `None` if the key is absent.
     pub fn number(&self, key: &str) -> Result<Option<f64>> {
         let Some((_, value)) = self.entry(key) else { return Ok(None) };
         if value.get_ref().as_str() == Some(UNKNOWN) {
@@ -216,29 +217,29 @@ impl<'a> TomlTable<'a> {
         }
     }
 
-    /// Required finite number.
+    /// Finite number of a key that must be present. `example` is a line that would be accepted.
     pub fn required_number(&self, key: &str, example: &str) -> Result<f64> {
         self.number(key)?.ok_or_else(|| self.missing(key, example))
     }
 
-    /// Required number above zero.
+    /// Number above zero of a key that must be present. `example` is a line that would be accepted.
     pub fn required_positive(&self, key: &str, example: &str) -> Result<f64> {
         let value = self.required_number(key, example)?;
         self.check_positive(key, value, example)
     }
 
-    /// Number above zero, if present.
+    /// Number above zero; `None` if the key is absent.
     pub fn positive(&self, key: &str, example: &str) -> Result<Option<f64>> {
         self.number(key)?.map(|value| self.check_positive(key, value, example)).transpose()
     }
 
-    /// Required number above zero within a range.
+    /// Number above zero of a key that must be present. It must lie between `sizes[0]` and `sizes[1]`.
     pub fn required_within(&self, key: &str, example: &str, sizes: [f64; 2]) -> Result<f64> {
         let value = self.required_positive(key, example)?;
         self.require_range(key, value, sizes)
     }
 
-    /// Refuses a value outside a range. Such a value is probably a slip, and the computation could not handle it.
+    /// Returns `value`, or an error if it lies outside the range. Such a value is probably a typing error, and the computation could not handle it.
     pub fn require_range(&self, key: &str, value: f64, [smallest, largest]: [f64; 2]) -> Result<f64> {
         if (smallest..=largest).contains(&value) {
             return Ok(value);
@@ -261,7 +262,7 @@ impl<'a> TomlTable<'a> {
         ))
     }
 
-    /// List of finite numbers, if present.
+    /// List of finite numbers; `None` if the key is absent.
     pub fn numbers(&self, key: &str) -> Result<Option<Vec<f64>>> {
         let example = format!("{key} = [0.0, 5.0]");
         let Some(values) = self.array(key, "a list of numbers", &example)? else { return Ok(None) };
@@ -271,7 +272,7 @@ impl<'a> TomlTable<'a> {
         found.collect::<Result<_>>().map(Some)
     }
 
-    /// List of intervals, each with its start before its end, if present.
+    /// List of intervals `[start, end]` with start < end; `None` if the key is absent.
     pub fn intervals(&self, key: &str) -> Result<Option<Vec<[f64; 2]>>> {
         let example = format!("{key} = [[1.0, 2.5], [30.0, 31.0]]");
         let Some(values) = self.array(key, "a list of pairs of numbers", &example)? else { return Ok(None) };
@@ -292,7 +293,7 @@ impl<'a> TomlTable<'a> {
         found.collect::<Result<_>>().map(Some)
     }
 
-    /// List of whole numbers from 1, if present.
+    /// List of integers of at least 1; `None` if the key is absent.
     pub fn counts(&self, key: &str) -> Result<Option<Vec<u32>>> {
         let example = format!("{key} = [1, 2]");
         let Some(values) = self.array(key, "a list of cycle numbers", &example)? else { return Ok(None) };
@@ -313,7 +314,7 @@ impl<'a> TomlTable<'a> {
             .map(Some)
     }
 
-    /// List of texts, if present.
+    /// List of texts; `None` if the key is absent.
     pub fn texts(&self, key: &str) -> Result<Option<Vec<String>>> {
         let example = format!("{key} = [\"…\"]");
         let Some(values) = self.array(key, "a list of texts", &example)? else { return Ok(None) };
@@ -335,7 +336,7 @@ impl<'a> TomlTable<'a> {
         }
     }
 
-    /// Tables of a required list. `example` is a complete acceptable line.
+    /// Tables of a list that must be present. `example` is a line that would be accepted.
     pub fn tables(&self, key: &str, example: &str) -> Result<Vec<TomlTable<'a>>> {
         let Some(values) = self.array(key, "a list of tables", example)? else {
             return Err(self.missing(key, example));
@@ -348,7 +349,7 @@ impl<'a> TomlTable<'a> {
         values.iter().map(table).collect()
     }
 
-    /// Nested table, if present.
+    /// Nested table; `None` if the key is absent.
     pub fn table(&self, key: &str) -> Result<Option<TomlTable<'a>>> {
         let Some((span, value)) = self.entry(key) else { return Ok(None) };
         match value.get_ref().as_table() {
@@ -360,12 +361,12 @@ impl<'a> TomlTable<'a> {
         }
     }
 
-    /// Required nested table.
+    /// Nested table that must be present.
     pub fn required_table(&self, key: &str) -> Result<TomlTable<'a>> {
         self.table(key)?.ok_or_else(|| self.missing(key, &format!("[{}]", self.full_key(key))))
     }
 }
-/// Finite number, written with or without a decimal point.
+/// Converts an integer or a float to a finite number; `None` for other values.
 fn finite(value: &DeValue<'_>) -> Option<f64> {
     match value {
         DeValue::Float(float) => float.as_str().parse::<f64>().ok().filter(|number| number.is_finite()),

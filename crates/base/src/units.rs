@@ -1,8 +1,8 @@
-//! Unit suffixes, parsed once at the input. All internal values are SI.
+//! Unit suffixes of columns and keys. Input is converted to SI units once, when it is read; all internal values are SI.
 //!
-//! A column name such as `force_uN` joins a quantity and a unit by the last underscore (formats §1).
+//! A column name such as `force_uN` consists of a quantity and a unit, separated by the last underscore (formats §1).
 
-/// Physical dimension of a column.
+/// Physical dimension of a quantity in a column or key.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Dimension {
     /// Time, SI unit s.
@@ -13,7 +13,7 @@ pub enum Dimension {
     Length,
     /// Electric current, SI unit A.
     Current,
-    /// Frequency, unit Hz: cycles per second.
+    /// Frequency in cycles per second, unit Hz.
     Frequency,
     /// Stress or modulus, SI unit Pa.
     Pressure,
@@ -23,12 +23,12 @@ pub enum Dimension {
     Ratio,
 }
 
-/// Accepted unit.
+/// Unit that input may use.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Unit {
     /// Suffix without its underscore, such as `uN`; case matters.
     pub suffix: &'static str,
-    /// Dimension of the unit.
+    /// Physical dimension of the unit.
     pub dimension: Dimension,
     /// Number of these units in one SI unit: 10⁶ for `um`. It is a power of ten and hence exact in `f64`.
     pub per_si_unit: f64,
@@ -57,22 +57,22 @@ pub const UNITS: &[Unit] = &[
 ];
 
 impl Unit {
-    /// Finds the accepted unit of a dimension with this suffix.
+    /// Finds the unit with this dimension and suffix; `None` if it is not accepted.
     pub fn find(dimension: Dimension, suffix: &str) -> Option<Unit> {
         UNITS.iter().find(|unit| unit.dimension == dimension && unit.suffix == suffix).copied()
     }
 
     /// Converts a value in this unit to SI.
     ///
-    /// Dividing by an exact power of ten is more accurate than multiplying by an inexact one: 4.6 µN becomes the
-    /// double nearest to 4.6·10⁻⁶ N in almost every case.
+    /// The function divides by an exact power of ten, which is more accurate than multiplying by an inexact one. For example, 4.6 µN becomes the double
+    /// nearest to 4.6·10⁻⁶ N in almost every case.
     pub fn to_si(self, value: f64) -> f64 {
         value / self.per_si_unit
     }
 }
 
 impl Dimension {
-    /// Accepted suffixes with their underscores, for messages: "_s, _ms".
+    /// Lists this dimension's accepted suffixes with their underscores for messages, such as "_s, _ms".
     pub fn accepted_suffixes(self) -> String {
         let suffixes: Vec<String> =
             UNITS.iter().filter(|unit| unit.dimension == self).map(|unit| format!("_{}", unit.suffix)).collect();
@@ -80,9 +80,9 @@ impl Dimension {
     }
 }
 
-/// Candidate most similar to a misspelt name; `None` if none is similar enough.
+/// Returns the candidate most similar to a misspelt name; `None` if none is similar enough.
 ///
-/// The measure is the case-insensitive Levenshtein distance, at most a third of the longer name (at least 2).
+/// Similarity is measured by the case-insensitive Levenshtein distance. It may be at most a third of the longer name's length, or 2 if that is larger.
 pub fn nearest_name<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     candidates
         .into_iter()

@@ -1,4 +1,4 @@
-//! Quantiles of a specimen's parameters from its own experiments alone, with the scatter between repeats.
+//! Quantiles of a specimen's parameters from its own experiments, without pooling. They include the scatter between repeats.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -7,15 +7,16 @@ use rand_distr::{Distribution, StandardNormal};
 use super::hierarchy::InterimDraws;
 use figures::density::{quantile_of_sorted, sorted};
 
-/// Number of simulated specimens.
+/// Number of simulated values of a specimen's coordinate.
 const N_DRAWS: usize = 4_000;
-/// Random stream of the simulated specimens, distinct from the streams of the population and its predictions.
+/// Random stream of the simulated values. It differs from the streams of the population and its predictions.
 const STREAM: u64 = 1 << 40;
 
-/// 5 %, 50 % and 95 % quantiles of a specimen's coordinate `k` of `p`, from the draws of its single experiments.
+/// Computes the 5 %, 50 % and 95 % quantiles of a specimen's coordinate `k` of `p`, from the draws of its experiments.
 ///
-/// An experiment differs from its specimen by the scatter of repeats, whose variance has the draws `within`. The specimen's value is simulated as the mean of one draw of
-/// each of its n experiments plus a normal of variance W/n. A cohort without repeats (`within` is empty) has no such scatter, so the draws are the specimen's own.
+/// Because of the scatter of repeats, an experiment differs from its specimen; `within` holds draws of the variance W of this scatter. To simulate a
+/// value of the specimen, one draw of each of its n experiments is taken. Their mean plus a normal number of variance W/n is the value. If `within` is
+/// empty, the cohort has no repeats, and the experiment's draws are used directly.
 pub fn unpooled_quantiles(experiments: &[&InterimDraws], within: &[f64], k: usize, p: usize, seed: u64) -> [f64; 3] {
     let of_values = |values: &[f64]| {
         let ascending = sorted(values);
@@ -41,8 +42,8 @@ pub fn unpooled_quantiles(experiments: &[&InterimDraws], within: &[f64], k: usiz
 mod tests {
     use super::*;
 
-    /// The 90 % intervals hold 90 % of 400 specimens: 335 to 385 of them, with a probability above 1 − 1e-4. Each specimen has 3 repeats that are known to 0.001 and
-    /// scatter by 0.1. Intervals without the scatter would hold 1 in 60.
+    /// Each of 400 specimens has 3 repeats, which are known to 0.001 and scatter by 0.1. The 90 % intervals must contain the true value of 335 to 385
+    /// specimens, which correct intervals do with a probability above 1 − 1e-4. Intervals without the scatter would contain 1 in 60.
     #[test]
     fn intervals_hold_as_many_specimens_as_they_say() {
         const SCATTER: f64 = 0.1;

@@ -1,5 +1,6 @@
-//! Displacement per force of every apparatus, each computed once. For quasi-static linear laws it depends only on sizes and the Poisson ratio (physics §3.3), not on the
-//! specimen's material. Effects that change the field add their reduced models; some of these models are learnt for every record.
+//! Compliance (displacement per force) of each apparatus, computed once. For quasi-static linear laws it depends only on sizes and Poisson's ratio
+//! (physics §3.3), not on the specimen's material. An effect that changes the displacement field adds a reduced model. Some of these models are learnt
+//! for each record.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -18,14 +19,14 @@ use posterior::prepared::PreparedModel;
 use posterior::problem::Problem;
 use record::Apparatus;
 
-/// Compliance that is kept between commands; it depends on the apparatus alone.
+/// Compliance that is stored between commands. It depends on the apparatus alone.
 #[derive(Serialize, Deserialize)]
 struct KeptCompliance {
     compliance_per_m: f64,
 }
 
-/// Index of the first measurement with the same apparatus and the same other inputs of the compliance, for every measurement. That measurement's compliance serves for all
-/// of them.
+/// For each measurement, the index of the first measurement with an equal apparatus and equal other inputs of the compliance. The compliance of that
+/// measurement is used for all of them.
 pub fn first_equal_apparatus(measurements: &[Measurement]) -> Vec<usize> {
     let library = Library::default();
     let mut first: BTreeMap<String, usize> = BTreeMap::new();
@@ -36,9 +37,10 @@ pub fn first_equal_apparatus(measurements: &[Measurement]) -> Vec<usize> {
         .collect()
 }
 
-/// Inputs of the compliance, as text: the apparatus' sizes and the model with its effects. The record's hash is added if an effect is learnt for each record.
+/// Describes all inputs of a measurement's compliance as text: the sizes of the apparatus, and the model with its effects. If an effect is learnt for
+/// each record, the record's hash is added.
 pub(super) fn compliance_key(measurement: &Measurement, library: &Library) -> String {
-    // Effects can need other Poisson ratios, in the range of their priors.
+    // Effects can need other Poisson's ratios, in the range of their priors.
     let model = if measurement.specification.effects.is_empty() {
         String::new()
     } else {
@@ -50,7 +52,7 @@ pub(super) fn compliance_key(measurement: &Measurement, library: &Library) -> St
     format!("{:?} {model} {record}", measurement.experiment.apparatus)
 }
 
-/// Computes the compliance of every measurement.
+/// Computes the compliance of each measurement.
 ///
 /// # Errors
 /// Errors of meshing, assembly or the model.
@@ -68,7 +70,7 @@ pub fn compliances(measurements: &[Measurement], monitor: &dyn Monitor) -> Resul
     Ok(first.iter().map(|index| found[index].clone()).collect())
 }
 
-/// Computes the compliance of one measurement. `monitor` receives a warning if a kept compliance cannot be used.
+/// Computes the compliance of one measurement. If a stored compliance cannot be used, `monitor` receives a warning.
 ///
 /// # Errors
 /// Errors of [`compliances`].
@@ -104,19 +106,20 @@ pub fn compliance(measurement: &Measurement, monitor: &dyn Monitor) -> Result<Co
     }
 }
 
-/// Inputs that the compliance of an apparatus is built from.
+/// Inputs from which the compliance of an apparatus is computed; their hash identifies it.
 fn compliance_built_from(apparatus: &Apparatus) -> ModelInputs {
     ModelInputs::new("compliance").with("mesh level", MODEL_LEVEL).with("apparatus", apparatus)
 }
 
-/// File name under which the compliance of a measurement's apparatus is kept. `None` for instruments and for models with effects, whose compliance is not kept.
+/// Name of the file that stores the compliance of a measurement's apparatus. `None` for instruments and for models with effects, whose compliance is not
+/// stored.
 pub fn cache_file_name(measurement: &Measurement) -> Option<String> {
     let apparatus = &measurement.experiment.apparatus;
     let is_kept = matches!(apparatus, Apparatus::Robot { .. }) && measurement.specification.effects.is_empty();
     is_kept.then(|| compliance_built_from(apparatus).file_name())
 }
 
-/// File of the kept compliance: its name and its bytes.
+/// Name and bytes of the file that stores the compliance of a measurement's apparatus.
 ///
 /// # Errors
 /// Errors of [`compliances`].

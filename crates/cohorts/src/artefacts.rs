@@ -1,4 +1,4 @@
-//! Files of a comparison, written completely or not at all: `<out>/<keys>/`, beside the draws of single experiments in `<out>/experiments/`.
+//! Files of a comparison in `<out>/<keys>/`, written completely or not at all. The draws of single experiments are beside it in `<out>/experiments/`.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -11,22 +11,22 @@ use base::files::{Content, read_if_there, write_atomically};
 use documents::groups::GroupsSummary;
 use posterior::study::{Provenance, RevisionWriter, WithProvenance};
 
-/// Folder for the draws of single experiments.
+/// Name of the folder with the draws of single experiments.
 pub const EXPERIMENTS: &str = "experiments";
-/// File name of the document.
+/// File name of the comparison's document.
 const DOCUMENT: &str = "groups.json";
 
-/// Folder name of a comparison by several keys, such as `species-region`.
+/// Name of the folder for a comparison by these keys, such as `species-region`.
 pub fn folder_name(keys: &[Key]) -> String {
     keys.iter().map(|key| key.name()).collect::<Vec<&str>>().join("-")
 }
 
-/// Head of the document, with the hash of every experiment.
+/// Makes the header of the comparison's document, with the hash of each experiment.
 pub fn provenance(measurements: &[Measurement], seed: u64) -> Provenance {
     provenance_of("groups", measurements, seed)
 }
 
-/// Head of a document of this kind about many experiments.
+/// Makes the header of a document of this kind, with the hash of each experiment.
 pub(super) fn provenance_of(kind: &str, measurements: &[Measurement], seed: u64) -> Provenance {
     let inputs: BTreeMap<String, String> = measurements
         .iter()
@@ -35,7 +35,7 @@ pub(super) fn provenance_of(kind: &str, measurements: &[Measurement], seed: u64)
     Provenance::new(kind, 1, seed, inputs)
 }
 
-/// Refuses a folder that holds a comparison of other experiments or another document.
+/// Refuses an output folder that holds a comparison of other experiments, or another document.
 ///
 /// # Errors
 /// [`Error::Input`] unless `force` is set.
@@ -49,7 +49,7 @@ pub fn check_place(out: &Path, keys: &[Key], provenance: &Provenance, force: boo
     refuse_other(out.join(folder_name(keys)).join(DOCUMENT), provenance, force, (found, &remedy))
 }
 
-/// Refuses a folder whose document is about other experiments. The caller supplies the error's texts: finding and remedy.
+/// Refuses a document `file` about other experiments. The caller gives the error's texts `found` and `remedy`.
 ///
 /// # Errors
 /// [`Error::Input`] unless `force` is set.
@@ -62,7 +62,7 @@ pub(super) fn refuse_other(
     if force || is_free(&file, provenance) { Ok(()) } else { Err(Error::input(InputPlace::file(file), found, remedy)) }
 }
 
-/// Returns true if the folder has no document, or one of the same experiments (at any path).
+/// Returns `true` if the document does not exist, or is about the same experiments. Their paths may have changed.
 fn is_free(file: &Path, provenance: &Provenance) -> bool {
     let Some(bytes) = read_if_there(file, Content::Document) else { return true };
     let before: Option<Provenance> = serde_json::from_slice(&bytes).ok();
@@ -74,7 +74,7 @@ fn is_free(file: &Path, provenance: &Provenance) -> bool {
     before.is_some_and(|before| hashes(&before) == hashes(provenance))
 }
 
-/// Writes the comparison and returns its folder.
+/// Writes all files of the comparison, and returns their folder.
 ///
 /// # Errors
 /// [`Error::File`] if the file system refuses, and errors of the figures.
@@ -95,7 +95,7 @@ pub fn write(
     })
 }
 
-/// Writes a table of texts as CSV.
+/// Makes a CSV table from a header and rows of texts.
 fn table(header: &[&str], rows: impl Iterator<Item = Vec<String>>) -> Result<Vec<u8>> {
     let refused = |error: csv::Error| Error::numerical(format!("a table cannot be written: {error}"), "use the JSON");
     let mut writer = csv::Writer::from_writer(Vec::new());

@@ -1,4 +1,4 @@
-//! Finds, reads and labels the experiments of a comparison.
+//! Finds and reads the experiments of a cohort, with their labels.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -12,17 +12,17 @@ use posterior::monitor::{Monitor, WarningCollector};
 use posterior::study::{ModelSpecification, Study};
 use record::{Experiment, ExperimentFiles};
 
-/// Key that defines the groups.
+/// Property of specimens by which groups are defined.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Key {
-    /// `[specimen] species`.
+    /// Species, the key `[specimen] species` of `experiment.toml`.
     Species,
-    /// `[specimen] region`.
+    /// Region of the eye, the key `[specimen] region` of `experiment.toml`.
     Region,
 }
 
 impl Key {
-    /// Name in `experiment.toml` and on the command line.
+    /// Name of the key in `experiment.toml` and on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Species => "species",
@@ -30,7 +30,7 @@ impl Key {
         }
     }
 
-    /// Key with this name.
+    /// Finds the key with this name; `None` if there is none.
     pub fn named(name: &str) -> Option<Self> {
         [Self::Species, Self::Region].into_iter().find(|key| key.name() == name)
     }
@@ -49,11 +49,11 @@ impl Key {
 pub struct Measurement {
     /// Path of the experiment or study.
     pub path: PathBuf,
-    /// The experiment's data and description.
+    /// Experiment: the record with its description.
     pub experiment: Experiment,
     /// SHA-256 of the experiment's files.
     pub inputs_sha256: String,
-    /// Model of the study's last revision, or the default model; with the caller's changes.
+    /// Model of the study's last revision or the default model, changed by the caller's options.
     pub specification: ModelSpecification,
 }
 
@@ -63,7 +63,7 @@ impl Measurement {
         name_of(&self.path)
     }
 
-    /// Adds the experiment's name to an error, and the option that leaves the experiment out.
+    /// Adds the experiment's name to an error, and the option by which the experiment can be left out.
     pub fn with_name(&self, error: Error) -> Error {
         let name = self.name();
         let or_leave_out = |remedy: String| format!("{remedy}; or leave it out: {} {name}", Setting::LeaveOut);
@@ -76,12 +76,12 @@ impl Measurement {
         }
     }
 
-    /// Returns true if `name` is the experiment's path, its directory's name or its specimen's id.
+    /// Returns `true` if `name` is the experiment's path, the name of its directory or the id of its specimen.
     fn is_called(&self, name: &str) -> bool {
         is_path_called(&self.path, name) || self.experiment.specimen_id == name
     }
 
-    /// The specimen, as id and species, and its level of each key.
+    /// Labels of the experiment: the specimen (id and species), and the level of each key.
     fn labels(&self, keys: &[Key]) -> Result<Labels> {
         let level = |key: &Key| {
             key.level(&self.experiment).map(String::from).ok_or_else(|| {
@@ -107,10 +107,10 @@ impl Measurement {
     }
 }
 
-/// The specimen of every experiment, and its level of each key. One id in two species means two specimens.
+/// Labels of all experiments: the specimen, and the level of each key. If one id occurs in two species, it means two specimens.
 ///
 /// # Errors
-/// [`Error::Input`] if a key is missing.
+/// [`Error::Input`] if a key is missing in an experiment.
 pub fn labels(measurements: &[Measurement], keys: &[Key]) -> Result<Vec<Labels>> {
     let mut labels = measurements.iter().map(|measurement| measurement.labels(keys)).collect::<Result<Vec<_>>>()?;
     let mut ids: BTreeMap<&str, BTreeSet<String>> = BTreeMap::new();
@@ -137,14 +137,14 @@ fn is_path_called(path: &Path, name: &str) -> bool {
     name_of(path) == name || same(path, Path::new(name))
 }
 
-/// Reads all experiments and studies at or below the paths.
+/// Reads all experiments and studies in these paths and their subdirectories.
 ///
-/// `model` makes each experiment's model from the model of its study's last revision, or from the default. `leave_out` excludes experiments by path, directory name or
-/// specimen.
+/// `model` changes the model of each study's last revision, or the default model for an experiment. `leave_out` excludes experiments by path, directory
+/// name or specimen.
 ///
 /// # Errors
-/// [`Error::Input`] if a path holds no experiment, a name in `leave_out` matches nothing, an experiment occurs twice, or one cannot be read. The last error is the
-/// experiment's own, with the option that leaves it out.
+/// [`Error::Input`] if a path contains no experiment, a name in `leave_out` matches nothing, an experiment occurs twice, or one cannot be read. In the
+/// last case it is the experiment's own error, with the option by which it can be left out.
 pub fn read(
     paths: &[PathBuf],
     leave_out: &[String],
@@ -202,10 +202,10 @@ pub fn read(
     Ok(measurements)
 }
 
-/// Largest number of experiments that a note names.
+/// Largest number of experiments that a note lists by name.
 const MOST_NAMED: usize = 3;
 
-/// Notes about experiments: each note once, with the experiments that it concerns.
+/// Notes of the reader. Each note occurs once, with the names of the experiments to which it applies.
 #[derive(Default)]
 struct Notes {
     texts: Vec<String>,
@@ -234,7 +234,8 @@ impl Notes {
     }
 }
 
-/// Finds the experiments and studies at or below a path, in the order of their names. It does not search inside an experiment or a study.
+/// Finds the experiments and studies in a path and its subdirectories, in the order of their names. The content of an experiment or study is not
+/// searched.
 fn find(path: &Path, places: &mut Vec<PathBuf>) -> Result<()> {
     if path.is_file() || Study::is_study(path) || path.join("experiment.toml").is_file() {
         places.push(path.to_path_buf());
@@ -245,7 +246,7 @@ fn find(path: &Path, places: &mut Vec<PathBuf>) -> Result<()> {
     for entry in std::fs::read_dir(path).map_err(refused)? {
         let entry = entry.map_err(refused)?;
         if entry.path().is_dir() && !entry.file_name().to_string_lossy().starts_with('.') {
-            // A link can lead in a circle, or to an unrelated folder.
+            // Links are skipped, because they can form a loop or lead to an unrelated folder.
             if entry.file_type().map_err(refused)?.is_symlink() {
                 return Err(Error::input(
                     InputPlace::file(entry.path()),
@@ -295,7 +296,7 @@ fn hash_of(files: &ExperimentFiles) -> String {
     hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// Returns the first broken experiment's error, with the names of the others.
+/// If experiments cannot be read, returns the first one's error with the names of the others.
 fn refuse_broken(mut broken: Vec<(PathBuf, Error)>) -> Result<()> {
     if broken.is_empty() {
         return Ok(());
@@ -314,7 +315,7 @@ fn refuse_broken(mut broken: Vec<(PathBuf, Error)>) -> Result<()> {
     })
 }
 
-/// Refuses a measurement that is given twice, because it would count as two specimens that agree.
+/// Refuses a measurement that occurs twice. It would count as two specimens that agree.
 fn refuse_twice(measurements: &[Measurement]) -> Result<()> {
     for (index, entry) in measurements.iter().enumerate() {
         if let Some(other) = measurements[..index].iter().find(|other| other.inputs_sha256 == entry.inputs_sha256) {

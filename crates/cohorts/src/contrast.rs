@@ -1,4 +1,4 @@
-//! Differences between groups: size, certainty and practical relevance.
+//! Ratios between groups: their size, probability and practical relevance.
 
 use super::design::Design;
 use super::hierarchy::PopulationDraw;
@@ -6,38 +6,39 @@ use super::scale::SizeScale;
 use documents::groups::RatioVerdict;
 use figures::density::{quantile_of_sorted, sorted};
 
-/// Smallest share of the posterior at which a ratio counts as beyond the margin, or within it.
+/// Smallest posterior probability with which a ratio counts as outside the margin, or inside it.
 pub const CERTAINTY: f64 = 0.95;
-/// Smallest share of the posterior in which all stated signs are right together. With this share, fewer than 5 of 100 cohorts of equal groups state a sign.
+/// Smallest posterior probability that all stated signs are correct together. With this value, a sign is stated in fewer than 5 of 100 cohorts whose
+/// groups are equal.
 pub const SIGN_CERTAINTY: f64 = 0.997;
 
-/// Posterior of the ratio of two groups' typical specimens.
+/// Posterior of the ratio between the typical specimens of two groups.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Contrast {
-    /// Index of the parameter.
+    /// Index of the compared parameter.
     pub parameter: usize,
-    /// Indices of the two groups; the ratio is the first over the second.
+    /// Indices of the two groups. The ratio is the value of the first divided by that of the second.
     pub groups: [usize; 2],
     /// Logarithm of the ratio, one value per draw.
     pub log_ratio: Vec<f64>,
-    /// True if the sign is stated: all stated signs of the run are right together with [`SIGN_CERTAINTY`].
+    /// `true` if the sign is stated. All stated signs of a comparison are correct together with probability [`SIGN_CERTAINTY`].
     pub is_declared: bool,
 }
 
 impl Contrast {
-    /// Share of the posterior above a ratio.
+    /// Posterior probability that the ratio is larger than `ratio`.
     pub fn probability_above(&self, ratio: f64) -> f64 {
         let bar = ratio.ln();
         self.log_ratio.iter().filter(|x| **x > bar).count() as f64 / self.log_ratio.len() as f64
     }
 
-    /// Quantiles of the ratio.
+    /// Quantiles of the ratio at these probabilities.
     pub fn ratio_quantiles<const N: usize>(&self, probabilities: [f64; N]) -> [f64; N] {
         let ascending = sorted(&self.log_ratio);
         probabilities.map(|probability| quantile_of_sorted(&ascending, probability).exp())
     }
 
-    /// Verdict on the ratio, given the margin.
+    /// Verdict on the ratio: different, equivalent or undecided, given the margin.
     pub fn verdict(&self, margin: f64) -> RatioVerdict {
         let greater = self.probability_above(1.0 + margin);
         let less = 1.0 - self.probability_above(1.0 / (1.0 + margin));
@@ -53,9 +54,9 @@ impl Contrast {
     }
 }
 
-/// Contrasts of every pair of groups in every parameter, with the stated signs marked.
+/// Ratios between every pair of groups, for each parameter. The signs that can be stated are marked.
 ///
-/// Signs are stated in the order of their probability, as long as all stated signs are right together in [`SIGN_CERTAINTY`] of the draws.
+/// Signs are stated in the order of their probability. This ends when they are no longer all correct together in [`SIGN_CERTAINTY`] of the draws.
 pub fn contrasts(design: &Design, draws: &[&PopulationDraw], scales: &[SizeScale]) -> Vec<Contrast> {
     let (n_groups, n_parameters) = (design.groups.len(), scales.len());
     let mut all = Vec::new();
@@ -102,7 +103,7 @@ mod tests {
         Contrast { parameter: 0, groups: [0, 1], log_ratio, is_declared: false }
     }
 
-    /// Two statements of 99.8 % each that fail on different draws are true together with 99.6 %. Only one is made.
+    /// Two signs of 99.8 % each that are wrong in different draws are correct together with 99.6 %. Only one of them is stated.
     #[test]
     fn statements_are_made_as_long_as_they_are_true_together() {
         const N: usize = 10_000;

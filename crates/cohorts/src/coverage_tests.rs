@@ -1,4 +1,5 @@
-//! Tests of the comparison with cohorts of fixed truth: coverage of intervals, falsely stated differences, and the predicted benefit of more specimens.
+//! Tests of the comparison on simulated cohorts with known truth: coverage of intervals, differences stated by mistake, and the predicted benefit of more
+//! specimens.
 
 use nalgebra::{DMatrix, DVector};
 use rand::{Rng, SeedableRng};
@@ -15,18 +16,20 @@ use documents::groups::RatioVerdict;
 use posterior::monitor::SilentMonitor;
 
 const P: usize = 3;
-/// Spreads of specimens in the literature, and of their measurement.
+/// Standard deviation between specimens of each parameter, from the literature.
 const BETWEEN_SD: [f64; P] = [0.31, 0.29, 0.35];
 const CORRELATION: f64 = 0.5;
+/// Standard deviation of their measurement.
 const MEASUREMENT_SD: f64 = 0.1;
-/// Standard deviation of the prior of single experiments and of the overall mean.
+/// Prior standard deviation for single experiments and for the overall mean.
 const PRIOR_SD: f64 = 1.25;
 
 fn normal(rng: &mut impl Rng) -> f64 {
     StandardNormal.sample(rng)
 }
 
-/// Simulated groups with given means and numbers of specimens, measured with normal errors, and their draws under the interim prior.
+/// Simulates groups with these means and numbers of specimens. Each specimen is measured with a normal error. Returns the design and draws with the
+/// interim prior.
 fn cohort(means: &[[f64; P]], sizes: &[usize], rng: &mut ChaCha8Rng) -> (Design, Vec<InterimDraws>) {
     let covariance =
         DMatrix::from_fn(P, P, |i, j| BETWEEN_SD[i] * BETWEEN_SD[j] * if i == j { 1.0 } else { CORRELATION });
@@ -79,8 +82,8 @@ fn over_cohorts<T: Send>(
     (0..n_cohorts).into_par_iter().map(one).collect()
 }
 
-/// Tests three groups that differ by factors of 0.6 to 2.5. The number of 90 % intervals that contain the truth must lie in a range for
-/// every ratio. `most_wrong` is the largest number of cohorts with a wrong sign.
+/// Tests three groups that differ by factors of 0.6 to 2.5. For each ratio, the number of 90 % intervals that contain the truth must be in the range
+/// `of_intervals`. At most `most_wrong` cohorts may have a wrong sign.
 fn assert_covered(n_cohorts: u64, of_intervals: std::ops::RangeInclusive<usize>, most_wrong: usize) {
     let means = [[0.0, 0.0, 0.0], [0.916, 0.916, 0.0], [-0.511, 0.0, -0.693]];
     let held = over_cohorts(n_cohorts, &means, 21, |found| {
@@ -100,21 +103,21 @@ fn assert_covered(n_cohorts: u64, of_intervals: std::ops::RangeInclusive<usize>,
     assert!(n_wrong <= most_wrong, "{n_wrong}");
 }
 
-/// With a coverage of 90 %, fewer than 15 of 24 intervals hold the truth with a probability of 5e-5, for each of nine ratios.
+/// With a coverage of 90 %, fewer than 15 of 24 intervals contain the truth with a probability of 5e-5 for each of nine ratios.
 #[test]
 fn intervals_of_ratios_cover_the_truth() {
     assert_covered(24, 15..=24, 7);
 }
 
-/// With a coverage of 90 %, the number of intervals that hold the truth lies outside 159 to 199 with a probability below 1e-6. The limit of 25 cohorts with a wrong sign
-/// is that of `no_difference_is_stated_where_there_is_none_in_many_cohorts`.
+/// With a coverage of 90 %, the number of intervals that contain the truth is outside 159 to 199 with a probability below 1e-6. The limit of 25 cohorts
+/// with a wrong sign is that of `no_difference_is_stated_where_there_is_none_in_many_cohorts`.
 #[test]
 #[ignore = "campaigns/long-tests"]
 fn intervals_of_ratios_cover_the_truth_in_many_cohorts() {
     assert_covered(200, 159..=199, 25);
 }
 
-/// Tests groups without differences: a difference (a sign, or one beyond the margin) is stated in at most 5 % of cohorts.
+/// Tests groups without differences. By design, a difference is stated in at most 5 % of cohorts: a sign, or a ratio outside the margin.
 fn assert_nothing_stated(n_cohorts: u64, most_stated: usize) {
     let means = [[0.3, -0.2, 0.1]; 3];
     let is_stated = |contrast: &Contrast| {
@@ -125,22 +128,22 @@ fn assert_nothing_stated(n_cohorts: u64, most_stated: usize) {
     assert!(n_stated <= most_stated, "{n_stated}");
 }
 
-/// At a rate of 5 %, a difference is stated in more than 7 of 24 cohorts with a probability of 2e-5.
+/// If a difference is stated with probability 5 %, this happens in more than 7 of 24 cohorts with a probability of 2e-5.
 #[test]
 fn no_difference_is_stated_where_there_is_none() {
     assert_nothing_stated(24, 7);
 }
 
-/// At a rate of 5 %, a difference is stated in more than 25 of 200 cohorts with a probability below 1e-6.
+/// If a difference is stated with probability 5 %, this happens in more than 25 of 200 cohorts with a probability below 1e-6.
 #[test]
 #[ignore = "campaigns/long-tests"]
 fn no_difference_is_stated_where_there_is_none_in_many_cohorts() {
     assert_nothing_stated(200, 25);
 }
 
-/// Compares the predicted chance that more specimens settle a question with the observed share. A cohort is analysed, new specimens are drawn from its posterior, and the
-/// larger cohort is analysed again. The share of repetitions has a standard error below 0.5/√n, the prediction (from 200 truths) below 0.036. Five joint standard errors
-/// are exceeded with a probability below 1e-6.
+/// Compares the predicted probability that more specimens settle a question with the observed frequency. A cohort is analysed, new specimens are drawn
+/// from its posterior, and the larger cohort is analysed again. The frequency has a standard error below 0.5/√n for n repetitions. The prediction (from
+/// 200 truths) has one below 0.036. Five joint standard errors are exceeded with a probability below 1e-6.
 fn assert_promise_is_kept(n_repetitions: u64) {
     let mut rng = ChaCha8Rng::seed_from_u64(23);
     let (sizes, n_more, margin) = ([6, 6], 10, 0.2);
@@ -199,7 +202,7 @@ fn label(group: usize, specimen: usize) -> Labels {
     Labels { specimen: format!("{group}-{specimen:03}"), levels: vec![format!("g{group}")] }
 }
 
-/// Draws under the interim prior from a specimen's measurement.
+/// Simulates draws with the interim prior from the measurement of a specimen.
 fn measured(value: &[f64], rng: &mut ChaCha8Rng) -> InterimDraws {
     let seen: Vec<f64> = value.iter().map(|x| x + MEASUREMENT_SD * normal(rng)).collect();
     let precision = MEASUREMENT_SD.powi(-2) + PRIOR_SD.powi(-2);

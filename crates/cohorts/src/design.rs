@@ -1,55 +1,55 @@
-//! Assignment of experiments to specimens and groups.
+//! Design of a comparison: which experiment belongs to which specimen and group.
 
 use std::collections::BTreeMap;
 
-/// Labels of an experiment.
+/// Labels of an experiment that assign it to a specimen and a group.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Labels {
-    /// Specimen of the experiment; experiments with the same specimen are its repeats.
+    /// Name of the specimen. Several experiments of one specimen are repeats.
     pub specimen: String,
-    /// The group's level of each key, in the order of the keys.
+    /// Value (level) of each key for this experiment, in the order of the keys.
     pub levels: Vec<String>,
 }
 
-/// A group: one level of each key.
+/// Group of experiments that have the same level of each key.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Group {
-    /// Levels, joined by a comma.
+    /// Name of the group: its levels, joined by commas.
     pub name: String,
-    /// Index of the level of each key.
+    /// Index of the group's level for each key.
     pub levels: Vec<usize>,
-    /// Index of the stratum: the groups that share specimens, and therefore the spread between specimens.
+    /// Index of the group's stratum. Groups that have specimens in common form a stratum with one spread between specimens.
     pub stratum: usize,
 }
 
-/// A specimen and its experiments.
+/// Specimen with its experiments.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Specimen {
     /// Name of the specimen.
     pub name: String,
-    /// Stratum of the specimen's groups.
+    /// Index of the stratum of the specimen's groups.
     pub stratum: usize,
     /// Indices of the specimen's experiments.
     pub experiments: Vec<usize>,
 }
 
-/// Experiments, specimens and groups.
+/// Experiments, sorted into specimens and groups.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Design {
     /// Levels of each key, sorted.
     pub keys: Vec<Vec<String>>,
-    /// Groups that have experiments, sorted by their levels.
+    /// Groups with at least one experiment, sorted by their levels.
     pub groups: Vec<Group>,
     /// Specimens, sorted by name.
     pub specimens: Vec<Specimen>,
-    /// Group of each experiment.
+    /// Index of the group of each experiment.
     pub group_of: Vec<usize>,
     /// Number of strata.
     pub n_strata: usize,
 }
 
 impl Design {
-    /// Sorts experiments into specimens and groups.
+    /// Assigns experiments to specimens and groups by their labels.
     pub fn new(labels: &[Labels]) -> Self {
         let n_keys = labels.first().map_or(0, |labels| labels.levels.len());
         let keys: Vec<Vec<String>> = (0..n_keys)
@@ -92,7 +92,7 @@ impl Design {
         self.group_of.len()
     }
 
-    /// Returns true if a specimen was measured more than once. Only then can the spread within specimens be estimated.
+    /// Returns `true` if a specimen was measured more than once. Only then can the spread between repeats be estimated.
     pub fn has_repeats(&self) -> bool {
         self.specimens.iter().any(|specimen| specimen.experiments.len() > 1)
     }
@@ -104,7 +104,8 @@ impl Design {
     }
 }
 
-/// Stratum of each group. Groups that share a specimen, directly or through other groups, form one stratum.
+/// Index of the stratum of each group. Groups that have a specimen in common, directly or through other groups, form one stratum. `specimens` yields the
+/// groups of each specimen.
 fn strata(n_groups: usize, specimens: impl Iterator<Item = Vec<usize>>) -> Vec<usize> {
     let mut stratum: Vec<usize> = (0..n_groups).collect();
     for groups in specimens {

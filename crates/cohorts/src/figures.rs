@@ -1,4 +1,4 @@
-//! Figures of a comparison.
+//! Figures that compare groups.
 
 use std::path::Path;
 
@@ -17,13 +17,13 @@ use figures::labels::{ParameterLabel, parameter_label};
 use figures::palette::series;
 use figures::svg::{Svg, write_figure};
 
-/// Largest number of draws of a group in the corner plot.
+/// Largest number of draws per group in the corner plot.
 const N_CORNER_DRAWS: usize = 4_000;
 
-/// Largest number of groups whose differences a figure's sentence states.
+/// Largest number of groups for which a figure's caption states the differences.
 const MOST_GROUPS_TOLD: usize = 4;
 
-/// Draws every figure into `dir`, as SVG and PNG.
+/// Draws all figures as SVG and PNG files in `dir`.
 ///
 /// # Errors
 /// [`Error::File`] if the file system refuses, and errors of the figures.
@@ -42,7 +42,7 @@ pub fn write(dir: &Path, found: &Comparison, summary: &GroupsSummary) -> Result<
     figures.iter().try_for_each(|(stem, svg): &(&str, Svg)| write_figure(dir, stem, svg))
 }
 
-/// Conclusions of the comparison; empty if there are too many groups.
+/// Sentences with the conclusions of the comparison; empty if there are too many groups.
 fn sentence(summary: &GroupsSummary) -> String {
     if summary.groups.len() > MOST_GROUPS_TOLD { String::new() } else { summary.sentences.join(" ") }
 }
@@ -80,7 +80,7 @@ fn forest_figure(summary: &GroupsSummary, labels: &[ParameterLabel]) -> Result<S
             of_parameter.map(|value| (format!("{} ({})", value.source, value.species), value.value)).collect()
         })
         .collect();
-    // Regions of one species have one colour.
+    // All regions of a species have the same colour.
     let level = |name: &str| name.split(',').next().unwrap_or(name).to_string();
     let mut levels: Vec<String> = summary.groups.iter().map(|group| level(&group.name)).collect();
     levels.sort();
@@ -218,7 +218,7 @@ fn corner_figure(found: &Comparison, labels: &[ParameterLabel]) -> Result<Svg> {
     corner(&posteriors, &CornerOptions { title: "Typical specimens of every group", ..CornerOptions::default() })
 }
 
-/// Range of the values of a scale.
+/// Interval of the parameter values that belong to a scale.
 fn support(scale: SizeScale) -> Support {
     match scale {
         SizeScale::Logarithm => Support { lower: 0.0, upper: f64::INFINITY },
@@ -226,8 +226,8 @@ fn support(scale: SizeScale) -> Support {
     }
 }
 
-/// Writes the draws in ArviZ's layout, with named dimensions. Logarithms are of SI values; parameters with two bounds have log-odds instead. `typical` and `specimen_value`
-/// are the values themselves.
+/// Writes the draws as a NetCDF file in ArviZ's layout, with named dimensions. Coordinates are logarithms of SI values, or log-odds for parameters with
+/// two bounds. `typical` and `specimen_value` are parameter values.
 ///
 /// # Errors
 /// [`Error::File`] if the file system refuses.

@@ -1,4 +1,4 @@
-//! Tests of the Gibbs sampler: quadrature, simulation-based calibration, and draws compared with likelihoods.
+//! Tests of the Gibbs sampler: numerical integration, simulation-based calibration, and a comparison of draws with exact likelihoods.
 
 use nalgebra::{DMatrix, DVector};
 use rand::{Rng, RngExt, SeedableRng};
@@ -14,7 +14,7 @@ fn normal(rng: &mut impl Rng) -> f64 {
     StandardNormal.sample(rng)
 }
 
-/// An experiment whose likelihood is normal in its logarithms.
+/// Experiment whose likelihood is normal in the logarithms of the parameters.
 struct Gaussian {
     mean: Vec<f64>,
     sd: f64,
@@ -27,7 +27,7 @@ impl Gaussian {
         Self { mean, sd, archive }
     }
 
-    /// Draws under a normal interim prior with mean 0 and standard deviation `prior_sd`.
+    /// Simulates `n` draws with a normal interim prior that has mean 0 and standard deviation `prior_sd`.
     fn interim(&self, prior_sd: f64, n: usize, rng: &mut impl Rng) -> InterimDraws {
         let precision = self.sd.powi(-2) + prior_sd.powi(-2);
         let mut draws = Vec::new();
@@ -77,8 +77,9 @@ fn labels(list: &[(&str, &[&str])]) -> Vec<Labels> {
     list.iter().map(function).collect()
 }
 
-/// Two groups, one parameter and normal measurements. Given the spreads, the difference is normal in closed form. The spreads' posterior is summed on a grid of their three
-/// logarithms, with the strata's scale integrated out in closed form and κ summed. The densities are independent of the sampler's code.
+/// Compares with numerical integration, for two groups, one parameter and normal measurements. Given the spreads, the difference of the groups is normal
+/// in closed form. The posterior of the spreads is summed on a grid of their three logarithms. The strata's scale is integrated out in closed form, and κ
+/// is summed. The densities do not use the sampler's code.
 #[test]
 fn two_groups_agree_with_quadrature() {
     let values = [[0.3, 0.9, 0.5, 0.1], [-0.2, -0.6, 0.2, -0.5]];
@@ -103,11 +104,12 @@ fn two_groups_agree_with_quadrature() {
     let grid: Vec<f64> = (0..60).map(|i| (-5.0 + 8.0 * i as f64 / 59.0_f64).exp()).collect();
     let (mut total, mut first, mut second) = (0.0, 0.0, 0.0);
     for &tau in &grid {
-        // This is p(τ) τ, for a grid in ln τ.
+        // Prior density p(τ) τ of ln τ, over which the grid is evenly spaced.
         let of_tau = (-0.5 * (options.level_scale / tau).powi(2)).exp() / tau;
         for &one in &grid {
             for &two in &grid {
-                // This is p(σ²) σ² of both, each inverse-gamma(κ/2, κ/α), with α inverse-gamma(½, 1/A²) integrated out: κ^κ Γ(κ + ½)/Γ(κ/2)² Π σ^{-κ} / rate^{κ + ½}.
+                // Prior density p(σ²) σ² of both variances, for each κ. Each is inverse-gamma(κ/2, κ/α). With α inverse-gamma(½, 1/A²) integrated out it is κ^κ Γ(κ +
+                // ½)/Γ(κ/2)² Π σ^{-κ} / rate^{κ + ½}.
                 let of_likeness = |kappa: &f64| {
                     let rate = kappa * (one.powi(-2) + two.powi(-2)) + sigma_scale.powi(-2);
                     let constant = kappa * kappa.ln() + ln_gamma(kappa + 0.5) - 2.0 * ln_gamma(0.5 * kappa);
@@ -125,7 +127,7 @@ fn two_groups_agree_with_quadrature() {
                 let weighted = factor.solve(&data);
                 let ln_likelihood =
                     -0.5 * data.dot(&weighted) - factor.l_dirty().diagonal().iter().map(|d| d.ln()).sum::<f64>();
-                // The covariance of the difference of means with each datum is ±τ².
+                // The covariance of the difference of the groups' means with each measurement is +τ² or −τ².
                 let with_data = DVector::from_fn(8, |i, _| if i < 4 { tau * tau } else { -tau * tau });
                 let mean = with_data.dot(&weighted);
                 let variance = 2.0 * tau * tau - with_data.dot(&factor.solve(&with_data));
@@ -138,12 +140,12 @@ fn two_groups_agree_with_quadrature() {
     }
     let exact_mean = first / total;
     let exact_sd = (second / total - exact_mean.powi(2)).sqrt();
-    // 80,000 draws have an autocorrelation time below 40: the mean's standard error is below 0.023 of the spread.
+    // The 80,000 draws have an autocorrelation time below 40, so the standard error of the mean is below 0.023 standard deviations.
     assert!((mean - exact_mean).abs() < 0.1 * exact_sd, "{mean} {exact_mean} ± {exact_sd}");
     assert!((spread / exact_sd - 1.0).abs() < 0.1, "{spread} {exact_sd}");
 }
 
-/// A truth from the hierarchy's own prior.
+/// True parameter values that are drawn from the hierarchy's own prior.
 struct Truth {
     group_mean: Vec<Vec<f64>>,
     between: Vec<DMatrix<f64>>,
@@ -155,7 +157,8 @@ fn inverse_gamma(shape: f64, rate: f64, rng: &mut impl Rng) -> f64 {
     1.0 / rand_distr::Gamma::new(shape, 1.0 / rate).unwrap().sample(rng)
 }
 
-/// A covariance of the hierarchical inverse-Wishart distribution with two parameters, drawn as the inverse of a sum of squares of κ + p − 1 normals.
+/// Draws a covariance matrix of two parameters from the hierarchical inverse-Wishart distribution. It is the inverse of a sum of squares of κ + p − 1
+/// normals.
 fn covariance(scales: &[f64], likeness: f64, rng: &mut impl Rng) -> DMatrix<f64> {
     let mut precision = DMatrix::zeros(2, 2);
     for _ in 0..likeness as usize + 1 {
@@ -205,7 +208,7 @@ fn truth(design: &Design, options: &HierarchyOptions, rng: &mut ChaCha8Rng) -> T
     Truth { group_mean, between, within, values }
 }
 
-/// Share of posterior draws below the truth, for quantities of one calibration run.
+/// Simulates one cohort and samples it. Returns the fraction of posterior draws below the truth, for several quantities.
 fn ranks(design: &Design, options: &HierarchyOptions, sd: f64, rng: &mut ChaCha8Rng) -> Vec<f64> {
     let truth = truth(design, options, rng);
     let densities: Vec<Gaussian> = truth
@@ -235,7 +238,7 @@ fn ranks(design: &Design, options: &HierarchyOptions, sd: f64, rng: &mut ChaCha8
     out
 }
 
-/// χ² of the ranks in `n_bins` bins of equal width.
+/// χ² of a histogram of the ranks with `n_bins` bins of equal width.
 fn chi_square(ranks: &[f64], n_bins: usize) -> f64 {
     let mut counts = vec![0.0; n_bins];
     ranks.iter().for_each(|rank| counts[((n_bins as f64 * rank) as usize).min(n_bins - 1)] += 1.0);
@@ -243,7 +246,7 @@ fn chi_square(ranks: &[f64], n_bins: usize) -> f64 {
     counts.iter().map(|count: &f64| (count - expected).powi(2) / expected).sum()
 }
 
-/// Number of runs, number of bins, and the χ² that is exceeded with a probability of 1e-6.
+/// Number of simulated cohorts, number of bins, and the value that χ² exceeds with a probability of 1e-6.
 struct Calibration {
     n_runs: u64,
     n_bins: usize,
@@ -268,7 +271,7 @@ fn assert_calibrated(design: &Design, student_dof: Option<f64>, calibration: &Ca
     }
 }
 
-/// A design with one key, and groups of five, three and one.
+/// Design with one key and groups of five, three and one specimens.
 fn one_key() -> Design {
     let names: Vec<String> = (0..9).map(|i| format!("s{i}")).collect();
     let level = |i: usize| match i {
@@ -292,7 +295,7 @@ fn one_key_is_calibrated_in_many_runs() {
     assert_calibrated(&one_key(), None, &LONG, 11);
 }
 
-/// A design with two keys, specimens with repeats in several regions, and a missing cell.
+/// Design with two keys, specimens with repeats in several regions, and one combination without specimens.
 fn two_keys() -> Design {
     let mut list: Vec<(String, [&str; 2])> = Vec::new();
     for i in 0..4 {
@@ -319,7 +322,7 @@ fn two_keys_with_repeats_and_student_t_specimens_are_calibrated_in_many_runs() {
     assert_calibrated(&two_keys(), Some(4.0), &LONG, 12);
 }
 
-/// Re-weighted draws and likelihoods give the same posterior.
+/// The posterior from re-weighted draws agrees with that from exact likelihoods.
 #[test]
 fn draws_agree_with_likelihoods() {
     let names: Vec<String> = (0..12).map(|i| format!("s{i}")).collect();

@@ -1,4 +1,4 @@
-//! Draws of one experiment's parameters on its own, under an interim prior; kept under the hash of their inputs.
+//! Draws of one experiment's parameters, sampled alone with an interim prior. They are stored under the hash of their inputs.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -27,37 +27,37 @@ use sampling::diagnostics::diagnose;
 use sampling::diagnostics::ranks::BlomScores;
 use sampling::{LogDensity, SamplerOptions};
 
-/// Number of draws kept of each experiment.
+/// Number of stored draws per experiment.
 const N_DRAWS: usize = 1_000;
-/// Number of these draws whose mean trajectory is compared with the measurement.
+/// Number of stored draws from which the mean trajectory is computed and compared with the measurement.
 const N_TRAJECTORIES: usize = 32;
 
-/// An experiment joined with its model and the mechanics of its apparatus, without finite elements.
+/// Experiment with its model and the compliance of its apparatus. It needs no finite elements.
 pub struct Specimen {
-    /// Model of the experiment, fitted on all cycles but the last held-out one, as in comparisons of revisions.
+    /// Model of the experiment. As in comparisons of revisions, it is fitted to all cycles except the last held-out one.
     pub model: PreparedModel,
 }
 
-/// Kept results of an experiment on its own.
+/// Stored result of sampling an experiment alone.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct InterimResult {
-    /// Hash of all inputs of the draws.
+    /// SHA-256 of all inputs that determine the draws.
     pub built_from_sha256: String,
-    /// Sampled parameters, in the order of the coordinates.
+    /// Names of the sampled parameters, in the order of the coordinates.
     pub parameters: Vec<String>,
-    /// Draws in the sampler's coordinates, one value per parameter, draw after draw.
+    /// Draws in the sampler's coordinates, draw after draw, with one value per parameter.
     pub points: Vec<f64>,
-    /// True if the sampler has converged.
+    /// `true` if the sampler converged.
     pub converged: bool,
-    /// Smallest effective number of draws of a parameter, before thinning.
+    /// Smallest effective number of draws of all parameters, before the draws were thinned.
     pub ess: f64,
-    /// Root mean square residual of the posterior mean on the fitted cycles, in µm.
+    /// Root mean square residual on the fitted cycles, in µm, for the mean trajectory of the posterior.
     pub rmse_fitted_um: f64,
-    /// Root mean square residual of the posterior mean on the held-out cycle, in µm; `None` without one.
+    /// Root mean square residual on the held-out cycle, in µm, for the mean trajectory; `None` if no cycle is held out.
     pub rmse_heldout_um: Option<f64>,
-    /// Posterior standard deviation of the predicted positions on the held-out cycle, root mean square over rows, in µm.
+    /// Posterior standard deviation of the predicted positions on the held-out cycle, as root mean square over the rows, in µm.
     pub predictive_sd_heldout_um: Option<f64>,
-    /// Noise standard deviation with which residuals are compared, in µm, if known.
+    /// Noise standard deviation with which residuals are compared, in µm; `None` if it is unknown.
     pub noise_um: Option<f64>,
 }
 
@@ -75,23 +75,23 @@ impl Specimen {
         Ok(Self { model: PreparedModel::given(&problem, compliance, trained) })
     }
 
-    /// Log posterior under the interim prior.
+    /// Log posterior density with the interim prior.
     pub fn posterior(&self) -> ReducedPosterior<'_> {
         self.model.posterior()
     }
 
-    /// Sampled parameters of the base law; groups are compared in these parameters.
+    /// Names of the base law's sampled parameters. These are the pooled parameters, in which groups are compared.
     pub fn pooled(&self) -> Vec<&'static str> {
         let law = self.model.problem.model.base().parameters().iter().map(|spec| spec.name);
         law.filter(|name| self.model.problem.priors.get(name).is_some()).collect()
     }
 
-    /// Scales of the pooled parameters in the population.
+    /// Scale of each pooled parameter in the population.
     pub fn scales(&self) -> Vec<SizeScale> {
         self.pooled_parameters().into_iter().map(|pooled_parameter| pooled_parameter.scale).collect()
     }
 
-    /// Hash of all inputs of the draws.
+    /// SHA-256 of all inputs that determine the draws.
     pub fn built_from(&self, inputs_sha256: &str, options: &SamplerOptions) -> String {
         let Problem { specification, priors, .. } = &self.model.problem;
         let compliance = self.model.compliance.experiment_per_m().to_bits();
@@ -104,7 +104,7 @@ impl Specimen {
         hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
     }
 
-    /// Reads the draws that `folder` keeps for this input; otherwise samples them and keeps them there.
+    /// Reads the stored draws of this experiment from `folder`. If there are none for these inputs, samples them and stores them there.
     ///
     /// # Errors
     /// [`base::Error::Interrupted`] if stopped; errors of the sampler and the file system.
@@ -125,7 +125,7 @@ impl Specimen {
         Ok(interim)
     }
 
-    /// Samples the experiment and returns the file that [`Specimen::load_or_sample`] would keep: its name and its bytes.
+    /// Samples the experiment. Returns name and bytes of the file that [`Specimen::load_or_sample`] would store.
     ///
     /// # Errors
     /// Errors of [`Specimen::load_or_sample`].
@@ -141,7 +141,7 @@ impl Specimen {
         Ok((name, to_keep(measurement, options, &interim)?))
     }
 
-    /// Reads kept draws; `None` if the file cannot be read, was changed or belongs to another input.
+    /// Reads stored draws; `None` if the file cannot be read, was changed or is for other inputs.
     fn read_kept(&self, file: &Path, built_from_sha256: &str) -> Option<InterimResult> {
         let bytes = read_if_there(file, Content::Document)?;
         let document: WithProvenance<Kept<InterimResult>> = serde_json::from_slice(&bytes).ok()?;
@@ -208,7 +208,7 @@ impl Specimen {
         posterior.natural(point)[..self.model.problem.model.parameters().len()].to_vec()
     }
 
-    /// Converts the draws to the population's coordinates, for the hierarchy.
+    /// Converts stored draws to the population's coordinates, for the hierarchy.
     pub fn draws(&self, interim: &InterimResult) -> InterimDraws {
         let pooled = self.pooled_parameters();
         let mut coordinates = Vec::new();
@@ -237,37 +237,37 @@ impl Specimen {
     }
 }
 
-/// A parameter that the population shares.
+/// Parameter that the population describes.
 struct Pooled<'a> {
-    /// Index among the sampler's coordinates.
+    /// Index of the parameter among the sampler's coordinates.
     place: usize,
     prior: &'a Prior,
     scale: SizeScale,
 }
 
 impl Pooled<'_> {
-    /// Log density of the interim prior over the population's coordinate.
+    /// Log density of the interim prior as a density over the population's coordinate.
     fn ln_prior_of_coordinate(&self, coordinate: f64) -> f64 {
         self.prior.distribution.ln_pdf(self.scale.value(coordinate)) + self.scale.ln_slope(coordinate)
     }
 }
 
-/// Mean trajectory at the rows with observed positions.
+/// The mean trajectory (m), restricted to rows with an observed position; `None` at the other rows.
 fn about(mean_m: &[f64], observed_m: &[Option<f64>]) -> Vec<Option<f64>> {
     mean_m.iter().zip(observed_m).map(|(mean, observed)| observed.map(|_| *mean)).collect()
 }
 
-/// Likelihood of an experiment, which the hierarchy can use instead of draws.
+/// Likelihood of an experiment. The hierarchy can use it instead of draws.
 pub struct SpecimenDensity<'a> {
     posterior: ReducedPosterior<'a>,
-    /// Pooled parameters; `others` holds the indices of the unpooled ones among the sampler's coordinates.
+    /// Pooled parameters. The field `others` holds the indices of the unpooled parameters among the sampler's coordinates.
     pooled: Vec<Pooled<'a>>,
     others: Vec<usize>,
     archive: Vec<Vec<f64>>,
 }
 
 impl<'a> SpecimenDensity<'a> {
-    /// Creates the density, with the interim draws as its archive.
+    /// Makes the likelihood. The interim draws are its archive, from which steps are proposed.
     pub fn new(specimen: &'a Specimen, interim: &InterimResult) -> Self {
         let n = interim.parameters.len();
         let pooled = specimen.pooled_parameters();
@@ -289,12 +289,12 @@ impl ExperimentDensity for SpecimenDensity<'_> {
         let mut ln_priors = 0.0;
         for (Pooled { place, prior, scale }, coordinate) in self.pooled.iter().zip(point) {
             let x_value = prior.distribution.to_unconstrained(scale.value(*coordinate));
-            // The interim prior can end before the parameter's support does. The likelihood is unknown beyond it.
+            // The interim prior may end before the parameter's support does. The model is not evaluated beyond it, so the likelihood there is unknown.
             if !x_value.is_finite() {
                 return f64::NEG_INFINITY;
             }
             coordinates[*place] = x_value;
-            // This prior density is over the coordinate, as in the posterior.
+            // This is the prior density over the sampler's coordinate, as in the posterior.
             ln_priors += prior.distribution.ln_pdf_unconstrained(x_value);
         }
         for (place, value) in self.others.iter().zip(&point[self.pooled.len()..]) {

@@ -1,4 +1,4 @@
-//! Runs a comparison: samples each experiment on its own, then the population, then compares the groups.
+//! `groups`: samples each experiment alone, then the population, and compares the groups.
 
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -21,40 +21,43 @@ use nalgebra::DMatrix;
 use posterior::monitor::{Counter, Monitor};
 use sampling::SamplerOptions;
 
-/// Scale of the spread between species, or between regions, in the logarithm or the log-odds. Spreads below 0.4 (a factor of 1.5) have a prior probability of 1 %.
+/// Scale of the prior for the standard deviation between species, or between regions, in the logarithm or the log-odds. A standard deviation below 0.4 (a
+/// factor of 1.5) has a prior probability of 1 %.
 pub const LEVEL_SCALE: f64 = 1.0;
-/// Scales of the half-t priors of three spreads: between groups beyond their species and region, between specimens, and between repeats. In the logarithm they are factors
-/// of 1.35, 1.6 and 1.35. In the log-odds of parameters with two bounds they are the same factors of the odds.
+/// Scales of three half-t priors for standard deviations: between groups in addition to species and region, between specimens, and between repeats. For
+/// logarithms they are factors of 1.35, 1.6 and 1.35 in the parameter. For log-odds, which parameters with two bounds have, they are the same factors in
+/// the odds.
 pub const SPREAD_SCALES: [f64; 3] = [0.3, 0.5, 0.3];
-/// Degrees of freedom of heavy-tailed specimens.
+/// Degrees of freedom of the Student-t distribution if specimens are heavy-tailed.
 pub const HEAVY_TAILED_DOF: f64 = 4.0;
-/// Smallest effective sample size of an experiment's draws. Below it, the hierarchy evaluates the likelihood directly.
+/// Smallest effective number of an experiment's draws in the hierarchy. With fewer, the hierarchy uses the likelihood.
 const FEWEST_EFFECTIVE: f64 = 100.0;
-/// Sweeps of each chain that are dropped, and sweeps after them until convergence is first tested.
+/// Number of first sweeps per chain that are dropped, and number of further sweeps until convergence is first tested.
 pub const FIRST_SWEEPS: [usize; 2] = [1_000, 4_000];
-/// Interval between kept sweeps; neighbouring sweeps are nearly equal.
+/// Interval between kept sweeps. Neighbouring sweeps are nearly equal.
 const KEEP_EVERY: usize = 4;
-/// Chains and sweeps of the pilot run, which estimates the effective sample sizes.
+/// Number of chains of the pilot run, which estimates the effective numbers of draws.
 const PILOT_CHAINS: usize = 2;
+/// Numbers of sweeps of the pilot run: discarded and kept.
 const PILOT_SWEEPS: [usize; 2] = [300, 300];
 
-/// Request for a comparison.
+/// Settings of a comparison of groups.
 pub struct GroupsRequest<'a> {
     /// Keys that define the groups.
     pub keys: &'a [Key],
     /// Margin of practical equivalence: ratios from 1/(1 + margin) to 1 + margin count as no difference.
     pub margin: f64,
-    /// True if specimens scatter with a Student-t distribution, so that an outlying one does not widen its group.
+    /// `true` if deviations of specimens have a Student-t distribution. An outlying specimen then does not widen the spread of its group.
     pub is_heavy_tailed: bool,
-    /// Settings of the sampler of single experiments.
+    /// Settings for sampling single experiments.
     pub sampler: SamplerOptions,
-    /// Number of chains of the population's sampler.
+    /// Number of chains for sampling the population.
     pub n_chains: usize,
-    /// Largest number of sweeps per chain; convergence is first tested after [`FIRST_SWEEPS`].
+    /// Largest number of sweeps per chain. Convergence is first tested after [`FIRST_SWEEPS`].
     pub max_sweeps: usize,
-    /// True if all experiments enter by their exact likelihoods instead of draws, as a reference.
+    /// `true` uses exact likelihoods instead of draws for all experiments, as a reference.
     pub is_exact: bool,
-    /// Folder that keeps the draws of single experiments.
+    /// Folder that stores the draws of single experiments.
     pub kept: &'a Path,
 }
 
@@ -64,18 +67,18 @@ impl GroupsRequest<'_> {
     }
 }
 
-/// Form in which an experiment enters the hierarchy.
+/// Form in which an experiment enters the hierarchy: draws or exact likelihood.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ExperimentForm {
-    /// Effective number of its draws, weighted to the population.
+    /// Effective number of the experiment's draws when they are weighted to the population.
     pub effective_draws: f64,
-    /// True if the exact likelihood replaces the draws.
+    /// `true` if the exact likelihood is used instead of draws.
     pub is_exact: bool,
 }
 
-/// Results of a comparison.
+/// Result of a comparison of groups.
 pub struct Comparison {
-    /// Assignment of experiments to specimens and groups.
+    /// Specimen and group of each experiment.
     pub design: Design,
     /// Law whose parameters are compared.
     pub law: BaseLaw,
@@ -85,25 +88,25 @@ pub struct Comparison {
     pub scales: Vec<SizeScale>,
     /// Each experiment joined with its model.
     pub specimens: Vec<Specimen>,
-    /// Results of each experiment on its own.
+    /// Result of sampling each experiment alone.
     pub interims: Vec<InterimResult>,
     /// Draws of each experiment in the population's coordinates.
     pub draws: Vec<InterimDraws>,
     /// Form in which each experiment entered the hierarchy.
     pub entries: Vec<ExperimentForm>,
-    /// The population.
+    /// Draws of the population.
     pub population: Population,
-    /// Groups of the design, and predicted groups.
+    /// Groups of the design, then groups without measurements that are predicted.
     pub groups: Vec<PredictedGroup>,
-    /// Contrasts of every pair of groups in every parameter.
+    /// Ratios between every pair of groups, for each parameter.
     pub contrasts: Vec<Contrast>,
 }
 
-/// Runs a comparison.
+/// Compares groups: computes the compliance of each apparatus, then continues as [`run_with`].
 ///
 /// # Errors
-/// [`Error::Input`] if labels are missing or the models differ in their parameters, [`Error::Interrupted`] if stopped (finished experiments are kept), and errors of the
-/// parts.
+/// [`Error::Input`] if labels are missing or the models differ in their parameters, [`Error::Interrupted`] if stopped (finished experiments are kept),
+/// and errors of meshing, sampling and reading.
 pub fn run(measurements: &[Measurement], request: &GroupsRequest, monitor: &dyn Monitor) -> Result<Comparison> {
     // Missing labels are refused before the computation starts.
     cohort::labels(measurements, request.keys)?;
@@ -112,7 +115,7 @@ pub fn run(measurements: &[Measurement], request: &GroupsRequest, monitor: &dyn 
     run_with(measurements, compliances, request, monitor)
 }
 
-/// Runs a comparison with given compliances of all apparatus.
+/// Compares groups, given the compliance of each measurement's apparatus.
 ///
 /// # Errors
 /// Errors of [`run`].
@@ -184,7 +187,7 @@ pub fn run_with(
     })
 }
 
-/// Law and parameters that all experiments share.
+/// Returns the law and the pooled parameters, which must be equal in all experiments.
 fn common_parameters(measurements: &[Measurement], specimens: &[Specimen]) -> Result<(BaseLaw, Vec<&'static str>)> {
     let of = |specimen: &Specimen| (specimen.model.problem.model.base(), specimen.pooled());
     let Some(first) = specimens.first() else {
@@ -227,7 +230,7 @@ fn common_parameters(measurements: &[Measurement], specimens: &[Specimen]) -> Re
     Ok((law, parameters))
 }
 
-/// Samples each experiment in one thread, because there are more experiments than cores.
+/// Samples each experiment alone, in one thread per experiment. There are usually more experiments than processor cores.
 fn interims(
     measurements: &[Measurement],
     specimens: &[Specimen],
@@ -251,8 +254,8 @@ fn interims(
     over_threads(specimens.len(), |index| one((&specimens[index], &measurements[index])))
 }
 
-/// Runs independent jobs that use their own thread pools, as many at once as there are threads. Plain threads are needed: in a pool's own threads, a waiting job would
-/// start another on its stack, hundreds deep.
+/// Runs independent jobs that use thread pools of their own. As many run at once as there are threads. They run in plain threads. In a thread pool, a
+/// waiting job would start another job on its stack, which can nest hundreds deep.
 fn over_threads<T: Send>(n: usize, job: impl Fn(usize) -> Result<T> + Sync) -> Result<Vec<T>> {
     let next = AtomicUsize::new(0);
     let work = || -> Result<Vec<(usize, T)>> {
@@ -281,7 +284,7 @@ fn over_threads<T: Send>(n: usize, job: impl Fn(usize) -> Result<T> + Sync) -> R
     Ok(all.into_iter().map(|(_, result)| result).collect())
 }
 
-/// Options of the hierarchy. The prior of the overall mean is the widest prior of the single experiments.
+/// Options of the hierarchy. For each parameter, the prior of the overall mean is the widest prior among the single experiments.
 fn options(
     specimens: &[Specimen],
     parameters: &[&str],
@@ -316,7 +319,7 @@ fn options(
     }
 }
 
-/// Chooses the form of each experiment: its draws, or its likelihood if too few draws lie where the population needs them.
+/// Chooses the form of each experiment. It is the draws, or the likelihood if too few draws are where the population needs them.
 fn entries(
     design: &Design,
     draws: &[InterimDraws],

@@ -1,10 +1,12 @@
-//! A law learnt from half of a cohort's records and confirmed on the other half, which has no part in the learning.
+//! Learns a correction of the law from half of a cohort's records, and confirms it on the other half, which the learning does not use.
 //!
-//! Every other record is used for learning. A pair of quantity and state is scored by the sum of its gains over these records, with a separate function for each record.
-//! Its formula is the simplest one that predicts their unseen cycles nearly as well.
+//! Every second record is used for learning. A correction is a function of a state that changes a quantity of the law. Each pair of quantity and state is
+//! scored by the sum of its gains over the learning records, with a separate function for each record. The formula is the simplest one that predicts
+//! unseen cycles of these records nearly as well.
 //!
-//! The last cycle of each other record is then predicted from the cycles before it, with and without the formula. Both predictions are predictive densities of the same
-//! data. Records without the effect therefore give a gain of G nats with a probability of at most e^−G (Markov's inequality for their ratio). No simulations are needed.
+//! The last cycle of each other record is then predicted from the cycles before it, with and without the formula. Both predictions are probability
+//! densities of the same data. For records without the effect, a gain of G nats or more therefore has a probability of at most e^−G (Markov's inequality
+//! for the ratio of densities). No simulations are needed.
 
 use std::path::{Path, PathBuf};
 
@@ -27,22 +29,22 @@ use figures::number::format_significant;
 use posterior::monitor::{Counter, Monitor};
 use posterior::study::{Provenance, RevisionWriter, WithProvenance};
 
-/// Nats that each parameter of a formula beyond the first must gain in each record.
+/// Gain in nats that each parameter of a formula beyond the first must bring per record.
 const NATS_PER_PARAMETER: f64 = 1.0;
-/// Folder of the results, inside the user's directory.
+/// Folder of the results, inside the output directory.
 const FOLDER: &str = "learned";
-/// File name of the document in the folder.
+/// File name of the document in this folder.
 const DOCUMENT: &str = "learned-cohort.json";
 
-/// Learnt law with the file of its formula.
+/// Learned law with the file of its formula.
 pub struct Outcome {
-    /// The document.
+    /// Document of the learned law and its confirmation.
     pub learned: LearnedCohort,
-    /// The effect's file; `None` if nothing was learnt.
+    /// Text of the effect's file; `None` if nothing was learned.
     pub file: Option<String>,
 }
 
-/// Learns from half of the records and confirms on the other half.
+/// Learns a correction from half of the records, and confirms it on the other half.
 ///
 /// # Errors
 /// [`Error::Input`] for too few records or records of one cycle, [`Error::Interrupted`] if stopped, and errors of reading a record.
@@ -79,7 +81,7 @@ pub fn run(measurements: &[Measurement], is_monotone: bool, monitor: &dyn Monito
         check_interrupt(monitor)?;
         let tried = apparatuses.subject(measurement).and_then(|subject| test_formula(&subject, &formula));
         counter.add_one();
-        // A record whose model cannot have the formula contributes no evidence.
+        // If the formula cannot be added to a record's model, the record contributes no evidence.
         let Some(tried) = tried.map_err(|error| measurement.with_name(error))? else { continue };
         let [rmse_before_um, rmse_after_um] = tried.rmse_um;
         let (experiment, values) = (measurement.name(), tried.values);
@@ -89,12 +91,12 @@ pub fn run(measurements: &[Measurement], is_monotone: bool, monitor: &dyn Monito
     Ok(half.learned(leading, (formula, gain_nats), confirmed_on))
 }
 
-/// Records that the law is learnt from.
+/// Records from which the correction is learned.
 struct LearningRecords<'a> {
     records: Vec<(&'a Measurement, LearningRecord)>,
-    /// Gains of every pair in every record.
+    /// Gains of all pairs of quantity and state, one list per record.
     told: Vec<Vec<PairGain>>,
-    /// Pairs that all records have, best first.
+    /// Pairs that all records have, largest gain first.
     pairs: Vec<(&'static str, CohortPair)>,
 }
 
@@ -118,7 +120,7 @@ impl<'a> LearningRecords<'a> {
         Self { records, told, pairs }
     }
 
-    /// Index of the leading pair, if it predicts unseen cycles.
+    /// Index of the best pair that predicts unseen cycles. `None` if no pair does, or if its evidence is too small or far below the largest.
     fn leading(&self) -> Option<usize> {
         let best = self.pairs.first()?.1.evidence_nats;
         let place = self.pairs.iter().position(|(_, pair)| pair.heldout_gain_nats > LEAST_FUTURE_NATS)?;
@@ -126,7 +128,8 @@ impl<'a> LearningRecords<'a> {
         (cohort_pair.evidence_nats >= LEAST_EVIDENCE_NATS.max(best - EQUAL_NATS)).then_some(place)
     }
 
-    /// Simplest formula that predicts unseen cycles nearly as well as the functions, with its gain in nats. If no formula does, the formula with the best prediction.
+    /// Finds the simplest formula that predicts unseen cycles nearly as well as the separate functions. If there is none, it is the formula with the best
+    /// prediction. Returns it with its gain in nats.
     fn formula(&self, leading: usize, monitor: &dyn Monitor) -> Result<Option<(Formula, f64)>> {
         let slug = self.pairs[leading].0;
         let ranges: Option<Vec<_>> = self.records.iter().map(|(_, record)| record.range(slug)).collect();
@@ -267,12 +270,12 @@ impl<'a> LearningRecords<'a> {
     }
 }
 
-/// Head of the document, with the hash of every record.
+/// Makes the header of the document, with the hash of each record.
 pub fn provenance(measurements: &[Measurement], seed: u64) -> Provenance {
     provenance_of("learned-cohort", measurements, seed)
 }
 
-/// Refuses a folder that holds a law learnt from other records.
+/// Refuses an output folder with a law that was learned from other records.
 ///
 /// # Errors
 /// [`Error::Input`] unless `force` is set.
@@ -284,7 +287,7 @@ pub fn check_place(out: &Path, provenance: &Provenance, force: bool) -> Result<(
     refuse_other(out.join(FOLDER).join(DOCUMENT), provenance, force, (found, &remedy))
 }
 
-/// Writes the document and the formula's file, completely or not at all, and returns their folder.
+/// Writes the document and the formula's file, completely or not at all. Returns their folder.
 ///
 /// # Errors
 /// [`Error::File`] if the file system refuses.

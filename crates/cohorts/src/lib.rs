@@ -1,11 +1,13 @@
-//! Comparison of species and regions by groups of specimens, and diagnosis of a cohort's missing effect.
+//! Compares groups of specimens, such as species and regions, and diagnoses the missing effect of a cohort.
 //!
-//! Comparison of groups: [`cohort::read`] reads experiments and studies with their labels. [`apparatus`] solves one finite-element problem for each apparatus, which
-//! suffices for quasi-static linear laws. [`interim`] samples every experiment alone and keeps its draws by hash. [`job::run`] samples the population. A pilot run shows
-//! which experiments have too few draws; their likelihoods then replace the draws. [`hierarchy`] treats an experiment only as draws or as a density.
+//! Comparison of groups: [`cohort::read`] reads experiments and studies with their labels. [`apparatus`] solves one finite-element problem for each
+//! apparatus, which suffices for quasi-static linear laws. [`interim`] samples each experiment alone and stores the draws under the hash of their inputs.
+//! [`job::run`] samples the population. A pilot run shows which experiments have too few draws; their likelihoods are used instead. [`hierarchy`] sees an
+//! experiment only as draws or as a likelihood.
 //!
-//! Diagnosis of a cohort ([`missing`]): `criticism::sketch` turns a record into scores, cosines and simulated scores. A common law of sizes joins the records. Gains are
-//! tested against simulated cohorts. All steps after the sketch work without the records, except the refits of a claim.
+//! Diagnosis of a cohort ([`missing`]): `criticism::sketch` converts each record to scores of the effects, cosines between their signatures, and scores
+//! of simulated records. A common distribution of an effect's sizes joins the records. Gains are tested against simulated cohorts. After the conversion,
+//! only the refits of a claim need the records.
 
 pub mod alone;
 pub mod apparatus;

@@ -1,7 +1,8 @@
-//! Number of further specimens that would settle a question, estimated by simulation.
+//! Estimates by simulation how many further specimens would settle a question, such as whether two groups differ.
 //!
-//! A truth is drawn from the posterior. The mean of n new specimens per group scatters around it with that draw's spreads and the measurement error. All draws are then
-//! weighted by their prediction of that mean, each with its own spreads. The weighted draws show whether the question is settled.
+//! A true ratio is drawn from the posterior. The mean of n new specimens per group varies around it, with the spreads of that draw and the measurement
+//! error. All posterior draws are then weighted by the probability with which each, with its own spreads, predicts that mean. The weighted draws show
+//! whether the question is settled.
 
 use documents::groups::SampleSizePlan;
 use rand::SeedableRng;
@@ -10,25 +11,26 @@ use rand_distr::{Distribution, StandardNormal};
 
 use super::contrast::CERTAINTY;
 
-/// Numbers of new specimens per group that are tried.
+/// Numbers of new specimens per group for which the probability is computed.
 const NUMBERS: [u32; 18] = [1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512];
-/// Smallest probability of settling the question at which a number of new specimens is recommended.
+/// Smallest probability of settling the question with which a number of new specimens is recommended.
 const WANTED_CHANCE: f64 = 0.8;
-/// Number of truths that are tried, and of draws that are weighted for each.
+/// Number of simulated true ratios.
 const N_TRUTHS: usize = 200;
+/// Number of draws that are weighted for each true ratio.
 const N_WEIGHTED: usize = 1_000;
 
-/// Posterior of a ratio and of the scatter of new specimens; one value per draw.
+/// Posterior of a ratio between groups, and of the variance of new specimens; one value per draw.
 pub struct RatioQuestion<'a> {
-    /// Logarithm of the ratio.
+    /// Logarithm of the ratio, one value per draw.
     pub log_ratio: &'a [f64],
-    /// Variance of the difference between one new specimen of each group: spreads and measurement error.
+    /// Variance of the log ratio between one new specimen of each group. It includes the spreads and the measurement error.
     pub variance_of_pair: &'a [f64],
     /// Margin of practical equivalence: ratios from 1/(1 + margin) to 1 + margin count as no difference.
     pub margin: f64,
 }
 
-/// Finds the smallest number of new specimens that is likely to settle a question.
+/// Finds the smallest number of new specimens per group that settles the question with sufficient probability.
 pub fn plan(question: &RatioQuestion, seed: u64) -> SampleSizePlan {
     let mut plan = SampleSizePlan { specimens_per_group: None, chance: 0.0 };
     for n in NUMBERS {
@@ -41,7 +43,8 @@ pub fn plan(question: &RatioQuestion, seed: u64) -> SampleSizePlan {
     plan
 }
 
-/// Probability that `n` new specimens per group settle the question. All n use the same random numbers.
+/// Probability that `n` new specimens per group settle the question. The random numbers are the same for all n, so that results for different n are
+/// comparable.
 pub fn settling_probability(question: &RatioQuestion, n: u32, seed: u64) -> f64 {
     let every = |most: usize| question.log_ratio.len().div_ceil(most).max(1);
     let edge = question.margin.ln_1p();

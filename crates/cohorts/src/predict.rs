@@ -1,4 +1,4 @@
-//! Predictions of the population: a new specimen of a group, its creep, and groups without measurements.
+//! Predictions from the population: a new specimen of a group, its creep, and groups without measurements.
 
 use documents::groups::CreepPrediction;
 use nalgebra::{DMatrix, DVector};
@@ -14,31 +14,32 @@ use base::number::Dual;
 use figures::density::{quantile_of_sorted, sorted};
 use laws::rheology::{BaseLaw, RetardationSpectrum, TimeWindow};
 
-/// Largest number of draws whose creep is computed.
+/// Largest number of draws for which creep is computed.
 const N_CURVES: usize = 1_000;
-/// Number of times of a creep curve.
+/// Number of times at which creep is computed.
 const N_TIMES: usize = 41;
-/// First random stream of the predictions; each group has its own stream.
+/// Random stream of the first group's predictions. Each further group has the next stream.
 const STREAM: u64 = 1 << 32;
 
-/// A group as the population describes it. The values of one draw are adjacent, one per parameter.
+/// Group, as the population predicts it. Vectors hold one draw after another, with one value per parameter.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PredictedGroup {
     /// Name of the group.
     pub name: String,
-    /// Coordinates of the typical specimen's parameters.
+    /// Coordinates of the parameters of the group's typical specimen.
     pub typical: Vec<f64>,
-    /// Coordinates of a new specimen's parameters, averaged over all of its repeats.
+    /// Coordinates of the parameters of a new specimen, as the mean over its repeats.
     pub new_specimen: Vec<f64>,
-    /// Standard deviations between specimens, in the coordinate.
+    /// Standard deviations between specimens, in the coordinates.
     pub between_sd: Vec<f64>,
-    /// Index in the design; `None` for a group without measurements.
+    /// Index of the group in the design; `None` for a group without measurements.
     pub group: Option<usize>,
 }
 
-/// All groups of the design. If the design has two keys, the combinations of levels without measurements follow.
+/// Predicts all groups of the design. If the design has two keys, combinations of levels without measurements follow.
 ///
-/// For an unmeasured combination, the group's own share is drawn from its spread. Its specimens scatter as in the group that shares most of its levels.
+/// For such a combination, the group's own term is drawn from its distribution. The spread of its specimens is that of the group with the most levels in
+/// common.
 pub fn predicted_groups(
     design: &Design,
     draws: &[&PopulationDraw],
@@ -75,7 +76,7 @@ pub fn predicted_groups(
                 typical.push(sum + draw.between_groups_sd[own_sd + k] * noise);
             }
         }
-        // Keys are ordered by importance: the first shared key decides.
+        // Keys are ordered by importance, so agreement in an earlier key counts more.
         let likeness = |indexes: &Vec<usize>| indexes.iter().zip(&levels).map(|(a, b)| a == b).collect::<Vec<bool>>();
         let nearest = (0..design.groups.len()).rev().max_by_key(|g| likeness(&design.groups[*g].levels)).unwrap_or(0);
         let names: Vec<&str> = levels.iter().zip(&design.keys).map(|(level, key)| key[*level].as_str()).collect();
@@ -85,7 +86,7 @@ pub fn predicted_groups(
     all
 }
 
-/// Combinations of levels without an experiment.
+/// Combinations of levels for which there is no experiment.
 fn missing(design: &Design) -> Vec<Vec<usize>> {
     let [first, second] = &design.keys[..] else { return Vec::new() };
     let all = (0..first.len()).flat_map(|a| (0..second.len()).map(move |b| vec![a, b]));
@@ -118,16 +119,16 @@ fn with_specimens(
     PredictedGroup { name: name.to_string(), typical, new_specimen, between_sd, group }
 }
 
-/// Times at which creep is predicted, evenly spaced in the logarithm, in s.
+/// Times (s) at which creep is predicted, evenly spaced in the logarithm.
 pub fn creep_times_s(window: TimeWindow) -> Vec<f64> {
     let (first, last) = (window.shortest_s.ln(), window.longest_s.ln());
     (0..N_TIMES).map(|i| (first + (last - first) * i as f64 / (N_TIMES - 1) as f64).exp()).collect()
 }
 
-/// Creep of a group under a law with all parameters pooled.
+/// Predicts the creep compliance of a group, for a law whose parameters are all pooled.
 ///
 /// # Errors
-/// [`base::Error::Numerical`] if no draw has a creep.
+/// [`base::Error::Numerical`] if creep cannot be computed for any draw.
 pub fn creep(law: BaseLaw, scales: &[SizeScale], group: &PredictedGroup, time_s: &[f64]) -> Result<CreepPrediction> {
     let (Some(first), Some(last)) = (time_s.first(), time_s.last()) else {
         return Err(base::Error::numerical("the list of times for the creep is empty", "give at least one time"));
@@ -168,7 +169,7 @@ pub fn creep(law: BaseLaw, scales: &[SizeScale], group: &PredictedGroup, time_s:
     })
 }
 
-/// J(t) at every time. `None` if the law has no spectrum in the window, or values beyond the range of numbers.
+/// Creep compliance J(t) at each time. `None` if the law has no spectrum in the time window, or if values exceed the range of floating-point numbers.
 fn curve(law: BaseLaw, parameters: &[Dual], window: TimeWindow, time_s: &[f64]) -> Option<Vec<f64>> {
     let spectrum: RetardationSpectrum = RetardationSpectrum::of_law(&law.elements(parameters), window).ok()?;
     let curve: Vec<f64> = time_s.iter().map(|time| spectrum.creep_compliance_per_pa(*time)).collect();

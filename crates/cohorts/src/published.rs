@@ -1,10 +1,10 @@
-//! Values of the literature, shown beside the groups for comparison only.
+//! Published parameter values, shown beside the groups for comparison only.
 
 use documents::groups::Published;
 
 use posterior::prior::PriorSet;
 
-/// Priors that represent one publication each, with the publication's name in figures and its species.
+/// Priors from one publication each: name of the prior, name of the publication in figures, and species.
 const PUBLICATIONS: [(&str, &str, &str); 6] = [
     ("wang-2013", "Wang 2013", "porcine"),
     ("sharif-kashani-2011", "Sharif-Kashani 2011", "porcine"),
@@ -14,14 +14,14 @@ const PUBLICATIONS: [(&str, &str, &str); 6] = [
     ("aboulatta-2021", "Aboulatta 2021", "porcine"),
 ];
 
-/// Published values of some parameters, from the embedded priors of publications. Values that a prior only assumes are left out.
+/// Published values of the named parameters, from the embedded priors of publications. Values that a prior only assumes are left out.
 pub fn published_values(parameters: &[&str]) -> Vec<Published> {
     let mut all = Vec::new();
     for (name, source, species) in PUBLICATIONS {
         let Ok(set) = PriorSet::named(name) else { continue };
         let Ok(document) = set.text().parse::<toml::Table>() else { continue };
         for parameter in parameters {
-            // This is the published number, not the centre of the distribution assumed around it.
+            // The value is the published number, not the centre of the prior that is assumed around it.
             let of_table = |key: &str| document.get(*parameter)?.get(key)?.as_float();
             let Some(value) = of_table("mean").or_else(|| of_table("median")) else { continue };
             let statement = set.get(parameter).map_or_else(String::new, |prior| prior.source.clone());
@@ -38,7 +38,7 @@ pub fn published_values(parameters: &[&str]) -> Vec<Published> {
 mod tests {
     use super::*;
 
-    /// Compares with Table I of the paper and its two columns of other values; other publications give only their measured parameters.
+    /// Compares with Table I of the paper and its two columns of other values. For other publications, only measured parameters are listed.
     #[test]
     fn values_are_the_published_ones() {
         let all = published_values(&["young_modulus_pa", "viscosity_1_pa_s", "viscosity_2_pa_s"]);
@@ -48,7 +48,7 @@ mod tests {
         assert_eq!(values("Wang 2013"), [3.527, 1.402, 47.37]);
         assert_eq!(values("Sharif-Kashani 2011"), [1.66, 2.4, 70.0]);
         assert_eq!(values("Lee 1994"), [0.937, 0.599, 8.402]);
-        // The factor is 2 (1 + 0.48) of G'.
+        // Young's modulus is G' times 2 (1 + 0.48).
         let expected = [2.96 * 2.8, 2.96 * 7.0];
         let found = values("Nickerson 2008");
         assert!(found.len() == 2 && found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 0.01), "{found:?}");

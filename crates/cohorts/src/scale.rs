@@ -1,18 +1,18 @@
-//! Unbounded scale on which a parameter scatters in the population: the logarithm, or the log-odds if it has two bounds.
+//! Unbounded coordinate in which a parameter varies over the population: the logarithm, or the log-odds if the parameter has two bounds.
 
 use documents::groups::ScaleName;
 
 use base::parameter::Support;
 
-/// Log-odds beyond which a value equals a bound to the last bit.
+/// Largest log-odds. Beyond it, a value equals a bound to the last bit.
 const LARGEST_LOG_ODDS: f64 = 36.0;
 
-/// Transformation of a parameter to an unbounded coordinate. Parameters of laws are positive.
+/// Transformation of a positive parameter x to an unbounded coordinate φ.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum SizeScale {
-    /// ln x, for x above 0.
+    /// φ = ln x, for x above 0.
     Logarithm,
-    /// ln((x − a)/(b − x)), for x between a ≥ 0 and b.
+    /// φ = ln((x − a)/(b − x)), for x between a ≥ 0 and b.
     LogOdds {
         /// Lower bound a.
         lower: f64,
@@ -22,7 +22,7 @@ pub enum SizeScale {
 }
 
 impl SizeScale {
-    /// Scale of a parameter with this support.
+    /// Chooses the scale for a parameter with this support.
     pub fn of(support: Support) -> Self {
         if support.upper.is_finite() {
             Self::LogOdds { lower: support.lower, upper: support.upper }
@@ -31,7 +31,7 @@ impl SizeScale {
         }
     }
 
-    /// Name of the scale.
+    /// Name of the scale in documents.
     pub fn name(self) -> ScaleName {
         match self {
             Self::Logarithm => ScaleName::Logarithm,
@@ -39,7 +39,7 @@ impl SizeScale {
         }
     }
 
-    /// Coordinate of a value; finite also at the bounds.
+    /// Coordinate φ of a value x. It is finite at the bounds, too.
     pub fn coordinate(self, value: f64) -> f64 {
         match self {
             Self::Logarithm => value.max(f64::MIN_POSITIVE).ln(),
@@ -49,12 +49,12 @@ impl SizeScale {
         }
     }
 
-    /// Value at a coordinate, always inside the support.
+    /// Value x at a coordinate φ. It is inside the support.
     pub fn value(self, coordinate: f64) -> f64 {
         match self {
             Self::Logarithm => coordinate.exp(),
             Self::LogOdds { lower, upper } => {
-                // Values are counted from the nearer bound, so that values close to a bound keep their digits.
+                // The value is computed from the nearer bound, so that values close to a bound keep their significant digits.
                 let share = |t: f64| t.exp() / (1.0 + t.exp());
                 let width = upper - lower;
                 if coordinate < 0.0 { lower + width * share(coordinate) } else { upper - width * share(-coordinate) }
@@ -62,7 +62,7 @@ impl SizeScale {
         }
     }
 
-    /// ln of the value at a coordinate.
+    /// Logarithm of the value, ln x, at a coordinate φ.
     pub fn ln_value(self, coordinate: f64) -> f64 {
         match self {
             Self::Logarithm => coordinate,
@@ -70,7 +70,7 @@ impl SizeScale {
         }
     }
 
-    /// ln dx/dφ at a coordinate φ.
+    /// Logarithm of the slope, ln dx/dφ, at a coordinate φ.
     pub fn ln_slope(self, coordinate: f64) -> f64 {
         match self {
             Self::Logarithm => coordinate,
@@ -80,7 +80,7 @@ impl SizeScale {
         }
     }
 
-    /// d ln x/dφ at a coordinate φ. It converts a small spread of the coordinate into a spread of the logarithm.
+    /// Relative slope d ln x/dφ at a coordinate φ. It converts a small standard deviation of φ into that of ln x.
     pub fn relative_slope(self, coordinate: f64) -> f64 {
         (self.ln_slope(coordinate) - self.ln_value(coordinate)).exp()
     }
@@ -112,7 +112,7 @@ mod tests {
         assert!(SizeScale::Logarithm.coordinate(0.0).is_finite());
     }
 
-    /// Compares slopes with differences of the value.
+    /// Compares slopes with difference quotients of the value.
     #[test]
     fn slopes_are_derivatives() {
         for scale in [SizeScale::Logarithm, ORDER, BETWEEN] {
@@ -127,7 +127,7 @@ mod tests {
         }
     }
 
-    /// Parameters of laws must be positive, because ratios need values above 0.
+    /// Every parameter of a law is positive, because groups are compared by ratios.
     #[test]
     fn no_parameter_of_a_law_is_negative() {
         let text = "series = [{ spring = \"e\" }, { dashpot = \"c\" }, { springpot = \"p\" }]";

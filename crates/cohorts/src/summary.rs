@@ -1,4 +1,4 @@
-//! Document of a comparison, `vitreo-uq/groups/1`.
+//! Makes the document of a comparison of groups, `vitreo-uq/groups/1`.
 
 use documents::groups::{
     ContrastSummary, CreepSummary, ExperimentSummary, GroupParameter, GroupSummary, GroupsSummary, IntervalSummary,
@@ -21,13 +21,13 @@ use base::error::Result;
 use figures::density::{quantile_of_sorted, sorted};
 use laws::rheology::TimeWindow;
 
-/// Quantiles 5 %, 50 %, 95 %.
+/// 5 %, 50 % and 95 % quantiles of the values.
 fn three(values: &[f64]) -> [f64; 3] {
     let ascending = sorted(values);
     [0.05, 0.5, 0.95].map(|probability| quantile_of_sorted(&ascending, probability))
 }
 
-/// Quantiles 5 %, 50 %, 95 % of the values at some coordinates.
+/// 5 %, 50 % and 95 % quantiles of the parameter values at these coordinates.
 fn values(scale: SizeScale, coordinates: &[f64]) -> [f64; 3] {
     three(coordinates).map(|coordinate| scale.value(coordinate))
 }
@@ -36,10 +36,10 @@ fn every(values: &[f64], p: usize, k: usize) -> Vec<f64> {
     values.iter().skip(k).step_by(p).copied().collect()
 }
 
-/// Summarises a comparison in numbers and sentences.
+/// Summarises a comparison of groups in numbers and sentences.
 ///
 /// # Errors
-/// Errors of the law's creep.
+/// Errors of computing the law's creep.
 pub fn summarise(measurements: &[Measurement], found: &Comparison, request: &GroupsRequest) -> Result<GroupsSummary> {
     let draws: Vec<&PopulationDraw> = found.population.draws().collect();
     let groups: Vec<GroupSummary> = found.groups.iter().map(|group| group_summary(found, &draws, group)).collect();
@@ -130,7 +130,7 @@ fn group_summary(found: &Comparison, draws: &[&PopulationDraw], predicted_group:
     }
 }
 
-/// Indices of the specimens whose first experiment is in a group.
+/// Indices of the specimens whose first experiment belongs to a group.
 fn specimens_at_home(found: &Comparison, group: usize) -> Vec<usize> {
     let design = &found.design;
     let is_home =
@@ -138,7 +138,8 @@ fn specimens_at_home(found: &Comparison, group: usize) -> Vec<usize> {
     design.specimens.iter().enumerate().filter(|(_, specimen)| is_home(specimen)).map(|(index, _)| index).collect()
 }
 
-/// Pooling factor: 1 − (variance over specimens of the mean deviation) / (mean over draws of the variance over specimens).
+/// Pooling factor of parameter `k` in a group, computed from the specimens' deviations from the group's mean. It is 1 − V₁/V₂. V₁ is the variance over
+/// specimens of their mean deviation. V₂ is the mean over draws of the variance over specimens. `None` for fewer than two specimens.
 fn pooling(found: &Comparison, draws: &[&PopulationDraw], group: usize, k: usize) -> Option<f64> {
     let p = found.parameters.len();
     let specimens = specimens_at_home(found, group);
@@ -187,8 +188,9 @@ fn contrast_summary(
     }
 }
 
-/// Variance of the log difference between one new specimen of each group, one value per draw. Spreads in the log-odds are converted by the slope of the logarithm at the
-/// group's typical specimen. In groups that share specimens, both measurements are on the same specimen, whose own deviation then cancels.
+/// Variance of the log ratio between one new specimen of each of two groups, one value per draw. Spreads in log-odds are converted to those of logarithms
+/// by the slope at the group's typical specimen. If the groups share specimens, both measurements are made on one specimen, so that its own deviation
+/// cancels.
 fn variance_of_pair(
     found: &Comparison,
     draws: &[&PopulationDraw],
@@ -214,7 +216,7 @@ fn variance_of_pair(
     draws.iter().map(variance).collect()
 }
 
-/// Median over a group's experiments of the variance of a parameter's logarithm in a single experiment.
+/// Variance of the logarithm of parameter `k` in a single experiment, as the median over the experiments of a group.
 fn measurement_variance(found: &Comparison, group: usize, k: usize) -> f64 {
     let p = found.parameters.len();
     let of_experiment = |(e, _): (usize, &usize)| {
@@ -245,7 +247,7 @@ fn experiment_summary(measurements: &[Measurement], found: &Comparison, e: usize
     }
 }
 
-/// Summaries of the specimens, one entry per specimen and group.
+/// Summaries of the specimens, one for each combination of a specimen and its groups.
 fn specimen_summaries(found: &Comparison, draws: &[&PopulationDraw], seed: u64) -> Vec<SpecimenSummary> {
     let (p, design) = (found.parameters.len(), &found.design);
     let mut places: Vec<(usize, usize)> = Vec::new();

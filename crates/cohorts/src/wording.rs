@@ -1,4 +1,4 @@
-//! Sentences and warnings of a comparison.
+//! Sentences and warnings on a comparison of groups.
 
 use super::hierarchy::{FEWEST_EFFECTIVE_DRAWS, LARGEST_RHAT};
 use documents::groups::{
@@ -8,11 +8,12 @@ use documents::posterior::{Warning, WarningKind};
 use figures::labels::parameter_label;
 use posterior::misfit::NOISE_FACTOR;
 
-/// Largest numbers of pairs of groups, and of names, in a sentence.
+/// Largest number of pairs of groups in a sentence.
 const MOST_PAIRS: usize = 3;
+/// Largest number of names in a sentence.
 const MOST_NAMES: usize = 8;
 
-/// Heading in one line: the compared specimens, groups and model.
+/// Heading of one line: specimens, groups and model of the comparison.
 pub fn heading(summary: &GroupsSummary) -> String {
     let measured: Vec<&GroupSummary> = summary.groups.iter().filter(|group| group.specimens > 0).collect();
     let model = match summary.effects.len() {
@@ -28,12 +29,12 @@ pub fn heading(summary: &GroupsSummary) -> String {
     )
 }
 
-/// "1 specimen", "21 specimens".
+/// Number with its noun, such as "1 specimen" or "21 specimens".
 fn counted(n: usize, what: &str) -> String {
     format!("{n} {what}{}", if n == 1 { "" } else { "s" })
 }
 
-/// Conclusions, one sentence per parameter: differences, equivalences and undecided pairs.
+/// Conclusions, one sentence per parameter: which pairs of groups are different, equivalent or undecided.
 pub fn conclusions(summary: &GroupsSummary) -> Vec<String> {
     let margin = format!("{:.0} %", 100.0 * summary.margin);
     let names = summary.groups.first().map_or(&[][..], |group| &group.parameters);
@@ -74,7 +75,7 @@ pub fn conclusions(summary: &GroupsSummary) -> Vec<String> {
     names.iter().map(|name| of_parameter_named(&name.name)).collect()
 }
 
-/// "bovine above porcine (2.4 ×)", the greater first.
+/// Describes a difference with the greater group first, such as "bovine above porcine (2.4 ×)".
 fn as_greater(contrast_summary: &ContrastSummary) -> String {
     let (greater, less, ratio) = if contrast_summary.ratio_median >= 1.0 {
         (&contrast_summary.a, &contrast_summary.b, contrast_summary.ratio_median)
@@ -84,7 +85,7 @@ fn as_greater(contrast_summary: &ContrastSummary) -> String {
     format!("{greater} above {less} ({ratio:.2} ×)")
 }
 
-/// Number of further specimens that would settle a question, as text.
+/// Describes the number of further specimens that would settle a question.
 pub fn required_specimens(plan: &SampleSizePlan) -> String {
     match plan.specimens_per_group {
         Some(n) => {
@@ -97,11 +98,11 @@ pub fn required_specimens(plan: &SampleSizePlan) -> String {
     }
 }
 
-/// Largest tolerated residual on the held-out cycle, in posterior standard deviations of the prediction.
+/// Largest residual on the held-out cycle that does not count as a misfit, in posterior standard deviations of the prediction.
 const OPEN_SDS: f64 = 3.3;
 
-/// Describes a model's misfit to its experiment. It is a misfit if the residual exceeds 1.5 × the noise and, on the held-out cycle, also the posterior uncertainty of the
-/// prediction.
+/// Describes the misfit of an experiment; `None` if there is none. The residual of a misfit exceeds 1.5 × the noise. On the held-out cycle, it must also
+/// exceed the posterior uncertainty of the prediction.
 fn misfit(experiment_summary: &ExperimentSummary) -> Option<String> {
     let bar_um = NOISE_FACTOR * experiment_summary.noise_um?;
     let open_um = OPEN_SDS * experiment_summary.predictive_sd_heldout_um.unwrap_or(0.0);
@@ -117,19 +118,19 @@ fn misfit(experiment_summary: &ExperimentSummary) -> Option<String> {
     (!parts.is_empty()).then(|| parts.join(" and "))
 }
 
-/// The first names, and the number of the others.
+/// Joins the first names, and adds the number of the others.
 fn join_names(names: &[&str]) -> String {
     at_most(MOST_NAMES, names)
 }
 
-/// The first entries of a list, and the number of the others.
+/// Joins at most `most` entries of a list, and adds the number of the others.
 fn at_most(most: usize, names: &[impl AsRef<str>]) -> String {
     let shown: Vec<&str> = names.iter().take(most).map(AsRef::as_ref).collect();
     let more = if names.len() > most { format!(" and {} more", names.len() - most) } else { String::new() };
     shown.join(", ") + &more
 }
 
-/// All warnings that apply, most serious first.
+/// All warnings that apply to the comparison, most serious first.
 pub fn warnings(summary: &GroupsSummary) -> Vec<Warning> {
     let mut all = Vec::new();
     let mut add = |kind, text: String, advice: &str| all.push(Warning { kind, text, advice: advice.into() });

@@ -1,8 +1,8 @@
-//! Evidence of the effects that matter, and bounds for the others.
+//! Bayes factors of effects: computed for the leading ones, bounded for the others.
 //!
-//! An evidence takes tens of thousands of trajectories, so it is computed only for the claim, or the leading effect if there is no claim,
-//! and for effects that may come near it. The gain of an effect bounds its Bayes factor. Evidence is the mean of the likelihood over the prior, so
-//! ln B is at most the gain of the best fit plus the possible widening of the posterior of law and noise.
+//! An evidence takes tens of thousands of trajectories. It is therefore computed only for the claim, or else for the leading effect, and for effects whose Bayes factor
+//! may come near it. The gain of every other effect bounds its Bayes factor B. Evidence is the mean of the likelihood over the prior. So ln B is at most the gain of the
+//! best fit plus the possible widening of the posterior of law and noise.
 
 use std::collections::BTreeMap;
 
@@ -18,23 +18,23 @@ use base::error::{Error, Result};
 use documents::diagnosis::{PosteriorMode, RefitParameter};
 use posterior::monitor::{Counter, Monitor};
 
-/// Distance (nats) below the best at which a Bayes factor is not worth computing.
+/// An evidence is not computed if the upper bound of its ln B lies more than this many nats below the best ln B.
 const REACH_NATS: f64 = 10.0;
-/// Largest widening of the posterior of law and noise by an effect, in nats: ln B stays below the gain plus this.
+/// Largest increase (nats) of ln B because an effect widens the posterior of law and noise: ln B is at most the gain plus this value.
 const WIDENING_NATS: f64 = 5.0;
 
-/// Bayes factor of an effect, or a bound.
+/// Logarithm (nats) of an effect's Bayes factor over the base, or a bound of it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum BayesFactor {
-    /// Logarithm of the Bayes factor, computed.
+    /// Computed value.
     Known(f64),
-    /// Upper bound of its logarithm, far below the best.
+    /// Upper bound, if the evidence was not computed.
     AtMost(f64),
-    /// Neither value nor bound.
+    /// Neither value nor bound is known.
     Unknown,
 }
 
-/// Parameters of a model over all modes, and mode by mode if there are several.
+/// Parameter estimates of a model, over all modes of its posterior; also for each mode if there are several.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Parameters {
     pub all: Vec<RefitParameter>,
@@ -47,29 +47,29 @@ impl From<ModelEvidence> for Parameters {
     }
 }
 
-/// The computed evidences.
+/// Computed log evidences of the base and of effects, with bounds for other effects.
 pub(super) struct EvidenceSet {
     ln_base: f64,
     singles: BTreeMap<&'static str, ModelEvidence>,
-    /// Upper bounds for effects whose evidence was not computed because of them.
+    /// Upper bounds (nats) of ln B, by slug, for effects whose evidence was not computed.
     bounds: BTreeMap<&'static str, f64>,
-    /// Parameters of a claim of several effects, which all of them share; none for other claims.
+    /// Parameters of the model with all claimed effects, if several are claimed; else `None`.
     of_claim: Option<Parameters>,
     /// Remarks for the reader of the diagnosis.
     pub remarks: Vec<String>,
 }
 
-/// Result of weighing an effect.
+/// Outcome of computing an effect's evidence.
 enum EvidenceOutcome {
     By(Result<ModelEvidence>),
-    /// The effect's gain puts it out of reach of the best.
+    /// Not computed: the effect's gain bounds its Bayes factor far below the best one.
     Far,
-    /// The effect is a nonlinear law and there is a claim: weighing it would take too long.
+    /// Not computed: the effect is a nonlinear law beside a claim or leading effect, and would take too long.
     Slow,
 }
 
 impl EvidenceSet {
-    /// Weighs a claim and, if the request is in full, all effects that may come near it.
+    /// Computes the evidence of a claim and, if the request is in full, of all effects that may come near it.
     pub fn new(
         subject: &Subject,
         request: &DiagnosisRequest,
@@ -104,7 +104,7 @@ impl EvidenceSet {
             evidence_set.ln_base = evidence(subject, &found.base.candidate, &found.base.fitted, seed)?.ln_evidence;
         }
         let counter = Counter::new(monitor, worth.len());
-        // The claim, or else the leading effect, is weighed first and decides which others are worth it; these are weighed in parallel.
+        // The claim, or else the leading effect, is computed first. The result decides which other evidences are computed, in parallel.
         let n_leading = claimed.len().max(1).min(worth.len());
         let (leading, others) = worth.split_at(n_leading);
         let mut best = f64::NEG_INFINITY;
@@ -180,8 +180,8 @@ impl EvidenceSet {
         known.or_else(|| self.bounds.get(slug).copied().map(BayesFactor::AtMost)).unwrap_or(BayesFactor::Unknown)
     }
 
-    /// Parameters of an effect: those of the whole model for a claim of several effects, else of the effect alone. A normal approximation around the fit replaces
-    /// an evidence that was not computed.
+    /// Returns the parameters of the model with an effect. If several effects are claimed, the model of a claimed effect has all of them. If the evidence was not
+    /// computed, the parameters come from a normal approximation around the fit.
     pub fn parameters(&self, subject: &Subject, single: &Single, is_claimed: bool) -> Result<Parameters> {
         match (&self.of_claim, self.singles.get(single.slug), &single.refitted) {
             (Some(of_claim), ..) if is_claimed => Ok(of_claim.clone()),
@@ -193,7 +193,7 @@ impl EvidenceSet {
 }
 
 impl Parameters {
-    /// Keeps the parameters of some effects only.
+    /// Keeps only the parameters of the effects with these slugs.
     pub fn of(self, effects: &[&str]) -> Self {
         let is_own = |parameter: &RefitParameter| {
             let of = |slug: &&str| parameter.name.strip_prefix(*slug).is_some_and(|rest| rest.starts_with('.'));

@@ -1,5 +1,5 @@
-//! Largest gain that the search finds in data without a missing effect. The data are simulated from a reference model and its noise; the whole search is
-//! repeated with the noise estimated anew.
+//! Distribution of the largest gain that a search finds in data without a missing effect. The data are simulated from a reference model and its noise. The whole search
+//! is repeated on each data set, with the noise estimated anew.
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -10,27 +10,28 @@ use super::screen::Screen;
 use super::{Candidate, Fitted, Search, Subject};
 use posterior::monitor::{Counter, Monitor};
 
-/// Largest gains (nats) of simulated searches, in the order of their numbers.
+/// Largest gain (nats) of each simulated search, in the order of the simulations.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bootstrap {
     largest: Vec<f64>,
 }
 
-/// Number of simulations per batch; fixed, so that the count does not depend on the number of threads.
+/// Number of simulations per batch. It is fixed, so that the total number does not depend on the number of threads.
 const BATCH: usize = 10;
-/// A p is known well enough once so many simulations have reached the gain (Besag & Clifford, Biometrika 78, 301, 1991).
+/// Number of simulations that must reach the gain before the simulation stops: p is then known well enough (Besag & Clifford, Biometrika 78, 301, 1991).
 const ENOUGH_EXCEEDANCES: usize = 10;
-/// Least number of searches that show a 95 % quantile of the largest gain.
+/// Least number of simulated searches from which a 95 % quantile of the largest gain is reported.
 const ENOUGH_FOR_QUANTILE: usize = 40;
-/// A gain of so many times the largest simulated one counts as out of reach.
+/// Ratio of a gain to the largest simulated gain above which the gain is out of the simulations' reach.
 const OUT_OF_REACH: f64 = 2.0;
 
-/// Number of searches to simulate.
+/// Rules for the number of searches to simulate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Simulations {
-    /// Largest number.
+    /// Largest number of simulated searches.
     pub most: usize,
-    /// Threshold of p, if only the decision matters. The simulations then stop early if their number suffices for a p below this threshold and the gain is out of their reach.
+    /// Threshold of p if only the decision matters; `None` to compute p itself. With a threshold, the simulations stop early if their number suffices for a p below it
+    /// and the gain is out of their reach.
     pub only_for: Option<f64>,
 }
 
@@ -45,7 +46,8 @@ impl Simulations {
 }
 
 impl Bootstrap {
-    /// Simulates the reference, and refits it and every candidate that may gain most, until all simulations are made or `gain` proves common.
+    /// Simulates data from the reference. Refits the reference and every candidate that may gain most. Stops after all simulations, or earlier if `gain` proves common or
+    /// as [`Simulations`] allows.
     pub fn run(
         subject: &Subject,
         reference: &Refitted,
@@ -66,7 +68,8 @@ impl Bootstrap {
         Self::of(gain, simulations, simulate)
     }
 
-    /// Runs any search that returns the largest gain of simulation `number`.
+    /// Collects the largest gains of simulated searches. `search` returns the largest gain (nats) of the simulation with a given number; `gain` is that of the measured
+    /// data.
     pub fn of(gain: f64, simulations: Simulations, search: impl Fn(usize) -> f64 + Sync) -> Self {
         let mut largest: Vec<f64> = Vec::new();
         while !simulations.are_enough(&largest, gain) {
@@ -77,7 +80,7 @@ impl Bootstrap {
         Self { largest }
     }
 
-    /// Returns p of a gain, corrected for the whole search.
+    /// Returns p of a gain (nats), corrected for the whole search: the probability that a search of data without an effect gains as much.
     pub fn p(&self, gain: f64) -> f64 {
         let reached = self.largest.iter().filter(|largest| **largest >= gain).count();
         (1 + reached) as f64 / (1 + self.largest.len()) as f64
@@ -93,7 +96,7 @@ impl Bootstrap {
         self.largest.is_empty()
     }
 
-    /// 95 % quantile of the simulated largest gains; the largest if there are fewer than twenty.
+    /// Returns the 95 % quantile (nats) of the simulated largest gains. It is the largest gain for at most twenty simulations, and infinite for none.
     pub fn threshold(&self) -> f64 {
         let mut sorted = self.largest.clone();
         sorted.sort_by(f64::total_cmp);
@@ -113,12 +116,12 @@ impl Bootstrap {
     }
 }
 
-/// Returns the experiment with positions simulated from a model and its noise.
+/// Returns the experiment with positions simulated from a model and its noise. `number` selects a random stream of `seed`.
 pub fn simulated(subject: &Subject, reference: &Refitted, seed: u64, number: usize) -> Subject {
     subject.with_positions(&simulated_m(subject, reference, seed, number))
 }
 
-/// Positions (m), one per row, simulated from a model and its noise.
+/// Simulates positions (m), one per row of the record, from a model and its noise. `number` selects a random stream of `seed`.
 pub fn simulated_m(subject: &Subject, reference: &Refitted, seed: u64, number: usize) -> Vec<f64> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(number as u64);
@@ -146,7 +149,7 @@ fn largest_gain(
     let bounds = screen.map_or(vec![f64::INFINITY; candidates.len()], |screen| screen.bounds_nats(&data));
     let mut order: Vec<usize> = (0..candidates.len()).collect();
     order.sort_by(|a, b| bounds[*b].total_cmp(&bounds[*a]));
-    // The most promising candidate comes first; the loop ends when no other can gain more.
+    // Candidates with the largest bounds come first. A candidate is not refitted if its bound is below the largest gain so far.
     order
         .into_iter()
         .fold(0.0, |best, place| if bounds[place] < best { best } else { gain(&candidates[place]).max(best) })
@@ -165,7 +168,7 @@ mod tests {
         ["tracking-drift", "force-bias"].iter().map(|slug| replica().extended(&[slug]).expect("addable")).collect()
     }
 
-    /// The mean p of 24 correct models is 0.5 ± 0.059, asserted at four standard deviations (false failures below 1e-4).
+    /// The mean p of 24 correct models is 0.5 ± 0.059. The test allows four standard deviations (false failures below 1e-4).
     #[test]
     #[ignore = "thorough"]
     fn p_of_correct_models_is_about_a_half() {
@@ -174,8 +177,8 @@ mod tests {
         assert!((mean - 0.51).abs() < 4.0 * 0.059, "{mean}");
     }
 
-    /// p of the largest gain on 60 correct models is uniform. Its mean is 0.5 ± 0.037, asserted at five standard deviations (false failures below
-    /// 1e-6). The lowest and the highest quarter of the range are each empty with a probability of 3e-8.
+    /// p of the largest gain on 60 correct models is uniform. Its mean is 0.5 ± 0.037; the test allows five standard deviations (false failures below 1e-6). The lowest
+    /// and the highest quarter of the range are each empty with a probability of 3e-8.
     #[test]
     #[ignore = "campaigns/long-tests"]
     fn p_of_correct_models_is_uniform() {
@@ -186,7 +189,7 @@ mod tests {
         assert!(p.iter().any(|p| *p < 0.25) && p.iter().any(|p| *p > 0.75), "{p:?}");
     }
 
-    /// Values of p of the largest gain on `n_models` correct models, by at most `most` simulations each.
+    /// Returns p of the largest gain for each of `n_models` correct models, from at most `most` simulations each.
     fn p_of_correct_models(n_models: u64, most: usize) -> Vec<f64> {
         let (base, fitted) = base_fit();
         let candidates = candidates();
@@ -203,9 +206,9 @@ mod tests {
         (0..n_models).into_par_iter().map(p_of).collect()
     }
 
-    /// If gain and simulated gains have one distribution, p ≤ 1/20 once in twenty, also if simulations stop early. 20,000 trials have a standard
-    /// error of 0.0015 there and 0.0035 at 1/2; five of those are exceeded once in 10⁶. Exceedances that early stopping misses add
-    /// 10⁻⁴. Stopping at common gains overstates p and never understates it.
+    /// If the gain and the simulated gains have one distribution, p ≤ 1/20 occurs once in twenty trials, also if simulations stop early. Over 20,000 trials, the fraction
+    /// with p ≤ 1/20 has a standard error of 0.0015, that with p ≤ 1/2 one of 0.0035. The test allows five standard errors, which are exceeded once in 10⁶. Early
+    /// stopping misses some exceedances, which adds 10⁻⁴. Stopping at common gains overstates p and never understates it.
     #[test]
     fn p_is_uniform_under_exchange_and_conservative_where_it_stops_early() {
         const N: u64 = 20_000;
@@ -230,8 +233,8 @@ mod tests {
         assert!(mean < 50.0 && mean_to_decide < mean, "{mean} {mean_to_decide}");
     }
 
-    /// Simulated positions scatter about the model by its noise, independently in each simulation. 800 white errors have a mean square of 16 ± 0.8 µm² and a
-    /// correlation of 0 ± 0.035 with others, asserted at five standard deviations (false failures below 1e-6 each).
+    /// Simulated positions scatter about the model by its noise, independently in each simulation. 800 white errors have a mean square of 16 ± 0.8 µm². Their correlation
+    /// with those of another simulation is 0 ± 0.035. The test allows five standard deviations (false failures below 1e-6 each).
     #[test]
     fn simulations_have_the_noise_and_each_its_own() {
         let (candidate, fitted) = base_fit();
@@ -251,8 +254,8 @@ mod tests {
         }
     }
 
-    /// The largest gain of a simulation equals that of the widest fits of its data, with the noise estimated anew for every model. Fits of one candidate
-    /// or with fixed noise give other values.
+    /// The largest gain of a simulation equals that of wide fits to its data with the noise estimated anew for every model. Fits of a single candidate, or with a fixed
+    /// noise, give other values.
     #[test]
     #[ignore = "thorough"]
     fn a_simulated_search_fits_mean_and_noise_of_every_model() {
@@ -275,8 +278,8 @@ mod tests {
         assert!(n_of_second > 0);
     }
 
-    /// Skipping candidates that cannot gain most changes no largest gain. The test makes 24 simulated searches over every effect that needs no finite elements, under white and
-    /// slow noise, and skips most refits.
+    /// Skipping candidates that cannot have the largest gain does not change the largest gain. The test makes 24 simulated searches over every effect that needs no
+    /// finite elements, under white and slow noise. It skips most refits.
     #[test]
     fn what_is_not_refitted_would_not_have_gained_most() {
         let subject = crate::test_subjects::subject(crate::test_subjects::Protocol::Levels);

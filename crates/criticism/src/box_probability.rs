@@ -1,30 +1,31 @@
-//! Logarithm of the probability that a normal vector lies in a box; it may be arbitrarily small.
+//! Logarithm of the probability that a normal vector lies in a box. The probability may be arbitrarily small.
 //!
-//! The covariance is factorised, LLᵀ, and coordinates are drawn in turn between their ends given the earlier ones. The probability is the mean of the products of
-//! the masses between those ends (Genz, *J. Comput. Graph. Stat.* 1, 141, 1992). The draws are shifted by the μ of the saddle point of ln weight, so
-//! that the weights are nearly alike however far in the tail the box lies (Botev, *J. R. Stat. Soc. B* 79, 125, 2017, doi:10.1111/rssb.12162). Fixed points
-//! replace random numbers, so that equal boxes have equal probabilities; one coordinate is exact.
+//! The covariance is factorised as LLᵀ. Coordinates are drawn one after another, each between the box's ends given the earlier coordinates. A draw's weight is the
+//! product of the probabilities of these intervals, and the probability of the box is the mean weight (Genz, *J. Comput. Graph. Stat.* 1, 141, 1992). The draws are
+//! shifted by the vector μ at the saddle point of the log weight. All weights are then nearly equal, however far in the tail the box lies (Botev, *J. R. Stat. Soc. B*
+//! 79, 125, 2017, doi:10.1111/rssb.12162). Fixed points replace random numbers, so equal boxes have equal probabilities. The probability is exact for one coordinate.
 
 use std::f64::consts::{FRAC_1_SQRT_2, PI, SQRT_2, TAU};
 
 use nalgebra::{DMatrix, DVector};
 use statrs::function::erf::{erf, erfc, erfc_inv};
 
-/// Ends so many standard deviations from a coordinate's mean, given that the others are in the box, enclose all but 10⁻¹² of its mass.
+/// Distance from a coordinate's mean, in standard deviations, beyond which an end of the box hardly matters. The mean is conditional on the other coordinates being in
+/// the box. All but 10⁻¹² of the coordinate's probability lies closer.
 const FAR_SD: f64 = 7.0;
-/// Number of points along one drawn coordinate, along each of two, and in total for more.
+/// Number of points if one coordinate is drawn (`N_ALONE`), along each coordinate if two are drawn (`N_EACH_OF_TWO`), and in total if more are drawn (`N_OF_MORE`).
 const N_ALONE: usize = 96;
 const N_EACH_OF_TWO: usize = 24;
 const N_OF_MORE: usize = 2048;
-/// Norm of the slope below which the saddle point is found.
+/// Norm of the log weight's slope at which the search for the saddle point ends.
 const LEAST_SLOPE: f64 = 1e-9;
 const MOST_STEPS: usize = 60;
 
-/// ln P(lower ≤ x ≤ upper) of a normal vector x with mean 0; ends may be infinite. −∞ if the matrix is not a covariance.
+/// Returns ln P(lower ≤ x ≤ upper) of a normal vector x with mean 0. Ends may be infinite. Returns −∞ if the matrix is not a covariance.
 pub(super) fn ln_box_probability(covariance: &DMatrix<f64>, lower: &[f64], upper: &[f64]) -> f64 {
     let mut left: Vec<usize> = (0..lower.len()).collect();
     let mut sum = 0.0;
-    // Coordinates correlated with the first remaining one form a group; the rest is independent of it.
+    // The first remaining coordinate and those correlated with it, directly or through others, form a group. All other coordinates are independent of the group.
     while let Some(first) = left.first() {
         let mut together = vec![*first];
         let mut next = 0;
@@ -46,10 +47,10 @@ pub(super) fn ln_box_probability(covariance: &DMatrix<f64>, lower: &[f64], upper
     sum
 }
 
-/// ln P for correlated coordinates with variance 1.
+/// Returns ln P of the box for correlated coordinates with variance 1.
 fn ln_of_correlated(correlation: &DMatrix<f64>, lower: &[f64], upper: &[f64]) -> f64 {
     let n = lower.len();
-    // Ends near the mean matter; so do ends near the place to which the others push a coordinate.
+    // Only coordinates with an end near their mean are drawn. The other coordinates may push a mean to another `place`.
     let mut place = DVector::zeros(n);
     let mut near: Vec<usize> = Vec::new();
     let mut tilted: Option<Tilted> = None;
@@ -60,7 +61,7 @@ fn ln_of_correlated(correlation: &DMatrix<f64>, lower: &[f64], upper: &[f64]) ->
             return tilted.map_or(0.0, |tilted| tilted.ln_probability());
         }
         near.extend(added);
-        // The least likely coordinates come first: the others depend on them.
+        // The least likely coordinates come first, because the others depend on them.
         near.sort_by(|a, b| {
             TruncatedNormal::new(lower[*a], upper[*a]).ln_p.total_cmp(&TruncatedNormal::new(lower[*b], upper[*b]).ln_p)
         });
@@ -77,11 +78,11 @@ pub(super) fn ln_within(lower: f64, upper: f64) -> f64 {
     TruncatedNormal::new(lower, upper).ln_p
 }
 
-/// A standard normal variable between two ends.
+/// A standard normal variable that is truncated to an interval.
 struct TruncatedNormal {
     /// ln of the probability between the ends.
     ln_p: f64,
-    /// Densities at the ends over the probability.
+    /// Density at the lower and at the upper end, divided by the probability between the ends.
     at_lower: f64,
     at_upper: f64,
 }
@@ -109,7 +110,7 @@ impl TruncatedNormal {
         self.at_lower - self.at_upper
     }
 
-    /// Derivative of the slope with respect to that shift; one plus it is the variance.
+    /// Derivative of [`Self::slope`] with respect to the same shift. The variance of the truncated variable is 1 plus this value.
     fn curvature(&self, lower: f64, upper: f64) -> f64 {
         let product = |end: f64, density: f64| if density == 0.0 { 0.0 } else { end * density };
         (product(lower, self.at_lower) - product(upper, self.at_upper) - self.slope().powi(2)).clamp(-1.0, 0.0)
@@ -120,12 +121,12 @@ fn density(x: f64) -> f64 {
     (-0.5 * x * x).exp() / TAU.sqrt()
 }
 
-/// φ(upper)/φ(lower).
+/// Ratio φ(upper)/φ(lower) of standard normal densities.
 fn fall(lower: f64, upper: f64) -> f64 {
     if upper.is_infinite() { 0.0 } else { (0.5 * (lower - upper) * (lower + upper)).exp() }
 }
 
-/// Mass between two ends over the density at the lower one, which must not be negative.
+/// Standard normal probability between two ends, divided by the density at the lower end. The lower end must not be negative.
 fn mass_over_density(lower: f64, upper: f64) -> f64 {
     let length = upper - lower;
     if length * (1.0 + lower) < SHORT {
@@ -134,7 +135,7 @@ fn mass_over_density(lower: f64, upper: f64) -> f64 {
     mills(lower) - fall(lower, upper) * mills(upper)
 }
 
-/// Mills' ratio Q(x)/φ(x) for x ≥ 0.
+/// Mills' ratio Q(x)/φ(x) of a standard normal's upper tail probability to its density, for x ≥ 0.
 fn mills(x: f64) -> f64 {
     if x < 25.0 {
         return (0.5 * PI).sqrt() * (0.5 * x * x).exp() * erfc(x * FRAC_1_SQRT_2);
@@ -144,14 +145,14 @@ fn mills(x: f64) -> f64 {
     (1.0 + series) / x
 }
 
-/// Quantile of a standard normal truncated to an interval, at probability `share`.
+/// Quantile of a standard normal variable truncated to an interval, at the probability `share`.
 fn quantile_within(lower: f64, upper: f64, share: f64) -> f64 {
     if upper <= 0.0 && lower < 0.0 {
         return -quantile_within(-upper, -lower, 1.0 - share);
     }
     let tail = |x: f64| 0.5 * erfc(x * FRAC_1_SQRT_2);
     let found = if lower > 5.0 {
-        // Newton's steps in ln of the mass above x, over the density at the lower end.
+        // Newton's method for x. It solves for ln(Q(x)/φ(lower)), with the upper tail probability Q and the density φ.
         let wanted = (mills(lower) - share * mass_over_density(lower, upper)).ln();
         let mut x = (lower * lower + 2.0 * (mills(lower).ln() - wanted)).max(0.0).sqrt();
         for _ in 0..4 {
@@ -174,15 +175,15 @@ fn quantile_within(lower: f64, upper: f64, share: f64) -> f64 {
     found.clamp(lower, upper)
 }
 
-/// A box in coordinates that are drawn in turn, and the shifts of the saddle point.
+/// A box whose coordinates are drawn one after another, with the shifts at the saddle point.
 struct Tilted {
-    /// Cholesky factor of the correlations.
+    /// Cholesky factor of the correlation matrix.
     factor: DMatrix<f64>,
-    /// Rows of the factor and ends, divided by its diagonal.
+    /// Rows of the Cholesky factor, each divided by its diagonal entry. The same entries divide the ends `lower` and `upper`.
     rows: DMatrix<f64>,
     lower: Vec<f64>,
     upper: Vec<f64>,
-    /// Saddle point: coordinates and shifts, 0 for the last coordinate.
+    /// Coordinates x at the saddle point. The last entry of `x` and of `shift` is 0.
     x: Vec<f64>,
     shift: Vec<f64>,
 }
@@ -203,13 +204,13 @@ impl Tilted {
         self.lower.len()
     }
 
-    /// Ends of coordinate `k` given the earlier ones, less its shift.
+    /// Returns the ends of coordinate `k`, given the earlier coordinates in `x`, less the coordinate's shift.
     fn ends(&self, k: usize, x: &[f64], shift: f64) -> [f64; 2] {
         let moved = shift + (0..k).map(|j| self.rows[(k, j)] * x[j]).sum::<f64>();
         [self.lower[k] - moved, self.upper[k] - moved]
     }
 
-    /// Logarithm of the weight, ψ(x; μ) = Σ [μ²/2 − xμ + ln P(ends given x, less μ)].
+    /// Logarithm of the weight of a point x: ψ(x; μ) = Σ [μ²/2 − xμ + ln P(ends given x, less μ)], summed over coordinates.
     fn ln_weight(&self, x: &[f64]) -> f64 {
         let of_coordinate = |k: usize| {
             let [lower, upper] = self.ends(k, x, self.shift[k]);
@@ -243,7 +244,8 @@ impl Tilted {
         (gradient, jacobian)
     }
 
-    /// Finds the saddle point by Newton's steps, shortened if the slope does not fall. Any shift gives the right probability; the saddle point needs the fewest points.
+    /// Finds the saddle point by Newton's steps, which are shortened if the slope does not fall. Any shift gives the right probability; the saddle point needs the fewest
+    /// points.
     fn find_saddle(&mut self) {
         let m = self.n() - 1;
         if m == 0 {
@@ -275,7 +277,7 @@ impl Tilted {
         }
     }
 
-    /// Approximate mean of the coordinates, given the box.
+    /// Approximate mean of the coordinates, given that they lie in the box.
     fn mean(&self) -> DVector<f64> {
         DVector::from_fn(self.n(), |k, _| {
             let [lower, upper] = self.ends(k, &self.x, self.shift[k]);
@@ -302,8 +304,8 @@ impl Tilted {
     }
 }
 
-/// Visits points of the unit cube with weights that sum to one: equally spaced, or a Kronecker sequence. The substitution w = t³(10 − 15t + 6t²) gives the ends of the cube zero weight.
-/// Integrands are steep there, and both rules are best for periodic integrands.
+/// Calls `visit` with points of the unit cube and their weights, which sum to one. The points are equally spaced, or a Kronecker sequence in more than two dimensions.
+/// The substitution w = t³(10 − 15t + 6t²) gives the ends of the cube zero weight. Integrands are steep at the ends, and both rules are best for periodic integrands.
 fn for_points(n_dimensions: usize, mut visit: impl FnMut(&[f64], f64)) {
     let bent = |t: f64| (t.powi(3) * (10.0 - t * (15.0 - 6.0 * t)), 30.0 * (t * (1.0 - t)).powi(2));
     let mut point = vec![0.0; n_dimensions];
@@ -324,7 +326,7 @@ fn for_points(n_dimensions: usize, mut visit: impl FnMut(&[f64], f64)) {
             (0..n * n).for_each(|number| visit_at(n * n, &|d| middle(if d == 0 { number / n } else { number % n }, n)));
         }
         _ => {
-            // The root of xᵈ⁺¹ = x + 1: its powers are worst approximated by fractions.
+            // Root of xᵈ⁺¹ = x + 1 in d dimensions. Fractions approximate its powers poorly, so the points are evenly spread.
             let ratio = (0..60).fold(1.5_f64, |x, _| (1.0 + x).powf(1.0 / (n_dimensions + 1) as f64));
             let t = |number: usize, d: usize| ((number as f64 + 0.5) * ratio.powi(-(d as i32) - 1)).fract();
             (0..N_OF_MORE).for_each(|number| visit_at(N_OF_MORE, &|d| t(number, d)));

@@ -1,4 +1,4 @@
-//! Tests against closed forms and independent quadrature: near the mean, and where only the logarithm can represent the probability.
+//! Tests against closed forms and independent quadrature, both near the mean and so far in the tail that only the logarithm can represent the probability.
 
 use super::*;
 
@@ -6,7 +6,7 @@ fn equal(n: usize, correlation: f64) -> DMatrix<f64> {
     DMatrix::from_fn(n, n, |i, j| if i == j { 1.0 } else { correlation })
 }
 
-/// ln ∫ exp(f) by the trapezoidal rule with n points, over an interval that contains the whole integrand or at whose ends it is smooth.
+/// ln ∫ exp(f) by the trapezoidal rule with n intervals. The interval [from, to] contains the whole integrand, or the integrand is smooth at its ends.
 fn ln_integral(f: impl Fn(f64) -> f64, [from, to]: [f64; 2], n: usize) -> f64 {
     let width = (to - from) / n as f64;
     let values: Vec<f64> = (0..=n).map(|i| f(from + width * i as f64)).collect();
@@ -16,7 +16,7 @@ fn ln_integral(f: impl Fn(f64) -> f64, [from, to]: [f64; 2], n: usize) -> f64 {
     largest + (width * (ends + inner)).ln()
 }
 
-/// ln Q(x) to full accuracy: erfc in its range, then the continued fraction.
+/// ln Q(x) to full accuracy: by erfc for small x, else by the continued fraction.
 fn ln_upper(x: f64) -> f64 {
     if x < 20.0 {
         return (0.5 * erfc(x * FRAC_1_SQRT_2)).ln();
@@ -53,7 +53,8 @@ fn a_quantile_is_where_the_share_lies_below() {
     }
 }
 
-/// Quadrants and octants have closed forms: ¼ + asin ρ/2π, ⅛ + Σ asin ρ/4π, and 1/(n + 1) if all correlations are ½.
+/// The probability that all of n coordinates are positive has closed forms. It is ¼ + asin ρ/2π for two and ⅛ + Σ asin ρ/4π for three. It is 1/(n + 1) if all
+/// correlations are ½.
 #[test]
 fn orthants_have_their_closed_forms() {
     let orthant = |covariance: &DMatrix<f64>| {
@@ -68,7 +69,7 @@ fn orthants_have_their_closed_forms() {
     let three = DMatrix::from_row_slice(3, 3, &[1.0, -0.6, 0.2, -0.6, 1.0, 0.5, 0.2, 0.5, 1.0]);
     let expected = 0.125 + [-0.6_f64, 0.2, 0.5].iter().map(|rho| rho.asin()).sum::<f64>() / (2.0 * TAU);
     assert!((orthant(&three) / expected - 1.0).abs() < 1e-4, "{} {expected}", orthant(&three));
-    // The result does not depend on scales.
+    // The result does not depend on the coordinates' scales.
     let scale = [1e-6, 3.0, 1e5];
     let scaled = DMatrix::from_fn(3, 3, |i, j| three[(i, j)] * scale[i] * scale[j]);
     assert!((orthant(&scaled) / orthant(&three) - 1.0).abs() < 1e-9);
@@ -79,7 +80,8 @@ fn orthants_have_their_closed_forms() {
     }
 }
 
-/// Coordinates with equal positive correlations are a common part plus independent parts, so the probability is one integral: ∫φ(t) P(…| t)ⁿ dt.
+/// Coordinates with equal positive correlations are the sum of one shared variable t and independent variables. The probability is therefore a single integral: ∫φ(t)
+/// P(…| t)ⁿ dt.
 #[test]
 fn boxes_far_away_have_the_probability_of_a_single_integral() {
     for n in [1, 3, 5] {
@@ -100,7 +102,7 @@ fn boxes_far_away_have_the_probability_of_a_single_integral() {
     }
 }
 
-/// Two coordinates with any correlation and box, compared with a sum over one of them.
+/// Two coordinates with any correlation and box agree with a sum over one of them.
 #[test]
 fn two_coordinates_agree_with_a_sum_over_one() {
     for rho in [-0.999, -0.8, 0.3, 0.99] {
@@ -128,7 +130,7 @@ fn ends_count_where_they_are_reached() {
     let alone = ln_within(10.0, 90.0);
     let free = ln_box_probability(&covariance, &[10.0, -90.0, -90.0], &[90.0, 90.0, 90.0]);
     assert!((free - alone).abs() < 1e-9, "{free} {alone}");
-    // Nine standard deviations are far, until the first coordinate shifts the second to 9.5.
+    // An end nine standard deviations away is far, until the first coordinate shifts the second to 9.5.
     let held = ln_box_probability(&covariance, &[10.0, -90.0, -90.0], &[90.0, 9.0, 90.0]);
     assert!(held < alone - 1.0, "{held} {alone}");
     let value = ln_box_probability(&covariance, &[10.0, -90.0, 0.0], &[90.0, 90.0, f64::INFINITY]);

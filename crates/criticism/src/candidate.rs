@@ -1,4 +1,4 @@
-//! A model of the mean, and the coordinates in which a search moves.
+//! A model of the mean position, and the coordinates in which a fit varies its parameters.
 
 use base::distribution::Distribution;
 use base::parameter::ParameterSpec;
@@ -6,25 +6,25 @@ use models::effects::EffectParameter;
 use models::model::Model;
 use posterior::problem::{Problem, TAIL_MASS};
 
-/// Search coordinate of a parameter.
+/// Coordinate in which a fit varies a parameter.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Coordinate {
     /// Logarithm of the parameter.
     Logarithm,
-    /// The parameter itself, in units of its prior's spread.
+    /// The parameter divided by the interquartile range of its prior.
     Linear {
-        /// The spread, in the parameter's unit.
+        /// Interquartile range of the prior, in the parameter's unit.
         scale: f64,
     },
-    /// Square of the parameter, in units of the squared spread.
+    /// Square of the parameter, divided by the squared interquartile range of its prior.
     Square {
-        /// The spread, in the parameter's unit.
+        /// Interquartile range of the prior, in the parameter's unit.
         scale: f64,
     },
 }
 
 impl Coordinate {
-    /// Returns the parameter at a coordinate.
+    /// Returns the parameter's value at the coordinate `theta`.
     pub fn value(self, theta: f64) -> f64 {
         match self {
             Self::Logarithm => theta.exp(),
@@ -33,7 +33,7 @@ impl Coordinate {
         }
     }
 
-    /// Returns the coordinate of a parameter.
+    /// Returns the coordinate of a parameter's value.
     pub fn theta(self, value: f64) -> f64 {
         match self {
             Self::Logarithm => value.ln(),
@@ -42,7 +42,7 @@ impl Coordinate {
         }
     }
 
-    /// Change of the parameter per unit of its coordinate: the derivative, or for a square the parameter at coordinate 1.
+    /// Returns the change of the parameter per unit of its coordinate. It is the derivative; for a square it is the parameter at coordinate 1.
     pub fn unit(self, theta: f64) -> f64 {
         match self {
             Self::Logarithm => theta.exp(),
@@ -51,20 +51,22 @@ impl Coordinate {
     }
 }
 
-/// A free parameter.
+/// A free parameter of a candidate, with its search coordinate, ends and prior.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Free {
-    /// Index among the model's parameters.
+    /// Index in the model's list of parameters.
     pub index: usize,
-    /// Name, with unit.
+    /// Name with unit.
     pub name: &'static str,
-    /// Search coordinate.
+    /// Coordinate in which a fit varies the parameter.
     pub coordinate: Coordinate,
-    /// Ends of the search, as coordinates: the support, cut where the prior leaves 10⁻⁹ on either side.
+    /// Lower and upper end of the search, as coordinates. They are the ends of the support, or the points where the prior leaves 10⁻⁹ on either side. The null is always
+    /// inside.
     pub ends: [f64; 2],
-    /// Mean and standard deviation of the coordinate under the prior, for the law's parameters and the experiment's nuisances. Effects have none: the data alone decide their size.
+    /// Mean and standard deviation of the coordinate under the prior, for the law's parameters and the experiment's nuisance parameters. `None` for effects: the data
+    /// alone decide their size.
     pub prior: Option<(f64, f64)>,
-    /// Prior whose quantiles give the starts of a search.
+    /// Prior whose quantiles give the starting points of a fit.
     pub distribution: Distribution,
     /// Coordinate at which the parameter's effect vanishes; `None` for the law's parameters and for parameters that are unidentified at the null.
     pub null: Option<f64>,
@@ -93,41 +95,41 @@ impl Free {
         self.clamped(self.coordinate.theta(self.distribution.quantile(probability)))
     }
 
-    /// Mean and standard deviation of a normal that approximates the coordinate's distribution.
+    /// Returns mean and standard deviation of a normal distribution that approximates the coordinate's prior.
     pub fn as_normal(&self) -> (f64, f64) {
         let [lower, median, upper] = [ONE_SD, 0.5, 1.0 - ONE_SD].map(|p| self.quantile(p));
         (median, 0.5 * (upper - lower))
     }
 }
 
-/// A law with effects, and additional columns of free amplitude.
+/// A model of the mean position: a law with effects, and additional columns of free amplitude.
 #[derive(Clone)]
 pub struct Candidate {
-    /// Law and effects.
+    /// Model of the law and its effects.
     pub model: Model,
     /// Slugs of the effects: the base's, then the added ones.
     pub effects: Vec<String>,
     /// Free parameters in the model's order: the law's, then each effect's in the library's order.
     pub free: Vec<Free>,
-    /// Model parameters with the fixed values filled in; NaN where free.
+    /// Values of all model parameters: fixed values filled in, NaN for free parameters.
     pub template: Vec<f64>,
     /// Columns (m per unit amplitude, one value per row of the record) that are added to the position.
     pub columns: Vec<Vec<f64>>,
 }
 
-/// Prior mass on either side of an interval of two standard deviations, mean ± one.
+/// Probability that a normal variable lies more than one standard deviation below its mean.
 const ONE_SD: f64 = 0.158_655_253_931_457;
-/// Prior mass on either side of the interval that defines a prior's spread.
+/// Prior probability beyond either end of the interquartile range, the scale of a coordinate.
 const SPREAD_TAIL: f64 = 0.25;
 
 impl Candidate {
-    /// The candidate of a problem's model.
+    /// Returns the candidate of a problem's model, without columns.
     pub fn new(problem: &Problem) -> Self {
         let (model, fixed) = (problem.model.clone(), &problem.specification.fixed);
         let template: Vec<f64> =
             model.parameters().iter().map(|p| fixed.get(p.name).copied().unwrap_or(f64::NAN)).collect();
         let n_before = model.n_before_effects();
-        // The model has its effects in the library's order; the list may have the base's first.
+        // The model orders its effects as the library does. The specification may list the base's effects first.
         let listed = &problem.specification.effects;
         let place = |slug: &str| listed.iter().position(|name| name == slug).unwrap_or(listed.len());
         let of_effects: Vec<(usize, &EffectParameter)> = model
@@ -155,7 +157,7 @@ impl Candidate {
         Self { columns: [self.columns.clone(), columns].concat(), ..self.clone() }
     }
 
-    /// Returns the candidate with some free parameters held at coordinates.
+    /// Returns the candidate with the free parameters that `is_held` accepts fixed at the coordinates `theta`.
     pub fn held(&self, theta: &[f64], is_held: impl Fn(&Free) -> bool) -> Self {
         let mut held = self.clone();
         for (free, theta) in self.free.iter().zip(theta).filter(|(free, _)| is_held(free)) {
@@ -165,7 +167,7 @@ impl Candidate {
         held
     }
 
-    /// Returns whether trajectories cannot be computed eight at a time: the law is nonlinear, or a quantity depends on a state.
+    /// Returns whether trajectories must be computed one by one instead of eight at a time. This is so if an effect is nonlinear or a quantity depends on a state.
     pub fn is_slow(&self) -> bool {
         self.model.effects().iter().any(|effect| effect.is_nonlinear() || effect.depends_on_state())
     }
@@ -175,7 +177,7 @@ impl Candidate {
         self.free.len() + self.columns.len()
     }
 
-    /// Returns the model's parameters at coordinates.
+    /// Returns the values of all model parameters at the coordinates `theta`.
     pub fn parameters(&self, theta: &[f64]) -> Vec<f64> {
         let mut parameters = self.template.clone();
         for (free, theta) in self.free.iter().zip(theta) {
@@ -184,18 +186,19 @@ impl Candidate {
         parameters
     }
 
-    /// Ends of the search in one coordinate.
+    /// Returns the lower and upper end of the search in one coordinate; infinite for the amplitude of a column.
     pub fn ends(&self, coordinate: usize) -> [f64; 2] {
         self.free.get(coordinate).map_or([f64::NEG_INFINITY, f64::INFINITY], |free| free.ends)
     }
 
-    /// Log prior of coordinates, up to a constant; only parameters with a prior count.
+    /// Returns the log prior density at coordinates, up to a constant. Only parameters with a prior contribute.
     pub fn ln_prior(&self, theta: &[f64]) -> f64 {
         let pairs = self.free.iter().zip(theta);
         pairs.filter_map(|(free, theta)| free.prior.map(|(mean, sd)| -0.5 * ((theta - mean) / sd).powi(2))).sum()
     }
 
-    /// Coordinates in this model of a smaller model's optimum. New parameters are at their null, or at their prior's median if they have none.
+    /// Returns the coordinates at which this candidate equals a smaller one with coordinates `theta`. New parameters are at their null, or at their prior's median if
+    /// they have no null.
     pub fn embed(&self, smaller: &Candidate, theta: &[f64]) -> Vec<f64> {
         let known = |free: &Free| smaller.free.iter().position(|other| other.name == free.name);
         let mut embedded: Vec<f64> = self

@@ -8,7 +8,8 @@ use super::separation::distance;
 use super::verdict::Rival;
 use base::error::{Error, Result};
 
-/// Fits the rivals of a claim and returns them with their models. Each has its rank deficit and, if the deficit is within reach of the data, its separation by the experiment.
+/// Fits the rivals of a claim and returns them with their models. Each rival has its rank deficit (nats). If the deficit is within reach of the data, it also has its
+/// distance (σ) from the claim.
 pub(super) fn fit_rivals(
     subject: &Subject,
     criteria: &Criteria,
@@ -26,7 +27,7 @@ pub(super) fn fit_rivals(
         let deficit_nats = best - rank(&model);
         let mut rival = Rival { effect: slug.into(), deficit_nats, separation_sigma: None, lead_p: None };
         if criteria.is_equivalent(&rival) {
-            // A model that cannot approach the claim at all is infinitely far from it.
+            // If the rival's model cannot be fitted to the claim at all, its distance is infinite.
             let apart = match distance(subject, &model.candidate, (&claimed.candidate, &claimed.fitted)) {
                 Err(Error::Numerical { .. }) => f64::INFINITY,
                 other => other?,

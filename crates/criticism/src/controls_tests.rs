@@ -1,6 +1,6 @@
-//! Verdicts on data whose only fault is their noise, and on a wrong law.
+//! Verdicts on data whose only fault is their noise, and on data of another law.
 //!
-//! They test the algorithm, not the mechanics: motions are the model's own, in closed form, on an instrument.
+//! The tests check the algorithm, not the mechanics: motions are those of the model, in closed form, on an instrument.
 
 use rayon::prelude::*;
 
@@ -16,13 +16,14 @@ use posterior::problem::Problem;
 use posterior::study::ModelSpecification;
 use sampling::ensemble::RandomStream;
 
-/// Effects that are quick to fit and together flexible.
+/// Effects that are quick to fit and that together can describe many misfits.
 const QUICK: [&str; 6] =
     ["actuator-lag", "clock-offset", "force-bias", "instantaneous-elasticity", "second-retardation", "tracking-drift"];
 /// Effects for tests whose verdict does not depend on the selection.
 const FEW: [&str; 3] = ["clock-offset", "force-bias", "instantaneous-elasticity"];
 
-/// Noise of a control: σ, σ_ou (µm), τ (s), s_g, s_o (µm); shares of rows that are off by 12 σ and of lost rows; and whether σ is given.
+/// Noise of a control: σ (µm), σ_ou (µm), τ (s), s_g and s_o (µm). `off` is the fraction of rows moved by 12 σ, `lost` that of rows without a position. The last field
+/// tells whether σ is given.
 #[derive(Clone, Copy)]
 struct Noise {
     parameters: NoiseValues,
@@ -39,7 +40,7 @@ fn autoregressive(sd_um: f64, time_s: f64) -> Noise {
     Noise { parameters: NoiseValues::new([NONE, sd_um, time_s, NONE, NONE]), is_given: false, ..WHITE }
 }
 
-/// A subject with positions (m), one per row, and a selection of effects; its noise of 4 µm may be given or not.
+/// Returns a subject with positions (m), one per row, and a selection of effects. Its noise of 4 µm may be given or not.
 fn measured(position_m: &[Option<f64>], is_given: bool, effects: &[&str]) -> Subject {
     let mut experiment = subject(Protocol::Paper).experiment().clone();
     experiment.record.position_m = position_m.to_vec();
@@ -67,9 +68,9 @@ fn diagnosed(subject: &Subject, seed: u64) -> Diagnosis {
     diagnose(subject, &request, &SilentMonitor).expect("a diagnosis").diagnosis
 }
 
-/// Slow noise alone is noise and is reported as an estimate, although short lags show a third of it at most, also with outliers and lost rows. At most one search in a hundred has
-/// a false claim, so one of the first four verdicts is not `none` once in twenty-five choices of seeds; these are fixed. `VITREO_UQ_CONTROLS`
-/// sets a larger number of each kind, and adds kinds.
+/// Slow noise alone counts as noise and is reported as an estimate, although short lags show at most a third of it. This also holds with outliers and lost rows. At most
+/// one search in a hundred has a false claim. So one of the first four verdicts is not `none` in one of twenty-five choices of seeds; these seeds are fixed.
+/// `VITREO_UQ_CONTROLS` sets a larger number of records of each kind, and adds kinds.
 #[test]
 #[ignore = "campaigns/long-tests"]
 fn noise_that_is_not_given_is_not_a_misfit() {
@@ -110,14 +111,14 @@ fn noise_that_is_not_given_is_not_a_misfit() {
         for (.., diagnosis) in function().filter(|other| other.2.verdict.kind == VerdictKind::None) {
             assert_eq!(diagnosis.verdict.sentence.contains("estimated"), !noise.is_given);
             let true_um = noise.parameters[0].hypot(noise.parameters[1]);
-            // For slow noise of ten seconds four cycles give a few independent numbers; for that of half a second some sixty, with an error of a tenth.
+            // For slow noise with a correlation time of 10 s, four cycles give a few independent values. For 0.5 s they give some sixty, with an error of a tenth.
             let ratio = diagnosis.search_noise_um / true_um;
             assert!(noise.parameters[2] > 0.5 || noise.is_given || (0.6..1.6).contains(&ratio), "{ratio}");
         }
     }
 }
 
-/// The hardest of those kinds, with few effects: a false claim has a probability of one in a hundred, and the seed is fixed.
+/// The hardest kind of noise of that test, with few effects. A false claim has a probability of one in a hundred, and the seed is fixed.
 #[test]
 #[ignore = "thorough"]
 fn slow_noise_with_outliers_is_not_a_misfit() {
@@ -130,13 +131,13 @@ fn slow_noise_with_outliers_is_not_a_misfit() {
     assert!((0.6..1.6).contains(&ratio), "{ratio}");
 }
 
-/// A creep with the square root of time under a law of one relaxation time: effects help, but none suffices. The noise is a tenth of a micrometre.
+/// The data creep with the square root of time, while the law has one relaxation time. Effects help, but none suffices. The noise is 0.1 µm.
 #[test]
 #[ignore = "campaigns/long-tests"]
 fn a_wrong_law_is_called_wrong_first() {
     let still = subject(Protocol::Paper);
     let record = &still.experiment().record;
-    // Half a millimetre a second after each change of the force.
+    // The motion reaches half a millimetre one second after a change of the force.
     let of_row = |row: usize| {
         let steps = record.force_step_rows().into_iter().filter(|step| *step < row);
         let before_n = |step: usize| step.checked_sub(1).map_or(0.0, |before| record.force_n[before]);
@@ -160,9 +161,9 @@ fn a_wrong_law_is_called_wrong_first() {
     assert!(diagnosis.extended.is_some());
 }
 
-/// Both commands judge one residual alike: a shape of 5 µm that repeats in every cycle beside 4 µm of known noise. The search's noise absorbs the shape, but
-/// `diagnose` must call it a misfit as `sample` does, with white noise alone. `sample` finds no misfit without the shape; the controls above require that of `diagnose`.
-/// tests/commands/diagnose.rs runs both commands on a shorter record.
+/// `diagnose` and `sample` judge a residual alike. The data have a shape of 5 µm that repeats in every cycle, beside 4 µm of known noise. The search's noise absorbs the
+/// shape, but `diagnose` must call it a misfit, as `sample` does with white noise alone. Without the shape, `sample` finds no misfit; the controls above require the same
+/// of `diagnose`. tests/commands/diagnose.rs runs both commands on a shorter record.
 #[test]
 #[ignore = "campaigns/long-tests"]
 fn known_noise_binds_both_commands() {
@@ -196,8 +197,8 @@ fn known_noise_binds_both_commands() {
     }
 }
 
-/// Parts of one unbroken hold are named as three cycles, the last one held out, with 4 µm of known noise. If the motion there leaves the law, a gain and an offset of that part would absorb
-/// all of it; the verdict must not be `none`. If the motion follows the law, the verdict is `none`.
+/// Three parts of one unbroken hold are named as cycles, with the last one held out and 4 µm of known noise. If the motion in the last part leaves the law, a gain and an
+/// offset of that part would absorb all of the misfit. The verdict must then not be `none`. If the motion follows the law, the verdict is `none`.
 #[test]
 fn a_part_of_an_unbroken_hold_has_no_gain_of_its_own() {
     let mut experiment = subject(Protocol::Paper).experiment().clone();
@@ -227,7 +228,7 @@ fn a_part_of_an_unbroken_hold_has_no_gain_of_its_own() {
     }
 }
 
-/// The real measurement beside the project, if present: an effect may help, but none is the cause.
+/// In the real measurement beside the project, if present, an effect may help, but none is the cause.
 #[test]
 #[ignore = "campaigns/long-tests"]
 fn a_real_measurement_of_another_law_is_not_explained() {

@@ -1,77 +1,83 @@
 //! The thresholds of all verdicts, in one place, with their reasons.
 //!
-//! [`Criteria::RECORD`] is for one creep record, [`Criteria::SWEEP`] for one oscillation, [`Criteria::COHORT`] for many records. A field names the campaign (`campaigns/`) that counts how often
-//! verdicts with its value are right; no campaign varies a value alone. Other commands share two further rules: [`posterior::misfit`] decides when a residual exceeds the noise, and
-//! [`SEPARATED_SIGMA`] when an experiment separates two models. Tolerances and budgets of computations decide no verdict and are defined beside their use.
+//! [`Criteria::RECORD`] is for one creep record, [`Criteria::SWEEP`] for one oscillation, [`Criteria::COHORT`] for many records. The comment on a field names in brackets
+//! the campaign (`campaigns/`) that counts how often verdicts with its value are right. No campaign varies a single threshold. Other commands share two further rules:
+//! [`posterior::misfit`] decides when a residual exceeds the noise, and [`SEPARATED_SIGMA`] when an experiment separates two models. Tolerances and budgets of
+//! computations decide no verdict. They are defined beside their use.
 
 use super::separation::SEPARATED_SIGMA;
 
 /// Decision thresholds. Gains are in nats of log likelihood; every model's noise is estimated anew.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Criteria {
-    /// Largest p of a claim, over the whole search; each further round of additions uses half of the previous p. Record: 0.05. It claims an effect in 10 of 2,800 records without a hidden effect,
-    /// since future cycles must agree (controls). Sweep: 0.01, since held-out frequencies need not gain (sweeps). Cohort: 0.01 (cohorts).
+    /// Largest p, over the whole search, at which an effect may be claimed. Each further round of additions uses half of the previous threshold. Record: 0.05. It claims
+    /// an effect in only 10 of 2,800 records without a hidden effect, since future cycles must agree (controls). Sweep: 0.01, since held-out frequencies need not gain
+    /// (sweeps). Cohort: 0.01 (cohorts).
     pub largest_p: f64,
-    /// Gain in the log score of future cycles that a claim has to exceed; `None` where a claim may rest on fitted data alone. Record and cohort: 2 nats (controls, cohorts).
-    /// Sweep: none, since an effect need not show in the held-out frequencies (sweeps).
+    /// Gain (nats) in the log score of future cycles that a claim has to exceed; `None` if fitted data alone may support a claim. Record and cohort: 2 nats (controls,
+    /// cohorts). Sweep: none, since an effect need not show in the held-out frequencies (sweeps).
     pub least_future_nats: Option<f64>,
-    /// Largest loss of a claim in the log score of the last cycle, or of held-out frequencies. An effect that does not show there changes that score very little. In six of eight records
-    /// with a false claim and no hidden effect, the gain was on earlier cycles alone (controls).
+    /// Largest loss (nats) of a claim in the log score of the last cycle, or of held-out frequencies. An effect that does not show there hardly changes that score. In
+    /// six of eight records with a false claim and no hidden effect, the gain was on earlier cycles alone (controls).
     pub largest_loss_nats: f64,
-    /// Smallest change of a predicted position, over the noise (`--smallest`); a smaller change has no use. Sweeps and cohorts do not use this threshold.
+    /// Smallest change of a predicted position that a claim must make, divided by the noise (`--smallest`). A smaller change has no practical use. Sweeps and cohorts do
+    /// not use this threshold.
     pub smallest_change: f64,
-    /// Most effects of a claim. Campaigns hide two at most (pairs).
+    /// Largest number of effects in a claim. Campaigns hide at most two (pairs).
     pub most_effects: usize,
-    /// A larger model is tried where its rank exceeds the smaller one's by this factor and by `larger_nats` (pairs).
+    /// A model with more effects is preferred only if its rank is at least `larger_factor` times the smaller model's rank plus `larger_nats` (pairs).
     pub larger_factor: f64,
-    /// See `larger_factor`. Structure that would replace a claim gets so many nats of allowance for each effect of the claim beyond the first.
+    /// Nats in the rule of `larger_factor`. Structure may also replace a claim although it gains less than the claim, by up to this many nats for each claimed effect
+    /// beyond the first.
     pub larger_nats: f64,
-    /// An effect of a larger claim is left out if its removal costs less and the rest passes alone (pairs).
+    /// An effect of a larger claim is dropped if its removal costs fewer nats than this and the remaining model passes by itself (pairs).
     pub least_removal_nats: f64,
 
-    /// Largest p of structure outside the library, by 199 simulated residuals; simulated records confirm structure that passes (controls, outside).
+    /// Largest p of structure outside the library, from 199 simulated residuals. Structure that passes is then confirmed by simulated records (controls, outside).
     pub largest_structure_p: f64,
-    /// Least gain of structure outside the library, less its family's gain by chance (controls, outside).
+    /// Least gain (nats) of structure outside the library, less the gain of its family by chance (controls, outside).
     pub least_structure_nats: f64,
-    /// Gain of the library's best effect by chance: structure in its place gets the same allowance.
+    /// Gain (nats) of the library's best effect by chance. Structure that would replace an effect gets the same allowance.
     pub chance_nats: f64,
-    /// Lead that structure needs to replace a claim whose own residual shows no structure (outside).
+    /// Lead (nats) over a claim that structure needs to replace it, if the claim's own residual shows no structure (outside).
     pub structure_lead_nats: f64,
-    /// Share of a claim's gain that structure in its residual must gain to count. This share is also added to the lead (outside).
+    /// Least ratio of the gain of structure in a claim's residual to the claim's gain at which the structure counts. The same fraction of the claim's gain is added to
+    /// `structure_lead_nats` (outside).
     pub least_structure_share: f64,
-    /// Cosine above which structure and an effect of the library are treated as alike: backlash is a delay on a square wave (outside).
+    /// Cosine above which structure and an effect of the library count as alike. For example, backlash resembles a delay on a square wave (outside).
     pub least_similar_cosine: f64,
-    /// Largest p at which a process beside a known structure is reported.
+    /// Largest p at which a Gaussian process is reported beside a known structure.
     pub largest_process_p: f64,
 
-    /// Smallest probability of a sweep's residual, over all tests, that counts as noise; shared with `sample` (sweeps).
+    /// Probability of a sweep's residual under noise, over all tests, below which the residual exceeds the noise. `sample` uses the same value (sweeps).
     pub least_noise_p: f64,
-    /// Multiple of its predictive noise above which a claim's error on held-out cycles leaves the cause unexplained, like a misfit in [`posterior::misfit`]. The noise estimate of a model that lacks
-    /// further effects contains those effects (pairs, cohorts).
+    /// Largest ratio of a claim's error on held-out cycles to its predictive noise. Above it the cause is unexplained, as with a misfit in [`posterior::misfit`]. If the
+    /// model lacks further effects, its noise estimate contains them (pairs, cohorts).
     pub claim_factor: f64,
-    /// Multiple of the known noise above which a residual without a claim is not reported as noise: slow noise may have caused it (controls).
+    /// Ratio to the known noise above which a residual without a claim is not reported as noise: slow noise may have caused it (controls).
     pub doubtful_factor: f64,
-    /// Probability of such a residual under white noise of the known size. Above this value, one in a thousand as in [`posterior::misfit`], the residual is not doubtful.
+    /// Probability under white noise of the known size below which a residual above `doubtful_factor` is doubtful: one in a thousand, as in [`posterior::misfit`].
     pub doubtful_p: f64,
 
-    /// The data cannot rule out a rival whose rank is within so many nats of the claim's. Record: 6, and the experiment must not separate them (singles, fields). Sweep: 2, in fitted and in held-out
-    /// frequencies, with no other test (sweeps). Cohort: any, since simulated cohorts decide (cohorts).
+    /// A rival is equivalent to the claim if its rank is within this many nats of the claim's. Record: 6, and the experiment must not separate the two (singles, fields).
+    /// Sweep: 2, in fitted and in held-out frequencies, with no other test (sweeps). Cohort: infinite, since simulated cohorts decide (cohorts).
     pub equivalent_nats: f64,
     /// Distance in σ from which the experiment separates a rival from the claim.
     pub separated_sigma: f64,
-    /// Smallest share of simulated cohorts, made with the rival, in which the claim leads by as much; a rival with a lower share is excluded. The truth is excluded in at most 2 of 100 (cohorts).
+    /// Smallest fraction of cohorts simulated from a rival in which the claim leads by at least as much as in the data. A rival with a smaller fraction is excluded. The
+    /// truth is excluded in at most 2 of 100 cohorts (cohorts).
     pub least_rival_p: f64,
-    /// Before a cohort claims an effect, effects whose rank is at least this share of the largest are fitted to every record. In one cohort with a hidden pocket
-    /// (field 3 of cohorts), first-order ranks were 62 nats for the pocket and 68 for fractional damping; with full fits they were 82 and 79.
+    /// Fraction of the largest rank. Before a cohort claims an effect, all effects whose rank reaches it are fitted to every record. In one cohort with a hidden pocket
+    /// (field 3 of cohorts), first-order ranks were 62 nats for the pocket and 68 for fractional damping. With full fits they were 82 and 79.
     pub near_rank: f64,
-    /// Share of the claim's gain below which a cohort's rival is not tested: no equivalent effect gains so little (cohorts).
+    /// Fraction of the claim's gain below which a cohort's rival is not tested: no equivalent effect gains so little (cohorts).
     pub least_rival_share: f64,
 
-    /// Least gain of an effect that is reported as suggestive or gets a Bayes factor.
+    /// Least gain (nats) of an effect that is reported as suggestive or gets a Bayes factor.
     pub least_gain_nats: f64,
-    /// Largest p of a suggestive effect. Records use a threshold of gain, cohorts of p.
+    /// Largest p of a suggestive effect. Records use the threshold of gain only, cohorts also this one.
     pub suggestive_p: f64,
-    /// Least share of a signature that the base cannot absorb; an effect with less is invisible.
+    /// Least fraction of an effect's signature that the base cannot absorb. An effect with a smaller fraction is invisible.
     pub least_visible: f64,
 }
 
@@ -128,12 +134,12 @@ impl Criteria {
         ..Self::RECORD
     };
 
-    /// Largest p of a round; rounds count from 0.
+    /// Returns the largest p at which a round may claim an effect. Rounds count from 0.
     pub fn p_of_round(&self, round: usize) -> f64 {
         self.largest_p / 2.0_f64.powi(round as i32)
     }
 
-    /// Least rank of a larger model that is preferred to a smaller one of this rank, in nats.
+    /// Returns the least rank (nats) at which a larger model is preferred to a smaller one with rank `rank_nats`.
     pub fn rank_of_larger(&self, rank_nats: f64) -> f64 {
         self.larger_factor * rank_nats.max(0.0) + self.larger_nats
     }

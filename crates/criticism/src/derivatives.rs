@@ -1,4 +1,4 @@
-//! Derivatives of a candidate's position: exact for the parameters of a function of a state, finite differences otherwise.
+//! Derivatives of a candidate's position. They are exact for the parameters of a function of a state, and finite differences for all others.
 
 use super::candidate::Coordinate;
 use super::{Candidate, Subject};
@@ -7,10 +7,10 @@ use base::number::Dual;
 use models::effects::EffectParameter;
 use models::model::{Lanes, N_LANES};
 
-/// Step of a finite difference in a search coordinate, whose unit is the spread of a prior.
+/// Step of a finite difference, in units of the search coordinate.
 const DIFFERENCE: f64 = 1e-4;
 
-/// Derivatives of a candidate's position, in m per unit of the coordinate, one value per row of the record.
+/// Returns the derivatives of a candidate's position (m per unit of the coordinate): one column per coordinate, one value per row of the record.
 pub fn columns_m(subject: &Subject, candidate: &Candidate, theta: &[f64]) -> Result<Vec<Vec<f64>>> {
     let none = || {
         Error::numerical(
@@ -21,7 +21,7 @@ pub fn columns_m(subject: &Subject, candidate: &Candidate, theta: &[f64]) -> Res
     derivatives_m(subject, candidate, theta, None).ok_or_else(none)
 }
 
-/// Derivative with respect to one coordinate, as in [`columns_m`], at a point whose position (m) is known.
+/// Returns the derivative with respect to one coordinate, as in [`columns_m`], at a point whose position (m) is known.
 pub(super) fn column_m(
     subject: &Subject,
     candidate: &Candidate,
@@ -34,13 +34,14 @@ pub(super) fn column_m(
         .or_else(|_| difference_m(subject, candidate, (theta, known_m), (coordinate, -step)))
 }
 
-/// Signed step away from the nearer end. [`derivatives_m`] takes the opposite step if the model has no solution there, for example because a force gradient pulls the robot away.
+/// Step of a finite difference, negative if a positive step would leave the search. [`derivatives_m`] takes the opposite step if the model has no solution there, for
+/// example because a force gradient pulls the robot away.
 fn difference_step(candidate: &Candidate, theta: &[f64], coordinate: usize) -> f64 {
     let [_, upper] = candidate.ends(coordinate);
     if theta[coordinate] + DIFFERENCE > upper { -DIFFERENCE } else { DIFFERENCE }
 }
 
-/// Difference quotient of one step from a point whose position (m) is known.
+/// Difference quotient (m per unit of the coordinate) over one step from a point whose position (m) is known.
 fn difference_m(
     subject: &Subject,
     candidate: &Candidate,
@@ -53,7 +54,7 @@ fn difference_m(
     Ok(moved_m.iter().zip(known_m).map(|(moved, known)| (moved - known) / step).collect())
 }
 
-/// Derivatives at coordinates, whose position (m) may be known; `None` if there are none.
+/// Derivatives with respect to all coordinates at the point `theta`; `None` if the model has none there. `known_m` is the position (m) at that point, if known.
 pub(super) fn derivatives_m(
     subject: &Subject,
     candidate: &Candidate,
@@ -69,7 +70,7 @@ pub(super) fn derivatives_m(
         moved[*k] += step(*k);
         moved
     };
-    // The position costs nothing beside the moved points, unless trajectories are computed one by one.
+    // The position is computed along with the moved points. This takes extra time only if trajectories are computed one by one.
     let centre = (known_m.is_none() && !moved.is_empty()).then(|| theta.to_vec());
     let points: Vec<Vec<f64>> = centre.into_iter().chain(moved.iter().map(moved_point)).collect();
     let mut position_m = known_m.map(<[f64]>::to_vec);
@@ -99,7 +100,7 @@ pub(super) fn derivatives_m(
     Some(columns)
 }
 
-/// Derivatives with respect to the parameters of a function of a state, with the indices of their coordinates.
+/// Derivatives with respect to the parameters of a function of a state: the index of each coordinate and its column (m per unit of the coordinate).
 fn by_function_m(subject: &Subject, candidate: &Candidate, theta: &[f64]) -> Result<Vec<(usize, Vec<f64>)>> {
     let Some(effect) = candidate.model.effects().iter().find(|effect| effect.depends_on_state()) else {
         return Ok(Vec::new());
@@ -126,7 +127,7 @@ mod tests {
     use super::*;
     use crate::test_replica::{base_fit, replica};
 
-    /// Near the largest force gradient that has a model, the derivative is the difference quotient of a backward step.
+    /// Near the largest force gradient for which the model has a solution, the derivative is the difference quotient of a backward step.
     #[test]
     fn where_a_model_ends_the_other_side_serves() {
         let (base, fitted) = base_fit();

@@ -1,7 +1,8 @@
 //! The smallest size of each effect that an experiment can show, and the effects that it cannot show.
 //!
-//! An effect of some size is visible if the base model's best fit misses its noise-free data by the threshold of detection ([`super::separation`]). The
-//! sizes lie in the range of the prior. The most visible of both signs and all grid points of unidentified parameters counts.
+//! Noise-free data are simulated with an effect of some size. The effect is visible if the distance of the base model's best fit from these data reaches the threshold of
+//! detection ([`super::separation`]). The tested sizes lie in the range of the prior. Both signs and all grid points of unidentified parameters are tried, and the most
+//! visible of them counts.
 
 use rayon::prelude::*;
 
@@ -9,31 +10,32 @@ use super::separation::{FirstOrderResidual, RivalFit, RivalTruth, fit_rival, ove
 use super::{Candidate, Fitted, Subject};
 use base::error::{Error, Result};
 
-/// Prior mass beyond either end of the tested sizes.
+/// Prior probability beyond either end of the range of tested sizes.
 const RANGE_TAIL: f64 = 0.005;
-/// Number of sizes tested to first order; each is half of the previous one.
+/// Number of sizes tested to first order, each half of the previous one.
 const N_HALVINGS: i32 = 16;
-/// Number of halvings after which a signature counts as that at the null.
+/// Number of halvings of the largest size after which a signature counts as that at the null.
 const SMALL: usize = 5;
-/// Number of search directions (each a sign and a grid point) whose sizes are computed by refits.
+/// Largest number of search directions (each a sign and a grid point) whose smallest visible sizes are computed by refits.
 const MOST_WAYS: usize = 3;
 const MOST_REFITS: usize = 12;
-/// Relative accuracy of the smallest size: its distance exceeds the threshold by at most this share.
+/// Relative accuracy of the smallest size: its distance exceeds the threshold by at most this fraction.
 const TOLERANCE: f64 = 0.01;
-/// Largest distance in σ, and visible fraction, below which an experiment is blind to an effect.
+/// An experiment is blind to an effect that is visible at no size if its largest distance (σ) is below this value. It is also blind if the visible fraction is below
+/// `BLIND_FRACTION`.
 const BLIND_SIGMA: f64 = 1.0;
 const BLIND_FRACTION: f64 = 1e-3;
 
 /// Detectability of an effect in an experiment.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Detectability {
-    /// Slug.
+    /// Slug of the effect.
     pub effect: String,
     /// Smallest visible value of the effect's first parameter, in its unit; `None` if no value in the prior's range is visible.
     pub smallest: Option<f64>,
-    /// Distance in σ of the base model's best fit from the largest size in the prior's range.
+    /// Distance (σ) of the base model's best fit from data with the largest size in the prior's range.
     pub largest_distance: f64,
-    /// Share of the effect's whitened signature that the base model cannot absorb: ‖Pg‖²/‖g‖² at small sizes, the largest over signs and grid points.
+    /// Fraction ‖Pg‖²/‖g‖² of the effect's whitened signature g that the base model cannot absorb, at small sizes. It is the largest over signs and grid points.
     pub visible_fraction: f64,
 }
 
@@ -45,8 +47,8 @@ impl Detectability {
     }
 }
 
-/// Smallest size above the threshold of detection (σ) of every effect that can be added to the base model, at its fit. In the
-/// order of the library.
+/// Returns the detectability of every effect that can be added to the base model, in the order of the library. `base` is the base model at its fit, `threshold_sigma` the
+/// distance (σ) from which an effect is visible.
 ///
 /// # Errors
 /// Errors of building a model with an effect, except for effects that cannot be added.
@@ -72,13 +74,13 @@ pub fn find_smallest_detectable(
     Ok(list?.into_iter().flatten().collect())
 }
 
-/// A sign and a grid point of the unidentified parameters, with sizes from largest to smallest.
+/// A direction in which an effect grows: a sign and a grid point of its unidentified parameters. Its sizes are tested from the largest to the smallest.
 struct SearchDirection {
-    /// Coordinates at the null.
+    /// Coordinates of the candidate at the null of the effect.
     null: Vec<f64>,
-    /// Largest step from the null, signed, in the coordinate.
+    /// Largest step of the size's coordinate from the null, with its sign.
     end: f64,
-    /// First-order distance of each size; `None` if there is no model.
+    /// First-order residual of each size, the largest size first; `None` if the model has no solution there.
     seen: Vec<Option<FirstOrderResidual>>,
 }
 
@@ -87,13 +89,13 @@ impl SearchDirection {
         self.end * 0.5_f64.powi(halvings as i32)
     }
 
-    /// Largest step at which there is a model, and its first-order distance.
+    /// Largest step at which the model has a solution, and its first-order distance (σ).
     fn largest(&self) -> Option<(f64, f64)> {
         let place = self.seen.iter().position(Option::is_some)?;
         Some((self.step(place), self.seen[place].as_ref()?.squared.max(0.0).sqrt()))
     }
 
-    /// Size of the step at which the first-order distance crosses a threshold.
+    /// Size of the step at which the first-order distance crosses a threshold (σ); `None` if no size reaches it.
     fn crossing(&self, threshold: f64) -> Option<f64> {
         let of = |seen: &Option<FirstOrderResidual>| seen.as_ref().map(|seen| seen.squared.max(0.0).sqrt());
         let place = (0..self.seen.len()).rev().find(|k| of(&self.seen[*k]).is_some_and(|d| d >= threshold))?;
@@ -102,7 +104,7 @@ impl SearchDirection {
     }
 }
 
-/// Detectability of the last effect of a candidate.
+/// Detectability of the last effect of a candidate; `None` if the effect's size is fixed.
 fn of_effect(
     subject: &Subject,
     base: (&Candidate, &Fitted),
@@ -132,7 +134,7 @@ fn of_effect(
     if found.largest_distance < threshold {
         return Ok(Some(found));
     }
-    // The way with the largest distance is tried last, so that its largest size is used if no other way is visible.
+    // The direction with the largest distance is tried last, so that its largest size is used if no other direction is visible.
     let guess = |way: &SearchDirection| way.crossing(threshold).unwrap_or(f64::INFINITY);
     let mut order: Vec<usize> = (0..ways.len()).filter(|k| guess(&ways[*k]).is_finite()).collect();
     order.sort_by(|a, b| guess(&ways[*a]).total_cmp(&guess(&ways[*b])));
@@ -163,7 +165,7 @@ fn ways(
     for null in over_grid(extended, effect, &null) {
         for probability in [RANGE_TAIL, 1.0 - RANGE_TAIL] {
             let end = free.quantile(probability) - null[place];
-            // For a one-sided prior, one end lies slightly beyond the null: that direction is skipped.
+            // A one-sided prior has one end slightly beyond the null: that direction is skipped.
             let is_outward = (end > 0.0) == (probability > 0.5);
             if end != 0.0 && is_outward {
                 let at = |halvings: i32| {
@@ -179,7 +181,7 @@ fn ways(
     ways
 }
 
-/// Distance in σ of the base's best fit from an effect of some step; 0 if there is no model.
+/// Distance (σ) of the base's best fit from data with the effect at a step from its null; 0 if the model has no solution there.
 fn of_step(
     subject: &Subject,
     base: (&Candidate, &Fitted),
@@ -193,7 +195,7 @@ fn of_step(
     Ok(fit_rival(subject, base.0, &truth)?.distance)
 }
 
-/// Smallest signed step of a way whose distance reaches the threshold, by secants inside a bracket.
+/// Finds the smallest signed step in a direction whose distance reaches the threshold, by secants inside a bracket.
 fn smallest_step(
     way: &SearchDirection,
     guess: f64,
@@ -217,7 +219,7 @@ fn smallest_step(
         }
         let upper: f64 = above.unwrap_or(end.abs());
         let aimed = size * (1.0 + 0.5 * TOLERANCE) * threshold / found.max(1e-3 * threshold);
-        // Outside the bracket the secant gives way to the bracket's middle, or to its end if no upper size is known.
+        // If the secant leaves the bracket, the bracket's middle is used, or its end if no upper size is known.
         let inside = aimed > below && aimed < upper;
         size = if inside {
             aimed

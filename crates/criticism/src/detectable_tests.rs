@@ -31,7 +31,7 @@ fn the_smallest_size_is_just_seen_and_half_of_it_is_not() {
     assert!(n_checked >= 7, "{n_checked}");
 }
 
-/// The base has an effect that comes after the others in the library's order: sizes belong to the added effect, not to the base's.
+/// The base has an effect that comes after the others in the library's order. The smallest sizes belong to the added effect, not to the base's.
 #[test]
 fn sizes_are_those_of_the_effect_that_a_base_with_effects_lacks() {
     let library = Library::only(&["clock-offset", "force-bias", "tracking-drift"]);

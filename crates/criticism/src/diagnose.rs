@@ -19,31 +19,32 @@ use rayon::prelude::*;
 use base::error::{Error, Result};
 use posterior::monitor::{Counter, Monitor};
 
-/// A diagnosis with the models it rests on.
+/// Result of a diagnosis, with the models that it rests on.
 pub struct DiagnosisResult {
-    /// The document.
+    /// Document of the diagnosis.
     pub diagnosis: Diagnosis,
-    /// The search, on the positions without outliers.
+    /// Result of the search, which uses the positions without outliers.
     pub found: SearchResult,
-    /// Summary of the unexplained residual, with its picture; `None` if nothing is unexplained or the request is not in full.
+    /// Summary of the unexplained residual, with the data of its figure; `None` if nothing is unexplained or the request is not in full.
     pub leftover: Option<UnexplainedResidual>,
     /// The subject without outliers.
     pub subject: Subject,
 }
 
 const N_OUTSIDE_SIMULATIONS: usize = 199;
-/// Number of simulated data sets that confirm a finding: the largest gain in each must stay below the gain of the finding. They are made in batches, at least three. The batches stop
-/// early if the finding is out of their reach.
+/// Largest number of simulated data sets that confirm a finding. The largest gain in each must stay below the gain of the finding. The sets are made in batches of
+/// `CONFIRMING_BATCH`, and at least `FEWEST_CONFIRMING` are made. The batches stop early if the finding is out of their reach.
 const N_CONFIRMING: usize = 195;
 const CONFIRMING_BATCH: usize = 13;
 const FEWEST_CONFIRMING: usize = 39;
 const OUT_OF_REACH: f64 = 2.0;
 const CONFIRMING_STREAMS: u64 = 0xc0f1;
-/// Budget of trajectory rows for confirming a finding; one row of a nonlinear law counts as `NONLINEAR_COUNTS_AS` rows. A search that would exceed it is cut short after the data sets already made.
+/// Budget of trajectory rows for confirming a finding. One row of a nonlinear law counts as `NONLINEAR_COUNTS_AS` rows. A confirmation that would exceed the budget stops
+/// after the data sets already made.
 const MOST_ROWS_EVALUATED: usize = 50_000_000_000;
 const NONLINEAR_COUNTS_AS: usize = 50;
 
-/// Diagnoses a record: outliers, search, evidence, verdict, document.
+/// Diagnoses a record: excludes outliers, searches for missing effects, computes evidence, decides the verdict and writes the document.
 ///
 /// # Errors
 /// Errors of fitting the base model.
@@ -93,18 +94,18 @@ fn outside_request(request: &DiagnosisRequest) -> OutsideRequest {
     OutsideRequest { n_simulations: N_OUTSIDE_SIMULATIONS, seed: request.seed }
 }
 
-/// Evidence of a record, with the models and structure it rests on.
+/// Evidence of a record, with the models and the structure that it rests on.
 struct GatheredEvidence<'a> {
     evidence: Evidence,
-    /// Models of the proposals.
+    /// Fitted model of each proposal.
     models: Vec<&'a Refitted>,
-    /// Structure outside the library beside the accepted model.
+    /// Structure outside the library that remains beside the accepted model.
     unexplained: Vec<OutsideStructure>,
     /// Models of the rivals that are equivalent to the claim.
     equivalent: Vec<Refitted>,
 }
 
-/// Tests residuals until a model is accepted, then finds the rivals of a claim.
+/// Gathers the evidence of a record: tests residuals until a model is accepted, then finds the rivals of a claim.
 fn gather<'a>(
     subject: &Subject,
     request: &DiagnosisRequest,
@@ -151,8 +152,8 @@ fn gather<'a>(
     })
 }
 
-/// Residual of a model, without structure that belongs to no law, and the number of positions that judge it. For a claim, and for a
-/// base whose recordings cannot show slow noise, it includes the error divided by the predictive noise.
+/// Residual of a model after removal of structure that belongs to no law, with the number of positions that judge it. For a claim, it includes the error on the last
+/// held-out cycle divided by the predictive noise. The same holds for a base whose recordings cannot show slow noise.
 fn residual(subject: &Subject, model: &Refitted, structure: &[OutsideStructure], is_claim: bool) -> Result<Residual> {
     let n = |positions: &[Option<f64>]| positions.iter().flatten().count();
     let n_positions = if n(&subject.scored_m) > 0 { n(&subject.scored_m) } else { n(&subject.fitted_m) };
@@ -165,7 +166,8 @@ fn residual(subject: &Subject, model: &Refitted, structure: &[OutsideStructure],
     Ok(Residual::Record { misfit: measure_misfit(subject, model, structure)?, n_positions, over_predicted })
 }
 
-/// Structure outside the library beside a step, or beside the base. The flag is true if it lies in the base's residual and explains more than the step's effects.
+/// Finds structure outside the library in the residual of a step's model, or of the base if there is no step. The flag is true if the structure lies in the base's
+/// residual and explains more than the step's effects.
 fn structure_beside(
     subject: &Subject,
     request: &DiagnosisRequest,
@@ -206,8 +208,8 @@ fn structure_beside(
     Ok((confirmed(subject, refitted, beside, request, monitor)?, false))
 }
 
-/// Structure that does not appear by chance in data simulated from the model and its noise, searched alike with the noise estimated anew: correlated
-/// noise resembles many structures.
+/// Keeps structure that does not appear by chance in data simulated from the model and its noise. The simulated data are searched in the same way, with the noise
+/// estimated anew, because correlated noise resembles many structures.
 fn confirmed(
     subject: &Subject,
     model: &Refitted,
@@ -218,7 +220,7 @@ fn confirmed(
     let Some(gain) = list.first().map(|first| first.penalised_gain_nats) else { return Ok(list) };
     let null = OutsideNull::of(subject, &model.candidate, &model.fitted, &outside_request(request))?;
     let counter = Counter::new(monitor, N_CONFIRMING);
-    // Nonlinear laws use remembered trajectories: every data set needs hundreds, all near the fit.
+    // Nonlinear laws use remembered trajectories: every data set needs hundreds of trajectories, all near the fit.
     let gain_of = |number: usize| -> Result<(f64, usize)> {
         let data = simulated(subject, model, request.seed ^ CONFIRMING_STREAMS, number)
             .with_trajectory_memory()
@@ -242,7 +244,7 @@ fn confirmed(
             n_evaluated += evaluated;
         }
         n_made += CONFIRMING_BATCH;
-        // The first data set that reaches the gain ends the search: the rest would change nothing.
+        // The first data set that reaches the gain ends the confirmation: further data sets would not change the result.
         if largest >= gain {
             return Ok(Vec::new());
         }

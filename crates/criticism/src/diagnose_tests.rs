@@ -10,8 +10,8 @@ use documents::diagnosis::VerdictKind;
 use models::effects::Library;
 use posterior::monitor::SilentMonitor;
 
-/// On one force level an asymmetry is equivalent to a bias, and a clock is not. A clock that comes as near by chance is still distinguished by its separation
-/// from the claim. An asymmetry out of reach of the data is not equivalent.
+/// On one force level, an asymmetry is equivalent to a bias, and a clock offset is not. A clock offset whose rank is as near by chance is still excluded by its
+/// separation from the claim. An asymmetry with a much lower rank is not equivalent.
 #[test]
 fn a_class_is_within_reach_and_not_separated_from_the_claim() {
     let library = Library::only(&["clock-offset", "force-asymmetry", "force-bias"]);
@@ -72,13 +72,13 @@ fn step(found: &SearchResult, place: usize) -> SearchStep {
     SearchStep { addition, refitted: single.refitted.clone().expect("fits") }
 }
 
-/// A finding that every simulated record shows is rejected.
+/// A finding that every simulated record shows as well is rejected.
 #[test]
 fn what_every_simulated_record_shows_is_no_finding() {
     assert!(p_of_finding(f64::NEG_INFINITY).is_empty());
 }
 
-/// A finding that none of thirty-nine simulated records shows is as rare as they can show.
+/// A finding that none of thirty-nine simulated records shows gets the smallest p that they allow, 1/40.
 #[test]
 #[ignore = "campaigns/long-tests"]
 fn what_no_simulated_record_shows_is_a_finding() {
@@ -94,7 +94,7 @@ fn p_of_finding(gain: f64) -> Vec<f64> {
     list.iter().map(|outside| outside.p_familywise).collect()
 }
 
-/// Three rows that are 25 σ off are excluded from all steps, and the effect, some 20 σ, is found beside them. Chance rejects one of the other 397 rows with a
+/// Three rows that are 25 σ off are excluded from the whole diagnosis. The effect, at some 20 σ, is found without them. Chance rejects one of the other 397 rows with a
 /// probability below 4 × 10⁻⁴; the seed is fixed.
 #[test]
 #[ignore = "thorough"]

@@ -24,14 +24,14 @@ use posterior::misfit::Misfit;
 use posterior::monitor::Monitor;
 use rayon::prelude::*;
 
-/// Number of simulated repeats that confirm a change of the protocol.
+/// Number of simulated repetitions of the experiment that confirm a change of the protocol.
 const N_REPEATS: usize = 40;
-/// Ratio of an error to its part beyond the cycles' own gains and offsets above which a sentence mentions them.
+/// Ratio of an error to the error after removal of each cycle's gain and offset. Above this ratio, a sentence mentions the second error.
 const WORTH_SAYING: f64 = 1.1;
-/// Number of reported pairs.
+/// Number of pairs of effects that the document lists.
 const N_PAIRS: usize = 5;
 
-/// Input of the document.
+/// Results from which the document of a diagnosis is written.
 pub(super) struct Report<'a> {
     pub subject: &'a Subject,
     pub request: &'a DiagnosisRequest,
@@ -47,16 +47,16 @@ pub(super) struct Report<'a> {
     pub over_predicted: Option<f64>,
     /// Summary of the unexplained residual; `None` if nothing is unexplained or the request is not in full.
     pub leftover: Option<UnexplainedResidual>,
-    /// An event in any cycle, the scored one included.
+    /// Leading significant event in any cycle, the scored one included; `None` if there is none.
     pub event: Option<OutsideStructure>,
     /// Models of the effects that are equivalent to the claim.
     pub equivalent: &'a [Refitted],
-    /// The subject with its outliers.
+    /// The subject with its outliers, for errors over every position.
     pub every_position: &'a Subject,
 }
 
 impl Report<'_> {
-    /// Writes the document.
+    /// Writes the document. `outlier_rows` are the excluded rows.
     pub fn document(&self, outlier_rows: Vec<usize>, monitor: &dyn Monitor) -> Result<Diagnosis> {
         let (subject, found) = (self.subject, self.found);
         let experiment = subject.experiment();
@@ -148,12 +148,12 @@ impl Report<'_> {
         })
     }
 
-    /// Signal, in σ, whose expected gain equals the threshold of the simulated searches, plus 1.
+    /// Distance (σ) from which an effect counts as detectable. It is 1 σ more than the distance whose expected gain equals the threshold of the simulated searches.
     fn threshold_sigma(&self) -> f64 {
         (2.0 * self.found.bootstrap.threshold().max(self.request.criteria.least_gain_nats)).sqrt() + 1.0
     }
 
-    /// Change of the protocol that would separate the claim from its equivalent effects; empty if it has none.
+    /// Describes the change of the protocol that would separate the claim from its equivalent effects; empty if there are none.
     fn separating_protocol(&self) -> Result<String> {
         let Some(claimed) = self.model.filter(|_| !self.equivalent.is_empty()) else { return Ok(String::new()) };
         let models = std::iter::once(claimed).chain(self.equivalent);
@@ -215,7 +215,8 @@ impl Report<'_> {
         })
     }
 
-    /// Refit with an effect. For a claim of several effects, the parameters are those of the whole model; all else refers to the effect alone.
+    /// Entry of the document for the refit with one effect. For a claim of several effects, the parameters are those of the model with all of them. All other values
+    /// refer to the model with this effect alone.
     fn refit(&self, single: &Single, refitted: &Refitted, gain: Gain, weighing: &EvidenceSet) -> Result<Refit> {
         let parameters = weighing.parameters(
             self.subject,
@@ -272,12 +273,12 @@ impl Report<'_> {
         }
     }
 
-    /// Returns whether the best model leaves something unexplained.
+    /// Returns whether the best model leaves structure outside the library, or a residual above the noise.
     pub fn remains(&self) -> bool {
         self.verdict.has_structure || self.verdict.exceeds_noise
     }
 
-    /// Noise standard deviation (µm) that the search learnt for the best model, white and slow together.
+    /// Noise standard deviation (µm) that the search learnt for the best model: white and slow noise together.
     fn search_noise_um(&self) -> f64 {
         let model = self.model.unwrap_or(&self.found.base);
         self.subject.noise().row_sd_um(&model.fitted.noise)
@@ -327,7 +328,7 @@ impl Report<'_> {
         )
     }
 
-    /// Describes the unexplained residual. Returns `None` if there is none. If the request is not in full, a residual that only its size reveals also has no description.
+    /// Describes the unexplained residual; `None` if there is none. If the request is not in full, a residual that only its size reveals also has no description.
     fn what_remains(&self) -> Option<String> {
         let first = || self.unexplained.first().map(|first| first.sentence.clone());
         self.leftover.as_ref().map(|leftover| leftover.entry.sentence.clone()).or_else(first)
@@ -353,7 +354,7 @@ impl Report<'_> {
         )
     }
 
-    /// Ratio of the residual to the noise, in words, and where it occurs.
+    /// Writes the ratio of the residual to the noise, and where it occurs.
     fn excess_words(&self) -> String {
         if let (false, Some(factor)) = (self.left.is_too_large(), self.over_predicted) {
             let noise = match (self.model, self.left.is_known) {
@@ -407,14 +408,14 @@ impl Report<'_> {
     }
 }
 
-/// Errors that the sentences mention.
+/// Errors that the sentences mention, of the base and of the model with the verdict's effects.
 struct DocumentSource<'a> {
     base: ModelErrors,
     extended: Option<&'a Errors>,
 }
 
 impl DocumentSource<'_> {
-    /// Change of the error by the model that is claimed or helps; empty if there is none.
+    /// Describes the change of the error from the base to the model that is claimed or helps; empty if there is none.
     fn change_in_words(&self) -> String {
         let Some(after) = self.extended else { return String::new() };
         let (which, was, is) = match (self.base.rmse_heldout_um, after.rmse_heldout_um) {
@@ -425,7 +426,7 @@ impl DocumentSource<'_> {
     }
 }
 
-/// Phrase for an error (µm) after removal of each cycle's gain and offset; empty if these add little. They are noise, and only this phrase explains
+/// Phrase for an error (µm) after removal of each cycle's gain and offset; empty if gains and offsets add little. They are part of the noise. Only this phrase explains
 /// why an error far above the noise is acceptable.
 fn without_the_cycles_own(rmse_um: f64, left_um: f64) -> String {
     if rmse_um < WORTH_SAYING * left_um {
@@ -444,7 +445,7 @@ fn entry(outside: &OutsideStructure) -> UnexplainedMisfit {
     }
 }
 
-/// `slug.name = mean (q05 to q95)`.
+/// Writes a parameter with its interval: `slug.name = mean (q05 to q95 at 90 %)`.
 fn size(parameter: &RefitParameter) -> String {
     format!(
         "{} = {} ({} to {} at 90 %)",
@@ -455,7 +456,7 @@ fn size(parameter: &RefitParameter) -> String {
     )
 }
 
-/// Modes of a posterior that has several, in words; the data do not decide between them.
+/// Lists the modes of a posterior, between which the data do not decide; `None` if there are fewer than two.
 fn in_words(answers: &[PosteriorMode]) -> Option<String> {
     let of = |answer: &PosteriorMode| {
         Some(format!("{} with probability {:.2}", size(answer.parameters.first()?), answer.probability))
@@ -465,12 +466,12 @@ fn in_words(answers: &[PosteriorMode]) -> Option<String> {
     (each.len() > 1).then(|| format!(" The posterior has {count} modes: {}.", listed(&each, "or")))
 }
 
-/// Three significant digits.
+/// Writes a value with three significant digits.
 fn short(value: f64) -> String {
     format_significant(value, 3)
 }
 
-/// `a, b and c`.
+/// Joins names as in `a, b and c`; `last` is the word before the last name.
 fn listed(names: &[String], last: &str) -> String {
     match names {
         [] => String::new(),

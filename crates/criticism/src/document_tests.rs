@@ -1,4 +1,4 @@
-//! Sentences and numbers for a search whose parts are set by hand.
+//! Sentences and numbers of a document, for a search whose results are set by hand.
 
 use nalgebra::DMatrix;
 
@@ -17,7 +17,7 @@ use posterior::monitor::SilentMonitor;
 
 const SMALL: ResidualSize = ResidualSize { rms_m: 4e-6, is_too_large: false };
 const LARGE: ResidualSize = ResidualSize { rms_m: 6.4e-6, is_too_large: true };
-/// A residual of 4 µm of known noise alone.
+/// Misfit of a model whose residual is 4 µm of known noise alone.
 const WITHIN: Misfit = Misfit {
     fitted: SMALL,
     heldout: Some(SMALL),
@@ -27,7 +27,7 @@ const WITHIN: Misfit = Misfit {
     learnt_degrees: 1.0,
 };
 
-/// The verdict on a model that passes, or on the base, with its residual and with rivals that are not separated from it.
+/// Returns the verdict on a model that passes, or on the base, from its residual and from rivals that are not separated from it.
 fn decided(
     model: Option<&Refitted>,
     found: &SearchResult,
@@ -56,7 +56,7 @@ fn decided(
     decide_verdict(&evidence, &Criteria::RECORD)
 }
 
-/// A report of a search and its verdict alone: nothing is unexplained.
+/// Returns a report that has only a search and its verdict: nothing is unexplained.
 fn plain<'a>(
     subject: &'a Subject,
     request: &'a DiagnosisRequest,
@@ -80,12 +80,12 @@ fn plain<'a>(
     }
 }
 
-/// Errors for a sentence.
+/// Errors of the base, and of an extended model if given, for a sentence.
 fn shown(extended: Option<&Errors>) -> DocumentSource<'_> {
     DocumentSource { base: ModelErrors { rmse_fitted_um: 4.1, rmse_heldout_um: Some(9.0) }, extended }
 }
 
-/// Structure outside the library; only its sentence matters.
+/// Returns structure outside the library; only its sentence matters.
 pub fn slip(model: &Refitted) -> OutsideStructure {
     OutsideStructure {
         kind: OutsideKind::Slip,
@@ -123,11 +123,11 @@ fn the_verdict_follows_claim_structure_and_noise() {
         (verdict.kind, verdict.effects.clone(), report.sentence(&[], &shown(model.map(|_| &after))), statuses)
     };
     let outside = [slip(&found.base)];
-    // The residual decides, however large the learnt noise.
+    // The residual decides the verdict, however large the learnt noise is.
     found.base.fitted.noise = NoiseValues::new([4.0, 5.0, 1.0, 0.01, 1.0]);
     let (none, effects, sentence, statuses) = kind(&found, None, &[], &WITHIN);
     assert_eq!((none, effects.len()), (VerdictKind::None, 0));
-    // The bias moves the whole cycle, which a gain and an offset would absorb: the sentence says why this counts as noise.
+    // The bias moves the whole cycle, as a gain and an offset would. The sentence says why this counts as noise.
     let name = "on the last held-out cycle, or 4.00 µm after removal of each cycle's gain and offset, which are part of the noise (noise 4.00)";
     assert!(sentence.contains(name), "{sentence}");
     assert_eq!(statuses[1], Status::Suggestive);
@@ -138,7 +138,7 @@ fn the_verdict_follows_claim_structure_and_noise() {
     assert_eq!((unexplained, effects.len()), (VerdictKind::Unexplained, 0));
     assert!(sentence.contains("1.6 times the known noise of 4.00 µm on the last held-out cycle"), "{sentence}");
     assert!(sentence.contains("5.00 µm of it recur in every cycle"), "{sentence}");
-    // If no noise is given, none is called known.
+    // If no noise is given, the sentence does not call it known.
     let estimated = Misfit { is_known: false, ..WITHIN };
     let (none, _, sentence, _) = kind(&found, None, &[], &estimated);
     assert_eq!(none, VerdictKind::None);
@@ -180,7 +180,7 @@ fn a_rival_that_is_not_separated_is_named() {
     assert!(sentence.contains("cannot distinguish it from force-asymmetry"), "{sentence}");
 }
 
-/// A signal of s σ gains s²/2 nats on average. The threshold is 1 σ above the signal that gains as much as the threshold of the simulated searches.
+/// A signal of s σ gains s²/2 nats on average. The threshold is 1 σ above the signal whose gain equals the threshold of the simulated searches.
 #[test]
 fn the_threshold_is_the_signal_that_gains_it() {
     let data = measured(&small(), &[], &[], 33);
@@ -193,8 +193,8 @@ fn the_threshold_is_the_signal_that_gains_it() {
     }
 }
 
-/// The noise of a prediction agrees with dense algebra: that of the parameters, given the fitted rows, and that of
-/// one position, with the fitted gain, however small.
+/// The predictive noise agrees with dense algebra. It consists of the parameters' uncertainty, given the fitted rows, and of the noise of one position, with the fitted
+/// gain, however small.
 #[test]
 fn predictive_noise_is_that_of_dense_algebra() {
     let data = measured(&small(), &[], &[], 34);
@@ -235,8 +235,8 @@ fn predictive_noise_is_that_of_dense_algebra() {
     assert!((found_um / expected_um - 1.0).abs() < 1e-4, "{found_um} {expected_um}");
 }
 
-/// A claimed pair has the sizes of the joint model. A Bayes factor refers to the effect alone and is below its gain by the cost of its prior; p
-/// counts simulated searches.
+/// The parameters of a claimed pair are those of the joint model. A Bayes factor refers to an effect alone, and is below the effect's gain by the cost of its prior. The
+/// document's p counts simulated searches.
 #[test]
 #[ignore = "thorough"]
 fn a_document_holds_the_claim_with_sizes_of_the_whole_model() {
@@ -277,7 +277,7 @@ fn a_document_holds_the_claim_with_sizes_of_the_whole_model() {
     assert!(n_apart > 0);
     let other = document.candidates.iter().find(|entry| entry.effect == "force-asymmetry").expect("of the library");
     assert!(other.refit.as_ref().expect("refitted").log_bayes_factor.is_none());
-    // An unclaimed effect that gains beyond chance is called weaker, not unsupported.
+    // The status of an unclaimed effect that gains more than chance is called weaker, not unsupported.
     let standing = |p_familywise: f64| {
         let entry = CandidateEntry { status: Status::Unsupported, p_familywise, ..other.clone() };
         document.status_words(&entry)
@@ -285,8 +285,8 @@ fn a_document_holds_the_claim_with_sizes_of_the_whole_model() {
     assert_eq!([standing(0.01), standing(0.4)], ["weaker than the claim", "no more than chance"]);
 }
 
-/// A claim gets its evidence. An effect that cannot come near it gets a named bound instead, and the bound holds: evidences stay below gains plus the possible
-/// widening of the posterior.
+/// A claim gets its evidence. An effect that cannot come near the claim gets a bound instead, and a remark names it. The bound holds: log Bayes factors stay below gains
+/// plus the possible widening of the posterior.
 #[test]
 #[ignore = "thorough"]
 fn what_cannot_come_near_the_claim_gets_a_bound() {

@@ -1,10 +1,10 @@
-//! Fingerprint of every effect: the change of the fitted curve that it makes, which shows the part of the base's residual it explains.
+//! Fingerprint of every effect: the change of the fitted curve when the effect is added. It shows the part of the base's residual that the effect explains.
 
 use super::search::{SearchResult, Single};
 use super::subject::Subject;
 use figures::fingerprints::Fingerprints;
 
-/// Largest number of rows in a fingerprint; longer records are thinned evenly.
+/// Largest number of rows in a fingerprint. Longer records are thinned evenly.
 const MOST_ROWS: usize = 2000;
 
 /// Returns the fingerprints of all refitted effects, ordered by decreasing gain.

@@ -1,10 +1,10 @@
 //! The best-fit parameters and noise of a candidate.
 //!
-//! The objective is the log likelihood of the fitted positions, noise included, plus the log priors of the law's parameters and of the noise. Effects
-//! have only ends and no prior in it. A model that contains another therefore never fits worse, and its gain is a likelihood ratio.
+//! The objective is the log likelihood of the fitted positions, noise included, plus the log priors of the law's parameters and of the noise. Parameters of effects have
+//! ends but no prior in the objective. A model that contains another model therefore never fits worse, and its gain is a likelihood ratio.
 //!
-//! The search alternates between the mean and the noise. The mean takes Gauss–Newton steps on whitened residuals, with finite-difference derivatives and several damped steps tried at
-//! once. Mean and noise need few rounds, since the Fisher information of a Gaussian model has no cross terms between them. If trajectories are slow,
+//! The search alternates between the mean and the noise. The mean takes Gauss–Newton steps on whitened residuals, with finite-difference derivatives and several damped
+//! steps tried at once. Few rounds are needed, since the Fisher information of a Gaussian model has no cross terms between mean and noise. If trajectories are slow,
 //! Broyden's rule updates the derivatives after each step. They are computed anew if the steps gain less than predicted, and before a search ends.
 
 use super::candidate::Coordinate;
@@ -17,17 +17,18 @@ use base::error::{Error, Result};
 use models::model::{Lanes, N_LANES};
 use posterior::noise::NoiseScales;
 
-/// Steps that gain more than this share of the predicted gain end the trials.
+/// Fraction of the predicted gain above which a step's gain ends the trials of further steps.
 pub(super) const KEPT_PROMISE: f64 = 0.3;
-/// Number of steps tried along Broyden's derivatives before these are computed anew.
+/// Number of steps tried with Broyden's derivatives before the derivatives are computed anew.
 const N_BY_GUESS: usize = 2;
-/// Climbs whose positions differ by less than this sum of squares, in units of the noise, are at one optimum. The second climb ends there, unless its objective is higher
-/// by more than [`HIGHER_NATS`].
+/// Two climbs are at one optimum if the sum of squares of their positions' difference, in units of the noise, is below this value. The second climb ends there, unless
+/// its objective is higher by more than [`HIGHER_NATS`].
 const SAME_PLACE: f64 = 0.1;
 const HIGHER_NATS: f64 = 0.01;
 /// Starting sizes, besides the null, of effects whose response begins with the square of their size.
 const FULL_SIZES: [f64; 2] = [1.0, 0.5];
-/// [`Search::least_gains`] for laws with a quantity that depends on a state. A formula that fits badly would otherwise take hundreds of steps that gain a hundredth of a nat each.
+/// Values of [`Search::least_gains`] for laws with a quantity that depends on a state. A formula that fits badly would otherwise take hundreds of steps that gain a
+/// hundredth of a nat each.
 const LEAST_GAINS_OF_STATE_LAWS: [f64; 2] = [2e-2, 5e-2];
 const MOST_STEPS: usize = 60;
 const MOST_ROUNDS: usize = 12;
@@ -35,15 +36,15 @@ const MOST_ROUNDS: usize = 12;
 /// Thoroughness of a search.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Search {
-    /// Many starts and both weightings, for measured data.
+    /// Many starts, with white noise and with the noise of other fits; for measured data.
     Wide,
     /// The best of a few starts around other fits, for data simulated without the effect.
     Local,
 }
 
 impl Search {
-    /// Least gains (nats) of a step, below which the mean has converged, and of a round, below which mean and noise have. Steps whose trajectories are computed one by one
-    /// need a larger gain.
+    /// Returns two least gains (nats). The mean has converged if a step gains less than the first. Mean and noise have converged if a round gains less than the second.
+    /// Steps whose trajectories are computed one by one need a larger gain.
     fn least_gains(self, is_slow: bool) -> [f64; 2] {
         match (self, is_slow) {
             (Self::Wide, false) => [1e-4, 3e-3],
@@ -53,7 +54,7 @@ impl Search {
     }
 }
 
-/// A candidate's optimum.
+/// Best fit of a candidate.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fitted {
     /// Coordinates: free parameters, then amplitudes of columns.
@@ -64,12 +65,12 @@ pub struct Fitted {
     pub position_m: Vec<f64>,
     /// Log likelihood of the fitted positions plus log priors of law and noise, in nats, up to constants that all candidates share.
     pub objective: f64,
-    /// Log likelihood of the fitted positions, in nats for positions in m.
+    /// Log likelihood of the fitted positions, in nats; it is a density of positions in m.
     pub ln_likelihood: f64,
 }
 
 impl Fitted {
-    /// Root mean square residual (m) of the given positions.
+    /// Root mean square residual (m) of the given positions; `None` if there are none.
     pub fn rmse_m(&self, positions_m: &[Option<f64>]) -> Option<f64> {
         let squares: Vec<f64> =
             positions_m.iter().zip(&self.position_m).filter_map(|(y, x)| Some((y.as_ref()? - x).powi(2))).collect();
@@ -77,22 +78,22 @@ impl Fitted {
     }
 }
 
-/// A point of a search.
+/// A point of a climb: parameters, noise, and the objective there.
 #[derive(Clone)]
 struct FitPoint {
     theta: Vec<f64>,
     position_m: Vec<f64>,
     log_noise: LogNoise,
     objective: f64,
-    /// Derivatives at `theta`, if known. They do not depend on the noise.
+    /// Derivatives of the position (m per unit of the coordinate) at `theta`, if known. They do not depend on the noise.
     columns_m: Option<Vec<Vec<f64>>>,
     /// True if Broyden's rule gave the derivatives.
     is_guessed: bool,
 }
 
 impl FitPoint {
-    /// Moves to a better point. Broyden's rule updates the derivatives of the first `n_guessed` coordinates: the smallest change that agrees
-    /// with the move. Otherwise they are dropped.
+    /// Moves to a better point. Broyden's rule updates the derivatives with respect to the first `n_guessed` coordinates, by the smallest change that agrees with the
+    /// move. If none of these coordinates moved, the derivatives are dropped.
     fn move_to(&mut self, theta: &[f64], position_m: Vec<f64>, objective: f64, n_guessed: usize) {
         let moved: Vec<f64> = theta.iter().zip(&self.theta).map(|(new, old)| new - old).collect();
         let squared: f64 = moved[..n_guessed].iter().map(|step| step * step).sum();
@@ -123,10 +124,10 @@ impl FitPoint {
 }
 
 impl Subject {
-    /// Fits a candidate, from the search's own starts and from `also` (coordinates and noise of other fits).
+    /// Fits a candidate from the search's own starts and from `also`: coordinates and noise of other fits.
     ///
     /// # Errors
-    /// [`Error::Numerical`] if the candidate has no model at any start.
+    /// [`Error::Numerical`] if the candidate's model has no solution at any start.
     pub fn fit(&self, candidate: &Candidate, also: &[(Vec<f64>, NoiseValues)], search: Search) -> Result<Fitted> {
         let climber = Climber { subject: self, candidate, noise_prior: self.noise_prior(), search };
         let mut ended: Vec<FitPoint> = Vec::new();
@@ -134,7 +135,7 @@ impl Subject {
             let point = climber.climb(start, &ended);
             ended.push(point);
         }
-        // The first of equals wins.
+        // Of several equal objectives, the first wins.
         let best = ended.into_iter().reduce(|best, other| if other.objective > best.objective { other } else { best });
         best.map(|point| self.fitted_at(point)).ok_or_else(|| no_start(candidate))
     }
@@ -167,7 +168,7 @@ fn no_start(candidate: &Candidate) -> Error {
     )
 }
 
-/// State of a search in one candidate.
+/// Settings of the fit of one candidate.
 struct Climber<'a> {
     subject: &'a Subject,
     candidate: &'a Candidate,
@@ -176,7 +177,8 @@ struct Climber<'a> {
 }
 
 impl Climber<'_> {
-    /// Objectives of one to eight points under one noise, with their positions; −∞ if there is no model or the point is outside the search.
+    /// Positions (m, one lane per point) and objectives of one to eight points under one noise. The objective is −∞ if the model has no solution or the point is outside
+    /// the ends of the search.
     fn objectives(&self, points: &[Vec<f64>], log_noise: &LogNoise) -> (Vec<Lanes>, [f64; N_LANES]) {
         let (lanes, is_valid) = self.subject.trajectories_m(self.candidate, points);
         let noise = noise_fit::natural(log_noise);
@@ -195,7 +197,7 @@ impl Climber<'_> {
         (lanes, out)
     }
 
-    /// The best few of many starts, by their objective under the noise of each start.
+    /// Returns the best few of many starts. Each start is judged by its objective under its own noise.
     fn starts(&self, also: &[(Vec<f64>, NoiseValues)]) -> Vec<FitPoint> {
         let white = self.noise_prior.white();
         let mut seeds: Vec<(Vec<f64>, LogNoise)> = Vec::new();
@@ -225,7 +227,8 @@ impl Climber<'_> {
         points
     }
 
-    /// Starts for effects whose small response differs from their full-size one. They begin at sizes to which the law can adapt, even if the objective is much worse at first.
+    /// Returns starts for effects whose response at small size differs from that at full size. They begin at sizes to which the law can adapt, even if the objective is
+    /// much worse at first.
     fn at_full_size(&self, theta: &[f64]) -> Vec<Vec<f64>> {
         let mut list = Vec::new();
         for (k, free) in self.candidate.free.iter().enumerate() {
@@ -259,7 +262,7 @@ impl Climber<'_> {
         points
     }
 
-    /// Starts whose parameters unidentified at the null are set to a grid of prior quantiles.
+    /// Returns copies of `theta` in which parameters unidentified at the null take a grid of prior quantiles.
     fn over_grid(&self, theta: &[f64]) -> Vec<Vec<f64>> {
         let mut list = vec![theta.to_vec()];
         let grid: &[f64] =
@@ -279,7 +282,7 @@ impl Climber<'_> {
                 list = list.iter().flat_map(on_grid).collect();
             }
         }
-        // At the null those grid points coincide: a small step into the effect separates them.
+        // At the null, these grid points describe one model: a small step into the effect separates them.
         for start in &mut list {
             for (k, free) in self.candidate.free.iter().enumerate() {
                 if let (Some(null), Some(effect)) = (free.null, free.effect)
@@ -301,7 +304,7 @@ impl Climber<'_> {
         of_effect.into_iter().any(|(free, theta)| free.null == Some(*theta))
     }
 
-    /// Starts with effects well away from their nulls and other coordinates as given.
+    /// Returns starts with effects well away from their nulls and all other coordinates as in `theta`.
     fn away_from(&self, theta: &[f64]) -> Vec<Vec<f64>> {
         let mut list = Vec::new();
         let levels: [f64; 6] = [0.1, 0.3, 0.6, 0.8, 0.93, 0.99];
@@ -325,7 +328,7 @@ impl Climber<'_> {
         list
     }
 
-    /// Sobol points of the priors, as coordinates.
+    /// Returns starts at Sobol points of the priors, as coordinates.
     fn quantile_starts(&self) -> Vec<Vec<f64>> {
         let n_columns = self.candidate.columns.len();
         let start = |number: u32| {

@@ -1,4 +1,4 @@
-//! Tests of fits of candidates.
+//! Tests of the fits of candidates.
 
 use super::*;
 use crate::refit::Refitted;
@@ -7,8 +7,8 @@ use models::effects::{Effect, Library};
 use posterior::fit;
 use posterior::monitor::SilentMonitor;
 
-/// The base fit under fixed white noise and very weak priors is the least-squares estimate of `fit`. That command has its own search and
-/// analytic derivatives.
+/// Under fixed white noise and very weak priors, the base fit equals the least-squares estimate of the command `fit`. That command has its own search and analytic
+/// derivatives.
 #[test]
 fn the_base_fit_is_the_least_squares_estimate() {
     let (base, fitted) = base_fit();
@@ -22,7 +22,7 @@ fn the_base_fit_is_the_least_squares_estimate() {
     }
 }
 
-/// The objective is the sum of its parts, each computed on its own.
+/// The objective is the sum of the log likelihood and the log priors, each computed separately.
 #[test]
 fn the_objective_is_likelihood_plus_priors() {
     let (base, fitted) = base_fit();
@@ -34,7 +34,7 @@ fn the_objective_is_likelihood_plus_priors() {
     assert!((fitted.ln_likelihood - likelihood).abs() < 1e-6);
 }
 
-/// Every linear effect, and every second compatible pair of neighbours in the library, fits no worse than the models that it contains.
+/// Every linear effect fits no worse than the base. Every second compatible pair of neighbours in the library fits no worse than each of its effects.
 #[test]
 fn a_larger_model_never_fits_worse() {
     assert_no_worse(false);
@@ -68,13 +68,13 @@ fn assert_no_worse(is_whole: bool) {
             let Ok(candidate) = data.extended(&[slugs[i], slugs[j]]) else { continue };
             let pair = Refitted::new(data, candidate, &[&base, a, b], Search::Local).expect("fits");
             let most = a.fitted.objective.max(b.fitted.objective);
-            // Starts are ordered before the climbs, so the best of them is within the climb's tolerance of both.
+            // Starts are ordered before the climbs, so the best of them is within the climb's tolerance of both effects alone.
             assert!(pair.fitted.objective >= most - 1e-6, "{} {}", slugs[i], slugs[j]);
         }
     }
 }
 
-/// Each effect, at the middle of its prior and simulated by the reduced model, is recovered. This tests the algorithm, not the physics.
+/// Each effect is found again in data simulated by the reduced model, with its parameters at the middle of their priors. This tests the algorithm, not the physics.
 #[test]
 #[ignore = "thorough"]
 fn effects_are_found_again() {
@@ -103,13 +103,13 @@ fn assert_found_again(subject: &Subject, is_asked: fn(&dyn Effect) -> bool) {
         let start = (candidate.embed(&base, &alone.theta), alone.noise);
         let with = data.fit(&candidate, &[start], Search::Wide).expect("fits");
         let truth = simulated_objective(&data, &candidate, &theta);
-        // The optimum is no lower than the truth, and leads by half a χ² of up to 10 parameters: more than 27 nats have a probability of 5e-8.
+        // The fit's objective is no lower than that of the truth. It leads by half a χ² of up to 10 parameters: more than 27 nats have a probability of 5e-8.
         assert!(with.objective >= truth - 1e-3, "{}: {} below {truth}", effect.slug(), with.objective);
         assert!(with.objective < truth + 27.0, "{}", effect.slug());
     }
 }
 
-/// Objective of the truth with the noise fitted.
+/// Objective of the true parameters, with the noise fitted.
 fn simulated_objective(data: &Subject, candidate: &Candidate, theta: &[f64]) -> f64 {
     let position_m = data.trajectory_m(candidate, theta).expect("a model");
     let (_, value) = noise_fit::fit(&data.fitted, &data.noise_prior(), &position_m, &WHITE.map(f64::ln), true);
@@ -128,12 +128,12 @@ fn columns_find_their_amplitude() {
     let data = simulated(&with, &theta, &WHITE, 3);
     let start = (with.embed(&base, &fitted.theta), WHITE);
     let found = data.fit(&with, &[start], Search::Wide).expect("fits");
-    // 6 µm with a standard error of 4 µm √(2/600) = 0.23 µm; five of them are exceeded falsely below 1e-6.
+    // The amplitude is 6 µm with a standard error of 4 µm √(2/600) = 0.23 µm. Five standard errors are exceeded with a probability below 1e-6.
     assert!((found.theta[base.free.len()] - 6e-6).abs() < 1.2e-6, "{}", found.theta[base.free.len()]);
 }
 
-/// Broyden's rule in numbers that can be checked by hand: updated derivatives predict the last move, stay unchanged across it, and do not touch columns
-/// of free amplitude. They are dropped if the rule is off.
+/// Checks Broyden's rule with numbers that can be computed by hand. Updated derivatives predict the last move and stay unchanged across it. Columns of free amplitude are
+/// not updated. If the rule is off, the derivatives are dropped.
 #[test]
 fn guessed_derivatives_agree_with_the_last_move() {
     let position = |theta: &[f64]| vec![theta[0] * theta[0] + theta[1] + 3.0 * theta[2], theta[0] * theta[1]];
@@ -169,7 +169,7 @@ fn guessed_derivatives_agree_with_the_last_move() {
     assert!(fast.columns_m.is_none() && !fast.is_guessed);
 }
 
-/// A fit with the noise terms of the model's specification has no others, wherever it starts. Slow noise of twice the white noise is fitted as white.
+/// A fit with the noise terms of the model's specification has no other terms, wherever it starts. Slow noise of twice the white noise is then fitted as white noise.
 #[test]
 fn a_fit_with_the_models_own_noise_has_no_other() {
     let (base, fitted) = base_fit();

@@ -1,17 +1,17 @@
 //! Log scores of a model's predictions of unseen cycles: each cycle given the cycles before it and their noise.
 //!
-//! The model is linear around its fit, with the law's priors. The size of an effect has a mixture of normal priors about its null. The narrowest has a fifth of the
-//! average information of a cycle, the broadest the spread of the effect's default prior. The broad prior alone would penalise an effect that only later cycles show
-//! for the ignorance of the first ones; the narrow prior alone would shrink a large effect. Under each prior the log score of cycle c given the earlier
-//! ones is exact, parameters integrated out,
+//! The model is linearised around its fit, and its law has priors. The size of an effect has a mixture of normal priors about its null. The narrowest prior has a fifth
+//! of the information that an average cycle has about the size. The broadest has the width of the effect's default prior. A broad prior alone would penalise an effect
+//! that only later cycles show, because the first cycles do not determine it. A narrow prior alone would shrink a large effect. Under each prior the parameters are
+//! integrated out, and the log score of cycle c given the earlier ones is exact:
 //!
 //!   ln p(y_c | y_<c) = ln Z_c − ln Z_{c−1},
 //!   ln Z_c = ℓ_c(θ̂) − ½ d'Λ₀d + ½ b'M⁻¹b + ½ ln det Λ₀ − ½ ln det M + ln P(θ ∈ S | M⁻¹b, M⁻¹) − ln P(θ ∈ S | d, Λ₀⁻¹)
 //!
-//! Here ℓ_c is the log likelihood of all rows up to cycle c at the fit θ̂. A and r are their whitened derivatives and residuals, d = θ₀ − θ̂, M = Λ₀ + AᵀA and
-//! b = Aᵀr + Λ₀d. Whitening goes forward in time, so the first rows of A and r depend on the first cycles alone. The two probabilities integrate
-//! the normals of posterior and prior over the support S, the candidate's ends. They respect the sign of an effect: data that favour the other sign give it
-//! no gain.
+//! Here ℓ_c is the log likelihood of all rows up to cycle c at the fit θ̂. A and r are the whitened derivatives and residuals of these rows. The prior has mean θ₀ and
+//! precision Λ₀. Further, d = θ₀ − θ̂, M = Λ₀ + AᵀA and b = Aᵀr + Λ₀d. Whitening goes forward in time, so the first rows of A and r depend on the first cycles alone. The
+//! two probabilities P integrate the normal distributions of posterior and prior over the support S, the candidate's ends. They respect the sign of an effect: data that
+//! favour the other sign give it no gain.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -31,9 +31,9 @@ pub struct FutureScore {
     pub last: f64,
 }
 
-/// Information of the narrowest prior of an effect's size, in cycles.
+/// Information of the narrowest prior of an effect's size, in units of the average information of a cycle.
 const PRIOR_CYCLES: f64 = 0.2;
-/// Number of priors of an effect's size, in geometric progression.
+/// Number of priors in the mixture for an effect's size; their precisions form a geometric progression.
 const N_SCALES: usize = 5;
 /// Standard deviation of the vague prior of a column's amplitude, in m.
 const AMPLITUDE_SD_M: f64 = 1e-3;
@@ -48,8 +48,8 @@ pub fn future_score(subject: &Subject, candidate: &Candidate, fitted: &Fitted) -
         return Ok(None);
     }
     let both: Vec<Option<f64>> = subject.fitted_m.iter().zip(&subject.scored_m).map(|(a, b)| a.or(*b)).collect();
-    // Three cycles may by chance show almost no scatter of their gains; the prediction of a fourth would then be overconfident. All models have one
-    // floor, so that it does not contribute to a model's gain over another.
+    // The gains of three cycles may by chance hardly scatter, and the prediction of a fourth cycle would then be overconfident. All models use the same least gain, so it
+    // does not contribute to a model's gain over another.
     let noise = of_future(subject.noise(), fitted.noise);
     let mut columns = columns_m(subject, candidate, &fitted.theta)?;
     let n = columns.len();
@@ -99,8 +99,8 @@ pub fn future_score(subject: &Subject, candidate: &Candidate, fitted: &Fitted) -
     Ok(Some(FutureScore { all: whole - ln_evidence(*first), last: whole - ln_evidence(*before_last) }))
 }
 
-/// ln of the integral of exp(b'δ − ½ δ'Iδ) over a normal prior of δ with mean `step` that ends at `reach`. It is the change of the log likelihood at the
-/// fit by the uncertainty of δ.
+/// Logarithm of the integral of exp(b'δ − ½ δ'Iδ) over a normal prior of δ, with b = `slope` and I = `told`. The prior has mean `step` and precisions `precision`, and
+/// ends at `reach`. The result is the change of the log likelihood at the fit because δ is uncertain.
 fn ln_integral(told: &DMatrix<f64>, slope: &DVector<f64>, precision: &[f64], step: &[f64], reach: &[[f64; 2]]) -> f64 {
     let n = precision.len();
     let total = DMatrix::from_fn(n, n, |i, j| told[(i, j)] + if i == j { precision[i] } else { 0.0 });
@@ -119,7 +119,7 @@ fn ln_integral(told: &DMatrix<f64>, slope: &DVector<f64>, precision: &[f64], ste
     ln_prior + 0.5 * pull.dot(&mean) - 0.5 * ln_det + ln_posterior_inside - ln_prior_inside
 }
 
-/// Information of all rows about a size beside the law's parameters: its squared whitened derivative less the part that those absorb.
+/// Information of all rows about the size of an effect: its squared whitened derivative, less the part that the law's parameters absorb.
 fn visible_information(white: &[Vec<f64>], prior_precision: &[f64], candidate: &Candidate, size: usize) -> f64 {
     let law: Vec<usize> = (0..candidate.free.len()).filter(|k| candidate.free[*k].effect.is_none()).collect();
     let dot = |i: usize, j: usize| -> f64 { white[i].iter().zip(&white[j]).map(|(a, b)| a * b).sum() };
@@ -131,7 +131,7 @@ fn visible_information(white: &[Vec<f64>], prior_precision: &[f64], candidate: &
     (dot(size, size) - absorbed).max(1e-9)
 }
 
-/// Precision of each coordinate's prior, and its mean less the fit.
+/// Precision of each coordinate's prior, and the prior's mean less the fit.
 fn prior(candidate: &Candidate, theta: &[f64]) -> (Vec<f64>, Vec<f64>) {
     let of_free = candidate.free.iter().zip(theta).map(|(free, theta)| {
         let (mean, sd) = free.prior.unwrap_or_else(|| {

@@ -1,4 +1,4 @@
-//! Tests of scores against dense algebra, and against sums over a grid at the ends of a support.
+//! Tests of future scores against dense algebra, and against sums over a grid where a fit lies at an end of its support.
 
 use super::*;
 use crate::NoiseValues;
@@ -12,8 +12,8 @@ fn ln_normal(x: &DVector<f64>, covariance: &DMatrix<f64>) -> f64 {
     -0.5 * form - half_ln_det - 0.5 * x.len() as f64 * std::f64::consts::TAU.ln()
 }
 
-/// The linearised model is one joint normal of all rows. Its log score of the last cycle, by dense algebra, is that of all rows less that of the
-/// others. Every third row is used, so that the dense covariance stays small.
+/// The linearised model is one joint normal distribution of all rows. Its log score of the last cycle, by dense algebra, is the log density of all rows less that of the
+/// earlier cycles. Every third row is used, so that the dense covariance stays small.
 #[test]
 fn scores_are_those_of_the_joint_normal() {
     let (base, fitted) = base_fit();
@@ -52,15 +52,15 @@ fn scores_are_those_of_the_joint_normal() {
     assert!((score.last - last).abs() < 1e-6 * last.abs(), "{} {last}", score.last);
 }
 
-/// The score of an effect linear in the position is that of a mixture of five joint normals of all rows, by dense algebra. The size has normal priors about
-/// its null. Their precisions go from a fifth of a cycle's information beside the law, in geometric progression, to that of the default prior.
+/// If an effect is linear in the position, its score is that of a mixture of five joint normal distributions of all rows, by dense algebra. The size has normal priors
+/// about its null. Their precisions form a geometric progression. It goes from a fifth of a cycle's information beside the law to the precision of the default prior.
 #[test]
 fn scores_with_an_effect_are_those_of_a_mixture_of_joint_normals() {
     let (base, fitted) = base_fit();
     let noise = NoiseValues::new([4.0, 3.0, 0.7, 0.012, 2.0]);
     let mut candidate = replica().extended(&["tracking-drift"]).expect("addable");
     let size = candidate.free.len() - 1;
-    // Without ends the joint densities are normal; other tests cover ends.
+    // Without ends the joint densities are normal; other tests cover the ends.
     candidate.free.iter_mut().for_each(|free| free.ends = [f64::NEG_INFINITY, f64::INFINITY]);
     let mut theta = candidate.embed(&base, &fitted.theta);
     theta[size] = candidate.free[size].coordinate.theta(4e-7);
@@ -88,7 +88,7 @@ fn scores_with_an_effect_are_those_of_a_mixture_of_joint_normals() {
     };
     let of_law: Vec<(f64, f64)> = candidate.free.iter().filter_map(|free| free.prior).collect();
     assert_eq!(of_law.len(), size);
-    // Information of all rows about the size beside the law: the posterior precision of the size without a prior.
+    // Information of all rows about the size beside the law: the posterior precision of the size if it has no prior.
     let rows = rows_until(4);
     let inverse = of_noise(&rows).try_inverse().expect("regular");
     let a = DMatrix::from_fn(rows.len(), size + 1, |i, k| columns[k][rows[i]]);
@@ -126,7 +126,7 @@ fn scores_with_an_effect_are_those_of_a_mixture_of_joint_normals() {
     assert!((score.last - last).abs() < 1e-5, "{} {last}", score.last);
 }
 
-/// A gain of 0 in three cycles is raised to its floor, and the last cycle is scored with a gain of 1 %.
+/// A gain standard deviation of 0, from three cycles, is raised to its floor: the last cycle is scored with 1 %.
 #[test]
 fn the_gain_of_a_new_cycle_is_not_known_to_be_nothing() {
     let (base, fitted) = base_fit();
@@ -153,9 +153,9 @@ fn ln_area(f: &dyn Fn(f64) -> f64, [from, to]: [f64; 2], n: usize) -> f64 {
     ln_sum((0..=n).map(|i| f(from + width * i as f64) + half(i))) + width.ln()
 }
 
-/// The replica's law is measured one row earlier than the log says: a clock offset with the impossible sign. The fitted offset stays
-/// at zero, so the effect gains nothing and predicts no better. Its score is that of the base, less the cost of a possible size. Without the
-/// end of the support in the integral it would gain tens of nats.
+/// The replica's law is measured one row earlier than the log says, which is a clock offset with the impossible sign. The fitted offset stays at zero, so the effect
+/// gains nothing and predicts no better. Its score is that of the base, less the cost of a possible size. If the integral ignored the end of the support, the effect
+/// would gain tens of nats.
 #[test]
 fn an_effect_at_its_end_that_the_data_pull_against_gains_nothing() {
     let (base, fitted) = base_fit();
@@ -176,7 +176,7 @@ fn an_effect_at_its_end_that_the_data_pull_against_gains_nothing() {
     }
 }
 
-/// The score equals a sum over the size. For each size the law is integrated by dense algebra, and prior and posterior end with the support.
+/// The score equals a sum over the size. For each size, the law's parameters are integrated by dense algebra; prior and posterior end with the support.
 #[test]
 fn scores_at_an_end_are_those_of_a_sum_over_the_size() {
     let (base, fitted) = base_fit();
@@ -203,7 +203,7 @@ fn scores_at_an_end_are_those_of_a_sum_over_the_size() {
         let rows_until = |until: u32| -> Vec<usize> {
             (0..both.len()).filter(|row| both[*row].is_some() && record.cycle[*row] <= until).collect()
         };
-        // Noise and law, whose ends are far enough to ignore.
+        // Covariance of noise and law. The ends of the law's parameters are far enough to ignore.
         let beside = |rows: &[usize]| {
             DMatrix::from_fn(rows.len(), rows.len(), |i, j| {
                 let (a, b) = (rows[i], rows[j]);
@@ -243,13 +243,14 @@ fn scores_at_an_end_are_those_of_a_sum_over_the_size() {
             ln_sum((0..5).map(of_scale)) - 5.0_f64.ln()
         };
         let (all, last) = (ln_density(4) - ln_density(1), ln_density(4) - ln_density(3));
-        // The probability of the support, far in the tail, is accurate to 1e-3 (its own tests).
+        // The probability of the support far in the tail is accurate to 1e-3, as its own tests show.
         assert!((score.all - all).abs() < 1e-3, "{subject}: {} {all}", score.all);
         assert!((score.last - last).abs() < 1e-3, "{subject}: {} {last}", score.last);
     }
 }
 
-/// Two sizes with ends and a parameter without, compared with sums over a grid. They are pulled inwards, outwards, by hundreds of nats, and have hardly separable columns.
+/// Integrals over two sizes with ends and a parameter without ends equal sums over a grid. The data pull the sizes inwards, outwards, or outwards by hundreds of nats. In
+/// some cases the columns are hardly separable.
 #[test]
 #[ignore = "thorough"]
 fn integrals_with_several_ends_are_those_of_a_grid() {
@@ -267,7 +268,7 @@ fn integrals_with_several_ends_are_those_of_a_grid() {
         let told = DMatrix::from_fn(3, 3, |i, j| sd[i] * sd[j] * if i == j { 1.0 } else { shared(i, j) });
         let slope = DVector::from_row_slice(&slope);
         let found = ln_integral(&told, &slope, &precision, &step, &reach);
-        // The first coordinate is integrated by its formula, the others by the grid.
+        // A formula integrates the first coordinate, the grid the others.
         let value = told[(0, 0)] + precision[0];
         let exponent = |x: f64, y: f64| {
             let pull = slope[0] + precision[0] * step[0] - told[(0, 1)] * x - told[(0, 2)] * y;
@@ -288,7 +289,7 @@ fn integrals_with_several_ends_are_those_of_a_grid() {
     }
 }
 
-/// A parameter without influence does not affect the integral, wherever its support ends.
+/// A parameter without a derivative does not affect the integral, wherever its support ends.
 #[test]
 fn a_parameter_without_a_derivative_changes_nothing() {
     let told = DMatrix::from_row_slice(2, 2, &[4.0, 1.0, 1.0, 3.0]);

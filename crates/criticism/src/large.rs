@@ -13,9 +13,9 @@ use super::refit::Refitted;
 use super::subject::NotLearnt;
 use super::{Subject, Tangent};
 
-/// Least expected gain, in nats: an effect with less cannot be claimed, and learning takes a minute.
+/// Least expected gain (nats) at which large displacements are learnt. An effect with less cannot be claimed, and learning takes a minute.
 const LEAST_NATS: f64 = 4.0;
-/// Factor and nats by which a refit may exceed its first-order gain, as in `screen`.
+/// Factor by which a refit's gain may exceed its first-order value, with `NATS` added, as in `screen`.
 const FACTOR: f64 = 1.5;
 const NATS: f64 = 1.0;
 
@@ -23,13 +23,13 @@ const NATS: f64 = 1.0;
 pub(super) fn prepare(subject: &Subject, base: &Refitted, monitor: &dyn Monitor) {
     let wanted = subject.library().effects().iter().any(|effect| effect.is_learnt_for_record());
     if wanted && subject.problem().model.field().is_none() && subject.large().get().is_none() {
-        // Not inside the cell's initialisation: threads that wait there would take up other work of this search.
+        // Learning runs outside the cell's initialisation: threads that wait there would take up other work of this search.
         let found = learn(subject, base, monitor);
         let _ = subject.large().set(found);
     }
 }
 
-/// First-order score of the effect of this slug, if it is large displacements and one full-order run showed that they are not worth learning.
+/// First-order score of the effect with this slug. `None` unless the effect is large displacements and one full-order run showed that they are not worth learning.
 pub(super) fn score_where_not_learnt(subject: &Subject, slug: &str) -> Option<Score> {
     let effect = subject.library().get(slug)?;
     match subject.large().get() {

@@ -1,9 +1,9 @@
 //! Criticism of a model: where it fails, which effect it lacks, and how much the error falls when that effect is added.
 //!
-//! Everything here works on a [`Subject`]: one experiment with its last cycle scored and its other cycles fitted (formats §4). The noise consists of
-//! white errors, an Ornstein–Uhlenbeck process and a gain and offset for each cycle; every fit of a model estimates it anew. A [`Candidate`] is a
-//! model of the mean: a law with effects, and columns of free amplitude for structure that is no effect. [`Subject::fit`] finds its best parameters and noise.
-//! [`Tangent`] is the linear algebra around them.
+//! All functions work on a [`Subject`]: one experiment whose last cycle is scored and whose other cycles are fitted (formats §4). The noise consists of white errors, an
+//! Ornstein–Uhlenbeck process, and a gain and an offset for each cycle. Every fit of a model estimates the noise anew. A [`Candidate`] is a model of the mean position: a
+//! law with effects. It may also have columns of free amplitude, for structure that is no effect. [`Subject::fit`] finds a candidate's best parameters and noise.
+//! [`Tangent`] has the linear algebra around such a fit.
 
 mod bayes_factors;
 pub mod bootstrap;

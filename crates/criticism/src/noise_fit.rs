@@ -1,4 +1,4 @@
-//! Fits of the noise's parameters at a given position.
+//! Fits of the noise parameters at a given position.
 
 use std::cell::OnceCell;
 
@@ -13,20 +13,21 @@ use sampling::ensemble::RandomStream;
 /// Logarithms of the noise's parameters.
 pub(super) type LogNoise = NoiseValues;
 
-/// Priors of the noise and the ends of its search.
+/// Priors of the noise parameters, and the ends of their search.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct NoisePrior {
     learning: NoiseLearning,
-    /// Marks parameters of terms that the model lacks; such a parameter stays at its lower end.
+    /// Marks parameters of noise terms that the model lacks; such a parameter stays at its lower end.
     is_absent: Vec<bool>,
 }
 
-/// Smallest gain standard deviation that scores of future cycles use: a few cycles cannot show that the gain is smaller. It enters neither
-/// reported noise nor the noise that errors are measured against.
+/// Smallest relative standard deviation of the gain in scores of future cycles: a few cycles cannot show that the gain is smaller. It enters neither the reported noise
+/// nor the noise with which errors are compared.
 pub(super) const GAIN_FLOOR: f64 = 0.01;
 
 impl NoisePrior {
-    /// Uses the priors of `sample` with two exceptions. White errors are close to the yardstick. A process has a wider prior if the noise is estimated, since the estimate does not show it.
+    /// Uses the priors of `sample` with two exceptions. The standard deviation of white errors is close to the yardstick. If the noise is estimated, the slow process has
+    /// a wider prior, since the estimate does not show it.
     pub fn new(model: NoiseModel, scales: &NoiseScales, is_known: bool) -> Self {
         let learning = model.learning(scales, is_known);
         Self { is_absent: vec![false; learning.parameters.len()], learning }
@@ -40,7 +41,8 @@ impl NoisePrior {
         Self { is_absent: is_absent.collect(), ..self }
     }
 
-    /// Log density up to a constant. It is a density of logarithms for σ, σ_ou and τ, and of values for s_g and s_o, which may vanish.
+    /// Returns the log prior density, up to a constant. It is a density of logarithms for σ, σ_ou and τ. It is a density of values for the gain s_g and the offset s_o,
+    /// which may vanish.
     pub fn ln_density(&self, noise: &LogNoise) -> f64 {
         let parts = self.learning.parameters.iter().zip(noise.iter());
         parts
@@ -61,7 +63,7 @@ impl NoisePrior {
         [lower, if self.is_absent[index] { lower } else { upper }]
     }
 
-    /// Parameters that describe the scatter from row to row: their indices, and whether each is a standard deviation.
+    /// Returns the parameters that describe the scatter from row to row: the index of each, and whether it is a standard deviation.
     pub fn of_rows(&self) -> Vec<(usize, bool)> {
         let all = self.learning.parameters.iter().enumerate();
         all.filter(|(_, learnt_parameter)| learnt_parameter.of_row != RowShare::Nothing)
@@ -69,7 +71,7 @@ impl NoisePrior {
             .collect()
     }
 
-    /// Clamps a noise to the ends of the search.
+    /// Clamps noise parameters to the ends of the search.
     pub fn clamped(&self, mut noise: LogNoise) -> LogNoise {
         for (index, value) in noise.iter_mut().enumerate() {
             let [lower, upper] = self.ends(index);
@@ -78,13 +80,13 @@ impl NoisePrior {
         noise
     }
 
-    /// Nearly pure white noise of the yardstick's size, which weights all rows alike.
+    /// Returns nearly pure white noise of the yardstick's size, which weights all rows equally.
     pub fn white(&self) -> LogNoise {
         self.clamped(self.learning.parameters.iter().map(|parameter| parameter.ln_white).collect())
     }
 }
 
-/// Noise of future cycles: its gain is at least [`GAIN_FLOOR`].
+/// Returns the noise of future cycles: the standard deviation of the gain is at least [`GAIN_FLOOR`].
 pub(super) fn of_future(model: NoiseModel, mut noise: NoiseValues) -> NoiseValues {
     if let Some(place) = model.place(&GAIN_SD) {
         noise[place] = noise[place].max(GAIN_FLOOR);
@@ -92,7 +94,7 @@ pub(super) fn of_future(model: NoiseModel, mut noise: NoiseValues) -> NoiseValue
     noise
 }
 
-/// Converts logarithms into parameters.
+/// Converts logarithms into noise parameters in their units.
 pub(super) fn natural(noise: &LogNoise) -> NoiseValues {
     noise.map(f64::exp)
 }
@@ -118,7 +120,7 @@ fn shared(position_m: &[f64]) -> Vec<SharedPosition> {
     position_m.iter().copied().map(SharedPosition).collect()
 }
 
-/// A pass over the rows takes hardly longer for all neighbours of a point than for eight points, and less for few trials.
+/// Log posterior of the noise at each point. One pass over the rows takes hardly longer for all neighbours of a point than for eight points, and less for few points.
 fn evaluate_at(
     likelihood: &NoiseLikelihood,
     prior: &NoisePrior,
@@ -137,16 +139,16 @@ fn evaluate_at(
     values
 }
 
-/// Number of groups of starts in a wide search, one per length of the process. The search climbs from the best of each group.
+/// Number of groups of starts in a wide search, one per correlation time of the process. The search climbs from the best start of each group.
 const N_GROUPS: usize = 3;
 const MOST_ROUNDS: usize = 40;
-/// Gain (nats) of a round below which the search narrows, and width below which it ends.
+/// Gain (nats) of a round below which the steps become narrower. The search ends when their width is below `NARROWEST`.
 const LEAST_GAIN: f64 = 2e-3;
 const NARROWEST: f64 = 0.03;
-/// Width of the first steps about the noise of another fit.
+/// Width of the first steps around the noise of another fit, in the logarithm of each parameter.
 const SETTLING_WIDTH: f64 = 0.1;
 
-/// Climbs in the noise's parameters from `from`, and from additional starts if `widely`. Returns the best noise and its log posterior.
+/// Maximises the log posterior of the noise from `from`, and from additional starts if `widely`. Returns the best noise and its log posterior.
 pub(super) fn fit(
     likelihood: &NoiseLikelihood,
     prior: &NoisePrior,
@@ -161,16 +163,17 @@ pub(super) fn fit(
         return climb(&evaluate, prior, &[from], SETTLING_WIDTH);
     }
     let starts: Vec<LogNoise> = prior.learning.starts.iter().map(|start| prior.clamped(*start)).collect();
-    // The best starts may lie below different maxima, and a climb along a ridge may stop early. So one start per length of the process is climbed,
-    // then the best result once more.
+    // The best starts may lie below different maxima, and a climb along a ridge may stop early. So one start per correlation time of the process is climbed, and the best
+    // result is climbed once more.
     let map = starts.chunks(starts.len().div_ceil(N_GROUPS)).map(|starts| climb(&evaluate, prior, starts, 0.3));
     let better = |best: (LogNoise, f64), top: (LogNoise, f64)| if top.1 > best.1 { top } else { best };
     let best = map.fold(climb(&evaluate, prior, &[from], 0.3), better);
     climb(&evaluate, prior, &[best.0], 0.6)
 }
 
-/// Climbs from the noise of another fit for several residuals (observed less predicted, m, one per row) about one position (m), which gains multiply.
-/// Returns `None` if the first round hardly gains, so that the noise may be kept. That round evaluates the neighbours for all residuals at once.
+/// Fits the noise to each of several residuals (observed less predicted, m, one per row), starting from the noise of another fit. All residuals belong to one position
+/// (m), which the noise's gain multiplies. A result is `None` if the first round hardly gains, so that the noise may be kept. That round evaluates the neighbours for all
+/// residuals at once.
 pub(super) fn settle(
     likelihood: &NoiseLikelihood,
     prior: &NoisePrior,
@@ -225,7 +228,7 @@ fn sums(residual_m: &[f64], position_m: &[f64]) -> Vec<Option<f64>> {
     residual_m.iter().zip(position_m).map(|(residual_m, position_m)| Some(residual_m + position_m)).collect()
 }
 
-/// Parameters in their units, side by side; the last point fills the remaining lanes.
+/// Noise parameters in their units, one lane per point; the last point fills the remaining lanes.
 fn lanes<const W: usize>(points: &[LogNoise]) -> Vec<[f64; W]> {
     let value = |index: usize, lane: usize| points[lane.min(points.len() - 1)][index].exp();
     (0..points[0].len()).map(|index| std::array::from_fn(|lane| value(index, lane))).collect()
@@ -236,7 +239,7 @@ fn with_prior(prior: &NoisePrior, noise: &LogNoise, ln_likelihood: f64) -> f64 {
     if total.is_nan() { f64::NEG_INFINITY } else { total }
 }
 
-/// Both neighbours of a point along every coordinate.
+/// Both neighbours of a point along every coordinate, at the distances `widths`.
 fn neighbours(prior: &NoisePrior, here: &LogNoise, widths: &LogNoise) -> Vec<LogNoise> {
     let mut points = Vec::with_capacity(2 * here.len());
     for index in 0..here.len() {
@@ -249,7 +252,7 @@ fn neighbours(prior: &NoisePrior, here: &LogNoise, widths: &LogNoise) -> Vec<Log
     points
 }
 
-/// Steps to the maxima of the parabolas through a point and its neighbours.
+/// Step along each coordinate to the maximum of the parabola through a point and its two neighbours.
 fn parabola_steps(value: f64, around: &[f64], widths: &LogNoise) -> LogNoise {
     NoiseValues::from_fn(widths.len(), |index| {
         let (up, down) = (around[2 * index], around[2 * index + 1]);
@@ -265,13 +268,13 @@ fn parabola_steps(value: f64, around: &[f64], widths: &LogNoise) -> LogNoise {
     })
 }
 
-/// Sweeps of random walks before the first draw, and between two draws.
+/// Number of sweeps of a random walk before the first draw, and between two draws (`SWEEPS_BETWEEN`).
 const SETTLING_SWEEPS: usize = 60;
 const SWEEPS_BETWEEN: usize = 12;
-/// Range of the step widths of walks, uniform in logarithm: some parameters are known to a hundredth, others hardly.
+/// Range of the random walks' step widths, which are uniform in logarithm: some parameters are known to a hundredth, others hardly.
 const WALK: [f64; 2] = [0.04, 2.0];
 
-/// Draws from the posterior of the noise at a position: states of random walks from a fit that move one coordinate at a time.
+/// Draws noise parameters from their posterior at a position. Random walks start from a fit and move one coordinate at a time.
 pub(super) fn draws(
     likelihood: &NoiseLikelihood,
     prior: &NoisePrior,
@@ -315,7 +318,7 @@ pub(super) fn draws(
     drawn
 }
 
-/// Climbs any function of the noise's parameters from the best of some starts; `width` is the width of the first steps.
+/// Maximises any function of the noise parameters from the best of some starts; `width` is the width of the first steps.
 pub(super) fn climb(
     objective: &dyn Fn(&[LogNoise]) -> Vec<f64>,
     prior: &NoisePrior,
@@ -332,7 +335,7 @@ pub(super) fn climb(
     (climber.here, climber.value)
 }
 
-/// A climb. Each round evaluates both neighbours along every coordinate, then steps along the parabolas through them; widths adapt.
+/// State of a climb. Each round evaluates both neighbours along every coordinate, then steps along the parabolas through them; widths adapt.
 struct Climber<'a> {
     objective: &'a dyn Fn(&[LogNoise]) -> Vec<f64>,
     prior: &'a NoisePrior,
@@ -360,7 +363,7 @@ impl<'a> Climber<'a> {
         self.step(&points, &around)
     }
 
-    /// Makes one round with known values of the neighbours.
+    /// Makes one round with known objective values `around` of the neighbours `points`, and returns its gain.
     fn step(&mut self, points: &[LogNoise], around: &[f64]) -> Option<f64> {
         let Self { objective, prior, here, value, .. } = *self;
         let step = parabola_steps(value, around, &self.widths);

@@ -6,7 +6,7 @@ use super::*;
 use crate::NoiseValues;
 use sampling::ensemble::RandomStream;
 
-/// Best of many climbs, each by a pattern search that shares no code with the climb under test.
+/// Returns the best of many climbs. Each is a pattern search that shares no code with the climb under test.
 fn by_brute_force(objective: &Objective, prior: &NoisePrior, seed: u64) -> (LogNoise, f64) {
     let mut stream = RandomStream::new(99, seed);
     let draw = |stream: &mut RandomStream| -> LogNoise {
@@ -45,7 +45,7 @@ fn by_brute_force(objective: &Objective, prior: &NoisePrior, seed: u64) -> (LogN
     best
 }
 
-/// Loss (nats) of the search relative to brute force, over records with a kind of noise, at the fit of the base.
+/// Losses (nats) of the search relative to brute force, over `n` records with one kind of noise at the fit of the base. Also returns the mean white noise (µm).
 fn losses(subject: &Subject, truth_m: impl Fn(u64) -> Vec<f64>, noise: &NoiseValues, n: u64) -> (Vec<f64>, f64) {
     let mut losses = Vec::new();
     let mut mean_white = 0.0;
@@ -81,7 +81,7 @@ fn no_search_finds_a_better_noise_of_many_records() {
     assert_nothing_better(6, &["clock-offset", "softening", "fractional-damping", "tracking-drift"]);
 }
 
-/// Compares over `n` records of every kind of noise, and of every effect that the model lacks.
+/// Compares the search with brute force over `n` records of every kind of noise, and of every effect that the model lacks.
 fn assert_nothing_better(n: u64, lacking: &[&str]) {
     let subject = subject(Protocol::Paper);
     let plain = truth_of(&subject, &[], &[]);
@@ -111,9 +111,9 @@ fn assert_nothing_better(n: u64, lacking: &[&str]) {
     assert!(worst < 0.1, "{worst}");
 }
 
-/// Under white noise, the posterior of the variance σ² + σ_ou² lies around the mean square of the n residuals. Its relative standard deviation is √(2/n).
-/// The mean of 800 draws from eight walks is accurate to about a tenth of that. The tolerance of one standard deviation leaves room for the prior of the slow noise.
-/// The test fails falsely with a probability below 10⁻⁶.
+/// Under white noise, the posterior of the variance σ² + σ_ou² lies around the mean square of the n residuals. Its relative standard deviation is √(2/n). The mean of 800
+/// draws from eight walks is accurate to about a tenth of that. The tolerance is one standard deviation, which leaves room for the prior of the slow noise. The test
+/// fails falsely with a probability below 10⁻⁶.
 #[test]
 fn draws_follow_the_posterior() {
     let subject = subject(Protocol::Paper);
@@ -127,7 +127,7 @@ fn draws_follow_the_posterior() {
     let total: Vec<f64> = drawn.iter().map(|d| 0.5 * ((2.0 * d[0]).exp() + (2.0 * d[1]).exp()).ln()).collect();
     let mean = total.iter().sum::<f64>() / 800.0;
     let sd = (total.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / 799.0).sqrt();
-    // 600 residuals about the truth: the ln of their root mean square has an error of 1/√1200.
+    // With 600 residuals about the truth, the logarithm of their root mean square has an error of 1/√1200.
     let squares: f64 =
         data.fitted_m.iter().zip(&truth_m).filter_map(|(y, x)| Some((1e6 * (y.as_ref()? - x)).powi(2))).sum();
     let expected = 0.5 * (squares / data.n_fitted() as f64).ln();

@@ -4,11 +4,11 @@
 //! compared with its neighbours and with other force steps. A row is an outlier if, in the residual of a fit,
 //!
 //! 1. it departs in one direction from both the rows before and those after it, unlike a slip, a slope or a kink;
-//! 2. it belongs to a run of at most three rows with a jump on either side: a bump rises and falls gradually;
-//! 3. hardly any other force step shows a departure at that time after it, in proportion to its height: a missing effect repeats.
+//! 2. it belongs to a run of at most three rows with a jump on either side, unlike a bump, which rises and falls gradually;
+//! 3. hardly any other force step shows a proportional departure at that time after it, unlike a missing effect, which repeats.
 //!
-//! All three compare rows with others a few samples away. A cycle's gain or offset, drift and slow noise hardly affect such differences, so none needs to
-//! be removed first. The scale is that of such differences, not the misfit's.
+//! All three rules compare rows with others a few samples away. Gains and offsets of cycles, drift and slow noise hardly affect such differences, so none needs to be
+//! removed first. Thresholds are multiples of the scatter of such differences, not of the misfit.
 
 use std::ops::Range;
 
@@ -17,7 +17,7 @@ use base::error::Result;
 use record::Record;
 use record::noise::SD_PER_MAD;
 
-/// Number of rows on either side whose median a row is compared with: two bad ones among them do no harm.
+/// Number of rows on either side whose median a row is compared with: two bad rows among them do no harm.
 const N_NEIGHBOURS: usize = 5;
 /// Least number of neighbours on one side. If one side has fewer, as at the record's ends, only the other side counts. The departure from that side is multiplied by `ONE_SIDE`.
 const FEWEST_NEIGHBOURS: usize = 2;
@@ -26,21 +26,23 @@ const ONE_SIDE: f64 = 2.0 / 3.0;
 const REACH_INTERVALS: f64 = 10.0;
 /// Least departure of an outlier, in robust standard deviations of the departures of all rows.
 const THRESHOLD: f64 = 5.0;
-/// Least jump between an outlier and the next rows, and largest difference of equal departures after two force steps, in the same unit.
+/// Least jump between an outlier and the next rows, in the unit of `THRESHOLD`.
 const EDGE: f64 = 3.5;
+/// Largest difference at which departures after two force steps count as equal, in the unit of `THRESHOLD`.
 const SAME: f64 = 4.0;
 /// Relative difference up to which departures after two force steps count as equal.
 const SAME_FRACTION: f64 = 0.33;
 const LONGEST_BURST: usize = 3;
-/// Largest ratio of two steps' heights in a comparison; larger ratios are used only if there are no others.
+/// Largest ratio of the heights of two force steps that are compared; larger ratios are used only if there are no others.
 const LARGEST_RATIO: f64 = 1.25;
-/// Number of force steps above which only every second, third, … is compared. A share of a third shows in so many as well, and the cost stays linear in the steps.
+/// Number of force steps above which only every second, third, … step is compared. So many steps still show a departure that occurs after a third of all steps, and the
+/// cost stays linear in the number of steps.
 const MOST_COMPARED: usize = 512;
-/// Number of rows after a step without comparable steps that are not judged.
+/// Number of rows that are not judged after a force step without comparable steps.
 const UNJUDGED_ROWS: usize = 10;
-/// Largest difference of the times after two steps, in sample intervals, that count as equal.
+/// Largest difference at which the times after two force steps count as equal, in sample intervals.
 const SAME_TIME_INTERVALS: f64 = 0.1;
-/// Least scale, as a fraction of the yardstick: positions rounded to pixels may not differ at all.
+/// Least standard deviation of departures, as a fraction of the yardstick: positions rounded to pixels may not differ at all.
 const LEAST_SCALE: f64 = 0.25;
 
 /// Returns an experiment without its outliers, the fit of a model to it, and the excluded rows.
@@ -58,7 +60,7 @@ pub fn exclude_outliers(subject: &Subject, candidate: &Candidate) -> Result<(Sub
     Ok((subject, fitted, rows))
 }
 
-/// Outlying rows of the record, from 0 and in order, among the fitted and the scored positions, judged by a fit (such as the base model's).
+/// Returns the rows of outliers (from 0, in order) among the fitted and the scored positions. The residuals are those of a fit, such as the base model's.
 pub fn find_outliers(subject: &Subject, fitted: &Fitted) -> Vec<usize> {
     let observed = subject.fitted_m.iter().zip(&subject.scored_m).map(|(fitted, scored)| fitted.or(*scored));
     let residual_m: Vec<Option<f64>> =
@@ -66,7 +68,7 @@ pub fn find_outliers(subject: &Subject, fitted: &Fitted) -> Vec<usize> {
     rows_of(&subject.experiment().record, &residual_m, LEAST_SCALE * subject.yardstick_m())
 }
 
-/// Outliers among residuals (m, one per row of the record), with a scale of at least `least_scale_m`.
+/// Rows of outliers among residuals (m, one per row of the record). The standard deviation of departures is at least `least_scale_m`.
 fn rows_of(record: &Record, residual_m: &[Option<f64>], least_scale_m: f64) -> Vec<usize> {
     let Some(interval_s) = record.median_interval_s() else { return Vec::new() };
     let rows: Vec<usize> = (0..residual_m.len()).filter(|row| residual_m[*row].is_some()).collect();
@@ -115,13 +117,13 @@ fn departure(time_s: &[f64], residual_m: &[f64], place: usize, reach_s: f64) -> 
     Some(Departure { from_both_m: 0.5 * (before_m + after_m), one_sided_m: standing_out_m })
 }
 
-/// Runs of successive places, except long ones.
+/// Groups places into runs of successive places, and drops runs longer than [`LONGEST_BURST`].
 fn bursts(places: &[usize]) -> Vec<Range<usize>> {
     let runs = places.chunk_by(|a, b| a + 1 == *b).map(|run| run[0]..run[0] + run.len());
     runs.filter(|run| run.len() <= LONGEST_BURST).collect()
 }
 
-/// Returns whether a burst's first and last rows jump away from the rows next to it, if there are any.
+/// Returns whether a burst's first and last rows jump away from the rows next to it, if such rows exist.
 fn has_sharp_edges(residual_m: &[f64], burst: &Range<usize>, least_m: f64) -> bool {
     let jump_m = |inside: usize, outside: Option<usize>| {
         let outside = outside.and_then(|outside| residual_m.get(outside));
@@ -162,7 +164,8 @@ impl<'a> Steps<'a> {
         Self { steps, time_s, interval_s }
     }
 
-    /// Returns whether more than a third of the other force steps show a position's departure, or the position follows a step without comparable steps.
+    /// Returns whether a position's departure may belong to its force step. This is so if more than a third of the other force steps show it, or if the position follows
+    /// a step without comparable steps.
     fn may_belong_to_step(&self, departures: &[Option<Departure>], place: usize, scale_m: f64) -> bool {
         // Steps are ordered in time.
         let index = self.steps.partition_point(|step| step.places.end <= place);
@@ -192,11 +195,11 @@ impl<'a> Steps<'a> {
             let tolerance_m = (SAME * ratio.abs().max(1.0) * scale_m).max(SAME_FRACTION * seen_m.abs());
             seen_m >= lowest - tolerance_m && seen_m <= highest + tolerance_m
         };
-        // A single step that shows it may be another outlier.
+        // If only one other step shows the departure, that may be another outlier.
         3 * others.iter().filter(is_same).count() > others.len()
     }
 
-    /// Departures of a step's positions at a time after it: of one position, or of the two around that time; empty if there are none.
+    /// Departures at a time `after_s` (s) after a step: that of one position, or those of the two positions around that time. Empty if there are none.
     fn departures_at(&self, departures: &[Option<Departure>], step: usize, after_s: f64) -> Vec<f64> {
         let step = &self.steps[step];
         let at_s = step.start_s + after_s;

@@ -1,4 +1,4 @@
-//! Tests that find outliers put into simulated data and keep all other rows.
+//! Tests that outliers put into simulated data are found, and that all other rows are kept.
 
 use super::super::test_subjects::{Protocol, noise_of, random_sizes, subject, truth_of};
 use super::super::{Search, Subject};
@@ -7,7 +7,7 @@ use crate::NoiseValues;
 use sampling::ensemble::RandomStream;
 
 const SD_M: f64 = 4e-6;
-/// White noise alone, with a process, with gain and offset.
+/// White noise alone, with one of two slow processes, and with gain and offset.
 const NOISES: [NoiseValues; 4] = [
     NoiseValues::new([4.0, 1e-6, 1.0, 1e-9, 1e-6]),
     NoiseValues::new([4.0, 4.0, 1.0, 1e-9, 1e-6]),
@@ -15,20 +15,20 @@ const NOISES: [NoiseValues; 4] = [
     NoiseValues::new([4.0, 1e-6, 1.0, 0.02, 4.0]),
 ];
 
-/// Outliers of the base model's fit.
+/// Returns the outliers that the base model's fit reveals.
 fn found(data: &Subject) -> Vec<usize> {
     let fitted = data.fit(&data.base(), &[], Search::Wide).expect("fits");
     find_outliers(data, &fitted)
 }
 
-/// True positions (m) with simulated noise added.
+/// Returns true positions (m) with simulated noise added.
 fn noisy_m(subject: &Subject, position_m: &[f64], noise: &NoiseValues, seed: u64) -> Vec<f64> {
     let record = &subject.experiment().record;
     let noise_m = noise_of(subject, position_m, noise, seed);
     (0..record.n_rows()).map(|row| position_m[row] + noise_m[row]).collect()
 }
 
-/// The first and last rows of the record have neighbours on one side only.
+/// Outliers are found in the first and last rows of the record, which have neighbours on one side only.
 #[test]
 fn outliers_at_the_ends_are_found() {
     for protocol in [Protocol::Paper, Protocol::Levels] {
@@ -44,8 +44,8 @@ fn outliers_at_the_ends_are_found() {
     }
 }
 
-/// 60 clean records of 800 and 1,000 rows. A Gaussian departs by five of its standard deviations on both sides less than once in 10⁶ rows, so
-/// three or more false rejections in their 60,000 rows have a probability below 4 × 10⁻⁵.
+/// Of 60 clean records of 800 and 1,000 rows, hardly any row is rejected. A Gaussian error departs by five of its standard deviations on both sides less than once in 10⁶
+/// rows. So three or more false rejections in the 60,000 rows have a probability below 4 × 10⁻⁵.
 #[test]
 #[ignore = "thorough"]
 fn clean_records_lose_no_rows() {
@@ -64,8 +64,9 @@ fn clean_records_lose_no_rows() {
     assert!(n_rejected < 3, "{n_rejected}");
 }
 
-/// One row in a hundred is moved by 10 to 20 σ, and two rows just after force steps. These seeds miss none of 701. If one in 1,000 were missed, the bound of 5 %
-/// would fail falsely below 10⁻⁷. The bound of 10 % next to steps allows one miss in 17; it would fail about once in 10⁴ for each of eight kinds of record.
+/// One row in a hundred, and two rows just after force steps, are moved by 10 to 20 σ. With these seeds none of 701 moved rows is missed. If one in 1,000 were missed,
+/// the bound of 5 % would fail falsely with a probability below 10⁻⁷. The bound of 10 % next to steps allows one miss in 17. It would fail about once in 10⁴ for each of
+/// eight kinds of record.
 #[test]
 #[ignore = "thorough"]
 fn outliers_are_found_next_to_force_steps_and_elsewhere() {
@@ -122,15 +123,15 @@ fn bursts_of_two_and_three_are_found() {
     assert_eq!(found(&subject.with_positions(&position_m)), expected);
 }
 
-/// Every effect that the base lacks, at sizes up to 50 σ and beyond, and delays of whole sample intervals. Chance rejects a row in 10⁶:
-/// forty of 40,000 are practically impossible. Effects alternate between the two protocols.
+/// No row is called an outlier because the base lacks an effect. Every effect is tested at sizes up to 50 σ and beyond, also delays of whole sample intervals. Chance
+/// rejects one row in 10⁶, so forty of 40,000 are practically impossible. Effects alternate between the two protocols.
 #[test]
 #[ignore = "thorough"]
 fn missing_effects_are_no_outliers() {
     assert_no_outliers(1, true);
 }
 
-/// Every effect on both protocols, at three sizes.
+/// No row is called an outlier because of any missing effect, on both protocols and at three sizes.
 #[test]
 #[ignore = "campaigns/long-tests"]
 fn missing_effects_of_many_sizes_are_no_outliers() {
@@ -172,8 +173,8 @@ fn assert_no_outliers(n_sizes: u64, by_turns: bool) {
     }
 }
 
-/// A slip of 20 σ, a vibration of 10 σ with a period of seven and a half rows, a bump of 20 σ over twenty rows. Chance rejects one of 12,000 rows with a
-/// probability of about 10⁻²; the seeds are fixed.
+/// Three kinds of misfit cause no outliers: a slip of 20 σ, a vibration of 10 σ with a period of 7.5 rows, and a bump of 20 σ over twenty rows. Chance rejects one of
+/// 12,000 rows with a probability of about 10⁻²; the seeds are fixed.
 #[test]
 fn slips_vibrations_and_bumps_are_no_outliers() {
     let subject = subject(Protocol::Paper);

@@ -1,4 +1,4 @@
-//! Errors of a model as `extend` and `ladder` show them: fitted with the noise terms of its specification, over every position.
+//! Errors of a model as `extend` and `ladder` show them. The fit uses the noise terms of the specification, and the errors cover every position.
 
 use base::error::Result;
 use documents::errors::ModelErrors;
@@ -6,8 +6,8 @@ use documents::errors::ModelErrors;
 use super::refit::Refitted;
 use super::{Search, Subject};
 
-/// Errors (µm) of a model's best fit with only the noise terms of the base's specification, starting from the fit of a search. The errors of its posterior mean are close to them.
-/// `subject` has every position, also those that a search excludes as outliers.
+/// Returns the errors (µm) of a model's best fit with only the noise terms of the base's specification. The fit starts from that of a search. The errors of the model's
+/// posterior mean are close to these. `subject` has every position, also those that a search excludes as outliers.
 ///
 /// # Errors
 /// Errors of [`Subject::fit`].
@@ -25,8 +25,9 @@ mod tests {
     use crate::NoiseValues;
     use crate::test_replica::{base_fit, simulated};
 
-    /// Errors follow their definition for any prediction. Moving a scored position by d in either direction adds 2d²/n to the sum of the two mean squares, and leaves the fitted errors unchanged.
-    /// The search weights rows by slow noise, which the model's own noise lacks; so the own fit is closer to the fitted positions.
+    /// Errors follow their definition for any prediction. If a scored position moves by d in either direction, the sum of the two mean squares increases by 2d²/n, and
+    /// the fitted errors stay unchanged. The search weights rows by slow noise, which the specified noise lacks. So the fit with the specified noise is closer to the
+    /// fitted positions.
     #[test]
     fn errors_are_root_mean_squares_of_the_own_fit() {
         let (base, fitted) = base_fit();

@@ -6,10 +6,10 @@ use super::{Candidate, Fitted, Free, Subject};
 use base::error::Result;
 use documents::diagnosis::RefitParameter;
 
-/// 5 % and 95 % quantiles of a normal, in standard deviations.
+/// 95 % quantile of a standard normal distribution; its negative is the 5 % quantile.
 const Q95: f64 = 1.644_853_626_951_472_2;
 
-/// Predictive noise (µm) of a model over the rows that have a position: the fitted noise plus the uncertainty of the parameters.
+/// Predictive noise (µm) of a model: the fitted noise plus the uncertainty of the parameters, as a root mean square over the rows that have a position.
 pub(super) fn predictive_noise_um(
     subject: &Subject,
     candidate: &Candidate,
@@ -19,8 +19,8 @@ pub(super) fn predictive_noise_um(
     noise_um(subject, (candidate, fitted), positions_m, f64::INFINITY)
 }
 
-/// Largest root mean square residual (µm) allowed for a claim over the rows that have a position: its predictive noise. If the noise is given,
-/// the variance from row to row is limited to that of white and slow noise of the given size each, because a learnt noise may contain a misfit.
+/// Largest root mean square residual (µm) allowed for a claim over the rows that have a position: its predictive noise. If the noise is given, the variance from row to
+/// row is at most twice the given variance: white and slow noise of this size each. The limit is needed because a learnt noise may contain a misfit.
 pub fn allowed_noise_um(
     subject: &Subject,
     (candidate, fitted): (&Candidate, &Fitted),
@@ -36,9 +36,8 @@ pub fn error_over_predicted_noise(subject: &Subject, model: (&Candidate, &Fitted
     Some(1e6 * error_m / allowed_noise_um(subject, model, &subject.scored_m)?)
 }
 
-/// Error of a model on the scored cycle, divided by the error expected from white noise and the uncertainty of its parameters. This is the prediction
-/// that `sample` makes by default. The noise is the yardstick, or the residual of the fitted cycles
-/// if that is larger. `None` if no cycle is scored.
+/// Error of a model on the scored cycle, divided by the error expected from white noise and the uncertainty of its parameters. `sample` makes this prediction by default.
+/// The white noise is the yardstick, or the root mean square residual of the fitted cycles if that is larger. `None` if no cycle is scored.
 pub fn error_over_white_noise(subject: &Subject, model: (&Candidate, &Fitted)) -> Option<f64> {
     let (candidate, fitted) = model;
     let (error_m, left_m) = (fitted.rmse_m(&subject.scored_m)?, fitted.rmse_m(&subject.fitted_m)?);
@@ -47,7 +46,7 @@ pub fn error_over_white_noise(subject: &Subject, model: (&Candidate, &Fitted)) -
     Some(1e6 * error_m / of_parameters_um.hypot(1e6 * subject.yardstick_m().max(left_m)))
 }
 
-/// Predictive noise (µm) with a variance from row to row of at most `most_m2`.
+/// Predictive noise (µm) whose variance from row to row is limited to `most_m2` (m²).
 fn noise_um(
     subject: &Subject,
     (candidate, fitted): (&Candidate, &Fitted),
@@ -67,7 +66,7 @@ fn noise_um(
     (!of_rows.is_empty()).then(|| 1e6 * (of_rows.iter().sum::<f64>() / of_rows.len() as f64).sqrt())
 }
 
-/// Parameters at a fit by a normal approximation.
+/// Parameters of a model with intervals from a normal approximation around its fit.
 pub(super) fn laplace(subject: &Subject, model: &Refitted) -> Result<Vec<RefitParameter>> {
     let tangent = Tangent::new(subject, &model.candidate, &model.fitted)?;
     let sds = tangent.standard_deviations();

@@ -1,9 +1,10 @@
 //! Ranking of the library's effects by their scores at the calibrated base.
 //!
-//! The score of effect k is z_k = g_kᵀPr/‖Pg_k‖ with its whitened signature g_k at the null, averaged over draws of the base model's parameters. It is one-sided if
-//! the support is, and the largest over a grid if a parameter is unidentified at the null. Some effects equal, to first order, a change of the law's parameters. Their signature is the
-//! residual of the base's best fit at a finite size ([`models::effects::Effect::signature_size`]), at the base's own fit. A ranking orders the refits and explains; it excludes
-//! no effect, since a large effect is not where its tangent points.
+//! The score of effect k is z_k = g_kᵀPr/‖Pg_k‖, averaged over draws of the base model's parameters. Here g_k is the effect's whitened signature at the null, r the
+//! whitened residual and P the projection of [`Tangent`]. The score is one-sided if the effect has one sign. If a parameter is unidentified at the null, the largest
+//! score over a grid counts. To first order, some effects equal a change of the law's parameters. Their signature is the residual of the base's best fit to an effect of
+//! finite size ([`models::effects::Effect::signature_size`]), at the base's own fit. A ranking orders the refits and explains them. It excludes no effect, since a large
+//! effect may lie far from its tangent.
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -20,11 +21,11 @@ use sampling::ensemble::RandomStream;
 const N_DRAWS: usize = 64;
 /// Prior quantiles for parameters that are unidentified at the null.
 const GRID: [f64; 7] = [0.05, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95];
-/// |cos| of two visible signatures above which effects are called twins.
+/// Absolute cosine of two visible signatures above which effects are called twins.
 const TWIN_COSINE: f64 = 0.99;
-/// Visible shares below this come from rounding and curvature; their directions are meaningless.
+/// Visible fraction below which a signature comes from rounding and curvature, so that its direction is meaningless.
 const LEAST_VISIBLE: f64 = 1e-6;
-/// Number of simulations of the largest score.
+/// Number of simulations from which the quantile of the largest score is estimated.
 const N_LARGEST: usize = 4_000;
 
 /// Scores of candidates that each add effects to the base, in the candidates' order.
@@ -121,19 +122,19 @@ fn safe_ratio(a: f64, b: f64) -> f64 {
     if b > 0.0 { a / b } else { 0.0 }
 }
 
-/// First parameter of the first effect that a candidate adds.
+/// First free parameter of a candidate that the base lacks.
 fn first_free<'a>(base: &Candidate, candidate: &'a Candidate) -> Option<&'a super::Free> {
     candidate.free.iter().find(|free| base.free.iter().all(|known| known.name != free.name))
 }
 
-/// Sign (+1 or −1) of the first parameter of an effect with one sign.
+/// Sign (+1 or −1) of the first parameter that a candidate adds to the base; `None` if it may have both signs.
 fn sign_of_support(base: &Candidate, candidate: &Candidate) -> Option<f64> {
     let free = first_free(base, candidate)?;
     let null = free.null?;
     free.is_one_sided().then(|| if free.ends[0] == null { 1.0 } else { -1.0 })
 }
 
-/// Unit vectors of a candidate's whitened signatures beside a base's fit, one per point of the grid, and the sign of its support.
+/// Unit vectors of a candidate's visible whitened signatures at a base's fit, one per grid point, and the sign of the effect's support.
 pub(super) fn directions(
     subject: &Subject,
     (base, fitted): (&Candidate, &Fitted),
@@ -148,10 +149,10 @@ pub(super) fn directions(
     Ok((seen.collect(), sign_of_support(base, candidate)))
 }
 
-/// Response to a small effect that the base's parameters cannot absorb: columns times an amplitude, which is a power of the effect's size.
+/// Signature of an effect whose small response the base's parameters cannot absorb. The response is a column times an amplitude, which is a power of the effect's size.
 pub(super) struct Signature {
-    /// Columns in m per unit of amplitude, one value per row of the record. There is one column per grid point of the parameters unidentified at the null. Effects of one sign
-    /// point along their support.
+    /// Columns in m per unit of amplitude, one value per row of the record. There is one column per grid point of the parameters unidentified at the null. Columns of
+    /// effects with one sign point along their support.
     pub columns_m: Vec<Vec<f64>>,
     /// Name of the parameter that measures the effect's size.
     pub parameter: &'static str,
@@ -159,7 +160,7 @@ pub(super) struct Signature {
     pub unit: f64,
     /// Power: 1, or 2 for an effect whose response begins with the square of its size.
     pub power: f64,
-    /// Largest size below and above the null; 0 on a side outside the support.
+    /// Largest size below and above the null, in this order; 0 on a side outside the support.
     pub reach: [f64; 2],
     /// Value of the parameter at the null.
     pub null: f64,
@@ -170,7 +171,7 @@ pub(super) struct Signature {
 /// Signature of the effect that a candidate adds to a base at its fit; `None` if its size is fixed.
 ///
 /// # Errors
-/// [`base::Error::Numerical`] if the candidate has no model there.
+/// [`base::Error::Numerical`] if the candidate's model has no solution there.
 pub(super) fn signature(
     subject: &Subject,
     (base, fitted): (&Candidate, &Fitted),
@@ -199,7 +200,8 @@ pub(super) fn signature(
     Ok(Some(Signature { columns_m, parameter: free.name, unit, power, reach, null: at_null, is_downwards }))
 }
 
-/// Columns of each candidate's first new parameter at the null, one per grid point, or those at its finite size.
+/// Derivatives of the position with respect to each candidate's first new parameter at the null: one column per grid point. Candidates with a finite signature have its
+/// columns instead.
 fn signatures(
     subject: &Subject,
     base: &Candidate,
@@ -239,11 +241,11 @@ fn points_at_null(base: &Candidate, fitted: &Fitted, candidate: &Candidate) -> O
 
 /// Response to an effect of finite size, per unit of its first parameter's coordinate, one column per grid point.
 struct Finite {
-    /// Size, as a step of the coordinate.
+    /// Size, as a step of the coordinate from the null.
     step: f64,
-    /// Whole response, in m.
+    /// Response relative to the base's fit (m per unit of the coordinate).
     whole_m: Vec<Vec<f64>>,
-    /// Residual of the base model's best fit to it, in m.
+    /// Residual of the base model's best fit to the response (m per unit of the coordinate).
     left_m: Vec<Vec<f64>>,
 }
 
@@ -261,7 +263,7 @@ impl Finite {
         let mut finite = Self { step, whole_m: Vec::new(), left_m: Vec::new() };
         for mut theta in points {
             theta[place] += step;
-            // An effect without a model at this size has no response.
+            // An effect whose model has no solution at this size has no response.
             let Ok(position_m) = subject.trajectory_m(candidate, &theta) else { continue };
             let truth = RivalTruth { candidate, theta: &theta, noise: fitted.noise, position_m: &position_m };
             let nearest_m = subject.trajectory_m(base, &fit_rival(subject, base, &truth)?.theta)?;
@@ -296,7 +298,7 @@ fn drawn(
     Some(Fitted { theta, position_m, ..fitted.clone() })
 }
 
-/// Signed cosines of visible signatures; zero for invisible ones.
+/// Signed cosines of the visible signatures of effects i (row) and j (column). An invisible effect has the cosine 0 with all others and 1 with itself.
 pub fn cosines(scores: &[Score]) -> DMatrix<f64> {
     DMatrix::from_fn(scores.len(), scores.len(), |i, j| match (&scores[i].direction, &scores[j].direction) {
         (Some(a), Some(b)) => a.dot(b),
@@ -310,7 +312,7 @@ pub fn twins(cosines: &DMatrix<f64>) -> Vec<Vec<usize>> {
     (0..n).map(|i| (0..n).filter(|j| *j != i && cosines[(i, *j)].abs() > TWIN_COSINE).collect()).collect()
 }
 
-/// 95 % quantile of the largest score in experiments without any effect, from N(0, C).
+/// 95 % quantile of the largest score in experiments without any effect, simulated from N(0, C) with the matrix C of [`cosines`].
 pub fn largest_score_threshold(scores: &[Score], cosines: &DMatrix<f64>, seed: u64) -> f64 {
     let eigen = cosines.clone().symmetric_eigen();
     let root = &eigen.eigenvectors * DMatrix::from_diagonal(&eigen.eigenvalues.map(|value| value.max(0.0).sqrt()));
@@ -347,8 +349,8 @@ mod tests {
     use crate::test_replica::{WHITE, base_fit, replica, simulated};
     use models::effects::Library;
 
-    /// On 120 correct models the z of a drift has mean 0 ± 0.091 and a variance of χ²₁₁₉/119. Correct code violates each asserted bound with a probability below 1e-6. A drift of six
-    /// standard errors is found at its place, to five of them.
+    /// On 120 correct models the z of a drift has mean 0 ± 0.091 and a variance of χ²₁₁₉/119. Correct code violates each bound with a probability below 1e-6. A drift of
+    /// six standard errors has a z of −6 with a tolerance of five.
     #[test]
     fn scores_are_standard_where_nothing_is_missing_and_expect_what_is() {
         let (base, fitted) = base_fit();
@@ -373,7 +375,7 @@ mod tests {
         assert!((found.expected_parameter / -velocity / (found.z.abs() / 6.0) - 1.0).abs() < 0.05);
     }
 
-    /// Parameters of the base stay at their fit, even if they are unidentified without an effect: a bias has one signature and no grid.
+    /// Parameters of the base stay at their fit, even if they are unidentified without an effect. A bias therefore has one signature and no grid.
     #[test]
     fn a_grid_is_of_what_is_new() {
         let subject = subject_with(&TWO_LEVELS, &Library::default(), &["second-retardation"]);
@@ -395,7 +397,7 @@ mod tests {
         assert_eq!(signatures(&second, &base, &fitted, &[&added], &[None]).expect("derivatives")[0].len(), GRID.len());
     }
 
-    /// Effects that are twins at one force level have parallel signatures; the threshold of two independent scores is the textbook's.
+    /// Effects that are twins at one force level have parallel signatures. The threshold of two independent scores equals the textbook value.
     #[test]
     fn cosines_name_twins_and_thresholds_are_those_of_normals() {
         let (base, fitted) = base_fit();

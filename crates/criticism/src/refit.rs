@@ -1,4 +1,4 @@
-//! Refits of every effect, and of leading pairs, beside a reference model.
+//! Refits of a reference model with every effect, and with leading pairs of effects, added.
 
 use rayon::prelude::*;
 
@@ -8,29 +8,29 @@ use crate::NoiseValues;
 use base::error::Result;
 use posterior::monitor::{Counter, Monitor};
 
-/// A model at its fit.
+/// A model with its fit and its scores of future cycles.
 #[derive(Clone)]
 pub struct Refitted {
-    /// The model.
+    /// Model of the mean position.
     pub candidate: Candidate,
-    /// Its fit.
+    /// Best fit of the model.
     pub fitted: Fitted,
-    /// Its log scores of future cycles; `None` when no cycle is held out.
+    /// Log scores of future cycles; `None` when no cycle is held out.
     pub future: Option<FutureScore>,
 }
 
 /// Gain of a model over another one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Gain {
-    /// Gain in log likelihood of the fitted cycles, noise estimated anew, in nats.
+    /// Gain over the smaller model, in log likelihood of the fitted cycles with the noise estimated anew, in nats.
     pub fitted: f64,
-    /// Gain in the log score of future cycles, in nats.
+    /// Gain in the log score of future cycles, in nats; `None` when no cycle is held out.
     pub future: Option<f64>,
-    /// Gain in the log score of the last cycle, in nats.
+    /// Gain in the log score of the last cycle, in nats; `None` when no cycle is held out.
     pub last: Option<f64>,
-    /// Largest change of a predicted position over the noise.
+    /// Largest change of a predicted position, divided by the yardstick.
     pub largest_change: f64,
-    /// Rank of candidates: fitted plus last-cycle gain, less two nats for each parameter beyond the first.
+    /// Value by which candidates are ranked: fitted plus last-cycle gain, less two nats for each parameter beyond one per effect.
     pub rank: f64,
 }
 
@@ -38,10 +38,10 @@ pub struct Gain {
 const NATS_PER_PARAMETER: f64 = 2.0;
 
 impl Refitted {
-    /// Fits a model from the fits of models that it contains, as widely as `search` asks.
+    /// Fits a model; the starts include the fits of the models in `contained`, which it contains. `search` sets the thoroughness.
     ///
     /// # Errors
-    /// [`base::Error::Numerical`] if it has no model at any start.
+    /// [`base::Error::Numerical`] if the model has no solution at any start.
     pub fn new(subject: &Subject, candidate: Candidate, contained: &[&Self], search: Search) -> Result<Self> {
         let starts: Vec<(Vec<f64>, NoiseValues)> = contained
             .iter()

@@ -1,9 +1,9 @@
-//! Summary of the residual that no effect of the library explains: its size, its argument, its contribution to predictions, and its shape.
+//! Summary of the residual that no effect of the library explains: its size, the quantity that it depends on, its contribution to predictions, and its shape.
 //!
-//! A structure with a shape of its own (a slip, a vibration, backlash) is part of the mean. Beside it, or in place of a free curve, the mean contains a
-//! Gaussian process of the axis that explains most of the residual ([`super::outside::Discrepancy`]). Both are orthogonal to the tangent space of the model's
-//! parameters, which therefore keep their meaning. It is unknown whether, when and with which sign such a structure recurs. So it does not shift predictions,
-//! but their variance grows by its mean square, s² → s² + ⟨m² + v⟩, with its mean m and variance v in the fitted rows.
+//! A structure with a shape of its own (a slip, a vibration, backlash) is part of the mean. In addition, or in place of a free curve, the mean contains a Gaussian
+//! process along the axis that explains most of the residual ([`super::outside::Discrepancy`]). Both are orthogonal to the tangent space of the model's parameters, which
+//! therefore keep their meaning. It is unknown whether, when and with which sign such a structure recurs. So it does not shift predictions. Their variance s² grows by
+//! the structure's mean square, s² → s² + ⟨m² + v⟩, with its mean m and variance v in the fitted rows.
 
 use super::criteria::Criteria;
 use super::derivatives::columns_m;
@@ -21,7 +21,8 @@ use figures::number::format_significant;
 use figures::svg::Svg;
 use posterior::misfit::{GainKnowledge, Misfit, Residuals};
 
-/// Share of a cycle within which a change of gain counts as one between cycles: positions near zero do not show the exact time.
+/// A change of gain counts as one between cycles if it lies within this fraction of a cycle's length from the cycle's start. Positions near zero do not show the exact
+/// time.
 const CYCLE_EDGE: f64 = 0.05;
 
 /// Misfit of a model: its residual compared with the noise, without structure that belongs to no law, such as a slip.
@@ -49,7 +50,7 @@ pub fn measure_misfit(subject: &Subject, model: &Refitted, unexplained: &[Outsid
     misfit.ok_or_else(|| Error::numerical("no position is fitted", "fit a cycle that has positions"))
 }
 
-/// The model with the leading structure if that belongs to no law, else the model alone.
+/// Returns the candidate and fit with the leading structure if that belongs to no law, else those of the model alone.
 pub(super) fn without_shape_of_no_law<'a>(
     model: &'a Refitted,
     unexplained: &'a [OutsideStructure],
@@ -57,7 +58,7 @@ pub(super) fn without_shape_of_no_law<'a>(
     with_shape(model, unexplained.first().filter(|outside| outside.kind.is_apart_from_law()))
 }
 
-/// Residual that no effect explains, with its picture.
+/// Residual that no effect explains, with the data of its figure.
 pub struct UnexplainedResidual {
     /// Entry of the document.
     pub entry: DiscrepancyEntry,
@@ -65,7 +66,7 @@ pub struct UnexplainedResidual {
 }
 
 impl UnexplainedResidual {
-    /// Summary of the structure found in a model's residual, the leading one first. There is none if only the size of the noise reveals the misfit.
+    /// Summarises the structure found in a model's residual; `unexplained` has the leading structure first. It is empty if only the size of the noise reveals the misfit.
     ///
     /// # Errors
     /// Errors of [`discrepancies`].
@@ -127,7 +128,7 @@ impl UnexplainedResidual {
         Ok(Self { entry, panels: of_shape.into_iter().chain(of_process).collect() })
     }
 
-    /// Draws the figure.
+    /// Draws the figure of the unexplained residual.
     ///
     /// # Errors
     /// Errors of [`discrepancy`].
@@ -146,8 +147,8 @@ impl UnexplainedResidual {
     }
 }
 
-/// The leading significant event over all cycles, the scored one included. The model contains the leading structure found in the fitted cycles. If there is such structure, the event must
-/// lie in the scored cycle. In the fitted cycles it could be the same structure, described by another shape.
+/// Returns the leading significant event over all cycles, the scored one included. The model contains the leading structure found in the fitted cycles. If there is such
+/// structure, the event must lie in the scored cycle. In the fitted cycles it could be the same structure, described by another shape.
 ///
 /// # Errors
 /// Errors of [`events_over_all_cycles`].
@@ -166,7 +167,7 @@ pub(super) fn event_in_any_cycle(
     Ok(found.into_iter().find(is_wanted))
 }
 
-/// Returns whether an event is a change of gain at the begin of a cycle; the noise contains such changes for every cycle.
+/// Returns whether an event is a change of gain at the start of a cycle; the noise contains such changes for every cycle.
 pub(super) fn is_gain_of_a_cycle(subject: &Subject, event: &OutsideStructure) -> bool {
     let (record, scales) = (&subject.experiment().record, subject.experiment().scales());
     let begins = |row: &usize| *row == 0 || record.cycle[*row] != record.cycle[*row - 1];
@@ -194,7 +195,7 @@ pub(super) fn event_remark(subject: &Subject, event: &OutsideStructure) -> Strin
     }
 }
 
-/// A model with a structure in its mean, or alone.
+/// Returns the candidate and fit with a structure in the mean, or of the model alone if `shape` is `None`.
 fn with_shape<'a>(model: &'a Refitted, shape: Option<&'a OutsideStructure>) -> (&'a Candidate, &'a Fitted) {
     shape.map_or((&model.candidate, &model.fitted), |shape| (&shape.candidate, &shape.fitted))
 }
@@ -242,7 +243,7 @@ fn follow(axis: Axis) -> &'static str {
     }
 }
 
-/// Value of a process where it is largest, and the place, in words.
+/// Largest value of a process, and where it occurs, in words.
 fn peak(subject: &Subject, process: &Discrepancy, rows: &[usize]) -> Option<(String, String)> {
     let row = rows.iter().copied().max_by(|a, b| process.mean_m[*a].abs().total_cmp(&process.mean_m[*b].abs()))?;
     let (record, at) = (&subject.experiment().record, process.coordinate[row]);
@@ -284,7 +285,7 @@ fn panel_of_process(process: &Discrepancy, rows: &[usize]) -> DiscrepancyPanel {
 fn panel_of_shape(subject: &Subject, shape: &OutsideStructure, rows: &[usize]) -> DiscrepancyPanel {
     let record = &subject.experiment().record;
     let of = |value: &dyn Fn(usize) -> f64| rows.iter().map(|row| value(*row)).collect();
-    // The model without the shape; its parameters absorb what they can of it.
+    // Position of the model without the structure. The model's parameters have absorbed what they can of it.
     let model_m = |row: usize| shape.fitted.position_m[row] - shape.discrepancy_m[row];
     let left_um = |row: usize| subject.fitted_m[row].map_or(f64::NAN, |y| 1e6 * (y - model_m(row)));
     let since_cycle_s = |row: usize| {

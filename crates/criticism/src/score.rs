@@ -2,14 +2,14 @@
 
 use nalgebra::DVector;
 
-/// An effect's score.
+/// First-order score of an effect.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Score {
-    /// z in the direction of the support, averaged over draws, at the grid point where it is largest.
+    /// Score z in the direction of the effect's support, averaged over draws, at the grid point where it is largest.
     pub z: f64,
-    /// z over ‖Pg‖ plus the null: the expected value of the first parameter, in its unit.
+    /// Expected value of the effect's first parameter, in its unit: z divided by ‖Pg‖, plus the null.
     pub expected_parameter: f64,
-    /// ‖Pg‖²/‖g‖², the largest over the grid: share of the signature that the base cannot absorb.
+    /// Fraction ‖Pg‖²/‖g‖² of the signature that the base cannot absorb, the largest over the grid.
     pub visible_fraction: f64,
     /// ‖Pg‖ per unit of the first parameter, at the grid point with the largest z.
     pub signature_per_unit: f64,

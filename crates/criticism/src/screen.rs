@@ -1,7 +1,7 @@
-//! First-order bounds of effects' gains in data that were simulated without them.
+//! First-order bounds of the gains of effects, in data that were simulated without these effects.
 //!
-//! A simulated search needs its largest gain only. The gain of an effect that is absent from the data is, to first order, half the square of the
-//! residual's part along its signature. Effects whose bound is too small to be the largest are not refitted.
+//! Of a simulated search only the largest gain is needed. To first order, the gain of an effect that is absent from the data is half the square of the residual's
+//! component along the effect's signature. Effects whose bound is too small to be the largest are not refitted.
 
 use nalgebra::DVector;
 use rayon::prelude::*;
@@ -11,20 +11,20 @@ use super::refit::Refitted;
 use super::{Candidate, Subject, Tangent};
 use base::error::Result;
 
-/// Factor and nats by which a refit may exceed its first-order gain: noise is estimated anew, and sizes leave the tangent.
+/// Factor by which a refit's gain may exceed its first-order value, with `NATS` added. The noise is estimated anew, and large sizes leave the tangent.
 const FACTOR: f64 = 1.5;
 const NATS: f64 = 1.0;
 
-/// Directions of candidates about a reference.
+/// Whitened signatures of candidates at the fit of a reference.
 pub(super) struct Screen {
     tangent: Tangent,
     position_m: Vec<f64>,
-    /// Whitened unit directions of each candidate, and the sign of its support.
+    /// Whitened unit directions of each candidate, and the sign of the added effect's support.
     directions: Vec<(Vec<DVector<f64>>, Option<f64>)>,
 }
 
 impl Screen {
-    /// Screens candidates that each contain the reference.
+    /// Computes the signatures of candidates that each contain the reference.
     ///
     /// # Errors
     /// Errors of [`Tangent::new`].
@@ -36,7 +36,7 @@ impl Screen {
         Ok(Self { tangent, position_m: reference.fitted.position_m.clone(), directions })
     }
 
-    /// Largest gains of candidates in other positions of the same rows, in nats; infinite if there is no first-order bound.
+    /// Returns upper bounds (nats) of the candidates' gains for other positions of the same rows; infinite if there is no first-order bound.
     pub fn bounds_nats(&self, data: &Subject) -> Vec<f64> {
         let residual = self.residual(data);
         let bound = |(directions, sign): &(Vec<DVector<f64>>, Option<f64>)| {
@@ -53,7 +53,7 @@ impl Screen {
         self.directions.iter().map(bound).collect()
     }
 
-    /// First-order gain of positions (m) that differ from the reference's, in nats, with the change scaled to its best size.
+    /// First-order gain (nats) in `data` of a model whose positions (m) differ from the reference's. The difference is scaled to its best size.
     pub fn gain_nats(&self, data: &Subject, position_m: &[f64]) -> f64 {
         let change_m = position_m.iter().zip(&self.position_m).map(|(a, b)| a - b).collect();
         let change = self.tangent.project(self.tangent.whiten(&[change_m]).swap_remove(0));

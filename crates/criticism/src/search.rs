@@ -1,4 +1,4 @@
-//! Search for missing effects: singles, pairs, and more if the data require them; additions first, then removals.
+//! Search for missing effects: single effects, pairs, and more if the data require them. Effects that are not needed are then removed.
 
 use rayon::prelude::*;
 
@@ -14,33 +14,34 @@ use crate::NoiseValues;
 use base::error::Result;
 use posterior::monitor::Monitor;
 
-/// Number of pairs refitted for their grouped score, besides all pairs with the best single effect.
+/// Number of pairs that are refitted because of their grouped score. All pairs with the best single effect are candidates as well.
 const N_LEADING_PAIRS: usize = 10;
-/// Least bound ([`Screen`]) of a second effect that is refitted, in nats. An effect below it gains too little for a larger model under [`Criteria::larger_nats`].
+/// Least first-order bound ([`Screen`]) of a second effect that is refitted, in nats. An effect below it gains too little for a larger model under
+/// [`Criteria::larger_nats`].
 const LEAST_BOUND_NATS: f64 = 4.0;
 /// Number of pairs refitted from every start.
 const N_WIDE_PAIRS: usize = 6;
 
 /// An effect of the library added to the base.
 pub struct Single {
-    /// Slug.
+    /// Slug of the effect.
     pub slug: &'static str,
-    /// Reason why it cannot be added, if so.
+    /// Reason why the effect cannot be added; `None` if it can.
     pub refused: Option<String>,
-    /// The model with it; `None` if it cannot be added or evaluated.
+    /// The model with the effect at its fit; `None` if it cannot be added or evaluated.
     pub refitted: Option<Refitted>,
-    /// Its gain over the base.
+    /// Gain of the model over the base.
     pub gain: Option<Gain>,
-    /// Its first-order score at the base.
+    /// First-order score of the effect at the base.
     pub score: Option<Score>,
 }
 
-/// A model with effects that one round proposes.
+/// Model that one round of the search proposes.
 #[derive(Clone)]
 pub struct SearchStep {
-    /// Its effects, with gains and p.
+    /// Effects of the model, with gains and p.
     pub addition: Addition,
-    /// The model.
+    /// The model at its fit.
     pub refitted: Refitted,
 }
 
@@ -48,31 +49,31 @@ pub struct SearchStep {
 pub struct SearchResult {
     /// The base at its fit.
     pub base: Refitted,
-    /// Every effect of the library, in its order.
+    /// Result for every effect of the library, in its order.
     pub singles: Vec<Single>,
-    /// Searches of data simulated from the base.
+    /// Largest gains of searches in data simulated from the base.
     pub bootstrap: Bootstrap,
     /// Pairs, best first, with their gains over the base.
     pub pairs: Vec<(Refitted, Gain)>,
-    /// One step a round, in order; the last may fail.
+    /// Proposed model of each round, in order; the last one may fail the criteria.
     pub steps: Vec<SearchStep>,
     /// The largest model that passes, without the effects that it does not need; `None` if no model passes.
     pub largest: Option<SearchStep>,
 }
 
 impl SearchResult {
-    /// Effects that a model has beyond the base.
+    /// Returns the slugs of the effects that a model has beyond the base.
     pub fn added<'a>(&self, model: &'a Refitted) -> Vec<&'a str> {
         let n_base = self.base.candidate.effects.len();
         model.candidate.effects[n_base..].iter().map(String::as_str).collect()
     }
 
-    /// The best single effect, if it passes.
+    /// Returns the step of the best single effect, if it passes.
     pub fn leading(&self, criteria: &Criteria) -> Option<&SearchStep> {
         self.steps.first().filter(|step| criteria.passes(&step.addition))
     }
 
-    /// A single effect by its slug.
+    /// Returns the result of a single effect by its slug.
     pub fn single(&self, slug: &str) -> Option<&Single> {
         self.singles.iter().find(|single| single.slug == slug)
     }
@@ -112,7 +113,7 @@ pub fn search(subject: &Subject, request: &DiagnosisRequest, monitor: &dyn Monit
         })
         .collect();
     monitor.stage("simulating searches without a missing effect");
-    // Simulates as many searches as decide about the gain in question.
+    // Simulates as many searches as are needed to decide about the largest gain of a single effect.
     let judged = best_single(&singles).and_then(|single| single.gain).map_or(0.0, |gain| gain.fitted);
     let decides = (!request.in_full).then_some(request.criteria.p_of_round(0));
     let simulations = Simulations { most: request.n_simulations, only_for: decides };
@@ -186,7 +187,7 @@ fn pairs(subject: &Subject, criteria: &Criteria, found: &SearchResult, monitor: 
         list
     };
     let mut list = ranked(refit_all(subject, &candidates, &contained, Search::Local, monitor));
-    // If a pair is near the threshold, the leading pairs are refitted from every start.
+    // If a pair is near the threshold, the leading pairs are refitted with a wide search.
     let wanted_rank = criteria.rank_of_larger(best_single(&found.singles).map_or(0.0, rank_of));
     if list.first().is_some_and(|(_, gain)| gain.rank > 0.5 * wanted_rank) {
         let n_wide = N_WIDE_PAIRS.min(list.len());
@@ -200,7 +201,7 @@ fn pairs(subject: &Subject, criteria: &Criteria, found: &SearchResult, monitor: 
     list
 }
 
-/// Effects that may gain [`LEAST_BOUND_NATS`] beside the best single one at its fit; all of them if there are no first-order values.
+/// Effects that may gain [`LEAST_BOUND_NATS`] in addition to the best single effect at its fit; all effects if there are no first-order values.
 fn select_promising<'a>(subject: &Subject, best: &str, fitted: &Refitted, others: &[&'a str]) -> Vec<&'a str> {
     let candidate = |other: &&'a str| Some((*other, subject.extended(&[best, other]).ok()?));
     let (others, candidates): (Vec<&str>, Vec<Candidate>) = others.iter().filter_map(candidate).unzip();
@@ -235,7 +236,7 @@ fn rounds(subject: &Subject, request: &DiagnosisRequest, found: &mut SearchResul
         }
         monitor.stage("simulating searches for one more effect");
         let additions = additions_to(subject, &current);
-        // Later rounds report their decision, not p.
+        // Later rounds need only their decision, so their p is not computed in full.
         let simulations = Simulations { most: request.n_simulations, only_for: Some(criteria.p_of_round(round)) };
         let seed = request.seed ^ (0xb007 + round as u64);
         let simulated = Bootstrap::run(subject, &current, &additions, gain.fitted, simulations, seed, monitor);
@@ -263,7 +264,7 @@ fn next_larger(
     if round == 1 {
         let (pair, gain) = found.pairs.first()?;
         let of_current = current.gain_over(&found.base, subject);
-        // Gain over a model that the pair need not contain.
+        // Gain over `current`, which the pair need not contain.
         let difference = Gain {
             fitted: gain.fitted - of_current.fitted,
             future: gain.future.zip(of_current.future).map(|(a, b)| a - b),
@@ -290,7 +291,7 @@ fn largest_change(subject: &Subject, a: &Refitted, b: &Refitted) -> f64 {
     pairs.fold(0.0, |largest: f64, (x, y)| largest.max((x - y).abs())) / subject.yardstick_m()
 }
 
-/// All models with one effect more.
+/// All models with one effect of the library added to `model`.
 fn additions_to(subject: &Subject, model: &Refitted) -> Vec<Candidate> {
     let n_base = subject.specification().effects.len();
     let names: Vec<&str> = model.candidate.effects[n_base..].iter().map(String::as_str).collect();

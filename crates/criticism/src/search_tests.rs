@@ -1,4 +1,4 @@
-//! Tests of the search's parts on models made by hand, and of the whole search with two effects.
+//! Tests of the search's functions on models made by hand, and of the whole search with two effects.
 
 use super::*;
 use crate::future::FutureScore;
@@ -9,7 +9,7 @@ use posterior::monitor::SilentMonitor;
 
 const CRITERIA: Criteria = Criteria::RECORD;
 const SLUGS: [&str; 3] = ["force-asymmetry", "force-bias", "tracking-drift"];
-/// 8 % of the force, and a drift of 2 µm/s: each at least ten σ in the records used here.
+/// Sizes of the effects in these tests: a bias of 8 % of the force, and a drift of 2 µm/s. Each is at least ten σ in the records used here.
 pub const BIAS: f64 = 0.08;
 pub const DRIFT_M_PER_S: f64 = 2e-6;
 
@@ -17,7 +17,7 @@ pub fn small() -> Subject {
     subject_with(&TWO_LEVELS, &Library::only(&SLUGS), &[])
 }
 
-/// Base and singles at their fits, with given gains of simulated searches.
+/// Returns the result of a search with the base and all singles at their fits. The gains of the simulated searches are given.
 pub fn found(data: &Subject, simulated: &[f64]) -> SearchResult {
     let base = Refitted::new(data, data.base(), &[], Search::Wide).expect("fits");
     let slugs: Vec<&'static str> = data.library().effects().iter().map(|effect| effect.slug()).collect();
@@ -46,7 +46,7 @@ pub fn refitted(data: &Subject, found: &SearchResult, effects: &[&str]) -> Refit
     Refitted::new(data, data.extended(effects).expect("addable"), &contained, Search::Local).expect("fits")
 }
 
-/// The gain consists of the differences of two models' objectives and scores. The largest change of position is in units of the noise. The models have prescribed values.
+/// A gain consists of the differences of two models' objectives and scores. The largest change of position is in units of the noise. The models have prescribed values.
 #[test]
 fn a_gain_is_the_difference_of_two_models() {
     let subject = subject_with(&TWO_LEVELS, &Library::default(), &[]);
@@ -66,7 +66,7 @@ fn a_gain_is_the_difference_of_two_models() {
     let expected = Gain { fitted: 12.0, future: Some(9.0), last: Some(3.0), largest_change: 1.5, rank: 15.0 };
     assert!((gain.largest_change - 1.5).abs() < 1e-9);
     assert_eq!(Gain { largest_change: 1.5, ..gain }, expected);
-    // Two nats for the second parameter of one effect only.
+    // The rank loses two nats only for the second parameter of one effect.
     let second = subject.extended(&["second-retardation"]).expect("addable");
     assert_eq!(second.free.iter().filter(|free| free.effect.is_some()).count(), 2);
     let gain = model(&["force-bias", "second-retardation"], 112.0, None, 0.0).gain_over(&smaller, &subject);
@@ -86,7 +86,7 @@ fn what_a_base_has_is_not_added() {
     assert_eq!(slugs, [["tracking-drift", "force-bias", "force-asymmetry"]]);
 }
 
-/// Base and some singles, none of which is judged.
+/// Returns the result of a search with the base and some singles, none of which has a gain or a score.
 pub fn found_beside(data: &Subject, slugs: &[&'static str]) -> SearchResult {
     let base = Refitted::new(data, data.base(), &[], Search::Local).expect("fits");
     let single = |slug: &&'static str| {
@@ -99,7 +99,7 @@ pub fn found_beside(data: &Subject, slugs: &[&'static str]) -> SearchResult {
     SearchResult { base, singles, bootstrap, pairs: Vec::new(), steps: Vec::new(), largest: None }
 }
 
-/// A base whose noise was badly searched gets the noise of a larger model.
+/// If the base's noise was badly searched, the base gets the noise of a larger model.
 #[test]
 fn a_larger_model_does_not_win_by_its_noise() {
     let data = measured(&small(), &[], &[], 4);
@@ -112,8 +112,8 @@ fn a_larger_model_does_not_win_by_its_noise() {
     assert!(base_from(&data, &good, &[Some(good.clone())]).is_none());
 }
 
-/// A needless effect beside a sufficient one is removed, a needed one stays. The needless one gains a χ² of one degree, 4 nats or more once in 200
-/// records, and the seed is fixed.
+/// A needless effect beside a sufficient one is removed, and a needed one stays. The gain of the needless effect is half a χ² of one degree: 4 nats or more once in 200
+/// records; the seed is fixed.
 #[test]
 fn a_needless_effect_is_taken_back() {
     for (truth, values, left) in [
@@ -124,7 +124,7 @@ fn a_needless_effect_is_taken_back() {
         let data = measured(&small(), truth, values, 5);
         let found = found_beside(&data, &["force-bias", "tracking-drift"]);
         let pair = refitted(&data, &found, &["force-bias", "tracking-drift"]);
-        // One simulated search has no p below a half.
+        // With one simulated search, p is at least a half.
         let gain = pair.gain_over(&found.base, &data);
         let effects = found.added(&pair).into_iter().map(String::from).collect();
         let step =
@@ -139,7 +139,7 @@ fn a_needless_effect_is_taken_back() {
     }
 }
 
-/// A pair is judged by its gain over the accepted single, and a small gain ends the search.
+/// A pair is judged by its gain over the accepted single effect, and a small gain ends the search.
 #[test]
 fn a_pair_is_weighed_against_the_single() {
     let data = measured(&small(), &["tracking-drift"], &[DRIFT_M_PER_S], 6);
@@ -160,11 +160,11 @@ fn a_pair_is_weighed_against_the_single() {
     assert_eq!((found.steps.len(), found.steps[0].addition.p), (1, 0.01));
 }
 
-/// If the single fails, a pair must pass beside it and predict better as a whole; a failed addition is reported and not claimed.
+/// If the single effect fails, a pair must pass and also predict better than the base as a whole. A failed addition is reported and not claimed.
 #[test]
 fn a_pair_beside_a_failed_single_has_to_make_good_what_that_lost() {
     let data = measured(&small(), &["force-bias", "tracking-drift"], &[BIAS, DRIFT_M_PER_S], 7);
-    // Ten simulated searches decide the second round.
+    // Ten simulated searches suffice to decide the second round.
     let criteria = Criteria { largest_p: 0.2, ..CRITERIA };
     let request = request(19, criteria);
     let mut found = found(&data, &[1.0; 99]);
@@ -186,17 +186,17 @@ fn a_pair_beside_a_failed_single_has_to_make_good_what_that_lost() {
         (steps, found.largest.as_ref().map(|largest| largest.addition.effects.len()))
     };
     assert_eq!(claim(&mut found, 0.0, false), (vec![true, true], Some(2)));
-    // A single with a large p is no claim, but the pair is.
+    // A single effect with a large p is not claimed, but the pair is.
     assert_eq!(claim(&mut found, 0.0, true), (vec![false, true], Some(2)));
-    // The base predicts better than either.
+    // The base predicts better than the single effect and the pair.
     let ahead = gain.future.expect("a cycle is held out") + 1.0;
     assert_eq!(claim(&mut found, ahead, true), (vec![false, false], None));
-    // Without a pair, the failed single stays alone.
+    // Without a pair, only the failed single effect is reported.
     found.pairs.clear();
     assert_eq!(claim(&mut found, 0.0, true), (vec![false], None));
 }
 
-/// Each effect of a claim is replaced by each other one, beside the rest of the claim.
+/// Each effect of a claim is replaced by each effect outside it, while the other effects of the claim stay.
 #[test]
 fn every_effect_of_a_claim_is_replaced() {
     let data = measured(&small(), &["force-bias", "tracking-drift"], &[BIAS, DRIFT_M_PER_S], 8);
@@ -217,8 +217,8 @@ fn every_effect_of_a_claim_is_replaced() {
     assert_eq!(named, [("force-asymmetry", vec!["force-asymmetry"]), ("force-bias", vec!["force-bias"])]);
 }
 
-/// The search claims two effects of many σ, one per round, one effect alone, and none on a correct model (p ≤ 0.05 has a chance of one in twenty; the
-/// seed is fixed).
+/// The search claims two effects of many σ (one per round), one effect alone, and none on a correct model. On the correct model p ≤ 0.05 has a chance of one in twenty;
+/// the seed is fixed.
 #[test]
 #[ignore = "thorough"]
 fn a_search_adds_what_is_missing_and_no_more() {

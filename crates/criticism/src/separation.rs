@@ -4,8 +4,8 @@
 //! the noise at the truth, is the distance in σ. In data with that noise, the truth's expected lead in log likelihood is half the squared distance. An experiment separates
 //! two effects if their distance is at least [`SEPARATED_SIGMA`].
 //!
-//! Priors of the law hold its parameters about those of the truth, as if the truth were a fit of data. So a model is at distance 0 from itself,
-//! and to first order the distance is ‖Pg‖ε with the projection P of [`super::Tangent`].
+//! The priors of the law are centred at the truth's parameters, as if the truth were a fit of data. So a model is at distance 0 from itself. For an effect of small size
+//! ε with signature g, the distance is ‖Pg‖ε to first order, with the projection P of [`super::Tangent`].
 
 use nalgebra::{DMatrix, DVector};
 
@@ -20,7 +20,7 @@ use models::model::N_LANES;
 /// Distance in σ from which two effects count as separated.
 pub const SEPARATED_SIGMA: f64 = 4.0;
 
-/// Starting steps from an effect's null, in units of the spread of its prior.
+/// Starting steps from an effect's null, in units of its search coordinate.
 const SIZES: [f64; 8] = [0.003, 0.01, 0.03, 0.1, 0.3, 0.7, 1.5, 3.0];
 /// Prior quantiles at which parameters unidentified at the null start.
 const GRID: [f64; 7] = [0.05, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95];
@@ -29,10 +29,10 @@ const N_FOLLOWED: usize = 3;
 const MOST_STEPS: usize = 30;
 /// Relative decrease of a squared distance below which its fit has converged.
 const LEAST_PART: f64 = 1e-3;
-/// Squared distance below which a fit is perfect.
+/// Squared distance below which a fit counts as perfect.
 const NOTHING: f64 = 1e-6;
 
-/// Distance in σ of the best fit of `other` from noise-free data of the truth at its fit; the noise is the truth's.
+/// Returns the distance (σ) of the best fit of `other` from noise-free data of the truth at its fit. The noise is the truth's.
 ///
 /// # Errors
 /// [`Error::Numerical`] if the other model cannot be evaluated at any start.
@@ -42,7 +42,7 @@ pub fn distance(subject: &Subject, other: &Candidate, truth: (&Candidate, &Fitte
     Ok(fit_rival(subject, other, &truth)?.distance)
 }
 
-/// A model at a point, with its noise.
+/// The truth of a rival fit: a model at a point, with its noise.
 #[derive(Clone, Copy)]
 pub struct RivalTruth<'a> {
     pub candidate: &'a Candidate,
@@ -54,20 +54,20 @@ pub struct RivalTruth<'a> {
     pub position_m: &'a [f64],
 }
 
-/// Point of a model that is closest to a truth.
+/// The point of a model that is closest to a truth.
 #[derive(Debug, Clone)]
 pub struct RivalPoint {
-    /// Distance in σ.
+    /// Distance (σ) from the truth.
     pub distance: f64,
     pub theta: Vec<f64>,
 }
 
-/// Best fit of a model to a truth.
+/// Fits a model to a truth and returns the model's closest point.
 pub fn fit_rival(subject: &Subject, other: &Candidate, truth: &RivalTruth) -> Result<RivalPoint> {
     RivalFit::new(subject, other, truth).best(&other.embed(truth.candidate, truth.theta))
 }
 
-/// Best fit of a model to a truth without priors: the distance follows from the protocol's geometry alone.
+/// Fits a model to a truth without priors: the distance follows from the protocol's geometry alone.
 pub(super) fn closest_without_priors(subject: &Subject, other: &Candidate, truth: &RivalTruth) -> Result<RivalPoint> {
     RivalFit::new(subject, other, truth).without_priors().best(&other.embed(truth.candidate, truth.theta))
 }
@@ -78,24 +78,24 @@ pub(super) struct RivalFit<'a> {
     other: &'a Candidate,
     noise: NoiseValues,
     truth_m: &'a [f64],
-    /// Mean and standard deviation of the law's coordinates.
+    /// Mean and standard deviation of the prior of each coordinate; `None` if it has none.
     priors: Vec<Option<(f64, f64)>>,
 }
 
-/// A point of the fit.
+/// A point of a rival fit, with its squared distance (σ²).
 #[derive(Clone)]
 struct Point {
     theta: Vec<f64>,
     squared: f64,
 }
 
-/// Coordinates that absorb changes at a point, with their linear algebra.
+/// Coordinates that may move to absorb changes at a point, with their linear algebra.
 struct AbsorbingCoordinates {
-    /// Coordinates that may move.
+    /// Indices of the coordinates that may move.
     active: Vec<usize>,
-    /// Whitened columns of those coordinates.
+    /// Whitened derivatives with respect to those coordinates.
     columns: Vec<Vec<f64>>,
-    /// Inverse of their curvature, priors included.
+    /// Inverse of the matrix AᵀA of those columns, with the prior precisions added.
     inverse: DMatrix<f64>,
 }
 
@@ -106,7 +106,7 @@ impl AbsorbingCoordinates {
     }
 }
 
-/// First-order residual of a point.
+/// First-order distance of a point from the truth.
 #[derive(Debug, Clone)]
 pub(super) struct FirstOrderResidual {
     /// Squared distance in σ².
@@ -118,7 +118,7 @@ pub(super) struct FirstOrderResidual {
 }
 
 impl FirstOrderResidual {
-    /// Share that is not absorbed.
+    /// Returns the fraction of the squared distance that is not absorbed.
     pub fn fraction(&self) -> f64 {
         if self.whole > 0.0 { (self.squared / self.whole).max(0.0) } else { 0.0 }
     }
@@ -134,12 +134,13 @@ impl<'a> RivalFit<'a> {
         Self { subject, other, noise: truth.noise, truth_m: truth.position_m, priors }
     }
 
-    /// Drops all priors.
+    /// Returns the rival fit without any prior.
     pub fn without_priors(self) -> Self {
         Self { priors: vec![None; self.other.free.len()], ..self }
     }
 
-    /// First-order whitened residual of a point, and its share. The coordinates of the law, and of effects that are on at `null`, absorb their part.
+    /// Returns the whitened residual of a point after absorption, to first order, and the remaining fraction of its square. The coordinates of the law, and of effects
+    /// that are on at `null`, absorb their part.
     pub fn left(&self, null: &[f64], point: &[f64]) -> Option<(DVector<f64>, f64)> {
         let absorbing = self.absorbing(null)?;
         let white = self.differences(&[point.to_vec()]).swap_remove(0)?;
@@ -153,7 +154,7 @@ impl<'a> RivalFit<'a> {
         Some((left, fraction))
     }
 
-    /// Best fit, from the nulls of effects and from several sizes and grid points.
+    /// Finds the best fit, from the nulls of effects and from several sizes and grid points.
     pub fn best(&self, null: &[f64]) -> Result<RivalPoint> {
         let mut starts = vec![null.to_vec()];
         starts.extend(self.promising(null));
@@ -176,7 +177,7 @@ impl<'a> RivalFit<'a> {
         Ok(RivalPoint { distance: best.squared.sqrt(), theta: best.theta })
     }
 
-    /// Whitened differences (the truth's positions less the model's) of up to eight points; `None` if there is no model.
+    /// Whitened differences (the truth's positions less the model's) of up to eight points; `None` if the model has no solution.
     pub fn differences(&self, points: &[Vec<f64>]) -> Vec<Option<Vec<f64>>> {
         let (lanes, is_valid) = self.subject.trajectories_m(self.other, points);
         let valid: Vec<usize> = (0..points.len()).filter(|lane| is_valid[*lane]).collect();
@@ -206,7 +207,7 @@ impl<'a> RivalFit<'a> {
         white.as_ref().map_or(f64::INFINITY, of)
     }
 
-    /// Gauss–Newton descent with several dampings at once; `None` if there is no model.
+    /// Gauss–Newton descent with several dampings tried at once; `None` if the model has no solution.
     fn descend(&self, start: Vec<f64>) -> Option<Point> {
         let mut white = self.differences(std::slice::from_ref(&start)).swap_remove(0);
         let mut point = Point { squared: self.squared(&start, &white), theta: start };
@@ -259,7 +260,7 @@ impl<'a> RivalFit<'a> {
         damped_steps(self.other, theta, &normal, &slope)
     }
 
-    /// The best few starts to first order, with one effect away from its null and the other coordinates at their absorbing values.
+    /// Returns the best few starts to first order. Each has one effect away from its null and the other coordinates at their absorbing values.
     fn promising(&self, null: &[f64]) -> Vec<Vec<f64>> {
         let starts = away_from_null(self.other, null);
         let mut ranked: Vec<FirstOrderResidual> = self.seen(null, &starts).into_iter().flatten().collect();
@@ -284,8 +285,7 @@ impl<'a> RivalFit<'a> {
         Some(AbsorbingCoordinates { active, columns, inverse: normal.try_inverse()? })
     }
 
-    /// First-order residuals of points after absorption by the law and by effects that are on at `null`; `None` if there is
-    /// no model.
+    /// First-order distances of points, after the law and the effects that are on at `null` have absorbed their part; `None` if the model has no solution.
     pub fn seen(&self, null: &[f64], points: &[Vec<f64>]) -> Vec<Option<FirstOrderResidual>> {
         let absorbing = if points.is_empty() { None } else { self.absorbing(null) };
         let Some(absorbing) = absorbing else { return vec![None; points.len()] };
@@ -311,7 +311,7 @@ pub(super) fn is_off(candidate: &Candidate, effect: usize, theta: &[f64]) -> boo
     candidate.free.iter().zip(theta).any(|(free, theta)| free.effect == Some(effect) && free.null == Some(*theta))
 }
 
-/// Points with one effect that is off at `null` moved to several sizes on both sides and to grid points of its unidentified parameters.
+/// Points with one effect, off at `null`, moved to several sizes on both sides and to grid points of its unidentified parameters.
 fn away_from_null(candidate: &Candidate, null: &[f64]) -> Vec<Vec<f64>> {
     let mut starts = Vec::new();
     for (k, free) in candidate.free.iter().enumerate() {

@@ -5,12 +5,12 @@ pub use crate::test_protocols::*;
 use crate::test_subjects::noise_of;
 use models::effects::Library;
 
-/// Subject of such a record; the last cycle is scored.
+/// Returns a subject with these cycles; the last cycle is scored.
 pub fn subject(cycles: &[&[f64]]) -> Subject {
     subject_with(cycles, &Library::default(), &[])
 }
 
-/// A subject whose positions are those of a model at given values, with noise.
+/// Returns a subject whose positions are those of a model with given parameter values, with noise added.
 pub fn measured(subject: &Subject, effects: &[&str], values: &[f64], seed: u64) -> Subject {
     let position_m = at(subject, effects, values).1.position_m;
     let noise_m = noise_of(subject, &position_m, &NOISE, seed);
@@ -18,7 +18,7 @@ pub fn measured(subject: &Subject, effects: &[&str], values: &[f64], seed: u64) 
     subject.with_positions(&measured_m)
 }
 
-/// L of the fitted rows, from the noise's definition, and those rows.
+/// Cholesky factor L of the covariance of the fitted rows, from the definition of the noise, and the indices of those rows.
 fn dense(subject: &Subject, position_m: &[f64]) -> (DMatrix<f64>, Vec<usize>) {
     let record = &subject.experiment().record;
     let rows: Vec<usize> = (0..record.n_rows()).filter(|row| subject.fitted_m[*row].is_some()).collect();
@@ -41,7 +41,7 @@ fn white(l: &DMatrix<f64>, rows: &[usize], column_m: impl Fn(usize) -> f64) -> D
     l.solve_lower_triangular(&DVector::from_fn(rows.len(), |i, _| column_m(rows[i]))).expect("regular")
 }
 
-/// ‖Pg‖ of a whole difference g (m) by dense algebra: central differences of the law, covariance from its definition, priors as rows.
+/// ‖Pg‖ of a difference g (m) of two models' positions, by dense algebra: central differences of the law, covariance from its definition, priors as rows.
 pub fn dense_distance(subject: &Subject, base: &(Candidate, Fitted), difference_m: &[f64]) -> f64 {
     let (candidate, fitted) = base;
     let (l, rows) = dense(subject, &fitted.position_m);
@@ -67,7 +67,7 @@ pub fn dense_distance(subject: &Subject, base: &(Candidate, Fitted), difference_
 fn a_small_effect_stands_as_far_as_dense_projection_says() {
     let subject = subject(&ONE_LEVEL);
     let base = at(&subject, &[], &[]);
-    // The drift is linear in the position; at 6 µm over the fitted 30 s the law's curvature is negligible.
+    // The drift is linear in the position. It reaches 6 µm over the fitted 30 s, where the law's curvature is negligible.
     let drift = at(&subject, &["tracking-drift"], &[2e-7]);
     let difference: Vec<f64> = drift.1.position_m.iter().zip(&base.1.position_m).map(|(a, b)| a - b).collect();
     let expected = dense_distance(&subject, &base, &difference);
@@ -76,7 +76,7 @@ fn a_small_effect_stands_as_far_as_dense_projection_says() {
     assert!((found / expected - 1.0).abs() < 0.01, "{found} against {expected}");
 }
 
-/// The plain simplex method of Nelder and Mead.
+/// Minimises f by the simplex method of Nelder and Mead.
 fn simplex(start: &[f64], size: f64, n_steps: usize, f: impl Fn(&[f64]) -> f64) -> (Vec<f64>, f64) {
     let mut points: Vec<(Vec<f64>, f64)> = vec![(start.to_vec(), f(start))];
     for k in 0..start.len() {
@@ -111,7 +111,7 @@ fn simplex(start: &[f64], size: f64, n_steps: usize, f: impl Fn(&[f64]) -> f64) 
     points.swap_remove(0)
 }
 
-/// Optimum of four parameters by another method with dense algebra, from several delays.
+/// The best fit of four parameters equals the optimum by another method with dense algebra, from several delays.
 #[test]
 fn the_best_fit_is_what_brute_force_finds() {
     let subject = subject(&[&[4.6, -4.6], &[2.3, -4.6], &[4.6, -4.6]]);
@@ -182,7 +182,7 @@ fn a_model_is_at_no_distance_from_itself_and_none_is_farther_than_the_base() {
     }
 }
 
-/// No start over sizes and times of a second retardation ends closer to a truth than the best fit.
+/// The best fit comes closest to a truth: no start over sizes and times of a second retardation ends closer.
 #[test]
 fn no_start_comes_closer_than_the_best_fit() {
     let subject = subject(&TWO_LEVELS);
@@ -203,7 +203,7 @@ fn no_start_comes_closer_than_the_best_fit() {
     }
 }
 
-/// The law's priors hold it about the truth, wherever that lies, and contribute their nominal cost.
+/// The law's priors are centred at the truth, wherever it lies, and contribute their nominal cost.
 #[test]
 fn a_law_away_from_its_priors_is_at_no_distance_from_itself() {
     let subject = subject(&ONE_LEVEL);
@@ -234,8 +234,8 @@ fn a_second_level_separates_a_bias_from_an_asymmetry() {
         distance(&subject, &other, (&truth.0, &truth.1)).expect("a distance")
     };
     let (one, two) = (between(&ONE_LEVEL), between(&TWO_LEVELS));
-    // (1.05, −0.95) is 1.05 (1, −0.95/1.05): an asymmetry with a law that is softer by 5 %. Only the law's priors penalise this change. The data determine the
-    // law to a fraction of a per cent and leave hardly any alternative.
+    // (1.05, −0.95) is 1.05 (1, −0.95/1.05): an asymmetry with a law that is softer by 5 %. Only the law's priors penalise this change. The data determine the law to a
+    // fraction of a per cent, which leaves hardly any alternative.
     let base = subject(&ONE_LEVEL).base();
     let of_law = base.free.iter().filter_map(|free| free.prior.map(|(_, sd)| (1.05_f64.ln() / sd).powi(2)));
     let expected = of_law.sum::<f64>().sqrt();

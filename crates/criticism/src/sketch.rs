@@ -1,9 +1,8 @@
-//! First-order scores of one record for every effect, with those of simulated records. These few numbers suffice to judge a cohort without
-//! its records.
+//! First-order scores of one record for every effect, with those of simulated records. A cohort is judged from these scores alone, without its records.
 //!
-//! Let Pg be the whitened signature of an effect after the base's parameters have absorbed their part (`rank`), n = ‖Pg‖ per unit of amplitude and
-//! z = gᵀPr/n. An amplitude a raises the log likelihood by a n z − ½ a²n², with the base's fitted law and noise. Records simulated from
-//! the base and its noise, both refitted, give z and n without the effect. The cosine of two signatures gives the z that one effect causes for another.
+//! Let Pg be the whitened signature of an effect after the base's parameters have absorbed their part (`rank`). Let n = ‖Pg‖ per unit of amplitude, and z = gᵀPr/n with
+//! the whitened residual r. An amplitude a raises the log likelihood by a n z − ½ a²n², with the base's fitted law and noise. Records are also simulated from the base
+//! and its noise, and law and noise are refitted; they give z and n without the effect. The cosine of two signatures gives the z that one effect causes for another.
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -18,9 +17,9 @@ use base::error::{Error, Result};
 use base::parameter::GAIN_SD;
 use sampling::ensemble::RandomStream;
 
-/// Visible shares (of a norm) below this come from rounding and curvature; their directions are meaningless.
+/// Visible fraction of a signature's norm below which the signature comes from rounding and curvature, so that its direction is meaningless.
 const LEAST_VISIBLE: f64 = 1e-6;
-/// Random streams of the gains of simulated future cycles, separate from those of their noise.
+/// Random streams for the gains of simulated future cycles, separate from the streams of the noise.
 const GAIN_STREAMS: u64 = 0x6a_11;
 
 /// Visible signatures, whitened and of norm 1; `None` for invisible ones.
@@ -35,14 +34,14 @@ pub struct SignatureScore {
     pub norm: f64,
 }
 
-/// One effect in a record's sketch.
+/// Signature of one effect in a record: the indices of its scores and the scale of its size.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EffectProbe {
-    /// Slug.
+    /// Slug of the effect.
     pub slug: &'static str,
     /// Name of the parameter that measures the effect's size; empty if the effect is not tested.
     pub parameter: &'static str,
-    /// Reason why the effect is not tested, if so.
+    /// Reason why the effect is not tested; `None` if it is.
     pub refused: Option<String>,
     /// Indices of its signature scores: one per grid point of the parameters unidentified at its null.
     pub readings: std::ops::Range<usize>,
@@ -50,7 +49,7 @@ pub struct EffectProbe {
     pub unit: f64,
     /// Power: 1, or 2 for an effect whose response begins with the square of its size.
     pub power: f64,
-    /// Largest size below and above the null; 0 on a side outside the support.
+    /// Largest size below and above the null, in this order; 0 on a side outside the support.
     pub reach: [f64; 2],
     /// Value of the parameter at the null.
     pub null: f64,
@@ -63,8 +62,8 @@ pub struct EffectProbe {
 pub struct ScoreSet {
     /// Signature scores from the fitted cycles.
     pub fitted: Vec<SignatureScore>,
-    /// Signature scores from the fitted cycles and from all cycles. Law and noise are those of the fitted cycles. The gain is no smaller than the scores of future cycles assume. `None` if no
-    /// cycle is held out.
+    /// Signature scores from the fitted cycles, and from all cycles. Law and noise are those of the fitted cycles. The noise's gain is at least the one that scores of
+    /// future cycles assume. `None` if no cycle is held out.
     pub fitted_and_all: Option<[Vec<SignatureScore>; 2]>,
 }
 
@@ -80,7 +79,7 @@ impl ScoreSet {
     }
 }
 
-/// Signature scores of one record for every effect. A cohort is judged from these alone.
+/// Signature scores of one record for every effect. A cohort is judged from these scores alone.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RecordScores {
     /// Every effect of the library, in its order.
@@ -91,7 +90,7 @@ pub struct RecordScores {
     pub whole: Vec<SignatureScore>,
     /// Signature scores of every record simulated without any effect.
     pub simulated: Vec<ScoreSet>,
-    /// Cosines of visible signatures, for each set of scores.
+    /// Matrix of cosines between visible signatures for each set of scores, in the order of [`ScoreSet::sets_mut`].
     pub cosines: Vec<DMatrix<f64>>,
 }
 
@@ -107,7 +106,7 @@ pub struct BaseFit {
     pub rmse_heldout: Option<(f64, usize)>,
 }
 
-/// Sketches a record: fits the base, then reads every effect's signature at that fit from the data and from simulated records.
+/// Computes the scores of a record: fits the base, then scores every effect's signature at that fit in the data and in `n_simulations` simulated records.
 ///
 /// # Errors
 /// Errors of fitting the base.
@@ -147,7 +146,7 @@ pub fn sketch(subject: &Subject, n_simulations: usize, seed: u64) -> Result<(Rec
     Ok((said, BaseFit { base, outlier_rows, has_misfit: leaves_too_much, rmse_heldout }))
 }
 
-/// Returns the scores of columns (m, one value per row of the record) beside a fit, and the directions of each set. `whole` has the scored cycles among the fitted ones.
+/// Returns the scores of columns (m, one value per row of the record) at a fit, and the directions of each set. The fitted cycles of `whole` include the scored ones.
 fn read_sets(
     subject: &Subject,
     whole: Option<&Subject>,
@@ -166,7 +165,7 @@ fn read_sets(
     Ok((told, vec![directions, of_before, of_after]))
 }
 
-/// Positions (m) simulated from the base and its noise. Each held-out cycle gets a new gain, as large as its scoring assumes, even if few fitted cycles show none.
+/// Simulates positions (m) from the base and its noise. Each held-out cycle gets a random gain of the size that its scoring assumes, even if few fitted cycles show none.
 fn with_gains_of_future_cycles(subject: &Subject, base: &Refitted, (seed, number): (u64, usize)) -> Vec<f64> {
     let mut position_m = simulated_m(subject, base, seed, number);
     let gain_sd = (GAIN_FLOOR.powi(2) - subject.noise().value(&base.fitted.noise, &GAIN_SD).powi(2)).max(0.0).sqrt();
@@ -188,7 +187,7 @@ fn cosines(directions: &Visible) -> DMatrix<f64> {
     DMatrix::from_fn(directions.len(), directions.len(), cosine)
 }
 
-/// Returns the experiment with the scored cycles among the fitted ones; outliers stay excluded.
+/// Returns the subject with the scored cycles among the fitted ones; outliers stay excluded.
 pub fn fit_all_cycles(subject: &Subject) -> Result<Subject> {
     let experiment = subject.experiment();
     let cycles: Vec<u32> = experiment.calibration_cycles.iter().chain(&experiment.heldout_cycles).copied().collect();
@@ -198,7 +197,7 @@ pub fn fit_all_cycles(subject: &Subject) -> Result<Subject> {
     Ok(subject.with_cycles(&cycles, &[])?.without_rows(&left_out))
 }
 
-/// Returns the probe of an effect and the columns of its response (m). An effect that is not tested has no columns.
+/// Returns an effect's entry and the columns of its response (m). An effect that is not tested has no columns.
 fn sketch_effect(subject: &Subject, base: &Refitted, slug: &'static str) -> Result<(EffectProbe, Vec<Vec<f64>>)> {
     let not = |why: String| {
         let asked = EffectProbe {
@@ -233,7 +232,7 @@ fn sketch_effect(subject: &Subject, base: &Refitted, slug: &'static str) -> Resu
     Ok((EffectProbe { slug, parameter, refused: None, readings, unit, power, reach, null, is_downwards }, columns_m))
 }
 
-/// Returns the scores of columns (m, one value per row of the record) beside a fit, over the fitted cycles, and their unit directions.
+/// Returns the scores of columns (m, one value per row of the record) at a fit, over the fitted cycles, and their unit directions.
 fn read(
     subject: &Subject,
     candidate: &Candidate,

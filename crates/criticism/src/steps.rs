@@ -1,20 +1,20 @@
-//! Gauss–Newton steps of a candidate's coordinates: whole, partial and damped.
+//! Gauss–Newton steps of a candidate's coordinates: full, partial and damped.
 
 use nalgebra::{DMatrix, DVector};
 
 use super::Candidate;
 use models::model::N_LANES;
 
-/// Dampings of the trial steps, in units of the curvature along coordinates.
+/// Dampings of the trial steps, relative to the diagonal of the curvature matrix.
 const DAMPINGS: [f64; N_LANES - 1] = [0.1, 1e-2, 1.0, 1e-4, 10.0, 100.0, 1e4];
-/// Dampings for candidates whose trajectories are computed one by one and whose steps are tried one after another. Parts of the undamped step are tried first, since narrow valleys
-/// bend.
+/// Dampings for candidates whose trajectories are computed one by one and whose steps are tried one after another.
 const SLOW_DAMPINGS: [f64; 5] = [1e-4, 1e-2, 0.1, 1.0, 100.0];
+/// Fractions of the undamped step. They are tried first, since narrow valleys bend.
 const PARTS: [f64; 3] = [1.0, 0.5, 0.25];
-/// Largest change of a coordinate in one step.
+/// Largest change of a coordinate in one step, in the coordinate's unit.
 const LONGEST_STEP: f64 = 3.0;
 
-/// Returns curvature and slope of ½‖r − Ax‖² at x = 0, from the columns of A followed by r.
+/// Returns curvature and slope of ½‖r − Ax‖² at x = 0. The argument has the columns of A, followed by r.
 pub(super) fn normal_equations(columns_and_residual: &[Vec<f64>]) -> (DMatrix<f64>, DVector<f64>) {
     let n = columns_and_residual.len().saturating_sub(1);
     let dot = |i: usize, j: usize| {
@@ -34,7 +34,7 @@ pub(super) fn normal_equations(columns_and_residual: &[Vec<f64>]) -> (DMatrix<f6
 pub(super) struct Steps {
     /// End points of the steps.
     pub trials: Vec<Vec<f64>>,
-    /// Gain of the whole undamped step if the curvature held, in the unit of ½‖r − Ax‖².
+    /// Predicted gain of the full undamped step if the curvature is constant, in the unit of ½‖r − Ax‖².
     pub promised: f64,
 }
 
@@ -45,8 +45,8 @@ impl Steps {
     }
 }
 
-/// Steps against the curvature `normal` along `slope`: whole, partial and damped, inside the candidate's ends. Coordinates at an end that they push against
-/// stay there. `None` if no coordinate can move.
+/// Computes full, partial and damped steps along `slope` for the curvature `normal`, inside the candidate's ends. Coordinates that push against an end stay there. `None`
+/// if no coordinate can move.
 pub(super) fn damped_steps(
     candidate: &Candidate,
     from: &[f64],

@@ -17,12 +17,12 @@ use posterior::problem::Problem;
 use posterior::study::ModelSpecification;
 use record::{Experiment, Record};
 
-/// Noise standard deviation relative to the range of positions, used if the noise is unknown and cannot be estimated.
+/// Noise standard deviation as a fraction of the range of positions, used if the noise is unknown and cannot be estimated.
 const UNKNOWN_NOISE: f64 = 0.005;
 
 /// One experiment, prepared for the fits of many models.
 ///
-/// All subjects made from one by [`Subject::with_positions`] share everything that does not depend on the positions.
+/// All subjects derived from one subject by [`Subject::with_positions`] share everything that does not depend on the positions.
 #[derive(Clone)]
 pub struct Subject {
     shared: Arc<SharedParts>,
@@ -30,13 +30,13 @@ pub struct Subject {
     has_trajectory_memory: bool,
     /// True if the noise has only the terms of the model's specification.
     has_only_specified_noise: bool,
-    /// Number of trajectories computed for this subject and those made from it.
+    /// Number of trajectories computed for this subject and for subjects derived from it.
     n_evaluated: Arc<AtomicUsize>,
     /// Positions (m) of the fitted cycles, `None` elsewhere; one entry per row of the record.
     pub fitted_m: Vec<Option<f64>>,
     /// Positions (m) of the scored cycle, `None` elsewhere.
     pub scored_m: Vec<Option<f64>>,
-    /// Likelihood of the fitted positions.
+    /// Likelihood of the fitted positions, given predicted positions and a noise.
     pub(super) fitted: NoiseLikelihood,
     /// Likelihood of the fitted and the scored positions.
     pub(super) all: NoiseLikelihood,
@@ -44,23 +44,24 @@ pub struct Subject {
 
 /// Parts of a subject that do not depend on the positions.
 pub(super) struct SharedParts {
-    /// Base model under the noise of the fits, its experiment split into fitted and scored cycles. Its positions are unused. Its compliance serves every effect of the library.
+    /// Base model with the noise terms of the fits. Its experiment is split into fitted and scored cycles; the positions in it are unused. Its compliance serves every
+    /// effect of the library.
     pub model: PreparedModel,
     pub library: Library,
     /// Names of the noise terms in the model's specification.
     pub own_noise: Vec<String>,
     pub yardstick_m: f64,
-    /// The model's compliance; its nonlinear laws remember their trajectories.
+    /// The model's compliance, with a memory of trajectories for nonlinear laws.
     pub local: Compliance,
     pub response: Response,
-    /// Learnt response of the effect that needs learning for each record, or the reason why it was not learnt. A search sets it once it has decided.
+    /// Learnt response of the effect that is learnt for each record, or the reason why it was not learnt. A search sets it once it has decided.
     pub large: LearntResponse,
 }
 
-/// Learnt response of the effect that needs learning for each record, or the reason why it was not learnt.
+/// Learnt response of the effect that is learnt for each record, or the reason why it was not learnt.
 pub(super) type LearntResponse = Arc<OnceLock<std::result::Result<SharedStepper, NotLearnt>>>;
 
-/// Reason why the effect was not learnt for the record.
+/// Reason why that effect was not learnt for the record.
 #[derive(Debug, Clone)]
 pub(super) struct NotLearnt {
     /// The reason, in words.
@@ -115,7 +116,7 @@ impl Subject {
         let large = LearntResponse::default();
         let slot = large.clone();
         let compliance = match problem.model.field() {
-            // The surrogate of the model itself is learnt already.
+            // The surrogate of the model itself is already learnt.
             Some((_, field)) if field.is_learnt_for_record() => compliance,
             _ => compliance.with_trained(move || slot.get().and_then(|found| found.clone().ok())),
         };
@@ -125,7 +126,7 @@ impl Subject {
         Ok(Self::of(Arc::new(shared), fitted_m, scored_m))
     }
 
-    /// Returns the subject with another library; the compliance must already serve its effects.
+    /// Returns the subject with another library. The compliance must already serve the effects of that library.
     ///
     /// # Errors
     /// As [`Self::with_compliance`].
@@ -185,7 +186,7 @@ impl Subject {
         }
     }
 
-    /// Returns the experiment with other positions (m), one per row; rows without a position stay without.
+    /// Returns the experiment with other positions (m), one per row. Rows that had no position get none.
     pub fn with_positions(&self, position_m: &[f64]) -> Self {
         let replaced = |old: &[Option<f64>]| old.iter().zip(position_m).map(|(old, new)| old.map(|_| *new)).collect();
         let (fitted_m, scored_m): (Vec<Option<f64>>, Vec<Option<f64>>) =
@@ -216,8 +217,8 @@ impl Subject {
         }
     }
 
-    /// Returns the subject with at most about `most` of its positions, evenly chosen, and the rows at which the force changes. Trajectories at the remaining rows are therefore unchanged.
-    /// Returns `None` if it has no more positions than that.
+    /// Returns the subject with about `most` of its positions, evenly chosen. The rows at which the force changes are kept, so trajectories at the remaining rows are
+    /// unchanged. Returns `None` if it has no more than `most` positions.
     ///
     /// # Errors
     /// As [`Self::with_compliance`].
@@ -255,22 +256,22 @@ impl Subject {
         }))
     }
 
-    /// Returns the subject with only the noise terms of each model's specification, as `sample` and `extend` fit it.
+    /// Returns the subject with only the noise terms of each model's specification, as in the fits of `sample` and `extend`.
     pub fn with_specified_noise(self) -> Self {
         Self { has_only_specified_noise: true, ..self }
     }
 
-    /// Returns the subject for many neighbouring models of one nonlinear law: their trajectories are learnt once and then remembered.
+    /// Returns the subject for many neighbouring models of one nonlinear law. Trajectories are learnt once and then remembered.
     pub fn with_trajectory_memory(self) -> Self {
         Self { has_trajectory_memory: true, ..self }
     }
 
-    /// Returns the subject with a new count of computed trajectories.
+    /// Returns the subject with a separate count of computed trajectories.
     pub(super) fn with_new_count(self) -> Self {
         Self { n_evaluated: Arc::default(), ..self }
     }
 
-    /// Number of trajectories computed for this subject and those made from it.
+    /// Number of trajectories computed for this subject and for subjects derived from it.
     pub(super) fn n_evaluated(&self) -> usize {
         self.n_evaluated.load(Ordering::Relaxed)
     }
@@ -280,7 +281,7 @@ impl Subject {
         &self.problem().experiment
     }
 
-    /// The base model.
+    /// Returns the base model as a candidate.
     pub fn base(&self) -> Candidate {
         Candidate::new(&self.shared.model.problem)
     }
@@ -295,7 +296,7 @@ impl Subject {
         &self.shared.model.problem
     }
 
-    /// The library.
+    /// Library of effects that may be added.
     pub fn library(&self) -> &Library {
         &self.shared.library
     }
@@ -303,7 +304,7 @@ impl Subject {
     /// The base model with effects added.
     ///
     /// # Errors
-    /// [`Error::Input`] if the effects exclude each other or the base has one of them already; the text gives the reason.
+    /// [`Error::Input`] if the effects exclude each other or the base already has one; the text gives the reason.
     pub fn extended(&self, effects: &[&str]) -> Result<Candidate> {
         let mut specification = self.problem().specification.clone();
         for slug in effects {
@@ -333,17 +334,17 @@ impl Subject {
         Ok(Candidate::new(&problem))
     }
 
-    /// Slot for the effect that needs learning for each record; the search that learns it fills the slot.
+    /// Slot for the response of the effect that is learnt for each record; the search that learns it fills the slot.
     pub(super) fn large(&self) -> &LearntResponse {
         &self.shared.large
     }
 
-    /// The record, prepared for models.
+    /// The record, prepared for evaluating models.
     pub(super) fn response(&self) -> &Response {
         &self.shared.response
     }
 
-    /// The noise model.
+    /// Noise model that the fits use.
     pub fn noise(&self) -> NoiseModel {
         self.problem().noise
     }
@@ -358,12 +359,13 @@ impl Subject {
         self.shared.own_noise.iter().any(|term| term == "gain")
     }
 
-    /// Known or estimated noise standard deviation (m), the yardstick of misfits.
+    /// Known or estimated noise standard deviation (m), with which misfits are compared: the yardstick.
     pub fn yardstick_m(&self) -> f64 {
         self.shared.yardstick_m
     }
 
-    /// Returns whether slow noise, and noise that differs between recordings, can be distinguished from a misfit. The model must declare it, or at least two recordings must be fitted.
+    /// Returns whether slow noise, and noise that differs between recordings, can be distinguished from a misfit. The model must declare such noise, or at least two
+    /// recordings must be fitted.
     pub fn can_show_slow_noise(&self) -> bool {
         let recordings = self.problem().recordings();
         let mut fitted: Vec<u32> =
@@ -387,7 +389,7 @@ impl Subject {
         self.problem().experiment.noise_sd_m.is_some()
     }
 
-    /// Converts ∫J dF into a position, for every effect of the library.
+    /// Compliance that converts ∫J dF into a position, for every effect of the library.
     pub fn compliance(&self) -> &Compliance {
         &self.shared.model.compliance
     }
@@ -448,7 +450,7 @@ impl Subject {
     /// Position (m) at every row of the record.
     ///
     /// # Errors
-    /// [`Error::Numerical`] if the candidate has no model at these parameters.
+    /// [`Error::Numerical`] if the candidate's model has no solution at these parameters.
     pub fn trajectory_m(&self, candidate: &Candidate, theta: &[f64]) -> Result<Vec<f64>> {
         let (lanes, is_valid) = self.trajectories_m(candidate, std::slice::from_ref(&theta.to_vec()));
         if is_valid[0] {
@@ -461,7 +463,8 @@ impl Subject {
     }
 }
 
-/// Selects rows of a record: about `most` of its positions, evenly chosen, and the rows at which the force changes. `None` if it has no more positions.
+/// Selects about `most` positions of a record, evenly, and the rows at which the force changes. Returns a flag per row; `None` if there are no more than `most`
+/// positions.
 fn select_rows(record: &Record, most: usize, is_placed: impl Fn(usize) -> bool) -> Option<Vec<bool>> {
     let n_rows = record.n_rows();
     let n_placed = (0..n_rows).filter(|row| is_placed(*row)).count();
@@ -478,7 +481,7 @@ fn select_rows(record: &Record, most: usize, is_placed: impl Fn(usize) -> bool) 
     Some((0..n_rows).map(is_kept).collect())
 }
 
-/// Returns a record of the rows that are kept.
+/// Returns a record of the rows that `is_kept` marks.
 fn of_rows(record: &Record, is_kept: &[bool]) -> Record {
     let rows: Vec<usize> = (0..record.n_rows()).filter(|row| is_kept[*row]).collect();
     let is_of_force = |row: &usize| record.force_rows.binary_search(row).is_ok();
@@ -496,8 +499,8 @@ fn of_rows(record: &Record, is_kept: &[bool]) -> Record {
 mod tests {
     use crate::test_replica::{base_fit, replica};
 
-    /// One position in eight of the replica and the rows at which its force changes keep their model positions and their data.
-    /// A record that is short enough stays whole.
+    /// With one position in eight, the replica's remaining rows and the rows at which its force changes keep their model positions and their data. A record that is short
+    /// enough stays unchanged.
     #[test]
     fn few_positions_show_the_same_motion() {
         let (base, fitted) = base_fit();

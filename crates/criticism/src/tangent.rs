@@ -1,4 +1,4 @@
-//! Linear algebra around a fit: whitened residuals, the part of a change that the model's parameters absorb, and its remainder.
+//! Linear algebra around a fit: whitened residuals, the part of a change that the model's parameters absorb, and the part that they do not.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -9,12 +9,12 @@ use posterior::noise::Whitening;
 
 /// Whitened residuals of the fitted rows and the tangent space of a model at a fit.
 ///
-/// L⁻¹ is the whitening of the noise. Then r = L⁻¹(y − f), A = L⁻¹∂f/∂θ with one more row per prior, and P = I − AA⁺.
+/// L⁻¹ whitens the noise of the positions y, and f are the model's positions. Then r = L⁻¹(y − f), A = L⁻¹∂f/∂θ with one more row per prior, and P = I − AA⁺.
 pub struct Tangent {
     whitening: Whitening,
-    /// Orthonormal basis of the columns of A, prior rows last; one column per free coordinate.
+    /// Orthonormal basis Q of the columns of A: one row per whitened row, prior rows last; one column per free coordinate.
     absorbed: DMatrix<f64>,
-    /// Factor R of A = QR without its columns' norms, which are stored apart. The two convert Qᵀx into coordinates.
+    /// Factor R of A = QR after division of A's columns by `norms`. R and `norms` convert Qᵀx into coordinates.
     triangle: DMatrix<f64>,
     norms: Vec<f64>,
     /// Whitened residuals, prior rows last.
@@ -63,7 +63,7 @@ impl Tangent {
         Ok(Self { whitening, absorbed, triangle, norms, residual })
     }
 
-    /// Number of whitened rows, prior rows included.
+    /// Number of rows of A and of the whitened residuals, prior rows included.
     pub fn n_rows(&self) -> usize {
         self.residual.len()
     }
@@ -94,7 +94,7 @@ impl Tangent {
         self.whitening.whiten_from(columns_m, first_row)
     }
 
-    /// Orthonormal basis of the changes that the model's parameters absorb, prior rows last; one column per free coordinate.
+    /// Orthonormal basis of the changes that the model's parameters absorb: prior rows last, one column per free coordinate.
     pub fn absorbed(&self) -> &DMatrix<f64> {
         &self.absorbed
     }
@@ -105,12 +105,12 @@ impl Tangent {
         whitened - &self.absorbed * inside
     }
 
-    /// Projected signatures Pg of columns (m, one value per row of the record).
+    /// Returns the projected signatures Pg of columns (m, one value per row of the record).
     pub fn visible(&self, columns_m: &[Vec<f64>]) -> Vec<DVector<f64>> {
         self.whiten(columns_m).into_iter().map(|white| self.project(white)).collect()
     }
 
-    /// Applies A⁺ to a whitened vector: returns the change of the candidate's coordinates that absorbs it.
+    /// Returns the change A⁺x of the candidate's coordinates that absorbs a whitened vector x.
     pub fn absorbing_step(&self, whitened: &DVector<f64>) -> Option<Vec<f64>> {
         let solved = self.triangle.solve_upper_triangular(&self.absorbed.tr_mul(whitened))?;
         Some(solved.iter().zip(&self.norms).map(|(x, norm)| x / norm).collect())
@@ -153,7 +153,7 @@ impl Tangent {
         Ok((0..fitted.position_m.len()).map(variance).collect())
     }
 
-    /// Deviation of the candidate's coordinates from the fit, with distribution N(0, (AᵀA)⁻¹), computed from a vector of standard normals.
+    /// Returns a deviation of the candidate's coordinates from the fit. If `standard` has independent standard normals, the deviation has the distribution N(0, (AᵀA)⁻¹).
     pub fn coordinates_of(&self, standard: &DVector<f64>) -> Option<Vec<f64>> {
         let solved = self.triangle.solve_upper_triangular(standard)?;
         Some(solved.iter().zip(&self.norms).map(|(x, norm)| x / norm).collect())
@@ -166,7 +166,7 @@ mod tests {
     use crate::NoiseValues;
     use crate::test_replica::{base_fit, replica};
 
-    /// The tangent agrees with dense algebra: whitening by the Cholesky factor of the whole covariance, projection by the normal equations with prior rows.
+    /// The tangent agrees with dense algebra. That whitens by the Cholesky factor of the full covariance, and projects by the normal equations with prior rows.
     #[test]
     fn projection_and_steps_are_those_of_dense_algebra() {
         let (base, fitted) = base_fit();
@@ -191,7 +191,7 @@ mod tests {
             base.free.iter().map(|free| free.prior.map_or(0.0, |(_, sd)| 1.0 / (sd * sd))).collect();
         let precision = jacobian.transpose() * &inverse * &jacobian
             + DMatrix::from_diagonal(&DVector::from_vec(prior_precision.clone()));
-        // A curve that the law half absorbs.
+        // A curve of which the law absorbs about half.
         let other: Vec<f64> = record.time_s.iter().map(|t| 1e-6 * (t + 3.0 * (0.9 * t).sin())).collect();
         let g = DVector::from_fn(rows.len(), |i, _| other[rows[i]]);
         let gg = g.dot(&(&inverse * &g));

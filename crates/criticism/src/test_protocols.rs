@@ -1,4 +1,4 @@
-//! Records of an instrument as subjects, for tests of this crate and of dependent crates.
+//! Records on an instrument, as subjects for tests of this crate and of crates that depend on it.
 
 use criticism::{Candidate, Fitted, NoiseValues, Subject};
 use models::effects::Library;
@@ -7,11 +7,11 @@ use posterior::problem::Problem;
 use posterior::study::ModelSpecification;
 use record::{Apparatus, Experiment, Record};
 
-/// White noise of 4 µm, a process of 2 µm and 0.8 s, gains of half a per cent, offsets of 1 µm.
+/// White noise of 4 µm, a process of 2 µm with a correlation time of 0.8 s, gains of 0.5 % and offsets of 1 µm.
 pub const NOISE: NoiseValues = NoiseValues::new([4.0, 2.0, 0.8, 0.005, 1.0]);
 const INTERVAL_S: f64 = 0.1;
 
-/// An instrument's record: cycles of holds of 5 s at forces in µN.
+/// Returns a record on an instrument. Each cycle is a list of forces in µN, held for 5 s each.
 pub fn record(cycles: &[&[f64]]) -> Record {
     let mut record = Record::default();
     for (cycle, force_un) in
@@ -28,7 +28,7 @@ pub fn record(cycles: &[&[f64]]) -> Record {
     record
 }
 
-/// Subject of such a record with a library and with effects of the program that the base has; the last cycle is scored.
+/// Returns a subject with these cycles and a library; the base has the given effects. The last cycle is scored.
 pub fn subject_with(cycles: &[&[f64]], library: &Library, effects: &[&str]) -> Subject {
     let last = cycles.len() as u32;
     let experiment = Experiment {
@@ -49,11 +49,11 @@ pub fn subject_with(cycles: &[&[f64]], library: &Library, effects: &[&str]) -> S
     Subject::new(&problem, library, None, &SilentMonitor).expect("a sound problem")
 }
 
-/// The paper's protocol.
+/// The paper's protocol: one force level.
 pub const ONE_LEVEL: [&[f64]; 4] = [&[4.6, -4.6]; 4];
 pub const TWO_LEVELS: [&[f64]; 4] = [&[4.6, -4.6], &[2.3, -2.3], &[4.6, -4.6], &[2.3, -2.3]];
 
-/// A model at given values of the last effect's parameters, the law's at the middle of the priors.
+/// Returns a model with given values of the effects' parameters; the law's parameters are at the middle of their priors.
 pub fn at(subject: &Subject, effects: &[&str], values: &[f64]) -> (Candidate, Fitted) {
     let candidate = subject.extended(effects).expect("effects of the library");
     let mut theta: Vec<f64> = candidate.free.iter().map(|free| free.quantile(0.5)).collect();

@@ -12,7 +12,8 @@ use posterior::problem::Problem;
 use posterior::replica::embedded;
 use posterior::study::ModelSpecification;
 
-/// The replica with every effect that keeps the displacement field, prepared once. The reduced models of the others take longer to train than all tests that would use them.
+/// Returns the replica with every effect that keeps the displacement field, prepared once. The reduced models of other effects take longer to train than all tests that
+/// would use them.
 pub fn replica() -> &'static Subject {
     static SUBJECT: OnceLock<Subject> = OnceLock::new();
     SUBJECT.get_or_init(|| {
@@ -21,7 +22,7 @@ pub fn replica() -> &'static Subject {
     })
 }
 
-/// The replica with a selection of effects.
+/// Returns the replica with a selection of effects.
 pub fn replica_with(library: &Library) -> Subject {
     let (experiment, _) = embedded().expect("embedded");
     let problem = Problem::new(experiment, ModelSpecification::default(), None, &SilentMonitor).expect("sound");
@@ -31,19 +32,19 @@ pub fn replica_with(library: &Library) -> Subject {
 /// White noise of 4 µm with hardly any other term.
 pub const WHITE: NoiseValues = NoiseValues::new([4.0, 1e-2, 1.0, 1e-5, 1e-2]);
 
-/// A fit of the base to the replica.
+/// Returns the base model of the replica and its fit.
 pub fn base_fit() -> (Candidate, Fitted) {
     let base = replica().base();
     let fitted = replica().fit(&base, &[], Search::Wide).expect("fits");
     (base, fitted)
 }
 
-/// The replica's protocol with simulated positions: a candidate at coordinates, and noise.
+/// Returns a subject with the replica's protocol and simulated positions: those of a candidate at the coordinates `theta`, with noise.
 pub fn simulated(candidate: &Candidate, theta: &[f64], noise: &NoiseValues, seed: u64) -> Subject {
     simulated_in(replica(), candidate, theta, noise, seed)
 }
 
-/// The replica's protocol with simulated positions and another subject's effects.
+/// Returns a subject with simulated positions as [`simulated`] does, but with the effects of `subject`.
 pub fn simulated_in(
     subject: &Subject,
     candidate: &Candidate,

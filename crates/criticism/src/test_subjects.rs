@@ -16,12 +16,12 @@ use sampling::ensemble::RandomStream;
 pub enum Protocol {
     /// The replica's protocol: four cycles of 5 s at +4.6 µN and 5 s at −4.6 µN, 20 rows a second.
     Paper,
-    /// Five cycles of three levels with rests between, after a rest of 1 s.
+    /// Five cycles of three force levels with rests between them, after an initial rest of 1 s.
     Levels,
 }
 
 impl Protocol {
-    /// The paper's force in many short cycles of `rows_each` rows, 0.2 s apart; the last cycle is held out.
+    /// Returns a subject with the paper's force in many short cycles of `rows_each` rows, 0.2 s apart. The last cycle is held out.
     pub fn many_cycles(n_cycles: usize, rows_each: usize) -> Subject {
         let (mut experiment, _) = embedded().expect("embedded");
         experiment.apparatus = Apparatus::Instrument { compliance_per_m: 549.178 };
@@ -39,7 +39,7 @@ impl Protocol {
     }
 }
 
-/// A subject on an instrument, which needs no finite elements, with the replica's stiffness.
+/// Returns a subject on an instrument with the replica's stiffness. An instrument needs no finite elements.
 pub fn subject(protocol: Protocol) -> Subject {
     let (mut experiment, _) = embedded().expect("embedded");
     experiment.apparatus = Apparatus::Instrument { compliance_per_m: 549.178 };
@@ -55,7 +55,7 @@ pub fn subject(protocol: Protocol) -> Subject {
         experiment.calibration_cycles = vec![1];
         experiment.heldout_cycles = vec![2, 3, 4, 5];
         experiment.noise_sd_m = Some(4e-6);
-        // Ranges of positions scale default priors.
+        // Default priors scale with the range of positions.
         let problem =
             Problem::new(experiment.clone(), ModelSpecification::default(), None, &SilentMonitor).expect("sound");
         let subject = Subject::new(&problem, &Library::default(), None, &SilentMonitor).expect("sound");
@@ -65,7 +65,7 @@ pub fn subject(protocol: Protocol) -> Subject {
     Subject::new(&problem, &Library::default(), None, &SilentMonitor).expect("sound")
 }
 
-/// Positions (m) of Table I's law with effects of these sizes, in the order of the model's parameters.
+/// Positions (m) of the law with the parameters of the paper's Table I. `sizes` are the effects' parameters, in the order of the model's parameters.
 pub fn truth_of(subject: &Subject, effects: &[&str], sizes: &[f64]) -> Vec<f64> {
     let candidate = subject.extended(effects).expect("a model");
     let values: Vec<f64> = TABLE_I.iter().chain(sizes).copied().collect();
@@ -73,7 +73,7 @@ pub fn truth_of(subject: &Subject, effects: &[&str], sizes: &[f64]) -> Vec<f64> 
     subject.trajectory_m(&candidate, &theta).expect("a model")
 }
 
-/// Random sizes of an effect, uniform over the quantiles of its priors.
+/// Random parameters of an effect, uniform over the quantiles of their priors.
 pub fn random_sizes(subject: &Subject, effect: &str, seed: u64) -> Vec<f64> {
     let candidate = subject.extended(&[effect]).expect("a model");
     let mut stream = RandomStream::new(4711, seed);
@@ -81,7 +81,7 @@ pub fn random_sizes(subject: &Subject, effect: &str, seed: u64) -> Vec<f64> {
     of_effect.map(|free| free.coordinate.value(free.quantile(0.02 + 0.96 * stream.unit()))).collect()
 }
 
-/// Simulated noise (m) about positions, with parameters σ (µm), σ_ou (µm), τ (s), s_g, s_o (µm).
+/// Simulated noise (m) around positions (m). The parameters are σ (µm), σ_ou (µm), τ (s), s_g and s_o (µm).
 pub fn noise_of(subject: &Subject, position_m: &[f64], noise: &NoiseValues, seed: u64) -> Vec<f64> {
     let record = &subject.experiment().record;
     let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);

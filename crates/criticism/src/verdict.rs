@@ -1,8 +1,12 @@
 //! The verdict: a pure function of the evidence of a search and of [`Criteria`].
 //!
-//! The caller fills in the evidence in a fixed order. First come the additions that the search proposes. Then follow the residual test of the accepted model, and of the next one if it fails ([`Evidence::next_test`]); the residual
-//! of the leading effect alone, if structure of the law replaces it ([`Evidence::is_replaced_by_law`]); rivals of a claim ([`Evidence::claim`]). A record, a sweep and a cohort fill in the parts that they
-//! have. This module neither fits nor reads nor simulates.
+//! The caller fills in the evidence in a fixed order:
+//! 1. the additions that the search proposes;
+//! 2. the residual test of the accepted model, and of the next one if it fails ([`Evidence::next_test`]);
+//! 3. the residual of the leading effect alone, if structure of the law replaces it ([`Evidence::is_replaced_by_law`]);
+//! 4. the rivals of a claim ([`Evidence::claim`]).
+//!
+//! A record, a sweep and a cohort fill in the evidence that they have. This module neither fits nor reads nor simulates.
 
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
@@ -41,13 +45,13 @@ impl Addition {
 /// Structure outside the library in a residual.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Structure {
-    /// Gain of its refit, less its family's gain by chance.
+    /// Gain (nats) of the refit with it, less its family's gain by chance.
     pub gain_nats: f64,
-    /// p over all families.
+    /// p corrected for all families of structure.
     pub p_familywise: f64,
     /// True if it may belong to a law; a slip or a vibration cannot.
     pub is_of_law: bool,
-    /// Effects of the library with nearly the same shape, and the cosine of each.
+    /// Slugs of library effects with nearly the same shape, and the cosine of each.
     pub twins: Vec<(String, f64)>,
 }
 
@@ -56,15 +60,15 @@ pub struct Structure {
 pub enum Residual {
     /// Residual of one record.
     Record {
-        /// Size of the residual, and its repetition from cycle to cycle.
+        /// Size of the residual, and the part that recurs in every cycle.
         misfit: Misfit,
         /// Number of held-out positions, or of fitted ones if no cycle is held out.
         n_positions: usize,
-        /// Error on the last held-out cycle, divided by the predictive noise. It judges a claim, and a base whose fitted recordings cannot show slow noise or a different gain of
-        /// each recording. `None` for any other base, and if no cycle is held out.
+        /// Error on the last held-out cycle, divided by the predictive noise. It judges a claim. It also judges a base whose fitted recordings cannot show slow noise or
+        /// a different gain of each recording. `None` for any other base, and if no cycle is held out.
         over_predicted: Option<f64>,
     },
-    /// Probability that noise causes at least this residual of a sweep; NaN if the model cannot be evaluated.
+    /// Probability that noise causes at least this large a residual of a sweep; NaN if the model cannot be evaluated.
     Sweep(f64),
     /// Number of a cohort's records whose residual exceeds the noise.
     Cohort(usize),
@@ -94,7 +98,7 @@ impl Residual {
     }
 }
 
-/// Residual test of a model.
+/// Result of testing the residual of a model.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct ResidualTest {
     /// Confirmed structure outside the library, the leading one first.
@@ -108,9 +112,9 @@ pub struct ResidualTest {
 /// A model that the search proposes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ClaimProposal {
-    /// Its effects and gains.
+    /// Effects and gains of the model.
     pub addition: Addition,
-    /// Its residual test; `None` until it is made.
+    /// Residual test of the model; `None` until it is made.
     pub test: Option<ResidualTest>,
     /// Residual of the base with the leading effect alone; computed if structure that may belong to the law replaces every proposal.
     pub alone: Option<Residual>,
@@ -125,26 +129,26 @@ impl From<Addition> for ClaimProposal {
 /// An effect that may replace one of the claim.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rival {
-    /// Slug.
+    /// Slug of the effect.
     pub effect: String,
-    /// Rank deficit behind the claim, in nats.
+    /// Rank of the claim less rank of the rival, in nats.
     pub deficit_nats: f64,
-    /// Distance in σ between the two models; one record only.
+    /// Distance (σ) between the two models; `None` except for one record.
     pub separation_sigma: Option<f64>,
-    /// Share of simulated cohorts, made with the rival, in which the claim leads by as much.
+    /// Fraction of cohorts simulated from the rival in which the claim leads by at least as much as in the data; `None` except for a cohort.
     pub lead_p: Option<f64>,
 }
 
 /// Evidence for one effect by itself, from which its status follows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EffectEvidence<'a> {
-    /// Slug.
+    /// Slug of the effect.
     pub effect: &'a str,
     /// Gain over the base; `None` if the effect cannot be added.
     pub gain_nats: Option<f64>,
-    /// p over the whole search.
+    /// p of the gain, over the whole search.
     pub p: f64,
-    /// Share of its signature that the base cannot absorb; `None` if unknown.
+    /// Fraction of the effect's signature that the base cannot absorb; `None` if unknown.
     pub visible_fraction: Option<f64>,
 }
 
@@ -157,7 +161,7 @@ impl Criteria {
             && self.predicts(&addition.over_base)
     }
 
-    /// Returns whether future cycles are predicted better, and the last one, which no fit has seen, no worse.
+    /// Returns whether a model predicts future cycles better, and the last cycle, which no fit has seen, no worse.
     fn predicts(&self, gain: &Gain) -> bool {
         let is_better = |least: f64| gain.future.is_some_and(|future| future > least);
         let is_kept = |last: f64| last > -self.largest_loss_nats;
@@ -169,7 +173,7 @@ impl Criteria {
         structure.p_familywise <= self.largest_structure_p && structure.gain_nats >= self.least_structure_nats
     }
 
-    /// Returns whether structure in a claim's residual is more than an error of the claim's shape.
+    /// Returns whether structure in a claim's residual gains too much to be an error of the claim's shape.
     pub fn adds_to_claim(&self, structure: &Structure, claim: &Addition) -> bool {
         structure.gain_nats >= self.least_structure_share * claim.over_base.fitted
     }
@@ -196,7 +200,7 @@ impl Criteria {
     }
 }
 
-/// The evidence of a search.
+/// Evidence of a search, from which the verdict is decided.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Evidence {
     /// Models that may be claimed, in the order in which they are considered.
@@ -207,20 +211,20 @@ pub struct Evidence {
     pub rivals: Vec<Rival>,
 }
 
-/// The conclusion, without its sentence.
+/// Conclusion of a diagnosis, without its sentence.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Verdict {
     /// Kind of the verdict.
     pub kind: VerdictKind,
     /// Index of the claimed proposal, or of the one that helps most if the verdict is [`VerdictKind::Unexplained`]; `None` for the base.
     pub proposal: Option<usize>,
-    /// Effects of that model.
+    /// Effects of the claimed or helping proposal.
     pub effects: Vec<String>,
-    /// Effects that the data cannot distinguish from those.
+    /// Effects that the data cannot distinguish from `effects`.
     pub equivalent: Vec<String>,
     /// Residual on which the verdict rests.
     pub residual: Option<Residual>,
-    /// True if that residual exceeds the noise or is untested.
+    /// True if that residual exceeds the noise or was not tested.
     pub exceeds_noise: bool,
     /// True if there is structure outside the library.
     pub has_structure: bool,
@@ -229,7 +233,7 @@ pub struct Verdict {
 }
 
 impl Evidence {
-    /// The accepted proposal (`None`: the base), with its residual test.
+    /// Returns the index of the accepted proposal (`None` for the base), and its residual test.
     fn accepted(&self, criteria: &Criteria) -> (Option<usize>, Option<&ResidualTest>) {
         for (place, ClaimProposal { addition, test, .. }) in self.proposals.iter().enumerate() {
             if !criteria.passes(addition) {
@@ -237,7 +241,7 @@ impl Evidence {
             }
             match test {
                 Some(test) if test.replaces_effects => return (None, Some(test)),
-                // A misfit that remains does not justify several effects: of a larger model only the leading effect may be reported as helping.
+                // A misfit that remains does not justify several effects: only the leading effect of a larger model may be reported as helping.
                 Some(test) if addition.effects.len() > 1 && test.exceeds_noise(criteria) => {}
                 test => return (Some(place), test.as_ref()),
             }
@@ -245,7 +249,7 @@ impl Evidence {
         (None, self.base.as_ref())
     }
 
-    /// Model whose residual must be tested next: a proposal, or the base (`Some(None)`); `None` if the accepted model is tested.
+    /// Returns the model whose residual must be tested next: a proposal, or the base (`Some(None)`). Returns `None` if the accepted model is already tested.
     pub fn next_test(&self, criteria: &Criteria) -> Option<Option<usize>> {
         let (proposal, test) = self.accepted(criteria);
         test.is_none().then_some(proposal)
@@ -258,7 +262,7 @@ impl Evidence {
         proposal.is_none() && test.is_some_and(is_of_law)
     }
 
-    /// Index of the claimed proposal, whose rivals must be found next.
+    /// Returns the index of the claimed proposal, whose rivals must be found next.
     pub fn claim(&self, criteria: &Criteria) -> Option<usize> {
         let verdict = decide_verdict(self, criteria);
         verdict.proposal.filter(|_| verdict.kind == VerdictKind::Missing)
@@ -271,10 +275,10 @@ impl ResidualTest {
     }
 }
 
-/// Decides the verdict.
+/// Decides the verdict from the evidence.
 ///
-/// An effect is missing if a proposal passes and its residual is noise. The law is wrong for an unexplained reason if the residual of the accepted model exceeds the noise, or if structure outside
-/// the library is the only finding. Else nothing is missing. An untested residual does not count as noise.
+/// An effect is missing if a proposal passes and its residual is noise. The verdict is unexplained if the residual of the accepted model exceeds the noise, or if
+/// structure outside the library is the only finding. Else nothing is missing. A residual that was not tested does not count as noise.
 pub fn decide_verdict(evidence: &Evidence, criteria: &Criteria) -> Verdict {
     let (standing, test) = evidence.accepted(criteria);
     let has_structure = test.is_some_and(|test| !test.structure.is_empty());

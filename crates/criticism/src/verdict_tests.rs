@@ -4,7 +4,7 @@ use super::*;
 use posterior::misfit::ResidualSize;
 
 const CRITERIA: Criteria = Criteria::RECORD;
-/// A gain that passes every threshold of a record.
+/// A gain that passes every threshold of [`Criteria::RECORD`].
 const GAIN: Gain = Gain { fitted: 20.0, future: Some(9.0), last: Some(3.0), largest_change: 1.0, rank: 23.0 };
 
 fn addition(effects: &[&str], p: f64, round: usize) -> Addition {
@@ -12,7 +12,7 @@ fn addition(effects: &[&str], p: f64, round: usize) -> Addition {
     Addition { effects, gain: GAIN, over_base: GAIN, p, round }
 }
 
-/// Residual of `factor` times 4 µm of noise on the held-out cycle.
+/// Residual of `factor` times the noise of 4 µm on the held-out cycle.
 fn misfit(factor: f64, is_known: bool, is_too_large: bool) -> Residual {
     let size = ResidualSize { rms_m: factor * 4e-6, is_too_large };
     let misfit =
@@ -36,7 +36,7 @@ fn structure(is_of_law: bool) -> Structure {
     Structure { gain_nats: 30.0, p_familywise: 0.005, is_of_law, twins: vec![("force-bias".into(), 0.96)] }
 }
 
-/// One effect that passes, with the residual beside it.
+/// Evidence with one effect that passes, and with the residual of its model.
 fn claim(residual: Residual) -> Evidence {
     let proposal = ClaimProposal { test: Some(test(residual)), ..addition(&["force-bias"], 0.01, 0).into() };
     Evidence { proposals: vec![proposal], base: None, rivals: Vec::new() }
@@ -69,11 +69,11 @@ fn each_round_spends_half_of_the_one_before_and_every_threshold_has_to_be_passed
     for future in [Some(2.0), Some(-5.0), None] {
         assert!(!passes(0.01, 0, Gain { future, ..GAIN }), "{future:?}");
     }
-    // A gain on earlier cycles alone was chance in six of eight records with a claim and no hidden effect.
+    // In six of eight records with a claim and no hidden effect, a gain on earlier cycles alone was chance.
     assert!(passes(0.01, 0, Gain { last: Some(-0.05), ..GAIN }));
     assert!(!passes(0.01, 0, Gain { last: Some(-1.0), ..GAIN }));
     assert!(!passes(0.01, 0, Gain { last: None, ..GAIN }));
-    // The loss of an earlier failed step counts.
+    // The loss of an earlier step that failed counts as well.
     let behind = Addition { over_base: Gain { future: Some(1.0), ..GAIN }, ..addition(&["force-bias"], 0.01, 0) };
     assert!(!CRITERIA.passes(&behind));
 }
@@ -89,7 +89,7 @@ fn nothing_is_missing_where_no_proposal_passes_and_the_base_leaves_noise() {
     assert!(!decide_verdict(&evidence, &CRITERIA).is_doubtful);
 }
 
-/// 1.35 times the known noise in 100 positions: white noise is never so large, slow noise may be.
+/// A residual of 1.35 times the known noise in 100 positions is doubtful. White noise is never so large; slow noise may be.
 #[test]
 fn a_large_residual_beside_known_noise_is_doubtful() {
     let is_doubtful = |factor: f64, is_known: bool| {
@@ -98,7 +98,7 @@ fn a_large_residual_beside_known_noise_is_doubtful() {
         verdict.is_doubtful
     };
     assert!(is_doubtful(1.35, true) && !is_doubtful(1.29, true));
-    // Unknown noise cannot be exceeded by its own estimate.
+    // A residual cannot exceed a noise that was estimated from it.
     assert!(!is_doubtful(1.35, false));
 }
 
@@ -114,12 +114,13 @@ fn an_untested_residual_is_not_noise() {
 #[test]
 fn a_misfit_that_stays_is_unexplained() {
     assert_eq!(decide(&of_base(Some(test(excess())))), (VerdictKind::Unexplained, Vec::new()));
-    // The effect helps but is not the cause: it has no rivals.
+    // The effect helps but is not the cause, so it has no rivals.
     assert_eq!(decide(&claim(excess())), (VerdictKind::Unexplained, vec!["force-bias".into()]));
     assert_eq!(claim(excess()).claim(&CRITERIA), None);
 }
 
-/// A noise model may absorb a claim's residual: the claim's error on the held-out cycle is therefore judged by its own predictive noise. This does not apply to the base, which claims nothing.
+/// A noise model may absorb a claim's residual. The claim's error on the held-out cycle is therefore judged by its own predictive noise. The base claims nothing, so this
+/// does not apply to it.
 #[test]
 fn a_claim_that_leaves_more_than_its_predictive_noise_is_unexplained() {
     let leaves = |factor: f64| {
@@ -127,16 +128,16 @@ fn a_claim_that_leaves_more_than_its_predictive_noise_is_unexplained() {
         Residual::Record { misfit, n_positions, over_predicted: Some(factor) }
     };
     assert_eq!(decide(&claim(leaves(1.49))), (VerdictKind::Missing, vec!["force-bias".into()]));
-    // 24.6 µm beside a predictive noise of 9.4 µm.
+    // Error of 24.6 µm with a predictive noise of 9.4 µm.
     assert_eq!(decide(&claim(leaves(24.6 / 9.4))), (VerdictKind::Unexplained, vec!["force-bias".into()]));
-    // Only the leading effect of a pair helps, and it is judged alike.
+    // Of a pair, only the leading effect helps, and its residual is judged by the same rule.
     let pair =
         ClaimProposal { test: Some(test(leaves(2.6))), ..addition(&["force-bias", "tracking-drift"], 0.01, 1).into() };
     let mut evidence = Evidence { proposals: vec![pair, addition(&["force-bias"], 0.01, 0).into()], ..claim(noise()) };
     assert_eq!(evidence.next_test(&CRITERIA), Some(Some(1)));
     evidence.proposals[1].test = Some(test(leaves(2.7)));
     assert_eq!(decide(&evidence), (VerdictKind::Unexplained, vec!["force-bias".into()]));
-    // A cohort's claim: 1.76 µm at a noise of 0.1 µm.
+    // A cohort's claim has an error of 1.76 µm at a noise of 0.1 µm.
     let of_cohort = |factor: f64| {
         let mut evidence = claim(Residual::CohortClaim(Some(factor)));
         evidence.proposals[0].addition = Addition::of_gains("force-bias", 20.0, [Some(9.0); 2], 0.005);
@@ -146,7 +147,7 @@ fn a_claim_that_leaves_more_than_its_predictive_noise_is_unexplained() {
     assert_eq!(of_cohort(17.6), (VerdictKind::Unexplained, None));
 }
 
-/// If a larger model keeps a misfit, the leading effect alone is considered, and then the base.
+/// If a larger model keeps a misfit, the leading effect alone is considered next, and then the base.
 #[test]
 fn no_effect_is_added_for_the_sake_of_a_misfit_that_stays() {
     let pair =
@@ -170,7 +171,7 @@ fn structure_beside_a_claim_leaves_it_and_structure_alone_is_unexplained() {
     assert_eq!(decide(&of_base(Some(alone))), (VerdictKind::Unexplained, Vec::new()));
 }
 
-/// A slip replaces a claim. A curve that may belong to the law leaves the effect as the one that helps, if its own residual is a misfit.
+/// A slip replaces a claim. If a curve that may belong to the law replaces it, the leading effect is reported as helping, provided that its own residual is a misfit.
 #[test]
 fn structure_takes_the_place_of_a_claim() {
     let mut evidence = claim(noise());
@@ -217,12 +218,12 @@ fn several_effects_are_equivalent() {
         rival(6.1, Some(0.0), None),
     ];
     assert_eq!(decide_verdict(&evidence, &CRITERIA).equivalent, ["force-asymmetry"]);
-    // A helping effect has no equivalent effects.
+    // An effect that only helps has no equivalent effects.
     evidence.proposals[0].test = Some(test(excess()));
     assert!(decide_verdict(&evidence, &CRITERIA).equivalent.is_empty());
 }
 
-/// A sweep has no future cycles; its rivals are distinguished by nats alone.
+/// A sweep has no future cycles. Only nats distinguish its rivals.
 #[test]
 fn a_sweep_is_judged_by_p_and_held_out_frequencies() {
     let criteria = Criteria::SWEEP;
@@ -242,7 +243,7 @@ fn a_sweep_is_judged_by_p_and_held_out_frequencies() {
     );
 }
 
-/// A cohort's rivals are distinguished by simulated cohorts; records with a residual above the noise are unexplained if nothing is claimed.
+/// Simulated cohorts distinguish a cohort's rivals. If nothing is claimed and records have a residual above the noise, the verdict is unexplained.
 #[test]
 fn a_cohort_is_judged_by_p_and_held_out_cycles() {
     let criteria = Criteria::COHORT;

@@ -1,25 +1,25 @@
-//! Pair of axes. It draws data into a frame, and ticks and labels along the frame.
+//! A pair of axes. It draws data inside a frame, and ticks and labels along the frame.
 
 use super::font::{fitting_size_px, shorten, text_width_px, wrapped};
 use super::palette::{AXIS, Colour, GRID, INK, MUTED};
 use super::svg::{Anchor, Fill, Path, Point, Rect, Stroke, Style, Svg, TextStyle};
 use super::ticks::{AxisScale, Ticks};
 
-/// Font size of tick labels.
+/// Font size of the numbers at ticks, in pixels.
 pub const TICK_SIZE_PX: f64 = 11.0;
-/// Font size of axis labels.
+/// Font size of axis labels, in pixels.
 pub const LABEL_SIZE_PX: f64 = 13.0;
-/// Smallest font size to which a label shrinks before it is cut.
+/// Smallest font size to which a label shrinks. A label that is still too wide is cut.
 const SMALLEST_PX: f64 = 9.0;
 const TICK_LENGTH_PX: f64 = 5.0;
-/// Width of the columns in which curves are thinned, chosen for pictures at twice the size.
+/// Width of a column in which a curve's points are thinned. It suits pictures enlarged to twice their size.
 const COLUMN_PX: f64 = 0.5;
-/// Curves with fewer points per column are not thinned.
+/// Curves with fewer points per column than this number are not thinned.
 const POINTS_OF_COLUMN: f64 = 8.0;
-/// Above this number of dots, dots that cover each other are drawn once.
+/// Above this number of dots, a single dot represents dots that cover each other.
 const MOST_DOTS: usize = 5_000;
 
-/// A frame with a horizontal and a vertical scale.
+/// A frame with a horizontal and a vertical scale, into which data are drawn.
 #[derive(Debug, Clone, Copy)]
 pub struct Axes {
     /// Area of the data, in pixels.
@@ -30,7 +30,7 @@ pub struct Axes {
     pub y: AxisScale,
 }
 
-/// Style of an axis.
+/// Style of one axis: label, numbers and grid lines.
 #[derive(Debug, Clone, Copy)]
 pub struct AxisStyle<'a> {
     label: Option<&'a str>,
@@ -42,21 +42,21 @@ pub struct AxisStyle<'a> {
 }
 
 impl<'a> AxisStyle<'a> {
-    /// Creates the style of an axis for a quantity with its unit, such as `time (s)`, and at most `most_ticks` numbers. The label's far edge is `label_distance_px` from the
-    /// frame, so that labels of stacked axes align. `None` omits label and numbers.
+    /// Creates the style of an axis. The label is a quantity with its unit, such as `time (s)`; `None` omits label and numbers. At most `most_ticks` numbers
+    /// are written. The outer edge of the label is `label_distance_px` from the frame, so that the labels of stacked axes align.
     pub fn new(label: Option<&'a str>, most_ticks: usize, label_distance_px: f64) -> Self {
         let overhang_px = 0.5 * TICK_SIZE_PX;
         Self { label, most_ticks, label_distance_px, grid: false, integers: false, overhang_px }
     }
-    /// Adds faint lines across the frame at the numbers.
+    /// Adds faint lines across the frame, one at each number.
     pub fn grid(self) -> Self {
         Self { grid: true, ..self }
     }
-    /// Removes marks between whole numbers.
+    /// Removes ticks between whole numbers.
     pub fn integers(self) -> Self {
         Self { integers: true, ..self }
     }
-    /// Lets numbers at the ends of a horizontal axis extend beyond it by this width.
+    /// Allows numbers at the ends of a horizontal axis to extend beyond it by this width.
     pub fn overhang_px(self, overhang_px: f64) -> Self {
         Self { overhang_px, ..self }
     }
@@ -66,20 +66,20 @@ impl<'a> AxisStyle<'a> {
 }
 
 impl Axes {
-    /// Horizontal position of a value, in pixels.
+    /// Horizontal position in the drawing of a value on the x scale, in pixels.
     pub fn x_px(&self, value: f64) -> f64 {
         self.frame.x + self.x.fraction(value) * self.frame.width
     }
-    /// Vertical position of a value, in pixels.
+    /// Vertical position in the drawing of a value on the y scale, in pixels.
     pub fn y_px(&self, value: f64) -> f64 {
         self.frame.bottom() - self.y.fraction(value) * self.frame.height
     }
-    /// Position of a pair of values, in pixels.
+    /// Position in the drawing of a pair of values, in pixels.
     pub fn px(&self, x: f64, y: f64) -> Point {
         (self.x_px(x), self.y_px(y))
     }
 
-    /// Draws a line through the points of each run of finite values. A value that is not finite breaks the line.
+    /// Draws a line through points with finite values. A value that is not finite interrupts the line.
     pub fn line(&self, svg: &mut Svg, x: &[f64], y: &[f64], stroke: Stroke) {
         let mut path = Path::default();
         let points: Vec<Point> = x.iter().zip(y).map(|(&x, &y)| self.px(x, y)).collect();
@@ -93,7 +93,7 @@ impl Axes {
         svg.path(&path, stroke);
     }
 
-    /// Draws the area between two curves over the same `x`. A value that is not finite breaks it.
+    /// Fills the area between the curves `lower` and `upper` over the same `x`. A value that is not finite interrupts it.
     pub fn band(&self, svg: &mut Svg, x: &[f64], lower: &[f64], upper: &[f64], fill: Fill) {
         let mut path = Path::default();
         let n = x.len().min(lower.len()).min(upper.len());
@@ -110,7 +110,7 @@ impl Axes {
         svg.path(&path, fill);
     }
 
-    /// Draws dots at the finite points in the frame. One dot is drawn for many that cover each other by more than half.
+    /// Draws a dot at each finite point inside the frame. Of many dots that cover each other by more than half, only one is drawn.
     pub fn scatter(
         &self,
         svg: &mut Svg,
@@ -124,7 +124,7 @@ impl Axes {
             |(x, y): &(f64, f64)| x.is_finite() && y.is_finite() && inside(&self.x, *x) && inside(&self.y, *y);
         let mut drawn: Vec<Point> = points.filter(is_drawn).map(|(x, y)| self.px(x, y)).collect();
         if drawn.len() > MOST_DOTS {
-            // One dot is drawn for those that cover each other by more than half.
+            // Dots in one cell cover each other by more than half, so only one of them is drawn.
             let cell = 0.5 * diameter_px;
             let mut taken = std::collections::HashSet::new();
             drawn.retain(|(x, y)| taken.insert(((x / cell) as i64, (y / cell) as i64)));
@@ -134,7 +134,7 @@ impl Axes {
         svg.dots(&dots, colour, diameter_px, opacity);
     }
 
-    /// Draws a vertical line across the frame, if the value lies in it.
+    /// Draws a vertical line at the value `x` across the frame, if the value lies on the axis.
     pub fn vertical(&self, svg: &mut Svg, x: f64, stroke: Stroke) {
         if (0.0..=1.0).contains(&self.x.fraction(x)) {
             let x = self.x_px(x);
@@ -142,7 +142,7 @@ impl Axes {
         }
     }
 
-    /// Draws vertical lines across the frame, at most one per pixel.
+    /// Draws vertical lines at the values `x` across the frame, at most one per pixel.
     pub fn verticals(&self, svg: &mut Svg, x: &[f64], stroke: Stroke) {
         let mut last_px = f64::NEG_INFINITY;
         for x in x {
@@ -154,7 +154,7 @@ impl Axes {
         }
     }
 
-    /// Draws a horizontal line across the frame, if the value lies in it.
+    /// Draws a horizontal line at the value `y` across the frame, if the value lies on the axis.
     pub fn horizontal(&self, svg: &mut Svg, y: f64, stroke: Stroke) {
         if (0.0..=1.0).contains(&self.y.fraction(y)) {
             let y = self.y_px(y);
@@ -167,7 +167,7 @@ impl Axes {
         svg.rect(self.frame, Style::from(Stroke::solid(AXIS, 1.0)));
     }
 
-    /// Draws ticks on the lower edge, with numbers and label if the style has one.
+    /// Draws ticks on the lower edge of the frame, with numbers and label if the style has a label.
     pub fn x_axis(&self, svg: &mut Svg, style: AxisStyle) {
         let ticks = self.x.ticks_side_by_side(style.most_ticks, self.frame.width, TICK_SIZE_PX, style.overhang_px);
         let bottom = self.frame.bottom();
@@ -198,7 +198,7 @@ impl Axes {
         }
     }
 
-    /// Draws ticks on the left edge, with numbers and label if the style has one.
+    /// Draws ticks on the left edge of the frame, with numbers and label if the style has a label.
     pub fn y_axis(&self, svg: &mut Svg, style: AxisStyle) {
         let ticks = self.y.ticks(style.most_ticks);
         let left = self.frame.x;
@@ -229,8 +229,8 @@ impl Axes {
     }
 }
 
-/// Removes the points of a curve that a picture cannot show. The curve runs from left to right. In each column of pixels the first, lowest, highest
-/// and last points are kept, so that the curve's envelope is exact.
+/// Removes points of a curve that a picture cannot show. The curve must run from left to right. In each column of pixels the first, lowest, highest and last
+/// points are kept, so the curve's envelope is exact.
 fn thin_curve(run: &[Point]) -> Vec<Point> {
     let width_px = run.first().zip(run.last()).map_or(0.0, |(first, last)| last.0 - first.0);
     let is_sparse = (run.len() as f64) < POINTS_OF_COLUMN * (1.0 + width_px / COLUMN_PX);
@@ -253,7 +253,7 @@ fn thin_curve(run: &[Point]) -> Vec<Point> {
     kept
 }
 
-/// Lines and font size of a label: one line, or quantity and unit in two lines if one line would shrink too much.
+/// Lines of an axis label, and their font size. The label has one line. If one line would shrink too much, quantity and unit have a line each.
 fn label_lines(label: &str, room_px: f64) -> (Vec<String>, f64) {
     let whole = fitting_size_px(label, LABEL_SIZE_PX, SMALLEST_PX, room_px);
     if text_width_px(label, whole) <= room_px {
@@ -265,7 +265,7 @@ fn label_lines(label: &str, room_px: f64) -> (Vec<String>, f64) {
     (parts.into_iter().map(|part| shorten(part, size, room_px)).collect(), size)
 }
 
-/// Label with the factor of the axis' numbers in its unit: `E (Pa)` becomes `E (10⁻³ Pa)`.
+/// Adds the common factor of an axis's numbers to the unit in its label: `E (Pa)` becomes `E (10⁻³ Pa)`.
 fn with_factor(label: &str, ticks: &Ticks) -> String {
     let power = ticks.factor.trim_start_matches('×');
     match (power.is_empty(), label.rfind(" (")) {
@@ -276,24 +276,24 @@ fn with_factor(label: &str, ticks: &Ticks) -> String {
     }
 }
 
-/// Width of the widest number on a vertical axis with at most `most_ticks` numbers.
+/// Width in pixels of the widest number on a vertical axis with at most `most_ticks` numbers.
 pub fn widest_y_number_px(scale: &AxisScale, most_ticks: usize) -> f64 {
     let ticks = scale.ticks(most_ticks);
     ticks.major.iter().map(|(_, label)| text_width_px(label, TICK_SIZE_PX)).fold(0.0, f64::max)
 }
 
-/// Writes a note in secondary colour, cut to `width_px`.
+/// Writes a note in the colour of secondary text, cut to `width_px`.
 pub fn note(svg: &mut Svg, text: &str, at: Point, anchor: Anchor, width_px: f64) {
     svg.text(&shorten(text, TICK_SIZE_PX, width_px), at, TextStyle::new(TICK_SIZE_PX, anchor).colour(MUTED));
 }
 
-/// Writes a figure's title, cut to `width_px`.
+/// Writes a figure's title in one line, cut to `width_px`.
 pub fn title(svg: &mut Svg, text: &str, at: Point, width_px: f64) {
     let size = fitting_size_px(text, 16.0, 12.0, width_px);
     svg.text(&shorten(text, size, width_px), at, TextStyle::new(size, Anchor::Start).colour(INK));
 }
 
-/// Writes a figure's title and a text below it, in as many lines as the width requires. Returns the height used.
+/// Writes a figure's title, and a text below it in as many lines as the width requires. Returns their height in pixels.
 pub fn title_with_text(svg: &mut Svg, heading: &str, text: &str, at: Point, width_px: f64) -> f64 {
     title(svg, heading, (at.0, at.1 + 16.0), width_px);
     let lines = wrapped(text, LABEL_SIZE_PX, width_px);
@@ -325,7 +325,7 @@ mod tests {
         assert_eq!(svg.document().matches('Z').count(), 2);
     }
 
-    /// Thins a curve of 50,000 points with one spike: at most four points per column remain, including the spike and both ends.
+    /// A curve of 50,000 points with one spike is thinned to at most four points per column. The spike and both ends remain.
     #[test]
     fn curves_keep_their_envelope_when_thinned() {
         let value = |i: usize| if i == 31_007 { 0.99 } else { 0.3 + 0.1 * (0.37 * i as f64).sin() };

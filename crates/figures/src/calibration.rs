@@ -1,4 +1,4 @@
-//! Ranks of true values among posterior draws: one histogram per quantity, with the band expected for uniform ranks.
+//! Figure of a calibration: a histogram of the true value's rank among posterior draws, for each quantity. A band shows the range expected for uniform ranks.
 
 use super::axes::{Axes, AxisStyle, LABEL_SIZE_PX, note, title};
 use super::font::shorten;
@@ -17,7 +17,7 @@ const PITCH_PX: f64 = 238.0;
 const TOP_PX: f64 = 86.0;
 const BAND_OPACITY: f64 = 0.18;
 
-/// Draws one panel for each parameter, and the log density's last.
+/// Draws a histogram of the ranks for each parameter, and finally one for the log density.
 pub fn rank_histograms(found: &Calibration) -> Svg {
     let n_rows = found.quantities.len().div_ceil(N_COLUMNS).max(1);
     let height = TOP_PX + PITCH_PX * n_rows as f64 + 14.0;
@@ -122,7 +122,7 @@ mod tests {
         }
     }
 
-    /// Each bin has a bar. Bars outside the band have another colour.
+    /// Every bin has a bar. Bars outside the expected band have another colour.
     #[test]
     fn bars_beyond_the_band_stand_out() {
         let svg = rank_histograms(&found());

@@ -1,4 +1,5 @@
-//! Figure of a cohort's diagnosis: a map of the gain of every record by every effect under its common distribution of sizes, with the sums below.
+//! Figure of a cohort's diagnosis: a map with a row for each record and a column for each effect. The colour shows the record's gain by the effect, whose sizes
+//! share one distribution. The sums over all records are below.
 
 use super::axes::{Axes, TICK_SIZE_PX, title_with_text};
 use super::font::{shorten, text_width_px};
@@ -12,23 +13,23 @@ use documents::diagnosis::Status;
 
 const MARGIN_PX: f64 = 20.0;
 const WIDTH_PX: f64 = 1080.0;
-/// Maximum width of a record's label.
+/// Maximum width of a record's label, in pixels.
 const LABEL_PX: f64 = 190.0;
 const BAR_PX: f64 = 18.0;
-/// Width of the colour bar with its numbers.
+/// Width of the colour bar with its numbers, in pixels.
 const RIGHT_PX: f64 = 96.0;
-/// Gain (nats) of the strongest colour.
+/// Gain (nats) at which the colour is strongest.
 const FULL_NATS: f64 = 6.0;
-/// Gain above which the number is written into the cell.
+/// Gain (nats) above which the number is written into the cell.
 const WRITTEN_NATS: f64 = 1.0;
-/// Heights of rows for few records, for many, and for so many that they have no names.
+/// Largest number of records and height of a row (pixels): for few records, for many, and for so many that the rows have no names.
 const FEW: (usize, f64) = (30, 22.0);
 const MANY: (usize, f64) = (90, 14.0);
 const CROWD_PX: f64 = 4.0;
 const GAP_PX: f64 = 8.0;
 const SUM_PX: f64 = 22.0;
 
-/// Draws the diagnosis of a cohort.
+/// Draws the figure of a cohort's diagnosis.
 ///
 /// # Errors
 /// None at present; future versions may refuse inconsistent documents.
@@ -39,14 +40,14 @@ pub fn cohort(diagnosis: &CohortDiagnosis) -> Result<Svg> {
         let below = title_with_text(svg, &heading, &diagnosis.verdict.sentence, (MARGIN_PX, MARGIN_PX), width);
         Map::of(diagnosis).draw(svg, MARGIN_PX + below + 10.0)
     };
-    // First drawing, to determine the height.
+    // The figure is drawn once to determine its height, and then again.
     let height = draw(&mut Svg::new(WIDTH_PX, 1.0, "")) + MARGIN_PX;
     let mut svg = Svg::new(WIDTH_PX, height, &heading);
     draw(&mut svg);
     Ok(svg)
 }
 
-/// White at 0, blue for gains, vermillion for losses.
+/// Colour of a gain: white at 0, blue for gains, vermillion for losses.
 fn colour(gain_nats: f64) -> Colour {
     let end = if gain_nats > 0.0 { BLUE } else { VERMILLION };
     let share = (gain_nats.abs() / FULL_NATS).min(1.0);
@@ -55,9 +56,9 @@ fn colour(gain_nats: f64) -> Colour {
 }
 
 struct Map<'a> {
-    /// Effects by decreasing gain.
+    /// Effects in order of decreasing gain.
     effects: Vec<&'a CohortEffect>,
-    /// Records, ordered by groups.
+    /// Records in order of their groups.
     records: Vec<&'a CohortSpecimen>,
     row_px: f64,
 }
@@ -85,7 +86,7 @@ impl<'a> Map<'a> {
         self.row_px > CROWD_PX
     }
 
-    /// Draws the map from `top` downwards and returns its lower end.
+    /// Draws the map with its upper edge at `top`, and returns the position of its lower edge.
     fn draw(&self, svg: &mut Svg, top: f64) -> f64 {
         let header =
             self.effects.iter().map(|effect| text_width_px(&effect.effect, TICK_SIZE_PX)).fold(40.0, f64::max) + 10.0;
@@ -143,7 +144,7 @@ impl<'a> Map<'a> {
         }
     }
 
-    /// Writes the sums below the map: gain of all records, gain on held-out cycles, and p. Returns their lower end.
+    /// Writes the sums below the map: gain of all records, gain on held-out cycles, and p. Returns the position of their lower edge.
     fn sums(&self, svg: &mut Svg, frame: Rect, column: f64) -> f64 {
         type Text<'a> = &'a dyn Fn(&CohortEffect) -> String;
         let rows: [(&str, Text); 3] = [
@@ -262,7 +263,7 @@ mod tests {
         }
     }
 
-    /// Cohorts of 2, 20, 60 and 300 records.
+    /// Figures of cohorts with 2, 20, 60 and 300 records are legible.
     #[test]
     fn cohorts_of_any_size_are_legible() {
         for n_records in [2, 20, 60, 300] {

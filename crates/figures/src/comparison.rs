@@ -1,4 +1,4 @@
-//! Figure of a comparison: the measurement over predictive bands, and below it the residuals in µm and whitened.
+//! Figure of a comparison: measured positions over predictive bands, and below them the residuals in µm and the whitened residuals.
 
 use super::axes::{Axes, AxisStyle, title, widest_y_number_px};
 use super::legend::{self, Entry, Mark};
@@ -12,36 +12,36 @@ use base::{Error, Result};
 const WIDTH_PX: f64 = 960.0;
 const MAIN_HEIGHT_PX: f64 = 300.0;
 const RESIDUAL_HEIGHT_PX: f64 = 165.0;
-/// Half width of a central 90 % interval of a normal distribution, in standard deviations.
+/// Half-width of the central 90 % interval of a normal distribution, in standard deviations.
 const NORMAL_90: f64 = 1.6449;
 const KNOWN: Stroke = Stroke { colour: VERMILLION, width_px: 1.2, opacity: 1.0, dash: Some((6.0, 4.0)) };
 
-/// Content of the figure; all slices have one value for each row of the measurement.
+/// Content of the figure. All slices with one value per row have equal lengths.
 #[derive(Debug, Clone)]
 pub struct ComparisonData<'a> {
-    /// Title.
+    /// Title of the figure.
     pub title: &'a str,
     /// Time of each row, in s.
     pub time_s: &'a [f64],
-    /// Measured position; `None` for rows without one.
+    /// Measured position of each row, in µm; `None` for rows without a position.
     pub position_um: &'a [Option<f64>],
-    /// Position predicted by the model.
+    /// Position of each row that the model predicts, in µm.
     pub model_um: &'a [f64],
-    /// Predictive standard deviation, including noise.
+    /// Standard deviation of each prediction, including noise, in µm.
     pub sd_um: &'a [f64],
-    /// Whitened residuals; `None` for rows that are not compared.
+    /// Whitened residual of each row; `None` for rows that are not compared.
     pub whitened: &'a [Option<f64>],
-    /// Time and position of each outlier.
+    /// Time (s) and position (µm) of each outlier.
     pub outliers: Vec<(f64, f64)>,
     /// Times of force steps, in s.
     pub step_s: &'a [f64],
-    /// Start and end of the held-out cycle, in s.
+    /// Start and end of the held-out cycle, in s; `None` without one.
     pub heldout_s: Option<[f64; 2]>,
-    /// Noise standard deviation (µm) and its origin; `None` if unknown.
+    /// Noise standard deviation (µm) and its source; `None` if it is unknown.
     pub noise: Option<(f64, &'a str)>,
 }
 
-/// Draws the figure.
+/// Draws the figure of a comparison.
 ///
 /// # Errors
 /// [`Error::Input`] for unequal lengths or fewer than two rows.

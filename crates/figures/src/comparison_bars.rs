@@ -1,4 +1,4 @@
-//! Sheet of panels: the bias in each bin with its error; significant panels are highlighted.
+//! Sheet with one panel per test: bars show the bias in each bin with its error. Panels of findings are highlighted.
 
 use super::axes::{Axes, AxisStyle, LABEL_SIZE_PX, TICK_SIZE_PX, title};
 use super::font::{shorten, text_width_px};
@@ -10,27 +10,27 @@ const WIDTH_PX: f64 = 1080.0;
 const N_COLUMNS: usize = 3;
 const PANEL_HEIGHT_PX: f64 = 150.0;
 const PITCH_PX: f64 = 236.0;
-/// Smallest width of a visible bar.
+/// Smallest visible width of a bar, in pixels.
 const LEAST_BAR_PX: f64 = 0.7;
 
 /// Panel of one test.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BarPanel {
-    /// Name, with its p.
+    /// Name of the test, with its p.
     pub title: String,
-    /// Quantity along the horizontal axis.
+    /// Label of the horizontal axis: the quantity that the bins divide.
     pub x_label: String,
-    /// Quantity of the bars, with unit.
+    /// Label of the vertical axis: quantity and unit of the bars.
     pub y_label: String,
-    /// True if the test is a finding.
+    /// True if the test found a misfit.
     pub is_significant: bool,
-    /// True if another finding explains it.
+    /// True if another finding explains this misfit.
     pub is_explained: bool,
     /// Label, height and standard error of each bar.
     pub bars: Vec<(String, f64, f64)>,
 }
 
-/// Draws the sheet.
+/// Draws the sheet of all panels under a heading.
 pub fn bias_sheet(heading: &str, panels: &[BarPanel]) -> Svg {
     let n_rows = panels.len().div_ceil(N_COLUMNS).max(1);
     let height = 48.0 + PITCH_PX * n_rows as f64;
@@ -89,7 +89,7 @@ fn draw(svg: &mut Svg, panel: &BarPanel, frame: Rect) {
     svg.rect(frame, Style::from(Stroke::solid(if panel.is_significant { VERMILLION } else { MUTED }, 1.0)));
 }
 
-/// Indices of the bars to draw: all, or the clearest of each group that shares two pixels.
+/// Indices of the bars to draw. If bars are narrower than two pixels, only the clearest of each group that shares two pixels is drawn.
 fn shown(bars: &[(String, f64, f64)], width_px: f64) -> Vec<usize> {
     let together = (2.0 * bars.len() as f64 / width_px).ceil().max(1.0) as usize;
     let clearness = |k: &usize| bars[*k].1.abs() / bars[*k].2.max(f64::MIN_POSITIVE);
@@ -98,7 +98,7 @@ fn shown(bars: &[(String, f64, f64)], width_px: f64) -> Vec<usize> {
     indices.chunks(together).filter_map(clearest).collect()
 }
 
-/// Writes the names of the bars and of the axis. If names would touch, only every second or third is written.
+/// Writes the names of the bars and of the axis. If the names would touch, only every second or third is written.
 fn labels(svg: &mut Svg, panel: &BarPanel, axes: &Axes) {
     let frame = axes.frame;
     let n = panel.bars.len().max(1);

@@ -1,4 +1,5 @@
-//! Failure map: cycle against time since the last force step, coloured by the mean residual along the step.
+//! Failure map of a comparison: the vertical axis is the cycle, and the horizontal axis the time since the last force step. The colour shows the mean residual
+//! along the step.
 
 use super::axes::{Axes, AxisStyle, TICK_SIZE_PX, title};
 use super::font::text_width_px;
@@ -9,36 +10,36 @@ use super::ticks::AxisScale;
 
 const WIDTH_PX: f64 = 960.0;
 const BAR_WIDTH_PX: f64 = 18.0;
-/// Ratio of a mean to its standard error at which colours are strongest.
+/// Ratio of a mean residual to its standard error at which the colour is strongest.
 const FULL_COLOUR: f64 = 6.0;
-/// Ratio of a mean to its standard error above which its value is written.
+/// Ratio of a mean residual to its standard error above which the mean is written into the cell.
 const MARKED: f64 = 3.0;
 
-/// Row of the map: part of a cycle in which the force steps in one direction.
+/// One row of the map: a cycle, limited to its force steps in one direction.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MapRow {
-    /// Name, such as "cycle 2 ↑".
+    /// Name of the row, such as "cycle 2 ↑".
     pub label: String,
     /// True if the cycle is held out.
     pub is_heldout: bool,
-    /// Ratio of the mean to its standard error in each bin, and the mean in µm; `None` for bins without measurements.
+    /// Mean residual in each bin, first divided by its standard error, then in µm. `None` for bins without measurements.
     pub cells: Vec<Option<(f64, f64)>>,
 }
 
-/// Content of the map.
+/// Content of the failure map: title, bins of time, and rows.
 #[derive(Debug, Clone, Copy)]
 pub struct MapData<'a> {
-    /// Title.
+    /// Title of the map.
     pub title: &'a str,
-    /// Ends of the bins of time since the last force step, in s.
+    /// End of each bin of time since the last force step, in s.
     pub lag_ends_s: &'a [f64],
-    /// Shortest time since a step, in s, at which the first bin starts.
+    /// Start of the first bin: shortest time since a force step, in s.
     pub shortest_s: f64,
-    /// Rows from top to bottom.
+    /// Rows of the map, from top to bottom.
     pub rows: &'a [MapRow],
 }
 
-/// White at 0, blue for positive ratios, vermillion for negative ones.
+/// Colour of a mean residual divided by its standard error: white at 0, blue for positive, vermillion for negative values.
 fn colour(score: f64) -> Colour {
     let end = if score > 0.0 { BLUE } else { VERMILLION };
     let share = (score.abs() / FULL_COLOUR).min(1.0);
@@ -46,7 +47,7 @@ fn colour(score: f64) -> Colour {
     Colour(mix(WHITE.0, end.0), mix(WHITE.1, end.1), mix(WHITE.2, end.2))
 }
 
-/// Draws the map.
+/// Draws the failure map.
 pub fn failure_map(data: &MapData) -> Svg {
     let row_height = if data.rows.len() > 24 { 16.0 } else { 30.0 };
     let widest = data.rows.iter().map(|row| text_width_px(&label(row), TICK_SIZE_PX)).fold(40.0, f64::max);
@@ -72,7 +73,7 @@ pub fn failure_map(data: &MapData) -> Svg {
     svg
 }
 
-/// Name of a row, with an asterisk if it is held out.
+/// Name of a row, with an asterisk if its cycle is held out.
 fn label(row: &MapRow) -> String {
     if row.is_heldout { format!("{} *", row.label) } else { row.label.clone() }
 }
@@ -91,7 +92,7 @@ fn draw_row(svg: &mut Svg, axes: &Axes, data: &MapData, row: &MapRow, strip: Rec
         let style = Style { fill: Some(Fill::new(colour(*score), 1.0)), stroke: Some(Stroke::solid(WHITE, 0.8)) };
         svg.rect(area, style);
         let text = format_significant(*mean_um, 2);
-        // Correlated noise can reverse the sign of the whitened mean. A number would then contradict its colour.
+        // If the noise is correlated, the whitened mean can have the opposite sign. A written number would then contradict its colour.
         if score.abs() > MARKED
             && score * mean_um > 0.0
             && text_width_px(&text, TICK_SIZE_PX) < area.width - 4.0
@@ -104,7 +105,7 @@ fn draw_row(svg: &mut Svg, axes: &Axes, data: &MapData, row: &MapRow, strip: Rec
     }
 }
 
-/// Draws a frame around each group of held-out rows.
+/// Draws a frame around each group of adjacent held-out rows.
 fn frame_heldout(svg: &mut Svg, rows: &[MapRow], frame: Rect, row_height: f64) {
     let mut first = 0;
     for group in rows.chunk_by(|a, b| a.is_heldout == b.is_heldout) {

@@ -1,29 +1,29 @@
-//! Contour lines of a gridded function (marching squares).
+//! Contour lines of a function on a regular grid (marching squares).
 
 use std::collections::HashMap;
 
-/// Values at the nodes of a regular grid. Positions are in cells, with node (0, 0) at the origin.
+/// Values of a function at the nodes of a regular grid. Positions are in units of cells, with node (0, 0) at the origin.
 #[derive(Debug, Clone)]
 pub struct Grid {
     /// Number of nodes along the first coordinate.
     pub columns: usize,
     /// Number of nodes along the second coordinate.
     pub rows: usize,
-    /// Values, in the order `values[row * columns + column]`.
+    /// Values at the nodes, in the order `values[row * columns + column]`.
     pub values: Vec<f64>,
 }
 
-/// Edge between two neighbouring nodes: its lower-left node, and true if it runs along the second coordinate.
+/// Edge between two neighbouring nodes: column and row of its lower-left node, and true if it runs along the second coordinate.
 type Edge = (isize, isize, bool);
 
 impl Grid {
-    /// Value at a node, and zero outside the grid, so that every contour closes.
+    /// Value at a node. It is zero outside the grid, so that every contour is closed.
     fn node(&self, column: isize, row: isize) -> f64 {
         let inside = column >= 0 && row >= 0 && column < self.columns as isize && row < self.rows as isize;
         if inside { self.values[row as usize * self.columns + column as usize] } else { 0.0 }
     }
 
-    /// Bilinear interpolation at a point; zero outside the grid.
+    /// Value at a point by bilinear interpolation; zero outside the grid.
     pub fn interpolate(&self, (x, y): (f64, f64)) -> f64 {
         if !(x > -1.0 && y > -1.0 && x < self.columns as f64 && y < self.rows as f64) {
             return 0.0;
@@ -36,8 +36,8 @@ impl Grid {
         (1.0 - t) * lower + t * upper
     }
 
-    /// Closed loops along which the interpolated function equals `level`, a positive number. The even-odd rule fills the region
-    /// above the level.
+    /// Closed loops along which the interpolated function equals `level`, a positive number. Filled by the even-odd rule, they cover the region above the
+    /// level.
     pub fn contour(&self, level: f64) -> Vec<Vec<(f64, f64)>> {
         if level <= 0.0 || level.is_nan() {
             return Vec::new();
@@ -57,13 +57,13 @@ impl Grid {
     fn segments_of_cell(&self, c: isize, r: isize, level: f64, segments: &mut Vec<(Edge, Edge)>) {
         let corners = [self.node(c, r), self.node(c + 1, r), self.node(c + 1, r + 1), self.node(c, r + 1)];
         let above = corners.map(|value| value > level);
-        // Edge i runs from corner i to corner i + 1: below, right, above, left.
+        // Edge i runs from corner i to corner i + 1. The order is below, right, above, left.
         let edges: [Edge; 4] = [(c, r, false), (c + 1, r, true), (c, r + 1, false), (c, r, true)];
         let crossed: Vec<usize> = (0..4).filter(|&i| above[i] != above[(i + 1) % 4]).collect();
         match crossed[..] {
             [i, j] => segments.push((edges[i], edges[j])),
             [_, _, _, _] => {
-                // At a saddle the centre determines which opposite corners are connected.
+                // At a saddle point, the value in the centre decides which opposite corners are connected.
                 let centre_above = corners.iter().sum::<f64>() / 4.0 > level;
                 let cut_first_corner = centre_above != above[0];
                 let pairs = if cut_first_corner { [(3, 0), (1, 2)] } else { [(0, 1), (2, 3)] };
@@ -82,7 +82,7 @@ impl Grid {
     }
 }
 
-/// Joins segments that share an edge into loops, in a fixed order.
+/// Joins segments into closed loops, in a deterministic order. Segments that share an edge are neighbours.
 fn join(segments: &[(Edge, Edge)]) -> Vec<Vec<Edge>> {
     let mut at_edge: HashMap<Edge, Vec<usize>> = HashMap::with_capacity(segments.len());
     for (i, &(a, b)) in segments.iter().enumerate() {
@@ -111,7 +111,7 @@ fn join(segments: &[(Edge, Edge)]) -> Vec<Vec<Edge>> {
     loops
 }
 
-/// Removes points within `tolerance` of the line through the remaining neighbours (Ramer, Douglas, Peucker).
+/// Simplifies a polyline (Ramer, Douglas, Peucker): removes points that are within `tolerance` of the line through the remaining neighbours.
 pub fn simplify(points: &[(f64, f64)], tolerance: f64) -> Vec<(f64, f64)> {
     if points.len() < 3 {
         return points.to_vec();
@@ -146,7 +146,7 @@ fn distance_to_line(p: (f64, f64), a: (f64, f64), b: (f64, f64)) -> f64 {
 pub mod tests {
     use super::*;
 
-    /// Signed area of a closed loop (shoelace formula); positive if it runs anticlockwise.
+    /// Signed area inside a closed loop (shoelace formula). It is positive if the loop runs anticlockwise.
     pub fn signed_area(points: &[(f64, f64)]) -> f64 {
         let next = points.iter().cycle().skip(1);
         points.iter().zip(next).map(|(a, b)| 0.5 * (a.0 * b.1 - b.0 * a.1)).sum()

@@ -1,4 +1,4 @@
-//! Pairwise contrasts of groups: one matrix per parameter. Each cell gives the ratio of the row's group to the column's group.
+//! Figure of pairwise contrasts between groups: one matrix per parameter. Each cell shows the ratio of the row's group to the column's group.
 
 use super::axes::{TICK_SIZE_PX, title_with_text};
 use super::font::{fitting_size_px, shorten, text_width_px, wrapped, wrapped_to};
@@ -9,62 +9,62 @@ use base::error::InputPlace;
 use base::{Error, Result};
 
 const MARGIN_PX: f64 = 20.0;
-/// Maximum width of the figure with panels side by side.
+/// Maximum width of the figure if panels are side by side, in pixels.
 const MOST_WIDTH_PX: f64 = 1300.0;
 const LEAST_WIDTH_PX: f64 = 900.0;
 const PANEL_GAP_PX: f64 = 34.0;
 const NAME_SIZE_PX: f64 = 11.5;
 const NAME_LINE_PX: f64 = 13.5;
-/// Maximum room for a group's name beside a row, and above a column if written upwards.
+/// Maximum width of a group's name beside a row, and maximum height of a name that is written upwards above a column; in pixels.
 const MOST_NAME_PX: f64 = 118.0;
-/// Opacity of the strongest colour, low enough for legible text.
+/// Opacity of the strongest colour. It is low enough for legible text in the cell.
 const STRONGEST: f64 = 0.72;
 const DECLARED: Stroke = Stroke { colour: INK, width_px: 3.0, opacity: 1.0, dash: None };
-/// Possible end points of the colour scale, as ratios.
+/// Possible ends of the colour scale, as ratios of two groups.
 const ENDS: [f64; 7] = [1.25, 1.5, 2.0, 3.0, 5.0, 10.0, 100.0];
 
-/// Content of the figure.
+/// Content of the figure of contrasts: title, summary, and one matrix per parameter.
 #[derive(Debug, Clone)]
 pub struct ContrastMatrix<'a> {
-    /// Title.
+    /// Title of the figure.
     pub title: &'a str,
-    /// Summary of the figure, in words.
+    /// Sentence that summarises the figure.
     pub sentence: &'a str,
-    /// Smallest relevant relative difference: 0.1 for 10 %.
+    /// Smallest relative difference that matters in practice: 0.1 for 10 %.
     pub margin: f64,
     /// One matrix per parameter.
     pub panels: Vec<ContrastPanel<'a>>,
 }
 
-/// Matrix of one parameter.
+/// Matrix of contrasts between groups in one parameter.
 #[derive(Debug, Clone)]
 pub struct ContrastPanel<'a> {
     /// Symbol and unit, such as `E (Pa)`.
     pub label: String,
     /// Names of the groups, at least two.
     pub groups: Vec<&'a str>,
-    /// Ratio of the row's group to the column's; `None` on the diagonal, and if unknown.
+    /// Contrast at `[row][column]`: row's group divided by column's group. `None` on the diagonal, and if it is unknown.
     pub cells: Vec<Vec<Option<ContrastCell>>>,
 }
 
-/// Contrast of one pair of groups.
+/// Contrast of two groups: ratio of their parameter values.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ContrastCell {
     /// 5 % quantile, median and 95 % quantile of the ratio.
     pub ratio: [f64; 3],
     /// Probability that the ratio is above 1.
     pub probability_greater: f64,
-    /// Probability that the ratio is above 1 + margin.
+    /// Probability that the ratio is above 1 + `margin`.
     pub probability_beyond_margin: f64,
-    /// True if the direction is declared.
+    /// True if the direction of the difference is certain enough to be declared.
     pub is_declared: bool,
 }
 
-/// Draws the figure.
+/// Draws the matrices of contrasts.
 ///
 /// # Errors
-/// [`Error::Input`] for no panels, panels of fewer than two groups, cells that do not form a square, or a margin that is negative or not finite.
-/// Ratios have to be finite, positive and in order, and probabilities have to lie between 0 and 1.
+/// [`Error::Input`] for no panels, panels of fewer than two groups, cells that do not form a square, or a margin that is negative or not finite. Ratios have to
+/// be finite, positive and in order, and probabilities have to lie between 0 and 1.
 pub fn contrast_matrix(data: &ContrastMatrix) -> Result<Svg> {
     check(data)?;
     let layout = ContrastLayout::new(data);
@@ -74,7 +74,7 @@ pub fn contrast_matrix(data: &ContrastMatrix) -> Result<Svg> {
         let below = below + legend(svg, data, &layout, (MARGIN_PX, below)) + 22.0;
         layout.draw(svg, data, below)
     };
-    // First drawing, to determine the height.
+    // The figure is drawn once to determine its height, and then again.
     let height = draw(&mut Svg::new(layout.width_px, 1.0, ""));
     let mut svg = Svg::new(layout.width_px, height, data.title);
     draw(&mut svg);
@@ -123,15 +123,15 @@ struct ContrastLayout {
     n_columns: usize,
     cell: (f64, f64),
     sizes: ContrastSizes,
-    /// Room left of the cells for the rows' names.
+    /// Width left of the cells for the names of the rows, in pixels.
     name_px: f64,
-    /// Room above the cells for the columns' names.
+    /// Height above the cells for the names of the columns, in pixels.
     head_px: f64,
     upwards: bool,
     scale: ColourScale,
 }
 
-/// Font sizes of the ratio, and of its interval and probabilities.
+/// Font sizes in a cell: of the ratio, and of its interval and probabilities.
 #[derive(Debug, Clone, Copy)]
 struct ContrastSizes {
     ratio_px: f64,
@@ -146,7 +146,7 @@ impl ContrastLayout {
             5..=6 => ((90.0, 60.0), ContrastSizes { ratio_px: 14.0, small_px: 10.5 }),
             _ => ((84.0, 54.0), ContrastSizes { ratio_px: 13.0, small_px: 10.0 }),
         };
-        // Names are horizontal above their columns if every word fits.
+        // Names above columns are horizontal if every word fits.
         let fits = |name: &str| {
             let lines = wrapped(name, NAME_SIZE_PX, cell.0 - 8.0);
             lines.len() <= 4 && lines.iter().all(|line| !line.ends_with('…'))
@@ -169,7 +169,7 @@ impl ContrastLayout {
         Self { width_px: width.max(LEAST_WIDTH_PX), n_columns, cell, sizes, name_px, head_px, upwards, scale }
     }
 
-    /// Draws all panels from `top` downwards and returns their lower end.
+    /// Draws all panels, with the upper edge at `top`. Returns the position of the lower edge.
     fn draw(&self, svg: &mut Svg, data: &ContrastMatrix, top: f64) -> f64 {
         let mut y = top;
         for panels in data.panels.chunks(self.n_columns) {
@@ -254,7 +254,7 @@ impl ContrastLayout {
     }
 }
 
-/// Writes ratio, interval and probabilities; `inverse` is the cell of the column's group over the row's.
+/// Writes ratio, interval and probabilities into a cell. `inverse` is the cell of the inverse ratio.
 fn numbers(svg: &mut Svg, cell: &ContrastCell, inverse: Option<&ContrastCell>, rect: Rect, sizes: ContrastSizes) {
     let ContrastSizes { ratio_px, small_px } = sizes;
     let (x, room) = (rect.x + rect.width / 2.0, rect.width - 15.0);
@@ -273,12 +273,12 @@ fn numbers(svg: &mut Svg, cell: &ContrastCell, inverse: Option<&ContrastCell>, r
     }
 }
 
-/// Formats a ratio with two decimals if it is near one, otherwise with two digits.
+/// Formats a ratio: with two decimals near one, otherwise with two significant digits.
 fn ratio_text(ratio: f64) -> String {
     if (0.0995..9.995).contains(&ratio) { format_decimals(ratio, 2) } else { format_significant(ratio, 2) }
 }
 
-/// Probability of the median's direction, and of a difference beyond the margin in this direction.
+/// Text of two probabilities: that the difference has the median's direction, and that it exceeds the margin in this direction.
 fn probabilities_text(cell: &ContrastCell, inverse: Option<&ContrastCell>) -> String {
     let (direction, beyond) = if cell.ratio[1] >= 1.0 {
         (cell.probability_greater, Some(cell.probability_beyond_margin))
@@ -289,7 +289,7 @@ fn probabilities_text(cell: &ContrastCell, inverse: Option<&ContrastCell>) -> St
     format!("{}{beyond}", probability_text(direction))
 }
 
-/// Formats a probability with two decimals, or three near 0 and 1. It never shows 0 or 1, because draws cannot be that certain.
+/// Formats a probability with two decimals, or with three near 0 and 1. The text is never 0 or 1, because a finite number of draws cannot be that certain.
 fn probability_text(probability: f64) -> String {
     match probability {
         ..0.0005 => "<0.001".into(),
@@ -305,15 +305,15 @@ fn declared_mark(svg: &mut Svg, rect: Rect) {
     svg.rect(inside, Style::from(DECLARED));
 }
 
-/// Certainty of the sign: 0 if both signs are equally probable, 1 if one is certain.
+/// Certainty of a difference's sign: 0 if both signs are equally probable, 1 if one sign is certain.
 fn sign_certainty(probability_greater: f64) -> f64 {
     (2.0 * probability_greater - 1.0).abs()
 }
 
-/// Colours from blue (row smaller) over white to vermillion (row greater), paler for uncertain signs.
+/// Colour scale of ratios: blue (row smaller) over white to vermillion (row greater). Colours are paler if the sign is uncertain.
 #[derive(Debug, Clone, Copy)]
 struct ColourScale {
-    /// Ratio of the strongest colour.
+    /// Ratio at the strong end of the scale.
     end: f64,
 }
 
@@ -326,7 +326,7 @@ impl ColourScale {
 
     fn colour(&self, ratio: f64, sureness: f64) -> Colour {
         let strength = (ratio.ln().abs() / self.end.ln()).min(1.0);
-        // The root makes small differences visible. The power makes cells of nearly random sign pale.
+        // The square root makes small differences visible. The power makes cells pale if their sign is nearly random.
         let share = STRONGEST * strength.powf(0.6) * sureness.powf(1.5);
         let towards = if ratio < 1.0 { BLUE } else { VERMILLION };
         let mix = |white: u8, colour: u8| (f64::from(white) + share * (f64::from(colour) - f64::from(white))).round();
@@ -334,7 +334,7 @@ impl ColourScale {
     }
 }
 
-/// Draws the legend of numbers, colours and frames. Returns the height used.
+/// Draws the legend, which explains numbers, colours and frames. Returns its height in pixels.
 fn legend(svg: &mut Svg, data: &ContrastMatrix, layout: &ContrastLayout, (x, y): Point) -> f64 {
     let percent = format_significant(100.0 * data.margin, 2);
     let percent = percent.strip_suffix(".0").unwrap_or(&percent);
@@ -365,7 +365,7 @@ fn legend(svg: &mut Svg, data: &ContrastMatrix, layout: &ContrastLayout, (x, y):
     height
 }
 
-/// Draws the colours as a function of the ratio (to the right) and of the certainty of its sign (downwards).
+/// Draws the colour scale. The ratio increases to the right, and the certainty of its sign downwards.
 fn colour_key(svg: &mut Svg, scale: ColourScale, (x, y): Point) {
     const STEPS: usize = 21;
     const SURE: [(f64, &str); 3] = [(0.999, "> 0.99"), (0.9, "0.9"), (0.6, "0.6")];
@@ -378,7 +378,7 @@ fn colour_key(svg: &mut Svg, scale: ColourScale, (x, y): Point) {
         for k in 0..STEPS {
             let exponent = 2.0 * (k as f64 + 0.5) / STEPS as f64 - 1.0;
             let colour = scale.colour((exponent * scale.end.ln()).exp(), sign_certainty(probability));
-            // Slightly wider, so that no gap shows between steps.
+            // Each step is slightly wider than its distance to the next, so that no gap is visible.
             let rect = Rect { x: x + step * k as f64, y, width: step + 0.3, height: row };
             svg.rect(rect, Fill::new(colour, 1.0));
         }

@@ -1,7 +1,6 @@
-//! Corner plot: marginal densities on the diagonal, pairs below it, for one or several posteriors.
+//! Corner plot of one or several posteriors: marginal densities on the diagonal, and joint densities of pairs of parameters below it.
 //!
-//! A contour labelled 90 % encloses 90 % of the draws, because [`super::density::Joint::threshold`] uses the density at the draws. A
-//! test checks this.
+//! A contour labelled 90 % encloses 90 % of the draws, because [`super::density::Joint::threshold`] uses the density at the draws. A test checks this.
 
 use super::axes::title;
 use super::corner_content::{Content, Slot};
@@ -15,9 +14,9 @@ use base::error::InputPlace;
 use base::{Error, Result};
 
 const MOST_PARAMETERS: usize = 12;
-/// Distance from the central 99.8 % interval, as a fraction of its length, beyond which draws do not lengthen an axis.
+/// Draws farther from the central 99.8 % interval than this fraction of its length are outliers. They do not lengthen the axis.
 const OUTLIER_DISTANCE: f64 = 0.12;
-/// Maximum length of an axis with a reference value, in ranges of the posterior. A reference value farther out is only named.
+/// Maximum length of an axis that includes a reference value, in ranges of the posterior. A reference value that is farther away is only named in a note.
 const REFERENCE_REACH: f64 = 2.0;
 
 /// Draws the corner plot.
@@ -75,7 +74,7 @@ fn check(posteriors: &[Posterior], options: &CornerOptions) -> Result<()> {
     Ok(())
 }
 
-/// All parameters in order of first appearance, each with one scale for all posteriors.
+/// All parameters in the order of first appearance. Each has one scale for all posteriors.
 fn slots<'a>(posteriors: &'a [Posterior<'a>], ascending: &[Vec<Vec<f64>>]) -> Vec<Slot<'a>> {
     let mut names: Vec<&str> = Vec::new();
     let mut slots = Vec::new();
@@ -97,7 +96,7 @@ fn slots<'a>(posteriors: &'a [Posterior<'a>], ascending: &[Vec<Vec<f64>>]) -> Ve
     slots
 }
 
-/// Scale of all draws except outliers, with a margin. It includes the reference value unless the draws would be crushed.
+/// Scale that includes all draws except outliers, with a margin. It includes the reference value, unless the draws would then be too close together.
 fn common_scale(columns: &[(&ParameterColumn, &[f64])], reference: Option<f64>) -> AxisScale {
     let (mut lower, mut upper) = (f64::INFINITY, f64::NEG_INFINITY);
     let mut limits = Support { lower: f64::INFINITY, upper: f64::NEG_INFINITY };
@@ -110,7 +109,7 @@ fn common_scale(columns: &[(&ParameterColumn, &[f64])], reference: Option<f64>) 
         limits.upper = limits.upper.max(column.support.upper);
     }
     let margin = 0.04 * (upper - lower);
-    // A margin beyond a hard limit would show impossible values. A narrow margin keeps the line at the limit visible.
+    // A large margin beyond a hard limit would show impossible values. A narrow margin keeps a line at the limit visible.
     let beyond = 0.01 * (upper - lower);
     let (mut start, mut end) = (
         (lower - margin).max(limits.lower.min(lower) - beyond),

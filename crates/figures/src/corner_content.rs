@@ -1,46 +1,46 @@
-//! Content of a corner plot.
+//! Content of a corner plot: posteriors, their parameters, and settings.
 
 use super::density::Support;
 use super::palette::Colour;
 use super::ticks::AxisScale;
 
-/// Minimum number of draws for contours; with fewer, only the draws are shown.
+/// Minimum number of draws for contours. With fewer draws, only dots are shown.
 pub const FEWEST_DRAWS_FOR_CONTOURS: usize = 50;
 
-/// Prior density on a grid.
+/// Prior density of a parameter, as values on a grid.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PriorCurve<'a> {
-    /// Parameter values, ascending.
+    /// Parameter values on the grid, ascending.
     pub x: &'a [f64],
-    /// Normalised density at these values, in the inverse unit of `x`.
+    /// Prior density at these values, in the inverse unit of `x`. Its integral is 1.
     pub density: &'a [f64],
 }
 
-/// Draws of one parameter.
+/// Draws of one parameter from one posterior.
 #[derive(Debug, Clone, Copy)]
 pub struct ParameterColumn<'a> {
-    /// Name by which posteriors are matched, such as `young_modulus_pa`.
+    /// Name of the parameter, such as `young_modulus_pa`. Parameters of different posteriors share a panel if their names are equal.
     pub name: &'a str,
-    /// Short symbol, such as `E`.
+    /// Short symbol of the parameter, such as `E`.
     pub symbol: &'a str,
-    /// Unit, such as `Pa`; empty or `–` for none.
+    /// Unit of the parameter, such as `Pa`; empty or `–` for none.
     pub unit: &'a str,
-    /// Draws; the number is the same for all parameters of a posterior.
+    /// Values of the draws. All parameters of a posterior have equally many.
     pub draws: &'a [f64],
-    /// Hard limits of the parameter.
+    /// Hard limits of the parameter's values.
     pub support: Support,
-    /// Prior density, drawn dashed.
+    /// Prior density, drawn as a dashed line; `None` if it is unknown.
     pub prior: Option<PriorCurve<'a>>,
-    /// Value to compare with, such as a published value.
+    /// Value for comparison, such as a published value; `None` for none.
     pub reference: Option<f64>,
 }
 
-/// One posterior.
+/// One posterior of a corner plot.
 #[derive(Debug, Clone)]
 pub struct Posterior<'a> {
-    /// Legend text.
+    /// Text for the legend.
     pub label: &'a str,
-    /// Colour; see [`super::palette::series`].
+    /// Colour of the posterior; see [`super::palette::series`].
     pub colour: Colour,
     /// Parameters with their draws.
     pub parameters: Vec<ParameterColumn<'a>>,
@@ -49,11 +49,11 @@ pub struct Posterior<'a> {
 /// Settings of a corner plot.
 #[derive(Debug, Clone)]
 pub struct CornerOptions<'a> {
-    /// Title; empty for none.
+    /// Title of the figure; empty for none.
     pub title: &'a str,
-    /// Probabilities that contours enclose, each between 0 and 1.
+    /// Fractions of the draws that contours enclose, each between 0 and 1.
     pub masses: &'a [f64],
-    /// Legend text of the reference values.
+    /// Text for the reference values in the legend.
     pub reference_label: &'a str,
 }
 
@@ -63,7 +63,7 @@ impl Default for CornerOptions<'_> {
     }
 }
 
-/// Row and column of a parameter, common to all posteriors that have it.
+/// Row and column of a corner plot that belong to one parameter. All posteriors with this parameter share it.
 #[derive(Debug)]
 pub(super) struct Slot<'a> {
     pub(super) label: String,
@@ -71,15 +71,15 @@ pub(super) struct Slot<'a> {
     pub(super) unit: &'a str,
     pub(super) scale: AxisScale,
     pub(super) reference: Option<f64>,
-    /// Index into the parameters of each posterior.
+    /// Index of this parameter in each posterior; `None` for posteriors without it.
     pub(super) columns: Vec<Option<usize>>,
 }
 
-/// Data of all panels.
+/// Data that all panels of a corner plot use.
 pub(super) struct Content<'a> {
     pub(super) slots: Vec<Slot<'a>>,
     pub(super) posteriors: &'a [Posterior<'a>],
-    /// Ascending draws of each posterior's parameters.
+    /// Draws in ascending order, indexed by posterior and parameter.
     pub(super) ascending: Vec<Vec<Vec<f64>>>,
     pub(super) options: &'a CornerOptions<'a>,
 }

@@ -1,4 +1,4 @@
-//! Panels, titles and legend of the corner plot.
+//! Draws the panels, titles and legend of a corner plot.
 
 use super::axes::{Axes, AxisStyle, widest_y_number_px};
 use super::contour::simplify;
@@ -14,22 +14,22 @@ use super::svg::{Anchor, Fill, Path, Point, Rect, Stroke, Style, Svg, TextStyle}
 use super::ticks::AxisScale;
 
 const GAP_PX: f64 = 14.0;
-/// Maximum number of draws for contours; more would make no visible difference.
+/// Maximum number of draws that contours are estimated from. More draws would make no visible difference.
 const MOST_DRAWS: usize = 100_000;
-/// Maximum number of dots outside the outermost contour; with more, only every k-th draw has a dot.
+/// Maximum number of dots outside the outermost contour. If there are more draws, only every k-th has a dot.
 const MOST_DOTS: usize = 1_500;
-/// Maximum distance of a polyline from its contour.
+/// Largest distance in pixels of a drawn polyline from its exact contour.
 const CONTOUR_TOLERANCE_PX: f64 = 0.06;
 const LEGEND_SIZE_PX: f64 = 13.0;
 const NOTE_SIZE_PX: f64 = 11.5;
 const SMALLEST_TITLE_PX: f64 = 8.5;
 
-/// Positions of panels, and sizes of text.
+/// Positions of the panels, and font sizes.
 #[derive(Debug)]
 pub(super) struct CornerLayout {
     pub(super) width_px: f64,
     pub(super) height_px: f64,
-    /// Upper left corner of the first panel.
+    /// Upper left corner of the first panel, in pixels.
     pub origin: Point,
     panel_px: f64,
     n: usize,
@@ -59,7 +59,7 @@ impl CornerLayout {
         let header = if options.title.is_empty() { 12.0 } else { 44.0 };
         let origin = (y_label_distance_px + 14.0, header + lines * 1.6 * title_size_px);
         let side = n as f64 * panel_px + (n as f64 - 1.0) * GAP_PX;
-        // A single panel has no empty corner, so its legend is to the right.
+        // A figure with a single panel has no empty corner, so its legend is to the right of the panel.
         let right = if n == 1 { 300.0 } else { 18.0 };
         Self {
             width_px: origin.0 + side + right,
@@ -80,7 +80,7 @@ impl CornerLayout {
     }
 }
 
-/// Draws the panel in a row and a column.
+/// Draws the panel at a row and a column of the corner plot.
 pub(super) fn panel(svg: &mut Svg, layout: &CornerLayout, content: &Content, row: usize, column: usize) {
     let (frame, slots) = (layout.frame(row, column), &content.slots);
     let axes = if row == column {
@@ -99,7 +99,7 @@ pub(super) fn panel(svg: &mut Svg, layout: &CornerLayout, content: &Content, row
     axes.outline(svg);
 }
 
-/// Posteriors that have a parameter, with its column.
+/// Posteriors that contain a parameter, each with this parameter's draws.
 fn posteriors_with_parameter<'a, 'b>(
     posteriors: &'a [Posterior<'b>],
     slot: &'a Slot,
@@ -149,7 +149,7 @@ fn marginal_panel(svg: &mut Svg, layout: &CornerLayout, content: &Content, row: 
     axes
 }
 
-/// Draws priors dashed. Posteriors with the same prior share one line; different priors have their own colours.
+/// Draws priors as dashed lines. Posteriors with equal priors share one line; different priors have their posteriors' colours.
 fn prior_curves(svg: &mut Svg, axes: &Axes, priors: &[(PriorCurve, Colour)]) {
     let mut distinct: Vec<(PriorCurve, Colour)> = Vec::new();
     for (prior, colour) in priors {
@@ -170,7 +170,7 @@ fn quantile_title(sorted: &[f64]) -> ValueWithErrors {
     ValueWithErrors::from_quantiles(quantile(0.16), quantile(0.5), quantile(0.84))
 }
 
-/// Draws the density curve over a light area, with the central 68 % darker. If several posteriors share the panel, only the light area is drawn.
+/// Draws a marginal density as a curve over a light area. For a single posterior the central 68 % are darker.
 fn marginal_curve(svg: &mut Svg, axes: &Axes, curve: &density::Marginal, sorted: &[f64], colour: Colour, alone: bool) {
     let shown: Vec<usize> =
         (0..curve.x.len()).filter(|&i| (-0.02..=1.02).contains(&axes.x.fraction(curve.x[i]))).collect();
@@ -189,7 +189,7 @@ fn marginal_curve(svg: &mut Svg, axes: &Axes, curve: &density::Marginal, sorted:
     svg.path(&path, Stroke::solid(colour, 1.8));
 }
 
-/// Marks the reference value by a line, or by a note if it lies beyond the axis.
+/// Marks the reference value by a line. If it lies beyond the axis, a note names it.
 fn reference_mark(svg: &mut Svg, axes: &Axes, slot: &Slot) {
     let Some(value) = slot.reference else { return };
     let fraction = axes.x.fraction(value);
@@ -235,8 +235,8 @@ fn pair_panel(svg: &mut Svg, axes: &Axes, content: &Content, row: &Slot, column:
     }
 }
 
-/// At most [`MOST_DRAWS`] draws, evenly spaced. The spacing has no small prime factor: in a table ordered by step it would
-/// otherwise select the same few walkers each time.
+/// Returns at most [`MOST_DRAWS`] evenly spaced draws. The spacing has no small prime factor. Otherwise it would always select the same few walkers from a
+/// table that is ordered by step.
 fn thinned(draws: &[f64]) -> Vec<f64> {
     let mut every = draws.len().div_ceil(MOST_DRAWS).max(1);
     while every > 1 && [2_usize, 3, 5, 7].iter().any(|prime| every.is_multiple_of(*prime)) {
@@ -245,7 +245,7 @@ fn thinned(draws: &[f64]) -> Vec<f64> {
     draws.iter().step_by(every).copied().collect()
 }
 
-/// Masses in drawing order: the largest region first, at the back.
+/// Fractions of the draws in the order in which their regions are drawn: the largest first, because it is at the back.
 fn draw_order(masses: &[f64]) -> Vec<f64> {
     let mut masses = masses.to_vec();
     masses.sort_by(|a, b| b.total_cmp(a));
@@ -288,7 +288,7 @@ fn contours(
     });
 }
 
-/// Part of the frame in which both parameters are within their limits.
+/// Part of the frame in which both parameters are within their hard limits.
 fn supported_window(axes: &Axes, x: &ParameterColumn, y: &ParameterColumn) -> Rect {
     let frame = axes.frame;
     let left = if x.support.lower.is_finite() { axes.x_px(x.support.lower).max(frame.x) } else { frame.x };
@@ -299,8 +299,8 @@ fn supported_window(axes: &Axes, x: &ParameterColumn, y: &ParameterColumn) -> Re
     Rect { x: left, y: top, width: right - left, height: bottom - top }
 }
 
-/// Writes one line per posterior above the panel: `E = 3.53 +0.12 −0.11 Pa`, with errors raised and lowered. If the panel is too narrow, the
-/// symbol is omitted, then the size shrinks.
+/// Writes one line per posterior above the panel: `E = 3.53 +0.12 −0.11 Pa`, with the errors raised and lowered. If the panel is too narrow, the symbol is
+/// omitted. If it is still too narrow, the font size shrinks.
 fn titles(
     svg: &mut Svg,
     layout: &CornerLayout,
@@ -316,7 +316,7 @@ fn titles(
     let width =
         |value: &ValueWithErrors, head: &str, size: f64| text_width_px(head, size) + value_width_px(value, &unit, size);
     let widest = |head: &str| lines.iter().map(|(_, value)| width(value, head, size)).fold(0.0, f64::max);
-    // If the symbol would make the numbers too small, only the axis label shows it.
+    // If the symbol would make the numbers too small, it is omitted. The axis label shows it.
     let head = if widest(&head) * SMALLEST_TITLE_PX > room * size { String::new() } else { head };
     let size = size * (room / widest(&head).max(1.0)).clamp(SMALLEST_TITLE_PX / size, 1.0);
     for (i, (colour, value)) in lines.iter().enumerate() {
@@ -355,12 +355,12 @@ fn value_with_errors(
     svg.text(&value.minus, (errors, at.1 + 0.26 * size), small);
     let after = errors + text_width_px(&value.plus, small.size_px).max(text_width_px(&value.minus, small.size_px));
     let tail = tail(value, unit);
-    // Some renderers do not draw leading space, so it becomes distance.
+    // Some renderers ignore a space at the beginning of a text, so the space is added to the position.
     let space = if tail.starts_with(' ') { text_width_px(" ", size) } else { 0.0 };
     svg.text(tail.trim_start(), (after + space, at.1), style);
 }
 
-/// Draws the legend of colours, lines and contours in the empty upper right corner.
+/// Draws the legend of colours, lines and contours into the empty upper right corner.
 pub(super) fn legend(svg: &mut Svg, layout: &CornerLayout, content: &Content) {
     let Content { posteriors, slots, options, .. } = content;
     let entries = entries(posteriors, slots, options);
@@ -369,12 +369,12 @@ pub(super) fn legend(svg: &mut Svg, layout: &CornerLayout, content: &Content) {
     let last = layout.frame(0, layout.n - 1);
     let needed = legend::column_height_px(&entries, LEGEND_SIZE_PX) + 18.0 + notes.len() as f64 * 15.0;
     let titles = 1.6 * layout.title_size_px * posteriors.len() as f64 + 8.0;
-    // The first k rows are empty to the right of their panels, down to the titles of column k. Few rows are wide, many rows are high.
+    // The first k rows are empty to the right of their panels, down to the titles of column k. The empty area is wide for few rows and high for many.
     let high_enough = |k: &usize| *k as f64 * (layout.panel_px + GAP_PX) - titles >= needed;
     let most_rows = layout.n.saturating_sub(1).max(1);
     let rows = (1..most_rows).find(high_enough).unwrap_or(most_rows);
     let beside = layout.frame(0, rows - 1).right() + 26.0;
-    // A single panel has its legend outside.
+    // A figure with a single panel has its legend beside the panel.
     let room = if layout.n == 1 { 270.0 } else { last.right() - beside };
     let texts = entries.iter().map(|entry| (entry.text.as_str(), LEGEND_SIZE_PX, legend::MARK_ADVANCE_PX));
     let widths = texts
@@ -400,7 +400,7 @@ fn entries(posteriors: &[Posterior], slots: &[Slot], options: &CornerOptions) ->
     }
     let colour = if let [only] = posteriors { only.colour } else { MUTED };
     for (depth, mass) in draw_order(options.masses).into_iter().enumerate() {
-        // Regions overlap, so the sample shows the sum of their opacities.
+        // Regions overlap in the panels, so the legend's sample combines their opacities.
         let opacity = 1.0 - (1.0 - region_fill(colour, posteriors.len()).opacity).powi(depth as i32 + 1);
         let area = Style { fill: Some(Fill::new(colour, opacity)), stroke: Some(region_stroke(colour)) };
         let percent = format_significant(100.0 * mass, 3);

@@ -1,6 +1,6 @@
-//! Creep compliance of groups over time, for the typical specimen and a new one, on logarithmic axes.
+//! Figure of the groups' creep compliance over time, on logarithmic axes: for the typical specimen and for a new specimen.
 //!
-//! Up to three groups share one pair of axes. Otherwise each group has its own axes, which also show the others' medians in grey.
+//! Up to three groups share one pair of axes. More groups have one pair of axes each, which also shows the medians of the others in grey.
 
 use super::axes::{Axes, AxisStyle, LABEL_SIZE_PX, title_with_text, widest_y_number_px};
 use super::font::{text_width_px, wrapped};
@@ -13,17 +13,17 @@ use base::{Error, Result};
 
 const MARGIN_PX: f64 = 20.0;
 const WIDTH_PX: f64 = 960.0;
-/// Maximum number of groups in one pair of axes.
+/// Maximum number of groups that share one pair of axes.
 const MOST_TOGETHER: usize = 3;
 const TOGETHER_HEIGHT_PX: f64 = 430.0;
-/// Room for names right of the axes.
+/// Maximum width of the names right of the axes, in pixels.
 const MOST_NAME_PX: f64 = 170.0;
 const NAME_LINE_PX: f64 = 15.0;
 const NAME_LEAD_PX: f64 = 22.0;
 const PANEL_HEIGHT_PX: f64 = 190.0;
 const PANEL_GAP_PX: f64 = 26.0;
 const FOOT_PX: f64 = 46.0;
-/// Distance by which the times at the ends may extend beyond the axis.
+/// Distance by which the numbers at the ends of the time axis may extend beyond it, in pixels.
 const OVERHANG_PX: f64 = 16.0;
 const MOST_X_NUMBERS: usize = 7;
 const MOST_Y_NUMBERS: usize = 6;
@@ -35,39 +35,39 @@ const NEW_OPACITY: f64 = 0.14;
 const MEDIAN_PX: f64 = 2.2;
 const OTHERS: Stroke = Stroke { colour: MUTED, width_px: 1.0, opacity: 0.6, dash: None };
 
-/// Content of the figure.
+/// Content of the figure of creep compliance: title, summary, times and groups.
 #[derive(Debug, Clone)]
 pub struct CreepBands<'a> {
-    /// Title.
+    /// Title of the figure.
     pub title: &'a str,
-    /// Summary of the figure, in words.
+    /// Sentence that summarises the figure.
     pub sentence: &'a str,
     /// Times since the start of the load, in s; positive and increasing.
     pub time_s: &'a [f64],
-    /// Groups; all their slices have one value per time.
+    /// Groups of specimens. All lists of a group have one value per time.
     pub groups: Vec<CreepGroup<'a>>,
 }
 
-/// Creep compliance of one group.
+/// Creep compliance of one group, in 1/Pa.
 #[derive(Debug, Clone)]
 pub struct CreepGroup<'a> {
     /// Name of the group.
     pub label: &'a str,
-    /// Its colour.
+    /// Colour of the group.
     pub colour: Colour,
-    /// Median of the typical specimen.
+    /// Median of the typical specimen's compliance at each time.
     pub median_per_pa: Vec<f64>,
-    /// Limits of the central 90 % interval of the typical specimen.
+    /// Lower and upper limit of the central 90 % interval of the typical specimen's compliance.
     pub typical_90_per_pa: [Vec<f64>; 2],
-    /// Limits of the central 90 % interval of an unmeasured specimen.
+    /// Lower and upper limit of the central 90 % interval for a specimen that has not been measured.
     pub new_specimen_90_per_pa: [Vec<f64>; 2],
 }
 
-/// Draws the figure.
+/// Draws the figure of the groups' creep compliance.
 ///
 /// # Errors
-/// [`Error::Input`] for no groups, fewer than two times, unequal lengths, or limits in the wrong order. Times have to be positive and
-/// increasing, values finite and positive.
+/// [`Error::Input`] for no groups, fewer than two times, unequal lengths, or limits in the wrong order. Times have to be positive and increasing, values finite
+/// and positive.
 pub fn creep_bands(data: &CreepBands) -> Result<Svg> {
     check(data)?;
     let draw = |svg: &mut Svg| {
@@ -80,7 +80,7 @@ pub fn creep_bands(data: &CreepBands) -> Result<Svg> {
             draw_separate_axes(svg, data, below)
         }
     };
-    // First drawing, to determine the height.
+    // The figure is drawn once to determine its height, and then again.
     let height = draw(&mut Svg::new(WIDTH_PX, 1.0, ""));
     let mut svg = Svg::new(WIDTH_PX, height, data.title);
     draw(&mut svg);
@@ -126,7 +126,7 @@ fn check(data: &CreepBands) -> Result<()> {
     Ok(())
 }
 
-/// Common scales of all groups. Wide predictions for new specimens lengthen them only up to a limit.
+/// Time scale and compliance scale for all groups. Wide predictions for new specimens lengthen the scales only up to a limit.
 fn scales(data: &CreepBands) -> (AxisScale, AxisScale) {
     let typical = data.groups.iter().flat_map(|group| group.typical_90_per_pa.iter().flatten());
     let new = data.groups.iter().flat_map(|group| group.new_specimen_90_per_pa.iter().flatten());
@@ -146,7 +146,7 @@ fn draw_median(svg: &mut Svg, axes: &Axes, data: &CreepBands, group: &CreepGroup
     axes.line(svg, data.time_s, &group.median_per_pa, stroke);
 }
 
-/// Draws all groups in one pair of axes, with names at the curves' ends. Returns the lower end.
+/// Draws all groups in one pair of axes, with their names at the ends of the curves. Returns the position of the lower edge.
 fn draw_shared_axes(svg: &mut Svg, data: &CreepBands, top: f64) -> f64 {
     let (x, y) = scales(data);
     let names: Vec<Vec<String>> =
@@ -181,7 +181,7 @@ fn draw_shared_axes(svg: &mut Svg, data: &CreepBands, top: f64) -> f64 {
     frame.bottom() + FOOT_PX
 }
 
-/// Writes the lines of a name, centred at the height `middle`.
+/// Writes a name in one or several lines, centred at the height `middle`.
 fn name(svg: &mut Svg, lines: &[String], (left, middle): Point) {
     for (i, line) in lines.iter().enumerate() {
         let baseline = middle + 0.36 * LABEL_SIZE_PX + NAME_LINE_PX * (i as f64 - 0.5 * (lines.len() as f64 - 1.0));
@@ -189,7 +189,8 @@ fn name(svg: &mut Svg, lines: &[String], (left, middle): Point) {
     }
 }
 
-/// Centres of blocks of these heights, near the wanted ones and in their order, without overlap. They stay within the limits if there is room.
+/// Centres of blocks that must not overlap. They keep the order of the wanted centres and are close to them. They lie within the two limits if there is enough
+/// room.
 fn separate_blocks(wanted: &[f64], heights: &[f64], (upper, lower): (f64, f64)) -> Vec<f64> {
     let mut order: Vec<usize> = (0..wanted.len()).collect();
     order.sort_by(|a, b| wanted[*a].total_cmp(&wanted[*b]));
@@ -207,7 +208,7 @@ fn separate_blocks(wanted: &[f64], heights: &[f64], (upper, lower): (f64, f64)) 
     middles
 }
 
-/// Draws one pair of axes per group, with the medians of the others. Returns the lower end.
+/// Draws one pair of axes per group, each with the medians of the other groups. Returns the position of the lower edge.
 fn draw_separate_axes(svg: &mut Svg, data: &CreepBands, top: f64) -> f64 {
     let (x, y) = scales(data);
     let n = data.groups.len();
@@ -227,7 +228,7 @@ fn draw_separate_axes(svg: &mut Svg, data: &CreepBands, top: f64) -> f64 {
             let frame =
                 Rect { x: left + pitch * column as f64, y: y_px, width: pitch - PANEL_GAP_PX, height: PANEL_HEIGHT_PX };
             let axes = Axes { frame, x, y };
-            // A panel has numbers if no other panel is below it.
+            // Only the lowest panel of each column has numbers on its time axis.
             let x_label = (index + n_columns >= n).then_some(X_LABEL);
             axes.x_axis(svg, AxisStyle::new(x_label, 5, 36.0).grid().overhang_px(0.5 * PANEL_GAP_PX));
             let y_label = (column == 0).then_some(Y_LABEL);
@@ -246,7 +247,7 @@ fn draw_separate_axes(svg: &mut Svg, data: &CreepBands, top: f64) -> f64 {
             name(svg, &names[column], (frame.x + 11.0, bar.y + height / 2.0));
         }
         bottom = y_px + PANEL_HEIGHT_PX + 14.0;
-        // Labels of panels at the end of a shorter column are above the names of the next row.
+        // In a shorter column, the axis label of the lowest panel is above the names of the next row.
         if (row + 2) * n_columns > n && (row + 1) * n_columns < n {
             bottom += FOOT_PX - 8.0;
         }
@@ -256,7 +257,7 @@ fn draw_separate_axes(svg: &mut Svg, data: &CreepBands, top: f64) -> f64 {
 
 fn entries(data: &CreepBands) -> Vec<Entry> {
     let colour = if let [only] = &data.groups[..] { only.colour } else { MUTED };
-    // The dark band lies on the light one.
+    // The dark band is drawn over the light band, so the sample combines both opacities.
     let typical = 1.0 - (1.0 - TYPICAL_OPACITY) * (1.0 - NEW_OPACITY);
     let mark = Mark::LineOnArea(Stroke::solid(colour, MEDIAN_PX), Fill::new(colour, typical));
     let mut entries = vec![

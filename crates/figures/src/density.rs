@@ -1,20 +1,20 @@
-//! Density estimates from draws: kernel estimates on grids, with bandwidths that keep modes separate.
+//! Kernel density estimates from draws, on grids. The bandwidths keep separate modes separate.
 
 use super::contour::Grid;
 pub use base::parameter::Support;
 
-/// Number of cells of a marginal density's grid.
+/// Number of cells of the grid for a marginal density.
 const CELLS_1D: usize = 1024;
-/// Number of cells of a joint density's grid along each axis.
+/// Number of cells along each axis of the grid for a joint density.
 const CELLS_2D: usize = 192;
-/// Number of cells of the grid for the bandwidth.
+/// Number of cells of the histogram from which the bandwidth is computed.
 const CELLS_BANDWIDTH: usize = 512;
-/// Half-width of the truncated Gaussian kernel, in bandwidths.
+/// Half-width of the Gaussian kernel, in bandwidths. Beyond it the kernel is zero.
 const KERNEL_REACH: f64 = 4.5;
-/// Correlation above which a joint density is estimated along its diagonals.
+/// Absolute correlation above which a joint density is estimated in coordinates along the diagonals.
 const STRONG_CORRELATION: f64 = 0.5;
 
-/// Estimated support of draws: from zero if all draws are non-negative and many are close to zero.
+/// Estimates the range of possible values from ascending draws. It starts at zero if all draws are non-negative and many are close to zero.
 pub fn estimate_support(sorted: &[f64]) -> Support {
     let (least, low, middle) =
         (quantile_of_sorted(sorted, 0.0), quantile_of_sorted(sorted, 0.05), quantile_of_sorted(sorted, 0.5));
@@ -22,7 +22,7 @@ pub fn estimate_support(sorted: &[f64]) -> Support {
     Support { lower, ..Support::REAL }
 }
 
-/// Quantile of ascending values by linear interpolation between order statistics; NaN if there are none.
+/// Quantile of ascending values, by linear interpolation between neighbouring values; NaN without values.
 pub fn quantile_of_sorted(sorted: &[f64], probability: f64) -> f64 {
     let Some(last) = sorted.len().checked_sub(1) else { return f64::NAN };
     let position = probability.clamp(0.0, 1.0) * last as f64;
@@ -31,19 +31,19 @@ pub fn quantile_of_sorted(sorted: &[f64], probability: f64) -> f64 {
     sorted[below] + (position - below as f64) * (sorted[above] - sorted[below])
 }
 
-/// Values in ascending order.
+/// Returns the values in ascending order.
 pub fn sorted(values: &[f64]) -> Vec<f64> {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
     sorted
 }
 
-/// Bandwidth of a Gaussian kernel, between two rules. The diffusion estimator (Botev, Grotowski and Kroese, Ann. Stat. 38:2916, 2010) keeps
-/// modes separate but follows the noise of correlated draws. The normal-reference rule is robust but merges modes. The result lies a quarter of the way
-/// from the first to the second, in the logarithm.
+/// Bandwidth of a Gaussian kernel for ascending draws, between those of two rules. The diffusion estimator (Botev, Grotowski and Kroese, Ann. Stat. 38:2916,
+/// 2010) keeps modes separate, but follows the noise of correlated draws. The normal-reference rule is robust, but merges modes. On a logarithmic scale, the
+/// result lies a quarter of the way from the first to the second.
 ///
-/// Repeated values, which a sampler makes when it rejects, count once. If many draws lie at a hard limit, they are mirrored there,
-/// because the jump would be taken for detail. The bandwidth is zero if all values are equal.
+/// Repeated values count once, because a sampler repeats a value when it rejects a step. If many draws lie at a hard limit, they are mirrored there. Otherwise
+/// the density's jump at the limit would reduce the bandwidth. The bandwidth is zero if all values are equal.
 pub fn bandwidth(sorted: &[f64], support: Support) -> f64 {
     let distinct = 1 + sorted.windows(2).filter(|pair| pair[0] != pair[1]).count();
     let quantile = |p| quantile_of_sorted(sorted, p);
@@ -74,7 +74,7 @@ fn unbounded_bandwidth(sorted: &[f64], distinct: usize) -> f64 {
         .map_or(normal_reference, |diffusion| normal_reference.powf(0.25) * diffusion.min(normal_reference).powf(0.75))
 }
 
-/// Botev's bandwidth, or `None` if its fixed point is not bracketed.
+/// Bandwidth of Botev's diffusion estimator for `n` draws; `None` if its fixed point is not bracketed.
 fn diffusion_bandwidth(sorted: &[f64], n: f64) -> Option<f64> {
     let (lower, upper) = (sorted.first()?, sorted.last()?);
     let margin = 0.1 * (upper - lower);
@@ -86,7 +86,8 @@ fn diffusion_bandwidth(sorted: &[f64], n: f64) -> Option<f64> {
     }
     let squares = squared_cosine_coefficients(&histogram);
     let excess = |t: f64| t - diffusion_time(t, n, &squares);
-    // t is the squared bandwidth in units of the squared range. The estimate starts below the identity and ends above it.
+    // t is the squared bandwidth divided by the squared range. The estimate of t is above t itself at the lower end of the bracket, and below it at the upper
+    // end.
     let (mut low, mut high) = (1e-8, 0.05);
     if excess(low) > 0.0 || excess(high) < 0.0 {
         return None;
@@ -98,7 +99,7 @@ fn diffusion_bandwidth(sorted: &[f64], n: f64) -> Option<f64> {
     Some(high.sqrt() * range)
 }
 
-/// Squares (a_k/2)² of the coefficients a_k of the discrete cosine transform, k = 1, 2, ….
+/// Squares (a_k/2)² for k = 1, 2, …, with the coefficients a_k of the histogram's discrete cosine transform.
 fn squared_cosine_coefficients(histogram: &[f64]) -> Vec<f64> {
     let n = histogram.len();
     let cosines: Vec<f64> = (0..4 * n).map(|i| (std::f64::consts::PI * i as f64 / (2 * n) as f64).cos()).collect();
@@ -107,7 +108,7 @@ fn squared_cosine_coefficients(histogram: &[f64]) -> Vec<f64> {
     (1..n).map(|k| coefficient(k).powi(2)).collect()
 }
 
-/// Optimal diffusion time implied by a pilot time `t`, through five stages of plug-in estimates of ‖f⁽ˢ⁾‖².
+/// Optimal diffusion time that follows from a pilot time `t`, by five stages of plug-in estimates of ‖f⁽ˢ⁾‖².
 fn diffusion_time(t: f64, n: f64, squares: &[f64]) -> f64 {
     use std::f64::consts::PI;
     let squared_norm = |s: i32, time: f64| {
@@ -128,20 +129,20 @@ fn diffusion_time(t: f64, n: f64, squares: &[f64]) -> f64 {
     (2.0 * n * PI.sqrt() * norm).powf(-0.4)
 }
 
-/// Marginal density at equidistant points.
+/// Marginal density of a parameter at equidistant values.
 #[derive(Debug, Clone)]
 pub struct Marginal {
-    /// Positions.
+    /// Parameter values, equidistant and ascending.
     pub x: Vec<f64>,
-    /// Density, in the inverse unit of `x`; its integral is one.
+    /// Density at these values, in the inverse unit of `x`. Its integral is 1.
     pub density: Vec<f64>,
 }
 
-/// Kernel estimate of a marginal density from ascending draws, or `None` if all draws are equal.
+/// Kernel estimate of a marginal density from ascending draws; `None` if all draws are equal.
 ///
-/// The grid spans all draws except extreme outliers: at most five times the central 99 % interval.
+/// The grid includes all draws except extreme outliers. It is at most five times as long as the central 99 % interval.
 pub fn marginal(sorted: &[f64], support: Support) -> Option<Marginal> {
-    // The width is a fifth above the optimum for the mean error, because readers take ripples for features.
+    // The bandwidth is a fifth above the one with the smallest mean error, because readers would take ripples for features.
     let width = 1.2 * bandwidth(sorted, support);
     if width <= 0.0 {
         return None;
@@ -158,25 +159,25 @@ pub fn marginal(sorted: &[f64], support: Support) -> Option<Marginal> {
     Some(Marginal { x: (0..axis.cells).map(|i| axis.centre(i)).collect(), density })
 }
 
-/// Joint density of two parameters, on a grid in coordinates without strong correlation.
+/// Joint density of two parameters. Its grid is in coordinates without strong correlation.
 #[derive(Debug, Clone)]
 pub struct JointDensity {
     grid: Grid,
     frame: Frame,
     horizontal: GridAxis,
     vertical: GridAxis,
-    /// Density at every draw, ascending.
+    /// Density at every draw, in ascending order.
     at_draws: Vec<f64>,
 }
 
 impl JointDensity {
-    /// Kernel estimate from pairs of draws, or `None` if one of the two is constant.
+    /// Kernel estimate from pairs of draws; `None` if `x` or `y` is constant.
     pub fn new(x: &[f64], y: &[f64], support_x: Support, support_y: Support) -> Option<Self> {
         let frame = Frame::new(x, y)?;
         let (a, b): (Vec<f64>, Vec<f64>) = x.iter().zip(y).map(|(&x, &y)| frame.forward(x, y)).unzip();
         let (limits_a, limits_b) = frame.supports(support_x, support_y);
-        // Ratio of a pair's bandwidth to a single parameter's: n^(−1/6) instead of (4/3)^(1/5) n^(−1/5). It is a quarter larger, because a
-        // contour shows every ripple and its threshold at the draws compensates for the widening.
+        // For a pair of parameters the bandwidth is proportional to n^(−1/6), for a single one to (4/3)^(1/5) n^(−1/5). It is enlarged by another quarter,
+        // because a contour shows every ripple. The threshold uses the density at the draws, which compensates for the larger bandwidth.
         let wider = 1.25 * (a.len() as f64).powf(1.0 / 5.0 - 1.0 / 6.0) / (4.0f64 / 3.0).powf(0.2);
         let axis = |values: &[f64], limits| {
             let ascending = sorted(values);
@@ -203,13 +204,13 @@ impl JointDensity {
         Some(Self { grid, frame, horizontal, vertical, at_draws })
     }
 
-    /// Density above which the fraction `mass` of the draws lies (Hyndman, Am. Stat. 50:120, 1996). It uses the density at the draws, so
-    /// that smoothing does not change the mass inside a contour.
+    /// Density that the fraction `mass` of the draws exceeds (Hyndman, Am. Stat. 50:120, 1996). It is computed from the density at the draws, so smoothing does
+    /// not change the fraction inside a contour.
     pub fn threshold(&self, mass: f64) -> f64 {
         quantile_of_sorted(&self.at_draws, 1.0 - mass)
     }
 
-    /// Closed loops around the region of highest density that contains the fraction `mass` of the draws, in the units of the data.
+    /// Closed loops around the region of highest density that contains the fraction `mass` of the draws. Points are in the units of `x` and `y`.
     pub fn contour(&self, mass: f64) -> Vec<Vec<(f64, f64)>> {
         let to_data =
             |(column, row): (f64, f64)| self.frame.backward(self.horizontal.value(column), self.vertical.value(row));
@@ -217,15 +218,15 @@ impl JointDensity {
         loops.into_iter().map(|points| points.into_iter().map(to_data).collect()).collect()
     }
 
-    /// Returns whether a point lies outside the region that contains the fraction `mass`, given its [`JointDensity::threshold`].
+    /// Returns whether a point lies outside the region that a contour encloses. `threshold` is the [`JointDensity::threshold`] of this contour.
     pub fn is_outside(&self, x: f64, y: f64, threshold: f64) -> bool {
         let (a, b) = self.frame.forward(x, y);
         self.grid.interpolate((self.horizontal.position(a), self.vertical.position(b))) < threshold
     }
 }
 
-/// Standardised coordinates, rotated by 45° if the correlation is strong, because a kernel along the axes would
-/// blur a narrow diagonal ridge. For two standardised variables the diagonals are the principal axes.
+/// Standardised coordinates of two parameters, rotated by 45° if their correlation is strong. A kernel along the original axes would blur a narrow diagonal
+/// ridge. For two standardised variables the diagonals are the principal axes.
 #[derive(Debug, Clone, Copy)]
 struct Frame {
     mean: (f64, f64),
@@ -257,7 +258,7 @@ impl Frame {
         (self.mean.0 + u * self.sd.0, self.mean.1 + v * self.sd.1)
     }
 
-    /// Limits in these coordinates. In rotated coordinates limits are oblique, and are left to clipping.
+    /// Hard limits in these coordinates. Limits that are oblique after the rotation are omitted here, and the drawing is clipped instead.
     fn supports(&self, x: Support, y: Support) -> (Support, Support) {
         if self.turned {
             return (Support::default(), Support::default());
@@ -268,7 +269,7 @@ impl Frame {
     }
 }
 
-/// Equidistant cells along one coordinate, with the smoothing kernel.
+/// Equidistant cells along one coordinate, with the kernel that smooths along it.
 #[derive(Debug, Clone)]
 struct GridAxis {
     origin: f64,
@@ -288,7 +289,7 @@ impl GridAxis {
         let reflects = (lower < support.lower, upper > support.upper);
         let (lower, upper) = (lower.max(support.lower), upper.min(support.upper));
         let step = (upper - lower) / cells as f64;
-        // A kernel narrower than half a cell would show the cells instead of the draws.
+        // A kernel narrower than half a cell would make the cells visible.
         let sigma = (bandwidth / step).max(0.5);
         let reach = ((KERNEL_REACH * sigma).ceil() as usize).min(cells - 1);
         let raw: Vec<f64> = (0..=reach).map(|i| (-0.5 * (i as f64 / sigma).powi(2)).exp()).collect();
@@ -299,7 +300,7 @@ impl GridAxis {
     fn centre(&self, cell: usize) -> f64 {
         self.value(cell as f64)
     }
-    /// Value at a position counted in cells from the first cell's centre.
+    /// Coordinate of a position, which is counted in cells from the centre of the first cell.
     fn value(&self, position: f64) -> f64 {
         self.origin + (position + 0.5) * self.step
     }
@@ -316,7 +317,7 @@ impl GridAxis {
         }
     }
 
-    /// Cell for mass that moves to `target`, or `None` if it is lost.
+    /// Cell that receives the mass moved to the cell index `target`. Mass beyond a hard limit is reflected. `None` if the mass leaves the grid.
     fn folded(&self, target: isize) -> Option<usize> {
         let n = self.cells as isize;
         let folded = match target {
@@ -327,7 +328,7 @@ impl GridAxis {
         usize::try_from(folded).ok().filter(|cell| *cell < self.cells)
     }
 
-    /// Convolves the mass with the kernel. Mass that crosses a hard limit is reflected; any other end is far from the draws.
+    /// Convolves the mass in the cells with the kernel. Mass that crosses a hard limit is reflected. The other ends of the grid are far from the draws.
     fn smooth(&self, mass: &[f64]) -> Vec<f64> {
         let mut out = vec![0.0; self.cells];
         for (i, &m) in mass.iter().enumerate().filter(|(_, m)| **m != 0.0) {

@@ -28,7 +28,7 @@ fn marginals_integrate_to_one_and_keep_their_moments() {
 
 #[test]
 fn a_marginal_against_the_normal_density() {
-    // A kernel estimate of 20,000 draws has a standard deviation below 0.005 at the mode. The bound 0.03 is six of them.
+    // For 20,000 draws, the kernel estimate at the mode has a standard deviation below 0.005. The limit of 0.03 is six standard deviations.
     let marginal = marginal(&sorted(&normals(20_000, 2)), Support::default()).unwrap();
     for (x, density) in marginal.x.iter().zip(&marginal.density) {
         let exact = (-0.5 * x * x).exp() / (2.0 * std::f64::consts::PI).sqrt();
@@ -42,14 +42,15 @@ fn hard_limits_are_reflected() {
     let support = Support { lower: 0.0, upper: f64::INFINITY };
     let marginal = marginal(&sorted(&draws), support).unwrap();
     assert!(marginal.x[0] > 0.0 && (integral(&marginal) - 1.0).abs() < 1e-6);
-    // Half-normal at zero: √(2/π) = 0.798. The estimate would be half of it without reflection; its sd is about 0.012.
+    // A half-normal distribution has the density √(2/π) = 0.798 at zero. Without reflection the estimate would be half of it. Its standard deviation is about
+    // 0.012.
     assert!((marginal.density[0] - 0.798).abs() < 0.08, "{}", marginal.density[0]);
 }
 
 #[test]
 fn mass_contours_enclose_the_area_of_the_normal_ellipse() {
-    // Area of the region of mass p: 2π σ₁σ₂ √(1−ρ²) · (−ln(1−p)). With 40,000 draws the contour's quantile has an error of
-    // √(p(1−p)/n)/(1−p), which is 0.7 % of the area. The bound of 6 % is more than eight such deviations (false failure below 1e-15).
+    // The region with the fraction p of a normal distribution has the area 2π σ₁σ₂ √(1−ρ²) · (−ln(1−p)). For 40,000 draws, the quantile of the contour has an
+    // error of √(p(1−p)/n)/(1−p), which is 0.7 % of the area. The limit of 6 % is more than eight such errors (false failure below 1e-15).
     let (n, sd_x, sd_y) = (40_000, 0.3, 20.0);
     for correlation in [0.0f64, 0.4, -0.95, 0.999] {
         let (z, w) = (normals(n, 4), normals(n, 5));
@@ -76,7 +77,7 @@ fn separate_modes_stay_separate() {
     let y = normals(10_000, 7);
     let marginal = marginal(&sorted(&x), Support::default()).unwrap();
     let peak = marginal.density.iter().copied().fold(0.0, f64::max);
-    // Two thirds of the draws lie in a normal peak of standard deviation 0.2, so its height is 1.33.
+    // Two thirds of the draws come from a normal distribution with a standard deviation of 0.2, so its peak has the height 1.33.
     assert!((peak - 1.33).abs() < 0.2, "{peak}");
     let joint = JointDensity::new(&x, &y, Support::default(), Support::default()).unwrap();
     assert_eq!(joint.contour(0.5).iter().filter(|points| points.len() > 40).count(), 2);

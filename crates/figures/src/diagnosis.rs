@@ -1,4 +1,4 @@
-//! Figure of a diagnosis: the gain of each candidate effect in the fit and on held-out cycles, and the error before and after.
+//! Figure of a diagnosis. It shows the gain of each candidate effect in the fit and on held-out cycles, and the errors of the base and extended model.
 
 use super::axes::{Axes, AxisStyle, TICK_SIZE_PX, title_with_text};
 use super::font::{shorten, text_width_px, wrapped};
@@ -14,20 +14,20 @@ const WIDTH_PX: f64 = 980.0;
 const MARGIN_PX: f64 = 20.0;
 const BRACKET_PX: f64 = 24.0;
 const LABEL_PX: f64 = 206.0;
-/// Columns of text beside the bars, with their widths.
+/// Heads and widths (pixels) of the columns of text beside the bars.
 const COLUMNS: [(&str, f64); 4] = [("status", 124.0), ("score z", 62.0), ("p", 62.0), ("visible", 62.0)];
 const ROW_PX: f64 = 31.0;
 const FIT_BAR_PX: f64 = 12.0;
 const HELDOUT_BAR_PX: f64 = 7.0;
 const SECTION_PX: f64 = 26.0;
-/// Minimum held-out gain (nats) of a claim.
+/// Minimum held-out gain (nats) of an effect that is claimed.
 const CLAIM_NATS: f64 = 2.0;
 const CLAIM: Stroke = Stroke { colour: INK, width_px: 1.2, opacity: 0.7, dash: Some((5.0, 4.0)) };
 const NOISE: Stroke = Stroke { colour: VERMILLION, width_px: 1.8, opacity: 1.0, dash: Some((6.0, 4.0)) };
-/// Maximum number of pairs of effects, and of unexplained findings, that are shown.
+/// Maximum number of pairs of effects that are shown, and of unexplained findings.
 const MOST_OTHERS: usize = 3;
 
-/// Draws a diagnosis.
+/// Draws the figure of a diagnosis.
 ///
 /// # Errors
 /// None at present; future versions may refuse inconsistent documents.
@@ -42,14 +42,14 @@ pub fn diagnosis(diagnosis: &Diagnosis) -> Result<Svg> {
         let below = bars.draw(svg, below);
         errors(svg, diagnosis, below)
     };
-    // First drawing, to determine the height.
+    // The figure is drawn once to determine its height, and then again.
     let height = draw(&mut Svg::new(WIDTH_PX, 1.0, "")) + MARGIN_PX;
     let mut svg = Svg::new(WIDTH_PX, height, &heading);
     draw(&mut svg);
     Ok(svg)
 }
 
-/// Colour and name of a status.
+/// Colour and displayed name of an effect's status.
 fn status_style(status: Status) -> (Colour, &'static str) {
     match status {
         Status::Claimed => (GREEN, "claimed"),
@@ -75,28 +75,28 @@ fn entries(diagnosis: &Diagnosis) -> Vec<Entry> {
     entries
 }
 
-/// Row of the bar chart.
+/// Row of the bar chart: one candidate effect or pair of effects.
 struct CandidateRow {
     label: String,
-    /// Text below the label, wrapped to several lines if needed.
+    /// Text below the row's label, in several lines if needed.
     detail: String,
     colour: Colour,
     gain_nats: Option<f64>,
     heldout_gain_nats: Option<f64>,
     columns: [String; COLUMNS.len()],
-    /// Text in place of bars.
+    /// Text that replaces the bars if there is no gain to draw.
     instead: String,
-    /// Text below the bar.
+    /// Text below the bars.
     note: String,
 }
 
-/// All rows, in sections.
+/// All rows of the bar chart, in sections.
 struct Bars {
-    /// Heading and rows of each section; the first has no heading.
+    /// Heading and rows of each section. The first section has no heading.
     sections: Vec<(&'static str, Vec<CandidateRow>)>,
-    /// Number of equivalent effects, which are the top rows of the first section.
+    /// Number of equivalent effects. They are the first rows of the first section.
     n_in_class: usize,
-    /// Smallest and largest gain.
+    /// Smallest and largest gain of all rows, in nats.
     range_nats: [f64; 2],
 }
 
@@ -121,7 +121,7 @@ impl Bars {
         Self { sections, n_in_class, range_nats }
     }
 
-    /// Draws all sections from `top` downwards and returns their lower end.
+    /// Draws all sections, with the upper edge at `top`. Returns the position of the lower edge.
     fn draw(&self, svg: &mut Svg, top: f64) -> f64 {
         let n_headings = self.sections.iter().filter(|(heading, _)| !heading.is_empty()).count();
         let columns_px: f64 = COLUMNS.iter().map(|column| column.1).sum();
@@ -173,7 +173,7 @@ impl Bars {
     }
 }
 
-/// Draws a bracket beside equivalent effects.
+/// Draws a bracket beside the rows of equivalent effects.
 fn bracket(svg: &mut Svg, top: f64, bottom: f64) {
     let (x, stroke) = (MARGIN_PX + BRACKET_PX - 6.0, Stroke::solid(INK, 1.4));
     svg.line((x, top), (x, bottom), stroke);
@@ -187,7 +187,7 @@ fn bracket(svg: &mut Svg, top: f64, bottom: f64) {
     svg.text(words, (x - 5.0, 0.5 * (top + bottom)), style);
 }
 
-/// Compressed gain sign(g) log₁₀(1 + |g|), for gains from tenths to thousands of nats, and losses, on one axis.
+/// Compresses a gain g to sign(g) log₁₀(1 + |g|). One axis can then show losses, and gains from tenths to thousands of nats.
 fn compress_gain(gain_nats: f64) -> f64 {
     gain_nats.signum() * gain_nats.abs().ln_1p() / std::f64::consts::LN_10
 }
@@ -216,7 +216,7 @@ fn gain_axis(svg: &mut Svg, axes: &Axes, [least, largest]: [f64; 2]) {
     svg.text(label, at, TextStyle::new(13.0, Anchor::Middle));
 }
 
-/// Font size and pitch of the lines below a label and below a bar.
+/// Font size and line spacing of the texts below a label and below a bar, in pixels.
 const SMALL_PX: f64 = 10.0;
 const SMALL_PITCH_PX: f64 = 12.5;
 
@@ -229,14 +229,14 @@ impl CandidateRow {
         wrapped(&self.note, SMALL_PX, width_px - 16.0)
     }
 
-    /// Height that the row needs beside a frame of this width.
+    /// Height of the row in pixels, if its frame has the width `width_px`.
     fn height_px(&self, width_px: f64) -> f64 {
         let (details, notes) = (self.details().len(), self.notes(width_px).len());
         let below = |lines: usize, first: f64| if lines == 0 { 0.0 } else { first + SMALL_PITCH_PX * lines as f64 };
         ROW_PX.max(below(details, 18.0)).max(below(notes, FIT_BAR_PX + 10.0))
     }
 
-    /// Room below the thick bar.
+    /// Height in pixels of the texts below the thick bar.
     fn room_below_px(&self, width_px: f64) -> f64 {
         match self.notes(width_px).len() {
             0 => HELDOUT_BAR_PX + 2.0,
@@ -244,7 +244,7 @@ impl CandidateRow {
         }
     }
 
-    /// Writes the note below the bar, over the lines that cross the frame.
+    /// Writes the note below the bar. It covers the lines that cross the frame.
     fn draw_notes(&self, svg: &mut Svg, row: Rect) {
         let top = row.y + 0.5 * (row.height - FIT_BAR_PX - self.room_below_px(row.width)) + FIT_BAR_PX;
         for (k, line) in (1..).zip(&self.notes(row.width)) {
@@ -365,7 +365,7 @@ fn percent(fraction: f64) -> String {
     }
 }
 
-/// Draws the errors of the base and extended model with the noise, from `top` downwards. Returns the lower end.
+/// Draws the errors of the base model and the extended model with the noise, with the upper edge at `top`. Returns the position of the lower edge.
 fn errors(svg: &mut Svg, diagnosis: &Diagnosis, top: f64) -> f64 {
     let base = &diagnosis.base;
     let mut rows = vec![("base model".to_string(), base.rmse_fitted_um, base.rmse_heldout_um)];

@@ -1,4 +1,4 @@
-//! Discrepancy of a model as a function of its coordinates: one panel per part, with its band.
+//! Figure of a model's discrepancy as a function of coordinates such as time: one panel for each term of the discrepancy, with a 90 % band.
 
 use super::axes::{Axes, AxisStyle, title_with_text, widest_y_number_px};
 use super::legend::{self, Entry, Mark};
@@ -12,31 +12,31 @@ const WIDTH_PX: f64 = 820.0;
 const MARGIN_PX: f64 = 20.0;
 const HEIGHT_PX: f64 = 300.0;
 const FOOT_PX: f64 = 60.0;
-/// Maximum number of points of a curve; closer rows are averaged.
+/// Maximum number of points of a curve. If there are more rows, they are averaged in bins.
 const MOST_POINTS: usize = 160;
-/// Half-width of a central 90 % band, in standard deviations.
+/// Half-width of a central 90 % band of a normal distribution, in standard deviations.
 const BAND_SDS: f64 = 1.645;
 
-/// Part of the discrepancy as rows in any order; all lists have the same length.
+/// One term of the discrepancy, with one value per row. Rows may be in any order, and all lists have equal lengths.
 #[derive(Debug, Clone)]
 pub struct DiscrepancyPanel {
-    /// Legend text of the curve.
+    /// Text for the curve in the legend.
     pub legend_text: String,
-    /// Quantity and unit of the axis, such as `time since the force step (s)`.
+    /// Quantity and unit of the horizontal axis, such as `time since the force step (s)`.
     pub axis_label: String,
-    /// True if the axis is logarithmic; values that are not positive are then omitted.
+    /// True if the axis is logarithmic. Rows whose coordinate is not positive are then omitted.
     pub is_logarithmic: bool,
-    /// Value along the axis.
+    /// Coordinate of each row along the axis.
     pub coordinate: Vec<f64>,
-    /// Estimated discrepancy, in µm.
+    /// Estimated discrepancy of each row, in µm.
     pub mean_um: Vec<f64>,
-    /// Standard deviation of the estimate, in µm; no band is drawn if it is 0 everywhere.
+    /// Standard deviation of the estimate, in µm. If it is 0 in all rows, no band is drawn.
     pub sd_um: Vec<f64>,
-    /// Residual, in µm; not finite for rows without a measurement.
+    /// Residual of each row, in µm; not finite for rows without a measurement.
     pub residual_um: Vec<f64>,
 }
 
-/// Point of the curve, averaged over the rows of a bin.
+/// Point of the curve: an average over the rows in one bin of the coordinate.
 struct BandPoint {
     coordinate: f64,
     mean_um: f64,
@@ -44,7 +44,7 @@ struct BandPoint {
     residual_um: f64,
 }
 
-/// Draws the parts below each other: curve, 90 % band and averaged residuals, under a heading and a text.
+/// Draws the panels below each other, under a heading and a text. Each shows the curve, its 90 % band and averaged residuals.
 ///
 /// # Errors
 /// [`Error::Input`] for series of unequal length or fewer than two different values along an axis.
@@ -56,14 +56,14 @@ pub fn discrepancy(panels: &[DiscrepancyPanel], heading: &str, text: &str) -> Re
         let below = MARGIN_PX + title_with_text(svg, heading, text, (MARGIN_PX, MARGIN_PX), width) + 8.0;
         drawn.iter().fold(below, |below, (points, panel)| draw_panel(svg, points, panel, below))
     };
-    // First drawing, to determine the height.
+    // The figure is drawn once to determine its height, and then again.
     let height = draw(&mut Svg::new(WIDTH_PX, 1.0, ""));
     let mut svg = Svg::new(WIDTH_PX, height, "Discrepancy of the model, with its band");
     draw(&mut svg);
     Ok(svg)
 }
 
-/// Draws a panel from `top` downwards and returns its lower end.
+/// Draws a panel with the upper edge at `top`, and returns the position of its lower edge.
 fn draw_panel(svg: &mut Svg, points: &[BandPoint], panel: &DiscrepancyPanel, top: f64) -> f64 {
     let x: Vec<f64> = points.iter().map(|point| point.coordinate).collect();
     let of = |value: &dyn Fn(&BandPoint) -> f64| points.iter().map(value).collect::<Vec<f64>>();
@@ -101,7 +101,7 @@ fn entries(what: &str, has_band: bool) -> Vec<Entry> {
     vec![Entry::new(Mark::Dot(MUTED, 5.0), "residuals, averaged"), Entry::new(mark, what)]
 }
 
-/// Non-empty bins of equal width along the axis.
+/// Averages the rows in bins of equal width along the axis. Bins without rows are omitted.
 fn points(rows: &DiscrepancyPanel) -> Result<Vec<BandPoint>> {
     let refuse =
         |found: String, remedy: &str| Err(Error::input(InputPlace::default().at_key("discrepancy"), found, remedy));

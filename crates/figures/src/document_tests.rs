@@ -1,4 +1,4 @@
-//! Tests of figures of ladders and diagnoses: they are legible, and every bar has the length of its number.
+//! Tests the figures of ladders and diagnoses: they are legible, and the length of every bar corresponds to its number.
 
 use super::diagnosis::diagnosis;
 use super::ladder::ladder;
@@ -65,7 +65,7 @@ fn ladders_are_legible() {
     assert_legible("nothing scored", &ladder(&unscored).unwrap());
 }
 
-/// Errors of 40, 10 and 4.1 µm on one axis: the bars' widths have these proportions.
+/// Bars of the errors 40, 10 and 4.1 µm on one axis have widths in these proportions.
 #[test]
 fn bars_are_as_long_as_the_errors() {
     let document = ladder(&ladder_of(three_rungs(), "gel", "x")).unwrap().document();
@@ -169,7 +169,7 @@ fn diagnoses_are_legible() {
     assert_legible("nothing missing", &diagnosis(&none).unwrap());
 }
 
-/// Equivalent effects come first whatever their gain, and a held-out loss extends to the left.
+/// Equivalent effects come first, whatever their gain. The bar of a held-out loss extends to the left.
 #[test]
 fn the_class_stands_first_and_losses_go_left() {
     let mut odd = a_diagnosis("gel", "x");
@@ -191,7 +191,7 @@ fn the_class_stands_first_and_losses_go_left() {
     assert!((loss_x + loss_width - gain_x).abs() < 0.02, "both begin at zero");
 }
 
-/// An effect that gains likelihood beyond chance is named if the error stays. It is not named if the error falls or the gain may be chance.
+/// An effect is named if its gain is beyond chance but the error does not fall. It is not named if the error falls, or if the gain may be due to chance.
 #[test]
 fn gains_that_leave_the_error_are_named() {
     let mut diagnosis = a_diagnosis("e", "s");

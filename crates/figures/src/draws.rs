@@ -1,4 +1,4 @@
-//! Posterior draws as a table, and as CSV: `ensemble,walker,step,<parameter>…,log_density`.
+//! Posterior draws as a table in memory and as CSV with the columns `ensemble,walker,step,<parameter>…,log_density`.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -10,14 +10,14 @@ use base::files::{self, Content, refuse_long_lines, stream_atomically};
 use base::{Error, Result};
 
 const INDEX_COLUMNS: [&str; 3] = ["ensemble", "walker", "step"];
-/// Maximum count of numbers in a table of draws.
+/// Maximum number of values in a table of draws.
 const MOST_NUMBERS: usize = 100_000_000;
 const LOG_DENSITY: &str = "log_density";
 
-/// Draws of several independent ensembles of walkers.
+/// Posterior draws from several independent ensembles of walkers.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DrawTable {
-    /// Names of the parameters, such as `young_modulus_pa`.
+    /// Name of each parameter, such as `young_modulus_pa`.
     pub parameter_names: Vec<String>,
     /// Unit of each parameter, such as `Pa`; `–` for none.
     pub units: Vec<String>,
@@ -25,7 +25,7 @@ pub struct DrawTable {
     pub n_ensembles: usize,
     /// Number of walkers of one ensemble.
     pub n_walkers: usize,
-    /// Number of steps kept of each walker.
+    /// Number of stored steps of each walker.
     pub n_steps: usize,
     /// Values, of shape `[ensemble][walker][step][parameter]`, the last index fastest.
     pub values: Vec<f64>,
@@ -33,19 +33,19 @@ pub struct DrawTable {
     pub log_density: Vec<f64>,
 }
 
-/// Mean and central 90 % interval of the walkers of one ensemble at every step.
+/// Mean and central 90 % interval over the walkers of one ensemble, at every step.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WalkerSummary {
-    /// Mean over walkers, one per step.
+    /// Mean over the walkers at each step.
     pub mean: Vec<f64>,
-    /// 5 % quantile over walkers, one per step.
+    /// 5 % quantile over the walkers at each step.
     pub lower: Vec<f64>,
-    /// 95 % quantile over walkers, one per step.
+    /// 95 % quantile over the walkers at each step.
     pub upper: Vec<f64>,
 }
 
 impl DrawTable {
-    /// Number of draws of each parameter.
+    /// Number of draws: ensembles × walkers × steps.
     pub fn n_draws(&self) -> usize {
         self.n_ensembles * self.n_walkers * self.n_steps
     }
@@ -65,7 +65,7 @@ impl DrawTable {
         self.values[draw * self.parameter_names.len() + parameter_idx]
     }
 
-    /// Mean and spread of an ensemble's walkers along the run, for trace plots.
+    /// Mean and central 90 % interval over an ensemble's walkers at every step, for trace plots.
     ///
     /// # Panics
     /// If an index is outside the table.
@@ -82,7 +82,7 @@ impl DrawTable {
         summary
     }
 
-    /// Checks that shapes agree and that names can be used as columns.
+    /// Checks that the sizes agree and that the names can be used as column names.
     ///
     /// # Errors
     /// [`Error::Input`] that names the wrong size or name.
@@ -128,7 +128,7 @@ pub fn write_draws_csv(path: &Path, table: &DrawTable) -> Result<()> {
     let n_parameters = table.parameter_names.len();
     stream_atomically(path, |out| {
         let has_log_density = !table.log_density.is_empty();
-        // Names come from users' model files and may contain any characters.
+        // Names come from users' model files and may contain any characters, so the CSV library quotes them.
         let names = table.parameter_names.iter().map(String::as_str);
         let header = INDEX_COLUMNS.into_iter().chain(names).chain(has_log_density.then_some(LOG_DENSITY));
         let mut writer = csv::Writer::from_writer(&mut *out);
@@ -150,12 +150,12 @@ pub fn write_draws_csv(path: &Path, table: &DrawTable) -> Result<()> {
     })
 }
 
-/// Reads draws from CSV: a file of [`write_draws_csv`], or any table with a header and one column per parameter. Without the columns
-/// `ensemble`, `walker` and `step` all rows form one chain. Units are taken from the names' suffixes.
+/// Reads draws from CSV: a file of [`write_draws_csv`], or any table with a header and one column per parameter. Without the columns `ensemble`, `walker` and
+/// `step`, all rows form one chain. Units are inferred from the suffixes of the names.
 ///
 /// # Errors
-/// [`Error::File`] if the file cannot be read. [`Error::Input`] with line and column for values that are not finite numbers, for
-/// missing or repeated draws, and for a file without draws.
+/// [`Error::File`] if the file cannot be read. [`Error::Input`] with line and column for values that are not finite numbers, for missing or repeated draws, and
+/// for a file without draws.
 pub fn read_draws_csv(path: &Path) -> Result<DrawTable> {
     let remedy = "give the path of a CSV file with one column per parameter";
     let bytes = files::read(path, Content::Table, remedy)?;
@@ -248,7 +248,8 @@ fn table_from_rows(path: &Path, header: &[String], rows: &[Vec<f64>]) -> Result<
     })
 }
 
-/// Rank of each distinct value of an index column among its values. Thinned steps may be numbered 0, 10, 20, ….
+/// Maps each distinct value of an index column to its position in ascending order. Values need not be successive, because thinned steps may be numbered 0, 10,
+/// 20, ….
 fn ranks(rows: &[Vec<f64>], column: Option<usize>) -> BTreeMap<u64, usize> {
     let values = column.map_or(Vec::new(), |column| sorted(&rows.iter().map(|row| row[column]).collect::<Vec<_>>()));
     let mut ranks = BTreeMap::new();

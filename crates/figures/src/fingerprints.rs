@@ -1,4 +1,4 @@
-//! Fingerprints of effects: the change of the fitted curve by each effect, over the residuals.
+//! Figure and table of the effects' fingerprints: the change of the fitted curve by each effect, together with the residuals.
 
 use std::path::Path;
 
@@ -15,20 +15,20 @@ const MARGIN_PX: f64 = 20.0;
 const PANEL_PX: f64 = 120.0;
 const GAP_PX: f64 = 44.0;
 const LEFT_PX: f64 = 64.0;
-/// Number of panels in a row, and in all.
+/// Number of panels side by side, and maximum number of panels.
 const COLUMNS: usize = 2;
 const MOST_PANELS: usize = 6;
 const LINE: Stroke = Stroke { colour: VERMILLION, width_px: 1.8, opacity: 1.0, dash: None };
 const DOT_PX: f64 = 2.2;
 
-/// Residuals of a record, and changes of the fitted curve by effects; one value per shown row.
+/// Residuals of a record, and the change of the fitted curve by each effect. All lists have one value per row.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fingerprints {
     /// Time of each row, in s.
     pub time_s: Vec<f64>,
     /// Residual, in µm; `None` for rows without a measurement.
     pub residual_um: Vec<Option<f64>>,
-    /// Name of each effect, and the change of the fitted curve in µm when the model is refitted with it; by decreasing gain.
+    /// Name of each effect, and the change of the fitted curve (µm) when the model is refitted with it; in order of decreasing gain.
     pub effects: Vec<(String, Vec<f64>)>,
 }
 
@@ -38,7 +38,7 @@ pub struct Fingerprints {
 /// [`Error::File`] if the operating system refuses.
 pub fn write_fingerprints(path: &Path, fingerprints: &Fingerprints) -> Result<()> {
     stream_atomically(path, |out| {
-        // Names of effects are words with hyphens.
+        // Names of effects contain only letters and hyphens, so they need no quotation marks.
         let names: String = fingerprints.effects.iter().map(|(slug, _)| format!(",{slug}")).collect();
         writeln!(out, "time_s,left_um{names}")?;
         for (row, time_s) in fingerprints.time_s.iter().enumerate() {
@@ -51,7 +51,7 @@ pub fn write_fingerprints(path: &Path, fingerprints: &Fingerprints) -> Result<()
     })
 }
 
-/// Draws the effects with the largest gains.
+/// Draws the fingerprints of the effects with the largest gains. `experiment` is named in the title.
 ///
 /// # Errors
 /// [`Error::Input`] if there is no effect, or fewer than two rows.
@@ -96,7 +96,7 @@ pub fn fingerprints(fingerprints: &Fingerprints, experiment: &str) -> Result<Svg
         }
         bottom
     };
-    // First drawing, to determine the height.
+    // The figure is drawn once to determine its height, and then again.
     let height = draw(&mut Svg::new(WIDTH_PX, 1.0, ""));
     let mut svg = Svg::new(WIDTH_PX, height, &heading);
     draw(&mut svg);
@@ -115,7 +115,7 @@ mod tests {
         Fingerprints { residual_um: left_um, effects: effects.to_vec(), time_s }
     }
 
-    /// Every effect has a column and a panel. A row without a position has an empty cell.
+    /// Every effect has a column in the table and a panel in the figure. Rows without a position have an empty residual cell.
     #[test]
     fn every_effect_is_written_and_drawn() {
         let place = tempfile::tempdir().unwrap();

@@ -1,40 +1,40 @@
-//! Names of vertical lines, placed above a frame so that names and their lines do not overlap.
+//! Places names of vertical lines above a frame, so that names and lines do not overlap.
 
 use super::axes::Axes;
 use super::font::{shorten, text_width_px};
 use super::palette::WHITE;
 use super::svg::{Anchor, Fill, Rect, Stroke, Svg, TextStyle};
 
-/// Font size of the names.
+/// Font size of the names, in pixels.
 const SIZE_PX: f64 = 10.0;
-/// Height of a row of names.
+/// Height of a row of names, in pixels.
 pub const ROW_PX: f64 = 13.0;
-/// Distance between a name and its line, and between names in a row.
+/// Distance between a name and its line, and between two names in a row; in pixels.
 const GAP_PX: f64 = 3.0;
 const BETWEEN_PX: f64 = 8.0;
 
-/// Named value, with its place above the frame.
+/// Name of a vertical line, with its place above the frame.
 #[derive(Debug, Clone)]
 pub struct Flag {
     text: String,
-    /// Position of the line; `None` if the value lies beyond the axis.
+    /// Horizontal position of the line in pixels; `None` if the value lies beyond the axis.
     line_px: Option<f64>,
-    /// Left end and width of the name.
+    /// Left edge and width of the name, in pixels.
     left_px: f64,
     width_px: f64,
-    /// Row of the name, counted upwards from the frame.
+    /// Row of the name, counted upwards from the frame, from 0.
     row: usize,
 }
 
-/// Places the names of the values over `axes`. Names may extend beyond the axes by `overhang_px` on both sides. A value beyond the axis is named at
-/// that end, with an arrow.
+/// Places names above `axes`, at the positions of their values. Names may extend beyond the axes by `overhang_px` on both sides. If a value lies beyond an end
+/// of the axis, its name is at that end, with an arrow.
 pub fn place_flags(axes: &Axes, values: &[(&str, f64)], overhang_px: f64) -> Vec<Flag> {
     let frame = axes.frame;
     let (left, right) = (frame.x - overhang_px, frame.right() + overhang_px);
     let mut ascending: Vec<(&str, f64)> = values.to_vec();
     ascending.sort_by(|a, b| a.1.total_cmp(&b.1));
     let mut placed: Vec<Flag> = Vec::new();
-    // Starts from the right, because names are usually to the right of their lines. Lines of later names then pass beside earlier names.
+    // Names are usually to the right of their lines, so they are placed from right to left. Each line then passes beside the names that are already placed.
     for (name, value) in ascending.into_iter().rev() {
         let fraction = axes.x.fraction(value);
         let line_px = (0.0..=1.0).contains(&fraction).then(|| axes.x_px(value));
@@ -45,7 +45,7 @@ pub fn place_flags(axes: &Axes, values: &[(&str, f64)], overhang_px: f64) -> Vec
         };
         let text = shorten(&text, SIZE_PX, right - left);
         let width_px = text_width_px(&text, SIZE_PX);
-        // A name is beside its line if possible, otherwise at the line's end.
+        // A name is beside its line if there is room, otherwise at the upper end of the line.
         let rows = 0..=placed.len();
         let beside = |x: f64| [x + GAP_PX, x - GAP_PX - width_px];
         let last_resort = match line_px {
@@ -62,7 +62,7 @@ pub fn place_flags(axes: &Axes, values: &[(&str, f64)], overhang_px: f64) -> Vec
             .map(|(row, left_px)| Flag { text: text.clone(), line_px, left_px, width_px, row })
             .collect();
         let free = |strictly: bool| flags.iter().find(|flag| placed.iter().all(|other| !flag.meets(other, strictly)));
-        // If there is no other place, a line may pass behind a name, which interrupts it.
+        // If there is no other place, the line passes behind a name and is interrupted there.
         placed.extend(free(true).or_else(|| free(false)).cloned());
     }
     placed
@@ -80,7 +80,7 @@ impl Flag {
         names_meet || strictly && (crosses(self, other) || crosses(other, self))
     }
 
-    /// Draws the line through the frame and up to the name. [`Flag::draw_name`] writes the name.
+    /// Draws the line through the frame and up to its name. [`Flag::draw_name`] writes the name.
     pub fn draw_line(&self, svg: &mut Svg, frame: Rect, stroke: Stroke) {
         if let Some(x) = self.line_px {
             let beside = x < self.left_px || x > self.left_px + self.width_px;
@@ -89,7 +89,7 @@ impl Flag {
         }
     }
 
-    /// Writes the name.
+    /// Writes the name of the line.
     pub fn draw_name(&self, svg: &mut Svg, frame: Rect, style: TextStyle) {
         let baseline = frame.y - ROW_PX * self.row as f64 - 3.5;
         let behind = Rect { x: self.left_px, y: baseline - 9.0, width: self.width_px, height: 11.0 };
@@ -99,7 +99,7 @@ impl Flag {
     }
 }
 
-/// Height of the names above the frame.
+/// Height in pixels of all names above the frame.
 pub fn height_px(flags: &[Flag]) -> f64 {
     flags.iter().map(|flag| ROW_PX * (flag.row + 1) as f64).fold(0.0, f64::max)
 }

@@ -1,27 +1,27 @@
-//! Embedded font, and widths of text in it.
+//! The embedded font, and the width of text in it.
 
 use skrifa::instance::{LocationRef, Size};
 use skrifa::outline::{DrawSettings, OutlinePen};
 use skrifa::{FontRef, GlyphId, MetadataProvider};
 use tiny_skia::{Path, PathBuilder, Transform};
 
-/// DejaVu Sans with only Latin, Greek, super- and subscripts, mathematics and arrows (licence beside the file).
+/// DejaVu Sans, reduced to Latin and Greek letters, superscripts, subscripts, mathematical signs and arrows. The licence is beside the file.
 pub(crate) static FONT: &[u8] = include_bytes!("../assets/DejaVuSans-subset.ttf");
 
-/// Font families named in the SVG: the embedded one, then one with nearly equal widths.
+/// Font families that the SVG names: the embedded font, then one with nearly equal widths.
 pub const FAMILIES: &str = "DejaVu Sans, Verdana, sans-serif";
 
-/// Advance of a character that the font lacks, as a fraction of the font size.
+/// Advance width of a character that the font lacks, as a fraction of the font size.
 const UNKNOWN_ADVANCE: f64 = 0.6;
 
-/// Embedded font with its units per em, or `None` if its bytes are damaged.
+/// The embedded font, with its number of units per em; `None` if its bytes are damaged.
 fn font() -> Option<(FontRef<'static>, f64)> {
     let font = FontRef::new(FONT).ok()?;
     let units_per_em = font.metrics(Size::unscaled(), LocationRef::default()).units_per_em;
     Some((font, f64::from(units_per_em)))
 }
 
-/// Width in pixels of one line of text at `size_px`.
+/// Width in pixels of one line of text with the font size `size_px`.
 pub fn text_width_px(text: &str, size_px: f64) -> f64 {
     let Some((font, units_per_em)) = font() else {
         return UNKNOWN_ADVANCE * size_px * text.chars().count() as f64;
@@ -29,7 +29,7 @@ pub fn text_width_px(text: &str, size_px: f64) -> f64 {
     glyphs(&font, units_per_em, text).map(|(_, ems)| ems).sum::<f64>() * size_px
 }
 
-/// Glyph of every character, and its advance as a fraction of the font size.
+/// Glyph of each character, with its advance width as a fraction of the font size.
 fn glyphs(font: &FontRef, units_per_em: f64, text: &str) -> impl Iterator<Item = (GlyphId, f64)> {
     let characters = font.charmap();
     let metrics = font.glyph_metrics(Size::unscaled(), LocationRef::default());
@@ -41,7 +41,8 @@ fn glyphs(font: &FontRef, units_per_em: f64, text: &str) -> impl Iterator<Item =
     })
 }
 
-/// Outline of one line of text in pixels at `size_px`, or `None` if it has no ink. The baseline runs from the origin along x, and y is downwards.
+/// Outline of one line of text with the font size `size_px`; `None` if the text is blank. Coordinates are in pixels. The baseline starts at the origin and runs
+/// along x; y points downwards.
 pub fn text_outline(text: &str, size_px: f64) -> Option<Path> {
     let (font, units_per_em) = font()?;
     let outlines = font.outline_glyphs();
@@ -56,10 +57,10 @@ pub fn text_outline(text: &str, size_px: f64) -> Option<Path> {
     pen.outline.finish()?.transform(Transform::from_scale(scale, -scale))
 }
 
-/// Collects glyphs side by side, in units of the font.
+/// Collects the outlines of glyphs side by side, in units of the font.
 struct Pen {
     outline: PathBuilder,
-    /// Start of the present glyph.
+    /// Horizontal start of the current glyph.
     x: f32,
 }
 
@@ -81,19 +82,19 @@ impl OutlinePen for Pen {
     }
 }
 
-/// Returns `text`, or its beginning with `…` if it is wider than `width_px`.
+/// Returns `text`. If it is wider than `width_px`, returns its longest beginning that fits, followed by `…`.
 pub fn shorten(text: &str, size_px: f64, width_px: f64) -> String {
     if text_width_px(text, size_px) <= width_px {
         return text.to_owned();
     }
-    // Widths increase with every character, so bisection finds the longest beginning that fits.
+    // The width increases with every character, so bisection finds the longest beginning that fits.
     let ends: Vec<usize> = text.char_indices().map(|(end, _)| end).collect();
     let shortened = |end: usize| text[..end].trim_end().to_owned() + "…";
     let n_fitting = ends.partition_point(|end| text_width_px(&shortened(*end), size_px) <= width_px);
     n_fitting.checked_sub(1).map_or_else(String::new, |last| shortened(ends[last]))
 }
 
-/// Breaks `text` at spaces into lines of at most `width_px`; a longer word is shortened.
+/// Breaks `text` at spaces into lines of at most `width_px`. A single word that is wider is shortened.
 pub fn wrapped(text: &str, size_px: f64, width_px: f64) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for word in text.split_whitespace() {
@@ -106,7 +107,7 @@ pub fn wrapped(text: &str, size_px: f64, width_px: f64) -> Vec<String> {
     lines
 }
 
-/// Breaks `text` as [`wrapped`] does, into at most `most` lines (and at least one). The last line ends in `…` if words are omitted.
+/// Breaks `text` into lines like [`wrapped`], but into at most `most` lines (and at least one). If words are omitted, the last line ends in `…`.
 pub fn wrapped_to(text: &str, size_px: f64, width_px: f64, most: usize) -> Vec<String> {
     let mut lines = wrapped(text, size_px, width_px);
     let most = most.max(1);
@@ -115,7 +116,7 @@ pub fn wrapped_to(text: &str, size_px: f64, width_px: f64, most: usize) -> Vec<S
         lines.truncate(most - 1);
         lines.push(last);
     }
-    // The mark itself may be too wide.
+    // With the mark `…` the last line may be too wide, so it is shortened.
     lines.iter().map(|line| shorten(line, size_px, width_px)).collect()
 }
 
@@ -148,7 +149,7 @@ mod tests {
         let tree = resvg::usvg::Tree::from_str(&svg, &options).unwrap();
         let rendered = f64::from(tree.root().layer_bounding_box().width());
         let computed = text_width_px(text, 20.0);
-        // Ink is narrower than the advances by two side bearings and by kerning.
+        // The drawn glyphs are narrower than the sum of their advance widths, by the space at both ends and by kerning.
         assert!((rendered / computed - 1.0).abs() < 0.03, "{rendered} against {computed}");
     }
 

@@ -1,4 +1,5 @@
-//! Forest plot of a hierarchical model: one panel per parameter, one block per group, with its specimens, its typical specimen and a new one.
+//! Forest plot of a hierarchical model: one panel per parameter, and in it one block per group. A block shows the group's specimens, its typical specimen and a
+//! new specimen.
 
 use super::axes::{Axes, AxisStyle, TICK_SIZE_PX, title_with_text};
 use super::flags::{self, Flag};
@@ -14,15 +15,15 @@ use base::{Error, Result};
 const MARGIN_PX: f64 = 20.0;
 const PANEL_GAP_PX: f64 = 26.0;
 const FOOT_PX: f64 = 48.0;
-/// Sizes of a group's name, and height of its summary.
+/// Sizes in pixels: font size and line height of a group's name, and height of its summary.
 const NAME_SIZE_PX: f64 = 13.0;
 const NAME_LINE_PX: f64 = 15.0;
 const SUMMARY_PX: f64 = 38.0;
-/// Position of the summary's bar within its height.
+/// Distance in pixels of the summary's bar from the upper edge of the summary.
 const SUMMARY_BAR_PX: f64 = 25.0;
-/// Maximum number of specimens with a row each; more become a cloud.
+/// Maximum number of specimens in a group with one row each. The specimens of a larger group are drawn as a cloud of marks.
 const MOST_ROWS: usize = 12;
-/// Maximum total number of rows that are high enough for the specimens' names.
+/// Maximum number of rows in the figure that are high enough for names of specimens.
 const MOST_NAMES: usize = 42;
 const NAMED_ROW_PX: f64 = 13.0;
 const UNNAMED_ROW_PX: f64 = 7.5;
@@ -32,7 +33,7 @@ const BELOW_PX: f64 = 9.0;
 const MOST_NUMBERS: usize = 5;
 const TYPICAL_BAR_PX: f64 = 12.0;
 const NEW_BAR_PX: f64 = 3.0;
-/// Distance of a specimen's own estimate and of the pooled one above and below the row's middle, in row heights.
+/// Vertical distance from the middle of the row, in row heights: the specimen's own estimate is above it, the pooled estimate below.
 const ROW_HALF: f64 = 0.22;
 const OWN_LINE_PX: f64 = 1.1;
 const OWN_OPACITY: f64 = 0.5;
@@ -40,14 +41,14 @@ const POOLED_LINE_PX: f64 = 1.8;
 
 const REFERENCE: Stroke = Stroke { colour: AXIS, width_px: 1.0, opacity: 0.9, dash: Some((3.5, 2.5)) };
 
-/// Content of the figure.
+/// Content of the forest plot: title, summary, and one panel per parameter.
 #[derive(Debug, Clone)]
 pub struct Forest<'a> {
-    /// Title.
+    /// Title of the figure.
     pub title: &'a str,
-    /// Summary of the figure, in words.
+    /// Sentence that summarises the figure.
     pub sentence: &'a str,
-    /// One panel per parameter, side by side; all show the same groups in the same order.
+    /// One panel per parameter, side by side. All panels have equal groups in equal order.
     pub panels: Vec<ForestPanel<'a>>,
 }
 
@@ -58,11 +59,11 @@ pub struct ForestPanel<'a> {
     pub label: String,
     /// Groups, from top to bottom.
     pub rows: Vec<ForestRow<'a>>,
-    /// Published values.
+    /// Published values of the parameter.
     pub references: Vec<ForestReference<'a>>,
 }
 
-/// Values of a parameter in one group; all are positive.
+/// Values of a parameter in one group; all values are positive.
 #[derive(Debug, Clone)]
 pub struct ForestRow<'a> {
     /// Name of the group.
@@ -71,11 +72,11 @@ pub struct ForestRow<'a> {
     pub colour: Colour,
     /// Number of specimens.
     pub n_specimens: usize,
-    /// 5 % quantile, median and 95 % quantile of the group's typical (median) specimen.
+    /// 5 % quantile, median and 95 % quantile for the group's typical (median) specimen.
     pub typical: [f64; 3],
-    /// Central 90 % interval of an unmeasured specimen.
+    /// Central 90 % interval for a specimen that has not been measured.
     pub new_specimen: [f64; 2],
-    /// Specimens, the same in the same order in every panel.
+    /// Specimens of the group. Their order is equal in every panel.
     pub specimens: Vec<SpecimenMark<'a>>,
 }
 
@@ -84,28 +85,27 @@ pub struct ForestRow<'a> {
 pub struct SpecimenMark<'a> {
     /// Name of the specimen.
     pub name: &'a str,
-    /// 5 % quantile, median and 95 % quantile from the specimen's own data.
+    /// 5 % quantile, median and 95 % quantile of the posterior from the specimen's own data only.
     pub unpooled: [f64; 3],
-    /// 5 % quantile, median and 95 % quantile, pooled with the other specimens.
+    /// 5 % quantile, median and 95 % quantile of the posterior that is pooled with the other specimens.
     pub pooled: [f64; 3],
-    /// True if it lies far from its group.
+    /// True if the specimen lies far from its group.
     pub is_outlying: bool,
 }
 
-/// Value from a publication.
+/// Published value of a parameter.
 #[derive(Debug, Clone)]
 pub struct ForestReference<'a> {
-    /// Source of the value.
+    /// Source of the value, for the figure.
     pub label: &'a str,
-    /// Value, in the panel's unit.
+    /// Value in the panel's unit.
     pub value: f64,
 }
 
-/// Draws the figure.
+/// Draws the forest plot.
 ///
 /// # Errors
-/// [`Error::Input`] for no panels or groups, or panels whose groups differ. Values have to be finite and positive, and quantiles in
-/// order.
+/// [`Error::Input`] for no panels or groups, or panels whose groups differ. Values have to be finite and positive, and quantiles in order.
 pub fn forest(data: &Forest) -> Result<Svg> {
     check(data)?;
     let layout = ForestLayout::new(data);
@@ -115,7 +115,7 @@ pub fn forest(data: &Forest) -> Result<Svg> {
         let below = below + legend::row(svg, &entries(data, &layout), (MARGIN_PX, below), width) + 12.0;
         layout.draw(svg, data, below)
     };
-    // First drawing, to determine the height.
+    // The figure is drawn once to determine its height, and then again.
     let height = draw(&mut Svg::new(layout.width_px(), 1.0, ""));
     let mut svg = Svg::new(layout.width_px(), height, data.title);
     draw(&mut svg);
@@ -160,27 +160,27 @@ fn check(data: &Forest) -> Result<()> {
     Ok(())
 }
 
-/// Returns whether the values are finite, positive and in order.
+/// Returns whether the values are finite, positive and in ascending order.
 fn ascending(values: &[f64]) -> bool {
     values.iter().all(|value| value.is_finite() && *value > 0.0) && values.is_sorted()
 }
 
-/// Layout of a group's specimens.
+/// Layout of the specimens of a group.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Specimens {
-    /// One row each, with intervals, and with names if there is room.
+    /// One row for each specimen, with its intervals. `named` is true if rows are high enough for names.
     Rows { named: bool },
-    /// Only marks, spread over the height.
+    /// Only marks, distributed over the height of the block.
     Cloud,
 }
 
-/// Part of the height for a group, the same in all panels.
+/// Vertical space of a group. It is equal in all panels.
 #[derive(Debug, Clone)]
 struct ForestBlock {
     specimens: Specimens,
-    /// Lines of the group's name.
+    /// Group's name, in lines.
     name: Vec<String>,
-    /// Names of outlying specimens, if rows have no names.
+    /// Names of outlying specimens, in lines, if the rows have no names.
     outlying: Vec<String>,
     summary_px: f64,
     specimens_px: f64,
@@ -199,7 +199,7 @@ struct ForestLayout {
     n_panels: usize,
 }
 
-/// Text such as `n = 8`.
+/// Text of the number of specimens, such as `n = 8`.
 fn size_text(row: &ForestRow) -> String {
     format!("n = {}", row.n_specimens)
 }
@@ -220,7 +220,7 @@ impl ForestLayout {
         2.0 * MARGIN_PX + self.label_px + self.n_panels as f64 * (self.panel_px + PANEL_GAP_PX) - PANEL_GAP_PX + 4.0
     }
 
-    /// Draws the panels from `top` downwards and returns their lower end.
+    /// Draws the panels with their upper edge at `top`, and returns the position of their lower edge.
     fn draw(&self, svg: &mut Svg, data: &Forest, top: f64) -> f64 {
         let height: f64 = self.blocks.iter().map(ForestBlock::height_px).sum();
         let frame_at = |k: usize, y: f64| Rect {
@@ -249,7 +249,7 @@ impl ForestLayout {
         y + height + FOOT_PX
     }
 
-    /// Blocks with their upper edges, in a panel that starts at `top`.
+    /// Blocks with the positions of their upper edges, in a panel that starts at `top`.
     fn placed(&self, top: f64) -> impl Iterator<Item = (&ForestBlock, f64)> {
         self.blocks.iter().scan(top, |y, block| {
             let upper = *y;
@@ -258,7 +258,7 @@ impl ForestLayout {
         })
     }
 
-    /// Writes the names of groups and specimens left of the first panel.
+    /// Writes the names of groups and specimens to the left of the first panel.
     fn names(&self, svg: &mut Svg, data: &Forest, frame: Rect) {
         for (row, (block, upper)) in data.panels[0].rows.iter().zip(self.placed(frame.y)) {
             let bar = Rect { x: MARGIN_PX, y: upper + 5.0, width: 4.0, height: block.height_px() - 10.0 };
@@ -298,7 +298,7 @@ impl ForestLayout {
         axes.x_axis(svg, AxisStyle::new(Some(&panel.label), MOST_NUMBERS, 36.0).grid());
         let exponent = axis_exponent(axes);
         for (row, (block, upper)) in panel.rows.iter().zip(self.placed(frame.y)) {
-            // The typical specimen's interval is drawn behind its specimens, so that distant blocks can be compared.
+            // The interval of the typical specimen is also drawn behind the rows of its specimens. Blocks that are far apart can then be compared.
             let inside = Rect { y: upper + SUMMARY_BAR_PX, height: block.height_px() - SUMMARY_BAR_PX, ..frame };
             svg.clipped(frame, |svg| {
                 svg.rect(between(axes, row.typical[0], row.typical[2], inside), Fill::new(row.colour, 0.14));
@@ -342,7 +342,7 @@ fn block(data: &Forest, index: usize, named: bool, label_px: f64) -> ForestBlock
         Specimens::Rows { named: false } => UNNAMED_ROW_PX * n as f64,
         Specimens::Cloud => (34.0 + 0.45 * n as f64).min(120.0),
     };
-    // Names of rows are below the group's name. Otherwise the lines of the name are beside the specimens.
+    // Names of specimens begin below the group's name. Without them, the lines of the group's name may be beside the marks of the specimens.
     let text_px = 10.0 + NAME_LINE_PX * name.len() as f64 + OUTLYING_LINE_PX * outlying.len() as f64;
     let (summary_px, specimens_px) = match specimens {
         Specimens::Rows { named: true } => (SUMMARY_PX.max(text_px), specimens_px),
@@ -351,7 +351,7 @@ fn block(data: &Forest, index: usize, named: bool, label_px: f64) -> ForestBlock
     ForestBlock { specimens, name, outlying, summary_px, specimens_px }
 }
 
-/// Text such as `outlying: a, b and 7 more` in three lines, or more if the first name needs them.
+/// Text such as `outlying: a, b and 7 more`, in up to three lines. It has more lines if the first name needs them.
 fn outlying_lines(names: &[&str], width_px: f64) -> Vec<String> {
     let lines_of = |shown: usize| {
         let hidden = names.len() - shown;
@@ -374,14 +374,14 @@ fn scale(panel: &ForestPanel) -> AxisScale {
     AxisScale::log10_around(estimates, intervals, panel.references.iter().map(|reference| reference.value))
 }
 
-/// Part of `inside` between two values, at least two pixels wide.
+/// Part of the rectangle `inside` between two values on the x axis. It is at least two pixels wide.
 fn between(axes: &Axes, lower: f64, upper: f64, inside: Rect) -> Rect {
     let (left, right) = (axes.x_px(lower), axes.x_px(upper));
     let width = (right - left).max(2.0);
     Rect { x: 0.5 * (left + right - width), width, ..inside }
 }
 
-/// Draws a new specimen's interval, the typical specimen's bar over it, and its numbers above.
+/// Draws the summary of a group: the interval of a new specimen, over it the bar of the typical specimen, and above them its numbers.
 fn summary(svg: &mut Svg, axes: &Axes, row: &ForestRow, y: f64, axis_exponent: i32) {
     let frame = axes.frame;
     let bar = |height: f64| Rect { y: y - height / 2.0, height, ..frame };
@@ -401,14 +401,14 @@ fn summary(svg: &mut Svg, axes: &Axes, row: &ForestRow, y: f64, axis_exponent: i
     svg.text(&text, (x, y - 11.0), TextStyle::new(TICK_SIZE_PX, Anchor::Middle));
 }
 
-/// Exponent of the factor that multiplies an axis' numbers; 0 if there is none.
+/// Exponent of the power of ten that multiplies the numbers on the x axis; 0 if there is none.
 fn axis_exponent(axes: &Axes) -> i32 {
     let ticks = axes.x.ticks_side_by_side(MOST_NUMBERS, axes.frame.width, TICK_SIZE_PX, 0.5 * TICK_SIZE_PX);
     if ticks.factor.is_empty() { 0 } else { factored_exponent(axes.x.upper) }
 }
 
-/// Text such as `3.50 (3.12–3.94)`, with as many decimals as the interval's width and its lower end require. It uses the axis' power of ten, or
-/// its own if the number is very large or small.
+/// Text such as `3.50 (3.12–3.94)`. The width of the interval and its lower end determine the number of decimals. The power of ten is that of the axis, or a
+/// separate one if the number is very large or small.
 fn with_interval([lower, median, upper]: [f64; 3], axis_exponent: i32) -> String {
     let (exponent, factor) = match (axis_exponent, factored_exponent(median)) {
         (0, index) if index != 0 => (index, format!("×{}", power_of_ten(index))),
@@ -421,7 +421,7 @@ fn with_interval([lower, median, upper]: [f64; 3], axis_exponent: i32) -> String
     format!("{median} ({lower}–{upper}){factor}")
 }
 
-/// Draws arrow tips at the frame if an interval continues beyond it.
+/// Draws the tip of an arrow at each side of the frame where an interval continues beyond it.
 fn arrows(svg: &mut Svg, axes: &Axes, ends: [f64; 2], y: f64, colour: Colour) {
     let frame = axes.frame;
     let mut path = Path::default();
@@ -436,7 +436,7 @@ fn arrows(svg: &mut Svg, axes: &Axes, ends: [f64; 2], y: f64, colour: Colour) {
     svg.path(&path, Fill::new(colour, 1.0));
 }
 
-/// Draws one row per specimen: its own interval and estimate above, the pooled ones below.
+/// Draws one row per specimen. Its own interval and estimate are above, the pooled ones below.
 fn rows(svg: &mut Svg, axes: &Axes, row: &ForestRow, below: Rect, named: bool) {
     let pitch = if named { NAMED_ROW_PX } else { UNNAMED_ROW_PX };
     let size = if named { 1.0 } else { 0.8 };
@@ -459,7 +459,7 @@ fn rows(svg: &mut Svg, axes: &Axes, row: &ForestRow, below: Rect, named: bool) {
     }
 }
 
-/// Draws only marks, each at its own height. Multiples of the golden ratio fill the height evenly for any number of marks.
+/// Draws only the marks of the specimens, each at its own height. Multiples of the golden ratio fill the height evenly for any number of marks.
 fn cloud(svg: &mut Svg, axes: &Axes, row: &ForestRow, below: Rect) {
     let y = |i: usize| below.y + 3.0 + (below.height - 6.0) * (0.5 + i as f64 * 0.618_033_988_749_895).fract();
     let (mut joins, mut path, mut pooled) = (Path::default(), Path::default(), Path::default());
@@ -482,7 +482,7 @@ fn own_style(colour: Colour) -> Style {
     Style { fill: Some(Fill::new(WHITE, 1.0)), stroke: Some(Stroke::solid(colour, 1.3)) }
 }
 
-/// Draws a diamond around a specimen's own estimate.
+/// Draws a diamond around the own estimate of an outlying specimen.
 fn outlying_mark(svg: &mut Svg, (x, y): Point, radius: f64) {
     let mut path = Path::default();
     path.polyline([(x - radius, y), (x, y - radius), (x + radius, y), (x, y + radius)], true);

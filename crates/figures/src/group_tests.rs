@@ -1,5 +1,5 @@
-//! Tests of figures of groups. Figures are legible from two groups to nine and from one specimen to two hundred. They refuse empty data,
-//! and place every mark at its number.
+//! Tests the figures of groups. They are legible for two to nine groups and for one to two hundred specimens. They refuse empty data, and the position of every
+//! mark corresponds to its number.
 
 use super::contrasts::{ContrastCell, ContrastMatrix, ContrastPanel, contrast_matrix};
 use super::creep_bands::{CreepBands, CreepGroup, creep_bands};
@@ -21,7 +21,7 @@ const NAMES: [&str; 9] = [
 ];
 const LABELS: [&str; 4] = ["E (Pa)", "c₁ (Pa·s)", "interface-slip: slip compliance (m/(Pa·s))", "α (–)"];
 
-/// Deterministic numbers between −1 and 1.
+/// Deterministic numbers between −1 and 1 that look random.
 fn wobble(i: usize) -> f64 {
     2.0 * (0.5 + i as f64 * 0.618_033_988_749_895).fract() - 1.0
 }
@@ -119,14 +119,14 @@ fn forests_without_groups_or_with_odd_numbers_are_refused() {
     }
 }
 
-/// All values of an attribute in the lines that contain `needle`.
+/// Values of the SVG attribute `key` in all lines that contain `needle`.
 fn numbers_of(svg: &Svg, needle: &str, key: &str) -> Vec<f64> {
     let key = format!(" {key}=\"");
     let number = |line: &str| line.split(&key).nth(1)?.split('"').next()?.parse().ok();
     svg.document().lines().filter(|line| line.contains(needle)).filter_map(number).collect()
 }
 
-/// Equal ratios have equal lengths: the bars of 0.9 to 1.1 times 3.5 and 4.55 have one width, and their distance corresponds to a factor of 1.3.
+/// Equal ratios have equal lengths. The bars from 0.9 to 1.1 times 3.5 and 4.55 have equal widths, and their distance corresponds to a factor of 1.3.
 #[test]
 fn bars_stand_where_the_quantiles_say() {
     let names = specimen_names(4);
@@ -139,11 +139,11 @@ fn bars_stand_where_the_quantiles_say() {
     assert!((first.1 - second.1).abs() < 0.02, "{first:?} {second:?}");
     let expected = 1.3f64.ln() / (1.1f64 / 0.9).ln();
     assert!(((second.0 - first.0) / first.1 - expected).abs() < 1e-3, "{first:?} {second:?}");
-    // Two of eight are outlying: there is a diamond in the panel, one at the name, and the legend's.
+    // Two of eight specimens are outlying. Each has a diamond in the panel and one at its name; the fifth diamond is in the legend.
     assert_eq!(svg.document().matches("stroke=\"#1f2328\" stroke-width=\"1.3\"").count(), 5);
 }
 
-/// An uninformed specimen does not push the others together: its interval leaves the frame, with a tip.
+/// The wide interval of a specimen with little data does not compress the others. It leaves the frame, where an arrow tip is drawn.
 #[test]
 fn endless_intervals_leave_the_frame() {
     let names = specimen_names(4);
@@ -224,8 +224,8 @@ fn contrasts_of_nothing_and_odd_numbers_are_refused() {
     assert!(message(0.1, &|panels| of(panels, &|cell| cell.probability_greater = 1.5)).contains("the probabilities"));
 }
 
-/// If the row's group is certainly three times the column's, its cell has a strong warm colour, its inverse a strong cold one, and both are framed. Uncertain
-/// cells are nearly white.
+/// In one cell the row's group is certainly three times the column's. It has a strong warm colour, the cell of the inverse ratio a strong cold one, and both
+/// are framed. Cells of uncertain sign are nearly white.
 #[test]
 fn colours_say_direction_and_sureness() {
     let figure = |log_ratio: f64, sd: f64| {
@@ -243,7 +243,7 @@ fn colours_say_direction_and_sureness() {
         lines.filter_map(hex).map(bytes).collect()
     };
     let sure = figure(3f64.ln(), 0.05);
-    // Colours of the legend's sample, the diagonal's two cells, and the two off-diagonal cells.
+    // Colours of the legend's sample, of the two cells on the diagonal, and of the two other cells.
     let [_, _, warm, cold, _] = colours(&sure)[..] else { panic!("{:?}", colours(&sure)) };
     assert!(warm.0 > warm.2 + 100 && cold.2 > cold.0 + 100, "{warm:?} {cold:?}");
     let text = sure.document();
@@ -260,7 +260,7 @@ fn colours_say_direction_and_sureness() {
 
 const TIME_S: [f64; 5] = [0.01, 0.1, 1.0, 10.0, 100.0];
 
-/// Creep compliance `level` t^0.4, known to a factor of 1.2; that of a new specimen to a factor of `vague`.
+/// A group with the creep compliance `level` t^0.4, known to a factor of 1.2. For a new specimen it is known to a factor of `vague`.
 fn creep(group: usize, level: f64, vague: f64) -> CreepGroup<'static> {
     let times = |factor: f64| TIME_S.map(|time_s| level * time_s.powf(0.4) * factor).to_vec();
     CreepGroup {
@@ -306,7 +306,7 @@ fn creep_of_nothing_and_odd_numbers_are_refused() {
     assert!(message(&TIME_S, &|groups| groups[0].new_specimen_90_per_pa.swap(0, 1)).contains("wrong order"));
 }
 
-/// A power law is a straight line on logarithmic axes: five times of equal ratio have equal distances, and so do their compliances.
+/// On logarithmic axes a power law is a straight line. Five times in equal ratios have equal distances, and so do their compliances.
 #[test]
 fn power_laws_are_straight() {
     let data = CreepBands { title: "", sentence: "", time_s: &TIME_S, groups: vec![creep(0, 0.2, 2.0)] };

@@ -1,7 +1,8 @@
-//! Posterior draws over named dimensions, such as group and parameter, as NetCDF-4 in ArviZ's layout.
+//! Writes posterior draws over named dimensions, such as group and parameter, as NetCDF-4 in ArviZ's layout.
 //!
-//! Group `posterior`: every variable has the dimensions (`chain`, `draw`) and its own. A dimension's coordinate contains its labels as strings,
-//! so that readers select by label: `posterior["typical"].sel(group="porcine")`. There are no time stamps: equal draws give equal bytes.
+//! The group `posterior` contains the variables. Each has the dimensions `chain` and `draw`, followed by its own. The coordinate of a dimension contains its
+//! labels as strings, so readers can select by label: `posterior["typical"].sel(group="porcine")`. The file contains no time stamps, so equal draws give equal
+//! bytes.
 
 use std::path::Path;
 
@@ -11,36 +12,36 @@ use base::files::write_atomically;
 use base::{Error, Result};
 
 const GROUP: &str = "posterior";
-/// First two dimensions of every variable.
+/// Names of the first two dimensions of every variable.
 const RESERVED: [&str; 2] = ["chain", "draw"];
 
-/// Dimension with named positions.
+/// A dimension whose positions have names.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Dimension<'a> {
-    /// Name, such as `group`.
+    /// Name of the dimension, such as `group`.
     pub name: &'a str,
-    /// Distinct labels, one per position.
+    /// Labels of the positions; all are different.
     pub labels: Vec<String>,
 }
 
-/// Draws of one quantity.
+/// Draws of one quantity, as a variable of the NetCDF file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Variable<'a> {
-    /// Name, such as `typical`.
+    /// Name of the variable, such as `typical`.
     pub name: &'a str,
     /// Unit, such as `Pa`; empty or `–` for none.
     pub unit: &'a str,
-    /// Names of its dimensions besides chain and draw, in order.
+    /// Names of the variable's dimensions after chain and draw, in order.
     pub dimensions: Vec<&'a str>,
     /// Values, of shape `[chain][draw][dimensions…]`, the last index fastest.
     pub values: Vec<f64>,
 }
 
-/// Writes draws of `n_chains` chains of `n_draws` each. Dimensions that no variable uses are also written.
+/// Writes draws from `n_chains` chains with `n_draws` draws each. Dimensions that no variable uses are also written.
 ///
 /// # Errors
-/// [`Error::Input`] for no draws or variables, or a wrong number of values. Values have to be finite. Names and labels have to be known, distinct
-/// and allowed in NetCDF. [`Error::File`] if the file cannot be written.
+/// [`Error::Input`] for no draws or variables, or a wrong number of values. Values have to be finite. Names and labels have to be known, distinct and allowed
+/// in NetCDF. [`Error::File`] if the file cannot be written.
 pub fn write_labelled_netcdf(
     path: &Path,
     n_chains: usize,
@@ -70,11 +71,11 @@ fn refuse(found: String, remedy: &str) -> Result<()> {
     Err(Error::input(InputPlace::default().at_key("NetCDF"), found, remedy))
 }
 
-/// Checks names. Dimensions and variables share one set of names, because a dimension's labels are a variable.
+/// Checks the names. No dimension may have the name of a variable, because its labels are stored as a variable.
 fn check_names(dimensions: &[Dimension], variables: &[Variable]) -> Result<()> {
     let mut names: Vec<&str> = RESERVED.to_vec();
     for name in dimensions.iter().map(|d| d.name).chain(variables.iter().map(|v| v.name)) {
-        // A slash would start a group.
+        // NetCDF would read a slash in a name as the start of a group.
         if name.is_empty() || name.trim() != name || name.contains(|c: char| c == '/' || c.is_control()) {
             return refuse(
                 format!("a dimension or variable has the name `{name}`, which NetCDF cannot store"),

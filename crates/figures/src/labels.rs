@@ -1,4 +1,4 @@
-//! Symbols and units of parameters in figures. Models provide those of their parameters; names provide those of networks' parameters (formats §5).
+//! Symbols and units of parameters for figures. They come from the model, or for a network's parameters from the name (formats §5).
 
 use base::parameter::named;
 use documents::extension::EquivalentEffects;
@@ -6,10 +6,10 @@ use documents::posterior::ModelSummary;
 use laws::rheology::{BaseLaw, ExternalLaw};
 use models::effects::parameter_named;
 
-/// Symbol and unit of a parameter in figures.
+/// Symbol and unit of a parameter, as figures show them.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ParameterLabel {
-    /// Short symbol such as `E`, or the name if there is none.
+    /// Short symbol such as `E`, or the parameter's name if it has no symbol.
     pub symbol: String,
     /// Unit such as `Pa`, or `–` if there is none.
     pub unit: String,
@@ -22,20 +22,20 @@ impl ParameterLabel {
     }
 }
 
-/// Title of a model: the law and the effects.
+/// Title of a model: its law and its effects.
 pub fn model_title(model: &ModelSummary) -> String {
     let law = BaseLaw::named(&model.base).map_or(model.base.as_str(), |law| law.title());
     let effects: String = model.effects.iter().map(|slug| format!(" + {slug}")).collect();
     format!("{law}{effects}")
 }
 
-/// Title of a model with "(or: …)" beside effects that have equivalents in a diagnosis.
+/// Title of a model. Effects that have equivalents in a diagnosis are followed by "(or: …)".
 pub fn model_title_with(model: &ModelSummary, equivalents: &[EquivalentEffects]) -> String {
     let law = model_title(&ModelSummary { effects: Vec::new(), ..model.clone() });
     format!("{law}{}", effects_with(&model.effects, equivalents))
 }
 
-/// Text " + effect" for every effect. The last effect of each list in `equivalents` is followed by "(or: …)".
+/// Text " + effect" for every effect. The last effect of each list in `equivalents` is followed by "(or: …)" with its equivalents.
 pub fn effects_with(effects: &[String], equivalents: &[EquivalentEffects]) -> String {
     let words = |slug: &String| {
         let is_last = |equivalent_effects: &&EquivalentEffects| equivalent_effects.effects.last() == Some(slug);
@@ -45,12 +45,12 @@ pub fn effects_with(effects: &[String], equivalents: &[EquivalentEffects]) -> St
     effects.iter().map(words).collect()
 }
 
-/// Text `symbol (unit)`, with `–` for a quantity without unit.
+/// Text `symbol (unit)`. For a quantity without unit, `–` replaces the unit.
 pub fn axis_label(symbol: &str, unit: &str) -> String {
     format!("{symbol} ({})", if unit.is_empty() { "–" } else { unit })
 }
 
-/// Units by suffix, longer suffixes first, because `_pa_s` also ends in `_s`.
+/// Units by suffix of a parameter's name. Longer suffixes come first, because `_pa_s` also ends in `_s`.
 const UNITS: [(&str, &str); 14] = [
     ("_m2_per_pa_s", "m²/(Pa·s)"),
     ("_m_per_pa_s", "m/(Pa·s)"),
@@ -68,7 +68,7 @@ const UNITS: [(&str, &str); 14] = [
     ("_m", "m"),
 ];
 
-/// Symbol and unit of a parameter. If no model knows it, the symbol is its name.
+/// Symbol and unit of the parameter `name`. If no model has this parameter, the symbol is the name.
 pub fn parameter_label(name: &str) -> ParameterLabel {
     if let Some(spec) = named(name) {
         return ParameterLabel { symbol: spec.symbol.into(), unit: shown_unit(spec.unit) };
@@ -76,7 +76,7 @@ pub fn parameter_label(name: &str) -> ParameterLabel {
     if let Some(spec) = ExternalLaw::parameter_named(name) {
         return external_parameter_label(name, spec.unit);
     }
-    // Two effects may use the same symbol.
+    // Symbols of two effects may be equal, so they are made distinct.
     parameter_named(name).map_or_else(
         || label_from_name(name),
         |(effect, parameter)| ParameterLabel {
@@ -90,7 +90,7 @@ fn shown_unit(unit: &str) -> String {
     if unit == "1" { "–".into() } else { unit.replace("Pa s", "Pa·s").replace("um", "µm") }
 }
 
-/// Label of a parameter of another program, whose name may end in its unit.
+/// Symbol and unit of a parameter from another program. Its name may end in its unit.
 fn external_parameter_label(name: &str, unit: &str) -> ParameterLabel {
     let ending = format!("_{}", unit.to_lowercase().replace('/', "_per_").replace(' ', "_"));
     let stem = name.strip_suffix(&ending).unwrap_or(name);
@@ -143,7 +143,7 @@ mod tests {
         assert_eq!(parameter_label("membrane.order").axis(), "membrane: order (–)");
     }
 
-    /// Two columns of one corner plot must have different labels. The unit in an effect's table must match the suffix of its name.
+    /// All labels are different, because one corner plot may contain any of them. The unit in an effect's table agrees with the suffix of its name.
     #[test]
     fn labels_of_effects_are_unique_and_agree_with_their_names() {
         let names = || EFFECTS.iter().flat_map(|effect| effect.parameters()).map(|parameter| parameter.spec.name);

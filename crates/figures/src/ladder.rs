@@ -1,4 +1,4 @@
-//! Figure of a ladder: fitted and held-out errors of all revisions with the noise, and every parameter's posterior in each revision.
+//! Figure of a ladder: fitted and held-out errors of all revisions beside the noise, and the posterior of every parameter in each revision.
 
 use super::axes::{Axes, AxisStyle, TICK_SIZE_PX, title_with_text};
 use super::font::{shorten, wrapped};
@@ -16,13 +16,13 @@ use documents::ladder::{LadderParameter, LadderRow, LadderSummary};
 const WIDTH_PX: f64 = 960.0;
 const MARGIN_PX: f64 = 20.0;
 const LABEL_PX: f64 = 200.0;
-/// Columns of numbers beside the bars, and their width.
+/// Heads of the columns of numbers beside the bars, and width of a column in pixels.
 const NUMBERS: [&str; 3] = ["held out (µm)", "fitted (µm)", "log score (nats)"];
 const NUMBER_PX: f64 = 104.0;
 const ROW_PX: f64 = 64.0;
 const HELDOUT_BAR_PX: f64 = 20.0;
 const FITTED_BAR_PX: f64 = 10.0;
-/// Number of parameter panels side by side, and the gap between them.
+/// Number of parameter panels side by side, and the gap between them in pixels.
 const PANELS: usize = 3;
 const PANEL_GAP_PX: f64 = 62.0;
 const PANEL_ROW_PX: f64 = 24.0;
@@ -31,10 +31,10 @@ const PANEL_FOOT_PX: f64 = 58.0;
 const NOISE: Stroke = Stroke { colour: VERMILLION, width_px: 1.8, opacity: 1.0, dash: Some((6.0, 4.0)) };
 const FITTED: Colour = SKY;
 const HELDOUT: Colour = BLUE;
-/// Reduction of the error relative to the revision before.
+/// Fill of the area by which a revision's error is smaller than that of the revision that it extends.
 const REMOVED: Fill = Fill { colour: GRID, opacity: 1.0 };
 
-/// Draws a ladder.
+/// Draws the figure of a ladder.
 ///
 /// # Errors
 /// [`Error::Input`] for a ladder without revisions.
@@ -54,7 +54,7 @@ pub fn ladder(summary: &LadderSummary) -> Result<Svg> {
         let below = waterfall(svg, summary, below);
         parameters(svg, summary, below)
     };
-    // First drawing, to determine the height.
+    // The figure is drawn once to determine its height, and then again.
     let height = draw(&mut Svg::new(WIDTH_PX, 1.0, "")) + 4.0;
     let mut svg = Svg::new(WIDTH_PX, height, &heading);
     draw(&mut svg);
@@ -79,13 +79,13 @@ fn entries(summary: &LadderSummary) -> Vec<Entry> {
     entries
 }
 
-/// Revision that a rung extends.
+/// Revision that `rung` extends; `None` for the first.
 fn parent<'a>(summary: &'a LadderSummary, rung: &LadderRow) -> Option<&'a LadderRow> {
     let from = rung.from.as_ref()?;
     summary.revisions.iter().find(|other| other.revision == *from)
 }
 
-/// Draws bars of all revisions from `top` downwards and returns their lower end.
+/// Draws the errors of all revisions as bars, with the upper edge at `top`. Returns the position of the lower edge.
 fn waterfall(svg: &mut Svg, summary: &LadderSummary, top: f64) -> f64 {
     let rungs = &summary.revisions;
     let largest = rungs
@@ -133,7 +133,7 @@ fn bars(svg: &mut Svg, axes: &Axes, summary: &LadderSummary, rung: &LadderRow, r
         if let Some(before) = before {
             let removed = bar(upper, HELDOUT_BAR_PX, heldout, before);
             svg.rect(removed, REMOVED);
-            // The step leads from the end of the bar above to this bar.
+            // A line leads from the end of the bar above to this bar.
             let (x, end) = (removed.right(), removed.bottom());
             svg.line((x, end - ROW_PX), (x, end), Stroke::solid(MUTED, 1.0).dashed(2.0, 3.0));
             let percent = format!("−{:.0} %", 100.0 * (1.0 - heldout / before));
@@ -147,7 +147,7 @@ fn bars(svg: &mut Svg, axes: &Axes, summary: &LadderSummary, rung: &LadderRow, r
     svg.rect(bar(upper + HELDOUT_BAR_PX + 3.0, FITTED_BAR_PX, 0.0, rung.rmse_fitted_um), Fill::new(FITTED, 1.0));
 }
 
-/// Writes the label of a revision: the model for the first, the added effects for the others.
+/// Writes the label of a revision: the model for the first revision, the added effects for the others.
 fn label(svg: &mut Svg, rung: &LadderRow, row: Rect) {
     let words = match &rung.from {
         None => model_title(&rung.model),
@@ -177,7 +177,7 @@ fn numbers(svg: &mut Svg, rung: &LadderRow, row: Rect) {
     }
 }
 
-/// Draws one panel per parameter with posterior medians and 90 % intervals. Returns the lower end.
+/// Draws one panel per parameter, with its posterior median and 90 % interval in each revision. Returns the position of the lower edge.
 fn parameters(svg: &mut Svg, summary: &LadderSummary, top: f64) -> f64 {
     let mut names: Vec<&str> = Vec::new();
     for parameter in summary.revisions.iter().flat_map(|rung| &rung.parameters) {

@@ -1,4 +1,4 @@
-//! Layout tests of all figures with the renderer itself: no two texts overlap, and no text leaves the page.
+//! Tests the layout of all figures with the renderer: no two texts overlap, and no text leaves the page.
 
 use std::sync::{Arc, OnceLock};
 
@@ -16,7 +16,7 @@ use super::trace::{EnsembleTrace, ParameterTrace, trace};
 pub(super) const LONG: &str =
     "human donor 17, left eye, central vitreous, 36 hours post mortem, second insertion, temperature 37 °C, repeated";
 
-/// Font database with only the embedded font.
+/// Font database that contains only the embedded font.
 pub(super) fn database() -> Arc<usvg::fontdb::Database> {
     static DATABASE: OnceLock<Arc<usvg::fontdb::Database>> = OnceLock::new();
     Arc::clone(DATABASE.get_or_init(|| {
@@ -31,7 +31,8 @@ fn tree(svg: &Svg) -> usvg::Tree {
     usvg::Tree::from_str(&svg.document(), &options).unwrap()
 }
 
-/// Compares the PNG with another renderer's picture of the SVG. A channel differs by less than 4 of 255 on average, because that renderer uses kerning.
+/// Checks that the PNG and another renderer's picture of the SVG agree. Colour channels may differ by less than 4 of 255 on average, because that renderer uses
+/// kerning.
 fn assert_same_picture(what: &str, svg: &Svg) {
     let pixmap = tiny_skia::Pixmap::decode_png(&svg.png().unwrap()).unwrap();
     let mut other = tiny_skia::Pixmap::new(pixmap.width(), pixmap.height()).unwrap();
@@ -42,7 +43,7 @@ fn assert_same_picture(what: &str, svg: &Svg) {
     assert!(mean < 4.0, "{what}: {mean}");
 }
 
-/// Ink extent of every text of a drawing.
+/// Text and bounding box of every text in a drawing.
 fn texts(svg: &Svg) -> Vec<(String, usvg::Rect)> {
     fn collect(group: &usvg::Group, found: &mut Vec<(String, usvg::Rect)>) {
         for node in group.children() {
@@ -82,7 +83,7 @@ pub(super) fn assert_legible(what: &str, svg: &Svg) {
     }
 }
 
-/// Deterministic draws of roughly normal shape.
+/// Deterministic values that are roughly normally distributed.
 fn draws(n: usize, seed: f64, centre: f64, sd: f64) -> Vec<f64> {
     let uniform = |i: usize, k: f64| ((i as f64 + 1.0) * (0.754_877_666 + 0.1 * k + seed)).fract();
     (0..n).map(|i| centre + sd * ((0..6).map(|k| uniform(i, f64::from(k))).sum::<f64>() - 3.0)).collect()
@@ -115,7 +116,7 @@ fn corner_plots_are_legible() {
             reference: Some(centre + 40.0 * sd),
         }
     };
-    // Each number of parameters is tested once with a title and once without, with one posterior and with three.
+    // Each number of parameters is tested once with a title and once without. There are one or three posteriors.
     for (n, n_posteriors, title) in [
         (1, 1, ""),
         (1, 3, LONG),

@@ -1,4 +1,4 @@
-//! Figure of a learnt function: its band over the visited states, and its formula.
+//! Figure of a learnt function: its band over the range of states that occur in the record, and its formula.
 
 use super::axes::{Axes, AxisStyle, title_with_text};
 use super::labels::parameter_label;
@@ -19,10 +19,10 @@ const AXIS_PX: f64 = 44.0;
 const BAND: Fill = Fill { colour: BLUE, opacity: 0.22 };
 const CURVE: Stroke = Stroke { colour: BLUE, width_px: 2.0, opacity: 1.0, dash: None };
 const FORMULA: Stroke = Stroke { colour: VERMILLION, width_px: 1.8, opacity: 1.0, dash: Some((7.0, 4.0)) };
-/// Range of states without a fitted row.
+/// Fill of the range of states in which there is no fitted row.
 const UNVISITED: Fill = Fill { colour: GRID, opacity: 1.0 };
 
-/// Draws the learnt function.
+/// Draws the figure of a learnt function.
 ///
 /// # Errors
 /// [`Error::Input`] if the document has no function.
@@ -64,7 +64,7 @@ fn entries(document: &Learned) -> Vec<Entry> {
     entries
 }
 
-/// Unit in which a state is shown, and its factor.
+/// Unit in which a state variable is shown, and the factor that converts to it.
 fn shown(unit: &str, largest: f64) -> (&str, f64) {
     match unit {
         "m" if largest < 0.1 => ("µm", 1e6),
@@ -83,7 +83,7 @@ fn plot(svg: &mut Svg, document: &Learned, function: &LearnedFunction, frame: Re
     let (unit, factor) = shown(&function.state_unit, largest);
     let states: Vec<f64> = states.iter().map(|state| factor * state).collect();
     let visited = function.visited.map(|end| factor * end);
-    // The band can be arbitrarily wide without data, so only visited states determine the scale.
+    // Where there are no data the band can be arbitrarily wide. Only states with fitted rows therefore determine the scale.
     let is_visited = |state: f64| (visited[0]..=visited[1]).contains(&state);
     let seen = states.iter().zip(points).filter(|(state, _)| is_visited(**state));
     let formula = document.formula.as_ref().map(|formula| formula.factors.clone()).unwrap_or_default();
@@ -164,7 +164,7 @@ mod tests {
         }
     }
 
-    /// Lengths are in micrometres, and unvisited states are shaded. Without a function there is no figure.
+    /// Lengths are shown in micrometres, and states without fitted rows are shaded. A document without a function gives no figure.
     #[test]
     fn the_figure_says_what_was_visited() {
         let text = learned(&document()).unwrap().document();

@@ -1,4 +1,4 @@
-//! Legends of figures.
+//! Legends of figures: samples of lines and areas, with texts.
 
 use super::axes::TICK_SIZE_PX;
 use super::font::{shorten, text_width_px};
@@ -6,36 +6,36 @@ use super::palette::Colour;
 use super::svg::{Anchor, Fill, Point, Rect, Stroke, Style, Svg, TextStyle};
 
 const MARK_WIDTH_PX: f64 = 22.0;
-/// Distance from the sample's left edge to the text.
+/// Distance in pixels from the left edge of a sample to its text.
 pub const MARK_ADVANCE_PX: f64 = MARK_WIDTH_PX + 6.0;
 const LINE_HEIGHT_PX: f64 = 1.6;
 
-/// Sample shown beside an entry.
+/// Sample of a line, area or dot in a legend.
 #[derive(Debug, Clone, Copy)]
 pub enum Mark {
-    /// Line.
+    /// A line.
     Line(Stroke),
-    /// Filled area, with an outline if it has one.
+    /// A filled area, with an outline if the style has one.
     Area(Style),
-    /// Dot with its diameter in pixels.
+    /// A dot, with its diameter in pixels.
     Dot(Colour, f64),
-    /// Line across a filled area.
+    /// A line across a filled area.
     LineOnArea(Stroke, Fill),
-    /// Sample that the function draws into a rectangle.
+    /// A sample that a function draws into a rectangle.
     Drawn(fn(&mut Svg, Rect)),
 }
 
-/// Entry of a legend.
+/// Entry of a legend: a sample with a text.
 #[derive(Debug, Clone)]
 pub struct Entry {
-    /// Sample.
+    /// Sample of the entry.
     pub mark: Mark,
-    /// Text beside the sample, which tells its meaning.
+    /// Text beside the sample. It says what the sample means.
     pub text: String,
 }
 
 impl Entry {
-    /// Creates an entry.
+    /// Creates an entry from a sample and its text.
     pub fn new(mark: Mark, text: impl Into<String>) -> Self {
         Self { mark, text: text.into() }
     }
@@ -61,7 +61,7 @@ impl Entry {
     }
 }
 
-/// Draws entries below each other and returns the height used.
+/// Draws entries below each other. Returns their height in pixels.
 pub fn column(svg: &mut Svg, entries: &[Entry], at: Point, size_px: f64, width_px: f64) -> f64 {
     for (i, entry) in entries.iter().enumerate() {
         let baseline = at.1 + size_px + i as f64 * LINE_HEIGHT_PX * size_px;
@@ -70,12 +70,12 @@ pub fn column(svg: &mut Svg, entries: &[Entry], at: Point, size_px: f64, width_p
     column_height_px(entries, size_px)
 }
 
-/// Height that [`column()`] will use.
+/// Height in pixels of a legend that [`column()`] draws.
 pub fn column_height_px(entries: &[Entry], size_px: f64) -> f64 {
     entries.len() as f64 * LINE_HEIGHT_PX * size_px
 }
 
-/// Draws entries side by side, in as many lines as the width requires. Returns the height used.
+/// Draws entries side by side, in as many lines as the width requires. Returns their height in pixels.
 pub fn row(svg: &mut Svg, entries: &[Entry], at: Point, width_px: f64) -> f64 {
     let size = TICK_SIZE_PX + 1.0;
     let (mut x, mut lines) = (0.0, 0);
@@ -92,7 +92,7 @@ pub fn row(svg: &mut Svg, entries: &[Entry], at: Point, width_px: f64) -> f64 {
     f64::from(lines + 1) * LINE_HEIGHT_PX * size
 }
 
-/// Height that [`row`] will use.
+/// Height in pixels of a legend that [`row`] draws.
 pub fn row_height_px(entries: &[Entry], width_px: f64) -> f64 {
     row(&mut Svg::new(1.0, 1.0, ""), entries, (0.0, 0.0), width_px)
 }

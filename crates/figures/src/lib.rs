@@ -1,13 +1,21 @@
-//! Figures and exchange formats.
+//! Figures and file formats for results.
 //!
-//! All functions take plain slices, and no module depends on the sampler or the finite elements. A figure is built as [`svg::Svg`],
-//! in which text stays text. [`svg::write_figure`] stores it beside a PNG that is rendered from the same
-//! document with the embedded font, so that it looks equal on every machine. Equal input gives equal bytes.
+//! All functions take plain slices, and no module depends on the sampler or the finite elements. A figure is built as [`svg::Svg`], in which text stays text.
+//! The function [`svg::write_figure`] writes it together with a PNG. The PNG is rendered from that SVG with the embedded font, so it looks equal on every
+//! machine. Equal input gives equal bytes.
 //!
-//! Basic modules: [`svg`], [`font`], [`number`], [`palette`] → [`axes`] and [`ticks`], [`legend`], names of lines → [`density`] and [`contour`]. Each figure has
-//! one module: [`corner`], [`predictive`], [`trace`], [`singular_values`], [`comparison`] with its map and bars, [`discrepancy`]; oscillations: [`sweep`]; groups of
-//! specimens: [`forest`], [`contrasts`] and [`creep_bands`]; whole documents: [`ladder`], [`diagnosis`] and [`calibration`]. Draws are written as CSV ([`draws`]) and
-//! NetCDF ([`netcdf`], or [`labelled_netcdf`] for named dimensions).
+//! Modules that figures share:
+//! - [`svg`], [`font`], [`number`] and [`palette`]: drawing, text, numbers and colours
+//! - [`axes`], [`ticks`] and [`legend`]: axes and legends
+//! - [`density`] and [`contour`]: density estimates and contour lines
+//!
+//! Each figure has one module:
+//! - one posterior or comparison: [`corner`], [`predictive`], [`trace`], [`singular_values`], [`comparison`] with its map and bars, and [`discrepancy`]
+//! - oscillations: [`sweep`]
+//! - groups of specimens: [`forest`], [`contrasts`] and [`creep_bands`]
+//! - whole documents: [`ladder`], [`diagnosis`] and [`calibration`]
+//!
+//! Draws are written as CSV ([`draws`]) and as NetCDF ([`netcdf`], or [`labelled_netcdf`] for named dimensions).
 
 pub mod axes;
 pub mod calibration;

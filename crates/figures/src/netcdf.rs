@@ -1,10 +1,12 @@
-//! Posterior draws as NetCDF-4 in ArviZ's layout.
+//! Writes posterior draws as NetCDF-4 in ArviZ's layout.
 //!
-//! Group `posterior`: one variable per parameter with the dimensions (`chain`, `draw`). A chain is an ensemble, because ensembles are independent and the walkers of one are not.
-//! The first half of a chain's draws comes from the first half of the steps. Each half contains one walker after the other, with each walker's draws in the order of its
-//! steps ([`arrangement`]). ArviZ's split R̂ then equals this program's, and its effective sample sizes include the correlation in time. The coordinates `walker`
-//! and `step` along `draw` label the draws. Group `sample_stats`: `lp`, the log density.
-//! Further groups describe the rows of a record ([`RecordGroups`]). There are no time stamps: equal draws give equal bytes.
+//! The group `posterior` has one variable per parameter, with the dimensions `chain` and `draw`. A chain is an ensemble, because ensembles are independent and
+//! the walkers of one ensemble are not. The first half of a chain's draws comes from the first half of the steps. Each half contains one walker after the
+//! other, with each walker's draws in the order of its steps ([`arrangement`]). ArviZ's split R̂ then equals this program's R̂, and its effective sample sizes
+//! include the correlation in time. The coordinates `walker` and `step` along `draw` label the draws.
+//!
+//! The group `sample_stats` contains the log density as `lp`. Further groups describe the rows of a record ([`RecordGroups`]). The file contains no time
+//! stamps, so equal draws give equal bytes.
 
 use std::path::Path;
 
@@ -19,14 +21,13 @@ use base::{Error, Result};
 
 const ARRANGEMENT: &str = "each chain is an ensemble; draws: the first half of the steps walker by walker, then the second half walker by walker";
 
-/// Writes the draws, and the groups for the rows of the record.
+/// Writes the draws of a table, and the groups for the rows of a record.
 ///
 /// # Errors
-/// [`Error::Input`] for an inconsistent table or names that NetCDF does not allow, [`Error::File`] if the file cannot be
-/// written.
+/// [`Error::Input`] for an inconsistent table or names that NetCDF does not allow, [`Error::File`] if the file cannot be written.
 pub fn write_draws_netcdf(path: &Path, table: &DrawTable, record: &RecordGroups) -> Result<()> {
     table.check()?;
-    // A slash would start a group. The other names are reserved by the layout.
+    // NetCDF would read a slash as the start of a group. The layout uses the other names.
     let reserved = |name: &&String| name.contains('/') || ["chain", "draw", "walker", "step"].contains(&name.as_str());
     if let Some(name) = table.parameter_names.iter().find(reserved) {
         return Err(refused(format!("a parameter has the name `{name}`, which contains a slash or is reserved")));
@@ -40,13 +41,13 @@ fn refused(found: String) -> Error {
     Error::input(InputPlace::default().at_key("NetCDF"), found, "use the CSV, or rename the parameter")
 }
 
-/// Walker and step of every draw of a chain, in order.
+/// Walker and step of every draw of a chain, in the order in which the draws are written.
 pub fn arrangement(n_walkers: usize, n_steps: usize) -> Vec<[usize; 2]> {
     let half = n_steps / 2;
     let of_steps = |steps: std::ops::Range<usize>| {
         (0..n_walkers).flat_map(move |walker| steps.clone().map(move |step| [walker, step]))
     };
-    // With an odd number of steps, the middle step belongs to neither half.
+    // If the number of steps is odd, the middle step belongs to neither half and is written between them.
     of_steps(0..half).chain(of_steps(half..n_steps - half)).chain(of_steps(n_steps - half..n_steps)).collect()
 }
 
@@ -65,7 +66,7 @@ fn encode(table: &DrawTable, record: &RecordGroups) -> NcResult<Vec<u8>> {
     into_bytes(file)
 }
 
-/// Group over all draws of a table.
+/// Group of a NetCDF file whose variables have one value for every draw of a table.
 struct Group<'a> {
     name: &'a str,
     table: &'a DrawTable,
@@ -85,11 +86,11 @@ impl<'a> Group<'a> {
         Ok(Self { name, table, order, dimensions })
     }
 
-    /// Adds a quantity whose values are in the table's order.
+    /// Adds a variable. `values` has the order of the table and is rearranged.
     fn add_variable(&self, file: &mut NcFileBuilder, name: &str, unit: &str, values: &[f64]) -> NcResult<()> {
         let variable = file.add_variable_path::<f64>(format!("{}/{name}", self.name), &self.dimensions)?;
         add_unit(file, variable, unit)?;
-        // Without this attribute readers take `walker` and `step` for data instead of labels of the draws.
+        // Without this attribute, readers take `walker` and `step` for data instead of labels of the draws.
         attribute(file, variable, "coordinates", "walker step")?;
         let (n_walkers, n_steps) = (self.table.n_walkers, self.table.n_steps);
         let of_ensemble = |ensemble: usize| {
@@ -145,7 +146,7 @@ mod tests {
         let (first, second) = (write("a.nc"), write("b.nc"));
         assert_eq!(first, second);
         assert_eq!(&first[..8], b"\x89HDF\r\n\x1a\n");
-        // Storage is contiguous and little-endian, so the file contains the first walker's first draws unchanged.
+        // Storage is contiguous and little-endian, so the first draws of the first walker occur in the file as they are in memory.
         let column: Vec<u8> = table("x").column(1)[..2].iter().flat_map(|value| value.to_le_bytes()).collect();
         assert!(first.windows(column.len()).any(|window| window == column));
     }

@@ -1,17 +1,17 @@
-//! Common parts of all NetCDF files of the program.
+//! Functions that write the elements common to all NetCDF files of the program.
 
 use netcdf_writer::{DimensionId, NcAttrValue, NcFileBuilder, NcWriteFormat, NcWriteOptions, VariableId};
 
 pub(super) type NcResult<T> = std::result::Result<T, netcdf_writer::Error>;
 
-/// Empty file with the name of its creator.
+/// Creates a file without groups that contains the name of the program as its creator.
 pub(super) fn new_file() -> NcResult<NcFileBuilder> {
     let mut file = NcFileBuilder::new();
     creators().into_iter().try_for_each(|(name, value)| file.add_attribute(name, value))?;
     Ok(file)
 }
 
-/// Bytes of the file, as NetCDF-4.
+/// Converts the file to bytes in the format NetCDF-4.
 pub(super) fn into_bytes(file: NcFileBuilder) -> NcResult<Vec<u8>> {
     let (_, bytes) = file.to_vec(NcWriteOptions { format: NcWriteFormat::Nc4 })?;
     Ok(bytes)
@@ -22,7 +22,7 @@ fn text(text: &str) -> NcAttrValue {
 }
 
 fn creators() -> [(&'static str, NcAttrValue); 4] {
-    // The name is the program's, not this crate's.
+    // The creator is the program, not this crate.
     let (name, version) = ("vitreo-uq", env!("CARGO_PKG_VERSION"));
     [
         ("created_by", text(&format!("{name} {version}"))),
@@ -32,7 +32,7 @@ fn creators() -> [(&'static str, NcAttrValue); 4] {
     ]
 }
 
-/// Writes the creator of a group, and a note on it.
+/// Writes the creator into a group, and a note that describes the group.
 pub(super) fn describe(file: &mut NcFileBuilder, group: &str, note: &str) -> NcResult<()> {
     creators().into_iter().try_for_each(|(name, value)| file.add_group_attribute(group, name, value))?;
     if note.is_empty() { Ok(()) } else { file.add_group_attribute(group, "note", text(note)) }
@@ -42,12 +42,12 @@ pub(super) fn attribute(file: &mut NcFileBuilder, variable: VariableId, name: &s
     file.add_variable_attribute(variable, name, text(value))
 }
 
-/// Writes the unit of a variable, or `1` if it has none.
+/// Writes the unit of a variable; `1` if it has none.
 pub(super) fn add_unit(file: &mut NcFileBuilder, variable: VariableId, unit: &str) -> NcResult<()> {
     attribute(file, variable, "units", if unit.is_empty() || unit == "–" { "1" } else { unit })
 }
 
-/// Starts a group over `chain` and `draw`, both counted from 0. Returns these two dimensions.
+/// Adds a group with the dimensions `chain` and `draw`, both counted from 0. Returns these two dimensions.
 pub(super) fn add_group(
     file: &mut NcFileBuilder,
     name: &str,
@@ -58,7 +58,7 @@ pub(super) fn add_group(
     add_draws(file, name, n_chains, &(0..n_draws as i64).collect::<Vec<i64>>())
 }
 
-/// Adds the dimensions `chain`, counted from 0, and `draw`, with its labels, to a group.
+/// Adds the dimensions `chain` and `draw` to a group. Chains are counted from 0; draws have the given labels.
 pub(super) fn add_draws(
     file: &mut NcFileBuilder,
     group: &str,

@@ -1,6 +1,6 @@
-//! Numbers in common notation: proper minus signs, powers of ten as superscripts, errors to two digits.
+//! Formats numbers for readers: with typeset minus signs, powers of ten as superscripts, and errors with two significant digits.
 
-/// Returns `exponent` in superscript digits: −12 becomes `⁻¹²`.
+/// Returns `exponent` in superscript characters: −12 becomes `⁻¹²`.
 pub fn superscript(exponent: i32) -> String {
     let digit = |c| match c {
         '-' => '⁻',
@@ -20,7 +20,7 @@ pub fn superscript(exponent: i32) -> String {
 
 /// Lists ascending numbers, with long runs as ranges: `1, 3–4000`.
 pub fn format_ranges(numbers: &[u32]) -> String {
-    /// Number of consecutive values above which a run becomes a range.
+    /// Runs with more successive numbers than this become a range.
     const LONGEST_WRITTEN_OUT: usize = 6;
     let runs = numbers.chunk_by(|a, b| a + 1 == *b);
     let shown = runs.map(|run| match run {
@@ -30,12 +30,12 @@ pub fn format_ranges(numbers: &[u32]) -> String {
     shown.collect::<Vec<_>>().join(", ")
 }
 
-/// Text `10ⁿ`.
+/// Text `10ⁿ` for an exponent n.
 pub fn power_of_ten(exponent: i32) -> String {
     format!("10{}", superscript(exponent))
 }
 
-/// Formats fixed decimals with a proper minus sign, and never `−0`.
+/// Formats a value with this number of decimals and a typeset minus sign. The text is never `−0`.
 pub fn format_decimals(value: f64, decimals: usize) -> String {
     let text = format!("{value:.decimals$}");
     match text.strip_prefix('-') {
@@ -45,23 +45,23 @@ pub fn format_decimals(value: f64, decimals: usize) -> String {
     }
 }
 
-/// Decimal exponent of the leading digit; 0 for zero and for values that are not finite.
+/// Decimal exponent of the leading digit of a value: 3 for 4600. It is 0 for zero and for values that are not finite.
 pub fn decimal_exponent(value: f64) -> i32 {
     if value == 0.0 || !value.is_finite() { 0 } else { value.abs().log10().floor() as i32 }
 }
 
-/// Exponent to take out of numbers of this size; 0 if they are easy to read unchanged.
+/// Exponent of the power of ten to factor out of numbers whose largest is `largest`. It is 0 if they are easy to read without a factor.
 pub fn factored_exponent(largest: f64) -> i32 {
     let exponent = decimal_exponent(largest);
     if (-3..5).contains(&exponent) { 0 } else { exponent }
 }
 
-/// Formats a number with `digits` significant digits, as `mantissa × 10ⁿ` if it is very large or small.
+/// Formats a value with `digits` significant digits. Very large and very small values have the form `mantissa × 10ⁿ`.
 pub fn format_significant(value: f64, digits: usize) -> String {
     if !value.is_finite() {
         return format_decimals(value, 0);
     }
-    // The value is rounded first, so that 9.99 with two digits counts as 10.
+    // The value is rounded first: 9.99 with two digits becomes 10, which has another exponent.
     let rounded: f64 = format!("{value:.*e}", digits.saturating_sub(1)).parse().unwrap_or(value);
     let factored = factored_exponent(rounded);
     let scaled = rounded / 10f64.powi(factored);
@@ -70,21 +70,22 @@ pub fn format_significant(value: f64, digits: usize) -> String {
     if factored == 0 { mantissa } else { format!("{mantissa}×{}", power_of_ten(factored)) }
 }
 
-/// Texts of a value with its upper and lower error: `centre` with `plus` above `minus`, then `factor`.
+/// Texts of a value and its errors. A figure writes `plus` above `minus` after `centre`, then `factor`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ValueWithErrors {
-    /// Value.
+    /// Text of the value.
     pub centre: String,
-    /// Upper error, with its sign.
+    /// Text of the upper error, with its sign.
     pub plus: String,
-    /// Lower error, with its sign.
+    /// Text of the lower error, with its sign.
     pub minus: String,
-    /// Factor `×10ⁿ` if the numbers are very large or small, otherwise empty.
+    /// Factor `×10ⁿ` if the numbers are very large or small; otherwise empty.
     pub factor: String,
 }
 
 impl ValueWithErrors {
-    /// Formats the median and its errors from quantiles. The smaller error has two significant digits and sets the decimals of all three numbers.
+    /// Formats a median with its errors, the distances to a lower and an upper quantile. The smaller error has two significant digits, and all three numbers
+    /// have its number of decimals.
     pub fn from_quantiles(lower: f64, median: f64, upper: f64) -> Self {
         let (plus, minus) = ((upper - median).abs(), (median - lower).abs());
         let smallest = [plus, minus].into_iter().filter(|error| *error > 0.0).fold(f64::INFINITY, f64::min);
@@ -97,7 +98,7 @@ impl ValueWithErrors {
                 factor: String::new(),
             };
         }
-        // The text 0.00135 +0.00149 is longer and harder to read than 1.35 +1.49 ×10⁻³.
+        // The text 0.00135 +0.00149 is longer and harder to read than 1.35 +1.49 ×10⁻³, so a factor is taken out.
         let exponent = match decimal_exponent(median.abs().max(plus).max(minus)) {
             -2..5 => 0,
             exponent => exponent,

@@ -1,6 +1,6 @@
-//! Colours that colour-blind readers can distinguish (Okabe and Ito, 2008) on a white background.
+//! Colours that colour-blind readers can distinguish on a white background (Okabe and Ito, 2008).
 
-/// Opaque sRGB colour.
+/// Opaque sRGB colour: red, green and blue from 0 to 255.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Colour(pub u8, pub u8, pub u8);
 
@@ -10,32 +10,32 @@ impl std::fmt::Display for Colour {
     }
 }
 
-/// Text and data points.
+/// Colour of text and data points.
 pub const INK: Colour = Colour(0x1f, 0x23, 0x28);
-/// Axis lines and ticks.
+/// Colour of axis lines and ticks.
 pub const AXIS: Colour = Colour(0x4a, 0x50, 0x57);
-/// Secondary text.
+/// Colour of secondary text.
 pub const MUTED: Colour = Colour(0x6b, 0x72, 0x7a);
-/// Grid lines.
+/// Colour of grid lines.
 pub const GRID: Colour = Colour(0xe4, 0xe7, 0xea);
-/// Background.
+/// Colour of the background.
 pub const WHITE: Colour = Colour(0xff, 0xff, 0xff);
-/// First series.
+/// Colour of the first series.
 pub const BLUE: Colour = Colour(0x00, 0x72, 0xb2);
-/// Second series; reference values.
+/// Colour of the second series, and of reference values.
 pub const VERMILLION: Colour = Colour(0xd5, 0x5e, 0x00);
-/// Third series.
+/// Colour of the third series.
 pub const GREEN: Colour = Colour(0x00, 0x9e, 0x73);
-/// Fourth series.
+/// Colour of the fourth series.
 pub const PURPLE: Colour = Colour(0xcc, 0x79, 0xa7);
-/// Fifth series.
+/// Colour of the fifth series.
 pub const ORANGE: Colour = Colour(0xe6, 0x9f, 0x00);
-/// Sixth series.
+/// Colour of the sixth series.
 pub const SKY: Colour = Colour(0x56, 0xb4, 0xe9);
 
 const SERIES: [Colour; 6] = [BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY];
 
-/// Colour of series `index`, counted from 0; repeats after six.
+/// Colour of the series `index`, counted from 0. Colours repeat after six series.
 pub fn series(index: usize) -> Colour {
     SERIES[index % SERIES.len()]
 }

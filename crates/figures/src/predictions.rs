@@ -1,23 +1,23 @@
-//! Predictions of a revision for every row, as a table: the numbers behind its figure.
+//! Predictions of a revision for every row, as a CSV table. The table contains the numbers that the predictive figure shows.
 
 use std::path::Path;
 
 use base::error::{Error, InputPlace, Result};
 use base::files::{self, Content, stream_atomically};
 
-/// Columns of quantiles, from low to high.
+/// Names of the columns of quantiles, from the lowest to the highest.
 const QUANTILES: [&str; 5] = ["q05_um", "q25_um", "median_um", "q75_um", "q95_um"];
 
-/// Predictions of rows, including noise.
+/// Predicted positions of a record's rows, including noise.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Predictions {
     /// Time of each row, in s.
     pub time_s: Vec<f64>,
-    /// Quantiles 0.05, 0.25, 0.5, 0.75 and 0.95 of the position, in µm; each list has one value per row.
+    /// Quantiles 0.05, 0.25, 0.5, 0.75 and 0.95 of the position, in µm. Each list has one value per row.
     pub quantiles_um: [Vec<f64>; 5],
 }
 
-/// Writes predictions as CSV.
+/// Writes predictions as a CSV file.
 ///
 /// # Errors
 /// [`Error::File`] if the operating system refuses.
@@ -27,7 +27,7 @@ pub fn write_predictions(path: &Path, predictions: &Predictions) -> Result<()> {
         for (row, time_s) in predictions.time_s.iter().enumerate() {
             write!(out, "{time_s:?}")?;
             for quantile in &predictions.quantiles_um {
-                // A thousandth of a nanometre is far below the resolution of any tracker.
+                // Six decimals of a µm are sufficient: a thousandth of a nanometre is far below the resolution of any tracker.
                 write!(out, ",{:.6}", quantile[row])?;
             }
             writeln!(out)?;
@@ -36,7 +36,7 @@ pub fn write_predictions(path: &Path, predictions: &Predictions) -> Result<()> {
     })
 }
 
-/// Reads a file of [`write_predictions`].
+/// Reads a CSV file that [`write_predictions`] has written.
 ///
 /// # Errors
 /// [`Error::Input`] with the line that is not a valid row.

@@ -1,4 +1,4 @@
-//! Predictive figure: force above, measurement over predictive bands, residuals below.
+//! Predictive figure: the force above, then the measured positions over predictive bands, and the residuals below.
 
 use super::axes::{Axes, AxisStyle, TICK_SIZE_PX, note, title, widest_y_number_px};
 use super::density::{quantile_of_sorted, sorted};
@@ -16,64 +16,64 @@ const MAIN_HEIGHT_PX: f64 = 330.0;
 const FORCE_HEIGHT_PX: f64 = 62.0;
 const RESIDUAL_HEIGHT_PX: f64 = 120.0;
 const GAP_PX: f64 = 12.0;
-/// Half width of a central 90 % interval of a normal distribution, in standard deviations.
+/// Half-width of the central 90 % interval of a normal distribution, in standard deviations.
 const NORMAL_90: f64 = 1.6449;
-/// Length of a gap in usual intervals between rows, above which lines are interrupted.
+/// Lines are interrupted at gaps between rows that are longer than this number of usual intervals.
 const GAP_INTERVALS: f64 = 8.0;
 
 /// Use of a cycle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum CycleKind {
-    /// Fitted.
+    /// The cycle is fitted.
     Calibration,
-    /// Held out.
+    /// The cycle is held out.
     HeldOut,
-    /// Not used.
+    /// The cycle is neither fitted nor held out.
     Unused,
 }
 
-/// One cycle of the protocol.
+/// Time interval and use of one cycle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CycleSpan {
-    /// Number in the experiment's file.
+    /// Number of the cycle in the experiment's file.
     pub cycle: i64,
-    /// Time of its first row, in s.
+    /// Time of the cycle's first row, in s.
     pub start_s: f64,
-    /// Time of its last row, or of the next cycle's first row, in s.
+    /// End of the cycle in s: time of its last row, or of the next cycle's first row.
     pub end_s: f64,
-    /// Use of the cycle.
+    /// Use of the cycle: fitted, held out or unused.
     pub kind: CycleKind,
 }
 
-/// Limits of a central band, one value per row; not finite for rows without a prediction.
+/// Lower and upper limits of a central predictive band. Each has one value per row, which is not finite for rows without a prediction.
 #[derive(Debug, Clone, Copy)]
 pub struct Band<'a> {
-    /// Lower limit.
+    /// Lower limit at each row.
     pub lower: &'a [f64],
-    /// Upper limit.
+    /// Upper limit at each row.
     pub upper: &'a [f64],
 }
 
-/// Content of the predictive figure; all slices have one value for each row of the measurement.
+/// Content of the predictive figure. All slices with one value per row have equal lengths.
 #[derive(Debug, Clone, Copy)]
 pub struct PredictiveData<'a> {
-    /// Title, such as the specimen's name.
+    /// Title of the figure, such as the specimen's name.
     pub title: &'a str,
     /// Time of each row, in s.
     pub time_s: &'a [f64],
-    /// Measured position; `None` if tracking was lost.
+    /// Measured position of each row, in µm; `None` if tracking was lost.
     pub position_um: &'a [Option<f64>],
-    /// Commanded force, which holds until the next row.
+    /// Commanded force at each row, in µN. It stays constant until the next row.
     pub force_un: &'a [f64],
-    /// Predictive median.
+    /// Median of the predicted position at each row, in µm.
     pub median_um: &'a [f64],
-    /// Central 50 % predictive band.
+    /// Central 50 % predictive band, in µm.
     pub band_50_um: Band<'a>,
-    /// Central 90 % predictive band.
+    /// Central 90 % predictive band, in µm.
     pub band_90_um: Band<'a>,
     /// Cycles, in order of time.
     pub cycles: &'a [CycleSpan],
-    /// Standard deviation of the noise that residuals are compared with, and its origin, such as `known noise`.
+    /// Noise standard deviation (µm) that residuals are compared with, and its source, such as `known noise`; `None` if it is unknown.
     pub noise: Option<(f64, &'a str)>,
 }
 
@@ -96,7 +96,7 @@ pub fn predictive(data: &PredictiveData) -> Result<Svg> {
         top += height + gap;
         frame
     };
-    // The strip above the force shows the names of the cycles.
+    // The strip above the force contains the names of the cycles.
     let strip = frame(18.0, 0.0);
     let time = scales.time;
     let panels = Panels {
@@ -180,7 +180,7 @@ impl PredictiveScales {
     }
 }
 
-/// Force in µN, nN or pN, whichever gives numbers near one, with its axis label.
+/// Converts the force to µN, nN or pN, whichever gives numbers near one. Returns the axis label and the converted values.
 fn force_in_readable_unit(force_un: &[f64]) -> (String, Vec<f64>) {
     let largest = force_un.iter().map(|f| f.abs()).filter(|f| f.is_finite()).fold(0.0, f64::max);
     let (unit, factor) = match largest {
@@ -222,7 +222,7 @@ enum CycleNames {
 }
 
 impl CycleNames {
-    /// Longest form that fits into the narrowest cycle.
+    /// Longest kind of name that fits into the narrowest cycle.
     fn fitting(cycles: &[CycleSpan], time: &AxisScale, width_px: f64) -> Self {
         let span_px = |c: &CycleSpan| (time.fraction(c.end_s) - time.fraction(c.start_s)) * width_px;
         let narrowest = cycles.iter().map(span_px).fold(f64::INFINITY, f64::min);
@@ -245,7 +245,7 @@ impl CycleNames {
     }
 }
 
-/// Draws the strip above the force with the names of the cycles.
+/// Draws the strip above the force, with the names of the cycles.
 fn cycle_strip(svg: &mut Svg, cycles: &[CycleSpan], axes: &Axes, strip: Rect, names: CycleNames) {
     for cycle in cycles {
         let (left, right) = (axes.x_px(cycle.start_s), axes.x_px(cycle.end_s));
@@ -258,7 +258,7 @@ fn cycle_strip(svg: &mut Svg, cycles: &[CycleSpan], axes: &Axes, strip: Rect, na
     }
 }
 
-/// Times and curves with a break at every gap between rows.
+/// Times and values of curves, interrupted at every gap between rows.
 struct Lines {
     time_s: Vec<f64>,
     rows: Vec<Option<usize>>,
@@ -303,11 +303,11 @@ impl Panels {
         }
     }
 
-    /// Draws the force as steps, because it holds from row to row.
+    /// Draws the force as a staircase, because it stays constant from row to row.
     fn draw_force(&self, svg: &mut Svg, data: &PredictiveData, force: &[f64]) {
         let (mut time, mut steps): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
         for (i, &value) in force.iter().enumerate() {
-            // Rows of equal force need no corner between them.
+            // Between rows of equal force the staircase has no corner.
             if i > 0 && i + 1 < force.len() && value == force[i - 1] {
                 continue;
             }
@@ -330,12 +330,12 @@ impl Panels {
             draw_bands(svg, &self.main, data, lines, &vec![0.0; data.time_s.len()]);
             let points = data.time_s.iter().zip(data.position_um).map(|(t, p)| (*t, p.unwrap_or(f64::NAN)));
             self.main.scatter(svg, points, INK, dot_diameter_px(data), 0.75);
-            // The median is drawn above the dots, because dense dots would hide it.
+            // The median is drawn above the dots. Otherwise dense dots would hide it.
             self.main.line(svg, &lines.time_s, &lines.of(data.median_um), Stroke::solid(BLUE, 1.3));
         });
     }
 
-    /// Draws all curves relative to the median, so that bands are visible that are thin compared with the motion.
+    /// Draws dots and bands relative to the predictive median. Bands are then visible even if they are thin compared with the motion.
     fn draw_residuals(&self, svg: &mut Svg, data: &PredictiveData, lines: &Lines) {
         let residuals = residuals(data);
         svg.clipped(self.residual.frame, |svg| {
@@ -362,7 +362,7 @@ fn noise_stroke() -> Stroke {
     Stroke::solid(VERMILLION, 1.5).dashed(6.0, 4.0)
 }
 
-/// Draws both bands, relative to a curve with one value per row.
+/// Draws both bands relative to a curve, which has one value per row.
 fn draw_bands(svg: &mut Svg, axes: &Axes, data: &PredictiveData, lines: &Lines, relative_to: &[f64]) {
     let relative = |values: &[f64]| values.iter().zip(relative_to).map(|(v, base)| v - base).collect::<Vec<f64>>();
     for (band, opacity) in [(data.band_90_um, 0.22), (data.band_50_um, 0.36)] {
@@ -371,10 +371,10 @@ fn draw_bands(svg: &mut Svg, axes: &Axes, data: &PredictiveData, lines: &Lines, 
     }
 }
 
-/// Root mean square residual about the median, over the cycles with this use.
+/// Root mean square residual (µm) about the predictive median over the cycles of one kind, with the kind's name; `None` without such cycles.
 fn score(data: &PredictiveData, residuals: &[f64], kind: CycleKind) -> Option<(f64, &'static str)> {
     let name = if kind == CycleKind::Calibration { "fitted" } else { "held-out" };
-    // A row at the boundary of two cycles belongs to the later one.
+    // A row at the boundary of two cycles belongs to the later cycle.
     let cycle_at = |time: f64| {
         let begun = data.cycles.partition_point(|c| c.start_s <= time);
         data.cycles[..begun].last().filter(|c| time <= c.end_s)
@@ -385,13 +385,13 @@ fn score(data: &PredictiveData, residuals: &[f64], kind: CycleKind) -> Option<(f
     (!squares.is_empty()).then(|| ((squares.iter().sum::<f64>() / squares.len() as f64).sqrt(), name))
 }
 
-/// Diameter of dots, smaller if there are many.
+/// Diameter of the dots in pixels. It is smaller if there are many.
 fn dot_diameter_px(data: &PredictiveData) -> f64 {
     let spacing = WIDTH_PX / data.time_s.len() as f64;
     (2.2 * spacing).clamp(1.5, 3.6)
 }
 
-/// Entries of the legend. It explains the colours of cycles if the strip above the force has no room for names.
+/// Entries of the legend. They explain the colours of cycles if the strip above the force has no room for names.
 fn entries(data: &PredictiveData, names: CycleNames) -> Vec<Entry> {
     let mut entries = vec![
         Entry::new(Mark::Dot(INK, 3.6), "measured"),

@@ -40,7 +40,7 @@ fn lost_rows_have_no_dot_and_residuals_are_scored() {
     let rows = rows(70, 0.1);
     let cycles = [CycleSpan { cycle: 1, start_s: 0.0, end_s: 7.0, kind: CycleKind::Calibration }];
     let document = predictive(&data(&rows, &cycles)).unwrap().document();
-    // There are 60 positions, each drawn over the bands and as a residual.
+    // There are 60 positions. Each has one dot over the bands and one among the residuals.
     assert_eq!(document.matches("h0").count(), 120);
     assert!(document.contains("fitted RMSE 3.0 µm"), "every residual is 3 µm");
     assert!(document.contains("σ = 4.0 µm") && document.contains("cycle 1: fitted"));

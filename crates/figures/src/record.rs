@@ -1,4 +1,4 @@
-//! Raw record: force and position against time, starts of cycles, and motion across the line of motion.
+//! Figure of a raw record: force and position against time, starts of cycles, and the position across the line of motion.
 
 use super::axes::{Axes, AxisStyle, title_with_text};
 use super::legend::{self, Entry, Mark};
@@ -13,25 +13,25 @@ const FORCE_PX: f64 = 150.0;
 const POSITION_PX: f64 = 320.0;
 const LEFT_PX: f64 = 86.0;
 const DOT_PX: f64 = 3.2;
-/// Margin around the values, as a fraction of their range.
+/// Margin above and below the values, as a fraction of their range.
 const MARGIN: f64 = 0.05;
 /// Number of micro-units in an SI unit.
 const MICRO: f64 = 1e6;
 
-/// Record to draw; all rows in SI units, slices of one length.
+/// Record to draw, in SI units. All slices have one value per row, except an empty `lateral_m`.
 #[derive(Debug, Clone, Copy)]
 pub struct RawRecord<'a> {
     /// Times in s.
     pub time_s: &'a [f64],
-    /// Force in N.
+    /// Commanded force at each row, in N.
     pub force_n: &'a [f64],
-    /// True if the force is linear between rows, false if it holds.
+    /// True if the force varies linearly between rows, false if it stays constant until the next row.
     pub is_linear: bool,
-    /// Positions in m; `None` if tracking was lost.
+    /// Position at each row, in m; `None` if tracking was lost.
     pub position_m: &'a [Option<f64>],
-    /// Positions across the line of motion, in m; empty if there was one coordinate.
+    /// Position across the line of motion at each row, in m. Empty if the table has a single coordinate.
     pub lateral_m: &'a [Option<f64>],
-    /// Cycle of each row.
+    /// Cycle number of each row.
     pub cycle: &'a [u32],
 }
 
@@ -82,7 +82,7 @@ fn check(record: &RawRecord) -> Result<()> {
     Err(Error::input(place, "no rows, or columns of different lengths", "give every row all of its values"))
 }
 
-/// Times (s) and forces (µN) at the corners of the force's line.
+/// Times (s) and forces (µN) at the corners of the line that shows the force.
 fn forces(record: &RawRecord) -> (Vec<f64>, Vec<f64>) {
     let (mut time_s, mut force_un) = (Vec::new(), Vec::new());
     for (row, (t, force_n)) in record.time_s.iter().zip(record.force_n).enumerate() {
@@ -96,7 +96,7 @@ fn forces(record: &RawRecord) -> (Vec<f64>, Vec<f64>) {
     (time_s, force_un)
 }
 
-/// Start times of all cycles except the first.
+/// Start times (s) of all cycles except the first.
 fn starts_s(record: &RawRecord) -> Vec<f64> {
     let rows = 1..record.cycle.len();
     rows.filter(|row| record.cycle[*row] != record.cycle[row - 1]).map(|row| record.time_s[row]).collect()

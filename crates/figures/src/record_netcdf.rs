@@ -1,72 +1,72 @@
-//! Groups of an ArviZ file for the rows of a record: `constant_data`, `observed_data`, `log_likelihood`, `posterior_predictive`, `prior`,
-//! `prior_predictive`. The coordinate `row` counts the record's rows from 0 in every group, so that groups with fewer rows can be aligned.
+//! Groups of an ArviZ file for the rows of a record: `constant_data`, `observed_data`, `log_likelihood`, `posterior_predictive`, `prior` and
+//! `prior_predictive`. In every group the coordinate `row` counts the record's rows from 0. Groups with fewer rows can therefore be aligned.
 
 use netcdf_writer::NcFileBuilder;
 
 use super::netcdf_file::{NcResult, add_coordinate, add_draws, add_unit, attribute, describe};
 
-/// Column with one number per row.
+/// A quantity with one value per row.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RowColumn<'a> {
-    /// Name, such as `position_um`.
+    /// Name of the variable, such as `position_um`.
     pub name: &'a str,
-    /// Unit; empty for none.
+    /// Unit of the values; empty for none.
     pub unit: &'a str,
     /// Values, one per row.
     pub values: Vec<f64>,
 }
 
-/// Draws of one number per row.
+/// A quantity with one value per draw and row.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DrawnRows<'a> {
-    /// Group, such as `log_likelihood`.
+    /// Name of the group, such as `log_likelihood`.
     pub group: &'a str,
-    /// Variable, equal to that of the observed data.
+    /// Name of the variable. It equals that of the observed data.
     pub name: &'a str,
-    /// Unit; empty for none.
+    /// Unit of the values; empty for none.
     pub unit: &'a str,
-    /// Note for readers.
+    /// Note that describes the group for readers.
     pub note: String,
     /// Number of chains.
     pub n_chains: usize,
-    /// Labels of the draws of a chain: their positions in `posterior`.
+    /// Labels of the draws of each chain: their positions along `draw` in the group `posterior`.
     pub draws: Vec<i64>,
-    /// Rows of the record.
+    /// Indices of the rows in the record, from 0.
     pub rows: Vec<i64>,
-    /// Shape `[chain][draw][row]`, the last index fastest.
+    /// Values, of shape `[chain][draw][row]`, the last index fastest.
     pub values: Vec<f64>,
 }
 
-/// Draws from the prior, in one chain.
+/// Draws of the parameters from the prior, in one chain.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PriorDraws {
-    /// Names of the parameters.
+    /// Name of each parameter.
     pub names: Vec<String>,
-    /// Units of the parameters.
+    /// Unit of each parameter.
     pub units: Vec<String>,
-    /// Draws, one list per parameter, all of equal length.
+    /// Draws of each parameter. All lists have equal lengths.
     pub columns: Vec<Vec<f64>>,
-    /// Note for readers.
+    /// Note that describes the group for readers.
     pub note: String,
 }
 
-/// Data for the rows of a record; empty parts are omitted.
+/// Data of a record's rows for the ArviZ file. Groups without data are omitted.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct RecordGroups<'a> {
-    /// Known quantities of every row.
+    /// Known quantities at every row of the record, such as the force.
     pub constant: Vec<RowColumn<'a>>,
-    /// Rows with a position.
+    /// Indices of the rows with a measured position, from 0.
     pub observed_rows: Vec<i64>,
-    /// Measurements in these rows.
+    /// Measurements at these rows.
     pub observed: Vec<RowColumn<'a>>,
-    /// Draws from the prior.
+    /// Draws of the parameters from the prior; `None` for none.
     pub prior: Option<PriorDraws>,
-    /// Log-likelihoods and predictions.
+    /// Log likelihoods, posterior predictions and prior predictions.
     pub drawn: Vec<DrawnRows<'a>>,
 }
 
 impl RecordGroups<'_> {
-    /// Checks the sizes. The error says which lengths do not match.
+    /// Checks that all lengths agree. The error says which lengths do not.
     pub(super) fn check(&self) -> Result<(), String> {
         let n_rows = self.constant.first().map_or(0, |row_column| row_column.values.len());
         let uneven = |list: &[RowColumn], n: usize| list.iter().any(|row_column| row_column.values.len() != n);

@@ -1,9 +1,9 @@
-//! Rung of a ladder, for tests of modules that make or draw ladders.
+//! Makes a rung of a ladder for the tests of several modules.
 
 use documents::ladder::{LadderParameter, LadderRow};
 use documents::posterior::ModelSummary;
 
-/// Rung with one parameter of the law.
+/// Row of a ladder for the revision `revision`, which extends the revision `from`. It has one parameter of the law and the held-out error `heldout_um` (µm).
 pub(crate) fn make_rung(revision: &str, from: Option<&str>, effects: &[&str], heldout_um: Option<f64>) -> LadderRow {
     let effects: Vec<String> = effects.iter().map(|slug| slug.to_string()).collect();
     let spread = |name: &str, median: f64| LadderParameter {

@@ -1,4 +1,4 @@
-//! Trajectories of robots of several shapes: one panel per size rule, beside the bodies drawn to one scale.
+//! Figure of a shape study: trajectories of robots of several shapes, with one panel per size rule. The bodies are drawn to scale beside them.
 
 use std::f64::consts::PI;
 
@@ -23,57 +23,57 @@ const BODY_GAP_PX: f64 = 12.0;
 const LONGEST_BAR_PX: f64 = 60.0;
 const BAND_OPACITY: f64 = 0.16;
 
-/// Outline of a body in the plane of its axis and the force; the force points to the right.
+/// Outline of a body in the plane that contains its axis and the force. The force points to the right.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Outline {
-    /// Length along the force, in mm.
+    /// Extent along the force, in mm.
     pub width_mm: f64,
-    /// Length across the force, in mm.
+    /// Extent across the force, in mm.
     pub height_mm: f64,
     /// True for an ellipse, false for a rectangle.
     pub is_round: bool,
 }
 
-/// Trajectory of a body.
+/// Trajectory of a body, with its uncertainty.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ShapeCurve {
     /// Name of the body.
     pub label: String,
-    /// Its colour.
+    /// Colour of the body and its trajectory.
     pub colour: Colour,
-    /// True for a dashed line.
+    /// True if the trajectory is a dashed line.
     pub is_dashed: bool,
-    /// 5 % quantile at every time, in µm.
+    /// 5 % quantile of the position at every time, in µm.
     pub lower_um: Vec<f64>,
-    /// Median, in µm.
+    /// Median of the position at every time, in µm.
     pub median_um: Vec<f64>,
-    /// 95 % quantile, in µm.
+    /// 95 % quantile of the position at every time, in µm.
     pub upper_um: Vec<f64>,
     /// Outline of the body.
     pub outline: Outline,
 }
 
-/// Bodies under one size rule.
+/// Panel with the bodies that one size rule defines.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ShapesPanel {
-    /// Name of the rule.
+    /// Name of the size rule.
     pub title: String,
-    /// Bodies.
+    /// Trajectories of the bodies.
     pub curves: Vec<ShapeCurve>,
 }
 
-/// Content of the figure.
+/// Content of the figure of a shape study: title, times, and one panel per size rule.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ShapesFigure<'a> {
-    /// Title.
+    /// Title of the figure.
     pub title: String,
-    /// Times, in s.
+    /// Times of all trajectories, in s.
     pub time_s: &'a [f64],
-    /// Panels below each other.
+    /// Panels, from top to bottom.
     pub panels: Vec<ShapesPanel>,
 }
 
-/// Draws the figure.
+/// Draws the figure of a shape study.
 ///
 /// # Errors
 /// [`Error::Input`] for no bodies, or curves that are not finite or not as long as the times.
@@ -150,10 +150,10 @@ fn curves(svg: &mut Svg, axes: &Axes, time_s: &[f64], panel: &ShapesPanel) {
     axes.outline(svg);
 }
 
-/// Minimum height of a body's row.
+/// Minimum height in pixels of the row in which a body is drawn.
 const LEAST_ROW_PX: f64 = TICK_SIZE_PX + 6.0;
 
-/// Largest scale at which a panel's bodies fit beside its curves.
+/// Largest scale (pixels per mm) at which the bodies of a panel fit beside its curves.
 fn px_per_mm(panel: &ShapesPanel) -> f64 {
     let n = panel.curves.len() as f64;
     let widest_mm = panel.curves.iter().map(|curve| curve.outline.width_mm).fold(f64::MIN_POSITIVE, f64::max);
@@ -162,13 +162,13 @@ fn px_per_mm(panel: &ShapesPanel) -> f64 {
     ((BODIES_WIDTH_PX - LABEL_PX - 20.0) / widest_mm).min(free_px / total_mm.max(f64::MIN_POSITIVE))
 }
 
-/// Largest of 1, 2 and 5 times a power of ten that does not exceed a length.
+/// Largest number of the form 1, 2 or 5 times a power of ten that does not exceed `most_mm`.
 fn round_length_mm(most_mm: f64) -> f64 {
     let power = 10_f64.powf(most_mm.log10().floor());
     [5.0, 2.0].map(|digit| digit * power).into_iter().find(|length| *length <= most_mm).unwrap_or(power)
 }
 
-/// Draws each body with its name and line, all to one scale.
+/// Draws each body with its name and a sample of its line. All bodies have one scale.
 fn bodies(svg: &mut Svg, room: Rect, scale: f64, panel: &ShapesPanel) {
     let centre = room.x + LABEL_PX + 0.5 * (room.width - LABEL_PX);
     let mut top = room.y + BODY_GAP_PX;
@@ -227,7 +227,7 @@ mod tests {
         ShapesFigure { title: LONG.into(), time_s, panels }
     }
 
-    /// Round bodies, and slender bodies along and across the force, which determine the scale in different ways.
+    /// Figures of round bodies, and of slender bodies along and across the force, are legible. In each case another size determines the scale.
     #[test]
     fn bodies_of_any_proportion_are_legible() {
         let time_s: Vec<f64> = (0..=20).map(|i| 0.5 * f64::from(i)).collect();

@@ -1,4 +1,4 @@
-//! Singular values of the snapshots: their decay, and the modes that are kept.
+//! Figure of the singular values of snapshots: their decrease, and the modes that the surrogate keeps.
 
 use super::axes::{Axes, AxisStyle, note, title};
 use super::legend::{self, Entry, Mark};
@@ -11,22 +11,22 @@ use base::{Error, Result};
 
 const WIDTH_PX: f64 = 760.0;
 const HEIGHT_PX: f64 = 380.0;
-/// Lower edge of the figure. Values below the rounding error of the decomposition carry no information.
+/// Lower end of the vertical axis. Normalised singular values below the rounding error of the decomposition carry no information.
 const FLOOR: f64 = 1e-17;
 const MOST_MODES: usize = 60;
 
 /// Singular values of one family of snapshots.
 #[derive(Debug, Clone, Copy)]
 pub struct Family<'a> {
-    /// Name, such as `base model` or `Poisson ratio`.
+    /// Name of the family, such as `base model` or `Poisson ratio`.
     pub label: &'a str,
-    /// Singular values, largest first, in any unit, because the figure divides by the first.
+    /// Singular values, largest first. They may have any unit, because the figure divides them by the first.
     pub singular_values: &'a [f64],
-    /// Number of modes kept.
+    /// Number of modes that the surrogate keeps.
     pub n_chosen: usize,
 }
 
-/// Draws the normalised decay of one or several families; kept modes are filled.
+/// Draws the singular values of one or several families, each divided by its first. The dots of kept modes are filled.
 ///
 /// # Errors
 /// [`Error::Input`] for no families, a family without a positive first value, or a tolerance outside (0, 1).
@@ -85,7 +85,7 @@ fn normalised(family: &Family, shown: usize) -> Vec<f64> {
 
 fn draw_family(svg: &mut Svg, axes: &Axes, family: &Family, values: &[f64], index: usize) {
     let colour = series(index);
-    // Families share the first point. Later families have smaller dots, so that each is visible.
+    // The first point of all families coincides. Later families have smaller dots, so that each is visible.
     let radius_px = (5.4 - 1.2 * index as f64).max(2.4);
     let modes: Vec<f64> = (1..=values.len()).map(|k| k as f64).collect();
     axes.line(svg, &modes, values, Stroke::solid(colour, 1.2).opacity(0.6));

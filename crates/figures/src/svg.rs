@@ -1,4 +1,4 @@
-//! Small SVG canvas, and output of a figure as SVG and PNG.
+//! A small SVG canvas. Figures are written as SVG and PNG.
 
 use std::fmt::Write as _;
 use std::path::{Path as FilePath, PathBuf};
@@ -10,18 +10,18 @@ use super::palette::{Colour, INK, WHITE};
 use base::files::{remove_if_there, write_together, xml_text};
 use base::{Error, Result};
 
-/// PNG pixels per SVG unit.
+/// Number of PNG pixels per SVG unit.
 const PNG_SCALE: f32 = 1.5;
 
-/// Position in pixels, x to the right and y downwards.
+/// Position in pixels: x points to the right and y downwards.
 pub type Point = (f64, f64);
 
-/// Axis-parallel rectangle in pixels.
+/// Rectangle in pixels with sides along x and y.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rect {
-    /// Left edge.
+    /// Position of the left edge.
     pub x: f64,
-    /// Upper edge.
+    /// Position of the upper edge.
     pub y: f64,
     /// Width.
     pub width: f64,
@@ -30,15 +30,15 @@ pub struct Rect {
 }
 
 impl Rect {
-    /// Right edge.
+    /// Position of the right edge.
     pub fn right(&self) -> f64 {
         self.x + self.width
     }
-    /// Lower edge.
+    /// Position of the lower edge.
     pub fn bottom(&self) -> f64 {
         self.y + self.height
     }
-    /// Intersection with another rectangle.
+    /// Intersection of two rectangles.
     fn common(&self, other: Self) -> Self {
         let (x, y) = (self.x.max(other.x), self.y.max(other.y));
         let (right, bottom) = (self.right().min(other.right()), self.bottom().min(other.bottom()));
@@ -46,7 +46,7 @@ impl Rect {
     }
 }
 
-/// Style of a line.
+/// Style of a line: colour, width, opacity and dashes.
 #[derive(Debug, Clone, Copy)]
 pub struct Stroke {
     /// Colour.
@@ -60,21 +60,21 @@ pub struct Stroke {
 }
 
 impl Stroke {
-    /// Solid opaque line.
+    /// Style of a solid, opaque line.
     pub fn solid(colour: Colour, width_px: f64) -> Self {
         Self { colour, width_px, opacity: 1.0, dash: None }
     }
-    /// Returns the line, dashed.
+    /// Returns the style with dashes and gaps of these lengths.
     pub fn dashed(self, dash_px: f64, gap_px: f64) -> Self {
         Self { dash: Some((dash_px, gap_px)), ..self }
     }
-    /// Returns the line with another opacity.
+    /// Returns the style with another opacity.
     pub fn opacity(self, opacity: f64) -> Self {
         Self { opacity, ..self }
     }
 }
 
-/// Style of an area.
+/// Style of an area: colour and opacity.
 #[derive(Debug, Clone, Copy)]
 pub struct Fill {
     /// Colour.
@@ -84,7 +84,7 @@ pub struct Fill {
 }
 
 impl Fill {
-    /// Fill with this opacity.
+    /// Fill with this colour and opacity.
     pub fn new(colour: Colour, opacity: f64) -> Self {
         Self { colour, opacity }
     }
@@ -93,9 +93,9 @@ impl Fill {
 /// Fill and outline of a shape.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Style {
-    /// Fill, if any.
+    /// Fill; `None` for none.
     pub fill: Option<Fill>,
-    /// Outline, if any.
+    /// Outline; `None` for none.
     pub stroke: Option<Stroke>,
 }
 
@@ -110,36 +110,36 @@ impl From<Fill> for Style {
     }
 }
 
-/// Point of a text that lies at its position.
+/// Point of a text that lies at its given position.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Anchor {
-    /// Left end.
+    /// The left end.
     Start,
-    /// Middle.
+    /// The middle.
     Middle,
-    /// Right end.
+    /// The right end.
     End,
 }
 
-/// Style of text.
+/// Style of text: size, colour, anchor and direction.
 #[derive(Debug, Clone, Copy)]
 pub struct TextStyle {
     /// Font size in pixels.
     pub size_px: f64,
     /// Colour.
     pub colour: Colour,
-    /// Point of the baseline that lies at the position.
+    /// Point of the baseline that lies at the text's position.
     pub anchor: Anchor,
-    /// True for text that runs upwards instead of to the right.
+    /// True for text that runs upwards, false for text that runs to the right.
     pub upwards: bool,
 }
 
 impl TextStyle {
-    /// Horizontal text in the default colour.
+    /// Style of horizontal text in the default colour.
     pub fn new(size_px: f64, anchor: Anchor) -> Self {
         Self { size_px, colour: INK, anchor, upwards: false }
     }
-    /// Returns the style in another colour.
+    /// Returns the style with another colour.
     pub fn colour(self, colour: Colour) -> Self {
         Self { colour, ..self }
     }
@@ -149,7 +149,7 @@ impl TextStyle {
     }
 }
 
-/// Outline under construction, with any number of open or closed pieces.
+/// Path that is being built. It consists of any number of open or closed lines.
 #[derive(Debug, Clone, Default)]
 pub struct Path {
     text: String,
@@ -157,29 +157,29 @@ pub struct Path {
 }
 
 impl Path {
-    /// Starts a new piece.
+    /// Starts a new line of the path.
     pub fn move_to(&mut self, at: Point) {
         let _ = write!(self.text, "M{} {}", Px(at.0), Px(at.1));
         self.outline.move_to(Px(at.0).shown(), Px(at.1).shown());
     }
-    /// Continues the piece by a straight line.
+    /// Continues the current line to `at`, straight.
     pub fn line_to(&mut self, at: Point) {
         let _ = write!(self.text, "L{} {}", Px(at.0), Px(at.1));
         self.outline.line_to(Px(at.0).shown(), Px(at.1).shown());
     }
-    /// Closes the piece.
+    /// Closes the current line by a segment to its start.
     pub fn close(&mut self) {
         self.text.push('Z');
         self.outline.close();
     }
-    /// Adds a dot: a stroke of zero length with round caps.
+    /// Adds a dot: a line of zero length, which round caps make visible.
     pub fn dot(&mut self, at: Point) {
         let (x, y) = (Px(at.0).drawable(), Px(at.1).drawable());
         let _ = write!(self.text, "M{x:.1} {y:.1}h0");
         self.outline.move_to(x as f32, y as f32);
         self.outline.line_to(x as f32, y as f32);
     }
-    /// Appends a polyline, closed if requested.
+    /// Adds a polyline through the points, closed if `closed` is true.
     pub fn polyline(&mut self, points: impl IntoIterator<Item = Point>, closed: bool) {
         let mut first = true;
         for point in points {
@@ -194,27 +194,26 @@ impl Path {
             self.close();
         }
     }
-    /// Returns true if nothing has been drawn.
+    /// Returns true if the path contains nothing.
     pub fn is_empty(&self) -> bool {
         self.text.is_empty()
     }
 }
 
-/// Drawing. Its text is deterministic: coordinates have at most two decimals and there are no identifiers, so that several
-/// drawings fit into one HTML page.
+/// A drawing. Its text is deterministic. Coordinates have at most two decimals. There are no identifiers, so several drawings fit into one HTML page.
 #[derive(Debug, Clone)]
 pub struct Svg {
     width_px: f64,
     height_px: f64,
     description: String,
     body: String,
-    /// Shapes of `body`, for the PNG.
+    /// Shapes of `body`, which the PNG is drawn from.
     shapes: Vec<SvgShape>,
-    /// Clipping window of new shapes.
+    /// Window to which new shapes are clipped; `None` for no clipping.
     window: Option<Rect>,
 }
 
-/// Shape of a drawing.
+/// Shape of a drawing, for the PNG.
 #[derive(Debug, Clone)]
 struct SvgShape {
     outline: tiny_skia::Path,
@@ -235,7 +234,7 @@ impl SvgShape {
         if let Some(Fill { colour, opacity }) = self.style.fill {
             pixels.fill_path(&self.outline, &paint(colour, opacity), self.rule, scale, mask);
         }
-        // A width of 0 is a hairline in the rasteriser, but invisible in SVG.
+        // A line of width 0 is invisible in SVG. The rasteriser would draw it as a thin line.
         if let Some(Stroke { colour, width_px, opacity, dash }) =
             self.style.stroke.filter(|s| Px(s.width_px).shown() > 0.0)
         {
@@ -252,16 +251,16 @@ impl SvgShape {
 }
 
 impl Svg {
-    /// Creates an empty white canvas. Screen readers read the description.
+    /// Creates an empty white drawing. Screen readers read the description.
     pub fn new(width_px: f64, height_px: f64, description: &str) -> Self {
         let (description, body) = (description.to_owned(), String::new());
         Self { width_px, height_px, description, body, shapes: Vec::new(), window: None }
     }
-    /// Width in SVG units.
+    /// Width of the drawing in SVG units.
     pub fn width_px(&self) -> f64 {
         self.width_px
     }
-    /// Height in SVG units.
+    /// Height of the drawing in SVG units.
     pub fn height_px(&self) -> f64 {
         self.height_px
     }
@@ -271,7 +270,7 @@ impl Svg {
         path.polyline([from, to], false);
         self.path(&path, stroke);
     }
-    /// Draws an outline. Filled areas use the even-odd rule, so that loops within loops are holes.
+    /// Draws a path. Areas are filled by the even-odd rule, so a loop inside a loop is a hole.
     pub fn path(&mut self, path: &Path, style: impl Into<Style>) {
         if !path.is_empty() {
             let style = style.into();
@@ -280,7 +279,7 @@ impl Svg {
             self.push(path.outline.clone().finish(), style, FillRule::EvenOdd, LineCap::Butt);
         }
     }
-    /// Draws dots of one size as one element, from a path of [`Path::dot`].
+    /// Draws dots of equal size as one SVG element. The path consists of [`Path::dot`]s.
     pub fn dots(&mut self, dots: &Path, colour: Colour, diameter_px: f64, opacity: f64) {
         if !dots.is_empty() {
             let stroke = Stroke::solid(colour, diameter_px).opacity(opacity);
@@ -306,7 +305,7 @@ impl Svg {
         self.push(outline, style, FillRule::Winding, LineCap::Butt);
         let _ = writeln!(self.body, "<circle cx=\"{x}\" cy=\"{y}\" r=\"{radius}\"{attributes}/>");
     }
-    /// Draws one line of text whose baseline passes through `at`.
+    /// Draws one line of text. Its baseline passes through `at`.
     pub fn text(&mut self, text: &str, at: Point, style: TextStyle) {
         if text.is_empty() {
             return;
@@ -334,7 +333,7 @@ impl Svg {
             "<text x=\"{x}\" y=\"{y}\" font-size=\"{size}\" fill=\"{colour}\"{anchor}{turn}>{text}</text>"
         );
     }
-    /// Draws only inside `window`. A nested viewport clips without an identifier.
+    /// Draws with the function `draw`, clipped to `window`. In the SVG a nested viewport clips, which needs no identifier.
     pub fn clipped(&mut self, window: Rect, draw: impl FnOnce(&mut Self)) {
         let (x, y, width, height) = (Px(window.x), Px(window.y), Px(window.width), Px(window.height));
         if window.width <= 0.0 || window.height <= 0.0 {
@@ -353,7 +352,7 @@ impl Svg {
     fn push(&mut self, outline: Option<tiny_skia::Path>, style: Style, rule: FillRule, cap: LineCap) {
         self.shapes.extend(outline.map(|outline| SvgShape { outline, style, rule, cap, window: self.window }));
     }
-    /// Text of the whole document.
+    /// Text of the complete SVG document.
     pub fn document(&self) -> String {
         let (width, height, families) = (Px(self.width_px), Px(self.height_px), font::FAMILIES);
         let (title, background) = (xml_text(&self.description), WHITE);
@@ -362,7 +361,7 @@ impl Svg {
             self.body
         )
     }
-    /// Drawing as PNG with 1.5 pixels per unit, with the embedded font.
+    /// Renders the drawing as PNG with the embedded font, with 1.5 pixels per SVG unit.
     ///
     /// # Errors
     /// [`Error::Numerical`] if the drawing is too large for the memory.
@@ -391,17 +390,16 @@ impl Svg {
     }
 }
 
-/// Writes `<stem>.svg` and `<stem>.png` into `dir`, each completely or not at all.
+/// Writes `<stem>.svg` and `<stem>.png` into `dir`. Each file is written completely or not at all.
 ///
 /// # Errors
-/// [`Error::File`] if the directory cannot be written, [`Error::Numerical`] if the PNG cannot be rendered. In the latter case nothing
-/// is written.
+/// [`Error::File`] if the directory cannot be written, [`Error::Numerical`] if the PNG cannot be rendered. In the latter case nothing is written.
 pub fn write_figure(dir: &FilePath, stem: &str, svg: &Svg) -> Result<()> {
     let files = figure_files(dir, stem, svg)?;
     write_together(&files.each_ref().map(|(path, bytes)| (path.as_path(), bytes.as_slice())))
 }
 
-/// Paths and content of `<stem>.svg` and `<stem>.png`, for callers that write them together with other files.
+/// Returns path and content of `<stem>.svg` and `<stem>.png`, for callers that write them together with other files.
 ///
 /// # Errors
 /// [`Error::Numerical`] if the PNG cannot be rendered.
@@ -410,7 +408,7 @@ pub fn figure_files(dir: &FilePath, stem: &str, svg: &Svg) -> Result<[(PathBuf, 
     Ok([(dir.join(format!("{stem}.svg")), svg.document().into_bytes()), (dir.join(format!("{stem}.png")), png)])
 }
 
-/// Removes the files of an earlier [`write_figure`], if they exist.
+/// Removes the files that an earlier [`write_figure`] has written, if they exist.
 ///
 /// # Errors
 /// [`Error::File`] if the directory cannot be written.
@@ -419,26 +417,26 @@ pub fn remove_figure(dir: &FilePath, stem: &str) -> Result<()> {
     remove_if_there(&dir.join(format!("{stem}.png")))
 }
 
-/// Outline of a rectangle, or `None` if it has no area.
+/// Rectangle as a path for the rasteriser; `None` if it has no area.
 fn outline_of(rect: Rect) -> Option<tiny_skia::Path> {
     let [x, y, width, height] = [rect.x, rect.y, rect.width, rect.height].map(|at| Px(at).shown());
     let rect = tiny_skia::Rect::from_xywh(x, y, width, height)?;
     (width > 0.0 && height > 0.0).then(|| PathBuilder::from_rect(rect))
 }
 
-/// Coordinate with at most two decimals.
+/// Coordinate in pixels that is printed with at most two decimals.
 #[derive(Clone, Copy)]
 struct Px(f64);
 
-/// Largest coordinate that is drawn. It is far outside every figure, and within the range of rasterisers.
+/// Largest absolute coordinate that is drawn. It is far outside every figure, and still within the range of rasterisers.
 const FARTHEST_PX: f64 = 20_000.0;
 
 impl Px {
-    /// Value to draw: limited to the largest coordinate, and 0 for NaN.
+    /// Coordinate to draw: limited to the largest one, and 0 for NaN.
     fn drawable(self) -> f64 {
         if self.0.is_nan() { 0.0 } else { self.0.clamp(-FARTHEST_PX, FARTHEST_PX) }
     }
-    /// Value as printed.
+    /// Coordinate as it is printed, for the rasteriser.
     fn shown(self) -> f32 {
         ((self.drawable() * 100.0).round() / 100.0) as f32
     }
@@ -447,7 +445,7 @@ impl Px {
 impl std::fmt::Display for Px {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let hundredths = (Self(self.0).drawable() * 100.0).round();
-        // A value of −0 would print a sign.
+        // A negative zero would be printed with a sign.
         let text = format!("{:.2}", if hundredths == 0.0 { 0.0 } else { hundredths / 100.0 });
         f.write_str(text.trim_end_matches('0').trim_end_matches('.'))
     }

@@ -1,4 +1,4 @@
-//! Oscillation: both moduli against frequency over the predictive band, with residuals below.
+//! Figure of an oscillation: both moduli against frequency over the predictive band, and the residuals below.
 
 use super::axes::{Axes, AxisStyle, title};
 use super::legend::{self, Entry, Mark};
@@ -14,29 +14,29 @@ const RESIDUAL_PX: f64 = 130.0;
 const LEFT_PX: f64 = 86.0;
 const DOT_PX: f64 = 7.0;
 const COLOURS: [Colour; 2] = [BLUE, VERMILLION];
-/// Half width of a 95 % interval, in standard deviations.
+/// Half-width of the central 95 % interval of a normal distribution, in standard deviations.
 const NORMAL_95: f64 = 1.96;
 
-/// Data to draw; rows ascend in frequency.
+/// Measured and predicted moduli to draw. Rows are in order of ascending frequency.
 #[derive(Debug, Clone, Copy)]
 pub struct OscillationFigure<'a> {
-    /// Frequencies of the rows in Hz.
+    /// Frequency of each row, in Hz.
     pub frequency_hz: &'a [f64],
-    /// Measured G′ and G″ of the rows in Pa.
+    /// Measured G′ and G″ of each row, in Pa.
     pub moduli_pa: &'a [[f64; 2]],
     /// True for held-out rows.
     pub is_heldout: &'a [bool],
-    /// Frequencies of the prediction, in Hz; empty without a model.
+    /// Frequencies of the predictions, in Hz; empty without a model.
     pub curve_hz: &'a [f64],
-    /// 5 %, 50 % and 95 % quantiles of the predicted G′ and G″ in Pa at these frequencies, without measurement errors.
+    /// 5 %, 50 % and 95 % quantiles of the predicted G′ and G″ in Pa, at each frequency in `curve_hz`. Measurement errors are not included.
     pub bands_pa: &'a [[[f64; 3]; 2]],
-    /// Residuals of both measured numbers, over their standard deviations; empty without a model.
+    /// Residuals of both measured quantities at each row, divided by their standard deviations; empty without a model.
     pub residuals: &'a [[f64; 2]],
-    /// Names of both numbers of the residuals.
+    /// Names of both measured quantities.
     pub names: [&'a str; 2],
 }
 
-/// Draws an oscillation under a heading.
+/// Draws the figure of an oscillation under a heading.
 ///
 /// # Errors
 /// [`Error::Input`] for an oscillation without rows, or with columns of different lengths.
@@ -106,7 +106,7 @@ fn draw_moduli(svg: &mut Svg, data: &OscillationFigure, main: &Axes) {
     }
 }
 
-/// Draws filled dots for fitted rows and rings for held-out rows. Values without a logarithm are omitted.
+/// Draws a filled dot for each fitted row and a ring for each held-out row. Values without a logarithm are omitted.
 fn dots(svg: &mut Svg, axes: &Axes, points: impl Iterator<Item = (f64, f64)>, is_heldout: &[bool], colour: Colour) {
     for ((x, y), is_heldout) in points.zip(is_heldout) {
         let at = axes.px(x, y);
@@ -120,7 +120,7 @@ fn dots(svg: &mut Svg, axes: &Axes, points: impl Iterator<Item = (f64, f64)>, is
     }
 }
 
-/// Sample of a ring for the legend.
+/// Draws a ring as a sample for the legend.
 fn ring(svg: &mut Svg, place: Rect) {
     let centre = (place.x + 0.5 * place.width, place.y + 0.5 * place.height);
     svg.circle(centre, 0.5 * DOT_PX, Fill::new(MUTED, 1.0));

@@ -1,36 +1,35 @@
-//! Scales from data to an axis, and the round numbers marked on them.
+//! Scales that map values to an axis, and the round numbers that are marked on the axis.
 
 use super::font::text_width_px;
 use super::number;
 
 const ALL_DIGITS: [f64; 9] = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0];
-/// Digits that are labelled in each decade if there are few decades. The first choice with a suitable number of labels is used.
+/// Choices of digits that are labelled in each decade if there are few decades. The first choice with a suitable number of labels is used.
 const DIGITS_OF_A_DECADE: [&[f64]; 4] = [&[1.0, 2.0, 5.0], &ALL_DIGITS, &[1.0, 3.0], &[1.0]];
 
-/// Maximum extension of a logarithmic axis by intervals, as a fraction of its length on either side. The extension always lies between
-/// the two factors.
+/// Intervals may extend a logarithmic axis at each side by the fraction `STRETCH` of its length. The extension is a factor within `STRETCH_FACTORS`.
 const STRETCH: f64 = 0.5;
 const STRETCH_FACTORS: (f64, f64) = (1.25, 5.0);
 
-/// Limits of numbers on an axis; beyond them, or nearer to zero, ratios and powers leave the range of floating-point numbers.
+/// Largest and smallest absolute value on an axis. Outside this range, ratios and powers of values leave the range of floating-point numbers.
 const LARGEST: f64 = 1e290;
 const SMALLEST: f64 = 1e-290;
-/// Smallest ratio of an axis' length to its numbers at which its ends have different labels.
+/// Smallest length of an axis divided by its largest value. On a shorter axis both ends would have equal labels.
 const NARROWEST: f64 = 1e-9;
 
 /// Kind of a scale: linear or logarithmic.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ScaleKind {
-    /// Linear: equal differences have equal lengths.
+    /// Linear scale: equal differences have equal lengths.
     Linear,
-    /// Logarithmic: equal ratios have equal lengths, and both ends are positive.
+    /// Logarithmic scale: equal ratios have equal lengths. Both ends are positive.
     Log10,
 }
 
-/// Range of values along an axis.
+/// Range of values on an axis, and the kind of its scale.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AxisScale {
-    /// Linear or logarithmic.
+    /// Kind of the scale.
     pub kind: ScaleKind,
     /// Value at the start of the axis.
     pub lower: f64,
@@ -38,22 +37,22 @@ pub struct AxisScale {
     pub upper: f64,
 }
 
-/// Marks of an axis.
+/// Marks of an axis with their labels.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Ticks {
-    /// Labelled marks: value and text, which may be empty.
+    /// Marks with a label: value and text. The text may be empty.
     pub major: Vec<(f64, String)>,
-    /// Unlabelled marks between them.
+    /// Values of the marks without a label.
     pub minor: Vec<f64>,
-    /// Factor `×10ⁿ` of all labels; empty if there is none.
+    /// Common factor of all labels, such as `×10ⁿ`; empty if there is none.
     pub factor: String,
 }
 
 impl AxisScale {
-    /// Linear scale. Empty or non-finite ranges are widened so that they can be drawn.
+    /// Linear scale from `lower` to `upper`. A range that is empty or not finite is changed so that it can be drawn.
     pub fn linear(lower: f64, upper: f64) -> Self {
         let (lower, upper) = if lower.is_finite() && upper.is_finite() { (lower, upper) } else { (0.0, 1.0) };
-        // The difference of the limits and its digits must be finite too.
+        // The difference between both ends must be finite, and its digits must be representable.
         let drawable = |value: f64| if value.abs() < SMALLEST { 0.0 } else { value.clamp(-LARGEST, LARGEST) };
         let (lower, upper) = (drawable(lower), drawable(upper));
         let (lower, upper) = if lower <= upper { (lower, upper) } else { (upper, lower) };
@@ -65,7 +64,7 @@ impl AxisScale {
         Self { kind: ScaleKind::Linear, lower: lower - half, upper: upper + half }
     }
 
-    /// Linear scale over the finite `values`, with a margin (a fraction of the range) at both ends.
+    /// Linear scale that includes all finite `values`. A margin, given as a fraction of the range, is added at both ends.
     pub fn over(values: impl IntoIterator<Item = f64>, margin: f64) -> Self {
         let finite = values.into_iter().filter(|value| value.is_finite());
         let (lower, upper) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, u), v| (l.min(v), u.max(v)));
@@ -73,15 +72,15 @@ impl AxisScale {
         Self::linear(lower - pad, upper + pad)
     }
 
-    /// Logarithmic scale. Ends that are not positive are replaced by the smallest number that can be drawn.
+    /// Logarithmic scale from `lower` to `upper`. An end that is not positive is replaced by the smallest number that can be drawn.
     pub fn log10(lower: f64, upper: f64) -> Self {
         let lower = if lower > SMALLEST { lower.min(0.1 * LARGEST) } else { SMALLEST };
         let upper = if upper > lower * (1.0 + NARROWEST) { upper.min(LARGEST) } else { 10.0 * lower };
         Self { kind: ScaleKind::Log10, lower, upper }
     }
 
-    /// Logarithmic scale over positive `estimates`. The extension by `intervals` is limited, because an uninformed one would push
-    /// all others together; `others` count if they lie near enough.
+    /// Logarithmic scale that includes all positive `estimates`. It extends towards the ends of `intervals` only up to a limit, because a single wide interval
+    /// would compress all others. The scale also includes those of the `others` that are near enough.
     pub fn log10_around(
         estimates: impl Iterator<Item = f64>,
         intervals: impl Iterator<Item = f64>,
@@ -103,7 +102,7 @@ impl AxisScale {
         Self::log10((lower - pad).exp(), (upper + pad).exp())
     }
 
-    /// Position of `value` between the start (0) and the end (1) of the axis.
+    /// Position of `value` on the axis: 0 at the start, 1 at the end.
     pub fn fraction(&self, value: f64) -> f64 {
         match self.kind {
             ScaleKind::Linear => (value - self.lower) / (self.upper - self.lower),
@@ -114,7 +113,7 @@ impl AxisScale {
         }
     }
 
-    /// Marks at round numbers, at most `most` of them labelled.
+    /// Returns the marks at round numbers. At most `most` of them have labels.
     pub fn ticks(&self, most: usize) -> Ticks {
         match self.kind {
             ScaleKind::Linear => self.linear_ticks(most.max(2)),
@@ -122,7 +121,8 @@ impl AxisScale {
         }
     }
 
-    /// Marks with labels of `size_px` side by side along `length_px`. Labels neither touch nor extend beyond the axis by more than `overhang_px`.
+    /// Returns marks whose labels are side by side along an axis of `length_px`, with the font size `size_px`. Labels do not touch, and extend beyond the axis
+    /// by at most `overhang_px`.
     pub fn ticks_side_by_side(&self, most: usize, length_px: f64, size_px: f64, overhang_px: f64) -> Ticks {
         let gap_px = 0.9 * size_px;
         let mut ticks = Ticks::default();
@@ -145,7 +145,7 @@ impl AxisScale {
                 return ticks;
             }
         }
-        // If not even two labels fit beside each other, only the first remains.
+        // If not even two labels fit, only the first is written.
         ticks.major.iter_mut().skip(1).for_each(|(_, label)| label.clear());
         ticks
     }
@@ -177,7 +177,7 @@ impl AxisScale {
             let labelled = powers.iter().filter(|&&n| n.rem_euclid(every) == 0);
             labelled.map(|&n| (10f64.powi(n), number::power_of_ten(n)))
         };
-        // Over few decades, powers of ten alone would give an axis with at most two labels.
+        // Over few decades, labels at powers of ten alone would be at most two.
         if powers.len() < 4 {
             let readable = |digits: &[f64]| (2..=most).contains(&of_decades(digits).len());
             let Some(digits) = DIGITS_OF_A_DECADE.into_iter().find(|digits| readable(digits)) else {
@@ -185,7 +185,7 @@ impl AxisScale {
             };
             let exponent = number::factored_exponent(self.upper);
             let label = |value: f64| (value, number::format_significant(value / 10f64.powi(exponent), 1));
-            // Exactly three powers of ten are formatted like a larger number of them.
+            // Labels at exactly three powers of ten have the form that more powers have.
             if powers.len() == 3 && digits.len() == 1 {
                 return Ticks {
                     major: powers_of_ten().collect(),
@@ -204,7 +204,7 @@ impl AxisScale {
     }
 }
 
-/// Smallest step 1, 2 or 5 × 10ⁿ with at most `most` multiples in the range.
+/// Smallest step of 1, 2 or 5 × 10ⁿ that has at most `most` multiples between `lower` and `upper`.
 fn round_step(lower: f64, upper: f64, most: usize) -> f64 {
     let span = upper - lower;
     let mut exponent = number::decimal_exponent(span / most as f64) - 1;
@@ -223,7 +223,7 @@ fn leading_digit(step: f64) -> i64 {
     (step / 10f64.powi(number::decimal_exponent(step * (1.0 + 1e-9)))).round() as i64
 }
 
-/// Multiples of `step` within the range, computed by multiplication to avoid accumulated errors.
+/// Multiples of `step` between `lower` and `upper`. Multiplication avoids the rounding errors that repeated addition accumulates.
 fn multiples(step: f64, lower: f64, upper: f64) -> impl Iterator<Item = f64> {
     let tolerance = 1e-6;
     let (first, last) = ((lower / step - tolerance).ceil(), (upper / step + tolerance).floor());

@@ -1,4 +1,4 @@
-//! Traces and autocorrelation: the motion of the ensembles, and the number of steps per independent draw.
+//! Figure of traces and autocorrelation. It shows the motion of the sampler's ensembles, and how many steps give one independent draw.
 
 use super::axes::{Axes, AxisStyle, title, widest_y_number_px};
 use super::legend::{self, Entry, Mark};
@@ -12,32 +12,32 @@ use base::{Error, Result};
 const WIDTH_PX: f64 = 960.0;
 const ROW_HEIGHT_PX: f64 = 130.0;
 const ROW_GAP_PX: f64 = 16.0;
-/// Part of the width for the autocorrelation.
+/// Fraction of the figure's width for the autocorrelation.
 const AUTOCORRELATION_SHARE: f64 = 0.29;
 
-/// Run of one parameter in one ensemble; slices have one value per step.
+/// Run of one parameter in one ensemble. All slices have one value per step.
 #[derive(Debug, Clone)]
 pub struct EnsembleTrace<'a> {
-    /// Mean over walkers.
+    /// Mean over the walkers at each step.
     pub mean: &'a [f64],
-    /// Lower limit of the band over walkers, such as the 5 % quantile; empty if there is no band.
+    /// Lower limit of the band over the walkers at each step, such as the 5 % quantile. Empty if there is no band.
     pub lower: &'a [f64],
-    /// Upper limit of the band.
+    /// Upper limit of the band over the walkers at each step.
     pub upper: &'a [f64],
-    /// A few single walkers, drawn thin.
+    /// Values of a few single walkers, drawn as thin lines.
     pub walkers: Vec<&'a [f64]>,
 }
 
-/// Row of the figure.
+/// Row of the figure: the runs of one parameter and their autocorrelation.
 #[derive(Debug, Clone)]
 pub struct ParameterTrace<'a> {
     /// Axis label, such as `E (Pa)`.
     pub label: &'a str,
-    /// Ensembles.
+    /// Run of the parameter in each ensemble.
     pub ensembles: Vec<EnsembleTrace<'a>>,
-    /// Autocorrelation of each ensemble, from lag 0 on.
+    /// Autocorrelation of each ensemble's run. The index is the lag in steps, from 0.
     pub autocorrelation: Vec<&'a [f64]>,
-    /// Estimated integrated autocorrelation time, in steps.
+    /// Estimated integrated autocorrelation time, in steps; `None` if it is unknown.
     pub autocorrelation_time_steps: Option<f64>,
 }
 
@@ -106,7 +106,7 @@ fn value_scale(parameter: &ParameterTrace) -> AxisScale {
     AxisScale::over(parameter.ensembles.iter().flat_map(of_ensemble), 0.06)
 }
 
-/// Lags up to five autocorrelation times, because an estimated autocorrelation is only noise beyond.
+/// Scale of lags, up to five autocorrelation times. Beyond, an estimated autocorrelation is only noise.
 fn lag_scale(parameters: &[ParameterTrace]) -> AxisScale {
     let longest = parameters.iter().flat_map(|p| &p.autocorrelation).map(|a| a.len()).max().unwrap_or(0);
     let slowest =
@@ -141,13 +141,13 @@ fn trace_panel(svg: &mut Svg, axes: &Axes, parameter: &ParameterTrace, n_discard
     axes.outline(svg);
 }
 
-/// Number of successive values that share one column of 1.5 pixels.
+/// Number of successive values, of `n`, that are drawn in one column of 1.5 pixels.
 fn columns(axes: &Axes, n: usize) -> usize {
     let n_columns = (axes.frame.width / 1.5) as usize;
     n.div_ceil(n_columns.max(1)).max(1)
 }
 
-/// Draws a line with one point per step, or with the smallest and largest value of each pixel column if there are more steps.
+/// Draws a line with one point per step. If there are more steps than pixel columns, each column shows its smallest and largest value.
 fn series_line(svg: &mut Svg, axes: &Axes, values: &[f64], stroke: Stroke) {
     let every = columns(axes, values.len());
     let (mut x, mut y) = (Vec::new(), Vec::new());
@@ -160,7 +160,8 @@ fn series_line(svg: &mut Svg, axes: &Axes, values: &[f64], stroke: Stroke) {
         }
         let (lower, upper) = extremes(chunk);
         let middle = step + 0.5 * chunk.len() as f64;
-        // A rising column starts from below, a falling one from above, so that neighbours join without a detour.
+        // Where the values rise, a column is drawn from its smallest to its largest value, otherwise the other way round. Neighbouring columns then join
+        // without a detour.
         let rising = chunk.first() <= chunk.last();
         x.extend([middle, middle]);
         y.extend(if rising { [lower, upper] } else { [upper, lower] });
@@ -239,7 +240,7 @@ mod tests {
         let svg = trace(&[parameter(&mean, &autocorrelation)], 0, "").unwrap();
         assert!(svg.document().len() < 100_000, "{}", svg.document().len());
         assert_eq!(svg.document(), trace(&[parameter(&mean, &autocorrelation)], 0, "").unwrap().document());
-        // The single extreme step sets the scale, and is drawn at 6 % of the range below the upper edge.
+        // A single extreme step determines the scale. It is drawn at 6 % of the range below the upper edge.
         let frame_top = 8.0 + 1.6 * 12.0 + 10.0;
         let range = 1.12 * 10.0;
         let y = frame_top + ROW_HEIGHT_PX * (0.06 * 10.0 / range);

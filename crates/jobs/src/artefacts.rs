@@ -1,4 +1,4 @@
-//! The files of a revision: model, surrogate, posterior, draws, figures, timing.
+//! Files of a revision: model, surrogate, posterior, draws, figures and timing.
 
 use figures::labels::model_title;
 use std::path::Path;
@@ -34,19 +34,20 @@ use sampling::diagnostics::autocovariance::autocovariance;
 use sampling::diagnostics::ensembles::walker_averages;
 use sampling::ensemble::SampleOutcome;
 
-/// Directory of a revision that holds copies of effects defined in files. It is separate because an effect may be called `prior`.
+/// Subdirectory of a revision that holds copies of effects from files. It is separate, because an effect may have the name of another file, such as
+/// `prior`.
 const EFFECT_COPIES: &str = "effects";
 
-/// Path of an effect's copy inside a revision.
+/// Path of an effect's copy, relative to the revision's directory.
 pub(super) fn effect_copy(slug: &str) -> String {
     format!("{EFFECT_COPIES}/{slug}.toml")
 }
-/// Key of an imported mesh (its file and unit) among the inputs of a header.
+/// Name under which the inputs in a header list an imported mesh with its unit.
 pub const MESH_INPUT: &str = "mesh";
-/// Number of points on a prior's curve.
+/// Number of points on the curve of a prior's density.
 const PRIOR_POINTS: usize = 400;
 
-/// Writes all files of a revision into `dir`. `header` makes the head of a JSON document of the given kind.
+/// Writes all files of a revision into `dir`. `header` makes the header of a JSON document of a given kind.
 pub fn write(dir: &Path, result: &SampleResult, header: &dyn Fn(&str) -> Provenance) -> Result<()> {
     let problem = &result.model.problem;
     write_model(dir, &problem.specification, &problem.priors)?;
@@ -65,7 +66,8 @@ pub fn write(dir: &Path, result: &SampleResult, header: &dyn Fn(&str) -> Provena
     write_figures(&dir.join("figures"), problem, result, &position_um, &predictions)
 }
 
-/// Writes `model.toml`, with copies of the prior and the effects that come from files. The revision stays complete if those files change or vanish.
+/// Writes `model.toml`, and copies of the prior and the effects that come from files. The revision therefore stays complete if those files change or
+/// disappear.
 pub(crate) fn write_model(dir: &Path, specification: &ModelSpecification, priors: &PriorSet) -> Result<()> {
     let mut specification = specification.clone();
     if !PriorSet::builtin_names().any(|name| name == specification.prior) {
@@ -81,7 +83,7 @@ pub(crate) fn write_model(dir: &Path, specification: &ModelSpecification, priors
     specification.write(&dir.join("model.toml"))
 }
 
-/// Adds the prior and an imported mesh to the input hashes of a header.
+/// Adds the hashes of the prior and of an imported mesh to the inputs in a header.
 pub fn with_inputs(mut header: Provenance, problem: &Problem) -> Provenance {
     if let Some(hash) = problem.finite_elements().and_then(|fe| fe.mesh_file_sha256.clone()) {
         header.inputs_sha256.insert(MESH_INPUT.into(), hash);
@@ -89,7 +91,7 @@ pub fn with_inputs(mut header: Provenance, problem: &Problem) -> Provenance {
     with_prior(header, &problem.priors)
 }
 
-/// Adds the prior to the input hashes of a header.
+/// Adds the hash of the prior to the inputs in a header.
 pub fn with_prior(header: Provenance, priors: &PriorSet) -> Provenance {
     let name = priors.name();
     let is_embedded = PriorSet::builtin_names().any(|embedded| embedded == name);
@@ -97,12 +99,12 @@ pub fn with_prior(header: Provenance, priors: &PriorSet) -> Provenance {
     header.with_input(name, priors.text().as_bytes())
 }
 
-/// Returns `true` if an input named in a header is a file of the experiment.
+/// Returns `true` if an input with this name in a header is a file of the experiment.
 pub fn is_measurement_file(name: &str) -> bool {
     name != PRIOR_COPY && name != MESH_INPUT && !name.starts_with("prior ")
 }
 
-/// Writes wall-clock times in seconds. They differ from run to run and so have a file of their own.
+/// Writes wall-clock times in seconds. They have a separate file, because they differ from run to run.
 pub fn write_timing(dir: &Path, timing_s: &[(&'static str, f64)], provenance: Provenance) -> Result<()> {
     let stages: std::collections::BTreeMap<&str, f64> = timing_s.iter().copied().collect();
     write_document(&dir.join("timing.json"), provenance, &serde_json::json!({ "wall_s": stages }))
@@ -112,7 +114,7 @@ pub(crate) fn write_document(path: &Path, provenance: Provenance, body: &impl se
     write_json_atomically(path, &WithProvenance { provenance, body })
 }
 
-/// Arranges the draws with names and units in the layout of the exchange formats.
+/// Arranges the draws as a table with names and units, from which the exchange files are written.
 pub(crate) fn arrange_draws(priors: &PriorSet, outcome: &SampleOutcome, columns: &[DrawColumn]) -> DrawTable {
     let draws = &outcome.draws;
     let mut values = Vec::with_capacity(draws.len() * columns.len());
@@ -143,7 +145,7 @@ fn make_folder(dir: &Path) -> Result<()> {
         .map_err(|source| Error::at_path("create", dir, source, "make the study directory writable"))
 }
 
-/// Predictions of every row, in µm, with noise.
+/// Predicted positions at every row, in µm, with noise.
 fn predictions(time_s: &[f64], result: &SampleResult) -> Predictions {
     let quantile = |k: usize| result.bands_m.iter().map(|row| 1e6 * row[k]).collect::<Vec<f64>>();
     let quantiles_um = std::array::from_fn::<_, { BAND_PROBABILITIES.len() }, _>(quantile);
@@ -183,7 +185,7 @@ fn draw_record_corner(problem: &Problem, result: &SampleResult) -> Result<Svg> {
     draw_corner(id, &result.summary.model, &problem.priors, &result.columns, &reference)
 }
 
-/// Draws the corner plot of draws in natural units, with priors and any reference values.
+/// Draws the corner plot of the draws in natural units. It includes the priors, and reference values where `reference` returns one.
 pub(crate) fn draw_corner(
     id: &str,
     model: &ModelSummary,
@@ -215,7 +217,7 @@ pub(crate) fn draw_corner(
     corner(&[posterior], &options)
 }
 
-/// Prior density, evaluated on three times the range of the draws.
+/// Density of a prior, as abscissae and ordinates of a curve. The curve covers three times the range of the draws.
 pub fn prior_curve(prior: &posterior::prior::Prior, draws: &[f64]) -> (Vec<f64>, Vec<f64>) {
     let lowest = draws.iter().copied().fold(f64::INFINITY, f64::min);
     let highest = draws.iter().copied().fold(f64::NEG_INFINITY, f64::max);
@@ -225,7 +227,7 @@ pub fn prior_curve(prior: &posterior::prior::Prior, draws: &[f64]) -> (Vec<f64>,
     (x, density)
 }
 
-/// Start, end and use (fitted, held out or unused) of each cycle.
+/// Start, end and use of each cycle: fitted, held out or unused.
 pub fn cycle_spans(experiment: &Experiment) -> Vec<CycleSpan> {
     let record = &experiment.record;
     let mut spans: Vec<CycleSpan> = Vec::new();
@@ -274,7 +276,7 @@ fn predictive_figure(
     })
 }
 
-/// Trace figure of the draws.
+/// Draws the figure of the draws against the step (trace).
 pub(crate) fn draw_trace(id: &str, priors: &PriorSet, outcome: &SampleOutcome, columns: &[DrawColumn]) -> Result<Svg> {
     let table = arrange_draws(priors, outcome, columns);
     let labels: Vec<String> = priors.names().map(|name| parameter_label(name).axis()).collect();
@@ -305,7 +307,7 @@ pub(crate) fn draw_trace(id: &str, priors: &PriorSet, outcome: &SampleOutcome, c
     trace(&parameters, 0, &heading)
 }
 
-/// Autocorrelation of the walker averages of each ensemble.
+/// Autocorrelation of each ensemble's average over walkers, one vector over the lags per ensemble.
 fn autocorrelation(column: &DrawColumn) -> Vec<Vec<f64>> {
     let averages = walker_averages(column, &column.values);
     averages

@@ -1,4 +1,4 @@
-//! `compare`: tests a revision's residuals for misfits.
+//! `compare`: tests the residuals of a revision for misfits.
 
 use base::error::Result;
 use criticism::compare::{self, figures};
@@ -9,15 +9,15 @@ use sampling::SamplerOptions;
 use crate::outcome::Outcome;
 use crate::target::Target;
 
-/// Settings that the caller chooses.
+/// Settings of `compare` that the caller chooses.
 pub struct CompareRequest {
-    /// Number of simulated records by which p is corrected for the number of tests; `None` for the default.
+    /// Number of simulated records, from which p is corrected for the number of tests; `None` for the default number.
     pub simulations: Option<usize>,
-    /// The sampler's settings for a first revision. The comparison uses their seed.
+    /// Sampler settings for making a first revision. The comparison uses their seed.
     pub sampler: SamplerOptions,
 }
 
-/// Compares a revision with the measurement and writes the comparison into the revision.
+/// Tests the residuals of a revision against the noise, and writes the result into the revision.
 ///
 /// # Errors
 /// [`base::Error::Input`] for any target except a creep record; otherwise the errors of fitting and writing.

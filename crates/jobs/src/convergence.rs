@@ -1,4 +1,4 @@
-//! Convergence of the stiffness over the levels of the built-in meshes.
+//! Mesh convergence of the stiffness: a table over refinement levels of the built-in meshes.
 
 use documents::simulation::MeshLevel;
 use std::time::Instant;
@@ -10,7 +10,7 @@ use posterior::mechanics::{exact_stiffness_m, robot_mesh};
 use posterior::monitor::Monitor;
 use record::{Apparatus, OffsetDirection, Robot, RobotShape};
 
-/// Finest level of a table. Above it, one factorisation takes minutes and several gigabytes.
+/// Finest refinement level that a table may have. A finer level would take minutes and several gigabytes to factorise.
 pub fn max_refinement_level(apparatus: &Apparatus) -> usize {
     match apparatus {
         Apparatus::Robot { robot: Robot { shape: RobotShape::Sphere { .. }, offset, .. }, .. }
@@ -18,12 +18,12 @@ pub fn max_refinement_level(apparatus: &Apparatus) -> usize {
         {
             8
         }
-        // These meshes have more layers, more elements towards a rim, or twice as many elements in a half model.
+        // These meshes have more layers, smaller elements towards a rim, or twice as many elements in a half model.
         _ => 6,
     }
 }
 
-/// Returns the table of levels 1 to `levels`, empty for an instrument. Adds the seconds of each level to `timing_s`.
+/// Computes one row for each level from 1 to `levels`; none for an instrument. Adds the wall-clock seconds of each level to `timing_s`.
 ///
 /// # Errors
 /// The errors of meshing and factorisation.
@@ -66,7 +66,7 @@ fn order_of_errors(before: &MeshLevel, last: &MeshLevel) -> Option<f64> {
     Some(ratio.abs().ln() / (last.level as f64 / before.level as f64).ln())
 }
 
-/// Order p at which errors proportional to level⁻ᵖ have these differences; `None` unless the differences fall with one sign.
+/// Estimates the order p of convergence for errors proportional to level⁻ᵖ. `None` unless the differences between levels decrease and have equal signs.
 fn order_of_differences(levels: [&MeshLevel; 3]) -> Option<f64> {
     const HIGHEST: f64 = 20.0;
     let ratio = |value: &dyn Fn(&MeshLevel) -> f64| {
@@ -74,7 +74,7 @@ fn order_of_differences(levels: [&MeshLevel; 3]) -> Option<f64> {
         (a - b) / (b - c)
     };
     let found = ratio(&|level| level.stiffness_m);
-    // `at` increases with the order.
+    // The ratio `at(order)` increases with the order.
     let at = |order: f64| ratio(&|level| (level.level as f64).powf(-order));
     let (mut lower, mut upper) = (1e-3, HIGHEST);
     if !(at(lower)..at(upper)).contains(&found) {
@@ -91,7 +91,7 @@ fn order_of_differences(levels: [&MeshLevel; 3]) -> Option<f64> {
 mod tests {
     use super::*;
 
-    /// Values with a known order yield it; values that oscillate or diverge have none.
+    /// Values that converge with a known order yield this order. Values that oscillate or diverge have none.
     #[test]
     fn order_of_three_levels() {
         let level = |level: usize, stiffness_m: f64| MeshLevel {

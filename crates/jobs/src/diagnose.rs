@@ -1,4 +1,4 @@
-//! `diagnose`: finds the missing effect.
+//! `diagnose`: finds the effect that the model lacks.
 
 use base::error::{Error, InputPlace, Result};
 use base::files::write_json_atomically;
@@ -26,28 +26,28 @@ use crate::outcome::Outcome;
 use crate::sweep;
 use crate::target::{CohortTarget, CreepTarget, SweepTarget, Target, unsupported_target};
 
-/// Name of the figure that shows the unexplained residual.
+/// File name, without extension, of the figure that shows the unexplained residual.
 pub const DISCREPANCY_FIGURE: &str = "discrepancy";
 /// Default directory of a cohort's results.
 pub const COHORT_OUT: &str = "vitreo-uq-out/cohort";
 
-/// Settings that the caller chooses.
+/// Settings of `diagnose` that the caller chooses.
 pub struct DiagnoseRequest {
-    /// Smallest change of a predicted position that a claim may rest on, in noise standard deviations.
+    /// Smallest change of a predicted position, in noise standard deviations, that can support a claim.
     pub smallest: f64,
-    /// Largest number of simulated searches; for a cohort, number of simulated records per record.
+    /// Largest number of searches in simulated data. For a cohort, it is the number of simulated records for each record.
     pub simulations: usize,
-    /// The sampler's settings for a first revision. The diagnosis uses their seed.
+    /// Sampler settings for making a first revision. The diagnosis uses their seed.
     pub sampler: SamplerOptions,
-    /// Cohorts only: keys that define the groups. Empty means species, if there are several.
+    /// Keys that define the groups of a cohort. If it is empty, the key is species, provided that there are several. Unused for other targets.
     pub keys: Vec<Key>,
-    /// Cohorts only: a ratio of sizes within 1 + margin of 1 counts as no practical difference.
+    /// Margin for comparing effect sizes in a cohort's groups. A ratio within 1 + margin of 1 counts as no practical difference.
     pub margin: f64,
-    /// Cohorts only: records or specimens to leave out.
+    /// Records or specimens to leave out of a cohort.
     pub leave_out: Vec<String>,
 }
 
-/// Document of a diagnosis.
+/// Diagnosis of a creep record, an oscillation or a cohort.
 #[derive(Serialize)]
 #[serde(untagged)]
 pub enum DiagnoseDocument {
@@ -59,7 +59,7 @@ pub enum DiagnoseDocument {
     Cohort(CohortDiagnosis),
 }
 
-/// Diagnoses a target and writes the diagnosis into the revision, the oscillation's study or the cohort's directory.
+/// Diagnoses a target. The diagnosis is written into the revision, the oscillation's study or the cohort's directory.
 ///
 /// # Errors
 /// [`Error::Input`] for several records of one specimen; otherwise the errors of fitting and writing.
@@ -85,7 +85,7 @@ fn of_creep(
     let of_search = DiagnosisRequest { criteria, n_simulations: request.simulations, seed, base_errors, ..default };
     let mut found = diagnose(&revision.subject_for_effects(monitor)?, &of_search, monitor)?;
     if found.diagnosis.verdict.kind == VerdictKind::Unexplained {
-        // Residuals that no effect explains may call for a new law.
+        // If no effect explains the residuals, a correction of the law may, so one is tried.
         found.diagnosis.remarks.extend(preview_learning(&found.subject, &found.found.base, monitor)?);
     }
     monitor.stage("writing results and figures");
@@ -148,7 +148,7 @@ fn of_cohort(
     Ok(Outcome { document, is_sound: true, written, study: None })
 }
 
-/// Species, if every record names one and there are at least two; otherwise no key.
+/// Default keys of a cohort: species if every record names one and there are at least two species; otherwise none.
 fn default_keys(measurements: &[Measurement]) -> Vec<Key> {
     let mut species: Vec<Option<&str>> =
         measurements.iter().map(|measurement| measurement.experiment.species.as_deref().map(str::trim)).collect();

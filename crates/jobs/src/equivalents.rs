@@ -1,6 +1,6 @@
-//! Effects that a study's diagnoses cannot distinguish from the effects of a revision.
+//! Equivalents of a revision's effects: other effects that a diagnosis of the study cannot distinguish from them.
 //!
-//! Each call reads the diagnoses as they are on disk. A new diagnosis that separates two effects ends their equivalence in every later document.
+//! Each call reads the diagnoses that are on disk. If a new diagnosis distinguishes two effects, later documents no longer list them as equivalent.
 
 use base::error::Result;
 use base::files::{Content, read_if_there};
@@ -9,13 +9,13 @@ use documents::extension::{EquivalentEffects, EquivalentRefit, ExtensionSummary}
 use posterior::study::{DIAGNOSIS_NAME, EXTENSION_NAME, Study, WithProvenance};
 use serde::de::DeserializeOwned;
 
-/// Equivalents of all effects that a revision and its predecessors have added, in order of addition.
+/// Equivalents of all effects that were added from the first revision up to `revision`, in order of addition.
 ///
 /// # Errors
 /// [`base::Error::Input`] if the study has no such revision.
 pub fn revision_equivalents(study: &Study, revision: &str) -> Result<Vec<EquivalentEffects>> {
     let extension: Option<ExtensionSummary> = document(study, revision, EXTENSION_NAME)?;
-    // A revision extends an earlier one. An extension document that names a later one is ignored.
+    // A revision can only extend an earlier one. If an extension document names a later one, it is ignored.
     let number = |name: &str| name.get(1..).and_then(|digits| digits.parse::<u32>().ok());
     let Some(extension) = extension.filter(|extension_summary| number(&extension_summary.from) < number(revision))
     else {
@@ -25,14 +25,14 @@ pub fn revision_equivalents(study: &Study, revision: &str) -> Result<Vec<Equival
     let diagnosis: Option<Diagnosis> = document(study, &extension.from, DIAGNOSIS_NAME)?;
     let as_written = extension.equivalents.iter().filter(|equivalent| equivalent.revision == revision);
     match &diagnosis {
-        // The diagnosis has been removed: the extension document's list is used.
+        // The diagnosis was removed, so the list in the extension's document is used.
         None if as_written.clone().next().is_some() => list.extend(as_written.cloned()),
         _ => list.extend(added_equivalents(diagnosis.as_ref(), &extension.from, revision, &extension.effects)),
     }
     Ok(list)
 }
 
-/// Equivalents of the effects of a revision and of effects to add to it.
+/// Equivalents of the effects of the revision `from`, and of the effects `added` to it in `revision`.
 ///
 /// # Errors
 /// As [`revision_equivalents`].
@@ -48,7 +48,7 @@ pub fn extension_equivalents(
     Ok(list)
 }
 
-/// Equivalents of added effects by a diagnosis: one entry for claimed effects, one for effects that it does not claim.
+/// Equivalents of added effects according to a diagnosis. There is one entry for the effects that it claims, and one for the others.
 fn added_equivalents(
     diagnosis: Option<&Diagnosis>,
     from: &str,
@@ -80,17 +80,17 @@ fn added_equivalents(
     tested.into_iter().chain(untested).collect()
 }
 
-/// Effects that a diagnosis claims or cannot distinguish from its claim.
+/// Effects that a diagnosis claims, and effects that it cannot distinguish from them.
 #[derive(Default)]
 struct EquivalenceClass {
     claimed: Vec<String>,
     equivalent: Vec<String>,
-    /// The claim is a single effect, so each member of the class can replace it.
+    /// `true` if the claim is a single effect. Each member of the class can then replace it.
     is_single: bool,
 }
 
 impl EquivalenceClass {
-    /// Rivals of added effects.
+    /// Effects that could replace the added effects, which belong to this class.
     fn rivals(&self, added: &[&String]) -> Vec<String> {
         if added.is_empty() {
             return Vec::new();
@@ -100,7 +100,7 @@ impl EquivalenceClass {
     }
 }
 
-/// Class of a diagnosis. A single claim and its equivalents form one class: each member has all others as rivals.
+/// Class of the effects in a diagnosis. A single claim and its equivalents form one class, in which each effect can be replaced by each other one.
 fn equivalence_class(diagnosis: &Diagnosis) -> EquivalenceClass {
     let verdict = &diagnosis.verdict;
     let is_single = verdict.effects.len() == 1;
@@ -204,7 +204,7 @@ mod tests {
         assert!(equivalent_effects.sentence().expect("a rival").contains("cannot tell clock-offset from actuator-lag"));
     }
 
-    /// Adding the rival instead of the claim makes the claim a rival.
+    /// If the equivalent is added instead of the claim, the claim is listed as its equivalent.
     #[test]
     fn a_rival_that_is_added_has_the_claim_for_a_rival() {
         let found = added(Some(&diagnosis(&["clock-offset"], &["actuator-lag"])), &["actuator-lag"]);
@@ -235,7 +235,7 @@ mod tests {
                 "{equivalent_effects:?}"
             );
         }
-        // A claim that the diagnosis has separated needs no remark.
+        // The diagnosis distinguishes this effect from the others, so there is no remark.
         let found = added(Some(&separated), &["clock-offset"]);
         assert!(found[0].sentence().is_none() && found[0].refits.is_empty());
     }

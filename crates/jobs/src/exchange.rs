@@ -1,7 +1,7 @@
-//! Groups of an exchange file that belong to the record's rows: data, log-likelihood of each position, predictions of posterior and prior.
+//! Groups of an exchange file with one value per row of the record: data, log-likelihood of each position, posterior predictions and prior predictions.
 //!
-//! The reduced model makes the predictions, for a few hundred draws spread evenly over every chain.
-//! The number of rows is limited to keep files small.
+//! The predictions come from the reduced model, for a few hundred draws spread evenly over all chains. Only some rows are predicted for long records, to
+//! keep the files small.
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -16,23 +16,25 @@ use posterior::prepared::PreparedModel;
 use posterior::problem::Problem;
 use sampling::ensemble::Draws;
 
-/// Largest and smallest total number of draws, over all chains, that are predicted. Long records have the smallest number.
+/// Largest total number of predicted draws, over all chains.
 const MOST_DRAWS: usize = 500;
+/// Smallest total number of predicted draws, which applies to long records.
 const FEWEST_DRAWS: usize = 100;
-/// Largest number of values in one variable, 4 MB. In longer records every k-th row is predicted.
+/// Largest number of values in one variable (4 MB). For longer records, only every k-th row is predicted.
 const MOST_VALUES: usize = 500_000;
-/// Random number streams for the noise about posterior draws and for prior draws.
+/// Random stream of the noise that is added to predictions of posterior draws.
 const POSTERIOR_STREAM: u64 = 1 << 50;
+/// Random stream of the prior draws.
 const PRIOR_STREAM: u64 = 1 << 51;
-/// Largest number of attempts to find a prior draw at which the model has a prediction.
+/// Largest number of draws from the prior until the model has a prediction for one of them.
 const MOST_TRIES: usize = 100;
-/// Logarithm of µm per m. It converts a log-density per metre to one per µm.
+/// ln 10⁶, the logarithm of the number of µm per m. Subtracting it converts a log-density per metre to one per µm.
 const LN_UM_PER_M: f64 = 13.815_510_557_964_274;
 
-/// Variable name of positions in every group.
+/// Name of the variable that holds positions, in every group.
 const POSITION: &str = "position_um";
 
-/// Makes all groups that belong to the rows of the record.
+/// Makes all groups with one value per row: from the model, the posterior draws and the seed of the prediction noise.
 pub fn record_groups(model: &PreparedModel, draws: &Draws, seed: u64) -> RecordGroups<'static> {
     let problem = &model.problem;
     let record = &problem.experiment.record;
@@ -62,10 +64,10 @@ pub fn record_groups(model: &PreparedModel, draws: &Draws, seed: u64) -> RecordG
     groups
 }
 
-/// Prediction of one draw: log-density of every fitted position, and positions with noise at every kept row.
+/// Prediction for one draw: the log-density of each fitted position, and the position with noise at each predicted row.
 type DrawPrediction = (Vec<f64>, Vec<f64>);
 
-/// Predicts chosen rows.
+/// Computes predictions of the chosen rows for the chosen draws.
 struct Predictor<'a> {
     problem: &'a Problem,
     posterior: &'a ReducedPosterior<'a>,
@@ -74,7 +76,7 @@ struct Predictor<'a> {
     /// Predicted rows: every `stride`-th row that has a position.
     rows: Vec<usize>,
     stride: usize,
-    /// Fitted rows among the predicted ones, as (index in the likelihood, row).
+    /// Predicted rows that were also fitted: index in the likelihood, and row.
     fitted: Vec<(usize, usize)>,
     n_chains: usize,
     /// Number of predicted draws per chain.
@@ -107,14 +109,15 @@ impl<'a> Predictor<'a> {
         rng
     }
 
-    /// Positions (m) at every row of the record, and the noise parameters.
+    /// Returns the positions (m) at all rows of the record and the noise parameters; `None` if the model has no prediction. `natural` holds the parameters in
+    /// natural units.
     fn prediction(&self, natural: &[f64]) -> Option<(Vec<f64>, Vec<f64>)> {
         let (model, noise) = natural.split_at(self.problem.model.parameters().len());
         let trajectory_m = self.forward.trajectory_m(model).ok()?;
         trajectory_m.iter().all(|x| x.is_finite()).then(|| (trajectory_m, noise.to_vec()))
     }
 
-    /// Positions (µm) of the predicted rows, with noise.
+    /// Returns the positions (µm) of the predicted rows with simulated noise added.
     fn with_noise_um(&self, trajectory_m: &[f64], noise: &[f64], rng: &mut ChaCha8Rng) -> Vec<f64> {
         let record = &self.problem.experiment.record;
         let time_s: Vec<f64> = self.rows.iter().map(|row| record.time_s[*row]).collect();
@@ -139,7 +142,7 @@ impl<'a> Predictor<'a> {
             Some((chosen, self.with_noise_um(&trajectory_m, &noise, rng)))
         };
         let all: Vec<Option<DrawPrediction>> = (0..self.n_chains * n_draws).into_par_iter().map(one).collect();
-        // A draw that has no model on some row is left out of all chains.
+        // If the model has no prediction for a draw in one chain, the draw with this number is left out of all chains.
         let is_there = |k: &usize| (0..self.n_chains).all(|chain| all[chain * n_draws + k].is_some());
         let kept: Vec<usize> = (0..n_draws).filter(is_there).collect();
         let of = |part: fn(&DrawPrediction) -> &Vec<f64>| -> Vec<f64> {
@@ -219,7 +222,7 @@ impl<'a> Predictor<'a> {
         self.rows.iter().map(|row| *row as i64).collect()
     }
 
-    /// Describes the chosen draws and rows.
+    /// Describes in words which draws and rows are predicted.
     fn selection(&self, draws: &str) -> String {
         match self.stride {
             1 => format!("{draws}; every row with a position"),
@@ -237,7 +240,7 @@ mod tests {
     use record::Apparatus;
     use sampling::ensemble::RandomStream;
 
-    /// Draws of eight walkers in four ensembles, near the medians of their priors.
+    /// Draws of eight walkers in four ensembles, near the prior medians of the parameters.
     fn draws(problem: &Problem) -> Draws {
         let (n_ensembles, n_steps, n_walkers) = (4, 20, 8);
         let medians: Vec<f64> = problem
@@ -283,7 +286,7 @@ mod tests {
         groups.drawn.iter().find(|drawn_rows| drawn_rows.group == name).expect("written")
     }
 
-    /// Every fitted position has a likelihood and every position a prediction. Pointwise terms add up to the likelihood.
+    /// Each fitted position has a log-likelihood, and each measured position has a prediction. The log-likelihoods add up to the total.
     #[test]
     fn rows_are_those_that_were_fitted_and_measured() {
         let (problem, groups) = groups(&["white"], 0);
@@ -298,7 +301,7 @@ mod tests {
         let n_fitted: f64 = groups.constant[3].values.iter().sum();
         let of_cycle = experiment.record.cycle.iter().filter(|index| experiment.calibration_cycles.contains(index));
         assert_eq!(n_fitted as usize, of_cycle.count());
-        // The first draw of the first chain, against the likelihood of all positions.
+        // The first draw of the first chain is compared with the likelihood of all positions.
         let prepared = PreparedModel::unverified(&problem, None, &SilentMonitor).expect("an instrument");
         let posterior = prepared.posterior();
         let [walker, step] = arrangement(8, 20)[ln_likelihood.draws[0] as usize];
@@ -325,7 +328,7 @@ mod tests {
         }
     }
 
-    /// For 200,000 rows each variable has at most 4 MB, and the note says so.
+    /// For a record of 200,000 rows each variable has at most 4 MB, and the note says that rows were left out.
     #[test]
     fn long_records_stay_small() {
         let (_, groups) = groups(&["white"], 200_000);

@@ -1,4 +1,5 @@
-//! Makes the next revision of a study with an effect added. Both models are fitted to all cycles except the last, which scores them (formats §4).
+//! `extend`: adds an effect to a study's model as the next revision. The models before and after are fitted to all cycles except the last, and the last
+//! scores them (formats §4).
 
 use std::path::{Path, PathBuf};
 
@@ -26,49 +27,50 @@ use crate::outcome::Outcome;
 use crate::target::{CohortTarget, CreepTarget, Target, TargetRequest, unsupported_target};
 use crate::{artefacts, equivalents, pages};
 
-/// Default directory of a cohort's studies, with one folder per record.
+/// Default directory for the studies of a cohort, with one subdirectory per record.
 const COHORT_OUT: &str = "vitreo-uq-out/cohort-studies";
 
-/// Settings that the caller chooses.
+/// Settings of `extend` that the caller chooses.
 pub struct ExtendRequest {
-    /// Slugs of the effects to add.
+    /// Names (slugs) of the effects to add.
     pub effects: Vec<String>,
-    /// Parameters to fix or free, as `name=value` or `name=free`. They apply to both models that have them.
+    /// Parameters to fix or free, as `name=value` or `name=free`. Each applies to the models before and after, if they have the parameter.
     pub set: Vec<String>,
-    /// The sampler's settings.
+    /// Settings of the sampler.
     pub sampler: SamplerOptions,
-    /// Cohorts only: also write every study's page.
+    /// `true` also writes the page of every study of a cohort. Unused for other targets.
     pub pages: bool,
 }
 
-/// Document of an extension.
+/// Result of `extend` for a creep record or a cohort.
 #[derive(Serialize)]
 #[serde(untagged)]
 pub enum ExtendDocument {
     /// Extension of a creep record.
     Creep(Box<ExtensionSummary>),
-    /// Extension of a cohort.
+    /// Extensions of the records of a cohort.
     Cohort {
-        /// Extension of each record, also stored in the record's own study.
+        /// Result for each record. It is also stored in the study of the record.
         records: Vec<ExtendedRecord>,
     },
 }
 
-/// Record of a cohort after `extend`.
+/// Result of `extend` for one record of a cohort.
 #[derive(Serialize)]
 pub struct ExtendedRecord {
-    /// Name of its directory.
+    /// Name of the record's directory.
     pub name: String,
-    /// Revision that has the effects.
+    /// Name of the revision that has the effects.
     pub revision: String,
-    /// Summary of the extension; `None` if the revision existed before.
+    /// Summary of the extension; `None` if the revision existed before this run.
     pub extension: Option<ExtensionSummary>,
 }
 
-/// Adds effects to a target's last or named revision and writes the next revision. A cohort is extended record by record.
+/// Adds effects to a target's named revision, or to the last, and writes the result as the next revision. A cohort is extended record by record.
 ///
 /// # Errors
-/// [`Error::Input`] if effects or values are refused, for an oscillation and for several records of one specimen; otherwise the errors of sampling and writing.
+/// [`Error::Input`] if effects or values are refused, for an oscillation and for several records of one specimen; otherwise the errors of sampling and
+/// writing.
 pub fn run(target: &Target, request: &ExtendRequest, monitor: &dyn Monitor) -> Result<Outcome<ExtendDocument>> {
     match target {
         Target::Creep(creep) => {
@@ -109,7 +111,7 @@ fn of_creep(target: &CreepTarget, request: &ExtendRequest, monitor: &dyn Monitor
     };
     let request =
         ExtensionRequest { from: &from, revision: &revision, effects: &request.effects, values, earlier, options };
-    // All checks come here, before anything is sampled or written.
+    // All checks are made here, before anything is sampled or written.
     let mut pair = prepare_comparison(&before, &request, &library)?;
     for problem in [&before, &pair.base, &pair.after] {
         refuse_nothing_to_sample(problem)?;
@@ -141,7 +143,7 @@ fn of_creep(target: &CreepTarget, request: &ExtendRequest, monitor: &dyn Monitor
     Ok(Outcome { is_sound: document.body.is_sound(), document, written, study: Some(study) })
 }
 
-/// Names of the revision to extend and of the one to make, with the number of earlier extensions.
+/// Returns the name of the revision to extend, the name of the revision to make, and the number of earlier extensions.
 fn revisions(study: &Study, from: Option<&str>) -> Result<(String, String, usize)> {
     let there = study.revisions()?;
     let last = there.last().cloned().unwrap_or_else(|| FIRST_REVISION.into());
@@ -183,7 +185,7 @@ fn of_cohort(cohort: &CohortTarget, request: &ExtendRequest, monitor: &dyn Monit
     Ok(Outcome { document, is_sound, written: out.to_path_buf(), study: None })
 }
 
-/// Study directory of every record: the study itself, or a folder of the record's name.
+/// Study directory of each record: the given study itself, or a subdirectory of `out` with the record's name.
 fn study_directories(measurements: &[Measurement], out: &Path) -> Result<Vec<PathBuf>> {
     let place = |measurement: &Measurement| {
         if Study::is_study(&measurement.path) { measurement.path.clone() } else { out.join(measurement.name()) }
@@ -199,7 +201,7 @@ fn study_directories(measurements: &[Measurement], out: &Path) -> Result<Vec<Pat
     }
 }
 
-/// Last revision of a study, if it has the effects from an earlier run of this command.
+/// Name of the study's last revision, if an earlier run of this command gave it these effects; otherwise `None`.
 fn find_revision_with_effects(place: &Path, effects: &[String]) -> Result<Option<String>> {
     if !Study::is_study(place) {
         return Ok(None);
@@ -210,44 +212,44 @@ fn find_revision_with_effects(place: &Path, effects: &[String]) -> Result<Option
     Ok(effects.iter().all(|slug| model.effects.contains(slug)).then_some(last))
 }
 
-/// Options for refitting and comparing two models.
+/// Options for extending a model and comparing it with the model before.
 pub struct ExtensionRequest<'a> {
-    /// Name of the revision to extend.
+    /// Name of the revision that is extended.
     pub from: &'a str,
-    /// Name of the revision to make.
+    /// Name of the revision that is made.
     pub revision: &'a str,
-    /// Slugs to add.
+    /// Names (slugs) of the effects to add.
     pub effects: &'a [String],
-    /// Parameters to fix at a value or to free. They apply to both models that have them.
+    /// Parameters to fix at a value or to free. Each applies to the models before and after, if they have the parameter.
     pub values: Assignments,
-    /// Number of earlier extensions scored on this cycle.
+    /// Number of earlier extensions that were scored on the last cycle.
     pub earlier: usize,
-    /// The sampler's settings.
+    /// Settings of the sampler.
     pub options: SamplerOptions,
 }
 
 impl Default for ExtensionRequest<'_> {
-    /// From m0 to m1, without effects.
+    /// Options for an extension from m0 to m1 without any effects.
     fn default() -> Self {
         let (values, options) = (Assignments::new(), SamplerOptions::default());
         Self { from: "m0", revision: "m1", effects: &[], values, earlier: 0, options }
     }
 }
 
-/// Result of an extension.
+/// Extended model with its posterior, and the comparison with the model before.
 pub struct Extension {
-    /// Document for people and scripts.
+    /// Document of the result, for people and scripts.
     pub summary: ExtensionSummary,
-    /// Extended model, joined with the experiment as it is fitted here.
+    /// Extended model with the experiment, of which all cycles except the last are fitted.
     pub problem: Problem,
-    /// Posterior of the extended model.
+    /// Posterior of the model after the extension.
     pub after: SampleResult,
 }
 
-/// Adds effects to a specification.
+/// Adds effects to a model specification.
 ///
 /// # Errors
-/// [`Error::Input`] if the model has one of them already or the library does not.
+/// [`Error::Input`] if the model already has one of the effects, or the library does not have it.
 pub fn add_effects(
     specification: &ModelSpecification,
     effects: &[String],
@@ -284,21 +286,21 @@ pub fn add_effects(
     Ok(model)
 }
 
-/// Two models of one experiment, to be fitted and scored on the same cycles.
+/// Models before and after an extension, each with the experiment. Both are fitted and scored on the same cycles.
 pub struct ModelPair {
-    /// Model to extend.
+    /// Model before the extension.
     pub base: Problem,
-    /// Extended model.
+    /// Model after the extension.
     pub after: Problem,
-    /// `before` is the stored revision, with nothing fixed or freed.
+    /// `true` if the model before is that of the stored revision, with no parameter fixed or freed.
     pub is_before_as_stored: bool,
-    /// Posterior of `before` on these cycles, if it exists.
+    /// Stored posterior of the model before on these cycles; `None` if there is none.
     pub posterior_before: Option<PosteriorSummary>,
-    /// Surrogate that may serve both models.
+    /// Stored surrogate that may be usable for both models.
     pub kept_surrogate: Option<KeptSurrogate>,
 }
 
-/// Joins both models with the experiment for a comparison. `before` is the model to extend, on the whole experiment.
+/// Prepares the models before and after an extension for their comparison. `before` is the model to extend with the entire experiment.
 ///
 /// # Errors
 /// As [`add_effects`]; [`Error::Input`] for effects that cannot be combined.
@@ -320,7 +322,7 @@ pub fn prepare_comparison(before: &Problem, request: &ExtensionRequest, library:
     })
 }
 
-/// Samples both models on the same cycles and scores them.
+/// Samples the models before and after on the same cycles, and compares their errors on the last cycle.
 ///
 /// # Errors
 /// As [`sample::run`].
@@ -376,7 +378,7 @@ fn summarise_extension(
     }
 }
 
-/// Trust in the extended model, provided that the model before has converged.
+/// Level of trust in the extended model. It is untrusted if the draws of the model before have not converged.
 fn trust(base: &PosteriorSummary, after: &PosteriorSummary) -> Trust {
     if base.converged || !after.trust.is_sound() {
         return after.trust.clone();
@@ -386,17 +388,18 @@ fn trust(base: &PosteriorSummary, after: &PosteriorSummary) -> Trust {
     Trust { level: TrustLevel::Untrusted, reason }
 }
 
-/// Number of draws that are searched for separate modes, spread evenly over all draws.
+/// Number of draws in which separate modes are searched. They are spread evenly over all draws.
 const N_DRAWS_FOR_MODES: usize = 2_000;
 const GOLDEN: f64 = 0.618_033_988_749_894_9;
 
-/// Two modes of an added effect's first bimodal parameter, found in the coordinate in which its prior is a standard normal.
+/// Finds the first parameter of the added effects whose posterior has two modes. Returns both modes, or none. The search uses the coordinate in which the
+/// parameter's prior is standard normal.
 fn split_modes(problem: &Problem, effects: &[String], columns: &[DrawColumn]) -> Vec<ExtensionMode> {
     let is_added = |name: &str| {
         effects.iter().any(|slug| name.strip_prefix(slug.as_str()).is_some_and(|rest| rest.starts_with('.')))
     };
     for (prior, column) in problem.priors.priors().iter().zip(columns).filter(|(prior, _)| is_added(&prior.name)) {
-        // Multiples of the golden ratio choose the draws. A fixed stride would favour some walkers.
+        // Multiples of the golden ratio choose the draws. A constant stride would favour some walkers.
         let n = column.values.len();
         let place = |k: usize| ((k as f64 * GOLDEN).fract() * n as f64) as usize;
         let natural: Vec<f64> = (0..N_DRAWS_FOR_MODES.min(n)).map(|k| column.values[place(k)]).collect();
@@ -437,11 +440,11 @@ fn modes_in_words(answers: &[ExtensionMode]) -> String {
     if each.is_empty() { String::new() } else { format!(" The posterior has two modes: {}.", each.join(", or ")) }
 }
 
-/// Noise and counts for judging a change of the error.
+/// Noise and counts by which a change of the error is judged.
 struct Scoring {
     noise_um: Option<f64>,
     n_scored: usize,
-    /// Number of earlier extensions scored on this cycle.
+    /// Number of earlier extensions that were scored on this cycle.
     earlier: usize,
 }
 
@@ -453,10 +456,11 @@ impl Scoring {
     }
 }
 
-/// Smallest significant change of an error, in its standard errors. A root mean square over n positions has a relative standard error of 1/√(2n).
+/// Smallest change of an error that counts as significant, in standard errors. A root mean square over n positions has a relative standard error of
+/// 1/√(2n).
 const CHANGE_IN_ERRORS: f64 = 2.0;
 
-/// Sentence about the change of the errors.
+/// Sentence on the change of the errors by the extension.
 fn sentence(effects: &str, before: ModelErrors, after: ModelErrors, scoring: &Scoring) -> String {
     let noise = scoring.noise_um.map_or(String::new(), |noise| format!(" (noise {noise:.3} µm)"));
     let (Some(was), Some(is)) = (before.rmse_heldout_um, after.rmse_heldout_um) else {
@@ -503,13 +507,13 @@ mod tests {
                 && say(10.0, 4.1, 2).contains("has already scored 2 earlier revisions")
         );
         assert!(say(4.0, 10.0, 0).contains("rises"));
-        // The error of 200 positions is 4 µm within 0.4 µm.
+        // For an error of 4 µm over 200 positions, two standard errors are 0.4 µm.
         assert!(say(4.3, 4.0, 0).contains("does not change") && say(4.5, 4.0, 0).contains("falls"));
         let scoring = Scoring { noise_um: None, n_scored: 0, earlier: 0 };
         assert!(sentence("x", misfit(9.0, None), misfit(4.0, None), &scoring).contains("at most suggestive"));
     }
 
-    /// Draws in two clusters give two modes with their probabilities, also for a positive parameter. Draws in one cluster give one mode.
+    /// Draws in two clusters give two modes with their probabilities, also for a positive parameter. Draws in one cluster give no separate modes.
     #[test]
     fn two_heaps_of_draws_are_two_answers() {
         let (experiment, _) = posterior::replica::embedded().expect("embedded");
@@ -531,7 +535,7 @@ mod tests {
         };
         let two = split_modes(&problem, &effects, &columns(&|k| if k % 10 < 3 { 0.9 } else { 0.1 }));
         assert_eq!(two.len(), 2);
-        // 2,000 draws give a probability with a standard error of 0.01. The test allows five.
+        // For 2,000 draws, the standard error of a probability is 0.01. The tolerance is five standard errors.
         assert!((two[0].probability - 0.7).abs() < 0.05 && two[0].q95 < two[1].q05, "{two:?}");
         assert!(modes_in_words(&two).contains(", or instantaneous-elasticity."), "{}", modes_in_words(&two));
         assert!(split_modes(&problem, &effects, &columns(&|_| 0.4)).is_empty());

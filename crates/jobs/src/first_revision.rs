@@ -1,4 +1,4 @@
-//! First revision of a study: samples the posterior and writes its files.
+//! First revision of a study, `m0`: samples its posterior and writes its files.
 
 use std::path::PathBuf;
 use std::time::Instant;
@@ -15,10 +15,10 @@ use posterior::study::{ModelSpecification, Study};
 use record::Experiment;
 use sampling::SamplerOptions;
 
-/// Name of the first revision.
+/// Name of a study's first revision.
 pub const FIRST_REVISION: &str = "m0";
 
-/// Samples the posterior and writes it as the study's first revision, whole or not at all. Also returns the revision's directory.
+/// Samples the posterior and writes it as the study's first revision, completely or not at all. Returns the result and the revision's directory.
 ///
 /// # Errors
 /// The errors of [`sample::run`] and of writing.
@@ -50,20 +50,21 @@ pub fn make_first_revision(
     Ok((result, written))
 }
 
-/// Experiment with the cycles that a revision is fitted to. m0 (or none) uses the calibration cycles, later revisions all cycles except the last held-out one, as in `extend`.
+/// Selects the cycles to which a revision is fitted. For `m0` and for `None` they are the calibration cycles. For later revisions they are all cycles
+/// except the last held-out one, as in `extend`.
 pub fn with_fitted_cycles_of(experiment: Experiment, revision: Option<&str>) -> Experiment {
     if revision.is_none_or(|name| name == FIRST_REVISION) { experiment } else { experiment.for_comparison() }
 }
 
-/// Surrogate of an earlier run, if it is readable. Its hash decides later if it fits the model.
+/// Surrogate that an earlier run stored in the study; `None` if it is not readable. The caller compares its hash with the model before it is used.
 pub fn kept_surrogate(study: &Study, monitor: &dyn Monitor) -> Option<KeptSurrogate> {
     KeptSurrogate::read(&study.revision_dir(FIRST_REVISION).ok()?, monitor)
 }
 
-/// Refuses to overwrite a revision of another model unless `force` is set.
+/// Refuses to overwrite `m0` if it has another model, unless `force` is set.
 ///
 /// # Errors
-/// [`Error::Input`] if m0 is of another model and `force` is not set.
+/// [`Error::Input`] if `m0` has another model and `force` is not set.
 pub fn refuse_other_model(study: &Study, specification: &ModelSpecification, force: bool) -> Result<()> {
     let Ok(dir) = study.revision_dir(FIRST_REVISION) else { return Ok(()) };
     let path = dir.join("model.toml");
@@ -81,7 +82,7 @@ pub fn refuse_other_model(study: &Study, specification: &ModelSpecification, for
     ))
 }
 
-/// Returns `true` if two models are equal. Priors are compared by content, not by name.
+/// Returns `true` if two models are equal. Their priors are compared by content, not by name.
 fn same_model(ours: &ModelSpecification, other: &ModelSpecification) -> Result<bool> {
     let unnamed = |model: &ModelSpecification| ModelSpecification { prior: String::new(), ..model.clone() };
     let same_prior = || Ok(PriorSet::text_named(&ours.prior)?.1 == PriorSet::text_named(&other.prior)?.1);

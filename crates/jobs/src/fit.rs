@@ -12,7 +12,8 @@ use crate::first_revision::kept_surrogate;
 use crate::outcome::Outcome;
 use crate::target::Target;
 
-/// Fits the model of a creep record and writes the estimate into the record's study. `seed` is only recorded in the document.
+/// Fits the model of a creep record, and writes the estimate into the record's study. The fit uses no random numbers; `seed` only appears in the
+/// document.
 ///
 /// # Errors
 /// [`base::Error::Input`] for any target except a creep record; otherwise as [`fit::run`].

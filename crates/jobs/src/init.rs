@@ -1,4 +1,4 @@
-//! `init`: turns a table of any origin into an experiment that the program reads.
+//! `init`: makes an experiment that the program can read from a table of any origin.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -16,30 +16,31 @@ use record::table::{
 };
 use record::{Direction, OscillationRecord, Zero, sweep_columns};
 
-/// Settings that the caller chooses.
+/// Settings of `init` that the caller chooses.
 #[derive(Debug, Clone, Default)]
 pub struct InitRequest {
     /// Path of the table.
     pub file: PathBuf,
-    /// Directory to write; by default the table's name without its extension.
+    /// Directory to write. By default it has the table's name without its extension.
     pub out: Option<PathBuf>,
-    /// Known properties of the columns.
+    /// Properties of the table's columns that the caller knows.
     pub known_columns: TableSettings,
     /// Specimen identifier.
     pub id: Option<String>,
-    /// Species, and region of the eye.
+    /// Species, then region of the eye.
     pub groups: [Option<String>; 2],
-    /// Diameter of a spherical robot in mm, the vitreous's diameter in mm and Poisson ratio.
+    /// Diameter of a spherical robot (mm), diameter of the vitreous (mm) and Poisson's ratio.
     pub sizes: [Option<f64>; 3],
     /// Density of the robot in kg/m³.
     pub robot_density_kg_m3: Option<f64>,
     /// Noise standard deviation of the tracker in µm.
     pub noise_um: Option<f64>,
-    /// Overwrite an existing experiment.
+    /// `true` allows to overwrite an existing experiment.
     pub replace: bool,
 }
 
-/// Reads the table, asks for missing information, and writes the experiment beside a copy of the table. Returns the interpretation of the table and its hash.
+/// Reads the table, asks the user for missing information, and writes the experiment with a copy of the table. Returns the interpretation of the table
+/// and the table's hash.
 ///
 /// # Errors
 /// The errors of [`propose`]; [`Error::Input`] if an experiment exists already; [`Error::File`] if the operating system refuses.
@@ -97,15 +98,15 @@ pub fn run(request: &InitRequest, ask: Ask<'_>) -> Result<(InitSummary, String)>
     Ok((summary, sha256_hex(&bytes)))
 }
 
-/// Value that selects all tracks of a table.
+/// Value of the track setting that selects all tracks of a table.
 const ALL_TRACKS: &str = "all";
 
-/// Writes an experiment for each track, each in its own directory under `out`.
+/// Writes one experiment for each track, in a directory of its own inside `out`.
 fn cohort(request: &InitRequest, bytes: &[u8], stem: &str, out: &Path, ask: Ask<'_>) -> Result<(InitSummary, String)> {
     let mut made = None;
     let mut experiments = Vec::new();
     for track in tracks(&request.file, bytes, &request.known_columns)? {
-        // A track's name may hold any character; a directory's name may not.
+        // A track's name may contain any character, but a directory's name may not.
         let safe: String = track.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
         let given = TableSettings {
             track: [request.known_columns.track[0].clone(), Some(track)],
@@ -124,13 +125,13 @@ fn cohort(request: &InitRequest, bytes: &[u8], stem: &str, out: &Path, ask: Ask<
     Ok((InitSummary { directory: out.display().to_string(), experiments, ..first }, sha256))
 }
 
-/// Writes the experiment and a copy of its table, both or neither.
+/// Writes the experiment and a copy of its table; if one cannot be written, neither is.
 fn write(out: &Path, name: &str, bytes: &[u8], toml: &str) -> Result<()> {
     files::create_folders(out, "give a writable directory")?;
     write_together(&[(&out.join(name), bytes), (&out.join("experiment.toml"), toml.as_bytes())])
 }
 
-/// Writes the description of a rheometer's oscillation. Returns `None` if the table is of another kind or the user names columns of a record over time.
+/// Writes an experiment for a rheometer's oscillation. `None` if the table is of another kind, or if the user names columns of a record over time.
 fn oscillation(request: &InitRequest, name: &str, bytes: &[u8], out: &Path) -> Result<Option<InitSummary>> {
     let given = &request.known_columns;
     if given.columns.iter().chain(&given.axes).any(Option::is_some) {
@@ -149,13 +150,13 @@ fn oscillation(request: &InitRequest, name: &str, bytes: &[u8], out: &Path) -> R
     }))
 }
 
-/// Remark that the given sizes are unused, because a rheometer has no robot.
+/// Remark that the sizes which the user gave are not used, because a rheometer has no robot; `None` if no sizes were given.
 fn unused_sizes_remark(request: &InitRequest) -> Option<String> {
     let is_given = request.sizes[..2].iter().chain([&request.robot_density_kg_m3]).any(Option::is_some);
     is_given.then(|| "the sizes of robot and vitreous are ignored: a rheometer has neither".into())
 }
 
-/// Size to ask for: key, description and allowed values.
+/// Size that the user is asked for: key in the file, description and allowed values.
 struct PromptedSize {
     key: &'static str,
     what: &'static str,
@@ -163,7 +164,7 @@ struct PromptedSize {
     allowed_in_words: &'static str,
 }
 
-/// Sizes in the order of [`InitRequest::sizes`].
+/// Sizes that the user may be asked for, in the order of [`InitRequest::sizes`].
 const SIZES: [PromptedSize; 3] = [
     PromptedSize {
         key: "robot.diameter_mm",
@@ -185,7 +186,7 @@ const SIZES: [PromptedSize; 3] = [
     },
 ];
 
-/// Asks until the answer is an allowed value; `None` if the value is unknown.
+/// Asks until the answer is an allowed value. `None` if the user does not know the value or cannot be asked.
 fn prompt_size(size: &PromptedSize, ask: Ask<'_>) -> Option<f64> {
     let mut text = size.what.to_string();
     loop {
@@ -199,7 +200,7 @@ fn prompt_size(size: &PromptedSize, ask: Ask<'_>) -> Option<f64> {
             Ok(_) => format!("`{answer}`: {}; {}", size.allowed_in_words, size.what),
             Err(_) => format!("`{answer}` is not a number; {}", size.what),
         };
-        // A program that repeats one wrong answer is asked only twice.
+        // A program that answers may repeat one wrong answer forever. It is asked only twice.
         if text == question.text {
             return None;
         }
@@ -224,7 +225,7 @@ fn name_of(column: &ColumnName) -> String {
     }
 }
 
-/// Keys of the coordinates.
+/// Keys of the position's coordinates in `experiment.toml`.
 const AXES: [&str; 3] = ["position_x", "position_y", "position_z"];
 
 fn columns(proposal: &TableProposal) -> Vec<InitColumn> {
@@ -275,16 +276,16 @@ fn column_name(column: &ColumnName) -> String {
     }
 }
 
-/// Largest delay of a rheometer's first row after the start of its step, relative to the record's length.
+/// Largest delay between the start of a rheometer's load step and the first row, divided by the record's duration.
 const FIRST_ROW: f64 = 0.01;
 
-/// Start of a rheometer's load in s of the table's time: 0 if the first row follows soon after.
+/// Time at which a rheometer's load begins, in s of the table's clock. It is 0 if the first row follows soon after; otherwise `None`.
 fn load_start_s(proposal: &TableProposal, creep: Option<&RheometerCreep>) -> Option<f64> {
     let first_s = proposal.loaded_from_s.filter(|_| creep.is_some())?;
     (first_s > 0.0 && first_s <= FIRST_ROW * proposal.duration_s).then_some(0.0)
 }
 
-/// Text of `experiment.toml`, with a comment on each line.
+/// Makes the text of `experiment.toml`, with a comment on each line.
 fn experiment_toml(
     request: &InitRequest,
     file: &str,
@@ -299,7 +300,7 @@ fn experiment_toml(
     let mut lines = String::from(
         "# Description of the experiment. Replace each \"?\" by a number; the file cannot be read before.\n",
     );
-    // A key after a table's head goes on its own line.
+    // TOML assigns a key after a table's header to this table, so such a key is written under its own header.
     let mut line = |key: &str, value: String, comment: &str| {
         let (head, key) = key.rsplit_once('\n').map_or(("", key), |(head, key)| (head, key));
         let end = if head.is_empty() { "" } else { "\n" };

@@ -1,27 +1,29 @@
-//! `init` for a rheometer's creep test: stress and strain over time take the roles of force and position (docs/experiment.md).
+//! `init` for a rheometer's creep test: stress is read as the force, and strain as the position (docs/experiment.md).
 
 use base::error::Setting;
 use base::units::Dimension;
 use record::table::{InspectedTable, TableSettings};
 
-/// Words in the names of stress and strain columns, and a word that excludes a strain column.
+/// Words by which the stress column is recognised.
 const STRESS: [&str; 3] = ["stress", "spannung", "contrainte"];
+/// Words by which the strain column is recognised.
 const STRAIN: [&str; 4] = ["strain", "deformation", "dehnung", "déformation"];
+/// Word that excludes a column.
 const RATE: &str = "rate";
-/// Poisson ratio of a specimen that is nearly all water.
+/// Poisson's ratio of a specimen that consists nearly of water only.
 const OF_WATER: f64 = 0.5;
 
-/// Creep test in shear.
+/// Creep test of a rheometer in shear.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct RheometerCreep {
-    /// Columns to read and their units: 1 Pa is read as 1 N, a strain of 1 as 1 m.
+    /// Columns to read, with units. A stress of 1 Pa is read as a force of 1 N, and a strain of 1 as a position of 1 m.
     pub given: TableSettings,
-    /// Strain over stress at unit creep compliance, 2 + 2ν.
+    /// Strain divided by stress for a creep compliance of 1, which is 2 + 2ν for Poisson's ratio ν.
     pub compliance: f64,
 }
 
 impl RheometerCreep {
-    /// Finds the stress and strain columns of a table; `None` if there are none.
+    /// Finds the stress and strain columns of a table; `None` if it does not have both.
     pub fn of(looked: &InspectedTable, given: &TableSettings, poisson_ratio: Option<f64>) -> Option<Self> {
         if given.columns.iter().chain(&given.axes).any(Option::is_some) {
             return None;
@@ -55,7 +57,7 @@ impl RheometerCreep {
         })
     }
 
-    /// Reason for reading the table as a creep test.
+    /// Explains why the table is read as a creep test.
     pub fn reason(&self) -> String {
         format!(
             "stress and strain over time: a rheometer's creep test. 1 Pa is entered as 1 N and a strain of 1 as 1 m, with compliance_per_m = {} = 2 + 2ν. Use `{} generic` for a gel other than vitreous humour",

@@ -1,4 +1,4 @@
-//! `init` for a rheometer's oscillation: describes the table.
+//! `init` for a rheometer's oscillation: writes a description of the table.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -10,7 +10,7 @@ use documents::init::{InitColumn, InitSummary};
 use record::table::{InspectedTable, ParsedUnit};
 use record::{OSCILLATION, SweepColumn};
 
-/// Unit of a column: the table's own, or the one named in an error's remedy.
+/// Unit of a column, from the table. If the table states none, the error asks the user to write it into the column's name.
 fn unit_of(looked: &InspectedTable, column: SweepColumn, place: usize) -> Result<ParsedUnit> {
     if let Some(parsed_unit) = &looked.units[place] {
         return Ok(parsed_unit.clone());
@@ -28,7 +28,7 @@ fn unit_of(looked: &InspectedTable, column: SweepColumn, place: usize) -> Result
     ))
 }
 
-/// Text of `experiment.toml` for an oscillation, and the interpretation of the table.
+/// Makes the text of `experiment.toml` for an oscillation, and the interpretation of the table.
 pub(super) fn describe_sweep(
     file: &str,
     id: Option<&str>,

@@ -1,8 +1,8 @@
-//! Compares all revisions of a study on equal terms. Each is fitted to all cycles except the last, and full finite elements score the last
-//! (formats §4).
+//! Compares all revisions of a study under equal conditions. Each revision is fitted to all cycles except the last, and the full finite elements score
+//! the last cycle (formats §4).
 //!
-//! Revisions made by `extend` are fitted this way, so their posteriors are read. Others are fitted again unless an earlier command did so:
-//! above all m0, which is fitted to the calibration cycles only.
+//! Revisions made by `extend` are fitted in this way, so their stored posteriors are used. Other revisions are fitted again, unless an earlier command
+//! did so. The most frequent example is m0, which is fitted to the calibration cycles only.
 
 use base::error::{Error, InputPlace, Result};
 use base::files::{self, Content};
@@ -24,17 +24,17 @@ use crate::last_cycle::{LastCycleFit, errors, read_document};
 use crate::outcome::Outcome;
 use crate::target::Target;
 
-/// Settings that the caller chooses.
+/// Settings of the comparison that the caller chooses.
 pub struct LadderRequest {
-    /// Last revision to show; `None` for all.
+    /// Name of the last revision to compare; `None` compares all.
     pub up_to: Option<String>,
-    /// The sampler's settings for revisions that must be fitted.
+    /// Sampler settings for revisions that must be fitted.
     pub options: SamplerOptions,
-    /// Fits again every posterior except the revisions' own.
+    /// `true` fits again, even where an earlier command stored a suitable posterior. Revisions' own posteriors are never fitted again.
     pub refit: bool,
 }
 
-/// Compares the revisions of a creep record's study and writes the comparison into the study.
+/// Compares the revisions of a creep record's study, and writes the comparison into the study.
 ///
 /// # Errors
 /// [`Error::Input`] for any target except a creep record; otherwise the errors of sampling and writing.
@@ -52,7 +52,7 @@ pub fn run(target: &Target, request: &LadderRequest, monitor: &dyn Monitor) -> R
     Ok(Outcome { is_sound: document.body.is_sound(), document, written: svg.0, study: Some(study) })
 }
 
-/// Header that names the models and posteriors of the ladder as inputs.
+/// Header of the comparison's document. It names the models and posteriors of the revisions as inputs.
 fn provenance(study: &Study, summary: &LadderSummary, seed: u64) -> Result<Provenance> {
     let mut provenance = study.provenance("ladder", 1, seed);
     for rung in &summary.revisions {
@@ -68,10 +68,10 @@ fn provenance(study: &Study, summary: &LadderSummary, seed: u64) -> Result<Prove
 
 /// Compares the revisions of a study.
 ///
-/// `first` is any problem of the study's whole experiment; it provides the mechanics.
+/// `first` is any problem of the study on the entire experiment. Its mesh and matrices are reused.
 ///
 /// # Errors
-/// [`Error::Input`] if the study has no revision, or one on another mesh; otherwise as [`sample::run`].
+/// [`Error::Input`] if the study has no revision, or if one uses another mesh; otherwise as [`sample::run`].
 fn compare_revisions(
     study: &Study,
     first: &Problem,
@@ -86,7 +86,7 @@ fn compare_revisions(
     }
     let revisions: Vec<LastCycleFit> =
         names.iter().map(|name| LastCycleFit::of(study, first, name)).collect::<Result<_>>()?;
-    // All options are checked before any fit.
+    // All options are checked before the first fit.
     for revision in &revisions {
         request.options.validate(revision.problem.priors.priors().len())?;
     }
@@ -131,7 +131,7 @@ fn rung(revision: &str, from: Option<String>, posterior: PosteriorSummary) -> La
     }
 }
 
-/// Effects of a revision that the revision it extends lacks; for the first revision, all its effects.
+/// Effects that a revision adds to the revision that it extends. For the first revision, all its effects.
 fn added(rung: &LadderRow, effects_of: &[(String, Vec<String>)]) -> Vec<String> {
     let of = |name: &String| effects_of.iter().find(|(revision, _)| revision == name).map(|(_, effects)| effects);
     let before = rung.from.as_ref().and_then(of);
@@ -170,7 +170,7 @@ fn summarise(revisions: &[LastCycleFit], rungs: Vec<LadderRow>) -> Result<Ladder
     Ok(summary)
 }
 
-/// Shifts of the law's parameters that both the first and the last revision sample.
+/// Changes of the law's parameters from the first to the last revision. Only parameters that both revisions sample are listed.
 fn shifts(law: BaseLaw, rungs: &[LadderRow]) -> Vec<Shift> {
     let [first, .., last] = rungs else { return Vec::new() };
     let find = |rung: &LadderRow, name: &str| rung.parameters.iter().find(|p| p.name == name).cloned();
@@ -183,10 +183,11 @@ fn shifts(law: BaseLaw, rungs: &[LadderRow]) -> Vec<Shift> {
     law.parameters().iter().filter_map(|spec| shift(spec.name)).collect()
 }
 
-/// Standard errors within which an error equals the noise. A root mean square over n positions has a relative standard error of 1/√(2n).
+/// Number of standard errors within which an error counts as equal to the noise. A root mean square over n positions has a relative standard error of
+/// 1/√(2n).
 const NOISE_FLOOR_IN_ERRORS: f64 = 3.0;
 
-/// Sentence about the change of the error.
+/// Sentence on the change of the held-out error from the first to the last revision.
 fn sentence(rungs: &[LadderRow], noise_um: Option<f64>, n_scored: usize) -> String {
     let [first, .., last] = rungs else {
         return "The study has one revision, so the ladder has one rung.".into();

@@ -1,4 +1,4 @@
-//! Tests of the sentences, branches and shifts of a ladder.
+//! Tests of the comparison of revisions: sentences, branches and shifts.
 
 use super::*;
 use rung_for_tests::make_rung;
@@ -12,7 +12,7 @@ fn sentences_claim_what_was_scored() {
         let rungs = [make_rung("m0", None, &[], Some(was)), make_rung("m1", Some("m0"), &["clock-offset"], Some(is))];
         sentence(&rungs, Some(4.0), 200)
     };
-    // 200 positions give an error known to 5 %, so an error of up to 4.6 µm counts as the noise of 4 µm.
+    // With 200 positions, an error is known to 5 %. An error of up to 4.6 µm therefore counts as equal to a noise of 4 µm.
     let fallen = say(12.0, 4.5);
     assert!(
         fallen.contains("clock-offset") && fallen.contains("falls: from 12.000 to 4.500 µm, the noise"),
@@ -26,7 +26,7 @@ fn sentences_claim_what_was_scored() {
     assert!(sentence(&unscored[..1], None, 0).contains("one rung"));
 }
 
-/// m2 extends m0, not m1: its added effects are counted from m0.
+/// If m2 extends m0 instead of m1, its added effects are those that m0 lacks.
 #[test]
 fn branches_are_compared_with_what_they_extend() {
     let rungs = [
@@ -40,7 +40,7 @@ fn branches_are_compared_with_what_they_extend() {
     assert_eq!(added, [vec![], vec!["a".to_string()], vec!["b".into()], vec!["c".into()]]);
 }
 
-/// E changes from 3.9 ± 0.1 to 3.4: 5 standard deviations, 14.7 %.
+/// E changes from 3.9 ± 0.1 to 3.4, which is a shift of 5 standard deviations, or 14.7 %.
 #[test]
 fn shifts_are_counted_in_what_the_first_revision_claimed() {
     let rungs = [make_rung("m0", None, &[], Some(9.0)), make_rung("m1", Some("m0"), &["a"], Some(4.0))];

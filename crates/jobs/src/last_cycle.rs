@@ -1,4 +1,4 @@
-//! Posterior of a revision for all cycles except the last (formats §4). Every comparison of revisions shows the errors of this posterior.
+//! Posterior of a revision that is fitted to all cycles except the last (formats §4). Every comparison of revisions shows the errors of this posterior.
 
 use base::error::{Error, InputPlace, Result, Setting};
 use base::files::{Content, read_if_there};
@@ -14,10 +14,10 @@ use sampling::SamplerOptions;
 use crate::artefacts::{MESH_INPUT, with_inputs};
 use crate::first_revision::kept_surrogate;
 
-/// Document of the posterior, in a revision whose own posterior is fitted to other cycles.
+/// File name of this posterior's document. It exists only in revisions whose own posterior is fitted to other cycles.
 const LAST_CYCLE_NAME: &str = "last_cycle.json";
 
-/// Revision joined with the experiment for comparing revisions: all cycles except the last are fitted, and the last is scored.
+/// Revision with its experiment, prepared for comparing revisions: all cycles except the last are fitted, and the last is scored.
 pub struct LastCycleFit<'a> {
     study: &'a Study,
     /// Name of the revision.
@@ -27,10 +27,10 @@ pub struct LastCycleFit<'a> {
 }
 
 impl<'a> LastCycleFit<'a> {
-    /// Opens a revision. `of_study` is any problem of the study; it provides the mechanics.
+    /// Prepares a revision. `of_study` is any problem of the study; its mesh and matrices are reused.
     ///
     /// # Errors
-    /// [`Error::Input`] for a revision that does not exist or is on another mesh.
+    /// [`Error::Input`] for a revision that does not exist or uses another mesh.
     pub fn of(study: &'a Study, of_study: &Problem, name: &str) -> Result<Self> {
         let (dir, library) = (study.revision_dir(name)?, Library::default());
         let specification = ModelSpecification::of_revision(&dir, &library)?;
@@ -53,7 +53,8 @@ impl<'a> LastCycleFit<'a> {
         with_inputs(self.study.provenance("posterior", 1, seed), &self.problem)
     }
 
-    /// Posterior for these cycles: the revision's own, or the one that an earlier command stored. Otherwise, or if `anew` is set, it is sampled and written into the revision.
+    /// Returns the posterior for these cycles: the revision's own, or one that an earlier command stored. If there is none, or if `anew` is set, the
+    /// posterior is sampled and written into the revision.
     ///
     /// # Errors
     /// The errors of sampling and writing.
@@ -94,12 +95,12 @@ impl<'a> LastCycleFit<'a> {
     }
 }
 
-/// Errors of a posterior.
+/// Root mean square residuals of a posterior, on its fitted and its held-out cycles.
 pub fn errors(posterior: &PosteriorSummary) -> ModelErrors {
     ModelErrors { rmse_fitted_um: posterior.heldout.rmse_fitted_um, rmse_heldout_um: posterior.heldout.rmse_um }
 }
 
-/// Reads a document; `None` if it is unreadable and must be made again.
+/// Reads a document; `None` if it is unreadable. The caller then computes it again.
 pub fn read_document<T: serde::de::DeserializeOwned>(path: &std::path::Path) -> Option<WithProvenance<T>> {
     serde_json::from_slice(&read_if_there(path, Content::Document)?).ok()
 }

@@ -1,4 +1,5 @@
-//! `learn`: infers a constitutive correction from one record, or from half of a cohort with confirmation on the other half.
+//! `learn`: infers a constitutive correction, a formula that is added to the law. It learns from one record, or from half of a cohort's records. The
+//! other half then confirms the correction.
 
 use base::error::{Error, InputPlace, Result, Setting};
 use base::files::{remove_if_there, write_atomically};
@@ -18,32 +19,32 @@ use crate::diagnose::COHORT_OUT;
 use crate::outcome::Outcome;
 use crate::target::{CohortTarget, CreepTarget, Target, unsupported_target};
 
-/// Stem of the figure's file name.
+/// File name, without extension, of the figure.
 const FIGURE: &str = "learned";
 
-/// Settings that the caller chooses.
+/// Settings of `learn` that the caller chooses.
 pub struct LearnRequest {
-    /// Largest number of simulated searches that test a gain.
+    /// Largest number of searches in simulated data, which test the gain.
     pub simulations: usize,
-    /// Number of first cycles to learn from, with all later ones scored; `None` to score the last held-out one.
+    /// Number of first cycles from which the correction is learned; all later cycles are scored. With `None`, only the last held-out cycle is scored.
     pub first_cycles: Option<u32>,
-    /// Restricts functions of a state to monotone ones.
+    /// `true` restricts the correction to monotone functions of the state.
     pub is_monotone: bool,
-    /// The sampler's settings for a first revision. Learning uses their seed.
+    /// Sampler settings for making a first revision. Learning uses their seed.
     pub sampler: SamplerOptions,
 }
 
-/// Document of a learned correction.
+/// Correction learned from a creep record or a cohort.
 #[derive(Serialize)]
 #[serde(untagged)]
 pub enum LearnDocument {
     /// Correction from a creep record.
     Creep(Box<Learned>),
-    /// Correction from half of a cohort, confirmed on the other half.
+    /// Correction from half of a cohort's records, confirmed on the other half.
     Cohort(Box<LearnedCohort>),
 }
 
-/// Learns a correction of the law and writes it into the revision or the cohort's directory.
+/// Learns a correction of the law. It is written into the revision or the cohort's directory.
 ///
 /// # Errors
 /// [`Error::Input`] for an oscillation and for several records of one specimen; otherwise the errors of fitting and writing.
@@ -80,7 +81,7 @@ fn of_creep(creep: &CreepTarget, request: &LearnRequest, monitor: &dyn Monitor) 
     })
 }
 
-/// Subject that fits the first cycles and scores the later ones, if `first` is given.
+/// If `first` is given, makes the subject fit this number of first cycles and score the later ones. Otherwise returns it unchanged.
 fn of_first_cycles(subject: Subject, first: Option<u32>) -> Result<Subject> {
     let Some(first) = first else { return Ok(subject) };
     let experiment = subject.experiment();

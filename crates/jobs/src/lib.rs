@@ -1,8 +1,7 @@
-//! Functions behind the commands. Each turns a checked input into a document and files.
+//! Implementation of the commands. Each command turns checked input into a document and files.
 //!
-//! Each command has one file. [`artefacts`] writes the files of a posterior, and [`pages`] the page of a study.
-//! [`sweep`] holds the jobs on a rheometer's oscillation, [`tasks`] lists of tasks for many machines.
-//! [`bridge`] holds the models that `serve` offers through UM-Bridge.
+//! Each command has one source file. [`artefacts`] writes the files of a posterior, and [`pages`] the page of a study. [`sweep`] contains the commands
+//! for a rheometer's oscillation, and [`tasks`] lists of tasks for many machines. [`bridge`] contains the models that `serve` offers through UM-Bridge.
 
 pub mod artefacts;
 pub mod bridge;

@@ -1,4 +1,4 @@
-//! Pages for a browser, made from the documents and figures that commands wrote.
+//! HTML pages of studies and cohorts, made from the documents and figures that commands wrote.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -26,7 +26,7 @@ use record::Experiment;
 
 const RERUN_REMEDY: &str = "run again the command that wrote it";
 
-/// Writes the page of a study, or of the results of `groups` or `shapes`, to `out` or beside the results. Returns the page's path.
+/// Writes the HTML page of a study, or of the results of `groups` or `shapes`. The page goes to `out` or beside the results. Returns the page's path.
 ///
 /// # Errors
 /// [`Error::Input`] if there is nothing to show or a document is unreadable; [`Error::File`] if the operating system refuses.
@@ -46,7 +46,7 @@ pub fn write(dir: &Path, out: Option<&Path>) -> Result<PathBuf> {
     Ok(place)
 }
 
-/// Named parts of a study's page, each as HTML, with the revisions up to `revision`.
+/// Sections of a study's page, each as a name and HTML. They show the revisions up to `revision`.
 ///
 /// # Errors
 /// As [`write()`].
@@ -63,7 +63,7 @@ fn origin(provenance: Provenance) -> Origin {
     Origin { version, seed, inputs_sha256 }
 }
 
-/// All figures of a result, sorted by name. They lie beside the document or in the folder `figures`.
+/// Reads all figures of a result, sorted by name. They are beside the document or in the folder `figures`.
 fn read_figures(dir: &Path) -> Result<Vec<Figure>> {
     let folder = if is_folder(&dir.join("figures")) { "figures/" } else { "" };
     let names = entries(&dir.join(folder), "make the directory readable")?.into_iter();
@@ -72,7 +72,7 @@ fn read_figures(dir: &Path) -> Result<Vec<Figure>> {
     names.iter().filter_map(|name| read_figure(dir, name).transpose()).collect()
 }
 
-/// Reads the content of a study's page.
+/// Reads the documents and figures that the page of a study shows.
 fn content(study: &Study) -> Result<StudyPage> {
     let (experiment, files) = study.read_experiment()?;
     let names = study.revisions()?;
@@ -102,7 +102,7 @@ fn content(study: &Study) -> Result<StudyPage> {
             "run `vitreo-uq sample` on it first",
         ));
     }
-    // A ladder of other revisions is older than the last revision and is left out.
+    // A comparison that was made from other posteriors is out of date, so the page does not show it.
     let ladder = read::<documents::ladder::LadderSummary>(&study.dir().join(LADDER_NAME))?;
     let is_of_these = |(name, hash): (&String, &String)| {
         ladder.as_ref().is_some_and(|ladder| ladder.provenance.inputs_sha256.get(name) == Some(hash))
@@ -117,7 +117,7 @@ fn content(study: &Study) -> Result<StudyPage> {
     Ok(content)
 }
 
-/// Revision as stored on disk.
+/// Revision, as stored on disk.
 struct StoredRevision {
     dir: PathBuf,
     posterior: WithProvenance<PosteriorSummary>,
@@ -144,7 +144,7 @@ impl StoredRevision {
         })
     }
 
-    /// Commands that reproduce the revision and its other documents.
+    /// Commands that reproduce the revision and its further documents.
     fn commands(&self, study: &Study, name: &str, experiment: &Experiment) -> Result<Vec<String>> {
         let Self { posterior, comparison, diagnosis, learned, extension, .. } = self;
         let library = Library::default();
@@ -152,7 +152,7 @@ impl StoredRevision {
             ModelSpecification::read_kept(&study.revision_dir(revision)?, &library)
         };
         let mut settings = format!(" --seed {} --chains {}", posterior.provenance.seed, posterior.body.sampler.walkers);
-        // A run that did not converge stopped at its largest number of steps.
+        // A run that did not converge ended at its largest number of steps, so the command must state this number.
         if !posterior.body.converged {
             settings += &format!(" --steps {}", posterior.body.sampler.steps);
         }
@@ -220,7 +220,7 @@ impl StoredRevision {
     }
 }
 
-/// Effects in the form that `--with` takes. An effect from a file is named by its copy in the revision.
+/// Arguments of `--with` that name the effects. An effect from a file is named by the path of its copy in the revision.
 fn named(effects: &[String], revision: &str) -> String {
     let name = |slug: &String| match effect_file::definition(slug) {
         Some(_) => format!("{revision}/{}", effect_copy(slug)),
@@ -229,7 +229,7 @@ fn named(effects: &[String], revision: &str) -> String {
     effects.iter().map(name).collect::<Vec<_>>().join(",")
 }
 
-/// Options that turn one model into another, except the effects.
+/// Options that turn the model `before` into the model `now`. Effects are left out.
 fn options(before: &ModelSpecification, now: &ModelSpecification, name: &str) -> String {
     let mut text = String::new();
     if now.base != before.base {
@@ -280,7 +280,7 @@ fn read_figure(dir: &Path, file: &str) -> Result<Option<Figure>> {
     let Some(bytes) = read_if_there(&path, Content::Document) else { return Ok(None) };
     let refused = || Error::input(InputPlace::file(&path), "this is not a figure of this program", RERUN_REMEDY);
     let svg = String::from_utf8(bytes).map_err(|_| refused())?;
-    // The page embeds the drawing unchanged, so the file may contain nothing else.
+    // The page embeds the SVG text unchanged, so the file must contain only a drawing: no scripts, links or foreign objects.
     if !svg.starts_with("<svg ") || svg.contains("<script") || svg.contains("<foreignObject") || svg.contains("href=") {
         return Err(refused());
     }

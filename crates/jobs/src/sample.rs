@@ -1,4 +1,4 @@
-//! `sample`: samples the posterior of a target.
+//! `sample`: samples the posterior of a record, or the joint posterior of several records.
 
 use std::collections::BTreeMap;
 
@@ -29,18 +29,18 @@ use crate::target::{
     CreepTarget, JointTarget, SweepTarget, Target, TargetRecord, refuse_options_of_one, unsupported_target,
 };
 
-/// Name of the posterior of several records, and of its figure.
+/// File name, without extension, of the document and the figure of a joint posterior.
 const JOINT: &str = "joint";
 
-/// Settings that the caller chooses.
+/// Settings of `sample` that the caller chooses.
 pub struct SampleRequest {
-    /// The sampler's settings.
+    /// Settings of the sampler.
     pub sampler: SamplerOptions,
-    /// Continues an interrupted run; only for a single creep record.
+    /// `true` continues an interrupted run from its checkpoint. Only for a single creep record.
     pub resume: bool,
 }
 
-/// Document of a posterior.
+/// Posterior of a creep record, an oscillation or several records.
 #[derive(Serialize)]
 #[serde(untagged)]
 pub enum SampleDocument {
@@ -52,10 +52,11 @@ pub enum SampleDocument {
     Joint(Box<JointSummary>),
 }
 
-/// Samples the posterior of a target. The result becomes the study's m0, or goes into the directory of several records.
+/// Samples the posterior of a target. For a single record, the result becomes the study's `m0`. For several records, it is written into their output
+/// directory.
 ///
 /// # Errors
-/// [`Error::Input`] for a cohort, or if an existing m0 has another model or mesh; otherwise the errors of sampling and writing.
+/// [`Error::Input`] for a cohort, or if an existing `m0` has another model or mesh; otherwise the errors of sampling and writing.
 pub fn run(target: &Target, request: &SampleRequest, monitor: &dyn Monitor) -> Result<Outcome<SampleDocument>> {
     match target {
         Target::Creep(creep) => of_creep(creep, request, monitor),
@@ -87,7 +88,7 @@ fn of_creep(target: &CreepTarget, request: &SampleRequest, monitor: &dyn Monitor
     Ok(Outcome { document, is_sound, written, study: Some(study) })
 }
 
-/// Refuses to overwrite a revision on another mesh unless `force` is set.
+/// Refuses to overwrite a revision that uses another mesh, unless `force` is set.
 fn refuse_other_mesh(study: &Study, problem: &Problem, force: bool) -> Result<()> {
     let Ok(dir) = study.revision_dir(FIRST_REVISION) else { return Ok(()) };
     let path = dir.join(POSTERIOR_NAME);
@@ -131,7 +132,7 @@ fn of_oscillation(
     Ok(Outcome { document, is_sound, written, study: None })
 }
 
-/// Record joined with the law, ready for evaluation.
+/// Record of a joint posterior with the law, ready for evaluating its log-density.
 enum PreparedRecord {
     Creep(Box<PreparedModel>),
     Oscillation(Box<SweepProblem>),

@@ -1,4 +1,5 @@
-//! JSON Schemas (draft 2020-12) of the documents that commands write, generated from the Rust types: `docs/schemas/<kind>-<number>.json`.
+//! JSON Schemas (draft 2020-12) of the documents that commands write, generated from the Rust types. They are stored in
+//! `docs/schemas/<kind>-<number>.json`.
 
 use schemars::JsonSchema;
 use schemars::generate::SchemaSettings;
@@ -26,14 +27,14 @@ use documents::tasks::{Gathered, TaskList};
 use posterior::study::WithProvenance;
 use validation::challenge::plays::Plays;
 
-/// Schema of one kind of document.
+/// JSON Schema of one kind of document.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DocumentSchema {
-    /// Kind, as in `vitreo-uq/<kind>/<number>`.
+    /// Kind of the document, the second part of its identifier `vitreo-uq/<kind>/<number>`.
     pub kind: &'static str,
-    /// Version number of the kind.
+    /// Version number of the document's format.
     pub number: u32,
-    /// JSON Schema.
+    /// The schema itself, as JSON.
     pub schema: Value,
 }
 
@@ -47,18 +48,18 @@ impl DocumentSchema {
         Self { kind, number, schema }
     }
 
-    /// Name of the schema's file.
+    /// Name of the file that stores the schema.
     pub fn file_name(&self) -> String {
         format!("{}-{}.json", self.kind, self.number)
     }
 
-    /// Text of the schema's file.
+    /// Content of the file that stores the schema.
     pub fn text(&self) -> String {
         format!("{:#}\n", self.schema)
     }
 }
 
-/// Schemas of all documents that commands write.
+/// Makes the schemas of all documents that commands write.
 pub fn all() -> Vec<DocumentSchema> {
     vec![
         DocumentSchema::of::<Calibration>("calibration", "gather"),

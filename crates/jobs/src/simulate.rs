@@ -1,4 +1,4 @@
-//! Full finite-element simulation: steps the whole system through the experiment's protocol, with its internal fields.
+//! `simulate`: steps the full finite-element model through the experiment's protocol and computes its internal fields.
 
 use documents::simulation::{SimulationParameter, SimulationSummary};
 use std::collections::BTreeMap;
@@ -21,38 +21,38 @@ use posterior::prepared::field_models;
 use posterior::problem::Problem;
 use record::{OwnedForce, Record};
 
-/// Largest number of displacement fields that are written.
+/// Largest number of displacement fields that a run writes.
 const MOST_FIELDS: usize = 20;
-/// Largest number of time steps of one run.
+/// Largest number of time steps of a run.
 const MOST_STEPS: usize = 20_000_000;
-/// Settings that the caller chooses.
+/// Settings of `simulate` that the caller chooses.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SimulationRequest {
-    /// Parameter values with their origins.
+    /// Values of all parameters, each with its origin.
     pub parameters: Vec<SimulationParameter>,
-    /// Time integrator of the law without effects; `None` for `radau`, which also handles effects and springpots.
+    /// Time integration scheme, for a law without effects. `None` chooses `radau`, which also handles effects and springpots.
     pub scheme: Option<TimeScheme>,
-    /// Longest time step in s; `None` for one step from row to row.
+    /// Longest time step in s. `None` makes one step from each row to the next.
     pub time_step_s: Option<f64>,
-    /// Finest level of a convergence table over the built-in meshes; `None` for no table.
+    /// Finest level of a mesh convergence table over the built-in meshes; `None` for no table.
     pub refine: Option<usize>,
 }
 
-/// Result of a run.
+/// Result of a simulation.
 pub struct Simulation {
-    /// Document for people and scripts.
+    /// Document of the result, for people and scripts.
     pub summary: SimulationSummary,
-    /// Position (m) at every row of the protocol.
+    /// Position (m) at each row of the protocol.
     pub position_m: Vec<f64>,
-    /// Written fields: the row, and the displacement (m) of every node.
+    /// Displacement fields that are written: the row, and the displacement vector (m) of each node.
     pub fields: Vec<(usize, Vec<[f64; 3]>)>,
-    /// Mesh of the fields.
+    /// Mesh on whose nodes the fields are given.
     pub mesh: Mesh,
-    /// Wall-clock seconds of each stage.
+    /// Wall-clock time of each stage, in s.
     pub timing_s: Vec<(String, f64)>,
 }
 
-/// Chooses the parameter values: from `set`, else the posterior's medians, else the model's fixed values, else the prior's medians.
+/// Chooses the value of each parameter. The first available source is used: `set`, the posterior median, the model's fixed value, the prior median.
 ///
 /// # Errors
 /// [`Error::Input`] if `set` names a noise parameter, because noise is not simulated.
@@ -96,11 +96,11 @@ pub fn parameters(
     problem.model.parameters().iter().map(entry).collect()
 }
 
-/// Checks the request before anything is computed.
+/// Checks a request before anything is computed.
 ///
 /// # Errors
-/// [`Error::Input`] for an instrument; for a time step that is not positive, too small, or given to the exact scheme;
-/// for a convergence table that is too fine or has a mesh that cannot be refined.
+/// [`Error::Input`] for an instrument. Also for a time step that is not positive, too small, or given to the exact scheme. Also for a convergence table
+/// that is too fine, or on a mesh that cannot be refined.
 pub fn check_request(problem: &Problem, request: &SimulationRequest, has_mesh_file: bool) -> Result<()> {
     finite_elements(problem)?;
     let refuse =
@@ -179,7 +179,7 @@ pub(super) fn finite_elements(problem: &Problem) -> Result<&FiniteElements> {
     })
 }
 
-/// Runs the protocol, and the convergence table if requested.
+/// Simulates the protocol, and computes the convergence table if requested.
 ///
 /// # Errors
 /// As [`check_request`]; also the errors of meshing, factorisation and stepping.
@@ -240,20 +240,20 @@ fn scheme_name(scheme: Option<TimeScheme>) -> &'static str {
     }
 }
 
-/// Result of a full-order run.
+/// Trajectory and fields of a run of the full-order model.
 struct FullOrderRun {
-    /// Rows of `fields`, in order.
+    /// Row of each entry of `fields`, in order.
     rows: Vec<usize>,
     position_m: Vec<f64>,
     fields: Vec<Vec<[f64; 3]>>,
-    /// Mesh of the fields, if it differs from the model's.
+    /// Mesh of the fields, if it differs from the mesh of the model.
     mesh: Option<Mesh>,
     compliance_per_m: f64,
-    /// Row of the largest displacement.
+    /// Row at which the displacement is largest.
     extreme_row: usize,
 }
 
-/// Rows whose fields are needed (the written rows and the row of the largest displacement), and the latter row.
+/// Returns the rows whose fields are needed, and the row of the largest displacement. The former are `written_rows` and the latter row.
 fn rows_with_extreme(written_rows: &[usize], position_m: &[f64]) -> (Vec<usize>, usize) {
     let extreme_row =
         (0..position_m.len()).fold(0, |a, b| if position_m[b].abs() > position_m[a].abs() { b } else { a });
@@ -298,8 +298,8 @@ fn run_all_stages(
     Ok(FullOrderRun { rows, position_m, fields, mesh, compliance_per_m, extreme_row })
 }
 
-/// Reference trajectory (m) for the time integration's error. For a linear law it is the closed form at the run's own compliance.
-/// For other laws it is the full-order trajectory with steps twice as long; the difference is then several times the error.
+/// Reference trajectory (m), which gives the error of the time integration. For a linear law it is the closed form with the run's own compliance. For
+/// other laws it is the full-order trajectory with time steps twice as long. The difference is then several times the error.
 fn reference_trajectory_m(
     problem: &Problem,
     fe: &FiniteElements,
@@ -321,17 +321,17 @@ fn reference_trajectory_m(
     Response::new(&record.time_s, record.force(), record.n_rows()).trajectory_m(&stages, compliance_per_m)
 }
 
-/// The record's times, with steps in between that are no longer than the requested one.
+/// Times of the record, with further times between them so that no step is longer than requested.
 struct TimeGrid {
     time_s: Vec<f64>,
     force: OwnedForce,
-    /// Index of each row of the record in `time_s`.
+    /// Index in `time_s` of each row of the record.
     place_of_row: Vec<usize>,
 }
 
-/// Number of steps in an interval, as a floating-point number because it may exceed integers.
+/// Number of steps in an interval. It is a floating-point number, because it may exceed the range of integers.
 fn n_parts(interval_s: f64, longest_s: Option<f64>) -> f64 {
-    // The factor keeps rounding from adding a step to an interval that is a whole number of steps.
+    // The factor avoids an extra step, due to rounding, if the interval is a multiple of the longest step.
     longest_s.map_or(1.0, |longest_s| (interval_s / longest_s * (1.0 - 1e-9)).ceil().max(1.0))
 }
 
@@ -356,7 +356,7 @@ impl TimeGrid {
     }
 }
 
-/// Rows at the ends of force holds and the last row; evenly thinned if there are many.
+/// Rows at which fields are written: the ends of force holds, and the last row. If there are too many, they are thinned evenly.
 fn field_rows(record: &Record) -> Vec<usize> {
     let mut rows: Vec<usize> = record.force_step_rows().into_iter().filter(|&row| row > 0).collect();
     if record.n_rows() > 0 {

@@ -10,7 +10,7 @@ use posterior::replica::{TABLE_I, embedded};
 use posterior::study::ModelSpecification;
 use record::Experiment;
 
-/// The replica on a coarse mesh, for quick tests.
+/// Problem of the embedded replica on a coarse mesh, for quick tests.
 fn problem() -> Problem {
     let (experiment, _) = embedded().unwrap();
     let mut problem = Problem::new(experiment, ModelSpecification::default(), None, &SilentMonitor).unwrap();
@@ -29,7 +29,7 @@ fn request(problem: &Problem, scheme: TimeScheme, time_step_s: Option<f64>) -> S
     SimulationRequest { parameters, scheme: Some(scheme), time_step_s, refine: None }
 }
 
-/// The exponential step is exact. Halving the step of the midpoint rule divides its error by 4.
+/// The exponential scheme is exact. For the midpoint rule, half the time step divides the error by 4.
 #[test]
 fn exponential_is_exact_and_midpoint_of_second_order() {
     let problem = problem();
@@ -73,7 +73,7 @@ fn fields_stand_at_the_ends_of_holds_and_are_not_too_many() {
     assert_eq!(rows[MOST_FIELDS - 1], 799);
 }
 
-/// The written directory reads back as an experiment with the simulation's positions and the same robot.
+/// The directory that a simulation writes can be read as an experiment. It has the simulated positions and an equal robot.
 #[test]
 fn the_directory_is_itself_an_experiment() {
     let problem = problem();
@@ -101,7 +101,8 @@ fn the_directory_is_itself_an_experiment() {
     assert!(written && !dir.path().join("fields_09.vtu").exists());
 }
 
-/// Against the exact stiffness (physics §4.2): errors fall, the differences match the column, and the order is above 3.
+/// Compares with the exact stiffness (physics §4.2). The errors decrease, the differences agree with the column of the table, and the order of
+/// convergence is above 3.
 #[test]
 fn convergence_table_converges_to_the_exact_value() {
     let problem = problem();
@@ -127,7 +128,7 @@ fn values_come_from_the_option_then_the_model_then_the_prior() {
     let set = BTreeMap::from([("young_modulus_pa".to_string(), 2.0)]);
     let found = parameters(&problem, &set, None).unwrap();
     assert_eq!(found.iter().map(|p| p.value).collect::<Vec<_>>()[..2], [2.0, 7.0]);
-    // The porcine prior is log-normal with median 30.
+    // The prior for porcine gels is log-normal with a median of 30.
     assert!((found[2].value - 30.0).abs() < 1e-9 && found[2].origin.contains("prior"), "{found:?}");
     let noise = BTreeMap::from([("noise_sd_um".to_string(), 2.0)]);
     let refused = parameters(&problem, &noise, None).unwrap_err().to_string();

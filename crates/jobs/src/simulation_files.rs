@@ -1,4 +1,4 @@
-//! Files of a simulation: trajectory, TOML and fields. Together they form an experiment.
+//! Files of a simulation: trajectory, TOML description and fields. Together they form an experiment.
 
 use std::path::Path;
 
@@ -10,7 +10,7 @@ use elements::mesh::vtu::{PointData, TimeStep, write_pvd, write_vtu};
 use posterior::problem::Problem;
 use record::{Apparatus, Offset, Orientation, Record, RobotShape, density_toml};
 
-/// Writes trajectory, experiment and fields into `dir`, which then is an experiment itself.
+/// Writes the trajectory, the description and the fields into `dir`. The directory can then be read as an experiment.
 ///
 /// # Errors
 /// [`Error::File`] if the operating system refuses.
@@ -35,7 +35,7 @@ pub fn write(dir: &Path, problem: &Problem, simulation: &Simulation) -> Result<(
     write_pvd(dir.join("fields.pvd"), &steps)
 }
 
-/// Rounds away the binary error of the last digit: 4.6 instead of 4.6000000000000005.
+/// Removes the rounding error in a number's last decimal digit: 4.6000000000000005 becomes 4.6.
 fn decimal(value: f64) -> f64 {
     format!("{value:.14e}").parse().unwrap_or(value)
 }
@@ -100,7 +100,7 @@ fn apparatus_toml(apparatus: &Apparatus) -> String {
     }
 }
 
-/// TOML lines of an offset; empty for a robot in the middle.
+/// TOML lines that describe the robot's offset from the centre; empty if it is in the centre.
 fn offset_toml(offset: Option<Offset>) -> String {
     offset.map_or_else(String::new, |offset| {
         let (distance_mm, direction) = (decimal(1e3 * offset.distance_m), offset.direction.name());

@@ -1,4 +1,4 @@
-//! Input of a command, opened once: a creep record, an oscillation, several records of one specimen, or a cohort.
+//! Target: the input of a command, which is opened once. It is a creep record, an oscillation, several records of one specimen, or a cohort.
 
 use std::path::{Path, PathBuf};
 
@@ -24,47 +24,47 @@ use crate::last_cycle::{self, LastCycleFit};
 use crate::outcome::Outcome;
 use crate::sweep::problem::{DEFAULT_PRIOR, SweepProblem};
 
-/// Input that the user names: records, output directory and model.
+/// Names and options from which a [`Target`] is opened: records, output directory and model.
 #[derive(Clone, Default)]
 pub struct TargetRequest {
-    /// Experiments, studies, or a directory of them; empty for the embedded replica.
+    /// Paths of experiments or studies, or of a directory that contains them. Empty selects the embedded replica.
     pub paths: Vec<PathBuf>,
     /// Directory of the results; `None` for the default.
     pub out: Option<PathBuf>,
-    /// Replaces results of another input or model.
+    /// `true` allows to replace results of another input or model.
     pub replace_existing: bool,
-    /// Changes of the model by options.
+    /// Options that change the model.
     pub model: ModelRequest,
 }
 
-/// Changes of the study's model or the default model.
+/// Options that change the model of the study, or the default model if there is no study.
 #[derive(Clone, Default)]
 pub struct ModelRequest {
-    /// Base law: a name or a file.
+    /// Base law: its name or a file.
     pub base: Option<String>,
-    /// Address of another program's model, used instead of a base law.
+    /// Address of an external model that replaces the base law.
     pub forward: Option<String>,
-    /// Effects: slugs or files.
+    /// Effects to add: names (slugs) or files.
     pub with: Vec<String>,
-    /// Noise terms.
+    /// Terms of the noise model.
     pub noise: Vec<String>,
-    /// Prior: a name or a file.
+    /// Prior: its name or a file.
     pub prior: Option<String>,
     /// Parameters to fix or to free, as `name=value` or `name=free`.
     pub set: Vec<String>,
-    /// Revision whose model is changed; `None` for the last.
+    /// Name of the revision whose model is changed; `None` for the last.
     pub from: Option<String>,
-    /// Imported mesh.
+    /// Mesh that is imported from a file.
     pub mesh: Option<MeshFile>,
 }
 
 impl ModelRequest {
-    /// Base law, or the address of the model that replaces it.
+    /// Base law, or the address of the external model that replaces it; `None` if neither is given.
     pub fn law(&self) -> Option<&str> {
         self.forward.as_deref().or(self.base.as_deref())
     }
 
-    /// Applies these changes to a model.
+    /// Applies the options to a model.
     ///
     /// # Errors
     /// As [`ModelSpecification::with_options`].
@@ -72,7 +72,7 @@ impl ModelRequest {
         model.with_options(self.law(), &self.with, &self.noise, self.prior.as_deref(), &self.set)
     }
 
-    /// First given option that changes the model itself. Options for the revision or the mesh do not count.
+    /// First option that is given and changes the model itself. Options that select the revision or the mesh do not count.
     fn changing_setting(&self) -> Option<Setting> {
         first_given(&[
             (Setting::Base, self.base.is_some()),
@@ -85,21 +85,22 @@ impl ModelRequest {
     }
 }
 
-/// Kinds of targets. Every command accepts a creep record, and names the other kinds that it accepts.
+/// Kind of target. Every command accepts a creep record; it states which other kinds it accepts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TargetKind {
-    /// One creep record or its study.
+    /// One creep record, or a study of it.
     Creep,
-    /// One oscillation of a rheometer or its study.
+    /// One oscillation of a rheometer, or a study of it.
     Oscillation,
     /// Several records of one specimen.
     Joint,
-    /// Several specimens, or a directory of them.
+    /// Several specimens, or a directory that contains them.
     Cohort,
 }
 
 impl TargetKind {
-    /// Kind of the given paths, for a command that accepts some kinds: the first kind that fits, otherwise a creep record.
+    /// Determines the kind of target that the paths name. `taken` lists the kinds that the command accepts; the first that fits is returned. If none fits,
+    /// the result is `Creep`.
     pub fn of(paths: &[PathBuf], taken: &[Self]) -> Self {
         let is_folder = |path: &PathBuf| {
             path.is_dir()
@@ -116,11 +117,11 @@ impl TargetKind {
     }
 }
 
-/// Input of a command. Opening it writes nothing.
+/// Opened input of a command. Opening it writes nothing.
 pub enum Target {
-    /// One creep record or its study.
+    /// One creep record, or a study of it.
     Creep(Box<CreepTarget>),
-    /// One oscillation of a rheometer or its study.
+    /// One oscillation of a rheometer, or a study of it.
     Oscillation(Box<SweepTarget>),
     /// Several records of one specimen.
     Joint(JointTarget),
@@ -129,7 +130,8 @@ pub enum Target {
 }
 
 impl Target {
-    /// Reads the target and reports the reader's notes. The model is that of `default_revision` unless the options name another.
+    /// Reads the target, and reports notes of the reader to `monitor`. The model is that of the revision `default_revision`, unless the options name another
+    /// revision.
     ///
     /// # Errors
     /// The errors of reading; [`Error::Input`] if the output directory or the model is refused.
@@ -147,7 +149,7 @@ impl Target {
         })
     }
 
-    /// Returns the creep record.
+    /// Returns the creep record of this target.
     ///
     /// # Errors
     /// [`Error::Input`] for every other target.
@@ -159,41 +161,41 @@ impl Target {
     }
 }
 
-/// Error for a target that a command does not accept.
+/// Makes the error for a kind of target that the command does not accept.
 pub(crate) fn unsupported_target() -> Error {
     Error::input(InputPlace::default(), "this command takes one creep record", "give one experiment or study")
 }
 
-/// First option that is given.
+/// Returns the first setting whose flag is `true`, which means that the user gave it.
 fn first_given(options: &[(Setting, bool)]) -> Option<Setting> {
     options.iter().find(|(_, is_given)| *is_given).map(|(option, _)| *option)
 }
 
-/// Creep record with its study, which may not exist yet, and the model.
+/// Creep record with the model and the study. The study need not exist yet.
 ///
 /// Only [`CreepTarget::make_study`] makes a new study, after all checks have passed.
 pub struct CreepTarget {
     place: StudyPlace,
-    /// The experiment.
+    /// Experiment: the record with its description.
     pub experiment: Experiment,
-    /// Interpretation of the experiment's description.
+    /// Interpretation of the experiment's description by its reader.
     understood: Interpretation,
-    /// Model from the options, or else from the study's last revision.
+    /// Model of the study's last revision or the default model, changed by the options.
     pub specification: ModelSpecification,
-    /// Changes of the model by options.
+    /// Options that change the model.
     pub request: ModelRequest,
-    /// Replaces results of another input or model.
+    /// `true` allows to replace results of another input or model.
     pub force: bool,
 }
 
-/// Existing or future place of the study.
+/// Study that exists, or directory in which it will be made.
 enum StudyPlace {
     There(Study),
     New { dir: PathBuf, files: Box<ExperimentFiles>, force: bool },
 }
 
 impl CreepTarget {
-    /// Reads the target without writing anything.
+    /// Reads a creep record and its study. Writes nothing.
     ///
     /// # Errors
     /// As [`Target::open`].
@@ -229,7 +231,7 @@ impl CreepTarget {
         Ok(Self { place, experiment, understood, specification, request: model, force })
     }
 
-    /// Refuses a record that certainly contradicts its description, and reports possible contradictions. It runs before any fit.
+    /// Compares the record with its description. Certain contradictions are refused; possible ones are reported to `monitor`. It runs before any fit.
     ///
     /// # Errors
     /// As [`check::refuse_contradictions`].
@@ -237,12 +239,12 @@ impl CreepTarget {
         check::refuse_contradictions(&self.experiment, &self.understood, monitor)
     }
 
-    /// Returns the study, if it exists.
+    /// Returns the study; `None` if it does not exist yet.
     pub fn existing_study(&self) -> Option<&Study> {
         self.place.study()
     }
 
-    /// Header of a document, with or without a study.
+    /// Makes the header of a document about this record. The study need not exist.
     ///
     /// # Errors
     /// As [`Study::hashes_of`].
@@ -264,7 +266,7 @@ impl CreepTarget {
         }
     }
 
-    /// Joins experiment, model and mechanics.
+    /// Joins the experiment with its model, mesh and matrices.
     ///
     /// # Errors
     /// As [`Problem::new`].
@@ -272,7 +274,7 @@ impl CreepTarget {
         Problem::new(self.experiment.clone(), self.specification.clone(), self.request.mesh.as_ref(), monitor)
     }
 
-    /// Returns the revision that the options name, or the last. If the study has none, m0 is made first.
+    /// Returns the revision that the options name, or the last. If the study has no revision, `m0` is made first.
     ///
     /// # Errors
     /// [`Error::Input`] if options would change an existing revision; otherwise as [`make_first_revision`].
@@ -306,18 +308,18 @@ impl CreepTarget {
     }
 }
 
-/// Revision of a study, ready for criticism.
+/// Revision of a study, ready for tests and comparisons.
 pub struct Revision {
-    /// Study of the revision.
+    /// Study to which the revision belongs.
     pub study: Study,
     /// Name of the revision.
     pub name: String,
-    /// Model of the revision, joined with the whole experiment.
+    /// Model of the revision with the entire experiment.
     pub problem: Problem,
 }
 
 impl Revision {
-    /// Experiment split into fitted and scored cycles, for fits of the revision's own model.
+    /// Splits the experiment into fitted and scored cycles, for fits of the revision's own model.
     ///
     /// # Errors
     /// As [`Subject::with_compliance`].
@@ -327,7 +329,8 @@ impl Revision {
         Subject::with_compliance(&self.problem, &Library::default(), compliance)
     }
 
-    /// Experiment split into fitted and scored cycles, for fits of every effect. Its surrogate may cover a wider range.
+    /// Splits the experiment into fitted and scored cycles, for fits of the model with each effect. The surrogate may cover a wider range than that of the
+    /// revision.
     ///
     /// # Errors
     /// As [`Subject::new`].
@@ -335,7 +338,7 @@ impl Revision {
         Subject::new(&self.problem, &Library::default(), kept_surrogate(&self.study, monitor), monitor)
     }
 
-    /// Errors of the revision's posterior fitted to all cycles except the last.
+    /// Root mean square residuals of the revision's posterior that is fitted to all cycles except the last.
     ///
     /// # Errors
     /// As [`LastCycleFit::posterior`].
@@ -344,12 +347,12 @@ impl Revision {
         Ok(last_cycle::errors(&fitted.posterior(options, false, monitor)?))
     }
 
-    /// Header of a document about the revision.
+    /// Makes the header of a document about the revision.
     pub fn provenance(&self, kind: &str, seed: u64) -> Provenance {
         artefacts::with_inputs(self.study.provenance(kind, 1, seed), &self.problem)
     }
 
-    /// Adds a document and its files to the revision, whole or not at all.
+    /// Adds a document and the files that `files` writes to the revision, completely or not at all.
     ///
     /// # Errors
     /// [`Error::File`] if the operating system refuses, and the errors of `files`.
@@ -376,7 +379,7 @@ impl StudyPlace {
     }
 }
 
-/// Continues an existing study of the same input. A study of another input is refused unless `force` is set.
+/// Opens the study in `dir`, if there is one. It must be of the same experiment files. A study of another input is refused, unless `force` is set.
 fn place_of(dir: PathBuf, files: ExperimentFiles, force: bool) -> Result<StudyPlace> {
     if Study::is_study(&dir) {
         match Study::open_or_create(&dir, &files, false) {
@@ -404,7 +407,7 @@ fn report_notes(files: &ExperimentFiles, monitor: &dyn Monitor) {
     files.notes.iter().for_each(|note| monitor.warn(&note.to_string()));
 }
 
-/// Model of the named or last revision, or the default, changed by the options.
+/// Model of the named revision, the last revision or the default, changed by the options.
 fn specification(
     study: Option<&Study>,
     model: &ModelRequest,
@@ -433,13 +436,13 @@ fn specification(
     model.applied_to(start)
 }
 
-/// Oscillation with its existing or future study.
+/// Oscillation with its study. The study need not exist yet.
 pub struct SweepTarget {
     sweep: OscillationRecord,
     files: ExperimentFiles,
     dir: PathBuf,
     model: ModelRequest,
-    /// Replaces results of another input or model.
+    /// `true` allows to replace results of another input or model.
     pub force: bool,
 }
 
@@ -460,7 +463,7 @@ impl SweepTarget {
         Ok(Self { sweep, files, dir, model, force })
     }
 
-    /// Model of the study's posterior, if the study has one of this oscillation; otherwise the default.
+    /// Model of the study's posterior if the study is of this oscillation; otherwise the default model.
     fn specification(&self) -> Result<ModelSpecification> {
         if !Study::is_study(&self.dir) {
             return Ok(default_specification());
@@ -473,7 +476,7 @@ impl SweepTarget {
         }
     }
 
-    /// Joins the oscillation with its model.
+    /// Joins the oscillation with its model and priors.
     ///
     /// # Errors
     /// [`Error::Input`] for options that do not apply to an oscillation; otherwise as [`SweepProblem::new`].
@@ -496,26 +499,26 @@ impl SweepTarget {
     }
 }
 
-/// Default model of oscillations and of several records. Its prior suits every instrument.
+/// Default model for oscillations and for several records. Its prior is wide enough for every instrument.
 fn default_specification() -> ModelSpecification {
     ModelSpecification { prior: DEFAULT_PRIOR.into(), ..ModelSpecification::default() }
 }
 
-/// Several records of one specimen that share a law.
+/// Several records of one specimen, whose law is inferred jointly.
 pub struct JointTarget {
-    /// The records, in the order of the command line.
+    /// Records in the order of the command line.
     pub records: Vec<TargetRecord>,
-    /// Model: a law with white noise.
+    /// Model of all records: a law with white noise.
     pub specification: ModelSpecification,
     /// Directory of the results; `None` for the default.
     pub out: Option<PathBuf>,
 }
 
-/// Record of a specimen, with its files.
+/// One record of a specimen, with its files.
 pub enum TargetRecord {
-    /// Positions over time.
+    /// Creep record: positions over time.
     Creep(Box<Experiment>, ExperimentFiles),
-    /// Moduli over frequency.
+    /// Oscillation: moduli over frequency.
     Oscillation(Box<OscillationRecord>, ExperimentFiles),
 }
 
@@ -558,7 +561,7 @@ impl JointTarget {
     }
 }
 
-/// Refuses options that records with a common law cannot share. Each entry is an option and a flag that it is given.
+/// Refuses options that apply only to a single record. Each entry is a setting, and a flag which tells that the user gave it.
 pub(crate) fn refuse_options_of_one(options: &[(Setting, bool)]) -> Result<()> {
     match first_given(options) {
         Some(option) => Err(Error::input(
@@ -570,14 +573,14 @@ pub(crate) fn refuse_options_of_one(options: &[(Setting, bool)]) -> Result<()> {
     }
 }
 
-/// Several specimens: directories, with options common to all.
+/// Several specimens, named by paths. The options apply to all of them.
 pub struct CohortTarget {
-    /// Request of the user.
+    /// Paths and options of the user.
     pub request: TargetRequest,
 }
 
 impl CohortTarget {
-    /// Reads every record except `leave_out`, with the options applied to each record's model.
+    /// Reads every record except those in `leave_out`. The options change the model of each record.
     ///
     /// # Errors
     /// As [`cohort::read`].
@@ -586,15 +589,16 @@ impl CohortTarget {
         cohort::read(paths, leave_out, &|model_specification| model.applied_to(model_specification), monitor)
     }
 
-    /// Directory of the results.
+    /// Directory of the results: the one that the user gave, or `default`.
     pub fn out<'a>(&'a self, default: &'a str) -> &'a Path {
         self.request.out.as_deref().unwrap_or(Path::new(default))
     }
 
-    /// Refuses options that apply to one record only: those of the model, and `more`, each with a flag that it is given. `command` is the verb of the remedy.
+    /// Refuses options that apply only to a single record: those of the model, and the settings in `more`. A flag in `more` tells that the user gave the
+    /// setting. `command` is the verb in the error's remedy.
     ///
     /// # Errors
-    /// [`Error::Input`] for the first given option.
+    /// [`Error::Input`] for the first setting that was given.
     pub fn refuse_options_of_one(&self, more: &[(Setting, bool)], command: &str) -> Result<()> {
         let model = &self.request.model;
         let of_model = [(Setting::Revision, model.from.is_some()), (Setting::Mesh, model.mesh.is_some())];

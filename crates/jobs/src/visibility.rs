@@ -1,14 +1,15 @@
-//! Detectability of each effect in an experiment: the fraction of its signature that the base model's parameters cannot absorb.
+//! Computes how well an experiment can detect each effect: the fraction of the effect's signature that the base model's parameters cannot absorb.
 //!
-//! At the calibrated base, L⁻¹ whitens the noise. g = L⁻¹∂x/∂ε is the signature of an effect's parameter ε at its null. A = L⁻¹∂x/∂θ belongs to the sampled
-//! base parameters, with one extra row per prior, and P = I − AA⁺. The visible fraction is ‖Pg‖² over ‖g‖² under white noise alone.
-//! 1/‖Pg‖ is the standard error of ε. The noise's random effects (correlated errors, gains, offsets) are in L and reduce the visible fraction.
+//! The base model is calibrated first. L⁻¹ is the matrix that whitens the noise, x the positions and θ the sampled base parameters. The signature of an
+//! effect's parameter ε at its null is g = L⁻¹∂x/∂ε. The matrix A = L⁻¹∂x/∂θ has one column per base parameter and one extra row per prior. P = I − AA⁺
+//! projects onto the changes that θ cannot absorb. The visible fraction is ‖Pg‖², divided by ‖g‖² under white noise alone. The standard error of ε is
+//! 1/‖Pg‖. L also contains the noise's random effects (correlated errors, gains, offsets), which reduce the visible fraction.
 //!
-//! Some effects equal other values of the law's parameters to first order. Such an effect is evaluated at a size of its own ([`Effect::signature_size`]):
-//! g is the change caused by this size, and Pg the remainder after the best change of those values.
-//! The remainder grows with the square of the size, so the standard error is the size at which ‖Pg‖ is 1.
+//! Some effects are, to first order, equivalent to a change of the law's parameters. Such an effect is evaluated at a finite size
+//! ([`Effect::signature_size`]). Then g is the change of the positions at this size. Pg is the remainder after the law's parameters have absorbed as much
+//! as possible. It grows with the square of the size, so the standard error is the size at which ‖Pg‖ is 1.
 //!
-//! Effects whose Pg are parallel or antiparallel are twins (physics §5).
+//! Effects whose vectors Pg are parallel or antiparallel are twins (physics §5).
 
 use documents::effects::{EffectEntry, EffectsSummary, ParameterEntry};
 use nalgebra::{DMatrix, DVector};
@@ -28,7 +29,7 @@ use posterior::noise::NoiseLikelihood;
 use posterior::prepared::{KeptSurrogate, PreparedModel};
 use posterior::problem::Problem;
 
-/// Prior quantiles at which parameters that are unidentified at the null are tried.
+/// Prior quantiles at which parameters that are unidentified at the null are set.
 const GRID: [f64; 9] = [0.02, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.98];
 
 /// Computes the detectability of every effect of the library in an experiment.
@@ -53,16 +54,16 @@ pub fn run(
     })
 }
 
-/// Calibrated base model, with the directions that its parameters absorb.
+/// Calibrated base model, and the changes of the positions that its parameters can absorb.
 struct Base {
     parameters: Vec<f64>,
-    /// Indices of the parameters that are not fixed.
+    /// Indices of the parameters that are sampled, among all parameters.
     sampled: Vec<usize>,
     position_m: Vec<f64>,
     noise: NoiseLikelihood,
     noise_parameters: Vec<f64>,
     observed_rows: Vec<usize>,
-    /// Orthonormal basis of the columns of A, prior rows last.
+    /// Orthonormal basis of the columns of A. The rows of the priors come last.
     absorbed: DMatrix<f64>,
     kept: Option<KeptSurrogate>,
 }
@@ -85,7 +86,7 @@ impl Base {
         }
         let white = noise.whiten(&columns, &position_m, &noise_parameters);
         let (n_rows, n_columns) = (noise.n_observed(), columns.len());
-        // The columns are scaled to unit length, because E and c₂ differ in size and rounding errors would dominate one of them.
+        // The columns are scaled to unit length, because E and c₂ differ by orders of magnitude. Otherwise rounding errors would dominate one of them.
         let jacobian = DMatrix::from_fn(n_rows + n_columns, n_columns, |i, j| match i.checked_sub(n_rows) {
             None => white[j][i],
             Some(row) => f64::from(u8::from(row == j)) * prior_rows[j],
@@ -97,7 +98,7 @@ impl Base {
         Ok(Self { parameters, sampled, position_m, noise, noise_parameters, observed_rows, absorbed, kept })
     }
 
-    /// Part of a signature that the base cannot absorb.
+    /// Computes the component of a signature that the base cannot absorb.
     fn visible(&self, Signature { whole_m, remainder_m: left_m, size }: Signature) -> VisiblePart {
         let noise_sd_m = 1e-6 * self.noise_parameters[0];
         let observed = self.observed_rows.iter().map(|row| whole_m[*row] / noise_sd_m);
@@ -115,13 +116,13 @@ impl Base {
     }
 }
 
-/// Change of the positions by an effect, one value per row.
+/// Change of the positions that an effect causes, one value per row.
 struct Signature {
-    /// Change in m: per unit of the parameter for a derivative, otherwise at `size`.
+    /// Change in m. For a derivative, it is per unit of the parameter; otherwise it is the change at `size`.
     whole_m: Vec<f64>,
-    /// Change in m that remains at the best values of the law's parameters; the whole change for a derivative.
+    /// Change in m that remains after the law's parameters have absorbed as much as possible. For a derivative, it equals `whole_m`.
     remainder_m: Vec<f64>,
-    /// Value of the parameter at which the change is computed; `None` for a derivative.
+    /// Value of the effect's parameter at which the change is computed; `None` for a derivative.
     size: Option<f64>,
 }
 
@@ -131,21 +132,21 @@ impl Signature {
     }
 }
 
-/// Part of a signature that the base cannot absorb.
+/// Component of a signature that the base cannot absorb.
 struct VisiblePart {
     fraction: f64,
-    /// Residual signature Pg.
+    /// The component Pg itself, whitened.
     rest: DVector<f64>,
-    /// Standard error of the first parameter.
+    /// Standard error of the effect's first parameter.
     standard_error: f64,
 }
 
-/// |cos| of two visible parts above which two effects are twins.
+/// Two effects are twins if the absolute cosine of the angle between their vectors Pg exceeds this.
 const TWIN_COSINE: f64 = 0.99;
-/// Smallest meaningful visible fraction. Smaller ones result from rounding and curvature, and their directions mean nothing.
+/// Smallest meaningful visible fraction. Smaller ones result from rounding and curvature, so their vectors Pg are meaningless.
 const LEAST_VISIBLE: f64 = 1e-6;
 
-/// Adds the twins to the entries.
+/// Adds to each effect's entry the effects that are its twins.
 fn with_twins(list: Vec<(EffectEntry, Option<VisiblePart>)>) -> Vec<EffectEntry> {
     let direction = |visible: &Option<VisiblePart>| {
         visible.as_ref().filter(|v| v.fraction > LEAST_VISIBLE).map(|v| v.rest.normalize())
@@ -163,14 +164,15 @@ fn with_twins(list: Vec<(EffectEntry, Option<VisiblePart>)>) -> Vec<EffectEntry>
     list.into_iter().zip(twins).map(|((entry, _), twins)| EffectEntry { twins, ..entry }).collect()
 }
 
-/// Parameters of the noise: the known noise standard deviation, else the root mean square residual of the calibrated base; other terms at their priors' medians.
+/// Values of the noise parameters. The first is the known noise standard deviation, or else the root mean square residual of the calibrated base. The
+/// others are prior medians.
 fn noise_parameters(problem: &Problem, rmse_um: f64) -> Vec<f64> {
     let known = problem.experiment.reference_noise().map_or(rmse_um, |yardstick| 1e6 * yardstick.sd_m);
     let value = |name: &str| problem.range_of(name, 0.5).lower;
     problem.noise.parameters().iter().map(|p| if p.name == NOISE_SD.name { known } else { value(p.name) }).collect()
 }
 
-/// Standard deviation of a prior at a parameter value. For scales it is the standard deviation of the logarithm times the value.
+/// Prior standard deviation of a parameter near `value`. For priors of the logarithm it is the standard deviation of the logarithm times the value.
 fn local_prior_sd(distribution: &Distribution, value: f64) -> f64 {
     match *distribution {
         Distribution::LogNormal { log_sd, .. } => log_sd * value,
@@ -241,7 +243,7 @@ fn entry(
             format_significant(most_um, 2),
             format_significant(most_um / base.noise_parameters[0], 2)
         );
-        // The deviation grows with the square, so its derivative at 1 is twice its value.
+        // The deviation grows with the square of the parameter, so its derivative at 1 is twice its value.
         let visible = base.visible(Signature::derivative(deviation_m.iter().map(|x| 2.0 * x).collect()));
         entry.visible_fraction = Some(visible.fraction);
         entry.standard_error = Some(visible.standard_error).filter(|error| error.is_finite());
@@ -258,7 +260,8 @@ fn entry(
     Ok((entry, best))
 }
 
-/// Signatures of an effect's first parameter. If some parameters are unidentified at the null, there is one signature per grid point of their priors.
+/// Signatures of an effect's first parameter. If other parameters of the effect are unidentified at the null, there is one signature for each value in
+/// [`GRID`].
 fn signatures(effect: &dyn Effect, forward: &SurrogateForward, base: &Base) -> Result<Vec<Signature>> {
     let (model, scales) = (forward.model, forward.model.scales());
     let effect_parameters = effect.parameters();
@@ -288,10 +291,11 @@ fn signatures(effect: &dyn Effect, forward: &SurrogateForward, base: &Base) -> R
     Ok(list)
 }
 
-/// Number of Gauss–Newton steps in which the base's parameters absorb an effect of finite size.
+/// Number of Gauss–Newton steps in which the law's parameters absorb an effect of finite size.
 const ABSORBING_STEPS: usize = 8;
 
-/// Signature of an effect of finite size. The law's parameters move until the extended model is as close to the base as possible; the remaining difference is the remainder.
+/// Signature of an effect of finite size. The law's parameters are fitted so that the extended model is as close to the base as possible. The remaining
+/// difference is the remainder.
 fn finite(
     forward: &SurrogateForward,
     base: &Base,
@@ -303,7 +307,7 @@ fn finite(
     let difference = |there: &[f64]| -> Vec<f64> { there.iter().zip(&base.position_m).map(|(a, b)| a - b).collect() };
     let whole_m = difference(&forward.trajectory_m(&parameters)?);
     let mut left_m = whole_m.clone();
-    // The law's parameters are positive. The projection handles the parameters of other effects.
+    // Only the law's parameters are fitted here, because they are positive. The projection P handles parameters of other effects.
     let n_law = forward.model.base().parameters().len();
     let free: Vec<usize> = base.sampled.iter().copied().filter(|k| *k < n_law).collect();
     for _ in 0..ABSORBING_STEPS {

@@ -1,4 +1,4 @@
-//! Viscoelastic laws as retardation spectra, and the stages of a model as numbers.
+//! Viscoelastic laws with their retardation spectra, and the equations of a model's stages.
 
 pub mod rheology;
 pub mod stages;

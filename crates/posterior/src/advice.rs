@@ -1,4 +1,4 @@
-//! Warnings about a posterior, with advice.
+//! Warnings about a posterior, each with advice.
 
 use super::cache;
 use super::judgement::Judgement;
@@ -8,33 +8,34 @@ use figures::number::format_significant;
 use models::effects::Library;
 use record::{Apparatus, Experiment};
 
-/// Smallest ratio of known to learnt noise at which the learnt noise is too low for a tracker.
+/// Smallest ratio of known to learnt noise that causes a warning. A tracker cannot have so little noise.
 const LOW_NOISE_FACTOR: f64 = 3.0;
-/// Largest tolerated error of the reduced model, in units of the noise.
+/// Largest error of the reduced model without a warning, in noise standard deviations.
 const SURROGATE_SHARE: f64 = 0.1;
-/// Largest tolerated error of the reduced model in a check at prior points, in units of the amplitude there. That amplitude can be many times the record's.
+/// Largest error of the reduced model without a warning in a check at prior points, as a fraction of the amplitude there. This amplitude can be many times that of the
+/// record.
 const SURROGATE_PART: f64 = 0.01;
-/// Largest tolerated discretisation error, in units of the noise.
+/// Largest discretisation error without a warning, in noise standard deviations.
 const MESH_SHARE: f64 = 0.25;
 /// Largest Pareto k at which importance weights can be trusted.
 const PARETO_LIMIT: f64 = 0.7;
 /// Strain up to which the gel is known to be linear (below 1 %, by the literature).
 const LINEAR_STRAIN: f64 = 0.01;
-/// Strain above which a wrong unit is the only explanation. The bead of the paper strains its gel by 2.6.
+/// Strain that only a wrong unit explains. The bead of the paper strains its gel by 2.6.
 const IMPOSSIBLE_STRAIN: f64 = 20.0;
-/// Advice that precedes all other advice if values are impossible.
+/// First advice if values are impossible.
 const UNITS_FIRST: &str =
     "check the units of force, position and sizes first: other values show that one of them is wrong";
 
-/// Results that the warnings are derived from.
+/// Results of a posterior from which the warnings follow.
 pub struct WarningInputs<'a> {
-    /// Summary without its warnings.
+    /// Summary of the posterior, whose list of warnings is still empty.
     pub summary: &'a PosteriorSummary,
     /// Judgement of the residuals of the posterior mean.
     pub judgement: &'a Judgement,
-    /// Messages of the sampler.
+    /// Messages of the sampler about its convergence.
     pub sampler_messages: &'a [String],
-    /// Warning about impossible positions.
+    /// Warning of [`impossible_positions_warning`], if it applies.
     pub impossible_positions: Option<Warning>,
 }
 
@@ -101,7 +102,7 @@ pub fn nothing_held_out_warning() -> Warning {
     }
 }
 
-/// Warning about a reduced model that is too far (µm) from the full-order model, or about untrustworthy importance weights.
+/// Warning about a reduced model whose largest distance from the full-order model (µm) is too large, or whose importance weights cannot be trusted.
 pub fn surrogate_warning(
     distance_um: f64,
     pareto_k: Option<f64>,
@@ -110,7 +111,7 @@ pub fn surrogate_warning(
 ) -> Option<Warning> {
     let is_inaccurate = distance_um > SURROGATE_SHARE * noise_um || pareto_k.is_some_and(|k| k > PARETO_LIMIT);
     let weights = pareto_k.map_or(String::new(), |k| format!(", Pareto k {k:.2}"));
-    // The prior does not change the number of modes and points of a nonlinear law.
+    // For a nonlinear law, a narrower prior does not change the reduced model's number of modes and points.
     let advice = if Library::default().any_nonlinear(model.effects.iter().map(String::as_str)) {
         format!(
             "the reduced model of a nonlinear law is accurate to a thousandth of the amplitude: the parameters' errors can exceed their intervals; measure at a \
@@ -134,7 +135,7 @@ pub fn surrogate_warning(
     })
 }
 
-/// Warning about a reduced model that is too far from the full runs of a check.
+/// Warning about a reduced model that differs too much from the full-order runs of a check; `None` if it does not.
 pub fn check_warning(check: &Verification) -> Option<Warning> {
     (check.relative_error > SURROGATE_PART).then(|| Warning {
         kind: WarningKind::SurrogateInaccurate,
@@ -146,7 +147,7 @@ pub fn check_warning(check: &Verification) -> Option<Warning> {
     })
 }
 
-/// Instruction for rebuilding a reduced model.
+/// Text that tells how to rebuild a reduced model.
 fn make_anew() -> String {
     format!(
         "rebuild the reduced model: {}; delete `{SURROGATE_NAME}` in the study's revisions, too",
@@ -154,7 +155,7 @@ fn make_anew() -> String {
     )
 }
 
-/// Warning about a strain beyond the range in which the gel is known to be linear (physics §6).
+/// Warning about a strain above the range in which the gel is known to be linear (physics §6).
 pub fn strain_warning(largest_strain: f64) -> Option<Warning> {
     (largest_strain > LINEAR_STRAIN).then(|| Warning {
         kind: WarningKind::LargeStrain,
@@ -171,7 +172,7 @@ pub fn strain_warning(largest_strain: f64) -> Option<Warning> {
     })
 }
 
-/// Warns about a learnt noise far below the known or estimated noise (µm).
+/// Adds a warning if the learnt noise is far below the known or estimated `noise` (µm).
 fn noise_below(summary: &PosteriorSummary, noise: f64, add: &mut impl FnMut(WarningKind, String, &str)) {
     let learnt = summary.error_budget_um.noise;
     if learnt * LOW_NOISE_FACTOR < noise {
@@ -188,7 +189,7 @@ fn noise_below(summary: &PosteriorSummary, noise: f64, add: &mut impl FnMut(Warn
     }
 }
 
-/// Warns about errors of the reduced model and of the mesh, relative to the noise.
+/// Adds warnings about errors of the reduced model and of the mesh that are large relative to the noise.
 fn model_error(
     summary: &PosteriorSummary,
     noise: f64,
@@ -208,7 +209,7 @@ fn model_error(
     }
 }
 
-/// Warning about positions that range farther than the gel that the robot moves in.
+/// Warning about positions with a range larger than the gel in which the robot moves.
 pub fn impossible_positions_warning(experiment: &Experiment) -> Option<Warning> {
     let Apparatus::Robot { vitreous, .. } = &experiment.apparatus else { return None };
     let positions_m = experiment.record.position_m.iter().flatten();
@@ -225,7 +226,7 @@ pub fn impossible_positions_warning(experiment: &Experiment) -> Option<Warning> 
     })
 }
 
-/// Warning about a mesh whose error (µm) is unknown or not small relative to the noise. `units_first` is set if a wrong unit is the likelier cause.
+/// Warning about a mesh whose error (µm) is unknown or not small relative to the noise (µm). Set `units_first` if a wrong unit is the likelier cause.
 pub fn mesh_warning(error_um: Option<f64>, noise_um: f64, units_first: bool) -> Option<Warning> {
     let (kind, text, advice) = match error_um {
         Some(error) if error > noise_um => (
@@ -268,7 +269,7 @@ mod tests {
     use documents::posterior::*;
     use documents::trust::Trust;
 
-    /// A sound result with 4 µm of noise.
+    /// Summary that causes no warning, with 4 µm of noise.
     fn sound() -> PosteriorSummary {
         PosteriorSummary {
             experiment: "gel".into(),
@@ -338,7 +339,7 @@ mod tests {
         }
     }
 
-    /// Misfit with white residuals of many rows. A root mean square above 1.5 × the noise of 4 µm is too large for chance.
+    /// Misfit of a summary's residuals, for white residuals of many rows. A root mean square above 6 µm, 1.5 times the noise of 4 µm, is too large.
     fn misfit_of(summary: &PosteriorSummary) -> Misfit {
         let size = |rms_um: f64| ResidualSize { rms_m: 1e-6 * rms_um, is_too_large: rms_um > 6.0 };
         Misfit {
@@ -351,7 +352,7 @@ mod tests {
         }
     }
 
-    /// Kinds of warnings after a change, and whether the result is then sound.
+    /// Kinds of warnings after a change of the sound summary, and true if the result still counts as sound.
     fn after(change: impl Fn(&mut PosteriorSummary)) -> (Vec<WarningKind>, bool) {
         let mut summary = sound();
         change(&mut summary);
@@ -371,7 +372,7 @@ mod tests {
     fn every_rule_speaks_on_its_side_of_the_limit_only() {
         let none: (Vec<WarningKind>, bool) = (vec![], true);
         assert_eq!(after(|_| {}), none);
-        // Misfit and learnt noise: 1.5 × the known noise of 4 µm.
+        // The limit of misfit and learnt noise is 6 µm, 1.5 times the known noise of 4 µm.
         assert_eq!(after(|s| s.heldout.rmse_um = Some(5.9)), none);
         assert_eq!(after(|s| s.heldout.rmse_um = Some(6.1)), (vec![MisfitAboveNoise], false));
         assert_eq!(after(|s| s.heldout.rmse_fitted_um = 5.9), none);
@@ -379,24 +380,24 @@ mod tests {
         assert_eq!(after(|s| s.error_budget_um.noise = 5.9), none);
         assert_eq!(after(|s| s.error_budget_um.noise = 6.1), (vec![LearntNoiseAboveKnown], false));
         assert_eq!(after(|s| s.error_budget_um.noise = 1.0), (vec![LearntNoiseBelowKnown], true));
-        // Joint band: 99.9 %.
+        // The limit of the joint band is a probability of 0.001.
         assert_eq!(after(|s| s.heldout.joint_p = Some(0.0011)), none);
         assert_eq!(after(|s| s.heldout.joint_p = Some(0.0009)), (vec![HeldoutOutsideBand], false));
-        // Reduced model: a tenth of the noise, and k̂ of 0.7.
+        // The limits of the reduced model are a tenth of the noise, and k̂ = 0.7.
         assert_eq!(after(|s| s.heldout.surrogate_vs_fe_max_um = Some(0.39)), none);
         assert_eq!(after(|s| s.heldout.surrogate_vs_fe_max_um = Some(0.41)), (vec![SurrogateInaccurate], false));
         let inaccurate = surrogate_warning(0.41, None, 4.0, &sound().model).expect("it is too far");
         assert!(inaccurate.advice.contains(&cache::cache_instructions()), "{inaccurate:?}");
         assert_eq!(after(|s| s.heldout.pareto_k = Some(0.69)), none);
         assert_eq!(after(|s| s.heldout.pareto_k = Some(0.71)), (vec![SurrogateInaccurate], false));
-        // Mesh: a quarter of the noise, and the noise.
+        // The limits of the mesh error are a quarter of the noise, and the noise.
         assert_eq!(after(|s| s.error_budget_um.fe_discretisation = Some(0.9)), none);
         assert_eq!(after(|s| s.error_budget_um.fe_discretisation = Some(1.1)), (vec![MeshTooCoarse], true));
         assert_eq!(after(|s| s.error_budget_um.fe_discretisation = Some(4.1)), (vec![MeshInaccurate], false));
         assert_eq!(after(|s| s.error_budget_um.fe_discretisation = None), (vec![MeshTooCoarse], true));
         assert_eq!(after(|s| s.converged = false), (vec![NotConverged], false));
         assert_eq!(after(|s| s.largest_strain = Some(0.02)), (vec![LargeStrain], true));
-        // Large displacements give no strain, although finite elements are present.
+        // A model of large displacements gives no strain, although it has finite elements.
         assert_eq!(after(|s| s.largest_strain = None), none);
         assert_eq!(after(|s| s.surrogate.fe_unknowns = None), (vec![NoFiniteElements], true));
         assert_eq!(after(|s| s.at_edge_of_range = vec!["young_modulus_pa".into()]), (vec![EdgeOfRange], false));
@@ -409,7 +410,7 @@ mod tests {
         assert_eq!(after(|s| (s.heldout.rmse_um, s.heldout.joint_p) = (None, None)), (vec![NothingHeldOut], true));
     }
 
-    /// The warning about a coarse mesh advises a finer mesh. If the parameters are absurd, it advises checking the units first.
+    /// The warning about a coarse mesh advises a finer mesh. If values are impossible, it first advises a check of the units.
     #[test]
     fn units_come_before_meshes_where_figures_are_impossible() {
         type Change = fn(&mut PosteriorSummary);
@@ -436,7 +437,7 @@ mod tests {
         assert!(strain_warning(2.6).expect("the paper's").advice.starts_with("read E"));
     }
 
-    /// The positions of a 300 µm record are read as millimetres.
+    /// The test multiplies the positions of a 300 µm record by 1000, as if µm had been read as mm.
     #[test]
     fn positions_that_no_gel_allows_are_told_first() {
         let (mut experiment, _) = crate::replica::embedded().expect("embedded");

@@ -1,10 +1,10 @@
-//! Cache of reduced models that take long to build. Each is kept on disk under the hash of its inputs.
+//! Cache on disk for reduced models that take long to build. The hash of a model's inputs is its file name.
 //!
-//! The file also states the inputs of its model ([`ModelInputs`]). A reader compares them with the requested inputs and does not use a file under another model's name.
+//! Each file also contains the inputs of its model ([`ModelInputs`]). A reader compares them with the requested inputs, so that it never uses the file of another
+//! model.
 //!
-//! Models of fields depend on the apparatus, not on the measurement: one serves every experiment of a laboratory. The surrogate of the law also depends on the record's
-//! times and forces: one serves every command on that record. The cache is only a convenience: an unreadable model is built again, and a model that cannot be written is
-//! not kept.
+//! Models of displacement fields depend only on the apparatus, so one model serves every experiment with this apparatus. The surrogate of the law also depends on the
+//! record's times and forces. It serves every command on that record. A model that cannot be read is built again, and a failure to write a model is ignored.
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;
@@ -23,12 +23,12 @@ use base::files::{Content, file_error, folder_of, read_if_there, to_json, write_
 use elements::mesh::Mesh;
 use record::Force;
 
-/// Environment variable with the directory of the cache, which replaces the user's cache directory; empty for no cache.
+/// Environment variable with the directory of the cache, which replaces the user's cache directory. An empty value switches the cache off.
 const PLACE: &str = "VITREO_UQ_CACHE";
-/// Folder of this program's models in the cache.
+/// Folder in the cache for models of this program's version. Its name is a hash of the source code.
 const FOLDER: &str = models::SOURCE_HASH;
 
-/// Inputs of a kept model, as written in its file. Long lists of numbers are represented by their length and SHA-256.
+/// Inputs of a cached model, as written in its file. The length and SHA-256 of a long list represent the list.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ModelInputs {
     model: String,
@@ -38,7 +38,7 @@ pub struct ModelInputs {
 }
 
 impl ModelInputs {
-    /// Creates the description of a kind of model of this program, without inputs.
+    /// Creates a description without inputs. `model` names the kind of model.
     pub fn new(model: &str) -> Self {
         Self {
             model: model.into(),
@@ -48,14 +48,14 @@ impl ModelInputs {
         }
     }
 
-    /// Adds one input. Numbers are written so that they read back to the last bit.
+    /// Adds one input as text. Floating-point values have enough digits to be read back exactly.
     #[must_use]
     pub fn with(mut self, name: &str, value: impl Debug) -> Self {
         self.input.insert(name.into(), format!("{value:?}"));
         self
     }
 
-    /// Adds a list of numbers.
+    /// Adds a list of floating-point values by its length and hash.
     #[must_use]
     pub fn with_numbers<'a>(self, name: &str, numbers: impl IntoIterator<Item = &'a f64>) -> Self {
         self.with_bytes(name, numbers.into_iter().map(|x| x.to_le_bytes()))
@@ -94,12 +94,12 @@ impl ModelInputs {
         self
     }
 
-    /// SHA-256 of all inputs, which names the model.
+    /// SHA-256 of all inputs, which identifies the model.
     pub fn sha256(&self) -> String {
         sha256_hex(format!("{self:?}").as_bytes())
     }
 
-    /// Name of the model's file below the cache directory.
+    /// Path of the model's file, relative to the cache directory.
     pub fn file_name(&self) -> String {
         format!("{FOLDER}/{}.json", self.sha256())
     }
@@ -109,7 +109,7 @@ impl ModelInputs {
     }
 }
 
-/// A model with its inputs, as written in a file.
+/// Content of a cache file: a model with its inputs.
 #[derive(Serialize, Deserialize)]
 struct Entry<T> {
     built_from: ModelInputs,
@@ -117,8 +117,7 @@ struct Entry<T> {
     model: T,
 }
 
-/// Reads the model that is kept for some inputs; `None` if there is none. A changed file, or a file with a model of other inputs, is not used; `monitor` receives a
-/// warning.
+/// Reads the cached model with these inputs; `None` if there is none. A changed file, or a file with other inputs, is not used and causes a warning to `monitor`.
 pub fn read<T: Serialize + DeserializeOwned>(built_from: &ModelInputs, monitor: &dyn Monitor) -> Option<T> {
     let path = built_from.path()?;
     let bytes = read_if_there(&path, Content::Document)?;
@@ -137,7 +136,7 @@ pub fn read<T: Serialize + DeserializeOwned>(built_from: &ModelInputs, monitor: 
 }
 
 impl ModelInputs {
-    /// Describes the difference between these inputs and the requested ones.
+    /// Describes the first difference between these inputs and the requested ones, for a warning.
     fn difference(&self, asked_for: &Self) -> String {
         let parts = |model_inputs: &Self| {
             let fixed = [
@@ -152,7 +151,7 @@ impl ModelInputs {
         let names = found.keys().chain(expected.keys()).filter(|name| found.get(*name) != expected.get(*name));
         let value =
             |parts: &BTreeMap<String, String>, name: &str| parts.get(name).cloned().unwrap_or_else(|| "nothing".into());
-        // Readable differences come first; hashes represent long lists.
+        // A readable difference is preferred to a difference of hashes, which represent long lists.
         let readable = |name: &&String| (value(&found, name).contains("SHA-256"), (*name).clone());
         let words = names.min_by_key(readable).map_or_else(String::new, |name| {
             format!(" ({name} is {}, but {} is required)", value(&found, name), value(&expected, name))
@@ -161,7 +160,7 @@ impl ModelInputs {
     }
 }
 
-/// States the place of the cache and the way to discard its models.
+/// Sentence that tells the user where the cache is and how to delete its models.
 pub fn cache_instructions() -> String {
     match cache_directory() {
         Some(directory) => format!("models are kept in {}, and deleting it rebuilds all of them", directory.display()),
@@ -169,7 +168,7 @@ pub fn cache_instructions() -> String {
     }
 }
 
-/// Keeps a model.
+/// Writes a model to the cache. A failure is ignored.
 pub fn write(built_from: &ModelInputs, model: &impl Serialize) {
     let Some(path) = built_from.path() else { return };
     let is_there = path.parent().is_some_and(|folder| std::fs::create_dir_all(folder).is_ok());
@@ -179,17 +178,17 @@ pub fn write(built_from: &ModelInputs, model: &impl Serialize) {
     }
 }
 
-/// File of a kept model: its name below the cache directory, and its bytes.
+/// Path of a model's cache file, relative to the cache directory, and the bytes of the file.
 ///
 /// # Errors
-/// [`base::Error::Numerical`] if it cannot be written as JSON.
+/// [`base::Error::Numerical`] if the model cannot be written as JSON.
 pub fn file_of(built_from: &ModelInputs, model: &impl Serialize) -> Result<(String, Vec<u8>)> {
     let name = built_from.file_name();
     let bytes = to_json(Path::new(&name), &Kept::new(Entry { built_from: built_from.clone(), model }))?;
     Ok((name, bytes))
 }
 
-/// Adds a file from another cache to this one, completely or not at all. It leaves an existing file with the same bytes alone, and returns true if it added the file.
+/// Adds a file from another cache to this one, completely or not at all. An existing file with equal bytes is not written again. Returns true if the file was added.
 ///
 /// # Errors
 /// [`base::Error::Input`] if there is no cache; [`base::Error::File`] if the file system refuses.
@@ -211,7 +210,7 @@ pub fn adopt(name: &str, bytes: &[u8]) -> Result<bool> {
     Ok(true)
 }
 
-/// Returns true if [`file_of`] gives this name and these bytes to some model. No other file is added to the cache.
+/// Returns true if [`file_of`] can have produced this name and these bytes. Only such files may be added to the cache.
 pub fn is_entry(name: &str, bytes: &[u8]) -> bool {
     #[derive(Deserialize)]
     struct Named {
@@ -220,8 +219,8 @@ pub fn is_entry(name: &str, bytes: &[u8]) -> bool {
     serde_json::from_slice::<Named>(bytes).is_ok_and(|named| named.built_from.file_name() == name)
 }
 
-/// Directory for everything that is kept between commands and belongs to no study. It is the one in `VITREO_UQ_CACHE`, or the system's directory for user caches. `None` if
-/// that variable is empty or the system has no such directory.
+/// Directory of the cache, for data that commands share and that belong to no study. It is the value of `VITREO_UQ_CACHE`, or a directory among the system's user
+/// caches. `None` if the variable is empty or the system has no user caches.
 pub fn cache_directory() -> Option<PathBuf> {
     directory(std::env::var_os(PLACE))
 }
@@ -250,7 +249,7 @@ mod tests {
         values: Vec<f64>,
     }
 
-    /// Inputs that no other test has.
+    /// Inputs that no other test and no other process uses.
     fn input(diameter_mm: f64) -> ModelInputs {
         ModelInputs::new("test").with("diameter_mm", diameter_mm).with("process", std::process::id())
     }

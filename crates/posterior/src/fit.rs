@@ -1,7 +1,7 @@
-//! Point estimate of the paper: nonlinear least squares on the fitted cycles, checked by one full finite-element run.
+//! Point estimate by the method of the paper: nonlinear least squares on the fitted cycles. One full finite-element run checks the result.
 //!
-//! The search uses logarithms of the law's parameters and the effects' parameters themselves, with analytic derivatives of the reduced model. Several starts avoid local
-//! minima. Priors provide the starts and the range of the search (all but 2·10⁻⁹ of their mass).
+//! The search coordinates are logarithms of the law's parameters, and the effects' parameters themselves. The reduced model provides analytic derivatives. Several
+//! starts avoid local minima. Priors provide the starts and the range of the search, which contains all but 2·10⁻⁹ of their probability.
 
 use documents::fit::{FitSummary, FittedParameter};
 use std::collections::BTreeMap;
@@ -29,39 +29,40 @@ use sampling::least_squares::{Fit, LeastSquaresProblem, Tolerances, fit};
 
 /// Number of starts at quantiles of the prior, besides the start at its medians.
 const N_QUANTILE_STARTS: u32 = 15;
-/// Smallest quantile of the starts; the largest is one minus this.
+/// Probability of the smallest prior quantile among the starts. The largest quantile has one minus this probability.
 const START_TAIL: f64 = 0.02;
 /// Seed of the scrambled Sobol sequence of starts. It is fixed, because the starts are part of the method.
 const START_SEED: u32 = 2;
-/// Distance of a logarithm from an end of its range within which the estimate lies at that end.
+/// Largest distance between the logarithm of an estimate and an end of its range at which the estimate counts as lying at that end.
 const AT_END: f64 = 0.01;
-/// Tail mass on either side that is left out of a prior's spread.
+/// Probability beyond either end of the quantile range that is used as a prior's width.
 const SPREAD_TAIL: f64 = 0.25;
-/// Step, in a coordinate of the search, for derivatives without a closed form.
+/// Step in a search coordinate for finite differences, which replace derivatives without a closed form.
 const FINITE_STEP: f64 = 1e-4;
-/// Distance from an end for parameters with a linear coordinate, in units of the prior's spread.
+/// Equivalent of [`AT_END`] for parameters with a linear coordinate, in units of the prior's width.
 const AT_LINEAR_END: f64 = 1e-6;
-/// Largest number of rows for which all derivatives are kept (a gigabyte).
+/// Largest number of rows for which all derivatives are kept in memory. They take a gigabyte.
 const MOST_ROWS_OF_COLUMNS: usize = 10_000_000;
-/// Largest number of effects that are held at their nulls in turn.
+/// Largest number of effects that are fixed at their nulls in every combination. Further effects stay free.
 const MOST_HELD: usize = 4;
 
-/// Result of a fit, with the model for further computations.
+/// Result of a fit, with the prepared model for further computations.
 pub struct FitResult {
-    /// Summary document.
+    /// Summary of the fit, as written to `fit.json`.
     pub summary: FitSummary,
-    /// The prepared model.
+    /// Model that was fitted, with its surrogate.
     pub model: PreparedModel,
     /// All model parameters at the estimate, including fixed ones, in SI units.
     pub model_parameters: Vec<f64>,
-    /// Covariance of the estimated parameters in the coordinates of the search (logarithms for the law's), row by row. NaN if the data do not determine them.
+    /// Covariance matrix of the estimated parameters, row by row, in the search coordinates (logarithms for the law's parameters). NaN if the data do not determine the
+    /// parameters.
     pub covariance: Vec<f64>,
 }
 
-/// Fits the calibration cycles.
+/// Fits a model to the calibration cycles.
 ///
 /// # Errors
-/// [`Error::Input`] if every parameter of the model is fixed; errors of the parts.
+/// [`Error::Input`] if every parameter of the model is fixed; errors of surrogate, search and full-order run.
 pub fn run(problem: &Problem, kept_surrogate: Option<KeptSurrogate>, monitor: &dyn Monitor) -> Result<FitResult> {
     let names: Vec<&str> = problem.model.parameters().iter().map(|p| p.name).collect();
     let free: Vec<usize> = (0..names.len()).filter(|&j| !problem.specification.fixed.contains_key(names[j])).collect();
@@ -90,14 +91,15 @@ pub fn run(problem: &Problem, kept_surrogate: Option<KeptSurrogate>, monitor: &d
     Ok(FitResult { summary, model_parameters, covariance, model })
 }
 
-/// Searches over one set of free parameters.
+/// Residual function of one set of free parameters, with the result of the search from each start.
 struct Searched<'a> {
     residuals: CreepResiduals<'a>,
     searches: Vec<Fit>,
 }
 
-/// Best of several searches, in which effects with their null at an end of the support are free or held there. A search stops at a bound before it finds the best values of
-/// the other parameters. Yet a model must not fit worse than a model that it contains.
+/// Finds the best fit over the `free` parameters. Effects whose null is an end of the support are tried both free and fixed at the null, in every combination. This is
+/// necessary because a search that reaches a bound stops before the other parameters are at their best values. A model could then fit worse than a model that it
+/// contains.
 fn best_support<'a>(prepared: &'a PreparedModel, free: &[usize], rows: &FittedRows) -> Result<Searched<'a>> {
     let problem = &prepared.problem;
     let search = |held: &BTreeMap<usize, f64>| -> Result<Searched<'a>> {
@@ -137,7 +139,8 @@ fn best_support<'a>(prepared: &'a PreparedModel, free: &[usize], rows: &FittedRo
     Ok(best)
 }
 
-/// Null values of the effects whose null is an end of their support and whose parameters are all free.
+/// Effects whose null is an end of their support and whose parameters are all free. Each entry maps the indices of an effect's parameters to their null values. A
+/// parameter without a null has the median of its prior.
 fn effects_with_null_at_end(problem: &Problem, free: &[usize]) -> Vec<BTreeMap<usize, f64>> {
     let (scales, mut first) = (problem.model.scales(), problem.model.n_before_effects());
     let mut list = Vec::new();
@@ -163,7 +166,7 @@ fn effects_with_null_at_end(problem: &Problem, free: &[usize]) -> Vec<BTreeMap<u
 enum Coordinate {
     /// Logarithm of the parameter.
     Logarithm,
-    /// The parameter itself, in units of its prior's spread.
+    /// The parameter itself, in units of its prior's width `scale`.
     Linear { scale: f64 },
 }
 
@@ -182,7 +185,7 @@ impl Coordinate {
         }
     }
 
-    /// Derivative of the value.
+    /// Derivative of the parameter's value by the coordinate.
     fn slope(self, value: f64) -> f64 {
         match self {
             Self::Logarithm => value,
@@ -194,13 +197,13 @@ impl Coordinate {
 /// Residuals of the fitted cycles, in m, as a function of the free coordinates.
 struct CreepResiduals<'a> {
     forward: SurrogateForward<'a>,
-    /// Model parameters, with the fixed values set.
+    /// Values of all model parameters. Those of free parameters are replaced in each evaluation.
     template: Vec<f64>,
     /// Indices of the free parameters, and the search coordinate of each.
     free: Vec<(usize, Coordinate)>,
-    /// Range of each model parameter in the search. Without it, a long step could end where the data have no information.
+    /// Range of each model parameter in the search. Without a range, a long step could end where the data contain no information.
     ranges: Vec<TrainedRange>,
-    /// Row and position (m) of the fitted positions.
+    /// Row and position (m) of each fitted position.
     observed: Vec<(usize, f64)>,
 }
 
@@ -248,18 +251,18 @@ impl<'a> CreepResiduals<'a> {
     fn model_parameters(&self, theta: &[f64]) -> Vec<f64> {
         let mut parameters = self.template.clone();
         for (&(j, coordinate), theta) in self.free.iter().zip(theta) {
-            // Rounding can put a bound's logarithm slightly beyond the bound.
+            // The exponential of a bound's logarithm can lie slightly beyond the bound, because of rounding.
             parameters[j] = coordinate.value(*theta).max(self.ranges[j].lower).min(self.ranges[j].upper);
         }
         parameters
     }
 
-    /// The fit with interchangeable parts of the law in the order of the posterior's draws; `None` if they are already in order.
+    /// Search coordinates after interchangeable elements of the law are sorted into the order of the posterior's draws; `None` if they are already in order.
     fn reordered(&self, problem: &Problem, theta: &[f64]) -> Option<Vec<f64>> {
         let mut parameters = self.model_parameters(theta);
         let specs = problem.model.parameters();
         let place = |name: &str| specs.iter().position(|spec| spec.name == name);
-        // Noise parameters are not fitted and stay out of it.
+        // The fit does not estimate noise parameters. They are not interchangeable, so 0 serves as their value.
         let natural: Vec<f64> = problem.priors.names().map(|name| place(name).map_or(0.0, |j| parameters[j])).collect();
         let ordered = problem.priors.ordered(natural.clone());
         if ordered == natural {
@@ -273,7 +276,7 @@ impl<'a> CreepResiduals<'a> {
         Some(self.free.iter().map(|&(j, coordinate)| coordinate.theta(parameters[j])).collect())
     }
 
-    /// Starts at the prior's medians and at Sobol points of its quantiles.
+    /// Starts of the search, in search coordinates: the priors' medians, then Sobol points of the priors' quantiles.
     fn starts(&self, problem: &Problem) -> Vec<Vec<f64>> {
         let quantile = |(j, coordinate): (usize, Coordinate), probability: f64| {
             let name = problem.model.parameters()[j].name;
@@ -289,7 +292,7 @@ impl<'a> CreepResiduals<'a> {
         std::iter::once(medians).chain((0..N_QUANTILE_STARTS).map(sobol)).collect()
     }
 
-    /// Derivative of the trajectory in a coordinate, by finite difference if there is no closed form.
+    /// Derivative (m) of the trajectory by a search coordinate, by a finite difference if there is no closed form.
     fn column_m(&self, parameters: &[f64], (j, coordinate): (usize, Coordinate)) -> Option<Vec<f64>> {
         let slope = coordinate.slope(parameters[j]);
         if let Ok(column) = self.forward.derivative_m(parameters, j) {
@@ -303,7 +306,8 @@ impl<'a> CreepResiduals<'a> {
         Some(here.iter().zip(&there).map(|(a, b)| (b - a) / step).collect())
     }
 
-    /// Derivatives of the positions (m) at every row by the free coordinates. Empty or incomplete if the model or the memory does not allow them.
+    /// Derivatives (m) of the position at every row by the free coordinates, one column per coordinate. Coordinates without a derivative have no column. Empty for
+    /// records that are too long for the memory.
     fn columns_m(&self, prepared: &PreparedModel, theta: &[f64]) -> Vec<Vec<f64>> {
         if prepared.problem.experiment.record.n_rows() > MOST_ROWS_OF_COLUMNS {
             return Vec::new();
@@ -319,7 +323,7 @@ impl<'a> CreepResiduals<'a> {
         self.free.iter().filter_map(|&free| whole.column_m(&parameters, free)).collect()
     }
 
-    /// Fits from every start. It skips a start at which the model cannot be evaluated, unless there is no other.
+    /// Searches from every start and returns the results. Starts at which the model cannot be evaluated are skipped. If all are, their first error is returned.
     fn search(&self, starts: &[Vec<f64>]) -> Result<Vec<Fit>> {
         let tolerances = Tolerances::default();
         let found: Vec<Result<Fit>> = starts.par_iter().map(|start| fit(self, start, &tolerances)).collect();
@@ -357,7 +361,7 @@ impl LeastSquaresProblem for CreepResiduals<'_> {
     }
 }
 
-/// Search with the lowest objective; among equal ones, a converged search.
+/// Search with the lowest objective. If several have found this minimum, a converged one is preferred.
 fn best_of(searches: &[Fit]) -> &Fit {
     let lower = |a: &Fit, b: &Fit| {
         if is_same_minimum(a, b) && a.converged != b.converged { a.converged } else { a.objective < b.objective }
@@ -365,14 +369,14 @@ fn best_of(searches: &[Fit]) -> &Fit {
     searches.iter().fold(&searches[0], |best, next| if lower(next, best) { next } else { best })
 }
 
-/// Search range of a parameter: its prior's range, or the box in which an external program was learnt.
+/// Search range of a parameter: the range of its prior, or the box in which an external program was learnt.
 fn range_of(prepared: &PreparedModel, name: &str) -> TrainedRange {
     let problem = &prepared.problem;
     let learnt = prepared.trained.iter().find(|range| range.name == name && problem.outside().is_some());
     learnt.cloned().unwrap_or_else(|| problem.range_of(name, TAIL_MASS))
 }
 
-/// Results of a full-order run at the estimate, over the whole record.
+/// Results of one full-order run of the whole record with the estimated parameters.
 struct FullRun {
     /// Largest distance between the reduced and the full-order trajectory, in m.
     distance_m: f64,
@@ -418,7 +422,7 @@ fn summarise(
             return FittedParameter { name, value: data.template[j], standard_error: None };
         };
         let value = coordinate.value(best.theta[k]);
-        // This is the delta method.
+        // The delta method converts the standard error from the search coordinate to the parameter.
         let error = coordinate.slope(value) * best.standard_errors[k];
         let standard_error = Some(error).filter(|error| error.is_finite());
         FittedParameter { name, value, standard_error }

@@ -19,7 +19,7 @@ fn problem(experiment: Experiment, set: &[&str]) -> Problem {
     Problem::new(experiment, specification, None, &SilentMonitor).unwrap()
 }
 
-/// The replica's protocol with an instrument of the same compliance; positions in m by the closed form.
+/// Experiment with the replica's protocol and an instrument with the replica's compliance. The positions follow from the closed form, with white noise.
 fn instrument_experiment(law_parameters: &[f64], noise_sd_m: f64, rng: &mut ChaCha8Rng) -> Experiment {
     let (replica, _) = embedded().unwrap();
     let record = &replica.record;
@@ -32,7 +32,7 @@ fn instrument_experiment(law_parameters: &[f64], noise_sd_m: f64, rng: &mut ChaC
     experiment
 }
 
-/// Data of the reduced model itself, trained on finite elements. This tests the search and not the physics.
+/// The data come from the reduced model itself, so that the test concerns the search and not the physics.
 #[test]
 fn noise_free_data_of_the_reduced_model_return_the_truth() {
     let (replica, _) = embedded().unwrap();
@@ -51,7 +51,7 @@ fn noise_free_data_of_the_reduced_model_return_the_truth() {
     }
 }
 
-/// d² = δᵀ C⁻¹ δ of the logarithms.
+/// Squared Mahalanobis distance δᵀ C⁻¹ δ, where δ is the difference between the logarithms of estimate and truth.
 fn mahalanobis(result: &FitResult, truth: &[f64]) -> f64 {
     let p = truth.len();
     let delta = DVector::from_fn(p, |j, _| (result.model_parameters[j] / truth[j]).ln());
@@ -59,7 +59,8 @@ fn mahalanobis(result: &FitResult, truth: &[f64]) -> f64 {
     delta.dot(&covariance.cholesky().unwrap().solve(&delta))
 }
 
-/// Table I generated the replica, by finer finite elements. With another seed of the replica's noise, this fails one time in 1,000.
+/// Finer finite elements generated the replica from the parameters of Table I. For a random seed of the replica's noise, the test would fail with a probability of 1 in
+/// 1,000.
 #[test]
 fn table_i_lies_within_the_joint_error_on_the_replica() {
     let (replica, _) = embedded().unwrap();
@@ -68,18 +69,18 @@ fn table_i_lies_within_the_joint_error_on_the_replica() {
     assert!(summary.is_sound(), "{:?}", summary.warnings);
     let limit = ChiSquared::new(3.0).unwrap().inverse_cdf(0.999);
     assert!(mahalanobis(&found, &TABLE_I) < limit, "{summary:?}");
-    // 200 positions with 4 µm: the sample standard deviation lies within 5 of its standard errors (5 %), with one failure in 10⁶.
+    // The sample standard deviation of 200 errors of 4 µm has a standard error of 5 %. A deviation of 5 standard errors has a probability of about 10⁻⁶.
     assert_eq!(summary.fitted_positions, 200);
     assert!((summary.rmse_um / 4.0 - 1.0).abs() < 0.25, "{summary:?}");
     assert!((summary.rmse_um - 1e6 * (summary.objective_m2 / 200.0).sqrt()).abs() < 1e-12);
-    // The held-out cycles have as many positions or more.
+    // The held-out cycles have at least as many positions.
     assert!((summary.rmse_heldout_um.unwrap() / 4.0 - 1.0).abs() < 0.25, "{summary:?}");
 }
 
-/// Fits 400 noisy replicates of closed-form data. The squared z-scores of each parameter add up to χ² with 400 degrees of freedom, and the squared joint distances to χ²
-/// with 1,200. The test fails if all standard errors are off by a fifth. Each of the four sums exceeds either bound with a probability of 10⁻⁶. By chance, one run of the
-/// test in 10⁵ thus fails. The noise variance s² has 197 degrees of freedom, so that the sums are on average 1 % larger than χ². This is less than a tenth of the
-/// distance to a bound.
+/// Fits 400 noisy replicates of closed-form data. The sum of each parameter's squared z-scores has a χ² distribution with 400 degrees of freedom. The sum of the
+/// squared Mahalanobis distances has one with 1,200. The test fails if all standard errors are wrong by a fifth. Each of the four sums lies beyond either bound with a
+/// probability of 10⁻⁶. The test thus fails by chance with a probability of 10⁻⁵. The noise variance is estimated with 197 degrees of freedom. This makes the sums 1 %
+/// larger on average, which is less than a tenth of the distance to a bound.
 #[test]
 fn standard_errors_are_calibrated() {
     let mut rng = ChaCha8Rng::seed_from_u64(20);
@@ -123,7 +124,7 @@ fn nothing_left_to_fit_is_refused() {
     assert!(error.to_string().contains("`fixed`"));
 }
 
-/// A force that never acts on the fitted rows leaves every parameter undetermined. The fit warns about this and is not sound.
+/// Without a force on the fitted rows, no parameter is determined. The fit warns about this and does not count as sound.
 #[test]
 fn undetermined_parameters_have_no_error_and_are_named() {
     let mut rng = ChaCha8Rng::seed_from_u64(22);
@@ -135,7 +136,7 @@ fn undetermined_parameters_have_no_error_and_are_named() {
     assert!(!found.summary.is_sound());
 }
 
-/// A dashpot is a million times stiffer than the largest prior value. The search ends at the bound, and the result does not count as an estimate.
+/// The true viscosity is a million times the largest prior value. The search ends at the bound, so its result does not count as an estimate.
 #[test]
 fn an_estimate_at_the_end_of_the_range_is_not_converged() {
     let mut rng = ChaCha8Rng::seed_from_u64(23);
@@ -147,8 +148,8 @@ fn an_estimate_at_the_end_of_the_range_is_not_converged() {
     assert!(warning.kind == WarningKind::NotConverged && warning.text.contains("viscosity_2_pa_s"), "{warning:?}");
 }
 
-/// White noise alone is fitted with an effect or two. A model must not fit worse than a model that it contains. An estimate at the null equals the null. Every other one is
-/// within five standard errors of it (one false failure in 10⁶) and fits better.
+/// Models with one or two effects are fitted to data without effects. A model must not fit worse than a model that it contains. An estimate at the null equals the null
+/// exactly. Any other estimate fits better and lies within five standard errors of the null, with one false failure in 10⁶.
 #[test]
 fn effects_that_are_not_there_are_estimated_at_their_null() {
     let mut rng = ChaCha8Rng::seed_from_u64(24);
@@ -174,7 +175,7 @@ fn effects_that_are_not_there_are_estimated_at_their_null() {
         let at_null = found.warnings.iter().find(|w| w.kind == WarningKind::AtNull).map_or("", |w| &w.text);
         for parameter in &found.parameters {
             let Some(name) = with_null.iter().find(|name| **name == parameter.name) else {
-                // Without its effect, a retardation time is unidentified.
+                // If the second retardation is at its null, its time is unidentified and has no standard error.
                 let is_left_out = parameter.name == "second-retardation.time_s" && at_null.contains("compliance_ratio");
                 assert_eq!(parameter.standard_error.is_none(), is_left_out, "{slugs:?}: {parameter:?}");
                 continue;
@@ -191,7 +192,7 @@ fn effects_that_are_not_there_are_estimated_at_their_null() {
 }
 
 /// The replica has one retardation time, so that the time of a second retardation drifts to an end of its range. A search that stopped there would leave the other
-/// parameters near their starts. Only one of 16 such searches found the minimum along that end. Nine find it if the search continues.
+/// parameters near their starts. Of 16 searches, only one then found the minimum. If the search continues along the end of the range, nine find it.
 #[test]
 fn a_parameter_at_the_end_of_its_range_does_not_stop_the_others() {
     let base = problem(embedded().unwrap().0, &[]);
@@ -202,7 +203,8 @@ fn a_parameter_at_the_end_of_its_range_does_not_stop_the_others() {
     assert!(found.starts == 16 && found.starts_agreeing >= 6, "{found:?}");
 }
 
-/// A lag of 50 ms in closed-form data (F = L (1 − e^{−t/τ}) is a second mode) is found within five standard errors, with one failure in 10⁶.
+/// Closed-form data contain an actuator lag of 50 ms, which adds a second exponential to the response. The fit finds the lag within five standard errors, with one
+/// false failure in 10⁶.
 #[test]
 fn an_effect_that_is_there_is_found() {
     let mut rng = ChaCha8Rng::seed_from_u64(25);
@@ -210,7 +212,7 @@ fn an_effect_that_is_there_is_found() {
     let [young_modulus_pa, viscosity_1_pa_s, viscosity_2_pa_s] = TABLE_I;
     let (lag_s, mode_s) = (0.05, viscosity_1_pa_s / young_modulus_pa);
     let noise = Normal::new(0.0, 4e-6).unwrap();
-    // This is the response to a unit force that rises with the lag.
+    // This is the response to a unit force that rises as 1 − e^{−t/τ}, with the lag τ.
     let rise = |t: f64| {
         let mode = 1.0 - (mode_s * (-t / mode_s).exp() - lag_s * (-t / lag_s).exp()) / (mode_s - lag_s);
         mode / young_modulus_pa + (t - lag_s * (1.0 - (-t / lag_s).exp())) / viscosity_2_pa_s
@@ -233,7 +235,7 @@ fn an_effect_that_is_there_is_found() {
     assert!(found.is_sound() && (lag.value - lag_s).abs() < 5.0 * lag.standard_error.unwrap(), "{found:?}");
 }
 
-/// Two springpots in parallel, which half of the starts find in exchanged order. All fits assign the names in one order.
+/// Half of the starts find two parallel springpots in exchanged order. All fits must still assign the names in one order.
 #[test]
 fn interchangeable_parts_are_fitted_in_order() {
     const TRUTH: [f64; 4] = [2.0, 0.8, 3.0, 0.2];

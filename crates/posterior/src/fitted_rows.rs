@@ -1,5 +1,5 @@
-//! Rows at which a least-squares fit computes the trajectory: all rows up to the last fitted position, or a selection of them. At the selected rows the trajectory is
-//! the same.
+//! Rows at which a least-squares fit computes the trajectory: all rows up to the last fitted position, or a selection of them. The selection does not change the
+//! trajectory at the selected rows.
 
 use crate::problem::Problem;
 use base::error::Result;
@@ -7,23 +7,23 @@ use models::model::Response;
 use record::OwnedForce;
 use sampling::least_squares::{Fit, LeastSquaresProblem, Tolerances, fit};
 
-/// Largest number of positions in the search from all starts. In a longer record, the best minima are refined with all positions.
+/// Largest number of positions in the search from all starts. For a record with more positions, the best minima are then refined with all of them.
 pub(super) const MOST_SEARCHED: usize = 20_000;
 /// Largest number of minima that are refined.
 const MOST_FINISHED: usize = 3;
-/// Relative difference of objectives below which two starts have found the same minimum.
+/// Relative difference of objectives below which two searches have found the same minimum.
 pub(super) const SAME_MINIMUM: f64 = 1e-6;
 
-/// Rows up to the last fitted position.
+/// Times and forces of the rows that a fit uses, and the fitted positions.
 pub(super) struct FittedRows {
     time_s: Vec<f64>,
     force: OwnedForce,
-    /// Row and position (m) of the fitted positions.
+    /// Row and position (m) of each fitted position.
     pub observed: Vec<(usize, f64)>,
 }
 
 impl FittedRows {
-    /// Rows of the fitted cycles; later rows do not influence a fitted position.
+    /// Selects all rows up to the last fitted position. Later rows do not influence a fitted position.
     pub fn new(problem: &Problem) -> Self {
         let record = &problem.experiment.record;
         let positions = problem.positions_of(&problem.experiment.calibration_cycles);
@@ -33,7 +33,7 @@ impl FittedRows {
         Self { time_s: record.time_s[..n_rows].to_vec(), force: record.force().first(n_rows).into(), observed }
     }
 
-    /// Thins the rows to about `most` evenly chosen positions. It keeps the rows at which the force changes, so that the trajectory at the remaining rows is the same.
+    /// Thins the rows to about `most` evenly chosen positions. Rows at which the force changes are kept, so that the trajectory at the remaining rows does not change.
     pub fn thinned(&self, most: usize) -> Self {
         let every = self.observed.len().div_ceil(most).max(1);
         let mut chosen = self.observed.iter().step_by(every).peekable();
@@ -53,14 +53,14 @@ impl FittedRows {
         thinned
     }
 
-    /// Prepares the rows for the reduced model.
+    /// Response at these rows, as input of the reduced model.
     pub fn response(&self) -> Response {
         Response::new(&self.time_s, self.force.get(), self.time_s.len())
     }
 }
 
-/// Refines searches over few positions with all positions. The best minima continue from their parameters; the other searches keep their objectives, scaled by `more`, the
-/// ratio of all positions to the searched ones.
+/// Refines searches that used a selection of the positions. From the best minima, the search continues with all positions. The other searches keep their results, with
+/// objectives multiplied by `more`, the ratio of all positions to the selected ones.
 pub(super) fn refine_minima(all: &dyn LeastSquaresProblem, found: &[Fit], more: f64) -> Result<Vec<Fit>> {
     let mut order: Vec<&Fit> = found.iter().collect();
     order.sort_by(|a, b| a.objective.total_cmp(&b.objective));
@@ -76,7 +76,7 @@ pub(super) fn refine_minima(all: &dyn LeastSquaresProblem, found: &[Fit], more: 
         Some(index) => Fit { iterations: search.iterations + ends[index].iterations, ..ends[index].clone() },
         None => Fit { objective: more * search.objective, ..search.clone() },
     };
-    // The residuals are as long as the record and are not used.
+    // The residuals are dropped, because they are as long as the record and nothing uses them.
     Ok(found.iter().map(|search| Fit { residuals: Vec::new(), ..end(search) }).collect())
 }
 
@@ -92,7 +92,7 @@ mod tests {
     use models::effects::Stages;
     use record::ForceRule;
 
-    /// 3000 rows at irregular times, with a force that changes at some of them. Of every 40 positions one remains; its value and the trajectory at its row are unchanged.
+    /// 3000 rows at irregular times, with a force that changes at some of them. One of 40 positions remains. Its value and the trajectory at its row do not change.
     #[test]
     fn few_rows_show_the_same_motion() {
         let n = 3000;

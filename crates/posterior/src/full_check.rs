@@ -1,4 +1,4 @@
-//! Full finite elements for posterior draws, compared with the reduced model.
+//! Check of posterior draws by full finite elements, and comparison with the reduced model.
 
 use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, Gamma};
@@ -13,50 +13,51 @@ use sampling::pareto::pareto_k;
 
 /// Number of posterior draws that are run in full finite elements.
 pub const N_CHECK_DRAWS: usize = 128;
-/// Number of draws that are run in full if each run takes minutes.
+/// Number of posterior draws that are run in full finite elements if each run takes minutes.
 const N_SLOW_DRAWS: usize = 2;
-/// Largest percentage of draws without a model on the whole record that causes no warning.
+/// Largest percentage of refused draws that causes no warning. A draw is refused if it has no model on the whole record.
 const LARGEST_REFUSED_PERCENT: usize = 5;
-/// Number of normal components that approximate a Student-t distribution.
+/// Number of normal distributions whose mixture approximates a Student-t distribution.
 const STUDENT_COMPONENTS: usize = 8;
 
-/// A posterior draw in natural units: first the model's parameters, then the noise's.
+/// A posterior draw in the parameters' units: values of the model's parameters, then of the noise parameters.
 pub type NaturalDraw = Vec<f64>;
 
-/// Results of full finite elements for a posterior.
+/// Predictions of posterior draws by full finite elements, with measures of the reduced model's error.
 pub struct FullCheck {
-    /// Draws that were run.
+    /// Draws with a model on the whole record.
     pub draws: Vec<NaturalDraw>,
-    /// Number of draws without a model on the whole record; `None` if they are few enough to be left out without a warning.
+    /// Number of draws without a model on the whole record, if this number is worth a warning; otherwise `None`.
     pub n_refused: Option<usize>,
-    /// Full-order trajectory of each draw, in m. For an instrument it is the reduced trajectory, for an external program the program's own.
+    /// Predicted position (m) of each draw at every row, by the full-order model. An external program predicts it itself. For an instrument, and if full runs are slow,
+    /// the reduced model does.
     pub trajectories_m: Vec<Vec<f64>>,
     /// Noise of each draw.
     pub noise: DrawnNoise,
-    /// Largest distance between the reduced and the full-order trajectories, in m.
+    /// Largest distance between a reduced and a full-order trajectory, in m; `None` without a full-order model.
     pub surrogate_vs_full_max_m: Option<f64>,
-    /// Pareto k̂ of the importance weights (full over reduced likelihoods).
+    /// Pareto k̂ of the importance weights; large values mean that a few weights dominate.
     pub pareto_k: Option<f64>,
-    /// Normalised importance weights.
+    /// Importance weight of each draw: full-order likelihood divided by reduced likelihood, normalised to the sum 1.
     pub weights: Option<Vec<f64>>,
     /// Number of full-order runs, or of predictions of an external program.
     pub fe_runs: usize,
-    /// Largest absolute principal strain at the largest mean displacement.
+    /// Largest absolute principal strain of the gel at the row with the largest mean displacement.
     pub largest_strain: Option<f64>,
-    /// Largest difference of the mean trajectory between two meshes, in m.
+    /// Largest displacement error of the mean trajectory due to the mesh, in m; `None` if unknown.
     pub discretisation_m: Option<f64>,
 }
 
-/// Noise of posterior draws.
+/// Noise of each posterior draw.
 pub struct DrawnNoise {
-    /// Noise model.
+    /// Noise model that all draws share.
     pub model: NoiseModel,
-    /// Noise parameters of each draw.
+    /// Values of the noise parameters of each draw, in their units.
     pub parameters: Vec<Vec<f64>>,
     /// Standard deviation (m) of the noise of each draw at each row.
     pub sd_m: Vec<Vec<f64>>,
-    /// Standard deviations of the normal components of each draw's noise, in units of `sd_m`. The components have equal weight; there is one, or several for a Student-t
-    /// distribution.
+    /// Standard deviations of the normal components of each draw's noise, in units of `sd_m`. The components have equal weight. Normal noise has one component;
+    /// Student-t noise has several.
     pub components: Vec<Vec<f64>>,
 }
 
@@ -72,7 +73,8 @@ impl DrawnNoise {
     }
 }
 
-/// Normal components of the noise. A t distribution of unit variance is a normal whose precision has a gamma distribution; a few quantiles of the gamma approximate it.
+/// Standard deviations of the normal components of noise with unit variance. A Student-t distribution is a normal distribution whose precision has a gamma
+/// distribution. A few quantiles of the gamma distribution approximate it.
 fn normal_components(student_dof: Option<f64>) -> Vec<f64> {
     let gamma = student_dof.and_then(|dof| Some((dof, Gamma::new(0.5 * dof, 0.5 * dof).ok()?)));
     let Some((dof, gamma)) = gamma else { return vec![1.0] };
@@ -81,11 +83,11 @@ fn normal_components(student_dof: Option<f64>) -> Vec<f64> {
     (0..STUDENT_COMPONENTS).map(|i| scale / gamma.inverse_cdf(probability(i)).sqrt()).collect()
 }
 
-/// Runs the full-order model and the reduced model for every draw over the whole record. If a full run takes seconds to minutes, as with effects that solve for a field,
-/// the reduced model predicts instead. The full-order model then runs for the first few draws only.
+/// Runs the full-order model and the reduced model for every draw over the whole record. If full runs are slow (seconds to minutes, for effects that solve for a
+/// field), the reduced model predicts instead. The full-order model then runs for two draws only.
 ///
 /// # Errors
-/// [`base::Error::Numerical`] if no draw has a model on the whole record; errors of the parts.
+/// [`base::Error::Numerical`] if no draw has a model on the whole record; errors of the full-order and the reduced model.
 pub fn check(prepared: &PreparedModel, draws: &[NaturalDraw]) -> Result<FullCheck> {
     let problem = &prepared.problem;
     let (reduced_forward, full) = (prepared.forward(), problem.full_forward()?);
@@ -160,14 +162,14 @@ pub fn check(prepared: &PreparedModel, draws: &[NaturalDraw]) -> Result<FullChec
     })
 }
 
-/// Draws with their trajectories.
+/// Draws that were predicted, with their trajectories.
 struct Runs {
     draws: Vec<NaturalDraw>,
     trajectories_m: Vec<Vec<f64>>,
     n_refused: Option<usize>,
 }
 
-/// Runs every draw over the whole record. It leaves out the draws that the model refuses there because they move farther than on the fitted rows.
+/// Runs every draw over the whole record. Draws for which the model fails are left out: beyond the fitted rows the robot may move farther than the model allows.
 ///
 /// # Errors
 /// [`base::Error::Numerical`] if no draw remains.
@@ -195,7 +197,7 @@ fn largest_distance_m(some_m: &[Vec<f64>], others_m: &[Vec<f64>]) -> f64 {
     pairs.fold(0.0, |most, (x, y)| most.max((x - y).abs()))
 }
 
-/// Index of the draw with the median position at a row.
+/// Index of the draw whose position at this row is the median of all draws.
 fn middle_draw(trajectories_m: &[Vec<f64>], row: usize) -> usize {
     let mut order: Vec<usize> = (0..trajectories_m.len()).collect();
     order.sort_by(|a, b| trajectories_m[*a][row].total_cmp(&trajectories_m[*b][row]));
@@ -205,7 +207,7 @@ fn middle_draw(trajectories_m: &[Vec<f64>], row: usize) -> usize {
 /// Largest absolute principal strain of a run's first field. `None` without a field, or if the model itself has large strains.
 pub(crate) fn largest_strain(problem: &Problem, run: &FullRun) -> Result<Option<f64>> {
     let Some(fe) = problem.finite_elements() else { return Ok(None) };
-    // Fields are those of small strains.
+    // Stored fields belong to the model of small strains, so they say nothing about large ones.
     if problem.model.field().is_some_and(|(_, field)| field.is_learnt_for_record()) {
         return Ok(None);
     }
@@ -213,7 +215,7 @@ pub(crate) fn largest_strain(problem: &Problem, run: &FullRun) -> Result<Option<
     run.fields.first().map(|field| largest_principal_strain(mesh, field)).transpose()
 }
 
-/// Logarithms of full over reduced likelihood of the fitted cycles.
+/// Log importance weight of each draw: log likelihood of the fitted cycles by the full-order model, minus that by the reduced model.
 fn ln_weights(problem: &Problem, draws: &[NaturalDraw], full_m: &[Vec<f64>], reduced_m: &[Vec<f64>]) -> Vec<f64> {
     let likelihood = problem.noise_likelihood(&problem.experiment.calibration_cycles);
     let n_model = problem.model.parameters().len();
@@ -232,7 +234,7 @@ fn normalised(ln_weights: &[f64]) -> Vec<f64> {
     weights.iter().map(|w| w / total).collect()
 }
 
-/// Mean over trajectories, weighted if weights are given.
+/// Mean trajectory (m), weighted if weights are given.
 pub fn mean_trajectory(trajectories_m: &[Vec<f64>], weights: Option<&[f64]>) -> Vec<f64> {
     let equal = 1.0 / trajectories_m.len() as f64;
     let mut mean = vec![0.0; trajectories_m.first().map_or(0, Vec::len)];
@@ -243,7 +245,7 @@ pub fn mean_trajectory(trajectories_m: &[Vec<f64>], weights: Option<&[f64]>) -> 
     mean
 }
 
-/// Root mean square distance from the observed positions.
+/// Root mean square distance (m) between model and observed positions, over rows with an observation.
 pub fn rmse_m(model_m: &[f64], observed_m: &[Option<f64>]) -> f64 {
     let squares: Vec<f64> = model_m.iter().zip(observed_m).filter_map(|(x, y)| y.map(|y| (y - x).powi(2))).collect();
     (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
@@ -256,13 +258,14 @@ mod tests {
     use super::*;
     use crate::mixture::Mixture;
 
-    /// Compares the 50 % and 90 % bands of heavy-tailed noise with statrs' Student-t quantiles. A mixture of eight normal components agrees within 4 %.
+    /// Compares quantiles of the eight-component mixture with those of statrs' Student-t distribution, at the ends of the 50 % and the 90 % band. They agree within
+    /// 4 %.
     #[test]
     fn normal_components_stand_for_a_student_t() {
         for dof in [2.5, 4.0, 30.0] {
             let sd_m: Vec<f64> = normal_components(Some(dof));
             let mixture = Mixture { mean_m: vec![0.0; sd_m.len()], sd_m };
-            // The exact distribution has unit variance.
+            // This scale gives the exact distribution unit variance.
             let exact = StudentsT::new(0.0, ((dof - 2.0) / dof).sqrt(), dof).expect("a distribution");
             for probability in [0.75, 0.95] {
                 let ratio = mixture.quantile(probability) / exact.inverse_cdf(probability);

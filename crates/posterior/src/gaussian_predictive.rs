@@ -1,18 +1,18 @@
-//! Nearly normal predictive distributions, described by their moments. Long records have them, because their draws differ by less than the noise.
+//! Predictive distributions that are nearly normal, described by their moments. They occur in long records, whose draws differ by less than the noise.
 //!
-//! A mixture is a normal distribution with small corrections if its components' means and variances are close together relative to the variance. Its Gram–Charlier series
-//! is Φ(t) − φ(t) [γ₁/6 (t² − 1) + γ₂/24 (t³ − 3t)]. Quantiles and scores follow in closed form at a cost of a few operations per draw; the mixture itself takes an error
-//! function for each.
+//! A mixture is a normal distribution with small corrections if its components' means and variances are close together relative to the variance. Its Gram–Charlier
+//! series is Φ(t) − φ(t) [γ₁/6 (t² − 1) + γ₂/24 (t³ − 3t)]. Quantiles and scores then have closed forms, which take a few operations per draw. The mixture itself needs
+//! an error function per draw.
 
 use statrs::distribution::{Continuous, ContinuousCDF, Normal};
 
 use super::full_check::FullCheck;
 
-/// Probabilities of the bands' quantiles.
+/// Probabilities of the quantiles that bound the predictive bands, and of the median.
 pub const BAND_PROBABILITIES: [f64; 5] = [0.05, 0.25, 0.5, 0.75, 0.95];
 
-/// Largest distance of a component's mean (in standard deviations) and variance (in variances) at which the series replaces the mixture. The neglected terms are then below
-/// 10⁻⁵ of a standard deviation.
+/// Largest relative distance of a component from the mixture at which the series replaces the mixture. The distance of means is in standard deviations of the mixture,
+/// that of variances in its variance. The neglected terms are then below 10⁻⁵ of a standard deviation.
 const LARGEST_DISTANCE: f64 = 0.12;
 
 /// Mean, standard deviation, skewness and excess kurtosis of one position's predictive distribution.
@@ -24,11 +24,12 @@ pub(super) struct NearNormal {
     excess: f64,
 }
 
-/// Sums over the draws at the rows of a block.
+/// Sums over the draws, for each row of a block.
 struct Sums {
     mean_m: Vec<f64>,
     variance_m2: Vec<f64>,
-    /// Means of d², d³, d⁴, d w, d² w and w², and the largest |d| and |w|. d is the deviation of a component's mean, w that of its variance.
+    /// Means of d², d³, d⁴, d w, d² w and w², then the largest |d| and |w|. The symbol d is the difference between a component's mean and the mixture's mean. The
+    /// symbol w is that of the variances.
     d2: Vec<f64>,
     d3: Vec<f64>,
     d4: Vec<f64>,
@@ -39,7 +40,7 @@ struct Sums {
     largest_w: Vec<f64>,
 }
 
-/// Distributions of consecutive rows; `None` for a row that is too far from normal.
+/// Predictive distributions of the given rows; `None` for a row whose distribution is too far from normal.
 pub(super) fn near_normals(check: &FullCheck, rows: std::ops::Range<usize>) -> Vec<Option<NearNormal>> {
     if check.noise.components.iter().any(|components| components != &[1.0]) {
         return vec![None; rows.len()];
@@ -116,7 +117,7 @@ pub(super) fn band_normals() -> [f64; 5] {
 }
 
 impl NearNormal {
-    /// Quantile (m) at the standard normal's quantile z (Cornish & Fisher 1938).
+    /// Quantile (m) with the probability at which the standard normal distribution has the quantile `z` (Cornish & Fisher 1938).
     pub fn quantile_m(&self, z: f64) -> f64 {
         let Self { skewness, excess, .. } = *self;
         let shift = skewness / 6.0 * (z * z - 1.0) + excess / 24.0 * (z * z - 3.0) * z
@@ -124,7 +125,7 @@ impl NearNormal {
         self.mean_m + self.sd_m * (z + shift)
     }
 
-    /// Continuous ranked probability score (m) of an observation: E|X − y| − E|X − X′|/2 of the series.
+    /// Continuous ranked probability score (m) of an observation: E|X − y| − E|X − X′|/2, where X and X′ have the distribution of the series.
     pub fn crps_m(&self, observed_m: f64) -> f64 {
         let standard = Normal::standard();
         let t = (observed_m - self.mean_m) / self.sd_m;

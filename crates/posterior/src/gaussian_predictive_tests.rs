@@ -1,4 +1,4 @@
-//! Tests of nearly normal predictions and joint probabilities in closed form, against mixtures and simulations.
+//! Tests of nearly normal predictions against mixtures, and of joint probabilities in closed form against simulations.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -10,7 +10,7 @@ use super::{BAND_PROBABILITIES, band_normals, near_normals};
 use crate::noise::NoiseModel;
 use record::Record;
 
-/// Returns 24 draws around a noise of 4 µm. Their positions deviate by up to 2 × `reach` of the noise, and their noise by up to half of `reach`.
+/// Returns 24 draws around a noise of 4 µm. Their positions deviate by up to 2 × `reach` times the noise, and their relative noise by up to half of `reach`.
 fn varied_check(n_rows: usize, reach: f64) -> FullCheck {
     let draws = 24;
     let part = |k: usize, seed: f64| reach * (seed * k as f64).sin();
@@ -50,7 +50,7 @@ fn nearly_normal_predictions_are_the_mixtures() {
             let error = (near.quantile_m(z) - exact.quantile(probability)) / exact.sd();
             assert!(error.abs() < 2e-5, "{row} {probability}: {error}");
         }
-        // The mixture's score averages the spread over some pairs of draws, the series' over all.
+        // The mixture's score uses only some pairs of draws, that of the series all of them.
         for y in [-2.5, -0.3, 0.0, 1.2, 4.0] {
             let y = exact.mean() + y * exact.sd();
             assert!((near.crps_m(y) - exact.crps(y)).abs() < 2e-3 * exact.sd(), "{row}");
@@ -59,8 +59,8 @@ fn nearly_normal_predictions_are_the_mixtures() {
     assert!(near_normals(&varied_check(3, 0.5), 0..3).iter().all(Option::is_none));
 }
 
-/// Compares the closed forms with the simulation on 3000 rows, for a good and a bad measurement. Probabilities agree within 0.03 and ranges within 0.004. 4000 simulations
-/// have standard errors of 0.008 and 0.001; the coverage of 3000 rows has steps of 0.0003.
+/// Compares the closed forms with the simulation on 3000 rows, for a good and a bad measurement. Probabilities agree within 0.03 and ranges within 0.004. The standard
+/// errors of 4000 simulations are 0.008 for probabilities and 0.001 for ranges. The coverage of 3000 rows has steps of 0.0003.
 #[test]
 fn closed_forms_are_what_simulations_find() {
     let n_rows = 3000;

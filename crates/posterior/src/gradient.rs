@@ -9,16 +9,16 @@ use models::model::{Forward, SurrogateForward};
 /// Gradient of [`super::likelihood::ReducedPosterior::log_density_natural`]. It combines exact sensitivities of the reduced model's trajectory, finite differences of the
 /// noise filter, and closed forms of the priors.
 pub struct PosteriorGradient<'a> {
-    /// Model up to the last compared row.
+    /// Reduced forward model up to the last compared row.
     forward: SurrogateForward<'a>,
     noise: NoiseLikelihood,
     priors: &'a PriorSet,
-    /// Sources of the model's parameters in order, then the noise's.
+    /// Source of every parameter: the model's parameters in order, then the noise parameters.
     sources: Vec<ParameterSource>,
 }
 
 impl<'a> PosteriorGradient<'a> {
-    /// Joins the parts of a posterior; `fixed` holds the parameters without a prior.
+    /// Creates the gradient of a posterior. `fixed` holds the values of the parameters without a prior, by name.
     pub fn new(
         forward: SurrogateForward<'a>,
         noise: NoiseLikelihood,
@@ -29,10 +29,10 @@ impl<'a> PosteriorGradient<'a> {
         Self { forward, noise, priors, sources }
     }
 
-    /// Derivatives by each sampled parameter, per unit of the parameter, in the priors' order. `point` holds natural values in that order.
+    /// Derivative of the log posterior by each sampled parameter, per unit of the parameter, in the order of the priors. `point` holds natural values in this order.
     ///
     /// # Errors
-    /// Errors of [`SurrogateForward::derivative_along_m`]: if the log density is −∞, or the trajectory has no derivative.
+    /// Errors of [`SurrogateForward::derivative_along_m`]: they occur if the log density is −∞, or if the trajectory has no derivative.
     pub fn gradient(&self, point: &[f64]) -> Result<Vec<f64>> {
         let value = |source: &ParameterSource| match *source {
             ParameterSource::Sampled(index) => point[index],

@@ -1,4 +1,4 @@
-//! Checks of the posterior on held-out cycles: bands, scores, joint probabilities.
+//! Comparison of posterior predictions with held-out cycles: predictive bands, scores and joint probabilities.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -12,18 +12,18 @@ use crate::noise::NoiseModel;
 use crate::recordings::recordings;
 use record::Record;
 
-/// Number of simulated measurements for the misfit and the coverage.
+/// Number of simulated measurements from which the distributions of misfit and coverage are estimated.
 const N_SIMULATIONS: usize = 8_000;
-/// Largest number of simulated positions in total, which reduces the simulations of long records. The number of simulations never falls below the resolution of the 99.9 %
-/// band. If that is too much work and the errors are independent and normal, closed forms replace the simulation.
+/// Largest total number of simulated positions. It limits the number of simulations for long records, but not below [`FEWEST_SIMULATIONS`], which the 99.9 % band
+/// needs. If that is too much work and the errors are independent and normal, closed forms replace the simulation.
 const SIMULATED_POSITIONS: usize = 40_000_000;
 const FEWEST_SIMULATIONS: usize = 4_000;
-/// Number of rows whose predictions are computed together.
+/// Number of rows in a block whose predictions are computed together.
 const ROWS_OF_BLOCK: usize = 1024;
-/// Random stream of the simulations, distinct from the sampler's.
+/// Number of the first random stream of the simulations. The sampler uses other streams.
 const SIMULATION_STREAM: u64 = u64::MAX;
 
-/// Predictive quantiles (m) of every row, in the order of `BAND_PROBABILITIES`.
+/// Predictive quantiles (m) of the position at every row, in the order of `BAND_PROBABILITIES`.
 pub fn bands_m(check: &FullCheck) -> Vec<[f64; 5]> {
     let normals = band_normals();
     let near = |near: &NearNormal| normals.map(|z| near.quantile_m(z));
@@ -34,13 +34,13 @@ pub fn bands_m(check: &FullCheck) -> Vec<[f64; 5]> {
     })
 }
 
-/// Predictive distribution of one position.
+/// Predictive distribution of one position: nearly normal, or a general mixture.
 enum Prediction {
     Near(NearNormal),
     Far(Mixture),
 }
 
-/// Results of `of` for every row's prediction, in the order of the rows.
+/// Applies `of` to the index and the predictive distribution of every row. Returns the results in the order of the rows.
 fn by_blocks<T: Send>(check: &FullCheck, of: &(dyn Fn(usize, Prediction) -> T + Sync)) -> Vec<T> {
     let n_rows = check.trajectories_m.first().map_or(0, Vec::len);
     let block = |index: usize| {
@@ -66,19 +66,19 @@ pub(super) fn mixture(check: &FullCheck, row: usize) -> Mixture {
     mixture
 }
 
-/// Agreement of predictions and positions of some rows.
+/// Scores of the predictions of the held-out positions.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Score {
     /// Root mean square distance between the posterior mean and the positions, in m.
     pub rmse_m: f64,
-    /// Fractions of positions inside the central 50 % and 90 % bands.
+    /// Fractions of positions inside the central 50 % band and inside the central 90 % band.
     pub coverage: [f64; 2],
-    /// Ranges that contain the coverage of 99 % of simulated measurements.
+    /// For each band, the range that contains the coverage of 99 % of simulated measurements.
     pub coverage_expected: [[f64; 2]; 2],
-    /// Probability of a misfit at least as large, by joint simulation. It is twice the smaller of two probabilities: of the largest standardised deviation, and of the mean
-    /// square.
+    /// Probability of a misfit at least as large as the observed one, by joint simulation. It is twice the smaller of two probabilities, at most 1. One belongs to the
+    /// largest standardised deviation, the other to the mean square.
     pub joint_p: f64,
-    /// Mean continuous ranked probability score, in m.
+    /// Mean continuous ranked probability score of the positions, in m.
     pub crps_m: f64,
 }
 
@@ -188,8 +188,8 @@ mod tests {
         }
     }
 
-    /// Data from the predictive distribution pass. A shift of half a standard deviation over 400 rows, or a single outlier of 7 standard deviations, does not. The
-    /// coverages of 400 positions lie in their 99 % ranges for this fixed seed.
+    /// Data from the predictive distribution pass the joint test. Data with a shift of half a standard deviation over 400 rows, or with a single outlier of 7 standard
+    /// deviations, fail it. The coverages of 400 positions lie in their 99 % ranges for this fixed seed.
     #[test]
     fn joint_check_accepts_its_own_and_rejects_shift_and_outlier() {
         let n_rows = 400;

@@ -14,10 +14,10 @@ use models::model::convolve_m;
 use record::Apparatus;
 
 const COMPLIANCE_PER_M: f64 = 549.0;
-/// σ (µm), σ_ou (µm), τ (s), s_g, s_o (µm).
+/// Noise parameters: σ (µm), σ_ou (µm), τ (s), s_g and s_o (µm).
 const NOISE: [f64; 5] = [4.0, 3.0, 0.7, 0.03, 5.0];
 
-/// The replica's protocol with an instrument.
+/// Problem with the replica's protocol, an instrument in place of the bead, and all Gaussian noise terms.
 fn problem() -> Problem {
     let (mut experiment, _) = embedded().unwrap();
     experiment.apparatus = Apparatus::Instrument { compliance_per_m: COMPLIANCE_PER_M };
@@ -26,13 +26,13 @@ fn problem() -> Problem {
     Problem::new(experiment, specification, None, &SilentMonitor).unwrap()
 }
 
-/// Positions (m) of the law in closed form.
+/// Positions (m) of the Lethersich law in closed form, at every row.
 fn exact_m(problem: &Problem) -> Vec<f64> {
     let record = &problem.experiment.record;
     convolve_m(COMPLIANCE_PER_M, &CreepCompliance::lethersich(&TABLE_I), &record.time_s, &record.force_n)
 }
 
-/// Check of four equal draws.
+/// Full check of four equal draws.
 fn check_of(problem: &Problem) -> FullCheck {
     let prepared = PreparedModel::new(problem, None, &SilentMonitor).unwrap();
     let draw: NaturalDraw = TABLE_I.into_iter().chain(NOISE).collect();
@@ -44,7 +44,7 @@ fn bands_are_as_wide_as_all_noise_terms_together() {
     let problem = problem();
     let bands_m = bands_m(&check_of(&problem));
     let [white, ou, _, gain, offset] = NOISE;
-    // These are standard normal quantiles at 95 % and 75 %.
+    // These are the standard normal quantiles of the probabilities 95 % and 75 %.
     let (outer, inner) = (1.644_853_626_951_472_2, 0.674_489_750_196_081_7);
     for (x_m, band) in exact_m(&problem).into_iter().zip(bands_m) {
         let sd_m = (1e-12 * (white * white + ou * ou + offset * offset) + (gain * x_m).powi(2)).sqrt();
@@ -55,7 +55,7 @@ fn bands_are_as_wide_as_all_noise_terms_together() {
     }
 }
 
-/// One draw of the noise (m) from the definition of each term.
+/// Draws the noise (m) at every row once, from the definition of each term.
 fn noise_m(record: &Record, position_m: &[f64], rng: &mut ChaCha8Rng) -> Vec<f64> {
     let [white, ou, ou_time_s, gain, offset] = NOISE;
     let mut standard = || -> f64 { rng.sample(StandardNormal) };
@@ -74,11 +74,11 @@ fn noise_m(record: &Record, position_m: &[f64], rng: &mut ChaCha8Rng) -> Vec<f64
         .collect()
 }
 
-/// 40 measurements are simulated term by term. Each coverage lies outside its 99 % range one time in a hundred; more than 7 of 40 outside have a probability of 10⁻⁷ for
-/// either band. Independent errors of the same size at each row would make the ranges so narrow that many more fall outside.
+/// Scores 40 measurements that are simulated term by term. Each coverage lies outside its 99 % range with a probability of 1 %. More than 7 of 40 outside thus have a
+/// probability of 10⁻⁷ for each band. If the ranges were computed for independent errors, they would be so narrow that many more coverages lie outside.
 ///
-/// The probability of a misfit doubles the smaller of two probabilities. It is 1 if both lie in the better half, which happens in at least a quarter of the measurements,
-/// and in none of 40 once in 10⁵.
+/// The joint probability of a misfit is twice the smaller of two probabilities, at most 1. It is 1 if both exceed one half, which happens in at least a quarter of the
+/// measurements. That it happens in none of 40 has a probability of 10⁻⁵.
 #[test]
 fn the_coverage_s_range_is_that_of_gains_and_offsets_shared_by_a_cycle() {
     let problem = problem();

@@ -1,8 +1,8 @@
-//! Joint probabilities of a measurement's statistics, in closed form, for long records with independent normal errors. Simulating every position thousands of times would
-//! take minutes.
+//! Joint probabilities of a measurement's statistics in closed form. They serve long records with independent normal errors, because thousands of simulations of such a
+//! record would take minutes.
 //!
-//! Given a draw, rows are independent. The distribution function of the largest deviation is the product over rows. The mean square and the coverage are sums over
-//! thousands of rows with known first three moments. The results are averaged over draws.
+//! For one draw, rows are independent. The distribution function of the largest deviation is thus a product over rows. The mean square and the coverage are sums over
+//! thousands of rows, whose moments are known. The resulting probabilities are averaged over draws.
 
 use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, Normal};
@@ -10,23 +10,24 @@ use statrs::distribution::{ContinuousCDF, Normal};
 use super::full_check::FullCheck;
 use super::mixture::Mixture;
 
-/// Number of rows at which slowly varying probabilities are evaluated. They are spread by the golden ratio, which no period of a protocol divides.
+/// Number of rows at which slowly varying probabilities are evaluated. The golden ratio distributes them over the record, so that they do not follow a period of the
+/// protocol.
 const N_EVALUATED: usize = 4096;
-/// Probability below the expected range of a coverage, and probability above it.
+/// Probability below the expected range of a coverage, and also above it.
 const TAIL: f64 = 0.005;
 
-/// Scored rows with their predictions.
+/// Scored rows with the predictions of all draws.
 pub(super) struct Predicted<'a> {
     pub check: &'a FullCheck,
     /// Index of each row in the record.
     pub rows: &'a [usize],
     /// Mean and standard deviation (m) of each row's prediction.
     pub centre: &'a [(f64, f64)],
-    /// Bands (m) of every row of the record.
+    /// Predictive quantiles (m) of every row of the record.
     pub bands_m: &'a [[f64; 5]],
 }
 
-/// Probabilities that statistics are at least as large as the observed ones, and expected ranges of the coverages.
+/// Probabilities of statistics at least as large as the observed ones, and expected ranges of the coverages.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct JointScore {
     /// Probability of a largest standardised deviation at least as large as the observed one.
@@ -37,15 +38,15 @@ pub(super) struct JointScore {
     pub coverage: [[f64; 2]; 2],
 }
 
-/// Probabilities given one draw.
+/// Probabilities of the statistics, and moments of the coverages, for one draw.
 struct DrawStatistics {
     p_largest: f64,
     p_square: f64,
-    /// Mean and standard deviation of each coverage.
+    /// Mean and standard deviation of the coverage of the 50 % and of the 90 % band.
     coverage: [(f64, f64); 2],
 }
 
-/// Scores the observed statistics: the `largest` standardised deviation of all rows and the mean `square` of the deviations.
+/// Scores the observed statistics: the largest standardised deviation of all rows (`largest`), and the mean square of the standardised deviations (`square`).
 pub(super) fn joint(predicted: &Predicted, largest: f64, square: f64) -> JointScore {
     let n_draws = predicted.check.trajectories_m.len();
     let draws: Vec<DrawStatistics> =
@@ -65,7 +66,8 @@ fn of_draw(predicted: &Predicted, draw: usize, largest: f64, square: f64) -> Dra
     let Predicted { check, rows, centre, bands_m } = predicted;
     let (x, sd) = (&check.trajectories_m[draw], &check.noise.sd_m[draw]);
     let n = rows.len() as f64;
-    // These are cumulants of Σ (δ + r ε)² with standard normal ε. δ and r are the draw's distance and noise in standard deviations of the prediction.
+    // These are the first three cumulants of Σ (δ + r ε)² over the rows, where ε is standard normal. Here δ is the draw's distance from the mean prediction, and r its
+    // noise. Both are in standard deviations of the prediction.
     let mut cumulants = [0.0; 3];
     for (row, (mean, spread)) in rows.iter().zip(centre.iter()) {
         let inverse = 1.0 / spread;
@@ -103,8 +105,8 @@ fn of_draw(predicted: &Predicted, draw: usize, largest: f64, square: f64) -> Dra
     }
 }
 
-/// Probability that a sum of squares exceeds a value. It uses a shifted gamma distribution with the same three cumulants (Pearson 1959), made normal by Wilson and
-/// Hilferty's cube root.
+/// Probability that a sum of squares with the given first three cumulants exceeds `value`. A shifted gamma distribution with these cumulants approximates the sum
+/// (Pearson 1959). Wilson and Hilferty's cube root makes it normal.
 fn exceeds(value: f64, [first, second, third]: [f64; 3]) -> f64 {
     let shape = 4.0 * second.powi(3) / (third * third);
     let scale = third / (2.0 * second);

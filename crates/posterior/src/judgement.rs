@@ -1,7 +1,7 @@
-//! Judgement of a model's residuals: the one rule of `fit`, `sample`, `extend` and `ladder` (docs/diagnosis.md).
+//! Judgement of a model's residuals by the rule that `fit`, `sample`, `extend` and `ladder` share (docs/diagnosis.md).
 //!
 //! If the noise is given or estimated, residuals are compared with it ([`Misfit`]). If it is unknown, the held-out residuals are compared with the fitted ones, and the
-//! residuals are tested for patterns ([`SystematicTest`]). If draws predict the held-out cycles jointly, their joint band counts as well.
+//! residuals are tested for patterns ([`SystematicTest`]). If posterior draws predict the held-out cycles, the joint predictive band is a further test.
 
 use documents::posterior::{Warning, WarningKind};
 use figures::number::format_significant;
@@ -12,42 +12,43 @@ use super::noise::{NoiseLikelihood, NoiseModel};
 use super::problem::Problem;
 use super::systematic::SystematicTest;
 
-/// Size of the residuals, as a share of the range of positions, below which they are rounding errors of files and solvers without meaningful patterns.
+/// Root mean square of the residuals, as a fraction of the range of positions, below which they are rounding errors of files and solvers. Their patterns then have no
+/// meaning.
 const ROUNDING: f64 = 1e-6;
 
-/// A fitted model's prediction of a whole record.
+/// A fitted model's prediction of all rows of a record.
 pub struct Prediction<'a> {
-    /// Position (m) at every row.
+    /// Predicted position (m) at every row.
     pub position_m: &'a [f64],
     /// Columns (m, one value per row) along which the parameters can move the prediction.
     pub columns_m: &'a [Vec<f64>],
-    /// Fitted noise model with its parameters.
+    /// Fitted noise model and the values of its parameters, in their units.
     pub noise: (NoiseModel, &'a [f64]),
-    /// Standard deviation (m) of the learnt noise from row to row; `None` if no noise is learnt.
+    /// Standard deviation (m) of the learnt noise that varies from row to row; `None` if no noise is learnt.
     pub learnt_noise_m: Option<f64>,
-    /// Probability of a held-out misfit at least as large, by joint predictive simulation; `None` without a simulation.
+    /// Probability of a held-out misfit at least as large as the observed one, by joint predictive simulation; `None` without a simulation.
     pub joint_p: Option<f64>,
 }
 
-/// Judgement of a prediction.
+/// Judgement of a prediction: results of the tests of its residuals.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Judgement {
-    /// Residuals compared with the noise; if the noise is unknown, held-out residuals compared with fitted ones.
+    /// Comparison of the residuals with the noise. If the noise is unknown, it compares held-out residuals with fitted ones.
     pub misfit: Option<Misfit>,
     /// True if the noise is neither given nor estimated.
     pub is_noise_unknown: bool,
     /// Test of the residuals for patterns, if the noise is unknown and they can be tested.
     pub systematic: Option<SystematicTest>,
-    /// See [`Prediction::learnt_noise_m`].
+    /// Standard deviation (m) of the learnt noise, as in [`Prediction::learnt_noise_m`].
     pub learnt_noise_m: Option<f64>,
-    /// See [`Prediction::joint_p`].
+    /// Joint probability of the held-out misfit, as in [`Prediction::joint_p`].
     pub joint_p: Option<f64>,
-    /// True if the noise has a gain and an offset for each cycle.
+    /// True if the noise model has a gain and an offset for each cycle.
     pub has_gain: bool,
 }
 
 impl Judgement {
-    /// Judges a prediction; `yardstick` is the noise that is given or estimated from the record.
+    /// Judges a prediction. `yardstick` is the noise that is given or estimated from the record; `None` if it is unknown.
     pub fn of(problem: &Problem, prediction: &Prediction, yardstick: Option<ReferenceNoise>) -> Self {
         let (experiment, record) = (&problem.experiment, &problem.experiment.record);
         let Prediction { position_m, columns_m, noise: (noise, parameters), learnt_noise_m, joint_p } = *prediction;
@@ -132,7 +133,7 @@ impl Judgement {
                 warning.text +=
                     &format!(", and {} µm of it recur in every cycle", format_significant(1e6 * returning_m, 3));
             }
-            // If the noise is as expected and has no gain for each cycle, only the parameters' spread can cover a misfit.
+            // A learnt noise that is not too large and has no gain cannot hide a misfit inside the joint band. Only the parameters' uncertainty can.
             let is_covered = !is_learnt_too_large && !self.has_gain && self.joint_p.is_some_and(|p| p >= OUTSIDE_BAND);
             if !left.fitted.is_too_large && is_covered {
                 warning.text +=

@@ -1,7 +1,8 @@
-//! Estimate of the influence of large displacements on a small-strain posterior. It runs the gel once as the fluid whose linearisation is its law (physics §7.6).
+//! Estimate of the influence of large displacements on a posterior for small strains. One run simulates the gel as a fluid with large strains whose linearisation is
+//! the fitted law (physics §7.6).
 //!
-//! A law of small strains does not determine the behaviour at large ones. The result is therefore an estimate of the possible influence and no correction; it is reported
-//! and does not change the posterior.
+//! A law of small strains does not determine the behaviour at large strains. The result is therefore no correction, but an estimate of the possible influence. It does
+//! not change the posterior.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -23,20 +24,21 @@ use super::full_check::{FullCheck, mean_trajectory, rmse_m};
 use super::learnt_displacement::{MOST_SWITCHES, n_switches};
 use super::problem::Problem;
 
-/// Smallest displacement in radii for which the estimate runs. The neglected part is cubic in the displacement: a ten-thousandth of it at this value.
+/// Smallest displacement, in bead radii, for which the estimate runs. The deviation that is neglected below it is cubic in the displacement. At this value, it is a
+/// ten-thousandth of the displacement.
 pub const LEAST_RADII: f64 = 0.2;
-/// Smallest root mean square deviation, relative to the noise, that causes a warning.
+/// Smallest root mean square deviation, as a fraction of the noise, that causes a warning.
 const LEAST_RELEVANT: f64 = 0.1;
 /// Largest relative standard deviation of a parameter for which a first-order shift is meaningful.
 const WELL_KNOWN: f64 = 0.1;
-/// Share of the largest learnt mobility beyond which a mobility's 95 % quantile lies at the end of the range.
+/// A mobility lies at the end of its learnt range if its 95 % quantile exceeds this fraction of the largest learnt mobility.
 const NEARLY: f64 = 0.9;
 
-/// Deviation of a gel with large strains and the posterior mean's law in this record. `None` in these cases: the model is more than a law around a sphere at the centre;
-/// the law is no sum of exponentials; the robot hardly moves; or the force changes too often.
+/// Estimates the deviation from small strains in this record, for a gel with large strains and the posterior mean of the law. Returns `None` if the robot is no sphere
+/// at the centre, the model has effects, or the law is no sum of exponentials. It also returns `None` if the robot hardly moves or the force changes too often.
 ///
 /// # Errors
-/// Errors of the mesh. If the run fails, the deviation is `None` instead.
+/// Errors of the mesh. If the run fails, the result is no error: its deviations are `None`.
 pub fn estimate(problem: &Problem, columns: &[DrawColumn], check: &FullCheck) -> Result<Option<LargeDisplacement>> {
     let Some((radius_m, outer_radius_m)) = sphere(&problem.experiment.apparatus) else { return Ok(None) };
     let model = &problem.model;
@@ -77,8 +79,9 @@ pub fn estimate(problem: &Problem, columns: &[DrawColumn], check: &FullCheck) ->
     Ok(Some(found))
 }
 
-/// First-order shifts of the law's parameters due to the deviation d: C Aᵀd/σ². C is the posterior covariance, A the derivative of the linear model and σ the white noise.
-/// Aᵀd is the slope of x·d by the parameters, from least squares over the draws that were run in full. Poorly determined parameters are left out.
+/// First-order shifts C Aᵀd/σ² of the law's parameters due to the deviation d (m at every row). C is the posterior covariance, A the derivative of the positions x by
+/// the parameters, and σ the white noise. Aᵀd is the derivative of x·d by the parameters, from least squares over the draws that were run in full. Poorly determined
+/// parameters are left out.
 fn shifts(
     problem: &Problem,
     columns: &[DrawColumn],
@@ -87,7 +90,7 @@ fn shifts(
     fitted: &[Option<f64>],
 ) -> Vec<ParameterShift> {
     let names: Vec<&str> = problem.model.base().parameters().iter().map(|spec| spec.name).collect();
-    // Each pair holds the index among the law's parameters and among the free ones.
+    // Each pair belongs to a free law parameter: its index among the law's parameters, and its index among the priors.
     let place = |(k, name): (usize, &&str)| Some((k, problem.priors.names().position(|other| other == *name)?));
     let free: Vec<(usize, usize)> = names.iter().enumerate().filter_map(place).collect();
     let n_draws = columns[0].values.len() as f64;
@@ -104,7 +107,7 @@ fn shifts(
     let variance_m2 = check.noise.sd_m.iter().map(variance_m2).sum::<f64>() / n_checked as f64;
     let overlap = |x: &Vec<f64>| rows.iter().map(|row| x[*row] * deviation_m[*row]).sum::<f64>() / variance_m2;
     let overlaps = DVector::from_iterator(n_checked, check.trajectories_m.iter().map(overlap));
-    // Parameters are in standard deviations from the mean, beside a constant.
+    // The first column is a constant. The others are the parameters' distances from their means, in standard deviations.
     let design = DMatrix::from_fn(n_checked, free.len() + 1, |draw, a| match a.checked_sub(1) {
         None => 1.0,
         Some(a) => (check.draws[draw][free[a].0] - means[a]) / sd(a),
@@ -153,7 +156,7 @@ pub fn warnings(summary: &PosteriorSummary) -> Vec<Warning> {
     large.into_iter().chain(interpreted).chain(at_end).collect()
 }
 
-/// Warning about the estimate, if its deviation is relevant at this noise (µm).
+/// Warning about the estimated deviation; `None` if it is small relative to the noise (µm).
 fn warning(found: &LargeDisplacement, noise_um: Option<f64>) -> Option<Warning> {
     let digits = |x: f64| format_significant(x, 2);
     let kind = WarningKind::LargeDisplacement;
@@ -188,7 +191,8 @@ fn warning(found: &LargeDisplacement, noise_um: Option<f64>) -> Option<Warning> 
     Some(Warning { kind, text, advice })
 }
 
-/// Interpretation of a fitted amplitude. The value 1 means the exact geometry, in an Oldroyd-B fluid or in a fluid with the fitted mobility.
+/// Interpretation of a fitted amplitude. The arguments are its mean and 5 % and 95 % quantiles. The value 1 means the exact geometry of an Oldroyd-B fluid, or of a
+/// Giesekus fluid with the fitted mobility.
 pub fn interpretation([mean, q05, q95]: [f64; 3], has_mobility: bool) -> String {
     let digits = |x: f64| format_significant(x, 3);
     let found = format!(

@@ -1,4 +1,4 @@
-//! Large displacements learnt for an experiment's record, and kept. The effect `large-displacement` uses them instead of a reduced model of the gel.
+//! Model of large displacements, learnt for the record of one experiment and cached. The effect `large-displacement` uses it instead of a reduced model of the gel.
 
 use std::sync::Arc;
 
@@ -20,16 +20,16 @@ use models::surrogate::trajectory::{LargeScope, LargeStepper, LargeSurface, Mobi
 use record::Record;
 use sampling::least_squares::{LeastSquaresProblem, Tolerances, fit};
 
-/// Largest number of force changes in a run. Each change takes a fraction of a second, and a linear force changes at every row.
+/// Largest number of force changes in a full run. Each change takes a fraction of a second. A force that is linear between rows changes at every row.
 pub(crate) const MOST_SWITCHES: usize = 64;
 /// Number of starts at quantiles of the prior, besides the start at its medians.
 const N_STARTS: u32 = 7;
 /// Seed of the scrambled Sobol sequence of starts. It is fixed, because the starts are part of the method.
 const START_SEED: u32 = 7;
-/// Smallest quantile of the starts; the largest is one minus this.
+/// Probability of the smallest prior quantile among the starts. The largest quantile has one minus this probability.
 const START_TAIL: f64 = 0.1;
 
-/// Number of changes of a force (N, at every row).
+/// Number of rows at which a force (N, one value per row) differs from the previous row.
 pub(crate) fn n_switches(force_n: &[f64]) -> usize {
     force_n.windows(2).filter(|pair| pair[0] != pair[1]).count()
 }
@@ -45,8 +45,8 @@ fn refuse_many_switches(record: &Record) -> Result<()> {
     ))
 }
 
-/// Stepper for large displacements in a record around a law (SI, in the order of the base's parameters), and its largest error relative to the displacement. `with_load` is
-/// set if the force can differ from the commanded one.
+/// Learns a stepper for large displacements in the problem's record, around the law's parameters `law` (SI, in the order of the base law). Also returns the stepper's
+/// largest error relative to the displacement. Set `with_load` if effects can change the commanded force.
 ///
 /// # Errors
 /// [`Error::Numerical`] if there is no sphere at the centre, and errors of [`LargeSurface::learn`].
@@ -62,7 +62,7 @@ pub fn learn_displacements(
     Ok((SharedStepper(Arc::new(stepper)), error))
 }
 
-/// The learnt surface behind [`learn_displacements`], read from the cache or learnt anew, with its inputs.
+/// Returns the learnt surface from which [`learn_displacements`] creates its stepper, with the surface's inputs. The surface is read from the cache or learnt.
 ///
 /// # Errors
 /// Errors of [`learn_displacements`].
@@ -77,14 +77,14 @@ pub fn surface(
     let record = &problem.experiment.record;
     refuse_many_switches(record)?;
     let radii_m = [ball.robot_radius_m, ball.outer_radius_m];
-    // A model without the effect has its mobility held at the null.
+    // A model without the effect keeps its mobility at the null.
     let is_free = problem.specification.freed.iter().any(|name| name == MOBILITY);
     let mobilities = match problem.specification.fixed.get(MOBILITY) {
         Some(mobility) => MobilityRange::Held(*mobility),
         None if is_free => MobilityRange::Free,
         None => MobilityRange::OLDROYD_B,
     };
-    // A surface learnt with loads also serves without them.
+    // A surface that was learnt with changed loads also serves models without them.
     let scopes = [true, false].map(|with_load| LargeScope { mobilities, with_load });
     let suited = scopes.into_iter().filter(|scope| scope.with_load || !with_load);
     let input_of = |scope| built_from(radii_m, (&elements, scope), record);
@@ -104,7 +104,8 @@ pub fn surface(
     Ok((input, learnt))
 }
 
-/// Additional displacement of the robot (m, at every row) due to large strains, in a gel of the base law at these parameters. It takes one full run of a few seconds.
+/// Additional displacement of the robot (m, at every row) due to large strains, for a gel with the law's parameters `law`. The computation is one full run and takes a
+/// few seconds.
 ///
 /// # Errors
 /// [`Error::Numerical`] if there is no sphere at the centre, the law has a springpot, or the robot moves too far for the run.
@@ -134,10 +135,10 @@ fn built_from(radii_m: [f64; 2], (law, scope): (&[Element], LargeScope), record:
         .with_record(&record.time_s, record.force()))
 }
 
-/// Parameters of the base law with small strains that fit the fitted cycles best; fixed parameters keep their values.
+/// Best-fit parameters of the base law for the fitted cycles, with small strains and without effects. Fixed parameters keep their values.
 ///
 /// # Errors
-/// [`Error::Input`] if the base alone is no model of the experiment; [`Error::Numerical`] if it cannot be computed at any start.
+/// [`Error::Input`] if the base law alone does not suit the experiment; [`Error::Numerical`] if it cannot be computed at any start.
 pub fn fit_base_law(problem: &Problem, compliance: &Compliance) -> Result<Vec<f64>> {
     let specification = ModelSpecification { effects: Vec::new(), ..problem.specification.clone() };
     let base = problem.with_model(specification, &Library::default())?;
@@ -187,7 +188,7 @@ pub fn fit_base_law(problem: &Problem, compliance: &Compliance) -> Result<Vec<f6
     }
 }
 
-/// Residuals (m) of the base model's positions. The coordinates are logarithms of the law's parameters, and an offset in units of the positions' range.
+/// Residuals (m) of the base law as a function of the search coordinates. These are logarithms of the law's parameters, and an offset in units of the positions' range.
 struct BaseResiduals<'a> {
     forward: SurrogateForward<'a>,
     template: Vec<f64>,

@@ -1,23 +1,26 @@
-//! Priors, noise and likelihood of an experiment, the prepared model, and its posterior.
+//! Bayesian inference for one experiment: priors, noise, likelihood, the prepared model and its posterior.
 //!
-//! [`problem::Problem`] joins a record with a law, effects, priors, noise and mechanics. [`prepared::PreparedModel`] adds the reduced model with its verified error; it
-//! gives the posterior ([`prepared::PreparedModel::posterior`]) and the forward model. [`fit`] finds the point estimate and [`sample`] the posterior. [`full_check`] and
-//! [`heldout`] check the posterior by full finite elements on held-out cycles. [`study`] is the directory that keeps all results.
+//! [`problem::Problem`] joins a record with a law, effects, priors, noise and mechanics. [`prepared::PreparedModel`] adds the reduced model with its verified error. It
+//! creates the posterior ([`prepared::PreparedModel::posterior`]) and the forward model. [`fit`] finds the point estimate, and [`sample`] samples the posterior.
+//! [`full_check`] runs posterior draws in full finite elements. [`heldout`] compares these predictions with the held-out cycles. [`study`] is the directory that keeps
+//! all results.
 //!
 //! # Long records
 //!
-//! No cost grows faster than linearly in the rows:
+//! Every computation's cost grows at most in proportion to the number of rows:
 //!
-//! - The sum of squares of a base law under white noise depends on one number, the rate E/c₁. `models::model::ResidualSumOfSquares` tabulates its inner products, so a point costs
-//!   the same with 200 rows and with 200,000.
-//! - Predictions whose draws differ by less than the noise are normal distributions with small corrections ([`gaussian_predictive`]).
-//! - The joint probability of more than 10,000 independent errors has a closed form; other noise is simulated.
-//! - [`fit`] searches among 20,000 positions and refines the best minima with all positions.
+//! - Under white noise, the residual sum of squares of the Lethersich law consists of inner products that depend only on the rate E/c₁.
+//!   `models::model::ResidualSumOfSquares` tabulates them over this rate. One evaluation thus takes as long with 200 rows as with 200,000.
+//! - The prediction of a position is nearly normal if the draws differ by less than the noise. It is then computed as a normal distribution with small corrections
+//!   ([`gaussian_predictive`]).
+//! - The joint probability of more than 10,000 held-out positions has a closed form if their errors are independent and normal. For all other records it is simulated.
+//! - [`fit`] searches with at most 20,000 positions and refines the best minima with all positions.
 //!
 //! # Model of an external program
 //!
-//! [`outside`] evaluates a model of an external program by UM-Bridge instead of the base law. [`learnt_outside`] locates the region of the data and learns trajectories
-//! there. The stages treat such a law as a `FieldStepper` without finite elements, so load and observation effects work as with any law.
+//! [`outside`] requests trajectories from an external program by the UM-Bridge protocol. They replace the base law. [`learnt_outside`] finds the parameters that fit
+//! the data and learns a surrogate of the trajectories around them. The model's stages treat the surrogate as a `FieldStepper` without finite elements. Effects of load
+//! and observation therefore work as with any law.
 
 pub mod advice;
 pub mod cache;

@@ -1,7 +1,7 @@
-//! Posterior of a model's parameters over the sampler's coordinates, by the reduced model.
+//! Posterior density over the sampler's coordinates, by the reduced model.
 //!
-//! Two methods compute the same density. A kernel that touches each row once serves the Lethersich law under white noise. All other models use stages, response and noise
-//! filter, for eight points at a time.
+//! Two methods compute the same density. A fast kernel serves the Lethersich law alone under white noise and a held force. All other models use the model's stages, the
+//! response and the noise filter, for eight points at a time.
 
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
@@ -18,16 +18,16 @@ use models::model::{
 use record::Force;
 use sampling::LogDensity;
 
-/// Source of a parameter's value.
+/// Source from which a parameter gets its value.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum ParameterSource {
-    /// Coordinate of the sampler.
+    /// The sampler's coordinate with this index.
     Sampled(usize),
-    /// `[fixed]` of `model.toml`, in the parameter's unit.
+    /// Fixed value from the table `[fixed]` of `model.toml`, in the parameter's unit.
     Fixed(f64),
 }
 
-/// Sources of all parameters: the model's in order, then the noise's.
+/// Source of every parameter: the model's parameters in order, then the noise parameters.
 pub fn sources(
     model: &Model,
     noise: NoiseModel,
@@ -42,15 +42,15 @@ pub fn sources(
     model.parameters().iter().chain(&of_noise).map(|spec| source(spec.name)).collect()
 }
 
-/// Parts of a posterior.
+/// Model, noise, mechanics, priors and fixed values of a posterior.
 pub struct PosteriorParts<'a> {
     /// Law and effects.
     pub model: &'a Model,
     /// Noise model.
     pub noise: NoiseModel,
-    /// Factor from ∫J dF to a position.
+    /// Factor, in 1/m, that converts ∫J dF (creep compliance times force increments) into a position.
     pub compliance: Compliance,
-    /// Valid ranges of the law's parameters in the reduced model; empty for no limits.
+    /// Ranges of the law's parameters in which the reduced model is valid; empty if it is valid everywhere.
     pub trained: &'a [TrainedRange],
     /// Priors of the sampled parameters, in the sampler's order.
     pub priors: &'a PriorSet,
@@ -58,10 +58,10 @@ pub struct PosteriorParts<'a> {
     pub fixed: &'a BTreeMap<String, f64>,
 }
 
-/// Tail probability beyond either end of the tabulated rates, if no range was trained.
+/// Prior probability beyond either end of a parameter's range, from which the tabulated rates follow if the surrogate has no trained range.
 const TABLE_TAIL: f64 = 1e-9;
 
-/// Logarithms of the slowest and the fastest rate E/c₁ (1/s) of the posterior.
+/// Logarithms of the slowest and the fastest rate E/c₁ (1/s) that the ranges of E and c₁ allow.
 fn ln_rates(parts: &PosteriorParts<'_>) -> (f64, f64) {
     let ends = |name: &str| {
         let trained = parts.trained.iter().find(|range| range.name == name).map(|range| (range.lower, range.upper));
@@ -76,39 +76,39 @@ fn ln_rates(parts: &PosteriorParts<'_>) -> (f64, f64) {
     ((e_low / c_high).ln(), (e_high / c_low).ln())
 }
 
-/// Data of a posterior; all slices have one entry per row.
+/// Record that a posterior is conditioned on. All slices have one entry per row.
 #[derive(Debug, Clone, Copy)]
 pub struct FittedRecord<'a> {
     /// Times in s.
     pub time_s: &'a [f64],
-    /// Commanded force.
+    /// Commanded force in N.
     pub force: Force<'a>,
-    /// Recording of each row ([`super::recordings`]).
+    /// Number of the recording to which each row belongs ([`super::recordings`]).
     pub recording: &'a [u32],
     /// Compared positions (m); `None` at rows without one.
     pub observed_m: &'a [Option<f64>],
 }
 
-/// Log posterior by the reduced model: prior and likelihood of the compared positions.
+/// Log posterior density by the reduced model: sum of log prior and log likelihood of the compared positions.
 ///
-/// A point outside the surrogate's trained range has log density −∞. This truncates the prior, which loses at most the tail probability that was declared when the range
-/// was chosen. A point at which an effect has no model has log density −∞, too.
+/// A point outside the surrogate's trained range has log density −∞. This truncates the prior. The lost probability is at most the tail mass with which the range was
+/// chosen. The log density is also −∞ at a point at which an effect has no model.
 pub struct ReducedPosterior<'a> {
     parts: PosteriorParts<'a>,
-    /// Sources of the model's parameters in order, then the noise's.
+    /// Source of every parameter: the model's parameters in order, then the noise parameters.
     sources: Vec<ParameterSource>,
     kernel: Kernel,
 }
 
 enum Kernel {
-    /// Lethersich law, no effect, white noise, a force that holds between rows.
+    /// Kernel for the Lethersich law without effects, under white noise and a force that holds between rows.
     Squares(ResidualSumOfSquares),
     /// Any model that [`Self::Squares`] does not cover.
     Stages { response: Response, noise: NoiseLikelihood },
 }
 
 impl<'a> ReducedPosterior<'a> {
-    /// Prepares the record.
+    /// Prepares the record for the kernel that suits the model.
     pub fn new(parts: PosteriorParts<'a>, record: FittedRecord<'_>) -> Self {
         let PosteriorParts { model, noise, priors, fixed, .. } = parts;
         let FittedRecord { time_s, force, recording, observed_m } = record;
@@ -126,7 +126,7 @@ impl<'a> ReducedPosterior<'a> {
         Self { parts, sources, kernel }
     }
 
-    /// All parameters, sampled and fixed, in natural units (the model's, then the noise's) at a point of the sampler.
+    /// Converts a point of the sampler to the natural values of all parameters, sampled and fixed: the model's parameters, then the noise parameters.
     pub fn natural(&self, point: &[f64]) -> Vec<f64> {
         let value = |source: &ParameterSource| match *source {
             ParameterSource::Sampled(index) => {
@@ -137,8 +137,8 @@ impl<'a> ReducedPosterior<'a> {
         self.sources.iter().map(value).collect()
     }
 
-    /// Log density over natural values. [`LogDensity::log_density`] is over the sampler's coordinates and differs by the Jacobian. Value d of point i is at `points[d * n +
-    /// i]` with n = `log_density.len()`, in the units and the order of the priors.
+    /// Computes the log density over natural values for a batch of n = `log_density.len()` points. Parameter d of point i is `points[d * n + i]`, in the units and the
+    /// order of the priors. [`LogDensity::log_density`] is over the sampler's coordinates and differs by the Jacobian.
     pub fn log_density_natural(&self, points: &[f64], log_density: &mut [f64]) {
         let n = log_density.len();
         if n == 0 {
@@ -151,7 +151,8 @@ impl<'a> ReducedPosterior<'a> {
         );
     }
 
-    /// Adds trained ranges, prior and likelihood of a batch. `natural` writes the values of a sampled parameter; `add_prior` adds the prior's log density.
+    /// Computes the log density of a batch: −∞ outside the trained ranges, otherwise prior plus likelihood. `natural(d, out)` writes the values of sampled parameter d
+    /// at all points into `out`. `add_prior` adds the log prior.
     fn fill(&self, log_density: &mut [f64], natural: impl Fn(usize, &mut [f64]), add_prior: impl FnOnce(&mut [f64])) {
         let n = log_density.len();
         let mut values = vec![0.0; self.sources.len() * n];
@@ -173,7 +174,7 @@ impl<'a> ReducedPosterior<'a> {
         self.add_ln_likelihood(&mut values, log_density);
     }
 
-    /// Displacement per force at unit creep compliance and the experiment's Poisson ratio (1/m), and the valid ranges of the reduced model.
+    /// Displacement per force (1/m) at unit creep compliance and the experiment's Poisson ratio, and the parameter ranges in which the reduced model is valid.
     pub fn mechanics(&self) -> (f64, &[TrainedRange]) {
         (self.parts.compliance.experiment_per_m(), self.parts.trained)
     }
@@ -186,7 +187,7 @@ impl<'a> ReducedPosterior<'a> {
         }
     }
 
-    /// Adds the log likelihood of every point whose log density is not −∞. `values` holds parameter d of point i at `d * n + i`.
+    /// Adds the log likelihood of every point whose log density is not −∞. Parameter d of point i is `values[d * n + i]`, with n points.
     fn add_ln_likelihood(&self, values: &mut [f64], log_density: &mut [f64]) {
         match &self.kernel {
             Kernel::Squares(data) => self.add_by_squares(data, values, log_density),
@@ -204,7 +205,7 @@ impl<'a> ReducedPosterior<'a> {
         }
     }
 
-    /// Sorts points that differ only in their noise together, so that their trajectory is computed once.
+    /// Sorts points by their model parameters. Points that differ only in their noise become neighbours, so that their common trajectory is computed once.
     fn sort_by_trajectory(&self, values: &[f64], n: usize, points: &mut [usize]) {
         let n_model = self.parts.model.parameters().len();
         let of_model = |point: usize| (0..n_model).map(move |d| values[d * n + point]);
@@ -218,7 +219,7 @@ impl<'a> ReducedPosterior<'a> {
     fn add_by_squares(&self, data: &ResidualSumOfSquares, values: &mut [f64], log_density: &mut [f64]) {
         let (n, compliance_per_m) = (log_density.len(), self.parts.compliance.experiment_per_m());
         let Some(inside) = log_density.iter().position(|density| *density > f64::NEG_INFINITY) else { return };
-        // An excluded point takes the values of an included one, so that it cannot leave the table.
+        // A point with log density −∞ takes the values of another point, because its own could lie outside the tables.
         for values in values.chunks_exact_mut(n) {
             let value = values[inside];
             values
@@ -249,7 +250,7 @@ impl<'a> ReducedPosterior<'a> {
         }
     }
 
-    /// Adds the log likelihood of at most [`N_LANES`] points, given by their indices.
+    /// Adds the log likelihood of at most [`N_LANES`] points by stages, response and noise filter. `points` holds the indices of the points.
     fn add_by_stages(
         &self,
         response: &Response,
@@ -287,7 +288,7 @@ impl<'a> ReducedPosterior<'a> {
                 }
                 Err(_) => {
                     log_density[point] = f64::NEG_INFINITY;
-                    // No later point may reuse the lane of an earlier one.
+                    // The point has no model, so no later point may reuse a trajectory.
                     scratch.parameters.clear();
                 }
             }
@@ -296,7 +297,7 @@ impl<'a> ReducedPosterior<'a> {
             return;
         }
         let is_valid = response.trajectories_m(&scratch.stages, &scratch.compliances_per_m, &mut scratch.positions_m);
-        // If no point has a position, the rows may be missing.
+        // If no point has a trajectory, `positions_m` may have too few rows.
         if !is_valid.contains(&true) {
             scratch.points.iter().for_each(|point| log_density[*point] = f64::NEG_INFINITY);
             return;
@@ -322,12 +323,12 @@ impl<'a> ReducedPosterior<'a> {
     }
 }
 
-/// Buffers of one batch.
+/// Buffers for the points of one pass.
 #[derive(Default)]
 struct Scratch {
     parameters: Vec<Dual>,
     points: Vec<usize>,
-    /// Index of each point's trajectory.
+    /// Index of each point's trajectory among the distinct trajectories of the pass.
     lanes: Vec<usize>,
     stages: Vec<models::effects::Stages>,
     compliances_per_m: Vec<f64>,
@@ -343,7 +344,7 @@ impl Scratch {
     }
 }
 
-/// −n ln σ − RSS/(2σ²) − (n/2) ln 2π.
+/// Log likelihood −n ln σ − S/(2σ²) − (n/2) ln 2π of n positions with residual sum of squares S (m²) under white noise σ (m).
 fn ln_gaussian(n_observed: usize, sum_m2: f64, noise_sd_m: f64, ln_noise_sd_m: f64) -> f64 {
     /// ln(2π)/2.
     const HALF_LN_TAU: f64 = 0.918_938_533_204_672_7;
@@ -370,7 +371,7 @@ impl LogDensity for ReducedPosterior<'_> {
     }
 }
 
-/// Log likelihood of one point by any forward model. It is the reference of the vectorised likelihood and serves the full-order model.
+/// Log likelihood of one point by any forward model. It serves the full-order model and is the reference in tests of the vectorised likelihood.
 pub fn ln_likelihood(
     forward: &dyn Forward,
     noise: &NoiseLikelihood,
@@ -389,7 +390,7 @@ mod tests {
     use models::model::SurrogateForward;
     use std::collections::BTreeMap;
 
-    /// The vectorised posterior equals prior plus scalar likelihood, with a fixed parameter and one point outside the trained range.
+    /// The vectorised log density equals log prior plus scalar log likelihood. One parameter is fixed, and one point lies outside the trained range.
     #[test]
     fn equals_prior_plus_scalar_likelihood() {
         let all = PriorSet::named("porcine").expect("embedded");
@@ -442,7 +443,7 @@ mod tests {
         assert_eq!(density[2], f64::NEG_INFINITY);
     }
 
-    /// Batches of any size, over several passes of lanes, give each point bitwise the same value as alone.
+    /// A point has bitwise the same log density alone and in batches of any size, including batches of several passes.
     #[test]
     fn the_value_of_a_point_does_not_depend_on_its_batch() {
         let priors = PriorSet::named("porcine").expect("embedded");

@@ -1,4 +1,5 @@
-//! Tests of the stages kernel: a force gradient and a second retardation under correlated noise, with some points without a model.
+//! Tests of the likelihood kernel for models with stages. The model has a force gradient, a second retardation and correlated noise. It cannot be evaluated at some
+//! points.
 
 use super::*;
 use crate::prior::Prior;
@@ -11,7 +12,7 @@ use record::CharacteristicSizes;
 const COMPLIANCE_PER_M: f64 = 549.0;
 const INTERVAL_S: f64 = 0.05;
 const N_ROWS: usize = 90;
-/// E, c₁, c₂, g, a, τ₂, σ, σ_ou, τ.
+/// Parameter values E, c₁, c₂, force gradient g, ratio a and time τ₂ of the second retardation, σ, σ_ou and τ, in their units.
 const POINT: [f64; 9] = [3.5, 1.4, 47.0, 40.0, 0.3, 1.1, 4.0, 2.5, 0.4];
 const GRADIENT: usize = 3;
 const TIME: usize = 5;
@@ -28,7 +29,7 @@ struct Case {
 }
 
 impl Case {
-    /// Creates the case. The priors of the effects include points without a model.
+    /// Creates the test problem. The priors of its effects include points at which the model cannot be evaluated.
     fn new() -> Self {
         let scales =
             CharacteristicSizes { sample_interval_s: INTERVAL_S, duration_s: 4.5, ..CharacteristicSizes::default() };
@@ -82,7 +83,7 @@ impl Case {
         values
     }
 
-    /// Prior plus the scalar likelihood of one point; `None` if the forward model refuses it.
+    /// Log prior plus scalar log likelihood of one point; `None` if the forward model cannot be evaluated there.
     fn scalar(&self, natural: &[f64]) -> Option<f64> {
         let response = Response::new(&self.time_s, &self.force_n, N_ROWS);
         let compliance = Compliance::fixed(COMPLIANCE_PER_M);
@@ -96,7 +97,7 @@ impl Case {
     }
 }
 
-/// Positions (m) of the equations by fourth-order Runge–Kutta steps, 20 per row. A Kelvin–Voigt body, a second one and a dashpot in series move under the force F e^{gx}.
+/// Positions (m) at every row by 20 fourth-order Runge–Kutta steps per row. Two Kelvin–Voigt bodies and a dashpot in series move under the force F e^{gx}.
 fn stepped_m(point: &[f64], force_n: &[f64]) -> Vec<f64> {
     let [young, c1, c2, gradient, ratio, time_2] = std::array::from_fn(|i| point[i]);
     let slope = |y: [f64; 3], command_n: f64| {
@@ -120,19 +121,19 @@ fn stepped_m(point: &[f64], force_n: &[f64]) -> Vec<f64> {
     position_m
 }
 
-/// POINT with one parameter replaced.
+/// Values of [`POINT`] with one parameter replaced.
 fn with(index: usize, value: f64) -> Vec<f64> {
     let mut natural = POINT.to_vec();
     natural[index] = value;
     natural
 }
 
-/// Gradient at which the largest |g x| of a compared row is `size`, by bisection of the stepped equations. Rows after the last compared one are not computed.
+/// Force gradient g at which the largest |g x| up to the last compared row is `size`. Bisection finds it from the positions of `stepped_m`.
 fn gradient_of_size(case: &Case, size: f64) -> f64 {
     let last = case.observed_m.iter().rposition(Option::is_some).unwrap();
     let largest = |gradient: f64| {
         let position_m = stepped_m(&with(GRADIENT, gradient), &case.force_n);
-        // NaN means that the robot has run away.
+        // NaN means that the position has grown without bound.
         let size = |x: &f64| if x.is_nan() { f64::INFINITY } else { (gradient * x).abs() };
         position_m[..=last].iter().map(size).fold(0.0, f64::max)
     };
@@ -144,12 +145,12 @@ fn gradient_of_size(case: &Case, size: f64) -> f64 {
     lower
 }
 
-/// Smallest gradient at which the force runs away with the robot before the last compared row. An unbounded |g x| exceeds any size.
+/// Smallest force gradient at which force and position grow without bound before the last compared row. |g x| then exceeds any size.
 fn runaway_gradient(case: &Case) -> f64 {
     gradient_of_size(case, 100.0)
 }
 
-/// 17 points over three passes: a mixture of different shapes, refused points and runaway points.
+/// Returns 17 points, which take three passes: points with different model parameters, points without a model, and points with unbounded growth.
 fn mixed(case: &Case) -> Vec<Vec<f64>> {
     let strong = 1.5 * runaway_gradient(case);
     (0..17)
@@ -188,8 +189,8 @@ fn the_kernel_of_stages_equals_prior_plus_scalar_likelihood() {
     }
 }
 
-/// Neighbouring points that differ only in their noise share a trajectory. Points that differ in a model parameter have separate trajectories, even next to points that
-/// have none. The value of each point is bitwise the same as if it were computed alone.
+/// Neighbouring points that differ only in their noise share a trajectory. Points that differ in a model parameter have separate trajectories, even next to points
+/// without one. The value of each point is bitwise the same as if it were computed alone.
 #[test]
 fn points_that_differ_in_their_noise_alone_share_a_trajectory() {
     let case = Case::new();
@@ -210,7 +211,7 @@ fn points_that_differ_in_their_noise_alone_share_a_trajectory() {
     assert_eq!(together, alone);
 }
 
-/// Compares with the likelihood of the stepped equations' trajectory, whose error is below 10⁻⁸ of the position.
+/// Compares with the likelihood of the trajectory from `stepped_m`, whose relative error is below 10⁻⁸.
 #[test]
 fn the_kernel_of_stages_is_that_of_the_equations() {
     let case = Case::new();
@@ -239,7 +240,7 @@ fn points_without_a_model_are_impossible_and_their_neighbours_are_not() {
     assert!(case.log_density(&points)[2..4].iter().all(|value| *value == f64::NEG_INFINITY));
 }
 
-/// Whole passes and whole batches of points that are refused by an effect, by the feedback, or by the law.
+/// All points of a pass or a batch have no model. The effect, the feedback of the position on the force, or the law refuses them.
 #[test]
 fn batches_of_points_without_a_model_are_impossible() {
     let mut case = Case::new();
@@ -249,7 +250,7 @@ fn batches_of_points_without_a_model_are_impossible() {
             assert_eq!(case.log_density(&vec![natural.clone(); n]), vec![f64::NEG_INFINITY; n]);
         }
     }
-    // The fluidity is infinite.
+    // This viscosity is so small that its inverse is infinite.
     let name = "viscosity_2_pa_s";
     case.fixed.insert(name.into(), 1e-320);
     case.priors = case.priors.without(&[name]);

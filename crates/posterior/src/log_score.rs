@@ -1,4 +1,4 @@
-//! Log score of held-out cycles: log predictive density of their positions, given the fitted cycles.
+//! Log score of held-out cycles: the log predictive density of their positions, given the fitted cycles.
 
 use rayon::prelude::*;
 
@@ -7,18 +7,19 @@ use super::problem::Problem;
 /// A log predictive density with the Monte Carlo error of its average over draws.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LogScore {
-    /// ln p(held-out positions | fitted positions), in nats for positions in µm.
+    /// Log predictive density ln p(held-out positions | fitted positions), in nats for positions in µm.
     pub nats: f64,
-    /// Standard error due to the finite number of draws.
+    /// Standard error of `nats` due to the finite number of draws.
     pub standard_error_nats: f64,
 }
 
-/// ln of µm per m. Positions are scored in µm, so that a density per position is of order one.
+/// Logarithm of the number of µm per m. Positions are scored in µm, so that a density per position is of order one.
 const LN_UM_PER_M: f64 = 13.815_510_557_964_274;
 
-/// ln of the mean over posterior draws of p(held-out | fitted, draw). It includes the correlation of the noise with the fitted cycles. `None` if no position is held out.
+/// Logarithm of the average of p(held-out | fitted, draw) over the posterior draws. It includes the correlation of the noise with the fitted cycles. `None` if no
+/// position is held out.
 ///
-/// `trajectories_m` holds the positions at every row of each draw, `noise` each draw's noise parameters.
+/// `trajectories_m` holds each draw's predicted position (m) at every row, and `noise` each draw's noise parameters.
 pub fn log_score(problem: &Problem, trajectories_m: &[Vec<f64>], noise: &[Vec<f64>]) -> Option<LogScore> {
     let experiment = &problem.experiment;
     let past = problem.noise_likelihood(&experiment.calibration_cycles);
@@ -49,7 +50,7 @@ mod tests {
     use crate::replica;
     use crate::study::ModelSpecification;
 
-    /// ln N(y; 0, S) by dense algebra.
+    /// Log density of `y` under a normal distribution with mean 0 and this covariance, by dense algebra.
     fn ln_normal(y: &DVector<f64>, covariance: &DMatrix<f64>) -> f64 {
         let cholesky = covariance.clone().cholesky().expect("positive definite");
         let ln_det = 2.0 * cholesky.l().diagonal().iter().map(|d| d.ln()).sum::<f64>();
@@ -67,7 +68,7 @@ mod tests {
         let record = &problem.experiment.record.clone();
         let last = problem.experiment.heldout_cycles.clone();
         let observed: Vec<usize> = (0..record.n_rows()).filter(|i| record.position_m[*i].is_some()).collect();
-        // The trajectory of each draw is the measurement shifted by a given miss.
+        // The trajectory of each draw is the measurement minus a given residual.
         let miss_um = |draw: f64, i: usize| 3.0 * (0.7 * i as f64 + draw).sin() + draw;
         let trajectory = |draw: f64| -> Vec<f64> {
             (0..record.n_rows()).map(|i| record.position_m[i].unwrap_or(0.0) - 1e-6 * miss_um(draw, i)).collect()

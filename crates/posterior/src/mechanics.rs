@@ -1,4 +1,5 @@
-//! Mechanics of the apparatus: finite elements for a robot, a given compliance for another instrument, or an external program.
+//! Mechanics of the apparatus, which convert a force into a position. They are finite elements for a robot, a known compliance for another instrument, or an external
+//! program.
 
 use std::path::PathBuf;
 
@@ -17,32 +18,32 @@ use elements::mesh::gmsh::read_gmsh;
 use elements::mesh::{Cylinder, Mesh, OffCentre, QuarterBall, Spheroid};
 use record::{Apparatus, Offset, OffsetDirection, Robot, RobotShape, Vitreous};
 
-/// Mesh level of the fitted model.
+/// Level of the built-in mesh with which models are fitted.
 pub const MODEL_LEVEL: usize = 3;
 
-/// A mesh file of the user.
+/// Mesh file that the user provides for the gel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MeshFile {
     /// Path of the Gmsh 4.1 file.
     pub path: PathBuf,
-    /// Length in m of the file's unit.
+    /// Length in m of one unit of the file's coordinates.
     pub metres_per_unit: f64,
 }
 
-/// Mechanics that convert a force into a position.
+/// Mechanics of the apparatus, which convert a force into a position.
 pub enum Mechanics {
-    /// Finite elements of a robot in the vitreous.
+    /// Finite elements of the vitreous around a robot.
     FiniteElements(Box<FiniteElements>),
-    /// Compliance of another instrument.
+    /// Instrument other than a robot, with a known compliance.
     Instrument {
-        /// Displacement per force at unit creep compliance, in 1/m; for an indenter depth^p, in m^(p−2).
+        /// Displacement per force at unit creep compliance, in 1/m. For an indenter it is depth^p per force, in m^(p−2).
         compliance_per_m: f64,
     },
-    /// An external program.
+    /// External program that predicts positions from force and parameters.
     External(Box<ExternalModel>),
 }
 
-/// A second compliance (1/m), with which the mesh's error is estimated.
+/// Reference compliance (1/m) for an estimate of the mesh's discretisation error.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Comparison {
     /// Compliance of the next coarser built-in mesh.
@@ -52,8 +53,8 @@ pub enum Comparison {
 }
 
 impl Comparison {
-    /// Relative error of a mesh's compliance (1/m), with its sign. With a coarser mesh it is that mesh's excess; the finer mesh's own error has the same sign and is a
-    /// fraction of it.
+    /// Signed relative error of a mesh's compliance (1/m). With an exact reference it is exact. With a coarser mesh it is the coarser mesh's relative difference from
+    /// this mesh. The error of this mesh has the same sign and is a fraction of it.
     pub fn relative_error(self, compliance_per_m: f64) -> f64 {
         match self {
             Self::CoarserMesh(coarse) => coarse / compliance_per_m - 1.0,
@@ -62,26 +63,26 @@ impl Comparison {
     }
 }
 
-/// Meshed, assembled and analysed full-order model.
+/// Full-order model of the gel: mesh, stiffness and material sizes, with its discretisation error and warnings.
 pub struct FiniteElements {
-    /// The mesh.
+    /// Mesh of the gel around the robot.
     pub mesh: Mesh,
-    /// Stiffness of the mesh.
+    /// Stiffness matrix of the mesh.
     pub stiffness: Stiffness,
     /// Poisson ratio of the vitreous.
     pub poisson_ratio: f64,
-    /// Sizes and weights of gel and robot.
+    /// Sizes, densities and masses of gel and robot.
     pub sizes: PhysicalProperties,
-    /// Reference of the discretisation error; `None` for imported bodies other than spheres in the middle.
+    /// Reference compliance of the discretisation error; `None` for imported meshes unless the robot is a sphere in the middle.
     pub comparison: Option<Comparison>,
-    /// SHA-256 of the imported mesh's file and unit.
+    /// SHA-256 of the imported mesh file and its unit; `None` for a built-in mesh.
     pub mesh_file_sha256: Option<String>,
-    /// Warnings of the mesh's reader.
+    /// Warnings about an imported mesh.
     pub mesh_warnings: Vec<Warning>,
 }
 
 impl FiniteElements {
-    /// Mesh, stiffness and sizes for effects that change the displacement field.
+    /// Mesh, stiffness and sizes, as input of effects that change the displacement field.
     pub fn surroundings(&self) -> GelAndRobot<'_> {
         GelAndRobot {
             mesh: &self.mesh,
@@ -92,14 +93,14 @@ impl FiniteElements {
     }
 }
 
-/// Density of water.
+/// Density of water in kg/m³, which replaces a missing density.
 const WATER_KG_M3: f64 = 1000.0;
 
-/// Sizes and weights of gel and robot in a built-in mesh of a level, or in an imported mesh (`None`).
+/// Sizes, densities and masses of gel and robot. `level` is the level of the built-in mesh, or `None` for an imported mesh.
 pub fn sizes_of(robot: &Robot, vitreous: &Vitreous, level: Option<usize>) -> PhysicalProperties {
     let ball = |diameter_m: f64| level.map(|level| ball(diameter_m, 0.5 * vitreous.diameter_m, level));
     PhysicalProperties {
-        // Without a density inertia is refused, and no other effect uses the weights.
+        // Only inertia uses the densities, and without them inertia is refused. Any value serves here.
         gel_density_kg_m3: vitreous.density_kg_m3.unwrap_or(WATER_KG_M3),
         robot_mass_kg: robot.density_kg_m3.unwrap_or(WATER_KG_M3) * robot.shape.volume_m3(),
         robot_radius_m: robot.shape.equivalent_radius_m(),
@@ -111,16 +112,16 @@ pub fn sizes_of(robot: &Robot, vitreous: &Vitreous, level: Option<usize>) -> Phy
     }
 }
 
-/// Parameters of the built-in mesh around a sphere; `level` sets its fineness.
+/// Parameters of the built-in mesh of level `level` around a sphere. The gel has the outer radius `outer_radius_m`.
 fn ball(diameter_m: f64, outer_radius_m: f64, level: usize) -> QuarterBall {
     QuarterBall { robot_radius_m: 0.5 * diameter_m, outer_radius_m, n_per_edge: level, n_layers: 4 * level }
 }
 
-/// Built-in mesh of level 1, 2, 3, …; the element size is inversely proportional to the level. Around a sphere it has level × 4·level elements along an octant's edge and
-/// the radius. For a robot off the centre across the force it is a half model with twice as many.
+/// Creates the built-in mesh of a level 1, 2, 3, …. The element size is inversely proportional to the level. Around a sphere, the mesh has `level` elements along an
+/// octant's edge and 4·`level` elements along the radius. A robot off the centre across the force needs a half model with twice as many elements.
 ///
 /// # Errors
-/// [`Error::Input`] for a robot beyond the built-in meshes: too slender, too flat, too near the outer surface, or so far off the centre that elements are inverted.
+/// [`Error::Input`] for a robot without a built-in mesh. It is too slender, too flat, too near the outer surface, or so far off the centre that elements are inverted.
 pub fn robot_mesh(robot: &Robot, vitreous: &Vitreous, level: usize) -> Result<Mesh> {
     let off_centre = robot.offset.map(|offset| OffCentre { outer_radius_m: 0.5 * vitreous.diameter_m, offset });
     let outer_radius_m = off_centre.map_or(0.5 * vitreous.diameter_m, |place| place.centred_outer_radius_m());
@@ -161,19 +162,19 @@ fn moved(place: &OffCentre, centred: Mesh) -> Result<Mesh> {
     Ok(mesh)
 }
 
-/// Force per displacement and Pa of Young's modulus (m), if known exactly: for a sphere in the middle.
+/// Exact stiffness of a sphere in the middle: force per displacement and per Young's modulus, in m. `None` for other shapes and for a sphere off the centre.
 pub fn exact_stiffness_m(robot: &Robot, vitreous: &Vitreous) -> Option<f64> {
     let (RobotShape::Sphere { diameter_m }, None) = (robot.shape, robot.offset) else { return None };
     let exact = SphereInContainer::new(vitreous.poisson_ratio, 0.5 * diameter_m, 0.5 * vitreous.diameter_m);
     Some(exact.stiffness_n_per_m(1.0))
 }
 
-/// Exact comparison, if there is one.
+/// Reference compliance in closed form; `None` unless the robot is a sphere in the middle.
 fn exact_comparison(robot: &Robot, vitreous: &Vitreous) -> Option<Comparison> {
     exact_stiffness_m(robot, vitreous).map(|stiffness_m| Comparison::Exact(1.0 / stiffness_m))
 }
 
-/// Reads the user's mesh and returns it with warnings. Without a robot it may contain any body.
+/// Reads the user's mesh and returns it with warnings. Without a robot, the mesh may contain a body of any shape and size.
 ///
 /// # Errors
 /// [`Error::Input`] and [`Error::File`] of the reader.
@@ -185,7 +186,8 @@ pub fn read_mesh(file: &MeshFile, robot: Option<&Robot>, vitreous: &Vitreous) ->
     Ok((read.mesh, warnings))
 }
 
-/// Refuses a robot off the centre across the force with an imported mesh, which is a quarter model. Along the force, the mesh contains the offset.
+/// Refuses an imported mesh, which is a quarter model, for a robot off the centre across the force. An offset along the force is allowed, because the mesh can contain
+/// it.
 fn refuse_across(robot: &Robot) -> Result<()> {
     match robot.offset {
         Some(Offset { direction: OffsetDirection::Across, distance_m }) => Err(Error::input(
@@ -207,7 +209,8 @@ fn hash_of(file: &MeshFile) -> Result<String> {
 }
 
 impl Mechanics {
-    /// Meshes and assembles a robot's surroundings (or reads the user's mesh). The compliance of an instrument is used directly.
+    /// Creates the mechanics of an apparatus. For a robot, this builds or reads the mesh and assembles the stiffness. An instrument's known compliance is used
+    /// directly.
     pub fn new(apparatus: &Apparatus, mesh_file: Option<&MeshFile>) -> Result<Self> {
         let (robot, vitreous) = match apparatus {
             Apparatus::Instrument { compliance_per_m } => {

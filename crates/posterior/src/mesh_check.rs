@@ -4,20 +4,20 @@ use documents::posterior::{Warning, WarningKind};
 use elements::mesh::{ElementKind, Mesh};
 use record::{Offset, Robot, RobotShape, Vitreous};
 
-/// Largest relative difference of a size that causes no warning.
+/// Largest relative difference between a size in the mesh and in the description that causes no warning.
 const SIZE_TOLERANCE: f64 = 0.01;
 /// Poisson ratio above which displacement-only tetrahedra are unreliable (physics §3.5).
 const TETRAHEDRA_LIMIT: f64 = 0.49;
 
-/// A warning about the user's mesh.
+/// Creates a warning about the user's mesh.
 pub fn warning(text: impl Into<String>, advice: &str) -> Warning {
     Warning { kind: WarningKind::Mesh, text: text.into(), advice: advice.into() }
 }
 
-/// Warnings about doubtful properties of a mesh. Without a robot it may contain any body.
+/// Warnings about doubtful properties of the user's mesh. Without a robot, the body's shape and size are not checked.
 pub fn mesh_warnings(mesh: &Mesh, robot: Option<&Robot>, vitreous: &Vitreous) -> Vec<Warning> {
     let mut list = Vec::new();
-    // The robot's centre is at the origin. The vitreous is offset from it, on either side.
+    // The robot's centre is at the origin. The centre of the vitreous may be offset from it, to either side.
     let reach_m = |nodes: &[u32], offset: Option<Offset>| {
         let from = |shift_m: [f64; 3]| {
             let squared = |&node: &u32| {
@@ -100,7 +100,7 @@ mod tests {
         assert!(found.len() == 1 && found[0].text.contains("[vitreous]"), "{found:?}");
     }
 
-    /// A mesh off the centre agrees only with an experiment with this offset, on either side.
+    /// A mesh with an offset between robot and vitreous agrees only with an experiment with this offset, to either side.
     #[test]
     fn the_outer_surface_is_looked_for_around_the_vitreous() {
         let (centred, vitreous) = apparatus(0.55, 20.0, 0.48);

@@ -2,27 +2,27 @@
 //!
 //! Slow noise and a misfit look alike in one cycle. Two properties distinguish them.
 //!
-//! *Size*, if the noise is given. The tracker's noise σ may come with slow noise of the same size. Let V be the mean square residual. Its slow part V − σ² is worth ν
-//! independent numbers: ν = n/(1 + 2Σρ²), with autocorrelation ρ over n rows. V is too large if √V > 1.5 σ and ν(V − σ²)/σ² lies beyond the 99.9 % point of χ² with ν
-//! degrees of freedom. For white errors the limit is 1.5 σ itself.
+//! *Size*, if the noise is given. Slow noise as large as the tracker's noise σ may be added to it. Let V be the mean square residual of n rows. Its slow part V − σ²
+//! scatters like that of ν = n/(1 + 2Σρ²) independent values, where ρ is the slow part's autocorrelation at each lag. V is too large if √V > 1.5 σ and ν(V − σ²)/σ²
+//! lies beyond the 99.9 % point of χ² with ν degrees of freedom. For white errors the limit is 1.5 σ itself.
 //!
-//! *Return*, for given or unknown noise. Noise differs in every cycle; a misfit recurs. Let aₖ꜀ be the k-th Fourier coefficient of cycle c of C cycles with the same
-//! command. An offset and a slope are removed from each cycle first, and a multiple of the position if the noise has a gain. The phases of stationary noise are independent
-//! between cycles, so with
+//! *Return*, for given or unknown noise. Noise differs in every cycle; a misfit recurs. An offset and a slope are removed from the residuals of each cycle, and a
+//! multiple of the position if the noise has a gain. Let aₖ꜀ be the k-th of K Fourier coefficients of cycle c, for C cycles with the same command. The test uses
 //!
 //!   γₖ = |Σ꜀ aₖ꜀|² / (C Σ꜀ |aₖ꜀|²),   S = −(C − 1) Σₖ ln(1 − γₖ)
 //!
-//! γₖ is Beta(1, C − 1) and S is Gamma(K, 1) distributed. Beyond the 99.99 % point of S, the residuals recur. That is a misfit if the total residual then exceeds 1.5 times
-//! the noise, which is given or estimated from the part that does not recur. The size and the time of the slow noise do not enter. The removed terms make harmonics of very
-//! slow noise depend on each other: up to 1.5 of a thousand records of pure noise lie beyond that point.
+//! The phases of stationary noise are independent between cycles. γₖ is therefore Beta(1, C − 1) distributed, and S is Gamma(K, 1) distributed. If S exceeds its 99.99
+//! % point, the residuals recur. They are a misfit if their root mean square also exceeds 1.5 times the noise. This noise is given, or estimated from the part of the
+//! residuals that does not recur. The test needs neither the size nor the correlation time of slow noise. The removal of offset and slope makes harmonics of very slow
+//! noise depend on each other. S then exceeds its point in up to 1.5 of a thousand records of pure noise.
 //!
-//! *Size in the held-out cycles*, for given or unknown noise. Noise is as large there as in the fitted cycles. The mean squares V of ν independent numbers in both are
-//! compared. V_held-out / V_fitted above 1.5² and beyond the 99.9 % point of F(ν, ν) is a misfit that the fitted cycles do not show. V_fitted is corrected for the fitted
-//! parameters and is at least the square of the noise.
+//! *Size in the held-out cycles*, for given or unknown noise. Noise is as large there as in the fitted cycles. The test compares the mean square V of both, each with
+//! its number ν of independent values. A ratio V_held-out / V_fitted above 1.5² and above the 99.9 % point of F(ν_held-out, ν_fitted) is a misfit that the fitted
+//! cycles do not show. V_fitted is corrected for the fitted parameters and is at least the square of the noise.
 //!
-//! *Gain and offset.* If the noise has them, they are removed from every recording ([`super::recordings`]) before its size is judged. Held-out cycles lose theirs only if
-//! the model declares them, or if fitted recordings show them. For this, F compares the mean squares of two or more fitted recordings and of the held-out ones, two numbers
-//! each. A held-out cycle in a recording with fitted rows has the gain and the offset of those rows.
+//! *Gain and offset.* If the noise has a gain and an offset, both are removed from every recording ([`super::recordings`]) before its size is tested. They are removed
+//! from held-out recordings only if the model declares them, or if they are no larger than those of at least two fitted recordings. An F test compares the mean squares
+//! of the removed parts, with two degrees of freedom for each recording. A held-out cycle in a recording with fitted rows has the gain and the offset of those rows.
 //!
 //! γₖ is the squared inter-trial coherence of evoked responses (Jervis et al., *IEEE Trans. Biomed. Eng.* 30, 43, 1983, doi:10.1109/TBME.1983.325165).
 
@@ -34,31 +34,33 @@ use record::Record;
 
 use super::recordings::recordings;
 
-/// Multiple of the known noise above which residuals or learnt noise are not noise (formats §4).
+/// Ratio to the known noise above which residuals or a learnt noise contain a misfit (formats §4).
 pub const NOISE_FACTOR: f64 = 1.5;
-/// Share of records of pure noise whose residuals are called too large.
+/// False-alarm probability: fraction of records of pure noise whose residuals are called too large.
 pub const FALSE_ALARM: f64 = 0.001;
 /// Joint probability of the held-out cycles below which they lie outside the 99.9 % band.
 pub const OUTSIDE_BAND: f64 = 0.001;
-/// p below which residuals recur. For noise of any time, one of a thousand records falls below it, because harmonics depend on each other.
+/// Largest p of residuals that recur. About one in a thousand records of pure noise has a smaller p, because its harmonics depend on each other. This holds for any
+/// correlation time.
 const RETURN_P: f64 = 1e-4;
-/// Share of a record's independent numbers that counts when its cycles are compared, because autocorrelations from few numbers are too small. For slow noise with a time
-/// of ten seconds (one cycle of four), the conditions together then find a misfit in five of a thousand records.
+/// Factor on the number of independent values when fitted and held-out cycles are compared. It is below 1, because autocorrelations that are estimated from few values
+/// are too small. For four cycles of ten seconds and slow noise with a correlation time of one cycle, five of a thousand records then show a misfit.
 const SHARE_OF_NUMBERS: f64 = 0.5;
-/// Largest number of harmonics of the cycle, and rows that each harmonic needs.
+/// Largest number of harmonics of the cycle, and smallest number of rows per harmonic.
 const MOST_HARMONICS: usize = 8;
 const ROWS_PER_HARMONIC: usize = 6;
-/// Largest force difference between two cycles with the same command, as a share of the range, and largest share of rows that may exceed it.
+/// Largest force difference between two cycles with the same command, as a fraction of the force range. [`OTHER_ROWS`] is the largest fraction of rows that may differ
+/// by more.
 const SAME_FORCE: f64 = 0.05;
 const OTHER_ROWS: f64 = 0.03;
-/// Largest relative difference of the durations of two equal cycles.
+/// Largest relative difference of the durations of two cycles with the same command.
 const SAME_DURATION: f64 = 0.05;
-/// Remaining share of a column below which it counts as a combination of the columns before it.
+/// Smallest norm of a column's remainder, as a fraction of its norm, after the previous columns are projected out. A smaller remainder counts as a rounding error.
 const LEAST_NEW: f64 = 1e-6;
 
-/// Residuals of a model in a record.
+/// Input of the misfit test: a model's residuals in a record.
 pub struct Residuals<'a> {
-    /// Times, cycles and forces.
+    /// Record with the times, cycles and forces.
     pub record: &'a Record,
     /// Residual (m) in the fitted cycles; one entry per row.
     pub fitted_m: &'a [Option<f64>],
@@ -66,7 +68,8 @@ pub struct Residuals<'a> {
     pub heldout_m: &'a [Option<f64>],
     /// The model's position (m) at every row.
     pub position_m: &'a [f64],
-    /// Columns (m) along which the parameters can move the model's position. A residual that recurs along them is no misfit.
+    /// Columns (m, one value per row) along which the parameters can move the model's position. Residuals that are combinations of these columns are no misfit, even if
+    /// they recur.
     pub absorbed_m: &'a [Vec<f64>],
     /// Knowledge about a gain and an offset of each recording.
     pub gains: GainKnowledge,
@@ -75,53 +78,56 @@ pub struct Residuals<'a> {
 /// Knowledge about a gain and an offset of each recording.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum GainKnowledge {
-    /// The noise has none.
+    /// The noise has neither a gain nor an offset.
     None,
-    /// The model declares them.
+    /// The model has the noise term `gain`.
     Declared,
-    /// They are learnt with every model, and fitted recordings must show them.
+    /// A search learns both with every model. They count in held-out recordings only if they are no larger than in fitted ones.
     Learnt,
 }
 
 /// Root mean square residual, compared with the noise.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ResidualSize {
-    /// Root mean square residual in m. If the noise has a gain and an offset for each cycle, they are removed.
+    /// Root mean square residual in m, after removal of each recording's gain and offset if the noise has them.
     pub rms_m: f64,
-    /// True if it exceeds the limit of the noise.
+    /// True if the root mean square is too large for noise.
     pub is_too_large: bool,
 }
 
-/// Residuals, compared with the noise.
+/// Result of the misfit test: the residuals of fitted and held-out cycles, compared with the noise.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Misfit {
     /// Residual of the fitted cycles.
     pub fitted: ResidualSize,
     /// Residual of the held-out cycles; `None` without held-out cycles.
     pub heldout: Option<ResidualSize>,
-    /// Noise (m) that the residuals are compared with.
+    /// Noise standard deviation (m) with which the residuals are compared.
     pub noise_m: f64,
     /// True if the noise was given with the experiment.
     pub is_known: bool,
-    /// Part of the residuals (m) that recurs in every cycle, if it exceeds chance.
+    /// Root mean square (m) of the part of the residuals that recurs in every cycle; `None` if chance explains it.
     pub returning_m: Option<f64>,
-    /// Number of independent slow values that the fitted rows are worth, for the test of a learnt noise; 0 if its size is not tested.
+    /// Number of independent values to which the slow part of the fitted residuals is equivalent. [`Misfit::is_learnt_too_large`] uses it. It is 0 if the size of a
+    /// learnt noise is not tested.
     pub learnt_degrees: f64,
 }
 
 impl Misfit {
-    /// Compares residuals with a known noise (m), or with a noise estimated from rests or short lags, in which slow noise does not show. `None` if no position is fitted.
+    /// Compares residuals with a noise standard deviation (m), which is known or estimated. An estimate from rests or short lags contains no slow noise. Returns `None`
+    /// if no position is fitted.
     pub fn of(remainder: &Residuals, noise_m: f64, is_known: bool) -> Option<Self> {
         Self::beside(remainder, noise_m, is_known, true)
     }
 
-    /// Compares residuals with the noise. If the noise is not `is_measured`, its size alone sets no limit.
+    /// Compares residuals with the noise `noise_m`. If `is_measured` is false, the noise was taken from the residuals themselves, so its size alone sets no limit.
     fn beside(remainder: &Residuals, noise_m: f64, is_known: bool, is_measured: bool) -> Option<Self> {
         let returning = RecurringPart::of(remainder);
         let has_gain = remainder.gains != GainKnowledge::None;
         let fitted = Series::of(remainder, remainder.fitted_m, has_gain)?;
         let heldout = Series::of(remainder, remainder.heldout_m, has_gain && remainder.shows_gains());
-        // The parameters' columns spread a misfit of the held-out cycles over all cycles. A recurring misfit must also be in the fitted ones.
+        // The removal of the parameters' columns distributes a misfit of the held-out cycles over all cycles. A recurring misfit must therefore also be present in the
+        // fitted cycles.
         let most_m2 = NOISE_FACTOR * NOISE_FACTOR * fitted.mean_square_m2;
         let comes_again = returning
             .as_ref()
@@ -158,26 +164,27 @@ impl Misfit {
         Self::beside(remainder, fitted.corrected_m2(remainder.absorbed_m.len()).sqrt(), false, false)
     }
 
-    /// Returns true if the residuals exceed the limit of the noise.
+    /// Returns true if the residuals of the fitted or the held-out cycles are too large for noise.
     pub fn is_too_large(&self) -> bool {
         self.fitted.is_too_large || self.heldout.is_some_and(|heldout| heldout.is_too_large)
     }
 
-    /// Returns true if a learnt noise (m) contains more than noise.
+    /// Returns true if a learnt noise standard deviation (m) is so large that it contains a misfit.
     pub fn is_learnt_too_large(&self, learnt_m: f64) -> bool {
         let is_beyond = || is_beyond_slow_noise(learnt_m * learnt_m, self.noise_m, self.learnt_degrees);
         learnt_m > NOISE_FACTOR * self.noise_m
             && (self.returning_m.is_some() || self.learnt_degrees > 0.0 && is_beyond())
     }
 
-    /// Largest excessive residual, in m; 0 if none is excessive.
+    /// Largest root mean square residual that is too large for noise, in m; 0 if none is.
     pub fn largest_m(&self) -> f64 {
         let sizes = [Some(self.fitted), self.heldout];
         sizes.iter().flatten().filter(|size| size.is_too_large).map(|size| size.rms_m).fold(0.0, f64::max)
     }
 }
 
-/// Directions (m) in which posterior draws spread most around their mean. There are as many as model parameters, or fewer if the draws have fewer.
+/// Orthonormal directions in which posterior draws differ most from their mean. `draws_m` holds each draw's position (m) at every row, `mean_m` their mean. Returns at
+/// most `n` directions with one value per row, and fewer if the draws differ in fewer.
 pub fn directions_of_spread(draws_m: &[Vec<f64>], mean_m: &[f64], n: usize) -> Vec<Vec<f64>> {
     let mut left: Vec<Vec<f64>> =
         draws_m.iter().map(|draw_m| draw_m.iter().zip(mean_m).map(|(x, mean)| x - mean).collect()).collect();
@@ -201,23 +208,24 @@ pub fn directions_of_spread(draws_m: &[Vec<f64>], mean_m: &[f64], n: usize) -> V
     directions
 }
 
-/// Returns true if slow noise of the known noise's size, added to it, gives so large a mean square at most once in a thousand times.
+/// Returns true if noise explains so large a mean square with a probability below 0.001. The noise is the known one plus slow noise of equal size, with `degrees`
+/// independent values.
 fn is_beyond_slow_noise(mean_square_m2: f64, noise_m: f64, degrees: f64) -> bool {
     let slow = mean_square_m2 / (noise_m * noise_m) - 1.0;
     slow > 0.0 && ChiSquared::new(degrees.max(1.0)).is_ok_and(|chi| chi.sf(degrees.max(1.0) * slow) < FALSE_ALARM)
 }
 
-/// Residuals of some rows of a recording, in order of time.
+/// Residuals (m) of a recording's fitted or held-out rows, in order of time.
 struct Recording {
     left_m: Vec<f64>,
-    /// Residuals without a gain and an offset. They are unchanged if fitted rows of the same recording determine gain and offset.
+    /// Residuals after removal of a gain and an offset. They equal `left_m` if fitted rows of the same recording determine gain and offset.
     without_gain_m: Vec<f64>,
     /// True if a gain and an offset were removed.
     has_own_gain: bool,
 }
 
 impl Recording {
-    /// Mean square (m²) of the removed gain and offset.
+    /// Mean square (m²) of the removed part of the residuals.
     fn taken_m2(&self) -> f64 {
         let taken = self.left_m.iter().zip(&self.without_gain_m).map(|(all, left)| (all - left).powi(2));
         taken.sum::<f64>() / self.left_m.len().max(1) as f64
@@ -225,7 +233,7 @@ impl Recording {
 }
 
 impl Residuals<'_> {
-    /// Recordings that contain some of the rows.
+    /// Recordings with at least one residual in `rows` (m, one entry per row of the record).
     fn recordings(&self, rows: &[Option<f64>]) -> Vec<Recording> {
         let numbers = recordings(self.record);
         let of_rows = |range: Range<usize>| {
@@ -243,7 +251,8 @@ impl Residuals<'_> {
         numbers.chunk_by(|a, b| a == b).scan(0, next_range).filter_map(of_rows).collect()
     }
 
-    /// Returns true if held-out recordings may have a separate gain and offset: if the model declares them, or if they are as large as in fitted recordings.
+    /// Returns true if a gain and an offset may be removed from held-out recordings. This holds if the model declares them, or if they are no larger than in the fitted
+    /// recordings.
     fn shows_gains(&self) -> bool {
         if self.gains != GainKnowledge::Learnt {
             return self.gains == GainKnowledge::Declared;
@@ -256,21 +265,22 @@ impl Residuals<'_> {
             return false;
         }
         let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
-        // The law absorbs the common part of all gains and offsets.
+        // The law absorbs the mean gain and offset of the fitted recordings, so the degrees of freedom are those of one recording fewer.
         let (of_heldout, of_fitted) = (2.0 * heldout.len() as f64, 2.0 * (fitted.len() - 1) as f64);
         let ratio = mean(&heldout) / (mean(&fitted) * fitted.len() as f64 / (fitted.len() - 1) as f64);
         FisherSnedecor::new(of_heldout, of_fitted).is_ok_and(|f| !ratio.is_finite() || f.sf(ratio) >= FALSE_ALARM)
     }
 }
 
-/// Residuals of some cycles, in order of time.
+/// Residuals (m) of the fitted or the held-out cycles, in order of time, with their mean square.
 struct Series {
     left_m: Vec<f64>,
     mean_square_m2: f64,
 }
 
 impl Series {
-    /// Collects residuals. `gives_up_gains` removes a gain and an offset from each recording.
+    /// Collects the residuals in `rows` (m, one entry per row of the record). `gives_up_gains` removes a gain and an offset from each recording. Returns `None` if
+    /// there is no residual.
     fn of(remainder: &Residuals, rows: &[Option<f64>], gives_up_gains: bool) -> Option<Self> {
         let of = |recording: Recording| if gives_up_gains { recording.without_gain_m } else { recording.left_m };
         let left_m: Vec<f64> = remainder.recordings(rows).into_iter().flat_map(of).collect();
@@ -279,13 +289,14 @@ impl Series {
         (n > 0).then_some(Self { left_m, mean_square_m2 })
     }
 
-    /// Mean square (m²), corrected for the fitted parameters.
+    /// Sum of squares divided by n − `n_parameters`, in m². Here n is the number of residuals.
     fn corrected_m2(&self, n_parameters: usize) -> f64 {
         let n = self.left_m.len();
         self.mean_square_m2 * n as f64 / n.saturating_sub(n_parameters).max(1) as f64
     }
 
-    /// Returns true if noise as large as in the fitted cycles gives so large a mean square at most once in a thousand times.
+    /// Returns true if the mean square is too large compared with that of the fitted cycles. Their ratio then exceeds 1.5², and equal noise in both explains it with a
+    /// probability below 0.001.
     fn is_beyond(&self, fitted: &Self, n_parameters: usize, noise_m: f64) -> bool {
         let expected_m2 = fitted.corrected_m2(n_parameters).max(noise_m * noise_m);
         let ratio = self.mean_square_m2 / expected_m2;
@@ -295,8 +306,8 @@ impl Series {
                 .is_ok_and(|f| f.sf(ratio) < FALSE_ALARM)
     }
 
-    /// Degrees of freedom of the mean square: the number of independent values, reduced if a few outliers dominate. The mean square of n values with kurtosis κ scatters as
-    /// much as that of 2n/(κ − 1) normal values.
+    /// Degrees of freedom of the mean square: the number of independent values, reduced if a few outliers dominate. The mean square of n values with kurtosis κ
+    /// scatters as much as that of 2n/(κ − 1) normal values.
     fn degrees_of_square(&self) -> f64 {
         let n = self.left_m.len().max(1) as f64;
         let fourth_m4 = self.left_m.iter().map(|left| left.powi(4)).sum::<f64>() / n;
@@ -305,8 +316,8 @@ impl Series {
         SHARE_OF_NUMBERS * share * self.degrees(0.0)
     }
 
-    /// Number of independent values that the slow part is worth: n/(1 + 2Σρ²), over lags up to the first whose correlation is within its scatter. A far lag represents its
-    /// neighbours.
+    /// Number of independent values to which the slow part is equivalent: n/(1 + 2Σρ²), where ρ is its autocorrelation. The sum ends at the first lag whose
+    /// autocorrelation is below its standard error 1/√n. Long lags are sampled, and each represents its neighbours.
     fn degrees(&self, noise_m: f64) -> f64 {
         let n = self.left_m.len();
         let slow_m2 = self.mean_square_m2 - noise_m * noise_m;
@@ -330,7 +341,7 @@ impl Series {
 
 /// Part of the residuals that recurs in every cycle of the same command.
 struct RecurringPart {
-    /// Share of experiments in which pure noise recurs as well.
+    /// Probability that pure noise recurs as strongly.
     p: f64,
     /// Mean squares of the recurring part and of the other part, in m².
     returning_m2: f64,
@@ -338,7 +349,7 @@ struct RecurringPart {
 }
 
 impl RecurringPart {
-    /// Estimates the recurring part; `None` if no two cycles of the same command have enough rows.
+    /// Estimates the recurring part from all residuals; `None` if fewer than two cycles with the same command have enough rows.
     fn of(remainder: &Residuals) -> Option<Self> {
         let record = remainder.record;
         let mut left_m: Vec<Option<f64>> =
@@ -376,7 +387,7 @@ impl RecurringPart {
                 let coherence = (of_sum / (n_cycles * each)).min(1.0 - f64::EPSILON);
                 statistic -= (n_cycles - 1.0) * (-coherence).ln_1p();
             }
-            // This is the mean over pairs of different cycles of half the squared amplitude.
+            // This adds half the inner product of two cycles' coefficients, averaged over all pairs of different cycles. Noise adds 0 on average.
             returning_m2 += 0.5 * (of_sum - each) / (n_cycles * (n_cycles - 1.0));
         }
         let p = Gamma::new(n_harmonics as f64, 1.0).ok()?.sf(statistic);
@@ -385,12 +396,12 @@ impl RecurringPart {
     }
 }
 
-/// Rows of each cycle of a record, in order.
+/// Range of rows of each cycle of a record, in order of time.
 fn cycles_of(record: &Record) -> impl Iterator<Item = Range<usize>> {
     record.cycle.chunk_by(|a, b| a == b).scan(0, next_range)
 }
 
-/// Range of the next chunk.
+/// Index range of the next chunk. `start` moves to its end.
 #[expect(clippy::unnecessary_wraps, reason = "`scan` expects an `Option`")]
 fn next_range(start: &mut usize, chunk: &[u32]) -> Option<Range<usize>> {
     let range = *start..*start + chunk.len();
@@ -398,13 +409,13 @@ fn next_range(start: &mut usize, chunk: &[u32]) -> Option<Range<usize>> {
     Some(range)
 }
 
-/// Rows of a cycle with a position, and their phase: the elapsed share of the cycle.
+/// Rows of a cycle that have a residual, and the phase of each: the time since the cycle began, divided by the cycle's duration.
 struct Cycle {
     rows: Vec<usize>,
     phase: Vec<f64>,
 }
 
-/// Largest set of cycles with the same command.
+/// Largest set of cycles that have the same command and enough residuals.
 fn same_command(record: &Record, left_m: &[Option<f64>]) -> Vec<Cycle> {
     let interval_s = record.median_interval_s().unwrap_or(0.0);
     let duration_s = |rows: &Range<usize>| record.time_s[rows.end - 1] - record.time_s[rows.start] + interval_s;
@@ -443,7 +454,7 @@ fn has_same_force(record: &Record, rows: &Range<usize>, other: &Range<usize>) ->
     rows.clone().filter(differs).count() as f64 <= OTHER_ROWS * rows.len() as f64
 }
 
-/// Removes columns from values by least squares.
+/// Subtracts the least-squares combination of the columns from `values`.
 fn take_out(values: &mut [f64], columns: Vec<Vec<f64>>) {
     let mut basis: Vec<Vec<f64>> = Vec::with_capacity(columns.len());
     for mut column in columns {
@@ -465,7 +476,7 @@ fn take_out(values: &mut [f64], columns: Vec<Vec<f64>>) {
     }
 }
 
-/// Removes the part of the residuals that the model's parameters can absorb, over all rows with a position.
+/// Removes the part of the residuals that the model's parameters can absorb, by least squares over all rows with a residual.
 fn absorb(left_m: &mut [Option<f64>], columns_m: &[Vec<f64>]) {
     let rows: Vec<usize> = (0..left_m.len()).filter(|row| left_m[*row].is_some()).collect();
     let mut values: Vec<f64> = left_m.iter().flatten().copied().collect();
@@ -473,7 +484,7 @@ fn absorb(left_m: &mut [Option<f64>], columns_m: &[Vec<f64>]) {
     rows.iter().zip(values).for_each(|(row, value)| left_m[*row] = Some(value));
 }
 
-/// Cosine and sine amplitudes of each harmonic, by joint least squares.
+/// Cosine and sine amplitude of each harmonic, by joint least squares. `phase` is 0 at the cycle's beginning and 1 at its end.
 fn fourier(values: &[f64], phase: &[f64], n_harmonics: usize) -> Vec<[f64; 2]> {
     let angle = |k: usize, phase: &f64| std::f64::consts::TAU * (k + 1) as f64 * phase;
     let n = 2 * n_harmonics;
@@ -482,7 +493,7 @@ fn fourier(values: &[f64], phase: &[f64], n_harmonics: usize) -> Vec<[f64; 2]> {
         .collect();
     let half = 0.5 * values.len() as f64;
     let normal = nalgebra::DMatrix::from_fn(n, n, |i, j| {
-        // Gaps leave some combinations poorly determined; the added diagonal keeps them near zero.
+        // Gaps leave some combinations of harmonics poorly determined. The added diagonal keeps their amplitudes near zero.
         dot(&columns[i], &columns[j]) / half + if i == j { 0.01 } else { 0.0 }
     });
     let slope = nalgebra::DVector::from_fn(n, |i, _| dot(&columns[i], values) / half);

@@ -1,4 +1,4 @@
-//! Tests of the misfit rule: false alarms under every kind of noise, and its power.
+//! Tests of the misfit rule: its false alarms under every kind of noise, and its power to find a misfit.
 
 use rayon::prelude::*;
 
@@ -10,7 +10,8 @@ use sampling::ensemble::RandomStream;
 const KNOWN_M: f64 = 4e-6;
 const N_PER_CYCLE: usize = 200;
 
-/// Four cycles of ±1 force for 5 s each, 20 rows a second, and a motion of half a millimetre that follows with some delay.
+/// Record of four cycles with 20 rows per second, and predicted positions (m). The force is ±1, each for 5 s. The motion of half a millimetre follows the force with
+/// some delay.
 fn record() -> (Record, Vec<f64>) {
     let n = 4 * N_PER_CYCLE;
     let force_n: Vec<f64> = (0..n).map(|row| if row / 100 % 2 == 0 { 1.0 } else { -1.0 }).collect();
@@ -30,7 +31,8 @@ fn record() -> (Record, Vec<f64>) {
     (record, position_m)
 }
 
-/// σ, σ_ou (µm), τ (s), s_g and s_o (µm), with the shares of rows that are lost and that are off by 12 σ.
+/// Kind of noise. `noise` holds σ (µm), σ_ou (µm), τ (s), s_g and s_o (µm). `lost` is the fraction of lost rows, and `off` the fraction of rows with an additional
+/// error of 12 standard deviations.
 struct Kind {
     noise: [f64; 5],
     lost: f64,
@@ -41,7 +43,7 @@ fn kind(noise: [f64; 5], lost: f64, off: f64) -> Kind {
     Kind { noise, lost, off }
 }
 
-/// Residuals of pure noise; the last cycle is held out.
+/// Residuals (m) of pure noise at every row; `None` at lost rows.
 fn left_of(kind: &Kind, record: &Record, position_m: &[f64], seed: u64) -> Vec<Option<f64>> {
     use rand::SeedableRng;
     let model = NoiseModel::named(&["white", "ou", "gain"].map(String::from), &InputPlace::setting(Setting::Noise))
@@ -74,9 +76,10 @@ fn misfit(record: &Record, position_m: &[f64], left_m: &[Option<f64>], is_known:
     Misfit::of(&remainder, noise_m, is_known).expect("positions")
 }
 
-/// Each test gives a false alarm in one or two of a thousand records of pure noise. Two tests check the misfit's size, and one its recurrence. In 250 records of one kind
-/// of noise, 0.9 alarms are expected. Slow noise of ten seconds has few independent numbers, and 1.3 alarms are expected. 10 or more alarms have a probability below 1e-5
-/// (Poisson). The reference noise of unknown noise is 1 µm, as short lags estimate it for slow noise.
+/// Counts false alarms in records of pure noise. Two tests check the misfit's size and one its recurrence; each gives a false alarm in one or two of a thousand
+/// records. In 250 records of one kind of noise, 0.9 alarms are expected. For slow noise with a correlation time of ten seconds, which has few independent values, 1.3
+/// are expected. The probability of 10 or more alarms is below 1e-5 (Poisson). If the noise is unknown, the reference noise is 1 µm, as short lags estimate it for slow
+/// noise.
 #[test]
 fn noise_of_every_kind_is_noise() {
     let (record, position_m) = record();
@@ -107,8 +110,8 @@ fn noise_of_every_kind_is_noise() {
     }
 }
 
-/// A recurring misfit of 6 µm is found in all of 100 records with 4 µm of noise, whether that noise is known or not. The total residual is 7.2 µm. A drift of 5 µm over
-/// the record is not found, because slow noise could cause it. A misfit of five times the noise is found even if it does not recur.
+/// A recurring misfit of 6 µm is found in all of 100 records with 4 µm of noise, which is known or unknown. The total residual is 7.2 µm. A drift of 5 µm over the
+/// record is not reported, because slow noise could cause it. A misfit of five times the noise is found, even if it does not recur.
 #[test]
 fn what_comes_again_is_no_noise() {
     let (record, position_m) = record();
@@ -121,7 +124,7 @@ fn what_comes_again_is_no_noise() {
         };
         (0..100_u64).into_par_iter().filter(is_found).count()
     };
-    // The root mean square is 6 µm.
+    // This misfit has a root mean square of 6 µm.
     let again = |t: f64| {
         let phase = std::f64::consts::TAU * t / 10.0;
         6e-6 * ((2.0 * phase).sin() + (3.0 * phase + 0.4).cos())
@@ -132,8 +135,8 @@ fn what_comes_again_is_no_noise() {
     assert_eq!(with(&|t: f64| 2e-5 * 2f64.sqrt() * (0.31 * t * t / 10.0).sin(), true), 100);
 }
 
-/// White errors of 1.7 times the known noise are too large in all of 100 records, and of 1.3 times in none. The root mean square of 600 errors scatters by 3 %, so that 1.5
-/// is four to five standard deviations away.
+/// White errors of 1.7 times the known noise are too large in all of 100 records, and errors of 1.3 times the noise in none. The root mean square of 600 errors has a
+/// standard deviation of 3 %. The limit of 1.5 is thus four to five standard deviations away.
 #[test]
 fn white_errors_are_held_to_the_factor() {
     let (record, position_m) = record();
@@ -148,7 +151,7 @@ fn white_errors_are_held_to_the_factor() {
     assert!(share(1.7) >= 99 && share(1.3) == 0, "{} {}", share(1.7), share(1.3));
 }
 
-/// Residuals that the parameters can absorb, and cycles of another command, do not count as recurring.
+/// Residuals that the parameters can absorb do not count as recurring, nor do residuals of cycles with different commands.
 #[test]
 fn what_parameters_can_make_and_other_commands_do_not_count() {
     let (mut record, position_m) = record();
@@ -172,7 +175,7 @@ fn what_parameters_can_make_and_other_commands_do_not_count() {
         Misfit::of(&remainder, 1e-6, false).expect("positions").returning_m
     };
     let returning_m = found(&record, &[]).expect("it comes again");
-    // At most half of its energy is an offset, a slope or proportional to the motion.
+    // The test removes at most half of the misfit's energy as an offset, a slope or a multiple of the motion.
     assert!(returning_m > 4e-6 && returning_m < 1e-5, "{returning_m}");
     assert_eq!(found(&record, &[shape]), None);
     record.force_n.iter_mut().zip(&record.cycle).for_each(|(force, cycle)| *force *= f64::from(*cycle));
@@ -189,7 +192,7 @@ fn directions_are_those_in_which_draws_spread() {
 }
 
 /// Held-out residuals of five times the fitted ones are too large in all of 100 records, for any noise and without recurrence. This also holds for unknown noise. The
-/// fitted cycles are not called too large.
+/// residuals of the fitted cycles are not called too large.
 #[test]
 fn noise_is_as_large_in_held_out_cycles_as_in_fitted_ones() {
     let (record, position_m) = record();
@@ -218,8 +221,8 @@ fn noise_is_as_large_in_held_out_cycles_as_in_fitted_ones() {
     assert_eq!((0..100_u64).into_par_iter().filter(is_found).count(), 100);
 }
 
-/// A gain of 3 % and an offset in the held-out cycle, with 4 µm of known noise. It is a misfit if the fitted cycles show none, and noise if they show as much or the model
-/// declares them. Gains of 3 % in all cycles exceed it in one record of a thousand.
+/// The held-out cycle has a gain of 3 % and an offset, with 4 µm of known noise. They are a misfit if the fitted cycles have none. They are noise if the fitted cycles
+/// have as large ones, or if the model declares them. With gains of 3 % in all cycles, the test gives a false alarm in one record of a thousand.
 #[test]
 fn a_held_out_gain_needs_fitted_ones() {
     let (record, position_m) = record();
@@ -252,11 +255,12 @@ fn a_held_out_gain_needs_fitted_ones() {
     let with_gains = [4.0, 0.01, 1.0, 0.03, 1e-6];
     assert_eq!(count(white, 0.15, GainKnowledge::Learnt), 100);
     assert_eq!(count(white, 0.15, GainKnowledge::Declared), 0);
-    // Of 100 records 0.1 are expected: 4 or more have a probability below 1e-5.
+    // In 100 records 0.1 false alarms are expected. 4 or more have a probability below 1e-5.
     assert!(count(with_gains, 0.0, GainKnowledge::Learnt) < 4);
 }
 
-/// Rows of one unbroken hold: the held-out rows have the gain and the offset of the fitted ones, declared or not, so that a growing misfit remains.
+/// All rows belong to one continuous hold. The held-out rows then have the gain and the offset of the fitted rows, even if the model declares gains. A growing misfit
+/// is therefore not removed.
 #[test]
 fn a_cycle_within_an_unbroken_hold_has_no_gain_of_its_own() {
     let (mut record, _) = record();

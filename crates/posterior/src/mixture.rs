@@ -2,10 +2,10 @@
 
 use statrs::distribution::{Continuous, ContinuousCDF, Normal};
 
-/// Number of cyclic distances between pairs of draws over which the score's spread is averaged.
+/// Largest number of cyclic distances between components. The score's mean distance is averaged over the pairs at these distances.
 const PAIR_DISTANCES: usize = 8;
 
-/// Predictive distribution of one position: an equal mixture of Gaussians, with one or several per draw.
+/// Predictive distribution of one position: a mixture of Gaussians with equal weights, one or several per draw.
 pub(super) struct Mixture {
     pub mean_m: Vec<f64>,
     pub sd_m: Vec<f64>,
@@ -22,7 +22,7 @@ impl Mixture {
         (squares.sum::<f64>() / n).sqrt()
     }
 
-    /// Distribution function and density.
+    /// Distribution function and density (1/m) at `x` (m).
     fn cdf_pdf(&self, x: f64) -> (f64, f64) {
         let standard = Normal::standard();
         let n = self.mean_m.len() as f64;
@@ -35,7 +35,7 @@ impl Mixture {
         (cdf / n, pdf / n)
     }
 
-    /// Quantile by Newton's method inside a bracket that bisection maintains.
+    /// Quantile (m) by Newton's method. Bisection keeps the iterates inside a bracket.
     pub fn quantile(&self, probability: f64) -> f64 {
         let (mean, sd) = (self.mean(), self.sd());
         let (mut lower, mut upper) = (mean - 40.0 * sd, mean + 40.0 * sd);
@@ -48,7 +48,7 @@ impl Mixture {
                 upper = x
             }
             let newton = x - (cdf - probability) / pdf;
-            // Newton's next error is the square of this one.
+            // The error of the next Newton step would be of the order of this step's square.
             if (newton - x).abs() <= 1e-5 * sd {
                 return newton;
             }
@@ -58,9 +58,10 @@ impl Mixture {
         x
     }
 
-    /// Continuous ranked probability score of an observation (Grimit et al. 2006, doi:10.1256/qj.05.235).
+    /// Continuous ranked probability score (m) of an observation (m) (Grimit et al. 2006, doi:10.1256/qj.05.235).
     ///
-    /// The mean distance between two components is averaged over pairs at a few cyclic distances instead of over all n² pairs. For few components these are all pairs.
+    /// The mean distance between two components is averaged over pairs at a few cyclic distances instead of over all n² pairs. If there are few components, all pairs
+    /// are used.
     pub fn crps(&self, observed: f64) -> f64 {
         let standard = Normal::standard();
         let spread = |mean: f64, sd: f64| {
@@ -84,7 +85,8 @@ impl Mixture {
     }
 }
 
-/// Cyclic distances of the pairs: all for few components, otherwise some by the golden ratio, so that neighbours (of one draw) are not over-represented.
+/// Cyclic distances of the pairs of components. With few components, all distances are used. Otherwise the golden ratio selects some, so that neighbours, which belong
+/// to one draw, are not over-represented.
 fn pair_distances(n: usize) -> Vec<usize> {
     if n <= PAIR_DISTANCES + 1 {
         return (1..n).collect();
@@ -97,7 +99,8 @@ fn pair_distances(n: usize) -> Vec<usize> {
 mod tests {
     use super::*;
 
-    /// Draws far apart with eight components each, as for a Student-t distribution. The sampled pairs must show the spread between draws. The exact value uses all pairs.
+    /// Draws are far apart and have eight components each, as for a Student-t distribution. The score from selected pairs must contain the distance between draws. The
+    /// exact value uses all pairs.
     #[test]
     fn pairs_are_not_of_one_draw() {
         let n = 1024;

@@ -12,11 +12,11 @@ pub trait Monitor: Sync {
     fn stage(&self, text: &str);
     /// Reports the progress of the sampler, a few times a second.
     fn sampling(&self, progress: &Progress);
-    /// Reports that `done` of at most `most` pieces of the stage's work are done. Any thread may call it.
+    /// Reports that `done` of at most `most` units of the stage's work are finished. Any thread may call this function.
     fn progress(&self, done: usize, most: usize);
     /// Reports a warning to the user.
     fn warn(&self, text: &str);
-    /// Flag that stops the job at the next safe place when it is set to true.
+    /// Flag that stops the job at the next safe point when it is set to true; `None` if the job cannot be stopped.
     fn stop(&self) -> Option<&AtomicBool>;
 }
 
@@ -37,7 +37,7 @@ impl Monitor for SilentMonitor {
 /// Environment variable with the number of threads, used if no option gives it.
 pub const THREADS_VARIABLE: &str = "RAYON_NUM_THREADS";
 
-/// Returns [`Error::Interrupted`] if the job was asked to stop; `kept` describes the results that are kept.
+/// Returns [`Error::Interrupted`] if the user has stopped the job. `kept` describes the results that remain.
 pub fn refuse_if_stopped(monitor: &dyn Monitor, kept: &str) -> Result<()> {
     if monitor.stop().is_some_and(|stop| stop.load(Ordering::Relaxed)) {
         return Err(Error::Interrupted { kept: kept.into() });
@@ -45,7 +45,7 @@ pub fn refuse_if_stopped(monitor: &dyn Monitor, kept: &str) -> Result<()> {
     Ok(())
 }
 
-/// Silent monitor of one of many pieces of work, which can be stopped.
+/// Monitor that ignores all reports, but passes on the flag that stops the job. It serves a task among many parallel ones.
 pub struct StoppableMonitor<'a>(pub Option<&'a AtomicBool>);
 
 impl Monitor for StoppableMonitor<'_> {
@@ -58,7 +58,7 @@ impl Monitor for StoppableMonitor<'_> {
     }
 }
 
-/// Monitor that passes on warnings only, for work beside a monitored stage.
+/// Monitor that passes on warnings and ignores progress. It serves work inside a stage that is already announced.
 pub struct WarningMonitor<'a>(pub &'a dyn Monitor);
 
 impl Monitor for WarningMonitor<'_> {
@@ -73,7 +73,7 @@ impl Monitor for WarningMonitor<'_> {
     }
 }
 
-/// Monitor that only collects warnings, in their order.
+/// Monitor that collects warnings in their order and ignores progress.
 pub struct WarningCollector<'a> {
     monitor: &'a dyn Monitor,
     warnings: Mutex<Vec<String>>,
@@ -85,7 +85,7 @@ impl<'a> WarningCollector<'a> {
         Self { monitor, warnings: Mutex::default() }
     }
 
-    /// Takes the warnings since the last call.
+    /// Removes and returns the warnings since the last call.
     pub fn take(&self) -> Vec<String> {
         std::mem::take(&mut self.warnings.lock().unwrap_or_else(PoisonError::into_inner))
     }
@@ -103,7 +103,7 @@ impl Monitor for WarningCollector<'_> {
     }
 }
 
-/// Counter of the finished pieces of a stage's work in all threads; it reports to a monitor.
+/// Counter of the finished units of a stage's work in all threads. It reports to a monitor.
 pub struct Counter<'a> {
     monitor: &'a dyn Monitor,
     done: AtomicUsize,
@@ -111,12 +111,12 @@ pub struct Counter<'a> {
 }
 
 impl<'a> Counter<'a> {
-    /// Creates a counter of `most` pieces, none of them done.
+    /// Creates a counter that starts at 0 of `most` units.
     pub fn new(monitor: &'a dyn Monitor, most: usize) -> Self {
         Self { monitor, done: AtomicUsize::new(0), most }
     }
 
-    /// Counts one finished piece.
+    /// Counts one finished unit and reports the progress.
     pub fn add_one(&self) {
         let done = 1 + self.done.fetch_add(1, Ordering::Relaxed);
         self.monitor.progress(done.min(self.most), self.most);

@@ -1,4 +1,4 @@
-//! Prepared model: an experiment, law, effects, priors and noise, with the reduced model and its verified error.
+//! Prepared model: a problem (experiment, law, effects, priors, noise) with its reduced model and the reduced model's verified error.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -27,55 +27,56 @@ use record::{Experiment, Force, Record};
 
 /// File name of a revision's surrogate.
 pub const SURROGATE_NAME: &str = "surrogate.json";
-/// Smallest singular value of a mode, relative to the largest.
+/// Smallest singular value, relative to the largest, of a mode that the surrogate keeps.
 const POD_TOLERANCE: f64 = 1e-6;
 /// Number of full-order runs that verify a model with effects.
 const VERIFICATION_RUNS: u32 = 8;
-/// Number of verification runs with effects that solve for a field; each takes about ten seconds.
+/// Number of full-order runs that verify a model whose effects solve for a field. Each run takes about ten seconds.
 const SLOW_VERIFICATION_RUNS: u32 = 2;
-/// Tail mass of the priors outside the verification points.
+/// Prior probability beyond the range of the verification points, at either end.
 const VERIFICATION_TAIL: f64 = 0.02;
 /// Seed of the scrambled Sobol sequence of verification points. It is fixed, because the points are part of the method.
 const VERIFICATION_SEED: u32 = 3;
 
-/// A model that is ready for use: the problem (experiment, law, effects, priors, noise, mechanics) and the reduced model of its trajectories.
+/// A problem (experiment, law, effects, priors, noise, mechanics) with the reduced model that computes its trajectories.
 #[derive(Clone)]
 pub struct PreparedModel {
-    /// The experiment and its model.
+    /// Experiment with law, effects, priors, noise and mechanics.
     pub problem: Problem,
     /// Surrogate; `None` for an instrument, whose compliance is given.
     pub surrogate: Option<Surrogate>,
-    /// Models of effects that change the displacement field, if the model has any.
+    /// Reduced models of the effects that change the displacement field; empty without such effects.
     pub fields: FieldModels,
-    /// Displacement per force at unit creep compliance.
+    /// Displacement per force at unit creep compliance, in 1/m.
     pub compliance: Compliance,
-    /// Valid ranges of the law's parameters; empty for an instrument.
+    /// Parameter ranges in which the reduced model is valid; empty for an instrument.
     pub trained: Vec<TrainedRange>,
-    /// Largest distance from full-order trajectories outside the training set, relative to their amplitude; `None` for an instrument.
+    /// Largest distance between reduced and full-order trajectories outside the training set, divided by their amplitude; `None` for an instrument.
     pub max_relative_error: Option<f64>,
-    /// Largest error of an effect that was learnt for the record (relative), or of an external program (over the noise); `None` without them.
+    /// Largest error of a learnt model; `None` without one. For an effect that is learnt for the record, it is divided by the displacement. For an external program, it
+    /// is divided by the noise standard deviation.
     pub learnt_error: Option<f64>,
 }
 
-/// A surrogate as it is kept on disk, with the hashes of its inputs.
+/// Content of the file [`SURROGATE_NAME`]: a surrogate, its field models, and the hashes of their inputs.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct KeptSurrogate {
-    /// Hash of all inputs of the surrogate.
+    /// SHA-256 of all inputs of the surrogate.
     pub built_from_sha256: String,
-    /// Hash of all inputs of the field models.
+    /// SHA-256 of all inputs of the field models.
     #[serde(default)]
     pub fields_built_from_sha256: String,
-    /// Models of effects that change the displacement field.
+    /// Reduced models of the effects that change the displacement field.
     #[serde(default)]
     pub fields: FieldModels,
-    /// The surrogate.
+    /// Surrogate of the law.
     #[serde(flatten)]
     pub surrogate: Surrogate,
 }
 
 impl KeptSurrogate {
-    /// Reads the surrogate that an earlier run left in a revision, if it is usable. Its inputs are compared later, when it is used. A changed file is not used, and
-    /// `monitor` receives a warning.
+    /// Reads the surrogate that an earlier run left in a revision; `None` if there is none or its file was changed. A changed file causes a warning to `monitor`. The
+    /// inputs are compared later, when the surrogate is used.
     pub fn read(revision_dir: &Path, monitor: &dyn Monitor) -> Option<Self> {
         let path = revision_dir.join(SURROGATE_NAME);
         kind(&path)?;
@@ -93,8 +94,8 @@ impl KeptSurrogate {
 }
 
 impl PreparedModel {
-    /// Prepares the model with the kept surrogate if its inputs are the same, otherwise with a new one. A model with effects is verified on separate full-order runs. A
-    /// nonlinear law needs no such runs, because its reduced model was verified when it was built. One run over a whole record would take minutes.
+    /// Prepares a model. It uses the surrogate `kept` if that has the inputs of this problem, and trains a new one otherwise. A model with effects is verified by
+    /// separate full-order runs. A nonlinear law needs no such runs, each of which would take minutes, because its reduced model was verified when it was built.
     pub fn new(problem: &Problem, kept: Option<KeptSurrogate>, monitor: &dyn Monitor) -> Result<Self> {
         let mut prepared = Self::unverified(problem, kept, monitor)?;
         if let (Some(fe), false) = (problem.finite_elements(), problem.is_exponential()) {
@@ -117,8 +118,8 @@ impl PreparedModel {
         Ok(prepared)
     }
 
-    /// Compares two trajectories of the present reduced model with full finite elements of the apparatus. The stored error of a kept model dates from its construction.
-    /// `None` without finite elements.
+    /// Compares two trajectories of this reduced model with full finite elements of the apparatus. It thus tests a kept model now, whose stored error dates from its
+    /// construction. Returns `None` without finite elements.
     ///
     /// # Errors
     /// Errors of the full-order model.
@@ -128,7 +129,7 @@ impl PreparedModel {
         verify(&self.problem, fe, &self.compliance, SLOW_VERIFICATION_RUNS).map(Some)
     }
 
-    /// Prepares the model like [`PreparedModel::new`], but verified for the law alone.
+    /// Prepares the model like [`PreparedModel::new`], but without the full-order runs that verify the effects.
     pub fn unverified(problem: &Problem, kept: Option<KeptSurrogate>, monitor: &dyn Monitor) -> Result<Self> {
         let fe = match &*problem.mechanics {
             Mechanics::Instrument { compliance_per_m } => {
@@ -161,7 +162,7 @@ impl PreparedModel {
         })
     }
 
-    /// Model of a problem with a given compliance and the valid ranges of the law's parameters.
+    /// Creates the model of a problem from a known compliance and the valid ranges (`trained`) of the law's parameters, without a surrogate.
     pub fn given(problem: &Problem, compliance: Compliance, trained: Vec<TrainedRange>) -> Self {
         Self {
             problem: problem.clone(),
@@ -174,7 +175,7 @@ impl PreparedModel {
         }
     }
 
-    /// Surrogate of an external program, for models with any of some effects.
+    /// Learns the surrogate of an external program. It serves every model whose effects are among `effects`.
     pub fn for_external(
         problem: &Problem,
         external_model: &ExternalModel,
@@ -190,11 +191,11 @@ impl PreparedModel {
         Ok(Self { learnt_error: Some(over_noise), ..Self::given(problem, compliance, trained) })
     }
 
-    /// Model whose compliance serves additional effects of a library. It is trained over the widest range of Poisson ratios that any of them needs, and contains the models
-    /// of all their fields.
+    /// Prepares a model whose compliance also serves further `effects` of a library. It is trained over the widest range of Poisson ratios that any of these effects
+    /// needs, and contains the models of their displacement fields.
     ///
     /// # Errors
-    /// Errors of building these models.
+    /// Errors of surrogate and field models.
     pub fn for_effects(
         problem: &Problem,
         library: &Library,
@@ -214,7 +215,7 @@ impl PreparedModel {
         Ok(Self { compliance: with_fields(widest.compliance.clone(), &fields), problem: problem.clone(), ..widest })
     }
 
-    /// Surrogate with the hash of its inputs.
+    /// Surrogate and field models with the hashes of their inputs, to be written to a revision; `None` without a surrogate.
     pub fn to_keep(&self) -> Result<Option<KeptSurrogate>> {
         let problem = &self.problem;
         let (Some(fe), Some(surrogate)) = (problem.finite_elements(), self.surrogate.clone()) else { return Ok(None) };
@@ -224,7 +225,7 @@ impl PreparedModel {
     }
 }
 
-/// Surrogate of the law with its inputs. A kept one from the study or the cache is used if its inputs are the same, otherwise a new one is trained.
+/// Returns the surrogate of the law with its inputs. A surrogate from the study (`kept`) or the cache is used if its inputs are equal; otherwise a new one is trained.
 pub fn surrogate(
     problem: &Problem,
     fe: &FiniteElements,
@@ -252,13 +253,13 @@ pub fn surrogate(
     Ok((built_from, surrogate))
 }
 
-/// Inputs of a problem's surrogate.
+/// Inputs from which a problem's surrogate is built; their hash identifies it.
 pub fn surrogate_built_from(problem: &Problem, fe: &FiniteElements) -> Result<ModelInputs> {
     let (law, parameters) = training_law(problem)?;
     Ok(built_from(fe, &training(problem, fe, law, &parameters)?))
 }
 
-/// Field models that effects need. Kept ones from the study or the cache are used if their inputs are the same, otherwise new ones are built.
+/// Returns the field models that the effects need. Field models from the study (`kept`) or the cache are used if their inputs are equal; others are built.
 pub fn field_models(
     fe: &FiniteElements,
     kept: Option<&KeptSurrogate>,
@@ -277,7 +278,7 @@ pub fn field_models(
     Ok(fields)
 }
 
-/// Field model that one effect needs: a kept one if its inputs are the same, otherwise a new one.
+/// Returns the field model of one effect, from the cache if its inputs are equal, otherwise newly built.
 pub fn field_model(fe: &FiniteElements, effect: &'static dyn Effect, monitor: &dyn Monitor) -> Result<FieldModels> {
     let built_from = field_built_from(fe, effect.slug());
     let cached = cache::read::<FieldModels>(&built_from, monitor);
@@ -297,19 +298,19 @@ pub fn field_built_from(fe: &FiniteElements, slug: &str) -> ModelInputs {
     fields_built_from(fe).with("effect", slug)
 }
 
-/// Compliance with the terms of fields.
+/// Adds the contributions of the field models to a compliance.
 pub fn with_fields(compliance: Compliance, fields: &FieldModels) -> Compliance {
     let fields = Arc::new(fields.clone());
     compliance.with_spread(move |stages| fields.spread(stages))
 }
 
 impl PreparedModel {
-    /// Reduced model for a problem that differs only in its positions, cycles or priors.
+    /// Uses this reduced model for another problem, which may differ only in positions, cycles or priors.
     pub fn for_problem(&self, problem: Problem) -> Self {
         Self { problem, ..self.clone() }
     }
 
-    /// Log posterior of the fitted cycles by the reduced model. A nonlinear law stores its trajectories.
+    /// Log posterior of the fitted cycles by the reduced model. For a nonlinear law, computed trajectories are cached.
     pub fn posterior(&self) -> ReducedPosterior<'_> {
         let problem = &self.problem;
         let record = &problem.experiment.record;
@@ -332,7 +333,7 @@ impl PreparedModel {
         self.forward_over(Response::new(&record.time_s, record.force(), record.n_rows()))
     }
 
-    /// Reduced forward model over the first rows, with the compliance of the posterior.
+    /// Reduced forward model over the first `n_rows` rows. It caches trajectories of a nonlinear law, as the posterior does.
     pub fn forward_up_to(&self, n_rows: usize) -> SurrogateForward<'_> {
         let record = &self.problem.experiment.record;
         let (time_s, force) = (&record.time_s, record.force());
@@ -340,15 +341,15 @@ impl PreparedModel {
         SurrogateForward { compliance, ..self.forward_over(Response::new(time_s, force, n_rows)) }
     }
 
-    /// Reduced forward model over the rows of a response.
+    /// Reduced forward model over the rows for which `response` was prepared.
     pub(super) fn forward_over(&self, response: Response) -> SurrogateForward<'_> {
         let compliance = self.compliance.clone();
         SurrogateForward { model: &self.problem.model, compliance, response, trained: &self.trained }
     }
 }
 
-/// Requirements of a library's effects beyond a problem's own. The first value is the problem with the widest range of Poisson ratios, if an effect needs more than the
-/// problem itself. The second lists all effects whose fields are modelled, the problem's own first.
+/// Requirements of `effects` from a library that the problem lacks. The first value is the problem extended by an effect that needs a wider range of Poisson ratios;
+/// `None` if no effect does. The second value lists the problem's effects, then all further effects that suit it.
 ///
 /// # Errors
 /// Errors of a model's stages.
@@ -370,14 +371,15 @@ pub fn effect_requirements(
         wanted.push(*effect);
         let asked = extended.poisson_ratios(fe)?;
         if asked[0] < values[0] || asked[1] > values[1] {
-            // At most one effect needs another ratio.
+            // At most one effect of the library needs another Poisson ratio.
             widest = Some(extended);
         }
     }
     Ok((widest, wanted))
 }
 
-/// Law of the training runs. The modes do not depend on it, so a network is trained with the Lethersich law over its default prior.
+/// Law of the training runs, and the training ranges of its parameters. The surrogate's modes do not depend on the law. For laws other than sums of exponentials, the
+/// training uses the Lethersich law over its porcine prior.
 fn training_law(problem: &Problem) -> Result<(BaseLaw, Vec<TrainedRange>)> {
     let law = problem.model.base();
     if law.is_exponential() {
@@ -390,8 +392,8 @@ fn training_law(problem: &Problem) -> Result<(BaseLaw, Vec<TrainedRange>)> {
     Ok((law, ranges.map(|(p, (lower, upper))| TrainedRange { name: p.name.into(), lower, upper }).collect()))
 }
 
-/// Training load up to the last fitted row; later rows are left to the held-out check. The modes are those of the law alone over all Poisson ratios of the model, since no
-/// other built-in effect changes the field.
+/// Training inputs of the surrogate: load up to the last fitted row, law, and all Poisson ratios of the model. Later rows are not used, because they serve the held-out
+/// check. The training leaves effects out, because only the Poisson ratio changes the surrogate's fields.
 fn training<'a>(
     problem: &'a Problem,
     fe: &FiniteElements,
@@ -403,23 +405,24 @@ fn training<'a>(
     Ok(Training { law, parameters, poisson_ratio, time_s, force, tolerance: POD_TOLERANCE })
 }
 
-/// Times and forces up to the last fitted row.
+/// Times (s) and forces up to the last fitted row.
 pub fn training_load(problem: &Problem) -> (&[f64], Force<'_>) {
     let Experiment { record, calibration_cycles, .. } = &problem.experiment;
     let n_rows = record.cycle.iter().rposition(|cycle| calibration_cycles.contains(cycle)).map_or(0, |last| last + 1);
     (&record.time_s[..n_rows], record.force().first(n_rows))
 }
 
-/// Comparison of a reduced model with full finite elements.
+/// Result of a comparison of the reduced model with full finite elements.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Verification {
     /// Number of full-order runs.
     pub n_runs: usize,
-    /// Largest distance of the reduced from the full-order trajectory, relative to the latter's amplitude.
+    /// Largest distance between a reduced and a full-order trajectory, divided by the amplitude of the full-order trajectory.
     pub relative_error: f64,
 }
 
-/// Compares the reduced model and its effects with the full-order model at Sobol points of the priors. Points at which an effect has no model are left out.
+/// Compares the reduced model, including effects, with the full-order model at `n_runs` Sobol points of the priors. Points at which an effect has no model are left
+/// out.
 fn verify(problem: &Problem, fe: &FiniteElements, compliance: &Compliance, n_runs: u32) -> Result<Verification> {
     let (time_s, force) = training_load(problem);
     let model = &problem.model;
@@ -444,7 +447,7 @@ fn verify(problem: &Problem, fe: &FiniteElements, compliance: &Compliance, n_run
     Ok(Verification { n_runs: errors.len(), relative_error: errors.into_iter().fold(0.0, f64::max) })
 }
 
-/// Inputs of field models: the mesh, sizes, weights and the Poisson ratio.
+/// Inputs that all field models have: mesh, Poisson ratio, sizes and weights.
 fn fields_built_from(fe: &FiniteElements) -> ModelInputs {
     ModelInputs::new("displacement field")
         .with_mesh(&fe.mesh)
@@ -452,7 +455,7 @@ fn fields_built_from(fe: &FiniteElements) -> ModelInputs {
         .with("poisson_ratio", fe.poisson_ratio)
 }
 
-/// Inputs of a law's surrogate: the mesh and the whole training.
+/// Inputs of a surrogate: the mesh and all inputs of its training.
 fn built_from(fe: &FiniteElements, training: &Training) -> ModelInputs {
     let Training { law, parameters, poisson_ratio, time_s, force, tolerance } = training;
     ModelInputs::new("surrogate")

@@ -1,4 +1,4 @@
-//! Priors from `priors/<name>.toml`, with one table per parameter (formats §2).
+//! Prior distributions of parameters. A file `priors/<name>.toml` has one table per parameter (formats §2).
 
 use std::path::{Path, PathBuf};
 
@@ -11,10 +11,10 @@ use base::parameter::{NOISE_SD, ParameterSpec};
 use base::toml_input::{TomlInput, TomlTable, text_of};
 use laws::rheology::{InterchangeableParts, LETHERSICH};
 
-/// Parameters of the base law (physics §2) and the white noise, in the order used everywhere.
+/// Parameters of the Lethersich law (physics §2): E, c₁ and c₂, then the standard deviation of the white noise. All modules use this order.
 pub const BASE_PARAMETERS: &[ParameterSpec] = &[LETHERSICH[0], LETHERSICH[1], LETHERSICH[2], NOISE_SD];
 
-/// Built-in priors: name and text.
+/// Name and TOML text of each built-in prior.
 const EMBEDDED: &[(&str, &str)] = &[
     ("porcine", include_str!("../../../priors/porcine.toml")),
     ("sharif-kashani-2011", include_str!("../../../priors/sharif-kashani-2011.toml")),
@@ -26,27 +26,28 @@ const EMBEDDED: &[(&str, &str)] = &[
     ("generic", include_str!("../../../priors/generic.toml")),
 ];
 
-/// Prior of one parameter.
+/// Prior of one parameter, with its unit and source.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Prior {
     /// Parameter name.
     pub name: String,
-    /// Distribution, in `unit`.
+    /// Distribution of the parameter's value in `unit`.
     pub distribution: Distribution,
     /// Unit of the parameter.
     pub unit: String,
-    /// Source of the numbers.
+    /// Publication or reason that the distribution comes from.
     pub source: String,
 }
 
-/// Default prior of a parameter that a file leaves out, given the priors of the parameters before it.
+/// Function that gives the default prior of a parameter without a table in the file. The second argument holds the priors of all parameters before it. `None` means
+/// that the file must have a table.
 pub type DefaultPrior<'a> = dyn Fn(&ParameterSpec, &[Prior]) -> Option<Prior> + 'a;
 
 fn no_default(_: &ParameterSpec, _: &[Prior]) -> Option<Prior> {
     None
 }
 
-/// Priors of all parameters of a model, in the model's order.
+/// Priors of a model's sampled parameters, in the model's order.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PriorSet {
     name: String,
@@ -54,7 +55,8 @@ pub struct PriorSet {
     priors: Vec<Prior>,
     /// Density of each prior, computed once because the sampler uses it millions of times.
     densities: Vec<UnconstrainedDensity>,
-    /// Interchangeable parts of the law, with the indices of their parameters among the priors. The parts are kept in order, so that each name means one part.
+    /// Groups of interchangeable elements of the law, such as two springpots in parallel. Each element has the indices of its parameters among the priors. The elements
+    /// stay in a fixed order, so that a parameter name always denotes the same element.
     ordered: Vec<(InterchangeableParts, Vec<Vec<usize>>)>,
 }
 
@@ -64,7 +66,7 @@ impl PriorSet {
         EMBEDDED.iter().map(|(name, _)| *name)
     }
 
-    /// Built-in prior of the base law, by name.
+    /// Built-in priors of the Lethersich law and the white noise, by name.
     ///
     /// # Errors
     /// [`Error::Input`] if no built-in prior has this name.
@@ -72,16 +74,16 @@ impl PriorSet {
         if Self::builtin_names().any(|known| known == name) { Self::read(name) } else { Err(unknown_name(name)) }
     }
 
-    /// Reads priors of the base law, by a built-in name or from a file.
+    /// Reads priors of [`BASE_PARAMETERS`] from the built-in prior or the file with this name.
     ///
     /// # Errors
-    /// [`Error::Input`] for an unknown name or an unacceptable file, [`Error::File`] for an unreadable one.
+    /// [`Error::Input`] for an unknown name or a file with invalid content; [`Error::File`] for a file that cannot be read.
     pub fn read(name_or_file: &str) -> Result<Self> {
         Self::read_for(name_or_file, BASE_PARAMETERS, &[], &no_default)
     }
 
-    /// Reads priors of the `wanted` parameters, by a built-in name or from a file, which may also hold priors of `others`. `default` gives the priors that are missing in
-    /// it.
+    /// Reads priors of the `wanted` parameters from the built-in prior or the file with this name. The file may also hold priors of the parameters `others`. `default`
+    /// gives the priors of wanted parameters that the file lacks.
     ///
     /// # Errors
     /// Errors of [`PriorSet::read`].
@@ -97,7 +99,7 @@ impl PriorSet {
         Ok(set)
     }
 
-    /// Names and units of the parameters in a built-in prior or file, in its order.
+    /// Name and unit of each parameter in a built-in prior or prior file, in the order of the file.
     ///
     /// # Errors
     /// Errors of [`PriorSet::read`].
@@ -112,7 +114,7 @@ impl PriorSet {
         root.keys_in_order().into_iter().map(entry).collect()
     }
 
-    /// TOML text of a built-in prior or file, and its path.
+    /// Path and TOML text of a built-in prior or prior file.
     ///
     /// # Errors
     /// Errors of [`PriorSet::read`].
@@ -128,11 +130,11 @@ impl PriorSet {
         Ok((path.to_path_buf(), text_of(path, &bytes)?.to_string()))
     }
 
-    /// Reads priors from TOML in memory; `file` only serves as a name in errors.
+    /// Reads priors from the text of a prior file. Only error messages use the name `file`.
     ///
     /// # Errors
-    /// [`Error::Input`] with file, line, key and remedy. It occurs for an unknown or missing parameter or key, a wrong unit, impossible numbers, or a distribution outside
-    /// the parameter's support.
+    /// [`Error::Input`] with file, line, key and remedy. The causes are an unknown or missing parameter or key, a wrong unit, impossible values, or a distribution
+    /// outside the parameter's support.
     pub fn from_text(
         file: &Path,
         bytes: &[u8],
@@ -163,37 +165,37 @@ impl PriorSet {
         Ok(Self { name: file.display().to_string(), text: text.to_string(), priors, densities, ordered: Vec::new() })
     }
 
-    /// Name or file as the user gave it.
+    /// Name of the built-in prior or path of the file, as the user gave it.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// TOML text of the set.
+    /// TOML text from which the priors were read.
     pub fn text(&self) -> &str {
         &self.text
     }
 
-    /// Distributions of the priors, in their order.
+    /// Distribution of each parameter, in the order of the priors.
     pub fn distributions(&self) -> impl Iterator<Item = Distribution> + '_ {
         self.priors.iter().map(|prior| prior.distribution)
     }
 
-    /// Priors in order.
+    /// All priors, in the model's order.
     pub fn priors(&self) -> &[Prior] {
         &self.priors
     }
 
-    /// Parameter names in order.
+    /// Names of the parameters, in the order of the priors.
     pub fn names(&self) -> impl Iterator<Item = &str> {
         self.priors.iter().map(|prior| prior.name.as_str())
     }
 
-    /// Prior of a parameter.
+    /// Prior of the parameter with this name; `None` if the set has none.
     pub fn get(&self, name: &str) -> Option<&Prior> {
         self.priors.iter().find(|prior| prior.name == name)
     }
 
-    /// Set without the parameters in `fixed`.
+    /// Copy of the set without the priors of the parameters in `fixed`.
     pub fn without(&self, fixed: &[&str]) -> Self {
         let mut left = self.clone();
         left.priors.retain(|prior| !fixed.contains(&prior.name.as_str()));
@@ -201,7 +203,7 @@ impl PriorSet {
         left.with_order(self.ordered.iter().map(|(parts, _)| parts.clone()).collect())
     }
 
-    /// Set with others after its own priors.
+    /// Copy of the set with further priors at its end.
     pub fn with(&self, others: &[Prior]) -> Self {
         let mut all = self.clone();
         all.priors.extend(others.iter().cloned());
@@ -209,8 +211,8 @@ impl PriorSet {
         all
     }
 
-    /// Set with interchangeable parts in order, if their priors are equal. Otherwise their parameters would be exchanged from draw to draw, and each would have the
-    /// distribution of both.
+    /// Restricts interchangeable elements of the law to one order, if their priors are equal. Without an order, draws would exchange the elements, and each parameter's
+    /// distribution would be a mixture of both elements' values.
     pub fn with_order(mut self, groups: Vec<InterchangeableParts>) -> Self {
         let place = |spec: &ParameterSpec| self.priors.iter().position(|prior| prior.name == spec.name);
         let placed = |parts: InterchangeableParts| {
@@ -225,7 +227,8 @@ impl PriorSet {
         self
     }
 
-    /// Natural values with interchangeable parts in order.
+    /// Sorts the values of interchangeable elements by [`InterchangeableParts::slowness`], smallest first. `natural` holds all parameters' values in their units, in
+    /// the order of the priors.
     pub fn ordered(&self, mut natural: Vec<f64>) -> Vec<f64> {
         for (group, places) in &self.ordered {
             let values = |part: &Vec<usize>| part.iter().map(|place| natural[*place]).collect::<Vec<f64>>();
@@ -239,8 +242,8 @@ impl PriorSet {
         natural
     }
 
-    /// Multiplies the density by the number of possible orders if interchangeable parts are in order, and by 0 otherwise. `natural` gives a value by its index and its
-    /// point.
+    /// Multiplies each point's density by the number of possible orders if its interchangeable elements are in order, and by 0 otherwise. `natural` returns the value
+    /// of a parameter, given the parameter's index and the point's index.
     fn add_ln_order(&self, natural: impl Fn(usize, usize) -> f64, log_density: &mut [f64]) {
         for (group, places) in &self.ordered {
             let ln_orders: f64 = (1..=places.len()).map(|n| (n as f64).ln()).sum();
@@ -254,7 +257,7 @@ impl PriorSet {
         }
     }
 
-    /// Adds the log density of natural values to each point of a batch, laid out as in [`Self::add_ln_pdf_unconstrained`].
+    /// Adds the log density over natural values to each point of a batch. `points` holds natural values in the layout of [`Self::add_ln_pdf_unconstrained`].
     pub fn add_ln_pdf(&self, points: &[f64], log_density: &mut [f64]) {
         let n = log_density.len();
         for (prior, values) in self.priors.iter().zip(points.chunks_exact(n.max(1))) {
@@ -263,28 +266,29 @@ impl PriorSet {
         self.add_ln_order(|place, point| points[place * n + point], log_density);
     }
 
-    /// Interval of each parameter that leaves `tail` on either side.
+    /// Interval of each parameter, in its unit, with the prior probability `tail` beyond either end.
     pub fn box_quantiles(&self, tail: f64) -> Vec<(f64, f64)> {
         let ends = |prior: &Prior| (prior.distribution.quantile(tail), prior.distribution.quantile(1.0 - tail));
         self.priors.iter().map(ends).collect()
     }
 
-    /// Draws every parameter once, in natural units.
+    /// Draws one value of every parameter, in the parameter's unit, in the order of the priors.
     pub fn draw(&self, rng: &mut (impl Rng + ?Sized)) -> Vec<f64> {
         self.ordered(self.priors.iter().map(|prior| prior.distribution.draw(rng)).collect())
     }
 
-    /// Sampler coordinates of natural values, in order.
+    /// Converts natural values (in the parameters' units) to the sampler's unconstrained coordinates. Both are in the order of the priors.
     pub fn to_unconstrained(&self, natural: &[f64]) -> Vec<f64> {
         self.priors.iter().zip(natural).map(|(prior, x)| prior.distribution.to_unconstrained(*x)).collect()
     }
 
-    /// Natural values at the sampler's coordinates, in order.
+    /// Converts the sampler's unconstrained coordinates `z` to natural values (in the parameters' units). Both are in the order of the priors.
     pub fn from_unconstrained(&self, z: &[f64]) -> Vec<f64> {
         self.priors.iter().zip(z).map(|(prior, z)| prior.distribution.from_unconstrained(*z)).collect()
     }
 
-    /// Adds the log density of the sampler's coordinates to each point of a batch. Coordinate d of point i is at `points[d * n + i]`, with n = `log_density.len()`.
+    /// Adds the log density over the sampler's coordinates to `log_density`, for a batch of n = `log_density.len()` points. Coordinate d of point i is `points[d * n +
+    /// i]`.
     pub fn add_ln_pdf_unconstrained(&self, points: &[f64], log_density: &mut [f64]) {
         let n = log_density.len();
         if n == 0 {
@@ -338,7 +342,8 @@ fn prior_from(table: TomlTable<'_>, spec: &ParameterSpec) -> Result<Prior> {
     Ok(Prior { name: spec.name.to_string(), distribution, unit, source })
 }
 
-/// Distribution of a table with `distribution` and its numbers. The table may also have `unit` and `source`.
+/// Reads a distribution from a TOML table. The key `distribution` names its kind, and further keys give its parameters. The table may also have the keys `unit` and
+/// `source`.
 ///
 /// # Errors
 /// [`Error::Input`] with file, line, key and remedy.
@@ -395,9 +400,9 @@ fn distribution_from(table: TomlTable<'_>, kind: &str) -> Result<Distribution> {
     })
 }
 
-/// Range of sizes of a prior's numbers in all units. A number outside it is a mistake and would leave the range of floating-point numbers in a power or a ratio.
+/// Smallest and largest allowed magnitude of a value in a prior, in any unit. A value beyond them is a mistake, and its powers or ratios could overflow.
 const SIZES: [f64; 2] = [1e-30, 1e15];
-/// Ranges of numbers without a unit, which give a width or a shape.
+/// Allowed range of each dimensionless parameter of a distribution, by its key.
 const SHAPES: [(&str, [f64; 2]); 3] = [("log_sd", [1e-6, 20.0]), ("alpha", [1e-3, 1e6]), ("beta", [1e-3, 1e6])];
 
 fn refuse_absurd(table: TomlTable<'_>) -> Result<()> {
@@ -417,7 +422,7 @@ fn refuse_absurd(table: TomlTable<'_>) -> Result<()> {
     Ok(())
 }
 
-/// Log-normal by median and log_sd, or by the mean and sd of the parameter itself, as papers print them.
+/// Reads a log-normal distribution. The table gives either `median` and `log_sd`, or `mean` and `sd` of the parameter itself, as papers often do.
 fn log_normal_from(table: TomlTable<'_>) -> Result<Distribution> {
     let has_moments = table.has("mean") || table.has("sd");
     let has_median = table.has("median") || table.has("log_sd");

@@ -53,7 +53,7 @@ fn every_prior_file_is_embedded_and_documented() {
     assert!(names.iter().all(|name| documentation.contains(&format!("`{name}`"))), "docs/experiment.md misses one");
 }
 
-/// The published fits: Wang 2013 Table I, Sharif-Kashani 2011, Lee 1994 (E, c₁, c₂).
+/// Published values of E, c₁ and c₂ are those of Wang 2013 Table I, Sharif-Kashani 2011 and Lee 1994.
 #[test]
 fn published_values_lie_well_inside_the_porcine_prior() {
     let set = PriorSet::named("porcine").unwrap();
@@ -67,7 +67,7 @@ fn published_values_lie_well_inside_the_porcine_prior() {
     }
 }
 
-/// Mean and standard deviation of a parameter, from the median and log_sd of its log-normal.
+/// Mean and standard deviation of a parameter, from `median` and `log_sd` of its log-normal prior.
 fn moments(set: &PriorSet, name: &str) -> (f64, f64) {
     let Distribution::LogNormal { median, log_sd } = set.get(name).unwrap().distribution else { panic!("{name}") };
     let mean = median * (0.5 * log_sd * log_sd).exp();
@@ -81,7 +81,7 @@ fn published_moments_are_those_of_the_literature() {
         ("lee-1994", "viscosity_1_pa_s", 0.599, 0.30 * 0.599),
         ("lee-1994", "viscosity_2_pa_s", 8.402, 0.36 * 8.402),
         ("sharif-kashani-2011", "young_modulus_pa", 1.66, 0.96),
-        // The factor is 2 (1 + ν) of G′ in Nickerson et al. 2008.
+        // The factor 2.96 = 2 (1 + ν) converts G′ of Nickerson et al. 2008 into E.
         ("nickerson-2008-porcine", "young_modulus_pa", 2.96 * 2.8, 2.96 * 0.9),
         ("nickerson-2008-bovine", "young_modulus_pa", 2.96 * 7.0, 2.96 * 2.0),
     ];
@@ -91,13 +91,13 @@ fn published_moments_are_those_of_the_literature() {
     }
 }
 
-/// Wang 2013 and, for c₁ and c₂, Sharif-Kashani 2011.
+/// Wang 2013 publishes all values, and Sharif-Kashani 2011 those of c₁ and c₂, without a standard deviation.
 #[test]
 fn values_published_without_spread_are_medians() {
     let is_median = |prior: &str, parameter: &str, value: f64| {
         let distribution = PriorSet::named(prior).unwrap().get(parameter).unwrap().distribution;
         assert_eq!(distribution, Distribution::LogNormal { median: value, log_sd: 0.7 }, "{prior}: {parameter}");
-        // This spread is called a factor of 2.
+        // The prior's source calls this standard deviation a factor of 2.
         assert!((0.7_f64.exp() - 2.0).abs() < 0.02);
     };
     for (parameter, value) in LETHERSICH.iter().zip([3.527, 1.402, 47.370]) {
@@ -107,7 +107,7 @@ fn values_published_without_spread_are_medians() {
     is_median("sharif-kashani-2011", "viscosity_2_pa_s", 70.0);
 }
 
-/// Parameters without a published value have the default prior, and their source says that it is assumed.
+/// Parameters without a published value have the default prior, and their `source` says that it is assumed.
 #[test]
 fn parameters_that_a_publication_leaves_open_are_the_porcine_prior_s() {
     let porcine = PriorSet::named("porcine").unwrap();
@@ -121,8 +121,8 @@ fn parameters_that_a_publication_leaves_open_are_the_porcine_prior_s() {
     }
 }
 
-/// Creep and relaxation of one material fulfil s G̃(s) · s J̃(s) = 1 at every s. One side is the published relaxation, the other the file's Kelvin–Voigt body after the
-/// instantaneous spring.
+/// Creep J and relaxation G of a material fulfil s G̃(s) · s J̃(s) = 1 for their Laplace transforms at every s. G is the published relaxation. J is the prior file's
+/// Kelvin–Voigt body in series with the instantaneous spring.
 #[test]
 fn the_aboulatta_prior_creeps_as_the_published_relaxation() {
     let (g0, g_inf, decay) = (2.10, 0.50, 1.20);
@@ -136,7 +136,7 @@ fn the_aboulatta_prior_creeps_as_the_published_relaxation() {
         assert!((relaxation * creep - 1.0).abs() < 1e-9, "s = {s}");
     }
     assert!((2.96_f64.recip() * e - 0.65625).abs() < 1e-9 && (c1 / e - 3.5).abs() < 1e-9);
-    // First-order spreads are computed by central differences.
+    // Standard deviations are propagated to first order by central differences.
     let derived = |g: [f64; 3]| {
         let e = 2.96 / (1.0 / g[1] - 1.0 / g[0]);
         [e, e * g[0] / (g[2] * g[1])]
@@ -186,7 +186,7 @@ fn a_parameter_left_out_takes_its_default_and_a_given_one_overrides_it() {
     assert_eq!(set.get("young_modulus_pa").unwrap().source, "s");
 }
 
-/// One file may serve several models.
+/// A prior file may serve several models, so it may hold parameters of other models.
 #[test]
 fn parameters_of_other_models_may_stand_in_the_file() {
     let read =
@@ -259,15 +259,15 @@ fn boxes_batches_and_subsets_agree_with_the_single_priors() {
             .priors()
             .iter()
             .zip(&natural)
-            // dx/dz = x for a log coordinate.
+            // The Jacobian of a logarithmic coordinate is dx/dz = x.
             .map(|(prior, x)| prior.distribution.ln_pdf(*x) + x.ln())
             .sum();
         assert!((value - 0.5 - expected).abs() < 1e-11);
     }
 }
 
-/// Two springpots in parallel under one prior: the density is doubled in one order and 0 in the other, and every draw is in order. With different priors, nothing is
-/// ordered.
+/// Two parallel springpots have equal priors. The density is doubled in one order and 0 in the other, and every draw is in order. With different priors, both orders
+/// are allowed.
 #[test]
 fn interchangeable_parts_stand_in_order() {
     let text = "parallel = [{ springpot = \"fast\" }, { springpot = \"slow\" }]";

@@ -1,4 +1,4 @@
-//! An experiment joined with its model: data, law, effects, priors, noise and mechanics.
+//! Problem of inference: an experiment joined with law, effects, priors, noise and mechanics.
 
 use std::sync::Arc;
 
@@ -21,12 +21,12 @@ use record::{Apparatus, Experiment};
 /// Prior mass beyond either end of the surrogate's trained range; the prior is truncated there.
 pub const TAIL_MASS: f64 = 1e-9;
 
-/// An experiment, its model, and computable mechanics.
+/// An experiment with its checked model and the mechanics of its apparatus.
 #[derive(Clone)]
 pub struct Problem {
     /// Experiment with its record.
     pub experiment: Experiment,
-    /// Specification of the model.
+    /// Model as specified in `model.toml`, with optional parameters fixed at their nulls.
     pub specification: ModelSpecification,
     /// Law and effects.
     pub model: Model,
@@ -39,7 +39,7 @@ pub struct Problem {
 }
 
 impl Problem {
-    /// Checks the model against the experiment and builds the mechanics, with the built-in effects.
+    /// Checks a model with built-in effects against the experiment, and builds the mechanics.
     pub fn new(
         experiment: Experiment,
         specification: ModelSpecification,
@@ -49,7 +49,7 @@ impl Problem {
         Self::with_library(experiment, specification, &Library::default(), mesh_file, monitor)
     }
 
-    /// Checks the model against the experiment and builds the mechanics, with another library of effects.
+    /// Checks a model with effects of a given library against the experiment, and builds the mechanics.
     pub fn with_library(
         experiment: Experiment,
         specification: ModelSpecification,
@@ -105,7 +105,7 @@ impl Problem {
         self.with_experiment(self.experiment.clone(), specification, library)
     }
 
-    /// Joins another model, or other positions, with the same apparatus.
+    /// Joins another model and another record of the same apparatus with these mechanics.
     ///
     /// # Errors
     /// [`Error::Input`] if the model does not suit the experiment.
@@ -118,7 +118,8 @@ impl Problem {
         Self::with_mechanics(experiment, specification, library, self.mechanics.clone())
     }
 
-    /// Replaces the positions (m) at the record's rows and keeps model and priors. A prior that depends on the range of positions keeps the range of the original record.
+    /// Replaces the positions (m, one entry per row) and keeps model and priors. Priors that depend on the range of positions still use the range of the original
+    /// record.
     pub fn with_positions(&self, position_m: Vec<Option<f64>>) -> Self {
         let mut experiment = self.experiment.clone();
         experiment.record.position_m = position_m;
@@ -137,7 +138,7 @@ impl Problem {
         self.model.parameters().iter().copied().chain(self.noise.parameters()).collect()
     }
 
-    /// Returns true if the model is a law alone and a finite sum of exponentials. The exponential step is then exact while the force holds.
+    /// Returns true if the model has no effects and its law's creep is a finite sum of exponentials. The exponential step is then exact while the force holds.
     pub fn is_exponential(&self) -> bool {
         self.model.is_law_alone() && self.model.base().is_exponential()
     }
@@ -150,7 +151,7 @@ impl Problem {
         }
     }
 
-    /// External program, if the law is one.
+    /// External program, if it replaces the base law.
     pub fn outside(&self) -> Option<&ExternalModel> {
         match &*self.mechanics {
             Mechanics::External(outside) => Some(outside),
@@ -158,14 +159,14 @@ impl Problem {
         }
     }
 
-    /// Forward model of the external program over the whole record.
+    /// Forward model of the external program over the whole record; `None` without an external program.
     pub fn outside_forward(&self) -> Option<ExternalForward<'_>> {
         let record = &self.experiment.record;
         self.outside()
             .map(|external_model| ExternalForward::new(external_model, &self.model, &record.time_s, record.force()))
     }
 
-    /// Range of a parameter's prior without `tail` on either side, or its fixed value.
+    /// Range of a parameter: its prior without the probability `tail` on either side, or its fixed value as both ends.
     pub fn range_of(&self, name: &str, tail: f64) -> TrainedRange {
         let (lower, upper) = match self.priors.get(name) {
             Some(prior) => (prior.distribution.quantile(tail), prior.distribution.quantile(1.0 - tail)),
@@ -177,25 +178,25 @@ impl Problem {
         TrainedRange { name: name.to_string(), lower, upper }
     }
 
-    /// Learnt range of an external program's parameter, once the program is learnt.
+    /// Range of a parameter in which the surrogate of an external program was learnt; `None` before that.
     pub fn learnt_range(&self, name: &str) -> Option<&TrainedRange> {
         let trained = &self.outside()?.learnt_in()?.trained;
         trained.iter().find(|range| range.name == name && range.lower < range.upper)
     }
 
-    /// Distribution of the starts of a parameter: its prior, or the range in which an external program was learnt.
+    /// Distribution from which starts of a parameter are drawn: its prior, or the range in which an external program was learnt. `None` for a fixed parameter.
     pub fn starts_of(&self, name: &str) -> Option<Distribution> {
         let prior = self.priors.get(name)?.distribution;
         let learnt = self.learnt_range(name);
         Some(learnt.map_or(prior, |range| Distribution::LogUniform { lower: range.lower, upper: range.upper }))
     }
 
-    /// Training ranges of the law's parameters for a surrogate: the prior's box, or a fixed value.
+    /// Training ranges of the law's parameters for a surrogate: the prior's range without [`TAIL_MASS`] on either side, or the fixed value.
     pub fn training_ranges(&self) -> Vec<TrainedRange> {
         self.model.base().parameters().iter().map(|p| self.range_of(p.name, TAIL_MASS)).collect()
     }
 
-    /// Poisson ratios that the model needs, from its stages at both ends of every effect's prior.
+    /// Smallest and largest Poisson ratio that the model needs, from its stages at both ends of every effect's prior.
     pub fn poisson_ratios(&self, fe: &FiniteElements) -> Result<[f64; 2]> {
         let specs = self.model.parameters();
         let middle: Vec<Dual> = specs.iter().map(|p| self.range_of(p.name, 0.5).lower.into()).collect();
@@ -215,7 +216,7 @@ impl Problem {
         Ok(ratios)
     }
 
-    /// Positions of some cycles; `None` elsewhere.
+    /// Positions (m) of the given cycles, one entry per row of the record; `None` at other rows.
     pub fn positions_of(&self, cycles: &[u32]) -> Vec<Option<f64>> {
         let record = &self.experiment.record;
         let pairs = record.position_m.iter().zip(&record.cycle);
@@ -223,12 +224,12 @@ impl Problem {
         pairs.map(|(position, cycle)| position.filter(|_| is_wanted(*cycle))).collect()
     }
 
-    /// Recording number of each row. Gains and offsets belong to recordings.
+    /// Recording number of each row, from 1. Each recording has its own gain and offset.
     pub fn recordings(&self) -> Vec<u32> {
         recordings(&self.experiment.record)
     }
 
-    /// Likelihood of some cycles' positions under the model's noise.
+    /// Likelihood of the given cycles' positions under the model's noise.
     pub fn noise_likelihood(&self, cycles: &[u32]) -> NoiseLikelihood {
         let record = &self.experiment.record;
         NoiseLikelihood::new(self.noise, &record.time_s, &self.recordings(), &self.positions_of(cycles))
@@ -263,7 +264,7 @@ fn refuse_without_mesh(model: &Model, mechanics: &Mechanics) -> Result<()> {
     }
 }
 
-/// Refuses an effect with masses if the density of robot or gel is missing.
+/// Refuses an effect that needs masses if the density of robot or gel is missing.
 fn refuse_without_density(model: &Model, experiment: &Experiment) -> Result<()> {
     let Apparatus::Robot { robot, vitreous } = &experiment.apparatus else { return Ok(()) };
     let missing = [("robot", robot.density_kg_m3), ("vitreous", vitreous.density_kg_m3)];
@@ -278,7 +279,7 @@ fn refuse_without_density(model: &Model, experiment: &Experiment) -> Result<()> 
     }
 }
 
-/// Refuses effects of load if the external program ignores the force.
+/// Refuses effects that change the load if the external program predicts only under the record's own force.
 fn refuse_loads_unheeded(model: &Model, outside: &ExternalModel) -> Result<()> {
     let load = model.effects().iter().find(|effect| effect.stage() == Stage::Load);
     match (load, outside.force_refusal()) {
@@ -301,7 +302,7 @@ fn refuse_mesh_outside(mesh_file: Option<&MeshFile>) -> Result<()> {
     })
 }
 
-/// Refuses fixed values at which this experiment has no model, although they lie inside their support.
+/// Refuses fixed values that lie inside their support but at which the model cannot be evaluated for this experiment.
 fn refuse_fixed_without_model(specification: &ModelSpecification, model: &Model, priors: &PriorSet) -> Result<()> {
     if specification.fixed.is_empty() {
         return Ok(());
@@ -317,7 +318,7 @@ fn refuse_fixed_without_model(specification: &ModelSpecification, model: &Model,
     }
 }
 
-/// A model that suits the experiment.
+/// Model that has passed all checks against the experiment.
 struct Checked {
     specification: ModelSpecification,
     model: Model,
@@ -326,7 +327,7 @@ struct Checked {
 }
 
 impl Checked {
-    /// Fixed values, or the priors' medians.
+    /// Value of each parameter in `specs`: its fixed value, or the median of its prior.
     fn medians(&self, specs: &[ParameterSpec]) -> Vec<f64> {
         let median = |name: &str| self.priors.get(name).map(|prior| prior.distribution.quantile(0.5));
         let value = |name: &str| self.specification.fixed.get(name).copied().or_else(|| median(name));

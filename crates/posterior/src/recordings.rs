@@ -1,14 +1,14 @@
-//! Recordings: parts of a record that were taken without interruption. Each has its own tracker gain and offset.
+//! Recordings: stretches of a record that were measured without interruption. The tracker's gain and offset are constant within a recording.
 
 use record::Record;
 
 /// Smallest ratio of a gap to the longer of its neighbouring intervals at which a new recording begins.
 const GAP: f64 = 3.0;
-/// Largest difference of equal forces, as a share of the range.
+/// Largest difference between forces that count as equal, as a fraction of the force range.
 const SAME_FORCE: f64 = 1e-9;
 
-/// Recording number of each row, from 1. A cycle begins a new recording only if the force changes or a gap in time precedes it. A cycle that begins within an unbroken hold
-/// continues the recording.
+/// Recording number of each row, from 1. A cycle begins a new recording only if the force changes or a gap in time precedes it. A cycle that begins within a continuous
+/// hold continues the recording.
 pub fn recordings(record: &Record) -> Vec<u32> {
     let tolerance_n = SAME_FORCE * record.force_range_n();
     let interval_s = |row: usize| row.checked_sub(1).map(|before| record.time_s[row] - record.time_s[before]);

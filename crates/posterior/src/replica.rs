@@ -17,18 +17,18 @@ const CSV: &str = include_str!("../../../data/porcine-replica/trajectory.csv");
 /// Table I of the paper: E (Pa), c₁ (Pa·s), c₂ (Pa·s).
 pub const TABLE_I: [f64; 3] = [3.527, 1.402, 47.370];
 
-/// Mesh level of the data, one above the level of the fitted model.
+/// Mesh level with which the data are generated, one above the level of the fitted model.
 const MESH_LEVEL: usize = 4;
 const N_CYCLES: usize = 4;
 const HOLD_S: f64 = 5.0;
 const FORCE_N: f64 = 4.6e-6;
 const INTERVAL_S: f64 = 0.05;
-/// Time steps per sample, by the implicit midpoint rule; the fitted model uses one exact step per sample.
+/// Number of implicit-midpoint time steps per sample. The fitted model uses one exact step per sample.
 const STEPS_PER_SAMPLE: usize = 20;
 const NOISE_SD_M: f64 = 4e-6;
 const SEED: u64 = 20130703;
 
-/// Experiment that commands use if none is given.
+/// Returns the experiment that commands use if the user gives none, with its files.
 pub fn embedded() -> Result<(Experiment, ExperimentFiles)> {
     Experiment::from_texts(
         "the embedded porcine replica: experiment.toml",
@@ -38,8 +38,8 @@ pub fn embedded() -> Result<(Experiment, ExperimentFiles)> {
     )
 }
 
-/// Generates the replica's `trajectory.csv`: full finite elements with the parameters of Table I, and white noise. Mesh and time step are finer than the fitted model's,
-/// and the integrator differs.
+/// Generates the replica's `trajectory.csv` by full finite elements with the parameters of Table I, and adds white noise. The mesh and the time step are finer than
+/// those of the fitted model, and the integrator differs.
 pub fn trajectory_csv() -> Result<String> {
     let Apparatus::Robot { robot, vitreous } =
         Experiment::from_texts("experiment.toml", TOML, "trajectory.csv", CSV)?.0.apparatus
@@ -73,7 +73,7 @@ pub fn trajectory_csv() -> Result<String> {
 mod tests {
     use super::*;
 
-    /// The committed file equals the generated one, to one unit of the last printed digit, because of rounding.
+    /// The committed file equals the generated one, except for one unit of the last printed digit, which rounding may change.
     #[test]
     #[ignore = "thorough"]
     fn committed_data_are_what_the_command_makes() {

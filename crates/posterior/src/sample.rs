@@ -1,4 +1,4 @@
-//! The main job: surrogate, posterior by the ensemble sampler, full finite-element check, summary.
+//! Samples a posterior: prepares the surrogate, runs the ensemble sampler, checks draws by full finite elements and summarises the results.
 
 use std::path::Path;
 use std::time::Instant;
@@ -32,15 +32,15 @@ use sampling::diagnostics::{DrawColumn, ParameterDiagnostics, diagnose};
 use sampling::ensemble::{Checkpointing, Progress, RunControl, SampleOutcome};
 use sampling::{SamplerOptions, sample as sample_density};
 
-/// Number of starts of the search for modes, drawn from the prior.
+/// Number of starts of the search for posterior modes if the model is the Lethersich law alone. The starts are drawn from the prior.
 const N_STARTS: usize = 16;
-/// Number of starts for models other than the plain Lethersich law. Two bodies can exchange their roles, and one of the modes may attract few starts.
+/// Number of starts for all other models. Similar elements of a model can exchange their roles, which gives several modes. Few starts may lead to one of these modes.
 const N_STARTS_OF_LARGER: usize = 96;
-/// Random stream of the starts, distinct from the sampler's.
+/// Number of the random stream that draws the starts. The sampler uses other streams.
 const START_STREAM: u64 = u64::MAX / 2;
-/// Largest number of rows at which draws are predicted: 3.4 GB at a million.
+/// Largest number of rows at which posterior draws are predicted. A million rows take 3.4 GB of memory.
 const MOST_ROWS: usize = 1_200_000;
-/// Time between checkpoints.
+/// Time between two writings of the checkpoint.
 const CHECKPOINT_INTERVAL: std::time::Duration = std::time::Duration::from_secs(10);
 
 /// Request for sampling a posterior.
@@ -48,11 +48,11 @@ const CHECKPOINT_INTERVAL: std::time::Duration = std::time::Duration::from_secs(
 pub struct SampleRequest<'a> {
     /// Settings of the sampler.
     pub options: SamplerOptions,
-    /// Surrogate from an earlier run, used if its inputs are the same.
+    /// Surrogate from an earlier run. It is used only if it was built from this problem's inputs.
     pub kept_surrogate: Option<KeptSurrogate>,
     /// File that keeps the sampler's state; `None` for no checkpoints.
     pub checkpoint: Option<&'a Path>,
-    /// True if the run resumes from that file if it exists.
+    /// True to resume from the checkpoint, if that file exists.
     pub resume: bool,
 }
 
@@ -60,21 +60,21 @@ pub struct SampleRequest<'a> {
 pub struct SampleResult {
     /// Summary document.
     pub summary: PosteriorSummary,
-    /// The prepared model.
+    /// Model that was sampled, with its surrogate.
     pub model: PreparedModel,
     /// Draws with the sampler's diagnostics.
     pub outcome: SampleOutcome,
     /// One column per sampled parameter, in the parameter's unit.
     pub columns: Vec<DrawColumn>,
-    /// Predictive quantiles (m) of every row.
+    /// Predictive quantiles (m) of the position at every row, for the probabilities in [`crate::gaussian_predictive::BAND_PROBABILITIES`].
     pub bands_m: Vec<[f64; 5]>,
-    /// Noise standard deviation with which residuals are compared.
+    /// Noise standard deviation with which residuals are compared; `None` if it is neither given nor estimated.
     pub yardstick: Option<ReferenceNoise>,
-    /// Wall-clock seconds of each stage.
+    /// Name of each stage and its wall-clock duration in s.
     pub timing_s: Vec<(&'static str, f64)>,
 }
 
-/// Refuses a record whose predictions by every draw would not fit into memory.
+/// Refuses a record with so many rows that the predictions of all draws would not fit into memory.
 ///
 /// # Errors
 /// [`Error::Input`] with the remedy.
@@ -109,7 +109,7 @@ pub fn refuse_nothing_to_sample(problem: &Problem) -> Result<()> {
 /// Samples a posterior, checks it and summarises it.
 ///
 /// # Errors
-/// [`base::Error::Interrupted`] if stopped, with the state kept; errors of the parts.
+/// [`base::Error::Interrupted`] if the user stops the run, whose checkpoint is kept; errors of surrogate, sampler and checks.
 pub fn run(problem: &Problem, request: &SampleRequest, monitor: &dyn Monitor) -> Result<SampleResult> {
     refuse_too_many_rows(problem.experiment.record.n_rows())?;
     let mut timing_s = Vec::new();
@@ -148,7 +148,7 @@ pub fn run(problem: &Problem, request: &SampleRequest, monitor: &dyn Monitor) ->
 /// Draws from the posterior without checks.
 ///
 /// # Errors
-/// [`base::Error::Interrupted`] if stopped; errors of the sampler.
+/// [`base::Error::Interrupted`] if the user stops the run; errors of the sampler.
 pub fn sample(
     problem: &Problem,
     posterior: &ReducedPosterior,
@@ -196,7 +196,7 @@ pub fn sample(
     Ok(outcome)
 }
 
-/// Inputs of the log density as text; the sampler hashes it.
+/// Text of all inputs of the log density. The sampler stores its hash in the checkpoint, so that a run with other inputs does not resume from it.
 fn fingerprint(problem: &Problem, posterior: &ReducedPosterior) -> String {
     let Problem { experiment, specification, priors, .. } = problem;
     let version = env!("CARGO_PKG_VERSION");
@@ -219,7 +219,7 @@ fn fingerprint(problem: &Problem, posterior: &ReducedPosterior) -> String {
     format!("{version} {described:?} {rows} {specification:?} {priors:?} {:x} {trained:?}", compliance_per_m.to_bits())
 }
 
-/// Draws in the parameters' units.
+/// Converts draws from the sampler's coordinates to the parameters' units. Returns one column per sampled parameter, in the order of the priors.
 pub fn natural_columns(priors: &PriorSet, outcome: &SampleOutcome) -> Vec<DrawColumn> {
     let column = |(d, prior): (usize, &crate::prior::Prior)| {
         let mut column = outcome.draws.column(d);
@@ -316,7 +316,7 @@ fn summarise(
     summary
 }
 
-/// Median over the draws of each noise parameter.
+/// Median of each noise parameter over the checked draws, in the parameter's unit.
 fn median_noise(check: &FullCheck) -> Vec<f64> {
     let draws = &check.noise.parameters;
     let median = |k: usize| {
@@ -327,8 +327,8 @@ fn median_noise(check: &FullCheck) -> Vec<f64> {
     (0..draws.first().map_or(0, Vec::len)).map(median).collect()
 }
 
-/// Sampled law parameters with at least a twentieth of their draws in the outermost thousandth of the trained range (on a logarithmic scale). A prior of the usual shape
-/// has almost no draws there.
+/// Names of the sampled law parameters that crowd at an end of the trained range. A parameter crowds if more than 5 % of its draws lie in the outermost 0.1 % of the
+/// range, on a logarithmic scale. A prior of the usual shape has almost no draws there.
 fn at_edge_of_range(prepared: &PreparedModel, columns: &[DrawColumn]) -> Vec<String> {
     let crowds = |(name, column): (&str, &DrawColumn)| {
         let range = prepared.trained.iter().find(|range| range.name == name)?;
@@ -340,8 +340,8 @@ fn at_edge_of_range(prepared: &PreparedModel, columns: &[DrawColumn]) -> Vec<Str
     prepared.problem.priors.names().zip(columns).filter_map(crowds).collect()
 }
 
-/// Warns about an external program's parameters that crowd at an end of the learnt box which lies inside the prior. The limit is a hundredth of the draws in the outermost
-/// twentieth of the box.
+/// Warning about an external program's parameters that crowd at an end of the learnt box. A parameter crowds if more than 1 % of its draws lie in the outermost 5 % of
+/// the box, on a logarithmic scale. Only ends inside the prior's range count.
 fn at_edge_of_box(prepared: &PreparedModel, columns: &[DrawColumn]) -> Option<Warning> {
     let problem = &prepared.problem;
     let outside = problem.outside()?;
@@ -368,7 +368,8 @@ fn at_edge_of_box(prepared: &PreparedModel, columns: &[DrawColumn]) -> Option<Wa
     })
 }
 
-/// Replaces the sampler's coordinate numbers by parameter names. The highest number comes first, since 1 begins 10.
+/// Replaces coordinate numbers in a message of the sampler by parameter names. The highest number is replaced first, because the text `1` is also the beginning of
+/// `10`.
 pub fn with_parameter_names(messages: &[String], priors: &PriorSet) -> Vec<String> {
     let names: Vec<&str> = priors.names().collect();
     let named = |message: &String| {
@@ -387,13 +388,13 @@ pub fn noise_origin_text(origin: NoiseOrigin) -> &'static str {
     }
 }
 
-/// Singular values down to and including the first that is a rounding error.
+/// Leading singular values, up to and including the first one that is a rounding error (at most 1e-14).
 fn above_rounding(singular_values: &[f64]) -> Vec<f64> {
     let kept = singular_values.iter().take_while(|s| **s > 1e-14).count();
     singular_values[..(kept + 1).min(singular_values.len())].to_vec()
 }
 
-/// Summary of a parameter from its draws alone.
+/// Summary of a parameter's draws, without the biases that surrogate and mesh cause.
 pub fn parameter_summary(name: &str, d: &ParameterDiagnostics) -> ParameterSummary {
     ParameterSummary {
         name: name.into(),
@@ -436,12 +437,13 @@ fn parameter_summaries(prepared: &PreparedModel, columns: &[DrawColumn], check: 
     let summary = |(prior, column): (&crate::prior::Prior, &DrawColumn)| {
         let d = diagnose(column, blom);
         let place = specs.iter().position(|spec| spec.name == prior.name).unwrap_or(specs.len() - 1);
-        // The surrogate's bias is the importance-weighted minus the plain mean over the checked draws.
+        // The surrogate's bias is the importance-weighted mean of the checked draws minus their plain mean.
         let surrogate_bias_sd = check.weights.as_ref().map(|weights| {
             let equal = 1.0 / draws.len() as f64;
             weights.iter().zip(draws).map(|(w, draw)| (w - equal) * draw[place]).sum::<f64>() / d.sd
         });
-        // The trajectory depends on compliance over a modulus or a viscosity. Their relative error is therefore the compliance's; other parameters have none.
+        // The trajectory depends on the compliance divided by a modulus or a viscosity. A relative error of the compliance thus causes an equal one of these
+        // parameters, and none of the others.
         let is_stress = law.get(place).is_some_and(|spec| spec.unit.starts_with("Pa"));
         let discretisation_bias_sd = relative_mesh_error.map(|e| if is_stress { e * d.mean / d.sd } else { 0.0 });
         ParameterSummary { surrogate_bias_sd, discretisation_bias_sd, ..parameter_summary(&prior.name, &d) }
@@ -449,7 +451,7 @@ fn parameter_summaries(prepared: &PreparedModel, columns: &[DrawColumn], check: 
     problem.priors.priors().iter().zip(columns).map(summary).collect()
 }
 
-/// Warns about draws that fit but have no model on other rows.
+/// Warning about draws that have a model on the fitted rows but not on the whole record.
 fn refused_warning(n_refused: usize) -> Warning {
     Warning {
         kind: WarningKind::DrawsRefused,
@@ -460,7 +462,7 @@ fn refused_warning(n_refused: usize) -> Warning {
     }
 }
 
-/// Learnt noise (µm) that varies from row to row, all such terms together: median over the draws.
+/// Learnt standard deviation (µm) of the noise that varies from row to row, with all its terms: median over the checked draws.
 fn learnt_noise_um(check: &FullCheck) -> f64 {
     let noise = &check.noise;
     let mut noise_um: Vec<f64> = noise.parameters.iter().map(|parameter| noise.model.row_sd_um(parameter)).collect();
@@ -468,7 +470,7 @@ fn learnt_noise_um(check: &FullCheck) -> f64 {
     noise_um[noise_um.len() / 2]
 }
 
-/// Root mean square over rows of the standard error of the mean trajectory.
+/// Monte Carlo error of the mean trajectory in m: root mean square of its standard error at all rows.
 fn monte_carlo_m(trajectories_m: &[Vec<f64>], mean_m: &[f64]) -> f64 {
     let n = trajectories_m.len() as f64;
     let squares: f64 = trajectories_m.iter().flat_map(|t| t.iter().zip(mean_m)).map(|(x, m)| (x - m).powi(2)).sum();
@@ -490,7 +492,7 @@ mod tests {
         assert!(error.contains("10000000 rows") && error.contains("average every 9 rows"), "{error}");
     }
 
-    /// A checkpoint of another mesh's posterior must not be resumed: the sampler hashes the mechanics, too.
+    /// A run must not resume from a checkpoint of another mesh. The fingerprint therefore contains the mechanics, too.
     #[test]
     fn other_mechanics_have_another_fingerprint() {
         let (experiment, _) = replica::embedded().expect("embedded");

@@ -1,7 +1,8 @@
-//! Test of a fit's residuals for patterns, independent of the noise level.
+//! Test of a fit's residuals for patterns that does not depend on the noise level.
 //!
-//! Two statistics of the whitened residuals of the fitted rows do not depend on the noise level: the runs of one sign, and the autocorrelation up to lag 10
-//! ([`whiteness`](super::whiteness)). Both are compared with those of simulated noise, from which the same parameters are removed.
+//! The test uses two statistics of the fitted rows' whitened residuals ([`whiteness`](super::whiteness)). They are the number of runs of one sign, and the
+//! autocorrelation up to lag 10. Neither depends on the noise level. Both are compared with those of simulated noise, from which the fitted parameters' columns are
+//! removed as well.
 
 use nalgebra::DVector;
 use rayon::prelude::*;
@@ -10,31 +11,32 @@ use statrs::distribution::{ChiSquared, ContinuousCDF, Normal};
 
 use super::whiteness::{N_LAGS, autocorrelation, ljung_box, runs_score};
 
-/// Share of records of pure noise whose residuals are called systematic.
+/// False-alarm probability: fraction of records of pure noise whose residuals are called systematic.
 const FALSE_ALARM: f64 = 0.001;
-/// Number of simulated records; the smallest p that they resolve is half of [`FALSE_ALARM`].
+/// Number of simulated records. The smallest p that they resolve is half of [`FALSE_ALARM`].
 const N_SIMULATIONS: usize = 3_999;
-/// Largest number of residuals for which records are simulated. Closed forms serve for more residuals, on which a few parameters have a negligible influence.
+/// Largest number of residuals for which records are simulated. For more residuals, the fitted parameters have a negligible influence, and closed forms replace the
+/// simulation.
 const MOST_SIMULATED: usize = 5_000;
-/// Smallest number of residuals beyond the number of parameters: twice the largest lag.
+/// Smallest number of residuals minus number of parameters for which the test is possible. It is twice the largest lag.
 const LEAST_DEGREES: usize = 2 * N_LAGS;
 /// Seed of the simulated records. It is fixed, because the records are part of the method.
 const SEED: u64 = 0x5157;
 
-/// Test of one record.
+/// Result of the test for one record.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SystematicTest {
-    /// Probability that pure noise is as far from white, over both statistics.
+    /// Probability that pure noise deviates as much from whiteness in at least one of the two statistics.
     pub p: f64,
-    /// Autocorrelation at lag 1.
+    /// Autocorrelation of the residuals at lag 1.
     pub first_autocorrelation: f64,
-    /// Standard score of the number of runs; negative for long runs.
+    /// Standard score of the number of runs; negative if there are few long runs.
     pub runs_score: f64,
 }
 
 impl SystematicTest {
-    /// Tests whitened residuals (dimensionless, one per fitted row in order of time), given the whitened derivatives by the fitted parameters. `None` for too few
-    /// residuals, or if one is not finite.
+    /// Tests whitened residuals (dimensionless, one per fitted row in order of time). `columns` holds the whitened derivatives of the prediction by each fitted
+    /// parameter. Returns `None` if there are too few residuals or if one is not finite.
     pub fn of(residuals: &[f64], columns: &[Vec<f64>]) -> Option<Self> {
         let n = residuals.len();
         let basis = orthonormal(columns);
@@ -57,7 +59,7 @@ impl SystematicTest {
     }
 }
 
-/// Ljung and Box's statistic, and the deficit of runs. Many short runs are no misfit of a law.
+/// Returns the statistic of Ljung and Box, and minus the standard score of the number of runs. Both are large for a misfit. Many short runs are no misfit of a law.
 fn statistics(residuals: &[f64]) -> [f64; 2] {
     [ljung_box(residuals), -runs_score(residuals)]
 }
@@ -84,7 +86,7 @@ fn by_simulation(values: [f64; 2], n: usize, basis: &[DVector<f64>]) -> [f64; 2]
     })
 }
 
-/// Orthonormal columns that span the same space; dependent and non-finite ones are left out.
+/// Orthonormal basis of the space that the columns span. Linearly dependent and non-finite columns are left out.
 fn orthonormal(columns: &[Vec<f64>]) -> Vec<DVector<f64>> {
     let mut basis: Vec<DVector<f64>> = Vec::with_capacity(columns.len());
     for column in columns {
@@ -114,7 +116,7 @@ mod tests {
         (0..n).map(|_| stream.normal()).collect()
     }
 
-    /// Residuals of a fit of five smooth columns.
+    /// Residuals of a least-squares fit of five smooth columns to `data`, and these columns.
     fn residuals(data: &[f64]) -> (Vec<f64>, Vec<Vec<f64>>) {
         let n = data.len();
         let column =
@@ -128,7 +130,7 @@ mod tests {
         (left.as_slice().to_vec(), columns)
     }
 
-    /// The false-alarm rate is 0.001. More than 5 of 300 records are called systematic with a probability of 1e-6 (Poisson with mean 0.3).
+    /// The false-alarm rate is 0.001. By chance, more than 5 of 300 records are called systematic with a probability of 1e-6 (Poisson distribution with mean 0.3).
     #[test]
     fn residuals_of_white_noise_are_not_systematic() {
         for n in [40, 200] {
@@ -143,7 +145,7 @@ mod tests {
         assert!(!long.is_systematic(), "{long:?}");
     }
 
-    /// A wave as large as the noise is found at any noise level, by simulation and by closed forms.
+    /// A wave as large as the noise is found at any noise level, both with simulated records and with closed forms.
     #[test]
     fn a_pattern_is_found_whatever_the_level() {
         for (n, level) in [(200, 1e-9), (200, 1.0), (200, 1e6), (8_000, 1.0)] {

@@ -2,17 +2,17 @@
 
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-/// Number of lags of the autocorrelation.
+/// Number of lags at which autocorrelations are computed.
 pub const N_LAGS: usize = 10;
 
-/// Autocorrelation at lags 1 to [`N_LAGS`], around zero.
+/// Autocorrelation of the residuals around zero, at lags 1 to [`N_LAGS`].
 pub fn autocorrelation(residuals: &[f64]) -> Vec<f64> {
     let square: f64 = residuals.iter().map(|r| r * r).sum();
     let at = |lag: usize| residuals.iter().zip(residuals.iter().skip(lag)).map(|(a, b)| a * b).sum::<f64>();
     (1..=N_LAGS).map(|lag| if square > 0.0 { at(lag) / square } else { 0.0 }).collect()
 }
 
-/// Statistic of Ljung and Box (1978) over [`N_LAGS`] lags, halved so that it is in nats.
+/// Half the statistic of Ljung and Box (1978) over [`N_LAGS`] lags. The half is a gain in nats.
 pub fn ljung_box(residuals: &[f64]) -> f64 {
     let n = residuals.len() as f64;
     let of_lag = |(rho, lag): (&f64, usize)| if n > lag as f64 { rho * rho / (n - lag as f64) } else { 0.0 };
@@ -31,12 +31,12 @@ pub fn runs_score(residuals: &[f64]) -> f64 {
     if variance > 0.0 { (n_runs - mean) / variance.sqrt() } else { 0.0 }
 }
 
-/// Half the square of [`runs_score`], in nats.
+/// Half the square of [`runs_score`], which is a gain in nats.
 pub fn runs(residuals: &[f64]) -> f64 {
     0.5 * runs_score(residuals).powi(2)
 }
 
-/// Half width of the interval that contains one autocorrelation of white residuals with 95 % probability.
+/// Half width of the interval that contains an autocorrelation of `n` white residuals with a probability of 95 %.
 pub fn white_limit(n: usize) -> f64 {
     ChiSquared::new(1.0).map_or(1.96, |chi| chi.inverse_cdf(0.95).sqrt()) / (n.max(1) as f64).sqrt()
 }
@@ -46,7 +46,8 @@ mod tests {
     use super::*;
     use sampling::ensemble::RandomStream;
 
-    /// About 5 % of 1000 white records exceed the 95 % point of χ². The limit of six standard errors of that share fails falsely with a probability of about 1e-8.
+    /// About 5 % of 1000 white records exceed the 95 % point of χ². The limit is six standard errors of this fraction, so the test fails by chance with a probability
+    /// of about 1e-8.
     #[test]
     fn white_residuals_are_called_white_as_often_as_they_should() {
         let limits = [10.0, 1.0].map(|degrees| ChiSquared::new(degrees).expect("positive").inverse_cdf(0.95));

@@ -1,4 +1,4 @@
-//! Reads a separate force log, whose times differ from the camera's and which may contain a coil current instead of a force (formats §1).
+//! Reads a separate force log (formats §1). Its times differ from the camera's, and it may contain a coil current instead of a force.
 
 use std::path::Path;
 
@@ -9,24 +9,24 @@ use base::error::{Error, InputPlace, Result};
 use base::toml_input::TomlTable;
 use base::units::Dimension;
 
-/// Content of the table `[actuation]`.
+/// Checked content of the table `[actuation]` in `experiment.toml`.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Actuation {
-    /// Log file, relative to the TOML file's directory.
+    /// Path of the log file, relative to the TOML file's directory.
     pub file: String,
     description: TableDescription,
-    /// Calibration coefficients aᵢ: force in N = Σ aᵢ currentⁱ with the current in A. Empty if the log contains the force itself.
+    /// Coefficients aᵢ that convert a current to a force: F = Σ aᵢ Iⁱ, with F in N and I in A. Empty if the log contains the force itself.
     calibration: Vec<f64>,
     /// Rule for the force between the log's rows.
     pub rule: ForceRule,
     pub rule_given: bool,
 }
 
-/// Times that differ by less than this fraction of the record's length count as equal.
+/// Two times count as equal if they differ by less than this fraction of the record's duration.
 const SAME_TIME: f64 = 1e-12;
 
 impl Actuation {
-    /// Reads the table. `file` checks and returns the path of the log.
+    /// Reads the table `[actuation]`. The function `file` checks the path of the log and returns it.
     pub fn read(actuation: TomlTable<'_>, file: impl Fn(TomlTable<'_>) -> Result<String>) -> Result<Self> {
         actuation.only(&[&["file", "force", "calibration"], &KEYS[..]].concat())?;
         let description = TableDescription::read_log(actuation)?;
@@ -52,8 +52,9 @@ impl Actuation {
         })
     }
 
-    /// Returns the trajectory with the log's force, and the indices of the added rows. Rows are added where the force changes between camera rows. Time 0 is
-    /// the earlier of the camera's start and the first force.
+    /// Merges the camera's trajectory with the force log. Returns the trajectory with the log's force, and the indices of the added rows. A row is added
+    /// wherever the force changes between two camera rows. Time 0 is the camera's first time or the first
+    /// change of the force, whichever is earlier.
     pub(super) fn merged(&self, file: &Path, bytes: &[u8], trajectory: Trajectory) -> Result<(Trajectory, Vec<usize>)> {
         let log = self.log(file, bytes, &trajectory)?;
         let force = Force { at_rows_n: &log.force_n, rule: self.rule };
@@ -81,14 +82,14 @@ impl Actuation {
                 force_rows.push(made.time_s.len());
                 made.push_from(&trajectory, row, change_s + shift_s, force.at_n(&log.time_s, change_s), false);
             }
-            // A sample at the time of a change, within rounding, becomes the change's row.
+            // If a camera row coincides with a force change, within rounding, it becomes the row of that change.
             let at_s = coming.next_if(|change_s| *change_s < time_s + same_s).unwrap_or(time_s);
             made.push_from(&trajectory, row, time_s + shift_s, force.at_n(&log.time_s, at_s), true);
         }
         Ok((made, force_rows))
     }
 
-    /// Reads the log's rows: times (s) on the trajectory's clock, forces (N).
+    /// Reads the log as a trajectory: times in s on the camera's clock, forces in N.
     fn log(&self, file: &Path, bytes: &[u8], trajectory: &Trajectory) -> Result<Trajectory> {
         let text = decode_table(file, bytes, self.description.layout.encoding)?;
         let mut log = read_described(file, &text, &self.description)?;

@@ -1,4 +1,4 @@
-//! The apparatus and its tables in `experiment.toml`: a robot in the vitreous, or another instrument.
+//! The apparatus and its tables in `experiment.toml`: a bead or robot in the vitreous, an indenter, or another instrument.
 
 use std::f64::consts::PI;
 
@@ -6,26 +6,26 @@ use super::indenter::Indenter;
 use base::error::Result;
 use base::toml_input::TomlTable;
 
-/// Apparatus that converts force to position.
+/// Apparatus on which the force acts and whose position is measured.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Apparatus {
-    /// A robot inside the vitreous, computed with the finite-element model.
+    /// A bead or robot inside the vitreous, computed with the finite-element model.
     Robot {
-        /// The moving body.
+        /// The body that the force moves.
         robot: Robot,
         /// The gel around the robot.
         vitreous: Vitreous,
     },
-    /// Another instrument with position = compliance × ∫J dF.
+    /// Another instrument that responds linearly: position = compliance × ∫J dF, with the creep compliance J and the force F.
     Instrument {
-        /// Displacement per force, per Pa⁻¹ of creep compliance, in 1/m.
+        /// Compliance of the instrument, in 1/m: position per force, divided by the creep compliance J (1/Pa).
         compliance_per_m: f64,
     },
-    /// A tip that is pressed into a half-space, with depth^p = compliance × ∫J dF.
+    /// A tip that is pressed into a half-space: depth^p = compliance × ∫J dF, with the exponent p of the tip's shape.
     Indenter(Indenter),
 }
 
-/// The moving body.
+/// The body that the force moves: a bead or a microrobot.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Robot {
     /// Shape and sizes of the robot.
@@ -55,7 +55,7 @@ pub enum OffsetDirection {
 }
 
 impl OffsetDirection {
-    /// Name in `experiment.toml`.
+    /// Name of the direction in `experiment.toml`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Along => "along",
@@ -63,7 +63,7 @@ impl OffsetDirection {
         }
     }
 
-    /// Index of the axis: 0 for x, 1 for y.
+    /// Index of the axis of the offset: 0 for x, 1 for y.
     pub fn axis(self) -> usize {
         match self {
             Self::Along => 0,
@@ -109,7 +109,7 @@ pub enum Orientation {
     Vertical,
 }
 
-/// The gel sphere around the robot, with a fixed outer surface.
+/// The ball of gel around the robot. Its outer surface is fixed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Vitreous {
     /// Diameter in m.
@@ -126,7 +126,7 @@ pub fn density_toml(density_kg_m3: Option<f64>) -> String {
 }
 
 impl RobotShape {
-    /// Volume in m³.
+    /// Volume of the robot, in m³.
     pub fn volume_m3(&self) -> f64 {
         match *self {
             Self::Sphere { diameter_m } => PI / 6.0 * diameter_m.powi(3),
@@ -135,7 +135,7 @@ impl RobotShape {
         }
     }
 
-    /// Radius of a sphere, or radius of the sphere of equal volume for another shape, in m.
+    /// Radius of a sphere, in m. For another shape: radius of the sphere of equal volume.
     pub fn equivalent_radius_m(&self) -> f64 {
         match *self {
             Self::Sphere { diameter_m } => 0.5 * diameter_m,
@@ -143,7 +143,7 @@ impl RobotShape {
         }
     }
 
-    /// Smaller of diameter and length, in m.
+    /// Diameter or length of the robot in m, whichever is smaller.
     fn smallest_size_m(&self) -> f64 {
         match *self {
             Self::Sphere { diameter_m } => diameter_m,
@@ -153,7 +153,7 @@ impl RobotShape {
         }
     }
 
-    /// Distance in m from the robot's centre to its farthest point.
+    /// Distance in m from the robot's centre to the farthest point of its surface.
     pub fn outer_radius_m(&self) -> f64 {
         match *self {
             Self::Sphere { diameter_m } => diameter_m / 2.0,
@@ -164,7 +164,7 @@ impl RobotShape {
 }
 
 impl Robot {
-    /// Distance in m from the vitreous's centre to the robot's farthest point.
+    /// Distance in m from the vitreous's centre to the farthest point of the robot's surface.
     pub fn farthest_point_m(&self) -> f64 {
         let Some(Offset { distance_m, direction }) = self.offset else { return self.shape.outer_radius_m() };
         let is_along = |orientation| (orientation == Orientation::Horizontal) == (direction == OffsetDirection::Along);
@@ -176,7 +176,7 @@ impl Robot {
             RobotShape::Cylinder { length_m, diameter_m, .. } => (distance_m + 0.5 * diameter_m).hypot(0.5 * length_m),
             RobotShape::Ellipsoid { length_m, orientation, .. } if is_along(orientation) => distance_m + 0.5 * length_m,
             RobotShape::Ellipsoid { length_m, diameter_m, .. } => {
-                // (d + b cos t)² + (a sin t)² over t, across the long axis.
+                // The ellipsoid is offset by d across its long axis. The squared distance of its surface point at the angle t is (d + b cos t)² + (a sin t)².
                 let (a, b) = (0.5 * length_m, 0.5 * diameter_m);
                 let spread = a * a - b * b;
                 let cos = if distance_m * b < spread { distance_m * b / spread } else { 1.0 };
@@ -191,13 +191,13 @@ const MM_PER_M: f64 = 1e3;
 const SIZES_MM: [f64; 2] = [1e-6, 1e4];
 /// Allowed densities: from below any gas to far above any metal.
 const DENSITIES_KG_M3: [f64; 2] = [1e-3, 1e6];
-/// Allowed compliances of instruments: inverse lengths from a femtometre to a thousand kilometres.
+/// Allowed compliances of instruments, in 1/m. Their inverses are lengths from a femtometre to a thousand kilometres.
 const COMPLIANCES_PER_M: [f64; 2] = [1e-6, 1e15];
-/// Largest ratio of the vitreous's diameter to the robot's smallest size. A larger ratio only adds elements where nothing moves.
+/// Largest ratio of the vitreous's diameter to the robot's smallest size. A larger ratio only adds elements whose displacement is negligible.
 const LARGEST_RATIO: f64 = 1e4;
 
 impl Apparatus {
-    /// Reads `[robot]` and `[vitreous]`, `[instrument]` or `[indenter]`.
+    /// Reads the apparatus from `[robot]` and `[vitreous]`, from `[instrument]` or from `[indenter]`.
     pub(super) fn from_document(root: TomlTable<'_>) -> Result<Self> {
         if let Some(indenter) = root.table("indenter")? {
             if let Some(other) = ["robot", "vitreous", "instrument"].into_iter().find(|other| root.has(other)) {
@@ -313,7 +313,7 @@ fn robot_from(table: TomlTable<'_>) -> Result<Robot> {
     Ok(Robot { shape, density_kg_m3, offset })
 }
 
-/// Returns `None` for a missing offset or an offset of 0: the robot is in the middle.
+/// Reads the robot's offset. Returns `None` if it is missing or 0, because the robot is then in the middle.
 fn offset_from(table: TomlTable<'_>) -> Result<Option<Offset>> {
     let distance_mm = table.number("offset_mm")?.unwrap_or(0.0);
     if !(distance_mm >= 0.0 && distance_mm.is_finite()) {
@@ -444,7 +444,7 @@ mod tests {
         );
     }
 
-    /// Compares with sampled points of the bodies' surfaces.
+    /// The formula agrees with the largest distance of many points on the bodies' surfaces.
     #[test]
     fn the_farthest_point_is_the_farthest() {
         let (length_m, diameter_m) = (3.0_f64, 1.0_f64);

@@ -1,8 +1,8 @@
-//! Finds the contact of an indenter's tip. It subtracts the force before contact and leaves out the rows where the growing-contact law does not hold (physics
-//! §5.1).
+//! Finds the time interval in which an indenter's tip is in growing contact, and keeps only these rows (physics §5.1). It also subtracts the force before
+//! contact.
 //!
-//! The law of Lee and Radok requires a growing contact. Before contact nothing is pressed; while the depth decreases, another law holds. The record therefore
-//! starts at the last row at which the force is still that of a free tip. It ends at the largest depth before the depth decreases.
+//! The law of Lee and Radok requires a growing contact. Before contact no load acts on the gel; while the depth decreases, another law holds. The record
+//! therefore starts at the last row at which the tip is still free. It ends at the largest depth before the depth decreases.
 
 use std::ops::Range;
 use std::path::Path;
@@ -15,38 +15,40 @@ use super::robust::median;
 use super::trajectory::Trajectory;
 use base::error::{Error, InputPlace, Result};
 
-/// Fraction of the largest force above which the tip is surely in contact. Rows before that may be those of a free tip.
+/// Fraction of the largest force above which the tip is certainly in contact. Earlier rows may belong to a free tip.
 const SURE_OF_CONTACT: f64 = 0.05;
-/// Part of those rows used for the free force. The last rows may already be in contact.
+/// Fraction of the rows below `SURE_OF_CONTACT` that the free force is estimated from. The last of these rows may already be in contact.
 const FREE_PART: f64 = 0.8;
-/// Minimum number of rows for a free force.
+/// Smallest number of rows from which a free force is estimated.
 const MIN_FREE_ROWS: usize = 16;
-/// Largest drift of the free force before contact, as a fraction of the contact threshold. A force that grows by more is pressing from the first row on.
+/// Largest drift of the free force before contact, as a fraction of the force at `SURE_OF_CONTACT`. If the force grows by more, the tip presses from the first
+/// row on.
 const FREE_DRIFT: f64 = 0.3;
-/// Fraction of the largest force below which positions are not compared, because the onset of contact follows another law.
+/// Positions are not compared below this fraction of the largest force, because the onset of contact follows another law.
 const TOUCHING: f64 = 0.02;
-/// Multiple of the force's noise below which positions are not compared.
+/// Positions are not compared below this multiple of the force's noise standard deviation.
 const TOUCHING_SD: f64 = 10.0;
-/// Number of neighbouring rows whose mean force is tested against the free force, and the limit in standard errors.
+/// The mean force of `N_MEAN` neighbouring rows differs from the free force if it exceeds it by `FREE_SD` standard errors.
 const N_MEAN: usize = 5;
 const FREE_SD: f64 = 3.0;
-/// Fraction of the depth's range by which the depth must fall, in this many consecutive rows, to end the record.
+/// The record ends if the depth falls by the fraction `FALL` of its range for `N_FALLING` consecutive rows.
 const FALL: f64 = 0.01;
 const N_FALLING: usize = 5;
 
-/// Force of a free tip.
+/// Force on a tip that does not touch the gel.
 struct FreeForce {
     /// Force at the row where contact begins, in N.
     force_n: f64,
-    /// Error of `force_n`, in N: its difference from the mean force in the last quarter of the free rows.
+    /// Error of `force_n`, in N: its difference from the mean force in the last quarter of the rows with a free tip.
     error_n: f64,
-    /// Standard deviation from row to row, in N.
+    /// Standard deviation of the force's noise, in N.
     sd_n: f64,
-    /// Last row at which the tip is free.
+    /// Index of the last row at which the tip is free.
     last_row: usize,
 }
 
-/// Reduces the record to the part in which the contact grows. Forces count from the free tip's force, positions from the onset of contact.
+/// Reduces the record to the rows with a growing contact. The free tip's force is subtracted from the forces, and positions are measured from the onset of
+/// contact.
 ///
 /// # Errors
 /// [`Error::Input`] if the tip is not pressed in, if the position does not follow the force, or if too few rows remain.
@@ -121,8 +123,8 @@ pub(super) fn trim_to_contact(file: &Path, trajectory: &mut Trajectory, indenter
 
 const LOST_REMEDY: &str = "give the positions of the tip while it is pressed in";
 
-/// Fits the force of a free tip: a straight line through the rows before contact, because optical levers drift. Returns its value at the last of these rows, or
-/// `None` if the record begins in contact and its forces count unchanged.
+/// Fits the force of a free tip by a straight line through the rows before contact, because optical levers drift. Returns the line's value at the last of these
+/// rows. Returns `None` if the record begins in contact; its forces are then used unchanged.
 fn free_force(time_s: &[f64], force_n: &[f64]) -> Option<FreeForce> {
     let first_n = median(force_n.iter().take(MIN_FREE_ROWS).copied().collect())?;
     let largest_n = force_n.iter().copied().fold(f64::NEG_INFINITY, f64::max);
@@ -139,7 +141,7 @@ fn free_force(time_s: &[f64], force_n: &[f64]) -> Option<FreeForce> {
         return None;
     }
     let mean_error_n = sd_n / (N_MEAN as f64).sqrt();
-    // The search ends inside the free rows at the latest.
+    // The search for the contact stops at the last row that may be free.
     let is_free = |row: &usize| {
         let window = row.saturating_sub(N_MEAN / 2)..(row + N_MEAN / 2 + 1).min(force_n.len());
         let excess_n = window.clone().map(|row| force_n[row] - line.at(time_s[row])).sum::<f64>() / window.len() as f64;
@@ -152,7 +154,7 @@ fn free_force(time_s: &[f64], force_n: &[f64]) -> Option<FreeForce> {
     Some(FreeForce { force_n: at_contact_n, error_n: (at_contact_n - late_n).abs(), sd_n, last_row })
 }
 
-/// Index after the last row of growing depth.
+/// Index of the row after the last one at which the depth grows. The search starts at row `from`.
 fn end_of_growth(tip_m: &[Option<f64>], from: usize) -> usize {
     let depths = || tip_m.iter().enumerate().skip(from).filter_map(|(row, x)| Some((row, (*x)?)));
     let (lowest_m, highest_m) =

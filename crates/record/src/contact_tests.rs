@@ -8,14 +8,14 @@ use crate::Tip;
 const INDENTER: Indenter = Indenter { tip: Tip::Sphere, size: None, poisson_ratio: 0.5, cantilever_n_per_m: None };
 const FREE_N: f64 = 11.2e-9;
 const INTERVAL_S: f64 = 0.01;
-/// Noise of one force value.
+/// Noise standard deviation of the force, in N.
 const FORCE_SD_N: f64 = 5e-12;
 const CONTACT: usize = 150;
 const HOLD: usize = 300;
 const RETRACT: usize = 500;
 
-/// A tip that moves down at 10 µm/s, touches at row 150, holds at 10 nN from row 300 to 500 and is withdrawn. While it moves in, the force is 10 nN (depth/15
-/// µm)^1.5.
+/// A record of a tip that approaches at 10 µm/s and touches at row 150. It holds at 10 nN from row 300 to 500, and is then withdrawn. During loading the force is 10 nN
+/// (depth/15 µm)^1.5.
 fn indentation(drift_n_per_s: f64, seed: u64) -> Trajectory {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let noise = Normal::new(0.0, FORCE_SD_N).unwrap();
@@ -43,8 +43,8 @@ fn settle(trajectory: &mut Trajectory, indenter: &Indenter) -> Result<Note> {
     trim_to_contact(Path::new("t.csv"), trajectory, indenter)
 }
 
-/// The free force lies within 5 standard errors of a line through 120 rows, extrapolated by 30 rows (0.3 σ). For 100 records this fails once in 10⁶.
-/// Contact lies within the rows whose force a mean of five rows cannot distinguish from none (10 rows are 17 σ). No row of the retraction remains.
+/// The free force is found within 5 standard errors of a line through 120 rows that is extrapolated by 30 rows (0.3 σ). For 100 records this fails once in 10⁶.
+/// Contact is found within 10 rows, because there the mean force of five rows reaches 17 σ. No row of the retraction remains.
 #[test]
 fn what_is_left_is_the_growing_contact() {
     for seed in 0..50 {
@@ -61,7 +61,7 @@ fn what_is_left_is_the_growing_contact() {
             assert!((CONTACT - 25..CONTACT + 10).contains(&n_before), "{seed}: {n_before}");
             assert_eq!(n_after, 700 - RETRACT - 1, "{seed}");
             assert!((to_s - RETRACT as f64 * INTERVAL_S).abs() < 1e-9 && from_s < compared_from_s);
-            // Depth above 2 % of the force: 0.0737 of 15 µm, 11 rows after contact.
+            // Positions are compared above 2 % of the largest force. There the depth is 0.0737 × 15 µm, 11 rows after contact.
             let first = trajectory.position_m.iter().position(Option::is_some).expect("positions");
             assert!((n_before + first).abs_diff(CONTACT + 11) <= 1, "{seed}: {first}");
             let n = trajectory.time_s.len();
@@ -72,7 +72,7 @@ fn what_is_left_is_the_growing_contact() {
     }
 }
 
-/// The spring that carries the tip deflects by F/κ: 10 nN at 0.05 N/m are 0.2 µm.
+/// The spring that carries the tip deflects by F/κ, and the deflection is subtracted from the position. A force of 10 nN at κ = 0.05 N/m gives 0.2 µm.
 #[test]
 fn the_deflection_of_the_spring_is_taken_off() {
     let (mut stiff, mut soft) = (indentation(0.0, 1), indentation(0.0, 1));
@@ -92,7 +92,7 @@ fn a_record_that_begins_in_contact_keeps_its_forces() {
     };
     assert_eq!((n_before, n_after, free_n), (0, 0, None));
     assert_eq!(trajectory.force_n, force_n);
-    // A force that grows evenly from the first row on shows no free tip, even if it stays small for many rows.
+    // A force that grows evenly from the first row on has no rows with a free tip, even if it stays small for many rows.
     let mut ramp = indentation(0.0, 2);
     keep(&mut ramp, CONTACT..RETRACT);
     ramp.force_n.iter_mut().enumerate().for_each(|(row, force)| *force = 1e-12 * row as f64);

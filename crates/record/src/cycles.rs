@@ -1,8 +1,9 @@
 //! Finds cycles from the force's repetition, for records without a `cycle` column.
 //!
-//! Steps (changes above 20 % of the force's range) cut the force into *holds*. Smaller changes do not cut. A cycle is the shortest sequence of holds that
-//! repeats in level, direction and duration. If the levels drift too much, direction and duration alone must repeat. A force whose holds do not repeat is
-//! compared with itself at increasing lags instead. Examples are a sine, a slow ramp to and fro, and steps so close to 20 % that only some of them cut.
+//! Force steps are changes above 20 % of the force's range. They divide the record into *holds*; smaller changes do not. A cycle is the shortest sequence of
+//! holds that repeats in level, direction and duration. If the levels drift too much, only direction and duration must repeat. If the holds do not repeat, the
+//! force is compared with itself at increasing lags instead. Examples are a sine, a slow ramp up and down, and changes so close to 20 % that only some of them
+//! count as steps.
 
 use super::notes::Note;
 use super::record::Record;
@@ -10,18 +11,18 @@ use super::robust::median;
 
 /// Levels that differ by less than this fraction of the force's range count as equal, because smaller changes are not steps.
 const LEVEL_TOLERANCE: f64 = 0.2;
-/// Durations that differ by less than this fraction of the longer one count as equal. The uncertainty from the rows around the steps is added.
+/// Durations of holds count as equal if they differ by less than this fraction of the longer one. The row spacing at both ends is added to the tolerance.
 const DURATION_TOLERANCE: f64 = 0.15;
-/// A force within this fraction of its range from zero counts as rest.
+/// A hold counts as a rest if its force is below this fraction of the force's range.
 const REST_TOLERANCE: f64 = 0.05;
-/// Number of points at which a force without steps is compared with itself.
+/// Number of points at which a force without repeating holds is compared with itself.
 const LAG_GRID: usize = 2000;
-/// A lag repeats the force if the mean squared difference is below this fraction of twice the variance.
+/// The force repeats at a lag if its mean squared difference is below this fraction of twice its variance.
 const LAG_TOLERANCE: f64 = 0.05;
 
-/// Cycles of a record.
+/// Cycle numbers of a record's rows, with a description of the repetition.
 pub(super) struct DetectedCycles {
-    /// Cycle of each row, from 1.
+    /// Cycle number of each row, counted from 1.
     pub cycle: Vec<u32>,
     period_s: Option<f64>,
     text: String,
@@ -40,20 +41,20 @@ struct Hold {
     first_row: usize,
     duration_s: f64,
     level_n: f64,
-    /// Sign of the step that begins the hold; 0 without a step.
+    /// Sign of the force step at which the hold begins; 0 if it begins without a step.
     direction: i8,
     /// Uncertainty of the duration due to the row spacing at both ends, in s.
     open_s: f64,
 }
 
-/// A repetition: the holds from `first` on form groups of `length`.
+/// A repetition of holds: from index `first` on, every `length` consecutive holds form one cycle.
 struct Repetition {
     first: usize,
     length: usize,
     levels_agree: bool,
 }
 
-/// Finds the cycles of `record` from its force and ignores existing cycle numbers.
+/// Finds the cycles of `record` from its force. Existing cycle numbers are ignored.
 pub(super) fn find_cycles(record: &Record) -> DetectedCycles {
     let holds = holds_of(record);
     if let Some(repetition) = find_repetition(&holds, record.force_range_n()) {
@@ -77,7 +78,7 @@ fn holds_of(record: &Record) -> Vec<Hold> {
     for &row in step_rows.iter().filter(|row| **row > 0) {
         // A step that a sampled ramp spreads over neighbouring rows counts as one step.
         let continues = row >= 2 && step_rows.binary_search(&(row - 1)).is_ok() && rise(row) * rise(row - 1) > 0.0;
-        // A step in the last row starts no recorded hold.
+        // A step in the last row begins a hold that the record does not contain.
         if !continues && row + 1 < n_rows {
             starts.push(row);
         }
@@ -104,14 +105,14 @@ fn holds_of(record: &Record) -> Vec<Hold> {
         .collect()
 }
 
-/// Finds the shortest repetition, with equal levels if possible. A rest at the beginning or end may stay outside.
+/// Finds the shortest repetition. Repetitions with equal levels are preferred. A rest at the beginning or end of the record may be excluded.
 fn find_repetition(holds: &[Hold], range_n: f64) -> Option<Repetition> {
     let is_rest = |hold: &Hold| hold.level_n.abs() <= REST_TOLERANCE * range_n;
     let n_lead = usize::from(holds.first().is_some_and(is_rest));
     let n_tail = usize::from(holds.last().is_some_and(is_rest));
     for levels_agree in [true, false] {
         for length in 2..=holds.len().div_ceil(2) {
-            // Whole cycles come first, then a leading rest left out, then a trailing one.
+            // Spans with complete cycles are tried first, then spans without the first rest, then spans without the last rest.
             let mut spans: Vec<(usize, usize)> = Vec::new();
             for tail in 0..=n_tail {
                 for lead in 0..=n_lead {
@@ -135,7 +136,7 @@ fn find_repetition(holds: &[Hold], range_n: f64) -> Option<Repetition> {
     None
 }
 
-/// True if every hold agrees with the one `length` later. The last hold may have any duration, because a record may end early or rest longer.
+/// True if every hold agrees with the hold `length` places later. The last hold may have any duration, because a record may end early or end with a long rest.
 fn repeats(holds: &[Hold], length: usize, levels_agree: bool, range_n: f64) -> bool {
     let pairs = || holds.iter().zip(&holds[length..]);
     let both_ways = [-1, 1].iter().all(|way| holds.iter().any(|hold| hold.direction == *way));
@@ -144,7 +145,7 @@ fn repeats(holds: &[Hold], length: usize, levels_agree: bool, range_n: f64) -> b
             let last = i + length + 1 == holds.len();
             let tolerance_s = DURATION_TOLERANCE * a.duration_s.max(b.duration_s) + a.open_s + b.open_s;
             let same_duration = last || (a.duration_s - b.duration_s).abs() <= tolerance_s;
-            // The first hold may start from rest, while later ones start from the previous level.
+            // The first hold may start from rest, while the equivalent later holds start from the previous level. Their directions may therefore differ.
             let same_direction = i == 0 || a.direction == b.direction;
             let same_level = !levels_agree || (a.level_n - b.level_n).abs() <= LEVEL_TOLERANCE * range_n;
             same_duration && same_direction && same_level
@@ -155,7 +156,7 @@ fn from_repetition(record: &Record, holds: &[Hold], repetition: &Repetition) -> 
     let n_hold_groups = (holds.len() - repetition.first).div_ceil(repetition.length);
     let mut starts: Vec<usize> =
         (0..n_hold_groups).map(|group| holds[repetition.first + group * repetition.length].first_row).collect();
-    // If the last group is a single rest that the pattern lacks, it belongs to the previous cycle.
+    // If one rest remains after the last complete cycle, and the repetition contains no rest, it belongs to that cycle.
     let n_left = (holds.len() - repetition.first) % repetition.length;
     let last_is_rest =
         n_left == 1 && holds.last().is_some_and(|hold| hold.level_n.abs() <= REST_TOLERANCE * record.force_range_n());
@@ -199,7 +200,7 @@ fn number_rows(record: &Record, starts: &[usize]) -> Vec<u32> {
     cycle
 }
 
-/// Shortest lag at which a force without steps repeats, in s.
+/// Shortest lag (s) at which the force approximately repeats; `None` if there is none. It is used if the holds do not repeat.
 fn repeating_lag_s(record: &Record) -> Option<f64> {
     let (start_s, end_s) = (*record.time_s.first()?, *record.time_s.last()?);
     let spacing_s = (end_s - start_s) / LAG_GRID as f64;
@@ -220,7 +221,7 @@ fn repeating_lag_s(record: &Record) -> Option<f64> {
     let mean = force.iter().sum::<f64>() / LAG_GRID as f64;
     let twice_variance = 2.0 * force.iter().map(|f| (f - mean) * (f - mean)).sum::<f64>() / LAG_GRID as f64;
     let differences: Vec<f64> = (0..=LAG_GRID / 2).map(|lag| difference(lag) / twice_variance).collect();
-    // The lag is the first sufficiently deep valley beyond the first lag at which the force is uncorrelated with itself.
+    // The lag is at the first sufficiently deep minimum of the difference. The search starts at the first lag at which the force is uncorrelated with itself.
     let unlike = differences.iter().position(|difference| *difference > 0.5)?;
     let enter = unlike + differences[unlike..].iter().position(|difference| *difference < LAG_TOLERANCE)?;
     let valley = &differences[enter..];
@@ -229,20 +230,20 @@ fn repeating_lag_s(record: &Record) -> Option<f64> {
     Some((enter + lowest) as f64 * spacing_s)
 }
 
-/// Forms cycles of length `period_s`. Each begins at the force step nearest to its expected start, if a step is near.
+/// Divides the record into cycles of length `period_s`. Each begins at the force step nearest to its expected start, if there is a step nearby.
 fn from_period(record: &Record, period_s: f64) -> DetectedCycles {
     let step_rows = record.force_step_rows();
     let mut starts = vec![0];
     let mut due_s = record.time_s[0] + period_s;
-    // A remainder of at most a tenth of a period at the end is not a cycle.
+    // Up to a tenth of a period that remains at the end is not a cycle of its own.
     let last_s = record.time_s[record.n_rows() - 1];
-    // No period is shorter than a step of the lag grid. The bound also stops the loop if times are too large to add a period to.
+    // No period is shorter than one step of the lag grid, so there are at most `LAG_GRID` cycles. The bound also ends the loop if a period is lost in rounding.
     for _ in 0..LAG_GRID {
         if due_s + 0.1 * period_s >= last_s {
             break;
         }
         let distance_s = |row: &usize| (record.time_s[*row] - due_s).abs();
-        // Steps are sorted by time, so the nearest step is one of the two around.
+        // Steps are sorted by time, so the nearest step is the one before or the one after the expected start.
         let after = step_rows.partition_point(|row| record.time_s[*row] < due_s);
         let around = step_rows[after.saturating_sub(1)..step_rows.len().min(after + 1)].iter().copied();
         let near_step = around.min_by(|a, b| distance_s(a).total_cmp(&distance_s(b)));
@@ -259,7 +260,7 @@ fn from_period(record: &Record, period_s: f64) -> DetectedCycles {
             }
         }
     }
-    // A gap longer than a cycle contains no row to begin one.
+    // Several cycles inside a gap between rows would begin at one row. Only one of them remains.
     starts.dedup();
     let cycle = number_rows(record, &starts);
     let text = format!(

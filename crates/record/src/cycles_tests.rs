@@ -1,6 +1,6 @@
 use super::*;
 
-/// A record from (duration in s, force) holds, sampled every `interval_s`, without the end point.
+/// Record of holds, each given by its duration (s) and force. It is sampled every `interval_s`, without the end point.
 fn record(holds: &[(f64, f64)], interval_s: f64) -> Record {
     let mut record = Record::default();
     let mut start_s = 0.0;
@@ -15,7 +15,7 @@ fn record(holds: &[(f64, f64)], interval_s: f64) -> Record {
     record
 }
 
-/// Start times of the found cycles.
+/// Start times (s) of the cycles found.
 fn starts_s(record: &Record) -> Vec<f64> {
     let cycle = find_cycles(record).cycle;
     assert_eq!(cycle[0], 1);
@@ -84,14 +84,14 @@ fn an_end_point_that_already_carries_the_next_force_starts_no_cycle() {
 #[test]
 fn drifting_ramped_irregular_and_gappy_forces_are_still_understood() {
     let mut record = record(&[(5.0, 4.6), (5.0, -4.6)].repeat(5), 0.05);
-    // The force drifts by 15 % over the record, ripples below the step threshold, and each switch spreads over two rows.
+    // The force drifts by 15 % over the record and ripples below the step threshold. Each change of level is spread over two rows.
     let exact = record.force_n.clone();
     for (row, force) in record.force_n.iter_mut().enumerate() {
         let before = exact[row.saturating_sub(1)];
         *force = if before == exact[row] { exact[row] } else { 0.1 * exact[row] };
         *force *= 1.0 + 0.15 * row as f64 / 1000.0 + 0.03 * ((row * 7919) % 13) as f64 / 13.0;
     }
-    // Times are jittered and have a gap of two seconds in the middle of a hold.
+    // Times have random errors, and a gap of two seconds interrupts a hold.
     for (row, time_s) in record.time_s.iter_mut().enumerate() {
         *time_s += 0.02 * ((row * 104_729) % 17) as f64 / 17.0;
     }
@@ -136,7 +136,7 @@ fn a_sine_repeats_without_steps() {
     let starts = starts_s(&record);
     assert_eq!(starts.len(), 5, "{starts:?}");
     assert!(starts.iter().enumerate().all(|(i, start_s)| (start_s - 8.0 * i as f64).abs() <= 0.1), "{starts:?}");
-    // A slow monotone ramp does not repeat.
+    // A slow monotonic ramp does not repeat.
     let n_rows = record.n_rows() as f64;
     record.force_n.iter_mut().enumerate().for_each(|(row, force)| *force = row as f64 / n_rows);
     assert_starts(&record, &[0.0]);
@@ -144,7 +144,7 @@ fn a_sine_repeats_without_steps() {
 
 #[test]
 fn steps_at_the_very_threshold_do_not_hide_the_repetition() {
-    // The step 0 → 1 is a fifth of the range from −2 to 3. A ripple of 2 % decides each time if it counts as a step.
+    // The change from 0 to 1 is a fifth of the range from −2 to 3. In each cycle, a ripple of 2 % decides whether it counts as a step.
     let mut record = record(&[(5.5, 1.0), (3.0, 0.0), (6.8, 2.0), (6.7, -2.0), (9.4, 3.0), (3.3, 0.0)].repeat(4), 0.1);
     record
         .force_n
@@ -156,8 +156,8 @@ fn steps_at_the_very_threshold_do_not_hide_the_repetition() {
     assert!(starts.iter().enumerate().all(|(i, start_s)| (start_s - 34.7 * i as f64).abs() < 0.35), "{starts:?}");
 }
 
-/// A record of `n_cycles` repetitions of (duration, level) holds. The force drifts from cycle to cycle and ripples. Samples are irregular and one in ten is
-/// lost. The last cycle lacks the fraction `cut` of its rows.
+/// A record of `n_cycles` repetitions of `pattern`, whose holds are given by duration (s) and level. The force ripples, and drifts from cycle to cycle. Samples
+/// are irregular, and one in ten is lost. The last cycle lacks the fraction `cut` of its rows.
 fn random_record(rng: &mut rand_chacha::ChaCha8Rng, pattern: &[(f64, f64)], n_cycles: u32, cut: f64) -> Record {
     use rand::RngExt;
     let drift = rng.random_range(-0.012..0.012);
@@ -187,8 +187,8 @@ fn random_record(rng: &mut rand_chacha::ChaCha8Rng, pattern: &[(f64, f64)], n_cy
     record
 }
 
-/// Tests 2,000 random protocols of two to eight cycles. Each has one or two levels, returns to zero or reverses the force after each, and may be cut short.
-/// Differences between levels and rising steps exceed 20 % of the range. The true cycles are therefore unique, and every row must match.
+/// Tests 2,000 random protocols of two to eight cycles. Each has one or two levels, and returns to zero or reverses the force after each level. Some are cut
+/// short. All changes of force exceed 20 % of the range. The true cycles are therefore unique, and the cycle of every row must be right.
 #[test]
 fn random_protocols_are_found_row_for_row() {
     use rand::{RngExt, SeedableRng};

@@ -1,25 +1,25 @@
-//! The commanded force, also between the rows at which it is given.
+//! The commanded force as a function of time. Rules define it between the rows.
 
 use super::robust::{SD_PER_MAD, median};
 
-/// Fraction of the force's range above which a change is a step (formats §1).
+/// A change of the force counts as a step above this fraction of the force's range (formats §1).
 const STEP_FRACTION: f64 = 0.2;
 
-/// Rule for the force between rows (formats §1).
+/// Rule for the force between two rows (formats §1).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum ForceRule {
-    /// Row i's force holds on [tᵢ, tᵢ₊₁).
+    /// The force of row i acts from its time tᵢ until just before tᵢ₊₁.
     #[default]
     Hold,
-    /// The force varies linearly up to the next row. Before the first row it is zero.
+    /// The force varies linearly from row to row. Before the first row it is zero.
     Linear,
 }
 
 impl ForceRule {
-    /// All rules.
+    /// Both rules.
     pub const ALL: [Self; 2] = [Self::Hold, Self::Linear];
 
-    /// Name in `experiment.toml`.
+    /// Name of the rule in `experiment.toml`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Hold => "hold",
@@ -28,7 +28,8 @@ impl ForceRule {
     }
 }
 
-/// A commanded force over time: its values at the rows and its rule between them. A slice of numbers converts to a force that holds.
+/// A commanded force over time, borrowed: its values at the rows, and the rule between them. A slice of numbers converts to a force with the rule
+/// [`ForceRule::Hold`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Force<'a> {
     /// Force at every row, in N.
@@ -37,7 +38,7 @@ pub struct Force<'a> {
     pub rule: ForceRule,
 }
 
-/// An owned [`Force`].
+/// A [`Force`] that owns its values.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct OwnedForce {
     /// Force at every row, in N.
@@ -47,7 +48,7 @@ pub struct OwnedForce {
 }
 
 impl OwnedForce {
-    /// Returns a borrowed view for computations.
+    /// Returns the borrowed [`Force`].
     pub fn get(&self) -> Force<'_> {
         Force { at_rows_n: &self.at_rows_n, rule: self.rule }
     }
@@ -66,17 +67,17 @@ impl<'a, T: AsRef<[f64]> + ?Sized> From<&'a T> for Force<'a> {
 }
 
 impl<'a> Force<'a> {
-    /// Returns the first `n` rows.
+    /// Returns the force at the first `n` rows.
     pub fn first(self, n: usize) -> Self {
         Self { at_rows_n: &self.at_rows_n[..n.min(self.at_rows_n.len())], ..self }
     }
 
-    /// True if the force changes between rows.
+    /// True if the force varies linearly between rows.
     pub fn is_linear(self) -> bool {
         self.rule == ForceRule::Linear
     }
 
-    /// Slope from a row to the next, in N/s; 0 after the last row. `time_s` are the rows' times in s.
+    /// Slope of the force from `row` to the next row, in N/s; 0 after the last row. `time_s` holds the time of every row, in s.
     pub fn slope_n_per_s(self, time_s: &[f64], row: usize) -> f64 {
         match (self.rule, self.at_rows_n.get(row + 1), time_s.get(row + 1)) {
             (ForceRule::Linear, Some(next_n), Some(next_s)) => (next_n - self.at_rows_n[row]) / (next_s - time_s[row]),
@@ -84,7 +85,7 @@ impl<'a> Force<'a> {
         }
     }
 
-    /// True if the mean force between a row and the next is positive. If the line crosses zero, its longer part decides.
+    /// True if the mean force between `row` and the next row is positive. If a linear force crosses zero, the sign of the longer interval decides.
     pub fn is_positive(self, row: usize) -> bool {
         let here_n = self.at_rows_n[row];
         match (self.rule, self.at_rows_n.get(row + 1)) {
@@ -100,8 +101,8 @@ impl<'a> Force<'a> {
         if largest > smallest { largest - smallest } else { self.at_rows_n.first().map_or(0.0, |force| force.abs()) }
     }
 
-    /// Indices of the rows at which a force step begins (formats §1). A step changes the force by more than 20 % of the force's range. Before the first row the
-    /// force is zero, so row 0 may be one.
+    /// Indices of the rows at which a force step begins (formats §1). A step changes the force by more than 20 % of the force's range. Row 0 may be a step,
+    /// because the force before the first row is zero.
     pub fn step_rows(self) -> Vec<usize> {
         let threshold_n = STEP_FRACTION * self.range_n();
         let before = std::iter::once(&0.0).chain(self.at_rows_n);
@@ -109,7 +110,7 @@ impl<'a> Force<'a> {
         steps.filter(|(_, (before, after))| (*after - *before).abs() > threshold_n).map(|(row, _)| row).collect()
     }
 
-    /// True if the force changes at a row. A record that keeps these rows has an unchanged force.
+    /// True if the force changes at `row`. Removing all other rows leaves the force unchanged.
     pub fn changes_at(self, row: usize) -> bool {
         let force_n = self.at_rows_n;
         row == 0
@@ -117,7 +118,7 @@ impl<'a> Force<'a> {
             || (self.is_linear() && force_n.get(row + 1).is_some_and(|next| *next != force_n[row]))
     }
 
-    /// Row ranges between steps. The first range begins with row 0.
+    /// Row ranges of the holds: from one force step to the next. The first range begins at row 0.
     pub fn holds(self) -> Vec<std::ops::Range<usize>> {
         let mut starts = self.step_rows();
         if starts.first() != Some(&0) {
@@ -127,14 +128,14 @@ impl<'a> Force<'a> {
         starts.iter().zip(ends).map(|(start, end)| *start..end).collect()
     }
 
-    /// Force at a time, in N: the value after a jump; zero before the first row.
+    /// Force at the time `at_s` (s), in N. At a jump it is the value after the jump; before the first row it is 0. `time_s` holds the time of every row.
     pub fn at_n(self, time_s: &[f64], at_s: f64) -> f64 {
         let Some(row) = time_s.partition_point(|&row_s| row_s <= at_s).checked_sub(1) else { return 0.0 };
         let slope = self.slope_n_per_s(time_s, row);
         self.at_rows_n[row] + if slope == 0.0 { 0.0 } else { slope * (at_s - time_s[row]) }
     }
 
-    /// Integral of the force from a row to the next, in N·s; 0 after the last row.
+    /// Time integral of the force from `row` to the next row, in N·s; 0 after the last row. `time_s` holds the time of every row, in s.
     pub fn impulse_n_s(self, time_s: &[f64], row: usize) -> f64 {
         let Some(next_s) = time_s.get(row + 1) else { return 0.0 };
         let mean_n = match (self.rule, self.at_rows_n.get(row + 1)) {
@@ -145,19 +146,19 @@ impl<'a> Force<'a> {
     }
 }
 
-/// Smallest number of rows that determines a hold's level.
+/// Smallest number of rows from which a hold's level is determined.
 const LEVEL_ROWS: usize = 3;
-/// Smallest fraction of rows at which a noisy force changes.
+/// A force counts as noisy if it changes at more than this fraction of the rows.
 const CHANGES: f64 = 0.5;
-/// Largest noise about a level, as a fraction of the force's range.
+/// Largest noise standard deviation about a level, as a fraction of the force's range.
 const NOISE_SHARE: f64 = 0.05;
-/// Every row of a hold lies within this many standard deviations of its level.
+/// Largest distance of a row from the level of its hold, in standard deviations.
 const FARTHEST: f64 = 6.0;
-/// The halves of a hold agree, and a level counts as 0, within this many standard errors.
+/// Largest difference between the medians of a hold's two halves, in standard errors. A level within as many standard errors of 0 is set to 0.
 const ERRORS: f64 = 4.0;
 
-/// Returns the force without sensor noise: the median of each hold between steps, or 0 if the median is 0 within its error. `None` if the force does not vary
-/// about levels.
+/// Returns the force without the sensor's noise: at each row the median of its hold. A median that equals 0 within its error becomes 0. Returns `None` if the
+/// force is not constant within its holds, apart from noise.
 pub(super) fn levels(force_n: &[f64]) -> Option<Vec<f64>> {
     let force = Force::from(&force_n);
     let n_changes = force_n.windows(2).filter(|pair| pair[0] != pair[1]).count();
@@ -169,11 +170,11 @@ pub(super) fn levels(force_n: &[f64]) -> Option<Vec<f64>> {
         let hold = &force_n[rows];
         let level = median(hold.to_vec())?;
         let sd = SD_PER_MAD * median(hold.iter().map(|force| (force - level).abs()).collect())?;
-        // Differences between neighbouring rows are insensitive to slow changes.
+        // The noise is estimated from differences between neighbouring rows, because slow changes hardly affect them.
         let steps = hold.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect();
         let short_sd = SD_PER_MAD / std::f64::consts::SQRT_2 * median(steps)?;
         let farthest = hold.iter().map(|force| (force - level).abs()).fold(0.0, f64::max);
-        // The error of a median is 1.25 times that of a mean.
+        // The standard error of a median is 1.25 times that of a mean.
         let error = |n: usize| 1.25 * short_sd / (n as f64).sqrt();
         let (first, second) = hold.split_at(hold.len() / 2);
         let apart = (median(first.to_vec())? - median(second.to_vec())?).abs();
@@ -190,7 +191,7 @@ pub(super) fn levels(force_n: &[f64]) -> Option<Vec<f64>> {
     Some(made)
 }
 
-/// True if a force varies about the levels between which it was switched, as measured by a noisy sensor.
+/// True if the force is constant in every hold, apart from a sensor's noise.
 pub fn has_noisy_levels(force_n: &[f64]) -> bool {
     levels(force_n).is_some()
 }

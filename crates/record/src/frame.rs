@@ -1,4 +1,4 @@
-//! Zero and direction of positions (formats §1): converts coordinates as written to positions along the force.
+//! Zero and direction of positions (formats §1): converts coordinates as written in the table to positions along the force.
 
 use std::path::Path;
 
@@ -8,10 +8,10 @@ use super::trajectory::Trajectory;
 use base::error::{Error, InputPlace, Result};
 use base::toml_input::TomlTable;
 
-/// Position that counts as 0.
+/// Rule for the position that counts as 0.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Zero {
-    /// The table's own zero.
+    /// The zero of the table: positions are used as written.
     #[default]
     AsWritten,
     /// The first position.
@@ -24,16 +24,16 @@ pub enum Zero {
     Value(f64),
 }
 
-/// Direction that counts as forward.
+/// Rule for the direction that counts as forward.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Direction {
     /// Direction in which the numbers grow; for several coordinates, the direction of x.
     Forward,
-    /// The opposite direction.
+    /// The direction in which the numbers fall.
     Backward,
-    /// Angle in degrees from x towards y.
+    /// This angle in degrees, measured from x towards y.
     Degrees(f64),
-    /// The line that contains most of the motion, oriented along the motion that the force causes.
+    /// The line along which the bead moves most, with the sign of the motion that the force causes.
     Fit,
 }
 
@@ -52,30 +52,31 @@ impl Default for Frame {
     }
 }
 
-/// Conversion that turned coordinates into positions along the force.
+/// Conversion that was applied to the coordinates to get positions along the force.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct AppliedFrame {
-    /// Subtracted position in m, for each coordinate.
+    /// Position that was subtracted, in m, for each coordinate.
     pub zero_m: Vec<f64>,
     /// True if the sign of a single coordinate was reversed.
     pub is_reversed: bool,
-    /// Projection of several coordinates; `None` for a single one.
+    /// Projection of several coordinates onto a line; `None` for a single coordinate.
     pub projection: Option<Projection>,
 }
 
-/// Projection of a motion in a plane or in space onto a line.
+/// Projection of a motion in two or three dimensions onto a line.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Projection {
     /// Unit vector of the line, with one component for each coordinate.
     pub axis: Vec<f64>,
-    /// Position across the line in m, for each row; `None` if tracking was lost. In space it is measured along the direction with most motion across the line.
+    /// Position across the line in m, for each row; `None` if tracking was lost. In three dimensions it is measured along the direction of largest motion
+    /// across the line.
     pub across_m: Vec<Option<f64>>,
     /// Root mean square motion across the line about its median, in m.
     pub across_rms_m: f64,
 }
 
 impl std::fmt::Display for Projection {
-    /// Writes the coordinates and their line, such as `x and y on a line at 45.0° from x`.
+    /// Writes the coordinates and the direction of their line, such as `x and y on a line at 45.0° from x`.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self.axis.as_slice() {
             [x, y] => write!(f, "x and y on a line at {:.1}° from x", y.atan2(*x).to_degrees()),
@@ -87,24 +88,24 @@ impl std::fmt::Display for Projection {
     }
 }
 
-/// Number of passes of the line fit. Each pass leaves out rows far from the line.
+/// Number of passes of the line fit. Each pass excludes the rows far from the line of the previous pass.
 const PASSES: usize = 4;
-/// Multiple of the median distance from the line beyond which a row is left out: six standard deviations of normal errors.
+/// The line fit excludes rows whose distance from the line exceeds this multiple of the median distance. For normal errors it is six standard deviations.
 const FAR: f64 = 9.0;
-/// Number of squarings of a covariance matrix. They raise its eigenvalues to the power 2⁴⁰, so only equal ones cannot be distinguished.
+/// Number of squarings of a covariance matrix. They raise its eigenvalues to the power 2⁴⁰, so only nearly equal eigenvalues remain indistinguishable.
 const SQUARINGS: usize = 40;
-/// Largest delay of a force log, in rows.
+/// Largest delay of the position behind a force log that is tried, in rows.
 const MOST_LAGS: usize = 200;
-/// Fraction of the summed absolute work that the force's work must reach for a direction to count as against the force.
+/// Motion counts as against the force if its negative work exceeds this fraction of the sum of absolute work over all rows.
 const CLEARLY: f64 = 0.2;
 
 impl Frame {
-    /// Reads the frame from `[measurement]`. `n_axes` is the number of coordinates.
+    /// Reads the frame from `[measurement]`. `n_axes` is the number of coordinates in the table.
     pub fn read(measurement: TomlTable<'_>, n_axes: usize) -> Result<Self> {
         Ok(Self { zero: zero(measurement, n_axes)?, direction: direction(measurement, n_axes)? })
     }
 
-    /// Turns a table's coordinates into positions. Errors name `file`.
+    /// Converts a trajectory's coordinates to positions along the force, in place. Returns the applied conversion. Errors name `file`.
     ///
     /// # Errors
     /// [`Error::Input`] if the frame needs a position that the table lacks.
@@ -118,7 +119,7 @@ impl Frame {
                 Direction::Forward | Direction::Degrees(_) => false,
             };
             if is_reversed {
-                // This avoids a negative zero.
+                // Subtraction from 0 avoids a negative zero.
                 trajectory.position_m.iter_mut().flatten().for_each(|x| *x = 0.0 - *x);
             }
             return Ok(AppliedFrame { zero_m, is_reversed, projection: None });
@@ -153,7 +154,7 @@ impl Frame {
             _ => normal(line_of_motion(&points.iter().map(|point| point.map(off_line)).collect::<Vec<_>>()), axis),
         };
         let across_m = along(first_across);
-        // The third direction, which only exists in space.
+        // The third direction, normal to the other two. It exists only for three coordinates.
         let last_across = [
             axis[1] * first_across[2] - axis[2] * first_across[1],
             axis[2] * first_across[0] - axis[0] * first_across[2],
@@ -181,7 +182,7 @@ impl Frame {
         let at_row = |row: usize| coordinates().map(|positions| positions[row].unwrap_or(0.0)).collect::<Vec<f64>>();
         match self.zero {
             Zero::AsWritten => Ok(vec![0.0; coordinates().count()]),
-            // The first position is close enough for a prior. The remaining offset is fitted.
+            // The first position is close enough to the zero as the centre of a prior. The remaining offset is fitted.
             Zero::Fit => Ok(at_row(trajectory.position_m.iter().position(Option::is_some).unwrap_or(0))),
             Zero::Value(value) => Ok(vec![trajectory.position_unit_m * value]),
             Zero::First if trajectory.position_m.first().copied().flatten().is_some() => Ok(at_row(0)),
@@ -202,40 +203,40 @@ impl Frame {
     }
 }
 
-/// Coordinates of a row; missing ones are 0.
+/// x, y and z of a row; coordinates that the table lacks are 0.
 type SpacePoint = [f64; 3];
 
 fn dot(a: SpacePoint, b: SpacePoint) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// Component of a vector that is normal to a unit vector.
+/// Part of the vector `point` that is normal to the unit vector `axis`.
 fn without(point: SpacePoint, axis: SpacePoint) -> SpacePoint {
     let along = dot(point, axis);
     [0, 1, 2].map(|k| point[k] - along * axis[k])
 }
 
-/// Median position (m) before the force first acts, as written; `None` if it acts from the first row on.
+/// Median position (m) before the force first acts, in the table's coordinates; `None` if the force acts from the first row on.
 pub(super) fn rest_m(force_n: &[f64], position_m: &[Option<f64>]) -> Option<f64> {
     let n_rest = force_n.iter().take_while(|force| **force == 0.0).count();
-    // If the force rises linearly, its first row has already moved.
+    // If the force rises linearly, the bead has already moved at the first row with a force.
     median(position_m.iter().take(n_rest).copied().flatten().collect())
 }
 
-/// Work of the force from row to row, and the sum of its absolute values.
+/// Work of the force summed over all steps from row to row, and the sum of the absolute work of these steps.
 fn work_and_size(force_n: &[f64], position_m: &[Option<f64>]) -> (f64, f64) {
     let moved = position_m.windows(2).zip(force_n).filter_map(|(pair, force)| Some((pair[1]? - pair[0]?, *force)));
     moved.fold((0.0, 0.0), |(work, size), (way, force)| (work + way * force, size + (way * force).abs()))
 }
 
-/// True if the work of the force from row to row is negative and its absolute value exceeds `share` times the summed absolute work.
+/// True if the total work of the force is negative and large. Its absolute value must exceed the fraction `share` of the summed absolute work of all rows.
 pub fn is_work_negative(force_n: &[f64], position_m: &[Option<f64>], share: f64) -> bool {
     let (work, size) = work_and_size(force_n, position_m);
     work < -share * size && work < 0.0
 }
 
-/// True if positions clearly grow against the force, which a passive body cannot do. The force is first shifted, within the allowed delay, to the lag with the
-/// largest absolute work. The work at lag 0 alone would not reveal the sign of a delayed force.
+/// True if positions clearly grow against the force, which is impossible for a passive body. The force is first delayed by the lag with the largest absolute
+/// work, up to the largest allowed lag. Without this lag the work would not reveal the sign of a delayed force.
 pub(super) fn moves_against_force(force_n: &[f64], position_m: &[Option<f64>]) -> bool {
     let steps = Force::from(force_n).step_rows();
     let shortest = steps.windows(2).map(|pair| pair[1] - pair[0]).min().unwrap_or(0);
@@ -248,7 +249,7 @@ pub(super) fn moves_against_force(force_n: &[f64], position_m: &[Option<f64>]) -
     best.is_some_and(|share| share < -CLEARLY)
 }
 
-/// Unit vector normal to an axis, near `direction` unless `direction` lies along the axis.
+/// Unit vector normal to `axis`, as near to `direction` as possible. If `direction` lies along the axis, any normal vector is returned.
 fn normal(direction: SpacePoint, axis: SpacePoint) -> SpacePoint {
     let smallest = (0..3).min_by(|a, b| axis[*a].abs().total_cmp(&axis[*b].abs())).unwrap_or(0);
     let across = without(direction, axis);
@@ -261,7 +262,7 @@ fn normal(direction: SpacePoint, axis: SpacePoint) -> SpacePoint {
     across.map(|x| x / length)
 }
 
-/// Unit vector of the line that contains most of a motion. Rows far from the line do not affect it.
+/// Unit vector of the line along which a motion is largest. Rows far from the line do not affect it.
 fn line_of_motion(points: &[Option<SpacePoint>]) -> SpacePoint {
     let mut kept: Vec<SpacePoint> = points.iter().flatten().copied().collect();
     let mut axis = [1.0, 0.0, 0.0];
@@ -290,7 +291,7 @@ fn line_of_motion(points: &[Option<SpacePoint>]) -> SpacePoint {
     axis
 }
 
-/// Unit eigenvector of the largest eigenvalue of a symmetric matrix, by repeated squaring; `None` for a zero matrix.
+/// Unit eigenvector of a symmetric matrix for the largest eigenvalue, by repeated squaring; `None` for a zero matrix.
 fn largest_direction(matrix: [[f64; 3]; 3]) -> Option<SpacePoint> {
     let mut power = matrix;
     for _ in 0..SQUARINGS {
@@ -301,7 +302,7 @@ fn largest_direction(matrix: [[f64; 3]; 3]) -> Option<SpacePoint> {
         let scaled = power.map(|row| row.map(|x| x / trace));
         power = [0, 1, 2].map(|j| [0, 1, 2].map(|k| (0..3).map(|m| scaled[j][m] * scaled[m][k]).sum()));
     }
-    // All columns are now along the eigenvector. The longest one has the least rounding error.
+    // All columns of the power are now parallel to the eigenvector. The longest column has the smallest rounding error.
     let column = (0..3).max_by(|a, b| power[*a][*a].total_cmp(&power[*b][*b]))?;
     let direction = [0, 1, 2].map(|k| power[k][column]);
     let length = dot(direction, direction).sqrt();
@@ -331,7 +332,7 @@ fn zero(measurement: TomlTable<'_>, n_axes: usize) -> Result<Zero> {
     }
 }
 
-/// Allowed range of a direction, in degrees.
+/// Allowed directions, in degrees.
 const DEGREES: std::ops::RangeInclusive<f64> = -360.0..=360.0;
 
 fn direction(measurement: TomlTable<'_>, n_axes: usize) -> Result<Direction> {
@@ -366,8 +367,8 @@ fn direction(measurement: TomlTable<'_>, n_axes: usize) -> Result<Direction> {
 mod tests {
     use super::*;
 
-    /// A pull along 30°, against the coordinates, of a bead that starts at (2500, 800) µm and oscillates sideways by 0.5 µm. One row in twenty is a sideways
-    /// outlier.
+    /// A pull along 30° in the direction of falling coordinates. The bead starts at (2500, 800) µm and oscillates across the pull by 0.5 µm. One row in twenty
+    /// is an outlier across the pull.
     fn plane() -> (Trajectory, Vec<f64>) {
         let mut trajectory = Trajectory::empty(false, "F", "x");
         let (mut truth, mut y_m) = (Vec::new(), Vec::new());
@@ -391,7 +392,7 @@ mod tests {
         projection.axis[1].atan2(projection.axis[0]).to_degrees()
     }
 
-    /// A pull along (2, −1, 2)/3. It oscillates by 0.5 µm along (1, 2, 0)/√5 and by 0.2 µm along (4, −2, −5)/√45. These directions are normal to it and to each
+    /// A pull along (2, −1, 2)/3. The bead oscillates by 0.5 µm along (1, 2, 0)/√5 and by 0.2 µm along (4, −2, −5)/√45. All three directions are normal to each
     /// other.
     #[test]
     fn a_motion_in_space_becomes_one_along_the_force() {
@@ -429,7 +430,7 @@ mod tests {
         assert!((degrees(&projection) + 150.0).abs() < 0.1, "{projection}");
         assert_eq!(trajectory.position_m[50], None);
         for (i, (found, truth)) in trajectory.position_m.iter().zip(&truth).enumerate() {
-            // The outliers lie across. The tilt of the fitted line, below 0.1°, projects 1/570 of them onto the position.
+            // The outliers lie across the line. The fitted line is tilted by less than 0.1°, so 1/570 of each outlier adds to the position.
             assert!(found.is_none_or(|found| (found - truth).abs() < 0.6e-6), "{i}: {found:?} {truth}");
         }
         let rms_um = 1e6 * projection.across_rms_m;

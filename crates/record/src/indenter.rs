@@ -1,11 +1,12 @@
-//! Reads `[indenter]`: a tip that is pressed into a viscoelastic half-space, with the compliance that converts force to depth (physics §5.1).
+//! Reads `[indenter]`: a tip that is pressed into a viscoelastic half-space. It gives the compliance that converts force to depth (physics §5.1).
 
 use std::f64::consts::PI;
 
 use base::error::Result;
 use base::toml_input::TomlTable;
 
-/// A tip that is pressed into a half-space: δ^p = k ∫J dF while the contact grows. δ is the depth below the contact point.
+/// A tip that is pressed into a half-space: δ^p = k ∫J dF while the contact grows. Here δ is the depth below the contact point, J the creep compliance and F the
+/// force.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Indenter {
     /// Shape of the tip. It determines the exponent p.
@@ -14,8 +15,8 @@ pub struct Indenter {
     pub size: Option<f64>,
     /// Poisson ratio of the half-space, in (−1, 0.5].
     pub poisson_ratio: f64,
-    /// Stiffness in N/m of the spring that carries the tip. Its deflection is the difference of recorded and tip position; `None` if the record gives the tip's
-    /// position.
+    /// Stiffness in N/m of the spring that carries the tip. The recorded position minus the spring's deflection is the tip's position. `None` if the record
+    /// gives the tip's position itself.
     pub cantilever_n_per_m: Option<f64>,
 }
 
@@ -30,16 +31,16 @@ pub enum Tip {
     Punch,
 }
 
-/// Sizes that replace unknown ones; moduli are then nominal.
+/// Nominal size of a tip whose size is unknown; moduli are then nominal too.
 const NOMINAL_RADIUS_M: f64 = 1e-6;
 const NOMINAL_HALF_ANGLE_RAD: f64 = 0.25 * PI;
-/// Allowed radii of tips: from a nanometre to a metre.
+/// Allowed radii of tips in m: from a nanometre to a metre.
 const RADII_M: [f64; 2] = [1e-9, 1.0];
-/// Allowed half-angles of cones. Cones outside are needles or plates.
+/// Allowed half-angles of cones, in degrees. Cones outside this range are needles or plates.
 const HALF_ANGLES_DEG: [f64; 2] = [1.0, 89.0];
-/// Allowed stiffnesses of springs: from an optical trap to a machine.
+/// Allowed stiffnesses of springs in N/m: from an optical trap to a testing machine.
 const STIFFNESSES_N_PER_M: [f64; 2] = [1e-9, 1e12];
-/// Poisson ratio of gels and soft tissue, which keep their volume.
+/// Default Poisson ratio: that of gels and soft tissue, which keep their volume.
 const INCOMPRESSIBLE: f64 = 0.5;
 
 const KEYS: [&str; 7] = [
@@ -65,7 +66,7 @@ impl Tip {
         }
     }
 
-    /// Name in messages.
+    /// Name of the shape in messages.
     pub fn name(self) -> &'static str {
         match self {
             Self::Sphere => "sphere",
@@ -74,7 +75,7 @@ impl Tip {
         }
     }
 
-    /// Keys that may give the size.
+    /// Keys of `[indenter]` that may give the size of this shape.
     fn size_keys(self) -> &'static [&'static str] {
         match self {
             Self::Sphere => &["tip_radius_um", "tip_radius_mm"],
@@ -83,7 +84,7 @@ impl Tip {
         }
     }
 
-    /// Size in SI units, from a key and its value.
+    /// Converts the value of a size key to SI units: a radius in m, or a half-angle in rad.
     fn size_from(self, table: TomlTable<'_>, key: &str, value: f64) -> Result<f64> {
         match self {
             Self::Cone => Ok(table.require_range(key, value, HALF_ANGLES_DEG)?.to_radians()),
@@ -96,7 +97,7 @@ impl Tip {
 }
 
 impl Indenter {
-    /// Reads `[indenter]`.
+    /// Reads the table `[indenter]`.
     pub(super) fn from_table(table: TomlTable<'_>) -> Result<Self> {
         table.only(&KEYS)?;
         let exponent = table.required_number("exponent", "exponent = 1.5")?;
@@ -155,7 +156,7 @@ impl Indenter {
         }
     }
 
-    /// Text of the table for `experiment.toml`.
+    /// Text of the table `[indenter]` for `experiment.toml`.
     pub fn toml(&self) -> String {
         let mut lines = vec!["[indenter]".to_string(), format!("exponent = {}", self.exponent())];
         lines.extend(self.size.map(|size| match self.tip {
@@ -168,7 +169,7 @@ impl Indenter {
         lines.join("\n") + "\n"
     }
 
-    /// Text of the nominal size that replaces an unknown one; `None` if the size is known.
+    /// Text of the nominal size for messages, if the size is unknown; `None` if the size is known.
     pub(super) fn nominal_size(&self) -> Option<&'static str> {
         match (self.size, self.tip) {
             (Some(_), _) => None,
@@ -189,25 +190,26 @@ mod tests {
         Indenter::from_table(document.root().required_table("indenter").unwrap())
     }
 
-    /// The formulas of Hertz, Sneddon and the punch, solved for the modulus by hand. The depth under each force must result for J = 1/E.
+    /// The formulas of Hertz (sphere), Sneddon (cone) and the punch, written by hand as force over depth. For J = 1/E, the model must return the depth that
+    /// each force was computed from.
     #[test]
     fn closed_forms_give_the_depth() {
         let depth_m = |lines: &str, young_pa: f64, force_n: f64| {
             let indenter = read(lines).unwrap();
             (indenter.compliance() * force_n / young_pa).powf(1.0 / indenter.exponent())
         };
-        // F = (4/3) E/(1−ν²) √R δ^{3/2} with 1 kPa, ν = 0.5, R = 4 µm, δ = 1 µm: 3.5556e-9 N.
+        // Sphere: F = (4/3) E/(1−ν²) √R δ^{3/2}. E = 1 kPa, ν = 0.5, R = 4 µm and δ = 1 µm give 3.5556e-9 N.
         let hertz = depth_m("exponent = 1.5\ntip_radius_um = 4", 1e3, 4.0 / 3.0 * 1e3 / 0.75 * 2e-3 * 1e-9);
         assert!((hertz / 1e-6 - 1.0).abs() < 1e-12, "{hertz}");
         assert_eq!(
             read("exponent = 1.5\ntip_radius_mm = 0.004").unwrap(),
             read("exponent = 1.5\ntip_radius_um = 4").unwrap()
         );
-        // F = (2/π) E/(1−ν²) tan α δ² with α = 30°, ν = 0.4, δ = 2 µm.
+        // Cone: F = (2/π) E/(1−ν²) tan α δ² with α = 30°, ν = 0.4, δ = 2 µm.
         let force_n = 2.0 / PI * 5e2 / 0.84 * (1.0 / 3.0_f64.sqrt()) * 4e-12;
         let cone = depth_m("exponent = 2\nhalf_angle_deg = 30\npoisson_ratio = 0.4", 5e2, force_n);
         assert!((cone / 2e-6 - 1.0).abs() < 1e-12, "{cone}");
-        // F = 2 a E/(1−ν²) δ.
+        // Punch: F = 2 a E/(1−ν²) δ with the radius a.
         let punch = depth_m("exponent = 1\npunch_radius_um = 10", 2e3, 2.0 * 1e-5 * 2e3 / 0.75 * 3e-7);
         assert!((punch / 3e-7 - 1.0).abs() < 1e-12, "{punch}");
     }

@@ -1,4 +1,4 @@
-//! Reads the files of an experiment for every kind of measurement.
+//! Reads the files of an experiment, for a creep record or an oscillation.
 
 use std::path::{Path, PathBuf};
 
@@ -11,45 +11,45 @@ use base::toml_input::TomlTable;
 
 /// Value of `kind` for an oscillation.
 pub const OSCILLATION: &str = "oscillation";
-/// Value of `kind` for all other measurements.
+/// Value of `kind` for creep and every other record of force and position. It is the default.
 const CREEP: &str = "creep";
 
-/// Files of an experiment with their unchanged bytes, and notes of the reader.
+/// Files of an experiment as unchanged bytes, with the reader's notes and interpretation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ExperimentFiles {
     /// File name of the TOML, usually `experiment.toml`.
     pub toml_name: String,
-    /// Unchanged bytes of the TOML.
+    /// Unchanged bytes of the TOML file.
     pub toml_bytes: Vec<u8>,
-    /// Path of the CSV relative to the TOML, as in `measurement.file`.
+    /// Path of the CSV file relative to the TOML file's directory, as in `measurement.file`.
     pub csv_name: String,
-    /// Unchanged bytes of the CSV.
+    /// Unchanged bytes of the CSV file.
     pub csv_bytes: Vec<u8>,
     /// Path and bytes of the separate force log; `None` without a log, or if the log is in the CSV.
     pub log_file: Option<(String, Vec<u8>)>,
     /// Notes to the user on how the data were read.
     pub notes: Vec<Note>,
-    /// Interpretation of the description.
+    /// Reader's interpretation of the description in the TOML file.
     pub interpretation: Interpretation,
 }
 
-/// Interpretation of a description, for checks against the rows.
+/// Reader's interpretation of an experiment's description. Checks compare it with the rows.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Interpretation {
     /// True if `force` in `[measurement]` or `[actuation]` gives the rule for the force between rows.
     pub force_rule_given: bool,
-    /// Conversion of the coordinates.
+    /// Conversion from the table's coordinates to positions along the force.
     pub settled: AppliedFrame,
-    /// Number of positions left out by `left_out_s`.
+    /// Number of positions excluded by the key `left_out_s`.
     pub n_left_out: usize,
-    /// Unread columns that follow the position.
+    /// Columns that no key names, but whose values follow the position.
     pub unread: Vec<UnreadColumn>,
 }
 
-/// Name of the directory in messages.
+/// Name of a directory with an experiment, for messages.
 const WHAT: &str = "an experiment";
 
-/// Returns path and bytes of an experiment's TOML, given its directory or the TOML itself.
+/// Returns the path and bytes of an experiment's TOML file. `path` is the experiment's directory or the TOML file itself.
 pub(super) fn read_toml(path: &Path) -> Result<(PathBuf, Vec<u8>)> {
     let remedy = "give a directory that holds experiment.toml, or the path of the TOML file";
     if !path.is_dir() {
@@ -59,12 +59,12 @@ pub(super) fn read_toml(path: &Path) -> Result<(PathBuf, Vec<u8>)> {
     Ok((path.join(name), files::read_inside(path, name, WHAT, Content::Settings, remedy)?))
 }
 
-/// Reads the bytes of a table that the TOML names. The table must lie in the TOML's directory, also after following links.
+/// Reads the bytes of a table that the TOML file names. The table must lie in the TOML file's directory, also after symbolic links are resolved.
 pub(super) fn read_table(toml_path: &Path, name: &str, remedy: &str) -> Result<Vec<u8>> {
     files::read_inside(files::folder_of(toml_path), name, WHAT, Content::Table, remedy)
 }
 
-/// True if `kind` under `[measurement]` or at top level says oscillation. The default is creep.
+/// True if the key `kind`, under `[measurement]` or at top level, is `oscillation`. The default is `creep`.
 pub(super) fn is_oscillation(root: TomlTable<'_>, measurement: TomlTable<'_>) -> Result<bool> {
     let mut found = false;
     for table in [root, measurement] {
@@ -80,7 +80,7 @@ pub(super) fn is_oscillation(root: TomlTable<'_>, measurement: TomlTable<'_>) ->
     Ok(found)
 }
 
-/// Checks that a table's path stays inside the TOML's directory, because a study copies the files side by side.
+/// Reads the path of a table, and checks that it stays inside the TOML file's directory. A study copies both files into one directory.
 pub(super) fn plain_path(table: TomlTable<'_>, example: &str) -> Result<String> {
     let name = table.required_text("file", &format!("file = \"{example}\""))?;
     let inside = Path::new(&name).components().all(|part| matches!(part, std::path::Component::Normal(_)));

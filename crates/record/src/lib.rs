@@ -1,6 +1,6 @@
-//! The measurement: apparatus, force command, positions and cycles (formats §1).
+//! The measurement: apparatus, commanded force, positions and cycles (formats §1).
 //!
-//! [`Experiment::read`] checks the input. All data that it returns are complete and in SI units.
+//! [`Experiment::read`] reads and checks an experiment. Its data are complete and in SI units.
 
 mod actuation;
 mod apparatus;
@@ -44,17 +44,17 @@ pub struct Experiment {
     pub specimen_id: String,
     /// Species as free text. It can define groups.
     pub species: Option<String>,
-    /// Region of the eye as free text.
+    /// Region of the eye as free text. It can define groups.
     pub region: Option<String>,
-    /// Apparatus that converts force to position.
+    /// Apparatus on which the force acts and whose position is measured.
     pub apparatus: Apparatus,
-    /// Force and position over time.
+    /// Record of the commanded force and the measured position over time.
     pub record: Record,
     /// Cycles that the base model is fitted to.
     pub calibration_cycles: Vec<u32>,
     /// Held-out cycles, which no fit of the base model uses.
     pub heldout_cycles: Vec<u32>,
-    /// Known noise standard deviation of the tracker, in m; `None` if it is not given.
+    /// Known noise standard deviation of the measured position, in m; `None` if it is not given.
     pub noise_sd_m: Option<f64>,
     /// True if the recorded position has an unknown offset. Every model of the experiment then has it as a nuisance parameter. For an indenter it is the
     /// contact point.
@@ -64,8 +64,8 @@ pub struct Experiment {
 }
 
 impl Experiment {
-    /// Returns the experiment for comparing revisions (formats §4): only the last held-out cycle is scored, and all other cycles are fitted. If no cycle is
-    /// held out, all are fitted and none is scored.
+    /// Returns the experiment with other cycles, for comparing revisions (formats §4). Only the last held-out cycle is scored, and all other cycles are fitted.
+    /// If no cycle is held out, all are fitted and none is scored.
     pub fn for_comparison(&self) -> Self {
         let scored = self.heldout_cycles.iter().copied().max();
         let all = self.calibration_cycles.iter().chain(&self.heldout_cycles).copied();

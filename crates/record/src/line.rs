@@ -1,18 +1,18 @@
 //! Least-squares fit of a straight line.
 
-/// A straight line x = mean + slope (t − mean time).
+/// A straight line fitted to values x over times t: x = mean + slope (t − mean time).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MotionLine {
     mean_s: f64,
     mean: f64,
-    /// Slope, in units of x per second.
+    /// Slope of the line, in units of x per second.
     pub slope_per_s: f64,
     /// Σ (t − mean time)² in s². The variance of the slope is the variance of one x divided by this sum.
     pub spread_s2: f64,
 }
 
 impl MotionLine {
-    /// Fits times (s) and values of any unit. At least two times must differ.
+    /// Fits a line to points (time in s, value in any unit). At least two times must differ.
     pub fn through(points: impl Iterator<Item = (f64, f64)> + Clone) -> Self {
         let n = points.clone().count() as f64;
         let mean_s = points.clone().map(|(t, _)| t).sum::<f64>() / n;
@@ -22,12 +22,12 @@ impl MotionLine {
         Self { mean_s, mean, slope_per_s: covariance / spread_s2, spread_s2 }
     }
 
-    /// Value of the line at a time (s).
+    /// Value of the line at the time `time_s` (s).
     pub fn at(&self, time_s: f64) -> f64 {
         self.mean + self.slope_per_s * (time_s - self.mean_s)
     }
 
-    /// Value minus the line at the value's time.
+    /// Difference between a value and the line at its time. The argument is a point (time in s, value).
     pub fn excess(&self, (time_s, value): (f64, f64)) -> f64 {
         value - self.mean - self.slope_per_s * (time_s - self.mean_s)
     }

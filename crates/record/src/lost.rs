@@ -1,21 +1,22 @@
-//! Finds values that a tracker writes for lost positions, such as −9999 or 0. They repeat, far from the rows around them.
+//! Finds values that a tracker writes for lost positions, such as −9999 or 0. Such a value repeats, far from the positions in the rows around it.
 
 use std::collections::HashMap;
 
 use super::robust::median;
 
-/// Smallest number of rows in which the value is far from its neighbours, and the smallest fraction of the value's rows.
+/// A value counts as a lost position if enough of its rows are far from their neighbours: at least `FEWEST`, and at least the fraction `MOSTLY`.
 const FEWEST: usize = 3;
 const MOSTLY: f64 = 0.5;
-/// Smallest distance from the neighbouring rows: in median steps from row to row, in steps of the written digits, and in distances between those rows.
+/// Smallest distance of a lost position from its neighbouring rows. It is `STEPS` median steps between rows, `DIGITS` steps of the last written digit, or
+/// `FLOWS` times the distance between these rows, whichever is largest.
 const STEPS: f64 = 20.0;
 const DIGITS: f64 = 20.0;
 const FLOWS: f64 = 5.0;
-/// Largest number of consecutive rows in which a lost position may repeat. In longer runs the body rests there, unless the value lies outside all others by
-/// more than their range.
+/// Largest number of consecutive rows in which a lost position may repeat. In longer runs the body is at rest there. The exception is a value that lies outside
+/// all others by more than their range.
 const LONGEST: usize = 10;
 
-/// Returns repeated values that are mostly far from the rows before and after, in the unit of the positions, in ascending order.
+/// Returns the values that repeat and are mostly far from the rows before and after. They are in the unit of the positions, in ascending order.
 pub fn repeated_outliers(positions: &[Option<f64>]) -> Vec<f64> {
     let known: Vec<f64> = positions.iter().flatten().copied().collect();
     let mut rows: HashMap<u64, Vec<usize>> = HashMap::new();
@@ -69,7 +70,7 @@ mod tests {
         if row % 400 < 200 { 700.0 * (1.0 - (-t / 20.0).exp()) } else { 700.0 * (-t / 20.0).exp() }
     }
 
-    /// Deterministic noise: an irrational rotation, uniform in ±1.
+    /// Deterministic noise between −1 and 1: multiples of an irrational number, modulo 1, are uniformly distributed.
     fn noise(row: usize) -> f64 {
         2.0 * (row as f64 * 0.754_877_666).fract() - 1.0
     }
@@ -83,7 +84,7 @@ mod tests {
         }
     }
 
-    /// Bursts of 30 lost rows. A value outside all others is a lost position for any run length.
+    /// A value beyond all others counts as a lost position, however many consecutive rows contain it. Here runs have 30 rows.
     #[test]
     fn long_bursts_of_a_value_beyond_all_others_are_found() {
         let positions: Vec<Option<f64>> =
@@ -91,12 +92,12 @@ mod tests {
         assert_eq!(repeated_outliers(&positions), [-9999.0]);
     }
 
-    /// A body that rests at exactly 0 in half of the rows and is lost in a few other rows. Here 0 is a position.
+    /// A body rests at exactly 0 in half of the rows, and tracking is lost in a few other rows. Then 0 counts as a position.
     #[test]
     fn a_value_that_is_mostly_a_position_is_kept() {
         let phase = |row: usize| (row % 100) as f64 / 100.0;
         let rises = |row: usize| 300.0 + 400.0 * (1.0 - (-5.0 * phase(row)).exp());
-        // The motion ends where it began, so a rest looks like a burst of lost rows.
+        // The motion ends where it began, so a rest resembles a run of lost rows.
         let returns = |row: usize| 300.0 + 400.0 * (std::f64::consts::PI * phase(row)).sin();
         for pulled in [&rises as &dyn Fn(usize) -> f64, &returns] {
             let at = |row: usize| if row % 200 < 100 { 0.0 } else { pulled(row) + noise(row) };

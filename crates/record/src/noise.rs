@@ -1,91 +1,93 @@
-//! Noise standard deviation that residuals are compared with: known for the tracker, or estimated from rests or short lags (formats §4).
+//! Noise standard deviation that residuals are compared with (formats §4). It is given by the user, or estimated from rests or from neighbouring rows.
 
 use super::Experiment;
 use super::line::MotionLine;
 use super::record::Record;
 use super::robust::median;
 
-/// Noise that residuals are compared with.
+/// Noise standard deviation that residuals are compared with, and its source.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ReferenceNoise {
-    /// Standard deviation of one position, in m.
+    /// Standard deviation of a single position's error, in m.
     pub sd_m: f64,
-    /// Source of the value.
+    /// Source of `sd_m`.
     pub origin: NoiseOrigin,
 }
 
 /// Source of a [`ReferenceNoise`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum NoiseOrigin {
-    /// Given as `measurement.noise_um`.
+    /// Given by the user as `measurement.noise_um`.
     Known,
-    /// Standard deviation of positions at rest: before the first force, and about a straight line late in long rests.
+    /// Estimated from positions at rest: before the first force, and about a straight line late in long rests.
     ///
-    /// This estimate is preferred because it includes slow noise up to the length of a window. Recovery that is still curved increases it.
+    /// This estimate is preferred because it includes slow noise with correlation times up to the length of a window. If the bead's recovery is still curved,
+    /// the estimate is too large.
     Rest {
         /// Number of positions used.
         n_positions: usize,
-        /// Number of windows that contain them.
+        /// Number of windows of rows that contain these positions.
         n_windows: usize,
-        /// Short-lag estimate for comparison, in m. A much smaller value means that the noise is correlated in time.
+        /// Estimate from neighbouring rows for comparison, in m. If it is much smaller, the noise is correlated in time.
         short_lag_sd_m: Option<f64>,
     },
-    /// Scaled median absolute deviation of positions from a polynomial through their neighbours. The polynomial is a line, late in each hold, unless a higher
-    /// order leaves clearly smaller deviations.
+    /// Estimated from neighbouring rows: the scaled median absolute deviation of each position from a polynomial through its neighbours. Only rows late in each
+    /// hold count. The polynomial is a line, unless a higher order leaves clearly smaller deviations.
     ///
-    /// The estimate assumes independent Gaussian errors. Noise with correlations r₁, r₂ at one and two samples is multiplied by √(1 − 4r₁/3 + r₂/3), so smooth
-    /// noise is underestimated. Curvature of the true motion increases the estimate.
+    /// The estimate assumes independent Gaussian errors. If the errors have correlations r₁, r₂ at one and two samples, the estimate is multiplied by √(1 −
+    /// 4r₁/3 + r₂/3). Smooth noise is therefore underestimated. Curvature of the true motion increases the estimate.
     ShortLag {
-        /// Number of deviations used.
+        /// Number of deviations that the median is taken over.
         n_differences: usize,
     },
 }
 
 pub use super::robust::SD_PER_MAD;
-/// Fraction of each hold after which the motion is assumed to be smooth.
+/// Fraction of each hold's duration after which the motion is assumed to be smooth.
 const EARLY_FRACTION: f64 = 0.5;
-/// Fraction of a rest after which the bead is assumed to be at rest.
+/// Fraction of a rest's duration after which the bead is assumed to be at rest.
 pub const RECOVERY_FRACTION: f64 = 0.75;
-/// Neighbours farther apart than this multiple of the median interval are separated by a gap.
+/// A gap separates two neighbouring rows if their time difference exceeds this multiple of the median interval.
 const GAP_INTERVALS: f64 = 2.5;
-/// Number of neighbours that define the line from which a position deviates.
+/// Number of neighbours that define a line. A position's deviation is measured from this line.
 const LINE: usize = 2;
-/// Largest number of neighbours that define a polynomial from which a position deviates.
+/// Largest number of neighbours that define a polynomial. A position's deviation is measured from this polynomial.
 const MOST_ORDER: usize = 5;
-/// Deviations count as noise only if more than this fraction of neighbouring ones have opposite signs.
+/// Deviations count as noise only if more than this fraction of neighbouring deviations have opposite signs.
 const TURNS: f64 = 0.5;
 /// Deviations count as noise only if their standard deviation exceeds this fraction of the positions' range.
 const NOISELESS: f64 = 1e-7;
-/// Largest ratio of the longest to the shortest interval within one window of rows.
+/// Largest ratio of the longest to the shortest interval between rows in one window.
 const UNEVEN: f64 = 4.0;
-/// Standard error, times √n, of a scaled median absolute deviation of n correlated deviations. An order is rejected if it exceeds the next by `ORDER_ERRORS` of
-/// these errors.
+/// Standard error of a scaled median absolute deviation of n correlated deviations, relative and times √n. A polynomial order is rejected if its deviation
+/// exceeds that of the next order by `ORDER_ERRORS` standard errors.
 const MAD_ERROR: f64 = 1.65;
 const ORDER_ERRORS: f64 = 3.0;
-/// Limits for the step between written positions: smallest number of unequal neighbours, largest divisor of their smallest gap, and tolerance as a fraction of
-/// the step. For positions without a step, 8 gaps pass one of 1,000 trials with probability 1000 (2·10⁻³)⁷.
+/// Criteria for the digital step between written positions. There must be at least `FEWEST_GAPS` gaps between unequal positions in ascending order. The
+/// smallest gap is divided by integers up to `WIDEST_GAP`. Gaps must be multiples of the step, within the fraction `DIVISIBLE` of it. For positions without a
+/// step, 8 gaps pass one of 1,000 trials with probability 1000 (2·10⁻³)⁷.
 const FEWEST_GAPS: usize = 8;
 const WIDEST_GAP: u32 = 1_000;
 const DIVISIBLE: f64 = 1e-3;
-/// Standard deviations beyond which a position at rest is an outlier; probability 2·10⁻⁹ for normal errors.
+/// Standard deviations beyond which a position at rest is an outlier. For normal errors the probability is 2·10⁻⁹.
 const FAR_SDS: f64 = 6.0;
-/// Number of passes that leave outliers out.
+/// Number of passes that exclude outliers at rest.
 const PASSES: usize = 6;
-/// Limits beyond which a position is an outlier: in standard deviations, and in distances between the neighbouring rows.
+/// A position is an outlier if it exceeds both limits: `OUTLIER_SDS` standard deviations, and `OUTLIER_FLOWS` times the distance between its neighbouring rows.
 const OUTLIER_SDS: f64 = 20.0;
 const OUTLIER_FLOWS: f64 = 3.0;
-/// Number of rows before and after an outlier in which the force must be steady, and its largest change as a fraction of its range.
+/// Around an outlier the force must be steady: over `AROUND` rows before and after, it changes by at most the fraction `STEADY` of its range.
 const AROUND: usize = 3;
 const STEADY: f64 = 0.05;
 pub const MIN_DIFFERENCES: usize = 8;
 pub const MIN_PER_WINDOW: usize = 8;
 pub const MIN_REST_POSITIONS: usize = 20;
-/// Forces below this fraction of the range count as zero.
+/// Forces below this fraction of the force's range count as zero.
 pub const NO_FORCE_FRACTION: f64 = 0.01;
 
 impl Experiment {
-    /// Returns the noise that residuals are compared with: `noise_um` if it is given, else the estimate from rests, else the estimate from short lags. `None`
-    /// if the record has too few positions.
+    /// Returns the noise that residuals are compared with. It is `noise_um` if given, otherwise the estimate from rests, otherwise the estimate from
+    /// neighbouring rows. `None` if the record has too few positions.
     pub fn reference_noise(&self) -> Option<ReferenceNoise> {
         match self.noise_sd_m {
             Some(sd_m) => Some(ReferenceNoise { sd_m, origin: NoiseOrigin::Known }),
@@ -110,7 +112,7 @@ impl std::fmt::Display for ReferenceNoise {
 }
 
 fn estimate(record: &Record) -> Option<ReferenceNoise> {
-    // Rounded positions of a smooth motion may lie on lines to the last digit. They still have rounding errors.
+    // Rounded positions of a smooth motion may lie on lines to the last digit. Their rounding errors still count as noise.
     let rounding_sd_m = written_step_m(record).map_or(0.0, |step_m| step_m / 12_f64.sqrt());
     let short_lag = short_lag(record).map(|(sd_m, n_differences)| (sd_m.max(rounding_sd_m), n_differences));
     let rest = rest_residuals(record);
@@ -124,7 +126,8 @@ fn estimate(record: &Record) -> Option<ReferenceNoise> {
     Some(ReferenceNoise { sd_m, origin: NoiseOrigin::ShortLag { n_differences } })
 }
 
-/// Noise (m) from neighbouring positions and the number of deviations used: late in each hold, or in all rows if these are too few.
+/// Estimates the noise from neighbouring rows. Returns its standard deviation (m) and the number of deviations used. Only rows late in each hold count, unless
+/// these are too few.
 fn short_lag(record: &Record) -> Option<(f64, usize)> {
     let ends = record.position_m.iter().flatten();
     let [low_m, high_m] = ends.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(*x), high.max(*x)]);
@@ -136,7 +139,7 @@ fn short_lag(record: &Record) -> Option<(f64, usize)> {
             };
             let sd_m = SD_PER_MAD * median(deviations.iter().map(|deviation| deviation.abs()).collect())?;
             let n_turns = deviations.windows(2).filter(|pair| pair[0] * pair[1] < 0.0).count();
-            // Deviations of independent errors change sign in more than 7 of 10 pairs; those of a smooth motion do so rarely.
+            // Deviations of independent errors change sign in more than 7 of 10 neighbouring pairs. Deviations of a smooth motion rarely do.
             let is_noise = n_turns as f64 > TURNS * deviations.len() as f64 && sd_m > NOISELESS * (high_m - low_m);
             (deviations.len() >= MIN_DIFFERENCES && sd_m > 0.0).then_some((sd_m, deviations.len(), is_noise))
         };
@@ -144,7 +147,7 @@ fn short_lag(record: &Record) -> Option<(f64, usize)> {
         let mut best = line;
         for order in LINE + 1..=MOST_ORDER {
             let Some(next) = found(order) else { break };
-            // The next order removes the curvature that contributes to this one.
+            // The next order also removes the curvature of the motion that the deviations of this order still contain.
             if best.0 <= next.0 * (1.0 + ORDER_ERRORS * MAD_ERROR / (next.1 as f64).sqrt()) {
                 break;
             }
@@ -156,12 +159,12 @@ fn short_lag(record: &Record) -> Option<(f64, usize)> {
     })
 }
 
-/// Step (m) between written positions: the largest number that divides all differences; `None` without such a step.
+/// Digital step (m) between written positions: the largest number that divides all their differences. `None` without such a step.
 fn written_step_m(record: &Record) -> Option<f64> {
     let mut sorted: Vec<f64> = record.position_m.iter().flatten().copied().collect();
     sorted.sort_unstable_by(f64::total_cmp);
     let (first, last) = (*sorted.first()?, *sorted.last()?);
-    // Equal positions differ by rounding if another zero was subtracted.
+    // Positions that were equal in the file may differ by rounding, because a zero was subtracted.
     let rounding = 4.0 * f64::EPSILON * first.abs().max(last.abs()).max(last - first);
     let gaps: Vec<f64> = sorted.windows(2).map(|pair| pair[1] - pair[0]).filter(|gap| *gap > rounding).collect();
     let smallest = gaps.iter().copied().reduce(f64::min)?;
@@ -174,21 +177,21 @@ fn written_step_m(record: &Record) -> Option<f64> {
             (steps - steps.round()).abs() < DIVISIBLE
         })
     };
-    // The smallest gap may be several steps wide.
+    // The smallest gap between positions may be several steps wide.
     let steps = (1..=WIDEST_GAP).map(|parts| smallest / f64::from(parts));
-    // For smaller steps, rounding would make every number a multiple.
+    // Below this size, every number is a multiple of the step within rounding.
     let step = steps.take_while(|step| rounding < DIVISIBLE * step).find(|step| is_step(*step))?;
     // The mean over the whole range has the smallest rounding error.
     let n_steps: f64 = gaps.iter().map(|gap| (gap / step).round()).sum();
     Some(gaps.iter().sum::<f64>() / n_steps)
 }
 
-/// Row ranges between force steps.
+/// Row ranges of the holds between force steps.
 pub fn holds(record: &Record) -> Vec<std::ops::Range<usize>> {
     record.force().holds()
 }
 
-/// Rows of a hold that have a position and lie later than `fraction` of the hold.
+/// Rows of a hold that have a position and come after the fraction `fraction` of the hold's duration.
 pub fn late_rows(record: &Record, hold: &std::ops::Range<usize>, fraction: f64) -> Vec<usize> {
     let (start_s, end_s) = (record.time_s[hold.start], record.time_s[hold.end - 1]);
     let late = |row: &usize| record.time_s[*row] >= start_s + fraction * (end_s - start_s);
@@ -199,7 +202,7 @@ fn points(record: &Record, rows: &[usize]) -> Vec<(f64, f64)> {
     rows.iter().filter_map(|row| Some((record.time_s[*row], record.position_m[*row]?))).collect()
 }
 
-/// Deviation of each position from the line through its neighbours, late in each hold, scaled to the standard deviation of one position.
+/// Deviation of each position from the line through its two neighbours, late in each hold. It is scaled to the standard deviation of one position.
 pub fn second_differences(record: &Record) -> Vec<f64> {
     let longest_s = GAP_INTERVALS * record.median_interval_s().unwrap_or(0.0);
     let mut differences = Vec::new();
@@ -217,8 +220,8 @@ pub fn second_differences(record: &Record) -> Vec<f64> {
     differences
 }
 
-/// Deviation of each position from a polynomial through its `order` neighbours, as a divided difference scaled to the standard deviation of one position. The
-/// row spacing may vary slowly.
+/// Deviation of each position from a polynomial through its `order` neighbours. It is a divided difference, scaled to the standard deviation of one position.
+/// Only rows after the fraction `fraction` of each hold count. The row spacing may vary slowly.
 fn local_deviations(record: &Record, order: usize, fraction: f64) -> Vec<f64> {
     let mut deviations = Vec::new();
     for hold in holds(record) {
@@ -244,21 +247,21 @@ fn local_deviations(record: &Record, order: usize, fraction: f64) -> Vec<f64> {
     deviations
 }
 
-/// A position far from its neighbouring rows.
+/// A single position that is far from the positions in its neighbouring rows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Outlier {
-    /// Row, from 0.
+    /// Index of the row, from 0.
     pub row: usize,
-    /// Distance from the line through the neighbouring rows, in m.
+    /// Distance of the position from the line through the neighbouring rows, in m.
     pub distance_m: f64,
 }
 
-/// Returns single positions that lie many standard deviations from their neighbouring rows and farther than the motion explains.
+/// Returns single positions that lie many standard deviations from their neighbouring rows, and farther than the motion explains.
 pub fn outliers(record: &Record) -> Vec<Outlier> {
     let Some((sd_m, _)) = short_lag(record) else { return Vec::new() };
     let rows: Vec<usize> = (0..record.n_rows()).filter(|row| record.position_m[*row].is_some()).collect();
     let at = |place: usize| (record.time_s[rows[place]], record.position_m[rows[place]].unwrap_or(0.0));
-    // Distance from the line through two other rows. At an end of the record the line is extrapolated.
+    // Distance from the line through rows `a` and `b`. At an end of the record the line is extrapolated.
     let distance = |place: usize, a: usize, b: usize| {
         let ((t, x), (ta, xa), (tb, xb)) = (at(place), at(a), at(b));
         let weight = (t - ta) / (tb - ta);
@@ -276,7 +279,7 @@ pub fn outliers(record: &Record) -> Vec<Outlier> {
         let is_far = distance_m.abs() > (OUTLIER_SDS * scale * sd_m).max(OUTLIER_FLOWS * flow_m);
         is_far.then_some(Outlier { row: rows[place], distance_m })
     };
-    // At a force step the motion turns abruptly.
+    // Rows near a force step do not count, because the velocity jumps there.
     let least_n = STEADY * record.force_range_n();
     let is_steady = |outlier: &Outlier| {
         let around = outlier.row.saturating_sub(AROUND)..(outlier.row + AROUND).min(record.n_rows());
@@ -306,7 +309,7 @@ fn rest_residuals(record: &Record) -> RestResiduals {
             loaded = true;
             continue;
         }
-        // Nothing moves before the first force, so the whole rest counts there.
+        // The bead does not move before the first force, so all rows of that rest count.
         let points = points(record, &late_rows(record, &hold, if loaded { RECOVERY_FRACTION } else { 0.0 }));
         if points.len() >= MIN_PER_WINDOW {
             let (squares, n_kept) = squares_about_line(&points);
@@ -319,7 +322,7 @@ fn rest_residuals(record: &Record) -> RestResiduals {
     rest
 }
 
-/// Sum of squared residuals about the least-squares line, and the number of points. Outliers do not count.
+/// Sum of squared residuals about the least-squares line, and the number of points that are not outliers. Points are (time, position); outliers do not count.
 fn squares_about_line(points: &[(f64, f64)]) -> (f64, usize) {
     let mut kept = points.to_vec();
     for _ in 0..PASSES {
@@ -344,12 +347,14 @@ mod tests {
 
     const NOISE_M: f64 = 4e-6;
 
-    /// Response to a constant force with the porcine time scales (physics §2), amplitude 0.7 mm, flow rate 0.05 mm/s.
+    /// Displacement (m) under a constant force after the time `t_s`. It has the porcine time scales (physics §2), an amplitude of 0.7 mm and a flow rate of
+    /// 0.05 mm/s.
     fn creep_m(t_s: f64) -> f64 {
         if t_s <= 0.0 { 0.0 } else { 0.7e-3 * (1.0 - (-t_s / 0.4).exp()) + 0.05e-3 * t_s }
     }
 
-    /// Holds of (duration, force), sampled at 20 Hz with jitter and lost positions: superposed creep plus white noise.
+    /// Record of holds given by (duration, force), sampled at 20 Hz at irregular times with lost positions. Its positions are superposed creep plus white
+    /// noise.
     fn noisy(holds: &[(f64, f64)], seed: u64) -> Record {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
         let noise = Normal::new(0.0, NOISE_M).unwrap();
@@ -372,8 +377,8 @@ mod tests {
         record
     }
 
-    /// Four cycles give 400 late differences. Their MAD has a standard error near 6 % (correlated triples), and the creep's curvature adds a few per cent. ±30
-    /// % is five standard errors, so false failures are below 1e-6.
+    /// Four cycles give 400 deviations late in their holds. The median absolute deviation has a standard error near 6 %, because three neighbouring deviations
+    /// are correlated. The creep's curvature adds a few per cent. Limits of ±30 % are five standard errors, so false failures are below 1e-6.
     #[test]
     fn short_lags_find_the_noise_under_creep() {
         let found = estimate(&noisy(&[(5.0, 1.0), (5.0, -1.0)].repeat(4), 11)).unwrap();
@@ -381,7 +386,7 @@ mod tests {
         assert!((found.sd_m / NOISE_M - 1.0).abs() < 0.3, "{found}");
     }
 
-    /// About 190 positions before the force have a standard error of 5 %, so ±26 % fails falsely below 1e-6.
+    /// About 190 positions before the force give a standard error of 5 %. Limits of ±26 % fail falsely below 1e-6.
     #[test]
     fn a_rest_before_the_first_force_finds_the_noise() {
         let found = estimate(&noisy(&[(10.0, 0.0), (5.0, 1.0), (5.0, -1.0)], 12)).unwrap();
@@ -389,7 +394,7 @@ mod tests {
         assert!((found.sd_m / NOISE_M - 1.0).abs() < 0.26, "{found}");
     }
 
-    /// The last quarters of three rests of 20 s have 280 positions and a standard error of 4.3 %.
+    /// The last quarters of three rests of 20 s have 280 positions and give a standard error of 4.3 %.
     #[test]
     fn late_rests_find_the_noise_after_recovery() {
         let found = estimate(&noisy(&[(5.0, 1.0), (20.0, 0.0)].repeat(3), 13)).unwrap();
@@ -397,8 +402,8 @@ mod tests {
         assert!((found.sd_m / NOISE_M - 1.0).abs() < 0.25, "{found}");
     }
 
-    /// Positions of a motion without noise are rounded to 0.1 µm, from a zero that is no multiple: the noise is the rounding error. Positions with more digits
-    /// than the noise, or with all digits, give an unchanged estimate.
+    /// Positions of a motion without noise are rounded to 0.1 µm; the zero is no multiple of the step. The estimate must be the rounding error. Positions with
+    /// digits finer than the noise, or with all digits, must give an unchanged estimate.
     #[test]
     fn rounding_is_noise() {
         let smooth = |written: &dyn Fn(f64) -> f64| {
@@ -422,7 +427,8 @@ mod tests {
         assert!((after.sd_m / before.sd_m - 1.0).abs() < 1e-2, "{before} {after}");
     }
 
-    /// Steps are found over 12 decades of scale, from a zero that is no multiple of the step. Examples are 13 µm pixels, and 0.1 nm digits of a travel of 1 µm.
+    /// Digital steps are found over 12 decades of scale; the zero is no multiple of the step. Examples are pixels of 13 µm, and digits of 0.1 nm in a motion of
+    /// 1 µm.
     #[test]
     fn the_step_between_positions_is_found_at_any_scale() {
         let creep = noisy(&[(5.0, 1.0), (5.0, -1.0)].repeat(2), 16);
@@ -434,14 +440,15 @@ mod tests {
                 record.position_m.iter_mut().flatten().for_each(|x| *x = written(*x));
                 let found = written_step_m(&record).map(|found| found / scale / step);
                 assert!(found.is_some_and(|ratio| (ratio - 1.0).abs() < 1e-6), "{decade} {step}: {found:?}");
-                // Positions without rounding have no step.
+                // Positions that are not rounded have no digital step.
                 record.position_m.iter_mut().flatten().for_each(|x| *x = scale * (x.abs() / scale).sqrt());
                 assert_eq!(written_step_m(&record), None, "{decade} {step}");
             }
         }
     }
 
-    /// A power law at 200 rows evenly spaced in log time, with noise of 0.5 % of its travel. The standard error is near 9 %, so ±50 % fails falsely below 1e-6.
+    /// A power law with 200 rows evenly spaced in log time and noise of 0.5 % of the motion's range. The standard error is near 9 %, so limits of ±50 % fail
+    /// falsely below 1e-6.
     #[test]
     fn rows_spaced_in_log_time_show_the_noise() {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(17);
@@ -458,7 +465,7 @@ mod tests {
         assert!((found.sd_m / sd_m - 1.0).abs() < 0.5, "{found}");
     }
 
-    /// Two outliers of 100 standard deviations, one at rest and one in the last row. The estimate stays the same, and both are found.
+    /// Two outliers of 100 standard deviations: one at rest, and one in the last row. Both are found, and they do not change the estimate.
     #[test]
     fn outliers_do_not_inflate_the_noise_and_are_named() {
         let clean = noisy(&[(10.0, 0.0), (5.0, 1.0), (5.0, -1.0)], 12);

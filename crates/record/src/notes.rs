@@ -3,7 +3,7 @@
 pub(super) const UM_PER_M: f64 = 1e6;
 const NN_PER_N: f64 = 1e9;
 
-/// An observation of the reader that is not an error.
+/// An observation of the reader for the user that is not an error.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum Note {
@@ -11,28 +11,28 @@ pub enum Note {
     CyclesFound {
         /// Number of cycles, including an incomplete last one.
         n_cycles: u32,
-        /// Median time in s from the start of a cycle to the next; `None` for a single cycle.
+        /// Median time in s between the starts of successive cycles; `None` for a single cycle.
         period_s: Option<f64>,
         /// Description of the repetition and its irregularities.
         text: String,
     },
-    /// Rows without a position.
+    /// Some rows have no position.
     PositionsMissing {
         /// Number of rows without a position.
         n_missing: usize,
-        /// Number of rows.
+        /// Total number of rows.
         n_rows: usize,
     },
-    /// Positions that the description leaves out.
+    /// The description excludes some positions.
     PositionsLeftOut {
-        /// Number of positions left out.
+        /// Number of positions excluded.
         n_left_out: usize,
-        /// Number of rows.
+        /// Total number of rows.
         n_rows: usize,
     },
-    /// A held-out cycle has no position, so it cannot be scored.
+    /// A held-out cycle has no positions, so it cannot be scored.
     HeldOutCycleEmpty {
-        /// The cycle.
+        /// Number of the cycle.
         cycle: u32,
     },
     /// The first position is far from 0, although the record should start there.
@@ -40,38 +40,38 @@ pub enum Note {
         /// The first position in m.
         position_m: f64,
     },
-    /// Coordinates were projected onto a line, with motion across it.
+    /// Coordinates were projected onto a line, and the bead also moved across this line.
     MovesAcross {
-        /// Text on the coordinates and their line.
+        /// Text that names the coordinates and the direction of their line.
         line: String,
         /// Root mean square motion across the line, in m.
         rms_m: f64,
         /// Largest minus smallest position along the line, in m.
         range_m: f64,
     },
-    /// The part of an indenter's record that is used, and the force subtracted from it.
+    /// An indenter's record was reduced to the rows with growing contact, and the free tip's force was subtracted.
     Contact {
-        /// Time of the last row with a free tip, where the record starts, in s.
+        /// Time in s of the last row with a free tip, where the used record starts.
         from_s: f64,
-        /// Time of the last row of growing depth, where the record ends, in s.
+        /// Time in s of the last row with growing depth, where the used record ends.
         to_s: f64,
         /// Time of the first row whose position is compared, in s.
         compared_from_s: f64,
-        /// Number of rows left out before the record.
+        /// Number of rows excluded before the used record.
         n_before: usize,
-        /// Number of rows left out after the record.
+        /// Number of rows excluded after the used record.
         n_after: usize,
         /// Force on the free tip and its error, in N; `None` if the record begins in contact.
         free_n: Option<[f64; 2]>,
     },
     /// The size of an indenter's tip is unknown.
     TipUnknown {
-        /// Nominal size used instead.
+        /// Nominal size that is used instead.
         nominal: &'static str,
     },
-    /// The zero of the positions is fitted.
+    /// The zero of the positions is unknown and is fitted.
     PositionOffsetFitted,
-    /// `measurement.source` is missing.
+    /// The key `measurement.source` is missing.
     SourceNotStated,
 }
 

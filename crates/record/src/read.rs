@@ -1,4 +1,4 @@
-//! Reads files into a checked [`Experiment`].
+//! Reads an experiment's files into a checked [`Experiment`].
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -17,15 +17,15 @@ use super::{Apparatus, Experiment};
 use base::error::{Error, InputPlace, Result};
 use base::toml_input::{TomlInput, TomlTable, text_of};
 
-/// Smallest number of positions in a calibration cycle: twice the number of parameters of the base law with its noise.
+/// Smallest number of positions in a calibration cycle: twice the number of parameters of the default law with its noise.
 const MIN_POSITIONS: usize = 8;
-/// Value of `force` for a sensor's force that varies by noise about the levels between which it was switched.
+/// Value of the key `force` for a sensor's force that is constant in every hold, apart from noise.
 const LEVELS: &str = "levels";
-/// Allowed noise standard deviations of a tracker.
+/// Allowed noise standard deviations of the position, in µm.
 const NOISES_UM: [f64; 2] = [1e-9, 1e9];
 
 impl Experiment {
-    /// Reads an experiment, given a directory that contains `experiment.toml` or the path of the TOML.
+    /// Reads an experiment. `path` is its directory, which contains `experiment.toml`, or the path of the TOML file.
     ///
     /// # Errors
     /// [`Error::File`] if a file cannot be read, [`Error::Input`] for input that formats §1 refuses.
@@ -38,7 +38,7 @@ impl Experiment {
         specification.complete(&toml_path, &toml_bytes, &csv_path, &csv_bytes)
     }
 
-    /// Reads an experiment from texts in memory. The places are only named in errors.
+    /// Reads an experiment from texts in memory. The paths of the TOML and CSV file only occur in errors.
     ///
     /// # Errors
     /// As [`Experiment::read`].
@@ -54,7 +54,7 @@ impl Experiment {
     }
 }
 
-/// Content of `experiment.toml`, before the rows are read.
+/// Checked content of `experiment.toml`, before the table's rows are read.
 struct Specification {
     specimen_id: String,
     species: Option<String>,
@@ -62,14 +62,14 @@ struct Specification {
     apparatus: Apparatus,
     csv_name: String,
     actuation: Option<Actuation>,
-    /// `None` for a table in the program's own format.
+    /// Description of a foreign table; `None` for a table in the program's own format.
     table: Option<TableDescription>,
     frame: Frame,
     force_rule: ForceRule,
     force_rule_given: bool,
-    /// Place of `force = "levels"`: a sensor's noise about the levels of the holds is removed. `None` for another rule.
+    /// Place of the line `force = "levels"`, which removes a sensor's noise from each hold. `None` for another rule.
     levels: Option<InputPlace>,
-    /// Time at which the first row's force began to act, in s of the table's clock, with its place.
+    /// Time in s of the table's clock at which the first row's force began to act, with the place of its key.
     load_start: Option<(InputPlace, f64)>,
     /// True if the zero of the positions is fitted.
     fits_position_offset: bool,
@@ -81,7 +81,7 @@ struct Specification {
     source: Option<String>,
 }
 
-/// Cycles listed in the TOML, if any, with the place of the list.
+/// A list of cycles in the TOML file, with its place.
 struct CycleList {
     place: InputPlace,
     cycles: Option<Vec<u32>>,
@@ -114,10 +114,10 @@ impl CycleList {
     }
 }
 
-/// Time intervals without comparison of positions, with the place of the list.
+/// Time intervals in which positions are excluded, with the place of the list.
 struct LeftOut {
     place: InputPlace,
-    /// Start and end in s of the record, both included.
+    /// Start and end of each interval in s; both ends are included.
     intervals_s: Vec<[f64; 2]>,
 }
 
@@ -127,7 +127,7 @@ impl LeftOut {
         Ok(Self { place: measurement.place(key), intervals_s: measurement.intervals(key)?.unwrap_or_default() })
     }
 
-    /// Removes the positions and returns their number.
+    /// Removes the positions in these intervals from the record, and returns their number.
     fn leave_out(&self, record: &mut Record) -> Result<usize> {
         let mut n_left_out = 0;
         for [from_s, to_s] in &self.intervals_s {
@@ -147,7 +147,7 @@ impl LeftOut {
     }
 }
 
-/// Start times of cycles in the table's time, with the place of the list.
+/// Start times of cycles on the table's clock, with the place of the list.
 struct CycleStarts {
     place: InputPlace,
     starts_s: Vec<f64>,
@@ -164,7 +164,7 @@ impl CycleStarts {
         Ok(Some(Self { place: measurement.place(key), starts_s }))
     }
 
-    /// Numbers the cycles of a table without a cycle column. Rows before the first start belong to the first cycle.
+    /// Assigns a cycle number to each row of a table without a cycle column. Rows before the first start belong to the first cycle.
     fn number(&self, trajectory: &mut Trajectory) -> Result<()> {
         let refuse = |found: String, remedy: &str| Err(Error::input(self.place.clone(), found, remedy));
         if trajectory.cycle.is_some() {
@@ -173,7 +173,7 @@ impl CycleStarts {
         let cycle_of = |time_s: &f64| self.starts_s[1..].partition_point(|start_s| start_s <= time_s) as u32 + 1;
         let cycle: Vec<u32> = trajectory.time_s.iter().map(cycle_of).collect();
         for number in 1..=self.starts_s.len() as u32 {
-            // Times ascend, and so do cycles.
+            // Times ascend, so cycle numbers ascend and can be searched by bisection.
             if cycle.binary_search(&number).is_err() {
                 let start_s = self.starts_s[number as usize - 1];
                 return refuse(
@@ -367,7 +367,7 @@ impl Specification {
         Ok((experiment, files))
     }
 
-    /// Chooses the cycles. By default the first cycle calibrates, and all cycles that do not calibrate are held out.
+    /// Returns the calibration cycles and the held-out cycles. By default the first cycle calibrates, and all other cycles are held out.
     fn choose_cycles(&self, n_cycles: u32) -> Result<(Vec<u32>, Vec<u32>)> {
         self.calibration.check_exist(n_cycles)?;
         self.heldout.check_exist(n_cycles)?;
@@ -394,8 +394,8 @@ impl Specification {
     }
 }
 
-/// Returns the record with its cycles, and the line of each row. A linearly varying force gets rows where it crosses zero, because effects may act on one sign
-/// only.
+/// Returns the record with its cycles, and the line number of each row. Rows are added where a linearly varying force crosses zero, because some effects act on
+/// one sign of the force only.
 fn record_from(
     trajectory: Trajectory,
     lines: Vec<usize>,
@@ -415,7 +415,7 @@ fn record_from(
     record.with_force_rows(lines)
 }
 
-/// Checks that the first cycle reaches into contact: a cycle that ends earlier has no rows.
+/// Checks that the first cycle lasts until contact. A cycle that ends before contact would have no rows.
 fn check_first_cycle(csv_place: &Path, trajectory: &Trajectory) -> Result<()> {
     match trajectory.cycle.as_ref().and_then(|cycle| cycle.first()) {
         Some(first) if *first != 1 => Err(Error::input(
@@ -427,7 +427,7 @@ fn check_first_cycle(csv_place: &Path, trajectory: &Trajectory) -> Result<()> {
     }
 }
 
-/// Checks that some force acts. Without force nothing can be estimated, and scales derived from the force would be zero.
+/// Checks that a force acts at all. Without a force nothing can be estimated, and scales derived from the force would be zero.
 fn check_driven(csv_place: &Path, trajectory: &Trajectory) -> Result<()> {
     if trajectory.force_n.iter().any(|force_n| *force_n != 0.0) {
         return Ok(());
@@ -459,7 +459,7 @@ fn check_positions(record: &Record, calibration_cycles: &[u32], place: &InputPla
     Ok(())
 }
 
-/// Largest minus smallest position, in m.
+/// Largest minus smallest position of the record, in m.
 fn range_m(record: &Record) -> f64 {
     let positions = || record.position_m.iter().flatten().copied();
     positions().fold(f64::NEG_INFINITY, f64::max) - positions().fold(f64::INFINITY, f64::min)
@@ -467,7 +467,7 @@ fn range_m(record: &Record) -> f64 {
 
 fn note_data(record: &Record, heldout_cycles: &[u32], source_missing: bool, notes: &mut Vec<Note>) {
     let n_missing = record.position_m.iter().filter(|position| position.is_none()).count() - record.force_rows.len();
-    // Positions of a tip that only touches are not missing. Another note covers them.
+    // Positions at the onset of contact are excluded, not missing. The note on contact mentions them.
     let touches = notes.iter().any(|note| matches!(note, Note::Contact { .. }));
     let n_touching = record.position_m.iter().take_while(|position| touches && position.is_none()).count();
     let left_out =

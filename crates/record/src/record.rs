@@ -4,14 +4,14 @@ use super::force::{Force, ForceRule};
 use super::robust::median;
 use sha2::{Digest, Sha256};
 
-/// Rows of the trajectory in SI units. All vectors have equal length.
+/// Rows of the trajectory in SI units. The vectors with one value per row have equal lengths.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Record {
     /// Times in s, strictly increasing.
     pub time_s: Vec<f64>,
-    /// Commanded force in N.
+    /// Commanded force at each row, in N.
     pub force_n: Vec<f64>,
-    /// Position in m, as the limit from the left; `None` if tracking was lost.
+    /// Position at each row in m, just before a change of the force at this row; `None` if tracking was lost.
     pub position_m: Vec<Option<f64>>,
     /// Cycle of each row, counted from 1.
     pub cycle: Vec<u32>,
@@ -27,7 +27,7 @@ impl Record {
         self.time_s.len()
     }
 
-    /// SHA-256 of all rows.
+    /// SHA-256 hash of all rows.
     pub fn sha256(&self) -> String {
         let mut hash = Sha256::new();
         let positions = self.position_m.iter().map(|position| position.unwrap_or(f64::NAN));
@@ -41,17 +41,17 @@ impl Record {
         hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
     }
 
-    /// The commanded force.
+    /// The commanded force over time.
     pub fn force(&self) -> Force<'_> {
         Force { at_rows_n: &self.force_n, rule: self.force_rule }
     }
 
-    /// Command before a row, in N: the previous row's force, or 0 before the first row.
+    /// Commanded force just before `row`, in N: the previous row's force, or 0 before the first row.
     pub fn previous_force_n(&self, row: usize) -> f64 {
         row.checked_sub(1).map_or(0.0, |before| self.force_n[before])
     }
 
-    /// Command that acts when a row's position is measured, in N: the limit from the left, 0 at the first row.
+    /// Commanded force (N) that acts when the position at `row` is measured, just before the force changes at this row. It is 0 at the first row.
     pub fn acting_force_n(&self, row: usize) -> f64 {
         if row > 0 && self.force().is_linear() { self.force_n[row] } else { self.previous_force_n(row) }
     }
@@ -61,7 +61,8 @@ impl Record {
         self.cycle.last().copied().unwrap_or(0)
     }
 
-    /// Returns a test if a cycle is one of `cycles`. Its cost does not grow with their number, because records may have a hundred thousand cycles.
+    /// Returns a function that tests whether a cycle is in `cycles`. Its cost does not grow with their number, because records may have a hundred thousand
+    /// cycles.
     pub fn cycle_filter(&self, cycles: &[u32]) -> impl Fn(u32) -> bool + use<> {
         let mut is_wanted = vec![false; self.largest_cycle() + 1];
         for cycle in cycles {
@@ -72,7 +73,7 @@ impl Record {
         move |cycle| is_wanted.get(cycle as usize).copied().unwrap_or(false)
     }
 
-    /// Number of positions in each cycle, indexed by cycle number. Index 0 has none.
+    /// Number of positions in each cycle; the index is the cycle number. Index 0 is unused and holds 0.
     pub fn n_positions(&self) -> Vec<usize> {
         let mut counts = vec![0; self.largest_cycle() + 1];
         for (cycle, _) in self.cycle.iter().zip(&self.position_m).filter(|(_, position)| position.is_some()) {
@@ -96,8 +97,8 @@ impl Record {
         self.force().step_rows()
     }
 
-    /// Adds a row without position wherever a linearly varying force crosses zero. `lines` holds the line of each existing row. Returns the record and the line
-    /// of each of its rows; an added row has the line of the row before it.
+    /// Adds a row without a position wherever a linearly varying force crosses zero. `lines` holds the line number of each existing row. Returns the record and
+    /// the line number of each row; an added row has the line number of the row before it.
     pub(super) fn with_force_rows(self, lines: Vec<usize>) -> (Self, Vec<usize>) {
         let crossing_s = |row: usize| {
             let (from_n, to_n) = (self.force_n[row], *self.force_n.get(row + 1)?);
@@ -134,7 +135,7 @@ impl Record {
         self.n_rows() - self.force_rows.len()
     }
 
-    /// Median time between samples in s; `None` for fewer than two samples.
+    /// Median time between successive samples in s; `None` for fewer than two samples.
     pub fn median_interval_s(&self) -> Option<f64> {
         let mut left_out = self.force_rows.iter().copied().peekable();
         let is_sample = |row: &usize| left_out.next_if_eq(row).is_none();
@@ -159,7 +160,7 @@ mod tests {
 
     #[test]
     fn steps_are_changes_above_a_fifth_of_the_range() {
-        // For a range of 10, a change of 2.0 is exactly a fifth and not a step, but 2.1 is one.
+        // The force's range is 10. A change of 2.0 is exactly a fifth of it and is not a step, but a change of 2.1 is one.
         let steps = record(&[0.0, 2.0, 0.0, 2.1, 10.0, 9.0, 0.0, 0.0]).force_step_rows();
         assert_eq!(steps, [3, 4, 6]);
     }

@@ -1,9 +1,9 @@
 //! Robust statistics, insensitive to a few wrong values.
 
-/// Ratio of a Gaussian's standard deviation to its median absolute deviation.
+/// Ratio of the standard deviation of a normal distribution to its median absolute deviation.
 pub const SD_PER_MAD: f64 = 1.482_602_218_505_602;
 
-/// Median of finite values; `None` if there are none.
+/// Median of finite values; `None` without values.
 pub fn median(mut values: Vec<f64>) -> Option<f64> {
     if values.is_empty() {
         return None;

@@ -2,20 +2,20 @@
 
 use super::{Apparatus, Experiment};
 
-/// Characteristic sizes of an experiment.
+/// Characteristic forces, times and lengths of an experiment.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct CharacteristicSizes {
-    /// Largest absolute commanded force, in N.
+    /// Largest absolute value of the commanded force, in N.
     pub largest_force_n: f64,
-    /// Largest minus smallest measured position, in m; 0 without measurements.
+    /// Largest minus smallest measured position, in m; 0 if no position was measured.
     pub position_range_m: f64,
-    /// Median time between force steps, in s; the record's length if there are none.
+    /// Median time between force steps, in s; the record's duration if there are no steps.
     pub hold_s: f64,
     /// Median time between rows, in s.
     pub sample_interval_s: f64,
-    /// Mean length of a cycle, in s.
+    /// Mean duration of a cycle, in s.
     pub cycle_s: f64,
-    /// Length of the record, in s.
+    /// Duration of the record, in s.
     pub duration_s: f64,
     /// Poisson ratio of the vitreous; `None` for an instrument.
     pub poisson_ratio: Option<f64>,
@@ -23,9 +23,9 @@ pub struct CharacteristicSizes {
     pub robot_radius_m: Option<f64>,
     /// Radius of the vitreous, in m; `None` for an instrument.
     pub outer_radius_m: Option<f64>,
-    /// Exponent p of an indenter: depth to the power p responds linearly to force. `None` if the position itself responds linearly.
+    /// Exponent p of an indenter, whose depth to the power p responds linearly to the force. `None` for other apparatus, whose position responds linearly.
     pub depth_exponent: Option<f64>,
-    /// True if the recorded position has an unknown offset.
+    /// True if the recorded position has an unknown offset, which is fitted.
     pub fits_position_offset: bool,
 }
 

@@ -1,6 +1,6 @@
-//! An oscillation measured with a rheometer: moduli over frequency (formats §1.2).
+//! An oscillation measured with a rheometer: a table of moduli against frequency (formats §1.2).
 //!
-//! [`OscillationRecord::read`] checks the input. All data that it returns are complete and in SI units.
+//! [`OscillationRecord::read`] reads and checks the record. Its data are complete and in SI units.
 
 use std::path::Path;
 
@@ -14,17 +14,17 @@ use base::files::refuse_long_lines;
 use base::toml_input::{TomlInput, TomlTable, text_of};
 use base::units::Dimension;
 
-/// Smallest number of fitted rows.
+/// Smallest number of rows that must remain for the fit.
 const FEWEST_FITTED: usize = 4;
-/// Smallest number of frequencies for which every third is held out by default.
+/// By default rows are held out only if there are at least this many frequencies.
 const FEWEST_TO_HOLD_OUT: usize = 9;
-/// Frequencies with a smaller relative difference count as equal.
+/// Two frequencies count as equal if their relative difference is below this value.
 const SAME_FREQUENCY: f64 = 1e-6;
 const FREQUENCIES_HZ: [f64; 2] = [1e-9, 1e9];
-/// Poisson ratio of a sheared gel that consists almost entirely of water.
+/// Default Poisson ratio: that of a sheared gel, which consists almost entirely of water.
 const INCOMPRESSIBLE: f64 = 0.5;
 
-/// Pair of quantities measured at each frequency.
+/// The two quantities that are measured at each frequency.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SweepForm {
     /// Storage and loss modulus, G′ and G″, in Pa.
@@ -34,7 +34,7 @@ pub enum SweepForm {
 }
 
 impl SweepForm {
-    /// Pair of numbers for a complex shear modulus G′ + iG″ in Pa.
+    /// Converts a complex shear modulus G′ + iG″ (Pa) to the two quantities of this form.
     pub fn of_moduli(self, storage_pa: f64, loss_pa: f64) -> [f64; 2] {
         match self {
             Self::StorageAndLoss => [storage_pa, loss_pa],
@@ -42,7 +42,7 @@ impl SweepForm {
         }
     }
 
-    /// G′ and G″ for a pair of numbers.
+    /// Converts the two quantities of this form to G′ and G″ in Pa.
     pub fn moduli(self, pair: [f64; 2]) -> [f64; 2] {
         match self {
             Self::StorageAndLoss => pair,
@@ -59,31 +59,31 @@ impl SweepForm {
     }
 }
 
-/// One frequency.
+/// Measurement at one frequency.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SweepRow {
     /// Frequency in Hz.
     pub frequency_hz: f64,
-    /// Pair of numbers as specified by [`OscillationRecord::form`].
+    /// The two measured quantities, as [`OscillationRecord::form`] defines them.
     pub pair: [f64; 2],
-    /// Standard deviations of the pair.
+    /// Standard deviations of the two quantities, in their units; `None` if they are unknown.
     pub sd: Option<[f64; 2]>,
-    /// True if no fit uses the row.
+    /// True if the row is held out, so that no fit uses it.
     pub is_heldout: bool,
 }
 
-/// A checked oscillation in SI units, with rows in order of ascending frequency.
+/// A checked oscillation in SI units. Rows are in order of ascending frequency.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OscillationRecord {
     /// Specimen identifier, `[specimen] id`.
     pub specimen_id: String,
     /// Poisson ratio ν of the specimen. It converts Young's moduli to shear moduli: G = E/(2 + 2ν).
     pub poisson_ratio: f64,
-    /// Pair of quantities in the rows.
+    /// The two quantities that each row contains.
     pub form: SweepForm,
     /// The rows.
     pub rows: Vec<SweepRow>,
-    /// Number of table rows that lack a number.
+    /// Number of table rows that were skipped because a number is missing.
     pub n_incomplete: usize,
     /// Source of the data: synthetic or measured.
     pub source: String,
@@ -94,13 +94,13 @@ pub struct OscillationRecord {
 pub enum SweepColumn {
     /// Frequency.
     Frequency,
-    /// G′.
+    /// Storage modulus G′.
     Storage,
-    /// G″.
+    /// Loss modulus G″.
     Loss,
-    /// |G*|.
+    /// Absolute value |G*| of the complex modulus.
     Modulus,
-    /// δ.
+    /// Phase δ.
     Phase,
     /// Standard deviation of G′.
     StorageSd,
@@ -150,7 +150,7 @@ impl SweepColumn {
         }
     }
 
-    /// Column type for a name that a rheometer's program uses; `None` for other names. Standard deviations are not recognised by name.
+    /// Column type for a column name of a rheometer's program; `None` for unknown names. Columns of standard deviations are not recognised by name.
     fn from_name(name: &str, unit: Option<&ParsedUnit>) -> Option<Self> {
         let stem = split_unit(name).0.to_lowercase();
         let plain: String = stem.chars().filter(|c| !c.is_whitespace() && !"_-|*.()".contains(*c)).collect();
@@ -170,7 +170,7 @@ impl SweepColumn {
     }
 }
 
-/// Columns of a sweep in an inspected table, in the order of [`SweepColumn::ALL`]; `None` if the table is no sweep.
+/// Recognised columns of a sweep, each with its index, in the order of [`SweepColumn::ALL`]; `None` if the table is not a sweep.
 pub fn sweep_columns(looked: &InspectedTable) -> Option<Vec<(SweepColumn, usize)>> {
     let called = |column: SweepColumn| {
         let mut places = looked.columns.iter().zip(&looked.units).enumerate();
@@ -185,7 +185,8 @@ pub fn sweep_columns(looked: &InspectedTable) -> Option<Vec<(SweepColumn, usize)
 }
 
 impl OscillationRecord {
-    /// True if the experiment's description says that it is an oscillation. Unreadable input gives false; its reader then refuses it.
+    /// True if the experiment's description at `path` says that it is an oscillation. False if the description cannot be read; the reader then reports the
+    /// error.
     pub fn is_described_in(path: &Path) -> bool {
         let Ok((toml_path, bytes)) = read_toml(path) else { return false };
         let found =
@@ -196,7 +197,7 @@ impl OscillationRecord {
         found.unwrap_or(false)
     }
 
-    /// Reads an oscillation, given a directory that contains `experiment.toml` or the path of the TOML.
+    /// Reads an oscillation. `path` is its directory, which contains `experiment.toml`, or the path of the TOML file.
     ///
     /// # Errors
     /// [`Error::File`] if a file cannot be read, [`Error::Input`] for input that formats §1.2 refuses.
@@ -251,19 +252,19 @@ impl OscillationRecord {
         Ok((sweep, files))
     }
 
-    /// True if every row has known errors.
+    /// True if the standard deviations of every row are known.
     pub fn has_errors(&self) -> bool {
         self.rows.iter().all(|row| row.sd.is_some())
     }
 
-    /// Lowest and highest frequency in Hz.
+    /// Lowest and highest frequency of the rows, in Hz.
     pub fn range_hz(&self) -> [f64; 2] {
         let ends = [self.rows.first(), self.rows.last()];
         ends.map(|row| row.map_or(1.0, |row| row.frequency_hz))
     }
 }
 
-/// Poisson ratio from `[rheometer]`, else from `[vitreous]`, else 0.5.
+/// Poisson ratio from `[rheometer]`, otherwise from `[vitreous]`, otherwise 0.5.
 fn poisson_ratio(root: TomlTable<'_>) -> Result<f64> {
     for name in ["rheometer", "vitreous"] {
         let Some(table) = root.table(name)? else { continue };
@@ -284,7 +285,7 @@ fn poisson_ratio(root: TomlTable<'_>) -> Result<f64> {
     Ok(INCOMPRESSIBLE)
 }
 
-/// Column number, name and unit of each quantity.
+/// Column index, name and unit of each measured quantity.
 struct Columns {
     form: SweepForm,
     frequency: (usize, String, ParsedUnit),
@@ -338,7 +339,7 @@ impl Columns {
         }
     }
 
-    /// Returns the complete rows and the number of incomplete ones.
+    /// Reads the table. Returns the complete rows, and the number of rows that lack a number.
     fn rows(&self, file: &Path, text: &str, layout: &TableLayout) -> Result<(Vec<SweepRow>, usize)> {
         let (mut rows, mut n_incomplete) = (Vec::new(), 0);
         let lines = text.lines().enumerate().skip(layout.first_row_line - 1);
@@ -384,7 +385,7 @@ impl Columns {
     }
 }
 
-/// Marks the held-out rows: those in `heldout_hz`, or by default every third row starting with the second.
+/// Marks rows as held out: those with the frequencies in `heldout_hz`, or by default every third row starting with the second.
 fn hold_out(measurement: TomlTable<'_>, rows: &mut [SweepRow]) -> Result<()> {
     let Some(wanted_hz) = measurement.numbers("heldout_hz")? else {
         if rows.len() >= FEWEST_TO_HOLD_OUT {

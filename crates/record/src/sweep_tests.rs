@@ -1,6 +1,6 @@
 use super::*;
 
-/// Reads a sweep from this table and these lines of `[measurement]`.
+/// Reads an oscillation from the text of its table and the text of `[measurement]`.
 fn read(table: &str, measurement: &str) -> Result<OscillationRecord> {
     let dir = tempfile::tempdir().unwrap();
     let toml = format!(
@@ -54,7 +54,7 @@ fn every_third_frequency_is_held_out_or_those_that_are_named() {
     assert_eq!(heldout("heldout_hz = []\n"), [0.0; 0]);
 }
 
-/// Each case has the words that the message must contain.
+/// Every faulty input is refused, with a message that contains the listed words.
 #[test]
 fn what_is_no_sweep_is_refused_with_its_place() {
     for (table, measurement, found) in [

@@ -1,53 +1,53 @@
-//! Makes times ascend: joins a clock that restarts, and spreads rows within one step of a coarse clock.
+//! Makes the times of a table ascend. It joins the runs of a clock that restarts, and spreads the rows that share one time of a coarse clock.
 
 use super::robust::median;
 use base::error::{Error, InputPlace, Result, Setting};
 
-/// Fraction of the last interval within which the next table counts as begun at the previous table's last row.
+/// A table begins at the previous table's last row if its first time is within this fraction of the last interval from it.
 const BEGAN_BEFORE: f64 = 0.5;
-/// Shift of a table's last row, as a fraction of an interval, if its time equals that of the next table's first row.
+/// If two tables share a time, the previous table's last row is moved back by this fraction of an interval.
 const JUST_BEFORE: f64 = 1e-6;
-/// Smallest fraction of rows with the previous row's time for which the clock counts as coarse.
+/// A clock counts as coarse if at least this fraction of the rows repeats the previous row's time.
 const COARSE: f64 = 0.2;
-/// Smallest ratio of distances between neighbouring rows of several tracks to distances within one track.
+/// Rows alternate between several tracks if neighbouring rows are farther apart than the rows within one track by at least this factor.
 const TRACKS: f64 = 3.0;
 
-/// Changes made to the times of a table.
+/// Changes that were made to the times of a table.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct TimeChanges {
-    /// Rows at which the clock restarted.
+    /// Indices of the rows at which the clock restarted.
     pub restart_rows: Vec<usize>,
-    /// Number of rows with the previous row's time.
+    /// Number of rows that repeat the previous row's time.
     pub n_ties: usize,
     /// True if rows of equal time belong to several tracks.
     pub are_tracks: bool,
 }
 
 impl TimeChanges {
-    /// True if the clock is coarser than the rows of a single track.
+    /// True if the clock is coarser than the row spacing and the rows belong to a single track.
     pub fn is_coarse(&self, n_rows: usize) -> bool {
         !self.are_tracks && self.n_ties as f64 >= COARSE * n_rows as f64
     }
 }
 
-/// Rows whose times are ordered.
+/// Times, forces and positions of the rows whose times are made to ascend.
 pub(super) struct TimeRows<'a> {
     pub time_s: &'a mut [f64],
     pub force_n: &'a mut [f64],
     pub position_m: &'a [Option<f64>],
 }
 
-/// Rules of a description for times that do not ascend.
+/// Rules of a table's description for times that do not ascend.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct TimeRules {
-    /// Times that fall back to the start continue from the previous row.
+    /// True if times that fall back to the start continue from the previous row.
     pub joins_restarts: bool,
-    /// Equal times of a coarse clock are spread evenly.
+    /// True if equal times of a coarse clock are spread evenly.
     pub spreads_ties: bool,
 }
 
-/// Makes times (s) ascend according to the rules. The force of a table's last row becomes that of the next table if that table begins at this row. `starts` are
-/// the tables' first rows.
+/// Makes the times (s) ascend according to the rules. `starts` holds the index of each table's first row. If a table begins at the previous table's last row,
+/// its first force replaces the force of that row.
 ///
 /// # Errors
 /// [`Error::Input`] at the first time that does not ascend, with the cause that the rows suggest.
@@ -80,9 +80,10 @@ pub(super) fn order_times(
     }
 }
 
-/// Adds the elapsed time to each run of a clock that restarts, and returns the first rows of the runs.
+/// Makes the times (s) of a clock that restarts continue, and returns the first row of each new run.
 ///
-/// A run that begins with time 0 follows one interval after the previous row. A run that begins later continues from the previous row.
+/// A run that begins with time 0 starts one interval after the previous row. A run that begins later starts at the time of the previous row plus its first
+/// time.
 fn join_restarts(time_s: &mut [f64]) -> Vec<usize> {
     let (mut rows, mut offset_s, mut before_s) = (Vec::new(), 0.0, None);
     for row in 0..time_s.len() {
@@ -100,12 +101,12 @@ fn join_restarts(time_s: &mut [f64]) -> Vec<usize> {
     rows
 }
 
-/// True if a time shows that the clock restarted: it falls back to near the first time.
+/// True if the clock restarted between `before_s` and `time_s`: the time falls back to near the record's first time.
 fn is_restart(time_s: f64, before_s: f64, first_s: f64) -> bool {
     time_s < before_s && time_s - first_s <= 0.1 * (before_s - first_s)
 }
 
-/// Spreads rows of equal times evenly over the clock's step and returns their number.
+/// Spreads the rows of each repeated time evenly over the clock's step. Returns the number of rows that repeat the previous time.
 fn spread_ties(time_s: &mut [f64]) -> usize {
     let mut runs: Vec<(usize, f64)> = Vec::new();
     for time in time_s.iter() {
@@ -122,7 +123,7 @@ fn spread_ties(time_s: &mut [f64]) -> usize {
     let usual = median(runs[1..runs.len() - 1].iter().map(|(count, _)| *count as f64).collect()).unwrap_or(1.0);
     let mut row = 0;
     for (place, (count, value)) in runs.iter().enumerate() {
-        // The first step may have begun before the record, and the last may end after it.
+        // The first step of the clock may have begun before the record, and the last may end after it. Both therefore count as steps of usual length.
         let rows_a_step = if place == 0 || place + 1 == runs.len() { usual.max(*count as f64) } else { *count as f64 };
         let left_out = if place == 0 { rows_a_step - *count as f64 } else { 0.0 };
         for k in 0..*count {
@@ -133,7 +134,7 @@ fn spread_ties(time_s: &mut [f64]) -> usize {
     n_ties
 }
 
-/// Error for a time that is not later than the one before. It tells the cause that the rows suggest, and the remedy.
+/// Error for a time that is not later than the previous one. It names the cause that the rows suggest, and the remedy.
 fn refused(place: InputPlace, row: usize, time_s: &[f64], position_m: &[Option<f64>]) -> Error {
     let (time, before) = (time_s[row], time_s[row - 1]);
     let n_ties = time_s.windows(2).filter(|pair| pair[1] == pair[0]).count();
@@ -176,7 +177,7 @@ fn refused(place: InputPlace, row: usize, time_s: &[f64], position_m: &[Option<f
     Error::input(place, found, remedy)
 }
 
-/// True if neighbouring rows are much farther apart than rows of neighbouring times, so that they belong to several tracks.
+/// True if neighbouring rows are much farther apart than rows of neighbouring times. They then belong to several tracks.
 fn alternate(time_s: &[f64], position_m: &[Option<f64>]) -> bool {
     let together = time_s.iter().take_while(|time| **time == time_s[0]).count();
     let apart = |step: usize| {
@@ -192,7 +193,7 @@ mod tests {
 
     #[test]
     fn a_clock_that_begins_again_goes_on() {
-        // First the rows mark the start of each interval, then its end.
+        // In the first case the rows are at the start of each interval, in the second case at its end.
         for (first_s, expected) in [(0.0, [0.0, 0.5, 1.0, 1.5]), (0.5, [0.5, 1.0, 1.5, 2.0])] {
             let mut time_s = [first_s, first_s + 0.5, first_s, first_s + 0.5];
             assert_eq!(join_restarts(&mut time_s), [2]);
@@ -202,7 +203,7 @@ mod tests {
         assert!(join_restarts(&mut unsorted).is_empty());
     }
 
-    /// The next table starts just after the first table's last row, as a rheometer logs it. Then it starts later, and then at an equal time.
+    /// The next table starts just after the first table's last row, as a rheometer logs it. The other two cases are a later start and an equal time.
     #[test]
     fn a_table_that_begins_with_the_last_row_of_another_switches_there() {
         let place = |row: usize| InputPlace::file("t.csv").at_line(row + 2);
@@ -221,7 +222,7 @@ mod tests {
         }
     }
 
-    /// Rows at 4 Hz with a clock of whole seconds. The first second has two rows and the last has one.
+    /// Rows at 4 Hz, with a clock that only shows whole seconds. The first second has two rows, and the last has one.
     #[test]
     fn rows_of_a_coarse_clock_are_spread() {
         let truth: Vec<f64> = (2..13).map(|row| 0.25 * f64::from(row)).collect();

@@ -1,4 +1,4 @@
-//! Reads `trajectory.csv`: a header with units, then rows. Every fault is an error with its line.
+//! Reads `trajectory.csv`: a header with units, then rows. Every error names its line.
 
 use std::path::Path;
 
@@ -7,31 +7,31 @@ use base::error::{Error, InputPlace, Result};
 use base::files::refuse_long_lines;
 use base::units::{Dimension, UNITS, Unit, nearest_name};
 
-/// Rows of a CSV in SI units, before zero, direction and cycles are determined.
+/// Rows of a table in SI units, before zero, direction and cycles are determined.
 #[derive(Debug)]
 pub(super) struct Trajectory {
     pub time_s: Vec<f64>,
     pub force_n: Vec<f64>,
-    /// Position as written; x if the table has several coordinates.
+    /// Position as written, in m; the coordinate x if the table has several coordinates.
     pub position_m: Vec<Option<f64>>,
-    /// Coordinates y, or y and z.
+    /// Coordinate y, or y and z, as written, in m; one list for each coordinate. Empty for a single position column.
     pub others_m: Vec<Vec<Option<f64>>>,
     /// Metres per unit of the position column.
     pub position_unit_m: f64,
-    /// Reading of the table's own clock at time 0, in s.
+    /// Time on the table's own clock at the record's time 0, in s.
     pub clock_zero_s: f64,
     /// Cycle of each row; `None` if the file has no `cycle` column.
     pub cycle: Option<Vec<u32>>,
-    /// Line of each row in the file, from 1.
+    /// Line number of each row in the file, from 1.
     pub lines: Vec<usize>,
     /// Names of the force and position columns in the header.
     pub force_column: String,
     pub position_column: String,
-    /// Changes made to the times.
+    /// Changes that were made to the times.
     pub ordered: TimeChanges,
 }
 
-/// One row in SI units, with the text of its cycle.
+/// One row of a table in SI units, with the text of its cycle cell.
 pub(super) struct TableRow<'a> {
     pub time_s: f64,
     pub force_n: f64,
@@ -39,14 +39,14 @@ pub(super) struct TableRow<'a> {
     pub cycle: Option<&'a str>,
 }
 
-/// Content of a column.
+/// Quantity that a column contains.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Column {
     Quantity(usize, Unit),
     Cycle,
 }
 
-/// Quantities in the order of their index, with examples for messages.
+/// Name, dimension and example of each quantity, for messages. The index is that of the column.
 const QUANTITIES: [(&str, Dimension, &str); 3] = [
     ("time", Dimension::Time, "time_s"),
     ("force", Dimension::Force, "force_uN"),
@@ -55,13 +55,13 @@ const QUANTITIES: [(&str, Dimension, &str); 3] = [
 pub(super) const TIME: usize = 0;
 pub(super) const FORCE: usize = 1;
 pub(super) const POSITION: usize = 2;
-/// Index of the cycle column, which is not a quantity.
+/// Index of the cycle column, which follows the quantities.
 pub(super) const CYCLE: usize = 3;
 
-/// Largest number of rows of a record. Reading takes about a hundred bytes for each row.
+/// Largest number of rows of a record. Reading needs about a hundred bytes for each row.
 const MOST_ROWS: usize = 20_000_000;
 
-/// Words for a lost position, in addition to an empty cell.
+/// Words that mean a lost position, in addition to an empty cell.
 const LOST: [&str; 9] = ["nan", "na", "null", "n/a", "#n/a", "none", "missing", "-", "--"];
 
 /// True if a cell means a lost position.
@@ -73,13 +73,13 @@ pub(super) fn is_lost(cell: &str) -> bool {
 struct Header {
     names: Vec<String>,
     time: (usize, Unit),
-    /// Force column; `None` if another file contains the force.
+    /// Column index and unit of the force; `None` if another file contains the force.
     force: Option<(usize, Unit)>,
     position: (usize, Unit),
     cycle: Option<usize>,
 }
 
-/// Parses a trajectory. Errors name `file`. `is_driven_elsewhere` is true if another file contains the force.
+/// Parses the text of a trajectory. Errors name `file`. `is_driven_elsewhere` is true if another file contains the force.
 pub(super) fn read_trajectory(file: &Path, text: &str, is_driven_elsewhere: bool) -> Result<Trajectory> {
     refuse_long_lines(file, text.as_bytes())?;
     let mut rows = TableRows::new(file, text);
@@ -102,7 +102,7 @@ pub(super) fn read_trajectory(file: &Path, text: &str, is_driven_elsewhere: bool
 const HEADER_REMEDY: &str =
     "write the header `time_s,force_uN,position_um,cycle` (other units are allowed; `cycle` is optional)";
 
-/// Rows of a CSV with their line numbers; blank lines are skipped.
+/// Reader of a CSV's rows that also gives their line numbers. Blank lines are skipped.
 struct TableRows<'a> {
     file: &'a Path,
     text: &'a [u8],
@@ -122,7 +122,7 @@ impl<'a> TableRows<'a> {
         Self { file, text: text.as_bytes(), reader, record: csv::StringRecord::new(), counted_bytes: 0, line: 1 }
     }
 
-    /// Reads the next row into `record` and returns its line.
+    /// Reads the next row into `record` and returns its line number; `None` at the end.
     fn next_row(&mut self) -> Result<Option<usize>> {
         let start = usize::try_from(self.reader.position().byte()).unwrap_or(usize::MAX);
         let more = self.reader.read_record(&mut self.record).map_err(|error| {
@@ -138,7 +138,7 @@ impl<'a> TableRows<'a> {
         Ok(Some(self.line_of_row_from(start)))
     }
 
-    /// Line of the row that the reader began to read at byte `start`. Blank lines before the row count.
+    /// Line number of the row that the reader began to read at byte `start`. Blank lines before the row are counted.
     fn line_of_row_from(&mut self, start: usize) -> usize {
         let mut end = start.min(self.text.len());
         while self.text.get(end).is_some_and(|byte| matches!(byte, b'\n' | b'\r')) {
@@ -243,7 +243,7 @@ impl Column {
 }
 
 impl Trajectory {
-    /// Adds a row of the CSV. `place` is called only for errors, because files have millions of rows.
+    /// Adds a row of the CSV. `place` gives the place for errors; it is only called for them, because files have millions of rows.
     fn push(&mut self, header: &Header, place: &dyn Fn() -> InputPlace, cells: &csv::StringRecord) -> Result<()> {
         if cells.len() != header.names.len() {
             return Err(Error::input(
@@ -297,7 +297,7 @@ impl Trajectory {
         }
     }
 
-    /// Adds a row. `place` returns the place of a quantity by its index, or of [`CYCLE`].
+    /// Adds a row in SI units. `place` returns the place of a quantity for errors, given its index or [`CYCLE`].
     pub(super) fn add(&mut self, row: TableRow<'_>, place: &dyn Fn(usize) -> InputPlace) -> Result<()> {
         let TableRow { time_s, force_n, position_m, cycle } = row;
         plausible(&|| place(TIME), time_s, TIMES_S, "s")?;
@@ -322,7 +322,8 @@ impl Trajectory {
         emptied
     }
 
-    /// Adds a row of another trajectory at a time (s) with a force (N). If `is_sample` is false, the row only marks a force change and has no position.
+    /// Adds row `row` of the trajectory `other`, at the time `time_s` with the force `force_n`. If `is_sample` is false, the row only marks a force change and
+    /// has no position.
     pub(super) fn push_from(&mut self, other: &Self, row: usize, time_s: f64, force_n: f64, is_sample: bool) {
         let kept = |position: Option<f64>| position.filter(|_| is_sample);
         self.time_s.push(time_s);
@@ -337,8 +338,8 @@ impl Trajectory {
         self.lines.push(other.lines[row]);
     }
 
-    /// Inserts a row without position before the first row, for a record that started under load. The first row's force acts from there, and times count from
-    /// there.
+    /// Inserts a row without a position before the first row, for a record that started under load. The first row's force acts from `start_s` (s) on, which
+    /// becomes time 0.
     pub(super) fn start_under_load(&mut self, place: &InputPlace, start_s: f64) -> Result<()> {
         let first_s = self.time_s.first().copied().unwrap_or(0.0);
         if start_s >= first_s || (first_s - start_s).abs() > TIMES_S[1] {
@@ -361,7 +362,7 @@ impl Trajectory {
         Ok(())
     }
 
-    /// Notes the line of the row that is added next.
+    /// Stores the line number of the row that is added next.
     pub(super) fn note_line(&mut self, file: &Path, line: usize) -> Result<()> {
         if self.lines.len() == MOST_ROWS {
             return Err(Error::input(
@@ -374,7 +375,7 @@ impl Trajectory {
         Ok(())
     }
 
-    /// Checks that a record has at least two rows. `line` is the first row's line.
+    /// Checks that a record has at least two rows. `line` is the line number of the first row.
     pub(super) fn check_length(&self, file: &Path, line: usize) -> Result<()> {
         if self.time_s.len() >= 2 {
             return Ok(());
@@ -413,7 +414,7 @@ fn finite(place: &dyn Fn() -> InputPlace, text: &str, remedy: &str) -> Result<f6
     Err(Error::input(place(), found, remedy))
 }
 
-/// Allowed sizes. Values outside are wrong units and would later exceed the range of floating-point numbers.
+/// Allowed times, forces and positions in SI units. Values outside have wrong units, and would later exceed the range of floating-point numbers.
 const TIMES_S: [f64; 2] = [1e-12, 1e12];
 const FORCES_N: [f64; 2] = [1e-24, 1e12];
 const POSITIONS_M: [f64; 2] = [0.0, 1e6];
@@ -429,7 +430,7 @@ fn plausible(place: &dyn Fn() -> InputPlace, value: f64, [smallest, largest]: [f
     ))
 }
 
-/// Checks that cycles are counted from 1 without gaps.
+/// Parses the cycle of a row, and checks that cycles are counted from 1 without gaps. `before` is the previous row's cycle.
 fn next_cycle(place: &dyn Fn() -> InputPlace, text: &str, before: Option<u32>) -> Result<u32> {
     let cycle = text.parse::<u32>().ok().filter(|cycle| *cycle >= 1).ok_or_else(|| {
         Error::input(

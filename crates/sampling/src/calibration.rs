@@ -1,16 +1,16 @@
-//! Ranks of true values among posterior draws: simulation-based calibration (Talts et al. 2018, arXiv:1804.06788).
+//! Simulation-based calibration: ranks of true values among posterior draws (Talts et al. 2018, arXiv:1804.06788).
 //!
-//! The caller draws parameters from the prior, simulates data from them, and samples the posterior of the data. If all three are consistent, the rank of the true value
-//! of any quantity among n independent draws is uniform over 0 … n. This module evaluates the ranks.
+//! The caller draws parameters from the prior, simulates data with them, and samples the posterior of these data. If prior, simulation and sampler are
+//! consistent, the rank of any true value among n independent draws is uniform on 0 … n. This module evaluates the ranks.
 
 use statrs::distribution::{Binomial, ChiSquared, ContinuousCDF, DiscreteCDF, Normal};
 
 use super::ensemble::Draws;
 
-/// Ensemble, kept step and walker of `n` nearly independent draws; fewer if fewer were kept.
+/// Selects `n` nearly independent draws, each as `[ensemble, kept step, walker]`. Returns fewer if fewer draws were kept.
 ///
-/// Walkers of a stationary ensemble are independent of each other at any one step. The draws of the last step therefore need no thinning.
-/// If they are too few, further steps are used, as far apart as the kept ones allow.
+/// In a stationary ensemble, different walkers at one step are independent. All draws of the last step are therefore used first. If they are too few,
+/// further steps are used; the steps are as far apart as possible.
 pub fn independent_draw_indices(draws: &Draws, n: usize) -> Vec<[usize; 3]> {
     let n_of_step = draws.n_ensembles * draws.n_walkers;
     let n_steps = n.div_ceil(n_of_step.max(1)).min(draws.n_steps);
@@ -22,49 +22,50 @@ pub fn independent_draw_indices(draws: &Draws, n: usize) -> Vec<[usize; 3]> {
     (0..n_steps).flat_map(of_step).take(n).collect()
 }
 
-/// Number of draws below a value.
+/// Number of draws that are below a value.
 pub fn rank(value: f64, draws: impl IntoIterator<Item = f64>) -> usize {
     draws.into_iter().filter(|draw| *draw < value).count()
 }
 
-/// Ranks of one quantity, one per replicate, each from 0 to `n_draws`.
+/// Ranks of one quantity among posterior draws.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Ranks {
-    /// The ranks.
+    /// Rank of each replicate's true value, from 0 to `n_draws`.
     pub ranks: Vec<usize>,
-    /// Number of draws among which each true value is ranked.
+    /// Number of draws that each true value is compared with.
     pub n_draws: usize,
 }
 
 impl Ranks {
-    /// Number of ranks in each of `n_bins` bins. The bins are equally wide if `n_bins` divides `n_draws` + 1.
+    /// Histogram of the ranks with `n_bins` bins. The bins are equally wide if `n_bins` divides `n_draws` + 1.
     pub fn counts(&self, n_bins: usize) -> Vec<usize> {
         let mut counts = vec![0; n_bins];
         self.ranks.iter().for_each(|rank| counts[rank.min(&self.n_draws) * n_bins / (self.n_draws + 1)] += 1);
         counts
     }
 
-    /// Ranks as u = (rank + ½)/(n + 1) − ½. Uniform ranks have mean 0 and variance 1/12, up to 1/n².
+    /// Converts each rank r to u = (r + ½)/(n + 1) − ½ for n draws. For uniform ranks, u has mean 0 and variance 1/12, up to terms of order 1/n².
     fn offsets(&self) -> impl Iterator<Item = f64> {
         let scale = 1.0 / (self.n_draws as f64 + 1.0);
         self.ranks.iter().map(move |rank| scale * (*rank as f64 + 0.5) - 0.5)
     }
 
-    /// Score of the mean rank, standard normal for uniform ranks. It is negative for a posterior that lies too high and positive for one too low.
+    /// Standardised mean rank, standard normal for uniform ranks. It is negative if the posteriors are too high, positive if they are too low.
     pub fn location_score(&self) -> f64 {
         let n = self.ranks.len() as f64;
         self.offsets().sum::<f64>() / n / (1.0 / 12.0 / n).sqrt()
     }
 
-    /// Score of the mean squared distance of ranks from the middle, standard normal for uniform ranks. It is positive for a posterior too narrow and negative for one too wide.
+    /// Standardised mean squared distance of ranks from the middle, standard normal for uniform ranks. It is positive if the posteriors are too narrow,
+    /// negative if they are too wide.
     ///
-    /// u² has mean 1/12 and variance 1/180.
+    /// For uniform u on (−½, ½), u² has mean 1/12 and variance 1/180.
     pub fn dispersion_score(&self) -> f64 {
         let n = self.ranks.len() as f64;
         (self.offsets().map(|u| u * u).sum::<f64>() / n - 1.0 / 12.0) / (1.0 / 180.0 / n).sqrt()
     }
 
-    /// Number of true values inside the central interval that holds `share` of the posterior, to the resolution of the draws.
+    /// Number of true values inside the central posterior interval of probability `share`. The draws limit the resolution of the interval's ends.
     pub fn n_inside(&self, share: f64) -> usize {
         let left_out = 0.5 * (1.0 - share) * (self.n_draws as f64 + 1.0);
         let lowest = (left_out + 1e-9).floor() as usize;
@@ -72,24 +73,24 @@ impl Ranks {
     }
 }
 
-/// χ² of a histogram against equally full bins. For uniform ranks it has one degree of freedom less than bins.
+/// χ² of a histogram whose bins have equal expected counts. For uniform ranks, its degrees of freedom are the number of bins minus one.
 pub fn chi_square(counts: &[usize]) -> f64 {
     let expected = counts.iter().sum::<usize>() as f64 / counts.len() as f64;
     counts.iter().map(|count| (*count as f64 - expected).powi(2) / expected).sum()
 }
 
-/// Probability of a larger χ² with `n_bins` bins; 1 for a single bin.
+/// Probability that χ² exceeds `chi_square` for a histogram with `n_bins` bins; 1 for a single bin.
 pub fn p_of_chi_square(chi_square: f64, n_bins: usize) -> f64 {
     ChiSquared::new(n_bins as f64 - 1.0).map_or(1.0, |distribution| distribution.sf(chi_square))
 }
 
-/// Probability that a standard normal is farther from 0, on either side.
+/// Probability that a standard normal number has a larger absolute value than `score`.
 pub fn p_of_score(score: f64) -> f64 {
     2.0 * Normal::standard().sf(score.abs())
 }
 
-/// Corrects p-values for their number by Holm's step-down rule (1979), keeping their order. If all null hypotheses are true, the chance that any corrected p is below a level is at most that level,
-/// for any dependence between them.
+/// Corrects p-values for the number of tests by Holm's step-down method (1979). The order of the tests is kept. If all null hypotheses are true, the
+/// probability that any corrected p is below a level is at most this level. The tests may depend on each other.
 pub fn holm(p: &[f64]) -> Vec<f64> {
     let mut order: Vec<usize> = (0..p.len()).collect();
     order.sort_by(|a, b| p[*a].total_cmp(&p[*b]));
@@ -102,14 +103,14 @@ pub fn holm(p: &[f64]) -> Vec<f64> {
     corrected
 }
 
-/// Central interval of a binomial count, with at most (1 − `level`)/2 beyond either end.
+/// Central interval of a binomial count with `n` trials. The probability beyond each end is at most (1 − `level`)/2.
 pub fn count_interval(n: usize, probability: f64, level: f64) -> [usize; 2] {
     let Ok(binomial) = Binomial::new(probability, n as u64) else { return [0, n] };
     let tail = 0.5 * (1.0 - level);
     [binomial.inverse_cdf(tail), binomial.inverse_cdf(1.0 - tail)].map(|count| (count as usize).min(n))
 }
 
-/// Clopper and Pearson's interval (1934) of a binomial probability, from `count` of `n` trials.
+/// Clopper and Pearson's interval (1934) of a binomial probability, for `count` successes in `n` trials.
 pub fn probability_interval(count: usize, n: usize, level: f64) -> [f64; 2] {
     let tail = 0.5 * (1.0 - level);
     let at_least = |probability: f64| match (count, Binomial::new(probability, n as u64)) {
@@ -123,7 +124,7 @@ pub fn probability_interval(count: usize, n: usize, level: f64) -> [f64; 2] {
     [lower, upper]
 }
 
-/// Point in [0, 1] up to which a condition holds, starting from 0.
+/// Finds the point of [0, 1] up to which a condition holds, by bisection. The condition holds at 0.
 fn bisect(holds: impl Fn(f64) -> bool) -> f64 {
     let (mut lower, mut upper) = (0.0, 1.0);
     for _ in 0..60 {
@@ -160,7 +161,8 @@ mod tests {
         assert!(independent_draw_indices(&draws(0), 99).is_empty());
     }
 
-    /// Known results: Holm's correction of four p-values by hand, and binomial counts. Clopper and Pearson's 95 % interval of 8 in 10 is from tables (0.4439 to 0.9748).
+    /// Compares with known results: Holm's correction of four p-values computed by hand, and binomial counts. Clopper and Pearson's 95 % interval of 8
+    /// successes in 10 trials is from tables (0.4439 to 0.9748).
     #[test]
     fn corrections_and_intervals_are_those_of_tables() {
         let found = holm(&[0.01, 0.04, 0.03, 0.005]);
@@ -178,7 +180,7 @@ mod tests {
         assert!((p_of_chi_square(16.919, 10) - 0.05).abs() < 1e-4 && (p_of_score(-1.959_964) - 0.05).abs() < 1e-6);
     }
 
-    /// 20 bins, and intervals of 50 % and 90 %, divide 100 ranks evenly. Each rank once gives exactly their share.
+    /// Each of 100 possible ranks occurs once. Then 20 bins hold equally many ranks, and the intervals of 50 % and 90 % hold exactly these fractions.
     #[test]
     fn shares_of_uniform_ranks_are_exact() {
         let ranks = Ranks { ranks: (0..100).collect(), n_draws: 99 };
@@ -191,8 +193,8 @@ mod tests {
         );
     }
 
-    /// Scores of 2,000 replicates for posteriors that are right, or too high, too narrow or too wide by known factors. The scores of the right one
-    /// exceed 5.2 once in 5·10⁶. The expected scores of the others exceed 20.
+    /// Computes scores of 2,000 replicates for a correct posterior, and for posteriors that are too high, too narrow or too wide by known factors. The scores
+    /// of the correct one exceed 5.2 with a probability of 1 in 5·10⁶. The expected scores of the others exceed 20.
     #[test]
     fn scores_say_what_is_wrong() {
         let normal = Normal::standard();

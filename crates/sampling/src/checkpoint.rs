@@ -1,4 +1,4 @@
-//! Checkpoint files of a run's state. They are written completely or not at all. Damaged files and those of another problem are refused.
+//! Reads and writes checkpoint data of a run. Damaged data and data of another problem are refused.
 
 use base::error::{InputPlace, Setting};
 use base::files::{self, Content};
@@ -21,7 +21,7 @@ pub fn read(path: &Path) -> Result<Option<Vec<u8>>> {
     }
 }
 
-/// Joins a header and numbers into one self-checking block: magic, the problem's hash, lengths, contents, SHA-256.
+/// Joins a header and numbers into one block of bytes with a checksum. Its order: file signature, hash of the problem, lengths, contents, SHA-256.
 pub(super) fn pack(problem: &str, header: &str, numbers: &[&[f64]]) -> Vec<u8> {
     let count: usize = numbers.iter().map(|part| part.len()).sum();
     let mut bytes = Vec::with_capacity(MAGIC.len() + 3 * DIGEST_LENGTH + header.len() + 8 * count);
@@ -36,7 +36,7 @@ pub(super) fn pack(problem: &str, header: &str, numbers: &[&[f64]]) -> Vec<u8> {
     bytes
 }
 
-/// Splits a block from [`pack`] into its header and numbers.
+/// Splits a block that [`pack`] made into its header and its numbers.
 ///
 /// # Errors
 /// [`Error::Input`] if the bytes are damaged or belong to another problem.
@@ -70,7 +70,7 @@ pub(super) fn unpack(problem: &str, bytes: &[u8]) -> Result<(String, Vec<f64>)> 
     Ok((header, numbers.iter().map(|chunk| f64::from_le_bytes(*chunk)).collect()))
 }
 
-/// Error for an unusable checkpoint.
+/// Makes the error for an unusable checkpoint.
 pub(super) fn refuse(found: &str, remedy: &str) -> Error {
     Error::input(InputPlace::setting(Setting::Resume), found, remedy)
 }

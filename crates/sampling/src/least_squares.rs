@@ -1,23 +1,23 @@
-//! Nonlinear least squares by Levenberg and Marquardt: the paper's point estimate.
+//! Nonlinear least squares by the method of Levenberg and Marquardt, which gives the paper's point estimate.
 //!
-//! Minimises S(θ) = Σ rᵢ(θ)². Each iteration solves (JᵀJ + λ diag JᵀJ) δ = −Jᵀr (Marquardt 1963, doi:10.1137/0111030), with the gain-ratio
-//! control of λ by Nielsen (1999). The search ends when an accepted step changes S by less than 10⁻⁹ of its value and no
-//! coordinate by more than 10⁻⁶ (the paper's tolerances).
+//! The sum of squares S(θ) = Σ rᵢ(θ)² of the residuals rᵢ is minimised over the parameters θ. Each iteration solves (JᵀJ + λ diag JᵀJ) δ = −Jᵀr for the
+//! step δ, where J = ∂r/∂θ (Marquardt 1963, doi:10.1137/0111030). The damping λ is controlled by the gain ratio (Nielsen 1999). The search ends when an
+//! accepted step changes S by less than 10⁻⁹ of its value and every coordinate by less than 10⁻⁶ (the paper's tolerances).
 //!
-//! Steps are projected onto the bounds of coordinates (Kanzow, Yamashita & Fukushima 2004, doi:10.1016/j.cam.2004.02.013). A coordinate stays at
-//! its bound while S falls beyond that bound; the other coordinates continue.
+//! Steps are projected onto the bounds of coordinates (Kanzow, Yamashita & Fukushima 2004, doi:10.1016/j.cam.2004.02.013). While S decreases beyond a
+//! bound, the coordinate stays at the bound and the other coordinates continue.
 
 use base::{Error, Result};
 use nalgebra::{DMatrix, DVector};
 
-/// Tolerances at which the search ends.
+/// Tolerances and iteration limit that end the search.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tolerances {
-    /// Relative change of the objective.
+    /// Change of the objective S, relative to its value.
     pub objective: f64,
-    /// Change of each coordinate, relative to 1 + |θ|.
+    /// Change of each coordinate θ, relative to 1 + |θ|.
     pub parameters: f64,
-    /// Iterations after which the search ends unconverged.
+    /// Largest number of iterations. The search then ends without convergence.
     pub max_iterations: usize,
 }
 
@@ -27,43 +27,43 @@ impl Default for Tolerances {
     }
 }
 
-/// A least-squares problem: its residuals, and their derivatives if they are known.
+/// Least-squares problem: its residuals, their derivatives (if known) and the bounds of the coordinates.
 pub trait LeastSquaresProblem {
     /// Residual vector at θ; `None` if the model cannot be evaluated there.
     fn residuals(&self, theta: &[f64]) -> Option<DVector<f64>>;
 
-    /// ∂rᵢ/∂θⱼ, one row per residual. `None` requests central differences.
+    /// Derivatives ∂rᵢ/∂θⱼ: row i per residual, column j per coordinate. `None` requests central differences.
     fn jacobian(&self, theta: &[f64]) -> Option<DMatrix<f64>>;
 
-    /// Lower and upper bound of a coordinate; the coordinate may reach both. The default is no bounds.
+    /// Lower and upper bound of a coordinate, which may reach both. By default there are no bounds.
     fn bounds(&self, _coordinate: usize) -> (f64, f64) {
         (f64::NEG_INFINITY, f64::INFINITY)
     }
 }
 
-/// A least-squares estimate.
+/// Least-squares estimate with its uncertainty.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fit {
     /// Estimate θ̂.
     pub theta: Vec<f64>,
-    /// Covariance s²(JᵀJ)⁻¹ with s² = S/(n − p), row by row. NaN if n ≤ p or J is rank deficient.
+    /// Covariance matrix s²(JᵀJ)⁻¹, row by row, with s² = S/(n − p) for n residuals and p coordinates. NaN if n ≤ p or the rank of J is less than p.
     pub covariance: Vec<f64>,
-    /// Square roots of the covariance's diagonal.
+    /// Standard errors: square roots of the covariance's diagonal.
     pub standard_errors: Vec<f64>,
-    /// S at the estimate, in the residuals' unit squared.
+    /// Sum of squares S at the estimate, in the squared unit of the residuals.
     pub objective: f64,
-    /// Residuals at the estimate.
+    /// Residuals at the estimate, in the order of the problem.
     pub residuals: Vec<f64>,
-    /// Steps tried.
+    /// Number of steps that were tried.
     pub iterations: usize,
-    /// True if both tolerances were met.
+    /// `true` if both tolerances were met.
     pub converged: bool,
 }
 
-/// Minimises the sum of squares from a start.
+/// Minimises the sum of squares, starting from `start`.
 ///
 /// # Errors
-/// [`Error::Numerical`] if there are no residuals, or they or their derivatives at the start are not finite.
+/// [`Error::Numerical`] if there are no residuals, or if they or their derivatives are not finite at the start.
 pub fn fit(problem: &dyn LeastSquaresProblem, start: &[f64], tolerances: &Tolerances) -> Result<Fit> {
     let bounds: Vec<(f64, f64)> = (0..start.len()).map(|j| problem.bounds(j)).collect();
     let mut point = TrustPoint::at(problem, within(&bounds, start.to_vec())).ok_or_else(|| {
@@ -87,7 +87,7 @@ pub fn fit(problem: &dyn LeastSquaresProblem, start: &[f64], tolerances: &Tolera
         let step = DVector::from_iterator(theta.len(), theta.iter().zip(&point.theta).map(|(new, old)| new - old));
         let small = step.iter().zip(&point.theta).all(|(s, t)| s.abs() <= tolerances.parameters * (1.0 + t.abs()));
         let promised = point.promised(&step);
-        // At the limit of rounding no step lowers S further, so that a very small promised decrease also ends the search.
+        // Near the rounding error no step decreases S any further. A very small predicted decrease therefore also ends the search.
         if small && promised <= tolerances.objective * point.objective {
             converged = damping.lambda <= 1.0;
         }
@@ -106,7 +106,7 @@ pub fn fit(problem: &dyn LeastSquaresProblem, start: &[f64], tolerances: &Tolera
     Ok(point.finish(iterations, converged))
 }
 
-/// Moves every coordinate beyond a bound onto it.
+/// Moves every coordinate that lies beyond a bound onto the bound.
 fn within(bounds: &[(f64, f64)], mut theta: Vec<f64>) -> Vec<f64> {
     for (t, (lower, upper)) in theta.iter_mut().zip(bounds) {
         *t = t.max(*lower).min(*upper);
@@ -114,7 +114,7 @@ fn within(bounds: &[(f64, f64)], mut theta: Vec<f64>) -> Vec<f64> {
     theta
 }
 
-/// Damping λ by Nielsen's rule.
+/// Damping λ, changed by Nielsen's rule.
 struct Damping {
     lambda: f64,
     growth: f64,
@@ -130,7 +130,7 @@ impl Damping {
         self.growth = 2.0;
     }
 
-    /// Increases λ after a failed step. Returns false if further steps are useless.
+    /// Increases λ after a rejected step. Returns `false` if further steps cannot help.
     fn refuse(&mut self) -> bool {
         self.lambda *= self.growth;
         self.growth *= 2.0;
@@ -141,7 +141,7 @@ impl Damping {
 struct TrustPoint {
     theta: Vec<f64>,
     residuals: DVector<f64>,
-    /// JᵀJ.
+    /// Matrix JᵀJ.
     normal: DMatrix<f64>,
     jacobian: DMatrix<f64>,
     objective: f64,
@@ -165,7 +165,7 @@ impl TrustPoint {
         Some(Self { theta, residuals, normal, jacobian, objective })
     }
 
-    /// Coordinates at a bound beyond which S falls.
+    /// Indices of the coordinates at a bound beyond which S decreases.
     fn held(&self, bounds: &[(f64, f64)]) -> Vec<usize> {
         let downhill = -self.jacobian.tr_mul(&self.residuals);
         let is_held = |&j: &usize| {
@@ -175,7 +175,8 @@ impl TrustPoint {
         (0..self.theta.len()).filter(is_held).collect()
     }
 
-    /// Solves with the QR factors of J stacked on √(λ diag JᵀJ), which does not square the condition number.
+    /// Computes the step from the QR factors of J stacked on √(λ diag JᵀJ). This avoids squaring the condition number. Coordinates held at `bounds` do not
+    /// move.
     fn step(&self, lambda: f64, bounds: &[(f64, f64)]) -> Option<DVector<f64>> {
         let (n, p) = self.jacobian.shape();
         let largest = (0..p).map(|j| self.normal[(j, j)]).fold(0.0, f64::max);
@@ -185,7 +186,7 @@ impl TrustPoint {
             stacked.column_mut(j).fill(0.0);
         }
         for j in 0..p {
-            // Damping keeps a parameter without influence at its value.
+            // A minimum damping keeps a parameter without influence at its value.
             stacked[(n + j, j)] = (lambda * self.normal[(j, j)].max(1e-12 * largest)).sqrt();
         }
         let mut right = DVector::zeros(n + p);
@@ -196,7 +197,7 @@ impl TrustPoint {
         step.iter().all(|s| s.is_finite()).then_some(step)
     }
 
-    /// Decrease of S predicted by the linear model.
+    /// Decrease of S that the linear model predicts for a step.
     fn promised(&self, step: &DVector<f64>) -> f64 {
         let linear = &self.residuals + &self.jacobian * step;
         (self.objective - linear.norm_squared()).max(0.0)
@@ -221,13 +222,13 @@ impl TrustPoint {
     }
 }
 
-/// (JᵀJ)⁻¹ from the QR factors of J; `None` if J is numerically rank deficient.
+/// Computes (JᵀJ)⁻¹ from the QR factors of J; `None` if J does not have full rank numerically.
 fn inverse_normal(jacobian: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     let p = jacobian.ncols();
     if jacobian.nrows() < p {
         return None;
     }
-    // Columns are scaled to unit length, so that the rank test does not depend on units.
+    // Columns are scaled to unit length, so the rank test does not depend on units.
     let norms = DVector::from_fn(p, |j, _| jacobian.column(j).norm());
     if norms.iter().any(|&norm| norm == 0.0) {
         return None;
@@ -245,7 +246,7 @@ fn inverse_normal(jacobian: &DMatrix<f64>) -> Option<DMatrix<f64>> {
 fn central_differences(problem: &dyn LeastSquaresProblem, theta: &[f64], n: usize) -> Option<DMatrix<f64>> {
     let mut jacobian = DMatrix::zeros(n, theta.len());
     for j in 0..theta.len() {
-        // The cube root of the rounding unit balances truncation against cancellation.
+        // A step near the cube root of the floating-point precision balances truncation and rounding errors.
         let step = 6e-6 * (1.0 + theta[j].abs());
         let mut shifted = theta.to_vec();
         shifted[j] = theta[j] + step;
@@ -275,7 +276,7 @@ mod tests {
         }
     }
 
-    /// y = a + b x has textbook formulas for slope, intercept and their standard errors.
+    /// For the line y = a + b x, textbook formulas give the slope, the intercept and their standard errors.
     #[test]
     fn straight_line_has_the_textbook_estimate_and_errors() {
         let data: Vec<(f64, f64)> =
@@ -299,7 +300,7 @@ mod tests {
         assert!((found.objective / rss - 1.0).abs() < 1e-12);
     }
 
-    /// NIST StRD Misra1a, y = b₁(1 − exp(−b₂x)), from the far start, against certified values and standard deviations.
+    /// Compares with the certified values and standard deviations of NIST StRD Misra1a, y = b₁(1 − exp(−b₂x)), from the start that is farther away.
     #[test]
     fn misra1a_is_certified() {
         let y = [10.07, 14.73, 17.94, 23.93, 29.61, 35.18, 40.02, 44.82, 50.76, 55.05, 61.01, 66.40, 75.47, 81.78];
@@ -308,7 +309,7 @@ mod tests {
             data: x.into_iter().zip(y).collect(),
             f: |x: f64, t: &[f64]| t[0] * (1.0 - (-t[1].exp() * x).exp()),
         };
-        // The logarithm of the rate is fitted, as for all positive parameters of this crate.
+        // The logarithm of the rate b₂ is fitted, as for all positive parameters.
         let found = fit(&model, &[500.0, 1e-4_f64.ln()], &Tolerances::default()).unwrap();
         assert!(found.converged, "{found:?}");
         let rate = found.theta[1].exp();
@@ -333,8 +334,8 @@ mod tests {
         assert!(found.theta.iter().zip(truth).all(|(a, b)| (a - b).abs() < 1e-6), "{:?}", found.theta);
     }
 
-    /// An exponential above a constant, from a start whose first steps exceed the bound of the rate. The search moves along the bound and returns to the true values.
-    /// If the true rate is beyond the bound, the search ends on the bound, at the best values of the other coordinates.
+    /// Fits an exponential plus a constant, from a start at which the first steps exceed the bound of the rate. The search moves along the bound and returns
+    /// to the true values. If the true rate is beyond the bound, the search ends on the bound, at the best values of the other coordinates.
     #[test]
     fn bounds_do_not_stop_the_other_coordinates() {
         struct Bounded<F>(QuadraticModel<F>, Vec<(f64, f64)>);

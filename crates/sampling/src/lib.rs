@@ -1,4 +1,4 @@
-//! Ensemble sampler, convergence diagnostics, evidence, optima and least squares. This crate contains nothing about gels.
+//! Ensemble sampler, convergence diagnostics, evidence, optima and least squares for any log density. This crate knows nothing about gels.
 
 pub mod calibration;
 pub mod checkpoint;
@@ -16,21 +16,20 @@ pub use ensemble::{SampleOutcome, SamplerOptions, sample};
 
 use base::{Error, Result};
 
-/// Log density over an unconstrained space. It evaluates a batch of points at once, so that walkers share vector registers.
+/// Log density over unconstrained coordinates. It evaluates many points at once, so that the compiler can use vector instructions.
 pub trait LogDensity: Sync {
-    /// Number of coordinates of a point.
+    /// Number of coordinates of each point.
     fn dimension(&self) -> usize;
-    /// Evaluates the log density of each point of a batch.
+    /// Evaluates the log density of each point of a batch of n points and fills `log_density`.
     ///
-    /// `points` holds coordinate d of point i at `points[d * n + i]`, n = `log_density.len()`. −∞ means outside the
-    /// support. NaN is a fault of the model and stops a sampler. The value of a point must not depend, to the last
-    /// bit, on the other points of its batch.
+    /// Coordinate d of point i is at `points[d * n + i]`, n = `log_density.len()`. −∞ means that the point is outside the support. NaN is a fault of the
+    /// model and stops a sampler. The value of a point must not depend on the other points of its batch, not even in the last bit.
     fn log_density(&self, points: &[f64], log_density: &mut [f64]);
 }
 
-/// Rejects NaN and +∞ with an error that names the point.
+/// Returns an error that names the first point at which the log density is NaN or +∞.
 pub(crate) fn check_log_densities(dimension: usize, points: &[f64], log_density: &[f64]) -> Result<()> {
-    // Without an early exit the compiler vectorises the scan.
+    // The loop has no early exit, so that the compiler can use vector instructions.
     if log_density.iter().fold(true, |good, value| good & (*value < f64::INFINITY)) {
         return Ok(());
     }

@@ -1,13 +1,13 @@
-//! Pareto k̂ of importance weights, which tells whether their tail can be trusted.
+//! Pareto k̂ of importance weights. It tells whether an estimate with these weights is reliable.
 
-/// Range of ln w below which weights count as equal. The log likelihoods behind them have rounding errors.
+/// Range of ln w up to which the weights w count as equal. Log likelihoods have rounding errors of this size.
 const EQUAL_LN_WEIGHTS: f64 = 1e-4;
 
-/// Tail shape k̂ of importance weights given by their logarithms (Vehtari, Simpson, Gelman, Yao, Gabry 2024, "Pareto smoothed importance
-/// sampling", JMLR 25:72). The fit follows Zhang and Stephens 2009, doi:10.1198/tech.2009.08017.
+/// Tail shape k̂ of importance weights, from the weights' logarithms (Vehtari, Simpson, Gelman, Yao, Gabry 2024, "Pareto smoothed importance sampling",
+/// JMLR 25:72). The fit follows Zhang and Stephens 2009, doi:10.1198/tech.2009.08017.
 ///
-/// Importance sampling is reliable below 0.7. The result is 0 if the logarithms differ by less than 1e-4: nothing needs reweighting then, and the tail's
-/// shape would be that of rounding errors. The result is infinite if the tail has fewer than five weights.
+/// Importance sampling is reliable if k̂ is below 0.7. The result is 0 if the logarithms differ by less than 1e-4, because the tail's shape is then due
+/// to rounding errors. The result is infinite if the tail has fewer than five weights.
 pub fn pareto_k(ln_weights: &[f64]) -> f64 {
     let n = ln_weights.len() as f64;
     let mut sorted = ln_weights.to_vec();
@@ -23,7 +23,7 @@ pub fn pareto_k(ln_weights: &[f64]) -> f64 {
     if excesses.len() < 5 { f64::INFINITY } else { generalised_pareto_shape(&excesses) }
 }
 
-/// Shape of a generalised Pareto distribution from ascending positive excesses. Quasi-Bayesian estimate with a weak prior at 0.5.
+/// Shape of a generalised Pareto distribution, fitted to positive excesses in ascending order. The quasi-Bayesian estimate has a weak prior at 0.5.
 fn generalised_pareto_shape(ascending: &[f64]) -> f64 {
     const PRIOR_SCALE: f64 = 3.0;
     const PRIOR_WEIGHT: f64 = 10.0;
@@ -61,7 +61,7 @@ mod tests {
         assert_eq!(pareto_k(&[1.0, 2.0, 3.0]), f64::INFINITY);
     }
 
-    /// The values of ln w span a little less and a little more than [`EQUAL_LN_WEIGHTS`].
+    /// Tests weights whose range of ln w is slightly smaller and slightly larger than [`EQUAL_LN_WEIGHTS`].
     #[test]
     fn weights_equal_up_to_rounding_have_no_tail() {
         let within = |range: f64| -> Vec<f64> { (0..100).map(|i| -700.0 + range * f64::from(i) / 99.0).collect() };
@@ -69,7 +69,7 @@ mod tests {
         assert_ne!(pareto_k(&within(1.1e-4)), 0.0);
     }
 
-    /// k̂ equals that of `arviz.psislw` 0.23.4 for heavy, light and bounded tails, few and many weights.
+    /// k̂ equals the result of `arviz.psislw` 0.23.4 for heavy, light and bounded tails, with few and many weights.
     #[test]
     fn shapes_are_those_of_arviz() {
         let pareto =
@@ -91,8 +91,8 @@ mod tests {
         }
     }
 
-    /// Weights with a Pareto tail of index α have k = 1/α. The tail of 200,000 weights has about 1,340 of them, which gives k̂ a standard
-    /// deviation of (1 + k)/√1340 ≈ 0.04. The tolerance of ±0.2 is five of these (false failure below 1e-6 each).
+    /// Weights with a Pareto tail of index α have k = 1/α. The tail of 200,000 weights contains about 1,340 weights. The standard deviation of k̂ is then
+    /// (1 + k)/√1340 ≈ 0.04. The tolerance of ±0.2 is five standard deviations (false failure below 1e-6 for each α).
     #[test]
     fn pareto_tails_are_recognised() {
         for (seed, alpha) in [(1, 5.0), (2, 2.0), (3, 1.0)] {

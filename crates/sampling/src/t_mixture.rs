@@ -1,7 +1,9 @@
-//! Mixtures of multivariate t distributions. They approximate a posterior, can be drawn from, and have tails at least as heavy as the posterior's.
+//! Mixtures of multivariate t distributions that approximate a posterior. Points can be drawn from them, and their tails are at least as heavy as the
+//! posterior's.
 //!
-//! q(y) = Σ w_k t₆(y; m_k, S_k), at first with one component per mode. Refitting to weighted draws is one step of expectation and maximisation. It reduces the
-//! Kullback–Leibler distance from the density that the weights represent (Cappé et al. 2008, doi:10.1007/s11222-008-9059-x, §3.2).
+//! The density is q(y) = Σ w_k t₆(y; m_k, S_k), with weight w_k, location m_k and scale matrix S_k of component k. At first there is one component per
+//! mode. A refit to weighted draws is one step of expectation and maximisation. It reduces the Kullback–Leibler distance from the density that the
+//! weighted draws represent (Cappé et al. 2008, doi:10.1007/s11222-008-9059-x, §3.2).
 
 use crate::ensemble::RandomStream;
 use crate::optimum::{Mode, Modes};
@@ -11,42 +13,43 @@ use pulp::{Arch, Simd, WithSimd};
 use serde::{Deserialize, Serialize};
 use statrs::function::gamma::ln_gamma;
 
-/// Degrees of freedom. The tails are heavy enough to cover the error of a Laplace approximation. The number is even, so that χ² is −2 ln Π u.
+/// Degrees of freedom ν of each component. With six, the tails are heavy enough to cover the error of a Laplace approximation. The number is even, so
+/// that χ² can be drawn as −2 ln Π u from uniform numbers u.
 const DEGREES_OF_FREEDOM: f64 = 6.0;
-/// Smallest probability of drawing a component, even if its weight is smaller.
+/// Smallest probability of drawing from a component, even if its weight is smaller.
 const SMALLEST_WEIGHT: f64 = 0.02;
-/// Smallest number of draws per coordinate to which a component's shape is fitted.
+/// Number of draws per coordinate that are needed to fit the shape of a component.
 const DRAWS_PER_COORDINATE: usize = 100;
-/// Largest number of modes that are used, heaviest first. Each adds cost to every proposal.
+/// Largest number of modes that get a component, largest mass first. Each component adds cost to every proposal.
 const MAX_COMPONENTS: usize = 8;
-/// Draws per coordinate below which refitting drops a component; also the number of draws that its former shape counts for.
+/// Number of draws per coordinate below which a refit drops a component. The former shape counts as this number of draws.
 const FEWEST_DRAWS_PER_COORDINATE: f64 = 2.0;
 
-/// Points that are summed together.
+/// Number of points that are processed together.
 const BLOCK: usize = 16;
 
-/// A mixture of multivariate t distributions.
+/// Mixture of multivariate t distributions with six degrees of freedom.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TMixture {
     dimension: usize,
     components: Vec<Component>,
 }
 
-/// One t distribution of a mixture.
+/// One t distribution of a mixture, ready for evaluation.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct Component {
-    /// Upper end of the cell of [0, 1) that chooses this component.
+    /// Cumulative weight up to this component, in [0, 1]. A uniform number below it and above that of the previous component chooses this one.
     upper: f64,
     location: Vec<f64>,
-    /// Lower triangular factor L of the scale matrix S = L Lᵀ, row by row.
+    /// Lower triangular matrix L with S = L Lᵀ, row by row, where S is the scale matrix.
     spread: Vec<f64>,
-    /// L⁻¹, row by row.
+    /// Inverse L⁻¹, row by row.
     whiten: Vec<f64>,
-    /// ln(w / det L), without the constant that all components share.
+    /// ln(w / det L) with the weight w. The constant that all components share is left out.
     log_weight: f64,
 }
 
-/// A component before its factors are known.
+/// Weight, location and scale matrix of a component, from which its factors are computed.
 struct ComponentShape {
     weight: f64,
     location: Vec<f64>,
@@ -59,8 +62,8 @@ impl TMixture {
         Self::new(Self::laplace_shapes(modes, dimension), dimension)
     }
 
-    /// Builds the mixture from the modes and fits each component's location and shape to the draws nearest to its mode, if there are enough.
-    /// `points` lists draws one by one.
+    /// Builds the mixture from the modes. A component's location and shape are fitted to the draws nearest to its mode, if there are enough. Each entry of
+    /// `points` is one draw.
     pub fn fitted(modes: &Modes, dimension: usize, points: &[Vec<f64>]) -> Option<Self> {
         let mut shapes = Self::laplace_shapes(modes, dimension);
         let mut members: Vec<Vec<&Vec<f64>>> = vec![Vec::new(); modes.len()];
@@ -104,12 +107,13 @@ impl TMixture {
         (!components.is_empty()).then_some(Self { dimension, components })
     }
 
-    /// Builds one component with the mean and covariance of weighted points, whose weights add up to one. `None` if the points lie in a plane.
+    /// Builds a mixture of one component with the mean and covariance of weighted points. The weights add up to one. `None` if the points lie in a plane.
     pub fn from_moments(points: &[Vec<f64>], weights: &[f64]) -> Option<Self> {
         Self::new(vec![moments_of(points, weights)?], points.first()?.len())
     }
 
-    /// Returns this mixture with components added at `centres`. They get half of the total weight and the covariance of the heaviest component.
+    /// Returns this mixture with further components at `centres`. Together they get half of the total weight. Their covariance is that of the heaviest
+    /// component.
     pub fn with_centres(&self, centres: &[Vec<f64>]) -> Self {
         let mut shapes = self.shapes();
         let heaviest = shapes.iter().max_by(|a, b| a.weight.total_cmp(&b.weight));
@@ -125,7 +129,8 @@ impl TMixture {
         Self::new(shapes, self.dimension).unwrap_or_else(|| self.clone())
     }
 
-    /// Returns this mixture with one wide component of weight `share`: the moments of the weighted points, with standard deviations multiplied by `stretch`.
+    /// Returns this mixture with one wide component of weight `share`. It has the mean of the weighted points, and their standard deviations multiplied by
+    /// `stretch`.
     pub fn with_background(&self, points: &[Vec<f64>], weights: &[f64], share: f64, stretch: f64) -> Self {
         let Some(ComponentShape { location, covariance, .. }) = moments_of(points, weights) else {
             return self.clone();
@@ -143,8 +148,8 @@ impl TMixture {
         Self::new(shapes, self.dimension).unwrap_or_else(|| self.clone())
     }
 
-    /// Does one step of expectation and maximisation towards the density that the weighted points represent. The weights add up to one.
-    /// A component with almost no points is dropped. One with few points keeps part of its former shape.
+    /// Refits the mixture to weighted points by one step of expectation and maximisation. The weights add up to one. A component with almost no points is
+    /// dropped. A component with few points keeps part of its former shape.
     pub fn refitted(&self, points: &[Vec<f64>], weights: &[f64]) -> Self {
         let mut sums: Vec<WeightedSums> = self.components.iter().map(|_| WeightedSums::new(self.dimension)).collect();
         let mut terms = vec![0.0; self.components.len()];
@@ -192,12 +197,12 @@ impl TMixture {
         self.components.len()
     }
 
-    /// ln q(point).
+    /// ln q at a point, normalised.
     pub fn ln_density(&self, point: &[f64]) -> f64 {
         self.ln_constant() + self.log_density(point)
     }
 
-    /// The constant that `log_density` omits.
+    /// Constant by which [`Self::ln_density`] exceeds [`Self::log_density`].
     pub(super) fn ln_constant(&self) -> f64 {
         let n = self.dimension as f64;
         ln_gamma(0.5 * (DEGREES_OF_FREEDOM + n))
@@ -205,12 +210,12 @@ impl TMixture {
             - 0.5 * n * (DEGREES_OF_FREEDOM * std::f64::consts::PI).ln()
     }
 
-    /// The component, if there is only one.
+    /// The single component of the mixture; `None` if there are several.
     pub(super) fn only(&self) -> Option<&Component> {
         if let [only] = &self.components[..] { Some(only) } else { None }
     }
 
-    /// ln q, up to a constant that depends only on the dimension.
+    /// ln q at a point without the constant, which depends only on the dimension.
     pub(super) fn log_density(&self, point: &[f64]) -> f64 {
         let term =
             |component: &Component| component.log_weight + self.exponent() * growth(component.distance2(point)).ln();
@@ -219,12 +224,12 @@ impl TMixture {
         top + terms.iter().map(|term| (term - top).exp()).sum::<f64>().ln()
     }
 
-    /// Power of 1 + r²/ν in the density.
+    /// Exponent of 1 + r²/ν in the density, where r is the distance |L⁻¹(y − m)|.
     pub(super) fn exponent(&self) -> f64 {
         -0.5 * (DEGREES_OF_FREEDOM + self.dimension as f64)
     }
 
-    /// Draws a point. Afterwards `noise`, of equal length, holds the draw's position in its component, L⁻¹(y − m).
+    /// Draws a point. Afterwards `noise` holds L⁻¹(y − m), the draw's position in its component. The slices have equal length.
     pub fn draw(&self, stream: &mut RandomStream, point: &mut [f64], noise: &mut [f64]) {
         let u = stream.unit();
         let chosen = self.components.iter().position(|component| u < component.upper);
@@ -234,33 +239,33 @@ impl TMixture {
     }
 }
 
-/// 1 + r²/ν.
+/// Returns 1 + r²/ν, given the squared distance r².
 #[inline(always)]
 pub(super) fn growth(distance2: f64) -> f64 {
     1.0 + distance2 / DEGREES_OF_FREEDOM
 }
 
-/// One draw from one component for each of many points, and the ratios of q at points and draws. Coordinate d of point i is
-/// at `d * n + i`. The words read from each stream are those of [`TMixture::draw`].
+/// Input and output of drawing one point per stream from a single component. Coordinate d of point i is at `d * n + i`. Each stream is read like in
+/// [`TMixture::draw`].
 pub(super) struct Jumps<'a> {
     pub component: &'a Component,
-    /// Factor of ln(1 + r²/ν) in ln q.
+    /// Factor that multiplies ln(1 + r²/ν) in ln q.
     pub exponent: f64,
     pub points: &'a [f64],
     pub draws: &'a mut [f64],
-    /// ln q(point) − ln q(draw).
+    /// Results ln q(point) − ln q(draw), one per point.
     pub log_factors: &'a mut [f64],
 }
 
 impl Jumps<'_> {
-    /// Draws from one stream per point.
+    /// Draws one point from each stream, and fills `draws` and `log_factors`.
     pub fn draw(self, streams: &mut [RandomStream]) {
         let n = streams.len();
-        // Normal numbers in the layout of the points, followed by a row of products of uniform numbers.
+        // The work space holds normal numbers in the layout of the points, followed by one row of products of uniform numbers.
         let mut space = vec![0.0; self.points.len() + n];
         let (noise, products) = space.split_at_mut(self.points.len());
         for (i, stream) in streams.iter_mut().enumerate() {
-            // `draw` reads this word to choose a component.
+            // `draw` reads this word to choose a component. It is read here as well, so that both functions give equal draws.
             stream.word();
             products[i] = stream.unit() * stream.unit() * stream.unit();
             noise.iter_mut().skip(i).step_by(n).for_each(|z| *z = stream.normal());
@@ -283,7 +288,7 @@ impl WithSimd for JumpsOfNoise<'_> {
     fn with_simd<S: Simd>(self, _simd: S) {
         let Self { jumps: Jumps { component, exponent, points, draws, log_factors }, noise, products, n } = self;
         let dimension = component.location.len();
-        // The squared distances of the draws replace the products; those of the points replace the factors.
+        // The squared distances of the draws overwrite the products. The squared distances of the points go into the factors.
         for product in products.iter_mut() {
             *product = (DEGREES_OF_FREEDOM / (-2.0 * elementary::ln(*product))).sqrt();
         }
@@ -297,7 +302,7 @@ impl WithSimd for JumpsOfNoise<'_> {
         for d in 0..dimension {
             let draws = &mut draws[d * n..(d + 1) * n];
             let (spread, whiten) = (&component.spread[d * dimension..], &component.whiten[d * dimension..]);
-            // Two sums side by side, in blocks that stay in registers: the draw's coordinate and the point's position in the component.
+            // Each pass computes two sums in blocks that stay in registers: the draw's coordinate, and the point's position L⁻¹(y − m).
             let mut first = 0;
             while first < n {
                 let width = if n - first < BLOCK { n - first } else { BLOCK };
@@ -336,7 +341,7 @@ impl Component {
         }
     }
 
-    /// |L⁻¹(y − m)|².
+    /// Squared distance |L⁻¹(y − m)|² of a point y from the location m.
     pub(super) fn distance2(&self, point: &[f64]) -> f64 {
         let n = point.len();
         let row = |i: usize| -> f64 {
@@ -354,7 +359,7 @@ fn component(shape: ComponentShape, dimension: usize) -> Option<Component> {
     let rows = |matrix: DMatrix<f64>| matrix.transpose().as_slice().to_vec();
     let finite = log_det.is_finite() && whiten.iter().chain(&spread).all(|x| x.is_finite());
     finite.then(|| Component {
-        // Stores the weight until all weights are known.
+        // This field holds the weight until all weights are known.
         upper: shape.weight.max(SMALLEST_WEIGHT),
         location: shape.location,
         spread: rows(spread),
@@ -363,7 +368,7 @@ fn component(shape: ComponentShape, dimension: usize) -> Option<Component> {
     })
 }
 
-/// Mean and covariance of weighted points, whose weights add up to one. `None` if the points lie in a plane.
+/// Mean and covariance matrix of weighted points, whose weights add up to one. `None` if the points lie in a plane.
 fn moments_of(points: &[Vec<f64>], weights: &[f64]) -> Option<ComponentShape> {
     let mut sums = WeightedSums::new(points.first()?.len());
     points
@@ -375,19 +380,20 @@ fn moments_of(points: &[Vec<f64>], weights: &[f64]) -> Option<ComponentShape> {
     Some(ComponentShape { weight: 1.0, location, covariance })
 }
 
-/// Sums over weighted points to which a component is fitted. Distant points of a t distribution pull less: the pull is weight × (ν + n)/(ν + r²).
+/// Sums over weighted points from which a component is fitted. Each point counts with its weight × (ν + n)/(ν + r²), its *pull*, where n is the
+/// dimension. Distant points therefore count less.
 struct WeightedSums {
-    /// Σ weight.
+    /// Σ weight over the points.
     total: f64,
-    /// Σ weight².
+    /// Σ weight² over the points.
     squares: f64,
-    /// Σ pull.
+    /// Σ pull over the points.
     pull: f64,
-    /// Σ pull · (x − origin).
+    /// Σ pull · (x − origin) over the points x.
     first: Vec<f64>,
-    /// Σ pull · (x − origin)(x − origin)ᵀ, lower triangle.
+    /// Σ pull · (x − origin)(x − origin)ᵀ over the points x; only the lower triangle is set.
     second: DMatrix<f64>,
-    /// The first point. Differences from it lose no digits.
+    /// First point. Sums of differences from it lose no significant digits.
     origin: Vec<f64>,
 }
 
@@ -417,7 +423,7 @@ impl WeightedSums {
         if self.squares > 0.0 { self.total * self.total / self.squares } else { 0.0 }
     }
 
-    /// Location and scale matrix. `None` if the scale matrix is not positive definite (points in a plane, overflow).
+    /// Location and scale matrix from the sums. `None` if the scale matrix is not positive definite (points in a plane, overflow).
     fn moments(&self) -> Option<(Vec<f64>, DMatrix<f64>)> {
         let n = self.first.len();
         let mean: Vec<f64> = self.first.iter().map(|sum| sum / self.pull).collect();
@@ -443,7 +449,7 @@ fn moments(points: &[&Vec<f64>], dimension: usize) -> Option<(Vec<f64>, DMatrix<
         }
     }
     covariance.fill_upper_triangle_with_lower_triangle();
-    // Not positive definite (walkers in a plane, overflow): keep the Laplace approximation.
+    // If the covariance is not positive definite (points in a plane, overflow), the component keeps the Laplace approximation.
     covariance.clone().cholesky().map(|_| (mean, covariance))
 }
 
@@ -465,8 +471,8 @@ mod tests {
         modes
     }
 
-    /// The density is that of the draws: importance weights of a normalised Gaussian inside either component average to one.
-    /// The tolerance is six standard errors, computed from the weights themselves.
+    /// The density belongs to the draws: for a normalised Gaussian inside either component, importance weights of the draws average to one. The tolerance is
+    /// six standard errors, estimated from the weights.
     #[test]
     fn density_belongs_to_the_draws() {
         let q = TMixture::from_modes(&two_modes(), 2).unwrap();

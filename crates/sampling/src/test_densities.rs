@@ -1,4 +1,4 @@
-//! Densities with exactly known properties, for tests of the sampler's parts.
+//! Densities with exactly known properties, for tests of the sampler.
 
 use super::LogDensity;
 
@@ -10,7 +10,8 @@ fn each_point(dimension: usize, points: &[f64], out: &mut [f64], f: impl Fn(&dyn
     }
 }
 
-/// Correlated Gaussian: tridiagonal precision (2, −0.95) in coordinates scaled by 10^d around means d + 1.
+/// Correlated Gaussian with means d + 1 for coordinate d. In coordinates scaled by 10^d, the precision matrix is tridiagonal, with 2 on the diagonal and
+/// −0.95 beside it.
 pub struct Correlated {
     dimension: usize,
 }
@@ -54,7 +55,7 @@ impl LogDensity for Correlated {
     }
 }
 
-/// x₀ ~ N(0, 1), x₁ | x₀ ~ N(bend·x₀², 1).
+/// Curved density: x₀ ~ N(0, 1), and x₁ given x₀ ~ N(bend·x₀², 1).
 pub struct Banana {
     pub bend: f64,
 }
@@ -68,7 +69,7 @@ impl LogDensity for Banana {
     }
 }
 
-/// Two normalised Gaussian bumps in two dimensions, at (0, 0) and (gap, 0), the second `ratio` times as wide.
+/// Two normalised Gaussian peaks in two dimensions, at (0, 0) and (gap, 0). The second is `ratio` times as wide as the first.
 pub struct TwoBumps {
     first_weight: f64,
     gap: f64,

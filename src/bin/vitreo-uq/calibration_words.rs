@@ -1,9 +1,9 @@
-//! Text of a calibration: the verdict, then one line for each quantity.
+//! Formats the result of a calibration as text: the verdict, then one line for each quantity.
 
 use vitreo_uq::documents::calibration::{CalibratedQuantity, Calibration, Coverage};
 use vitreo_uq::figures::number::format_significant;
 
-/// Returns the verdict and the table that supports it.
+/// Returns the verdict of a calibration, and the table that it is based on.
 pub fn format_calibration(found: &Calibration) -> String {
     let mut lines = vec![
         format!("{}: {}", found.experiment, found.verdict.sentence),

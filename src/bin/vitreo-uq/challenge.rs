@@ -179,9 +179,9 @@ impl OnlySort {
     }
 }
 
-/// Maximum number of challenges made at once. All stay in memory until the last one is solved.
+/// Maximum number of challenges that one command makes. All of them stay in memory until the last one is solved.
 const MOST_CASES: u64 = 10_000;
-/// Maximum number of challenges in one run, which takes weeks.
+/// Maximum number of challenges in one run. Such a run takes weeks.
 const MOST_PLAYS: usize = 1_000_000;
 
 pub fn run(arguments: &ChallengeArguments) -> Result<ExitCode> {
@@ -220,16 +220,16 @@ fn make(arguments: &NewArguments) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Seed of one of several challenges. It makes that challenge alone.
+/// Seed of challenge `number` of several challenges. With this seed the challenge can also be made alone.
 fn seed_of(seed: u64, number: usize) -> u64 {
     seed.wrapping_add(number as u64)
 }
 
-/// Specification of the challenge that a seed makes from the arguments.
+/// Returns the truth to draw for one challenge. It follows from the arguments, and from the seed where they leave a choice.
 fn challenge_order(arguments: &NewArguments, seed: u64) -> Result<TruthRequest> {
     let protocol = named("--protocol", &arguments.protocol, &Protocol::ALL, Protocol::name)?;
     let noise = named("--noise-kind", &arguments.noise_kind, &NoiseKind::ALL, NoiseKind::name)?;
-    // Streams 0 to 2 generate the data.
+    // Random streams 0 to 2 generate the data, so stream 3 makes the choices.
     let mut stream = RandomStream::new(seed, 3);
     let strength = match arguments.size {
         Some(size) => Strength::Size(size),
@@ -239,12 +239,12 @@ fn challenge_order(arguments: &NewArguments, seed: u64) -> Result<TruthRequest> 
     Ok(TruthRequest { hidden, protocol, noise, is_noise_given: arguments.noise_known, strength })
 }
 
-/// Unpredictable seed: the operating system supplies the keys of hash maps.
+/// Returns an unpredictable seed. It comes from the keys of hash maps, which the operating system supplies.
 fn random_seed() -> u64 {
     RandomState::new().build_hasher().finish()
 }
 
-/// Finds the element of a list by its name.
+/// Finds the element of `all` with the name `text`. The error names the option `option`.
 fn named<T: Copy>(option: &str, text: &str, all: &[T], name: impl Fn(T) -> &'static str) -> Result<T> {
     all.iter().copied().find(|one| name(*one) == text).ok_or_else(|| {
         let names: Vec<&str> = all.iter().map(|one| name(*one)).collect();
@@ -301,7 +301,7 @@ fn hidden(arguments: &NewArguments, protocol: Protocol, stream: &mut RandomStrea
     if choice < 0.45 {
         return draw_pair(&library, &slugs, stream).map(|pair| HiddenThing::Effects(pair.to_vec()));
     }
-    // The second draw of a pair is unused, so that each seed keeps its meaning.
+    // The second effect is drawn but not used, so that each seed continues to give the same challenge.
     let (single, _) = stream.distinct_pair(slugs.len());
     Ok(HiddenThing::Effects(vec![slugs[single].clone()]))
 }
@@ -311,7 +311,7 @@ fn reveal(arguments: &RevealArguments) -> Result<ExitCode> {
     let mut opened = files::open_challenge(&arguments.dir)?;
     let diagnosis = diagnosis_of(&opened, arguments.study.as_deref())?;
     if diagnosis.is_some() && !opened.answer.truth.not_compared.is_empty() {
-        // `challenge new` skips these slow comparisons. The diagnosis has cached the models that they need.
+        // `challenge new` omits these comparisons because they are slow. The diagnosis has cached the models that they need.
         let terminal = Terminal::new(arguments.quiet);
         let bench = Bench::new(&terminal)?;
         terminal.stage("comparing the hidden effect with the effects that change the displacement field");
@@ -336,13 +336,13 @@ fn reveal(arguments: &RevealArguments) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Directory of the challenge's study: the given one, or the one that `diagnose` creates.
+/// Directory of the challenge's study: `study` if it is given, otherwise the directory that `diagnose` uses by default.
 fn study_dir(opened: &OpenedChallenge, study: Option<&Path>) -> PathBuf {
     let id = files::specimen_id(&opened.commitment_sha256);
     study.map_or_else(|| Study::default_dir(&id), Path::to_path_buf)
 }
 
-/// First diagnosis in a study of the challenge's data, or `None` if there is no study or no diagnosis in it.
+/// First diagnosis in a study of the challenge's data; `None` if there is no study, or no diagnosis in it.
 fn diagnosis_of(opened: &OpenedChallenge, study: Option<&Path>) -> Result<Option<Diagnosis>> {
     let dir = study_dir(opened, study);
     if study.is_none() && !Study::is_study(&dir) {
@@ -372,7 +372,7 @@ fn diagnosis_of(opened: &OpenedChallenge, study: Option<&Path>) -> Result<Option
 }
 
 impl PlaysArguments {
-    /// Request, with every check that needs no preparation.
+    /// Converts the arguments to a request, and makes every check that needs no preparation.
     pub fn request(&self) -> Result<PlaysRequest> {
         if self.count > MOST_PLAYS {
             let found = format!("{} challenges", self.count);

@@ -1,4 +1,4 @@
-//! Text that `challenge` prints.
+//! Formats the results of `challenge` as text and tables.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -33,7 +33,7 @@ pub fn format_new_challenges(out: &Path, commitments: &[String]) -> String {
     )
 }
 
-/// Answer of one challenge, with its diagnosis if the study `looked_in` has one.
+/// Text of one challenge's answer. It also judges the diagnosis, if the study in the directory `looked_in` contains one.
 pub fn format_truth(
     opened: &OpenedChallenge,
     judged: Option<&(Play, Diagnosis)>,
@@ -103,7 +103,8 @@ pub fn format_truth(
     lines.join("\n") + "\n"
 }
 
-/// Error on the last held-out cycle, compared with the added noise and with the noise that the diagnosis predicts; `None` if no cycle is held out.
+/// Text of the error on the last held-out cycle. It is compared with the added noise, and with the noise that the diagnosis predicts. `None` if no cycle is
+/// held out.
 fn error_of(play: &Play) -> Option<String> {
     let what = if play.class.is_empty() { "without an added effect" } else { "with the claimed effects" };
     let error = format!("The error on the last held-out cycle, {what}, is {} µm", significant(play.rmse_heldout_um?));
@@ -119,7 +120,7 @@ fn error_of(play: &Play) -> Option<String> {
     Some(format!("{error}: {of_truth}{of_diagnosis}."))
 }
 
-/// Hidden displacement of the robot and fluid of the gel, for large displacements; empty for other kinds.
+/// Text of a disturbance by large displacements: how far the robot moves, and in which fluid. Empty for other disturbances.
 fn size_of(outside: &Disturbance) -> String {
     match outside.kind {
         DisturbanceKind::LargeDisplacement => {
@@ -134,7 +135,7 @@ fn size_of(outside: &Disturbance) -> String {
     }
 }
 
-/// Each hidden truth with its number of plays and its verdicts with their counts.
+/// One row for each hidden truth: its name, its number of plays, and the verdicts with their counts.
 fn verdict_rows(tally: &Tally) -> Vec<(&str, usize, String)> {
     let mut rows: BTreeMap<&str, Vec<(&str, usize)>> = BTreeMap::new();
     for entry in &tally.confusion {
@@ -149,7 +150,7 @@ fn verdict_rows(tally: &Tally) -> Vec<(&str, usize, String)> {
     rows.into_iter().map(row).collect()
 }
 
-/// Rates over all challenges played.
+/// Name and value of each rate over all challenges played.
 fn rates(tally: &Tally) -> Vec<(&'static str, String)> {
     let percent = |value: f64| format!("{:.1} %", 100.0 * value);
     let rates = [
@@ -174,7 +175,7 @@ fn rates(tally: &Tally) -> Vec<(&'static str, String)> {
 
 const GROUP_HEADS: [&str; 7] = ["sort", "protocol", "noise", "signal", "played", "right", "claimed"];
 
-/// One row for each group: sort, protocol, noise and signal, and the numbers played, right and claimed.
+/// One row for each combination of sort, protocol, noise and signal. It also contains the numbers of plays, right diagnoses and claims.
 fn groups(tally: &Tally) -> Vec<[String; 7]> {
     let row = |group: &Group| {
         [
@@ -190,7 +191,7 @@ fn groups(tally: &Tally) -> Vec<[String; 7]> {
     tally.groups.iter().map(row).collect()
 }
 
-/// Text of the results of many challenges.
+/// Text of the results of a run of challenges.
 pub fn format_plays(tally: &Tally) -> String {
     let mut lines = vec![format!("{} challenges were played.", tally.played), String::new()];
     lines.push(format!("  {:<44}{:>6}   verdicts", "hidden", "played"));
@@ -209,7 +210,7 @@ pub fn format_plays(tally: &Tally) -> String {
     lines.join("\n") + "\n"
 }
 
-/// Tables of the same results for a page.
+/// The results of a run of challenges as tables for an HTML page.
 pub fn plays_page(tally: &Tally) -> PlaysPage {
     let hidden =
         verdict_rows(tally).into_iter().map(|(truth, total, said)| vec![truth.into(), total.to_string(), said]);

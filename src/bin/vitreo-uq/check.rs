@@ -1,4 +1,4 @@
-//! `check`: shows how a record was read, draws it, and lists contradictions with its description.
+//! `check`: describes how a record was read, draws it, and lists contradictions between the data and their description.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -12,7 +12,7 @@ use vitreo_uq::posterior::study::{Provenance, Study, WithProvenance};
 use vitreo_uq::posterior::{check, replica};
 use vitreo_uq::record::{Experiment, ExperimentFiles, OscillationRecord};
 
-/// Exit code for a certain contradiction.
+/// Exit code if the data certainly contradict their description.
 const WRONG: u8 = 2;
 
 /// Arguments of `check`.
@@ -66,7 +66,7 @@ fn draw(arguments: &CheckArguments, experiment: &Experiment, files: &ExperimentF
     if settled.is_reversed {
         text.push("The sign of the positions is reversed.".into());
     }
-    // Rows that have a force but no position have no coordinates.
+    // Rows that only mark a force change have no coordinates.
     let across_m = settled.projection.as_ref().map_or(&[][..], |projection| &projection.across_m);
     let across_m = if across_m.len() == record.n_rows() { across_m } else { &[] };
     let raw = RawRecord {

@@ -1,13 +1,14 @@
-//! Command line of a process that this program starts from its own executable.
+//! Makes the command line of a process that this program starts from its own executable.
 //!
-//! Names of files and folders come from people and other programs. Only this module turns them into command words, so that no name can be taken for an option.
+//! Names of files and folders come from people and other programs. Only this module turns them into words of a command line, so that no name can be taken for
+//! an option.
 
 use std::path::Path;
 
 use vitreo_uq::base::error::{Error, InputPlace, Result};
 
-/// Words of a command: its name, its options (named without dashes) with values, and positional paths.
-/// Each value shares a word with its option, and no word after `--` is an option.
+/// Returns the words of a command line: the command's name, options (named without dashes) with their values, and positional paths. A value is in one word with
+/// its option. The word `--` follows the options, so no path can be taken for an option.
 pub fn words(command: &[&str], options: &[(&str, Option<String>)], paths: &[String]) -> Vec<String> {
     let option = |(name, value): &(&str, Option<String>)| match value {
         Some(value) => format!("--{name}={value}"),
@@ -20,7 +21,7 @@ pub fn words(command: &[&str], options: &[(&str, Option<String>)], paths: &[Stri
     words
 }
 
-/// Returns a path as a word that is valid from any directory.
+/// Converts a path to a text that is valid from any directory.
 ///
 /// # Errors
 /// [`Error::Input`] if the path is not Unicode.

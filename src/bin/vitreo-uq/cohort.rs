@@ -1,4 +1,4 @@
-//! Text of `diagnose` on a cohort: the effects that its specimens lack in common.
+//! Formats the diagnosis of a cohort as text: the effects that all its specimens lack.
 
 use vitreo_uq::documents::cohort::{CohortDiagnosis, CohortEffect, NullSide, SizeDistribution};
 use vitreo_uq::documents::diagnosis::{Status, VerdictKind};
@@ -6,10 +6,10 @@ use vitreo_uq::figures::labels::parameter_label;
 
 use crate::text::significant;
 
-/// Smallest gain of an effect that gets its own row.
+/// Smallest gain (nats) of an effect that gets its own row.
 const LEAST_LISTED_NATS: f64 = 0.05;
 
-/// Text of the diagnosis.
+/// Text of a cohort's diagnosis.
 pub fn words(diagnosis: &CohortDiagnosis) -> String {
     let mut lines = vec![
         format!("{} records: {}", diagnosis.specimens.len(), diagnosis.verdict.sentence),
@@ -87,7 +87,7 @@ fn size(law: &SizeDistribution, parameter: &str) -> String {
     format!("{symbol} {sign}{}{unit} ×/÷ {:.1}", significant(law.median), law.between_specimen_log_sd.exp())
 }
 
-/// Sizes by group, their contrasts, and the law's parameters before and after the effect.
+/// Lines of text: sizes of an effect in each group, contrasts between groups, and the law's parameters without and with the effect.
 fn groups(diagnosis: &CohortDiagnosis) -> Vec<String> {
     let mut lines = Vec::new();
     if diagnosis.groups.is_empty() {

@@ -11,7 +11,7 @@ use crate::options::{self, CompareArguments};
 use crate::session::{RESULTS, Session};
 use crate::text::{outliers_left_out, significant};
 
-/// Fewest simulated records that can resolve a family-wise probability of 5 %.
+/// Smallest number of simulated records. With fewer, a probability of 5 % over all tests cannot be resolved.
 const FEWEST_SIMULATIONS: usize = 39;
 
 pub fn run(arguments: &CompareArguments) -> Result<ExitCode> {
@@ -25,7 +25,7 @@ pub fn run(arguments: &CompareArguments) -> Result<ExitCode> {
     session.end(&outcome, &words(&outcome.document.body, &outcome.name()), RESULTS, &arguments.page)
 }
 
-/// Maximum number of findings printed in full. The document has all of them.
+/// Maximum number of findings that are printed in full. The JSON document contains all of them.
 const MAX_PRINTED_FINDINGS: usize = 5;
 
 fn words(comparison: &Comparison, revision: &str) -> String {
@@ -66,7 +66,7 @@ fn words(comparison: &Comparison, revision: &str) -> String {
     lines.join("\n") + "\n"
 }
 
-/// Names of the findings that are not printed in full.
+/// Line with the names of findings that are not printed in full; `None` if there are none. `words` is the beginning of the line.
 fn also<'a>(words: &str, findings: impl Iterator<Item = &'a &'a Finding>) -> Option<String> {
     let names: Vec<String> = findings.map(|finding| finding.place.replace('_', " ")).collect();
     (!names.is_empty()).then(|| format!("  {words}: {}.", names.join(", ")))

@@ -1,4 +1,4 @@
-//! `corner`: overlays one or several posteriors in a corner plot. They may come from this program or from any program that writes CSV.
+//! `corner`: draws one or several posteriors into one corner plot. They come from this program, or from any program that writes CSV.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -29,22 +29,22 @@ const NOTHING_REMEDY: &str =
     "give a study, a revision (study/m0), or a CSV file of draws; `vitreo-uq sample` creates a study";
 const PATH_REMEDY: &str = "give a study, a revision (study/m0), or a CSV file of draws with one column per parameter";
 
-/// One parameter of a posterior.
+/// One parameter of a posterior, with its draws.
 struct Column {
     name: String,
     label: ParameterLabel,
     draws: Vec<f64>,
     support: Support,
     prior: Option<Prior>,
-    /// Prior density over the range of all posteriors' draws; empty if the prior is unknown.
+    /// Prior density: parameter values and densities over the range of all posteriors' draws. Empty if the prior is unknown.
     curve: (Vec<f64>, Vec<f64>),
 }
 
-/// One posterior and its legend label.
+/// A posterior with its label in the legend.
 struct LoadedPosterior {
     label: String,
     columns: Vec<Column>,
-    /// Data that it was fitted to, if known.
+    /// Data that the posterior was fitted to; `None` if they are unknown.
     data: Option<FittedData>,
 }
 
@@ -98,7 +98,7 @@ pub fn run(arguments: &CornerArguments) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// `NAME=VALUE` pairs.
+/// Parses reference values of the form `NAME=VALUE`.
 fn references(texts: &[String]) -> Result<BTreeMap<String, f64>> {
     let refuse =
         |found: String, remedy: &str| Err(Error::input(InputPlace::default().at_key("--reference"), found, remedy));
@@ -118,7 +118,7 @@ fn references(texts: &[String]) -> Result<BTreeMap<String, f64>> {
     Ok(references)
 }
 
-/// Refuses a reference value that belongs to no parameter, which is probably a typing error.
+/// Refuses a reference value whose name is not a parameter, because it is probably a typing error.
 fn refuse_unknown_references(references: &BTreeMap<String, f64>, loaded: &[LoadedPosterior]) -> Result<()> {
     let mut known: Vec<&str> =
         loaded.iter().flat_map(|p| p.columns.iter().map(|column| column.name.as_str())).collect();
@@ -145,7 +145,7 @@ fn load(path: &Path) -> Result<LoadedPosterior> {
         return load_revision(path);
     }
     let label = path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
-    // Draws inside a revision belong to that revision.
+    // A file of draws inside a revision's directory belongs to this revision.
     match path.parent() {
         Some(dir) if dir.join(POSTERIOR_NAME).is_file() && path.file_name().is_some_and(|n| n == "draws.csv") => {
             load_revision(dir)
@@ -165,7 +165,7 @@ fn load_revision(dir: &Path) -> Result<LoadedPosterior> {
     let full = dir.canonicalize().unwrap_or_else(|_| dir.to_path_buf());
     let study = full.parent().and_then(name);
     let label = [study, name(&full)].into_iter().flatten().collect::<Vec<_>>().join(" ");
-    // Hard limits come from the priors. If their file is missing, they are estimated from the draws.
+    // The priors give the hard limits of parameters. If the file of priors is missing, the limits are estimated from the draws.
     let priors =
         ModelSpecification::of_revision(dir, &Library::default()).and_then(|model| PriorSet::read(&model.prior)).ok();
     Ok(LoadedPosterior { data: FittedData::of_revision(dir), ..load_csv(&draws, label, priors.as_ref())? })
@@ -192,7 +192,7 @@ fn load_csv(path: &Path, label: String, priors: Option<&PriorSet>) -> Result<Loa
     Ok(LoadedPosterior { label, columns: columns.collect(), data: None })
 }
 
-/// Draws each prior over the range of the draws of all posteriors, not only of its own.
+/// Computes each prior's density over the range of all posteriors' draws, not only over that of its own posterior.
 fn draw_priors(loaded: &mut [LoadedPosterior]) {
     let mut ranges: BTreeMap<String, [f64; 2]> = BTreeMap::new();
     for column in loaded.iter().flat_map(|posterior| &posterior.columns) {
@@ -206,7 +206,7 @@ fn draw_priors(loaded: &mut [LoadedPosterior]) {
     }
 }
 
-/// Labels posteriors of the same name by their paths.
+/// Adds the paths to the labels of posteriors that have equal names.
 fn make_labels_unique(loaded: &mut [LoadedPosterior], paths: &[PathBuf]) {
     let labels: Vec<String> = loaded.iter().map(|posterior| posterior.label.clone()).collect();
     for (i, posterior) in loaded.iter_mut().enumerate() {
@@ -228,7 +228,7 @@ fn parameter<'a>(column: &'a Column, references: &BTreeMap<String, f64>) -> Para
     }
 }
 
-/// Directory and stem of the figure's files, without an extension `svg` or `png`.
+/// Directory of the figure's files, and their name without the extension `svg` or `png`.
 fn figure_path(out: &Path) -> Result<(PathBuf, String)> {
     let is_figure = out.extension().is_some_and(|extension| extension == "svg" || extension == "png");
     let name = if is_figure { out.file_stem() } else { out.file_name() };

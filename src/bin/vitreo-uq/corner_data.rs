@@ -1,4 +1,4 @@
-//! Data that overlaid posteriors were fitted to. Posteriors of different data differ for reasons other than the model.
+//! The data that the posteriors of a corner plot were fitted to. Posteriors that were fitted to different data differ for that reason, whatever their models.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -8,16 +8,16 @@ use vitreo_uq::base::files::{Content, read_if_there};
 use vitreo_uq::jobs::artefacts::is_measurement_file;
 use vitreo_uq::posterior::study::{POSTERIOR_NAME, Provenance, WithProvenance};
 
-/// The data of a posterior.
+/// The data that a posterior was fitted to.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct FittedData {
-    /// Fitted cycles.
+    /// Numbers of the fitted cycles.
     pub fitted_cycles: Vec<u32>,
-    /// SHA-256 of the experiment's files, by file name.
+    /// SHA-256 hash of each of the experiment's files, by file name.
     pub inputs_sha256: BTreeMap<String, String>,
 }
 
-/// Part of `posterior.json` that lists the data.
+/// Fields of `posterior.json` that describe the data.
 #[derive(Deserialize)]
 struct PosteriorData {
     heldout: OfHeldout,
@@ -29,7 +29,7 @@ struct OfHeldout {
 }
 
 impl FittedData {
-    /// Reads the data of a revision's posterior, or `None` if its document does not list them.
+    /// Reads the data of a revision's posterior. Returns `None` if its document does not list them.
     pub fn of_revision(dir: &Path) -> Option<Self> {
         let bytes = read_if_there(&dir.join(POSTERIOR_NAME), Content::Document)?;
         let document: WithProvenance<PosteriorData> = serde_json::from_slice(&bytes).ok()?;
@@ -40,7 +40,7 @@ impl FittedData {
         })
     }
 
-    /// Text such as "cycle 1", "cycles 1–3" or "cycles 1, 3".
+    /// Text of the fitted cycles, such as "cycle 1", "cycles 1–3" or "cycles 1, 3".
     pub fn cycles(&self) -> String {
         let mut runs: Vec<[u32; 2]> = Vec::new();
         for cycle in &self.fitted_cycles {
@@ -56,7 +56,7 @@ impl FittedData {
     }
 }
 
-/// Legend texts, one for each posterior, and a note for the figure; `None` if all posteriors are known to have the same data.
+/// Returns a legend text for each posterior, and a note for the figure. `None` if all posteriors are known to have equal data.
 pub fn describe_data_differences(names: &[&str], data: &[Option<FittedData>]) -> Option<(Vec<String>, String)> {
     let first = data.first()?;
     if data.iter().all(|fitted_data| fitted_data == first) {

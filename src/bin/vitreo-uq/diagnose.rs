@@ -13,11 +13,11 @@ use crate::options::{self, DiagnoseArguments};
 use crate::session::{RESULTS, Session};
 use crate::text::{outliers_left_out, significant};
 
-/// Fewest simulated records. The first round requires p < 0.05, each further round half of that.
+/// Smallest number of simulated records. The first round of the search requires p < 0.05, and each further round half of the previous limit.
 const FEWEST_SIMULATIONS: usize = 99;
-/// Fewest simulated records for each record of a cohort. Fewer do not resolve the tail.
+/// Smallest number of simulated records for each record of a cohort. Fewer do not resolve the tail of their distribution.
 const FEWEST_SIMULATIONS_OF_EACH: usize = 19;
-/// Fewest and most candidate effects in the brief table.
+/// Minimum and maximum number of candidate effects in the brief table.
 const MIN_ROWS: usize = 3;
 const MAX_ROWS: usize = 8;
 
@@ -75,7 +75,7 @@ fn request(arguments: &DiagnoseArguments, kind: TargetKind, session: &Session) -
 /// Amount of text that `diagnose` prints.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Details {
-    /// Answer, candidate effects that matter, next command.
+    /// The answer, the candidate effects that matter, and the next command.
     Brief,
     All,
 }
@@ -109,7 +109,7 @@ fn words(diagnosis: &Diagnosis, revision: &str, study: &Path, details: Details) 
     lines.join("\n") + "\n"
 }
 
-/// Table of the candidate effects, largest gain first.
+/// Lines of the table of candidate effects, in order of decreasing gain.
 fn candidate_lines(diagnosis: &Diagnosis, details: Details) -> Vec<String> {
     let mut lines = vec![format!(
         "  {:<26}{:>8}{:>11}{:>11}{:>10}{:>9}{:>10}   {}",
@@ -176,7 +176,7 @@ fn detectability_lines(diagnosis: &Diagnosis) -> Vec<String> {
     lines
 }
 
-/// The command that adds the named effects; `None` without such effects.
+/// Line with the command that adds the claimed effects; `None` if no effect is claimed.
 fn next_line(diagnosis: &Diagnosis, study: &Path) -> Option<String> {
     if diagnosis.verdict.effects.is_empty() {
         return None;
@@ -188,7 +188,7 @@ fn next_line(diagnosis: &Diagnosis, study: &Path) -> Option<String> {
     })
 }
 
-/// Size of the unexplained residual, and the width that it adds to predictions.
+/// Lines on the misfit that no effect explains: its size, and how much it widens predictions.
 fn unexplained(diagnosis: &Diagnosis) -> Vec<String> {
     let mut lines = Vec::new();
     let Some(discrepancy) = &diagnosis.discrepancy else { return lines };

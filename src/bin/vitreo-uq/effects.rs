@@ -1,4 +1,4 @@
-//! `effects`: lists the effects of the library and their detectability in an experiment.
+//! `effects`: lists the effects of the library, and how well an experiment can detect each.
 
 use std::process::ExitCode;
 

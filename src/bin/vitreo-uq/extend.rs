@@ -30,7 +30,7 @@ pub fn run(arguments: &ExtendArguments) -> Result<ExitCode> {
         sampler: session.sampler(arguments.chains, arguments.steps),
         pages: !arguments.page.no_report,
     };
-    // Effects and values apply to the new revision only. All other options also apply to the model that is extended.
+    // The options for effects and values apply to the new revision only. All other options also apply to the revision that is extended.
     let model = ModelOptions { with: Vec::new(), set: Vec::new(), ..arguments.model.clone() };
     let target = session.open(&model, &arguments.others, &taken)?;
     let outcome = extend::run(&target, &request, &session.terminal)?;
@@ -73,7 +73,7 @@ fn words(summary: &ExtensionSummary) -> String {
     lines.join("\n") + "\n"
 }
 
-/// Table of parameters of the equivalent effects, each refitted on its own.
+/// Lines of a table of parameters: for each equivalent effect, those of the model refitted with this effect.
 fn equivalents(equivalent_effects: &EquivalentEffects) -> Vec<String> {
     let heading = format!(
         "  {} ({})",

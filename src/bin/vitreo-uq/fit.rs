@@ -1,4 +1,4 @@
-//! `fit`: computes the paper's point estimate, with standard errors.
+//! `fit`: computes the best point estimate of the parameters, as in the paper, with standard errors.
 
 use std::process::ExitCode;
 

@@ -39,7 +39,7 @@ pub struct GatherArguments {
     quiet: bool,
 }
 
-/// Maximum number of missing results that are printed. The document has all of them.
+/// Maximum number of missing results that are printed. The JSON document contains all of them.
 const MAX_PRINTED_MISSING: usize = 20;
 
 pub fn run(arguments: &GatherArguments) -> Result<ExitCode> {

@@ -1,4 +1,4 @@
-//! `groups`: compares species or regions.
+//! `groups`: compares the parameters of species or regions.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -92,7 +92,7 @@ pub struct ModelArguments {
 }
 
 impl ModelArguments {
-    /// Sampling settings with this model and default sampler options.
+    /// Settings for sampling an experiment with this model, and default sampler options.
     pub fn sampling(&self) -> Sampling {
         let SamplerOptions { n_walkers, max_steps, seed, .. } = SamplerOptions::default();
         Sampling {
@@ -125,30 +125,30 @@ pub struct SamplingArguments {
 }
 
 impl SamplingArguments {
-    /// Sampling settings from these options.
+    /// Settings for sampling an experiment, from these options.
     pub fn sampling(&self) -> Sampling {
         Sampling { n_walkers: self.chains, max_steps: self.steps, seed: self.seed, ..self.model.sampling() }
     }
 }
 
 impl CohortArguments {
-    /// Sampling settings of every experiment.
+    /// Settings for sampling every experiment of the cohort.
     pub fn sampling(&self) -> Sampling {
         self.sampling.sampling()
     }
 
-    /// Reads the experiments with their models.
+    /// Reads the experiments of the cohort, each with its model.
     pub fn read(&self, terminal: &Terminal) -> Result<Vec<Measurement>> {
         let sampling = self.sampling();
         cohort::read(&self.paths, &self.leave_out, &|model_specification| sampling.model(model_specification), terminal)
     }
 }
 
-/// Number of chains of the population's sampler.
+/// Number of chains that sample the population.
 const N_CHAINS: usize = 4;
-/// Fewest sweeps for which the diagnostics are valid.
+/// Smallest number of sweeps for which R̂ and the effective sample size are valid.
 const FEWEST_SWEEPS: usize = 400;
-/// Maximum number of sweeps, which takes days.
+/// Maximum number of sweeps. So many sweeps take days.
 const MOST_SWEEPS: usize = 1_000_000_000;
 
 pub fn run(arguments: &GroupsArguments) -> Result<ExitCode> {
@@ -184,7 +184,7 @@ pub fn run(arguments: &GroupsArguments) -> Result<ExitCode> {
     Ok(ExitCode::from(u8::from(!summary.is_sound())))
 }
 
-/// Parses the names of keys.
+/// Parses the names of the keys that define the groups.
 pub fn keys(names: &[String]) -> Result<Vec<Key>> {
     let refuse = |found: String| {
         Err(Error::input(InputPlace::setting(Setting::By), found, "group by `species`, `region` or `species,region`"))
@@ -239,7 +239,7 @@ fn words(summary: &GroupsSummary) -> String {
     text
 }
 
-/// Table of each group's typical specimen with its 90 % interval, and the spread between specimens as a factor.
+/// Lines of a table of the groups: parameters of the typical specimen with their 90 % intervals, and the variation between specimens as a factor.
 fn table(summary: &GroupsSummary) -> Vec<String> {
     let width = summary.groups.iter().map(|group| group.name.chars().count()).max().unwrap_or(0).max(5) + 2;
     let names = summary.groups.first().map_or(&[][..], |group| &group.parameters);
@@ -271,13 +271,13 @@ fn table(summary: &GroupsSummary) -> Vec<String> {
     rows
 }
 
-/// Formats a number with three significant digits.
+/// Formats a value with three significant digits.
 fn three_digits(value: f64) -> String {
     let digits = 2 - value.abs().log10().floor() as i32;
     if (0..=5).contains(&digits) { format!("{value:.*}", digits as usize) } else { significant(value) }
 }
 
-/// Table of all ratios, one per line. An asterisk marks a declared difference.
+/// Lines of a table of the ratios between groups, one ratio per line. An asterisk marks a declared difference.
 fn ratios(summary: &GroupsSummary) -> Vec<String> {
     let name = |contrast_summary: &ContrastSummary| {
         format!(

@@ -1,4 +1,4 @@
-//! Access rule of a local server: only programs and the server's own page may send requests, under the server's own names.
+//! Access rule of a local server: only programs and the server's own page may send requests, and only to one of the server's own names.
 
 use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
@@ -8,20 +8,21 @@ use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 
-/// Content security policy of the page: its own files, and images.
+/// Content security policy of the page. It may load its own files, and images.
 const POLICY: &str = "default-src 'self'; img-src 'self' data:; style-src 'self' 'unsafe-inline'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'";
 
-/// Response to a request under any other name.
+/// Text of the response to a request that is refused.
 const REFUSAL: &str = "This request names another host, or comes from another site's page. Use the server's IP address, or start the server with `--allow-host NAME`.\n";
 
-/// Names that requests may use. Numeric addresses are always allowed, because no other site can redirect them.
+/// Host names that requests may use. Numeric addresses are always allowed, because no other site can redirect them.
 #[derive(Debug, Clone)]
 pub struct Guard {
     names: Arc<[String]>,
 }
 
 impl Guard {
-    /// Creates the guard of a server at this address. If other machines can reach it, this machine's name is allowed; `others` are further names.
+    /// Creates the guard of a server that listens on `address`. If other machines can reach this address, the machine's own name is allowed. `others` are
+    /// further allowed names.
     pub fn new(address: SocketAddr, others: &[String]) -> Self {
         let machine = if address.ip().is_loopback() { None } else { machine_name() };
         let short = machine.as_ref().and_then(|name| name.split('.').next()).map(String::from);
@@ -29,7 +30,8 @@ impl Guard {
         Self { names: names.collect() }
     }
 
-    /// Returns whether a request comes from this server's page or from a program. It refuses names redirected by DNS rebinding, and scripts of other sites.
+    /// Returns whether a request comes from this server's page or from a program. Other requests come from names redirected by DNS rebinding, or from scripts
+    /// of other sites.
     fn admits(&self, headers: &HeaderMap) -> bool {
         let text = |name| headers.get(name).and_then(|value| value.to_str().ok());
         let Some(host) = text(header::HOST) else { return false };
@@ -37,7 +39,7 @@ impl Guard {
         self.knows(host) && headers.get(header::ORIGIN).is_none_or(|_| text(header::ORIGIN).is_some_and(is_own))
     }
 
-    /// Returns whether a host, with or without a port, is one of the server's names.
+    /// Returns whether `host`, with or without a port, is one of the server's names.
     fn knows(&self, host: &str) -> bool {
         if host.parse::<SocketAddr>().is_ok() || host.trim_matches(['[', ']']).parse::<IpAddr>().is_ok() {
             return true;
@@ -50,14 +52,14 @@ impl Guard {
     }
 }
 
-/// Name of this machine, from the command `hostname`.
+/// Name of this machine, from the command `hostname`; `None` if the command fails.
 fn machine_name() -> Option<String> {
     let output = std::process::Command::new("hostname").stdin(std::process::Stdio::null()).output().ok()?;
     let name = String::from_utf8(output.stdout).ok()?.trim().to_string();
     (!name.is_empty()).then_some(name)
 }
 
-/// Middleware that refuses foreign requests, and sends browsers the page's security policy.
+/// Middleware that refuses requests according to the guard. It adds the page's security policy to responses.
 pub async fn guard(State(guard): State<Guard>, request: Request, next: Next) -> Response {
     if !guard.admits(request.headers()) {
         return (StatusCode::FORBIDDEN, REFUSAL).into_response();

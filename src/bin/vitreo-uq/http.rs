@@ -1,8 +1,8 @@
-//! Shared parts of the local servers: listening, and connections that cannot block each other.
+//! Functions that all local servers of the program use: they listen, and keep connections from blocking each other.
 //!
-//! At any time, either the peer or the program has to act on a connection. The peer sends a request or reads a response; the program computes a response. The peer has a
-//! limited time for each step. If all places are taken, the connection whose peer has the least time left is closed. Slow clients therefore cost the others nothing, at any
-//! number. Event streams stay open and are counted separately.
+//! At any time, either the peer or the program has to act on a connection. The peer sends a request or reads a response, and has a limited time for each step.
+//! The program computes a response. If the maximum number of connections is reached, the connection whose peer has the least time left is closed. Any number of
+//! slow clients therefore cannot block others. Event streams stay open and are counted separately.
 
 use std::future::{Future, poll_fn};
 use std::net::{IpAddr, SocketAddr, TcpListener};
@@ -26,24 +26,24 @@ use tokio::sync::Notify;
 use tokio::time::Instant;
 use vitreo_uq::base::error::{Error, InputPlace, Result};
 
-/// Maximum numbers of connections, of connections from one peer, and of event streams.
+/// Maximum number of connections, of connections from one peer, and of event streams.
 const MOST_CONNECTIONS: usize = 512;
 const MOST_OF_PEER: usize = 256;
 const MOST_STREAMS: usize = 64;
-/// Time limits for the head of a connection's first request, and for the head of each further request.
+/// Maximum time to send the head of a connection's first request, and of each further request.
 const HEAD: Duration = Duration::from_secs(10);
 const NEXT_HEAD: Duration = Duration::from_secs(30);
-/// Time limit for the body of a request.
+/// Maximum time to send the body of a request.
 const BODY: Duration = Duration::from_secs(30);
-/// Time limit for the peer to take the next bytes of a response.
+/// Maximum time between two reads of a response by the peer.
 const ANSWER: Duration = Duration::from_secs(30);
 /// Maximum size of a request's head, in bytes.
 const MOST_HEAD_BYTES: usize = 1 << 15;
-/// Response to a peer that has no other connection to close.
+/// Response to a peer for which no other connection can be closed.
 const BUSY: &[u8] =
     b"HTTP/1.1 503 Service Unavailable\r\nRetry-After: 1\r\nContent-Length: 0\r\nConnection: close\r\n\r\n";
 
-/// Listens on the first free port of `ports` and returns the address; port 0 means any free port.
+/// Listens on the first of `ports` that is free; port 0 stands for any free port. Returns the listener and its address.
 pub fn listen(address: IpAddr, ports: &[u16]) -> Result<(TcpListener, SocketAddr)> {
     let mut refusal = None;
     for &port in ports {
@@ -66,7 +66,7 @@ pub fn listen(address: IpAddr, ports: &[u16]) -> Result<(TcpListener, SocketAddr
         .unwrap_or_else(|| Error::input(InputPlace::default().at_key("--port"), "no port is given", "give a port")))
 }
 
-/// Serves until the program ends. `router` is called inside the runtime, so that it may start its own tasks.
+/// Serves requests until the program ends. `router` is called inside the asynchronous runtime, so that it may start tasks there.
 pub fn serve(listener: TcpListener, router: impl FnOnce() -> Router) -> std::io::Result<()> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_io().enable_time().build()?;
     listener.set_nonblocking(true)?;
@@ -77,18 +77,18 @@ pub fn serve(listener: TcpListener, router: impl FnOnce() -> Router) -> std::io:
     })
 }
 
-/// Party that has to act next on a connection.
+/// Who has to act next on a connection.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum NextActor {
-    /// The peer, until this time.
+    /// The peer has to act, until this time.
     Peer { until: Instant },
-    /// The program.
+    /// The program has to act.
     Program,
-    /// Neither: the server sends events as they occur.
+    /// Nobody has to act, because the response is an event stream. It has been open since this time.
     Stream { since: Instant },
 }
 
-/// Connection of a local server. Handlers find it among a request's extensions.
+/// A connection of a local server. A handler finds it among the extensions of its request.
 #[derive(Clone)]
 pub struct Connection {
     state: Arc<ConnectionState>,
@@ -111,7 +111,7 @@ impl ConnectionState {
     }
 }
 
-/// Locks a mutex. A panic while the lock is held cannot leave its data invalid.
+/// Locks a mutex, also after a panic. A panic cannot leave these data invalid.
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -122,41 +122,41 @@ impl Connection {
         Self { state: Arc::new(ConnectionState { peer, turn, is_closed: Notify::new() }), all: Arc::clone(all) }
     }
 
-    /// Gives the peer this time for its next step.
+    /// Gives the peer this much time for its next step.
     pub fn give_time(&self, time: Duration) {
         self.state.pass_to(NextActor::Peer { until: Instant::now() + time });
     }
 
-    /// Records that the whole request has arrived, so that the program has to act.
+    /// Records that the complete request has arrived. The program has to act next.
     pub fn has_whole_request(&self) {
         self.state.pass_to(NextActor::Program);
     }
 
-    /// Records that the response is an event stream. The oldest stream ends if there are too many.
+    /// Records that the response is an event stream. If there are too many streams, the oldest one ends.
     pub fn becomes_stream(&self) {
         self.state.pass_to(NextActor::Stream { since: Instant::now() });
         self.all.keep_streams();
     }
 
-    /// Records that a response is ready to be read.
+    /// Records that a response is complete. The peer has to read it next.
     fn is_answered(&self) {
         if self.state.turn() == NextActor::Program {
             self.give_time(NEXT_HEAD);
         }
     }
 
-    /// Records that the peer has taken a part of its response.
+    /// Records that the peer has read some bytes of the response.
     fn has_written(&self) {
         if let NextActor::Peer { until } = self.state.turn() {
             self.state.pass_to(NextActor::Peer { until: until.max(Instant::now() + ANSWER) });
         }
     }
 
-    /// Waits until the peer exceeds its time limit, or the server closes the connection to make room for another.
+    /// Waits until the peer exceeds its time limit, or until the server closes this connection to make room for another.
     async fn wait_until_expired(&self) {
         let is_late = async {
             loop {
-                // The time limit does not apply while the program works or a stream is open.
+                // No time limit applies while the program computes a response or a stream is open.
                 let look_at = match self.state.turn() {
                     NextActor::Peer { until } if until <= Instant::now() => return,
                     NextActor::Peer { until } => until,
@@ -174,7 +174,8 @@ impl Connection {
 struct Connections(Mutex<Vec<Arc<ConnectionState>>>);
 
 impl Connections {
-    /// Returns a place for a peer's next connection, or `None` if all places have requests in progress.
+    /// Registers a new connection from `peer`. If a maximum number is reached, another connection that waits for its peer is closed. Returns `None` if no
+    /// connection waits for its peer.
     fn place_for(self: &Arc<Self>, peer: IpAddr) -> Option<Connection> {
         let mut all = lock(&self.0);
         let of_peer = |state: &ConnectionState| state.peer == peer;
@@ -192,7 +193,7 @@ impl Connections {
         Some(connection)
     }
 
-    /// Closes the connection whose peer has the least time left, if the program waits for any peer.
+    /// Closes the connection whose peer has the least time left, if there is a connection whose peer has to act.
     fn make_room(&self) {
         close_latest(&mut lock(&self.0), &|_| true);
     }
@@ -215,7 +216,7 @@ impl Connections {
     }
 }
 
-/// Closes the connection whose peer's time ends first, among those that `is_meant` selects. Returns whether there was one.
+/// Among the connections that `is_meant` selects, closes the one whose peer has the least time left. Returns whether there was one.
 fn close_latest(all: &mut Vec<Arc<ConnectionState>>, is_meant: &dyn Fn(&ConnectionState) -> bool) -> bool {
     let until = |(index, state): (usize, &Arc<ConnectionState>)| match state.turn() {
         NextActor::Peer { until } if is_meant(state) => Some((until, index)),
@@ -230,7 +231,7 @@ async fn accept(listener: tokio::net::TcpListener, app: Router) {
     let all = Arc::new(Connections::default());
     loop {
         let Ok((stream, address)) = listener.accept().await else {
-            // Accepting fails if file handles run out, or if the peer has closed the connection.
+            // Accepting a connection fails if no file handles are left, or if the peer has closed the connection already.
             all.make_room();
             tokio::time::sleep(Duration::from_millis(50)).await;
             continue;
@@ -243,7 +244,7 @@ async fn accept(listener: tokio::net::TcpListener, app: Router) {
     }
 }
 
-/// Serves the requests of one connection until it ends.
+/// Serves the requests of one connection until the connection ends.
 async fn answer(stream: TcpStream, connection: Connection, app: Router) {
     let app = TowerToHyperService::new(app);
     let each = service_fn(|mut request: hyper::Request<hyper::body::Incoming>| {
@@ -257,15 +258,15 @@ async fn answer(stream: TcpStream, connection: Connection, app: Router) {
         }
     });
     let mut builder = hyper::server::conn::http1::Builder::new();
-    // Hyper's own limit for heads would also end responses that are read slowly.
+    // The time limit of the library Hyper for heads is disabled, because it would also end responses that are read slowly.
     builder.header_read_timeout(None).max_buf_size(MOST_HEAD_BYTES);
     let io = TokioIo::new(WatchedStream { stream, connection: connection.clone() });
-    // A peer may close its connection; this is no error.
+    // The result is ignored, because a peer may close its connection at any time.
     wait_for_first(builder.serve_connection(io, each), connection.wait_until_expired()).await;
     connection.all.forget(&connection);
 }
 
-/// Waits until the first of two futures ends, and drops the other.
+/// Waits until one of two futures ends, and drops the other.
 async fn wait_for_first(first: impl Future, second: impl Future) {
     let (mut first, mut second) = (pin!(first), pin!(second));
     poll_fn(|cx| {
@@ -275,7 +276,7 @@ async fn wait_for_first(first: impl Future, second: impl Future) {
     .await;
 }
 
-/// Reads the whole body of a request before its handler starts, so that a slow sender blocks only its own connection.
+/// Middleware that reads the whole body of a request before the handler starts. A slow sender then blocks only its own connection.
 pub async fn whole_body(Extension(connection): Extension<Connection>, request: Request, next: Next) -> Response {
     let (parts, body) = request.into_parts();
     match Request::from_parts(parts.clone(), body).extract::<Bytes, _>().await {
@@ -287,7 +288,7 @@ pub async fn whole_body(Extension(connection): Extension<Connection>, request: R
     }
 }
 
-/// Serializes a document into a response. Call it on the thread that made the document, not on the server's.
+/// Makes a response from a document as JSON. Serializing takes time, so call this on the thread that made the document, not on the server's thread.
 pub fn json_body(status: StatusCode, document: &impl serde::Serialize) -> Response {
     match serde_json::to_vec(document) {
         Ok(bytes) => (status, [(axum::http::header::CONTENT_TYPE, "application/json")], bytes).into_response(),
@@ -295,7 +296,7 @@ pub fn json_body(status: StatusCode, document: &impl serde::Serialize) -> Respon
     }
 }
 
-/// TCP stream that notifies its connection when bytes are written.
+/// TCP stream that tells its connection when the peer has read bytes.
 struct WatchedStream {
     stream: TcpStream,
     connection: Connection,

@@ -164,9 +164,9 @@ fn words(summary: &InitSummary) -> String {
 
 fn column(column: &InitColumn) -> String {
     let InitColumn { role, name, unit, range } = column;
-    // The document uses SI and micro-units; people see the table's own units.
+    // The JSON document uses SI and micro-units, while the text uses the units of the table.
     let in_document = if role == "time" { 1.0 } else { 1e-6 };
-    // A count, which is a multiple of a unit, is shown in that unit.
+    // A counted unit, such as "0.65 um" per pixel, is shown in its basic unit.
     let seen_in = unit.split_once(' ').map_or(unit.as_str(), |(_, of)| of);
     let (per, shown) = match spelt(seen_in) {
         Some(parsed_unit) => (in_document / parsed_unit.to_si(1.0), seen_in),

@@ -1,11 +1,11 @@
-//! Text of `sample` for several records of one specimen.
+//! Formats the result of `sample` for several records of one specimen as text.
 
 use vitreo_uq::documents::joint::JointSummary;
 use vitreo_uq::figures::labels::{model_title, parameter_label};
 
 use crate::text::{parameter_table, significant, warning_text};
 
-/// Text of the joint posterior.
+/// Text of the joint posterior of several records.
 pub fn words(summary: &JointSummary) -> String {
     let verdict = if summary.converged { "converged" } else { "NOT CONVERGED" };
     let mut lines = vec![

@@ -63,7 +63,7 @@ fn heading(summary: &LadderSummary) -> String {
     )
 }
 
-/// Label of a revision: the model for the first, the added effects for the others.
+/// Label of a revision: the model for the first revision, the added effects for the others.
 fn label(rung: &LadderRow) -> String {
     match &rung.from {
         None => model_title(&rung.model),
@@ -71,7 +71,7 @@ fn label(rung: &LadderRow) -> String {
     }
 }
 
-/// Bars of the errors of all revisions; the last bar is the noise.
+/// Lines with a bar for the error of each revision. The last line has a bar for the noise.
 fn bars(summary: &LadderSummary) -> Vec<String> {
     let error_um = |rung: &LadderRow| rung.rmse_heldout_um.unwrap_or(rung.rmse_fitted_um);
     let noise = summary.noise_um.map(|noise| (String::new(), format!("noise, {}", summary.noise_origin), noise));
@@ -89,7 +89,7 @@ fn bars(summary: &LadderSummary) -> Vec<String> {
     lines
 }
 
-/// Bar in eighths of a character.
+/// Bar whose length is the given fraction of the longest bar, drawn in eighths of a character.
 fn bar(fraction: f64) -> String {
     const EIGHTHS: [&str; 8] = ["", "▏", "▎", "▍", "▌", "▋", "▊", "▉"];
     let eighths = (8.0 * BAR_WIDTH as f64 * fraction.clamp(0.0, 1.0)).round() as usize;

@@ -15,11 +15,11 @@ use crate::options::{self, LearnArguments};
 use crate::session::{RESULTS, Session};
 use crate::text::significant;
 
-/// Fewest simulations, which resolve the required p of 0.02.
+/// Smallest number of simulated records. With fewer, the required p of 0.02 cannot be resolved.
 const FEWEST_SIMULATIONS: usize = 49;
-/// Number of pairs in the table.
+/// Number of pairs (corrected quantity and state variable) in the table.
 const N_SHOWN: usize = 12;
-/// Number of pairs in the table of a cohort.
+/// Number of these pairs in the table of a cohort.
 const N_SHOWN_OF_COHORT: usize = 6;
 
 pub fn run(arguments: &LearnArguments) -> Result<ExitCode> {
@@ -93,7 +93,7 @@ fn words(learned: &Learned, revision: &str) -> String {
     lines.join("\n") + "\n"
 }
 
-/// Value of the quantity at the reference state, if the quantity is a parameter of the law.
+/// Lines with the value of the corrected quantity at the reference state; empty if the quantity is not a parameter of the law.
 fn at_reference(learned: &Learned) -> Vec<String> {
     let Some((function, quantity_at_reference)) =
         learned.function.as_ref().and_then(|learned_function| Some((learned_function, learned_function.at_reference?)))
@@ -114,7 +114,7 @@ fn at_reference(learned: &Learned) -> Vec<String> {
     ]
 }
 
-/// Next command.
+/// Line with the next command; `None` if there is none to recommend.
 fn advice(learned: &Learned, revision: &str) -> Option<String> {
     if learned.verdict.kind == LearnedKind::Nothing {
         return None;

@@ -1,4 +1,4 @@
-//! Output of a command's result: text to standard output, JSON to a file or standard output.
+//! Writes the result of a command: text to standard output, JSON to a file or to standard output.
 
 use std::io::Write;
 use std::path::Path;
@@ -8,7 +8,7 @@ use serde::Serialize;
 use vitreo_uq::base::error::{Error, InputPlace, Result};
 use vitreo_uq::base::files::write_json_atomically;
 
-/// Refuses a path for the document that cannot be written, before hours of work.
+/// Checks that the path of the JSON document can be written. It is called before hours of work.
 pub fn check(json: Option<&Path>) -> Result<()> {
     let Some(path) = json.filter(|path| *path != Path::new("-")) else { return Ok(()) };
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
@@ -22,7 +22,7 @@ pub fn check(json: Option<&Path>) -> Result<()> {
     ))
 }
 
-/// Writes a document. A file is replaced as a whole, through a link if there is one; a pipe or device is written to directly.
+/// Writes a JSON document. A file is replaced as a whole, also through a symbolic link. A pipe or device is written to directly.
 fn write_document(path: &Path, document: &impl Serialize) -> Result<()> {
     let target = std::fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf());
     let is_special = std::fs::metadata(&target).is_ok_and(|metadata| !metadata.is_file());
@@ -37,7 +37,7 @@ fn write_document(path: &Path, document: &impl Serialize) -> Result<()> {
     file.write_all(&json).and_then(|()| file.write_all(b"\n")).map_err(refused)
 }
 
-/// Prints the text, or with `--json -` only the document; with `--json FILE` also writes the document.
+/// Prints the text of a result. With `--json FILE` the document is also written; with `--json -` only the document is printed.
 pub fn show(json: Option<&Path>, document: &impl Serialize, words: &str) -> Result<()> {
     let text = match json {
         Some(path) if path == Path::new("-") => {
@@ -58,11 +58,11 @@ pub fn show(json: Option<&Path>, document: &impl Serialize, words: &str) -> Resu
     print(&text)
 }
 
-/// Writes to standard output.
+/// Writes a text to standard output.
 pub fn print(text: &str) -> Result<()> {
     let mut out = std::io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
-        // A reader such as `head` may close the pipe before the end.
+        // A closed pipe is no error, because a reader such as `head` may end early.
         Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
             Err(Error::at_path("write", "standard output", error, "send the output elsewhere"))
         }
@@ -70,7 +70,7 @@ pub fn print(text: &str) -> Result<()> {
     }
 }
 
-/// Prints the path of the results and the duration.
+/// Prints the path of the results and the duration of the command, unless `quiet` is true.
 pub fn print_result_path(quiet: bool, place: &Path, began: Instant) {
     if !quiet {
         let seconds = began.elapsed().as_secs_f64();

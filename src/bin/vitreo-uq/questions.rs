@@ -1,17 +1,17 @@
-//! Questions to the user at the terminal.
+//! Asks the user questions at the terminal.
 
 use std::io::{IsTerminal, Write};
 use std::path::Path;
 
 use vitreo_uq::record::table::Question;
 
-/// Returns whether questions can be asked: input and output are terminals, and neither `--quiet` nor `--json -` is given.
+/// Returns whether questions can be asked. Input and output must be terminals, and neither `--quiet` nor `--json -` may be given.
 pub fn can_ask_questions(quiet: bool, json: Option<&Path>) -> bool {
     let is_read_by_a_program = json == Some(Path::new("-"));
     !quiet && !is_read_by_a_program && std::io::stdin().is_terminal() && std::io::stderr().is_terminal()
 }
 
-/// Asks until the answer is one of the choices. Returns `None` at the end of the input.
+/// Asks a question until the answer is allowed. Returns `None` at the end of the input.
 pub fn ask(question: &Question) -> Option<String> {
     answer(question, &mut std::io::stdin().lock(), &mut std::io::stderr().lock())
 }

@@ -46,7 +46,7 @@ pub fn run(arguments: &ReportArguments) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Writes the page of a document of `challenge run`.
+/// Writes the HTML page for a document of `challenge run`. Returns the path of the page.
 fn of_plays(document: &Path, out: Option<&Path>) -> Result<PathBuf> {
     let bytes =
         files::read(document, Content::Document, "give a study, or the file that `challenge run --json FILE` wrote")?;
@@ -65,7 +65,7 @@ fn of_plays(document: &Path, out: Option<&Path>) -> Result<PathBuf> {
     Ok(place)
 }
 
-/// Updates the page of a changed study. The results are already on disk, so a page that cannot be written causes only a message.
+/// Updates the HTML page of a study that has changed. The results are already on disk, so a failure only causes a message.
 pub fn update_page(study: &Study, arguments: &PageArguments, quiet: bool) {
     if arguments.no_report {
         return;

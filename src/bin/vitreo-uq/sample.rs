@@ -1,4 +1,4 @@
-//! `sample`: estimates the posterior from a measurement, and checks it with full finite elements.
+//! `sample`: computes the posterior of the parameters from a measurement, and checks it with full finite elements.
 
 use std::process::ExitCode;
 

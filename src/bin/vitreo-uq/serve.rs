@@ -1,4 +1,4 @@
-//! `serve`: offers the models of a study to other programs by the UM-Bridge protocol.
+//! `serve`: lets other programs evaluate the models of a study, by the UM-Bridge protocol.
 
 use std::net::{IpAddr, Ipv4Addr};
 use std::path::PathBuf;
@@ -73,7 +73,7 @@ pub fn run(arguments: &ServeArguments) -> Result<ExitCode> {
     target.experiment = with_fitted_cycles_of(target.experiment, revision.as_deref());
     let problem = target.problem(&terminal)?;
     let kept = target.existing_study().and_then(|study| kept_surrogate(study, &terminal));
-    // The model is used until the program ends, by tasks that never end earlier.
+    // The model is never freed, because tasks use it until the program ends.
     let model: &'static PreparedModel = Box::leak(Box::new(PreparedModel::new(&problem, kept, &terminal)?));
     let models = Arc::new(BridgeModels::new(model)?);
     let check = model.verify_now(&terminal)?;
@@ -95,11 +95,11 @@ pub fn run(arguments: &ServeArguments) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// State shared by the endpoints.
+/// State that all request handlers share.
 #[derive(Clone)]
 struct ServerState {
     models: Arc<BridgeModels<'static>>,
-    /// Limits the number of requests processed at once.
+    /// Semaphore that limits the number of requests that are processed at once.
     free: Arc<Semaphore>,
 }
 
@@ -122,10 +122,10 @@ fn router(models: Arc<BridgeModels<'static>>, threads: usize, names: Guard) -> R
         .layer(guarded)
 }
 
-/// Computes a response on a thread of its own, so that long requests do not block the server.
+/// Computes a response on a separate thread, so that long requests do not block the server.
 async fn answer(shared: ServerState, endpoint: Endpoint, body: Bytes) -> Response {
     let ServerState { models, free } = shared;
-    // The semaphore is never closed.
+    // The error cannot occur, because the semaphore is never closed.
     let Ok(place) = free.acquire_owned().await else { return StatusCode::SERVICE_UNAVAILABLE.into_response() };
     let work = move || {
         let answer = models.answer(endpoint, &body);

@@ -1,4 +1,4 @@
-//! Start and end of every command: takes threads, terminal and target from the arguments, and writes results to their places.
+//! Beginning and end of every command. It sets up threads, terminal and target from the arguments, and writes the results.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -16,18 +16,18 @@ use crate::options::{self, Common, ModelOptions};
 use crate::report::PageArguments;
 use crate::terminal::Terminal;
 
-/// One run of a command.
+/// One run of a command, with its common arguments.
 pub struct Session<'a> {
     began: Instant,
     common: &'a Common,
     /// Number of threads in use.
     pub threads: usize,
-    /// Progress display and warnings.
+    /// Display of progress and warnings.
     pub terminal: Terminal,
 }
 
 impl<'a> Session<'a> {
-    /// Starts a command: checks that the document can be written, and sets the number of threads.
+    /// Begins a command: checks that the JSON document can be written, and sets the number of threads.
     pub fn begin(common: &'a Common) -> Result<Self> {
         let began = Instant::now();
         let threads = options::use_threads(common.threads)?;
@@ -35,32 +35,33 @@ impl<'a> Session<'a> {
         Ok(Self { began, common, threads, terminal: Terminal::new(common.quiet) })
     }
 
-    /// Sampler settings of a command without options for them.
+    /// Sampler settings of a command that has no options for chains and steps.
     pub fn default_sampler(&self) -> SamplerOptions {
         options::default_sampler(self.common.seed, self.threads)
     }
 
-    /// Opens the target of the command; `taken` lists the kinds of targets that it accepts besides a creep record.
+    /// Opens the target of the command. `taken` lists the kinds of targets that the command accepts in addition to a creep record.
     pub fn open(&self, model: &ModelOptions, others: &[PathBuf], taken: &[TargetKind]) -> Result<Target> {
         Target::open(target_request(self.common, model, others), taken, None, &self.terminal)
     }
 
-    /// Opens the target of `sample`, which recreates the study's revision m0 with its model.
+    /// Opens the target of `sample`. Its revision m0 is made anew with this model.
     pub fn open_first(&self, model: &ModelOptions, others: &[PathBuf], taken: &[TargetKind]) -> Result<Target> {
         Target::open(target_request(self.common, model, others), taken, Some(FIRST_REVISION), &self.terminal)
     }
 
-    /// Sampler settings of a command with options for them.
+    /// Sampler settings of a command that has options for chains and steps.
     pub fn sampler(&self, chains: usize, steps: u64) -> SamplerOptions {
         options::sampler(chains, steps, self.common.seed, self.threads)
     }
 
-    /// Returns the kind of the target.
+    /// Returns the kind of the target, such as a creep record or an oscillation. `taken` lists the kinds that the command accepts in addition to a creep
+    /// record.
     pub fn kind(&self, others: &[PathBuf], taken: &[TargetKind]) -> TargetKind {
         TargetKind::of(&paths(self.common, others), taken)
     }
 
-    /// Prints the result and its path, and updates the page of the changed study.
+    /// Prints the result and its path, and updates the HTML page of the study.
     pub fn end<D: Serialize>(
         &self,
         outcome: &Outcome<D>,
@@ -76,13 +77,13 @@ impl<'a> Session<'a> {
         Ok(ExitCode::from(u8::from(!outcome.is_sound)))
     }
 
-    /// Ends the progress display, then prints or writes the document and its text.
+    /// Ends the progress display. Then prints the text, and prints or writes the document.
     pub fn show(&self, document: &impl Serialize, words: &str) -> Result<()> {
         self.terminal.finish();
         crate::output::show(self.common.json.as_deref(), document, words)
     }
 
-    /// Prints a message on standard error, unless the user wants quiet.
+    /// Prints a message on standard error, unless `--quiet` is given.
     pub fn say(&self, text: &str) {
         if !self.common.quiet {
             crate::interrupt::print_message(text);
@@ -90,10 +91,10 @@ impl<'a> Session<'a> {
     }
 }
 
-/// Label of the path of a revision with all its files.
+/// Word that is printed before the path of a revision's directory.
 pub const RESULTS: &str = "Results and figures";
 
-/// Target as given by the user.
+/// Describes the target that the user gives by the arguments.
 pub fn target_request(common: &Common, model: &ModelOptions, others: &[PathBuf]) -> TargetRequest {
     TargetRequest {
         paths: paths(common, others),

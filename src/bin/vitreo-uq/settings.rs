@@ -1,8 +1,8 @@
-//! Options that correspond to the library's settings. Errors of this program name options.
+//! Maps settings of the library to options of this program. The library's errors name settings, the program's errors name options.
 
 use vitreo_uq::base::error::Setting;
 
-/// Returns the option that sets a setting.
+/// Returns the name of the option for a setting.
 pub fn option(setting: Setting) -> &'static str {
     match setting {
         Setting::Base => "--base",

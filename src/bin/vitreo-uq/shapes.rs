@@ -68,7 +68,8 @@ pub struct ShapesArguments {
 }
 
 impl ShapesArguments {
-    /// Options of every command. A number after `--force` is refused, because the user may mean `--force-un`; any other text after it is the target.
+    /// Converts the arguments to the options that every command has. A number after `--force` is refused, because the user may mean `--force-un`. Any other
+    /// text after it is taken as the target.
     fn common(&self) -> Result<Common> {
         let Self { target, out, json, seed, threads, quiet, .. } = self;
         let (mut target, out, json) = (target.clone(), out.clone(), json.clone());
@@ -88,11 +89,11 @@ impl ShapesArguments {
     }
 }
 
-/// Diameter of the paper's sphere in m, used if the experiment's robot is not a sphere.
+/// Diameter of the sphere in the paper, in m. It is used if the experiment's robot is not a sphere.
 const PAPER_DIAMETER_M: f64 = 0.55e-3;
 /// Duration of a hold in the paper's cycle, in s.
 const HOLD_S: f64 = 5.0;
-/// Number of posterior draws to propagate.
+/// Number of posterior draws for which displacements are computed.
 const N_DRAWS: usize = 1_000;
 
 pub fn run(arguments: &ShapesArguments) -> Result<ExitCode> {
@@ -100,7 +101,7 @@ pub fn run(arguments: &ShapesArguments) -> Result<ExitCode> {
     check(arguments)?;
     let session = Session::begin(common)?;
     let terminal = &session.terminal;
-    // The option's mesh is a body to compare. The experiment's gel is modelled with its own robot.
+    // The mesh option gives an additional body. The experiment's gel is modelled with the experiment's robot.
     let model = ModelOptions { mesh: None, ..arguments.model.clone() };
     let revision = session.open(&model, &[], &[])?.creep()?.revision(session.default_sampler(), terminal)?;
     let (request, warnings) = request(arguments, &revision)?;
@@ -181,7 +182,7 @@ fn request(arguments: &ShapesArguments, revision: &Revision) -> Result<(ShapesRe
     Ok((request, warnings))
 }
 
-/// Forces of the sweep, in N.
+/// Forces for which the results are given, in N.
 fn forces_n(arguments: &ShapesArguments, request: &ShapesRequest) -> Vec<f64> {
     match &arguments.force_un[..] {
         [] => vec![request.force_n],
@@ -189,7 +190,8 @@ fn forces_n(arguments: &ShapesArguments, request: &ShapesRequest) -> Vec<f64> {
     }
 }
 
-/// Creep compliances of the revision's posterior draws, and the law's parameters at their mean; `None` if there are no draws.
+/// Creep compliance of the gel for posterior draws of the revision, and the law's parameters at the posterior mean. `None` for the parameters if there are no
+/// draws.
 fn laws(revision: &Revision) -> Result<(Vec<CreepCompliance>, Option<Vec<Dual>>)> {
     let model = &revision.problem.model;
     if !model.effects().is_empty() || !model.base().is_exponential() {

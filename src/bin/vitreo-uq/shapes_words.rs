@@ -1,4 +1,4 @@
-//! Text that `shapes` prints.
+//! Formats the result of `shapes` as text.
 
 use std::collections::BTreeSet;
 
@@ -6,7 +6,7 @@ use vitreo_uq::documents::shapes::{
     BodyShape, BodySummary, Claim, Displacement, LargeStrains, ShapesSummary, SweepSummary, UserBody,
 };
 
-/// Text and tables of the study.
+/// Text and tables of a shape study.
 pub fn words(summary: &ShapesSummary) -> String {
     let mut lines = vec![format!(
         "Aspect ratio {:.3}, Poisson ratio {}, gel of {} mm, force ±{} µN",
@@ -171,7 +171,7 @@ fn claim(entry: &Claim) -> String {
     format!("  {:<15}{} ({})", verdict(entry).to_uppercase(), entry.claim, entry.numbers)
 }
 
-/// Claims whose verdict depends on the aspect ratio or the Poisson ratio.
+/// Lines on the claims whose verdict depends on the aspect ratio or the Poisson ratio.
 fn changing_claims(all: &[SweepSummary]) -> Vec<String> {
     let Some(first) = all.first() else { return Vec::new() };
     let mut lines = Vec::new();

@@ -1,4 +1,4 @@
-//! `completions` and `man`: generate shell completions and manual pages from the parser.
+//! `completions` and `man`: generate shell completions and manual pages from the definitions of the command line.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -27,7 +27,7 @@ pub struct ManArguments {
     quiet: bool,
 }
 
-/// Prints the completions; `program` is the parser.
+/// Prints the shell completions. `program` is the command-line parser.
 pub fn completions(arguments: &CompletionsArguments, mut program: Command) -> Result<ExitCode> {
     let name = program.get_name().to_string();
     let mut script = Vec::new();
@@ -36,7 +36,7 @@ pub fn completions(arguments: &CompletionsArguments, mut program: Command) -> Re
     Ok(ExitCode::SUCCESS)
 }
 
-/// Writes a manual page for the program and for each of its commands.
+/// Writes one manual page for the program, and one for each of its commands.
 pub fn man(arguments: &ManArguments, program: Command) -> Result<ExitCode> {
     let out = &arguments.out;
     std::fs::create_dir_all(out).map_err(|error| Error::at_path("create", out, error, "give a writable directory"))?;
@@ -50,10 +50,10 @@ pub fn man(arguments: &ManArguments, program: Command) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Names and texts of the pages, including those of nested commands.
+/// Names and texts of all manual pages, including those of nested commands.
 fn pages(program: Command) -> Result<Vec<(String, Vec<u8>)>> {
     let mut program = program.disable_help_subcommand(true);
-    // Sets full names of nested commands and adds the program's global options.
+    // This sets the full names of nested commands, and adds the program's global options to them.
     program.build();
     let mut left = vec![program];
     let mut pages = Vec::new();

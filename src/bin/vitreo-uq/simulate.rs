@@ -1,4 +1,4 @@
-//! `simulate`: runs full finite elements over the experiment's protocol.
+//! `simulate`: computes the motion under the experiment's protocol with full finite elements.
 
 use std::collections::BTreeMap;
 use std::process::ExitCode;
@@ -24,7 +24,7 @@ pub fn run(arguments: &SimulateArguments) -> Result<ExitCode> {
     let common = &arguments.common;
     let session = Session::begin(common)?;
     let terminal = &session.terminal;
-    // In this command `--set` gives values; it does not change the model.
+    // In this command `--set` gives values for the simulation. It does not fix parameters of the model.
     let model = options::ModelOptions { set: Vec::new(), ..arguments.model.clone() };
     let target = session.open(&model, &[], &[])?;
     let target = target.creep()?;
@@ -70,7 +70,7 @@ pub fn run(arguments: &SimulateArguments) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Requested scheme, or the exact scheme if the model has one.
+/// Time scheme that the user requests; by default the exact scheme, if the model has one. `None` stands for the Radau scheme.
 fn scheme(asked: Option<Scheme>, problem: &Problem) -> Option<TimeScheme> {
     match asked {
         Some(Scheme::Exponential) => Some(TimeScheme::Exponential),
@@ -80,7 +80,7 @@ fn scheme(asked: Option<Scheme>, problem: &Problem) -> Option<TimeScheme> {
     }
 }
 
-/// Posterior of the named or last revision, or `None` if there is none for this model.
+/// Posterior of the revision that the user names, or of the last revision; `None` if it has none for this model.
 fn posterior(
     study: &Study,
     from: Option<&str>,

@@ -1,4 +1,4 @@
-//! Text of `sample` and `diagnose` for an oscillation of a rheometer, and `check` of such a record.
+//! Formats the results of `sample` and `diagnose` for an oscillation as text. Also contains `check` for such a record.
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -37,7 +37,7 @@ fn errors_words(misfit: &OscillationMisfit) -> String {
     )
 }
 
-/// Text of the posterior.
+/// Text of an oscillation's posterior.
 pub fn posterior_words(summary: &OscillationSummary) -> String {
     let verdict = if summary.converged { "converged" } else { "NOT CONVERGED" };
     let frequencies = &summary.frequencies;
@@ -63,7 +63,7 @@ pub fn posterior_words(summary: &OscillationSummary) -> String {
     lines.join("\n") + "\n"
 }
 
-/// Text of the diagnosis.
+/// Text of an oscillation's diagnosis.
 pub fn diagnosis_words(found: &OscillationDiagnosis) -> String {
     let mut lines = vec![
         format!("{}: {} model", found.experiment, model_title(&found.model)),
@@ -102,7 +102,7 @@ fn row(candidate: &OscillationCandidate) -> String {
     format!("  {:<26}{gain:>12}{heldout:>12}{:>9.3}   {}", candidate.effect, candidate.p_familywise, sizes.join(", "))
 }
 
-/// `check` for an oscillation: describes how the record was read, and draws its moduli.
+/// Runs `check` for an oscillation: describes how the record was read, and draws its moduli.
 pub fn check(path: &Path, out: &Path, json: Option<&Path>, quiet: bool) -> Result<ExitCode> {
     let (sweep, files) = OscillationRecord::read(path)?;
     let dir = out.parent().filter(|dir| !dir.as_os_str().is_empty()).map_or(PathBuf::from("."), PathBuf::from);

@@ -175,10 +175,10 @@ enum EngineName {
     Slurm,
 }
 
-/// Maximum number of failures that are printed; `gather --json` lists all.
+/// Maximum number of failed tasks that are printed. `gather --json` lists all.
 const MAX_PRINTED_FAILURES: usize = 10;
 
-/// Makes or runs a list. `refuse_line` refuses lines that are not valid commands for a task.
+/// Makes a list of tasks, or runs one. `refuse_line` returns an error for command lines that no task may run.
 pub fn run(arguments: &TasksArguments, refuse_line: impl Fn(&Path, &CommandLine) -> Result<()>) -> Result<ExitCode> {
     match &arguments.action {
         Action::Sample(arguments) => {
@@ -268,7 +268,7 @@ fn make(
 
 fn run_tasks(arguments: &RunTasks, refuse_line: &dyn Fn(&Path, &CommandLine) -> Result<()>) -> Result<ExitCode> {
     let list = List::open(&absolute(&arguments.dir)?)?.check_program(vitreo_uq::PROGRAM)?;
-    // The list may come from another person, so its commands are checked again.
+    // The list may come from another person, so its commands are checked again before they run.
     let file = list.dir().join("tasks.jsonl");
     let refuse_line = |line: &CommandLine| refuse_line(&file, line);
     match arguments.engine {
@@ -299,7 +299,7 @@ fn run_tasks(arguments: &RunTasks, refuse_line: &dyn Fn(&Path, &CommandLine) -> 
     run_here(arguments, &list, &terminal)
 }
 
-/// Changes to the directory in which the list was made, because relative paths start there.
+/// Changes to the directory in which the list was made. Relative paths in its commands start there.
 fn enter_list_directory(list: &List) -> Result<()> {
     let directory = Path::new(&list.head().directory);
     if list.head().kind == TaskKind::Challenge {
@@ -315,7 +315,7 @@ fn enter_list_directory(list: &List) -> Result<()> {
     })
 }
 
-/// Runs the tasks with workers on this machine.
+/// Runs the tasks of a list with worker processes on this machine.
 fn run_here(arguments: &RunTasks, list: &List, terminal: &Terminal) -> Result<ExitCode> {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let jobs = match arguments.jobs {
@@ -340,7 +340,7 @@ fn run_here(arguments: &RunTasks, list: &List, terminal: &Terminal) -> Result<Ex
     let worker = || {
         let mut command = Command::new(&program);
         command.args(&words);
-        // The workers get their own process group: Ctrl-C reaches this process only, which ends them.
+        // The workers get a process group of their own. Ctrl-C then reaches only this process, which ends them.
         #[cfg(unix)]
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
         command
@@ -352,7 +352,7 @@ fn run_here(arguments: &RunTasks, list: &List, terminal: &Terminal) -> Result<Ex
     Ok(ExitCode::from(u8::from(!(outcome.failed.is_empty() && outcome.left.is_empty()))))
 }
 
-/// Returns the tasks of the requested part.
+/// Returns the range of tasks in the part that the user requests; all tasks by default.
 fn part(arguments: &RunTasks, list: &List) -> Result<Range<usize>> {
     let Some(text) = &arguments.part else { return Ok(0..list.n_tasks()) };
     let numbers = text.split_once('/').and_then(|(part, parts)| Some((part.parse().ok()?, parts.parse().ok()?)));
@@ -398,7 +398,7 @@ fn summary(outcome: &local::LocalOutcome, n_before: usize, dir: &Path) -> String
     text + &next
 }
 
-/// Writes the script for an engine.
+/// Writes the script with which an engine runs the tasks.
 fn submit(arguments: &RunTasks, list: &List, engine: Engine) -> Result<ExitCode> {
     if let Some(option) = [("--part", arguments.part.is_some()), ("--jobs", arguments.jobs.is_some())]
         .iter()

@@ -1,4 +1,4 @@
-//! Progress and warnings on standard error: a bar on a terminal, lines elsewhere, nothing if quiet.
+//! Shows progress and warnings on standard error: a bar on a terminal, lines elsewhere, and nothing with `--quiet`.
 
 use std::io::IsTerminal;
 use std::sync::Mutex;
@@ -11,16 +11,16 @@ use vitreo_uq::sampling::ensemble::{Phase, Progress};
 
 use crate::interrupt::{self, print_message};
 
-/// Time between two lines about the sampler without a terminal.
+/// Time between two lines on the sampler's progress if standard error is not a terminal.
 const LINE_INTERVAL_S: f64 = 5.0;
-/// Time between two redraws of the bar, so that its clock advances during stages without a count.
+/// Time between two redraws of the bar. The bar's clock then advances even in stages without a count.
 const TICK: Duration = Duration::from_millis(120);
 
-/// Environment variable that a program sets to [`PROGRESS_IN_LINES`] to read progress as lines that begin with [`PROGRESS`].
+/// Environment variable. If a program sets it to [`PROGRESS_IN_LINES`], progress is written as lines that begin with [`PROGRESS`], for the program to read.
 pub const PROGRESS_VARIABLE: &str = "VITREO_UQ_PROGRESS";
 pub const PROGRESS_IN_LINES: &str = "lines";
 pub const PROGRESS: &str = "progress: ";
-/// Time between two such lines.
+/// Time between two lines for a program.
 const PROGRESS_INTERVAL_S: f64 = 0.2;
 
 /// Progress display of a command.
@@ -28,13 +28,13 @@ pub struct Terminal {
     quiet: bool,
     in_lines: bool,
     bar: Option<ProgressBar>,
-    /// Name of the stage, kept to show counts beside it.
+    /// Name of the current stage. It is displayed beside counts.
     stage: Mutex<String>,
     last_line: Mutex<Instant>,
 }
 
 impl Terminal {
-    /// Creates the display, which is silent if `quiet`.
+    /// Creates the display. It shows nothing if `quiet` is true.
     pub fn new(quiet: bool) -> Self {
         let bar = (!quiet && std::io::stderr().is_terminal()).then(|| {
             let style = ProgressStyle::with_template("{spinner} {msg} {wide_bar} {elapsed}")
@@ -48,7 +48,7 @@ impl Terminal {
         Self { quiet, in_lines, bar, stage: Mutex::default(), last_line: Mutex::new(Instant::now()) }
     }
 
-    /// Ends the bar.
+    /// Ends the progress bar.
     pub fn finish(&self) {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
@@ -63,7 +63,7 @@ impl Terminal {
         }
     }
 
-    /// Returns whether enough time has passed for the next repeated line.
+    /// Returns whether `interval_s` (s) has passed since the last repeated line. With `--quiet` the result is false.
     fn is_line_due(&self, interval_s: f64) -> bool {
         let Ok(mut last) = self.last_line.lock() else { return false };
         let is_due = !self.quiet && last.elapsed().as_secs_f64() > interval_s;

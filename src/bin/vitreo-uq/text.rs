@@ -1,11 +1,11 @@
-//! Text and tables of results.
+//! Formats results as text and tables.
 
 use vitreo_uq::documents::posterior::{ParameterSummary, PosteriorSummary, Warning};
 use vitreo_uq::figures::labels::model_title;
 use vitreo_uq::figures::labels::parameter_label;
 use vitreo_uq::figures::number::format_ranges;
 
-/// Summary that `sample` prints.
+/// Text that `sample` prints: a summary of the posterior.
 pub fn posterior(summary: &PosteriorSummary) -> String {
     let mut text = String::new();
     let mut line = |words: String| {
@@ -36,12 +36,12 @@ pub fn posterior(summary: &PosteriorSummary) -> String {
     text
 }
 
-/// Width of a column that fits the names of these parameters.
+/// Width in characters of a table column that fits these names of parameters.
 pub fn column_width<'a>(names: impl Iterator<Item = &'a str>) -> usize {
     names.map(|name| parameter_label(name).axis().chars().count() + 2).max().unwrap_or(0).max(12)
 }
 
-/// Table of posteriors, one parameter per line.
+/// Table of parameters and their posteriors, one line per parameter.
 pub fn parameter_table(parameters: &[ParameterSummary]) -> String {
     let names: Vec<String> = parameters.iter().map(|p| parameter_label(&p.name).axis()).collect();
     let width = column_width(parameters.iter().map(|p| p.name.as_str()));
@@ -121,7 +121,7 @@ pub fn warning_text(warning: &Warning) -> String {
     format!("{mark}: {}.\n  What to do: {}.", warning.text, warning.advice)
 }
 
-/// Formats a number with four significant digits, or with three and an exponent if it is very small or large.
+/// Formats a value with four significant digits. A very small or large value has three digits and an exponent.
 pub fn significant(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {
         return format!("{value}");
@@ -133,7 +133,7 @@ pub fn significant(value: f64) -> String {
     }
 }
 
-/// Sentence about positions left out as outliers, or `None` if there are none.
+/// Sentence on the number `n` of positions that were excluded as outliers; `None` if `n` is 0.
 pub fn outliers_left_out(n: usize) -> Option<String> {
     match n {
         0 => None,

@@ -1,4 +1,4 @@
-//! Directory that is being filled under a hidden name.
+//! Temporary directory that is filled under a hidden name and then moved to its final place.
 
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
@@ -8,17 +8,17 @@ use tempfile::TempDir;
 use super::{FileKind, HiddenPath, file_error, hold_gate, kind, leftovers, refuse_link, remove_stale_files};
 use crate::error::{Error, Result};
 
-/// Directory that is removed unless it is moved to its target. This holds for every end of the program. It has usual permissions.
+/// Hidden directory that is removed however the program ends, unless it was moved to its target. It has the permissions of a normal new directory.
 #[derive(Debug)]
 pub struct TemporaryDirectory {
     directory: TempDir,
-    /// Holds the lock that marks its process as alive.
+    /// File that holds the lock by which other programs see that this process is alive.
     _alive: Option<File>,
     _under_way: HiddenPath,
 }
 
 impl TemporaryDirectory {
-    /// Creates a new hidden directory in `parent`, which will become `name`.
+    /// Creates a new hidden directory in `parent`. Its final name will be `name`.
     pub fn new(parent: &Path, name: &str) -> Result<Self> {
         remove_stale_files(parent);
         let mut builder = tempfile::Builder::new();
@@ -39,13 +39,13 @@ impl TemporaryDirectory {
         self.directory.path()
     }
 
-    /// Keeps the directory under its hidden name and returns its path.
+    /// Keeps the directory, so that it is not removed, and returns its hidden path.
     pub fn keep(self) -> PathBuf {
         self.directory.keep()
     }
 
-    /// Moves the directory to `target`, in one step if nothing exists there. An empty directory is filled instead, because it may be someone's
-    /// working directory. `last` is then moved at the end: without that name the directory counts as unfinished.
+    /// Moves the directory to `target`, in one step if nothing exists there. If `target` is an empty directory, it is filled instead, because it may be
+    /// someone's working directory. In that case the entry `last` is moved last. Readers treat a directory without this entry as unfinished.
     pub fn move_to(self, target: &Path, last: &str, remedy: &str) -> Result<()> {
         let refused = |action, source| Error::at_path(action, target, source, remedy);
         let _uninterrupted = hold_gate();

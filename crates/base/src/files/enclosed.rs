@@ -1,8 +1,8 @@
-//! Directories whose content may come from another person. No link beneath them is followed.
+//! Directories whose content may come from another person. Symbolic links inside them are never followed.
 //!
-//! A study that was received is data. The user names its directory, perhaps through a link. Everything beneath is opened name by name from that directory,
-//! and a link on the way is refused. A link inserted in the meantime is refused as well, because each step opens the entry that it checks ([`Folder`]).
-//! [`forbid_links`] declares such a directory. From then on all functions of [`super`] apply the rule to paths beneath it.
+//! A received study is untrusted data. The user names its directory, perhaps by a path with links. From that directory on, the program opens each part of
+//! a path by name and refuses a link. A link inserted during the access is refused as well, because each step opens exactly the entry that it checks
+//! ([`Folder`]). [`forbid_links`] declares such a directory. Afterwards all functions of [`super`] apply this rule to paths inside it.
 
 use std::ffi::{OsStr, OsString};
 use std::fs::File;
@@ -14,7 +14,7 @@ use super::folder::{FileKind, Folder};
 use super::{REMEDY, folder_of};
 use crate::error::{Error, InputPlace, Result};
 
-/// Prefix of the hidden names that this program uses in a user's folder.
+/// Prefix of this program's own hidden names in a user's folder.
 const PROGRAM: &str = ".vitreo-uq";
 
 static ENCLOSED: RwLock<Vec<Enclosed>> = RwLock::new(Vec::new());
@@ -22,18 +22,18 @@ static ENCLOSED: RwLock<Vec<Enclosed>> = RwLock::new(Vec::new());
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Enclosed {
     root: PathBuf,
-    /// Description of the directory in messages.
+    /// Description of the directory in messages, such as "a study".
     what: &'static str,
-    /// Excludes other programs' hidden directories, such as a user's caches.
+    /// `true` for a user's folder. Other programs' hidden directories in it, such as caches, are exempt from the rule.
     is_folder_of_user: bool,
 }
 
-/// Declares that a directory holds data, so no link beneath it is followed from now on. `what` describes it ("a study").
+/// Declares that a directory may come from another person. No link inside it is followed from now on. `what` describes it in messages ("a study").
 pub fn forbid_links(root: &Path, what: &'static str) {
     add(root, what, false);
 }
 
-/// Declares a user's folder of experiments and studies like [`forbid_links`], except for hidden directories of other programs.
+/// Like [`forbid_links`] for a user's folder of experiments and studies. Hidden directories of other programs in it are exempt.
 pub fn forbid_links_in_user_folder(root: &Path, what: &'static str) {
     add(root, what, true);
 }
@@ -48,14 +48,14 @@ fn add(root: &Path, what: &'static str, is_folder_of_user: bool) {
     }
 }
 
-/// Reason for not opening a path.
+/// Reason why a path was not opened.
 #[derive(Debug)]
 pub(super) enum Refusal {
     Link {
         path: PathBuf,
         what: &'static str,
     },
-    /// The path leads out of the directory by `..`.
+    /// The path leads out of the directory through `..`.
     Out {
         path: PathBuf,
         what: &'static str,
@@ -70,7 +70,7 @@ impl From<io::Error> for Refusal {
 }
 
 impl Refusal {
-    /// Converts the reason to an error of an action on a path.
+    /// Converts the reason to an error. `action` is what was tried at the path, such as "read".
     pub fn error(self, action: &'static str, path: &Path, remedy: &str) -> Error {
         match self {
             Self::Link { path, what } => Error::input(
@@ -90,7 +90,7 @@ impl Refusal {
 
 type Opened<T> = std::result::Result<T, Refusal>;
 
-/// Outermost enclosed directory above a path, and the names that lead from there to the path.
+/// Finds the outermost enclosed directory that contains a path. Returns it with the names that lead from it to the path; `None` if there is none.
 fn placed(path: &Path) -> Opened<Option<(Enclosed, Vec<OsString>)>> {
     let full = std::path::absolute(path)?;
     let all = ENCLOSED.read().unwrap_or_else(PoisonError::into_inner);
@@ -108,12 +108,12 @@ fn placed(path: &Path) -> Opened<Option<(Enclosed, Vec<OsString>)>> {
     }
 }
 
-/// Returns `true` if a path lies beneath an enclosed directory.
+/// Returns `true` if a path lies inside an enclosed directory.
 pub(super) fn is_enclosed(path: &Path) -> bool {
     !matches!(placed(path), Ok(None))
 }
 
-/// Opens a directory one name further, and names the link if one is there.
+/// Opens the subdirectory `name` of `folder`. If it is a link, the error names it by `path`.
 fn step(folder: &Folder, name: &OsStr, path: &Path, what: &'static str) -> Opened<Folder> {
     folder.inside(name).map_err(|error| match folder.kind(name) {
         Ok(FileKind::Link) => Refusal::Link { path: path.to_path_buf(), what },
@@ -121,7 +121,7 @@ fn step(folder: &Folder, name: &OsStr, path: &Path, what: &'static str) -> Opene
     })
 }
 
-/// Opens the directory reached by names from an enclosed one.
+/// Opens the directory that is reached from an enclosed directory through the subdirectories `names`.
 fn walk(enclosed: &Enclosed, names: &[OsString]) -> Opened<Folder> {
     let (mut folder, mut place) = (Folder::open(&enclosed.root)?, enclosed.root.clone());
     for name in names {
@@ -131,7 +131,7 @@ fn walk(enclosed: &Enclosed, names: &[OsString]) -> Opened<Folder> {
     Ok(folder)
 }
 
-/// Opens a directory.
+/// Opens a directory. Links are refused inside an enclosed directory and followed elsewhere.
 pub(super) fn folder(path: &Path) -> Opened<Folder> {
     match placed(path)? {
         Some((enclosed, names)) => walk(&enclosed, &names),
@@ -139,19 +139,20 @@ pub(super) fn folder(path: &Path) -> Opened<Folder> {
     }
 }
 
-/// Opens the parent directory of a path. Also returns the path's name there.
+/// Opens the parent directory of a path. Returns it with the last name of the path.
 pub(super) fn parent(path: &Path) -> Opened<(Folder, OsString)> {
     let name = path.file_name().ok_or_else(|| io::Error::new(ErrorKind::InvalidInput, "this path has no file name"))?;
     Ok((folder(folder_of(path))?, name.to_os_string()))
 }
 
-/// Refusal of a link at a path.
+/// Makes the refusal of a link at a path.
 fn link(path: &Path) -> Refusal {
     let what = placed(path).ok().flatten().map_or("this directory", |(enclosed, _)| enclosed.what);
     Refusal::Link { path: path.to_path_buf(), what }
 }
 
-/// Kind of the entry at a path. Links are reported beneath an enclosed directory and followed elsewhere. `None` if nothing is visible.
+/// Kind of the entry at a path. A link inside an enclosed directory is reported as a link; elsewhere it is followed. `None` if there is no accessible
+/// entry.
 pub fn kind(path: &Path) -> Option<FileKind> {
     found(path).ok()
 }
@@ -185,10 +186,10 @@ pub fn is_folder(path: &Path) -> bool {
     kind(path) == Some(FileKind::Folder)
 }
 
-/// Refuses a path beneath an enclosed directory if it is a link or leads through one.
+/// Refuses a path inside an enclosed directory if it is a link or leads through one. A missing path is accepted.
 ///
 /// # Errors
-/// [`Error::Input`] that names the link. A missing path is accepted.
+/// [`Error::Input`] that names the link.
 pub fn refuse_link(path: &Path) -> Result<()> {
     match found(path) {
         Ok(FileKind::Link) => Err(link(path).error("open", path, REMEDY)),
@@ -197,16 +198,16 @@ pub fn refuse_link(path: &Path) -> Result<()> {
     }
 }
 
-/// Names in a directory with the kind of each entry, sorted by name.
+/// Lists the entries of a directory: name and kind, sorted by name.
 ///
 /// # Errors
-/// [`Error::File`] with `remedy` if the operating system refuses, [`Error::Input`] for a link on the way beneath an enclosed directory.
+/// [`Error::File`] with `remedy` if the operating system refuses, [`Error::Input`] for a link in the part of the path inside an enclosed directory.
 pub fn entries(path: &Path, remedy: &str) -> Result<Vec<(OsString, FileKind)>> {
     let list = || -> Opened<Vec<(OsString, FileKind)>> {
         let mut all = folder(path)?.entries()?;
         if !is_enclosed(path) {
             for (name, kind) in all.iter_mut().filter(|(_, kind)| *kind == FileKind::Link) {
-                // A broken link is reported as a link.
+                // A link without a target keeps the kind `Link`.
                 *kind = kind_through_links(&path.join(name)).unwrap_or(FileKind::Link);
             }
         }
@@ -216,7 +217,7 @@ pub fn entries(path: &Path, remedy: &str) -> Result<Vec<(OsString, FileKind)>> {
     list().map_err(|refusal| refusal.error("read", path, remedy))
 }
 
-/// Opens a regular file for reading; otherwise returns the kind of the entry.
+/// Opens a regular file for reading. For any other entry, returns its kind.
 pub(super) fn open(path: &Path) -> Opened<std::result::Result<File, FileKind>> {
     match placed(path)? {
         Some((enclosed, names)) if !names.is_empty() => open_beneath(&enclosed, &names),
@@ -227,7 +228,7 @@ pub(super) fn open(path: &Path) -> Opened<std::result::Result<File, FileKind>> {
     }
 }
 
-/// Opens a file like [`open`], with `root` treated as an enclosed directory described by `what`.
+/// Opens the file `root/inside` for reading, and treats `root` as an enclosed directory. `what` describes `root` in messages.
 pub(super) fn open_inside(
     root: &Path,
     inside: &Path,
@@ -242,7 +243,7 @@ pub(super) fn open_inside(
     }
 }
 
-/// Names of a path; `None` if it contains anything else, such as `..`.
+/// Splits a relative path into its names; `None` if it contains anything else, such as `..`.
 fn names_of(inside: &Path) -> Option<Vec<OsString>> {
     let name = |part| match part {
         Component::Normal(name) => Some(name.to_os_string()),
@@ -263,10 +264,10 @@ fn open_beneath(enclosed: &Enclosed, names: &[OsString]) -> Opened<std::result::
     }
 }
 
-/// Opens a regular file to read parts of it.
+/// Opens a regular file, for callers that do not read all of it.
 ///
 /// # Errors
-/// [`Error::File`] if the operating system refuses, [`Error::Input`] for a link beneath an enclosed directory and for anything but a regular file.
+/// [`Error::File`] if the operating system refuses, [`Error::Input`] for a link inside an enclosed directory and for anything but a regular file.
 pub fn open_file(path: &Path) -> Result<File> {
     match open(path).map_err(|refusal| refusal.error("read", path, REMEDY))? {
         Ok(file) => Ok(file),
@@ -274,7 +275,7 @@ pub fn open_file(path: &Path) -> Result<File> {
     }
 }
 
-/// Opens a lock file and creates it if it does not exist. Its content is never read or changed.
+/// Opens a lock file, and creates it if it does not exist. The file's content is never read or changed.
 ///
 /// # Errors
 /// [`Error::File`] if the operating system refuses, [`Error::Input`] for a link or anything but a file.
@@ -292,10 +293,10 @@ pub fn open_lock(path: &Path) -> Result<File> {
     }
 }
 
-/// Creates a file, and replaces an existing one.
+/// Creates an empty file for writing. An existing file is replaced.
 ///
 /// # Errors
-/// [`Error::File`] with `remedy` if the operating system refuses, [`Error::Input`] for a link on the way beneath an enclosed directory.
+/// [`Error::File`] with `remedy` if the operating system refuses, [`Error::Input`] for a link in the part of the path inside an enclosed directory.
 pub fn create_or_replace(path: &Path, remedy: &str) -> Result<File> {
     let create = || -> Opened<File> {
         let (folder, name) = parent(path)?;
@@ -308,7 +309,7 @@ pub fn create_or_replace(path: &Path, remedy: &str) -> Result<File> {
     create().map_err(|refusal| refusal.error("create", path, remedy))
 }
 
-/// Copies a regular file. The target is new or an existing file, which is replaced.
+/// Copies a regular file. An existing file at the target is replaced.
 ///
 /// # Errors
 /// As [`super::read`] and [`create_or_replace`].
@@ -322,7 +323,7 @@ pub fn copy(from: &Path, to: &Path) -> Result<()> {
 /// Creates a directory and its missing parents.
 ///
 /// # Errors
-/// [`Error::File`] with `remedy` if the operating system refuses, [`Error::Input`] for a link on the way beneath an enclosed directory.
+/// [`Error::File`] with `remedy` if the operating system refuses, [`Error::Input`] for a link in the part of the path inside an enclosed directory.
 pub fn create_folders(path: &Path, remedy: &str) -> Result<()> {
     let create = || -> Opened<()> {
         let Some((Enclosed { root, what, .. }, names)) = placed(path)? else {
@@ -342,10 +343,10 @@ pub fn create_folders(path: &Path, remedy: &str) -> Result<()> {
     create().map_err(|refusal| refusal.error("create", path, remedy))
 }
 
-/// Removes the entry at a path, a directory with its content. A link itself is removed, not its target. A missing entry is accepted.
+/// Removes a file, a link, or a directory with its content. The target of a link stays. A missing entry is accepted.
 ///
 /// # Errors
-/// [`Error::File`] if the operating system refuses, [`Error::Input`] for a link on the way beneath an enclosed directory.
+/// [`Error::File`] if the operating system refuses, [`Error::Input`] for a link in the part of the path inside an enclosed directory.
 pub fn remove_all(path: &Path) -> Result<()> {
     let remove = || -> Opened<()> {
         let (folder, name) = parent(path)?;
@@ -365,7 +366,7 @@ pub fn rename(from: &Path, to: &Path) -> Result<()> {
     change(from, to, Folder::rename)
 }
 
-/// Exchanges the entries at two paths in one step, which some systems do not support.
+/// Exchanges the entries at two paths in one atomic step. Some systems do not support this and return an error.
 ///
 /// # Errors
 /// As [`remove_all`].

@@ -1,27 +1,27 @@
-//! Directories that are held open. Their entries are opened, created, renamed and removed by name, never through a link.
+//! Directories that are kept open. Their entries are opened, created, renamed and removed by name, and links are not followed.
 
 use std::ffi::{OsStr, OsString};
 use std::fs::File;
 use std::io::Result;
 use std::path::Path;
 
-/// Kind of an entry.
+/// Kind of a directory entry.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FileKind {
-    /// A regular file.
+    /// Regular file.
     File,
-    /// A directory.
+    /// Directory.
     Folder,
-    /// A symbolic link.
+    /// Symbolic link.
     Link,
-    /// A pipe, a socket or a device.
+    /// Pipe, socket or device.
     Other,
 }
 
 pub(super) use system::Folder;
 
 impl Folder {
-    /// Removes the entry of a name, a directory with its content. Links are removed, not their targets.
+    /// Removes the entry `name`; a directory with its content, a link without its target.
     pub fn remove_all(&self, name: &OsStr) -> Result<()> {
         if self.kind(name)? != FileKind::Folder {
             return self.remove_file(name);
@@ -34,7 +34,7 @@ impl Folder {
     }
 }
 
-/// Directories that are held open. Nobody can divert a later access to another directory by replacing a part of the path with a link.
+/// Implementation that keeps directories open by a file descriptor. Nobody can redirect a later access by replacing a directory in the path with a link.
 #[cfg(any(target_os = "linux", target_vendor = "apple"))]
 mod system {
     use super::*;
@@ -44,10 +44,10 @@ mod system {
     use std::os::unix::ffi::OsStrExt;
 
     const FOLDER: OFlags = OFlags::RDONLY.union(OFlags::DIRECTORY).union(OFlags::CLOEXEC);
-    /// `NONBLOCK` keeps the opening of a pipe from waiting for its other end.
+    /// Flags for opening an entry without following links. `NONBLOCK` prevents waiting for a writer when the entry is a pipe.
     const PLAIN: OFlags = OFlags::NOFOLLOW.union(OFlags::NONBLOCK).union(OFlags::CLOEXEC);
 
-    /// Directory that is held open.
+    /// Open directory, as a file descriptor.
     #[derive(Debug)]
     pub struct Folder(OwnedFd);
 
@@ -57,38 +57,38 @@ mod system {
             Ok(Self(open(path, FOLDER, Mode::empty())?))
         }
 
-        /// Opens a directory in this one.
+        /// Opens the subdirectory `name`, unless it is a link.
         pub fn inside(&self, name: &OsStr) -> Result<Self> {
             Ok(Self(openat(&self.0, name, FOLDER | OFlags::NOFOLLOW, Mode::empty())?))
         }
 
-        /// Kind of the entry with a name.
+        /// Kind of the entry `name`.
         pub fn kind(&self, name: &OsStr) -> Result<FileKind> {
             Ok(kind_of(FileType::from_raw_mode(statat(&self.0, name, AtFlags::SYMLINK_NOFOLLOW)?.st_mode)))
         }
 
-        /// Opens an entry for reading, unless it is a link.
+        /// Opens the entry `name` for reading, unless it is a link.
         pub fn read(&self, name: &OsStr) -> Result<File> {
             Ok(openat(&self.0, name, OFlags::RDONLY | PLAIN, Mode::empty())?.into())
         }
 
-        /// Opens a file for writing without changing its content, and creates it if it does not exist.
+        /// Opens the file `name` for writing without changing its content. Creates it if it does not exist.
         pub fn write(&self, name: &OsStr) -> Result<File> {
             Ok(openat(&self.0, name, OFlags::WRONLY | OFlags::CREATE | PLAIN, Mode::from_raw_mode(0o666))?.into())
         }
 
-        /// Creates a new file.
+        /// Creates the file `name`. Fails if the entry exists.
         pub fn create_new(&self, name: &OsStr) -> Result<File> {
             let flags = OFlags::RDWR | OFlags::CREATE | OFlags::EXCL | PLAIN;
             Ok(openat(&self.0, name, flags, Mode::from_raw_mode(0o666))?.into())
         }
 
-        /// Creates a new directory.
+        /// Creates the subdirectory `name`. Fails if the entry exists.
         pub fn create_folder(&self, name: &OsStr) -> Result<()> {
             Ok(mkdirat(&self.0, name, Mode::from_raw_mode(0o777))?)
         }
 
-        /// Names of the entries, with the kind of each.
+        /// Lists the entries with their kinds.
         pub fn entries(&self) -> Result<Vec<(OsString, FileKind)>> {
             let mut all = Vec::new();
             for entry in Dir::read_from(&self.0)? {
@@ -114,17 +114,17 @@ mod system {
             Ok(unlinkat(&self.0, name, AtFlags::REMOVEDIR)?)
         }
 
-        /// Renames an entry. A file with the new name is replaced.
+        /// Renames the entry `name` to the entry `new` of the directory `to`. An existing file is replaced.
         pub fn rename(&self, name: &OsStr, to: &Self, new: &OsStr) -> Result<()> {
             Ok(renameat(&self.0, name, &to.0, new)?)
         }
 
-        /// Exchanges two entries in one step.
+        /// Exchanges the entry `name` with the entry `other` of the directory `with` in one atomic step.
         pub fn exchange(&self, name: &OsStr, with: &Self, other: &OsStr) -> Result<()> {
             Ok(renameat_with(&self.0, name, &with.0, other, RenameFlags::EXCHANGE)?)
         }
 
-        /// Waits until the disk holds the names of the entries, so that they survive a power failure.
+        /// Waits until the names of the entries are written to the disk, so that they survive a power failure.
         pub fn sync(&self) -> Result<()> {
             Ok(fsync(&self.0)?)
         }
@@ -140,7 +140,7 @@ mod system {
     }
 }
 
-/// Directories as paths, each checked before use, for systems on which the program cannot hold directories open.
+/// Implementation for systems on which the program cannot keep directories open. A directory is a path, which is checked before each use.
 #[cfg(not(any(target_os = "linux", target_vendor = "apple")))]
 mod system {
     use super::*;
@@ -148,7 +148,7 @@ mod system {
     use std::io::{Error, ErrorKind};
     use std::path::PathBuf;
 
-    /// Directory, by its path.
+    /// Path of a directory.
     #[derive(Debug)]
     pub struct Folder(PathBuf);
 
@@ -158,13 +158,13 @@ mod system {
             fs::read_dir(path).map(|_| Self(path.to_path_buf()))
         }
 
-        /// Opens a directory in this one.
+        /// Opens the subdirectory `name`, unless it is a link.
         pub fn inside(&self, name: &OsStr) -> Result<Self> {
             self.refuse_link(name)?;
             Self::open(&self.0.join(name))
         }
 
-        /// Kind of the entry with a name.
+        /// Kind of the entry `name`.
         pub fn kind(&self, name: &OsStr) -> Result<FileKind> {
             let own = self.0.join(name).symlink_metadata()?.file_type();
             Ok(match () {
@@ -175,29 +175,29 @@ mod system {
             })
         }
 
-        /// Opens an entry for reading, unless it is a link.
+        /// Opens the entry `name` for reading, unless it is a link.
         pub fn read(&self, name: &OsStr) -> Result<File> {
             self.refuse_link(name)?;
             File::open(self.0.join(name))
         }
 
-        /// Opens a file for writing without changing its content, and creates it if it does not exist.
+        /// Opens the file `name` for writing without changing its content. Creates it if it does not exist.
         pub fn write(&self, name: &OsStr) -> Result<File> {
             self.refuse_link(name)?;
             OpenOptions::new().write(true).create(true).truncate(false).open(self.0.join(name))
         }
 
-        /// Creates a new file.
+        /// Creates the file `name`. Fails if the entry exists.
         pub fn create_new(&self, name: &OsStr) -> Result<File> {
             OpenOptions::new().read(true).write(true).create_new(true).open(self.0.join(name))
         }
 
-        /// Creates a new directory.
+        /// Creates the subdirectory `name`. Fails if the entry exists.
         pub fn create_folder(&self, name: &OsStr) -> Result<()> {
             fs::create_dir(self.0.join(name))
         }
 
-        /// Names of the entries, with the kind of each.
+        /// Lists the entries with their kinds.
         pub fn entries(&self) -> Result<Vec<(OsString, FileKind)>> {
             fs::read_dir(&self.0)?
                 .map(|entry| entry.and_then(|own| Ok((own.file_name(), self.kind(&own.file_name())?))))
@@ -206,7 +206,7 @@ mod system {
 
         pub(super) fn remove_file(&self, name: &OsStr) -> Result<()> {
             let path = self.0.join(name);
-            // Windows treats a link to a directory as a directory.
+            // On Windows, a link to a directory must be removed like a directory.
             fs::remove_file(&path).or_else(|error| fs::remove_dir(&path).map_err(|_| error))
         }
 
@@ -214,7 +214,7 @@ mod system {
             fs::remove_dir(self.0.join(name))
         }
 
-        /// Renames an entry. A file with the new name is replaced.
+        /// Renames the entry `name` to the entry `new` of the directory `to`. An existing file is replaced.
         pub fn rename(&self, name: &OsStr, to: &Self, new: &OsStr) -> Result<()> {
             fs::rename(self.0.join(name), to.0.join(new))
         }
@@ -224,7 +224,7 @@ mod system {
             Err(ErrorKind::Unsupported.into())
         }
 
-        /// Does nothing, because only Unix can write a directory's names to the disk on request.
+        /// Does nothing: only Unix has a request that writes a directory's names to the disk.
         pub fn sync(&self) -> Result<()> {
             Ok(())
         }

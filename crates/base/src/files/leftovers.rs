@@ -1,4 +1,4 @@
-//! Leftovers of killed programs: hidden names that contain the process number. The next program that uses the folder removes them.
+//! Removes files that killed programs left behind. Their hidden names contain the process number. The next program that uses the folder removes them.
 
 use std::collections::BTreeSet;
 use std::fs::{File, TryLockError};
@@ -9,22 +9,22 @@ use std::time::Duration;
 use super::enclosed;
 use super::folder::FileKind;
 
-/// Mark in the hidden name of everything that is being written.
+/// Text in the hidden name of every file or directory that is being written.
 const MARK: &str = ".partial-";
-/// Age above which leftovers are removed on a file system without locks, where another machine may still be working.
+/// Age above which leftovers are removed on a file system without locks. Younger ones may belong to a program on another machine.
 const OLD: Duration = Duration::from_secs(24 * 3600);
 
-/// Folders that were swept. Each is swept once.
+/// Folders whose leftovers this process has already removed. Each folder is cleaned once.
 static SWEPT: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 
-/// Prefix of the hidden name under which this process writes `name`.
+/// Prefix of the hidden name under which this process writes the file `name`.
 pub(super) fn prefix(name: &str) -> String {
     let process = std::process::id();
     if name.is_empty() { format!("{MARK}{process}-") } else { format!(".{name}{MARK}{process}-") }
 }
 
-/// Locks a file that is being written. The lock ends with the process. Other machines and containers see it, whereas the process number means
-/// nothing to them. A failure on a file system without locks is ignored.
+/// Locks a file that is being written. The lock ends with the process. Other machines and containers see the lock, whereas a process number is unknown to
+/// them. A failure on a file system without locks is ignored.
 pub(super) fn mark_alive(file: &File) {
     let _ = file.try_lock();
 }
@@ -46,7 +46,7 @@ pub fn remove_stale_files(folder: &Path) {
     }
 }
 
-/// Number of the process that writes under a hidden name.
+/// Reads the process number from a hidden name; `None` if the name is not one of a file being written.
 fn process_of(name: &str) -> Option<u32> {
     let (_, rest) = name.strip_prefix('.').and_then(|_| name.split_once(MARK))?;
     rest.split_once('-')?.0.parse().ok()
@@ -68,7 +68,7 @@ fn is_given_up(file: &File) -> bool {
 fn is_alive(process: u32) -> bool {
     use rustix::process::{Pid, test_kill_process};
     let Some(pid) = i32::try_from(process).ok().and_then(Pid::from_raw) else { return false };
-    // The call is refused for another user's process, which then is alive.
+    // The system refuses the test for a process of another user. That process is alive.
     !matches!(test_kill_process(pid), Err(rustix::io::Errno::SRCH))
 }
 

@@ -1,8 +1,7 @@
-//! All reading and writing of files.
+//! Functions that read and write files.
 //!
-//! A reader sees the old content of a file or the new, never a part. A kill or a signal leaves one of them (`under_way`).
-//! Only regular files of a limited size are read ([`read`]).
-//! No link is followed beneath directories that may come from another person ([`forbid_links`]).
+//! A reader sees either the old or the new content of a file, never an incomplete one. This also holds after a kill or a signal (`under_way`). Only
+//! regular files of limited size are read ([`read`]). Links are not followed inside directories that may come from another person ([`forbid_links`]).
 
 mod directory;
 mod enclosed;
@@ -40,15 +39,15 @@ use crate::error::{Error, Result};
 
 const REMEDY: &str = "check that the directory exists, is writable and has room";
 
-/// Converts the operating system's refusal of an action on a path to an [`Error::File`].
+/// Returns a converter from the operating system's error to an [`Error::File`]. `action` is what was tried at `path`, such as "read".
 pub fn file_error(action: &'static str, path: &Path) -> impl Fn(std::io::Error) -> Error {
     move |source| Error::at_path(action, path, source, REMEDY)
 }
 
-/// Writes a file whole or not at all: under a hidden name beside its place, flushed to the disk, then renamed.
+/// Writes a file completely or not at all. The content first goes to a hidden file in the same directory. It is flushed to the disk and then renamed.
 ///
 /// # Errors
-/// [`Error::File`] if the operating system refuses; the former file then stays untouched.
+/// [`Error::File`] if the operating system refuses. An existing file then stays unchanged.
 pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
     stream_atomically(path, |file| file.write_all(bytes))
 }
@@ -64,7 +63,7 @@ pub fn remove_if_there(path: &Path) -> Result<()> {
     }
 }
 
-/// Like [`write_atomically`], for content too large for the memory.
+/// Like [`write_atomically`], for content that is too large for the memory. `write` writes it piece by piece.
 ///
 /// # Errors
 /// As [`write_atomically`].
@@ -73,7 +72,7 @@ pub fn stream_atomically(path: &Path, write: impl FnOnce(&mut dyn Write) -> std:
     sync_directory(folder_of(path))
 }
 
-/// Writes files that belong together: all are replaced, or none if one cannot be written. A signal takes effect after the last.
+/// Writes several files that belong together. If one of them cannot be written, none is replaced. A signal takes effect only after the last file.
 ///
 /// # Errors
 /// As [`write_atomically`].
@@ -85,7 +84,7 @@ pub fn write_together(files: &[(&Path, &[u8])]) -> Result<()> {
     files.iter().try_for_each(|(path, _)| sync_directory(folder_of(path)))
 }
 
-/// File that is written and flushed under a hidden name beside its place.
+/// New content of a file, written and flushed under a hidden name in the file's directory but not yet renamed.
 struct PreparedWrite<'a> {
     path: &'a Path,
     folder: Folder,
@@ -101,7 +100,7 @@ impl<'a> PreparedWrite<'a> {
         let mut builder = tempfile::Builder::new();
         let prefix = leftovers::prefix("");
         builder.prefix(&prefix);
-        // The file gets the usual permissions of newly created files.
+        // The file gets the permissions that the system gives to new files.
         let create = || builder.make_in(place, |hidden| folder.create_new(hidden.file_name().unwrap_or_default()));
         let (file, under_way) = HiddenPath::begin(create, |file| file.path().to_path_buf())
             .map_err(file_error("create a file beside", path))?;
@@ -118,13 +117,13 @@ impl<'a> PreparedWrite<'a> {
         let (hidden, name) = (self.file.path().file_name(), self.path.file_name());
         let (hidden, name) = (hidden.unwrap_or_default(), name.unwrap_or_default());
         self.folder.rename(hidden, &self.folder, name).map_err(file_error("write", self.path))?;
-        // The file has its final name, so the hidden name must not be removed.
+        // The file already has its final name, so nothing must remove the hidden name.
         let _ = self.file.keep();
         Ok(())
     }
 }
 
-/// Value as indented JSON with a final newline.
+/// Converts a value to indented JSON with a final newline. `path` appears only in the error.
 ///
 /// # Errors
 /// [`Error::Numerical`] if the value cannot be written as JSON.
@@ -139,7 +138,7 @@ pub fn to_json(path: &Path, value: &impl Serialize) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Writes a value as indented JSON with a final newline, whole or not at all.
+/// Writes a value as indented JSON with a final newline, completely or not at all.
 ///
 /// # Errors
 /// [`Error::File`] as [`write_atomically`]; [`Error::Numerical`] if the value cannot be written as JSON.
@@ -155,7 +154,7 @@ pub fn folder_of(path: &Path) -> &Path {
     }
 }
 
-/// Waits until the disk holds the names in a directory, so that they survive a power failure. Only Unix supports this.
+/// Waits until the names in a directory are written to the disk, so that they survive a power failure. Has an effect only on Unix.
 pub fn sync_directory(path: &Path) -> Result<()> {
     let folder = enclosed::folder(path).map_err(|refusal| refusal.error("write", path, REMEDY))?;
     folder.sync().map_err(file_error("write", path))

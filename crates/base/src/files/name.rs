@@ -1,14 +1,15 @@
-//! Names of files and directories made from text by people or other programs.
+//! Makes safe names of files and directories from text by people or other programs.
 
-/// Longest name in bytes. File systems limit names by bytes, and temporary names beside it need some of them.
+/// Largest length of a name in bytes. File systems limit names by bytes, and temporary names add a prefix and a suffix.
 const LONGEST_BYTES: usize = 80;
-/// Names of devices on Windows, also with an extension.
+/// Device names on Windows. They are reserved with and without an extension.
 const DEVICES: [&str; 4] = ["con", "prn", "aux", "nul"];
-/// Names of devices on Windows when followed by a digit.
+/// Prefixes of device names on Windows. They are reserved if a digit follows.
 const PORTS: [&str; 2] = ["com", "lpt"];
 
-/// Returns a name that every file system accepts and no program takes for an option, a hidden file or another directory. Letters, digits, `-`, `_` and `.` stay.
-/// Everything else becomes `-`. The name has at most 80 bytes, does not start with `.` or `-` or end with `.`, and is no device. An empty result becomes `specimen`.
+/// Converts text to a name that every file system accepts. No program takes it for an option, a hidden file or another directory. Letters, digits, `-`,
+/// `_` and `.` stay; all other characters become `-`. The name has at most 80 bytes, does not start with `.` or `-`, does not end with `.`, and is not a
+/// device name. An empty result becomes `specimen`.
 pub fn safe_name(text: &str) -> String {
     let keep = |c: char| if c.is_alphanumeric() || matches!(c, '-' | '_' | '.') { c } else { '-' };
     let mut safe = String::new();

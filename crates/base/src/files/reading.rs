@@ -1,6 +1,6 @@
 //! Reads regular files up to a size limit.
 //!
-//! A pipe or a device may never end, and a file named by mistake may exceed the memory. Both are refused before any content is held.
+//! A pipe or a device may never end, and a file named by mistake may exceed the memory. Both are refused before their content is read into memory.
 
 use std::fs::File;
 use std::io::Read;
@@ -12,23 +12,23 @@ use crate::error::{Error, InputPlace, Result};
 
 const MIB: u64 = 1 << 20;
 
-/// Purpose of a file, which sets its size limit.
+/// Purpose of a file. It determines the file's size limit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Content {
-    /// Settings written by people: TOML.
+    /// TOML file that people write.
     Settings,
-    /// JSON document, or other data that the program wrote for itself.
+    /// JSON document, or other data that the program itself wrote.
     Document,
-    /// CSV of measurements or draws.
+    /// CSV table of measurements or draws.
     Table,
-    /// Gmsh mesh.
+    /// Mesh in Gmsh's format.
     Mesh,
-    /// State of a sampler.
+    /// Checkpoint of a sampler.
     State,
 }
 
 impl Content {
-    /// Size limit in bytes.
+    /// Largest accepted size, in bytes.
     pub fn max_bytes(self) -> u64 {
         match self {
             Self::Settings => 4 * MIB,
@@ -58,10 +58,11 @@ pub fn read(path: &Path, content: Content, remedy: &str) -> Result<Vec<u8>> {
     content_of(enclosed::open(path), path, content, remedy)
 }
 
-/// Reads a file that a directory names, without following links, because the directory may come from another person. `what` describes it ("an experiment").
+/// Reads the file `folder/inside`, where `inside` is named in a file of `folder`. Links are refused, because the directory may come from another person.
+/// `what` describes the directory in messages ("an experiment").
 ///
 /// # Errors
-/// As [`read`]; [`Error::Input`] for a link, and for a path that leads out of the directory.
+/// As [`read`]; also [`Error::Input`] for a link, and for a path that leads out of the directory.
 pub fn read_inside(folder: &Path, inside: &str, what: &'static str, content: Content, remedy: &str) -> Result<Vec<u8>> {
     let path = folder.join(inside);
     content_of(enclosed::open_inside(folder, Path::new(inside), what), &path, content, remedy)
@@ -89,7 +90,7 @@ fn content_of(
         return Err(too_large(path, content));
     }
     let mut bytes = Vec::new();
-    // One extra byte reveals a file that grows or reports no size.
+    // Reading one byte beyond the limit detects a file that grows or does not report its size.
     file.take(content.max_bytes() + 1).read_to_end(&mut bytes).map_err(refused)?;
     if bytes.len() as u64 > content.max_bytes() {
         return Err(too_large(path, content));
@@ -97,7 +98,7 @@ fn content_of(
     Ok(bytes)
 }
 
-/// Content of a file that the program wrote for itself; `None` if it is missing or unreadable and must be made again.
+/// Reads a file that the program itself wrote. `None` if it is missing or unreadable; the caller then computes its content again.
 pub fn read_if_there(path: &Path, content: Content) -> Option<Vec<u8>> {
     read(path, content, "").ok()
 }
@@ -114,13 +115,13 @@ fn too_large(path: &Path, content: Content) -> Error {
     )
 }
 
-/// Longest line of a table. A file without line ends is not a table, and its cells would fill the memory.
+/// Largest length of a line in a table. A file without line ends is not a table, and its single cell would fill the memory.
 const LONGEST_LINE_BYTES: usize = 1 << 20;
 
-/// Refuses tables with lines that are too long.
+/// Refuses a table if one of its lines is too long. `path` appears only in the error.
 ///
 /// # Errors
-/// [`Error::Input`] with the line.
+/// [`Error::Input`] with the line number.
 pub fn refuse_long_lines(path: &Path, bytes: &[u8]) -> Result<()> {
     let too_long = |line: &[u8]| line.len() > LONGEST_LINE_BYTES;
     match bytes.split(|byte| *byte == b'\n').position(too_long) {

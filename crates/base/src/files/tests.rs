@@ -10,7 +10,7 @@ fn names(folder: &Path) -> Vec<String> {
     names
 }
 
-/// Number of a process that has ended. It is free unless another process took it within a moment.
+/// Process number of a process that has ended. Another process could take this number during the test, but this is very unlikely.
 fn dead_process() -> u32 {
     let mut child = Command::new("true").stdin(Stdio::null()).spawn().unwrap();
     child.wait().unwrap();
@@ -29,7 +29,7 @@ fn leftovers_of_dead_processes_go_and_those_of_living_ones_stay() {
     let stay =
         [format!(".partial-{}-abc", alive.id()), format!(".partial-{index}-abc"), ".partial-abc".into(), "m0".into()];
     stay.iter().for_each(|name| std::fs::write(at(name.clone()), "x").unwrap());
-    // A process of another machine, whose number means nothing here, holds the lock.
+    // A process on another machine holds the lock. Its process number has no meaning on this machine.
     let elsewhere = at(format!(".partial-{dead}-def"));
     let held = File::create(&elsewhere).unwrap();
     held.try_lock().unwrap();
@@ -73,7 +73,7 @@ fn what_is_too_large_is_refused_without_being_read() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("huge");
     for content in [Content::Settings, Content::Document, Content::Table, Content::Mesh, Content::State] {
-        // A sparse file takes no room on the disk.
+        // A sparse file occupies no space on the disk.
         File::create(&path).unwrap().set_len(content.max_bytes() + 1).unwrap();
         let began = std::time::Instant::now();
         let error = read(&path, content, "").unwrap_err().to_string();
@@ -84,7 +84,7 @@ fn what_is_too_large_is_refused_without_being_read() {
     assert_eq!(read(&path, Content::Settings, "").unwrap().len() as u64, Content::Settings.max_bytes());
 }
 
-/// An enclosed directory `in/` that is reached by a link, and a secret file beside it.
+/// Returns an enclosed directory `in/`, reached by a link, and a secret file outside it.
 #[cfg(any(target_os = "linux", target_vendor = "apple"))]
 fn enclosed_place() -> (tempfile::TempDir, std::path::PathBuf) {
     let place = tempfile::tempdir().unwrap();
@@ -122,7 +122,7 @@ fn no_link_beneath_an_enclosed_directory_is_followed() {
         ("dangling", "dangling"),
         ("folder", "folder"),
     ] {
-        // By the user's path and by the full path.
+        // The path that the user gives, and the path without links.
         for root in [named.clone(), place.path().canonicalize().unwrap().join("in")] {
             let path = root.join(path);
             let error = read(&path, Content::Table, "").unwrap_err();
@@ -149,7 +149,7 @@ fn no_link_beneath_an_enclosed_directory_is_followed() {
         read(&named.join("m0/../../out/secret"), Content::Table, "")
             .is_err_and(|error| error.to_string().contains("leads out of a study"))
     );
-    // Writing replaces a link, and removing removes the link itself.
+    // Writing replaces a link by a file, and removing removes the link but not its target.
     write_atomically(&named.join("m0/file"), b"own").unwrap();
     assert_eq!(read(&named.join("m0/file"), Content::Table, "").unwrap(), b"own");
     create_or_replace(&named.join("dangling"), "").unwrap();
@@ -161,12 +161,12 @@ fn no_link_beneath_an_enclosed_directory_is_followed() {
     assert_eq!(std::fs::read(outside.join("secret")).unwrap(), b"secret");
 }
 
-/// Another thread exchanges a link with a directory or a file as fast as it can, while files are read and written.
+/// While files are read and written, another thread repeatedly exchanges a link with a directory or a file. The link is never followed.
 #[cfg(any(target_os = "linux", target_vendor = "apple"))]
 #[test]
 fn a_link_that_comes_in_the_meantime_is_not_followed() {
     use std::sync::atomic::{AtomicBool, Ordering};
-    // The flag is also set if the test fails; otherwise the other thread would never end.
+    // The flag is set even if the test fails; otherwise the other thread would run forever.
     struct Over<'a>(&'a AtomicBool);
     impl Drop for Over<'_> {
         fn drop(&mut self) {
@@ -188,7 +188,7 @@ fn a_link_that_comes_in_the_meantime_is_not_followed() {
                     let _ = exchange(&link, &place.path().join(changed));
                 }
             });
-            // On a busy processor the loop goes on until both outcomes have occurred.
+            // On a busy processor the loop continues until both outcomes have occurred.
             for round in 0..300_000 {
                 if round > 3000 && !n_read.contains(&0) {
                     break;

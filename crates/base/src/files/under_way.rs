@@ -1,7 +1,7 @@
-//! Tracks the files that this program is writing, so it can end at any moment and leave nothing half-written.
+//! Registers the files that this program is writing, so that no incomplete file remains if the program ends.
 //!
-//! It keeps the hidden paths of files and directories that are being written; the end of the program removes them. Steps that belong together
-//! hold a gate open. The end of the program has to close this gate, so it comes before or after them.
+//! The register lists the hidden paths of files and directories that are being written. [`stop_writing`] removes them when the program ends. Steps that
+//! belong together hold a gate ([`hold_gate`]), which [`stop_writing`] must close first. It therefore never interrupts them.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -20,7 +20,8 @@ const MOST_TRIES: usize = 5;
 pub(crate) struct HiddenPath(PathBuf);
 
 impl HiddenPath {
-    /// Creates a file or directory at a hidden path and registers the path. [`stop_writing`] cannot come between these two steps.
+    /// Calls `create` to make a file or directory at a hidden path, and registers the path that `path_of` returns. [`stop_writing`] cannot run between these
+    /// two actions.
     pub fn begin<T>(
         create: impl FnOnce() -> std::io::Result<T>,
         path_of: impl FnOnce(&T) -> PathBuf,
@@ -43,13 +44,13 @@ fn hidden_paths() -> std::sync::MutexGuard<'static, BTreeSet<PathBuf>> {
     HIDDEN_PATHS.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Makes [`stop_writing`] wait as long as the result lives. It is for quick steps that leave files consistent only when all are done.
+/// Makes [`stop_writing`] wait until the returned guard is dropped. Use it for quick steps that leave files consistent only when all of them are done.
 pub fn hold_gate() -> RwLockReadGuard<'static, ()> {
     GATE.read().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Stops all writing; to be called right before the program ends. It waits at most `patience` for steps that belong together, lets no
-/// further ones begin, and removes half-written paths. Any later attempt to write waits forever.
+/// Stops all writing; call it right before the program ends. It waits at most `patience` for steps that hold the gate, and lets no further steps begin.
+/// It then removes incomplete files. Any later attempt to write waits forever.
 pub fn stop_writing(patience: Duration) {
     let began = Instant::now();
     loop {
@@ -58,7 +59,7 @@ pub fn stop_writing(patience: Duration) {
                 std::mem::forget(closed);
                 break;
             }
-            // A rename is a single step of the operating system and stays whole even now.
+            // The remaining time is over. A rename is a single step of the operating system, so it stays complete even now.
             Err(_) if began.elapsed() >= patience => break,
             Err(_) => std::thread::sleep(LOOK),
         }

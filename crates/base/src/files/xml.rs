@@ -1,6 +1,6 @@
-//! Text as XML.
+//! Escaping of text for XML.
 
-/// Text for elements and attributes: markup is escaped, and characters that XML forbids are replaced.
+/// Escapes text for XML elements and attributes. Characters that XML forbids are replaced.
 pub fn xml_text(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for character in text.chars() {

@@ -1,10 +1,10 @@
-//! Complex numbers over any kind of real numbers.
+//! Complex numbers whose real and imaginary parts are of any scalar type.
 
 use std::ops::{Add, Div, Mul, Sub};
 
 use super::{Dual, PointScalar, Scalar};
 
-/// re + i im.
+/// Complex number re + i im.
 #[derive(Debug, Clone, Copy)]
 pub struct Complex<N> {
     /// Real part.
@@ -14,18 +14,18 @@ pub struct Complex<N> {
 }
 
 impl<N: Scalar> Complex<N> {
-    /// A constant.
+    /// Number with constant real and imaginary parts (derivative 0).
     pub fn constant(re: f64, im: f64) -> Self {
         Self { re: N::constant(re), im: N::constant(im) }
     }
 
-    /// Product with a real number.
+    /// Multiplies by a real number.
     #[inline(always)]
     pub fn times(self, factor: N) -> Self {
         Self { re: self.re * factor, im: self.im * factor }
     }
 
-    /// 1/z.
+    /// Returns 1/z.
     pub fn reciprocal(self) -> Self {
         let square = self.re * self.re + self.im * self.im;
         Self { re: self.re / square, im: -self.im / square }
@@ -33,7 +33,7 @@ impl<N: Scalar> Complex<N> {
 }
 
 impl<N: PointScalar> Complex<N> {
-    /// eᶻ.
+    /// Returns eᶻ.
     pub fn exp(self) -> Self {
         let (size, sin, cos) = (self.re.exp(), self.im.sin(), self.im.cos());
         Self { re: size * cos, im: size * sin }

@@ -1,7 +1,7 @@
-//! Numbers for the kernels: plain ones, and ones that carry a derivative.
+//! Number types of the numerical kernels: plain `f64`, and [`Dual`] numbers that carry a derivative.
 //!
-//! A model writes its stages in [`Dual`] numbers. The kernel that turns stages into a trajectory is generic over [`Scalar`]:
-//! on `f64` it yields the trajectory, on [`Dual`] its exact derivative in one direction (forward mode).
+//! A model computes the stages of its response in [`Dual`] numbers. The kernel that turns stages into a trajectory is generic over [`Scalar`]. On `f64`
+//! it yields the trajectory. On [`Dual`] it also yields the exact derivative in one direction (forward mode).
 
 mod complex;
 
@@ -9,7 +9,7 @@ pub use complex::Complex;
 
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
 
-/// Operations that a kernel needs.
+/// Number type with the operations that a kernel needs.
 pub trait Scalar:
     Copy
     + Add<Output = Self>
@@ -20,89 +20,89 @@ pub trait Scalar:
     + AddAssign
     + Mul<f64, Output = Self>
 {
-    /// A constant.
+    /// Number with this value and a derivative of 0.
     fn constant(value: f64) -> Self;
-    /// eˣ.
+    /// Returns eˣ.
     fn exp(self) -> Self;
-    /// eˣ − 1, accurate near 0.
+    /// Returns eˣ − 1, accurate near 0.
     fn exp_m1(self) -> Self;
 }
 
-/// Scalar of a single point, for computing a law's spectrum.
+/// Number type with the further operations that are needed to compute a law's spectrum at one point.
 pub trait PointScalar: Scalar {
-    /// Converts a model's number; `f64` drops the derivative.
+    /// Converts from a dual number. `f64` drops the derivative.
     fn from_dual(number: Dual) -> Self;
-    /// Value, for decisions.
+    /// Value without the derivative, for comparisons.
     fn value(self) -> f64;
-    /// Returns `true` if the number equals this value and carries no derivative.
+    /// Returns `true` if the number equals `value` and its derivative is 0.
     fn is_constant(self, value: f64) -> bool;
-    /// sin x.
+    /// Returns sin x.
     fn sin(self) -> Self;
-    /// cos x.
+    /// Returns cos x.
     fn cos(self) -> Self;
-    /// xʸ for x > 0.
+    /// Returns xʸ for x > 0.
     fn pow(self, exponent: Self) -> Self;
-    /// √x.
+    /// Returns √x.
     fn sqrt(self) -> Self;
 }
 
-/// Value and its derivative in one direction.
+/// Number that carries its derivative in one direction.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Dual {
-    /// Value.
+    /// Value of the number.
     pub value: f64,
-    /// Derivative.
+    /// Derivative of the value in the chosen direction.
     pub derivative: f64,
 }
 
 impl Dual {
-    /// 0, constant.
+    /// Constant 0.
     pub const ZERO: Self = Self::constant(0.0);
-    /// 1, constant.
+    /// Constant 1.
     pub const ONE: Self = Self::constant(1.0);
 
-    /// Constant number.
+    /// Number with derivative 0.
     pub const fn constant(value: f64) -> Self {
         Self { value, derivative: 0.0 }
     }
 
-    /// Variable with respect to which derivatives are taken.
+    /// Number with derivative 1. Derivatives of later results are taken with respect to it.
     pub const fn variable(value: f64) -> Self {
         Self { value, derivative: 1.0 }
     }
 
-    /// f(x), given f and its derivative at x.
+    /// Applies the chain rule: returns f(x) with its derivative, from `value` = f(x) and `slope` = f′(x) at this number x.
     fn chain(self, value: f64, slope: f64) -> Self {
         Self { value, derivative: slope * self.derivative }
     }
 
-    /// Returns `true` if this is the constant `value`, with a derivative of 0.
+    /// Returns `true` if the number equals `value` and its derivative is 0.
     pub fn is_constant(self, value: f64) -> bool {
         self.value == value && self.derivative == 0.0
     }
 
-    /// ln x.
+    /// Returns ln x.
     pub fn ln(self) -> Self {
         self.chain(self.value.ln(), 1.0 / self.value)
     }
 
-    /// √x.
+    /// Returns √x.
     pub fn sqrt(self) -> Self {
         let root = self.value.sqrt();
         self.chain(root, 0.5 / root)
     }
 
-    /// sin x.
+    /// Returns sin x.
     pub fn sin(self) -> Self {
         self.chain(self.value.sin(), self.value.cos())
     }
 
-    /// cos x.
+    /// Returns cos x.
     pub fn cos(self) -> Self {
         self.chain(self.value.cos(), -self.value.sin())
     }
 
-    /// xʸ for x > 0.
+    /// Returns xʸ for x > 0.
     pub fn pow(self, exponent: Self) -> Self {
         let value = self.value.powf(exponent.value);
         let derivative =
@@ -282,7 +282,7 @@ impl PointScalar for Dual {
 mod tests {
     use super::*;
 
-    /// Compares every operation with a central difference, whose own error is about 1e-10 here.
+    /// Compares every operation with a central difference, whose error is about 1e-10 here.
     #[test]
     fn derivatives_equal_central_differences() {
         let function = |x: Dual| {

@@ -1,4 +1,4 @@
-//! Models of every apparatus for all effects of the library, each built once. They depend on sizes, not on the record (physics §3.3).
+//! Reduced models of each apparatus for all effects of the library, built once. They depend on sizes, not on the record (physics §3.3).
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -14,14 +14,14 @@ use posterior::monitor::{Counter, Monitor, SilentMonitor};
 use posterior::prepared::PreparedModel;
 use posterior::problem::Problem;
 
-/// Models of all apparatus of a cohort.
+/// Reduced models of all apparatus in a cohort.
 pub struct Apparatuses {
     library: Library,
     known: BTreeMap<String, (Arc<Mechanics>, Compliance)>,
 }
 
 impl Apparatuses {
-    /// Meshes each apparatus and builds its models, one after another, because each uses all threads.
+    /// Meshes each apparatus and builds its models. The apparatus follow one another, because each build uses all threads.
     ///
     /// # Errors
     /// Errors of meshing, assembly or the models.
@@ -51,7 +51,7 @@ impl Apparatuses {
         Ok(Self { library, known })
     }
 
-    /// Prepares a record for fits of its model with every effect.
+    /// Prepares a record for fitting its model with each effect.
     ///
     /// # Errors
     /// [`base::Error::Input`] if its model does not suit the experiment.

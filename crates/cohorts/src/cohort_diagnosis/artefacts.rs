@@ -11,21 +11,21 @@ use figures::cohort::cohort;
 use figures::svg::write_figure;
 use posterior::study::{Provenance, RevisionWriter, WithProvenance};
 
-/// Folder of the diagnosis, inside the user's directory.
+/// Name of the diagnosis's folder, inside the output directory.
 const FOLDER: &str = "diagnosis";
-/// File name of the document in the folder.
+/// File name of the document in this folder.
 const DOCUMENT: &str = "cohort-diagnosis.json";
-/// File name of the table with the gain of every record by every effect.
+/// File name of the table that lists the gain of each record by each effect.
 const TABLE: &str = "gains.csv";
-/// Name of the figure.
+/// File name of the figure, without extension.
 const FIGURE: &str = "cohort";
 
-/// Head of the document, with the hash of every record.
+/// Makes the header of the document, with the hash of each record.
 pub fn provenance(measurements: &[Measurement], seed: u64) -> Provenance {
     provenance_of("cohort-diagnosis", measurements, seed)
 }
 
-/// Refuses a folder that holds a diagnosis of other records.
+/// Refuses an output folder with a diagnosis of other records.
 ///
 /// # Errors
 /// [`Error::Input`] unless `force` is set.
@@ -37,7 +37,7 @@ pub fn check_place(out: &Path, provenance: &Provenance, force: bool) -> Result<(
     refuse_other(out.join(FOLDER).join(DOCUMENT), provenance, force, (found, &remedy))
 }
 
-/// Writes the diagnosis and returns its folder.
+/// Writes all files of the diagnosis, and returns their folder.
 ///
 /// # Errors
 /// [`Error::File`] if the file system refuses, and errors of the figures.
@@ -57,7 +57,7 @@ pub fn write(out: &Path, diagnosis: &CohortDiagnosis, provenance: Provenance) ->
     writer.commit()
 }
 
-/// Writes the gains as CSV, one row per record and effect.
+/// Makes the table of gains as CSV, one row for each record and effect.
 fn gains_csv(diagnosis: &CohortDiagnosis) -> Result<Vec<u8>> {
     let refused = |error: csv::Error| Error::numerical(format!("a table cannot be written: {error}"), "use the JSON");
     let mut writer = csv::Writer::from_writer(Vec::new());

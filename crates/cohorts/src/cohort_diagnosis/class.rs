@@ -1,11 +1,12 @@
-//! Rivals of a cohort's claim.
+//! Finds rivals of a cohort's claim: effects that the data cannot distinguish from the claimed effect.
 //!
-//! A rival is assumed to be true, and cohorts are simulated with it. In them, each record has the rival with a probability and a size from its law and the record's own
-//! data. The noise is that of a simulated record. The rival may be the truth if the claim leads it in these cohorts as often as in the data (Cox, J. R. Stat. Soc. B
-//! 24:406, 1962).
+//! A rival is assumed to be true, and cohorts are simulated with it. Each simulated record has the rival with a probability and a size that follow from
+//! the rival's size law and the record's own data. Its noise is that of a simulated record. The rival may be the truth if, in these cohorts, the claim's
+//! gain exceeds the rival's by as much as in the data (Cox, J. R. Stat. Soc. B 24:406, 1962).
 //!
-//! The lead is tested twice: under the common laws of sizes, and with a separate size in every record. Both leads must be too large for chance. Two effects with the same
-//! signature differ only in the similarity of their sizes across specimens, and nothing is known about that beforehand.
+//! This lead of the claim is tested twice: with common size laws, and with a separate size in each record. To exclude the rival, both leads must be too
+//! large for chance. The reason is that two effects with equal signatures differ only in the similarity of their sizes across specimens, about which
+//! nothing is known beforehand.
 
 use rayon::prelude::*;
 
@@ -16,11 +17,12 @@ use criticism::sketch::{RecordScores, ScoreSet};
 use criticism::verdict::Rival;
 use sampling::ensemble::RandomStream;
 
-/// Number of simulated cohorts for each rival.
+/// Number of cohorts that are simulated for each rival.
 const N_COHORTS: usize = 199;
 const RIVAL_STREAMS: u64 = 0xc1a55;
 
-/// Effects that the data may not distinguish from the claim. Each comes with the share of simulated cohorts in which the claim leads it by as much.
+/// Lists the effects that the data may not distinguish from the claim. Each has the fraction of simulated cohorts in which the claim leads by at least as
+/// much as in the data.
 pub fn rivals(
     records: &[RecordScores],
     criteria: &Criteria,
@@ -45,7 +47,8 @@ pub fn rivals(
     others.into_par_iter().filter_map(rival).collect()
 }
 
-/// Share of cohorts simulated with the rival in which the claim leads by as much. It is the larger of two shares: under common laws, and record by record.
+/// Fraction of the cohorts simulated with the rival in which the claim leads by at least as much as in the data. It is the larger of two fractions: with
+/// common size laws, and with a separate size in each record. `None` if an effect cannot be evaluated.
 fn lead_p(records: &[RecordScores], claim: &EffectGain, rival: &EffectGain, seed: u64) -> Option<f64> {
     let (of_claim, of_rival) = (EffectScan::new(records, claim.effect)?, EffectScan::new(records, rival.effect)?);
     let by_itself = |scan: &EffectScan, cohort: &[&ScoreSet]| -> f64 {
@@ -74,7 +77,7 @@ fn lead_p(records: &[RecordScores], claim: &EffectGain, rival: &EffectGain, seed
     Some(p(0).max(p(1)))
 }
 
-/// Gain of a cohort (nats) on fitted and last cycles together, at the shape and law with the best fit to the fitted cycles.
+/// Gain of a cohort (nats) on the fitted and the last cycles together. The shape and the size law are those that fit the fitted cycles best.
 fn rank_nats(scan: &EffectScan, cohort: &[&ScoreSet]) -> f64 {
     let of = |shape| {
         let weighed: Vec<RecordRatios> =
@@ -84,10 +87,10 @@ fn rank_nats(scan: &EffectScan, cohort: &[&ScoreSet]) -> f64 {
     scan.shapes().map(of).reduce(BestGain::larger).map_or(0.0, |best| best.rank_nats())
 }
 
-/// Probability that a record has the rival, with its possible grid points and sizes.
+/// Distribution from which a rival is simulated in one record: the probability that the record has it, and its possible grid points and sizes.
 struct RivalSimulator {
     has: f64,
-    /// Index of the signature score, its amplitude in units of its size, and the probability of both.
+    /// Possible grid points and sizes: index of the signature score, amplitude of the size, and relative probability of both.
     ways: Vec<(usize, f64, f64)>,
 }
 
@@ -118,7 +121,7 @@ impl RivalSimulator {
         Self { has: if has.is_finite() { has } else { 0.0 }, ways }
     }
 
-    /// Draws the scores of a simulated record, with or without the rival.
+    /// Draws the scores of a simulated record, which may or may not have the rival.
     fn draw(&self, record: &RecordScores, stream: &mut RandomStream) -> ScoreSet {
         let mut told = record.simulated[stream.below(record.simulated.len())].clone();
         let (whether, which) = (stream.unit(), stream.unit());

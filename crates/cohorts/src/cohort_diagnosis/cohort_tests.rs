@@ -1,4 +1,4 @@
-//! Tests of the diagnosis of cohorts, on signature scores drawn from normal distributions without gels and records.
+//! Tests of the diagnosis of cohorts. Signature scores are drawn from normal distributions, without any gels or records.
 
 use nalgebra::DMatrix;
 use rayon::prelude::*;
@@ -14,14 +14,14 @@ use documents::groups::RatioVerdict;
 use posterior::monitor::SilentMonitor;
 use sampling::ensemble::RandomStream;
 
-/// Invented effects: name, number of grid points, and true for either sign.
+/// Invented effects: name, number of grid points, and `true` if sizes may have either sign.
 const EFFECTS: [(&str, usize, bool); 4] =
     [("one", 1, false), ("two", 3, false), ("three", 1, true), ("twin of one", 1, false)];
 const N_READINGS: usize = 6;
-/// Inverse standard deviation of an amplitude.
+/// Inverse of the standard deviation of an amplitude.
 const NORM: f64 = 2.0;
 
-/// Cosines between the signatures: grid points of one effect are similar, and the twin's cosine with the first effect is given.
+/// Cosines between the signatures. Grid points of one effect have similar signatures. `twin` is the cosine between the twin and the first effect.
 fn cosines(twin: f64) -> DMatrix<f64> {
     DMatrix::from_fn(N_READINGS, N_READINGS, |i, j| match (i.min(j), i.max(j)) {
         (a, b) if a == b => 1.0,
@@ -31,7 +31,7 @@ fn cosines(twin: f64) -> DMatrix<f64> {
     })
 }
 
-/// Signature scores with these shifts of the first and the third effect.
+/// Draws signature scores whose means are shifted for the first and the third effect. `root` is a square root of the matrix `cosines`.
 fn readings(
     root: &DMatrix<f64>,
     cosines: &DMatrix<f64>,
@@ -44,18 +44,19 @@ fn readings(
     (0..N_READINGS).map(|k| SignatureScore { z: shifted(k), norm: NORM }).collect()
 }
 
-/// Effects that the cohort cannot distinguish from a claim.
+/// Names of the effects that the cohort cannot distinguish from a claim.
 fn class_of(records: &[RecordScores], gained: &[EffectGain], claimed: usize, seed: u64) -> Vec<String> {
     let rivals = rivals(records, &Criteria::COHORT, gained, claimed, seed).into_iter();
     rivals.filter(|rival| Criteria::COHORT.is_equivalent(rival)).map(|rival| rival.effect).collect()
 }
 
-/// A cohort with these shifts of its records and `n_simulations` simulated records each. Its last cycles have a third of the information of the fitted ones.
+/// Simulates a cohort whose records have these shifts, with `n_simulations` simulated records each. The last cycles have a third of the information of
+/// the fitted ones.
 fn cohort(shifts: &[[f64; 2]], twin: f64, n_simulations: usize, seed: u64) -> Vec<RecordScores> {
     cohort_with(1.0 / 3.0, shifts, twin, n_simulations, seed)
 }
 
-/// A cohort whose last cycles have `last` times the information of the fitted ones.
+/// Simulates a cohort whose last cycles have `last` times the information of the fitted ones.
 fn cohort_with(last: f64, shifts: &[[f64; 2]], twin: f64, n_simulations: usize, seed: u64) -> Vec<RecordScores> {
     let cosines = cosines(twin);
     let root = cosines.clone().cholesky().expect("positive definite").l();
@@ -95,8 +96,9 @@ fn leading(judged: &Judged) -> usize {
     (0..judged.effects.len()).max_by(|a, b| gain(*a).total_cmp(&gain(*b))).expect("effects")
 }
 
-/// In 60 cohorts of eight records without any effect, p of the largest gain is uniform. Its mean is 0.5 ± 0.037, asserted at five standard deviations (false failures below
-/// 1e-6). 20 or more p at or below 0.1 have a binomial probability of 2e-6, and so have 9 or more at or below 0.02.
+/// In 60 cohorts of eight records without any effect, p of the largest gain is uniform. Its mean is 0.5 ± 0.037; the tolerance is five standard errors
+/// (false failures below 1e-6). At most 19 values of p may be 0.1 or less, and at most 8 may be 0.02 or less. More occur with a binomial probability of
+/// 2e-6 each.
 #[test]
 fn p_is_uniform_where_nothing_is_missing() {
     let p_of = |seed: u64| {
@@ -107,20 +109,21 @@ fn p_is_uniform_where_nothing_is_missing() {
     let found: Vec<(f64, f64)> = (0..60).into_par_iter().map(p_of).collect();
     let mean = found.iter().map(|(p, _)| p).sum::<f64>() / 60.0;
     let at_most = |bar: f64| found.iter().filter(|(p, _)| *p <= bar).count();
-    // Gains of exactly 0 have p = 1.
+    // Gains of exactly 0 have p = 1, which increases the mean slightly.
     assert!((mean - 0.5).abs() < 5.0 * 0.037 + 0.02, "{mean}");
     assert!(at_most(0.1) < 20 && at_most(0.02) < 9, "{} {}", at_most(0.1), at_most(0.02));
     assert!(found.iter().any(|(p, _)| *p < 0.3) && found.iter().any(|(p, _)| *p > 0.7));
-    // An effect that fits by chance does not hold on other cycles.
+    // An effect that fits by chance does not predict other cycles, so its held-out gain is negative.
     assert!(found.iter().map(|(_, heldout)| heldout).sum::<f64>() < 0.0);
 }
 
-/// Each of 20 records shows the effect at two standard deviations. Half the sum of squares is 40 nats ± 9, minus the cost of the law's parameters. A single record gains
-/// only 2 nats ± 2, which no search would claim. Held-out cycles with a third of the information gain a third. The other effects are distinguished.
+/// Each of 20 records shows the effect at two standard deviations. Half the sum of squares is 40 ± 9 nats, minus the cost of the size law's parameters. A
+/// single record gains only 2 ± 2 nats, which no search would claim. Held-out cycles with a third of the information gain a third. The other effects are
+/// distinguished.
 ///
-/// The twin at cosine 0.99 has a lead of −1.1 ± 1.5 nats on fitted and last cycles together if the first effect is true, and of +1.1 if the twin is true. A lead of 2 nats
-/// excludes it in one cohort of four. Fewer than 4 of 16 cohorts keep it in 1 of 10⁵ runs. The truth is excluded in at most 2 of 100 cohorts, and in more than 5 of 16 in 5
-/// of 10⁷ runs.
+/// The twin has a cosine of 0.99 with the first effect. If the first effect is true, the twin leads by −1.1 ± 1.5 nats on the fitted and last cycles
+/// together. If the twin is true, it leads by +1.1 nats. A lead of 2 nats excludes it in one cohort of four. Fewer than 4 of 16 cohorts keep the twin in
+/// 1 of 10⁵ runs. The truth is excluded in at most 2 of 100 cohorts. It is excluded in more than 5 of 16 cohorts in 5 of 10⁷ runs.
 #[test]
 fn weak_effects_add_up_and_twins_stay() {
     let (mut n_twins, mut n_true, mut heldout_nats) = (0, 0, 0.0);
@@ -145,16 +148,16 @@ fn weak_effects_add_up_and_twins_stay() {
         n_true += usize::from(is_true || !slugs.is_empty());
     }
     assert!(n_twins >= 4 && n_true >= 11, "{n_twins} {n_true}");
-    // The expected gain is 13 nats ± 6 per cohort.
+    // The expected held-out gain is 13 ± 6 nats per cohort.
     assert!((heldout_nats - 13.0).abs() < 5.0 * 6.0 / 4.0, "{heldout_nats}");
 }
 
-/// Each of 20 records shows the effect at 0.7 standard deviations in its fitted cycles and at 2.1 in all cycles. The mean score in the fitted cycles is 0.7 ± 0.22, which
-/// alone gains 4.9 nats ± 3.1. Chance gains 7.5 nats in one cohort of a thousand. The fitted cycles reach this with a probability of 0.22, and in 7 or 8 of 8 cohorts in 2
-/// of 10⁴ runs.
+/// Each of 20 records shows the effect at 0.7 standard deviations in its fitted cycles, and at 2.1 in all cycles. The mean score in the fitted cycles is
+/// 0.7 ± 0.22, which alone gains 4.9 ± 3.1 nats. Chance gains 7.5 nats in one cohort of a thousand. The fitted cycles alone reach this with a probability
+/// of 0.22. They reach it in 7 or 8 of 8 cohorts in 2 of 10⁴ runs.
 ///
-/// With the last cycles all cohorts reach it, unless the mean score in the fitted ones is negative or above 1.4. That is rarer than 0.005, and occurs in 3 of 8 cohorts in
-/// 1 of 10⁵ runs.
+/// With the last cycles all cohorts reach it, unless the mean score in the fitted ones is negative or above 1.4. That has a probability below 0.005, and
+/// occurs in 3 of 8 cohorts in 1 of 10⁵ runs.
 #[test]
 fn last_cycles_count_for_p() {
     let is_rare = |said: &[RecordScores], seed: u64| {
@@ -173,8 +176,8 @@ fn last_cycles_count_for_p() {
     assert!(n_with >= 6 && n_without < 7, "{n_with} {n_without}");
 }
 
-/// Two effects of one signature are not distinguished by the similarity of their sizes across specimens. Here the twin's size is the same in all records, the first
-/// effect's is 16 times as large in every other record.
+/// Two effects with equal signatures are not distinguished by how similar their sizes are across specimens. Here the twin has equal sizes in all records.
+/// The first effect is 16 times as large in every second record.
 #[test]
 fn like_sizes_are_no_proof() {
     let mut said = cohort(&[[4.0, 0.0]; 20], 0.999_999, 60, 57);
@@ -192,7 +195,7 @@ fn like_sizes_are_no_proof() {
     assert_eq!(class_of(&said, &judged.effects, best, 3), ["one"]);
 }
 
-/// Signs that differ from record to record add up as well, and the law states either sign.
+/// Effects whose sign differs between records add up as well, and the size law states either sign.
 #[test]
 fn either_sign_is_found() {
     let shifts: Vec<[f64; 2]> = (0..20).map(|k| [0.0, if k % 2 == 0 { 2.5 } else { -2.5 }]).collect();
@@ -203,8 +206,9 @@ fn either_sign_is_found() {
     assert!(effect_gain.p_familywise <= 0.001 && effect_gain.law.sides == super::law::Sides::Both, "{effect_gain:?}");
 }
 
-/// Sizes (means and standard deviations of ten records per group) that differ by a factor of two are stated; equal ones are not. A group without the effect gains 4 nats by
-/// chance in one of a hundred cohorts, and in four of ten in 2 of 10⁶ runs. Its share is not tested, because sizes that no record shows may be in all.
+/// Ten records per group give the means and standard deviations of sizes. A factor of two between the sizes is stated; equal sizes are not. A group
+/// without the effect gains 4 nats by chance in one of a hundred cohorts. This happens in four of ten cohorts in 2 of 10⁶ runs. The fraction of specimens
+/// with the effect is not tested there, because sizes that no record can show may be in all records.
 #[test]
 fn groups_are_compared() {
     let mut stream = RandomStream::new(11, 0);

@@ -1,49 +1,50 @@
-//! Sizes of an effect in groups of records, and their differences.
+//! Sizes of an effect in groups of records, and their ratios between groups.
 //!
-//! Every law of the grid has a posterior probability, proportional to its likelihood; medians, spreads, sides and shares are equally likely a priori. Groups have their own
-//! medians and shares but a common spread and side.
+//! The posterior probability of each size law on a grid is proportional to its likelihood. All medians, spreads, sides and fractions of the grid are
+//! equally probable a priori. Each group has its own median and its own fraction of specimens with the effect. The spread and the side of the null are
+//! common to all groups.
 //!
-//! The compared quantity is the mean size over all specimens of a group, where specimens without the effect count as 0. It needs no decision about which specimens have the
-//! effect.
+//! Groups are compared by the mean size over all specimens, in which specimens without the effect count as 0. This needs no decision which specimens have
+//! the effect.
 
 use super::law::{FINE, LikelihoodRatios, Nodes, Sides, SizeLawGrid};
 use crate::contrast::{CERTAINTY, SIGN_CERTAINTY};
 use documents::groups::RatioVerdict;
 
-/// Width of the ln size cells in which means are compared.
+/// Width in ln size of the cells on which the distributions of means are computed.
 const CELL: f64 = 0.02;
 
-/// A quantity's 5 %, 50 % and 95 % quantiles.
+/// 5 %, 50 % and 95 % quantile of a quantity.
 pub type Quantiles = [f64; 3];
 
-/// Sizes of the effect in the records of a group.
+/// Posterior of an effect's sizes in the records of a group.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GroupSizes {
     /// Median size of the specimens with the effect.
     pub median: Quantiles,
     /// Standard deviation of ln size between the specimens with the effect.
     pub log_sd: Quantiles,
-    /// Share of specimens with the effect.
+    /// Fraction of specimens with the effect.
     pub share: Quantiles,
-    /// Mean over all specimens; those without the effect count as 0.
+    /// Mean size over all specimens of the group. Specimens without the effect count as 0.
     pub mean: Quantiles,
-    /// Probabilities that sizes lie above the null, below it, or on either side.
+    /// Probabilities that the sizes are above the null, below it, or on either side.
     pub sides: [f64; 3],
-    /// Gain of the group (nats) by its best law.
+    /// Gain of the group (nats) under its best size law.
     pub gain_nats: f64,
 }
 
-/// Ratio of two groups' mean sizes.
+/// Posterior of the ratio between two groups' mean sizes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ratio {
-    /// Mean size in the first group over that in the second.
+    /// Mean size in the first group divided by that in the second.
     pub ratio: Quantiles,
-    /// Probabilities that the first mean is greater, greater by more than the margin, and smaller by more than the margin.
+    /// Three probabilities: the first group's mean is larger, larger by more than the margin, and smaller by more than the margin.
     pub probabilities: [f64; 3],
 }
 
 impl Ratio {
-    /// Verdict on the ratio, given the margin.
+    /// Verdict on the ratio: different, equivalent or undecided, given the margin.
     pub fn verdict(&self) -> RatioVerdict {
         let [_, beyond, below] = self.probabilities;
         if beyond >= CERTAINTY {
@@ -57,7 +58,7 @@ impl Ratio {
         }
     }
 
-    /// Returns true if a difference is stated: its sign, or that it exceeds the margin.
+    /// Returns `true` if a difference is stated: a sign, or a ratio outside the margin.
     pub fn is_declared(&self) -> bool {
         let [greater, ..] = self.probabilities;
         greater.max(1.0 - greater) >= SIGN_CERTAINTY
@@ -65,20 +66,21 @@ impl Ratio {
     }
 }
 
-/// Comparison of groups of records in one effect.
+/// Comparison of an effect's sizes between groups of records.
 pub struct GroupComparison {
-    /// Sizes of every group, in the order that was given.
+    /// Sizes in each group, in the order of the input.
     pub groups: Vec<GroupSizes>,
-    /// Every pair of groups, the first before the second, with their indices.
+    /// Ratio for each pair of groups, with the indices of the groups. The first index is smaller.
     pub ratios: Vec<([usize; 2], Ratio)>,
 }
 
-/// Fine grid of laws for a claim, from the records' likelihoods of its size.
+/// Fine grid of size laws for a claimed effect, from the likelihoods of its size in all records.
 pub fn fine_laws(likelihoods: &[super::likelihood::SizeLikelihood]) -> Option<SizeLawGrid> {
     SizeLawGrid::new(likelihoods, FINE)
 }
 
-/// Posterior weight of every law for the records of a group, relative to the largest, and the gain of the law with the largest weight.
+/// Posterior weights of the size laws for the records of a group, divided by the largest weight. Also returns the gain (nats) under the law with the
+/// largest weight.
 fn weights(laws: &SizeLawGrid, nodes: &[&Nodes]) -> (Vec<f64>, f64) {
     let ratios: Vec<LikelihoodRatios> = nodes.iter().map(|nodes| laws.ratios(nodes)).collect();
     let lns = laws.ln_likelihoods(&ratios.iter().collect::<Vec<_>>());
@@ -86,7 +88,7 @@ fn weights(laws: &SizeLawGrid, nodes: &[&Nodes]) -> (Vec<f64>, f64) {
     (lns.into_iter().map(|ln| (ln - largest).exp()).collect(), largest.max(0.0))
 }
 
-/// Sizes in a group from its own records alone.
+/// Sizes in one group, from the records of this group alone.
 pub fn group_sizes(laws: &SizeLawGrid, nodes: &[&Nodes]) -> GroupSizes {
     let (weights, gain_nats) = weights(laws, nodes);
     summarised(laws, &weights, gain_nats)
@@ -113,7 +115,7 @@ fn summarised(laws: &SizeLawGrid, weights: &[f64], gain_nats: f64) -> GroupSizes
     }
 }
 
-/// 5 %, 50 % and 95 % quantiles of weighted values in ascending order.
+/// 5 %, 50 % and 95 % quantiles of pairs (value, weight) in ascending order of value.
 fn weighted_quantiles(values: &[(f64, f64)]) -> Quantiles {
     let whole: f64 = values.iter().map(|(_, weight)| weight).sum();
     [0.05, 0.5, 0.95].map(|probability| {
@@ -126,11 +128,11 @@ fn weighted_quantiles(values: &[(f64, f64)]) -> Quantiles {
     })
 }
 
-/// Compares groups of records, each given by its records' likelihoods of every size.
+/// Compares groups of records. Each group lists its records' likelihood ratios of all sizes.
 pub fn compare_groups(laws: &SizeLawGrid, groups: &[Vec<&Nodes>], margin: f64) -> GroupComparison {
     let of: Vec<(Vec<f64>, f64)> = groups.iter().map(|nodes| weights(laws, nodes)).collect();
     let all: Vec<super::law::SizeLaw> = laws.all().collect();
-    // A block holds the laws of one side and spread, which all groups share.
+    // A block holds all laws with the same side and spread, because these are common to the groups.
     let mut blocks: Vec<((Sides, f64), Vec<usize>)> = Vec::new();
     for (place, law) in all.iter().enumerate() {
         let key = (law.sides, law.log_sd);
@@ -142,11 +144,11 @@ pub fn compare_groups(laws: &SizeLawGrid, groups: &[Vec<&Nodes>], margin: f64) -
     let evidence = |group: usize, places: &[usize]| places.iter().map(|place| of[group].0[*place]).sum::<f64>();
     let mut together: Vec<f64> =
         blocks.iter().map(|(_, places)| (0..groups.len()).map(|group| evidence(group, places)).product()).collect();
-    // Groups can have no block in common to the last digit. No group then excludes the laws of another.
+    // In double precision, the weights of all blocks can be zero for the groups together. The groups are then treated separately.
     if together.iter().all(|weight| *weight <= 0.0) {
         together.fill(1.0);
     }
-    // These are a group's laws, weighted by the spread and side that all groups have together.
+    // Posterior weights of the laws for one group, given the spread and side that all groups have in common.
     let shared = |group: usize| -> Vec<f64> {
         let mut weights = vec![0.0; all.len()];
         for ((_, places), together) in blocks.iter().zip(&together) {
@@ -186,7 +188,7 @@ pub fn compare_groups(laws: &SizeLawGrid, groups: &[Vec<&Nodes>], margin: f64) -
         let at = |place: usize| CELL * (place as f64 - (n_cells - 1) as f64);
         let values: Vec<(f64, f64)> = differences.iter().enumerate().map(|(k, weight)| (at(k), *weight)).collect();
         let whole: f64 = differences.iter().sum();
-        // The middle cell counts half to each side.
+        // Half of the middle cell's probability counts to either side.
         let above = |bar: f64| -> f64 {
             let weight = |(x, weight): &(f64, f64)| {
                 if (x - bar).abs() < 0.5 * CELL {

@@ -1,4 +1,4 @@
-//! Diagnosis of a cohort: reads every record, searches for the missing effect, finds rivals of the claim, and compares its sizes in groups.
+//! Diagnosis of a cohort: reads each record, searches for the missing effect, finds rivals of the claim, and compares the claim's sizes between groups.
 
 use rayon::prelude::*;
 
@@ -26,24 +26,24 @@ use documents::cohort::{
 };
 use posterior::monitor::{Counter, Monitor};
 
-/// Request for the diagnosis of a cohort.
+/// Settings for the diagnosis of a cohort.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CohortRequest {
-    /// Keys that define the groups; empty for no groups.
+    /// Keys that define the groups; empty for a diagnosis without groups.
     pub keys: Vec<Key>,
     /// Margin of practical equivalence: ratios from 1/(1 + margin) to 1 + margin count as no difference.
     pub margin: f64,
-    /// Number of simulated records for each record.
+    /// Number of simulated records per record.
     pub n_simulations: usize,
     /// Seed of all random numbers.
     pub seed: u64,
 }
 
 const CRITERIA: Criteria = Criteria::COHORT;
-/// Offset between the random streams of the records' simulations.
+/// Constant that separates the random streams of the records' simulations from other streams.
 const RECORD_STREAMS: u64 = 0x5eed_c040;
 const STREAM_OF_RECORD: u32 = 24;
-/// Smallest number of records of a cohort.
+/// Smallest number of records that make a cohort.
 pub const FEWEST_RECORDS: usize = 2;
 const KEPT: &str = "nothing was written; the models of apparatus that were built are kept";
 
@@ -96,6 +96,8 @@ pub fn run(measurements: &[Measurement], request: &CohortRequest, monitor: &dyn 
     Ok(found.document(leading, decide_verdict(&evidence, &CRITERIA)))
 }
 
+/// Returns an error if the user has stopped the run.
+///
 /// # Errors
 /// [`Error::Interrupted`] if stopped.
 pub fn check_interrupt(monitor: &dyn Monitor) -> Result<()> {
@@ -105,7 +107,8 @@ pub fn check_interrupt(monitor: &dyn Monitor) -> Result<()> {
     }
 }
 
-/// Scores of every record, one record after another: each record is released after its turn, and its simulations use all threads.
+/// Computes the scores of each record and its fit without any effect. Records follow one another: each is released before the next, and its simulations
+/// use all threads.
 fn read(
     measurements: &[Measurement],
     apparatuses: &Apparatuses,
@@ -124,7 +127,7 @@ fn read(
     Ok(read.into_iter().unzip())
 }
 
-/// Intermediate results of the diagnosis.
+/// Intermediate results of a diagnosis, from which the document is made.
 struct DiagnosisState<'a> {
     measurements: &'a [Measurement],
     labels: &'a [Labels],
@@ -135,15 +138,15 @@ struct DiagnosisState<'a> {
     claim: Option<Claim>,
 }
 
-/// The claim, fitted to every record.
+/// Claimed effect with its fits to all records.
 struct Claim {
-    /// Index among the judged effects.
+    /// Index of the claimed effect among the searched effects.
     claimed: usize,
-    /// Results of each record with the effect at the size that the cohort predicts for it.
+    /// Results for each record, with the effect at the size that the cohort predicts for it.
     predicted: Vec<SizedPrediction>,
-    /// Sizes over all records.
+    /// Sizes of the effect over all records.
     all: GroupSizes,
-    /// Sizes in groups, if there are several groups.
+    /// Sizes of the effect in each group, and their ratios; `None` unless there are several groups.
     compared: Option<GroupComparison>,
 }
 
@@ -153,7 +156,7 @@ impl Claim {
         let gained = &found.judged.effects[claimed];
         let counter = Counter::new(monitor, 3 * said.len());
         let subject = |number: usize| found.subject(number, apparatuses, &counter, monitor);
-        // A prediction of the last cycle must not use that cycle; the sizes use all cycles.
+        // The prediction of the last cycle uses only the fitted cycles. The sizes in the document use all cycles.
         let fitted = Fits::new(found, gained, &subject, |said| &said.told.fitted)?;
         let (_, place) = fitted.laws.best(&fitted.ratios().iter().collect::<Vec<_>>());
         let predict = |number: usize| -> Result<SizedPrediction> {
@@ -172,7 +175,7 @@ impl Claim {
         Ok(Self { claimed, predicted, all, compared })
     }
 
-    /// Error on all held-out cycles divided by the error that the predictive noise of all records allows; `None` without held-out cycles.
+    /// Held-out error with the effect, divided by the error that the predictive noise allows; both over all records. `None` if no cycle is held out.
     fn error_ratio(&self) -> Option<f64> {
         let rows = |sized_prediction: &SizedPrediction| sized_prediction.heldout.map(|(_, n)| n);
         let allowed = root_mean_square(
@@ -181,13 +184,13 @@ impl Claim {
         Some(self.errors().rmse_heldout_um? / allowed.rmse_heldout_um?)
     }
 
-    /// Held-out errors with the effect.
+    /// Held-out errors over all records, with the effect.
     fn errors(&self) -> CohortErrors {
         root_mean_square(self.predicted.iter().map(|sized_prediction| sized_prediction.heldout))
     }
 }
 
-/// Fits of the claimed effect's size to some cycles of every record.
+/// Fits of the claimed effect's size in each record, to some of the cycles.
 struct Fits {
     sized: Vec<SizeFit>,
     laws: SizeLawGrid,
@@ -195,7 +198,7 @@ struct Fits {
 }
 
 impl Fits {
-    /// Fits the claim to the fitted cycles of `subject`, which are also the cycles of `readings`.
+    /// Fits the claimed effect to the fitted cycles of each `subject`. `readings` must return the signature scores of the same cycles.
     fn new(
         found: &DiagnosisState,
         gained: &EffectGain,
@@ -210,7 +213,7 @@ impl Fits {
             sized.map_err(|error| found.measurements[number].with_name(error))
         };
         let sized: Vec<SizeFit> = (0..said.len()).into_par_iter().map(fit).collect::<Result<_>>()?;
-        // These grid points, at the shape that was found, give a record's first-order likelihoods.
+        // The record's first-order likelihoods at the grid points of the shape that was found.
         let points = |number: usize| -> Vec<SizeLikelihood> {
             let n = asked(number).readings.len();
             let points = gained.shape.map_or(0..n, |point| point..(point + 1).min(n));
@@ -235,7 +238,7 @@ fn nothing_shows(found: &DiagnosisState, gained: &EffectGain) -> Error {
     Error::numerical(format!("no record shows {slug} when the effect is fitted"), "diagnose the records one by one")
 }
 
-/// A record's likelihood of every size. Without information, all sizes are as likely as none.
+/// Likelihood ratio of each size for a record. Without information, all sizes are as likely as no effect.
 fn nodes_of(laws: &SizeLawGrid, likelihoods: &[SizeLikelihood]) -> Nodes {
     let of: Vec<Nodes> = likelihoods.iter().map(|likelihood| laws.nodes(likelihood)).collect();
     if of.is_empty() {
@@ -255,7 +258,7 @@ impl DiagnosisState<'_> {
         names.into_iter().find(|name| !name.is_empty()).unwrap_or("")
     }
 
-    /// Index of the effect with the largest gain on fitted and held-out cycles together.
+    /// Index of the effect with the largest gain on the fitted and the held-out cycles together.
     fn leading(&self) -> Option<usize> {
         let rank = |k: usize| self.judged.effects[k].best.rank_nats();
         let effects = &self.judged.effects;
@@ -263,8 +266,8 @@ impl DiagnosisState<'_> {
         (0..effects.len()).filter(|k| effects[*k].best.gain_nats > 0.0).reduce(of)
     }
 
-    /// Leading effect after full fits. Effects that rank nearly as high as the leading one are fitted to every record. The gains of these fits replace the first-order
-    /// gains, which are wrong for sizes at which an effect is not linear.
+    /// Finds the leading effect by full fits. Effects that rank nearly as high as `leading` are fitted to each record. The gains of these fits replace the
+    /// first-order gains, which are wrong at sizes for which an effect is not linear.
     fn leading_after_fits(&self, leading: usize, apparatuses: &Apparatuses, monitor: &dyn Monitor) -> Result<usize> {
         let effects = &self.judged.effects;
         let rank = |place: usize| effects[place].best.rank_nats();
@@ -294,12 +297,12 @@ impl DiagnosisState<'_> {
         };
         let each: Vec<Vec<f64>> = (0..self.said.len()).into_par_iter().map(more).collect::<Result<_>>()?;
         let total = |k: usize| rank(near[k]) + each.iter().map(|values| values[k]).sum::<f64>();
-        // The first of equal effects wins.
+        // If several effects have the largest gain, the first is chosen.
         let best = (0..near.len()).reduce(|best, other| if total(other) > total(best) { other } else { best });
         Ok(best.map_or(leading, |best| near[best]))
     }
 
-    /// A record without its outliers.
+    /// Prepares a record for fits, without its outliers.
     fn subject(
         &self,
         number: usize,
@@ -314,8 +317,8 @@ impl DiagnosisState<'_> {
         Ok(if rows.is_empty() { subject } else { subject.without_rows(rows) })
     }
 
-    /// Evidence of the search: the leading effect, and the residuals of all records without it. Only the leading effect is judged, and its residuals are tested after its
-    /// fit.
+    /// Evidence for the verdict: the leading effect, and the residuals of all records without it. Only the leading effect can be claimed; its residuals are
+    /// tested after its fit.
     fn evidence(&self, leading: Option<usize>) -> Evidence {
         let proposal = |place: usize| {
             let gained = &self.judged.effects[place];
@@ -329,7 +332,7 @@ impl DiagnosisState<'_> {
         Evidence { proposals: leading.map(proposal).into_iter().collect(), base: Some(base), rivals: Vec::new() }
     }
 
-    /// Groups in the order of their names, with the indices of their records; empty without keys.
+    /// Groups in the order of their names, each with the indices of its records; empty without keys.
     fn groups(&self) -> Vec<(String, Vec<usize>)> {
         let mut groups: Vec<(String, Vec<usize>)> = Vec::new();
         if self.request.keys.is_empty() {
@@ -448,7 +451,7 @@ impl DiagnosisState<'_> {
         compared.ratios.iter().map(of).collect()
     }
 
-    /// Geometric means of the law's parameters, without and with the effect, in every group; in all records if there are no groups.
+    /// Geometric means of the law's parameters without and with the effect. There is one entry per group, or one for all records if there are no groups.
     fn law(&self, claim: &Claim, groups: &[(String, Vec<usize>)]) -> Vec<CohortLaw> {
         let base = self.based[0].base.candidate.model.base();
         let is_same = |base_fit: &BaseFit| base_fit.base.candidate.model.base() == base;
@@ -531,7 +534,7 @@ impl DiagnosisState<'_> {
     }
 }
 
-/// Root mean square over the scored positions of all records.
+/// Root mean square error over the scored positions of all records. `of` yields the error (µm) and the number of positions of each record.
 fn root_mean_square(of: impl Iterator<Item = Option<(f64, usize)>>) -> CohortErrors {
     let (mut squares, mut n) = (0.0, 0);
     for (rmse, index) in of.flatten() {

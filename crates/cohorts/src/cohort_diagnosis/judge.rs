@@ -1,6 +1,7 @@
-//! Gain of a cohort by every effect, and its distribution by chance.
+//! Gain of a cohort by each effect, and the distribution of the largest gain by chance.
 //!
-//! A simulated cohort takes one simulated record for each record, the same for all effects. A few simulated records of each record therefore make many cohorts.
+//! A simulated cohort has one simulated record in place of each record. The choice of simulated records is the same for all effects. A few simulated
+//! records of each record can therefore be combined to many cohorts.
 
 use rayon::prelude::*;
 
@@ -12,44 +13,44 @@ use sampling::ensemble::RandomStream;
 
 /// Number of simulated cohorts.
 pub const N_COHORTS: usize = 1_999;
-/// Random streams that draw the simulated cohorts.
+/// Constant that separates the random streams of the simulated cohorts from other streams.
 const COHORT_STREAMS: u64 = 0xc0_5075;
 
-/// Gain of a cohort by one effect.
+/// Gain of a cohort by one effect, with the size law and shape that fit best.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EffectGain {
-    /// Index in the library.
+    /// Index of the effect in the library.
     pub effect: usize,
-    /// Gains under the law with the best fit.
+    /// Gains under the best size law, on the fitted and the held-out cycles.
     pub best: BestGain,
-    /// p of its rank over the whole search.
+    /// p over the entire search, from the gain by which effects are ranked.
     pub p_familywise: f64,
-    /// Law with the best fit.
+    /// Size law that fits best.
     pub law: SizeLaw,
-    /// Shape with the best fit.
+    /// Shape that fits best.
     pub shape: ShapeIndex,
-    /// Gain of each record under this law (nats), in the records' order.
+    /// Gain of each record under this law (nats), in the order of the records.
     pub of_records: Vec<f64>,
-    /// Gain of each record with its own size.
+    /// Gain of each record (nats) with a size of its own.
     pub by_itself: Vec<f64>,
 }
 
-/// Results of the whole search.
+/// Result of the search over all effects.
 pub struct Judged {
-    /// Effects that some record can show, in the library's order.
+    /// Effects that at least one record can show, in the order of the library.
     pub effects: Vec<EffectGain>,
-    /// Largest ranks of simulated cohorts (nats), ascending.
+    /// Largest ranking gain in each simulated cohort (nats), ascending.
     pub largest_by_chance: Vec<f64>,
 }
 
 impl Judged {
-    /// Rank that 95 of 100 simulated cohorts do not reach.
+    /// Ranking gain (nats) that 95 of 100 simulated cohorts do not reach.
     pub fn threshold(&self) -> f64 {
         self.largest_by_chance.get(self.largest_by_chance.len() * 95 / 100).copied().unwrap_or(f64::INFINITY)
     }
 }
 
-/// Searches all effects and compares their gains with simulated cohorts.
+/// Computes the gain of each effect and compares it with the gains in simulated cohorts.
 pub fn search_effects(records: &[RecordScores], seed: u64, monitor: &dyn Monitor) -> Judged {
     let n_effects = records.first().map_or(0, |record| record.effects.len());
     let scans: Vec<(usize, EffectScan)> =
@@ -80,7 +81,7 @@ pub fn search_effects(records: &[RecordScores], seed: u64, monitor: &dyn Monitor
     };
     let gained = |(effect, scan): &(usize, EffectScan)| {
         let filter = found.iter().filter(|(of, ..)| of == effect);
-        // The first of equal shapes wins.
+        // If several shapes have the largest gain, the first is chosen.
         let (_, shape, best) =
             filter.reduce(|one, other| if other.2.best.gain_nats > one.2.best.gain_nats { other } else { one })?;
         Some(EffectGain {
@@ -97,7 +98,7 @@ pub fn search_effects(records: &[RecordScores], seed: u64, monitor: &dyn Monitor
     Judged { effects, largest_by_chance: largest }
 }
 
-/// Index of the simulated record that replaces each record in each simulated cohort.
+/// For each simulated cohort, the indices of the simulated records that replace the records.
 fn picks(records: &[RecordScores], seed: u64) -> Vec<Vec<usize>> {
     let cohort = |number: usize| {
         let mut stream = RandomStream::new(seed ^ COHORT_STREAMS, number as u64);
@@ -107,7 +108,7 @@ fn picks(records: &[RecordScores], seed: u64) -> Vec<Vec<usize>> {
     (0..if can { N_COHORTS } else { 0 }).map(cohort).collect()
 }
 
-/// Results of one effect at one shape.
+/// Gain and likelihood ratios of one effect at one shape.
 struct OfShape {
     best: BestGain,
     of_records: Vec<f64>,

@@ -1,71 +1,72 @@
-//! Common law of an effect's sizes: the share of specimens with the effect, the sizes and their sign.
+//! Size law: the common distribution of an effect's sizes in a cohort. It consists of the fraction of specimens with the effect, the distribution of
+//! their sizes, and the side of the null.
 //!
-//! A specimen has the effect with probability π (the share). Sizes of specimens with the effect are log-normal, with median m and standard deviation s of the logarithm.
-//! They lie above the null, below it, or on either side with equal probability. r_i is the likelihood of specimen i averaged over this distribution, relative to its
-//! likelihood without the effect:
+//! A specimen has the effect with probability π, the fraction of specimens with the effect (share). Their sizes are log-normal, with median m and a
+//! logarithm of standard deviation s. They are above the null, below it, or on either side with equal probability. Let r_i be the likelihood of specimen
+//! i, averaged over this distribution and divided by its likelihood without the effect. Then
 //!
 //! ```text
 //! ln L(m, s, side, π) − ln L(none) = Σ_i ln(1 − π + π r_i(m, s, side))
 //! ```
 //!
-//! Sizes lie on a logarithmic grid. The likelihood is averaged over each cell, so that no specimen's peak falls between two nodes.
+//! Sizes form a logarithmic grid. The likelihood is averaged over each cell of the grid, so that a narrow peak between two nodes is not missed.
 
 use super::likelihood::{Side, SizeLikelihood};
 use statrs::function::erf::erf;
 
-/// Range of the medians, in standard deviations of the fitted sizes. The most informative specimen shows the lowest median by the first value; half of the specimens show
-/// the highest by the second.
+/// Range of the medians on the grid. At the smallest median, the most informative specimen shows an amplitude of the first value in standard deviations.
+/// At the largest median, half of the specimens show the second value.
 const SIGMA_RANGE: [f64; 2] = [0.3, 30.0];
-/// Longest range of ln size.
+/// Largest range of the grid, in ln size.
 const LONGEST_RANGE: f64 = 12.0;
-/// Largest distance of a size from the median, in standard deviations; sizes beyond it are left out.
+/// Largest distance of a size from the median, in standard deviations of ln size. Sizes beyond it are left out.
 const REACH_SD: f64 = 2.5;
-/// Number of factors of ln(1 − π + π r) that are multiplied before each logarithm.
+/// Number of factors 1 − π + π r that are multiplied before a logarithm is taken.
 const FACTORS_A_LOGARITHM: usize = 4;
 
-/// Side of the null on which sizes lie.
+/// Side of the null on which the sizes are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Sides {
-    /// Above.
+    /// Sizes above the null.
     Above,
-    /// Below.
+    /// Sizes below the null.
     Below,
-    /// Either side, with equal probability.
+    /// Sizes on either side of the null, with equal probability.
     Both,
 }
 
-/// A grid of laws.
+/// Grid of size laws: medians, spreads, sides and fractions of specimens with the effect.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SizeLawGrid {
-    /// Distance of neighbouring nodes in ln size.
+    /// Distance in ln size between neighbouring nodes.
     step: f64,
     /// ln size of the first node.
     first: f64,
     n_nodes: usize,
     n_medians: usize,
-    /// Number of nodes before the first median.
+    /// Number of nodes below the first median.
     margin: usize,
-    /// Standard deviations of ln size, with the weights of the nodes around the median.
+    /// Standard deviations of ln size, each with the weights of the nodes around the median.
     spreads: Vec<(f64, Vec<f64>)>,
     sides: Vec<Sides>,
     shares: Vec<f64>,
 }
 
-/// Fineness of a grid.
+/// Resolution of a grid of size laws.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fineness {
-    /// Distance of neighbouring medians in ln size.
+    /// Distance in ln size between neighbouring medians.
     pub step: f64,
-    /// Standard deviations of ln size between specimens.
+    /// Standard deviations of ln size between specimens with the effect.
     pub spreads: &'static [f64],
-    /// Shares of specimens with the effect.
+    /// Fractions of specimens with the effect.
     pub shares: &'static [f64],
 }
 
-/// Grid for searches, also in simulated records.
+/// Grid for the search, which is repeated for simulated records.
 pub const COARSE: Fineness =
     Fineness { step: 0.35, spreads: &[0.1, 0.5, 1.0], shares: &[0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 1.0] };
-/// Grid for the sizes of a claim.
+/// Grid for the sizes of a claimed effect.
 pub const FINE: Fineness = Fineness {
     step: 0.1,
     spreads: &[0.05, 0.2, 0.4, 0.6, 0.8, 1.0],
@@ -75,33 +76,33 @@ pub const FINE: Fineness = Fineness {
     ],
 };
 
-/// A law of the grid.
+/// One size law of the grid.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SizeLaw {
-    /// ln of the median size.
+    /// Logarithm of the median size.
     pub ln_median: f64,
     /// Standard deviation of ln size between specimens with the effect.
     pub log_sd: f64,
-    /// Side of the null on which the sizes lie.
+    /// Side of the null on which the sizes are.
     pub sides: Sides,
-    /// Share of specimens with the effect.
+    /// Fraction of specimens with the effect.
     pub share: f64,
 }
 
 impl SizeLaw {
-    /// Mean size over all specimens, where those without the effect count as 0. It combines share and median.
+    /// Mean size over all specimens, in which those without the effect count as 0. It depends on the fraction, the median and the spread.
     pub fn mean_size(&self) -> f64 {
         self.share * (self.ln_median + 0.5 * self.log_sd * self.log_sd).exp()
     }
 }
 
-/// Position in the grid of laws: index of the law without its share, and index of the share.
+/// Position of a law in the grid: index of median, spread and side together, then index of the fraction.
 pub type Place = (usize, usize);
 
-/// Likelihood ratios r of one specimen under every law, without the share.
+/// Likelihood ratios r of one specimen, one for each combination of median, spread and side.
 pub type LikelihoodRatios = Vec<f64>;
 
-/// Likelihood ratio of every node on both sides.
+/// Likelihood ratios of one specimen at each node of the size grid, for both sides of the null.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Nodes {
     below: Vec<f64>,
@@ -109,7 +110,7 @@ pub struct Nodes {
 }
 
 impl SizeLawGrid {
-    /// Grid of laws for the sizes that the specimens can show; `None` if no specimen can show any.
+    /// Makes a grid for all sizes that the specimens can show; `None` if they can show none.
     pub fn new(likelihoods: &[SizeLikelihood], fineness: Fineness) -> Option<Self> {
         let told: Vec<&SizeLikelihood> = likelihoods.iter().filter(|likelihood| likelihood.norm > 0.0).collect();
         let mut lowest: Vec<f64> =
@@ -118,7 +119,7 @@ impl SizeLawGrid {
             told.iter().map(|size_likelihood| size_likelihood.size_at(SIGMA_RANGE[1]).ln()).collect();
         lowest.sort_by(f64::total_cmp);
         highest.sort_by(f64::total_cmp);
-        // Fitted sizes can lie beyond the range of the first-order likelihoods.
+        // Fitted sizes can be outside the range of the first-order likelihoods.
         let fitted = told
             .iter()
             .filter(|size_likelihood| size_likelihood.z.abs() > SIGMA_RANGE[1])
@@ -141,7 +142,7 @@ impl SizeLawGrid {
         Some(Self { step, first, n_nodes, n_medians, margin, spreads, sides, shares: fineness.shares.to_vec() })
     }
 
-    /// Number of laws without the share.
+    /// Number of combinations of median, spread and side.
     fn n_laws(&self) -> usize {
         self.sides.len() * self.spreads.len() * self.n_medians
     }
@@ -150,7 +151,7 @@ impl SizeLawGrid {
         self.first + self.step * place as f64
     }
 
-    /// Likelihood ratios of a specimen at every node.
+    /// Computes the likelihood ratios of a specimen at each node.
     pub fn nodes(&self, likelihood: &SizeLikelihood) -> Nodes {
         let of = |side: Side| -> Vec<f64> {
             let is_out = match side {
@@ -166,7 +167,7 @@ impl SizeLawGrid {
         Nodes { below: of(Side::Below), above: of(Side::Above) }
     }
 
-    /// Likelihood ratios of a specimen under every law.
+    /// Computes the likelihood ratios of a specimen under each combination of median, spread and side.
     pub fn ratios(&self, nodes: &Nodes) -> LikelihoodRatios {
         let mut ratios = Vec::with_capacity(self.n_laws());
         let averaged = |of: &[f64], weights: &[f64], median: usize| -> f64 {
@@ -189,7 +190,7 @@ impl SizeLawGrid {
         ratios
     }
 
-    /// Law at a position of the grid.
+    /// Returns the law at a position of the grid.
     pub fn law(&self, (law, share): Place) -> SizeLaw {
         let (median, rest) = (law % self.n_medians, law / self.n_medians);
         let (spread, sides) = (rest % self.spreads.len(), rest / self.spreads.len());
@@ -201,13 +202,13 @@ impl SizeLawGrid {
         }
     }
 
-    /// Largest gain of all specimens together (nats, at least 0), and the position of its law.
+    /// Finds the law with the largest gain over all specimens. Returns the gain (nats, at least 0) and the law's position.
     pub fn best(&self, specimens: &[&LikelihoodRatios]) -> (f64, Place) {
         let mut best = (0.0, (0, 0));
         for law in 0..self.n_laws() {
-            // The gain is concave in the share and 0 at share 0. If its slope there is not positive, the gain never is.
+            // The gain is a concave function of the fraction, and it is 0 at fraction 0. If its slope there is not positive, the gain is nowhere positive.
             let slope: f64 = specimens.iter().map(|ratios| ratios[law] - 1.0).sum();
-            // A NaN slope is skipped, too.
+            // A slope of NaN is skipped as well.
             if slope.is_nan() || slope <= 0.0 {
                 continue;
             }
@@ -221,24 +222,24 @@ impl SizeLawGrid {
         best
     }
 
-    /// Gain of a specimen under a law (nats); negative if the specimen contradicts the law.
+    /// Gain of one specimen under a law (nats). It is negative if the specimen contradicts the law.
     pub fn gain(&self, ratios: &LikelihoodRatios, (law, share): Place) -> f64 {
         let share = self.shares[share];
         (1.0 - share + share * ratios[law]).ln()
     }
 
-    /// ln likelihood ratio of every law to no effect: laws in their order, the shares of each law together.
+    /// Log likelihood ratio between each law and no effect. The index of the fraction changes fastest.
     pub fn ln_likelihoods(&self, specimens: &[&LikelihoodRatios]) -> Vec<f64> {
         let of_law = |law: usize| self.shares.iter().map(move |share| gain(specimens, law, *share));
         (0..self.n_laws()).flat_map(of_law).collect()
     }
 
-    /// All laws, in the order of [`Self::ln_likelihoods`].
+    /// All laws of the grid, in the order of [`Self::ln_likelihoods`].
     pub fn all(&self) -> impl Iterator<Item = SizeLaw> + '_ {
         (0..self.n_laws()).flat_map(move |law| (0..self.shares.len()).map(move |share| self.law((law, share))))
     }
 
-    /// Probability that a specimen has the effect under a law, and its possible signed sizes with their probabilities if it has the effect.
+    /// Probability that a specimen has the effect under a law. Also returns its possible signed sizes, with their probabilities if it has the effect.
     pub fn specimen_posterior(&self, nodes: &Nodes, place: Place) -> (f64, Vec<(f64, f64)>) {
         let law = self.law(place);
         let (median, rest) = (place.0 % self.n_medians, place.0 / self.n_medians);
@@ -267,7 +268,7 @@ impl SizeLawGrid {
     }
 }
 
-/// Mean of the likelihood ratios over the grid points of a parameter that is unidentified at the null. All points are equally likely in every specimen.
+/// Mean of likelihood ratios over the grid points of a parameter that is unidentified at the null. All points are equally probable in each specimen.
 pub fn averaged(points: &[Nodes]) -> Nodes {
     let n = points.len().max(1) as f64;
     let mean = |of: &dyn Fn(&Nodes) -> &Vec<f64>| -> Vec<f64> {
@@ -277,7 +278,7 @@ pub fn averaged(points: &[Nodes]) -> Nodes {
     Nodes { below: mean(&|nodes| &nodes.below), above: mean(&|nodes| &nodes.above) }
 }
 
-/// Weights of the nodes around a median: a normal distribution in ln size.
+/// Weights of the nodes around a median, from a normal distribution of ln size with standard deviation `sd`. Nodes are `step` apart.
 fn weights(sd: f64, step: f64) -> Vec<f64> {
     let reach = (REACH_SD * sd / step).ceil() as i64;
     let below = |x: f64| 0.5 * (1.0 + erf(x / (sd * std::f64::consts::SQRT_2)));
@@ -287,7 +288,7 @@ fn weights(sd: f64, step: f64) -> Vec<f64> {
     all.into_iter().map(|weight| weight / sum).collect()
 }
 
-/// Σ ln(1 − π + π r).
+/// Sum Σ ln(1 − π + π r) over specimens, where π is `share`.
 fn gain(specimens: &[&LikelihoodRatios], law: usize, share: f64) -> f64 {
     let factor = |ratios: &&LikelihoodRatios| 1.0 - share + share * ratios[law];
     specimens.chunks(FACTORS_A_LOGARITHM).map(|few| few.iter().map(factor).product::<f64>().ln()).sum()
@@ -302,7 +303,7 @@ mod tests {
         SizeLikelihood { height: 0.5 * z * z, z, norm, unit: 1.0, power: 1.0, reach }
     }
 
-    /// Compares r with a sum over 40,000 sizes of the log-normal distribution, and the total with the product over specimens.
+    /// Compares r with a sum over 40,000 sizes of the log-normal distribution, and the total gain with the product over specimens.
     #[test]
     fn a_law_weighs_as_quadrature_does() {
         let specimens: Vec<SizeLikelihood> =
@@ -338,8 +339,8 @@ mod tests {
                 (1.0 - law.share + law.share * sum / whole).ln()
             };
             let exact: f64 = specimens.iter().map(of).sum();
-            // Cells are 0.1 wide in ln size, and the truncated end of a law may fall inside a cell where a specimen's likelihood is large. The error is about 0.01 per
-            // specimen.
+            // Cells are 0.1 wide in ln size. The distribution of sizes is truncated, and its end may be inside a cell in which a specimen's likelihood is large. The
+            // error is about 0.01 per specimen.
             assert!((lns[index] - exact).abs() < 0.05 + 0.02 * exact.abs(), "{law:?}: {} {exact}", lns[index]);
         }
         assert!(n_compared > 10, "{n_compared}");
@@ -350,8 +351,8 @@ mod tests {
         assert!((sum - gain).abs() < 1e-9);
     }
 
-    /// Half of 40 specimens have a size of 4 standard deviations and one sign. Over ten cohorts, the best share is within 0.15 and the median within 15 %. No cohort
-    /// without the effect gains 8 nats (χ² of one degree, over about fifty laws: below 1e-5 per cohort).
+    /// Half of 40 specimens have a size of 4 standard deviations with one sign. Over ten cohorts, the best fraction is right within 0.15 and the median
+    /// within 15 %. No cohort without the effect gains 8 nats (χ² with one degree of freedom, for about fifty laws: below 1e-5 per cohort).
     #[test]
     fn shares_and_medians_are_found() {
         let mut stream = RandomStream::new(5, 0);
@@ -376,7 +377,8 @@ mod tests {
         }
     }
 
-    /// A specimen's own probability follows Bayes' rule: π r/(1 − π + π r). Its sizes lie around its likeliest size, drawn towards the law's median.
+    /// The probability that a specimen has the effect follows Bayes' rule: π r/(1 − π + π r). The mean of its possible sizes is between its most likely
+    /// size and the law's median.
     #[test]
     fn specimens_are_drawn_to_the_law() {
         let specimens = [told(6.0, 1.0, [0.0, 1e9]), told(0.0, 1.0, [0.0, 1e9])];

@@ -1,4 +1,4 @@
-//! Likelihood of one effect's size in one specimen, relative to no effect.
+//! Likelihood of an effect's size in one specimen, relative to no effect.
 
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
@@ -6,58 +6,59 @@ use statrs::function::erf::erfc;
 
 use criticism::sketch::{EffectProbe, SignatureScore};
 
-/// Largest log likelihood ratio. Larger values would not change a result, and products of several ratios stay finite.
+/// Largest log likelihood ratio. Larger values would not change a result. With this limit, products of several ratios stay finite.
 pub const LARGEST_LOG_RATIO: f64 = 170.0;
-/// Cell width in standard deviations below which a cell is treated as a point.
+/// Width of a cell, in standard deviations, below which the cell is treated as a point.
 const NARROW: f64 = 0.05;
-/// Distance in standard deviations beyond which the normal's tail is treated as exponential.
+/// Distance in standard deviations beyond which the tail of a normal distribution is treated as exponential.
 const FAR: f64 = 8.0;
 
-/// Log likelihood ratio of a size, ln L(size)/L(0) = `height` − ½(`norm`·a − `z`)². A size is the distance from the effect's null. The amplitude
-/// a = ±(size/`unit`)^`power` is positive above the null and negative below it.
+/// Log likelihood ratio of a size: ln L(size)/L(0) = `height` − ½(`norm`·a − `z`)². A size is the distance from the effect's null. Its amplitude is a =
+/// ±(size/`unit`)^`power`, positive above the null and negative below it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SizeLikelihood {
-    /// Log likelihood ratio at the likeliest amplitude; ½z² to first order.
+    /// Log likelihood ratio at the most likely amplitude. To first order it is ½z².
     pub height: f64,
-    /// Likeliest amplitude, in its standard deviations.
+    /// Most likely amplitude, divided by its standard deviation.
     pub z: f64,
-    /// Inverse of the amplitude's standard deviation; 0 if the specimen has no information.
+    /// Inverse of the amplitude's standard deviation. It is 0 if the specimen has no information on the effect.
     pub norm: f64,
-    /// Size at amplitude 1.
+    /// Size for which the amplitude is 1.
     pub unit: f64,
-    /// 1, or 2 for an effect whose leading term is quadratic.
+    /// Exponent of the size in the amplitude: 2 if the leading term of the effect is quadratic, otherwise 1.
     pub power: f64,
-    /// Largest sizes below and above the null.
+    /// Largest possible size below the null, then above it.
     pub reach: [f64; 2],
 }
 
-/// A side of the null.
+/// Side of an effect's null.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Side {
-    /// Below.
+    /// Below the null.
     Below,
-    /// Above.
+    /// Above the null.
     Above,
 }
 
 impl SizeLikelihood {
-    /// First-order likelihood from a signature score.
+    /// Makes the first-order likelihood from a signature score.
     pub fn of(asked: &EffectProbe, reading: SignatureScore) -> Self {
         let SignatureScore { z, norm } = reading;
         Self { height: 0.5 * z * z, z, norm, unit: asked.unit, power: asked.power, reach: asked.reach }
     }
 
-    /// Likelihood of a fitted size, from its value counted from the null, its standard deviation and its gain (nats).
+    /// Makes the likelihood from a fit: the size as distance from the null, its standard deviation, its gain (nats), and the largest sizes.
     pub fn fitted(size: f64, sd: f64, gain: f64, reach: [f64; 2]) -> Self {
         Self { height: gain, z: size / sd, norm: 1.0 / sd, unit: 1.0, power: 1.0, reach }
     }
 
-    /// Size at which the amplitude is `sigma` standard deviations from 0; infinite if the specimen has no information.
+    /// Size for which the amplitude is `sigma` standard deviations from 0. It is infinite if the specimen has no information.
     pub fn size_at(&self, sigma: f64) -> f64 {
         self.unit * (sigma / self.norm).powf(1.0 / self.power)
     }
 
-    /// ln of the mean likelihood ratio over the amplitudes between two sizes on one side. It is −∞ beyond the reach and at most [`LARGEST_LOG_RATIO`].
+    /// Logarithm of the mean likelihood ratio over the amplitudes between two sizes on one side. It is −∞ beyond the largest size, and at most
+    /// [`LARGEST_LOG_RATIO`].
     pub fn ln_mean(&self, side: Side, [from, to]: [f64; 2]) -> f64 {
         let (reach, sign) = match side {
             Side::Below => (self.reach[0], -1.0),
@@ -76,14 +77,14 @@ impl SizeLikelihood {
     }
 }
 
-/// ln of the mean of exp(−½d²) between two values of d.
+/// Logarithm of the mean of exp(−½d²) for d between `low` and `high`.
 fn ln_mean_normal(low: f64, high: f64) -> f64 {
     let width = high - low;
     if width < NARROW {
         let middle = 0.5 * (low + high);
         return -0.5 * middle * middle;
     }
-    // `near` is the distance of the nearer end.
+    // `near` is the distance from 0 of the nearer end.
     let near = if low > 0.0 {
         low
     } else if high < 0.0 {
@@ -92,11 +93,11 @@ fn ln_mean_normal(low: f64, high: f64) -> f64 {
         0.0
     };
     if near > FAR {
-        // exp(−½(d + t)²) ≈ exp(−½d² − dt) is the tail beyond the nearer end.
+        // In the tail, exp(−½(d + t)²) ≈ exp(−½d² − dt), where t is the distance beyond the nearer end.
         return -0.5 * near * near + (-(-width * near).exp_m1()).ln() - (width * near).ln();
     }
     let beyond = |d: f64| 0.5 * erfc(d * FRAC_1_SQRT_2);
-    // The side is chosen so that nothing cancels.
+    // The formula is chosen by the sign, so that no significant digits are lost by subtraction.
     let inside = if low >= 0.0 { beyond(low) - beyond(high) } else { beyond(-high) - beyond(-low) };
     0.5 * (2.0 * PI).ln() + inside.max(f64::MIN_POSITIVE).ln() - width.ln()
 }
@@ -105,7 +106,8 @@ fn ln_mean_normal(low: f64, high: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Compares the means with sums over 20,000 points on both sides. Amplitudes grow with the size or its square, near the peak and 30 standard deviations from it.
+    /// Compares the means with sums over 20,000 points, on both sides of the null. Amplitudes are proportional to the size or to its square. The cells are
+    /// near the peak and 30 standard deviations from it.
     #[test]
     fn means_over_cells_are_those_of_sums() {
         for (z, norm, power) in [(2.0, 3.0, 1.0), (-1.5, 0.7, 1.0), (25.0, 4.0, 2.0), (0.0, 1.0, 2.0), (30.0, 1.0, 1.0)]

@@ -1,16 +1,16 @@
-//! Diagnosis of a cohort: the effect that its specimens lack together.
+//! Diagnosis of a cohort: finds the effect that the models of all its specimens lack.
 //!
-//! One record may show an effect at two standard deviations; twenty records prove or refute it. [`criticism::sketch`] reads every record once. It gives first-order scores
-//! of each effect, and the scores that arise by chance. All further steps use these few numbers:
+//! If each record shows an effect at only two standard deviations, twenty records together prove or refute it. [`criticism::sketch`] reads each record
+//! once. It computes first-order scores of each effect, and scores of simulated records, which arise by chance. All further steps use only these scores:
 //!
 //! 1. [`likelihood`]: likelihood of an effect's size in one record
-//! 2. [`law`]: common law of sizes
-//! 3. [`scan`]: one effect over the cohort
-//! 4. [`judge`]: gains, and p by simulated cohorts
-//! 5. [`class`]: rivals of the claim
-//! 6. [`refit`]: the claim fitted to every record
-//! 7. [`compare`]: sizes of the claim in groups
-//! 8. [`job`]: the whole diagnosis
+//! 2. [`law`]: common distribution of an effect's sizes (size law)
+//! 3. [`scan`]: likelihood ratios of one effect over the cohort
+//! 4. [`judge`]: gains of all effects, and p from simulated cohorts
+//! 5. [`class`]: rivals of the claimed effect
+//! 6. [`refit`]: fits of the claimed effect to each record
+//! 7. [`compare`]: sizes of the claimed effect in groups
+//! 8. [`job`]: the complete diagnosis
 
 pub mod apparatus;
 pub mod artefacts;

@@ -1,4 +1,4 @@
-//! Fits of the claimed effect to every record, with law and noise refitted: sizes, gains and held-out errors.
+//! Fits of the claimed effect to each record, together with law and noise. They give its size, gain and held-out error.
 
 use super::law::{Nodes, Place, SizeLawGrid};
 use super::likelihood::SizeLikelihood;
@@ -7,18 +7,19 @@ use criticism::predicted::allowed_noise_um;
 use criticism::sketch::{BaseFit, EffectProbe};
 use criticism::{Candidate, Fitted, Search, Subject, Tangent};
 
-/// Smallest gain (nats) at which a fitted size replaces the first-order likelihood. Below it, the size may lie at its null, and the first order suffices.
+/// Smallest gain (nats) with which a fitted size replaces the first-order likelihood. With a smaller gain, the size may be at its null, and the first
+/// order suffices.
 const LEAST_NATS: f64 = 4.5;
 
-/// A record with the effect fitted.
+/// Fit of the effect to one record.
 pub struct SizeFit {
-    /// Likelihood of the size; `None` if the first-order likelihood is better.
+    /// Likelihood of the size; `None` if the first-order likelihood should be used instead.
     pub likelihood: Option<SizeLikelihood>,
-    /// Start point for fits at other sizes: coordinates and noise of this fit.
+    /// Coordinates and noise of this fit, from which fits at other sizes start.
     start: Option<Fitted>,
 }
 
-/// The base model and the effect, fitted to the same cycles of a record.
+/// Fits of the base model without and with the effect, to the same cycles of a record.
 struct BaseAndEffectFit {
     candidate: Candidate,
     without: Fitted,
@@ -26,7 +27,7 @@ struct BaseAndEffectFit {
 }
 
 impl BaseAndEffectFit {
-    /// Fits both; `None` if the effect cannot be added or a model cannot be evaluated.
+    /// Makes both fits; `None` if the effect cannot be added or a model cannot be evaluated.
     ///
     /// # Errors
     /// Errors of [`Subject::extended`].
@@ -48,7 +49,7 @@ impl BaseAndEffectFit {
     }
 }
 
-/// Gain of the effect (nats) by a fit to the fitted cycles of a record; `None` if it cannot be fitted.
+/// Fits the effect to the fitted cycles of a record and returns its gain (nats); `None` if it cannot be fitted.
 ///
 /// # Errors
 /// Errors of [`Subject::extended`].
@@ -56,10 +57,10 @@ pub fn gain_nats(subject: &Subject, record: &BaseFit, asked: &EffectProbe) -> Re
     Ok(BaseAndEffectFit::new(subject, record, asked)?.map(|both| both.gain_nats()))
 }
 
-/// Fits the effect to the cycles that `subject` uses as fitted ones.
+/// Fits the effect to the cycles that `subject` defines as fitted.
 ///
 /// # Errors
-/// Errors of building the model, except for an effect that cannot be added.
+/// Errors of building the model. It is no error if the effect cannot be added.
 pub fn fit_size(subject: &Subject, record: &BaseFit, asked: &EffectProbe) -> Result<SizeFit> {
     let none = SizeFit { likelihood: None, start: None };
     let Some(both) = BaseAndEffectFit::new(subject, record, asked)? else { return Ok(none) };
@@ -69,7 +70,7 @@ pub fn fit_size(subject: &Subject, record: &BaseFit, asked: &EffectProbe) -> Res
         let sd = Tangent::new(subject, &candidate, &fitted)?.standard_deviations()[place];
         let (free, theta) = (&candidate.free[place], fitted.theta[place]);
         let value = |theta: f64| free.coordinate.value(free.clamped(theta));
-        // The standard deviation is in the parameter's unit, by the slope at the fit.
+        // Converts the standard deviation to the parameter's unit, with the slope at the fit.
         let sd = 0.5 * (value(theta + sd) - value(theta - sd)).abs();
         let size = value(theta) - asked.null;
         let size = if asked.is_downwards { -size } else { size };
@@ -80,21 +81,21 @@ pub fn fit_size(subject: &Subject, record: &BaseFit, asked: &EffectProbe) -> Res
     Ok(SizeFit { likelihood, start: Some(fitted) })
 }
 
-/// A record with the effect at the size that the cohort's law predicts.
+/// Fit of a record with the effect held at the size that the cohort's size law predicts for it.
 pub struct SizedPrediction {
     /// Probability that the record has the effect.
     pub has: f64,
-    /// Effect parameter: mean over all sizes, including none.
+    /// Value of the effect's parameter: its mean over all possible sizes, including no effect.
     pub value: f64,
-    /// Parameters of the base law, in the base model's order.
+    /// Parameters of the base law, in the order of the base model.
     pub law: Vec<f64>,
-    /// Root mean square error (µm) on the scored cycle and the number of its positions; `None` if no cycle is held out.
+    /// Root mean square error (µm) on the scored cycle, and the number of positions in it. `None` if no cycle is held out.
     pub heldout: Option<(f64, usize)>,
-    /// Root mean square error (µm) that the predictive noise allows on the scored cycle.
+    /// Root mean square error (µm) on the scored cycle that the predictive noise allows. `None` if no cycle is held out.
     pub allowed_um: Option<f64>,
 }
 
-/// Sets the effect to the size that the cohort's law predicts for a record, and fits law and noise.
+/// Sets the effect to the size that the cohort's size law predicts for a record, and fits law and noise.
 ///
 /// # Errors
 /// Errors of building the model.
@@ -130,13 +131,13 @@ pub fn predict_at_cohort_size(
     Ok(SizedPrediction { has, value, law, heldout: heldout_um(subject, &fitted), allowed_um })
 }
 
-/// Base law parameters of a record's base model.
+/// Parameters of the base law at the coordinates `theta` of a record's base model.
 pub fn law_of(record: &BaseFit, theta: &[f64]) -> Vec<f64> {
     let candidate = &record.base.candidate;
     candidate.parameters(theta)[..candidate.model.base().parameters().len()].to_vec()
 }
 
-/// Root mean square error (µm) of a fit on the scored cycle, and the number of its positions.
+/// Root mean square error (µm) of a fit on the scored cycle, and the number of positions in it. `None` if no cycle is held out.
 pub fn heldout_um(subject: &Subject, fitted: &Fitted) -> Option<(f64, usize)> {
     let n = subject.scored_m.iter().flatten().count();
     fitted.rmse_m(&subject.scored_m).map(|rmse_m| (1e6 * rmse_m, n))

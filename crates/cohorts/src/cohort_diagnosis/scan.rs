@@ -1,24 +1,24 @@
-//! Scan of one effect over a cohort: likelihood ratios of every record under every law of sizes.
+//! One effect over a cohort: likelihood ratios of each record under each size law of a grid.
 
 use super::law::{COARSE, LikelihoodRatios, Nodes, Place, SizeLawGrid, averaged};
 use super::likelihood::SizeLikelihood;
 use criticism::sketch::{EffectProbe, RecordScores, ScoreSet, SignatureScore};
 
-/// An effect, the searched laws of its sizes, and the records.
+/// Effect with its grid of size laws and the records of the cohort.
 pub struct EffectScan<'a> {
     records: &'a [RecordScores],
     effect: usize,
-    /// Grid of laws.
+    /// Grid of size laws.
     pub laws: SizeLawGrid,
     n_points: usize,
 }
 
-/// Shape of an effect in a cohort: the parameters that are unidentified at the effect's null. `Some` holds one grid point for all records; `None` leaves every point
-/// possible in each record.
+/// Shape of an effect: the values of its parameters that are unidentified at the null. `Some` holds the index of one grid point for all records. With
+/// `None`, every grid point is possible in each record.
 pub type ShapeIndex = Option<usize>;
 
 impl<'a> EffectScan<'a> {
-    /// Creates the scan of the effect at an index of the library; `None` if no record can show the effect.
+    /// Prepares the effect at this index of the library; `None` if no record can show the effect.
     pub fn new(records: &'a [RecordScores], effect: usize) -> Option<Self> {
         let of = |record: &RecordScores| record.effects[effect].readings.len();
         let n_points = records.iter().map(of).max()?;
@@ -30,22 +30,22 @@ impl<'a> EffectScan<'a> {
         Some(Self { records, effect, laws, n_points })
     }
 
-    /// All shapes of the search.
+    /// All shapes that are searched.
     pub fn shapes(&self) -> impl Iterator<Item = ShapeIndex> + use<> {
         (0..self.n_points).map(Some).chain((self.n_points > 1).then_some(None))
     }
 
-    /// The effect's request for one record.
+    /// Definition of the effect's probe in one record: its signature scores and range of sizes.
     pub fn request(&self, record: usize) -> &EffectProbe {
         &self.records[record].effects[self.effect]
     }
 
-    /// Likelihood of the effect's size at a point of its grid, from the signature scores of a record.
+    /// Likelihood of the effect's size at one grid point, from the signature scores of a record.
     pub fn likelihood(&self, record: usize, readings: &[SignatureScore], point: usize) -> SizeLikelihood {
         likelihood(self.request(record), readings, point)
     }
 
-    /// Likelihood ratio of every size, from the signature scores of a record.
+    /// Likelihood ratio of each size, from the signature scores of a record and for one shape.
     pub fn nodes(&self, record: usize, readings: &[SignatureScore], shape: ShapeIndex) -> Nodes {
         let of = |point: usize| self.laws.nodes(&self.likelihood(record, readings, point));
         match shape {
@@ -54,7 +54,7 @@ impl<'a> EffectScan<'a> {
         }
     }
 
-    /// Likelihood ratios of a record under every law, at one shape.
+    /// Likelihood ratios of a record under each size law, for one shape.
     pub fn record_ratios(&self, record: usize, told: &ScoreSet, shape: ShapeIndex) -> RecordRatios {
         let of = |readings: &Vec<SignatureScore>| self.laws.ratios(&self.nodes(record, readings, shape));
         RecordRatios {
@@ -66,11 +66,12 @@ impl<'a> EffectScan<'a> {
         }
     }
 
-    /// Gains of a cohort under the law with the best fit to its fitted cycles.
+    /// Finds the size law that fits the fitted cycles of a cohort best. Returns the gains under this law.
     pub fn best(&self, cohort: &[&RecordRatios]) -> BestGain {
         let fitted: Vec<&LikelihoodRatios> = cohort.iter().map(|record_ratios| &record_ratios.fitted).collect();
         let (gain_nats, place) = self.laws.best(&fitted);
-        // Each record contributes ln[1 − π + π r(all)] − ln[1 − π + π r(fitted)].
+        // Each record contributes the log of its likelihood ratio from all cycles minus that from the fitted cycles, ln[1 − π + π r(all)] − ln[1 − π + π
+        // r(fitted)].
         let of = |record_ratios: &&RecordRatios| {
             let [before, after] = record_ratios.before_and_after.as_ref()?;
             Some(self.laws.gain(after, place) - self.laws.gain(before, place))
@@ -80,7 +81,7 @@ impl<'a> EffectScan<'a> {
         BestGain { gain_nats, heldout_nats, place }
     }
 
-    /// Gain of one record (nats) from the effect alone, at its best size and shape.
+    /// Gain of one record (nats) with the best size and shape for this record alone.
     pub fn own_gain(&self, record: usize, readings: &[SignatureScore]) -> f64 {
         let asked = self.request(record);
         let gain = |place: usize| {
@@ -92,38 +93,39 @@ impl<'a> EffectScan<'a> {
     }
 }
 
-/// Likelihood ratios of one record under every law.
+/// Likelihood ratios of one record under each size law.
 pub struct RecordRatios {
-    /// Ratios from the fitted cycles.
+    /// Likelihood ratios from the fitted cycles.
     pub fitted: LikelihoodRatios,
-    /// Ratios from the fitted cycles and from all cycles, as future cycles are scored; `None` if no cycle is held out.
+    /// Likelihood ratios from the fitted cycles and from all cycles, computed as for the score of future cycles. `None` if no cycle is held out.
     before_and_after: Option<[LikelihoodRatios; 2]>,
 }
 
-/// Gains of a cohort.
+/// Gains of a cohort under the best size law.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BestGain {
-    /// Gain in log likelihood of the fitted cycles (nats), under the best law.
+    /// Gain of log likelihood on the fitted cycles (nats).
     pub gain_nats: f64,
-    /// Gain in log score of the last cycles under that law, each given the earlier cycles of its record; `None` if no cycle is held out.
+    /// Gain of the log score on the last cycles (nats) under that law. Each last cycle is predicted from the earlier cycles of its record. `None` if no cycle
+    /// is held out.
     pub heldout_nats: Option<f64>,
-    /// Position of the law in the grid.
+    /// Position of the best law in the grid.
     pub place: Place,
 }
 
 impl BestGain {
-    /// Gain on fitted and last cycles together, by which effects are ranked; 0 without a gain on the fitted cycles.
+    /// Gain on the fitted and the last cycles together (nats), by which effects are ranked. It is 0 if there is no gain on the fitted cycles.
     pub fn rank_nats(&self) -> f64 {
         if self.gain_nats > 0.0 { self.gain_nats + self.heldout_nats.unwrap_or(0.0) } else { 0.0 }
     }
 
-    /// The one of two shapes of an effect with the larger gain; the first if they are equal.
+    /// Returns the larger of the gains of two shapes; the first if they are equal.
     pub fn larger(self, other: Self) -> Self {
         if other.gain_nats > self.gain_nats { other } else { self }
     }
 }
 
-/// First-order likelihood at a point. A record without this point has no information on it.
+/// First-order likelihood at one grid point. A record without this point has no information about it.
 fn likelihood(asked: &EffectProbe, readings: &[SignatureScore], point: usize) -> SizeLikelihood {
     let place = asked.readings.start + point;
     let reading = if place < asked.readings.end { readings[place] } else { SignatureScore { z: 0.0, norm: 0.0 } };

@@ -1,4 +1,4 @@
-//! Sentences of a cohort's diagnosis.
+//! Sentences on the diagnosis of a cohort.
 
 use documents::cohort::{CohortContrast, CohortEffect, CohortGroup, CohortSpecimen, NullSide};
 use documents::diagnosis::{Status, VerdictKind, group_by_reason};
@@ -6,24 +6,25 @@ use documents::groups::RatioVerdict;
 use figures::labels::parameter_label;
 use figures::number::format_significant;
 
-/// Largest number of names in a sentence.
+/// Largest number of names that a sentence lists.
 const MOST_NAMES: usize = 8;
-/// Largest share and gain of a group that shows no sign of the effect. The gain is the one of the group's own records.
+/// Largest fraction of specimens with the effect in a group that shows no sign of it.
 const SMALL_SHARE: f64 = 0.35;
+/// Largest gain (nats) from the records of such a group.
 const NOTHING_NATS: f64 = 1.0;
 
 fn percent(share: f64) -> String {
     format!("{:.0} %", 100.0 * share)
 }
 
-/// The first names, and the number of the others.
+/// Joins the first names, and adds the number of the others.
 fn listed(names: &[&str]) -> String {
     let more = names.len().saturating_sub(MOST_NAMES);
     let shown = names.iter().take(MOST_NAMES).copied().collect::<Vec<_>>().join(", ");
     if more > 0 { format!("{shown} and {more} more") } else { shown }
 }
 
-/// Sizes of a group as text: "β 2.1 (1.8 to 2.4) m/s, ×/÷ 1.30 between specimens; 95 % (80 % to 100 %) of the records have it".
+/// Describes the sizes in a group, such as "β 2.1 (1.8 to 2.4) m/s, ×/÷ 1.30 between specimens; 95 % (80 % to 100 %) of the records have it".
 pub fn sizes(group: &CohortGroup) -> String {
     let label = parameter_label(&group.parameter);
     let unit = if label.unit == "–" { String::new() } else { format!(" {}", label.unit) };
@@ -43,7 +44,8 @@ pub fn sizes(group: &CohortGroup) -> String {
     )
 }
 
-/// Sentence of the verdict. `left` holds the claim's error (µm) on all held-out cycles, and its ratio to the predictive noise.
+/// Sentence that states the verdict. `left` holds the error with the claimed effect (µm) on all held-out cycles, and the ratio of this error to the
+/// predictive noise.
 pub fn verdict(
     (kind, leading, equivalent): (VerdictKind, Option<&CohortEffect>, &[String]),
     (pooled, groups, specimens): (Option<&CohortGroup>, &[CohortGroup], &[CohortSpecimen]),
@@ -106,7 +108,7 @@ pub fn verdict(
     }
 }
 
-/// Returns true if a group's own records show no sign of the effect.
+/// Returns `true` if the group's own records show no sign of the effect.
 fn has_none(group: &CohortGroup) -> bool {
     group.gain_nats < NOTHING_NATS && group.share < SMALL_SHARE
 }
@@ -119,7 +121,7 @@ fn too_much(specimens: &[CohortSpecimen]) -> Vec<&str> {
         .collect()
 }
 
-/// Sentence that compares two groups.
+/// Sentence that compares the sizes in two groups.
 pub fn contrast(cohort_contrast: &CohortContrast, [a, b]: [&CohortGroup; 2], margin: f64) -> String {
     let (more, less, ratio) = if cohort_contrast.ratio_median >= 1.0 {
         (a, b, [cohort_contrast.ratio_median, cohort_contrast.q05, cohort_contrast.q95])
@@ -153,7 +155,7 @@ pub fn contrast(cohort_contrast: &CohortContrast, [a, b]: [&CohortGroup; 2], mar
     }
 }
 
-/// Remarks for the reader.
+/// Remarks on the diagnosis for the reader.
 pub fn remarks(effects: &[CohortEffect], specimens: &[CohortSpecimen], kind: VerdictKind) -> Vec<String> {
     let mut remarks = Vec::new();
     let refused = effects.iter().map(|effect| (effect.effect.as_str(), effect.refused.as_deref()));

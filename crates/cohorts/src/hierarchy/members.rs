@@ -1,4 +1,4 @@
-//! One experiment's information on its parameters: draws under an interim prior, or the likelihood itself.
+//! What one experiment contributes to the hierarchy: draws of its parameters under an interim prior, or its likelihood.
 
 use nalgebra::{Cholesky, DMatrix, Dyn};
 use rand::{Rng, RngExt};
@@ -7,19 +7,19 @@ use rand_distr::weighted::WeightedAliasIndex;
 
 use super::random::normals;
 
-/// Draws of an experiment's parameters under the interim prior, as unbounded coordinates.
+/// Draws of an experiment's parameters under the interim prior, the prior with which the experiment is sampled alone. The coordinates are unbounded.
 #[derive(Debug, Clone)]
 pub struct InterimDraws {
-    /// Coordinates; `n_parameters` values per draw.
+    /// Coordinates, draw after draw, `n_parameters` values per draw.
     pub coordinates: Vec<f64>,
-    /// Log density of the interim prior over the coordinates, one value per draw.
+    /// Log density of the interim prior, as a density over the coordinates; one value per draw.
     pub log_prior: Vec<f64>,
-    /// Distribution of proposals, proportional to the inverse interim prior; `None` without draws.
+    /// Distribution from which draws are proposed, proportional to the inverse interim prior. `None` if there are no draws.
     proposal: Option<WeightedAliasIndex<f64>>,
 }
 
 impl InterimDraws {
-    /// Creates draws from coordinates and the interim prior's log density at each draw.
+    /// Makes draws from their coordinates and the interim prior's log density at each draw.
     pub fn new(coordinates: Vec<f64>, log_prior: Vec<f64>) -> Self {
         let least = log_prior.iter().copied().fold(f64::INFINITY, f64::min);
         let inverse = log_prior.iter().map(|log_prior| (least - log_prior).exp()).collect();
@@ -31,12 +31,12 @@ impl InterimDraws {
         self.log_prior.len()
     }
 
-    /// Returns true if there are no draws.
+    /// Returns `true` if there are no draws.
     pub fn is_empty(&self) -> bool {
         self.log_prior.is_empty()
     }
 
-    /// Coordinates of one draw.
+    /// Coordinates of the draw with this index.
     pub fn get(&self, index: usize) -> &[f64] {
         let p = self.coordinates.len() / self.len().max(1);
         &self.coordinates[index * p..(index + 1) * p]
@@ -46,7 +46,7 @@ impl InterimDraws {
         self.proposal.as_ref().map_or(0, |proposal| proposal.sample(rng))
     }
 
-    /// Effective number of draws, 1/Σw², when they are weighted to a normal population (Kish).
+    /// Effective number of draws, 1/Σw² (Kish), if they are weighted to a normal population with this mean and precision matrix.
     pub fn effective_number(&self, mean: &[f64], precision: &DMatrix<f64>) -> f64 {
         let logs: Vec<f64> = (0..self.len())
             .map(|n| -0.5 * squared_distance(self.get(n), mean, precision) - self.log_prior[n])
@@ -62,7 +62,7 @@ impl InterimDraws {
     }
 }
 
-/// (x − m)ᵀ P (x − m).
+/// Squared distance (x − m)ᵀ P (x − m) of a point x from the mean m, with the precision matrix P.
 pub(super) fn squared_distance(x: &[f64], mean: &[f64], precision: &DMatrix<f64>) -> f64 {
     let columns = precision.as_slice().chunks_exact(x.len());
     let mut sum = 0.0;
@@ -73,52 +73,54 @@ pub(super) fn squared_distance(x: &[f64], mean: &[f64], precision: &DMatrix<f64>
     sum
 }
 
-/// Likelihood of an experiment. A point holds the coordinates of the pooled parameters, followed by the other parameters of the experiment's model.
+/// Likelihood of an experiment. A point holds the coordinates of the pooled parameters, which the population describes. The other parameters of the
+/// experiment's model follow.
 pub trait ExperimentDensity: Sync {
-    /// Log likelihood. It includes the priors of the unpooled parameters but *not* the interim prior of the pooled ones. It is −∞ outside the support.
+    /// Log likelihood at a point. It includes the priors of the unpooled parameters, but *not* the interim prior of the pooled ones. It is −∞ outside the
+    /// support.
     fn ln_density(&self, point: &[f64]) -> f64;
-    /// Draws under the interim prior. Steps are proposed from their differences.
+    /// Draws under the interim prior. Differences between them are proposed as steps.
     fn archive(&self) -> &[Vec<f64>];
 }
 
-/// Contribution of one experiment to the hierarchy.
+/// Form in which an experiment enters the hierarchy.
 pub enum ExperimentMember<'a> {
-    /// Draws, re-weighted to the population (Hogg, Myers, Bovy 2010, ApJ 725:2166).
+    /// Draws that are re-weighted to the population (Hogg, Myers, Bovy 2010, ApJ 725:2166).
     Draws(&'a InterimDraws),
-    /// Exact likelihood; each step costs one trajectory.
+    /// Exact likelihood. Each step costs the computation of one trajectory.
     Exact(&'a dyn ExperimentDensity),
 }
 
-/// State of a chain in one experiment.
+/// State of one experiment in a chain.
 pub(super) struct ChainState {
-    /// Coordinates of the pooled parameters.
+    /// Coordinates of the experiment's pooled parameters.
     pub coordinates: Vec<f64>,
     index: usize,
     point: Vec<f64>,
     ln_density: f64,
-    /// Trials per sweep, and the numbers of trials made and accepted so far.
+    /// Number of trials per sweep. The next two fields count the trials made and accepted so far.
     n_trials: usize,
     tried: usize,
     accepted: usize,
 }
 
 impl ChainState {
-    /// Ends the counting and fixes the trials per sweep, so that two are accepted on average. The number never exceeds the present one.
+    /// Ends the counting of trials, and fixes their number per sweep so that about two are accepted. The number never increases.
     pub(super) fn freeze(&mut self) {
         let wanted = (WANTED_ACCEPTANCES * self.tried).div_ceil(self.accepted.max(1));
         self.n_trials = wanted.clamp(1, self.n_trials);
     }
 }
 
-/// Trials per sweep while the acceptance is still being counted.
+/// Number of trials per sweep while accepted trials are counted.
 const N_TRIALS: usize = 8;
-/// Accepted trials per sweep that [`ChainState::freeze`] aims at.
+/// Number of accepted trials per sweep for which [`ChainState::freeze`] aims.
 const WANTED_ACCEPTANCES: usize = 2;
-/// Share of the archive steps that go the full distance between two archived draws, from mode to mode.
+/// Fraction of the archive steps that use the full difference of two draws. They can lead from mode to mode.
 const WHOLE_STEPS: f64 = 0.1;
 
 impl ExperimentMember<'_> {
-    /// Returns true if there is no draw to start from.
+    /// Returns `true` if there is no draw to start from.
     pub fn is_empty(&self) -> bool {
         match self {
             Self::Draws(draws) => draws.is_empty(),
@@ -144,7 +146,7 @@ impl ExperimentMember<'_> {
         }
     }
 
-    /// Makes Monte Carlo steps whose invariant distribution is the conditional one, given the population's mean and precision.
+    /// Makes Monte Carlo steps of the experiment's parameters. They leave the conditional distribution invariant, given the population's mean and precision.
     pub(super) fn step(&self, place: &mut ChainState, mean: &[f64], precision: &DMatrix<f64>, rng: &mut impl Rng) {
         let mut distance = squared_distance(&place.coordinates, mean, precision);
         place.tried += place.n_trials;
@@ -176,13 +178,13 @@ impl ExperimentMember<'_> {
     }
 }
 
-/// Proposals for an exact likelihood, of two kinds. Differences between archived draws suit parameters that the experiment determines. Draws from the population suit
-/// parameters that only the population determines.
+/// Proposals for an experiment with an exact likelihood. Differences between archived draws suit parameters that the experiment determines. Draws from
+/// the population suit parameters that only the population determines.
 struct ExactSteps<'a> {
     density: &'a dyn ExperimentDensity,
     mean: &'a [f64],
     precision: &'a DMatrix<f64>,
-    /// Cholesky factor of the population's precision.
+    /// Cholesky factor of the population's precision matrix; `None` if it has none.
     factor: Option<Cholesky<f64, Dyn>>,
 }
 
@@ -191,7 +193,7 @@ impl<'a> ExactSteps<'a> {
         Self { density, mean, precision, factor: Cholesky::new(precision.clone()) }
     }
 
-    /// Proposes a point, and returns the population's share of the log acceptance ratio.
+    /// Proposes a point. Also returns the population's contribution to the log acceptance ratio.
     fn propose(&self, place: &ChainState, rng: &mut impl Rng) -> (Vec<f64>, f64) {
         match &self.factor {
             Some(factor) if rng.random::<bool>() => (self.by_population(place, factor, rng), 0.0),
@@ -204,8 +206,9 @@ impl<'a> ExactSteps<'a> {
         }
     }
 
-    /// Proposes m + cos(θ)(φ − m) + sin(θ) ξ with ξ from the population and θ uniform up to a quarter turn. The proposal leaves the population's distribution invariant
-    /// (preconditioned Crank–Nicolson; Cotter et al. 2013, Stat. Sci. 28:424).
+    /// Proposes m + cos(θ)(φ − m) + sin(θ) ξ. Here φ are the present coordinates, m is the population's mean, ξ a deviation drawn from the population, and θ
+    /// uniform between 0 and π/2. The proposal leaves the population's distribution invariant (preconditioned Crank–Nicolson; Cotter et al. 2013, Stat. Sci.
+    /// 28:424).
     fn by_population(&self, place: &ChainState, factor: &Cholesky<f64, Dyn>, rng: &mut impl Rng) -> Vec<f64> {
         let mut fresh = normals(self.mean.len(), rng);
         factor.l_dirty().tr_solve_lower_triangular_mut(&mut fresh);
@@ -219,7 +222,7 @@ impl<'a> ExactSteps<'a> {
 
     fn along_archive(&self, place: &ChainState, rng: &mut impl Rng) -> Vec<f64> {
         let archive = self.density.archive();
-        // This scale is optimal for a normal target (ter Braak 2006, Stat. Comput. 16:239).
+        // This step scale is optimal for a normal target (ter Braak 2006, Stat. Comput. 16:239).
         let short = 2.38 / (2.0 * place.point.len() as f64).sqrt();
         let scale = if rng.random::<f64>() < WHOLE_STEPS { 1.0 } else { short };
         let from = &archive[rng.random_range(0..archive.len())];

@@ -1,24 +1,29 @@
-//! Gibbs sampler for the population of groups.
+//! Gibbs sampler for the distribution of parameters over specimens and groups (the population).
 //!
-//! The model has p coordinates φ for an experiment e of specimen s in group g. Coordinates are logarithms, or log-odds of parameters with two bounds:
+//! An experiment e of specimen s in group g has p coordinates φ. They are logarithms of parameters, or log-odds for parameters with two bounds. The model
+//! is
 //!
 //! ```text
-//! φ_e  = μ_g + u_s + w_e        w_e ~ N(0, W)          repeats (left out where no specimen has any)
-//! u_s  ~ N(0, Σ_h / λ_s)        specimens of stratum h; λ_s = 1, or Gamma(ν/2, ν/2): Student-t specimens
-//! μ_g  = m + Σ_k a_k,level(g)   a_k ~ N(0, diag τ_k²)  one sum of the grouping keys' levels, and one of the group's own
+//! φ_e  = μ_g + u_s + w_e        w_e ~ N(0, W)          repeats (left out if no specimen has any)
+//! u_s  ~ N(0, Σ_h / λ_s)        specimens of stratum h; λ_s = 1, or Gamma(ν/2, ν/2) for Student-t specimens
+//! μ_g  = m + Σ_k a_k,level(g)   a_k ~ N(0, diag τ_k²)  one term for each grouping key k, and one for the group itself
 //! ```
 //!
-//! Groups that share specimens share Σ. The Σ of several strata are partially pooled: Σ_h ~ inverse-Wishart(κ + p − 1, 2κ diag(1/α)). The strata share the scales α. κ
-//! measures their similarity, from slight (2) to nearly equal (32); α and κ are both sampled.
+//! Here μ_g is the mean of the group, u_s the deviation of the specimen, w_e that of the experiment and m the overall mean. N is a normal distribution.
 //!
-//! A single Σ has the prior of Huang & Wand (2013, Bayesian Anal. 8:439, doi:10.1214/13-BA815): half-t(κ) standard deviations, and uniform correlations at κ = 2. W has
-//! this prior at κ = 2.
+//! Groups that have specimens in common form a stratum and have one Σ. The covariances Σ_h of several strata are partially pooled: Σ_h ~
+//! inverse-Wishart(κ + p − 1, 2κ diag(1/α)). The strata share the scales α. κ measures the similarity of their covariances, from slight (2) to nearly
+//! equal (32). α and κ are both sampled.
 //!
-//! The τ of a key's levels have 1/τ² ~ Gamma(½, s²/2), so 1/τ is half-normal and small spreads are improbable. A few levels are therefore hardly shrunk together, and
-//! intervals of their differences keep their nominal coverage of a fixed truth. The τ of the groups' own shares is half-t(2).
+//! A single Σ has the prior of Huang & Wand (2013, Bayesian Anal. 8:439, doi:10.1214/13-BA815): half-t(κ) standard deviations, and uniform correlations
+//! for κ = 2. W has this prior with κ = 2.
 //!
-//! Every update except the members' is a draw from a full conditional. (m, a) are drawn with all u integrated out. The time of a sweep is linear in the number of
-//! experiments.
+//! The standard deviations τ between a key's levels have the prior 1/τ² ~ Gamma(½, s²/2). Then 1/τ is half-normal, and small τ are improbable. A few
+//! levels are therefore hardly shrunk together, and intervals of their differences keep their nominal coverage of a fixed truth. The τ of the groups' own
+//! terms are half-t(2).
+//!
+//! Every update is a draw from a full conditional distribution, except that of the experiments' parameters. (m, a) are drawn with all u integrated out.
+//! The time of a sweep is proportional to the number of experiments.
 
 mod members;
 mod random;
@@ -42,76 +47,77 @@ use posterior::monitor::{Counter, Monitor};
 use sampling::diagnostics::ranks::BlomScores;
 use sampling::diagnostics::{DrawColumn, diagnose};
 
-/// Largest R̂ of converged draws.
+/// Largest R̂ with which draws count as converged.
 pub const LARGEST_RHAT: f64 = 1.01;
-/// Smallest effective number of draws of every mean and spread of converged draws (Vehtari et al. 2021, Bayesian Anal. 16:667).
+/// Smallest effective number of draws with which they count as converged, for every mean and spread (Vehtari et al. 2021, Bayesian Anal. 16:667).
 pub const FEWEST_EFFECTIVE_DRAWS: f64 = 400.0;
-/// Message about the results that are kept when a run is stopped.
+/// Message on the results that are kept if the user stops a run.
 pub(super) const INTERRUPTED_MESSAGE: &str = "finished experiments are kept; repeat the command to continue from them";
-/// Sweeps between two checks of the monitor.
+/// Number of sweeps between two checks of the monitor for progress and stops.
 const SWEEPS_PER_CHECK: usize = 100;
 /// Degrees of freedom of the half-t priors of standard deviations.
 const HALF_T_DEGREES: f64 = 2.0;
-/// Values of κ, the similarity of the strata's covariances; all equally probable a priori.
+/// Values of κ, the similarity of the strata's covariances. They are equally probable a priori.
 pub const SIMILARITIES: [f64; 5] = [2.0, 4.0, 8.0, 16.0, 32.0];
 
-/// Priors and settings of the hierarchy.
+/// Priors of the hierarchy, and settings of its sampler.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HierarchyOptions {
-    /// Prior mean of the overall coordinates, one value per parameter.
+    /// Prior mean of the overall mean m, one coordinate per parameter.
     pub overall_mean: Vec<f64>,
-    /// Prior standard deviations of the overall coordinates.
+    /// Prior standard deviation of the overall mean m, one coordinate per parameter.
     pub overall_sd: Vec<f64>,
-    /// Scale s of the spread between the levels of a key, in the coordinate.
+    /// Scale s of the prior for the standard deviation between the levels of a key, in the coordinate.
     pub level_scale: f64,
-    /// Scales of the half-t priors, in the coordinate: spread between groups beyond their levels, between specimens, and between repeats.
+    /// Scales of three half-t priors for standard deviations, in the coordinate: between groups in addition to the keys, between specimens, and between
+    /// repeats.
     pub scales: [f64; 3],
-    /// Degrees of freedom of the Student-t distribution between specimens; `None` if that distribution is normal.
+    /// Degrees of freedom of the Student-t distribution of specimens; `None` for a normal distribution.
     pub student_dof: Option<f64>,
-    /// Number of chains.
+    /// Number of independent chains.
     pub n_chains: usize,
-    /// Sweeps of each chain that are dropped, and sweeps after them until convergence is first tested.
+    /// Number of first sweeps that are dropped, and number of further sweeps until convergence is first tested; both per chain.
     pub n_sweeps: [usize; 2],
-    /// Largest number of sweeps after the dropped ones. The number of sweeps doubles until the draws have converged.
+    /// Largest number of sweeps per chain after the dropped ones. Until the draws have converged, the number of sweeps doubles.
     pub max_sweeps: usize,
-    /// First interval between kept sweeps. The interval doubles each time the number of sweeps doubles.
+    /// Interval between kept sweeps at first. It doubles each time that the number of sweeps doubles.
     pub keep_every: usize,
-    /// Seed.
+    /// Seed of all random numbers.
     pub seed: u64,
 }
 
-/// One state of the population, for p parameters.
+/// One draw of the population, for p parameters.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PopulationDraw {
-    /// Mean coordinates of every group, p numbers per group.
+    /// Mean coordinates of each group, p values per group.
     pub group_mean: Vec<f64>,
-    /// Covariance matrix between specimens in every stratum, p² numbers each.
+    /// Covariance matrix between specimens of each stratum, p² values per stratum.
     pub between_specimens: Vec<f64>,
-    /// Covariance matrix between repeats, p² numbers; empty without repeats.
+    /// Covariance matrix between repeats, p² values; empty if no specimen has repeats.
     pub within_specimens: Vec<f64>,
-    /// Standard deviations between the levels of each key and, last, between groups beyond their levels; p numbers each.
+    /// Standard deviations between the levels of each key, p values per key. The last p values are those between groups in addition to the keys.
     pub between_groups_sd: Vec<f64>,
-    /// Mean coordinates of every specimen, p numbers per specimen. If a specimen has several groups, they apply in the group of its first experiment.
+    /// Mean coordinates of each specimen, p values per specimen. If a specimen has several groups, the values are for the group of its first experiment.
     pub specimen_mean: Vec<f64>,
-    /// Weights λ of the specimens.
+    /// Weight λ of each specimen.
     pub specimen_weight: Vec<f64>,
-    /// Overall mean m and the levels' shares a, in the order of [`ShareLayout`]; p numbers each.
+    /// Overall mean m and the terms a of the keys' levels, in the order of [`ShareLayout`]; p values each.
     pub shares: Vec<f64>,
 }
 
-/// Order of the shares that make up the groups' means.
+/// Order of the terms (shares) that add up to the groups' means.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ShareLayout {
-    /// Number of shares, including the overall mean.
+    /// Number of terms, including the overall mean.
     pub n_shares: usize,
-    /// Range of each factor's shares: first the keys; then, with several keys, the group's own share.
+    /// Range of the terms of each factor. The keys come first. With several keys, the groups' own terms follow.
     pub factors: Vec<Range<usize>>,
-    /// Shares that make up each group's mean; the overall mean comes first.
+    /// Indices of the terms that add up to each group's mean. The overall mean comes first.
     pub of_group: Vec<Vec<usize>>,
 }
 
 impl ShareLayout {
-    /// Layout of the shares of a design.
+    /// Determines the order of the terms for a design.
     pub fn new(design: &Design) -> Self {
         let mut factors = Vec::new();
         let mut next = 1;
@@ -132,30 +138,30 @@ impl ShareLayout {
     }
 }
 
-/// Draws of all chains.
+/// Draws of the population from all chains.
 pub struct Population {
-    /// Kept draws, by chain.
+    /// Kept draws of each chain.
     pub chains: Vec<Vec<PopulationDraw>>,
     /// Number of parameters.
     pub n_parameters: usize,
-    /// Sweeps of each chain from which draws were kept.
+    /// Number of sweeps per chain from which draws were kept.
     pub n_sweeps: usize,
-    /// Largest rank-normalised split R̂ of the groups' means and the spreads.
+    /// Largest rank-normalised split R̂ of all groups' means and spreads.
     pub rhat: f64,
-    /// Smallest effective number of draws of these quantities, bulk or tail.
+    /// Smallest effective number of draws of these quantities, for the bulk or the tails.
     pub ess: f64,
-    /// True if R̂ and the effective number of draws meet their thresholds.
+    /// `true` if R̂ and the effective number of draws meet their thresholds.
     pub has_converged: bool,
 }
 
 impl Population {
-    /// All draws.
+    /// Draws of all chains, one chain after the other.
     pub fn draws(&self) -> impl Iterator<Item = &PopulationDraw> {
         self.chains.iter().flatten()
     }
 }
 
-/// Samples the population that the members come from; each experiment of the design has one member.
+/// Samples the population. `members` has one entry for each experiment of the design.
 ///
 /// # Errors
 /// [`base::Error::Numerical`] if an experiment has no draws or a covariance cannot be factored, [`base::Error::Interrupted`] if stopped.
@@ -200,14 +206,14 @@ pub fn sample_population(
     }
 }
 
-/// A chain, its random numbers and its kept draws.
+/// A chain with its random numbers and the draws that it has kept.
 struct HierarchyRun<'a, 'm> {
     chain: Chain<'a, 'm>,
     rng: ChaCha8Rng,
     kept: Vec<PopulationDraw>,
 }
 
-/// Makes `n_sweeps` sweeps of all chains and keeps every `keep_every`-th state.
+/// Makes `n_sweeps` sweeps of each chain, and keeps the state after every `keep_every`-th sweep.
 fn run_sweeps(runs: &mut [HierarchyRun], n_sweeps: usize, keep_every: usize, monitor: &dyn Monitor) -> Result<()> {
     let counter = Counter::new(monitor, runs.len() * n_sweeps / SWEEPS_PER_CHECK);
     let one = |run: &mut HierarchyRun| {
@@ -228,7 +234,7 @@ fn run_sweeps(runs: &mut [HierarchyRun], n_sweeps: usize, keep_every: usize, mon
     runs.par_iter_mut().map(one).collect()
 }
 
-/// Largest R̂ and smallest effective number of draws of the groups' means and the spreads' logarithms.
+/// Returns the largest R̂ and the smallest effective number of draws. Both are over the groups' means and the logarithms of the spreads.
 fn diagnostics(design: &Design, runs: &[HierarchyRun], p: usize) -> (f64, f64) {
     let n_kept = runs.first().map_or(0, |run| run.kept.len());
     let blom = BlomScores::new(runs.len() * n_kept);
@@ -251,7 +257,7 @@ fn diagnostics(design: &Design, runs: &[HierarchyRun], p: usize) -> (f64, f64) {
     (rhat, ess)
 }
 
-/// Σ λ x xᵀ of deviations with a common covariance, and their number.
+/// Sum Σ λ x xᵀ over deviations x with a common covariance and weights λ, and the number of deviations.
 struct Scatter {
     sum: DMatrix<f64>,
     count: usize,
@@ -268,7 +274,8 @@ impl Scatter {
     }
 }
 
-/// Draws inverse covariances given their scatters, then the scales that they share (Huang & Wand, with one scale for several covariances).
+/// Draws inverse covariances, given the sums of squares of the deviations (scatters). Then draws the scales that the covariances share (Huang & Wand,
+/// with one scale for several covariances).
 fn draw_covariances(
     scatters: Vec<Scatter>,
     scales: &mut [f64],
@@ -290,13 +297,13 @@ fn draw_covariances(
     Ok(precisions)
 }
 
-/// Draws κ given the strata's inverse covariances and their scales.
+/// Draws κ, given the inverse covariances of the strata and their scales.
 fn draw_likeness(precisions: &[DMatrix<f64>], scales: &[f64], rng: &mut ChaCha8Rng) -> f64 {
     let p = scales.len();
     let ln_densities = SIMILARITIES.map(|likeness| {
         let degrees = likeness + (p - 1) as f64;
         let ln_scale: f64 = scales.iter().map(|scale| (2.0 * likeness / scale).ln()).sum();
-        // This is the multivariate gamma function up to a constant.
+        // Logarithm of the multivariate gamma function, up to a constant.
         let ln_gamma: f64 = (0..p).map(|j| ln_gamma(0.5 * (degrees - j as f64))).sum();
         let constant = 0.5 * degrees * (ln_scale - p as f64 * std::f64::consts::LN_2) - ln_gamma;
         let of_precision = |precision: &DMatrix<f64>| {
@@ -324,22 +331,22 @@ struct Chain<'a, 'm> {
     layout: ShareLayout,
     p: usize,
     has_repeats: bool,
-    /// Specimen of every experiment.
+    /// Index of each experiment's specimen.
     specimen_of: Vec<usize>,
     places: Vec<ChainState>,
     shares: DVector<f64>,
     group_mean: Vec<DVector<f64>>,
-    /// Deviation of each specimen; without repeats, the whole deviation from the group's mean.
+    /// Deviation of each specimen. Without repeats, it is the deviation of the experiment from the group's mean.
     deviation: Vec<DVector<f64>>,
     weight: Vec<f64>,
-    /// Σ⁻¹ of every stratum, and the shared scales of their prior.
+    /// Precision matrix Σ⁻¹ of each stratum. The next field holds the scales α that the strata share.
     precision: Vec<DMatrix<f64>>,
     scale: Vec<f64>,
     likeness: f64,
-    /// W⁻¹ and its scales.
+    /// Precision matrix W⁻¹ of repeats. The next field holds its scales.
     repeat_precision: DMatrix<f64>,
     repeat_scale: Vec<f64>,
-    /// τ² of every factor and parameter, and the scales of their priors.
+    /// Variance τ² of each factor and parameter. The next field holds the scales of their priors.
     factor_variance: Vec<Vec<f64>>,
     factor_scale: Vec<Vec<f64>>,
 }
@@ -360,7 +367,7 @@ impl<'a, 'm> Chain<'a, 'm> {
         }
         let of_sd = |sd: f64| DMatrix::from_diagonal_element(p, p, 1.0 / (sd * sd));
         let n_factors = layout.factors.len();
-        // Start values are overdispersed by a factor of e in either direction.
+        // Start values of the spreads differ between chains by a factor of about e in either direction.
         let mut spread = |scale: f64| scale * (normals(1, rng)[0]).exp();
         Self {
             precision: (0..design.n_strata).map(|_| of_sd(spread(0.5 * options.scales[1]))).collect(),
@@ -523,7 +530,7 @@ impl<'a, 'm> Chain<'a, 'm> {
         }
     }
 
-    /// Draws W given all repeats, and its scales.
+    /// Draws the precision matrix W⁻¹ and its scales, given all repeats.
     fn draw_repeat_precision(&mut self, rng: &mut ChaCha8Rng) -> Result<()> {
         let mut scatter = Scatter::new(self.p);
         for e in 0..self.design.n_experiments() {
@@ -543,7 +550,7 @@ impl<'a, 'm> Chain<'a, 'm> {
         }
     }
 
-    /// Draws Σ of every stratum given its specimens, then the scales and κ that the strata share.
+    /// Draws the precision matrix Σ⁻¹ of each stratum, given its specimens. Then draws the scales and κ, which the strata share.
     fn draw_precisions(&mut self, rng: &mut ChaCha8Rng) -> Result<()> {
         let mut scatters: Vec<Scatter> = (0..self.design.n_strata).map(|_| Scatter::new(self.p)).collect();
         for (index, specimen) in self.design.specimens.iter().enumerate() {

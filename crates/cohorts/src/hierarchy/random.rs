@@ -1,4 +1,4 @@
-//! Random numbers and matrices of the Gibbs sampler.
+//! Random vectors and matrices that the Gibbs sampler draws.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rand::Rng;
@@ -6,7 +6,7 @@ use rand_distr::{Distribution, Gamma, StandardNormal};
 
 use base::error::{Error, Result, Setting};
 
-/// Cholesky factor of a matrix.
+/// Computes the Cholesky factor of a matrix.
 ///
 /// # Errors
 ///
@@ -27,7 +27,7 @@ pub(super) fn normals(n: usize, rng: &mut impl Rng) -> DVector<f64> {
     DVector::from_fn(n, |_, _| StandardNormal.sample(rng))
 }
 
-/// Draws from the normal distribution with density exp(−½ xᵀPx + hᵀx).
+/// Draws x from the normal distribution with density proportional to exp(−½ xᵀPx + hᵀx), where P is `precision` and h is `information`.
 pub(super) fn normal_of_information(
     precision: DMatrix<f64>,
     information: DVector<f64>,
@@ -40,13 +40,13 @@ pub(super) fn normal_of_information(
     Ok(mean + noise)
 }
 
-/// Draws from Gamma(shape, rate).
+/// Draws from the gamma distribution with this shape and rate.
 pub(super) fn gamma(shape: f64, rate: f64, rng: &mut impl Rng) -> f64 {
     Gamma::new(shape, 1.0 / rate).map_or(f64::NAN, |gamma| gamma.sample(rng))
 }
 
-/// Draws a precision matrix from the Wishart distribution whose scale is the inverse of `scatter` (Bartlett's decomposition). Its inverse is a draw from the
-/// inverse-Wishart distribution with that scatter.
+/// Draws a precision matrix from a Wishart distribution, whose scale matrix is the inverse of `scatter` (Bartlett's decomposition). The inverse of the
+/// draw has the inverse-Wishart distribution with scale matrix `scatter`.
 pub(super) fn wishart_of_scatter(degrees: f64, scatter: DMatrix<f64>, rng: &mut impl Rng) -> Result<DMatrix<f64>> {
     let p = scatter.nrows();
     let factor = factor(scatter)?;
@@ -57,7 +57,7 @@ pub(super) fn wishart_of_scatter(degrees: f64, scatter: DMatrix<f64>, rng: &mut 
             bartlett[(row, column)] = StandardNormal.sample(rng);
         }
     }
-    // scatter = L Lᵀ, so scatter⁻¹ = L⁻ᵀ L⁻¹, and the draw is (L⁻ᵀ B)(L⁻ᵀ B)ᵀ.
+    // With scatter = L Lᵀ, its inverse is L⁻ᵀ L⁻¹. The draw is therefore (L⁻ᵀ B)(L⁻ᵀ B)ᵀ, where B is Bartlett's triangular matrix.
     factor.l_dirty().tr_solve_lower_triangular_mut(&mut bartlett);
     Ok(&bartlett * bartlett.transpose())
 }

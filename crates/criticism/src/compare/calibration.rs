@@ -1,9 +1,9 @@
 //! Significance of panels' gains, calibrated by simulated records of noise.
 //!
-//! Records are simulated from the fitted model with noise parameters drawn from their posterior. The best-fit noise alone is too
-//! small if noise is slow, and would raise false alarms. The white part is drawn from the whitened residuals, with any
-//! distribution. Each record goes through the same fits. A panel's p follows from a gamma distribution with the mean and variance of its
-//! simulated gains; the smallest p of each simulated record corrects it for all panels.
+//! Records are simulated from the fitted model with noise parameters drawn from their posterior. If noise is slow, the best-fit noise alone is too small and would raise
+//! false alarms. White errors are drawn from the whitened residuals, so they may have any distribution. Each simulated record goes through the same fits as the measured
+//! one. A panel's p follows from a gamma distribution with the mean and variance of its simulated gains. The smallest p of each simulated record corrects the panel's p
+//! for all panels.
 
 use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, Gamma};
@@ -27,24 +27,24 @@ pub struct TestStatistics {
     pub panel_fits: Vec<LinearFit>,
     /// Whitened residuals of the model alone.
     pub whitened: Vec<f64>,
-    /// Gain of each panel in nats, then the statistics of runs and of Ljung and Box.
+    /// Gain of each panel in nats, followed by the statistics of the runs test and of the Ljung–Box test.
     pub statistics: Vec<f64>,
 }
 
-/// p values of every statistic.
+/// p values of all statistics of one record, with their means and critical values by chance.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Significance {
-    /// p of each statistic alone.
+    /// p of each statistic, not corrected for the others.
     pub p: Vec<f64>,
-    /// p corrected for all statistics.
+    /// p of each statistic, corrected for all statistics.
     pub p_familywise: Vec<f64>,
-    /// Mean over the simulated records.
+    /// Mean of each statistic over the simulated records.
     pub mean: Vec<f64>,
     /// Smallest significant value of each statistic.
     pub critical: Vec<f64>,
 }
 
-/// Tests one record by its residuals y − f̂ in m, one value per row.
+/// Tests one record: fits the model alone and with each panel, and computes all statistics. `residual_m` are the residuals y − f̂ in m, one value per row.
 ///
 /// # Errors
 /// [`base::Error::Numerical`] if a fit has no solution.
@@ -63,7 +63,7 @@ pub fn run_tests(
     Ok(TestStatistics { base, panel_fits: with, whitened, statistics })
 }
 
-/// Noise (m) at every row of a subject's record: white numbers from `pool`, plus the other terms of the noise.
+/// Simulates noise (m) at every row of a subject's record: white errors drawn from `pool`, plus the other terms of the noise.
 fn simulated_noise_m(
     subject: &Subject,
     position_m: &[f64],
@@ -93,7 +93,7 @@ fn pool_of(whitened: &[f64]) -> Vec<f64> {
     whitened.iter().map(|r| r / mean_square.max(f64::MIN_POSITIVE).sqrt()).collect()
 }
 
-/// p values of one record, from `n_simulations` simulated records with random streams of `seed`.
+/// Returns the p values of one record, from `n_simulations` simulated records with random streams of `seed`.
 ///
 /// # Errors
 /// Errors of [`run_tests`].
@@ -120,7 +120,7 @@ pub fn calibrate_significance(
     Ok(corrected(&test_statistics.statistics, &simulated))
 }
 
-/// p of each statistic against simulated ones, alone and corrected for all.
+/// p of each statistic against the simulated records, alone and corrected for all statistics.
 fn corrected(values: &[f64], simulated: &[Vec<f64>]) -> Significance {
     let tails: Vec<Option<Gamma>> = (0..values.len()).map(|k| tail(simulated.iter().map(|s| s[k]))).collect();
     let p_of = |k: usize, value: f64| tails[k].as_ref().map_or(1.0, |gamma| gamma.sf(value));
@@ -133,7 +133,7 @@ fn corrected(values: &[f64], simulated: &[Vec<f64>]) -> Significance {
     let mean = |k: usize| simulated.iter().map(|statistics| statistics[k]).sum::<f64>() / simulated.len().max(1) as f64;
     let mut sorted = smallest.clone();
     sorted.sort_by(f64::total_cmp);
-    // (1 + number at or below p)/(1 + number of records) < 0.05.
+    // The corrected p is (1 + number of records with a smallest p at or below p)/(1 + number of records). It must be below 0.05.
     let place = (SIGNIFICANT * (1 + simulated.len()) as f64).ceil() as usize;
     let least_p = sorted.get(place.saturating_sub(2)).copied().unwrap_or(0.0);
     let critical =
@@ -146,7 +146,7 @@ fn corrected(values: &[f64], simulated: &[Vec<f64>]) -> Significance {
     }
 }
 
-/// Gamma distribution with the mean and variance of some values.
+/// Gamma distribution with the mean and variance of some values; `None` if either is not positive.
 fn tail(values: impl Iterator<Item = f64> + Clone) -> Option<Gamma> {
     let n = values.clone().count() as f64;
     let mean = values.clone().sum::<f64>() / n;
@@ -158,7 +158,7 @@ fn tail(values: impl Iterator<Item = f64> + Clone) -> Option<Gamma> {
 mod tests {
     use super::*;
 
-    /// Twelve half squares of normals, like the gains of one record; three of them are equal.
+    /// Twelve statistics of a simulated record: halves of squared normals, like gains. Three of them are equal.
     fn record(number: u64) -> Vec<f64> {
         let mut stream = RandomStream::new(3, number);
         let mut half_square = || 0.5 * stream.normal().powi(2);
@@ -167,8 +167,8 @@ mod tests {
         statistics
     }
 
-    /// 5 % of 600 records of noise, 30, may have a finding. Six standard deviations above that fail falsely below 1e-6; they include the scatter of the
-    /// shared 999 simulated records.
+    /// 5 % of 600 records of noise, 30, may have a finding. The limit is six standard deviations higher, which fails falsely below 1e-6. These standard deviations
+    /// include the scatter of the 999 simulated records that all share.
     #[test]
     fn records_of_noise_show_something_as_often_as_they_may() {
         let simulated: Vec<Vec<f64>> = (0..999).map(record).collect();

@@ -1,8 +1,8 @@
 //! Findings that another finding explains.
 //!
-//! One missing effect departs from the model over time since a step, velocity, position and more at once. The finding with the largest gain for its size leads,
-//! or the primary test if it gains at least half of the largest gain: it shows the time course. Such a finding is a source. It explains another finding if, beside its
-//! bias, that one keeps less than half of its gain or is no longer significant.
+//! One missing effect makes a model deviate in several tests at once: time since a step, velocity, position and more. The finding with the largest gain, relative to its
+//! mean in noise, leads. The primary test leads instead if it gains at least half of the largest gain, because it shows the time course. The leading finding is a source.
+//! It explains another finding if that one, with the source's bias in the model, keeps less than half of its gain or is no longer significant.
 
 use super::calibration::{Significance, TestStatistics};
 use super::linear::Linear;
@@ -11,9 +11,9 @@ use base::error::Result;
 use posterior::noise::NoiseLikelihood;
 use posterior::whiteness::{ljung_box, runs};
 
-/// Largest share of its gain that an explained finding keeps beside its source.
+/// Largest fraction of its gain that an explained finding keeps beside its source.
 const SHARE_OF_ECHO: f64 = 0.5;
-/// Share of the largest gain from which the primary test leads.
+/// Fraction of the largest gain above which the primary test leads.
 const SHARE_OF_PRIMARY: f64 = 0.5;
 
 /// A finding, by the index of its statistic, and the finding that explains it.
@@ -25,13 +25,13 @@ pub struct RankedFinding {
     pub explained_by: Option<usize>,
 }
 
-/// Results of a record, and the panels' columns.
+/// Test results of a record, and the panels' columns.
 pub struct RecordResults<'a> {
     /// The model, linearised around its fit.
     pub linear: &'a Linear,
     /// Likelihood of the record.
     pub likelihood: &'a NoiseLikelihood,
-    /// Positions less f̂, in m, one value per row.
+    /// Positions less the model's positions f̂, in m, one value per row.
     pub residual_m: &'a [f64],
     /// Columns of each panel.
     pub columns: &'a [Columns],
@@ -41,8 +41,8 @@ pub struct RecordResults<'a> {
     pub looks: &'a TestStatistics,
 }
 
-/// Orders findings: first those that no other finding explains, then the explained findings. Each group is ordered by the ratio of the gain to its mean in noise.
-/// In each group, a strong primary test comes first, and tests of whiteness come last.
+/// Orders findings: first those that no other finding explains, then the explained ones. Each group is ordered by the ratio of the gain to its mean in noise. In each
+/// group, a strong primary test comes first, and the tests of whiteness come last.
 ///
 /// # Errors
 /// Errors of [`Linear::fit_base`].
@@ -79,7 +79,7 @@ pub fn order_findings(
 }
 
 impl RecordResults<'_> {
-    /// Remaining gain of a test once another panel's columns are in the model.
+    /// Returns the remaining gain of a test once another panel's columns are in the model.
     fn left_beside(&self, look: usize, source: usize) -> Result<f64> {
         let there = &self.looks.panel_fits[source];
         let Some(columns) = self.columns.get(look) else {

@@ -1,4 +1,4 @@
-//! The figures of a comparison.
+//! Figures of a comparison, as SVG and PNG.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -79,19 +79,19 @@ fn comparison_figure(subject: &Subject, outcome: &ComparisonResult, name: &str) 
     })
 }
 
-/// Number of force steps above which steps of neighbouring cycles in one direction share a row of the map.
+/// Number of force steps above which a row of the map shows the steps of neighbouring cycles in one direction.
 const MOST_MAP_ROWS: usize = 96;
 
-/// The force steps of one row of the map.
+/// Force steps that one row of the map shows.
 struct StepGroup {
     label: String,
     is_heldout: bool,
     sign: f64,
-    /// First and last row of the record after each step.
+    /// First and last row of the record in the time after each step.
     rows: Vec<[usize; 2]>,
 }
 
-/// Every force step, or the steps of some successive cycles in one direction.
+/// Returns every force step as a group of its own, or groups of the steps of successive cycles in one direction.
 fn step_groups(subject: &Subject) -> Vec<StepGroup> {
     let record = &subject.experiment().record;
     let steps = record.force_step_rows();
@@ -125,7 +125,7 @@ fn step_groups(subject: &Subject) -> Vec<StepGroup> {
     groups
 }
 
-/// Whitened residuals with the sign of the step, averaged by step and time since it, together with residuals in µm.
+/// Rows of the map: whitened residuals times the sign of the step, averaged by step and by time since it. Each cell also has the residual in µm.
 fn map_rows(subject: &Subject, outcome: &ComparisonResult) -> Vec<MapRow> {
     let mut rows: Vec<MapRow> = Vec::new();
     for group in step_groups(subject) {

@@ -1,7 +1,8 @@
-//! Fits of columns around a fit of a model, with the noise estimated anew for each.
+//! Fits of columns at a fit of a model, with the noise estimated anew for each.
 //!
-//! Near its fit a model is linear, f̂ + A δ, and columns C add to it: f̂ + A δ + C a. Noise estimated from residuals that contain the bias
-//! described by C would absorb that bias. So δ, a and the noise are fitted together, and the gain of C is a likelihood ratio.
+//! Near its fit a model is linear, f̂ + A δ, with its derivatives A and changes δ of its coordinates. Columns C with amplitudes a add to it: f̂ + A δ + C a. Noise
+//! estimated from residuals that contain the bias described by C would absorb that bias. So δ, a and the noise are fitted together, and the gain of C is a likelihood
+//! ratio.
 
 use nalgebra::DVector;
 
@@ -18,16 +19,16 @@ use sampling::ensemble::RandomStream;
 /// A model linearised around its fit.
 pub struct Linear {
     noise_prior: NoisePrior,
-    /// f̂ (m), one value per row of the record.
+    /// Model positions f̂ (m), one value per row of the record.
     position_m: Vec<f64>,
-    /// Derivatives (m per unit of the coordinate).
+    /// Derivatives A of the position (m per unit of the coordinate): one column per coordinate.
     derivatives_m: Vec<Vec<f64>>,
-    /// For each coordinate's prior: 1/sd and distance to the mean over sd; zeros if there is no prior.
+    /// For each coordinate's prior: 1/sd, and (mean − fit)/sd; zeros if there is no prior.
     priors: Vec<(f64, f64)>,
     base_noise: LogNoise,
 }
 
-/// The best mean and noise with some columns.
+/// Best mean and noise of the model with some columns.
 #[derive(Debug, Clone)]
 pub struct LinearFit {
     /// Log posterior in nats, up to a constant that all fits of one record share.
@@ -39,11 +40,11 @@ pub struct LinearFit {
     log_noise: LogNoise,
 }
 
-/// The best mean of some columns under one noise.
+/// Best mean of the model with some columns under one noise.
 struct Mean {
     solved: NormalSolution,
     log_noise: LogNoise,
-    /// Log posterior as in [`LinearFit`].
+    /// Log posterior in nats, as in [`LinearFit`].
     objective: f64,
 }
 
@@ -73,7 +74,7 @@ impl Linear {
         &self.position_m
     }
 
-    /// Fits the model alone to positions less f̂ (m, one value per row).
+    /// Fits the model alone. `residual_m` are the positions less f̂ (m, one value per row).
     ///
     /// # Errors
     /// [`Error::Numerical`] if the normal equations have no solution.
@@ -83,7 +84,7 @@ impl Linear {
         fits.pop().ok_or_else(|| no_solution("no start"))
     }
 
-    /// Fits the model with the columns of each test, from the noise of a fit without them and from noise as small as the yardstick.
+    /// Fits the model with the columns of each test. The fits start from the noise of a fit without columns and from white noise of the yardstick's size.
     ///
     /// # Errors
     /// Errors of [`Linear::fit_base`].
@@ -97,8 +98,8 @@ impl Linear {
         self.best(likelihood, residual_m, looks, &[base.log_noise, self.noise_prior.white()])
     }
 
-    /// Fits each test from the better of the starts: first the mean, then the noise, then the mean again. The fit need not converge, because the calibration
-    /// takes exactly the same steps.
+    /// Fits each test from the better of the given starts: first the mean, then the noise, then the mean again. The fit need not converge, because the calibration takes
+    /// exactly the same steps.
     fn best(
         &self,
         likelihood: &NoiseLikelihood,
@@ -135,7 +136,7 @@ impl Linear {
         Ok(fits)
     }
 
-    /// Best noise for each mean; means with one initial noise are treated together. `None` if the noise is unchanged.
+    /// Best noise for each mean; `None` if the noise is unchanged. Means with equal initial noise are treated together.
     fn settle(
         &self,
         likelihood: &NoiseLikelihood,
@@ -156,7 +157,7 @@ impl Linear {
         noises
     }
 
-    /// Predicted positions (m), beside which the noise is fitted: f̂ plus a correction.
+    /// Returns the predicted positions (m) f̂ plus a correction, around which the noise is fitted.
     fn moved_m(&self, correction_m: &[f64]) -> Vec<f64> {
         self.position_m.iter().zip(correction_m).map(|(f, correction)| f + correction).collect()
     }
@@ -210,7 +211,7 @@ impl Linear {
         let mut cycles = products.cycles;
         let mut means = Vec::with_capacity(looks.len());
         for ((number, look), products) in looks.iter().enumerate().zip(products.sets) {
-            // The residuals, which all tests share, go behind a test's own columns.
+            // The residuals, which all tests share, follow a test's own columns.
             let n = products.nrows();
             let order: Vec<usize> = (0..n_common - 1).chain(n_common..n).chain(std::iter::once(n_common - 1)).collect();
             let of_cycles = if with_cycles == Some(number) { std::mem::take(&mut cycles) } else { Vec::new() };
@@ -229,7 +230,7 @@ impl Linear {
         Ok(means)
     }
 
-    /// Weighted means w·(A δ + C a), in m, with their standard errors, under the noise of a fit.
+    /// Returns weighted means w·(A δ + C a) of the correction, in m, with their standard errors, under the noise of a fit.
     ///
     /// # Errors
     /// Errors of [`Linear::fit_base`].
@@ -250,7 +251,7 @@ impl Linear {
         Ok(weights.iter().map(of_weights).collect())
     }
 
-    /// Weighted means over the fitted rows of each cycle that has a column.
+    /// Returns the mean correction (m) over the fitted rows of each cycle that has a column.
     ///
     /// # Errors
     /// Errors of [`Linear::fit_base`].
@@ -278,13 +279,13 @@ impl Linear {
         Ok(with_column.map(mean).collect())
     }
 
-    /// Whitened residuals L⁻¹ (y − f̂ − A δ) at the fitted rows in order.
+    /// Returns the whitened residuals L⁻¹ (y − f̂ − A δ) at the fitted rows, in order.
     pub fn whitened(&self, likelihood: &NoiseLikelihood, residual_m: &[f64], fit: &LinearFit) -> Vec<f64> {
         let left_m: Vec<f64> = residual_m.iter().zip(&fit.correction_m).map(|(r, c)| r - c).collect();
         likelihood.whiten(&[left_m], &self.position_m, &fit.noise).concat()
     }
 
-    /// Draws noise parameters, in their units, from their posterior beside the fit of the model alone: `n` draws with a random stream of `seed`.
+    /// Draws noise parameters, in their units, from their posterior at the fit of the model alone: `n` draws with a random stream of `seed`.
     pub fn noise_draws(&self, likelihood: &NoiseLikelihood, base: &LinearFit, n: usize, seed: u64) -> Vec<NoiseValues> {
         let moved_m = self.moved_m(&base.correction_m);
         let mut stream = RandomStream::new(seed, u64::MAX);
@@ -308,7 +309,7 @@ impl Linear {
     }
 }
 
-/// The distinct noises of some means.
+/// Returns the different noises among some means.
 fn distinct(means: &[Mean]) -> Vec<LogNoise> {
     let mut noises: Vec<LogNoise> = Vec::new();
     for mean in means {

@@ -1,7 +1,7 @@
-//! Comparison of a model with a record: tests of its misfit in many respects, corrected together.
+//! Comparison of a model with a record: many tests of its misfit, corrected together.
 //!
-//! Every test ([`panels`]) is a set of columns added to the model. Their gain is a likelihood ratio with the noise estimated anew ([`linear`]), and
-//! is judged against records simulated from the model and its fitted noise ([`calibration`]).
+//! Every test ([`panels`]) is a set of columns added to the model. The gain of these columns is a likelihood ratio with the noise estimated anew ([`linear`]). It is
+//! judged by records simulated from the model and its fitted noise ([`calibration`]).
 
 pub mod calibration;
 mod explained_findings;
@@ -30,9 +30,9 @@ use posterior::whiteness;
 
 /// Family-wise probability below which a test's result is a finding.
 pub const SIGNIFICANT: f64 = 0.05;
-/// Number of simulated records, and the least number for long ones: p over all tests then comes in steps of a sixtieth.
+/// Number of simulated records, and the least number for long records. With the latter, p over all tests comes in steps of a sixtieth.
 const N_SIMULATIONS: (usize, usize) = (199, 59);
-/// Number of fitted rows of all simulated records together above which fewer records are simulated.
+/// Total number of fitted rows in all simulated records above which fewer records are simulated.
 const SIMULATED_ROWS: usize = 3_000_000;
 
 /// Default number of simulated records for a number of fitted rows.
@@ -42,24 +42,25 @@ pub fn default_simulations(n_fitted: usize) -> usize {
 
 /// Result of a comparison, with the data of its figures.
 pub struct ComparisonResult {
-    /// The document.
+    /// Document of the comparison.
     pub comparison: Comparison,
     /// The experiment, without outliers.
     pub subject: Subject,
-    /// The fit.
+    /// Best fit of the model.
     pub fitted: Fitted,
     /// Standard deviation (m) of the model's position due to its parameters' uncertainty, one value per row.
     pub position_sd_m: Vec<f64>,
-    /// Residuals over their conditional noise standard deviation given the earlier ones, the scored cycle included; one entry per row. The noise
-    /// is estimated beside the leading finding: the fit's own noise has absorbed part of the misfit.
+    /// Residuals divided by their conditional standard deviation given the earlier residuals, one entry per row, the scored cycle included. The noise is estimated
+    /// together with the leading finding, since the fit's own noise has absorbed part of the misfit.
     pub whitened: Vec<Option<f64>>,
     /// Time (s) since the last force step before each row.
     pub time_since_step_s: Vec<Option<f64>>,
-    /// Ends (s) of bins of that time, equally spaced in logarithm.
+    /// Ends (s) of the bins of the time since a step, equally spaced in logarithm.
     pub lag_ends_s: Vec<f64>,
 }
 
-/// Tests where a candidate fails. `errors` are those of its posterior on the same cycles, if it was sampled; else the document shows those of its best fit.
+/// Compares a candidate with the record: fits it and tests where it fails. `errors` are those of its posterior on the same cycles, if it was sampled; else the document
+/// shows those of its best fit.
 ///
 /// # Errors
 /// [`base::Error::Numerical`] if it cannot be fitted or has no derivatives.
@@ -144,20 +145,20 @@ pub fn compare_model(
     })
 }
 
-/// Root mean square over the fitted rows.
+/// Root mean square of values (m) over the fitted rows.
 fn rms_m(subject: &Subject, values_m: &[f64]) -> f64 {
     let fitted = || values_m.iter().zip(&subject.fitted_m).filter(|(_, y)| y.is_some()).map(|(value, _)| value);
     (fitted().map(|value| value * value).sum::<f64>() / fitted().count().max(1) as f64).sqrt()
 }
 
-/// Number of time bins of the failure map.
+/// Number of bins of the time since a step in the failure map.
 const MAP_LAG_BINS: usize = 12;
 
 fn residuals_m(observed_m: &[Option<f64>], position_m: &[f64]) -> Vec<f64> {
     observed_m.iter().zip(position_m).map(|(y, x)| y.map_or(0.0, |y| y - x)).collect()
 }
 
-/// Whitened residuals of fitted and scored rows.
+/// Whitened residuals of the fitted and scored rows; `None` in other rows.
 fn whitened(subject: &Subject, fitted: &Fitted, noise: &NoiseValues) -> Vec<Option<f64>> {
     let both: Vec<Option<f64>> = subject.fitted_m.iter().zip(&subject.scored_m).map(|(a, b)| a.or(*b)).collect();
     let residual_m = residuals_m(&both, &fitted.position_m);
@@ -165,7 +166,7 @@ fn whitened(subject: &Subject, fitted: &Fitted, noise: &NoiseValues) -> Vec<Opti
     both.iter().map(|y| y.and_then(|_| white.next())).collect()
 }
 
-/// Bias (µm) in each column of a panel with its standard error; the noise is estimated together with the panel's columns.
+/// Bias (µm) in each column of a panel, with its standard error. The noise is estimated together with the panel's columns.
 fn bars(
     subject: &Subject,
     linear: &Linear,
@@ -201,7 +202,7 @@ fn bars(
     Ok(if panel.place == "harmonics" { amplitudes(bars) } else { bars })
 }
 
-/// Combines cosine and sine of each harmonic, which are neighbours, into one amplitude.
+/// Combines the cosine and the sine of each harmonic, which are neighbours, into one amplitude.
 fn amplitudes(bars: Vec<ColumnBias>) -> Vec<ColumnBias> {
     let amplitude = |pair: &[ColumnBias]| {
         let size_um = pair.iter().map(|bar| bar.bias_um.powi(2)).sum::<f64>().sqrt();
@@ -233,7 +234,7 @@ fn entry(
     }
 }
 
-/// Entries for runs and autocorrelation, whose bars are correlations rather than µm.
+/// Entries of the tests for runs and for autocorrelation. Their bars are correlations instead of biases in µm.
 fn whiteness_entries(test_statistics: &TestStatistics, significance: &Significance) -> [TestEntry; 2] {
     let n = test_statistics.whitened.len();
     let sd_um = whiteness::white_limit(n) / 1.96;

@@ -1,33 +1,34 @@
-//! Normal equations of columns. Cycles may have a column each; the cost is linear in the number of cycles.
+//! Normal equations of columns. Each cycle may have a column of its own; the cost is linear in the number of cycles.
 //!
 //! Whitened columns of different cycles overlap only through the noise process, of which one number s passes from each cycle to the next. So the cycles' amplitudes a are
-//! eliminated from the last to the first. For a given s at a cycle's start, the optimum over this cycle and all later ones is ½ K s² − s G. K is a number, and G has an
-//! entry for each column and one for the residuals. Then the amplitudes and their variances follow from s, from the first cycle to the last.
+//! eliminated from the last to the first. For a given s at a cycle's start, the optimum over this and all later cycles is ½ K s² − s G. K is a number. G has one entry
+//! per column and one for the residuals. The amplitudes and their variances then follow from s, from the first cycle to the last.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use posterior::noise::CycleProducts;
 
-/// Ridge of the normal equations, relative to the squared lengths of the columns. It gives no amplitude to directions that the model or other columns contain.
+/// Ridge that is added to the diagonal of the normal equations, relative to the squared lengths of the columns. Directions that the model or other columns contain thus
+/// get no amplitude.
 const RIDGE: f64 = 1e-7;
 
 /// Inner products of columns and residuals, whitened by one set of noise parameters.
 pub(super) struct Normal {
-    /// Inner products of the columns and, last, of the residuals.
+    /// Inner products of the columns; the last row and column belong to the residuals.
     pub products: DMatrix<f64>,
-    /// Inner products of cycles' columns; empty if there are none.
+    /// Inner products of each cycle's own column; empty if cycles have no columns.
     pub cycles: Vec<CycleProducts>,
     /// Marks the cycles that have a column.
     pub has_column: Vec<bool>,
-    /// For the priors of the first columns: 1/sd and distance to the mean over sd.
+    /// Priors of the first columns: 1/sd, and (mean − fit)/sd.
     pub priors: Vec<(f64, f64)>,
 }
 
-/// Amplitudes with their covariance.
+/// Best amplitudes with their covariance.
 pub(super) struct NormalSolution {
     /// Amplitudes of the columns.
     pub amplitudes: DVector<f64>,
-    /// Amplitudes of cycles' columns; 0 for cycles without one.
+    /// Amplitude of each cycle's own column; 0 for cycles without one.
     pub of_cycles: Vec<f64>,
     /// Squared norm of the remaining whitened residuals.
     pub left: f64,
@@ -37,25 +38,25 @@ pub(super) struct NormalSolution {
     links: Vec<[f64; 2]>,
 }
 
-/// Dependence of a cycle's amplitude on those of the columns.
+/// Dependence of the amplitude of a cycle's column on those of the other columns.
 pub(super) struct CycleAmplitude {
-    /// Derivative of the amplitude with respect to the columns' amplitudes, with the opposite sign.
+    /// Derivative of the cycle's amplitude with respect to the columns' amplitudes, with the opposite sign.
     following: DVector<f64>,
-    /// Variance of the amplitude for fixed columns' amplitudes.
+    /// Variance of the cycle's amplitude if the columns' amplitudes are fixed.
     own_variance: f64,
 }
 
-/// Elimination of a cycle's amplitude a = (b·x − c s)/h. Here x are the columns' amplitudes with the opposite sign, followed by 1 for the residuals, and s is the value of the
-/// noise process at the cycle's start.
+/// Result of eliminating a cycle's amplitude, a = (b·x − c s)/h. Here x are the columns' amplitudes with the opposite sign, followed by 1 for the residuals. The value of
+/// the noise process at the cycle's start is s.
 struct Elimination {
     h: f64,
     c: f64,
-    /// An entry for each column and, last, one for the residuals.
+    /// One entry per column and, last, one for the residuals.
     b: DVector<f64>,
 }
 
 impl Normal {
-    /// Solves for all amplitudes; `None` if numbers are not finite.
+    /// Solves for all amplitudes; `None` if a number is not finite.
     pub fn solve(&self) -> Option<NormalSolution> {
         let n = self.products.nrows() - 1;
         let steps = self.eliminate();
@@ -91,7 +92,7 @@ impl Normal {
     fn eliminate(&self) -> Vec<Option<Elimination>> {
         let n = self.products.nrows();
         let (mut k, mut g) = (0.0, DVector::zeros(n));
-        // Squared norm over later cycles of a noise process that enters them with the value 1. The length of a cycle's column includes it.
+        // Squared norm over later cycles of the noise process if it enters them with the value 1. The length of a cycle's column includes it.
         let mut seen_later = 0.0;
         let mut steps = Vec::with_capacity(self.cycles.len());
         for (cycle, has_column) in self.cycles.iter().zip(&self.has_column).rev() {
@@ -116,7 +117,7 @@ impl Normal {
         steps
     }
 
-    /// Amplitudes of cycles for given amplitudes of columns and residuals.
+    /// Amplitudes of the cycles' columns for given amplitudes of the other columns, followed by that of the residuals.
     fn amplitudes_of_cycles(&self, steps: &[Option<Elimination>], sizes: &DVector<f64>) -> Vec<f64> {
         let mut s = 0.0;
         let of_cycle = |(cycle, step): (&CycleProducts, &Option<Elimination>)| {
@@ -127,7 +128,7 @@ impl Normal {
         self.cycles.iter().zip(steps).map(of_cycle).collect()
     }
 
-    /// Squared norm of the residuals after subtracting the columns with these amplitudes and those of cycles.
+    /// Squared norm of the residuals after subtraction of the columns and the cycles' columns with these amplitudes.
     fn left(&self, sizes: &DVector<f64>, of_cycles: &[f64]) -> f64 {
         let mut left = sizes.dot(&(&self.products * sizes));
         let mut s = 0.0;
@@ -147,7 +148,7 @@ impl NormalSolution {
         (weights.dot(&self.amplitudes), weights.dot(&(&self.covariance * weights)).max(0.0).sqrt())
     }
 
-    /// Dependence of all cycles' amplitudes on those of the columns.
+    /// Returns the dependence of every cycle's amplitude on those of the columns.
     pub fn in_cycles(&self) -> Vec<CycleAmplitude> {
         let n = self.amplitudes.len();
         let (mut s, mut variance) = (DVector::zeros(n), 0.0);
@@ -170,7 +171,7 @@ impl NormalSolution {
         self.steps.iter().zip(&self.links).map(of_cycle).collect()
     }
 
-    /// Weighted sum as in [`Self::weighted`], with the amplitude of cycle `number` added.
+    /// Returns the weighted sum of [`Self::weighted`] plus the amplitude of cycle `number`, with its standard error.
     pub fn weighted_in_cycle(&self, weights: &DVector<f64>, number: usize, in_cycle: &CycleAmplitude) -> (f64, f64) {
         let net = weights - &in_cycle.following;
         let variance = net.dot(&(&self.covariance * &net)) + in_cycle.own_variance;

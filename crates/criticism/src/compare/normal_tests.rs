@@ -1,4 +1,4 @@
-//! The elimination of cycles agrees with dense algebra on the whole normal equations.
+//! Tests that the elimination of cycles agrees with dense algebra on the full normal equations.
 
 use super::*;
 use crate::NoiseValues;
@@ -25,7 +25,7 @@ fn dense(noise: &NoiseValues) -> Dense {
     let names = ["white", "ou", "gain"].map(String::from);
     let model = NoiseModel::named(&names, &InputPlace::default()).expect("names");
     let likelihood = NoiseLikelihood::new(model, &time_s, &cycle, &observed);
-    // The first column is the position, the second is nearly confined to one cycle, the third is slow.
+    // The first column is the position, the second is nearly confined to one cycle, and the third varies slowly.
     let columns_m = [
         position_m.clone(),
         cycle.iter().map(|c| if *c == 30 { 1e-3 } else { 1e-9 * f64::from(*c) }).collect(),

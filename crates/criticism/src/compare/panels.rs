@@ -1,28 +1,28 @@
-//! Panels of columns that describe a model's bias by time since the last force step, by cycle, by force, and so on.
+//! Panels: sets of columns that describe a model's bias by time since the last force step, by cycle, by force and by other quantities.
 //!
-//! A column has one value per row of the record, at most 1 in size: a bias of one metre has amplitude 1 there. Columns along a motion are
-//! signed, since a bias that changes sign with the force cancels in a plain mean.
+//! A column has one value per row of the record, at most 1 in size: its amplitude is the bias in metres where the value is 1. Columns along a motion have its sign, since
+//! a bias that changes sign with the force cancels in a plain mean.
 
 use super::rows::{ByCycle, Column, Columns, TestRows};
 use record::Record;
 
-/// Columns that are tested together.
+/// A test of a comparison: columns that are tested together.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Panel {
-    /// Stable name.
+    /// Stable name of the test.
     pub place: &'static str,
     /// Description of the columns, for figures.
     pub title: &'static str,
-    /// True if positive biases are along the last force change rather than along the axis.
+    /// True if positive biases point along the last force change instead of along the axis.
     pub is_along_force: bool,
-    /// The columns.
+    /// Columns of the test, with their labels and phrases.
     pub columns: Vec<Column>,
-    /// Values of the columns, if they are one for each cycle.
+    /// Columns of the cycles, if the panel has one column per cycle.
     pub by_cycle: Option<ByCycle>,
 }
 
 impl Panel {
-    /// The columns' values.
+    /// Returns the values of the columns.
     pub fn values(&self) -> Columns {
         match &self.by_cycle {
             Some(by_cycle) => Columns { dense: Vec::new(), by_cycle: Some(by_cycle.clone()) },
@@ -34,24 +34,24 @@ impl Panel {
     }
 }
 
-/// A test that is meaningless in an experiment.
+/// A test that is meaningless in an experiment, with the reason.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OmittedTest {
     /// Stable name of the test.
     pub place: &'static str,
-    /// Reason.
+    /// Reason why the test is omitted.
     pub reason: &'static str,
 }
 
 const MOST_LAG_BINS: usize = 8;
 const MOST_HARMONICS: usize = 6;
-/// Largest difference of forces in one level, as a fraction of the largest force; smaller forces are rest.
+/// Largest difference of forces that belong to one level, as a fraction of the largest force; smaller forces count as none.
 const LEVEL_TOLERANCE: f64 = 0.05;
 const MOST_LEVELS: usize = 6;
-/// Relative difference of cycle lengths above which there is no common period.
+/// Relative difference of cycle lengths above which the cycles have no common period.
 const PERIOD_TOLERANCE: f64 = 0.02;
 
-/// A test, or the reason why there is none.
+/// Name of a test with its panel, or with the reason why there is none.
 type TestPanel = (&'static str, Result<Panel, &'static str>);
 
 fn panel(place: &'static str, title: &'static str, is_along_force: bool, columns: Vec<Column>) -> TestPanel {
@@ -60,7 +60,7 @@ fn panel(place: &'static str, title: &'static str, is_along_force: bool, columns
     (place, if is_empty { Err("too few positions for it") } else { Ok(panel) })
 }
 
-/// Returns every panel that is meaningful in the experiment, and the tests that are not.
+/// Returns every panel that is meaningful in the experiment, and the omitted tests.
 pub fn panels(rows: &TestRows) -> (Vec<Panel>, Vec<OmittedTest>) {
     let looks: [TestPanel; 12] = [
         input_correlation(rows),
@@ -97,7 +97,7 @@ fn lag_column(ends: &[f64], k: usize, values: Vec<f64>) -> Column {
     Column { label: seconds(to), phrase: lag_phrase([from, to]), lag_s: Some([from, to]), values }
 }
 
-/// Phrase for a range of lags: "within 0.3 s after each force step", or its start and end.
+/// Phrase for a range of times after a force step: "within 0.3 s after each force step", or its start and end.
 pub fn lag_phrase([from, to]: [f64; 2]) -> String {
     match from {
         0.0 => format!("within {} s after each force step", seconds(to)),
@@ -110,7 +110,7 @@ fn lag_bin(ends: &[f64], lag_s: f64) -> Option<usize> {
     (lag_s > 0.0 && place < ends.len()).then_some(place)
 }
 
-/// Bias in the direction of every force change, large or small, by the time after it.
+/// Tests the bias in the direction of every force change, large or small, by the time after it.
 fn input_correlation(rows: &TestRows) -> TestPanel {
     let record = rows.record;
     let ends = rows.lag_ends_s(MOST_LAG_BINS);
@@ -126,8 +126,8 @@ fn input_correlation(rows: &TestRows) -> TestPanel {
     panel("input_correlation", "lag behind force changes (s)", true, rows.kept(columns))
 }
 
-/// For each bin of lags, the sum of the changes (times in s, and sizes) that precede each time by such a lag. Both ends of a bin move with the times, so
-/// that every change enters and leaves each bin once.
+/// Returns one list per bin of lags. It has the sum of the changes (times in s, and sizes) that precede each time in `time_s` by a lag in the bin. Both ends of a bin
+/// move with the times, so that every change enters and leaves each bin once.
 fn summed_by_lag(time_s: &[f64], changes: &[(f64, f64)], ends: &[f64]) -> Vec<Vec<f64>> {
     let sums: Vec<f64> = std::iter::once(0.0)
         .chain(changes.iter().scan(0.0, |sum, change| {
@@ -136,7 +136,7 @@ fn summed_by_lag(time_s: &[f64], changes: &[(f64, f64)], ends: &[f64]) -> Vec<Ve
         }))
         .collect();
     let of_bin = |k: usize| {
-        // The bin of `lag_bin`: above the previous end, up to its own end.
+        // A lag belongs to a bin, as in `lag_bin`, if it is above the previous bin's end and at most its own end.
         let (mut first, mut end) = (0, 0);
         let at = |time_s: &f64| {
             while first < changes.len() && time_s - changes[first].0 > ends[k] {
@@ -204,7 +204,7 @@ fn force_sign(rows: &TestRows) -> TestPanel {
     panel("force_sign", "sign of the force", false, rows.kept(there.iter().map(of).collect()))
 }
 
-/// Ends of groups of force levels, relative to the largest force, without rest.
+/// Ends of groups of force levels, as fractions of the largest force, without forces that count as none.
 fn levels(rows: &TestRows) -> Vec<[f64; 2]> {
     let mut sizes: Vec<f64> = rows
         .fitted_rows()
@@ -376,7 +376,7 @@ mod tests {
     use super::*;
     use sampling::ensemble::RandomStream;
 
-    /// The result equals the sum over all pairs, at uneven times with two changes at one of them.
+    /// The result equals the sum over all pairs of a time and a change. The times are uneven, and two changes occur at one of them.
     #[test]
     fn sums_by_lag_are_those_over_all_pairs() {
         let mut stream = RandomStream::new(9, 1);
@@ -404,8 +404,8 @@ mod tests {
         }
     }
 
-    /// 20,000 rows in 2,000 cycles: all tests together keep some dozens of numbers per row for any number of cycles. One column over all rows for each
-    /// cycle would need 2,000.
+    /// A record has 20,000 rows in 2,000 cycles. All tests together keep some dozens of numbers per row, for any number of cycles. One column over all rows for each
+    /// cycle would need 2,000 numbers per row.
     #[test]
     fn columns_of_many_cycles_are_one_number_a_row() {
         let n = 20_000;

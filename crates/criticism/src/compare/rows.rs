@@ -1,31 +1,31 @@
-//! Rows of a record, from which panels are made, and columns over them.
+//! Rows of a record from which panels are made, and columns over these rows.
 
 use posterior::recordings::recordings;
 use record::Record;
 
-/// Least number of fitted rows of a column.
+/// Least number of fitted rows in which a column differs from 0.
 const FEWEST_ROWS: usize = 3;
 const N_QUANTILE_BINS: usize = 5;
 
-/// A column, and its place in the experiment.
+/// A column, with its name and the phrase for where it applies.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Column {
     /// Short name for figures and tables.
     pub label: String,
-    /// Phrase for its place at the end of a sentence, such as "in cycle 2".
+    /// Phrase for where the column applies, for the end of a sentence, such as "in cycle 2".
     pub phrase: String,
-    /// Start and end of its lags, in s after a force step, if it has such a range.
+    /// Start and end (s) of the column's range of times after a force step; `None` if it has no such range.
     pub lag_s: Option<[f64; 2]>,
-    /// One value per row of the record; empty for a cycle's column, which [`ByCycle`] has.
+    /// One value per row of the record; empty for a cycle's column, whose values are in [`ByCycle`].
     pub values: Vec<f64>,
 }
 
-/// A column for each cycle, 1 in its rows and 0 elsewhere; stored as one number per row for any number of cycles.
+/// One column per cycle, 1 in the cycle's rows and 0 elsewhere. It is stored as one number per row for any number of cycles.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ByCycle {
-    /// Index of each row's cycle among those with a fitted row; `None` for rows of other cycles, and of cycles without a column.
+    /// For each row, the index of its cycle among the cycles with a fitted row. `None` for rows of other cycles, and of cycles without a column.
     pub place: Vec<Option<usize>>,
-    /// Marks those of the cycles that have a column.
+    /// For each cycle with a fitted row, whether it has a column.
     pub has_column: Vec<bool>,
 }
 
@@ -39,31 +39,31 @@ pub struct Columns {
 }
 
 impl Columns {
-    /// Combines the columns of both; at most one of them has columns of cycles.
+    /// Returns the columns of both. At most one of them may have columns of cycles.
     pub fn and(&self, other: &Self) -> Self {
         let dense = self.dense.iter().chain(&other.dense).cloned().collect();
         Self { dense, by_cycle: self.by_cycle.clone().or_else(|| other.by_cycle.clone()) }
     }
 }
 
-/// Rows of a record, from which panels are made.
+/// Rows of a record from which panels are made, with forces, times and the model's positions.
 pub struct TestRows<'a> {
     pub(super) record: &'a Record,
     /// Model's position (m).
     pub(super) position_m: &'a [f64],
     is_fitted: Vec<bool>,
-    /// Force (N) that acts until the row.
+    /// Force (N) that acts until each row.
     pub(super) acting_n: Vec<f64>,
     pub(super) largest_n: f64,
-    /// Time (s) since the last force step before the row, and the step's size over the largest.
+    /// Time (s) since the last force step before each row, and the step's size as a fraction of the largest; `None` before the first step.
     pub(super) since_step: Vec<Option<(f64, f64)>>,
-    /// Change of the model's position (m) up to the row.
+    /// Change of the model's position (m) from the previous row to each row.
     pub(super) moved_m: Vec<f64>,
     pub(super) interval_s: f64,
 }
 
 impl<'a> TestRows<'a> {
-    /// Prepares the rows of a record with a model's position (m) at every row; `is_fitted` marks the rows that count.
+    /// Prepares the rows of a record; `position_m` is the model's position (m) at every row, and `is_fitted` marks the rows that count.
     pub fn new(record: &'a Record, position_m: &'a [f64], is_fitted: Vec<bool>) -> Self {
         let n = record.n_rows();
         let acting_n: Vec<f64> = (0..n).map(|row| record.acting_force_n(row)).collect();
@@ -89,17 +89,17 @@ impl<'a> TestRows<'a> {
         self.record.n_rows()
     }
 
-    /// Marks the rows that count.
+    /// Returns for each row whether it is fitted.
     pub fn is_fitted(&self) -> &[bool] {
         &self.is_fitted
     }
 
-    /// Time (s) since the last force step before each row.
+    /// Time (s) since the last force step before each row; `None` before the first step.
     pub fn time_since_step_s(&self) -> Vec<Option<f64>> {
         self.since_step.iter().map(|step| step.map(|(time_s, _)| time_s)).collect()
     }
 
-    /// Ends (s) of bins of time since the last force step, at most `most`, equally spaced in logarithm; the first bin begins at 0.
+    /// Returns the ends (s) of at most `most` bins of the time since the last force step, equally spaced in logarithm. The first bin begins at 0.
     pub fn lag_ends_s(&self, most: usize) -> Vec<f64> {
         let longest = self.since_step.iter().flatten().fold(0.0_f64, |longest, step| longest.max(step.0));
         let first = self.interval_s;
@@ -107,7 +107,7 @@ impl<'a> TestRows<'a> {
             return if longest > 0.0 { vec![longest] } else { Vec::new() };
         }
         let n = ((longest / first).log2().round() as usize).clamp(2, most);
-        // Slightly larger, for times that are multiples of the interval up to rounding.
+        // The ends are slightly larger, so that times at multiples of the interval fall into their bins in spite of rounding.
         (1..=n).map(|k| first * (longest / first).powf(k as f64 / n as f64) * (1.0 + 1e-6)).collect()
     }
 
@@ -119,7 +119,7 @@ impl<'a> TestRows<'a> {
         (0..self.n()).filter(|row| self.is_fitted[*row])
     }
 
-    /// Returns the first fitted cycle of every recording that has fitted rows, and the recordings' columns. A recording with too few fitted rows has no column.
+    /// Returns the first fitted cycle of every recording that has fitted rows, and the columns of these recordings. A recording with too few fitted rows has no column.
     pub(super) fn by_cycle(&self) -> (Vec<u32>, ByCycle) {
         let recordings = recordings(self.record);
         let (mut indexes, mut cycles, mut counts) = (Vec::<u32>::new(), Vec::<u32>::new(), Vec::<usize>::new());
@@ -145,7 +145,7 @@ impl<'a> TestRows<'a> {
         (cycles, ByCycle { place, has_column })
     }
 
-    /// Keeps columns with enough fitted rows, scaled to at most 1 there.
+    /// Keeps the columns with enough fitted rows, scaled to a largest size of 1 there.
     pub(super) fn kept(&self, columns: Vec<Column>) -> Vec<Column> {
         let scaled = |mut column: Column| {
             let largest = self.fitted_rows().fold(0.0_f64, |largest, row| largest.max(column.values[row].abs()));
@@ -156,7 +156,7 @@ impl<'a> TestRows<'a> {
         columns.into_iter().filter_map(scaled).collect()
     }
 
-    /// Columns for bins of equal numbers of fitted rows.
+    /// Returns columns for bins of the values `of`. The bins have equal numbers of fitted rows.
     pub(super) fn quantile_bins(&self, of: &[f64], say: impl Fn(f64, f64) -> (String, String)) -> Vec<Column> {
         let mut sorted: Vec<f64> = self.fitted_rows().map(|row| of[row]).collect();
         sorted.sort_by(f64::total_cmp);

@@ -1,18 +1,18 @@
-//! Sentences of a comparison.
+//! Sentences of the document of a comparison.
 
 use super::panels::lag_phrase;
 use documents::comparison::{ColumnBias, Comparison, Finding, TestEntry};
 use figures::number::format_significant;
 use posterior::misfit::{Misfit, NOISE_FACTOR};
 
-/// Neighbouring bars of one sign belong together if they exceed this fraction of the largest.
+/// Neighbouring bars of one sign are described together if each exceeds this fraction of the largest.
 const SHARE_OF_LARGEST: f64 = 0.5;
 /// Least distance of a bar from zero, in standard errors, at which a sentence names its place.
 const CLEAR: f64 = 3.0;
-/// Least size of such a bar relative to the bias as a whole.
+/// Least size of such a bar, as a fraction of the root mean square bias.
 const LEAST_SHARE: f64 = 0.5;
 
-/// A significant test as a finding; `echo_of` names the finding that explains it.
+/// Describes a significant test as a finding. `echo_of` is the test that explains it, if any.
 pub fn describe_finding(entry: &TestEntry, noise_um: Option<f64>, echo_of: Option<&TestEntry>) -> Finding {
     let is_telling = |k: &usize| entry.rms_um.is_some_and(|rms_um| is_clear(&entry.bars[*k], rms_um));
     let clearest = clearest(&entry.bars).filter(is_telling);
@@ -48,12 +48,12 @@ fn with_error(value: f64, sd: f64) -> String {
     format!("{:.decimals$} ± {:.decimals$}", rounded(value), rounded(sd))
 }
 
-/// Index of the bar with the largest ratio to its error.
+/// Returns the index of the bar with the largest ratio to its error.
 fn clearest(bars: &[ColumnBias]) -> Option<usize> {
     (0..bars.len()).max_by(|a, b| over_error(&bars[*a]).total_cmp(&over_error(&bars[*b])))
 }
 
-/// Phrase for the part that noise may explain, if the noise is known.
+/// Phrase for the size (µm) that noise may explain; empty if the noise is unknown.
 fn of_noise(noise_um: Option<f64>) -> String {
     noise_um.map_or(String::new(), |noise_um| format!("; noise explains {} µm", format_significant(noise_um, 2)))
 }
@@ -78,7 +78,7 @@ fn about_whole(entry: &TestEntry, noise_um: Option<f64>) -> String {
     )
 }
 
-/// Phrase for a test's subject at the end of a sentence.
+/// Phrase for the quantity that a test examines, for the end of a sentence.
 fn whole(place: &str) -> &'static str {
     match place {
         "input_correlation" => "in step with earlier changes of the force",
@@ -96,7 +96,7 @@ fn whole(place: &str) -> &'static str {
     }
 }
 
-/// Direction of the measurement's deviation, in words.
+/// Phrase for the direction in which the measurement deviates from the model.
 fn direction(entry: &TestEntry, bar: &ColumnBias) -> &'static str {
     let is_ahead = bar.bias_um > 0.0;
     match entry.place.as_str() {
@@ -110,7 +110,7 @@ fn direction(entry: &TestEntry, bar: &ColumnBias) -> &'static str {
     }
 }
 
-/// Place of the clearest bar, in words, with the neighbours in time that resemble it.
+/// Phrase for where the clearest bar lies, together with neighbours in time that resemble it.
 fn phrase(bars: &[ColumnBias], clearest: usize) -> String {
     let bar = &bars[clearest];
     let is_plain = bar.lag_s.is_some_and(|lag_s| bar.phrase == lag_phrase(lag_s));
@@ -146,7 +146,7 @@ fn about_whiteness(entry: &TestEntry) -> Option<String> {
     }
 }
 
-/// Overall sentence; `judged` is the misfit by the thresholds of `diagnose`, `None` if the noise is unknown.
+/// Overall sentence of the comparison. `judged` is the misfit by the thresholds of `diagnose`; `None` if the noise is unknown.
 pub fn describe_comparison(comparison: &Comparison, judged: Option<Misfit>) -> String {
     let um = |value: f64| format_significant(value, 2);
     let noise_um = comparison.noise_um;

@@ -6,14 +6,14 @@ use crate::NoiseValues;
 use documents::comparison::Finding;
 use sampling::ensemble::RandomStream;
 
-/// Parameters σ (µm), σ_ou (µm), τ (s), s_g, s_o (µm): white, slow, and a gain that changes by 1 %.
+/// Parameters σ (µm), σ_ou (µm), τ (s), s_g and s_o (µm) of three noises: white, slow, and with a gain that changes by 1 %.
 const NOISES: [NoiseValues; 3] = [
     NoiseValues::new([4.0, 1e-6, 1.0, 1e-9, 1e-6]),
     NoiseValues::new([4.0, 4.0, 1.0, 1e-9, 1e-6]),
     NoiseValues::new([4.0, 1e-6, 1.0, 0.01, 1e-6]),
 ];
 
-/// Positions of a truth with noise of a kind. The fourth kind is white with one row in a hundred moved by 10 to 20 σ.
+/// Returns a subject with the positions of a truth and noise of one kind. The fourth kind is white noise with one row in a hundred moved by 10 to 20 σ.
 fn noisy(subject: &Subject, truth_m: &[f64], kind: usize, seed: u64) -> Subject {
     let noise_m = noise_of(subject, truth_m, &NOISES[kind % NOISES.len()], 1000 * kind as u64 + seed);
     let mut position_m: Vec<f64> = truth_m.iter().zip(noise_m).map(|(x, e)| x + e).collect();
@@ -32,14 +32,14 @@ fn compared(data: &Subject, n_simulations: usize) -> Comparison {
     compare_model(data, &data.base(), None, n_simulations, 1).expect("a model").comparison
 }
 
-/// Tests 8 correct models with white, slow, gain and outlier noise. With 39 simulated records, one in forty may have a finding, and one in twenty would still
-/// pass. At that rate, five of 8 or more fail falsely about once in 60,000.
+/// Tests 8 correct models with white, slow, gain and outlier noise. With 39 simulated records, a correct program has a false finding in one of forty records. A rate of
+/// one in twenty would still pass. At that rate, five or more of 8 fail falsely about once in 60,000.
 #[test]
 fn correct_models_are_left_alone_under_every_noise() {
     assert!(n_that_show_anything(2) < 5);
 }
 
-/// If one record in twenty has a false finding, nine of 24 or more fail falsely about once in 10⁶.
+/// Nine or more of 24 records with a false finding occur about once in 10⁶ if the rate is one in twenty.
 #[test]
 #[ignore = "campaigns/long-tests"]
 fn many_correct_models_are_left_alone_under_every_noise() {
@@ -59,7 +59,8 @@ fn n_that_show_anything(n_each: u64) -> usize {
     n
 }
 
-/// A tracker that is 50 ms late has a misfit of tens of σ after each step. The primary test leads and explains most other findings. The result hardly depends on chance at this size.
+/// A tracker that is 50 ms late causes a misfit of tens of σ after each step. The primary test leads and explains most other findings. At this size the result hardly
+/// depends on chance.
 #[test]
 fn a_delay_is_one_finding_and_its_echoes() {
     let subject = subject(Protocol::Paper);
@@ -74,8 +75,8 @@ fn a_delay_is_one_finding_and_its_echoes() {
     assert!(sources[0].size_um.expect("a size") > 10.0 && sources[0].sentence.contains('±'), "{:?}", sources[0]);
 }
 
-/// 20,000 rows in 2,000 cycles of a correct model: every cycle has its bias with an error. A cycle that is off by 6 σ of its mean is the clearest. Two
-/// simulated records do not suffice for significance; with one column over all rows per cycle this would take gigabytes.
+/// In 20,000 rows in 2,000 cycles of a correct model, every cycle has its bias with an error. A cycle that is off by 6 σ of its mean has the clearest bias. Two simulated
+/// records do not suffice for significance. With one column over all rows per cycle this test would take gigabytes.
 #[test]
 fn many_cycles_are_looked_at_one_by_one() {
     let subject = Protocol::many_cycles(2_000, 10);
@@ -88,9 +89,9 @@ fn many_cycles_are_looked_at_one_by_one() {
     let panel = comparison.panels.iter().find(|panel| panel.place == "cycle").expect("many cycles");
     assert_eq!(panel.bars.len(), 1_999);
     let bar = panel.bars.iter().find(|bar| bar.label == "1234").expect("its bar");
-    // Six standard errors, give or take five: false failures below 1e-6.
+    // The bias is six standard errors, with a tolerance of five: false failures below 1e-6.
     assert!(bar.bias_um > bar.sd_um && bar.bias_um < 11.0 * bar.sd_um, "{bar:?}");
     let squares: f64 = panel.bars.iter().map(|bar| (bar.bias_um / bar.sd_um).powi(2)).sum();
-    // χ² with 1999 degrees of freedom, plus 36: standard deviation 63.
+    // The sum is a χ² with 1999 degrees of freedom, plus 36. Its standard deviation is 63.
     assert!((squares - 1999.0).abs() < 6.0 * 63.0 + 36.0, "{squares}");
 }

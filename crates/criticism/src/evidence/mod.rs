@@ -1,12 +1,12 @@
 //! Evidence of a candidate: the probability of the fitted positions, averaged over the priors of all of its parameters.
 //!
-//! Every parameter has its proper prior, also those of the effects and of the noise (the default ones, or the prior file's). Parameters that
-//! two candidates share have equal priors, so differences are logarithms of Bayes factors. The priors of the law and of the noise are those of
-//! `sample`. They are stricter than those of [`Subject::fit`], which only has to find an optimum.
+//! Every parameter has a proper prior, also those of the effects and of the noise: the default one, or that of the prior file. Parameters that two candidates share have
+//! equal priors, so differences of log evidences are logarithms of Bayes factors. The priors of the law and of the noise are those of `sample`. They are stricter than
+//! those of [`Subject::fit`], which only has to find an optimum.
 //!
-//! A posterior may have two modes: a small effect with one modulus, and a large effect with another. Climbs therefore start from a fixed design in the
-//! effects' own parameters, with the law and the noise refitted at each point of it. The proposal covers every mode that they reach, and the draws'
-//! weights give each mode its share of the evidence.
+//! A posterior may have two modes, such as a small effect with one modulus and a large effect with another. Climbs therefore start from a fixed design in the effects'
+//! own parameters, with the law and the noise refitted at each point. The proposal distribution covers every mode that the climbs reach. The weights of the draws give
+//! each mode its fraction of the evidence.
 
 mod starts;
 
@@ -31,33 +31,33 @@ pub use starts::Starts;
 pub enum EvidenceMethod {
     /// Importance sampling from a mixture adapted to the posterior.
     ImportanceSampling,
-    /// Sequential Monte Carlo from the prior, used if importance weights have too heavy a tail.
+    /// Sequential Monte Carlo from the prior; used if the importance weights have too heavy a tail.
     SequentialMonteCarlo,
 }
 
-/// Evidence and parameters of a candidate.
+/// Evidence of a candidate, with its parameters.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ModelEvidence {
     /// Log probability density of the fitted positions, in nats for positions in m.
     pub ln_evidence: f64,
     /// Standard error of the log evidence. If importance weights were unreliable, it is at least the difference between the two methods.
     pub standard_error: f64,
-    /// Pareto k̂ of importance sampling; `None` if another method was used.
+    /// Pareto k̂ of the importance weights; `None` if another method was used.
     pub pareto_k: Option<f64>,
-    /// Method of the computation.
+    /// Method that computed the evidence.
     pub method: EvidenceMethod,
-    /// Sampled parameters of the law and of the effects, in the model's order, over all modes.
+    /// Estimates of the law's and the effects' sampled parameters, in the model's order, over all modes.
     pub parameters: Vec<RefitParameter>,
-    /// Modes of the posterior, separated by a valley in an effect's parameter, the likelier first; empty if there is one mode.
+    /// Modes of the posterior, separated by a valley in an effect's parameter, the likelier one first; empty if there is one mode.
     pub modes: Vec<PosteriorMode>,
 }
 
-/// Effort for an evidence.
+/// Effort with which an evidence is computed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum EvidenceBudget {
-    /// All starts of the design, learnt trajectories, and a second method if the first fails; for the claim.
+    /// All starts of the design, learnt trajectories, and a second method if the first fails; used for the claim.
     Full,
-    /// Fewer draws, and importance sampling alone; for models beside a claim.
+    /// Fewer draws, and importance sampling alone; used for other models beside a claim.
     Brief,
 }
 
@@ -70,7 +70,7 @@ pub struct CandidatePosterior<'a> {
 }
 
 impl<'a> CandidatePosterior<'a> {
-    /// Posterior of a candidate without columns of free amplitude, which have no prior.
+    /// Returns the posterior of a candidate. Columns of free amplitude have no prior, so the candidate must have none.
     ///
     /// # Errors
     /// [`Error::Input`] if the candidate has such columns or does not fit the experiment.
@@ -121,7 +121,7 @@ impl<'a> CandidatePosterior<'a> {
         )
     }
 
-    /// Modes of the posterior, and points on ridges beside them, in [`PriorCoordinates`].
+    /// Finds the modes of the posterior, and points on ridges beside them, in [`PriorCoordinates`].
     ///
     /// # Errors
     /// [`Error::Numerical`] if a log density is +∞.
@@ -164,7 +164,7 @@ impl<'a> CandidatePosterior<'a> {
         tempering::evidence(&seen, modes, &TemperingOptions { seed, ..TemperingOptions::default() })
     }
 
-    /// Returns whether trajectories are computed one by one.
+    /// Returns whether trajectories must be computed one by one.
     fn is_slow(&self) -> bool {
         self.problem.model.is_nonlinear()
     }
@@ -176,14 +176,15 @@ impl<'a> CandidatePosterior<'a> {
             Ok(estimate) if importance::is_reliable(&estimate) => Ok((estimate, EvidenceMethod::ImportanceSampling)),
             Ok(_) | Err(Error::Numerical { .. }) if !self.is_slow() && self.care == EvidenceBudget::Full => {
                 let mut tempered = self.by_tempering(&modes, seed)?;
-                // Replicates cannot show a part of the posterior that all of them miss; weights that reach it do.
+                // Independent runs cannot reveal a region of the posterior that all of them miss. Importance weights that reach it do.
                 if let Ok(weighted) = weighted {
                     let apart = (tempered.ln_evidence - weighted.ln_evidence).abs();
                     tempered.standard_error = tempered.standard_error.max(apart);
                 }
                 Ok((tempered, EvidenceMethod::SequentialMonteCarlo))
             }
-            // Hundreds of thousands of trajectories are too many for models beside a claim, and for any diagnosis if they are computed one by one.
+            // Sequential Monte Carlo takes hundreds of thousands of trajectories. That is too many for models beside a claim, and for any diagnosis if trajectories are
+            // computed one by one.
             Ok(_) => Err(Error::numerical(
                 format!("the importance weights of the model with {} are unreliable", candidate.effects.join(", ")),
                 "sample it with `extend`, which takes more draws",
@@ -217,8 +218,8 @@ pub(super) fn evidence_with(
     Ok(evidence_of(&posterior, &estimate, method))
 }
 
-/// [`evidence`] by importance sampling alone; `None` if the weights are unreliable. For models whose evidence is not compared: it avoids minutes of sequential
-/// sampling.
+/// Posterior of [`evidence`] by importance sampling alone; `None` if the weights are unreliable. It is used for models whose evidence is not compared, since it avoids
+/// minutes of sequential sampling.
 ///
 /// # Errors
 /// [`Error::Input`] if the candidate has columns of free amplitude.
@@ -261,7 +262,7 @@ fn parameters_of(
         .collect()
 }
 
-/// The two sides of the first valley in a parameter of an effect, if there is one.
+/// Splits draws at the first valley in a parameter of an effect and returns the modes on both sides; empty if there is no valley.
 fn split_modes(posterior: &CandidatePosterior, seen: &PriorCoordinates, draws: &WeightedDraws) -> Vec<PosteriorMode> {
     let n_before = posterior.problem.model.n_before_effects();
     let of_effects = &posterior.problem.model.parameters()[n_before..];

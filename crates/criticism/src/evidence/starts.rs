@@ -1,4 +1,4 @@
-//! Starting points for the draws of an evidence: the fit, other maxima within reach of it, and ridges beside them.
+//! Starting points for computing an evidence: the fit, other maxima within reach of it, and ridges beside them.
 
 use rayon::prelude::*;
 
@@ -8,22 +8,21 @@ use posterior::prior::Prior;
 
 /// Prior quantile at which a climb starts if the fit is at an end of the support.
 const START_QUANTILE: f64 = 0.05;
-/// Tail of a prior within which a fit counts as being at an end of the support.
+/// Prior probability beyond a fit below which the fit counts as being at an end of the support.
 const FARTHEST_TAIL: f64 = 1e-6;
-/// Number of design points in the effects' parameters, and seed of their Sobol sequence over the priors; the design is part of the method.
+/// Number of design points in the effects' parameters. They are a Sobol sequence over the priors with the seed `START_SEED`; the design is part of the method.
 const EFFECT_STARTS: u32 = 12;
 const START_SEED: u32 = 11;
-/// Distance (nats) below the best at which a maximum of any width has no weight.
+/// Distance (nats) below the best maximum at which another maximum of any width has no weight.
 const TOP_REACH_NATS: f64 = 20.0;
-/// Two maxima closer than this, in units of the priors' spreads and in nats, count as one.
+/// Largest distance of two maxima that count as one, in each search coordinate; their heights must also differ by less than `SAME_TOP_NATS`.
 const SAME_TOP: f64 = 0.03;
 const SAME_TOP_NATS: f64 = 0.1;
 const MOST_TOPS: usize = 6;
-/// Distance (nats) below the best at which a point of a ridge has no weight. A ridge is at most a few times as wide as a maximum.
+/// Distance (nats) below the best maximum at which a point of a ridge has no weight. A ridge is at most a few times as wide as a maximum.
 const RIDGE_REACH_NATS: f64 = 8.0;
 
-/// Keeps the local maxima of a profile along one coordinate and their neighbours. Climbs from other points lead to the same
-/// places.
+/// Keeps the local maxima of a profile along one coordinate, and their neighbours. Climbs from other points would lead to the same maxima.
 fn near_local_tops(mut profile: Vec<Fitted>, coordinate: impl Fn(&Fitted) -> f64) -> Vec<Fitted> {
     profile.sort_by(|a, b| coordinate(a).total_cmp(&coordinate(b)));
     let height = |place: usize| profile[place].objective;
@@ -36,7 +35,7 @@ fn near_local_tops(mut profile: Vec<Fitted>, coordinate: impl Fn(&Fitted) -> f64
     profile.into_iter().zip(is_near).filter_map(|(point, is_near)| is_near.then_some(point)).collect()
 }
 
-/// Moves a value into the prior if it lies in a tail of less than `tail`: fits end at supports, where gradients vanish.
+/// Moves a value into the prior if the prior probability beyond it is below `tail`: fits may end at the ends of supports, where gradients vanish.
 fn moved_inside(prior: &Prior, value: f64, tail: f64) -> f64 {
     let below = prior.distribution.cdf(value);
     if below < tail {
@@ -48,17 +47,17 @@ fn moved_inside(prior: &Prior, value: f64, tail: f64) -> f64 {
     }
 }
 
-/// Starting points of an evidence's proposal, in natural values.
+/// Starting points for the proposal distribution of an evidence, in natural values of the parameters.
 pub struct Starts {
-    /// Climbs from these points end at maxima.
+    /// Points from which climbs lead to maxima.
     pub climbs: Vec<Vec<f64>>,
-    /// Points on ridges, high enough to have weight: an effect's parameter is held and all others are fitted. A narrow ridge leads so far away from a maximum that
-    /// draws around the maximum miss it, as with two retardations of equal times that share an amplitude.
+    /// Points on ridges that are high enough to have weight. At each, one parameter of an effect is held and all others are fitted. A narrow ridge may lead so far from a
+    /// maximum that draws around the maximum miss it. An example is two retardations with equal times, which share an amplitude.
     pub ridges: Vec<Vec<f64>>,
 }
 
 impl CandidatePosterior<'_> {
-    /// The fit, a point next to it, maxima reached from elsewhere in the priors of the effects' parameters, and ridges on the way.
+    /// Returns the fit, a point next to it, maxima reached from elsewhere in the priors of the effects' parameters, and ridges on the way.
     pub fn starts(&self, candidate: &Candidate, fitted: &Fitted) -> Starts {
         let (tops, ridges) = self.tops_and_ridges(candidate, fitted);
         let inside = |point: &Fitted| self.start(candidate, point, FARTHEST_TAIL);
@@ -67,7 +66,7 @@ impl CandidatePosterior<'_> {
         Starts { climbs, ridges: ridges.iter().map(inside).collect() }
     }
 
-    /// Makes a start from a fit: outside the prior's tails at the ends of the support, and with interchangeable parts in order.
+    /// Makes a start from a fit. The start lies outside the prior's tails at the ends of the support, and interchangeable elements are in order.
     fn start(&self, candidate: &Candidate, point: &Fitted, tail: f64) -> Vec<f64> {
         let mut natural = candidate.parameters(&point.theta);
         natural.extend(point.noise.iter());
@@ -77,8 +76,8 @@ impl CandidatePosterior<'_> {
         self.priors().ordered(self.priors().priors().iter().map(inside).collect())
     }
 
-    /// Maxima of the fit's objective within reach of the best one, and ridges. They come from a design in the effects' parameters; law and noise are fitted
-    /// at each of its points before those parameters are released, all but one of them first.
+    /// Finds maxima of the fit's objective within reach of the best one, and ridges. The search starts from a design in the effects' parameters. At each design point the
+    /// law and the noise are fitted first. Then all but one of the effects' parameters are released, and then all.
     fn tops_and_ridges(&self, candidate: &Candidate, fitted: &Fitted) -> (Vec<Fitted>, Vec<Fitted>) {
         let of_effects: Vec<usize> =
             (0..candidate.free.len()).filter(|k| candidate.free[*k].effect.is_some()).collect();
@@ -114,7 +113,7 @@ impl CandidatePosterior<'_> {
         (tops, ridges)
     }
 
-    /// Fit from a point with these coordinates held; `None` if there is none.
+    /// Fits a candidate from a point with the coordinates `held` fixed; `None` if there is no fit.
     fn fitted_with_held(&self, candidate: &Candidate, from: &Fitted, held: &[usize]) -> Option<Fitted> {
         let free: Vec<usize> = (0..candidate.free.len()).filter(|k| !held.contains(k)).collect();
         let of_rest =
@@ -127,7 +126,7 @@ impl CandidatePosterior<'_> {
     }
 }
 
-/// Points above a height that differ from each other and from the known ones, the highest first.
+/// Returns the points whose objective is at least `lowest` and that differ from each other and from the known ones, the highest first.
 fn distinct(mut points: Vec<Fitted>, known: &[Fitted], lowest: f64) -> Vec<Fitted> {
     points.sort_by(|a, b| b.objective.total_cmp(&a.objective));
     let is_same = |a: &Fitted, b: &Fitted| {
@@ -159,7 +158,7 @@ mod tests {
                 objective: *objective,
                 ln_likelihood: *objective,
             };
-            // The order does not matter.
+            // The order of the profile does not matter.
             let profile: Vec<Fitted> = heights.iter().enumerate().map(point).rev().collect();
             near_local_tops(profile, |point| point.theta[0]).iter().map(|point| point.theta[0]).collect()
         };

@@ -1,4 +1,4 @@
-//! A free memory: retardations at times on a logarithmic grid, with amplitudes ≥ 0, in series with the law.
+//! A free memory: retardations at times on a logarithmic grid, with amplitudes of at least 0, in series with the law.
 
 use std::sync::Arc;
 
@@ -12,19 +12,19 @@ use models::effects::{Effect, EffectParameter, FieldEffect, Stage, Stages};
 use posterior::study::effect_file::leak;
 use record::CharacteristicSizes;
 
-/// Number of times per decade, and largest number of times.
+/// Number of retardation times per decade, and largest number of times (`MOST_TIMES`).
 const TIMES_PER_DECADE: f64 = 1.5;
 const MOST_TIMES: usize = 8;
 
-/// J += (1/E) Σ aₖ (1 − e^{−t/τₖ}), aₖ ≥ 0, where 1/E is the law's compliance at the time of a hold.
+/// Addition to the creep compliance, J += (1/E) Σ aₖ (1 − e^{−t/τₖ}) with aₖ ≥ 0. Here 1/E is the law's compliance at the time of a hold.
 #[derive(Debug)]
 pub struct Creep {
-    /// τₖ in s.
+    /// Retardation times τₖ in s.
     pub times_s: Arc<[f64]>,
     parameters: &'static [EffectParameter],
 }
 
-/// The memory that an experiment can resolve: from three rows to the record's longest hold.
+/// Returns the memory that an experiment can resolve: times from three sample intervals to the record's longest hold; `None` if this range is too short.
 pub fn creep(subject: &Subject) -> Option<&'static Creep> {
     let scales = subject.experiment().scales();
     let (shortest_s, longest_s) = (3.0 * scales.sample_interval_s, scales.hold_s.max(scales.cycle_s));

@@ -1,4 +1,4 @@
-//! A learnt function written as a formula, chosen by its prediction of unseen cycles.
+//! Search for a formula that replaces a learnt function, chosen by its prediction of unseen cycles.
 
 use rayon::prelude::*;
 
@@ -11,28 +11,28 @@ use documents::learned::{FormulaParameter, LearnedFormula, LearnedFunction};
 use models::effects::{Effect, StateEffect};
 use posterior::study::effect_file;
 
-/// Least gain of a formula's parameter beyond the first, in nats of the log score of unseen cycles.
+/// Penalty of each parameter of a formula beyond the first, in nats of the log score of unseen cycles.
 const NATS_PER_PARAMETER: f64 = 1.0;
-/// Name of the file with a formula.
+/// Name of the file that a formula is written to.
 pub const FILE_NAME: &str = "learned-effect.toml";
 
-/// A formula at its fit.
+/// A formula with its fit.
 pub struct FittedFormula {
-    /// The formula as in its file.
+    /// Text of the formula, as in its file.
     pub text: String,
-    /// Its parameters.
+    /// Fitted parameters of the formula.
     pub parameters: Vec<FormulaParameter>,
-    /// The model with it.
+    /// The base model with the formula as an effect, at its fit.
     pub refitted: Refitted,
-    /// Its log score of unseen cycles less the penalty of its parameters, in nats.
+    /// Log score of unseen cycles, in nats, less the penalty of the parameters.
     pub score: f64,
-    /// The effect's file.
+    /// Text of the effect's file.
     pub file: String,
     effect: &'static StateEffect,
 }
 
 impl FittedFormula {
-    /// Entry of the document, with its factors at the states of a function, relative to the function's reference.
+    /// Entry of the document. It has the formula's factors at the states of a function, relative to that function's reference state.
     pub fn document(&self, function: &LearnedFunction) -> LearnedFormula {
         let states: Vec<f64> = function.points.iter().map(|point| point.state).collect();
         LearnedFormula {
@@ -44,7 +44,8 @@ impl FittedFormula {
     }
 }
 
-/// Finds the formula with the fewest parameters, at most `most_parameters`, that predicts unseen cycles with a log score of at least `least_score` nats. The best predictor of several wins; `None` if there is none.
+/// Finds the formula with the fewest parameters, at most `most_parameters`, that predicts unseen cycles with a log score of at least `least_score` nats. Of several such
+/// formulas, the best predictor wins. `None` if there is none.
 pub fn find_simplest_formula(
     subject: &Subject,
     base: &Refitted,
@@ -95,7 +96,7 @@ pub fn find_simplest_formula(
     })
 }
 
-/// Makes an effect of a pair's formula, with its file.
+/// Makes an effect of a formula for a pair, and returns the text of its file and the effect; `None` if the text is not valid.
 pub fn as_effect(written: &FormulaText, pair: &Pair) -> Option<(String, &'static StateEffect)> {
     let slug = format!("learned-{}-by-{}", pair.quantity, pair.state).replace('_', "-");
     let summary = format!("{} depends on {}", pair.quantity, pair.state.replace('_', " "));
@@ -105,7 +106,7 @@ pub fn as_effect(written: &FormulaText, pair: &Pair) -> Option<(String, &'static
     Some((text, effect))
 }
 
-/// Fits a model with one more effect, and returns it with its subject; `None` if the experiment cannot have the effect.
+/// Fits a base model with one more effect, and returns the model with its subject; `None` if the experiment cannot have the effect.
 pub fn fit_with_effect(
     subject: &Subject,
     base: &Refitted,
@@ -140,7 +141,7 @@ fn parameters(
 /// Half width of a 90 % interval, in standard deviations.
 pub const NORMAL_90: f64 = 1.645;
 
-/// Factors at states, relative to that at the reference.
+/// Factors that a fitted formula gives at states, relative to its factor at a reference state.
 fn factors(refitted: &Refitted, effect: &StateEffect, states: &[f64], reference: f64) -> Vec<f64> {
     let all = refitted.candidate.parameters(&refitted.fitted.theta);
     let named = refitted.candidate.model.parameters();
@@ -150,7 +151,7 @@ fn factors(refitted: &Refitted, effect: &StateEffect, states: &[f64], reference:
     states.iter().map(|state| at(*state) / at(reference)).collect()
 }
 
-/// The subject with one more effect in its library; `None` if the experiment cannot have it.
+/// Returns the subject with one more effect in its library; `None` if the experiment cannot have the effect.
 pub fn with_effect(subject: &Subject, effect: &'static StateEffect) -> Option<Subject> {
     let library = subject.library().clone().with_all([effect as &dyn Effect]);
     subject.with_library(&library).ok()

@@ -6,17 +6,17 @@ use super::pairs::{Pair, StateKind, state_range};
 use crate::Subject;
 use documents::learned::{LearnedFunction, LearnedPoint, QuantityAtReference};
 
-/// Number of tabulated points.
+/// Number of states at which the function is tabulated.
 const N_POINTS: usize = 61;
-/// Extrapolation beyond the states of fitted rows, as a share of their range, if the record goes there.
+/// Largest extrapolation beyond the states of fitted rows, as a fraction of their range; used if the record goes there.
 const BEYOND: f64 = 0.15;
 
 /// Number of quantiles of the fitted states among which the reference is chosen.
 const N_QUANTILES: usize = 21;
-/// Largest share of states at which a formula may lie outside the function's 90 % band.
+/// Largest fraction of states at which a formula may lie outside the function's 90 % band.
 const MOST_OUTSIDE: f64 = 0.3;
 
-/// Returns whether a formula's factors lie outside the function's 90 % band at more states than by chance.
+/// Returns whether a formula's factors lie outside the function's 90 % band at more states than chance allows.
 pub fn is_outside_band(factors: &[f64], points: &[LearnedPoint]) -> bool {
     let is_inside = |(factor, point): &(&f64, &LearnedPoint)| (point.q05..=point.q95).contains(*factor);
     let n_inside = factors.iter().zip(points).filter(is_inside).count();
@@ -34,7 +34,7 @@ fn seen(subject: &Subject, visited: &[f64]) -> [f64; 2] {
     fitted.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], s| [low.min(s), high.max(s)])
 }
 
-/// Share of the held-out rows whose state lies beyond those of the fitted rows; 0 if no row is held out.
+/// Fraction of the held-out rows whose state lies outside the range of the fitted rows; 0 if no row is held out.
 pub fn share_beyond(subject: &Subject, visited: &[f64]) -> f64 {
     let [low, high] = seen(subject, visited);
     let margin = 0.02 * (high - low);
@@ -68,7 +68,7 @@ pub fn tabulate_function(subject: &Subject, function: &Function, pair: &Pair) ->
     })
 }
 
-/// Quantiles of the fitted rows' states, candidates for the state at which the factor is 1.
+/// Quantiles of the fitted rows' states, from which the reference state (factor 1) is chosen.
 fn quantiles_of(subject: &Subject, visited: &[f64]) -> Vec<f64> {
     let mut states: Vec<f64> = of_fitted_rows(subject, visited).collect();
     states.sort_by(f64::total_cmp);
@@ -78,7 +78,7 @@ fn quantiles_of(subject: &Subject, visited: &[f64]) -> Vec<f64> {
     quantiles
 }
 
-/// States at which a function is tabulated: those of the fitted rows, and a little more.
+/// States at which a function is tabulated: the range of the fitted rows, slightly extended.
 fn states_of(subject: &Subject, visited: &[f64]) -> Vec<f64> {
     let all = state_range(visited);
     let [low, high] = seen(subject, visited);

@@ -1,7 +1,8 @@
 //! Fits of pairs, with their evidence.
 //!
-//! A pair's weights have a normal prior about 0 with one standard deviation, chosen by the evidence. The evidence is the maximum of the posterior density with the curvature there (Laplace),
-//! ln Z = ln L + ln p(θ) − n ln τ − ½ ln det H, less that of the model without the pair. Functions that the data do not support shrink to zero.
+//! All weights of a pair have a normal prior about 0 with one standard deviation τ, which is chosen by the evidence Z. Z follows from the maximum of the posterior
+//! density and the curvature H there (Laplace). For n weights, ln Z = ln L + ln p(θ) − n ln τ − ½ ln det H. The gain is ln Z less that of the model without the pair.
+//! Functions that the data do not support shrink to zero.
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -13,31 +14,31 @@ use crate::refit::Refitted;
 use crate::{Candidate, Fitted, NoiseValues, Search, Subject, Tangent};
 use base::error::Result;
 
-/// Trial standard deviations τ of weights, in order: a weight of 1 changes its quantity by a factor of e over the range of states.
+/// Standard deviations τ of the weights that are tried, in order. A weight of 1 changes its quantity by a factor of e over the range of states.
 const SPREADS: [f64; 4] = [0.3, 1.0, 3.0, 0.08];
 
-/// A pair at its fit.
+/// A pair with its fitted model.
 pub struct PairFit {
-    /// Index in the list of pairs.
+    /// Index of the pair in the list of pairs.
     pub pair: usize,
-    /// The model; its weights have their prior.
+    /// The base model with the pair; the weights have their prior.
     pub candidate: Candidate,
-    /// Its fit.
+    /// Best fit of that model.
     pub fitted: Fitted,
     /// Gain in ln evidence over the model without the pair, in nats.
     pub evidence_nats: f64,
-    /// Log scores of cycles given the cycles before them; `None` if none is held out.
+    /// Log scores of cycles given the cycles before them; `None` if no cycle is held out.
     pub future: Option<FutureScore>,
 }
 
-/// Indices of a pair's weights, the parameters of the last effect, among the coordinates.
+/// Returns the indices of a pair's weights among the coordinates. They are the parameters of the last effect.
 pub fn weights(candidate: &Candidate) -> Vec<usize> {
     let last = candidate.effects.len().checked_sub(1);
     (0..candidate.free.len()).filter(|k| candidate.free[*k].effect == last && last.is_some()).collect()
 }
 
-/// Fits a model from `start` with the own priors of its last effect's parameters.
-/// Returns the model, its fit and its ln evidence, up to a constant that all models share. Returns `None` if there is no fit or no evidence.
+/// Fits a model from `start`; the parameters of its last effect have their own priors. Returns the model, its fit and its ln evidence, up to a constant that all models
+/// share. Returns `None` if there is no fit or no evidence.
 pub fn fit_own_priors(
     subject: &Subject,
     candidate: &Candidate,
@@ -81,7 +82,7 @@ fn with_spread(candidate: &Candidate, spread: f64) -> Candidate {
     entry
 }
 
-/// ln Z, up to a constant of all models.
+/// ln Z (nats), up to a constant that all models share.
 fn ln_evidence(subject: &Subject, candidate: &Candidate, fitted: &Fitted) -> Result<f64> {
     let tangent = Tangent::new(subject, candidate, fitted)?;
     let of_weights = weights(candidate).into_iter().filter_map(|k| candidate.free[k].prior);
@@ -89,7 +90,7 @@ fn ln_evidence(subject: &Subject, candidate: &Candidate, fitted: &Fitted) -> Res
     Ok(fitted.objective - ln_priors - 0.5 * tangent.ln_det_precision())
 }
 
-/// The model without a pair, with its ln evidence.
+/// The base model without a pair, with its ln evidence.
 pub struct PairlessModel<'a> {
     /// The model at its fit.
     pub refitted: &'a Refitted,
@@ -105,7 +106,7 @@ impl<'a> PairlessModel<'a> {
     }
 }
 
-/// Fits a pair's model with the spread of the highest evidence; `None` if it has no model.
+/// Fits a pair's model with the prior standard deviation of the highest evidence; `None` if the model cannot be fitted.
 fn fit(
     subject: &Subject,
     (base, ln_evidence_of_base): (&(Vec<f64>, NoiseValues), f64),
@@ -128,10 +129,10 @@ fn fit(
     best
 }
 
-/// A pair's model at its fit in the search, with its gain in ln evidence in nats.
+/// A pair's model, its fit in the search, and its gain in ln evidence (nats).
 pub type SearchedFit = (Candidate, Fitted, f64);
 
-/// Fits all pairs, each beside the base; `None` for a pair without a model.
+/// Fits all pairs, each added to the base; `None` for a pair without a model.
 pub fn search_all(
     subject: &Subject,
     base: &PairlessModel<'_>,
@@ -169,7 +170,7 @@ pub fn finish_all(
     sought.into_par_iter().enumerate().filter_map(of).collect()
 }
 
-/// Fits a pair with the noise of another subject, and scores it there; `None` if it has no fit or no cycle is held out.
+/// Fits a pair with the noise of another subject, and scores it in that subject; `None` if it has no fit or no cycle is held out.
 pub fn fit_under(subject: &Subject, learnt: &PairFit) -> Option<(Fitted, FutureScore)> {
     let start = (learnt.fitted.theta.clone(), learnt.fitted.noise);
     let fitted = subject.fit(&learnt.candidate, &[start], Search::Local).ok()?;
@@ -177,18 +178,18 @@ pub fn fit_under(subject: &Subject, learnt: &PairFit) -> Option<(Fitted, FutureS
     Some((fitted, future))
 }
 
-/// Log scores of a model whose weights keep the prior of its fit.
+/// Log scores of future cycles for a model whose weights keep the prior of the fit.
 fn future(subject: &Subject, candidate: &Candidate, fitted: &Fitted) -> Result<Option<FutureScore>> {
     let mut entry = candidate.clone();
     weights(candidate).into_iter().for_each(|k| entry.free[k].null = None);
     future_score(subject, &entry, fitted)
 }
 
-/// First-order gains of pairs in data without any, which select the fits worth making.
+/// First-order gains of pairs in data without any pair. They select the pairs that are worth fitting.
 pub struct Screen {
     tangent: Tangent,
     position_m: Vec<f64>,
-    /// Visible directions of each candidate; `None` if it has no derivatives.
+    /// Visible whitened directions of each candidate's weights, one column per weight; `None` if it has no derivatives.
     directions: Vec<Option<DMatrix<f64>>>,
     units: Vec<Vec<f64>>,
 }
@@ -216,7 +217,7 @@ impl Screen {
         Ok(Self { tangent, position_m: base.fitted.position_m.clone(), directions, units })
     }
 
-    /// First-order gains in ln evidence (nats) of all pairs, for other positions of the same rows; −∞ for a pair without directions.
+    /// Returns the first-order gains in ln evidence (nats) of all pairs, for other positions at the same rows; −∞ for a pair without directions.
     fn gains_nats(&self, data: &Subject) -> Vec<f64> {
         let left_m = data.fitted_m.iter().zip(&self.position_m).map(|(y, x)| y.map_or(0.0, |y| y - x)).collect();
         let residual = self.tangent.project(self.tangent.whiten(&[left_m]).swap_remove(0));
@@ -241,7 +242,7 @@ impl Screen {
 /// Number of pairs fitted in simulated data: those with the largest first-order gains.
 const N_REFITTED: usize = 2;
 
-/// Largest gain in ln evidence that a search finds in data without any pair.
+/// Returns the largest gain in ln evidence (nats) that a search finds in data without any pair.
 pub fn largest_gain(data: &Subject, base: &Refitted, screen: &Screen, candidates: &[Option<Candidate>]) -> f64 {
     let start = (base.fitted.theta.clone(), base.fitted.noise);
     let Ok(fitted) = data.fit(&base.candidate, &[start], Search::Local) else { return f64::INFINITY };

@@ -1,12 +1,12 @@
-//! Formulas in which a learnt function may be written.
+//! Formulas that may replace a learnt function.
 
 use laws::stages::State;
 
 /// A formula with its parameters, as in its file.
 pub struct FormulaText {
-    /// Formula in the state and the parameters.
+    /// Formula as a text in the state and the parameters.
     pub text: String,
-    /// Its parameters.
+    /// Parameters of the formula.
     pub parameters: Vec<Parameter>,
 }
 
@@ -14,17 +14,17 @@ pub struct FormulaText {
 pub struct Parameter {
     /// Name in the formula.
     pub name: &'static str,
-    /// Unit.
+    /// Unit of the parameter.
     pub unit: String,
-    /// The prior's table in TOML.
+    /// Prior, as a table in TOML.
     pub prior: String,
-    /// True if its null is 0.
+    /// True if the parameter has the null 0.
     pub has_null: bool,
-    /// True if it must be positive.
+    /// True if the parameter must be positive.
     pub is_positive: bool,
 }
 
-/// All formulas for a state between `low` ≤ 0 and `high` ≥ 0: linear, exponential, quadratic, power, saturating, threshold, two states, sum of two.
+/// Returns all formulas for a state between `low` ≤ 0 and `high` ≥ 0: linear, exponential, quadratic, power, saturating, threshold, two states, and sum of two.
 pub fn formulas(state: State, [low, high]: [f64; 2]) -> Vec<FormulaText> {
     let (s, size) = (state.name(), high.max(-low));
     let of_size = if state.has_sign() { format!("abs({s})") } else { s.to_string() };
@@ -101,7 +101,7 @@ fn square(unit: &str) -> String {
 }
 
 impl FormulaText {
-    /// Text of the file of an effect with this formula.
+    /// Returns the text of the file that defines an effect with this formula.
     pub fn file(&self, name: &str, quantity: &str, state: &str, summary: &str) -> String {
         let mut text = format!(
             "# Learnt from data by `vitreo-uq learn`; SI units.\nname = {name:?}\nsummary = {summary:?}\nquantity = {quantity:?}\nstate = {state:?}\nfactor = {:?}\n",
@@ -126,7 +126,7 @@ mod tests {
     use super::*;
     use posterior::study::effect_file;
 
-    /// Every formula of every state gives a file that is parsed by the rules for a user's file.
+    /// Every formula of every state gives a file that passes the checks of a user's file.
     #[test]
     fn every_formula_is_an_effect() {
         for (state, name) in State::ALL {

@@ -1,8 +1,8 @@
 //! A learnt function with its band, averaged over priors by their evidence.
 //!
-//! A search fits each pair with one decay of the cosines (see [`Basis`]) and the likeliest spread of their weights, which suffices to compare pairs. But a band under one
-//! prior is too narrow, and eight cosines cannot resolve a kink. So the reported pair is refitted with twice as many cosines under several decays and spreads, and with every formula. Each
-//! fit is weighted by its evidence.
+//! A search fits each pair with one decay of the cosines (see [`Basis`]) and the likeliest prior standard deviation of their weights. That suffices to compare pairs. But
+//! a band under a single prior is too narrow, and eight cosines cannot resolve a kink. So the reported pair is refitted with twice as many cosines under several decays
+//! and standard deviations, and with every formula. Each fit is weighted by its evidence.
 
 use nalgebra::DMatrix;
 use rayon::prelude::*;
@@ -18,21 +18,21 @@ use base::error::Result;
 use base::number::Dual;
 use models::effects::StateEffect;
 
-/// Spreads of the weights, in the order of their fits.
+/// Prior standard deviations of the weights, in the order of their fits.
 const SPREADS: [f64; 5] = [0.3, 1.0, 3.0, 0.1, 0.03];
-/// Distance in nats below the best evidence at which a prior is ignored.
+/// Distance (nats) below the best evidence at which the fit under a prior is ignored.
 const LEAST_SHARE_NATS: f64 = 7.0;
 
-/// Form of a function.
+/// Form in which a function is fitted.
 #[derive(Clone, Copy)]
 enum FunctionShape {
-    /// A sum of smooth functions.
+    /// A weighted sum of smooth functions.
     Smooth(&'static Smooth),
-    /// A formula.
+    /// A formula in the state.
     Formula(&'static StateEffect),
 }
 
-/// The fitted function under one prior.
+/// The function fitted under one prior; `share` is its weight in the average.
 struct BasisFunction {
     share: f64,
     shape: FunctionShape,
@@ -42,15 +42,15 @@ struct BasisFunction {
     moments: Option<(Vec<f64>, DMatrix<f64>)>,
 }
 
-/// Learnt factor of a quantity as a function of a state, with its standard deviation.
+/// Learnt factor of a quantity as a function of a state, with its standard deviation, averaged over priors.
 pub struct Function {
     quantity: &'static str,
-    /// Functions under each prior, best first.
+    /// Function under each prior, the likeliest first.
     members: Vec<BasisFunction>,
 }
 
 impl Function {
-    /// Function of a pair as the search found it; `None` for a free memory.
+    /// Returns the function of a pair as the search found it; `None` for a free memory.
     ///
     /// # Errors
     /// Errors of computing derivatives at the fit.
@@ -61,7 +61,8 @@ impl Function {
         Ok(Some(Self { quantity: pair.quantity, members: vec![only] }))
     }
 
-    /// Function of a pair with all cosines and every formula, averaged over priors. Falls back to the search's function if no other can be fitted; `None` for a free memory.
+    /// Returns the function of a pair with all cosines and every formula, averaged over priors. Returns the search's function if no other can be fitted, and `None` for a
+    /// free memory.
     ///
     /// # Errors
     /// Errors of computing derivatives at the fit.
@@ -88,14 +89,14 @@ impl Function {
         Ok(Some(Self { quantity: pair.quantity, members: members.collect() }))
     }
 
-    /// Model with the function under the likeliest prior.
+    /// Returns the model with the function under the likeliest prior.
     pub fn best(&self) -> (&Candidate, &Fitted) {
         (&self.members[0].candidate, &self.members[0].fitted)
     }
 
-    /// The function at some states relative to its value at `reference`: ln factor and its standard deviation.
+    /// Returns the function at some states relative to its value at `reference`: the ln factor and its standard deviation for each state.
     ///
-    /// A common factor of all states is a change of the quantity itself, so only ratios describe the function. [`Self::best_known`] finds the best reference for them.
+    /// A factor that all states share is a change of the quantity itself, so only ratios describe the function. [`Self::best_known`] finds the best reference for them.
     pub fn curve(&self, states: &[f64], reference: f64) -> Vec<[f64; 2]> {
         let of = |member: &BasisFunction| {
             let (at_reference, slopes_there) = member.ln_factor(reference);
@@ -110,14 +111,16 @@ impl Function {
         (0..states.len()).map(|place| self.mixed(curves.iter().map(|curve| curve[place]))).collect()
     }
 
-    /// Reference state, among some states, with the least mean variance of the ratios. At states where the quantity has no influence, such as a force of 0, the data determine no value.
+    /// Returns the reference state, among some states, for which the ratios have the least mean variance. At states where the quantity has no influence, such as a force
+    /// of 0, the data determine no value.
     pub fn best_known(&self, states: &[f64]) -> Option<f64> {
         let with_variance =
             |reference: &f64| (self.curve(states, *reference).iter().map(|[_, sd]| sd * sd).sum::<f64>(), *reference);
         states.iter().map(with_variance).min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, reference)| reference)
     }
 
-    /// Logarithm of the quantity at a state and its standard deviation; `None` if the quantity is no free parameter of the law, such as the force or the observed position.
+    /// Returns the logarithm of the quantity at a state, and its standard deviation. `None` if the quantity is no free parameter of the law, such as the force or the
+    /// observed position.
     pub fn ln_quantity(&self, state: f64) -> Option<[f64; 2]> {
         let is_quantity = |free: &Free| free.name == self.quantity && matches!(free.coordinate, Coordinate::Logarithm);
         let of = |member: &BasisFunction| {
@@ -130,7 +133,7 @@ impl Function {
         all.map(|all| self.mixed(all.into_iter()))
     }
 
-    /// Mean and standard deviation over all priors.
+    /// Mean and standard deviation over all priors, from those under each prior.
     fn mixed(&self, of_members: impl Iterator<Item = [f64; 2]>) -> [f64; 2] {
         let [mut mean, mut square] = [0.0; 2];
         for (member, [value, sd]) in self.members.iter().zip(of_members) {
@@ -141,7 +144,8 @@ impl Function {
     }
 }
 
-/// Fits a sum of functions under every spread of its weights. The first fit starts from the law and the noise of the search. Returns the fits with their ln evidence.
+/// Fits a sum of functions under every prior standard deviation of its weights. The first fit starts from the law and the noise of the search. Returns the fits with
+/// their ln evidence.
 fn members(
     subject: &Subject,
     learnt: &PairFit,
@@ -161,7 +165,8 @@ fn members(
     all
 }
 
-/// Fits every formula; returns the fits with the ln evidence under their parameters' own priors. Empty for monotone functions, since formulas need not be monotone.
+/// Fits every formula and returns the fits with their ln evidence; the parameters have their own priors. Empty for monotone functions, since formulas need not be
+/// monotone.
 fn by_formulas(subject: &Subject, learnt: &PairFit, pair: &Pair) -> Vec<(BasisFunction, f64)> {
     let StateKind::Function { smooth, state, visited, .. } = &pair.kind else { return Vec::new() };
     if matches!(smooth.basis(), Basis::Ramps { .. }) {
@@ -193,7 +198,7 @@ impl BasisFunction {
         Ok(Self { share: 1.0, shape, candidate, fitted, moments })
     }
 
-    /// ln factor at a state, and its derivatives with respect to the coordinates of the effect, with their indices.
+    /// Returns the ln factor at a state, and its derivatives with respect to the coordinates of the effect, each with the coordinate's index.
     fn ln_factor(&self, state: f64) -> (f64, Vec<(usize, f64)>) {
         let places = weights(&self.candidate);
         let coordinate = |k: usize| self.candidate.free[k].coordinate;
@@ -213,7 +218,7 @@ impl BasisFunction {
                         .map(|(k, value)| Dual { value: *value, derivative: f64::from(u8::from(moved == Some(k))) });
                     effect.function.value(Dual::constant(state), &map.collect::<Vec<_>>())
                 };
-                // Beyond the record's states a line may cross 0.
+                // Beyond the record's states a linear factor may become negative.
                 let factor = at(None).value.max(f64::MIN_POSITIVE);
                 let slope = |(index, k): (usize, &usize)| {
                     (*k, at(Some(index)).derivative / factor * coordinate(*k).unit(self.fitted.theta[*k]))
@@ -227,7 +232,7 @@ impl BasisFunction {
         self.moments.as_ref().map_or(self.fitted.theta[place], |(mean, _)| mean[place])
     }
 
-    /// Standard deviation of a linear combination of coordinates.
+    /// Standard deviation of a linear combination of coordinates, given as indices and coefficients; infinite if the covariance is unknown.
     fn spread(&self, parts: &[(usize, f64)]) -> f64 {
         let Some((_, covariance)) = &self.moments else { return f64::INFINITY };
         let of = |(i, a): &(usize, f64)| -> f64 { parts.iter().map(|(j, b)| a * b * covariance[(*i, *j)]).sum() };
@@ -235,8 +240,8 @@ impl BasisFunction {
     }
 }
 
-/// Mean and covariance of the coordinates if no weight may be negative. They belong to a normal distribution about the coordinates at which the linearised model absorbs
-/// the residual, without its part at weights below 0.
+/// Mean and covariance of the coordinates if no weight may be negative. The linearised model absorbs the residual at some coordinates. A normal distribution about these
+/// coordinates is truncated to weights of at least 0.
 fn above_zero(tangent: &Tangent, candidate: &Candidate, fitted: &Fitted) -> Option<(Vec<f64>, DMatrix<f64>)> {
     let step = tangent.absorbing_step(tangent.residual())?;
     let centre: Vec<f64> = fitted.theta.iter().zip(step).map(|(theta, step)| theta + step).collect();

@@ -1,4 +1,4 @@
-//! Bands of learnt functions, compared with the scatter of functions learnt from many records of one truth.
+//! Compares bands of learnt functions with the scatter of functions learnt from many records of one truth.
 
 use super::*;
 use crate::learn::pairs::pairs;
@@ -7,18 +7,19 @@ use crate::refit::Refitted;
 use crate::test_subjects::{Protocol, noise_of, subject, truth_of};
 use crate::{NoiseValues, Search};
 
-/// Number of records, and number of records whose function is averaged over priors.
+/// Number of records, and number of records whose function is averaged over priors (`N_AVERAGED`).
 const N_RECORDS: u64 = 48;
 const N_AVERAGED: u64 = 16;
-/// Weights of ln c₂ as a function of the path: of the trend, then of the cosines.
+/// Weights of the true ln c₂ as a function of the path: first that of the trend, then those of the cosines.
 const WEIGHTS: [f64; N_WEIGHTS] = [0.5, 0.15, -0.05, 0.0, 0.0, 0.0, 0.0, 0.0];
 
-/// Mean and standard deviation at every setting.
+/// Mean and standard deviation of the ln factor at every setting, a pair of a state and a reference.
 type Told = Vec<[f64; 2]>;
 
-/// The 90 % bands of 48 records with white noise of 4 µm contain the truth as often as they should. Their width equals the scatter of the learnt functions. Binomially, fewer than 34 of 48
-/// occur in 2 of 10⁵ seeds if the probability is 9 in 10. The standard deviation of 48 numbers is 1 ± 0.1 and is off by more than 0.4 in 1 of 10⁴.
-/// Bands averaged over priors also contain the truth, in 16 of the records. Fewer than 10 of 16 occur in 7 of 10⁵ seeds, for each of four ratios. Their shares sum to one, and a formula's derivatives equal differences.
+/// The 90 % bands of 48 records with white noise of 4 µm contain the truth as often as they should. Their width equals the scatter of the learnt functions. If a band
+/// contains the truth with a probability of 0.9, fewer than 34 of 48 do so for 2 of 10⁵ seeds. The standard deviation of 48 standard normal values is 1 ± 0.1 and is off
+/// by more than 0.4 in 1 of 10⁴. Bands averaged over priors also contain the truth; this is tested in 16 of the records. Fewer than 10 of 16 occur in 7 of 10⁵ seeds, for
+/// each of four ratios. The weights of the priors sum to one, and a formula's derivatives equal differences.
 #[test]
 #[ignore = "thorough"]
 fn bands_are_as_wide_as_what_is_learnt_scatters() {
@@ -38,7 +39,7 @@ fn bands_are_as_wide_as_what_is_learnt_scatters() {
         let functions = smooth.functions(state.into());
         WEIGHTS.iter().zip(functions).map(|(weight, function)| weight * function.value).sum::<f64>()
     };
-    // Ratios to the value at the state 0, and to the value in the middle of the states.
+    // Ratios to the value at the state 0, and to the value near the middle of the states.
     let settings = [0.0, 0.45].map(|part| part * far).map(|reference| states.map(|state| (state, reference)));
     let settings = settings.concat();
     let noise: NoiseValues = NoiseValues::new([4.0, 0.0, 1.0, 0.0, 0.0]);

@@ -1,4 +1,4 @@
-//! The job of `learn`: fits every pair, judges the leading one, tabulates it and writes it as a formula.
+//! The job of `learn`: fits every pair, judges the leading one, tabulates its function and replaces it by a formula.
 
 use super::distil::FittedFormula;
 use super::drawn::tabulate_function;
@@ -16,15 +16,15 @@ use documents::errors::ModelErrors;
 use documents::learned::{EquivalentPair, Learned, LearnedKind, LearnedPair, LearnedVerdict, Retardation};
 use posterior::monitor::Monitor;
 
-/// Result of learning, with the file of its formula.
+/// Result of learning, with the file of the formula.
 pub struct LearningResult {
-    /// The document.
+    /// Document of the learning.
     pub learned: Learned,
-    /// The effect's file; `None` if there is no formula.
+    /// Text of the effect's file; `None` if there is no formula.
     pub file: Option<String>,
 }
 
-/// Learns a function or a memory from a record.
+/// Learns a function of a state, or a memory, from a record.
 ///
 /// # Errors
 /// Errors of fitting the base model.
@@ -50,7 +50,8 @@ pub fn learn(subject: &Subject, request: &Request, monitor: &dyn Monitor) -> Res
     found.learned(chosen, distilled, function.as_ref(), (p, preferred), &errors)
 }
 
-/// Sentence on the pair that `learn` would choose for a model's residual, without outliers and without confirmation by simulated searches; `None` if no pair helps.
+/// Returns a sentence on the pair that `learn` would choose for a model's residual; `None` if no pair helps. `subject` has no outliers, and no simulated searches confirm
+/// the pair.
 ///
 /// # Errors
 /// Errors of [`learn`].
@@ -70,7 +71,7 @@ pub fn preview_learning(subject: &Subject, base: &Refitted, monitor: &dyn Monito
     )))
 }
 
-/// What the document's errors come from: the record that models are judged on, and the known errors of the base model.
+/// Data for the document's errors: the record on which models are judged, and the known errors of the base model.
 struct Errors<'a> {
     /// The record with its outliers.
     whole: &'a Subject,

@@ -1,9 +1,9 @@
 //! Learning a constitutive correction from data: a function by which a quantity depends on a state.
 //!
-//! Quantities are the force, an element's modulus or viscosity, and the observed position; states are position, path, time and others (physics §5.3). Every pair of them is an effect like those
-//! of the library. It multiplies the quantity by e^{g(state)}, with a smooth function g and a Gaussian prior about 0. It is fitted with law and noise together. Its evidence is compared with that of
-//! searches in simulated data, and its prediction of unseen cycles is scored, as in a diagnosis. The result is written as
-//! a formula, in a file that defines an effect.
+//! Quantities are the force, an element's modulus or viscosity, and the observed position. States are position, path, time and others (physics §5.3). Every pair of a
+//! quantity and a state is an effect like those of the library. It multiplies the quantity by e^{g(state)}, with a smooth function g that has a Gaussian prior about 0.
+//! The pair is fitted together with law and noise. Its evidence is compared with that of searches in simulated data. Its prediction of unseen cycles is scored as in a
+//! diagnosis. The result is written as a formula, in a file that defines an effect.
 
 mod creep;
 mod distil;

@@ -19,32 +19,32 @@ pub struct Pair {
     pub quantity: &'static str,
     /// Name of the state; for a free memory the time since a change of the force.
     pub state: &'static str,
-    /// The pair as an effect.
+    /// The pair as an effect that can be added to the base.
     pub effect: &'static dyn Effect,
     /// Kind of the pair, with its data.
     pub kind: StateKind,
 }
 
-/// Kind of a pair.
+/// Kind of a pair: a function of a state, or a memory.
 pub enum StateKind {
-    /// A function of a state, and the states of all rows under the model without it.
+    /// A function of a state.
     Function {
-        /// The function.
+        /// The function and its basis.
         smooth: &'static Smooth,
-        /// The quantity.
+        /// Quantity that the function multiplies.
         quantity: QuantityName,
-        /// The state.
+        /// State on which the function depends.
         state: State,
-        /// States at the rows.
+        /// States at all rows of the record, under the model without the function.
         visited: Vec<f64>,
     },
-    /// A spectrum of retardation times.
+    /// A memory: a spectrum of retardation times.
     Memory(&'static Creep),
 }
 
 /// Least number of distinct states in a record from which a function can be learnt.
 const LEAST_DISTINCT: usize = 3;
-/// Scale on which velocities and times since a step are resolved near 0, as a share of their range: most changes occur near 0.
+/// Scale on which velocities and times since a step are resolved near 0, as a fraction of their range: most changes occur near 0.
 const BENT_AT: f64 = 0.03;
 
 /// Bases of a search without monotonicity.
@@ -52,7 +52,7 @@ const FREE: [Basis; 1] = [Basis::COSINES];
 /// Bases of a search for monotone functions.
 const MONOTONE: [Basis; 2] = [Basis::Ramps { n: N_WEIGHTS, falls: false }, Basis::Ramps { n: N_WEIGHTS, falls: true }];
 
-/// All pairs that make sense for a model. Each pair of monotone functions occurs twice, rising and falling.
+/// Returns all pairs that make sense for a model. In a search for monotone functions each pair occurs twice, rising and falling.
 ///
 /// # Errors
 /// Errors if the model has no stages at its fit.
@@ -67,7 +67,7 @@ pub fn pairs(subject: &Subject, base: &Refitted, is_monotone: bool) -> Result<Ve
         let visited = states.at_rows(quantity, state);
         pairs.extend(bases.iter().filter_map(|basis| pair(quantity, state, visited.clone(), *basis)));
     };
-    // If one element bears all the force, a function of the force acts on both alike.
+    // If one element bears the whole force, a function of the force has the same effect on the force and on that element.
     let is_alone = law.parameters().len() == 1 || (elements.len() == 1 && law.parameters().len() == 2);
     for (state, _) in State::ALL {
         if state != State::Strain && (!is_alone || state == State::Force) {
@@ -109,15 +109,15 @@ fn pair(quantity: QuantityName, state: State, visited: Vec<f64>, basis: Basis) -
     Some(Pair { quantity: quantity.name(), state: state.name(), effect, kind })
 }
 
-/// Smallest and largest state of a record, extended to include 0.
+/// Returns the smallest and the largest state of a record, extended to include 0.
 pub fn state_range(visited: &[f64]) -> [f64; 2] {
     visited.iter().fold([0.0_f64; 2], |[low, high], s| [low.min(*s), high.max(*s)])
 }
 
-/// Decays of cosines over which a function is averaged: 1 allows kinks and near jumps, 2 only bends.
+/// Decays of cosines over which a function is averaged: with 1 it may have kinks and near jumps, with 2 only bends.
 const DECAYS: [f64; 3] = [1.0, 1.5, 2.0];
 
-/// Finer functions, with all their weights, for a pair; none for a free memory.
+/// Returns finer functions for a pair, with the largest number of weights; none for a free memory.
 pub fn finer_functions(pair: &Pair) -> Vec<(&'static dyn Effect, &'static Smooth)> {
     let StateKind::Function { smooth, quantity, state, .. } = &pair.kind else { return Vec::new() };
     let bases = match smooth.basis() {
@@ -176,7 +176,7 @@ struct States {
     force_n: Vec<f64>,
     step_rows: Vec<usize>,
     position_m: Vec<f64>,
-    /// Share of the position of each body of the law in series.
+    /// For each body of the law in series, its contribution to the position (m) at every row.
     share_m: Vec<Vec<f64>>,
     law: laws::rheology::BaseLaw,
 }

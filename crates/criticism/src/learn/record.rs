@@ -1,4 +1,4 @@
-//! One of many records: its results for every pair and every formula, for a caller that adds them up.
+//! Learning from one of many records: results for every pair and every formula, which the caller sums over records.
 
 use rayon::prelude::*;
 
@@ -14,17 +14,17 @@ use laws::stages::State;
 use models::effects::StateEffect;
 use posterior::monitor::Monitor;
 
-/// A record with every pair fitted, and its cycles scored under the noise of the model's specification.
+/// A record with every pair fitted. Its cycles are scored under the noise of the model's specification.
 pub struct LearningRecord {
     found: PairSearch,
     subject: Subject,
     base: Refitted,
 }
 
-/// Results of a record for one pair.
+/// Result of one pair in a record.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PairGain {
-    /// Name of the pair, the same in all records.
+    /// Name of the pair, equal in all records.
     pub slug: &'static str,
     /// Name of the quantity.
     pub quantity: &'static str,
@@ -36,28 +36,28 @@ pub struct PairGain {
     pub heldout_gain_nats: Option<f64>,
 }
 
-/// A formula for many records.
+/// A formula that is fitted to many records.
 pub struct Formula {
-    /// The formula.
+    /// Text and parameters of the formula.
     pub written: FormulaText,
-    /// Its file.
+    /// Text of the effect's file.
     pub file: String,
     effect: &'static StateEffect,
 }
 
-/// Results of a formula in one record.
+/// Result of a formula in one record.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FormulaTest {
     /// Gain in the log score of the last cycle, which no fit has seen, in nats.
     pub last_cycle_gain_nats: f64,
-    /// Errors on the held-out cycle in µm, without the formula and with it.
+    /// Errors (µm) on the held-out cycle, without the formula and with it.
     pub rmse_um: [f64; 2],
-    /// Values of its parameters, in the formula's order.
+    /// Fitted values of the formula's parameters, in its order.
     pub values: Vec<f64>,
 }
 
 impl LearningRecord {
-    /// Fits every pair.
+    /// Fits every pair to a record.
     ///
     /// # Errors
     /// Errors of fitting the model.
@@ -68,7 +68,7 @@ impl LearningRecord {
         Ok(Self { found, subject, base })
     }
 
-    /// Results for every pair that is a function of a state.
+    /// Returns the results of every pair that is a function of a state.
     pub fn pair_gains(&self) -> Vec<PairGain> {
         let of_base = self.found.base.future;
         let of = |learnt: &super::fit::PairFit| {
@@ -84,21 +84,21 @@ impl LearningRecord {
         self.found.learnt.iter().filter_map(of).collect()
     }
 
-    /// State of a pair and its range in this record, extended to include 0.
+    /// Returns the state of a pair and its range in this record, extended to include 0; `None` for an unknown pair or a memory.
     pub fn range(&self, slug: &str) -> Option<(State, [f64; 2])> {
         let pair = self.found.pairs.iter().find(|pair| pair.effect.slug() == slug)?;
         let StateKind::Function { state, visited, .. } = &pair.kind else { return None };
         Some((*state, state_range(visited)))
     }
 
-    /// Gain of a pair's function in the log score of unseen cycles, under the noise of the model's specification, in nats.
+    /// Returns the gain (nats) of a pair's function in the log score of unseen cycles, under the noise of the model's specification.
     pub fn function_gain_nats(&self, slug: &str) -> Option<f64> {
         let learnt = self.found.learnt.iter().find(|pair_fit| self.found.pairs[pair_fit.pair].effect.slug() == slug)?;
         let (_, future) = fit_under(&self.subject, learnt)?;
         Some(future.all - self.base.future?.all)
     }
 
-    /// Formulas for a pair over a range of its state.
+    /// Returns all formulas for a pair over a range of its state.
     pub fn formulas(&self, slug: &str, state: State, range: [f64; 2]) -> Vec<Formula> {
         let Some(pair) = self.found.pairs.iter().find(|pair| pair.effect.slug() == slug) else { return Vec::new() };
         let of = |written: FormulaText| {
@@ -108,7 +108,7 @@ impl LearningRecord {
         formulas(state, range).into_iter().filter_map(of).collect()
     }
 
-    /// Gains of formulas in the log score of unseen cycles, in nats; `None` for a formula without a fit.
+    /// Returns the gains (nats) of formulas in the log score of unseen cycles; `None` for a formula without a fit.
     pub fn gains_nats(&self, formulas: &[Formula]) -> Vec<Option<f64>> {
         let gain = |formula: &Formula| {
             let (_, refitted) = fit_with_effect(&self.subject, &self.base, formula.effect)?;
@@ -118,7 +118,7 @@ impl LearningRecord {
     }
 }
 
-/// Tests a formula in a record that had no part in learning it; `None` if it has no fit or no cycle is held out.
+/// Tests a formula in a record from which it was not learnt; `None` if it has no fit or no cycle is held out.
 ///
 /// # Errors
 /// Errors of fitting the model.

@@ -1,4 +1,4 @@
-//! Search among pairs: fits of every pair beside a record's model, and the criteria for the leading one.
+//! Search among pairs: fits of every pair added to a record's model, and the criteria for the leading pair.
 
 use super::distil::{FittedFormula, find_simplest_formula};
 use super::fit::{PairFit, PairlessModel, Screen, finish_all, fit_under, largest_gain, search_all};
@@ -11,27 +11,32 @@ use base::error::Result;
 use documents::errors::ModelErrors;
 use posterior::monitor::{Counter, Monitor};
 
-/// Criteria of a learnt pair: largest p, least evidence (nats; e⁵ is 150 to 1), and least gain (nats) in the log score of unseen cycles. The last two are the largest loss in the last of these cycles, and the least change of a position over the noise.
+/// Largest p at which a pair may be learnt.
 pub const LARGEST_P: f64 = 0.02;
+/// Least gain in ln evidence (nats) of a learnt pair: e⁵ is 150 to 1.
 pub const LEAST_EVIDENCE_NATS: f64 = 5.0;
+/// Least gain (nats) of a learnt pair in the log score of unseen cycles.
 pub const LEAST_FUTURE_NATS: f64 = 3.0;
+/// Largest loss (nats) of a learnt pair in the log score of the last unseen cycle.
 const LARGEST_LOSS_NATS: f64 = 0.1;
+/// Least change of a position by a learnt pair, divided by the noise.
 const SMALLEST_CHANGE: f64 = 0.25;
-/// Evidence difference in nats below which pairs count as equal: e⁶ is 400 to 1.
+/// Difference in ln evidence (nats) below which pairs count as equal: e⁶ is 400 to 1.
 pub const EQUAL_NATS: f64 = 6.0;
-/// Largest loss of a formula against the function's log score of unseen cycles: nats, and a share of the function's gain.
+/// Largest loss (nats) of a formula against the function's log score of unseen cycles. `FORMULA_LOSS` times the function's gain is added to it.
 pub const FORMULA_LOSS_NATS: f64 = 3.0;
 pub const FORMULA_LOSS: f64 = 0.05;
-/// Evidence difference in nats up to which another pair may give a simpler formula that predicts as well.
+/// Difference in ln evidence (nats) up to which another pair may give a simpler formula that predicts as well.
 const SIMPLER_WITHIN_NATS: f64 = 40.0;
-/// Largest amount by which a preferred library effect may fall short of the function in the log score of unseen cycles. It is the sum of `LIBRARY_NATS` and the share
-/// `LIBRARY_SHARE` of the function's gain. A library effect has a few parameters, the function eight.
+/// A library effect is preferred to the function if its log score of unseen cycles is at most this many nats lower. `LIBRARY_SHARE` times the function's gain is added to
+/// this loss. A library effect has a few parameters, the function eight.
 const LIBRARY_NATS: f64 = 4.0;
 const LIBRARY_SHARE: f64 = 0.02;
-/// Number of positions in the search of nonlinear models. Models whose first-order bound is below this share of the function's gain are not fitted.
+/// Number of positions in the search of nonlinear models.
 const MOST_SEARCHED_SLOWLY: usize = 200;
+/// Fraction of the function's gain below which a model's first-order bound is too small, so that the model is not fitted.
 const WITHIN_REACH: f64 = 0.5;
-/// Number of positions in the search of pairs; if there are more, each pair's fit is then finished with all of them.
+/// Number of positions in the search of pairs. If there are more, each pair's fit is then continued with all positions.
 const MOST_SEARCHED: usize = 800;
 /// Random stream of the simulated searches, separate from others of the seed.
 const STREAM: u64 = 0x1ea4;
@@ -45,7 +50,7 @@ pub struct Request {
     pub seed: u64,
     /// True if functions of a state may only rise or only fall.
     pub is_monotone: bool,
-    /// Errors of the base model's posterior on the same cycles, if it was sampled; else the document shows those of its best fit.
+    /// Errors of the base model's posterior on these cycles, if it was sampled; else the document shows the errors of its best fit.
     pub base_errors: Option<ModelErrors>,
 }
 
@@ -55,25 +60,25 @@ impl Default for Request {
     }
 }
 
-/// A search among pairs.
+/// A search among all pairs of a quantity and a state.
 pub struct PairSearch {
     /// The record, with every pair as an effect.
     pub subject: Subject,
-    /// All pairs in the search.
+    /// All pairs that the search fits.
     pub pairs: Vec<Pair>,
     /// True if functions must be monotone.
     pub is_monotone: bool,
-    /// Each pair's model; `None` if it has none.
+    /// Model with each pair; `None` if the pair cannot be added to the base.
     candidates: Vec<Option<Candidate>>,
-    /// The model without any pair.
+    /// The base model, without any pair.
     pub base: Refitted,
-    /// Fitted pairs, best first.
+    /// Fitted pairs, the best one first.
     pub learnt: Vec<PairFit>,
-    /// Data and result of the search.
+    /// Positions and result of the search.
     searched: SearchedPositions,
 }
 
-/// Positions used in the search, all or a selection, with the base's fit to them and the largest gain in ln evidence.
+/// Positions that the search uses, all or a selection, with the base's fit to them and the largest gain in ln evidence (nats).
 struct SearchedPositions {
     subject: Subject,
     base: Refitted,
@@ -81,7 +86,7 @@ struct SearchedPositions {
 }
 
 impl PairSearch {
-    /// Fits every pair beside a base model.
+    /// Fits every pair, each added to a base model.
     ///
     /// # Errors
     /// Errors of fitting the base model.
@@ -113,7 +118,7 @@ impl PairSearch {
 }
 
 impl PairSearch {
-    /// p of the largest gain, from searches in data simulated from the base.
+    /// Returns p of the largest gain, from searches in data simulated from the base.
     pub fn p(&self, request: &Request, monitor: &dyn Monitor) -> Result<f64> {
         let SearchedPositions { subject, base, gain_nats } = &self.searched;
         let screen = Screen::new(subject, base, &self.candidates)?;
@@ -128,7 +133,7 @@ impl PairSearch {
         Ok(Bootstrap::of(*gain_nats, simulations, largest).p(*gain_nats))
     }
 
-    /// The leading pair that predicts unseen cycles, or the reason why there is none.
+    /// Returns the leading pair that predicts unseen cycles, or the reason why there is none.
     ///
     /// # Errors
     /// The reason, in words.
@@ -165,7 +170,7 @@ impl PairSearch {
         Ok(chosen)
     }
 
-    /// Effects of the library that predict unseen cycles as well as the function.
+    /// Returns the slugs of library effects that predict unseen cycles as well as the function.
     pub fn find_preferred_effects(&self, chosen: &PairFit, monitor: &dyn Monitor) -> Vec<String> {
         let names: Vec<&str> = self.pairs.iter().map(|pair| pair.effect.slug()).collect();
         let others = self.subject.library().effects().iter().filter(|effect| !names.contains(&effect.slug()));
@@ -213,7 +218,7 @@ impl PairSearch {
         Ok(finished.collect())
     }
 
-    /// Share of the squared error beyond the noise that a fit removes.
+    /// Returns the fraction of the squared error, beyond the noise, that a fit removes; `None` if the error does not exceed the noise.
     pub fn explained(&self, fitted: &Fitted) -> Option<f64> {
         let is_scored = self.subject.scored_m.iter().any(Option::is_some);
         let rows = if is_scored { &self.subject.scored_m } else { &self.subject.fitted_m };
@@ -224,15 +229,15 @@ impl PairSearch {
         (before > 0.0).then(|| (1.0 - after / before).clamp(-1.0, 1.0))
     }
 
-    /// Finds the simplest formula that predicts unseen cycles nearly as well as the function. It belongs to the leading pair, or has one parameter and belongs to another pair within reach. Eight weights may hide that a
-    /// line in another state does as well. All fits use the noise of the model's specification, since the formula is added to that model. Slow noise that only the search allows
-    /// would absorb levels and leave only increments to the formula.
+    /// Finds the simplest formula that predicts unseen cycles nearly as well as the function. It belongs to the leading pair, or has one parameter and belongs to another
+    /// pair within reach. A function with eight weights may hide that a line in another state does as well. All fits use the noise of the model's specification, since
+    /// the formula is added to that model. Slow noise, which only the search allows, would absorb levels and leave only increments to the formula.
     pub fn write_formula<'a>(&'a self, chosen: &'a PairFit) -> (&'a PairFit, Option<FittedFormula>) {
         let Ok((subject, base)) = with_own_noise(&self.subject, &self.base) else { return (chosen, None) };
         let Some(((function, of_function), of_base)) = fit_under(&subject, chosen).zip(base.future) else {
             return (chosen, None);
         };
-        // If even the function's residual exceeds the noise, the excess is model error with correlated rows, and nats count correspondingly less.
+        // If even the function's residual exceeds the noise, the excess is model error that is correlated between rows. Each nat then counts correspondingly less.
         let left = (1e-6 * function.noise[0] / subject.yardstick_m()).powi(2).max(1.0);
         let gain = of_function.all - of_base.all;
         let least = of_function.all - FORMULA_LOSS_NATS * left - FORMULA_LOSS * gain;
@@ -248,14 +253,14 @@ impl PairSearch {
         simplest.map_or((chosen, None), |(pair_fit, formula)| (pair_fit, Some(formula)))
     }
 
-    /// Returns whether a fit has another quantity or state than `pair`; the opposite direction does not count as another.
+    /// Returns whether a fitted pair differs from `pair` in its quantity or state. A function with the opposite direction does not count as another.
     pub fn is_another(&self, other: &PairFit, pair: &Pair) -> bool {
         let entry = &self.pairs[other.pair];
         (entry.quantity, entry.state) != (pair.quantity, pair.state)
     }
 }
 
-/// Fits a record's model without outliers; returns the record and the model.
+/// Fits a record's base model without outliers; returns the record without outliers and the model.
 ///
 /// # Errors
 /// Errors of the fit.

@@ -1,49 +1,49 @@
-//! Smooth functions of a state.
+//! Smooth functions by which a quantity depends on a state.
 
 use base::number::{Dual, Scalar as _};
 use laws::stages::StateFunction;
 
-/// Number of weights of a function in a search.
+/// Number of weights of a function during a search.
 pub const N_WEIGHTS: usize = 8;
 /// Largest number of weights of a function.
 pub const MOST_WEIGHTS: usize = 16;
 
-/// Basis functions of u in [0, 1] whose weighted sum is g.
+/// Basis functions of u in [0, 1]. Their weighted sum is the exponent g of [`Smooth`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Basis {
-    /// A trend u, and cosines cos(πku)/k^p; a larger decay p makes g smoother a priori.
+    /// A trend u, and cosines cos(πku)/k^p. A larger decay p makes g smoother before any data.
     Cosines {
-        /// Decay p.
+        /// Decay p of the cosines.
         decay: f64,
     },
-    /// Integrals of n neighbouring hat functions, each rising from 0 to 1 under its hat, for weights ≥ 0.
+    /// Integrals of n neighbouring hat functions. Each rises from 0 to 1 under its hat; weights are at least 0.
     Ramps {
         /// Number of hats, at most [`MOST_WEIGHTS`].
         n: usize,
-        /// True if g falls.
+        /// True if g falls, false if it rises.
         falls: bool,
     },
 }
 
 impl Basis {
-    /// Basis of a search: functions that bend but have no kinks.
+    /// Basis of a search. Its functions bend but have no kinks.
     pub const COSINES: Self = Self::Cosines { decay: 1.5 };
 
-    /// Factor of each function.
+    /// Constant factor of each basis function.
     fn sizes(self) -> [f64; MOST_WEIGHTS] {
         std::array::from_fn(|k| match self {
             Self::Cosines { .. } if k == 0 => 1.0,
             Self::Cosines { decay } => (k as f64).powf(-decay),
             Self::Ramps { n, .. } if k >= n => 0.0,
             Self::Ramps { n, falls } => {
-                // Together n ramps of unit weights rise by √n, like n independent changes.
+                // With unit weights, all n ramps together rise by √n, like n independent changes.
                 let whole = if k == 0 || k + 1 == n { 0.5 } else { 1.0 };
                 (n as f64).sqrt().recip() * if falls { -1.0 } else { 1.0 } / whole
             }
         })
     }
 
-    /// Values of the first `n_weights` functions, times their factors; the others are 0.
+    /// Values of the first `n_weights` basis functions, times their constant factors; the others are 0.
     fn at(self, u: Dual, sizes: &[f64; MOST_WEIGHTS], n_weights: usize) -> [Dual; MOST_WEIGHTS] {
         let inside = if (0.0..=1.0).contains(&u.value) { u } else { Dual::constant(u.value.clamp(0.0, 1.0)) };
         let mut functions = [Dual::ZERO; MOST_WEIGHTS];
@@ -61,7 +61,7 @@ impl Basis {
             Self::Ramps { n, .. } => {
                 let last = (n - 1) as f64;
                 for (k, (function, size)) in each.take(n) {
-                    // A hat from −1 to 1; the first and the last are half hats.
+                    // Each hat extends from x = −1 to 1; the first and the last are half hats.
                     let (x, from) = (inside * last + -(k as f64), if k == 0 { 0.5 } else { 0.0 });
                     let risen = if x.value <= -1.0 {
                         Dual::ZERO
@@ -80,8 +80,9 @@ impl Basis {
     }
 }
 
-/// The factor e^{g(s)}. Its exponent g is a weighted sum of functions of u minus its value at the state 0, where the quantity is unchanged. u goes from 0 to 1 over the range of states, linearly
-/// or as arsinh(s/s₀). Beyond the range only a trend continues. The number of functions is the number of weights.
+/// The factor e^{g(s)} by which a function of the state s multiplies a quantity. The exponent g is a weighted sum of basis functions of u, minus its value at the state
+/// 0, where the quantity is unchanged. The variable u goes from 0 to 1 over the range of states, linearly or as arsinh(s/s₀). Beyond the range only a trend continues.
+/// There is one basis function per weight.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Smooth {
     basis: Basis,
@@ -90,13 +91,13 @@ pub struct Smooth {
     width: f64,
     /// Scale s₀ if w(s) is arsinh(s/s₀); `None` if w(s) is s.
     bent_at: Option<f64>,
-    /// Factors of the functions, and their values at the state 0.
+    /// Constant factors of the basis functions, and the functions' values at the state 0 (`at_zero`).
     sizes: [f64; MOST_WEIGHTS],
     at_zero: [f64; MOST_WEIGHTS],
 }
 
 impl Smooth {
-    /// Makes the functions over a nonempty range of states.
+    /// Makes the function over a nonempty range of states.
     pub fn over(range: [f64; 2], bent_at: Option<f64>, basis: Basis) -> Self {
         let warp = |s: f64| bent_at.map_or(s, |value| (s / value).asinh());
         let [from, to] = range.map(warp);
@@ -109,19 +110,19 @@ impl Smooth {
         self.basis
     }
 
-    /// Makes functions of another basis over this range.
+    /// Returns the function with another basis over the same range.
     pub fn with(self, basis: Basis) -> Self {
         let mut smooth = Self { basis, sizes: basis.sizes(), at_zero: [0.0; MOST_WEIGHTS], ..self };
         smooth.at_zero = smooth.functions(Dual::ZERO).map(|function| function.value);
         smooth
     }
 
-    /// Functions whose weighted sum is g, minus their values at the state 0.
+    /// Returns the basis functions at a state, minus their values at the state 0. Their weighted sum is g.
     pub fn functions(&self, state: Dual) -> [Dual; MOST_WEIGHTS] {
         self.first(MOST_WEIGHTS, state)
     }
 
-    /// The first `n_weights` functions; the others are 0.
+    /// Returns the first `n_weights` of these basis functions; the others are 0.
     fn first(&self, n_weights: usize, state: Dual) -> [Dual; MOST_WEIGHTS] {
         let mut functions = self.basis.at(self.place(state), &self.sizes, n_weights);
         let each = functions.iter_mut().zip(self.at_zero).take(n_weights);
@@ -141,7 +142,7 @@ impl Smooth {
         (warped - self.from) * self.width.recip()
     }
 
-    /// g of cosines with constant weights, by Clenshaw's recurrence. It takes a fifth of the time of separate functions, the main cost of fits.
+    /// Returns g of a cosine basis with constant weights, by Clenshaw's recurrence. It takes a fifth of the time of separate functions, which are the main cost of fits.
     fn sum_of_cosines(&self, state: Dual, weights: &[Dual]) -> Dual {
         let u = self.place(state);
         let is_inside = (0.0..=1.0).contains(&u.value);
@@ -184,7 +185,7 @@ impl StateFunction for Smooth {
 mod tests {
     use super::*;
 
-    /// Every function is 0 at the state 0, cosines equal the standard library's, and derivatives equal differences, with and without a bend.
+    /// Every basis function is 0 at the state 0. Cosines equal those of the standard library, and derivatives equal differences, with and without arsinh.
     #[test]
     fn functions_are_what_they_are_called() {
         for bent_at in [None, Some(3e-5)] {
@@ -205,7 +206,8 @@ mod tests {
             assert_eq!(smooth.value(Dual::constant(3e-4), &[Dual::ZERO; MOST_WEIGHTS]), Dual::ONE);
         }
     }
-    /// The factor and its slopes for constant weights equal those of the sum of the functions: inside the range and beyond both ends, for every number of weights.
+    /// The factor and its slopes for constant weights equal those of the sum of the basis functions. The test covers the range, both sides beyond it, and every number of
+    /// weights.
     #[test]
     fn sums_of_cosines_are_those_of_the_functions() {
         for bent_at in [None, Some(3e-5)] {
@@ -234,7 +236,7 @@ mod tests {
             }
         }
     }
-    /// Rising ramps never fall and falling ramps never rise. Together they rise by √n, derivatives equal differences, and each ramp rises under its own hat only.
+    /// Rising ramps never fall and falling ramps never rise. All n ramps together rise by √n, and each ramp rises under its own hat only. Derivatives equal differences.
     #[test]
     fn ramps_go_one_way() {
         for (n, falls) in [(2, false), (8, true), (MOST_WEIGHTS, false)] {

@@ -1,16 +1,16 @@
-//! Moments of normals whose coordinates have lower bounds.
+//! Moments of normal distributions whose coordinates have lower bounds.
 
 use nalgebra::DMatrix;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use statrs::distribution::{ContinuousCDF, Normal};
 
-/// Number of sweeps of the sampler, and of initial sweeps that are discarded.
+/// Number of sweeps of the Gibbs sampler, and number of initial sweeps that are discarded (`N_UNCOUNTED`).
 const N_SWEEPS: usize = 4000;
 const N_UNCOUNTED: usize = 200;
 const SEED: u64 = 0x7a11;
 
-/// Mean and covariance of a normal truncated to coordinates above their bounds (−∞ for none). Gibbs' sampler draws each coordinate in turn, given the others.
+/// Mean and covariance of a normal vector truncated to coordinates above their bounds (−∞ for none). The Gibbs sampler draws each coordinate in turn, given the others.
 /// `None` if the covariance has no inverse.
 pub fn moments(centre: &[f64], covariance: &DMatrix<f64>, least: &[f64]) -> Option<(Vec<f64>, DMatrix<f64>)> {
     let n = centre.len();
@@ -26,7 +26,7 @@ pub fn moments(centre: &[f64], covariance: &DMatrix<f64>, least: &[f64]) -> Opti
             x[k] = x[k].max(least[k]);
         }
         if sweep >= N_UNCOUNTED {
-            // Deviations from the centre lose no digits.
+            // Sums of deviations from the centre lose no digits.
             let apart: Vec<f64> = x.iter().zip(centre).map(|(x, centre)| x - centre).collect();
             for i in 0..n {
                 sum[i] += apart[i];
@@ -40,7 +40,8 @@ pub fn moments(centre: &[f64], covariance: &DMatrix<f64>, least: &[f64]) -> Opti
     Some((centre.iter().zip(shift).map(|(centre, shift)| centre + shift).collect(), covariance))
 }
 
-/// Standard normal above a bound, from a uniform number between 0 and 1. It uses the upper tail, which keeps its digits where the lower one rounds to 1.
+/// Returns a standard normal variable above a bound, from a uniform number between 0 and 1. It uses the upper tail probability, which keeps its digits where the lower
+/// one rounds to 1.
 fn upper_normal(bound: f64, uniform: f64) -> f64 {
     let normal = Normal::standard();
     let above = if bound.is_finite() { normal.sf(bound) } else { 1.0 };
@@ -55,8 +56,9 @@ fn upper_normal(bound: f64, uniform: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Two coordinates of correlation ρ above 0 have Rosenbaum's closed form: P = ¼ + asin(ρ)/2π, mean (1 + ρ)/(2√(2π) P). A coordinate truncated far in its tail, beside a free one, has a mean above
-    /// the bound between 1/b and 2/b³. The 3,800 sweeps of the first two are worth at least 1,000 draws: 0.1 is five of their standard errors.
+    /// Two coordinates above 0 with correlation ρ have Rosenbaum's closed form: P = ¼ + asin(ρ)/2π, mean (1 + ρ)/(2√(2π) P). A coordinate truncated at a bound b far in
+    /// its tail, beside a free one, has a mean that exceeds b by 1/b − 2/b³ to 1/b. For the two coordinates, 3,800 sweeps are worth at least 1,000 draws. The tolerance
+    /// 0.1 is five of their standard errors.
     #[test]
     fn moments_are_those_of_closed_forms() {
         for rho in [-0.5_f64, 0.0, 0.7] {

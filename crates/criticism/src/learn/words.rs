@@ -1,4 +1,4 @@
-//! Sentences on the learnt function.
+//! Sentences of the document on a learnt function.
 
 use super::drawn::{is_outside_band, share_beyond};
 use super::fit::PairFit;
@@ -11,11 +11,11 @@ use documents::errors::ModelErrors;
 use documents::learned::{LearnedFormula, LearnedFunction, LearnedPoint};
 use figures::number::format_significant;
 
-/// Share of held-out rows beyond the fitted states above which the verdict mentions them.
+/// Fraction of held-out rows beyond the fitted states above which the verdict mentions them.
 const MOST_BEYOND: f64 = 0.1;
 
 impl PairSearch {
-    /// Sentence on the dependence and its gain.
+    /// Sentence on the learnt dependence and its gain.
     pub fn gain_in_words(
         &self,
         pair: &Pair,
@@ -72,7 +72,7 @@ impl PairSearch {
         sentence
     }
 
-    /// Sentences on alternatives and on the remaining residual.
+    /// Sentences on alternatives to the learnt pair and on the remaining residual.
     pub fn limits_in_words(&self, chosen: &PairFit, model: &Refitted, library: &[String]) -> Result<String> {
         let mut sentence = String::new();
         if !library.is_empty() {
@@ -114,7 +114,7 @@ pub fn quantity_words(quantity: &str) -> String {
     }
 }
 
-/// Phrase for a pair and the direction of its dependence.
+/// Phrase for a pair; `rises` is the direction of its dependence, if known.
 pub fn describe_pair(pair: &Pair, rises: Option<bool>) -> String {
     if pair.quantity == "creep" {
         return "a memory with additional retardation times".into();
@@ -128,7 +128,7 @@ pub fn describe_pair(pair: &Pair, rises: Option<bool>) -> String {
     format!("{quantity} {way} with the {}", pair.state.replace('_', " "))
 }
 
-/// Returns whether a function rises from the state nearest to 0 to the farthest state.
+/// Returns whether the factor at the state farthest from 0 is larger than at the state nearest to 0.
 pub fn is_rising(function: &LearnedFunction) -> bool {
     let by_size = |a: &&LearnedPoint, b: &&LearnedPoint| a.state.abs().total_cmp(&b.state.abs());
     let [near, far] = [function.points.iter().min_by(by_size), function.points.iter().max_by(by_size)];

@@ -1,4 +1,4 @@
-//! Noise learnt in three ways, each blind to different parts of it; a disagreement between them is a finding.
+//! Noise learnt in several ways, each blind to a different part of it. A disagreement between them is a finding.
 //!
 //! | source | method | does not see |
 //! |---|---|---|
@@ -23,50 +23,50 @@ use record::Record;
 /// A standard deviation and its standard error, both in m.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NoiseEstimateSd {
-    /// Standard deviation of one position.
+    /// Standard deviation of one position's error, in m.
     pub sd_m: f64,
     /// Standard error of `sd_m`.
     pub standard_error_m: f64,
 }
 
-/// Noise estimate from differences between successive cycles.
+/// Noise estimate from the differences between successive cycles.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CycleSpread {
-    /// Spread of one position, gains and offsets of cycles included.
+    /// Standard deviation of one position, gains and offsets of cycles included.
     pub whole: NoiseEstimateSd,
-    /// Spread of one position after removal of each cycle's gain and offset.
+    /// Standard deviation of one position after removal of each cycle's gain and offset.
     pub within: NoiseEstimateSd,
     /// Standard deviation of a cycle's gain; 0 if no change is detected.
     pub gain_sd: f64,
     /// Standard error of `gain_sd`, limited by the number of cycles.
     pub gain_standard_error: f64,
-    /// Mean square of the changes of gain over its value by chance.
+    /// Mean square of the changes of gain between cycles, divided by its value by chance.
     pub gain_score: f64,
-    /// Mean square of the shifts of cycles against each other over its value by chance.
+    /// Mean square of the shifts between cycles, divided by its value by chance.
     pub offset_score: f64,
-    /// Number of pairs of successive cycles.
+    /// Number of pairs of successive cycles that are compared.
     pub n_pairs: usize,
 }
 
 /// Noise estimate from the restricted likelihood.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RestrictedSpread {
-    /// Spread from row to row: white errors and the process together.
+    /// Standard deviation from row to row: white errors and the process together.
     pub row: NoiseEstimateSd,
-    /// Terms of the noise.
+    /// Noise terms of the estimate.
     pub model: NoiseModel,
     /// Noise parameters in their units, in the order of the model.
     pub noise: NoiseValues,
 }
 
-/// Noise learnt in all ways.
+/// Noise estimates by all methods.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NoiseEstimates {
-    /// Estimate from rest records, if there are any.
+    /// Estimate from rest records; `None` if there are none.
     pub rest: Option<NoiseEstimateSd>,
-    /// Estimate from neighbouring positions late in holds.
+    /// Estimate from neighbouring positions late in holds; `None` if there are too few.
     pub neighbours: Option<NoiseEstimateSd>,
-    /// Estimate from successive cycles.
+    /// Estimate from successive cycles; `None` if they cannot be compared.
     pub cycles: Option<CycleSpread>,
     /// Estimate by restricted maximum likelihood.
     pub restricted: RestrictedSpread,
@@ -74,10 +74,10 @@ pub struct NoiseEstimates {
     pub left_m: f64,
 }
 
-/// Least number of standard errors, and least relative difference, at which two estimates disagree.
+/// Least difference of two estimates, in standard errors, at which they disagree. They must also differ by the fraction `LEAST_FRACTION`.
 const LEAST_ERRORS: f64 = 3.5;
 const LEAST_FRACTION: f64 = 0.2;
-/// Least ratio of a fit's residual to the noise that counts as a misfit.
+/// Ratio of a fit's residual to the noise above which the residual is a misfit.
 const LEAST_MISFIT_RATIO: f64 = 1.5;
 
 /// Learns the noise of the fitted cycles from the record and from a fit of a candidate.
@@ -96,7 +96,7 @@ pub fn learn(subject: &Subject, candidate: &Candidate, fitted: &Fitted) -> Resul
 }
 
 impl NoiseEstimates {
-    /// One statement per source, for the document and the terminal.
+    /// Returns one statement per method, for the document and the terminal.
     pub fn estimates(&self) -> Vec<NoiseEstimate> {
         let entry = |from: &str, spread: Option<NoiseEstimateSd>, text: String| NoiseEstimate {
             from: from.into(),
@@ -149,7 +149,7 @@ impl NoiseEstimates {
         ]
     }
 
-    /// One sentence for every disagreement beyond the errors.
+    /// Returns one sentence for every disagreement that exceeds the errors.
     pub fn disagreements(&self) -> Vec<String> {
         let mut found = Vec::new();
         if let (Some(rest), Some(neighbours)) = (self.rest, self.neighbours)
@@ -161,7 +161,7 @@ impl NoiseEstimates {
                 short_um(neighbours.sd_m)
             ));
         }
-        // Noise of single rows, by the most complete estimate.
+        // Noise of single rows, from rests if possible, else from neighbours.
         let Some(known) = self.rest.or(self.neighbours) else { return found };
         if let (Some(cycles), Some(neighbours)) = (self.cycles, self.neighbours)
             && (cycles.has_gain() || exceeds(cycles.whole_by_chance(), neighbours))
@@ -187,8 +187,8 @@ impl NoiseEstimates {
     }
 }
 
-/// Least score at which a change of gain counts as detected, and least fraction by which it must increase the scatter. By chance, one pair of cycles reaches the score once in 2,000; more
-/// pairs reach it less often.
+/// Least score at which a change of gain counts as detected. It must also increase the scatter by the fraction `LEAST_GAIN_SHARE`. By chance, one pair of cycles reaches
+/// the score once in 2,000; more pairs reach it less often.
 const LEAST_GAIN_SCORE: f64 = 12.0;
 const LEAST_GAIN_SHARE: f64 = 0.1;
 
@@ -197,12 +197,12 @@ impl CycleSpread {
         self.gain_score > LEAST_GAIN_SCORE && self.whole.sd_m > (1.0 + LEAST_GAIN_SHARE) * self.within.sd_m
     }
 
-    /// Spread of whole cycles with its error under constant gain, as a test of constancy requires.
+    /// Standard deviation of one position, gains and offsets included. Its error assumes a constant gain, as a test of constancy requires.
     fn whole_by_chance(&self) -> NoiseEstimateSd {
         NoiseEstimateSd { standard_error_m: self.within.standard_error_m, ..self.whole }
     }
 
-    /// Returns whether a shift of whole cycles is detected that the likelihood does not attribute to slow noise.
+    /// Returns whether a shift of whole cycles is detected and the likelihood does not attribute it to slow noise.
     fn has_offset(&self, restricted: RestrictedSpread) -> bool {
         let [process_um, offset_um] =
             [SLOW_NOISE_SD, OFFSET_SD].map(|parameter| restricted.model.value(&restricted.noise, &parameter));
@@ -229,7 +229,7 @@ fn exceeds(larger: NoiseEstimateSd, smaller: NoiseEstimateSd) -> bool {
     larger.sd_m - smaller.sd_m > (LEAST_ERRORS * error_m).max(LEAST_FRACTION * smaller.sd_m)
 }
 
-/// Value and standard error, the error with two digits.
+/// Writes a value with its standard error; the error has two digits.
 fn um(spread: NoiseEstimateSd) -> String {
     let error_um = 1e6 * spread.standard_error_m;
     let decimals =

@@ -1,4 +1,4 @@
-//! Noise estimated from the record itself: rests, neighbouring positions, successive cycles.
+//! Noise estimated from the record itself: from rests, neighbouring positions and successive cycles.
 
 use super::{CycleSpread, NoiseEstimateSd};
 use record::Record;
@@ -7,16 +7,16 @@ use record::noise::{
     late_rows, second_differences,
 };
 
-/// Relative standard error, times √n, of a standard deviation from the median absolute deviation of n second differences of neighbours. It is 1.167 for
-/// independent ones (Rousseeuw & Croux, *JASA* 88, 1273, 1993), times √(1 + 2(⅔² + ⅙²)), since neighbouring differences overlap.
+/// Relative standard error, times √n, of a standard deviation from the median absolute deviation of n second differences of neighbouring positions. It is 1.167 for
+/// independent differences (Rousseeuw & Croux, *JASA* 88, 1273, 1993), times √(1 + 2(⅔² + ⅙²)), since neighbouring differences overlap.
 const MAD_ERROR: f64 = 1.63;
-/// Largest time difference of rows of two cycles that count as simultaneous, as a fraction of the sample interval.
+/// Largest difference of two rows' times within their cycles at which the rows count as simultaneous, as a fraction of the sample interval.
 const SAME_TIME_INTERVALS: f64 = 0.1;
-/// Largest difference of equal force steps, as a fraction of the force's range.
+/// Largest difference of two force steps that count as equal, as a fraction of the force's range.
 const EQUAL_STEP_FRACTION: f64 = 0.05;
 const FEWEST_PER_PAIR: usize = 20;
 
-/// Scatter about straight lines without force: before the first force, and late in rests.
+/// Noise from the scatter about straight lines while no force acts: before the first force, and late in rests; `None` if there are too few positions.
 pub(super) fn at_rest(record: &Record) -> Option<NoiseEstimateSd> {
     let no_force_n = NO_FORCE_FRACTION * record.force_range_n();
     let (mut series, mut n_positions, mut n_windows, mut is_loaded) = (Vec::new(), 0, 0, false);
@@ -38,7 +38,7 @@ pub(super) fn at_rest(record: &Record) -> Option<NoiseEstimateSd> {
     (n_positions >= MIN_REST_POSITIONS).then(|| spread_of(&series, n_positions - 2 * n_windows)).flatten()
 }
 
-/// Noise from neighbouring positions: spread of their second differences late in holds.
+/// Noise from neighbouring positions: the scatter of their second differences late in holds. `None` if there are too few differences.
 pub(super) fn of_neighbours(record: &Record) -> Option<NoiseEstimateSd> {
     let mut sizes: Vec<f64> = second_differences(record).iter().map(|difference| difference.abs()).collect();
     if sizes.len() < MIN_DIFFERENCES {
@@ -49,9 +49,9 @@ pub(super) fn of_neighbours(record: &Record) -> Option<NoiseEstimateSd> {
     (sd_m > 0.0).then(|| NoiseEstimateSd { sd_m, standard_error_m: sd_m * MAD_ERROR / (sizes.len() as f64).sqrt() })
 }
 
-/// Noise from successive cycles: spread of the differences of a fit's residuals at equal times in both cycles, where `fitted_m` are the fit's positions. It uses only rows
-/// whose last force step was the same in both cycles, because the true motions differ after different steps. The record's first step, which starts without force, often
-/// differs from all later ones.
+/// Noise from successive cycles: the scatter of the differences between a fit's residuals at equal times in both cycles. `fitted_m` are the fit's positions. Only rows
+/// whose last force step was equal in both cycles are used, because the true motions differ after different steps. The record's first step, which starts without force,
+/// often differs from all later ones.
 pub(super) fn of_cycles(record: &Record, fitted_m: &[f64]) -> Option<CycleSpread> {
     let steps = record.force_step_rows();
     let same = MatchTolerance {
@@ -70,7 +70,7 @@ pub(super) fn of_cycles(record: &Record, fitted_m: &[f64]) -> Option<CycleSpread
     let within = spread_of(&within, n - 2 * n_pairs)?;
     let squares: f64 = pairs.iter().flat_map(|pair| &pair.difference_m).map(|d| d * d).sum();
     let whole_m2 = squares / n as f64;
-    // The difference of two positions has √2 times the sd of one. There is one gain and one offset per pair.
+    // The difference of two positions has √2 times the standard deviation of one. Each pair of cycles has one gain and one offset.
     let between_m2 = (whole_m2 - within.sd_m.powi(2)).max(0.0);
     let error_m4 = (2.0 * within.sd_m * within.standard_error_m).powi(2) + 2.0 * between_m2.powi(2) / n_pairs as f64;
     let half = std::f64::consts::FRAC_1_SQRT_2;
@@ -91,21 +91,21 @@ pub(super) fn of_cycles(record: &Record, fitted_m: &[f64]) -> Option<CycleSpread
     Some(CycleSpread { whole, within: within_one, gain_sd, gain_standard_error, gain_score, offset_score, n_pairs })
 }
 
-/// Tolerances for equal times and equal forces.
+/// Tolerances within which times and forces count as equal.
 struct MatchTolerance {
     time_s: f64,
     force_n: f64,
 }
 
-/// A cycle compared with the next.
+/// Comparison of a cycle with the next one.
 struct Pair {
     difference_m: Vec<f64>,
-    /// Differences without a change of gain and of offset.
+    /// Differences after removal of a change of gain and of offset.
     left_m: Vec<f64>,
     gain_change: f64,
-    /// Mean of the differences.
+    /// Mean of the differences: the shift between the cycles.
     shift_m: f64,
-    /// Sum of squares of positions about their mean.
+    /// Sum of squares of the positions about their mean, which weights the change of gain.
     gain_weight_m2: f64,
 }
 
@@ -134,7 +134,7 @@ impl Pair {
     }
 }
 
-/// A row of a cycle: its time in the cycle, and the forces before and after the last force step.
+/// A row of a cycle, with its time in the cycle and the forces before and after the last force step.
 struct Phase {
     row: usize,
     after_s: f64,
@@ -165,7 +165,7 @@ fn about_line(x: &[f64], y: &[f64]) -> ((f64, f64), Vec<f64>) {
     ((slope, weight), x.iter().zip(y).map(|(x, y)| y - mean_y - slope * (x - mean_x)).collect())
 }
 
-/// Standard deviation of series about 0, with `degrees` degrees of freedom. Its standard error accounts for the correlation of the series.
+/// Standard deviation of `series` about 0, with `degrees` degrees of freedom. Its standard error accounts for the correlation of the series.
 fn spread_of(series: &[Vec<f64>], degrees: usize) -> Option<NoiseEstimateSd> {
     let squares: f64 = series.iter().flatten().map(|value| value * value).sum();
     if degrees == 0 || squares <= 0.0 {
@@ -175,8 +175,8 @@ fn spread_of(series: &[Vec<f64>], degrees: usize) -> Option<NoiseEstimateSd> {
     Some(NoiseEstimateSd { sd_m, standard_error_m: sd_m * (slowness(series).0 / (2.0 * degrees as f64)).sqrt() })
 }
 
-/// Factors by which correlation increases the variance of a mean square (1 + 2 Σ ρ²) and of a mean (1 + 2 Σ ρ). The sums end at the first lag whose correlation ρ is within
-/// its own scatter.
+/// Factors by which correlation increases the variance of a mean square (1 + 2 Σ ρ²) and of a mean (1 + 2 Σ ρ). The sums over lags end at the first lag whose correlation
+/// ρ is within its own scatter.
 fn slowness(series: &[Vec<f64>]) -> (f64, f64) {
     let longest = series.iter().map(Vec::len).max().unwrap_or(0) / 3;
     let n: usize = series.iter().map(Vec::len).sum();

@@ -1,7 +1,7 @@
-//! Restricted maximum likelihood: the parameters of the mean are integrated out, so that the noise estimate includes the part that they absorb.
+//! Restricted maximum likelihood. The parameters of the mean are integrated out, so that the noise estimate includes the part that they absorb.
 //!
-//! The whitening is L⁻¹, the residuals are r = L⁻¹(y − f), and A = L⁻¹∂f/∂θ has additional rows for the law's priors. The integral over θ of the likelihood around a fit is,
-//! up to a constant, ln p(y | θ̂) + ½‖A⁺ part of r‖² − ½ ln det AᵀA.
+//! L⁻¹ whitens the noise of the positions y, and f are the model's positions. The residuals are r = L⁻¹(y − f), and A = L⁻¹∂f/∂θ has additional rows for the law's
+//! priors. The integral over θ of the likelihood around a fit is ln p(y | θ̂) + ½‖r_A‖² − ½ ln det AᵀA, up to a constant. The part of r that A absorbs is r_A = AA⁺r.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -12,16 +12,16 @@ use crate::noise_fit::{LogNoise, Objective, climb, natural};
 use crate::{Candidate, Fitted, Subject};
 use base::error::Result;
 
-/// Step, in logarithms, of the differences that give the curvature.
+/// Step of the finite differences that give the curvature, in logarithms of the noise parameters.
 const DIFFERENCE: f64 = 0.15;
 
-/// Parameters of the mean around a fit.
+/// Parameters of the mean around a fit, which absorb a part of the noise.
 pub(super) struct Absorbed<'a> {
     subject: &'a Subject,
     position_m: &'a [f64],
     /// Derivatives of the position and, last, the residuals (m); one value per row of the record.
     columns_m: Vec<Vec<f64>>,
-    /// Diagonal of the law's prior precision, and its pull at the fit.
+    /// For each coordinate, the precision of its prior, and the prior's pull at the fit: precision times (mean − fit).
     prior: Vec<(f64, f64)>,
 }
 
@@ -39,7 +39,7 @@ impl<'a> Absorbed<'a> {
         Ok(Self { subject, position_m: &fitted.position_m, columns_m, prior })
     }
 
-    /// Change of the log likelihood at the fit by integrating over the mean's parameters, under a noise in its units.
+    /// Change of the log likelihood at the fit because the mean's parameters are integrated out. The noise parameters are in their units.
     pub fn correction(&self, noise: &NoiseValues) -> f64 {
         let white = self.subject.fitted.whiten(&self.columns_m, self.position_m, noise);
         let Some((residual, columns)) = white.split_last() else { return 0.0 };
@@ -51,7 +51,7 @@ impl<'a> Absorbed<'a> {
             precision[(k, k)] += weight;
             pull[k] += towards;
         }
-        // Scaled to a unit diagonal, so that units cost no digits; an invisible effect adds nothing.
+        // The matrix is scaled to a unit diagonal, so that units cost no digits. An invisible effect adds nothing.
         let scale: Vec<f64> = precision.diagonal().iter().map(|d| d.max(f64::MIN_POSITIVE).sqrt()).collect();
         let scaled = DMatrix::from_fn(n, n, |i, j| precision[(i, j)] / (scale[i] * scale[j]));
         let pull = DVector::from_fn(n, |i, _| pull[i] / scale[i]);
@@ -78,7 +78,7 @@ pub(super) fn learn(subject: &Subject, candidate: &Candidate, fitted: &Fitted) -
     let of_rows = prior.of_rows();
     let sds_um = of_rows.iter().filter(|(_, is_sd)| *is_sd).map(|(place, _)| noise[*place]);
     let sd_um = sds_um.reduce(f64::hypot).unwrap_or(0.0);
-    // Derivative of the ln sd of one row: shares of its variance.
+    // Derivative of the logarithm of one row's standard deviation: each parameter's fraction of the variance.
     let slope = |(place, is_sd): &(usize, bool)| (*place, if *is_sd { (noise[*place] / sd_um).powi(2) } else { 0.0 });
     let slopes: Vec<(usize, f64)> = of_rows.iter().map(slope).collect();
     let relative_error = relative_error(&objective, &log_noise, &slopes);
@@ -89,7 +89,8 @@ pub(super) fn learn(subject: &Subject, candidate: &Candidate, fitted: &Fitted) -
     })
 }
 
-/// Standard error of a function with these slopes in the logarithms of some parameters, by index, from the curvature of the objective at its maximum.
+/// Standard error of a function of noise parameters. Its slopes are with respect to the logarithms of parameters, given by index. The covariance follows from the
+/// curvature of the objective at its maximum.
 fn relative_error(objective: &dyn Fn(&[LogNoise]) -> Vec<f64>, top: &LogNoise, slopes: &[(usize, f64)]) -> f64 {
     let n = slopes.len();
     let moved = |steps: &[(usize, f64)]| {
@@ -117,7 +118,7 @@ fn relative_error(objective: &dyn Fn(&[LogNoise]) -> Vec<f64>, top: &LogNoise, s
         curvature[(i, j)] = -(at[0] - at[1] - at[2] + at[3]) / (4.0 * over);
         curvature[(j, i)] = curvature[(i, j)];
     }
-    // The time of a negligible process is undetermined: directions without curvature get a variance of order one, like their prior.
+    // The data do not determine the correlation time of a negligible process. Directions without curvature get a variance of order one, like their prior.
     let eigen = curvature.symmetric_eigen();
     let slope = DVector::from_iterator(n, slopes.iter().map(|(_, slope)| *slope));
     let variance: f64 =

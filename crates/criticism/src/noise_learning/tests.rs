@@ -1,4 +1,4 @@
-//! Tests that learn known noise of every kind, and compare the restricted likelihood with dense algebra.
+//! Tests that learn known noise of every kind, and that compare the restricted likelihood with dense algebra.
 
 use nalgebra::{DMatrix, DVector};
 use std::time::Instant;
@@ -23,13 +23,13 @@ fn noisy(subject: &Subject, truth_m: &[f64], noise: &NoiseValues, seed: u64) -> 
     subject.with_positions(&truth_m.iter().zip(noise_m).map(|(x, e)| x + e).collect::<Vec<_>>())
 }
 
-/// Root mean square of (estimate − truth)/error over replicates.
+/// Root mean square of (estimate − truth)/error over repeated estimates.
 fn calibration(found: &[NoiseEstimateSd], truth_um: f64) -> f64 {
     let squares = found.iter().map(|spread| ((spread.sd_m - 1e-6 * truth_um) / spread.standard_error_m).powi(2));
     (squares.sum::<f64>() / found.len() as f64).sqrt()
 }
 
-/// Every method finds the white noise of 4 µm in 24 records. The root mean square of 24 normal scores exceeds 1.9 once in 10⁶.
+/// Every method finds the white noise of 4 µm in 24 records. The root mean square of 24 standard normal scores exceeds 1.9 once in 10⁶.
 #[test]
 fn white_noise_is_found_every_way() {
     let subject = subject(Protocol::Levels);
@@ -53,14 +53,14 @@ fn white_noise_is_found_every_way() {
     }
     let n_disagreeing = all.iter().filter(|learnt| !learnt.disagreements().is_empty()).count();
     all.iter().flat_map(NoiseEstimates::disagreements).for_each(|text| println!("{text}"));
-    // A disagreement needs 3.5 errors, once in 2,000 records. Two of 24 occur about once in 10⁴, so the bound relies on its fixed seeds.
+    // A disagreement needs 3.5 errors, which occurs once in 2,000 records. Two of 24 occur about once in 10⁴, so the bound relies on the fixed seeds.
     assert!(n_disagreeing <= 1, "{n_disagreeing}");
     all[0].estimates().iter().for_each(|estimate| println!("{}", estimate.text));
 }
 
-/// The sentences report shifts of whole cycles by 6 µm as such, but not slow noise of equal size. Two differences of shifts per record are small in some records and resemble
-/// a gain in others, so about six records in ten report it. Fewer than three of sixteen fail falsely about once in 10⁴. For slow noise, with one report in 1,000, more than two
-/// have a probability below 10⁻⁶.
+/// The sentences report shifts of whole cycles by 6 µm as shifts, but not slow noise of equal size. Each record has only two differences of shifts. They are small in
+/// some records and resemble a gain in others, so about six records in ten report a shift. Fewer than three of sixteen fail falsely about once in 10⁴. For slow noise,
+/// with one report in 1,000 records, more than two reports have a probability below 10⁻⁶.
 #[test]
 fn only_shifts_of_cycles_are_called_that() {
     let subject = subject(Protocol::Paper);
@@ -80,7 +80,7 @@ fn only_shifts_of_cycles_are_called_that() {
     assert!(shifted >= 3 && slow <= 2, "{shifted} {slow}");
 }
 
-/// A gain of 2 % shows between cycles and not between neighbours, and the sentence reports it. Changes of gain by 2.8 % are at least 12 errors, so the score
+/// A gain of 2 % shows between cycles and not between neighbours, and the sentence reports it. Changes of gain by 2.8 % are at least 12 errors. The score therefore
 /// misses its threshold in fewer than one record of ten. Fewer than eight reports in sixteen have a probability below 10⁻⁵.
 #[test]
 fn a_gain_shows_between_cycles() {
@@ -98,15 +98,15 @@ fn a_gain_shows_between_cycles() {
             learnt.estimates().iter().for_each(|estimate| println!("{}", estimate.text));
         }
     }
-    // Three changes of gain per record, neighbours sharing a cycle: the mean square of 16 records is within a factor of 2.5 except once in 10⁶.
+    // Each record has three changes of gain, and neighbouring changes share a cycle. The mean square of 16 records is within a factor of 2.5, except once in 10⁶.
     let gain_sd = (sum / 16.0_f64).sqrt();
     println!("gain {gain_sd:.4}, said {n_said} of 16");
     assert!((0.4..2.5).contains(&(gain_sd / 0.02).powi(2)), "{gain_sd}");
     assert!(n_said >= 8, "{n_said}");
 }
 
-/// The restricted likelihood shows a process of 6 µm over 1 s, neighbours hardly do. The root mean square of sixteen normal scores is below 2.2
-/// except once in 10⁶. The mean of sixteen estimates from neighbours has an error of 0.1 µm, a fifth of its tolerance.
+/// The restricted likelihood shows a process of 6 µm with a correlation time of 1 s, and neighbours hardly show it. The root mean square of sixteen standard normal
+/// scores is below 2.2, except once in 10⁶. The mean of sixteen estimates from neighbours has an error of 0.1 µm, a fifth of its tolerance.
 #[test]
 fn slow_noise_hides_from_neighbours() {
     let subject = subject(Protocol::Paper);
@@ -125,8 +125,8 @@ fn slow_noise_hides_from_neighbours() {
     assert!(by_neighbours < 5.0 && score < 2.2, "{by_neighbours} {score}");
 }
 
-/// On the first hold, the restricted log likelihood equals an expression in dense matrices up to a constant. The expression is
-/// −½(ln det Σ + ln det(AᵀΣ⁻¹A + prior) + the squared residual after the best step).
+/// On the first hold, the restricted log likelihood equals an expression in dense matrices, up to a constant. The expression is −½(ln det Σ + ln det(AᵀΣ⁻¹A + prior) +
+/// the squared residual after the best step), with the covariance Σ and the derivatives A.
 #[test]
 fn the_restricted_likelihood_equals_dense_algebra() {
     let subject = subject(Protocol::Paper);
@@ -173,10 +173,10 @@ fn the_restricted_likelihood_equals_dense_algebra() {
     }
 }
 
-/// The law's three parameters use a good part of the freedom of twenty rows of white noise. Maximum likelihood understates σ, restricted maximum likelihood does not.
-/// The prior of the process adds a little white noise of its own, hence the one-sided test of the ratio of the two. Both use the same records, so
-/// the ratio hardly scatters. The mean of the sixty variances by maximum likelihood has an error of 4 %. The asserted loss is about four of those errors;
-/// chance removes it with a probability of 3 × 10⁻⁵.
+/// The law's three parameters use many of the degrees of freedom of twenty rows of white noise. Maximum likelihood understates σ, restricted maximum likelihood does not.
+/// The prior of the process adds a little white noise, so the test of the ratio of the two estimates is one-sided. Both use the same records, so the ratio hardly
+/// scatters. The mean of the sixty variances by maximum likelihood has an error of 4 %. The asserted loss is about four of those errors; chance removes it with a
+/// probability of 3 × 10⁻⁵.
 #[test]
 fn restricted_estimates_make_good_what_the_mean_absorbs() {
     let subject = subject(Protocol::Paper);

@@ -1,4 +1,4 @@
-//! Smooth residual structure: a Gaussian process of one argument, fitted to the part that the model's parameters cannot absorb.
+//! Smooth residual structure: a Gaussian process of one quantity, fitted to the part of the residual that the model's parameters cannot absorb.
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use rayon::prelude::*;
@@ -13,16 +13,16 @@ use crate::{Candidate, Fitted, Search, Subject, Tangent};
 use base::error::Result;
 use sampling::ensemble::RandomStream;
 
-/// Argument of a discrepancy.
+/// Quantity on which a discrepancy depends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Axis {
-    /// Share of the cycle.
+    /// Elapsed fraction of the cycle.
     Phase,
-    /// Time since the last force step, in s; the curve changes sign with the step.
+    /// Time since the last force step, in s; the curve changes its sign with that of the step.
     TimeSinceStep,
     /// Time, in s.
     AbsoluteTime,
-    /// Acting force, in N.
+    /// Force that acts until a row, in N.
     Force,
 }
 
@@ -30,7 +30,7 @@ impl Axis {
     /// All axes.
     pub const ALL: [Self; 4] = [Self::Phase, Self::TimeSinceStep, Self::AbsoluteTime, Self::Force];
 
-    /// Name in the document of `diagnose`.
+    /// Name of the axis in the document of `diagnose`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Phase => "cycle_phase",
@@ -49,8 +49,8 @@ impl Axis {
         }
     }
 
-    /// Prior covariance of the basis functions, up to the process's variance, for a smoothness. It is that of a squared
-    /// exponential kernel with a length of `length` knots or 1/`length` waves.
+    /// Prior covariance of the basis functions' amplitudes, as a fraction of the process's variance. It is that of a squared exponential kernel with a length of `length`
+    /// knots, or of 1/`length` waves.
     fn covariance(self, n: usize, length: f64) -> DMatrix<f64> {
         let kernel = |distance: f64| (-0.5 * distance * distance).exp();
         DMatrix::from_fn(n, n, |i, j| match self {
@@ -66,39 +66,40 @@ impl Axis {
 /// A smooth residual structure, orthogonal to the tangent space of the model's parameters, so that it shifts none of them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Discrepancy {
-    /// Argument of the process.
+    /// Axis of the process.
     pub axis: Axis,
-    /// Log evidence of the process over none, at the best size and smoothness, in nats.
+    /// Gain in log evidence by the process, at the best size and smoothness, in nats.
     pub gain_nats: f64,
-    /// p of that gain, corrected for all axes, by simulation.
+    /// p of that gain, from simulations, corrected for all axes.
     pub p_familywise: f64,
-    /// Root mean square (µm) of its mean over the fitted rows.
+    /// Root mean square (µm) of the process's mean over the fitted rows.
     pub size_um: f64,
-    /// Values of the process's argument, one per row of the record.
+    /// Value of the axis's quantity, one per row of the record.
     pub coordinate: Vec<f64>,
-    /// Sign of the curve at a row: that of the force step for [`Axis::TimeSinceStep`], else 1.
+    /// Sign of the process at each row: that of the last force step for [`Axis::TimeSinceStep`], else 1.
     pub sign: Vec<f64>,
     /// Posterior mean (m), one per row, to be added to a prediction.
     pub mean_m: Vec<f64>,
     /// Posterior standard deviation (m), one per row; a prediction's variance grows by its square.
     pub sd_m: Vec<f64>,
-    /// Residual (m) of the model without the process at the fitted positions, after its parameters have absorbed their part; `None` in other rows.
+    /// Residual (m) of the model without the process, after the model's parameters have absorbed their part, at the fitted rows; `None` in other rows.
     pub residual_m: Vec<Option<f64>>,
-    /// The model without the process, with the noise estimated beside it.
+    /// Fit of the model without the process, with the noise that was estimated together with it.
     pub fitted: Fitted,
 }
 
-/// Trial sizes of the process (relative to the yardstick) and trial smoothnesses.
+/// Standard deviations of the process that are tried, as multiples of the yardstick.
 const SIZES: [f64; 9] = [0.06, 0.12, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0];
+/// Smoothnesses that are tried: correlation lengths, in knots or reciprocal waves.
 const LENGTHS: [f64; 4] = [1.0, 2.0, 4.0, 8.0];
 
-/// A process of one argument, size and smoothness, in coordinates that make the data independent N(0, 1 + dᵢ).
+/// A process of one axis, size and smoothness. In its own coordinates the whitened data are independent, each with the distribution N(0, 1 + dᵢ).
 struct Process {
-    /// Matrix from the process's own coordinates to amplitudes of the basis.
+    /// Matrix that converts the process's own coordinates into amplitudes of the basis functions.
     to_amplitudes: DMatrix<f64>,
-    /// Prior variances d of its coordinates in whitened data.
+    /// Prior variances d of the process's own coordinates, in the whitened data.
     variances: DVector<f64>,
-    /// Whitened directions of its coordinates; each has the length √d.
+    /// Whitened directions of the process's own coordinates, one column each, of length √d.
     directions: DMatrix<f64>,
 }
 
@@ -113,7 +114,7 @@ impl Process {
         Self { to_amplitudes: root * eigenvectors, variances: eigenvalues.map(|value| value.max(0.0)), directions }
     }
 
-    /// Log evidence relative to white noise alone.
+    /// Log evidence (nats) with the process, relative to white noise alone.
     fn gain_nats(&self, residual: &DVector<f64>) -> f64 {
         let along = self.directions.tr_mul(residual);
         along.iter().zip(&self.variances).map(|(z, d)| 0.5 * (z * z / (1.0 + d) - d.ln_1p())).sum()
@@ -128,7 +129,7 @@ impl Process {
     }
 }
 
-/// One axis with its processes.
+/// One axis, with the data and the processes that are tried.
 struct PreparedDiscrepancy {
     axis: Axis,
     tangent: Tangent,
@@ -137,8 +138,8 @@ struct PreparedDiscrepancy {
     processes: Vec<Process>,
 }
 
-/// Fits processes of phase, time since the step, absolute time and force in the fitted rows; the likeliest comes first. For each process, the noise is estimated
-/// beside a free curve of the same argument, so that the noise does not absorb the structure.
+/// Fits processes of phase, time since the step, absolute time and force in the fitted rows, and returns them with the likeliest first. For each process, the noise is
+/// estimated together with a free curve of that axis, so that the noise does not absorb the structure.
 ///
 /// # Errors
 /// Errors of [`Subject::fit`] and [`Tangent::new`].
@@ -186,7 +187,7 @@ fn prepare(
     let clean = natural(&subject.noise_prior().white());
     let noise = subject.fit(&extended, &starts(start, fitted, clean), Search::Local)?.noise;
     let pairs = [(fitted.theta.clone(), noise)];
-    // Parameters are those of the model alone: the process describes their residual.
+    // The parameters are those of the model alone, since the process describes the residual of that model.
     let alone = subject.fit(candidate, &pairs, Search::Local)?;
     let fitted = Fitted { noise, ..alone };
     let tangent = Tangent::new(subject, candidate, &fitted)?;
@@ -223,7 +224,7 @@ impl PreparedDiscrepancy {
         let mean = &basis * amplitudes;
         let spread = basis * root;
         let squares: f64 = setting.rows.iter().map(|row| mean[*row].powi(2)).sum();
-        // Under this noise the parameters would absorb slightly more.
+        // With this noise the parameters absorb slightly more.
         let steps = self.tangent.absorbing_step(self.tangent.residual()).unwrap_or_default();
         let absorbed_m = |row: usize| valueses.iter().zip(&steps).map(|(column, step)| step * column[row]).sum::<f64>();
         let left_m = |row: usize| subject.fitted_m[row].map(|y| y - self.fitted.position_m[row] - absorbed_m(row));

@@ -1,4 +1,4 @@
-//! Search for structure outside the library: screening, refits, refinement, and calibration against chance.
+//! Search for structure outside the library: screening, refits, refinement, and calibration by simulated noise.
 
 use rayon::prelude::*;
 
@@ -13,26 +13,26 @@ use crate::noise_fit::natural;
 use crate::{Candidate, Fitted, Search, Subject, Tangent, outliers};
 use base::error::Result;
 
-/// Number of shapes that each weighting nominates from a family for a refit.
+/// Number of shapes of a family that each weighting (fitted noise, white noise) nominates for a refit.
 const NOMINATED: usize = 2;
-/// Distance below the best gain, in nats, at which a family is not refined.
+/// Distance (nats) below the best gain beyond which a family is not refined.
 const REFINED_WITHIN: f64 = 12.0;
-/// Least gain beyond chance of a returned finding, in nats.
+/// Least gain of a returned finding beyond its gain by chance, in nats.
 const LEAST_PENALISED: f64 = 0.0;
-/// Spread of the gain in a noise that was not estimated from the residuals.
+/// Standard deviation of the relative gain in the noise `clean`, which is not estimated from the residuals.
 const CLEAN_GAIN_SD: f64 = 0.005;
-/// Cosine above which an effect is reported as similar.
+/// Cosine above which an effect is reported as similar to a shape.
 const TWIN_COSINE: f64 = 0.9;
 
-/// Least penalty per free amplitude, in nats: a flexible curve must gain more than a fixed shape.
+/// Least penalty per free amplitude, in nats. A flexible curve must gain more than a fixed shape.
 const NATS_A_DEGREE: f64 = 1.5;
 
-/// Gains of a search by chance.
+/// Gains that a search reaches by chance.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OutsideNull {
     /// Penalty of each family, in nats.
     penalties: Vec<f64>,
-    /// Largest gain of any family above its penalty, one per simulation.
+    /// For each simulation, the largest gain of any family above that family's penalty (nats).
     excesses: Vec<f64>,
 }
 
@@ -60,7 +60,7 @@ impl OutsideNull {
         Self { penalties, excesses }
     }
 
-    /// Simulates the gains by chance of a search over all kinds, in residuals of a fit. They depend on the protocol and the noise more than on the positions, so
+    /// Simulates the gains that a search over all kinds reaches by chance in residuals of a fit. They depend on the protocol and the noise more than on the positions. So
     /// one null serves many simulated data sets of an experiment.
     ///
     /// # Errors
@@ -92,15 +92,15 @@ struct OutsideSearch<'a> {
     subject: Subject,
     candidate: &'a Candidate,
     base: Fitted,
-    /// Tangent at that fit.
+    /// Tangent at the fit `base`.
     entry: Tangent,
-    /// White noise of the yardstick's size with a small gain.
+    /// White noise of the yardstick's size, with a small gain.
     clean: NoiseValues,
     setting: SearchSetting,
     families: Vec<Vec<StructureShape>>,
 }
 
-/// Structure outside the library in the fitted rows of a subject, given a model and its fit: the best of each kind, by penalised gain.
+/// Finds structure outside the library in the fitted rows of a subject, given a model and its fit. Returns the best structure of each kind, ordered by penalised gain.
 ///
 /// # Errors
 /// Errors of [`Subject::fit`] and [`Tangent::new`].
@@ -114,10 +114,10 @@ pub fn search(
     looking.outsides(request)
 }
 
-/// Events (slips, drifts, changes of gain, disturbances) in *all* cycles, including the scored one, which no other fit uses.
+/// Finds events (slips, drifts, changes of gain, disturbances) in *all* cycles, including the scored one, which no other fit uses.
 ///
-/// The model is refitted to all cycles. A finding here explains why the prediction of the scored cycle may fail, and predicts nothing. `fitted` of the
-/// findings has used every cycle and must not be scored.
+/// The model is refitted to all cycles. A finding here explains why the prediction of the scored cycle may fail, and predicts nothing. The field `fitted` of a finding
+/// has used every cycle, so it must not be scored.
 ///
 /// # Errors
 /// Errors of [`search`].
@@ -135,7 +135,7 @@ pub fn events_over_all_cycles(
     looking.outsides(request)
 }
 
-/// Largest penalised gain (nats) of any kind, judged by an existing null; cheap enough for every data set of a bootstrap.
+/// Returns the largest penalised gain (nats) of any kind, with the penalties of an existing null. It is cheap enough for every data set of a bootstrap.
 ///
 /// # Errors
 /// Errors of [`search`].
@@ -163,7 +163,7 @@ impl<'a> OutsideSearch<'a> {
         let subject = subject.without_rows(&outliers::find_outliers(subject, fitted));
         let mut clean = natural(&subject.noise_prior().white());
         clean[3] = CLEAN_GAIN_SD;
-        // The gain must not come from another noise optimum of the model alone.
+        // The gain must not come from another optimum of the noise of the model alone.
         let base = subject.fit(candidate, &starts(fitted.theta.clone(), fitted, clean), Search::Local)?;
         let setting = SearchSetting::new(&subject, candidate, &base)?;
         let families = families(&setting).into_iter();
@@ -235,7 +235,7 @@ impl<'a> OutsideSearch<'a> {
         refit.fitted.objective - self.base.objective
     }
 
-    /// Refits the model with a shape; `None` if the model absorbs the whole shape.
+    /// Refits the model with a shape; `None` if the model absorbs all of the shape.
     fn refit(&self, family: usize, shape: StructureShape) -> Result<Option<Refit>> {
         let columns = shape.columns_m(&self.setting);
         let kept = kept(&self.entry, &columns);
@@ -248,7 +248,7 @@ impl<'a> OutsideSearch<'a> {
         Ok(Some(Refit { family, shape, candidate, fitted }))
     }
 
-    /// The model without the columns, at a refit's parameters and noise.
+    /// Returns the model without the shape's columns, with the parameters and noise of a refit.
     fn without_columns(&self, refit: &Refit) -> Result<Fitted> {
         let n_free = self.candidate.dimension();
         let theta = refit.fitted.theta[..n_free].to_vec();
@@ -256,7 +256,7 @@ impl<'a> OutsideSearch<'a> {
         Ok(Fitted { theta, position_m, ..refit.fitted.clone() })
     }
 
-    /// Moves the shape on finer and finer grids, weighted by the noise of its own refit.
+    /// Moves the shape on finer and finer grids. Each grid is weighted by the noise of the shape's own refit.
     fn refined(&self, mut refit: Refit) -> Result<Refit> {
         for fineness in [1.0, 0.5, 0.2] {
             let near = refit.shape.neighbours(&self.setting, fineness);
@@ -310,7 +310,7 @@ impl<'a> OutsideSearch<'a> {
         })
     }
 
-    /// Part of a column (m) that the model's parameters cannot absorb.
+    /// Returns the part of a column (m) that the model's parameters cannot absorb.
     fn unabsorbed(&self, tangent: &Tangent, fitted: &Fitted, column_m: Vec<f64>) -> Result<Vec<f64>> {
         let white = tangent.whiten(std::slice::from_ref(&column_m));
         let Some(step) = tangent.absorbing_step(&white[0]) else { return Ok(column_m) };
@@ -321,7 +321,7 @@ impl<'a> OutsideSearch<'a> {
         Ok(left_m)
     }
 
-    /// Effects whose signature at their null is parallel to a discrepancy.
+    /// Returns the effects whose signature at the null is nearly parallel to a discrepancy (m), with the cosines.
     fn twins(&self, tangent: &Tangent, fitted: &Fitted, discrepancy_m: &[f64]) -> Vec<(String, f64)> {
         let matrix = &tangent.visible(&[discrepancy_m.to_vec()])[0];
         let mut twins = Vec::new();
@@ -344,7 +344,8 @@ impl<'a> OutsideSearch<'a> {
         twins
     }
 
-    /// Derivatives (m) of the position with respect to the first parameter of an effect that the model lacks. Several values are used for parameters unidentified at its null.
+    /// Derivatives (m) of the position with respect to the first parameter of an effect that the model lacks. There is one column per grid point of the parameters
+    /// unidentified at the effect's null.
     fn signatures(&self, fitted: &Fitted, slug: &str) -> Vec<Vec<f64>> {
         let base = self.subject.base();
         let added = self.candidate.effects.iter().filter(|effect| !base.effects.contains(effect)).map(String::as_str);
@@ -371,12 +372,12 @@ impl<'a> OutsideSearch<'a> {
     }
 }
 
-/// Starts at another fit, with its noise and with a noise that was not estimated from the residuals.
+/// Starts at the coordinates of another fit: one with that fit's noise, one with noise that was not estimated from the residuals.
 pub(super) fn starts(theta: Vec<f64>, fitted: &Fitted, clean: NoiseValues) -> [(Vec<f64>, NoiseValues); 2] {
     [(theta.clone(), fitted.noise), (theta, clean)]
 }
 
-/// Leading shapes of a family that are not neighbours on its grid.
+/// Leading shapes of a family, none of which are neighbours on the family's grid.
 fn leaders(scores: &[Scored], family: usize) -> Vec<StructureShape> {
     let mut of_family: Vec<(usize, &Scored)> =
         scores.iter().filter(|score| score.family == family && score.degrees > 0).enumerate().collect();

@@ -1,24 +1,25 @@
-//! Structure that no effect of the library makes: vibrations, slips, drifts, jumps of the gain, passing disturbances, backlash, memory of
-//! the largest excursion, and free curves.
+//! Structure that no effect of the library causes: vibrations, slips, drifts, jumps of the gain, passing disturbances, backlash, memory of the largest excursion, and
+//! free curves.
 //!
-//! Findings describe and do not explain: they have no parameter of the gel. Each shape is added to the mean as columns of free amplitude and refitted
-//! with the noise estimated anew. Its gain is the difference of the fits' objectives.
+//! Findings describe a residual and do not explain it: they have no parameter of the gel. Each shape is added to the mean as columns of free amplitude, and the model is
+//! refitted with the noise estimated anew. The gain is the difference of the two fits' objectives.
 //!
 //! # Search
-//! Thousands of shapes are scored linearly, by ½‖Qᵀr‖². Q is an orthonormal basis of the part of their whitened columns that the model cannot absorb. They are scored once with the
-//! fit's noise and once with white noise of the yardstick's size, since a noise estimated from residuals with the structure hides it.
-//! The leading shapes of each family are refitted; their times, frequencies and widths are refined, and the shapes refitted again.
+//! Thousands of shapes are scored linearly, by ½‖Qᵀr‖² with the whitened residuals r. Q is an orthonormal basis of the part of a shape's whitened columns that the model
+//! cannot absorb. Shapes are scored once with the fit's noise and once with white noise of the yardstick's size. The second score is needed because a noise estimated
+//! from residuals with the structure hides it. The leading shapes of each family are refitted. Then their times, frequencies and widths are refined, and the shapes are
+//! refitted again.
 //!
 //! # Free curves
-//! Curves of the phase, of the time since the step, of absolute time and of the position represent a Gaussian process of that argument. They use a smooth basis in three
-//! resolutions, each penalised by the gain of such a basis by chance. [`Discrepancy`] is the process itself, with its band.
+//! Free curves depend on the phase, the time since the step, absolute time or the position, and approximate a Gaussian process of that quantity. They use a smooth basis
+//! in three resolutions. Each resolution is penalised by the gain of such a basis by chance. [`Discrepancy`] is the process itself, with its band.
 //!
 //! # Gain by chance
-//! Among a thousand times, one always gains. Residuals of pure noise are therefore simulated and searched alike. The median of a family's best gain in them,
-//! or 1.5 nats per amplitude if that is more, is subtracted from its gain (`penalised_gain_nats`). This makes families of any size and degree comparable.
-//! The family-wise p is the share of simulations in which any family gains as much.
+//! Among a thousand trial times, one always gains. Residuals of pure noise are therefore simulated and searched in the same way. The penalty of a family is the median of
+//! its best gain in them, or 1.5 nats per amplitude if that is more. It is subtracted from the family's gain (`penalised_gain_nats`). This makes families of any size and
+//! number of amplitudes comparable. The family-wise p is the fraction of simulations in which any family gains as much.
 //!
-//! Single outlying rows are outliers and excluded here: no shape is narrower than a few rows.
+//! Single rows that are far off are outliers and are excluded before: no shape is narrower than a few rows.
 
 mod discrepancy;
 mod look;
@@ -36,17 +37,17 @@ use super::{Candidate, Fitted};
 /// Kinds of structure outside the library.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum OutsideKind {
-    /// A sinusoid of any frequency.
+    /// A sinusoid of time, of any frequency.
     Vibration,
-    /// A step in position at one time.
+    /// A step of the position at one time.
     Slip,
     /// A drift that begins or ends at one time.
     Ramp,
     /// A change of gain at one time.
     GainChange,
-    /// A bell of free time and width.
+    /// A bell curve in time, of any time and width.
     Disturbance,
-    /// Play between position and reading, as in a worn drive.
+    /// Play between the true and the measured position, as in a worn drive.
     Backlash,
     /// A curve of the phase within the cycle, equal in every cycle.
     CycleLocked,
@@ -58,12 +59,12 @@ pub enum OutsideKind {
     Nonlinearity,
     /// A shift for each level of the force, or a force that is not proportional to its command.
     ForceLevel,
-    /// Memory of the largest excursion so far.
+    /// A curve that depends on the largest excursion so far.
     Ratchet,
 }
 
 impl OutsideKind {
-    /// Name in the document of `diagnose`.
+    /// Name of the kind in the document of `diagnose`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Vibration => "vibration",
@@ -86,7 +87,7 @@ impl OutsideKind {
         matches!(self, Self::Vibration | Self::Slip | Self::Ramp | Self::GainChange | Self::Disturbance)
     }
 
-    /// Argument of a free curve, which represents a process of it; `None` for fixed shapes.
+    /// Axis of a free curve, which approximates a Gaussian process along it; `None` for fixed shapes.
     pub fn axis_of_curve(self) -> Option<Axis> {
         match self {
             Self::CycleLocked => Some(Axis::Phase),
@@ -98,10 +99,10 @@ impl OutsideKind {
     }
 }
 
-/// Settings of the search.
+/// Settings of the search for structure outside the library.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct OutsideRequest {
-    /// Number of simulated residuals by which gains are judged; p is at least 1/(1 + n).
+    /// Number of simulated residuals n that gains are compared with; p is at least 1/(1 + n).
     pub n_simulations: usize,
     /// Seed of the simulated residuals.
     pub seed: u64,
@@ -113,41 +114,41 @@ impl Default for OutsideRequest {
     }
 }
 
-/// Structure outside the library.
+/// A structure outside the library that a search has found.
 #[derive(Clone)]
 pub struct OutsideStructure {
     /// Kind of structure.
     pub kind: OutsideKind,
-    /// Sentence: kind, time, size.
+    /// Sentence that names the kind, the time and the size.
     pub sentence: String,
-    /// Gain of the refit over the searched model, in nats, over equal rows without outliers.
+    /// Gain (nats) of the refit over the searched model. Both are fitted to equal rows, without outliers.
     pub gain_nats: f64,
-    /// Gain less the family's penalty: the median of its best gain in pure noise, at least 1.5 nats per amplitude.
+    /// Gain less the family's penalty, in nats. The penalty is the median of the family's best gain in pure noise, at least 1.5 nats per amplitude.
     pub penalised_gain_nats: f64,
     /// Number of free amplitudes.
     pub degrees: usize,
-    /// Share of simulated residuals in which any family gains as much.
+    /// Fraction of simulated residuals in which any family gains as much.
     pub p_familywise: f64,
     /// Root mean square (µm), over the fitted rows, of the part that the model's parameters cannot absorb.
     pub size_um: f64,
-    /// Number of simulated data sets if the budget ended their search early; none of them showed as much. `None` if it did not.
+    /// Number of simulated data sets if the budget ended their search early; none of them showed as large a gain. `None` if the budget sufficed.
     pub cut_short_after: Option<usize>,
-    /// Time (s) of an event.
+    /// Time (s) of an event; `None` for other structure.
     pub event_time_s: Option<f64>,
-    /// Period (s) of a repeating structure.
+    /// Period (s) of a repeating structure; `None` for other structure.
     pub period_s: Option<f64>,
-    /// Effects of the library with nearly the same shape here, with the cosine between them; the most similar first.
+    /// Slugs of library effects with nearly the same shape in this record, with the cosines; the most similar one first.
     pub twins: Vec<(String, f64)>,
-    /// The model with the columns.
+    /// The model with the structure's columns.
     pub candidate: Candidate,
-    /// Its fit, without outliers.
+    /// Fit of that model, without outliers.
     pub fitted: Fitted,
-    /// Part that the model's parameters cannot absorb (m), one value per row of the record.
+    /// Part of the structure (m) that the model's parameters cannot absorb, one value per row of the record.
     pub discrepancy_m: Vec<f64>,
 }
 
 impl OutsideStructure {
-    /// Evidence for the verdict.
+    /// Returns the data of the structure from which the verdict is decided.
     pub(crate) fn evidence(&self) -> Structure {
         Structure {
             gain_nats: self.penalised_gain_nats,

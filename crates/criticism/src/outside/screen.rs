@@ -1,4 +1,4 @@
-//! Screening: linear scores of thousands of shapes at once, and each family's best score by chance.
+//! Screening: linear scores of thousands of shapes at once, and each family's best score in simulated noise.
 
 use std::ops::Range;
 
@@ -16,22 +16,22 @@ use sampling::ensemble::RandomStream;
 pub(super) struct Scored {
     pub family: usize,
     pub shape: StructureShape,
-    /// ½‖Qᵀr‖², in nats.
+    /// Score ½‖Qᵀr‖², in nats.
     pub gain_nats: f64,
-    /// Number of independent visible columns.
+    /// Number of independent columns that the model cannot absorb.
     pub degrees: usize,
 }
 
-/// Scores of all shapes, and each family's best gain in residuals of pure noise, one per simulation.
+/// Scores of all shapes. For each family, `maxima` has the best gain (nats) in each simulated residual of pure noise.
 pub(super) struct Screened {
     pub scores: Vec<Scored>,
     pub maxima: Vec<Vec<f64>>,
 }
 
-/// Number of shapes whitened together. It is smaller for shapes that are 0 in most rows, since a chunk covers the rows of all its shapes.
+/// Number of shapes whitened together. It is smaller (`LOCAL_CHUNK`) for shapes that are 0 in most rows, since a chunk covers the rows of all its shapes.
 const CHUNK: usize = 48;
 const LOCAL_CHUNK: usize = 16;
-/// Least visible part of a whitened column: less comes from curvature and rounding.
+/// Least visible fraction of a whitened column. A smaller one comes from curvature and rounding.
 const LEAST_VISIBLE: f64 = 1e-3;
 
 /// Scores every shape of every family against the residuals of a tangent and against `n_simulations` residuals of white noise.
@@ -61,10 +61,10 @@ pub(super) fn screen(
     screened
 }
 
-/// A shape with its family and its nonzero rows.
+/// A shape with the index of its family and the rows in which it differs from 0.
 type Listed = (usize, StructureShape, Range<usize>);
 
-/// Groups of successive shapes that are scored together. Shapes that are 0 in most rows are neighbours.
+/// Groups successive shapes that are scored together. Shapes that are 0 in most rows are grouped with neighbours in time.
 fn chunks<'a>(listed: &'a [Listed], setting: &SearchSetting) -> Vec<&'a [Listed]> {
     let is_whole = |shape: &Listed| shape.2.len() == setting.time_s.len();
     let are_near = |a: &Listed, b: &Listed| is_whole(a) == is_whole(b) && (is_whole(a) || a.2.start <= b.2.start);
@@ -72,7 +72,7 @@ fn chunks<'a>(listed: &'a [Listed], setting: &SearchSetting) -> Vec<&'a [Listed]
     listed.chunk_by(are_near).flat_map(|run| run.chunks(size(run))).collect()
 }
 
-/// Common factors of all shapes: own and simulated residuals, projected, and the basis of the directions that the model absorbs.
+/// Factors that all shapes share: the projected measured and simulated residuals, and the basis of the directions that the model absorbs.
 struct ScreenFactors {
     columns: DMatrix<f64>,
     n_residuals: usize,
@@ -111,7 +111,7 @@ fn score_chunk(
         return (Vec::new(), Vec::new());
     }
     let by_row = DMatrix::from_fn(white.len(), n_rows, |column, row| white[column][row]);
-    // A matrix product transposes fast; an explicit transposition would copy number by number.
+    // A matrix product transposes fast; an explicit transposition would copy the numbers one by one.
     let along = &by_row * beside.columns.rows(first, n_rows);
     let (residuals, absorbed) = along.columns_range_pair(0..beside.n_residuals, beside.n_residuals..);
     let (mut scores, mut maxima): (Vec<Scored>, Vec<(usize, Vec<f64>)>) = (Vec::new(), Vec::new());
@@ -132,7 +132,7 @@ fn score_chunk(
     (scores, maxima)
 }
 
-/// Indices of the whitened columns that the model cannot absorb and that are independent of earlier ones.
+/// Returns the indices of the columns (m) whose whitened part the model cannot absorb and that are independent of earlier ones.
 pub(super) fn kept(tangent: &Tangent, columns_m: &[Vec<f64>]) -> Vec<usize> {
     let white = tangent.whiten(columns_m);
     let absorbed = DMatrix::from_fn(white.len(), tangent.absorbed().ncols(), |column, k| {
@@ -142,15 +142,15 @@ pub(super) fn kept(tangent: &Tangent, columns_m: &[Vec<f64>]) -> Vec<usize> {
     Factor::new(&white, &absorbed).kept
 }
 
-/// Cholesky factor of XᵀPX for the whitened columns X of a shape, without columns that P and earlier columns absorb.
+/// Cholesky factor of XᵀPX for the whitened columns X of a shape. Columns that the model or earlier columns absorb are left out.
 struct Factor {
-    /// Rows of the factor, one per kept column.
+    /// Rows of the factor, one per column that is kept.
     rows: Vec<Vec<f64>>,
     kept: Vec<usize>,
 }
 
 impl Factor {
-    /// Factorises. `absorbed` has, per column, a row of products with the basis of the absorbed directions.
+    /// Factorises XᵀPX. `absorbed` has, for each column, a row of its products with the basis of the absorbed directions.
     fn new(white: &[Vec<f64>], absorbed: &DMatrix<f64>) -> Self {
         let (mut rows, mut kept): (Vec<Vec<f64>>, Vec<usize>) = (Vec::new(), Vec::new());
         for (k, column) in white.iter().enumerate() {
@@ -170,7 +170,7 @@ impl Factor {
         Self { rows, kept }
     }
 
-    /// ½‖Qᵀr‖² of each residual, one per column, from its products with the shape's columns.
+    /// Returns ½‖Qᵀr‖² of each residual r. `products` has the products of residuals (columns) with the shape's columns.
     fn gains(&self, products: &DMatrix<f64>) -> Vec<f64> {
         let gain = |column: usize| {
             let mut along: Vec<f64> = Vec::with_capacity(self.kept.len());
@@ -194,7 +194,7 @@ mod tests {
     use crate::outside::shape::families;
     use crate::test_replica::{base_fit, replica};
 
-    /// ½‖Qᵀr‖² by Gram–Schmidt over all rows, applied twice, and the number of remaining columns.
+    /// Score ½‖Qᵀr‖² by Gram–Schmidt over all rows, applied twice, and the number of remaining columns.
     fn by_projection(tangent: &Tangent, columns_m: &[Vec<f64>], residual: &DVector<f64>) -> (f64, usize) {
         let mut basis: Vec<DVector<f64>> = Vec::new();
         for white in tangent.whiten(columns_m) {
@@ -213,7 +213,7 @@ mod tests {
         (basis.iter().map(|direction| 0.5 * direction.dot(residual).powi(2)).sum(), basis.len())
     }
 
-    /// Scores every shape of every family on the replica under all noise terms. Gains equal projection over all rows, to 10⁻⁸ of the residuals' size, and so do the
+    /// Scores every shape of every family on the replica under all noise terms. Gains equal those of projections over all rows, to 10⁻⁸ of the residuals' size. So do the
     /// largest gains of simulated residuals.
     #[test]
     fn scores_are_those_of_projections_over_all_rows() {

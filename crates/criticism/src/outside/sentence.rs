@@ -3,14 +3,14 @@
 use super::setting::SearchSetting;
 use super::shape::{Side, StructureShape};
 
-/// Sentence, time and period of a finding.
+/// Sentence on a finding, with its time and period if it has them.
 pub(super) struct FindingText {
     pub sentence: String,
     pub event_time_s: Option<f64>,
     pub period_s: Option<f64>,
 }
 
-/// Formats with three significant digits.
+/// Writes a value with three significant digits.
 fn number(value: f64) -> String {
     let magnitude = value.abs();
     if !(1e-4..1e6).contains(&magnitude) {
@@ -20,7 +20,7 @@ fn number(value: f64) -> String {
     format!("{value:.decimals$}")
 }
 
-/// Formats a value and its standard deviation, to the deviation's first digit.
+/// Writes a value and its standard deviation, rounded to the deviation's first digit.
 fn with_sd(value: f64, sd: f64) -> String {
     if !(sd.is_finite() && sd > 0.0) {
         return number(value);
@@ -29,7 +29,7 @@ fn with_sd(value: f64, sd: f64) -> String {
     format!("{value:.decimals$} ± {sd:.decimals$}")
 }
 
-/// Describes a shape by its amplitudes (µm), their standard deviations and its visible part (µm).
+/// Describes a shape. `amplitudes` and their standard deviations `sds` are in µm; `size_um` is the size (µm) of the part that the model cannot absorb.
 pub(super) fn describe(
     shape: StructureShape,
     amplitudes: &[f64],
@@ -99,7 +99,8 @@ pub(super) fn describe(
             event(text, centre_s)
         }
         StructureShape::Backlash { half_width_m } => {
-            // The width is the backward motion until the side has changed; the amplitude is the reading error. In a worn drive, the one is twice the other.
+            // The width is the backward motion until the side has changed; the amplitude is the error of the measured position. In a worn drive, the width is twice the
+            // amplitude.
             let side = if amplitude > 0.0 { "lag behind" } else { "run ahead of" };
             plain(format!(
                 "Readings {side} the motion by {} µm, and change sides within {} µm of a reversal, as with backlash (unexplained: {size} µm).",
@@ -160,7 +161,7 @@ pub(super) fn describe(
     }
 }
 
-/// Phrase for a vibration that is locked to the cycle, as far as the record resolves it; empty for others.
+/// Phrase for a vibration whose frequency is a multiple of the cycle's, as far as the record resolves it; empty for others.
 fn describe_locking(frequency_hz: f64, setting: &SearchSetting) -> String {
     let (first_s, last_s) = setting.span_s();
     let a_cycle = frequency_hz * setting.cycle_s;

@@ -1,4 +1,4 @@
-//! Basis of all shapes: times, forces and positions of a record at a fit.
+//! Data that all shapes are computed from: times, forces and positions of a record at a fit.
 
 use crate::{Candidate, Fitted, Subject};
 use base::error::Result;
@@ -7,13 +7,13 @@ use models::effects::AMPLITUDE;
 /// Times, forces and positions, one value per row of the record.
 pub(super) struct SearchSetting {
     pub time_s: Vec<f64>,
-    /// Force (N) that acts until the row: a position is the limit from the left.
+    /// Force (N) that acts until each row. At the row of a force step it is still the previous force.
     pub acting_force_n: Vec<f64>,
     /// Fitted position, in m.
     pub position_m: Vec<f64>,
-    /// Position (m) if the force were proportional to its square, with its sign and largest size.
+    /// Response (m) to a force proportional to the square of the force, with the force's sign and largest size.
     pub position_of_squares_m: Vec<f64>,
-    /// Cycles since the record's start, including the elapsed part of the present one.
+    /// Number of cycles since the record's start, including the elapsed fraction of the present one.
     pub phase: Vec<f64>,
     /// Sign of the last force step and time (s) since it; zeros before the first step.
     pub since_step: Vec<(f64, f64)>,
@@ -54,7 +54,7 @@ impl SearchSetting {
         (at(self.rows.first()), at(self.rows.last()))
     }
 
-    /// Column of a function of the row.
+    /// Returns a column with the values of a function of the row.
     pub fn column(&self, of_row: impl Fn(usize) -> f64) -> Vec<f64> {
         (0..self.time_s.len()).map(of_row).collect()
     }
@@ -72,7 +72,7 @@ fn position_of_squares_m(subject: &Subject, candidate: &Candidate, fitted: &Fitt
     force_n.iter_mut().for_each(|force| *force *= force.abs() / largest_n);
     let acting = subject.problem().with_experiment(experiment, subject.specification().clone(), subject.library())?;
     let acting = Subject::with_compliance(&acting, subject.library(), subject.compliance().clone())?;
-    // Large displacements are learnt for the record's own force: this first-order shape omits them.
+    // Large displacements are learnt for the record's own force, so this first-order shape omits them.
     let mut theta = fitted.theta.clone();
     for (free, theta) in candidate.free.iter().zip(&mut theta).filter(|(free, _)| free.name == AMPLITUDE) {
         *theta = free.coordinate.theta(0.0);
@@ -96,7 +96,7 @@ fn phases(time_s: &[f64], cycle: &[u32], cycle_s: f64) -> Vec<f64> {
 fn since_steps(time_s: &[f64], force_n: &[f64], step_rows: &[usize]) -> Vec<(f64, f64)> {
     let sign = |row: usize| (force_n[row] - if row == 0 { 0.0 } else { force_n[row - 1] }).signum();
     let since = |row: usize| {
-        // At the step's own row the position is still the previous one.
+        // At the step's own row the position still belongs to the previous hold.
         let last = step_rows.partition_point(|step| *step < row).checked_sub(1).map(|place| &step_rows[place]);
         last.map_or((0.0, 0.0), |step| (sign(*step), time_s[row] - time_s[*step]))
     };

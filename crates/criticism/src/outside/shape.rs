@@ -6,27 +6,27 @@ use std::ops::Range;
 use super::OutsideKind;
 use super::setting::SearchSetting;
 
-/// Unit of columns, 1 µm, so that all amplitudes have similar sizes.
+/// Unit of columns, 1 µm, which gives all amplitudes similar sizes.
 pub(super) const UNIT_M: f64 = 1e-6;
 
-/// A shape, up to its amplitudes.
+/// A shape with free amplitudes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum StructureShape {
     /// Sine and cosine of time.
     Vibration { frequency_hz: f64 },
-    /// A shift from one row on.
+    /// A shift of the position from one row on.
     Step { row: usize },
-    /// A drift from one time on.
+    /// A drift that begins at one time.
     RampFrom { time_s: f64 },
-    /// A drift up to one time.
+    /// A drift that ends at one time.
     RampUntil { time_s: f64 },
     /// A change of the position's scale from one row on.
     GainChange { row: usize },
     /// A bell curve in time.
     Bump { centre_s: f64, width_s: f64 },
-    /// The play operator's output less its input.
+    /// Backlash: output of the play operator less its input.
     Backlash { half_width_m: f64 },
-    /// Harmonics of the cycle.
+    /// Sines and cosines with multiples of the cycle's frequency.
     CycleLocked { n_harmonics: usize },
     /// A free curve of ln(time since the force step), signed by the step.
     SinceStep { n_knots: usize },
@@ -34,9 +34,9 @@ pub(super) enum StructureShape {
     SlowChange { n_waves: usize },
     /// A power of the position: `power` of its size, times its sign if `is_odd`.
     Nonlinearity { power: i32, is_odd: bool },
-    /// A shift for each level of the force.
+    /// A separate shift for each level of the force.
     ForceLevel,
-    /// The response to the square of the force, less that to the force.
+    /// Response to the square of the force, less the response to the force.
     ForceSquared,
     /// The largest excursion so far.
     Ratchet { side: Side },
@@ -46,7 +46,7 @@ pub(super) enum StructureShape {
     PositionWave { period_m: f64 },
 }
 
-/// Side of the excursions whose maximum is kept.
+/// Direction of the excursions whose largest one is remembered.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Side {
     Above,
@@ -54,13 +54,13 @@ pub(super) enum Side {
     Both,
 }
 
-/// Relative difference, to the largest force, below which levels of force are one.
+/// Difference of forces, as a fraction of the largest force, below which they belong to one level.
 const LEVEL_TOLERANCE: f64 = 0.05;
-/// Largest number of levels described one by one; more are described by powers of the force.
+/// Largest number of levels with a shift each; more levels are described by powers of the force.
 const MOST_LEVELS: usize = 8;
-/// Distance from a bell's centre, in widths, beyond which it is 0: e⁻³² of its height.
+/// Distance from a bell's centre, in widths, beyond which it counts as 0: it is e⁻³² of its height there.
 const WIDEST: f64 = 8.0;
-/// Least number of rows on either side of an event: fewer are outliers.
+/// Least number of rows on either side of an event: an event with fewer rows counts as outliers.
 const LEAST_ROWS: usize = 4;
 const MOST_FREQUENCIES: usize = 1200;
 /// Largest number of trial times of a ramp, and of trial rows of a step.
@@ -96,7 +96,7 @@ impl StructureShape {
             }
             Self::Step { row: from } => vec![setting.column(|row| f64::from(u8::from(row >= from)))],
             Self::RampFrom { time_s } => vec![setting.column(|row| (time(row) - time_s).max(0.0))],
-            // A ramp that ends: the record begins shifted and drifts to its proper place.
+            // A ramp that ends: the record begins shifted and drifts to its final position.
             Self::RampUntil { time_s } => vec![setting.column(|row| (time(row) - time_s).min(0.0))],
             Self::GainChange { row: from } => {
                 let largest_m = setting.largest_position_m().max(f64::MIN_POSITIVE);
@@ -161,7 +161,7 @@ impl StructureShape {
         }
     }
 
-    /// Neighbouring shapes on a finer grid, including this one; empty for shapes without a grid.
+    /// Returns neighbouring shapes on a finer grid, including this one; empty for shapes without a grid.
     pub fn neighbours(self, setting: &SearchSetting, fineness: f64) -> Vec<Self> {
         let (first_s, last_s) = setting.span_s();
         let offsets = || (-4..=4).map(|k| fineness * f64::from(k) / 4.0);
@@ -206,7 +206,7 @@ fn bell(time_s: f64, centre_s: f64, width_s: f64) -> f64 {
     if widths.abs() > WIDEST { 0.0 } else { (-0.5 * widths * widths).exp() }
 }
 
-/// Fitted rows near a row at which an event may begin.
+/// Fitted rows near `row` at which an event may begin.
 fn near_rows(setting: &SearchSetting, row: usize) -> impl Iterator<Item = usize> {
     let rows = event_rows(setting);
     let place = rows.partition_point(|other| *other < row);
@@ -224,7 +224,7 @@ fn ramp_spacing_s(setting: &SearchSetting) -> f64 {
     ((last_s - first_s) / 250.0).max(2.0 * setting.interval_s)
 }
 
-/// Output less input of the play operator, in units of its half-width: the output moves only when the input pushes against its ends.
+/// Output less input of the play operator, in units of its half-width. The output moves only when the input pushes against the ends of the play.
 fn play_less_position(position_m: &[f64], half_width_m: f64) -> Vec<f64> {
     let mut held_m = 0.0_f64;
     let follow = |x: &f64| {
@@ -256,7 +256,7 @@ fn hats_since_step(setting: &SearchSetting, n_knots: usize) -> Vec<Vec<f64>> {
     (0..n_knots).map(|knot| setting.column(|row| hat(knot, row))).collect()
 }
 
-/// Largest excursion so far, relative to the largest of all.
+/// Largest excursion until each row, as a fraction of the largest one of the record.
 fn largest_so_far(setting: &SearchSetting, side: Side) -> Vec<f64> {
     let largest_m = setting.largest_position_m().max(f64::MIN_POSITIVE);
     let mut so_far = 0.0_f64;
@@ -308,10 +308,10 @@ fn force_levels(setting: &SearchSetting) -> Vec<Vec<f64>> {
     levels.iter().map(|level| setting.column(|row| at(*level, row))).collect()
 }
 
-/// Width of the narrowest bell, in sample intervals: it spreads over about five rows.
+/// Width of the narrowest bell, in sample intervals. Such a bell extends over about five rows.
 const NARROWEST: f64 = 1.5;
 
-/// Families of shapes with equal degrees. A finding is compared with the best of its family by chance.
+/// Returns families of shapes with equal numbers of amplitudes. A finding is compared with the best gain of its family by chance.
 pub(super) fn families(setting: &SearchSetting) -> Vec<Vec<StructureShape>> {
     let rows = event_rows(setting);
     let rows: Vec<usize> = rows.iter().step_by(1 + rows.len() / MOST_MOMENTS).copied().collect();
@@ -341,7 +341,7 @@ pub(super) fn families(setting: &SearchSetting) -> Vec<Vec<StructureShape>> {
     families
 }
 
-/// Returns whether a kind of structure occurs once.
+/// Returns whether a kind of structure is an event, which occurs once.
 pub(super) fn is_event(kind: OutsideKind) -> bool {
     matches!(kind, OutsideKind::Slip | OutsideKind::Ramp | OutsideKind::GainChange | OutsideKind::Disturbance)
 }
@@ -352,7 +352,7 @@ fn moments(setting: &SearchSetting, spacing_s: f64) -> Vec<f64> {
     (1..n).map(|k| first_s + k as f64 * spacing_s).collect()
 }
 
-/// Vibrations with frequencies from two periods in the record to the Nyquist frequency, in steps of half the frequency resolution.
+/// Vibrations with frequencies from two periods in the record up to the Nyquist frequency, in steps of half the frequency resolution.
 fn vibrations(setting: &SearchSetting) -> Vec<StructureShape> {
     let (first_s, last_s) = setting.span_s();
     let length_s = (last_s - first_s).max(f64::MIN_POSITIVE);
@@ -362,7 +362,8 @@ fn vibrations(setting: &SearchSetting) -> Vec<StructureShape> {
         .collect()
 }
 
-/// Waves along the position, in steps of half the wavenumber resolution. Their periods range from half the range of the fitted positions to four yardsticks; noise blurs shorter ones.
+/// Waves along the position, in steps of half the wavenumber resolution. Their periods range from half the range of the fitted positions down to four yardsticks, since
+/// noise blurs shorter ones.
 fn position_waves(setting: &SearchSetting) -> Vec<StructureShape> {
     let range_m = range_m(setting);
     let most = 2.0 * range_m / (4.0 * setting.yardstick_m).max(f64::MIN_POSITIVE);
@@ -421,7 +422,7 @@ mod tests {
         assert_eq!(quarters(Side::Both), [0.0, 2.0, 2.0, 3.0, 3.0, 4.0]);
     }
 
-    /// Hat functions of the position sum to one everywhere, and weighted by their knots they give the position.
+    /// The hat functions of the position sum to one everywhere. If they are weighted by their knots, their sum is the position.
     #[test]
     fn curves_of_the_position_hold_every_straight_line() {
         let position_um = [-3.0, 0.5, 1.0, 4.0, 2.2, 5.0];

@@ -1,19 +1,19 @@
-//! Candidate protocols derived from the user's own: equal length, equal number of cycles, and no larger force.
+//! Changed protocols derived from the user's own: with equal length, an equal number of cycles, and no larger force.
 
 use record::{ForceRule, Record};
 
-/// A changed protocol.
+/// A changed protocol, with the instruction for the change.
 #[derive(Debug, Clone)]
 pub struct Change {
-    /// Instruction, as a sentence without its full stop.
+    /// Instruction for the change, as a sentence without its full stop.
     pub instruction: String,
-    /// Times, forces and cycles; its positions are placeholders.
+    /// Times, forces and cycles of the changed protocol; the positions are placeholders.
     pub record: Record,
 }
 
-/// Largest number of rows of a candidate record.
+/// Largest number of rows of a changed protocol.
 const MOST_ROWS: usize = 20_000;
-/// Time difference, as a fraction of the sample interval, below which times are equal.
+/// Difference of times, as a fraction of the sample interval, below which they count as equal.
 const SAME_TIME: f64 = 1e-6;
 /// Fraction of the largest force below which a force counts as none.
 const NO_FORCE: f64 = 0.01;
@@ -29,12 +29,12 @@ struct CycleTime {
 }
 
 impl CycleTime {
-    /// Time in a cycle that runs `factor` times as fast, repeatedly.
+    /// Time of a cycle that runs `factor` times as fast and repeats until the end of the original cycle.
     fn faster(&self, factor: f64) -> f64 {
         self.start_s + (factor * (self.time_s - self.start_s)).rem_euclid(self.length_s)
     }
 
-    /// Elapsed share of the cycle.
+    /// Elapsed fraction of the cycle.
     fn phase(&self) -> f64 {
         (self.time_s - self.start_s) / self.length_s
     }
@@ -44,7 +44,7 @@ impl CycleTime {
     }
 }
 
-/// The current protocol.
+/// The user's protocol.
 struct Protocol<'a> {
     record: &'a Record,
     interval_s: f64,
@@ -57,13 +57,13 @@ impl Protocol<'_> {
         self.record.time_s.last().copied().unwrap_or(0.0) + self.interval_s
     }
 
-    /// Row whose command holds at a time.
+    /// Returns the row whose commanded force holds at a time.
     fn row_at(&self, time_s: f64) -> usize {
         let tolerance_s = SAME_TIME * self.interval_s;
         self.record.time_s.partition_point(|t| *t <= time_s + tolerance_s).saturating_sub(1)
     }
 
-    /// Evenly sampled rows, each with a factor of the force and the time at which the force is read from the current protocol.
+    /// Returns a record with evenly sampled rows. `force` gives each row's factor of the force, and the time at which the force is read from the current protocol.
     fn altered(&self, interval_s: f64, force: impl Fn(&CycleTime) -> (f64, f64)) -> Record {
         let begin_s = self.record.time_s.first().copied().unwrap_or(0.0);
         let n_rows = ((self.end_s() - begin_s) / interval_s).round() as usize;
@@ -88,7 +88,7 @@ impl Protocol<'_> {
     }
 }
 
-/// Candidate protocols with other signs, levels, holds, rests and sampling, except those equal to the current one.
+/// Returns protocols with other signs, levels, holds, rests and sampling, except those equal to the current one.
 pub fn changes(record: &Record, hold_s: f64) -> Vec<Change> {
     let Some(interval_s) = record.median_interval_s().filter(|interval_s| *interval_s > 0.0) else { return Vec::new() };
     let starts: Vec<usize> =
@@ -193,7 +193,7 @@ fn seconds(time_s: f64) -> String {
     format!("{} s", short(time_s))
 }
 
-/// Formats with three significant digits, without trailing zeros.
+/// Writes a value with three significant digits, without trailing zeros.
 fn short(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {
         return value.to_string();

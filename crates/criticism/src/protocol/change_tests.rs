@@ -5,7 +5,7 @@ fn find<'a>(list: &'a [Change], words: &str) -> &'a Change {
     list.iter().find(|change| change.instruction.contains(words)).expect("a change of these words")
 }
 
-/// Forces (µN) in the middle of every interval of `length_s`.
+/// Returns the forces (µN) in the middle of every interval of `length_s` (s).
 fn forces_un(record: &Record, length_s: f64) -> Vec<f64> {
     let n = (record.time_s.last().expect("rows") / length_s).ceil() as usize;
     let at = |i: usize| record.time_s.partition_point(|t| *t <= (i as f64 + 0.5) * length_s) - 1;

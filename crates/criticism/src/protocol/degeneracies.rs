@@ -1,4 +1,4 @@
-//! Effects that a protocol cannot distinguish, found before any fit.
+//! Effects that a protocol cannot distinguish, found before any fit of data.
 
 use nalgebra::DVector;
 use rayon::prelude::*;
@@ -9,35 +9,35 @@ use crate::separation::{RivalFit, RivalTruth, closest_without_priors};
 use crate::{Candidate, Subject};
 use base::error::{Error, Result};
 
-/// |cos| above which two signatures are equal to first order.
+/// Absolute cosine above which two signatures are equal to first order.
 const SAME_COSINE: f64 = 1.0 - 1e-6;
-/// Distance in σ below which two models are equal.
+/// Distance (σ) below which two models are equal.
 const SAME_SIGMA: f64 = 0.1;
-/// Share of a signature below which it is invisible.
+/// Fraction of a signature's norm below which it is invisible.
 const LEAST_VISIBLE: f64 = 1e-7;
-/// Step from the null, in units of the prior's spread, at which signatures are computed.
+/// Step from the null, in search coordinates, at which signatures are computed.
 const SIGNATURE_STEP: f64 = 0.02;
-/// Size at which two effects are compared, in the unit of [`SIGNATURE_STEP`].
+/// Step from the null at which two effects are compared, in the unit of [`SIGNATURE_STEP`].
 const COMPARED_STEP: f64 = 0.3;
 
-/// Effects that a protocol cannot distinguish at any size, or one effect that the law's parameters absorb.
+/// Effects that a protocol cannot distinguish at any size, or a single effect that the law's parameters absorb.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Degeneracy {
-    /// Slugs.
+    /// Slugs of the effects.
     pub effects: Vec<String>,
-    /// The finding as a sentence.
+    /// Sentence on the finding.
     pub sentence: String,
 }
 
-/// An effect added to the base at the middle of the priors.
+/// An effect added to the base, with the base's parameters at the middle of their priors.
 struct Added {
     slug: &'static str,
     candidate: Candidate,
     null: Vec<f64>,
-    /// Index of its size among the coordinates, and the sign of its step.
+    /// Index of the effect's size among the coordinates, and the sign of its step.
     place: usize,
     sign: f64,
-    /// Visible signature Pg; `None` if the law absorbs it all.
+    /// Visible signature Pg; `None` if the law absorbs all of it.
     visible: Option<DVector<f64>>,
 }
 
@@ -49,13 +49,13 @@ impl Added {
     }
 }
 
-/// Exact degeneracies of a subject's protocol, at the middle of the priors, under white noise of the yardstick's size, without priors.
+/// Finds exact degeneracies of a subject's protocol: at the middle of the priors, with white noise of the yardstick's size and without priors.
 ///
-/// They follow from numbers alone: signatures that are parallel once the law has absorbed its part, and models that fit each other's noise-free data to
+/// Degenerate effects fulfil two numerical conditions. Their signatures are parallel once the law has absorbed its part. Their models fit each other's noise-free data to
 /// a tenth of a standard deviation, in both directions.
 ///
 /// # Errors
-/// [`Error::Numerical`] if the base has no model at the middle of its priors.
+/// [`Error::Numerical`] if the base has no solution at the middle of its priors.
 pub fn exact_degeneracies(subject: &Subject) -> Result<Vec<Degeneracy>> {
     let base = subject.base();
     let middle: Vec<f64> = base.free.iter().map(|free| free.null.unwrap_or_else(|| free.quantile(0.5))).collect();
@@ -81,7 +81,7 @@ pub fn exact_degeneracies(subject: &Subject) -> Result<Vec<Degeneracy>> {
     Ok(list)
 }
 
-/// Groups of effects, each equal to an earlier one of its group.
+/// Groups of effects, in each of which every effect equals an earlier one.
 fn classes(subject: &Subject, effects: &[Added], noise: NoiseValues) -> Vec<Degeneracy> {
     let pairs: Vec<(usize, usize)> =
         (0..effects.len()).flat_map(|i| (i + 1..effects.len()).map(move |j| (i, j))).collect();
@@ -124,7 +124,7 @@ fn added(subject: &Subject, slug: &'static str, candidate: Candidate, base: &Riv
     Some(made)
 }
 
-/// Returns whether a model fits the noise-free data of an effect.
+/// Returns whether a model fits the noise-free data of an effect, up to [`SAME_SIGMA`].
 fn fits_data_of(subject: &Subject, other: &Candidate, truth: &Added, noise: NoiseValues) -> bool {
     let theta = truth.at(COMPARED_STEP);
     let Ok(position_m) = subject.trajectory_m(&truth.candidate, &theta) else { return false };

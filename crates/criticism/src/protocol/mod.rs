@@ -1,7 +1,7 @@
 //! Changes of the protocol that would separate models that an experiment cannot distinguish.
 //!
-//! Candidates come from the user's own protocol ([`changes`]). In each, the reduced model computes the noise-free data of every model at its fitted size,
-//! and the other models are fitted to them ([`super::separation`]). Refits of simulated, noisy repeats confirm the protocol with the largest separation.
+//! Changed protocols come from the user's own protocol ([`changes`]). In each, the reduced model computes the noise-free data of every model at its fitted size. The
+//! other models are fitted to these data ([`super::separation`]). Refits of simulated, noisy repetitions confirm the protocol with the largest separation.
 
 mod change;
 mod degeneracies;
@@ -19,25 +19,25 @@ use crate::NoiseValues;
 use base::error::{Error, Result};
 use record::{Experiment, Record};
 
-/// Lead in nats at which a model rejects another in a simulated repeat.
+/// Lead (nats) at which a model rejects another in a simulated repetition.
 const REJECTED_NATS: f64 = 4.0;
 
-/// Advice on the protocol.
+/// Advice on a change of the protocol.
 #[derive(Debug, Clone)]
 pub struct Advice {
-    /// The best of the tried changes.
+    /// Change that separates the models best, of all tried ones.
     pub change: Change,
-    /// Slugs of the two closest models in the changed protocol.
+    /// Slugs of the two closest models under the changed protocol.
     pub closest: [String; 2],
-    /// Distance in σ of the closest models in the current experiment.
+    /// Distance (σ) of the closest models in the current experiment.
     pub separation_now: f64,
-    /// Distance in σ of the closest models in the changed protocol.
+    /// Distance (σ) of the closest models under the changed protocol.
     pub separation: f64,
-    /// Number of simulated repeats in which every wrong model was rejected by more than 4 nats.
+    /// Number of simulated repetitions in which every wrong model was rejected by more than 4 nats.
     pub n_right: usize,
-    /// Number of simulated repeats; the first model and the one closest to it alternate as the truth.
+    /// Number of simulated repetitions. The first model and the one closest to it alternate as the truth.
     pub n_repeats: usize,
-    /// The advice as a sentence.
+    /// The advice, as a sentence.
     pub sentence: String,
 }
 
@@ -48,16 +48,16 @@ impl Advice {
     }
 }
 
-/// Models of the mean with their fits, all without columns, the leading one first.
+/// Models of the mean with their fits, the leading one first. All are without columns.
 pub type Members<'a> = [(&'a Candidate, &'a Fitted)];
 
-/// Finds the change of the protocol that best separates the first model from the others, at their fitted sizes and with the first's noise. It is confirmed by
-/// `n_repeats` simulated repeats with random streams of `seed`. `None` if there are fewer than two models or no change can be made.
+/// Finds the change of the protocol that best separates the first model from the others, at their fitted sizes and with the first model's noise. The change is confirmed
+/// by `n_repeats` simulated repetitions with random streams of `seed`. `None` if there are fewer than two models or no change can be made.
 ///
 /// # Errors
 /// [`Error::Numerical`] if a model has free columns, which belong to one record, or cannot be fitted to another's data.
 pub fn find_best_change(subject: &Subject, members: &Members, n_repeats: usize, seed: u64) -> Result<Option<Advice>> {
-    // Changes press and pull, but an indenter's law is valid only while the contact grows.
+    // The changed protocols press and pull, but an indenter's law is valid only while the contact grows.
     if members.len() < 2 || subject.experiment().scales().depth_exponent.is_some() {
         return Ok(None);
     }
@@ -116,10 +116,10 @@ fn sentence(advice: &Advice, n_tried: usize) -> String {
     }
 }
 
-/// Subject of a changed protocol, with equal apparatus, noise and fitted and scored cycles.
+/// Returns the subject of a changed protocol. Apparatus, noise, and fitted and scored cycles are those of `subject`.
 fn changed(subject: &Subject, record: &Record) -> Result<Subject> {
     let range_m = subject.experiment().scales().position_range_m;
-    // Placeholder positions over the measured range, which scales priors of effects.
+    // Placeholder positions cover the measured range, which scales priors of effects.
     let places = (0..record.n_rows()).map(|row| Some(range_m * row as f64 / record.n_rows() as f64)).collect();
     let experiment = Experiment {
         record: Record { position_m: places, ..record.clone() },
@@ -130,7 +130,7 @@ fn changed(subject: &Subject, record: &Record) -> Result<Subject> {
     Subject::with_compliance(&problem, subject.library(), subject.compliance().clone())
 }
 
-/// Smallest distance of the first of several models from another, with either as the truth.
+/// Smallest distance (σ) between the first of several models and another one, with either as the truth.
 struct Separation {
     distance: f64,
     /// Index of the closest other model.
@@ -156,7 +156,8 @@ fn separation(subject: &Subject, members: &Members) -> Result<Separation> {
     Ok(smallest)
 }
 
-/// Number of simulated repeats in which the truth beats every other model by enough. The truth is alternately the first model and `other`; noise is estimated anew for each fit.
+/// Counts the simulated repetitions in which the truth leads every other model by more than [`REJECTED_NATS`]. The truth is alternately the first model and `other`;
+/// noise is estimated anew for each fit.
 fn n_right(subject: &Subject, members: &Members, other: usize, (n_repeats, seed): (usize, u64)) -> Result<usize> {
     let truths = [starts(subject, members, 0)?, starts(subject, members, other)?];
     let is_right = |repeat: usize| is_right(subject, members, &truths[repeat % 2], (seed, repeat));
@@ -164,7 +165,7 @@ fn n_right(subject: &Subject, members: &Members, other: usize, (n_repeats, seed)
     Ok(right?.into_iter().filter(|right| *right).count())
 }
 
-/// Returns whether a truth beats every other model by enough in one repeat.
+/// Returns whether a truth leads every other model by more than [`REJECTED_NATS`] in one repetition.
 fn is_right(subject: &Subject, members: &Members, truth: &RepeatTruth, (seed, repeat): (u64, usize)) -> Result<bool> {
     let noise = members[0].1.noise;
     let mut random = ChaCha8Rng::seed_from_u64(seed);
@@ -183,16 +184,16 @@ fn is_right(subject: &Subject, members: &Members, truth: &RepeatTruth, (seed, re
     Ok(true)
 }
 
-/// A truth of simulated repeats.
+/// A model that is the truth of simulated repetitions.
 struct RepeatTruth {
     place: usize,
     position_m: Vec<f64>,
-    /// Point of each model that is closest to the truth.
+    /// Coordinates of each model at its point closest to the truth.
     thetas: Vec<Vec<f64>>,
 }
 
 impl RepeatTruth {
-    /// Positions with one draw of noise.
+    /// Returns positions (m) of the truth with one draw of noise.
     fn with_noise(&self, subject: &Subject, noise: NoiseValues, random: &mut ChaCha8Rng) -> Vec<f64> {
         let record = &subject.experiment().record;
         let recordings = subject.problem().recordings();

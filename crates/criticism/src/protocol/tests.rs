@@ -17,13 +17,13 @@ fn one_level_cannot_tell_a_bias_from_an_asymmetry_and_says_so_before_a_fit() {
 fn advice_separates_them_and_repeats_confirm_it() {
     let subject = subject(&ONE_LEVEL);
     let bias = at(&subject, &["force-bias"], &[0.05]);
-    // By hand: equal mean force, −a/2 = b.
+    // An asymmetry a and a bias b have equal mean forces if −a/2 = b.
     let asymmetry = at(&subject, &["force-asymmetry"], &[-0.1]);
     let members = [(&bias.0, &bias.1), (&asymmetry.0, &asymmetry.1)];
     let advice = find_best_change(&subject, &members, 20, 7).expect("advice").expect("changes to make");
     assert!(advice.separation_now < 0.5, "{}", advice.separation_now);
     assert!(advice.separates() && advice.separation > 8.0, "{}", advice.sentence);
-    // At 8 σ a lead, N(32, 8²), is below 4 nats once in 4,000 repeats, so that one of twenty is below it once in 200 seeds; this seed is fixed.
+    // At 8 σ the lead has the distribution N(32, 8²), which is below 4 nats once in 4,000 repetitions. One of twenty is below it once in 200 seeds; this seed is fixed.
     assert_eq!(advice.n_right, 20, "{}", advice.sentence);
     assert!(
         advice.sentence.starts_with(&advice.change.instruction)
@@ -33,9 +33,10 @@ fn advice_separates_them_and_repeats_confirm_it() {
     assert_eq!(again.sentence, advice.sentence);
 }
 
-/// In a Gaussian model the truth's lead is N(d²/2, d²); it exceeds 4 nats with probability Φ((d² / 2 − 4) / d). 300 repeats have an error of 0.026. The tolerance is five of those errors plus 0.05 for
-/// the noise, which is estimated anew for each repeat: a false failure in 10⁶. The other model cannot follow the drift. Beside a model that can, such as a gel that sets, re-estimated noise
-/// follows much of the rest, and leads are smaller (3 nats in the mean instead of 4.5 in a Gaussian model).
+/// In a Gaussian model the truth's lead has the distribution N(d²/2, d²) for a distance d. It exceeds 4 nats with probability Φ((d²/2 − 4)/d). The fraction of 300
+/// repetitions has an error of 0.026. The tolerance is five of those errors plus 0.05 for the noise, which is estimated anew for each repetition: one false failure in
+/// 10⁶. The other model cannot follow the drift. Some models, such as a gel that sets, can. With such a model, the noise that is estimated anew follows much of the
+/// remaining residual. Leads are then smaller: 3 nats in the mean instead of 4.5 in a Gaussian model.
 #[test]
 fn repeats_are_right_as_often_as_the_distance_says() {
     let subject = subject(&TWO_LEVELS);
@@ -45,7 +46,7 @@ fn repeats_are_right_as_often_as_the_distance_says() {
         let truth = drift(velocity);
         separation_of(&subject, &truth, &spring)
     };
-    // A drift at a distance of about 3 σ from a spring in series.
+    // A drift whose distance from a spring in series is about 3 σ.
     let velocity = 1e-7 * 3.0 / far(1e-7);
     let (truth, distance) = (drift(velocity), far(velocity));
     assert!((distance - 3.0).abs() < 0.5, "{distance}");

@@ -1,4 +1,5 @@
-//! Unknowns of the quarter model and assembly of the two affine parts of the unit stiffness.
+//! Numbering of the displacement unknowns, and assembly of the two parts of the unit stiffness
+//! matrix.
 
 use faer::sparse::{SparseColMat, SparseColMatRef, SymbolicSparseColMat};
 use rayon::prelude::*;
@@ -7,25 +8,28 @@ use super::element::{ElementStiffness, TabulatedElement};
 use crate::mesh::Mesh;
 use base::error::{Error, Result};
 
-/// Number of elements whose matrices are stored at once. It allows parallel work without storing all of them.
+/// Number of elements whose matrices are stored at once. It permits parallel assembly within little
+/// memory.
 const CHUNK: usize = 256;
 
 const FIXED: u32 = u32::MAX;
 
-/// Unknown displacement components (physics §3.1): none on the outer surface, none across a symmetry plane, and
-/// one rigid translation along x, the last unknown, for the whole surface of the robot.
+/// Numbering of the unknown displacement components (physics §3.1). Components are fixed at zero on
+/// the outer surface, and across symmetry planes. The robot's surface is rigid: it has one unknown,
+/// its translation along x, which comes last.
 #[derive(Debug, Clone)]
 pub struct Unknowns {
-    /// Group of each node; the robot's nodes share the last one.
+    /// Index of each node's group. All nodes of the robot form the last group; every other node is
+    /// a group.
     group: Vec<u32>,
-    /// Unknown of each component of each group, or [`FIXED`].
+    /// Index of the unknown of each component (x, y, z) of each group, or [`FIXED`].
     unknown: Vec<[u32; 3]>,
     count: usize,
     share: f64,
 }
 
 impl Unknowns {
-    /// Numbers the unknowns of a mesh.
+    /// Numbers the displacement unknowns of a mesh.
     pub fn new(mesh: &Mesh) -> Result<Self> {
         let mut free = vec![[true; 3]; mesh.n_nodes()];
         for &node in &mesh.symmetry_y_nodes {
@@ -69,27 +73,29 @@ impl Unknowns {
         Ok(Self { group, unknown, count: count as usize + 1, share: mesh.share() })
     }
 
-    /// Number of unknowns.
+    /// Number of displacement unknowns.
     pub fn count(&self) -> usize {
         self.count
     }
 
-    /// Share of the robot and of the force in the model ([`Mesh::share`]).
+    /// Fraction of the whole robot, and of the force on it, that the mesh contains
+    /// ([`Mesh::share`]).
     pub fn share(&self) -> f64 {
         self.share
     }
 
-    /// Number of nodes.
+    /// Number of nodes of the mesh.
     pub(super) fn n_nodes(&self) -> usize {
         self.group.len()
     }
 
-    /// Index of the robot's translation along x.
+    /// Index of the unknown that is the robot's translation along x.
     pub fn robot(&self) -> usize {
         self.count - 1
     }
 
-    /// Elimination order of the unknowns for an order of the nodes. The robot's translation is last.
+    /// Elimination order of the unknowns that follows from an order of the nodes. The robot's
+    /// translation is last.
     pub fn elimination_order(&self, node_order: &[usize]) -> Vec<usize> {
         let robot_group = self.unknown.len() - 1;
         let of_node = |&node: &usize| {
@@ -100,14 +106,14 @@ impl Unknowns {
         interior.chain([self.robot()]).collect()
     }
 
-    /// Displacement of every node (m) from a vector of unknowns.
+    /// Returns the displacement (m) of every node for a vector of unknowns (m).
     pub fn nodal_displacement(&self, values: &[f64]) -> Vec<[f64; 3]> {
         let component = |u: u32| if u == FIXED { 0.0 } else { values[u as usize] };
         self.group.iter().map(|&g| self.unknown[g as usize].map(component)).collect()
     }
 
-    /// Adds a force (N) on a node to the right-hand side f of K̂ u = f. Supports bear forces on fixed components. Forces on
-    /// the robot's nodes add up along x.
+    /// Adds a force (N) on a node to the right-hand side f of K̂ u = f. Force components along
+    /// fixed displacements are dropped. Forces on the robot's nodes add up along x.
     pub fn add_nodal_force(&self, node: usize, force_n: [f64; 3], right_hand_side: &mut [f64]) {
         for (unknown, component) in self.unknown[self.group[node] as usize].into_iter().zip(force_n) {
             if unknown != FIXED {
@@ -116,16 +122,18 @@ impl Unknowns {
         }
     }
 
-    /// Unknown of each component of a node; `u32::MAX` if it is fixed.
+    /// Index of the unknown of each component (x, y, z) of a node; `u32::MAX` if the component is
+    /// fixed.
     pub(super) fn of_node(&self, node: u32) -> [u32; 3] {
         self.unknown[self.group[node as usize] as usize]
     }
 }
 
-/// The two parts of the unit stiffness, K̂ = 2μ̂ K_dev + κ̂ K_vol, on one sparsity pattern (upper triangle, columns compressed).
+/// The unit stiffness matrix K̂ = 2μ̂ K_dev + κ̂ K_vol, stored as its two parts. Both have one
+/// sparsity pattern (upper triangle, compressed columns).
 #[derive(Debug, Clone)]
 pub struct Assembly {
-    /// The unknowns.
+    /// Numbering of the rows and columns of the matrices.
     pub unknowns: Unknowns,
     pattern: SymbolicSparseColMat<u32>,
     deviatoric: Vec<f64>,
@@ -133,12 +141,13 @@ pub struct Assembly {
 }
 
 impl Assembly {
-    /// Assembles a mesh. Element matrices are computed in parallel and added in the order of the elements.
+    /// Assembles the matrices of a mesh. Element matrices are computed in parallel and added in the
+    /// order of the elements.
     pub fn new(mesh: &Mesh) -> Result<Self> {
         Self::assemble(mesh, |chunk, element| chunk.par_iter().map(element).collect())
     }
 
-    /// Assembles on one thread, for the test that both agree to the last bit.
+    /// Assembles on one thread. A test checks that parallel assembly gives equal bits.
     #[cfg(test)]
     fn serial(mesh: &Mesh) -> Result<Self> {
         Self::assemble(mesh, |chunk, element| chunk.iter().map(element).collect())
@@ -169,7 +178,7 @@ impl Assembly {
         Ok(Self { unknowns, pattern, deviatoric, volumetric })
     }
 
-    /// Upper triangle of K̂(ν) for unit Young's modulus, in m.
+    /// Upper triangle of K̂(ν) for unit Young's modulus and Poisson ratio ν, in m.
     pub fn unit_stiffness(&self, poisson_ratio: f64) -> SparseColMat<u32, f64> {
         let [two_mu, kappa] = unit_moduli(poisson_ratio);
         let combine = |(d, v): (&f64, &f64)| two_mu * d + kappa * v;
@@ -177,23 +186,25 @@ impl Assembly {
         SparseColMat::new(self.pattern.clone(), values)
     }
 
-    /// Upper triangle of ∫ dev ε : dev ε.
+    /// Upper triangle of K_dev = ∫ dev ε : dev ε dV, in m.
     pub fn deviatoric(&self) -> SparseColMatRef<'_, u32, f64> {
         SparseColMatRef::new(self.pattern.as_ref(), &self.deviatoric)
     }
 
-    /// Upper triangle of ∫ (Π div u)².
+    /// Upper triangle of K_vol = ∫ (Π div u)² dV, in m, with Π the projection on the elements'
+    /// pressures.
     pub fn volumetric(&self) -> SparseColMatRef<'_, u32, f64> {
         SparseColMatRef::new(self.pattern.as_ref(), &self.volumetric)
     }
 }
 
-/// 2μ̂ and κ̂ for unit Young's modulus.
+/// Returns 2μ̂ and κ̂: twice the shear modulus, and the bulk modulus, for unit Young's modulus.
 pub fn unit_moduli(poisson_ratio: f64) -> [f64; 2] {
     [1.0 / (1.0 + poisson_ratio), 1.0 / (3.0 * (1.0 - 2.0 * poisson_ratio))]
 }
 
-/// For each group the sorted groups (including itself) that share an element with it and do not come after it.
+/// Returns, for each group, the sorted groups that share an element with it and have no larger
+/// index. The group itself is included.
 fn group_neighbours(mesh: &Mesh, unknowns: &Unknowns) -> Vec<Vec<u32>> {
     let mut neighbours: Vec<Vec<u32>> = vec![Vec::new(); unknowns.unknown.len()];
     for nodes in mesh.elements() {
@@ -211,11 +222,13 @@ fn group_neighbours(mesh: &Mesh, unknowns: &Unknowns) -> Vec<Vec<u32>> {
     neighbours
 }
 
-/// Column-compressed pattern of the upper triangle, with the position of each group's rows inside a column.
+/// Sparsity pattern of the upper triangle in compressed columns. It also stores where the rows of
+/// each group start in a column.
 struct Pattern {
     column_start: Vec<u32>,
     row_idx: Vec<u32>,
-    /// Number of rows of a column before those of the neighbour, for each group and neighbour.
+    /// Number of rows in a column of group g that precede the rows of its k-th neighbour:
+    /// `rows_before[g][k]`.
     rows_before: Vec<Vec<u32>>,
 }
 
@@ -242,7 +255,7 @@ impl Pattern {
         Self { column_start, row_idx, rows_before }
     }
 
-    /// Adds an element's matrices to the values of the upper triangle.
+    /// Adds the matrices of one element to the values of the upper triangle.
     fn scatter(
         &self,
         unknowns: &Unknowns,
@@ -282,7 +295,7 @@ mod tests {
     use crate::mesh::QuarterBall;
 
     fn mesh() -> Mesh {
-        // More than one chunk of elements, the last one incomplete.
+        // The mesh needs more than one chunk of elements, and the last chunk is incomplete.
         let ball = QuarterBall { robot_radius_m: 0.275e-3, outer_radius_m: 10e-3, n_per_edge: 3, n_layers: 5 };
         let mesh = ball.mesh().expect("the radii are in order");
         assert!(mesh.n_elements() > CHUNK && !mesh.n_elements().is_multiple_of(CHUNK));
@@ -303,8 +316,9 @@ mod tests {
         }
     }
 
-    /// The assembled matrix acts as the sum of the element matrices, restricted to the unknowns: Pᵀ (Σ Kₑ) P u. P is built only from the
-    /// public maps between nodes and unknowns.
+    /// Checks that the assembled matrix times u equals Pᵀ (Σ Kₑ) P u, with Kₑ the element matrices.
+    /// P maps unknowns to node components. It is built only from the public maps between nodes and
+    /// unknowns.
     #[test]
     fn the_matrix_is_the_sum_of_its_elements() {
         let mesh = mesh();

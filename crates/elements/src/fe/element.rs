@@ -1,4 +1,5 @@
-//! Element kernels: shape functions, pressures and the two parts of the unit stiffness (physics §3.4).
+//! Element kernels: shape functions, pressure functions and the two parts of an element's unit
+//! stiffness (physics §3.4).
 
 use std::sync::OnceLock;
 
@@ -8,28 +9,31 @@ use super::quadrature;
 use crate::mesh::{ElementKind, HEXAHEDRON27_REFERENCE_NODES};
 use base::error::{Error, Result};
 
-/// An element family on its reference cell.
+/// A type of element, defined on its reference cell.
 pub trait Element: Sync {
-    /// Nodes of one element.
+    /// Number of nodes of one element.
     fn n_nodes(&self) -> usize;
-    /// Shape functions at a reference point, one per node.
+    /// Writes the value of every node's shape function at a reference point.
     fn shape(&self, point: [f64; 3], shape: &mut [f64]);
-    /// Reference gradients of the shape functions at a reference point, one per node.
+    /// Writes the gradient, in reference coordinates, of every node's shape function at a reference
+    /// point.
     fn shape_gradient(&self, point: [f64; 3], gradient: &mut [[f64; 3]]);
-    /// Discontinuous pressure functions at a reference point; empty for an element with displacements only.
+    /// Returns the values of the discontinuous pressure functions at a reference point. The list is
+    /// empty if the element has displacements only.
     fn pressure(&self, point: [f64; 3]) -> Vec<f64>;
-    /// Quadrature points and weights on the reference cell.
+    /// Returns the quadrature points of the reference cell, each with its weight.
     fn quadrature(&self) -> Vec<([f64; 3], f64)>;
 }
 
-/// 27-node hexahedron with four discontinuous linear pressures (1, ξ, η, ζ).
+/// 27-node hexahedron with four discontinuous pressure functions: 1, ξ, η and ζ.
 struct Hexahedron27;
 /// 10-node tetrahedron with displacements only (physics §3.5).
 struct Tetrahedron10;
-/// 4-node tetrahedron with displacements only; it locks (physics §3.4).
+/// 4-node tetrahedron with displacements only. It is far too stiff near ν = ½, or *locks* (physics
+/// §3.4).
 struct Tetrahedron4;
 
-/// The element of a kind.
+/// Returns the element type that `kind` names.
 pub(super) fn element_of(kind: ElementKind) -> &'static dyn Element {
     match kind {
         ElementKind::Hexahedron27 => &Hexahedron27,
@@ -38,7 +42,8 @@ pub(super) fn element_of(kind: ElementKind) -> &'static dyn Element {
     }
 }
 
-/// Quadratic Lagrange polynomial on {−1, 0, 1} with the node `node`, and its derivative.
+/// Value and derivative, at x, of a quadratic Lagrange polynomial. It is 1 at `node` and 0 at the
+/// two other points of {−1, 0, 1}.
 fn lagrange(node: f64, x: f64) -> (f64, f64) {
     if node == 0.0 { (1.0 - x * x, -2.0 * x) } else { (0.5 * x * (x + node), x + 0.5 * node) }
 }
@@ -66,7 +71,8 @@ impl Element for Hexahedron27 {
     }
 }
 
-/// Barycentric coordinates on the unit tetrahedron and their gradients.
+/// Returns the four barycentric coordinates of a point in the unit tetrahedron, and their
+/// gradients.
 fn barycentric(p: [f64; 3]) -> ([f64; 4], [[f64; 3]; 4]) {
     (
         [1.0 - p[0] - p[1] - p[2], p[0], p[1], p[2]],
@@ -74,7 +80,8 @@ fn barycentric(p: [f64; 3]) -> ([f64; 4], [[f64; 3]; 4]) {
     )
 }
 
-/// Corners of each edge of the 10-node tetrahedron, in VTK's order.
+/// The two corners of each edge of the 10-node tetrahedron, in the order in which VTK numbers the
+/// edges.
 const TETRAHEDRON_EDGES: [[usize; 2]; 6] = [[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]];
 
 impl Element for Tetrahedron10 {
@@ -125,9 +132,9 @@ impl Element for Tetrahedron4 {
     }
 }
 
-/// An element with its functions tabulated at its quadrature points.
+/// An element type with shape and pressure functions tabulated at the quadrature points.
 pub struct TabulatedElement {
-    /// Nodes of one element.
+    /// Number of nodes of one element.
     pub n_nodes: usize,
     points: Vec<TabulatedPoint>,
 }
@@ -139,34 +146,36 @@ struct TabulatedPoint {
     pressure: Vec<f64>,
 }
 
-/// One quadrature point of one physical element.
+/// Values at one quadrature point of one element of a mesh.
 pub struct PhysicalPoint<'a> {
-    /// Weight × Jacobian determinant, in m³.
+    /// Quadrature weight × Jacobian determinant, in m³.
     pub volume_m3: f64,
-    /// Shape functions, one per node.
+    /// Value of every node's shape function.
     pub shape: &'a [f64],
-    /// Physical gradients of the shape functions in 1/m, one per node.
+    /// Gradient of every node's shape function with respect to position, in 1/m.
     pub gradient: &'a [[f64; 3]],
-    /// Pressure functions.
+    /// Values of the pressure functions.
     pub pressure: &'a [f64],
 }
 
-/// Unit stiffness of one element, rows and columns ordered node by node, three components each, in m.
+/// The two unit stiffness matrices of one element, in m. Row and column 3a + i belong to node a and
+/// component i.
 pub struct ElementStiffness {
-    /// ∫ dev ε : dev ε.
+    /// ∫ dev ε : dev ε dV.
     pub deviatoric: DMatrix<f64>,
-    /// ∫ (Π div u)², with Π the projection on the element's pressures (the identity if it has none).
+    /// ∫ (Π div u)² dV, with Π the projection on the element's pressures. Π is the identity if the
+    /// element has none.
     pub volumetric: DMatrix<f64>,
 }
 
 impl TabulatedElement {
-    /// The tabulated element of a kind. It is built once.
+    /// Returns the tabulated element that `kind` names. Each kind is tabulated once per process.
     pub fn of(kind: ElementKind) -> &'static Self {
         static TABLES: [OnceLock<TabulatedElement>; 3] = [OnceLock::new(), OnceLock::new(), OnceLock::new()];
         TABLES[kind as usize].get_or_init(|| Self::new(element_of(kind)))
     }
 
-    /// Tabulates any element.
+    /// Tabulates an element type.
     pub fn new(element: &dyn Element) -> Self {
         let n_nodes = element.n_nodes();
         let tabulate = |(point, weight)| {
@@ -178,12 +187,14 @@ impl TabulatedElement {
         Self { n_nodes, points: element.quadrature().into_iter().map(tabulate).collect() }
     }
 
-    /// Reference gradients of the shape functions and pressure functions at every quadrature point.
+    /// Iterates over the quadrature points: gradients of the shape functions in reference
+    /// coordinates, and values of the pressure functions.
     pub(super) fn reference_points(&self) -> impl Iterator<Item = (&[[f64; 3]], &[f64])> {
         self.points.iter().map(|point| (point.gradient.as_slice(), point.pressure.as_slice()))
     }
 
-    /// Jacobian ∂x/∂ξ (m) of the element with these node coordinates (m) at every quadrature point.
+    /// Iterates over the quadrature points: Jacobian ∂x/∂ξ (m) of an element whose nodes lie at
+    /// `coordinates_m` (m).
     pub fn jacobians<'a>(&'a self, coordinates_m: &'a [[f64; 3]]) -> impl Iterator<Item = Matrix3<f64>> + 'a {
         self.points.iter().map(|point| {
             let mut jacobian = Matrix3::zeros();
@@ -194,7 +205,8 @@ impl TabulatedElement {
         })
     }
 
-    /// Calls `visit` at every quadrature point of the element with these node coordinates (m). Fails if the element is inverted.
+    /// Calls `visit` at every quadrature point of an element whose nodes lie at `coordinates_m`
+    /// (m). Fails if the element is inverted.
     pub fn for_each_point(&self, coordinates_m: &[[f64; 3]], mut visit: impl FnMut(PhysicalPoint)) -> Result<()> {
         let mut gradient = vec![[0.0; 3]; self.n_nodes];
         for (point, jacobian) in self.points.iter().zip(self.jacobians(coordinates_m)) {
@@ -223,11 +235,11 @@ impl TabulatedElement {
         Ok(())
     }
 
-    /// Unit stiffness of the element with these node coordinates (m).
+    /// Computes the unit stiffness of an element whose nodes lie at `coordinates_m` (m).
     pub fn stiffness(&self, coordinates_m: &[[f64; 3]]) -> Result<ElementStiffness> {
         let n = self.n_nodes;
         let n_pressures = self.points[0].pressure.len();
-        // ∫ ∇φₐ ⊗ ∇φ_b for a ≤ b contains every entry of both parts.
+        // Every entry of both matrices is a sum of entries of ∫ ∇φₐ ⊗ ∇φ_b, a ≤ b.
         let mut products = vec![[0.0_f64; 9]; n * (n + 1) / 2];
         let mut divergence = DMatrix::<f64>::zeros(3 * n, n_pressures);
         let mut pressure_mass = DMatrix::<f64>::zeros(n_pressures, n_pressures);
@@ -271,7 +283,7 @@ impl TabulatedElement {
     }
 }
 
-/// Visits (a, b, ∫ ∇φₐ ⊗ ∇φ_b) for a ≤ b.
+/// Calls `visit` with (a, b, ∫ ∇φₐ ⊗ ∇φ_b) for every pair of nodes a ≤ b.
 fn for_each_pair(n: usize, products: &[[f64; 9]], mut visit: impl FnMut(usize, usize, &[f64; 9])) {
     let mut pairs = products.iter();
     for a in 0..n {
@@ -283,7 +295,8 @@ fn for_each_pair(n: usize, products: &[[f64; 9]], mut visit: impl FnMut(usize, u
     }
 }
 
-/// dev ε(φₐ eᵢ) : dev ε(φ_b eⱼ) = ½ (∇φₐ·∇φ_b δᵢⱼ + ∂ⱼφₐ ∂ᵢφ_b) − ⅓ ∂ᵢφₐ ∂ⱼφ_b.
+/// Computes ∫ dev ε : dev ε from dev ε(φₐ eᵢ) : dev ε(φ_b eⱼ) = ½ (∇φₐ·∇φ_b δᵢⱼ + ∂ⱼφₐ ∂ᵢφ_b) − ⅓
+/// ∂ᵢφₐ ∂ⱼφ_b.
 fn deviatoric(n: usize, products: &[[f64; 9]]) -> DMatrix<f64> {
     let mut k = DMatrix::<f64>::zeros(3 * n, 3 * n);
     for_each_pair(n, products, |a, b, g| {
@@ -300,7 +313,7 @@ fn deviatoric(n: usize, products: &[[f64; 9]]) -> DMatrix<f64> {
     k
 }
 
-/// ∫ div(φₐ eᵢ) div(φ_b eⱼ), without projection.
+/// Computes ∫ div(φₐ eᵢ) div(φ_b eⱼ), without projection on the pressures.
 fn full_volumetric(n: usize, products: &[[f64; 9]]) -> DMatrix<f64> {
     let mut k = DMatrix::<f64>::zeros(3 * n, 3 * n);
     for_each_pair(n, products, |a, b, g| {
@@ -342,7 +355,8 @@ mod tests {
         }
     }
 
-    /// Rigid motions have no energy. A pure shear and a pure dilation have their closed-form energies.
+    /// Checks that rigid motions have no energy. A pure shear and a pure dilation must have their
+    /// closed-form energies.
     #[test]
     fn stiffness_of_the_reference_hexahedron_has_the_closed_form_energies() {
         let element = TabulatedElement::of(ElementKind::Hexahedron27);
@@ -356,7 +370,7 @@ mod tests {
         let dilation = field(&|x| x);
         assert!(energy(&stiffness.deviatoric, &rotation).abs() < 1e-12);
         assert!(energy(&stiffness.volumetric, &rotation).abs() < 1e-12);
-        // ε_xy = ½ on a volume of 8: dev ε : dev ε = 2·¼.
+        // ε_xy = ½ on a volume of 8: dev ε : dev ε = 2·¼, so that the energy is 4.
         assert!((energy(&stiffness.deviatoric, &shear) - 4.0).abs() < 1e-12);
         assert!(energy(&stiffness.deviatoric, &dilation).abs() < 1e-12);
         assert!((energy(&stiffness.volumetric, &dilation) - 72.0).abs() < 1e-11);

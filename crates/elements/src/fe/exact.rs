@@ -1,14 +1,16 @@
-//! Exact stiffnesses for the verification of the finite elements (physics §4). Each is a force per displacement of the whole body.
+//! Exact stiffnesses for the verification of the finite elements (physics §4). Each is the force on
+//! the whole body divided by its displacement.
 
 use nalgebra::{Matrix4, Vector4};
 
-/// Rigid sphere in an infinite medium, F/u in N/m (physics §4.1).
+/// Stiffness F/u (N/m) of a rigid sphere in an infinite medium (physics §4.1).
 pub fn sphere_in_infinite_medium_n_per_m(young_modulus_pa: f64, poisson_ratio: f64, radius_m: f64) -> f64 {
     let shear_modulus_pa = young_modulus_pa / (2.0 * (1.0 + poisson_ratio));
     24.0 * std::f64::consts::PI * shear_modulus_pa * radius_m * (1.0 - poisson_ratio) / (5.0 - 6.0 * poisson_ratio)
 }
 
-/// Rigid sphere concentric in a rigid container: amplitudes of the four modes of physics §4.2 for unit displacement.
+/// Solution for a rigid sphere at the centre of a rigid spherical container. It holds the
+/// amplitudes of the four modes of physics §4.2 for unit displacement of the sphere.
 #[derive(Debug, Clone, Copy)]
 pub struct SphereInContainer {
     poisson_ratio: f64,
@@ -17,7 +19,8 @@ pub struct SphereInContainer {
 }
 
 impl SphereInContainer {
-    /// Satisfies A = 1, B = 0 on the sphere and A = B = 0 on the container. Radii in m, 0 < `radius_m` < `outer_radius_m`.
+    /// Solves for the amplitudes: A = 1, B = 0 on the sphere and A = B = 0 on the container. Radii
+    /// are in m, with 0 < `radius_m` < `outer_radius_m`.
     pub fn new(poisson_ratio: f64, radius_m: f64, outer_radius_m: f64) -> Self {
         // Lengths in units of the sphere's radius keep the system well conditioned.
         let (inner, outer) = (modes(poisson_ratio, 1.0), modes(poisson_ratio, outer_radius_m / radius_m));
@@ -26,13 +29,13 @@ impl SphereInContainer {
         Self { poisson_ratio, radius_m, amplitudes }
     }
 
-    /// F/u in N/m: 16πμ(1−ν) a₁.
+    /// Stiffness F/u (N/m) of the sphere: 16πμ(1−ν) a₁.
     pub fn stiffness_n_per_m(&self, young_modulus_pa: f64) -> f64 {
         let shear_modulus_pa = young_modulus_pa / (2.0 * (1.0 + self.poisson_ratio));
         16.0 * std::f64::consts::PI * shear_modulus_pa * (1.0 - self.poisson_ratio) * self.amplitudes[1] * self.radius_m
     }
 
-    /// Displacement at a point (m) for unit displacement of the sphere along x.
+    /// Displacement of the medium at a point (m), for unit displacement of the sphere along x.
     pub fn displacement(&self, point_m: [f64; 3]) -> [f64; 3] {
         let r = point_m.iter().map(|x| x * x).sum::<f64>().sqrt();
         let n = point_m.map(|x| x / r);
@@ -43,7 +46,7 @@ impl SphereInContainer {
     }
 }
 
-/// (A, B) of the four modes u = A e_x + B (e_x·n) n at radius r.
+/// (A, B) of each of the four modes u = A e_x + B (e_x·n) n, at radius r.
 fn modes(nu: f64, r: f64) -> [(f64, f64); 4] {
     [
         (1.0, 0.0),
@@ -59,12 +62,12 @@ mod tests {
 
     #[test]
     fn published_numbers_and_limits() {
-        // physics §4.10.
+        // The value is that of physics §4.10.
         let k = SphereInContainer::new(0.48, 0.275e-3, 10e-3).stiffness_n_per_m(1.0);
         assert!((k / 1.820902396e-3 - 1.0).abs() < 1e-9, "{k}");
         let k = sphere_in_infinite_medium_n_per_m(1.0, 0.48, 0.275e-3);
         assert!((k / 1.718183641e-3 - 1.0).abs() < 1e-9, "{k}");
-        // A distant container has no effect.
+        // A container at a great distance has no effect.
         let k = SphereInContainer::new(0.3, 1.0, 1e7).stiffness_n_per_m(1.0);
         assert!((k / sphere_in_infinite_medium_n_per_m(1.0, 0.3, 1.0) - 1.0).abs() < 1e-6);
     }

@@ -1,4 +1,4 @@
-//! Sparse Cholesky factor of the unit stiffness, and products with it.
+//! Sparse Cholesky factor of the unit stiffness matrix, for solutions and products.
 
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt::factor::LltRegularization;
@@ -11,16 +11,18 @@ use super::ordering::nested_dissection;
 use crate::mesh::Mesh;
 use base::error::{Error, Result};
 
-/// An assembled mesh with the symbolic factor shared by all Poisson ratios.
+/// The stiffness matrix of a mesh, with its symbolic Cholesky factor. All Poisson ratios share the
+/// symbolic factor.
 #[derive(Debug)]
 pub struct Stiffness {
-    /// The two affine parts and the unknowns.
+    /// The two parts of the matrix, and the numbering of the unknowns.
     pub assembly: Assembly,
     symbolic: SymbolicCholesky<u32>,
 }
 
 impl Stiffness {
-    /// Assembles a mesh, orders its nodes by nested dissection and analyses the factor.
+    /// Assembles the stiffness of a mesh, orders the nodes by nested dissection and computes the
+    /// symbolic factor.
     pub fn new(mesh: &Mesh) -> Result<Self> {
         let assembly = Assembly::new(mesh)?;
         let n_nodes_per_element = mesh.element_kind.n_nodes();
@@ -31,12 +33,12 @@ impl Stiffness {
         Ok(Self { assembly, symbolic })
     }
 
-    /// Number of unknowns.
+    /// Number of displacement unknowns.
     pub fn n_unknowns(&self) -> usize {
         self.assembly.unknowns.count()
     }
 
-    /// Factor of K̂(ν) for unit Young's modulus.
+    /// Computes the numeric factor of K̂(ν), for unit Young's modulus.
     pub fn factor(&self, poisson_ratio: f64) -> Result<Factor<'_>> {
         let matrix = self.assembly.unit_stiffness(poisson_ratio);
         let values = factorised(&self.symbolic, matrix.as_ref()).ok_or_else(|| {
@@ -49,7 +51,8 @@ impl Stiffness {
     }
 }
 
-/// Symbolic factor of a symmetric pattern (upper triangle) for an elimination order of its unknowns.
+/// Computes the symbolic Cholesky factor of a symmetric sparsity pattern (upper triangle) for an
+/// elimination order of the unknowns.
 pub(crate) fn analysed(
     upper: SymbolicSparseColMatRef<'_, u32>,
     elimination_order: &[usize],
@@ -74,7 +77,8 @@ pub(crate) fn analysed(
     })
 }
 
-/// Values of the Cholesky factor of a matrix with the analysed pattern. `None` if the matrix is not positive definite.
+/// Computes the values of the Cholesky factor of a matrix whose pattern `symbolic` describes.
+/// Returns `None` if the matrix is not positive definite.
 pub(crate) fn factorised(symbolic: &SymbolicCholesky<u32>, upper: SparseColMatRef<'_, u32, f64>) -> Option<Vec<f64>> {
     let mut values = vec![0.0; symbolic.len_val()];
     let mut memory = MemBuffer::new(symbolic.factorize_numeric_llt_scratch::<f64>(PARALLELISM, Default::default()));
@@ -90,7 +94,8 @@ pub(crate) fn factorised(symbolic: &SymbolicCholesky<u32>, upper: SparseColMatRe
     outcome.is_ok().then_some(values)
 }
 
-/// Replaces every column of `columns` (each with one value per unknown, one after the other) by the factor's solution.
+/// Solves A x = b for every column b and replaces b by x. `columns` holds one value per unknown,
+/// one column after the other.
 pub(crate) fn solve_in_place(symbolic: &SymbolicCholesky<u32>, values: &[f64], columns: &mut [f64]) {
     let n = symbolic.nrows();
     let n_columns = columns.len() / n;
@@ -104,10 +109,11 @@ pub(crate) fn solve_in_place(symbolic: &SymbolicCholesky<u32>, values: &[f64], c
     );
 }
 
-/// One thread: the last bits of a parallel factor depend on the number of threads.
+/// The factorisation uses one thread, because the last bits of a parallel factor depend on the
+/// number of threads.
 const PARALLELISM: Par = Par::Seq;
 
-/// Cholesky factor of K̂(ν), with the matrix itself for products.
+/// Cholesky factor of K̂(ν), together with K̂(ν).
 pub struct Factor<'a> {
     matrix: SparseColMat<u32, f64>,
     symbolic: &'a SymbolicCholesky<u32>,
@@ -115,23 +121,25 @@ pub struct Factor<'a> {
 }
 
 impl Factor<'_> {
-    /// Number of unknowns.
+    /// Number of displacement unknowns.
     pub fn n_unknowns(&self) -> usize {
         self.matrix.nrows()
     }
 
-    /// K̂(ν), upper triangle.
+    /// Upper triangle of K̂(ν).
     pub fn matrix(&self) -> SparseColMatRef<'_, u32, f64> {
         self.matrix.as_ref()
     }
 
-    /// Replaces every column of `columns` (each `n_unknowns` long, one after the other) by K̂⁻¹ times it.
+    /// Replaces every column b of `columns` by K̂⁻¹ b. `columns` holds `n_unknowns` values per
+    /// column, one column after the other.
     pub fn solve_in_place(&self, columns: &mut [f64]) {
         solve_in_place(self.symbolic, &self.values, columns);
     }
 
-    /// K̂⁻¹ times the unit force on the robot: the displacement field (m) of the meshed model at unit Young's modulus and force.
-    /// The model's share of the whole body's force is [`Mesh::share`].
+    /// Returns K̂⁻¹ f for unit force on the robot in the mesh: displacements (m) at unit Young's
+    /// modulus. If the mesh has symmetry planes, its robot bears only the fraction [`Mesh::share`]
+    /// of the force on the whole body.
     pub fn unit_response(&self) -> Vec<f64> {
         let mut field = vec![0.0; self.n_unknowns()];
         if let Some(last) = field.last_mut() {
@@ -142,7 +150,7 @@ impl Factor<'_> {
     }
 }
 
-/// result += A x for a symmetric A given by its upper triangle.
+/// Adds A x to `result`, with A symmetric and given by its upper triangle.
 pub fn add_symmetric_product(upper: SparseColMatRef<'_, u32, f64>, x: &[f64], result: &mut [f64]) {
     let (column_start, row_idx, values) = (upper.col_ptr(), upper.row_idx(), upper.val());
     for column in 0..upper.ncols() {

@@ -1,33 +1,39 @@
 //! Fill-reducing order of a mesh's nodes by nested dissection.
 //!
-//! The elements are halved recursively. The nodes that both halves share (the separator) are eliminated after all other nodes
-//! of either half. Two stages find a small separator: sweeps of the elements along geometric keys (planes, spheres and cones that
-//! graded meshes around a body follow), then moves of single elements across the cut while they shrink it (Fiduccia and
-//! Mattheyses, DAC 1982, with the mesh's nodes as nets). On three-dimensional meshes this beats minimum-degree orders, whose
-//! fill grows faster with size.
+//! The elements are halved recursively. The nodes that both halves share are the separator. They
+//! are eliminated after all other nodes of either half.
+//!
+//! Two stages find a small separator. The first sweeps the elements along geometric keys: planes,
+//! spheres and cones that graded meshes around a body follow. The second moves single elements
+//! across the cut while they shrink it (Fiduccia and Mattheyses, DAC 1982). On three-dimensional
+//! meshes the order beats minimum-degree orders, whose fill grows faster with size.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-/// Smallest fraction of the elements in either part of a split.
+/// Smallest fraction of the elements on one side of a cut.
 const SMALLEST_PART: f64 = 0.3;
-/// Weight of imbalance against separator size: a cut into halves wins over a slightly smaller unequal one.
+/// Weight of imbalance relative to separator size. A cut into equal halves wins over a slightly
+/// smaller unequal one.
 const UNBALANCE_WEIGHT: f64 = 1.0;
-/// Passes of single-element moves over one cut.
+/// Largest number of refinement passes for one cut.
 const REFINEMENT_PASSES: usize = 3;
-/// Number of moves without a better cut that ends a pass.
+/// Number of successive moves without a better cut, after which a pass ends.
 const FRUITLESS_MOVES: usize = 40;
-/// Mark of a node outside the present elements.
+/// Value that marks a node or an element outside the current subset.
 const ABSENT: u32 = u32::MAX;
 
-/// Order of elimination of a mesh's nodes: `order[k]` is the node eliminated k-th, and every node occurs once.
+/// Returns an elimination order of a mesh's nodes: `order[k]` is the k-th node to be eliminated.
+/// Every node occurs once.
 ///
-/// `elements` holds `nodes_per_element` node indices per element. `coordinates` (any unit) holds those of each node, with the body's centre at the
-/// origin, which is the centre of the spheres and cones among the trial cuts. Nodes of no element come first. Equal input gives an
+/// `elements` holds `nodes_per_element` node indices per element. `coordinates` (any unit) holds x,
+/// y and z of each node. The body's centre must be at the origin, because the trial cuts include
+/// spheres and cones around the origin. Nodes without an element come first. Equal input gives an
 /// equal order.
 ///
 /// # Panics
-/// If an element names a node beyond `n_nodes`, or `coordinates` is shorter than `n_nodes`. Meshes are checked when they are built.
+/// If an element names a node beyond `n_nodes`, or if `coordinates` is shorter than `n_nodes`.
+/// Meshes are checked when they are built.
 pub fn nested_dissection(
     n_nodes: usize,
     elements: &[u32],
@@ -42,25 +48,27 @@ pub fn nested_dissection(
     order
 }
 
-/// A split of a list of elements after its first `n_left`.
+/// A cut of a list of elements in two: the first `n_left` elements, and the others.
 struct Cut {
     score: f64,
     n_left: usize,
 }
 
-/// The mesh as a hypergraph, and working arrays that the recursion reuses.
+/// The elements as a hypergraph of nodes, and work arrays that the recursion reuses.
 struct Dissection<'a> {
     elements: &'a [u32],
     nodes_per_element: usize,
     centroids: Vec<[f64; 3]>,
-    /// Elements of node `n`: `node_elements[node_start[n]..node_start[n + 1]]`.
+    /// Start of each node's range in `node_elements`: node `n` has the elements
+    /// `node_elements[node_start[n]..node_start[n + 1]]`.
     node_start: Vec<u32>,
     node_elements: Vec<u32>,
-    /// Nodes that are already in a separator or leaf.
+    /// True for nodes that already have a position in the order.
     placed: Vec<bool>,
-    /// Number of elements of each node not yet placed, on the left and the right side of the present cut.
+    /// Number of elements of each node on the left and on the right side of the current cut. Valid
+    /// only for nodes without a position.
     counts: Vec<[u32; 2]>,
-    /// Side of each element in the present cut, `ABSENT` outside it.
+    /// Side of each element in the current cut, or `ABSENT` for elements outside the subset.
     side: Vec<u32>,
     locked: Vec<bool>,
 }
@@ -112,7 +120,8 @@ impl<'a> Dissection<'a> {
         &self.elements[start..start + self.nodes_per_element]
     }
 
-    /// Appends the nodes of `subset` that are not yet placed: left half, right half, separator.
+    /// Appends the nodes of `subset` that have no position yet. Their order is left half, right
+    /// half, separator.
     fn dissect(&mut self, subset: &mut [u32], order: &mut Vec<usize>) {
         if subset.len() < 2 {
             for &element in subset.iter() {
@@ -131,7 +140,7 @@ impl<'a> Dissection<'a> {
         order.extend(separator.iter().map(|&node| node as usize));
     }
 
-    /// Appends the nodes in `nodes` that are not yet placed.
+    /// Appends those of `nodes` that have no position yet.
     fn place(&mut self, nodes: &[u32], order: &mut Vec<usize>) {
         for &node in nodes {
             if !std::mem::replace(&mut self.placed[node as usize], true) {
@@ -140,7 +149,8 @@ impl<'a> Dissection<'a> {
         }
     }
 
-    /// Nodes not yet placed that are shared by an element of `left` and one of `right`.
+    /// Returns the separator: nodes without a position that belong to an element of `left` and to
+    /// one of `right`.
     fn separator(&mut self, left: &[u32], right: &[u32]) -> Vec<u32> {
         for &element in left {
             for &node in self.nodes_of(element) {
@@ -165,7 +175,8 @@ impl<'a> Dissection<'a> {
         separator
     }
 
-    /// Reorders `subset` so that its first elements are the left half of a cut with a small separator. Returns their number.
+    /// Cuts `subset` in two with a small separator, and moves the left half to the front. Returns
+    /// the size of the left half.
     fn bisect(&mut self, subset: &mut [u32]) -> usize {
         subset.sort_unstable();
         let mut best: Option<(Cut, Vec<u32>)> = None;
@@ -188,7 +199,7 @@ impl<'a> Dissection<'a> {
         }
     }
 
-    /// Best position to cut a sequence of elements in two.
+    /// Finds the position at which a cut of the sequence `swept` has the best score.
     fn best_cut(&mut self, swept: &[u32]) -> Cut {
         self.count_all_right(swept);
         let smallest = smallest_part(swept.len());
@@ -234,7 +245,8 @@ impl<'a> Dissection<'a> {
         }
     }
 
-    /// Shrinks the cut after `n_left` elements by moving elements across it. Reorders `subset` and returns the new size of its left part.
+    /// Shrinks the separator by moving elements across a cut after `n_left` elements. Reorders
+    /// `subset` and returns the new size of its left half.
     fn refine(&mut self, subset: &mut [u32], n_left: usize) -> usize {
         for (k, &element) in subset.iter().enumerate() {
             let side = usize::from(k >= n_left);
@@ -259,7 +271,8 @@ impl<'a> Dissection<'a> {
         left.len()
     }
 
-    /// Moves each element at most once, best gain first, and reverts the moves after the best cut. Returns whether the cut improved.
+    /// Moves each element at most once, best gain first, then undoes the moves after the best cut.
+    /// Returns whether the cut improved.
     fn refinement_pass(&mut self, subset: &[u32], n_left: &mut usize) -> bool {
         let n = subset.len();
         let smallest = smallest_part(n);
@@ -323,9 +336,10 @@ impl<'a> Dissection<'a> {
         self.nodes_of(element).iter().any(|&node| self.is_cut(node))
     }
 
-    /// Nodes of the separator of `subset`'s current sides.
+    /// Number of nodes in the separator for the current sides of the elements of `subset`.
     fn separator_size(&self, subset: &[u32]) -> i64 {
-        // A cut node is counted at its first element on the left. The list of a node's elements ascends, so that the first is the smallest.
+        // A separator node is counted once, at its first element on the left. A node's elements are
+        // stored in ascending order, so that the first is the smallest.
         let mut size = 0;
         for &element in subset.iter().filter(|&&e| self.side[e as usize] == 0) {
             for &node in self.nodes_of(element) {
@@ -336,7 +350,7 @@ impl<'a> Dissection<'a> {
         size
     }
 
-    /// Number of nodes by which the separator shrinks if `element` changes sides.
+    /// Number of nodes that the separator loses if `element` changes sides.
     fn gain(&self, element: u32) -> i64 {
         let index = self.side[element as usize] as usize;
         let mut gain = 0;
@@ -350,7 +364,7 @@ impl<'a> Dissection<'a> {
         gain
     }
 
-    /// Moves `element` to the other side.
+    /// Moves `element` to the other side of the current cut.
     fn flip(&mut self, element: u32) {
         let index = self.side[element as usize] as usize;
         for &node in self.nodes_of(element) {
@@ -362,25 +376,27 @@ impl<'a> Dissection<'a> {
     }
 }
 
-/// Fewest elements allowed on one side of a cut of `n_elements` ≥ 2.
+/// Smallest permitted number of elements on one side of a cut of `n_elements` ≥ 2 elements.
 fn smallest_part(n_elements: usize) -> usize {
     ((SMALLEST_PART * n_elements as f64) as usize).max(1)
 }
 
-/// Score of a cut, smaller is better: separator size, increased by imbalance.
+/// Score of a cut, to be minimised: the separator size, increased by a penalty for imbalance.
 fn score(separator: i64, n_left: usize, n_elements: usize) -> f64 {
     let unbalance = 2.0 * n_left as f64 / n_elements as f64 - 1.0;
     (separator as f64 + 0.5) * (1.0 + UNBALANCE_WEIGHT * unbalance * unbalance)
 }
 
-/// Number of keys along which elements are swept.
+/// Number of geometric keys along which elements are swept.
 const N_KEYS: usize = 13;
-/// Number of elements below which only the first keys are tried. The fill does not increase, and time is saved.
+/// Subsets of fewer elements are swept along the first keys only. This saves time and does not
+/// increase the fill.
 const FEW_ELEMENTS: usize = 32;
-/// Number of keys tried for few elements.
+/// Number of keys for subsets of fewer than [`FEW_ELEMENTS`] elements.
 const N_KEYS_FOR_FEW: usize = 7;
 
-/// Position of a centroid along one of the sweeps: planes, spheres, and planes through the origin that turn about it.
+/// Coordinate of an element's centroid for sweep `key`. Its level surfaces are parallel planes,
+/// concentric spheres, or cones around an axis through the origin.
 fn sweep_key(key: usize, [x, y, z]: [f64; 3]) -> f64 {
     let r = (x * x + y * y + z * z).sqrt().max(f64::MIN_POSITIVE);
     match key {

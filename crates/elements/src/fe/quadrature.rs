@@ -1,9 +1,9 @@
-//! Gauss rules on the reference hexahedron and tetrahedron.
+//! Gauss quadrature rules on the reference hexahedron and tetrahedron.
 
-/// A point of a rule: reference coordinates and weight.
+/// A quadrature point: reference coordinates and weight.
 pub(super) type QuadraturePoint = ([f64; 3], f64);
 
-/// Four Gauss–Legendre points and weights on [−1, 1].
+/// The four-point Gauss–Legendre rule on [−1, 1]: each point with its weight.
 pub(super) fn line() -> [(f64, f64); 4] {
     let (mean, root) = (3.0_f64 / 7.0, 2.0 / 7.0 * (6.0_f64 / 5.0).sqrt());
     let (inner, outer) = ((mean - root).sqrt(), (mean + root).sqrt());
@@ -11,9 +11,11 @@ pub(super) fn line() -> [(f64, f64); 4] {
     [(-outer, w_outer), (-inner, w_inner), (inner, w_inner), (outer, w_outer)]
 }
 
-/// Tensor Gauss–Legendre rule with four points per direction on {−1, 1}³, exact to degree 7 in each coordinate.
+/// Gauss–Legendre product rule on {−1, 1}³ with four points per direction, exact to degree 7 in
+/// each coordinate.
 ///
-/// Three points suffice on straight elements. The fourth preserves the convergence order on curved ones.
+/// Three points per direction suffice on straight elements. The fourth preserves the convergence
+/// order on curved ones.
 pub(super) fn hexahedron() -> Vec<QuadraturePoint> {
     let line = line();
     let mut points = Vec::with_capacity(64);
@@ -27,16 +29,18 @@ pub(super) fn hexahedron() -> Vec<QuadraturePoint> {
     points
 }
 
-/// Tensor Gauss–Jacobi rule collapsed onto the unit tetrahedron: 3³ points, exact to degree 5.
+/// Gauss–Legendre product rule collapsed onto the unit tetrahedron: 4³ points, exact to total
+/// degree 5.
 ///
-/// It uses four Gauss–Legendre points per direction with the collapse's Jacobian in the weights, so that
-/// no table is needed. Tests check the volume and all quartic monomials.
+/// It uses four Gauss–Legendre points per direction. The weights contain the Jacobian of the
+/// collapse, so that no table is needed. Tests check the volume and all quartic monomials.
 pub(super) fn tetrahedron() -> Vec<QuadraturePoint> {
     hexahedron()
         .into_iter()
         .map(|([a, b, c], w)| {
             let [u, v, t] = [a, b, c].map(|r| 0.5 * (1.0 + r));
-            // Duffy: x = u, y = v (1 − u), z = t (1 − u)(1 − v).
+            // Duffy's map of the cube [0, 1]³ to the tetrahedron: x = u, y = v (1 − u), z = t
+            // (1 − u)(1 − v).
             let point = [u, v * (1.0 - u), t * (1.0 - u) * (1.0 - v)];
             (point, w / 8.0 * (1.0 - u) * (1.0 - u) * (1.0 - v))
         })

@@ -1,24 +1,26 @@
-//! Shape of a mesh's elements at the integration points.
+//! Shape quality of a mesh's elements, measured at the integration points.
 
 use nalgebra::Matrix3;
 
 use super::element::TabulatedElement;
 use crate::mesh::Mesh;
 
-/// Shapes of the elements of a mesh.
+/// Shape quality of the worst elements of a mesh.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MeshQuality {
-    /// Number of elements whose Jacobian is not positive at some integration point. They are unusable.
+    /// Number of elements whose Jacobian determinant is not positive at some integration point.
+    /// Such elements are unusable.
     pub n_inverted: usize,
-    /// Smallest volume of the parallelepiped of the Jacobian's columns over the product of their lengths: 1 for bricks, 0.71 for regular
-    /// tetrahedra, 0 for a flat element.
+    /// Smallest scaled Jacobian: the Jacobian's determinant divided by the product of the lengths
+    /// of its columns. It is 1 for bricks, 0.71 for regular tetrahedra and 0 for a flat element.
     pub smallest_scaled_jacobian: f64,
-    /// Largest ratio of the longest to the shortest side of an element. Sides are root mean squares of the Jacobian's columns.
+    /// Largest ratio of an element's longest side to its shortest. A side is the root mean square,
+    /// over the integration points, of the length of a column of the Jacobian.
     pub largest_aspect: f64,
 }
 
 impl MeshQuality {
-    /// Measures every element.
+    /// Measures every element of a mesh.
     pub fn of(mesh: &Mesh) -> Self {
         let table = TabulatedElement::of(mesh.element_kind);
         let mut quality = Self { n_inverted: 0, smallest_scaled_jacobian: 1.0, largest_aspect: 1.0 };
@@ -55,7 +57,8 @@ mod tests {
         }
     }
 
-    /// The scaled Jacobian of a parallelepiped is the sine of its angle, at any aspect. An element turned inside out is counted.
+    /// Checks the scaled Jacobian of parallelepipeds, which is the sine of their angle at any
+    /// aspect ratio. An inverted element must be counted.
     #[test]
     fn shapes_with_known_quality() {
         let brick = |map: &dyn Fn([f64; 3]) -> [f64; 3]| {

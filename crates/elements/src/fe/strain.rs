@@ -1,4 +1,4 @@
-//! Strain of a displacement field, to check the range of the linear theory (physics §6).
+//! Largest strain of a displacement field, to check whether the linear theory applies (physics §6).
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -6,9 +6,9 @@ use super::element::TabulatedElement;
 use crate::mesh::Mesh;
 use base::error::Result;
 
-/// Largest absolute principal strain over all integration points.
+/// Returns the largest absolute value of a principal strain at any integration point.
 ///
-/// `displacement_m` holds one vector per node, in m.
+/// `displacement_m` holds the displacement (m) of every node.
 pub fn largest_principal_strain(mesh: &Mesh, displacement_m: &[[f64; 3]]) -> Result<f64> {
     let table = TabulatedElement::of(mesh.element_kind);
     let mut largest = 0.0_f64;

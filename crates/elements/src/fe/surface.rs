@@ -1,4 +1,5 @@
-//! Surfaces of a mesh, mainly the robot's: integration points on the faces of adjacent elements.
+//! Integration over surfaces of a mesh, mainly the robot's. The points lie on the faces of adjacent
+//! elements.
 
 use std::f64::consts::PI;
 use std::sync::OnceLock;
@@ -9,34 +10,34 @@ use super::element::element_of;
 use super::quadrature::line;
 use crate::mesh::{ElementKind, HEXAHEDRON27_REFERENCE_NODES, Mesh};
 
-/// One integration point on a surface.
+/// One integration point on a surface of the mesh.
 pub struct SurfacePoint<'a> {
-    /// Weight × area of the face's parametrisation, in m².
+    /// Area (m²) that the point represents: its weight × the area element of the face.
     pub area_m2: f64,
-    /// Unit normal that points into the gel.
+    /// Unit normal at the point, directed into the gel.
     pub normal: [f64; 3],
     /// Position of the point in m.
     pub position_m: [f64; 3],
-    /// Nodes of the element.
+    /// Nodes of the element that the face belongs to.
     pub nodes: &'a [u32],
-    /// Shape functions of the nodes at the point.
+    /// Value of every node's shape function at the point.
     pub shape: &'a [f64],
 }
 
-/// Integration points of one face of the reference cell.
+/// One face of the reference cell, with its integration points.
 struct Face {
-    /// Nodes of the element that lie on the face.
+    /// Indices, within the element, of the nodes on the face.
     nodes: Vec<usize>,
     points: Vec<FacePoint>,
-    /// Points at the face's nodes.
+    /// Values of the functions at the nodes of the face.
     at_nodes: Vec<FacePoint>,
 }
 
 struct FacePoint {
     weight: f64,
-    /// Directions along the face, in reference coordinates.
+    /// Two directions along the face, in reference coordinates.
     tangents: [Vector3<f64>; 2],
-    /// Direction from the face into the cell.
+    /// Direction from the face into the cell, in reference coordinates.
     inward: Vector3<f64>,
     shape: Vec<f64>,
     gradient: Vec<[f64; 3]>,
@@ -102,7 +103,7 @@ fn hexahedron_faces() -> Vec<Face> {
 }
 
 fn tetrahedron_faces(kind: ElementKind) -> Vec<Face> {
-    // Duffy's map of the square to the triangle: u, v (1 − u).
+    // Duffy's map of the square to the triangle: (u, v (1 − u)).
     let places: Vec<([f64; 2], f64)> = line()
         .into_iter()
         .flat_map(|(b, wb)| line().map(|(a, wa)| (0.5 * (1.0 + a), 0.5 * (1.0 + b), 0.25 * wa * wb)))
@@ -115,7 +116,8 @@ fn tetrahedron_faces(kind: ElementKind) -> Vec<Face> {
     vec![flat(0, [y, z]), flat(1, [z, x]), flat(2, [x, y]), oblique]
 }
 
-/// Calls `visit` at every integration point of the surface formed by nodes of the mesh (in rising order), element by element.
+/// Calls `visit` at every integration point of a surface, element by element. The surface consists
+/// of the element faces whose nodes are all in `surface_nodes` (ascending).
 pub fn for_each_surface_point(mesh: &Mesh, surface_nodes: &[u32], mut visit: impl FnMut(SurfacePoint<'_>)) {
     for_each_face(mesh, surface_nodes, |nodes, face| {
         for point in &face.points {
@@ -126,7 +128,8 @@ pub fn for_each_surface_point(mesh: &Mesh, surface_nodes: &[u32], mut visit: imp
     });
 }
 
-/// Normals out of the robot at every node of the mesh, one per adjacent face. Nodes away from the robot have none.
+/// Returns the outward normals of the robot at every node of the mesh, one per adjacent face. Nodes
+/// off the robot have none.
 pub fn robot_normals(mesh: &Mesh) -> Vec<Vec<Vector3<f64>>> {
     let mut normals = vec![Vec::new(); mesh.n_nodes()];
     for_each_face(mesh, &mesh.robot_nodes, |nodes, face| {
@@ -147,7 +150,7 @@ fn for_each_face<'a>(mesh: &'a Mesh, surface_nodes: &[u32], mut visit: impl FnMu
     }
 }
 
-/// A point of a face of an element.
+/// A point of an element's face, in space.
 struct Placed {
     area: f64,
     normal: Vector3<f64>,
@@ -163,22 +166,25 @@ fn place(mesh: &Mesh, nodes: &[u32], point: &FacePoint) -> Placed {
     }
     let across = (jacobian * point.tangents[0]).cross(&(jacobian * point.tangents[1]));
     let area = across.norm();
-    // The element lies outside the robot. Its middle does not show the side: thin curved elements have it behind the tangent plane.
+    // The normal points towards the inside of the element, which lies outside the robot. The
+    // Jacobian decides, because the middle of a thin curved element may lie behind the tangent
+    // plane.
     let outward = if across.dot(&(jacobian * point.inward)) > 0.0 { across } else { -across };
     Placed { area, normal: outward / area, position_m: position.into() }
 }
 
-/// Size of the robot in a mesh.
+/// Surface area and volume of a mesh's robot.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RobotSize {
-    /// Surface of the whole body, in m².
+    /// Surface area of the whole robot, in m².
     pub surface_area_m2: f64,
-    /// Volume of the whole body, in m³.
+    /// Volume of the whole robot, in m³.
     pub volume_m3: f64,
 }
 
 impl RobotSize {
-    /// Size by the divergence theorem: V = ⅓ ∮ x·n dA. Planes of symmetry contribute nothing.
+    /// Computes both sizes; the volume is V = ⅓ ∮ x·n dA by the divergence theorem. Symmetry planes
+    /// contribute nothing to the integral.
     pub fn of(mesh: &Mesh) -> Self {
         let mut part = Self { surface_area_m2: 0.0, volume_m3: 0.0 };
         for_each_surface_point(mesh, &mesh.robot_nodes, |point| {
@@ -190,7 +196,8 @@ impl RobotSize {
         Self { surface_area_m2: part.surface_area_m2 / share, volume_m3: part.volume_m3 / share }
     }
 
-    /// Diameters of the spheres of equal volume and of equal surface, in m.
+    /// Diameters (m) of two spheres: the first has the robot's volume, the second has the robot's
+    /// surface area.
     pub fn equivalent_diameters_m(&self) -> [f64; 2] {
         [(6.0 * self.volume_m3 / PI).cbrt(), (self.surface_area_m2 / PI).sqrt()]
     }
@@ -208,7 +215,8 @@ mod tests {
         assert!(errors.iter().all(|e| e.abs() < tolerance), "{errors:?}");
     }
 
-    /// Quadratic faces of a sphere, a cylinder (flat ends and straight sides are exact except for the circle) and a spheroid.
+    /// Checks area and volume of a sphere, a cylinder and a spheroid with quadratic faces. A
+    /// cylinder's flat ends and straight sides are exact except for the circle.
     #[test]
     fn areas_and_volumes_are_those_of_the_bodies() {
         let ball = QuarterBall { robot_radius_m: 0.4e-3, outer_radius_m: 4e-3, n_per_edge: 3, n_layers: 4 };
@@ -227,7 +235,7 @@ mod tests {
         }
     }
 
-    /// One tetrahedron with the robot on its oblique face.
+    /// The mesh is a single tetrahedron whose oblique face is the robot.
     #[test]
     fn faces_of_tetrahedra_are_found() {
         for kind in [ElementKind::Tetrahedron4, ElementKind::Tetrahedron10] {
@@ -244,7 +252,8 @@ mod tests {
             };
             let found = RobotSize::of(&mesh);
             assert!((found.surface_area_m2 - 0.75_f64.sqrt()).abs() < 1e-14, "{kind:?}: {found:?}");
-            // ⅓ x·n A with n towards the origin, on the side of the element.
+            // The expected volume is ⅓ x·n A, with n on the side of the element, towards the
+            // origin.
             assert!((found.volume_m3 + 1.0 / 6.0).abs() < 1e-14, "{kind:?}: {found:?}");
         }
     }

@@ -1,26 +1,28 @@
-//! Full-order time stepping with internal fields (physics §3.2).
+//! Time stepping of the full-order model for linear laws, with internal fields (physics §3.2).
 //!
-//! Every branch m of the law (Kelvin–Voigt bodies, dashpots) has its own nodal displacement field. All branches carry the
-//! stress D̂ε(w), K̂ w = f. A step from t to t + Δt therefore reads u = h + j w: the history h decays, and w follows the force. While
-//! the force is constant or linear in time, w is too, and a step of the exponential scheme is exact.
+//! The law consists of branches: Kelvin–Voigt bodies, and dashpots. Every branch has a nodal
+//! displacement field. All branches carry one stress D̂ε(w), where K̂ w = f. A step from t to
+//! t + Δt therefore reads u = h + j w. The history h decays, and w follows the force. If the force
+//! is constant or linear in time, so is w. A step of the exponential scheme is then exact.
 
 use super::factorisation::{Factor, Stiffness};
 use base::error::Result;
 use laws::rheology::CreepCompliance;
 use record::Force;
 
-/// Scheme that advances a branch over a step of constant or linear stress.
+/// Scheme that advances a branch over a step in which the stress is constant or linear in time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum TimeScheme {
-    /// Exact between the rows.
+    /// Exact solution between the rows.
     #[default]
     Exponential,
-    /// Implicit midpoint: second order, an independent check of the exponential scheme.
+    /// Implicit midpoint rule, of second order. It is an independent check of the exponential
+    /// scheme.
     Midpoint,
 }
 
 impl TimeScheme {
-    /// Factor by which a branch of relaxation time `time_s` decays over a step.
+    /// Factor by which a branch with the retardation time `time_s` decays over a step.
     fn decay(self, step_s: f64, time_s: f64) -> f64 {
         let z = step_s / time_s;
         match self {
@@ -30,26 +32,28 @@ impl TimeScheme {
     }
 }
 
-/// The full-order model at one Poisson ratio. It is factorised once and run for any law and load.
+/// The full-order model at one Poisson ratio. Its stiffness is factorised once, for all laws and
+/// loads.
 pub struct FullOrderModel<'a> {
     factor: Factor<'a>,
     robot: usize,
-    /// K̂⁻¹ f for 1 N on the whole body: unknowns per unit force at unit Young's modulus, in 1/m. Solved once for all runs.
+    /// K̂⁻¹ f for 1 N on the whole robot, in 1/m: one value per unknown, at unit Young's modulus.
+    /// It is solved once for all runs.
     field_per_n: Vec<f64>,
 }
 
-/// A commanded force with its field.
+/// A commanded force, with the displacement field for 1 N.
 ///
-/// All forces push the robot along x, so that one solve for 1 N, scaled, serves every switch.
+/// All forces act on the robot along x. A single field, scaled, therefore serves every switch.
 pub struct SolvedLoad<'a> {
     time_s: &'a [f64],
     force: Force<'a>,
-    /// K̂⁻¹ f for 1 N on the whole body.
+    /// K̂⁻¹ f for 1 N on the whole robot, in 1/m: one value per unknown.
     field_per_n: Vec<f64>,
 }
 
 impl<'a> FullOrderModel<'a> {
-    /// Factorises the unit stiffness at a Poisson ratio in (−1, 0.5).
+    /// Factorises the unit stiffness at `poisson_ratio`, which must lie in (−1, 0.5).
     pub fn new(stiffness: &'a Stiffness, poisson_ratio: f64) -> Result<Self> {
         let factor = stiffness.factor(poisson_ratio)?;
         let share = stiffness.assembly.unknowns.share();
@@ -57,24 +61,26 @@ impl<'a> FullOrderModel<'a> {
         Ok(Self { factor, robot: stiffness.assembly.unknowns.robot(), field_per_n })
     }
 
-    /// Solves for the field of a commanded force at rows (s).
+    /// Prepares a commanded force for a run with rows at `time_s` (s).
     pub fn solve_load<'l>(&self, time_s: &'l [f64], force: impl Into<Force<'l>>) -> SolvedLoad<'l> {
         SolvedLoad { time_s, force: force.into(), field_per_n: self.field_per_n.clone() }
     }
 
-    /// Unknowns per unit force at unit Young's modulus, in 1/m.
+    /// K̂⁻¹ f for 1 N on the whole robot, in 1/m: one value per unknown, at unit Young's modulus.
     pub(super) fn field_per_n(&self) -> &[f64] {
         &self.field_per_n
     }
 
-    /// Displacement of the robot per unit force at unit Young's modulus, in 1/m: position = compliance × ∫J dF.
+    /// Displacement of the robot for 1 N at unit Young's modulus, in 1/m. The position is this
+    /// compliance × ∫ J dF.
     pub fn compliance_per_m(&self) -> f64 {
         self.field_per_n[self.robot]
     }
 
-    /// Robot's position (m) at every row, as the limit from the left.
+    /// Returns the robot's position (m) at every row, as the limit from the left.
     ///
-    /// Under a homogeneous law each unknown evolves independently, so that only the robot's is stepped.
+    /// In a homogeneous gel each unknown evolves independently. Only the robot's is therefore
+    /// stepped.
     pub fn trajectory(&self, load: &SolvedLoad, law: &CreepCompliance, scheme: TimeScheme) -> Vec<f64> {
         let mut position_m = Vec::with_capacity(load.time_s.len());
         let robot = &load.field_per_n[self.robot..=self.robot];
@@ -82,12 +88,12 @@ impl<'a> FullOrderModel<'a> {
         position_m
     }
 
-    /// Unknowns (m) at the chosen rows, one vector after the other.
+    /// Returns all unknowns (m) at the rows with the indices `rows`, one vector per row.
     pub fn fields(&self, load: &SolvedLoad, law: &CreepCompliance, rows: &[usize]) -> Vec<Vec<f64>> {
         self.fields_with_scheme(load, law, rows, TimeScheme::Exponential)
     }
 
-    /// Unknowns (m) at the chosen rows, by a chosen time integrator.
+    /// [`Self::fields`] with a choice of the time integrator.
     pub fn fields_with_scheme(
         &self,
         load: &SolvedLoad,
@@ -106,7 +112,8 @@ impl<'a> FullOrderModel<'a> {
     }
 }
 
-/// Steps the unknowns with response `field_per_n` to 1 N through the load, and passes the state at every row to `at_row`.
+/// Steps unknowns through the load, and passes the state at every row to `at_row`. `field_per_n` is
+/// the response of these unknowns to 1 N.
 fn run(
     load: &SolvedLoad,
     field_per_n: &[f64],
@@ -126,14 +133,14 @@ fn run(
     }
 }
 
-/// State of one run. Within a hold every branch field is decay·(field at the start) + gain·w with scalar decay and gain. The
-/// fields themselves are therefore updated only at switches.
+/// State of one run. Within a hold the field of a branch is decay·(field at the start) + gain·w,
+/// with scalar decay and gain. The fields are therefore updated only at switches.
 struct TimeRun<'a> {
     law: &'a CreepCompliance,
     branches: Vec<Branch>,
     /// Field of each branch at the start of the hold, in m.
     fields: Vec<Vec<f64>>,
-    /// w at 1 N, in m.
+    /// w for 1 N: one value per unknown.
     field_per_n: &'a [f64],
     /// Force at the start of the hold, in N.
     force_n: f64,
@@ -143,19 +150,19 @@ struct TimeRun<'a> {
     since_s: f64,
 }
 
-/// Scalars of one branch since the start of the hold.
+/// Scalar decay and gains of one branch since the start of the hold.
 #[derive(Clone, Copy)]
 struct Branch {
     decay: f64,
     gain_per_pa: f64,
-    /// Gain for a force that rises linearly.
+    /// Gain for a force that rises linearly, in s/Pa.
     ramp_s_per_pa: f64,
 }
 
 const UNMOVED: Branch = Branch { decay: 1.0, gain_per_pa: 0.0, ramp_s_per_pa: 0.0 };
 
 impl Branch {
-    /// Field of the branch per response to 1 N, from a force and its slope.
+    /// Increment of the branch's field, per unit of w for 1 N, due to a force and its slope.
     fn moved(self, force: f64, slope_per_s: f64) -> f64 {
         self.gain_per_pa * force + self.ramp_s_per_pa * slope_per_s
     }
@@ -163,7 +170,7 @@ impl Branch {
 
 impl<'a> TimeRun<'a> {
     fn new(law: &'a CreepCompliance, field_per_n: &'a [f64]) -> Self {
-        // One branch per Kelvin–Voigt body; the last branch holds the dashpots.
+        // Each Kelvin–Voigt body is a branch. The last branch holds the dashpots.
         let n_branches = law.retarded.len() + 1;
         Self {
             law,
@@ -197,7 +204,7 @@ impl<'a> TimeRun<'a> {
             let kept = mode.compliance_per_pa * (1.0 - decay);
             branch.decay *= decay;
             branch.gain_per_pa = decay * branch.gain_per_pa + kept;
-            // The response follows a linear force with a delay of the retardation time.
+            // The response to a linear force lags behind it by the retardation time.
             let late_s = mode.compliance_per_pa * step_s - kept * mode.time_s;
             branch.ramp_s_per_pa = decay * branch.ramp_s_per_pa + kept * self.since_s + late_s;
         }

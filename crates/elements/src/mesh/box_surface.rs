@@ -1,29 +1,35 @@
-//! Connectivity of the built-in meshes: the surface of a box of cells, in layers from the robot to the outer surface.
+//! Connectivity of the built-in meshes: elements on the surface of a box, repeated in layers from
+//! the robot to the outer surface.
 
 use std::collections::HashMap;
 
 use super::{ElementKind, HEXAHEDRON27_REFERENCE_NODES, Mesh};
 use record::Orientation;
 
-/// Nine-node quadrilaterals on the quarter y ≥ 0, z ≥ 0 of the surface of a box around the origin.
+/// Nine-node quadrilaterals on the surface of a box around the origin, of which only the quarter
+/// y ≥ 0, z ≥ 0 is used.
 ///
-/// Nodes are integer points of the box, two steps per element, so that its faces share them exactly. The built-in meshes differ only in the
-/// positions of these points. A mesh whose positions treat x, y and z alike is symmetric to the last bit.
+/// Nodes are integer points of the box, two steps per element, so that its faces share the nodes on
+/// their edges exactly. The built-in meshes differ only in the positions that they give these
+/// points. A mesh whose positions treat x, y and z alike is symmetric to the last bit.
 pub(super) struct BoxSurface {
-    /// Half the box's width along each axis, in steps.
+    /// Half the box's width along each axis, in steps of the integer grid.
     pub half_width: [i32; 3],
     points: Vec<[i32; 3]>,
-    /// 3 × 3 nodes of each quadrilateral, first index fastest. First × second direction points outwards.
+    /// 3 × 3 nodes of each quadrilateral, first index fastest. The cross product of the first and
+    /// the second direction points outwards.
     quads: Vec<[u32; 9]>,
 }
 
 impl BoxSurface {
-    /// Builds the surface with this many elements along half the box's width on each axis.
+    /// Builds the surface. `n_elements` is the number of elements along half the box's width on
+    /// each axis.
     pub fn new(n_elements: [usize; 3]) -> Self {
         let half_width = n_elements.map(|n| 2 * n as i32);
         let mut surface = Self { half_width, points: Vec::new(), quads: Vec::new() };
         let mut node_of = HashMap::new();
-        // Faces +x, −x, +y, +z: (first axis, second axis, normal axis, side); first × second = outward normal.
+        // Faces +x, −x, +y, +z as (first axis, second axis, normal axis, side). First × second is
+        // the outward normal.
         for (first, second, normal, side) in [(1, 2, 0, 1), (2, 1, 0, -1), (2, 0, 1, 1), (0, 1, 2, 1)] {
             let start = |axis: usize| if axis == 0 { -half_width[0] } else { 0 };
             for j in (start(second)..half_width[second]).step_by(2) {
@@ -44,10 +50,11 @@ impl BoxSurface {
         surface
     }
 
-    /// Builds elements between 2 · `n_layers` + 1 sheets of nodes, from the robot to the outer surface.
+    /// Builds `n_layers` layers of elements between 2 · `n_layers` + 1 sheets of nodes. The first
+    /// sheet is on the robot, the last on the outer surface.
     ///
-    /// `place_m` gives the coordinates in m of a point of the box on a sheet. It must be odd in every coordinate, so that points with y = 0 or
-    /// z = 0 lie on the symmetry planes.
+    /// `place_m` returns the coordinates (m) of a point of the box on a sheet. It must be odd in
+    /// every coordinate, so that points with y = 0 or z = 0 lie on the symmetry planes.
     pub fn layered(&self, n_layers: usize, place_m: impl Fn([i32; 3], usize) -> [f64; 3]) -> Mesh {
         let n_surface = self.points.len();
         let n_sheets = 2 * n_layers + 1;
@@ -80,14 +87,15 @@ impl BoxSurface {
     }
 }
 
-/// Direction of a point on a cube's surface with equal angles along the edges ("cube-sphere").
+/// Direction from the origin to a point on a cube's surface, in the equiangular "cube-sphere":
+/// steps along an edge of the cube become equal angles.
 pub(super) fn equiangular_direction(point: [i32; 3], half_width: i32) -> [f64; 3] {
     let gnomonic = point.map(|c| (f64::from(c) / f64::from(half_width) * std::f64::consts::FRAC_PI_4).tan());
     let norm = gnomonic.iter().map(|c| c * c).sum::<f64>().sqrt();
     gnomonic.map(|c| c / norm)
 }
 
-/// Axis of a body's length; x is along the force.
+/// Index of the coordinate along a body's long axis. The force is along x.
 pub(super) fn long_axis(orientation: Orientation) -> usize {
     match orientation {
         Orientation::Horizontal => 0,
@@ -95,8 +103,9 @@ pub(super) fn long_axis(orientation: Orientation) -> usize {
     }
 }
 
-/// Number of layers per level, in geometric progression, for a ratio of the outer radius to the body's size. At least four, and enough that ln r grows by at most
-/// `largest_step` per layer at level 1.
+/// Number of layers that one refinement level adds, with layers in geometric progression. `ratio`
+/// is the outer radius divided by the body's size. The number is at least four. At level 1, ln r
+/// grows by at most `largest_step` per layer.
 pub(super) fn layers_per_level(ratio: f64, largest_step: f64) -> usize {
     (ratio.ln() / largest_step).ceil().max(4.0) as usize
 }

@@ -1,9 +1,14 @@
-//! Built-in mesh of the gel between a circular cylinder and the outer sphere, graded towards the cylinder's sharp rim.
+//! Built-in mesh of the gel between a circular cylinder and the outer sphere, graded towards the
+//! cylinder's sharp rim.
 //!
-//! Lines in a section through the axis run from the end cap and from the mantle to the outer surface. They fan out at the rim. Sheets around the body
-//! are first cylinders at a constant distance from it, with a sharp rim, and become spheres farther out. The stress is singular at the rim: the
-//! displacement varies with the distance to the power 0.54 at ν = ½ (0.6 at 0.3), and elements of equal size would have errors of several per cent. The
-//! elements therefore shrink towards the rim along the cap, along the mantle and across the sheets, with the power [`GRADING`] of their number.
+//! In a section through the axis, lines run from the end cap and from the mantle to the outer
+//! surface. They fan out at the rim. Sheets surround the body. Near it, they are cylinders at a
+//! constant distance, with a sharp rim. Farther out, they become spheres.
+//!
+//! The stress is singular at the rim. The displacement varies with the distance to the power 0.54
+//! at ν = ½ (0.6 at 0.3). Elements of equal size would have errors of several per cent. The
+//! elements therefore shrink towards the rim along the cap, along the mantle and across the sheets.
+//! Node positions follow the power [`GRADING`] of the element number.
 
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 use std::ops::RangeInclusive;
@@ -13,48 +18,57 @@ use super::box_surface::{BoxSurface, layers_per_level, long_axis};
 use base::error::{Error, Result, Setting};
 use record::Orientation;
 
-/// Power that grades the positions of nodes. An element's error in the energy varies with its size to the power 2 · 0.54 at the rim. From a power of 3.7 on this error is
-/// smaller than that of elements of fourth order elsewhere.
+/// Power that grades the positions of nodes. The error of an element at the rim in the energy
+/// varies with the element's size to the power 2 · 0.54. From a grading power of 3.7 on, this error
+/// is smaller than that of fourth-order elements elsewhere.
 const GRADING: f64 = 4.0;
-/// Smallest position of an element's middle node between its ends. Towards ¼ the element becomes singular; at ½ it does not stretch with the
-/// grading. At 0.35 and at ½ the stiffness error is several times larger.
+/// Smallest relative position of an element's middle node between the ends. Near ¼ the element
+/// becomes singular. At ½ it does not follow the grading. At 0.35 and at ½ the stiffness error is
+/// several times larger than here.
 const LEAST_MIDDLE: f64 = 0.45;
-/// Thickness of the layers graded towards the surface, in units of the smaller of radius and half length.
+/// Thickness of all graded layers around the cylinder, relative to the smaller of radius and half
+/// length.
 const NEAR: f64 = 0.4;
 /// Largest step of ln r in the layers farther out, at level 1.
 const FAR_STEP: f64 = 0.9;
-/// Radius of the ungraded middle part of the end cap, over that of the cap. It is also the share of the angle up to the rim on the outer sphere.
+/// Radius of the ungraded middle part of the end cap, divided by the cap's radius. On the outer
+/// sphere, the middle part takes an equal fraction of the angle up to the rim.
 const CORE: f64 = 0.3;
-/// Roundness of the edge of the cap's middle part: 0 is a square, 1 a circle. At 0.4 its corner and the two beside it have about 120° each.
+/// Roundness of the edge of the cap's middle part: 0 is a square, 1 a circle. At 0.4 the angles at
+/// its corner and at the two nodes beside it are about 120°.
 const CORE_ROUNDNESS: f64 = 0.4;
 
-/// Sizes and refinement of the mesh around a cylinder.
+/// Cylinder in a sphere of gel: sizes, orientation and refinement of the mesh.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Cylinder {
-    /// Length in m.
+    /// Length of the cylinder in m.
     pub length_m: f64,
-    /// Diameter in m.
+    /// Diameter of the cylinder in m.
     pub diameter_m: f64,
-    /// Direction of the axis relative to the force.
+    /// Direction of the cylinder's axis relative to the force.
     pub orientation: Orientation,
     /// Radius of the fixed outer surface in m.
     pub outer_radius_m: f64,
-    /// Refinement 1, 2, 3, …: number of elements from the cap's middle part to the rim, and of layers graded towards the surface. Half the mantle has twice as many elements,
-    /// and there are at least four times as many layers farther out.
+    /// Refinement level 1, 2, 3, …. It is the number of elements from the cap's middle part to the
+    /// rim, and the number of layers graded towards the surface. Half the mantle has twice as many
+    /// elements. The layers farther out are at least four times as many.
     pub level: usize,
 }
 
 impl Cylinder {
-    /// Range of length over diameter.
+    /// Permitted range of length divided by diameter.
     pub const ASPECTS: RangeInclusive<f64> = 0.1..=30.0;
-    /// Largest distance of the rim from the centre, over the outer radius. Farther out, elements would be flat.
+    /// Largest distance of the rim from the centre, divided by the outer radius. Farther out,
+    /// elements would be flat.
     pub const LARGEST_REACH: f64 = 0.8;
 
-    /// Builds the mesh, or returns [`Error::Numerical`] if no mesh fits the sizes.
+    /// Builds the mesh. Returns [`Error::Numerical`] if no mesh fits the sizes.
     pub fn mesh(&self) -> Result<Mesh> {
         self.check()?;
         let section = Section::new(self);
-        // The field around the axis is one or two harmonics. Two elements per 45° leave an error of 10⁻⁵, so that fewer are needed than along the section.
+        // The field consists of one or two harmonics of the angle around the axis. Two elements per
+        // 45° leave an error of 10⁻⁵. Fewer elements are therefore needed around the axis than
+        // along the section.
         let n_around = self.level / 2 + 1;
         let long = long_axis(self.orientation);
         let mut n_elements = [n_around; 3];
@@ -99,31 +113,35 @@ impl Cylinder {
     }
 }
 
-/// The mesh in a half plane through the axis, given by lines and sheets that cross.
+/// The mesh in a half plane through the axis. Its nodes are the crossings of lines and sheets.
 struct Section {
     half_length_m: f64,
     radius_m: f64,
     outer_radius_m: f64,
-    /// Elements along the cap outside its middle part.
+    /// Number of elements along the cap outside its middle part.
     n_cap: usize,
-    /// Elements along half the mantle.
+    /// Number of elements along half the mantle.
     n_mantle: usize,
-    /// Distances of the lines from the rim: along the cap over its width outside the middle part, along the mantle over the half length.
+    /// Distance of each line's start from the rim on the cap, relative to the cap's width outside
+    /// its middle part. The next field is the distance along the mantle, relative to the half
+    /// length.
     cap: Vec<f64>,
     mantle: Vec<f64>,
-    /// Angle from the axis at which the line from the rim meets the outer sphere.
+    /// Angle from the axis (rad) at which the line from the rim meets the outer sphere.
     rim_angle: f64,
-    /// Progress of each sheet towards the outer sphere, 0 to 1.
+    /// Position of each sheet between the body (0) and the outer sphere (1).
     progress: Vec<f64>,
 }
 
 /// A line from the body to the outer sphere.
 struct MeridianLine {
-    /// Start over half length and radius: a point on the edge of the unit square.
+    /// Start of the line: a point on the edge of the unit square. The coordinates are distances
+    /// along the axis / half length and from the axis / radius.
     start: [f64; 2],
-    /// Direction of constant distance from cap or mantle; (1, 1) at the rim, so that the lines fan out there.
+    /// Factors on a sheet's distances from the body along the axis and from the axis. They are (1,
+    /// 1) at the rim, so that the lines fan out there.
     spread: [f64; 2],
-    /// Angle from the axis at which the line meets the outer sphere.
+    /// Angle from the axis (rad) at which the line meets the outer sphere.
     angle: f64,
 }
 
@@ -137,12 +155,14 @@ impl Section {
         let far_ratio = outer_radius_m / (small_m + near_m);
         let n_far = cylinder.level * layers_per_level(far_ratio, FAR_STEP);
         let near = graded(n_near).into_iter().map(|t| near_m * t);
-        // Geometric progression, also inside the elements, as in the quarter ball.
+        // The layers are in geometric progression, and so are the nodes inside the elements, as in
+        // the quarter ball.
         let last = 2 * n_far;
         let far = (1..=last).map(|i| (small_m + near_m) * far_ratio.powf(i as f64 / last as f64) - small_m);
         let mut progress: Vec<f64> = near.chain(far).map(|offset_m| offset_m / (outer_radius_m - small_m)).collect();
         progress[2 * (n_near + n_far)] = 1.0;
-        // 45° for a distant outer sphere, the rim's own direction for a near one.
+        // The angle is 45° for a distant outer sphere. For a near one it is that of the rim, as
+        // seen from the centre.
         let reach = half_length_m.hypot(radius_m) / outer_radius_m;
         let rim_angle = (radius_m / half_length_m).powf(reach).atan();
         Self {
@@ -162,21 +182,24 @@ impl Section {
         self.progress.len() / 2
     }
 
-    /// Coordinates in m (along the axis first) of a point of the box's surface on a sheet.
+    /// Coordinates (m), along the axis first, of the node for a point of the box's surface and a
+    /// sheet.
     fn place_m(&self, point: [i32; 3], half_width: [i32; 3], sheet: usize) -> [f64; 3] {
         let across = [1, 2].map(|k| f64::from(point[k].abs()) / f64::from(half_width[k]));
         let core = rounded_square(across);
         let core_radius = core[0].hypot(core[1]);
         let [axial_m, radial_m] =
             self.meridian_m(&self.line((half_width[0] - point[0].abs()) as usize, core_radius), sheet);
-        // The middle of the cap is on the axis and needs no direction.
+        // The centre of the cap is on the axis, where no direction is needed.
         let towards = if core_radius > 0.0 { core.map(|c| c / core_radius) } else { [0.0; 2] };
         let signed = |magnitude: f64, k: usize| magnitude * f64::from(point[k].signum());
         [signed(axial_m, 0), signed(radial_m * towards[0], 1), signed(radial_m * towards[1], 2)]
     }
 
-    /// Line number `i`, counted from the edge of the cap's middle part. All lines of the middle part have number 0 and differ by `core_radius`, their distance
-    /// from the axis over that part's radius. The edge of the middle part is not quite a circle; the lines up to the rim compensate for this.
+    /// Line number `i`, counted from the edge of the cap's middle part. Lines within the middle
+    /// part have number 0 and differ by `core_radius`. This is their distance from the axis divided
+    /// by the middle part's radius. The edge of the middle part is not quite a circle. The lines up
+    /// to the rim compensate for this.
     fn line(&self, i: usize, core_radius: f64) -> MeridianLine {
         let (n_cap, n_mantle) = (2 * self.n_cap, 2 * self.n_mantle);
         let edge = CORE * core_radius;
@@ -194,12 +217,14 @@ impl Section {
         }
     }
 
-    /// Coordinates (m) along and from the axis of the crossing of a line with a sheet.
+    /// Coordinates (m) of the crossing of a line with a sheet: along the axis, and distance from
+    /// it.
     fn meridian_m(&self, line: &MeridianLine, sheet: usize) -> [f64; 2] {
         let progress = self.progress[sheet];
         let body = [self.half_length_m, self.radius_m];
         let growth = body.map(|size| (self.outer_radius_m - size) * progress);
-        // Sheets change from cylinders to spheres as they outgrow the body. A faster change would move the rim inwards.
+        // Sheets change from cylinders to spheres as they become larger than the body. A faster
+        // change would move the rim inwards.
         let long_m = self.half_length_m.max(self.radius_m);
         let grown_m = (self.outer_radius_m - long_m) * progress;
         let roundness = if progress == 1.0 {
@@ -216,7 +241,7 @@ impl Section {
     }
 }
 
-/// Positions 0 to 1 of the nodes of `n` elements that are small at 0.
+/// Node positions from 0 to 1 of `n` elements that are small near 0.
 fn graded(n: usize) -> Vec<f64> {
     let end = |element: usize| (element as f64 / n as f64).powf(GRADING);
     let place = |i: usize| {
@@ -224,14 +249,16 @@ fn graded(n: usize) -> Vec<f64> {
         if i.is_multiple_of(2) {
             return lower;
         }
-        // The geometric mean follows the grading; it is limited by what one element can represent.
+        // The geometric mean of the ends follows the grading. It is limited to what one element can
+        // represent.
         let middle = ((lower * upper).sqrt() - lower) / (upper - lower);
         lower + middle.max(LEAST_MIDDLE) * (upper - lower)
     };
     (0..=2 * n).map(place).collect()
 }
 
-/// Maps the square [0, 1]² to a square with a rounded corner. The nodes on its edge lie at equal angles as seen from the origin.
+/// Maps the square [0, 1]² to a square with a rounded corner. The nodes on its outer edge lie at
+/// equal angles as seen from the origin.
 fn rounded_square(point: [f64; 2]) -> [f64; 2] {
     let [p, q] = point.map(|c| {
         let tangent = (FRAC_PI_4 * c).tan();

@@ -1,11 +1,14 @@
-//! Reference nodes of the 27-node hexahedron in VTK's order.
+//! Reference nodes of the 27-node hexahedron in the order of VTK.
 
-/// Reference coordinates (ξ, η, ζ), each −1, 0 or 1, of the nodes of a 27-node hexahedron in the order of VTK's cell type 29
-/// (`VTK_TRIQUADRATIC_HEXAHEDRON`): 8 corners, 12 edge middles (bottom ring, top ring, uprights), 6 face centres (−ξ, +ξ, −η, +η, −ζ, +ζ), centre.
+/// Reference coordinates (ξ, η, ζ), each −1, 0 or 1, of the nodes of a 27-node hexahedron. The
+/// order is that of VTK's cell type 29 (`VTK_TRIQUADRATIC_HEXAHEDRON`): 8 corners, 12 edge middles,
+/// 6 face centres (−ξ, +ξ, −η, +η, −ζ, +ζ), centre. The edges are those at ζ = −1, those at ζ = 1,
+/// and those along ζ.
 ///
-/// VTK's own parametric coordinates are (1 + ξ)/2 etc.; `tests/python/open_vtu.py` compares the table with them.
+/// VTK's parametric coordinates are (1 + ξ)/2 and likewise for η and ζ. `tests/python/open_vtu.py`
+/// compares the table with them.
 pub const HEXAHEDRON27_REFERENCE_NODES: [[f64; 3]; 27] = [
-    // Corners: bottom (ζ = −1) counterclockwise, then top.
+    // 8 corners: those at ζ = −1 counterclockwise, then those at ζ = 1.
     [-1.0, -1.0, -1.0],
     [1.0, -1.0, -1.0],
     [1.0, 1.0, -1.0],
@@ -14,29 +17,29 @@ pub const HEXAHEDRON27_REFERENCE_NODES: [[f64; 3]; 27] = [
     [1.0, -1.0, 1.0],
     [1.0, 1.0, 1.0],
     [-1.0, 1.0, 1.0],
-    // Middles of the bottom edges 0–1, 1–2, 2–3, 3–0.
+    // Middles of the edges 0–1, 1–2, 2–3, 3–0 at ζ = −1.
     [0.0, -1.0, -1.0],
     [1.0, 0.0, -1.0],
     [0.0, 1.0, -1.0],
     [-1.0, 0.0, -1.0],
-    // Middles of the top edges 4–5, 5–6, 6–7, 7–4.
+    // Middles of the edges 4–5, 5–6, 6–7, 7–4 at ζ = 1.
     [0.0, -1.0, 1.0],
     [1.0, 0.0, 1.0],
     [0.0, 1.0, 1.0],
     [-1.0, 0.0, 1.0],
-    // Middles of the uprights 0–4, 1–5, 2–6, 3–7.
+    // Middles of the edges 0–4, 1–5, 2–6, 3–7 along ζ.
     [-1.0, -1.0, 0.0],
     [1.0, -1.0, 0.0],
     [1.0, 1.0, 0.0],
     [-1.0, 1.0, 0.0],
-    // Face centres.
+    // Face centres: −ξ, +ξ, −η, +η, −ζ, +ζ.
     [-1.0, 0.0, 0.0],
     [1.0, 0.0, 0.0],
     [0.0, -1.0, 0.0],
     [0.0, 1.0, 0.0],
     [0.0, 0.0, -1.0],
     [0.0, 0.0, 1.0],
-    // Centre.
+    // Centre of the hexahedron.
     [0.0, 0.0, 0.0],
 ];
 
@@ -44,12 +47,13 @@ pub const HEXAHEDRON27_REFERENCE_NODES: [[f64; 3]; 27] = [
 mod tests {
     use super::HEXAHEDRON27_REFERENCE_NODES as NODES;
 
-    /// Middle of the nodes `of`.
+    /// Mean position of the nodes with the indices `of`.
     fn mean(of: &[usize]) -> [f64; 3] {
         std::array::from_fn(|axis| of.iter().map(|&n| NODES[n][axis]).sum::<f64>() / of.len() as f64)
     }
 
-    /// VTK's documented edges and faces: every later node is the middle of the corners listed by VTK.
+    /// Checks the table against VTK's documented edges and faces. Every node after the corners must
+    /// be the middle of the corners that VTK lists for it.
     #[test]
     fn later_nodes_are_the_middles_of_the_corners_that_vtk_names() {
         let edges = [[0, 1], [1, 2], [2, 3], [3, 0], [4, 5], [5, 6], [6, 7], [7, 4], [0, 4], [1, 5], [2, 6], [3, 7]];

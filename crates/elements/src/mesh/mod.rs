@@ -1,4 +1,4 @@
-//! Finite-element meshes of the quarter model and their import and export.
+//! Finite-element meshes of the quarter or half model, with import and export.
 
 mod box_surface;
 mod cylinder;
@@ -15,19 +15,20 @@ pub use off_centre::OffCentre;
 pub use quarter_ball::QuarterBall;
 pub use spheroid::Spheroid;
 
-/// Kind of element. All elements of a mesh have one kind.
+/// Type of element. All elements of a mesh have one type.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ElementKind {
-    /// Isoparametric 27-node hexahedron, with nodes in VTK's order (`VTK_TRIQUADRATIC_HEXAHEDRON`).
+    /// Isoparametric 27-node hexahedron, with nodes in the order of VTK
+    /// (`VTK_TRIQUADRATIC_HEXAHEDRON`).
     Hexahedron27,
-    /// 10-node tetrahedron, with nodes in VTK's order (`VTK_QUADRATIC_TETRA`).
+    /// 10-node tetrahedron, with nodes in the order of VTK (`VTK_QUADRATIC_TETRA`).
     Tetrahedron10,
-    /// 4-node tetrahedron.
+    /// 4-node tetrahedron with straight edges.
     Tetrahedron4,
 }
 
 impl ElementKind {
-    /// Nodes of one element.
+    /// Number of nodes of one element.
     pub fn n_nodes(self) -> usize {
         match self {
             Self::Hexahedron27 => 27,
@@ -37,28 +38,31 @@ impl ElementKind {
     }
 }
 
-/// A mesh of the quarter model (y ≥ 0, z ≥ 0; physics §3.1) or, without symmetry about y = 0, of the half model z ≥ 0. Coordinates in m. The robot's
-/// centre is at the origin for any position in the vitreous.
+/// A mesh of the quarter model (y ≥ 0, z ≥ 0; physics §3.1) or of the half model (z ≥ 0), which has
+/// no symmetry about y = 0. Coordinates are in m. The robot's centre is at the origin, wherever it
+/// is in the vitreous.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mesh {
     /// Node coordinates in m.
     pub node_coordinates_m: Vec<[f64; 3]>,
-    /// Kind of every element.
+    /// Type of all elements.
     pub element_kind: ElementKind,
-    /// Node indices, `element_kind.n_nodes()` per element, in VTK's order.
+    /// Node indices, `element_kind.n_nodes()` per element, in the order in which VTK numbers the
+    /// nodes of an element.
     pub connectivity: Vec<u32>,
     /// Nodes on the robot's surface, sorted.
     pub robot_nodes: Vec<u32>,
     /// Nodes on the fixed outer surface, sorted.
     pub outer_nodes: Vec<u32>,
-    /// Nodes on the symmetry plane y = 0 (u_y = 0 there), sorted; none in a half model.
+    /// Nodes on the symmetry plane y = 0, where u_y = 0, sorted. Empty in a half model.
     pub symmetry_y_nodes: Vec<u32>,
-    /// Nodes on the symmetry plane z = 0 (u_z = 0 there), sorted.
+    /// Nodes on the symmetry plane z = 0, where u_z = 0, sorted.
     pub symmetry_z_nodes: Vec<u32>,
 }
 
 impl Mesh {
-    /// Share of the robot, and of the force on it, in the model. Each plane of symmetry halves it, to a quarter or a half.
+    /// Fraction of the whole robot, and of the force on it, that the mesh contains. Each symmetry
+    /// plane halves it: it is a quarter or a half.
     pub fn share(&self) -> f64 {
         [&self.symmetry_y_nodes, &self.symmetry_z_nodes]
             .iter()
@@ -74,7 +78,7 @@ impl Mesh {
     pub fn n_elements(&self) -> usize {
         self.connectivity.len() / self.element_kind.n_nodes()
     }
-    /// Node indices of each element in turn.
+    /// Iterates over the elements: node indices of each.
     pub fn elements(&self) -> impl ExactSizeIterator<Item = &[u32]> {
         self.connectivity.chunks_exact(self.element_kind.n_nodes())
     }

@@ -1,19 +1,22 @@
-//! Built-in meshes of a robot away from the vitreous's centre. A conformal map moves a centred mesh; a mirror image is added if the offset breaks a symmetry.
+//! Built-in meshes of a robot away from the vitreous's centre. A conformal map moves a centred
+//! mesh. If the offset breaks a symmetry, the mirror image is added.
 //!
-//! The Möbius map of a ball onto itself that moves the centre to the robot's position maps spheres to spheres and keeps angles. Elements therefore stay as well
-//! shaped as in the centred mesh and become small where the gap to the outer surface is small. At the robot the map is a shift up to terms of second
-//! order. These terms fade out towards the robot, so that its surface keeps its shape to the last bit.
+//! The map is the Möbius map of a ball onto itself that moves the centre to the robot's position.
+//! It maps spheres to spheres and keeps angles. Elements are therefore as well shaped as in the
+//! centred mesh, and small where the gap to the outer surface is small. At the robot the map is a
+//! shift up to terms of second order. These terms fade out towards the robot, so that its surface
+//! keeps its shape to the last bit.
 
 use super::{ElementKind, HEXAHEDRON27_REFERENCE_NODES, Mesh};
 use base::error::{Error, Result};
 use record::{Offset, OffsetDirection};
 
-/// Position of the robot in its ball of gel.
+/// Position of the robot in the ball of gel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OffCentre {
     /// Radius of the fixed outer surface in m.
     pub outer_radius_m: f64,
-    /// Vector from the outer surface's centre to the robot's.
+    /// Vector from the outer surface's centre to the robot's centre.
     pub offset: Offset,
 }
 
@@ -23,16 +26,20 @@ impl OffCentre {
         self.offset.distance_m / self.outer_radius_m
     }
 
-    /// Outer radius (m) of the centred mesh. The map keeps the robot's size and maps this radius to the real one.
+    /// Outer radius (m) that the centred mesh must have. The map keeps the robot's size and maps
+    /// this radius to the real one.
     pub fn centred_outer_radius_m(&self) -> f64 {
         self.outer_radius_m * (1.0 - self.share() * self.share())
     }
 
-    /// Moves a centred mesh of hexahedra with [`Self::centred_outer_radius_m`], ordered in sheets from the robot outwards. The robot's centre stays at
-    /// the origin. The result is a quarter model for an offset along the force and a half model for one across it.
+    /// Moves a centred mesh of hexahedra whose outer radius is [`Self::centred_outer_radius_m`].
+    /// Its nodes are ordered in sheets from the robot outwards. The robot's centre stays at the
+    /// origin. The result is a quarter model for an offset along the force, and a half model for
+    /// one across it.
     ///
     /// # Errors
-    /// [`Error::Numerical`] if the robot does not fit into the smaller ball, or the mesh has no such sheets.
+    /// [`Error::Numerical`] if the robot does not fit into the smaller ball, or if the mesh has no
+    /// such sheets.
     pub fn displace_mesh(&self, centred: Mesh) -> Result<Mesh> {
         let n_sheet = centred.robot_nodes.len();
         let is_layered = centred.element_kind == ElementKind::Hexahedron27
@@ -64,14 +71,16 @@ impl OffCentre {
         Ok(mesh)
     }
 
-    /// Applies the Möbius map. Let u = x over the outer radius and a the offset over it: ((1 + 2a·u + u²)a + (1 − a²)u)/(1 + 2a·u + a²u²) − a. Here u is scaled by
-    /// 1/(1 − a²), so that the derivative at the origin is 1.
+    /// Applies the Möbius map ((1 + 2a·u + u²)a + (1 − a²)u)/(1 + 2a·u + a²u²) − a. u is the
+    /// position and a the offset, both relative to the outer radius. u is scaled by 1/(1 − a²), so
+    /// that the derivative at the origin is 1.
     fn mapped_m(&self, place_m: [f64; 3]) -> [f64; 3] {
         let (a, axis) = (self.share(), self.offset.direction.axis());
         let u = place_m.map(|x| x / self.centred_outer_radius_m());
         let squared: f64 = u.iter().map(|x| x * x).sum();
         let below = 1.0 + 2.0 * a * u[axis] + a * a * squared;
-        // Along the axis the terms in a without u cancel: (1 + 2au + u²)a − a(1 + 2au + a²u²) = a u² (1 − a²).
+        // Along the axis, the terms that contain a but not u cancel:
+        // (1 + 2au + u²)a − a(1 + 2au + a²u²) = a u² (1 − a²).
         std::array::from_fn(|i| {
             let along = if i == axis { a * squared } else { 0.0 };
             self.centred_outer_radius_m() * (u[i] + along) / below
@@ -79,7 +88,9 @@ impl OffCentre {
     }
 }
 
-/// Weight of the map for each sheet: 0 at the robot, 1 at the outer surface. Between them it follows the logarithm of the sheet's size, with zero slope at the outer end.
+/// Weight of the map's second-order terms for each sheet: 0 at the robot, 1 at the outer surface.
+/// In between it is a function of the logarithm of the sheet's size, with zero slope at the outer
+/// end.
 fn sheet_weights(mesh: &Mesh, n_sheet: usize) -> Vec<f64> {
     let radius_m = |x: &[f64; 3]| x.iter().map(|c| c * c).sum::<f64>().sqrt();
     let sizes_m: Vec<f64> = mesh
@@ -98,7 +109,8 @@ fn sheet_weights(mesh: &Mesh, n_sheet: usize) -> Vec<f64> {
     (0..=last).map(weight).collect()
 }
 
-/// Adds the mirror image at y = 0. Returns the original node of each new one.
+/// Adds the mirror image of a mesh at the plane y = 0. Returns, for each new node, the node of
+/// which it is the image.
 fn mirrored(mesh: &mut Mesh) -> Vec<u32> {
     let n_nodes = mesh.n_nodes() as u32;
     let mut image: Vec<u32> = (0..n_nodes).collect();
@@ -109,7 +121,8 @@ fn mirrored(mesh: &mut Mesh) -> Vec<u32> {
         let [x, y, z] = mesh.node_coordinates_m[node as usize];
         mesh.node_coordinates_m.push([x, -y, z]);
     }
-    // The elements of a mirror image are inside out until one of their own directions is reversed.
+    // The elements of a mirror image are inverted until one of their reference directions is
+    // reversed.
     let turned: Vec<usize> = HEXAHEDRON27_REFERENCE_NODES
         .iter()
         .map(|[u, v, w]| HEXAHEDRON27_REFERENCE_NODES.iter().position(|other| other == &[-u, *v, *w]).unwrap_or(0))

@@ -1,12 +1,13 @@
-//! Built-in graded curved mesh of the gel between a spherical robot and the outer sphere.
+//! Built-in graded mesh of the gel between a spherical robot and the outer sphere.
 //!
-//! The mesh consists of cube-sphere patches (equiangular) × radial layers in geometric progression, with 27-node hexahedra.
+//! The mesh consists of equiangular cube-sphere patches and radial layers in geometric progression.
+//! Its elements are curved 27-node hexahedra.
 
 use super::Mesh;
 use super::box_surface::{BoxSurface, equiangular_direction};
 use base::error::{Error, Result};
 
-/// Sizes and refinement of the quarter-ball mesh.
+/// Sphere in a sphere of gel: sizes and refinement of the mesh.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct QuarterBall {
     /// Radius of the robot in m.
@@ -20,7 +21,7 @@ pub struct QuarterBall {
 }
 
 impl QuarterBall {
-    /// Builds the mesh, or returns [`Error::Numerical`] if no mesh fits the sizes.
+    /// Builds the mesh. Returns [`Error::Numerical`] if no mesh fits the sizes.
     pub fn mesh(&self) -> Result<Mesh> {
         let sizes_ok = self.robot_radius_m > 0.0
             && self.outer_radius_m > self.robot_radius_m
@@ -36,7 +37,8 @@ impl QuarterBall {
         Ok(self.of_sheets(&self.node_radii_m()))
     }
 
-    /// Builds the mesh with a sheet of element faces at a radius (m) between robot and outer surface: `n_inside` layers inside it, the others outside.
+    /// Builds the mesh so that element faces form a sphere of radius `radius_m` (m) between robot
+    /// and outer surface. `n_inside` layers lie inside this sphere, the others outside.
     ///
     /// # Errors
     /// [`Error::Numerical`] if no mesh fits the sizes.
@@ -64,10 +66,11 @@ impl QuarterBall {
         })
     }
 
-    /// Radii of the 2·layers + 1 spherical sheets of nodes, in geometric progression.
+    /// Radii (m) of the 2·layers + 1 spherical sheets of nodes, in geometric progression.
     ///
-    /// The sheets inside an element follow the progression, too. Middle nodes at √(r₁r₂) make the quadratic map stretch like
-    /// ln r, which fits the field's 1/r decay. Middle nodes midway between the faces make the stiffness error 30 times larger.
+    /// The sheets inside an element follow the progression, too. With middle nodes at √(r₁r₂) the
+    /// quadratic map stretches like ln r, which fits the field's 1/r decay. Middle nodes midway
+    /// between the faces would make the stiffness error 30 times larger.
     fn node_radii_m(&self) -> Vec<f64> {
         let last = 2 * self.n_layers;
         let ratio = self.outer_radius_m / self.robot_radius_m;

@@ -1,7 +1,9 @@
-//! Built-in graded curved mesh of the gel between a prolate spheroid and the outer sphere.
+//! Built-in graded mesh of the gel between a prolate spheroid and the outer sphere.
 //!
-//! The mesh consists of cube-sphere patches on confocal spheroids. A direction n of the cube-sphere lies at (A n₁, B n₂, B n₃) on the spheroid of semi-axes A, B. The
-//! field around a rigid spheroid is smooth in these coordinates for any aspect, so that the elements may be as slender as the body.
+//! The mesh consists of cube-sphere patches on confocal spheroids. A direction n of the cube-sphere
+//! becomes the point (A n₁, B n₂, B n₃) on the spheroid of semi-axes A, B. The field around a rigid
+//! spheroid is smooth in these coordinates for any aspect ratio. The elements may therefore be as
+//! slender as the body.
 
 use std::ops::RangeInclusive;
 
@@ -13,7 +15,7 @@ use record::Orientation;
 /// Largest step of ln r from layer to layer at level 1.
 const LAYER_STEP: f64 = 1.1;
 
-/// Sizes and refinement of the mesh around a prolate spheroid.
+/// Prolate spheroid in a sphere of gel: sizes, orientation and refinement of the mesh.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Spheroid {
     /// Length of the long axis in m.
@@ -24,15 +26,17 @@ pub struct Spheroid {
     pub orientation: Orientation,
     /// Radius of the fixed outer surface in m.
     pub outer_radius_m: f64,
-    /// Refinement 1, 2, 3, …: elements along the edge of an octant's patch. Each level has four layers, or more for a distant outer surface.
+    /// Refinement level 1, 2, 3, …. It is the number of elements along the edge of an octant's
+    /// patch. Each level has four layers, or more for a distant outer surface.
     pub level: usize,
 }
 
 impl Spheroid {
-    /// Range of length over diameter. At the slender end the smallest scaled Jacobian is 0.07.
+    /// Permitted range of length divided by diameter. At the slender end the smallest scaled
+    /// Jacobian is 0.07.
     pub const ASPECTS: RangeInclusive<f64> = 1.0..=30.0;
 
-    /// Builds the mesh, or returns [`Error::Numerical`] if no mesh fits the sizes.
+    /// Builds the mesh. Returns [`Error::Numerical`] if no mesh fits the sizes.
     pub fn mesh(&self) -> Result<Mesh> {
         self.check()?;
         let surface = BoxSurface::new([self.level; 3]);
@@ -71,9 +75,11 @@ impl Spheroid {
         Ok(())
     }
 
-    /// Semi-axes [A, B] of the 2·layers + 1 sheets of nodes. B is in geometric progression, for the same reason as the radii of the quarter ball.
-    /// A² − B² is the square of the focal distance. It falls linearly in B² and is 0 at the outer sphere. If the outer sphere is distant, the sheets
-    /// are confocal near the body. If the outer sphere is near, the sheets approach its shape evenly.
+    /// Semi-axes (A, B) in m of the 2·layers + 1 sheets of nodes. B is in geometric progression, as
+    /// are the radii of the quarter ball, because the field decays like 1/r. A² − B² is the square
+    /// of the focal distance. It falls linearly in B² and is 0 at the outer sphere. If the outer
+    /// sphere is distant, the sheets are confocal near the body. If it is near, the sheets approach
+    /// its shape evenly.
     fn semi_axes_m(&self, n_layers: usize) -> Vec<[f64; 2]> {
         let (a, b, outer) = (0.5 * self.length_m, 0.5 * self.diameter_m, self.outer_radius_m);
         let last = 2 * n_layers;

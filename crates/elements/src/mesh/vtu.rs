@@ -1,6 +1,8 @@
-//! Export of meshes and nodal fields as VTK unstructured grids (`.vtu`) and of time series as ParaView collections (`.pvd`).
+//! Export of meshes and nodal fields as VTK unstructured grids (`.vtu`), and of time series as
+//! ParaView collections (`.pvd`).
 //!
-//! The arrays follow the XML uncompressed (`AppendedData`, raw, little-endian, 64-bit lengths). VTK since 5.10 and ParaView read this format.
+//! The data arrays follow the XML text without compression (`AppendedData`, raw, little-endian,
+//! 64-bit lengths). VTK since 5.10 and ParaView read this format.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -9,27 +11,27 @@ use crate::mesh::{ElementKind, Mesh};
 use base::error::{Error, InputPlace, Result};
 use base::files::{stream_atomically, write_atomically, xml_text};
 
-/// A field with values at the nodes.
+/// A field on the nodes of a mesh, for export.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PointData<'a> {
-    /// Name shown in ParaView, preferably with its unit (`displacement_m`).
+    /// Name that ParaView shows, preferably with its unit (`displacement_m`).
     pub name: &'a str,
-    /// Values per node: 1 for a scalar, 3 for a vector.
+    /// Number of values per node: 1 for a scalar, 3 for a vector.
     pub components: usize,
-    /// `components` values per node, node after node.
+    /// Values of the field: `components` per node, node after node.
     pub values: &'a [f64],
 }
 
-/// One file of a time series.
+/// Entry of a time series: one file.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TimeStep<'a> {
-    /// Time in s.
+    /// Time of the file's fields, in s.
     pub time_s: f64,
-    /// The `.vtu` file, relative to the collection's folder, with `/` between folders.
+    /// Path of the `.vtu` file relative to the collection's folder, with `/` between folders.
     pub file: &'a str,
 }
 
-/// VTK's number of an element kind.
+/// Number by which VTK identifies a type of element.
 fn vtk_cell_type(kind: ElementKind) -> u8 {
     match kind {
         ElementKind::Hexahedron27 => 29,
@@ -38,10 +40,12 @@ fn vtk_cell_type(kind: ElementKind) -> u8 {
     }
 }
 
-/// Writes a mesh (coordinates in m) and fields on its nodes to a `.vtu` file. The file is written completely or not at all.
+/// Writes a mesh (coordinates in m), with fields on its nodes, to a `.vtu` file. The file is
+/// written completely or not at all.
 ///
 /// # Errors
-/// [`Error::Input`] if a field's length is not components × nodes, or a field's name is empty or repeated; [`Error::File`] if the file cannot be written.
+/// [`Error::Input`] if a field's length is not components × nodes, or if a field's name is empty or
+/// repeated. [`Error::File`] if the file cannot be written.
 pub fn write_vtu(path: impl AsRef<Path>, mesh: &Mesh, point_data: &[PointData<'_>]) -> Result<()> {
     let path = path.as_ref();
     check_fields(path, mesh, point_data)?;
@@ -79,10 +83,12 @@ pub fn write_vtu(path: impl AsRef<Path>, mesh: &Mesh, point_data: &[PointData<'_
     })
 }
 
-/// Writes a ParaView collection that combines `.vtu` files into a time series. The file is written completely or not at all.
+/// Writes a ParaView collection that combines `.vtu` files into a time series. The file is written
+/// completely or not at all.
 ///
 /// # Errors
-/// [`Error::Input`] if times are not finite or do not increase; [`Error::File`] if the file cannot be written.
+/// [`Error::Input`] if the times are not finite or do not increase. [`Error::File`] if the file
+/// cannot be written.
 pub fn write_pvd(path: impl AsRef<Path>, steps: &[TimeStep<'_>]) -> Result<()> {
     let path = path.as_ref();
     let increasing = steps.windows(2).all(|pair| pair[0].time_s < pair[1].time_s);
@@ -128,14 +134,14 @@ fn check_fields(path: &Path, mesh: &Mesh, point_data: &[PointData<'_>]) -> Resul
     Ok(())
 }
 
-/// The appended arrays.
+/// Data arrays that follow the XML text of a `.vtu` file.
 #[derive(Default)]
 struct Arrays {
     bytes: Vec<u8>,
 }
 
 impl Arrays {
-    /// Appends an array and returns the XML element that refers to it.
+    /// Appends a data array. Returns the XML element that refers to it.
     fn add(&mut self, kind: &str, name: &str, components: usize, content: impl Iterator<Item = u8>) -> String {
         let offset = self.bytes.len();
         self.bytes.extend([0; 8]);
@@ -165,7 +171,7 @@ mod tests {
         }
     }
 
-    /// Finds the appended array `name` of a file through its `offset` attribute, as a reader does.
+    /// Finds the array `name` in a `.vtu` file. It uses the `offset` attribute, as a reader does.
     fn appended<'a>(file: &'a [u8], name: &str) -> &'a [u8] {
         let start = file.windows(2).position(|window| window == b"\n_").unwrap() + 2;
         let head = String::from_utf8_lossy(&file[..start]);

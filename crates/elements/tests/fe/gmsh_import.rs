@@ -1,4 +1,4 @@
-//! Meshes written by Gmsh, complete and damaged.
+//! Tests of the import of meshes written by Gmsh, complete and damaged.
 
 use std::collections::HashSet;
 use std::f64::consts::PI;
@@ -25,7 +25,7 @@ fn text(name: &str) -> String {
     std::fs::read_to_string(data(name)).unwrap()
 }
 
-/// Reads `content` as a mesh file.
+/// Writes `content` to a file and reads it as a mesh.
 fn read_content(content: impl AsRef<[u8]>) -> base::Result<GmshMesh> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("mesh.msh");
@@ -33,7 +33,7 @@ fn read_content(content: impl AsRef<[u8]>) -> base::Result<GmshMesh> {
     read_gmsh(&path, 1e-3)
 }
 
-/// Checks that `content` is refused with a message that holds every part.
+/// Checks that `content` is refused with a message that contains every text in `parts`.
 fn assert_refused(content: impl AsRef<[u8]>, parts: &[&str]) {
     let error = read_content(content).expect_err("the mesh must be refused");
     assert!(matches!(error, Error::Input { .. }), "{error}");
@@ -43,7 +43,7 @@ fn assert_refused(content: impl AsRef<[u8]>, parts: &[&str]) {
     }
 }
 
-/// Replaces exactly one occurrence.
+/// Replaces `from`, which must occur exactly once, by `to`.
 fn replaced(text: &str, from: &str, to: &str) -> String {
     assert_eq!(text.matches(from).count(), 1, "`{from}` stands once");
     text.replace(from, to)
@@ -57,7 +57,8 @@ fn determinant(a: [f64; 3], b: [f64; 3], c: [f64; 3]) -> f64 {
     a[0] * (b[1] * c[2] - b[2] * c[1]) - a[1] * (b[0] * c[2] - b[2] * c[0]) + a[2] * (b[0] * c[1] - b[1] * c[0])
 }
 
-/// Volume computed from the corners alone; every element's volume must be positive.
+/// Volume of the mesh, computed from the elements' corners alone. Checks that every element's
+/// volume is positive.
 fn corner_volume(mesh: &Mesh) -> f64 {
     let mut total = 0.0;
     for nodes in mesh.elements() {
@@ -73,7 +74,7 @@ fn radius(point: [f64; 3]) -> f64 {
     point.iter().map(|c| c * c).sum::<f64>().sqrt()
 }
 
-/// Checks that every node set holds exactly the nodes on its surface.
+/// Checks that every node set contains exactly the nodes on its surface.
 fn assert_node_sets(mesh: &Mesh) {
     let at = |test: &dyn Fn([f64; 3]) -> bool| -> Vec<u32> {
         (0..mesh.n_nodes() as u32).filter(|&node| test(mesh.node_coordinates_m[node as usize])).collect()
@@ -102,7 +103,8 @@ fn edge_nodes_stand_between_the_corners_that_vtk_names() {
         for (edge, [i, j]) in [[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]].into_iter().enumerate() {
             let middle = std::array::from_fn(|axis| 0.5 * (point(i)[axis] + point(j)[axis]));
             let length = radius(sub(point(i), point(j)));
-            // A curved edge leaves its chord by far less than half its length. The node of another edge is off by about half.
+            // The node of a curved edge is off its chord by far less than half of the edge's
+            // length. If nodes were exchanged, the distance would be about half of it.
             assert!(radius(sub(point(4 + edge), middle)) < 0.2 * length, "edge {edge} of {nodes:?}");
         }
     }
@@ -121,7 +123,8 @@ fn linear_tetrahedra_are_accepted_with_a_warning_about_locking() {
     let (text, advice) = (warnings[0].message(), warnings[0].advice());
     assert!(text.contains("18 %") && text.contains("lock") && advice.contains("-order 2"), "{text} {advice}");
     assert_node_sets(&mesh);
-    // Flat facets cut corners of the ball. The volume is smaller than the ball's, by at most a tenth.
+    // Flat facets cut off parts of the ball. The volume is therefore smaller than the ball's, by at
+    // most a tenth.
     let volume = PI / 3.0 * (OUTER_RADIUS_M.powi(3) - ROBOT_RADIUS_M.powi(3));
     assert!((0.9..1.0).contains(&(corner_volume(&mesh) / volume)));
 }
@@ -172,7 +175,7 @@ fn an_unnamed_part_of_the_boundary_is_refused() {
     assert!(message.contains("1 faces of the boundary are in none of the four groups"), "{message}");
 }
 
-/// The mesh without its first surface triangle.
+/// Returns the file without its first surface triangle.
 fn without_one_triangle(mesh: &str) -> String {
     let mut lines: Vec<String> = mesh.lines().map(str::to_owned).collect();
     let start = lines.iter().position(|line| line == "$Elements").unwrap();
@@ -193,14 +196,16 @@ fn a_surface_in_two_groups_is_refused() {
     let start = mesh.lines().position(|line| line == "$Entities").unwrap();
     let counts: Vec<usize> =
         mesh.lines().nth(start + 1).unwrap().split_whitespace().map(|word| word.parse().unwrap()).collect();
-    // Tag, six bounds, number of physical tags, tags: the first surface gets the tags of `robot` and `outer`.
+    // The line consists of tag, six bounds, number of physical tags, and tags. The first surface
+    // gets the tags of `robot` and `outer`.
     let doubled = with_line(&mesh, start + 2 + counts[0] + counts[1], |words| {
         words.splice(7..9, ["2", "1", "2"]);
     });
     assert_refused(doubled, &["and in another group", "give every surface to one of"]);
 }
 
-/// One tetrahedron with one face on each surface. `robot` lists the nodes of the robot's face.
+/// File with one tetrahedron that has one face on each surface. `robot` lists the nodes of the
+/// robot's face.
 fn one_tetrahedron(robot: &str) -> String {
     format!(
         "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$PhysicalNames\n4\n2 1 \"robot\"\n2 2 \"outer\"\n2 3 \"symmetry_y\"\n\
@@ -223,13 +228,13 @@ fn nodes_that_do_not_exist_are_refused_with_their_element() {
     assert_refused(&mesh, &["element 1 names node 9", &format!("line {line}")]);
 }
 
-/// Line of the first volume element, which is the first of the last block.
+/// Line of the first volume element. It is the first element of the last block.
 fn first_volume_element(mesh: &str) -> usize {
     let block = mesh.lines().position(|line| line.starts_with("3 1 11 ") || line.starts_with("3 1 4 ")).unwrap();
     block + 1
 }
 
-/// `mesh` with the words of one line changed.
+/// Returns `mesh` after `change` has been applied to the words of line `line`.
 fn with_line(mesh: &str, line: usize, change: impl Fn(&mut Vec<&str>)) -> String {
     let mut lines: Vec<String> = mesh.lines().map(str::to_owned).collect();
     let mut words: Vec<&str> = mesh.lines().nth(line).unwrap().split_whitespace().collect();
@@ -242,7 +247,8 @@ fn with_line(mesh: &str, line: usize, change: impl Fn(&mut Vec<&str>)) -> String
 fn inside_out_elements_are_turned_and_said() {
     let mesh = text("quarter_sphere_tet10.msh");
     let original = read("quarter_sphere_tet10.msh").mesh;
-    // Mirrors the first element: exchanges corners 0 and 1 and, in Gmsh's order, edge nodes 5 and 6, and 7 and 9.
+    // The first element is mirrored. Corners 0 and 1 are exchanged and, in the order of Gmsh, the
+    // edge nodes 5 and 6, and 7 and 9.
     let mirrored = with_line(&mesh, first_volume_element(&mesh), |words| {
         words.swap(1, 2);
         words.swap(1 + 5, 1 + 6);
@@ -258,7 +264,7 @@ fn a_folded_element_is_named() {
     let mesh = text("quarter_sphere_tet10.msh");
     let line = first_volume_element(&mesh);
     let tag = mesh.lines().nth(line).unwrap().split(' ').next().unwrap();
-    // Exchanging two edge nodes folds the map.
+    // The exchange of two edge nodes folds the element.
     let folded = with_line(&mesh, line, |words| words.swap(1 + 4, 1 + 9));
     assert_refused(folded, &[&format!("element {tag} is flat or folded"), "HighOrderOptimize"]);
 }
@@ -267,7 +273,8 @@ fn a_folded_element_is_named() {
 fn other_elements_are_refused() {
     let mesh = text("quarter_sphere_tet4.msh");
     let volume_block = mesh.lines().nth(first_volume_element(&mesh) - 1).unwrap();
-    // The same number of pyramids would need five nodes per line. An empty rest of the file is enough to test the position of the error.
+    // Pyramids need five nodes per line, so that the following lines are wrong, too. The test
+    // checks only the position of the error in the type's line.
     let unknown = replaced(&mesh, volume_block, &volume_block.replace("3 1 4 ", "3 1 92 "));
     let line = first_volume_element(&mesh);
     assert_refused(unknown, &["Gmsh type 92", &format!("line {line}"), "-order 2"]);
@@ -277,7 +284,7 @@ fn other_elements_are_refused() {
 
 #[test]
 fn mixed_volume_elements_are_refused() {
-    // One brick beside one tetrahedron, and one tetrahedron of each order, in hand-written files.
+    // The files are written by hand: a brick beside a tetrahedron, and tetrahedra of both orders.
     let mixed = |second: &str| {
         let nodes: String = (1..=14).map(|k| format!("{k}\n")).collect();
         let points: String = (1..=14).map(|k| format!("{k} {} {}\n", k * k % 7, k % 3)).collect();
@@ -297,7 +304,7 @@ fn unused_nodes_are_dropped_and_said() {
     let start = lines.iter().position(|line| line == "$Nodes").unwrap();
     let counts: Vec<u64> = lines[start + 1].split(' ').map(|word| word.parse().unwrap()).collect();
     lines[start + 1] = format!("{} {} 1 9999", counts[0] + 1, counts[1] + 1);
-    // The additional node is the first of the file, so that every index shifts.
+    // The additional node is the first in the file, so that every index shifts.
     for (k, line) in ["0 77 0 1", "9999", "0 0 0"].into_iter().enumerate() {
         lines.insert(start + 2 + k, line.to_owned());
     }
@@ -329,7 +336,7 @@ fn other_versions_and_other_files_are_refused_with_the_way_out() {
 
 #[test]
 fn an_off_centre_robot_is_said() {
-    // The whole file shifted by half a radius along x.
+    // The whole mesh is shifted by half a radius along x.
     let mesh = text("quarter_sphere_tet4.msh");
     let (mut within, mut shifted) = (false, Vec::new());
     for line in mesh.lines() {
@@ -350,13 +357,13 @@ fn an_off_centre_robot_is_said() {
     assert!(centre.is_some_and(|centre| (centre - 0.1375e-3).abs() < 1e-6), "{warnings:?}");
 }
 
-/// Damages one of the files at random.
+/// Damages the content of a mesh file at random.
 fn damage(original: &[u8], rng: &mut ChaCha8Rng) -> Vec<u8> {
     let mut bytes = original.to_vec();
     match rng.random_range(0..4) {
         0 => bytes.truncate(rng.random_range(0..bytes.len())),
         1 => {
-            // Single bytes, mostly in the head, which holds counts and dimensions.
+            // Random bytes are changed, mostly in the head, which holds counts and dimensions.
             for _ in 0..rng.random_range(1..8) {
                 let end = if rng.random_bool(0.5) { bytes.len().min(4000) } else { bytes.len() };
                 let at = rng.random_range(0..end);
@@ -364,7 +371,8 @@ fn damage(original: &[u8], rng: &mut ChaCha8Rng) -> Vec<u8> {
             }
         }
         2 => {
-            // Replacing digits by digits keeps a text file well formed and makes a count wrong.
+            // Digits replace digits. A text file then stays well formed, but may have a wrong
+            // count.
             for _ in 0..rng.random_range(1..8) {
                 let at = rng.random_range(0..bytes.len());
                 if let Some(digit) = bytes[at..].iter_mut().find(|byte| byte.is_ascii_digit()) {
@@ -393,7 +401,7 @@ fn damaged_files_never_panic_and_never_give_an_invalid_mesh() {
         for _ in 0..400 {
             std::fs::write(&path, damage(&original, &mut rng)).unwrap();
             match read_gmsh(&path, 1e-3) {
-                // A mesh may stay valid after damage to a coordinate or an unread number.
+                // A mesh may stay valid if only a coordinate or an unread number is damaged.
                 Ok(GmshMesh { mesh, .. }) => {
                     assert!(mesh.connectivity.iter().all(|&node| (node as usize) < mesh.n_nodes()));
                     assert!(mesh.node_coordinates_m.iter().flatten().all(|c| c.is_finite()));
@@ -407,13 +415,14 @@ fn damaged_files_never_panic_and_never_give_an_invalid_mesh() {
             }
         }
     }
-    // Cuts alone are half of the 1,200 cases, and each is detected.
+    // Half of the 1,200 files are cut off, and each cut must be detected.
     assert!(n_refused >= 600, "{n_refused} refused");
 }
 
 #[test]
 fn the_surface_of_the_robot_is_a_quarter_sphere() {
-    // Area of the facets between corners, from the node sets: a quarter of 4πR², less the error of flat facets.
+    // The area of the facets between corners, from the node sets, is a quarter of 4πR² minus the
+    // error of flat facets.
     let mesh = read("quarter_sphere_tet10.msh").mesh;
     let robot: HashSet<u32> = mesh.robot_nodes.iter().copied().collect();
     let mut area = 0.0;

@@ -1,4 +1,5 @@
-//! Finite elements and meshes against closed forms, manufactured solutions and alternative methods.
+//! Tests of finite elements and meshes against closed forms, manufactured solutions and alternative
+//! methods.
 
 extern crate vitreo_uq_elements as elements;
 

@@ -1,4 +1,5 @@
-//! Manufactured solution: a polynomial field with body force on the quarter ball. The result converges at the element's order, without locking.
+//! Test with a manufactured solution: a polynomial field with its body force on the quarter ball.
+//! The result must converge at the element's order, without locking.
 
 use std::collections::BTreeMap;
 use std::ops::{Add, Mul};
@@ -12,7 +13,8 @@ use nalgebra::{Matrix3, Vector3};
 const ROBOT_RADIUS_M: f64 = 1.0;
 const OUTER_RADIUS_M: f64 = 2.0;
 
-/// A polynomial in x, y, z by the coefficient of each power. Its derivatives are exact.
+/// A polynomial in x, y, z, stored as the coefficient of each triple of powers. Its derivatives are
+/// exact.
 #[derive(Clone)]
 struct Polynomial(BTreeMap<[u8; 3], f64>);
 
@@ -64,7 +66,8 @@ impl Mul for &Polynomial {
     }
 }
 
-/// The exact field with its gradient and the body force −div σ, in N/m³ at unit Young's modulus.
+/// The exact displacement field, its gradient, and the body force −div σ (N/m³ at unit Young's
+/// modulus).
 struct Manufactured {
     displacement: [Polynomial; 3],
     gradient: [[Polynomial; 3]; 3],
@@ -72,8 +75,10 @@ struct Manufactured {
 }
 
 impl Manufactured {
-    /// curl(s² A) + (1 − 2ν) s w, with s = (r² − R²)(R_o² − r²): zero on both spheres, symmetric about y = 0 and z = 0. The curl has no divergence. The divergence
-    /// of the rest falls as the bulk modulus grows, so that the pressure stays bounded as ν → ½, as in the gel.
+    /// Builds the field curl(s² A) + (1 − 2ν) s w, with s = (r² − R²)(R_o² − r²). It vanishes on
+    /// both spheres and is symmetric about y = 0 and z = 0. The curl has no divergence. The
+    /// divergence of the second term falls as the bulk modulus grows. The pressure therefore stays
+    /// bounded as ν → ½, as in the gel.
     fn new(poisson_ratio: f64) -> Self {
         let r2 = [[2, 0, 0], [0, 2, 0], [0, 0, 2]]
             .map(|p| monomial(1.0, p))
@@ -115,7 +120,7 @@ impl Manufactured {
     }
 }
 
-/// Norms of the error, divided by those of the field.
+/// Norms of the error, each divided by the norm of the field.
 #[derive(Debug)]
 struct Errors {
     displacement: f64,
@@ -123,7 +128,8 @@ struct Errors {
     strain: f64,
 }
 
-/// Visits every integration point: position (m), volume (m³), shape functions and their gradients, nodes.
+/// Calls `visit` at every integration point with position (m), volume (m³), shape functions, their
+/// gradients, and nodes.
 fn for_each_point(mesh: &Mesh, mut visit: impl FnMut(Vector3<f64>, f64, &[f64], &[[f64; 3]], &[u32])) {
     let table = TabulatedElement::of(mesh.element_kind);
     for nodes in mesh.elements() {
@@ -137,7 +143,7 @@ fn for_each_point(mesh: &Mesh, mut visit: impl FnMut(Vector3<f64>, f64, &[f64], 
     }
 }
 
-/// Finite-element displacement under the body force, with the robot fixed.
+/// Finite-element displacement of every node (m) under the body force, with a fixed robot.
 fn solve(mesh: &Mesh, exact: &Manufactured, poisson_ratio: f64) -> Vec<[f64; 3]> {
     let stiffness = Stiffness::new(mesh).expect("a sound mesh");
     let unknowns = &stiffness.assembly.unknowns;
@@ -150,7 +156,7 @@ fn solve(mesh: &Mesh, exact: &Manufactured, poisson_ratio: f64) -> Vec<[f64; 3]>
         }
     });
     factor.solve_in_place(&mut field);
-    // The force that holds the robot returns its translation to zero.
+    // A force on the robot is added that makes its translation zero.
     let response = factor.unit_response();
     let robot = unknowns.robot();
     let holding = -field[robot] / response[robot];
@@ -164,7 +170,7 @@ fn errors(n_per_edge: usize, n_layers: usize, poisson_ratio: f64) -> Errors {
     let exact = Manufactured::new(poisson_ratio);
     let nodal = solve(&mesh, &exact, poisson_ratio);
     let [two_mu, kappa] = unit_moduli(poisson_ratio);
-    // (error, field) for displacement, energy and strain.
+    // Each entry is [error, field], for displacement, energy and strain.
     let mut squares = [[0.0; 2]; 3];
     for_each_point(&mesh, |x, volume, shape, gradients, nodes| {
         let (mut u, mut gradient) = (Vector3::zeros(), Matrix3::zeros());
@@ -190,9 +196,11 @@ fn errors(n_per_edge: usize, n_layers: usize, poisson_ratio: f64) -> Errors {
     Errors { displacement, energy, strain }
 }
 
-/// Errors on three meshes, and the slopes between the last two in displacement and energy.
+/// Errors on three meshes. Also returns the convergence orders between the last two meshes, in
+/// displacement and energy.
 fn converge(poisson_ratio: f64) -> ([Errors; 3], [f64; 2]) {
-    // Five layers per angular element: the field changes faster along the radius than around it.
+    // There are five layers per element around the robot, because the field changes faster along
+    // the radius.
     let levels = [1, 2, 3].map(|n| errors(n, 5 * n, poisson_ratio));
     let slope = |norm: fn(&Errors) -> f64| (norm(&levels[1]) / norm(&levels[2])).ln() / 1.5_f64.ln();
     let slopes = [slope(|e| e.displacement), slope(|e| e.energy)];
@@ -200,7 +208,8 @@ fn converge(poisson_ratio: f64) -> ([Errors; 3], [f64; 2]) {
     (levels, slopes)
 }
 
-/// Quadratic displacements have order 3 in displacement and 2 in energy, also for a nearly incompressible medium.
+/// Checks that quadratic displacements converge with order 3 in displacement and 2 in energy, also
+/// for a nearly incompressible medium.
 #[test]
 fn converges_at_full_order_without_locking() {
     let (compressible, slopes) = converge(0.3);

@@ -1,4 +1,5 @@
-//! Bodies of revolution solved in the half meridian, against closed forms (physics §4.1–§4.3, §4.8), bounds, asymptotics and other resolutions.
+//! Tests of bodies of revolution in the half meridian: against closed forms (physics §4.1–§4.3,
+//! §4.8), bounds, asymptotics and other resolutions.
 
 use std::f64::consts::PI;
 
@@ -20,12 +21,12 @@ fn cylinder(aspect: f64) -> BodyOfRevolution {
     BodyOfRevolution::Cylinder { length_m: aspect, diameter_m: 1.0 }
 }
 
-/// The body with the volume of the paper's sphere.
+/// Scales a body to the volume of the paper's sphere.
 fn of_equal_volume(body: BodyOfRevolution) -> BodyOfRevolution {
     body.scaled((BodyOfRevolution::sphere(RADIUS_M).volume_m3() / body.volume_m3()).cbrt())
 }
 
-/// The body with the surface of the paper's sphere.
+/// Scales a body to the surface area of the paper's sphere.
 fn of_equal_area(body: BodyOfRevolution) -> BodyOfRevolution {
     body.scaled((BodyOfRevolution::sphere(RADIUS_M).surface_area_m2() / body.surface_area_m2()).sqrt())
 }
@@ -34,7 +35,7 @@ fn at_order(order: usize, rim_layers: usize) -> Resolution {
     Resolution { order, rim_layers, ..Resolution::default() }
 }
 
-/// Solves a case and checks the properties of every solution.
+/// Returns the stiffness (m) of a body, and checks the properties that every solution must have.
 fn stiffness(
     body: BodyOfRevolution,
     outer_radius_m: f64,
@@ -55,7 +56,8 @@ fn of(direction: Direction, exact: AxialAndTransverse) -> f64 {
     }
 }
 
-/// Modes 0 and 1 have different equations; for a sphere both must give physics §4.2.
+/// Checks a sphere in both directions. Modes 0 and 1 have different equations, but for a sphere
+/// both must give physics §4.2.
 #[test]
 fn sphere_in_a_container_is_exact_in_both_directions() {
     let body = BodyOfRevolution::sphere(RADIUS_M);
@@ -66,14 +68,17 @@ fn sphere_in_a_container_is_exact_in_both_directions() {
                 let solution = stiffness(body, outer_radius_m, poisson_ratio, direction, Resolution::default());
                 let error = solution.stiffness_m / exact - 1.0;
                 assert!(error.abs() < 3e-9, "ν = {poisson_ratio}, {outer_radius_m} m, {direction:?}: {error:e}");
-                // The estimate does not include rounding near the incompressible limit.
+                // Near the incompressible limit rounding adds to the error. The estimate does not
+                // include it.
                 assert!(error.abs() < solution.relative_error + 1e-9, "{error:e} above {:e}", solution.relative_error);
             }
         }
     }
 }
 
-/// The error falls by a constant factor per order, with equal errors for all ratios up to ν = ½: no locking. Displacements alone approach the result from above.
+/// Checks that the error falls by a constant factor per order. The errors are equal for all ratios
+/// up to ν = ½, so that the elements do not lock. Displacements alone approach the result from
+/// above.
 #[test]
 fn error_falls_exponentially_without_locking() {
     let body = BodyOfRevolution::sphere(RADIUS_M);
@@ -104,7 +109,9 @@ fn error_falls_exponentially_without_locking() {
     }
 }
 
-/// Physics §4.8 has an error of fifth power in the ratio of the body's size to the container's. The elements show this power and, for negligible ratios, §4.3 to ten digits.
+/// Compares with physics §4.8, whose error varies with the fifth power of the ratio of the body's
+/// size to the container's. The elements show this power. For negligible size ratios they agree
+/// with §4.3 to ten digits.
 #[test]
 #[ignore = "thorough"]
 fn spheroid_is_the_closed_form_up_to_its_own_error() {
@@ -128,7 +135,7 @@ fn spheroid_is_the_closed_form_up_to_its_own_error() {
     }
 }
 
-/// The ends of the range of aspects, prolate and oblate, in a distant container.
+/// Checks both ends of the range of aspect ratios, prolate and oblate, in a distant container.
 #[test]
 #[ignore = "thorough"]
 fn slender_and_flat_spheroids_are_the_closed_form() {
@@ -147,7 +154,8 @@ fn slender_and_flat_spheroids_are_the_closed_form() {
     }
 }
 
-/// Orders, layers and both formulations agree; displacements alone give the stiffness from above. Estimates cover the errors.
+/// Checks that orders, layers and both formulations agree, and that displacements alone give the
+/// stiffness from above. Estimates must exceed the errors.
 #[test]
 #[ignore = "thorough"]
 fn cylinder_converges_to_one_value() {
@@ -178,7 +186,8 @@ fn assert_cylinders_converge(cases: &[(f64, Direction)]) {
     }
 }
 
-/// A container close to the body reduces the accuracy, and the estimate shows this.
+/// Checks that a container close to the body reduces the accuracy, and that the error estimate
+/// shows this.
 #[test]
 #[ignore = "thorough"]
 fn estimates_hold_in_close_containers() {
@@ -199,8 +208,10 @@ fn estimates_hold_in_close_containers() {
     }
 }
 
-/// Between clamped faces with an outer angle of 270° the field varies like ρ^α, (3 − 4ν) sin(3πα/2) = α (M. L. Williams, J. Appl. Mech. 19, 526, 1952). Each layer
-/// of cells therefore lowers the error of the energy by 0.15^2α. Across the axis the hoop displacement adds a part like ρ^⅔. The elements use neither exponent.
+/// Checks the error per rim layer. Between clamped faces with an outer angle of 270° the field
+/// varies like ρ^α, (3 − 4ν) sin(3πα/2) = α (M. L. Williams, J. Appl. Mech. 19, 526, 1952). Each
+/// layer of cells therefore reduces the error of the energy by the factor 0.15^2α. Across the axis
+/// the hoop displacement adds a part like ρ^⅔. The elements use neither exponent.
 #[test]
 #[ignore = "thorough"]
 fn layers_around_the_rim_act_as_the_singularity_says() {
@@ -229,7 +240,8 @@ fn layers_around_the_rim_act_as_the_singularity_says() {
     }
 }
 
-/// The stiffness increases with the body: the inner of two nested bodies is the softer one.
+/// Checks that the stiffness increases with the body: of two nested bodies, the inner one is
+/// softer.
 #[test]
 fn cylinder_lies_between_spheroids_inside_and_around_it() {
     for aspect in [0.1, 1.0, ASPECT] {
@@ -243,11 +255,14 @@ fn cylinder_lies_between_spheroids_inside_and_around_it() {
     }
 }
 
-/// Slender-body theory of a finite cylinder in Stokes flow, with ε = 1/ln(2L/D). The forces over 2πμL and 4πμL are
-/// (ε + 0.307 ε²)/(1 ∓ ½ε) + (0.426 or 0.119) ε³ + O(ε⁴) (G. K. Batchelor, J. Fluid Mech. 44, 419, 1970, doi:10.1017/S002211207000191X).
+/// Compares with slender-body theory of a finite cylinder in Stokes flow, with ε = 1/ln(2L/D). Let
+/// the force be divided by 2πμL (along the axis) or 4πμL (across it). The result is (ε + 0.307
+/// ε²)/(1 ∓ ½ε) + (0.426 or 0.119) ε³ + O(ε⁴) (G. K. Batchelor, J. Fluid Mech. 44, 419, 1970,
+/// doi:10.1017/S002211207000191X).
 #[test]
 fn slender_cylinder_is_batchelors() {
-    // ν → ½ and an infinite medium: two ratios are extrapolated, and the container's part (b₀ of physics §4.8) is subtracted.
+    // The theory holds for ν = ½ and an infinite medium. Two ratios are extrapolated to ν → ½, and
+    // the container's contribution (b₀ of physics §4.8) is subtracted.
     let friction = |aspect: f64, direction: Direction| {
         let outer_radius_m = 1000.0 * aspect;
         let mobility = |nu: f64| {
@@ -270,15 +285,16 @@ fn slender_cylinder_is_batchelors() {
             (friction(aspect, direction) / theory - 1.0) / epsilon.powi(3)
         });
         println!("{direction:?}: relative excess over ε³ at L/D = 20 and 160: {excess:?}");
-        // Next term of the series, of order one.
+        // The next term of the series has a coefficient of order one.
         assert!(excess.iter().all(|e| e.abs() < 3.0), "{direction:?}: {excess:?}");
     }
 }
 
-/// One row per body: shape, direction, stiffness in mm at ν = 0.48 and 0.499.
+/// Reference values of one body: shape, direction, and stiffness in mm at ν = 0.48 and 0.499.
 type Row = (&'static str, Direction, [f64; 2]);
 
-/// The paper's five bodies (L/D = a/b = 68/7, 20 mm ball) with the volume of the sphere of 0.55 mm.
+/// The paper's five bodies (L/D = a/b = 68/7, 20 mm ball), with the volume of the sphere of 0.55 mm
+/// diameter.
 const EQUAL_VOLUME: [Row; 5] = [
     ("sphere", Direction::Axial, [1.8209023960, 1.8405271521]),
     ("ellipsoid", Direction::Axial, [2.2761247483, 2.2766441963]),
@@ -287,7 +303,7 @@ const EQUAL_VOLUME: [Row; 5] = [
     ("cylinder", Direction::Transverse, [3.2768858475, 3.3536345976]),
 ];
 
-/// The paper's five bodies with the surface of the sphere of 0.55 mm.
+/// The paper's five bodies, with the surface area of the sphere of 0.55 mm diameter.
 const EQUAL_AREA: [Row; 5] = [
     ("sphere", Direction::Axial, [1.8209023960, 1.8405271521]),
     ("ellipsoid", Direction::Axial, [1.7246111984, 1.7225879400]),
@@ -296,7 +312,7 @@ const EQUAL_AREA: [Row; 5] = [
     ("cylinder", Direction::Transverse, [2.4432431276, 2.4938219791]),
 ];
 
-/// Reference values of the paper's bodies, correct to the last digit but one.
+/// Checks the reference values of the paper's bodies. They are correct to the last digit but one.
 #[test]
 #[ignore = "thorough"]
 fn the_papers_bodies_have_their_reference_values() {
@@ -345,7 +361,8 @@ fn impossible_problems_are_refused() {
         (BodyOfRevolution::sphere(f64::NAN), 2.0),
         (BodyOfRevolution::sphere(0.0), 2.0),
         (BodyOfRevolution::Spheroid { semi_axis_along_m: 1.0, semi_axis_across_m: 1e-300 }, 2.0),
-        // The rim lies outside the sphere, although length and diameter fit.
+        // The rim lies outside the sphere, although length and diameter are smaller than the
+        // sphere's.
         (BodyOfRevolution::Cylinder { length_m: 1.6, diameter_m: 1.6 }, 1.1),
     ] {
         let message = refused(body, outer_radius_m, 0.48, usual);

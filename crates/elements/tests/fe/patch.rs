@@ -1,4 +1,5 @@
-//! Patch test: distorted and curved elements represent every linear displacement field exactly.
+//! Patch test: distorted and curved elements must represent every linear displacement field
+//! exactly.
 
 use std::path::Path;
 
@@ -13,7 +14,8 @@ use rand_chacha::ChaCha8Rng;
 
 const POISSON_RATIOS: [f64; 3] = [0.0, 0.3, 0.499];
 
-/// A freely floating body. The robot and the outer surface, which a mesh must have, are nodes of no element.
+/// Makes a freely floating body of a mesh. A mesh must have a robot and an outer surface; here they
+/// are nodes that belong to no element.
 fn free_body(mut mesh: Mesh) -> Mesh {
     let n_nodes = mesh.n_nodes() as u32;
     mesh.node_coordinates_m.extend([[0.0; 3]; 2]);
@@ -22,8 +24,9 @@ fn free_body(mut mesh: Mesh) -> Mesh {
     mesh
 }
 
-/// The cube {0, 1}³ of 3 × 3 × 3 hexahedra with 27 nodes. Every node is moved at random by up to a sixth of the distance between
-/// nodes. Nodes of the boundary move within it, so that edges and faces are curved and the volume stays 1.
+/// The cube {0, 1}³ of 3 × 3 × 3 hexahedra with 27 nodes. Every node is moved at random by up to a
+/// sixth of the distance between nodes. Nodes on the boundary stay on it. Edges and faces are thus
+/// curved, and the volume is still 1.
 fn distorted_cube() -> (Mesh, Vec<usize>) {
     const N: usize = 3;
     let per_axis = 2 * N + 1;
@@ -60,7 +63,8 @@ fn distorted_cube() -> (Mesh, Vec<usize>) {
     (free_body(mesh), interior)
 }
 
-/// A mesh from Gmsh without supports, scaled to a unit outer radius, and its interior nodes.
+/// Reads a mesh from Gmsh, removes its supports and scales it to a unit outer radius. Also returns
+/// its interior nodes.
 fn gmsh_body(name: &str) -> (Mesh, Vec<usize>) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/data/gmsh").join(name);
     let mesh = read_gmsh(path, 0.1).expect("a mesh of the tests").mesh;
@@ -72,7 +76,7 @@ fn gmsh_body(name: &str) -> (Mesh, Vec<usize>) {
     (free_body(mesh), interior)
 }
 
-/// Volume of tetrahedra with straight edges, from their corners.
+/// Volume of tetrahedra with straight edges, computed from their corners.
 fn straight_volume(mesh: &Mesh) -> f64 {
     let volume = |nodes: &[u32]| {
         let [a, b, c, d] = [0, 1, 2, 3].map(|k| Vector3::from(mesh.node_coordinates_m[nodes[k] as usize]));
@@ -81,7 +85,8 @@ fn straight_volume(mesh: &Mesh) -> f64 {
     mesh.elements().map(volume).sum()
 }
 
-/// Displacement gradients: three diagonal, three with shear and rotation, one full.
+/// Displacement gradients of the tests: three diagonal ones, three with shear and rotation, one
+/// full.
 fn gradients() -> Vec<Matrix3<f64>> {
     let mut gradients: Vec<Matrix3<f64>> =
         (0..3).map(|i| Matrix3::from_fn(|r, c| f64::from(u8::from(r == i && c == i)))).collect();
@@ -101,7 +106,8 @@ fn forces_and_energy(
     let n = assembly.unknowns.count();
     let mut u = vec![0.0; n];
     for (node, &x) in mesh.node_coordinates_m.iter().enumerate().take(mesh.n_nodes() - 2) {
-        // Without ties every unknown belongs to one node, so that an addition sets the value.
+        // No nodes are tied, so that every unknown belongs to one node. Adding a value to zero
+        // therefore sets it.
         assembly.unknowns.add_nodal_force(node, (gradient * Vector3::from(x)).into(), &mut u);
     }
     let mut force = vec![0.0; n];
@@ -110,7 +116,7 @@ fn forces_and_energy(
     (assembly.unknowns.nodal_displacement(&force), energy)
 }
 
-/// ½ (2μ̂ dev ε : dev ε + κ̂ (tr ε)²), in 1/m³ of volume and per Pa of Young's modulus.
+/// Energy density ½ (2μ̂ dev ε : dev ε + κ̂ (tr ε)²), per Pa of Young's modulus.
 fn energy_density(gradient: Matrix3<f64>, poisson_ratio: f64) -> f64 {
     let strain = (gradient + gradient.transpose()) * 0.5;
     let deviator = strain - Matrix3::identity() * (strain.trace() / 3.0);
@@ -118,7 +124,8 @@ fn energy_density(gradient: Matrix3<f64>, poisson_ratio: f64) -> f64 {
     0.5 * (two_mu * deviator.norm_squared() + kappa * strain.trace().powi(2))
 }
 
-/// Checks that forces at interior nodes vanish relative to those at the boundary, and that the energy is the closed form's. `volume_m3` is given if known.
+/// Checks that forces at interior nodes are negligible relative to those at the boundary, and that
+/// the energy is the closed form's. `volume_m3` is given if it is known.
 fn assert_patch(name: &str, mesh: &Mesh, interior: &[usize], volume_m3: Option<f64>) {
     assert!(interior.len() > 5, "{name} has an interior");
     let assembly = Assembly::new(mesh).expect("no element is inverted");
@@ -129,7 +136,7 @@ fn assert_patch(name: &str, mesh: &Mesh, interior: &[usize], volume_m3: Option<f
             let norm = |f: &[f64; 3]| Vector3::from(*f).norm();
             let largest = forces.iter().map(norm).fold(0.0, f64::max);
             let inside = interior.iter().map(|&node| norm(&forces[node])).fold(0.0, f64::max);
-            // Rounding is relative to the larger modulus, also for isochoric fields.
+            // Rounding errors are proportional to the larger modulus, also for isochoric fields.
             let [two_mu, kappa] = unit_moduli(poisson_ratio);
             assert!(
                 inside < 1e-12 * (1.0 + kappa / two_mu) * largest,
@@ -155,7 +162,8 @@ fn distorted_hexahedra() {
 #[test]
 fn curved_quadratic_tetrahedra() {
     let (mut mesh, interior) = gmsh_body("quarter_sphere_tet10.msh");
-    // The volume of curved elements is not known independently. The first field determines it, and all others must agree.
+    // The volume of curved elements is not known independently. The first field determines it, and
+    // all other fields must agree.
     assert_patch("curved 10-node tetrahedra", &mesh, &interior, None);
     const EDGES: [[usize; 2]; 6] = [[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]];
     let elements: Vec<Vec<u32>> = mesh.elements().map(<[u32]>::to_vec).collect();

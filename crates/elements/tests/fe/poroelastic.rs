@@ -1,4 +1,5 @@
-//! Pore flow by finite elements against closed forms (physics §4.2, §4.9, Terzaghi's column), dense saddle systems and alternative methods.
+//! Tests of pore flow: against closed forms (physics §4.2, §4.9, Terzaghi's column), dense
+//! saddle-point systems and alternative methods.
 
 use std::f64::consts::PI;
 use std::path::Path;
@@ -16,7 +17,7 @@ use laws::rheology::{BaseLaw, CreepCompliance, RetardationSpectrum, TimeWindow};
 use nalgebra::{DMatrix, DVector};
 use record::Orientation;
 
-/// Share of the body in the quarter model.
+/// Fraction of the body in the quarter model.
 const QUARTER: f64 = 0.25;
 const ROBOT_RADIUS_M: f64 = 0.275e-3;
 const OUTER_RADIUS_M: f64 = 10e-3;
@@ -27,7 +28,7 @@ fn ball(outer_radius_m: f64, n_per_edge: usize, n_layers: usize) -> Mesh {
     ball.mesh().expect("the radii are in order")
 }
 
-/// 2μ̂ and κ̂ at a drained ratio, for unit Young's modulus at the undrained ratio.
+/// 2μ̂ and κ̂ at the drained Poisson ratio, for unit Young's modulus at the undrained ratio.
 fn moduli(undrained: f64, drained: f64) -> [f64; 2] {
     let two_mu = 1.0 / (1.0 + undrained);
     [two_mu, two_mu * (1.0 + drained) / (3.0 * (1.0 - 2.0 * drained))]
@@ -44,7 +45,7 @@ fn symmetric(upper: faer::sparse::SparseColMatRef<'_, u32, f64>) -> DMatrix<f64>
     matrix
 }
 
-/// Dense system of displacements and pressures: K w_u − Bᵀw_p = f, B u̇ + M/M̂ ṗ + k H w_p = 0.
+/// Dense system of displacements and pressures: K w_u − Bᵀw_p = f and B u̇ + M/M̂ ṗ + k H w_p = 0.
 struct Saddle {
     stiffness: DMatrix<f64>,
     damping: DMatrix<f64>,
@@ -118,7 +119,7 @@ fn distance(found: &[f64], exact: &[f64]) -> f64 {
     found.iter().zip(exact).fold(0.0_f64, |m, (a, b)| m.max((a - b).abs())) / amplitude
 }
 
-/// Two cycles of pushes in both directions with a rest, at irregular rows.
+/// Irregular times (s) and forces: two cycles of pushes in both directions, with a rest.
 fn record() -> (Vec<f64>, Vec<f64>) {
     let time_s: Vec<f64> = (0..120).map(|row| 0.25 * f64::from(row) + 0.02 * f64::from(row % 3)).collect();
     let force_n = (0..120).map(|row| [4.6e-6, -4.6e-6, 0.0][(row / 20) % 3]).collect();
@@ -166,8 +167,9 @@ fn conjugate_gradients_and_condensed_stepping_are_the_dense_saddle_system() {
 const COLUMN_LENGTH_M: f64 = 2e-3;
 const COLUMN_WIDTH_M: f64 = 0.5e-3;
 
-/// A column along x, confined at its sides and fixed at its ends, with a permeable plate in the middle. It equals two of Terzaghi's columns, because
-/// the pressure is odd and vanishes at the plate.
+/// A column along x, confined at its sides and fixed at its ends, with a permeable plate in the
+/// middle. The pressure is odd and vanishes at the plate. The column therefore equals two of
+/// Terzaghi's columns.
 fn column(n_half: usize) -> Mesh {
     let (n_x, n_y) = (4 * n_half + 1, 3);
     let mut mesh = Mesh {
@@ -198,7 +200,8 @@ fn column(n_half: usize) -> Mesh {
     mesh
 }
 
-/// Compliance of the plate in the Laplace domain, per unit modulus: drained L/(2a E_oed) less the share carried by the pressures. K. Terzaghi 1925, with storage.
+/// Compliance of the plate in the Laplace domain, per unit modulus: the drained value L/(2a E_oed)
+/// minus the part that the pressures carry (K. Terzaghi 1925, with storage).
 fn terzaghi_compliance(undrained: f64, drained: f64, area_m2: f64) -> f64 {
     let [two_mu, kappa] = moduli(undrained, drained);
     let oedometer = kappa + 2.0 * two_mu / 3.0;
@@ -219,11 +222,12 @@ fn matrices_of_the_pressures_have_their_closed_form_values() {
         DVector::from_iterator(ones.len(), pressures.nodes().iter().map(|&n| mesh.node_coordinates_m[n as usize][0]));
     let volume = 2.0 * COLUMN_LENGTH_M * COLUMN_WIDTH_M.powi(2);
     assert!((ones.dot(&(&mass * &ones)) / volume - 1.0).abs() < 1e-12);
-    // ∫ x² and ∫ |∇x|²; constants cause no flow.
+    // M and H give ∫ x² and ∫ |∇x|² for the pressure x. Constant pressures cause no flow.
     assert!((x.dot(&(&mass * &x)) / (volume * COLUMN_LENGTH_M.powi(2) / 3.0) - 1.0).abs() < 1e-12);
     assert!((x.dot(&(&diffusion * &x)) / volume - 1.0).abs() < 1e-12);
     assert!((&diffusion * &ones).amax() < 1e-12 * diffusion.amax());
-    // ∫ x div u of the plate's unit displacement, linear on either side of it, is −∫ u_x over the volume, which is half of the volume.
+    // The field is the plate's unit displacement, linear on either side. ∫ x div u is then −∫ u_x
+    // over the volume, which is half of the volume.
     let nodal = |node: usize| 1.0 - mesh.node_coordinates_m[node][0].abs() / COLUMN_LENGTH_M;
     let mut displacement = vec![0.0; stiffness.n_unknowns()];
     let mut counts = displacement.clone();
@@ -259,11 +263,12 @@ fn terzaghis_column_consolidates_as_its_closed_form() {
     };
     let errors = [8, 16, 32].map(errors);
     println!("Terzaghi: {errors:?}");
-    // Second order, twice the order of the linear pressures in the energy norm.
+    // The order is two, twice the order of the linear pressures in the energy norm.
     assert!(errors[2] < 2e-3, "{errors:?}");
     assert!(errors.windows(2).all(|pair| pair[0] / pair[1] > 3.8), "{errors:?}");
 
-    // Time dependence under a spring: Terzaghi's series in the degree of consolidation.
+    // The law is a spring. The response over time is then Terzaghi's series for the degree of
+    // consolidation.
     let mesh = column(64);
     let stiffness = Stiffness::new(&mesh).expect("a sound mesh");
     let model = PoreModel::new(&mesh, &stiffness, 0.48).expect("hexahedra");
@@ -297,7 +302,9 @@ fn terzaghis_column_consolidates_as_its_closed_form() {
 
 #[test]
 fn the_limits_are_the_base_model_and_the_drained_sphere() {
-    // Undrained limit: the discretisation differs from the base's, and the difference falls with the mesh. Drained limit: the base's elements at ν_d.
+    // The undrained limit differs from the base model's, because the discretisation is another. The
+    // difference falls with the mesh size. The drained limit must equal that of the base model's
+    // elements at ν_d.
     for ((n_per_edge, n_layers), undrained_limit, drained_limit) in [((2, 8), 1e-4, 2e-4), ((3, 12), 1e-5, 4e-5)] {
         let mesh = ball(OUTER_RADIUS_M, n_per_edge, n_layers);
         let stiffness = Stiffness::new(&mesh).expect("a sound mesh");
@@ -320,12 +327,14 @@ fn the_limits_are_the_base_model_and_the_drained_sphere() {
     }
 }
 
-/// c/(q² + 2q + 2), physics §4.9: relative increase of the compliance by drainage.
+/// Relative increase of the compliance by drainage in an unbounded medium: c/(q² + 2q + 2), physics
+/// §4.9.
 fn unbounded(drained: f64, q: f64) -> f64 {
     (1.0 - 2.0 * drained) / (2.0 * (1.0 - drained)) / (q * q + 2.0 * q + 2.0)
 }
 
-/// Largest error of (Φ(τ) − Φ(0)) 6πμR over q. The difference cancels the wall's undrained share; only an effect of λ = 10⁻³ remains.
+/// Largest error of (Φ(τ) − Φ(0)) 6πμR over q. The difference cancels the undrained effect of the
+/// wall. An effect of λ = 10⁻³ remains.
 fn unbounded_error(ratio: f64, n_per_edge: usize, n_layers: usize) -> f64 {
     const UNDRAINED: f64 = 0.49999;
     let mesh = ball(ratio * ROBOT_RADIUS_M, n_per_edge, n_layers);
@@ -352,13 +361,13 @@ fn unbounded_error(ratio: f64, n_per_edge: usize, n_layers: usize) -> f64 {
 #[test]
 #[ignore = "thorough"]
 fn a_far_container_gives_the_unbounded_sphere() {
-    // The last mesh has the angles of the model mesh and its ratio of radii from layer to layer.
+    // The last mesh has the angles of the model mesh, and its ratio of successive layers' radii.
     let errors =
         [(1, 10), (2, 20), (3, 23)].map(|(n_per_edge, n_layers)| unbounded_error(1000.0, n_per_edge, n_layers));
     println!("unbounded: {errors:?}");
     assert!(errors[1] < 7e-4 && errors[2] < 4e-4, "{errors:?}");
     assert!(errors[0] / errors[1] > 3.5, "{errors:?}");
-    // Effect of the wall: a container at a third of the distance changes little.
+    // The effect of the wall is small: a container at a third of the distance changes little.
     let nearer = unbounded_error(300.0, 2, 17);
     println!("wall at 300: {nearer:e}");
     assert!((nearer / errors[1] - 1.0).abs() < 0.1, "{nearer:e} {errors:?}");
@@ -386,7 +395,8 @@ fn the_spectrum_is_right_between_the_ratios_it_was_computed_at() {
         assert!(terms.iter().all(|term| term.weight.value > 0.0 && term.area_m2.value > 0.0));
         assert!(terms.windows(2).all(|pair| pair[1].area_m2.value < pair[0].area_m2.value));
     }
-    // Derivatives with respect to ν_d against differences of full solves, and of the terms.
+    // Derivatives with respect to ν_d are compared with differences of full solutions, and of the
+    // terms.
     let (ratio, step) = (0.27, 1e-3);
     let terms = spectrum.terms(Dual::variable(ratio)).expect("inside the range");
     let areas = [0.0, 1e-8, 1e-7, 1e-6];
@@ -408,7 +418,7 @@ fn the_spectrum_is_right_between_the_ratios_it_was_computed_at() {
     }
     let text = serde_json::to_string(&spectrum).expect("numbers");
     assert_eq!(serde_json::from_str::<PoreSpectrum>(&text).expect("the same"), spectrum);
-    // One thread and three threads give equal bytes.
+    // Results on one thread and on three threads must be equal to the bit.
     let few = SpectrumSettings { n_ratios: 3, most_terms: 3, ..SpectrumSettings::default() };
     let by = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads can be had");
@@ -417,7 +427,8 @@ fn the_spectrum_is_right_between_the_ratios_it_was_computed_at() {
     assert_eq!(by(1), by(3));
 }
 
-/// If the terms are too few, the indicator must show their error. It is a close lower bound of the error.
+/// Checks that the indicator shows the error if the terms are too few. It is a close lower bound of
+/// the error.
 #[test]
 #[ignore = "thorough"]
 fn the_indicator_tells_the_error() {
@@ -426,7 +437,8 @@ fn the_indicator_tells_the_error() {
     for undrained in [0.48, 0.4999] {
         let model = PoreModel::new(&mesh, &stiffness, undrained).expect("hexahedra");
         for most_terms in [2, 4, 6] {
-            // Errors are measured at both Chebyshev points of the range, so that nothing is interpolated.
+            // The errors are measured at the two Chebyshev points of the range, where nothing is
+            // interpolated.
             let settings = SpectrumSettings { most_terms, n_ratios: 2, tolerance: 0.0, ..SpectrumSettings::default() };
             let spectrum = build(&model, &settings);
             assert_eq!(spectrum.n_terms(), most_terms);
@@ -479,7 +491,7 @@ fn the_reduced_creep_is_the_stepped_one() {
             assert!(effect > 1e-4, "{effect:e}");
         }
     }
-    // Derivatives of the creep with respect to mobility and ν_d against differences.
+    // Derivatives of the creep with respect to mobility and ν_d are compared with differences.
     let creep = |mobility: Dual, drained: Dual, time_s: f64| {
         let elements = spectrum.elements(&law, mobility, drained).expect("inside the range");
         let spectrum = RetardationSpectrum::of_law(&elements, window).expect("springs and dashpots");
@@ -498,7 +510,7 @@ fn the_reduced_creep_is_the_stepped_one() {
         assert!((found[0] / by_mobility - 1.0).abs() < 1e-5, "{found:?} {by_mobility}");
         assert!((found[1] / by_ratio - 1.0).abs() < 1e-5, "{found:?} {by_ratio}");
     }
-    // The remaining error is that of the spectrum in time, not of the steps.
+    // The steps' error is negligible. The remaining error is that of the spectrum over time.
     let body = model.drained(0.07).expect("below the undrained ratio");
     let pores = CondensedPores::new(&body, 1e-8);
     let [coarse, fine] = [10, 20].map(|steps_per_doubling| {
@@ -556,7 +568,7 @@ fn ratios_out_of_order_are_refused() {
         let drained = model.drained(ratio).err().expect("refused").to_string();
         assert!(drained.contains("the drained Poisson ratio") && drained.contains(words), "{drained}");
     }
-    // The default settings train up to 0.45, which is above this undrained ratio.
+    // The default settings cover ratios up to 0.45, which is above this undrained ratio.
     let spectrum = PoreSpectrum::build(&model, &SpectrumSettings::default()).expect_err("refused").to_string();
     assert!(
         spectrum.contains("undrained ratio 0.4\n") && spectrum.contains("ratios below the undrained one"),

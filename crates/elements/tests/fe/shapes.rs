@@ -1,4 +1,5 @@
-//! Finite elements around spheroids and cylinders: stiffness against closed forms (physics §4.2, §4.3, §4.8), convergence, symmetry, equilibrium.
+//! Tests of finite elements around spheroids and cylinders: stiffness against closed forms (physics
+//! §4.2, §4.3, §4.8), convergence, symmetry, equilibrium.
 
 use crate::closed_forms;
 
@@ -18,11 +19,11 @@ use record::Orientation;
 const SPHERE_RADIUS_M: f64 = 0.275e-3;
 const OUTER_RADIUS_M: f64 = 10e-3;
 const POISSON_RATIOS: [f64; 3] = [0.3, 0.48, 0.499];
-/// Ratio of length to width of the source paper's bodies.
+/// Length divided by width of the source paper's bodies.
 const ASPECT: f64 = 68.0 / 7.0;
 const ORIENTATIONS: [Orientation; 2] = [Orientation::Horizontal, Orientation::Vertical];
 
-/// Semi-axes (m) of the spheroid with this aspect and the volume of the sphere.
+/// Semi-axes (m) of the spheroid with this aspect ratio and the sphere's volume.
 fn spheroid_semi_axes_m(aspect: f64) -> [f64; 2] {
     let semi_minor_m = SPHERE_RADIUS_M / aspect.cbrt();
     [aspect * semi_minor_m, semi_minor_m]
@@ -33,7 +34,8 @@ fn spheroid(semi_axes_m: [f64; 2], orientation: Orientation, level: usize) -> Me
     Spheroid { length_m, diameter_m, orientation, outer_radius_m: OUTER_RADIUS_M, level }.mesh().expect("it fits")
 }
 
-/// Half length and radius (m) of the cylinder with the paper's aspect and the volume of the sphere.
+/// Half length and radius (m) of the cylinder with the paper's aspect ratio and the sphere's
+/// volume.
 fn cylinder_sizes_m() -> [f64; 2] {
     let radius_m = SPHERE_RADIUS_M * (2.0 / (3.0 * ASPECT)).cbrt();
     [ASPECT * radius_m, radius_m]
@@ -44,7 +46,7 @@ fn cylinder(orientation: Orientation, level: usize) -> Mesh {
     Cylinder { length_m, diameter_m, orientation, outer_radius_m: OUTER_RADIUS_M, level }.mesh().expect("it fits")
 }
 
-/// Force per displacement of the whole body at 1 Pa, in m.
+/// Force on the whole body divided by its displacement, at a Young's modulus of 1 Pa, in m.
 fn stiffness_m(stiffness: &Stiffness, poisson_ratio: f64) -> f64 {
     1.0 / FullOrderModel::new(stiffness, poisson_ratio).expect("positive definite").compliance_per_m()
 }
@@ -64,7 +66,8 @@ fn spheroid_errors(semi_axes_m: [f64; 2], orientation: Orientation, level: usize
     (stiffness.n_unknowns(), errors)
 }
 
-/// The program's level and the one below it, at the paper's aspect, where the closed form has an error of 10⁻⁵.
+/// Checks the program's mesh level and the level below it, at the paper's aspect ratio. The closed
+/// form has an error of 10⁻⁵ there.
 #[test]
 fn spheroids_meet_the_closed_form_at_the_order_of_the_element() {
     for orientation in ORIENTATIONS {
@@ -79,7 +82,7 @@ fn spheroids_meet_the_closed_form_at_the_order_of_the_element() {
     }
 }
 
-/// Aspects from a nearly spherical one to the slenderest that can be meshed.
+/// Checks aspect ratios from a nearly spherical body to the slenderest that can be meshed.
 #[test]
 fn spheroids_of_other_aspects_meet_the_closed_form() {
     for (aspect, largest_error) in [(1.1, 1e-4), (3.0, 2.5e-4), (20.0, 1.1e-3), (30.0, 1.3e-3)] {
@@ -102,7 +105,8 @@ fn a_spheroid_as_long_as_wide_is_a_sphere() {
     }
 }
 
-/// Stiffness (m) of the cylinder at [`POISSON_RATIOS`] from the second solver, high-order elements in the meridian. Its error is 10⁻⁹.
+/// Stiffness (m) of the cylinder at [`POISSON_RATIOS`], by the second solver: high-order elements
+/// in the half meridian. Its error is 10⁻⁹.
 fn cylinder_by_second_solver_m(orientation: Orientation) -> [f64; 3] {
     let [length_m, diameter_m] = cylinder_sizes_m().map(|half_m| 2.0 * half_m);
     let body = BodyOfRevolution::Cylinder { length_m, diameter_m };
@@ -112,7 +116,8 @@ fn cylinder_by_second_solver_m(orientation: Orientation) -> [f64; 3] {
     })
 }
 
-/// Errors of all levels have one sign. The difference between two levels, from which the program estimates the error of the finer one, exceeds that error.
+/// Checks that the errors of all levels have one sign. The program estimates the error of a level
+/// from its difference to the next coarser one. This difference must exceed the error.
 #[test]
 #[ignore = "thorough"]
 fn cylinders_converge() {
@@ -122,7 +127,7 @@ fn cylinders_converge() {
         for (level, most_unknowns) in [(2, 17_000), (3, 36_000), (4, 95_000)] {
             let stiffness = Stiffness::new(&cylinder(orientation, level)).expect("a sound mesh");
             assert!(stiffness.n_unknowns() <= most_unknowns, "{} unknowns", stiffness.n_unknowns());
-            // The finest level runs at one ratio only, to save time.
+            // The finest level is run at one Poisson ratio only, to save time.
             let ratios = if level < 4 { &POISSON_RATIOS[..] } else { &POISSON_RATIOS[..1] };
             let found: Vec<f64> = ratios.iter().map(|&nu| stiffness_m(&stiffness, nu)).collect();
             let of_level: Vec<f64> = found.iter().zip(limits_m).map(|(found, limit_m)| found / limit_m - 1.0).collect();
@@ -137,15 +142,17 @@ fn cylinders_converge() {
     }
 }
 
-/// The stiffness of a rigid body is at least that of any body inside it (minimum of the energy). The cylinder's stiffness lies between those of the largest
-/// spheroid inside it and of a spheroid through its rim, both from the closed form for any aspect.
+/// Compares with bounds. A rigid body is at least as stiff as any body inside it (minimum of the
+/// energy). The cylinder's stiffness therefore lies between those of the largest spheroid inside it
+/// and of a spheroid through its rim. Both follow from the closed form for any aspect ratio.
 #[test]
 fn cylinders_lie_between_the_spheroids_inside_and_around_them() {
     let [half_length_m, radius_m] = cylinder_sizes_m();
     for orientation in ORIENTATIONS {
         let stiffness = Stiffness::new(&cylinder(orientation, 2)).expect("a sound mesh");
         for nu in POISSON_RATIOS {
-            // The rim lies on the spheroid with semi-axes a/√s and r/√(1 − s) for any share s. The smallest stiffness over some s is a bound.
+            // The rim lies on the spheroid with semi-axes a/√s and r/√(1 − s), for any s in (0, 1).
+            // The smallest of their stiffnesses is the best upper bound.
             let of = |semi_major_m: f64, semi_minor_m: f64| {
                 let body = closed_forms::Spheroid { semi_major_m, semi_minor_m, outer_radius_m: OUTER_RADIUS_M };
                 body.stiffness_n_per_m(nu, orientation == Orientation::Horizontal)
@@ -161,9 +168,11 @@ fn cylinders_lie_between_the_spheroids_inside_and_around_them() {
     }
 }
 
-/// The mesh turned by a right angle about the force's line and reflected back into the quarter: y and z are exchanged.
+/// Turns the mesh by a right angle about the force's line and reflects it back into the quarter.
+/// This exchanges y and z.
 fn turned_about_the_force(mesh: &Mesh) -> Mesh {
-    // The exchange of two coordinates turns elements inside out. The exchange of two of their directions corrects this.
+    // The exchange of two coordinates inverts the elements. The exchange of two of their reference
+    // directions corrects this.
     let exchange: Vec<usize> = HEXAHEDRON27_REFERENCE_NODES
         .iter()
         .map(|&[x, y, z]| {
@@ -179,8 +188,9 @@ fn turned_about_the_force(mesh: &Mesh) -> Mesh {
     }
 }
 
-/// Turning a body about the force, its long axis from y to z if it stands across, does not change its stiffness. The turned mesh is not a copy
-/// of the original one. The results agree to rounding, because nodes and factor have another order.
+/// Checks that turning a body about the force does not change its stiffness. If it stands across
+/// the force, its long axis turns from y to z. The turned mesh is not a copy of the original one.
+/// The results agree only to rounding, because the nodes and the factorisation have another order.
 #[test]
 #[ignore = "thorough"]
 fn turning_the_body_about_the_force_changes_nothing() {
@@ -196,8 +206,9 @@ fn turning_the_body_about_the_force_changes_nothing() {
     }
 }
 
-/// The robot's force, twice the strain energy divided by its displacement, and the reaction of the outer surface are equal. The reaction is computed
-/// from element matrices, the others from the assembled matrix.
+/// Checks that three forces are equal: the robot's force, twice the strain energy divided by the
+/// displacement, and the reaction of the outer surface. The reaction is computed from element
+/// matrices, the others from the assembled matrix.
 #[test]
 fn energy_is_the_reaction_force() {
     for orientation in ORIENTATIONS {
@@ -222,7 +233,8 @@ fn energy_is_the_reaction_force() {
     }
 }
 
-/// Force along x from the supports of the outer surface at 1 Pa, by the element matrices.
+/// Force along x that the supports of the outer surface exert at 1 Pa, computed from the element
+/// matrices.
 fn force_on_outer_surface(mesh: &Mesh, displacement_m: &[[f64; 3]], poisson_ratio: f64) -> f64 {
     let table = TabulatedElement::of(mesh.element_kind);
     let [two_mu, kappa] = unit_moduli(poisson_ratio);
@@ -242,7 +254,8 @@ fn force_on_outer_surface(mesh: &Mesh, displacement_m: &[[f64; 3]], poisson_rati
     force
 }
 
-/// The volume is that of a quarter of the ball less the body, up to the error of quadratic arcs.
+/// Checks that the volume is a quarter of the ball minus the body, up to the error of quadratic
+/// arcs.
 #[test]
 fn the_meshes_fill_the_space_between() {
     let ball_m3 = 4.0 / 3.0 * PI * 1e-9;

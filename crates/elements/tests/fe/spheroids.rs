@@ -1,8 +1,8 @@
-//! Exact stiffnesses of rigid spheroids, in an infinite medium and at the centre of a sphere.
+//! Exact stiffnesses of rigid spheroids, in an infinite medium and at the centre of a fixed sphere.
 
 use elements::fe::exact::{SphereInContainer, sphere_in_infinite_medium_n_per_m};
 
-/// Stiffnesses of a rigid body of revolution, F/u in N/m for the whole body.
+/// Stiffness F/u (N/m) of a rigid body of revolution, for the whole body.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AxialAndTransverse {
     /// Stiffness for a force along the axis of revolution.
@@ -11,8 +11,9 @@ pub struct AxialAndTransverse {
     pub transverse_n_per_m: f64,
 }
 
-/// Stiffness of a rigid spheroid in an infinite medium (physics §4.3): prolate, oblate or a sphere. Semi-axes in m along and across the axis of revolution. At ν = ½
-/// it is Oberbeck's friction; for a flat disc 32μ(1−ν)b/(3−4ν) along the axis.
+/// Stiffness of a rigid spheroid in an infinite medium (physics §4.3): prolate, oblate or a sphere.
+/// Semi-axes are in m, along and across the axis of revolution. At ν = ½ it equals Oberbeck's
+/// friction. For a flat disc it is 32μ(1−ν)b/(3−4ν) along the axis.
 pub fn spheroid_in_infinite_medium(
     young_modulus_pa: f64,
     poisson_ratio: f64,
@@ -29,17 +30,19 @@ pub fn spheroid_in_infinite_medium(
     AxialAndTransverse { axial_n_per_m: stiffness(a, alpha_axial), transverse_n_per_m: stiffness(b, alpha_transverse) }
 }
 
-/// χ₀ = ∫ dλ/Δ in 1/m and αᵢ = ∫ dλ/((aᵢ² + λ)Δ) in 1/m³, along and across the axis, Δ = (b² + λ)√(a² + λ), λ from 0 to ∞.
+/// Returns χ₀ = ∫ dλ/Δ in 1/m, and αᵢ = ∫ dλ/((aᵢ² + λ)Δ) in 1/m³ along and across the axis. Here
+/// Δ = (b² + λ)√(a² + λ), and λ runs from 0 to ∞.
 fn ellipsoid_integrals(a: f64, b: f64) -> (f64, f64, f64) {
-    // e²; negative for oblate spheroids.
+    // Square of the eccentricity, negative for oblate spheroids.
     let e2 = 1.0 - (b / a) * (b / a);
-    // L/(2e) = Σ e²ᵏ/(2k + 1), and (L − 2e)/(2e³) is the sum from k = 1 divided by e².
+    // The series are L/(2e) = Σ e²ᵏ/(2k + 1), and (L − 2e)/(2e³), which is the sum from k = 1
+    // divided by e².
     let (first, second) = if e2.abs() < 0.05 {
         let series = |from: i32| (from..from + 16).map(|k| e2.powi(k - from) / f64::from(2 * k + 1)).sum::<f64>();
         (series(0), series(1))
     } else {
         let e = e2.abs().sqrt();
-        // Half of L, computed near e = 1 without the difference 1 − e.
+        // Half of L, in a form that avoids the difference 1 − e near e = 1.
         let half = if e2 > 0.0 { ((1.0 + e) * a / b).ln() } else { e.atan() };
         (half / e, (half / e - 1.0) / e2)
     };
@@ -47,8 +50,10 @@ fn ellipsoid_integrals(a: f64, b: f64) -> (f64, f64, f64) {
     (2.0 * first / a, alpha_axial, 0.5 * (2.0 / (a * b * b) - alpha_axial))
 }
 
-/// Stiffness of a rigid spheroid at the centre of a rigid sphere (physics §4.8), from the first reflections at the sphere. The error is of fifth order in the ratio of
-/// the spheroid's size to `outer_radius_m`: 10⁻⁵ for the paper's sizes. Lengths in m, as in [`spheroid_in_infinite_medium`].
+/// Stiffness of a rigid spheroid at the centre of a rigid sphere (physics §4.8), from the first
+/// reflections at the sphere. The error is of fifth order in the ratio of the spheroid's size to
+/// `outer_radius_m`: 10⁻⁵ for the paper's sizes. Lengths are in m; the semi-axes are those of
+/// [`spheroid_in_infinite_medium`].
 pub fn spheroid_in_container(
     young_modulus_pa: f64,
     poisson_ratio: f64,
@@ -85,17 +90,19 @@ fn a_round_spheroid_is_a_sphere() {
         }
         let k = SphereInContainer::new(nu, 0.275e-3, 10e-3).stiffness_n_per_m(2.0);
         for error in ratios(spheroid_in_container(2.0, nu, 0.275e-3, 0.275e-3, 10e-3), k, k) {
-            // 0.0275⁵ = 1.6·10⁻⁸.
+            // The expected error is 0.0275⁵ = 1.6·10⁻⁸.
             assert!(error.abs() < 1e-7, "{error:e}");
         }
     }
 }
 
-/// Closed forms and series on either side of the sphere, and at the switch between them.
+/// Checks closed forms and series of the integrals for prolate and oblate spheroids, and where one
+/// form replaces the other.
 #[test]
 fn spheroid_integrals_are_those_of_their_definition() {
     for (a, b) in [(68.0, 7.0), (1.03, 1.0), (1.02, 1.0), (1.0, 1.0), (1.0, 1.02), (1.0, 1.03), (0.1, 1.0)] {
-        // λ = t²/(1 − t)² maps [0, 1) to [0, ∞); the midpoint rule integrates.
+        // The substitution λ = t²/(1 − t)² maps [0, 1) to [0, ∞). The midpoint rule integrates over
+        // t.
         let n = 200_000;
         let mut sums = [0.0; 3];
         for i in 0..n {
@@ -114,7 +121,8 @@ fn spheroid_integrals_are_those_of_their_definition() {
     }
 }
 
-/// Oberbeck's friction in the form of Chwang & Wu (1975), from distributed singularities, doi:10.1017/S0022112075000614.
+/// Compares with Oberbeck's friction in the form of Chwang & Wu (1975), who derive it from
+/// distributed singularities, doi:10.1017/S0022112075000614.
 #[test]
 fn incompressible_spheroid_has_oberbecks_friction() {
     let (a, b): (f64, f64) = (68.0, 7.0);
@@ -133,10 +141,10 @@ fn flat_spheroid_is_a_disc() {
     let nu = 0.3;
     let shear_modulus_pa = 1.0 / (2.0 * (1.0 + nu));
     let axial = 32.0 * shear_modulus_pa * (1.0 - nu) / (3.0 - 4.0 * nu);
-    // The error from the limit is linear in the thickness.
+    // The difference from the disc's limit is linear in the thickness.
     let found = spheroid_in_infinite_medium(1.0, nu, 1e-6, 1.0);
     assert!((found.axial_n_per_m / axial - 1.0).abs() < 1e-5);
-    // At ν = ½: 16μb and 32μb/3.
+    // Limits of a disc at ν = ½: 16μb along the axis and 32μb/3 across it.
     let errors = ratios(spheroid_in_infinite_medium(3.0, 0.5, 1e-6, 1.0), 16.0, 32.0 / 3.0);
     assert!(errors.iter().all(|e| e.abs() < 1e-5), "{errors:?}");
 }

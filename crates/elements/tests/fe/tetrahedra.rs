@@ -1,4 +1,5 @@
-//! Tetrahedra: imported meshes can be solved, and the errors match the import's warnings (physics §3.4, §3.5).
+//! Tests of tetrahedra: imported meshes can be solved, and the errors match the import's warnings
+//! (physics §3.4, §3.5).
 
 use std::path::Path;
 
@@ -12,7 +13,7 @@ use nalgebra::{Matrix3, Vector3};
 const ROBOT_RADIUS_M: f64 = 0.275e-3;
 const OUTER_RADIUS_M: f64 = 10e-3;
 
-/// Number of unknowns, and relative error of the stiffness at each Poisson ratio.
+/// Returns the number of unknowns, and the relative error of the stiffness at each Poisson ratio.
 fn errors<const N: usize>(mesh: &Mesh, poisson_ratios: [f64; N]) -> (usize, [f64; N]) {
     let stiffness = Stiffness::new(mesh).expect("a sound mesh");
     let error = |poisson_ratio| {
@@ -33,15 +34,17 @@ fn ball(n_per_edge: usize, n_layers: usize) -> Mesh {
     ball.mesh().expect("the radii are in order")
 }
 
-/// Node of a hexahedron at integer coordinates 0, 1, 2.
+/// Node of a hexahedron at the integer coordinates `grid`, each 0, 1 or 2.
 fn at(hexahedron: &[u32], grid: [usize; 3]) -> u32 {
     let wanted = grid.map(|g| g as f64 - 1.0);
     let slot = HEXAHEDRON27_REFERENCE_NODES.iter().position(|node| *node == wanted);
     hexahedron[slot.expect("every grid point has a node")]
 }
 
-/// The six tetrahedra of the cell at `origin` with edges of `size`, by their corners. Each face that does not hold the node of the smallest number is
-/// cut along the diagonal from its own smallest node and joined to that node. Neighbours therefore agree on the cut.
+/// Cuts the cell at `origin` with edges of `size` into six tetrahedra, and returns their corners.
+/// One corner of the cell has the smallest node number. Each face without that corner is cut along
+/// the diagonal from the face's own smallest node and joined to that corner. Neighbouring cells
+/// therefore agree on the cut.
 fn cut(hexahedron: &[u32], origin: [usize; 3], size: usize) -> Vec<[[usize; 3]; 4]> {
     let corner = |k: usize| std::array::from_fn::<_, 3, _>(|d| origin[d] + size * (k >> d & 1));
     let number = |grid: &[usize; 3]| at(hexahedron, *grid);
@@ -63,7 +66,8 @@ fn cut(hexahedron: &[u32], origin: [usize; 3], size: usize) -> Vec<[[usize; 3]; 
     tetrahedra
 }
 
-/// The built-in mesh cut into tetrahedra on its nodes: six with 10 nodes, or 48 with 4 nodes, per hexahedron.
+/// The built-in mesh, cut into tetrahedra on its nodes. Each hexahedron gives six tetrahedra with
+/// 10 nodes or 48 with 4 nodes.
 fn tetrahedral(mut mesh: Mesh, kind: ElementKind) -> Mesh {
     const EDGES: [[usize; 2]; 6] = [[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]];
     let mut connectivity = Vec::new();
@@ -87,7 +91,8 @@ fn tetrahedral(mut mesh: Mesh, kind: ElementKind) -> Mesh {
     mesh
 }
 
-/// Meshes from Gmsh are coarse, so that the errors are large: 1.2 % and 3.8 % were measured with 3,034 unknowns.
+/// Checks that meshes from Gmsh can be solved. They are coarse, so that the errors are large: 1.2 %
+/// and 3.8 % were measured with 3,034 unknowns.
 #[test]
 fn meshes_from_gmsh_solve() {
     let (n_unknowns, quadratic) = errors(&gmsh("quarter_sphere_tet10.msh"), [0.3, 0.48]);
@@ -100,7 +105,8 @@ fn meshes_from_gmsh_solve() {
     assert!(linear[0] > 0.0 && linear[0] < 0.15 && linear[1] < 0.2, "{linear:?}");
 }
 
-/// On 15,480 unknowns each, hexahedra do not lock, 10-node tetrahedra lock a little above ν = 0.49, and 4-node ones lock badly.
+/// Compares elements on 15,480 unknowns each. Hexahedra do not lock, 10-node tetrahedra lock a
+/// little above ν = 0.49, and 4-node ones lock badly.
 #[test]
 #[ignore = "thorough"]
 fn tetrahedra_lock_where_the_warnings_say() {
@@ -116,7 +122,8 @@ fn tetrahedra_lock_where_the_warnings_say() {
     assert!(linear[0] < 0.02 && linear[1] > 0.08 && linear[2] > 1.0, "{linear:?}");
 }
 
-/// The stiffness error away from ν = ½ falls at the fourth order, twice the order of the energy norm.
+/// Checks that away from ν = ½ the stiffness error falls at fourth order, which is twice the order
+/// of the energy norm.
 #[test]
 fn quadratic_tetrahedra_converge() {
     let error = |n| errors(&tetrahedral(ball(n, 4 * n), ElementKind::Tetrahedron10), [0.3]).1[0];

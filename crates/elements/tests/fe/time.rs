@@ -1,4 +1,5 @@
-//! Full-order time stepping against ∫J dF (physics §4.5). The bytes do not depend on the number of threads.
+//! Tests of full-order time stepping against ∫J dF (physics §4.5). Results must be equal to the bit
+//! for any number of threads.
 
 use elements::fe::Stiffness;
 use elements::fe::exact::SphereInContainer;
@@ -19,7 +20,8 @@ fn lethersich() -> CreepCompliance {
     CreepCompliance::lethersich(&[3.527, 1.402, 47.370])
 }
 
-/// A spring, two Kelvin–Voigt bodies with retardation times a factor of a hundred apart, and a dashpot.
+/// A law of a spring, two Kelvin–Voigt bodies whose retardation times differ by a factor of a
+/// hundred, and a dashpot.
 fn rich_law() -> CreepCompliance {
     CreepCompliance {
         instantaneous_per_pa: 0.05,
@@ -31,7 +33,8 @@ fn rich_law() -> CreepCompliance {
     }
 }
 
-/// Irregular times (s), with a gap and rows 1 ms apart, and forces (N): switches, a ramp of small steps, zero holds, a force that returns.
+/// Irregular times (s), with a gap and rows 1 ms apart, and forces (N). The forces contain
+/// switches, a ramp of small steps, zero holds, and a return to an earlier value.
 fn irregular_load() -> (Vec<f64>, Vec<f64>) {
     let (mut time_s, mut force_n, mut t) = (Vec::new(), Vec::new(), 0.0);
     for row in 0..160_u32 {
@@ -54,7 +57,8 @@ fn irregular_load() -> (Vec<f64>, Vec<f64>) {
     (time_s, force_n)
 }
 
-/// Superposition of force steps Σ ΔFₖ J(t − tₖ). It is the limit from the left, so that a step counts only after its own row.
+/// Superposition of force steps Σ ΔFₖ J(t − tₖ). It is the limit from the left, so that a force
+/// step counts only after its own row.
 fn superposition(compliance_per_m: f64, law: &CreepCompliance, time_s: &[f64], force_n: &[f64]) -> Vec<f64> {
     let position = |row: usize| -> f64 {
         let step =
@@ -64,7 +68,7 @@ fn superposition(compliance_per_m: f64, law: &CreepCompliance, time_s: &[f64], f
     (0..time_s.len()).map(position).collect()
 }
 
-/// Largest difference, divided by the largest value of `exact`.
+/// Largest difference of two lists, divided by the largest value of `exact`.
 fn distance(found: &[f64], exact: &[f64]) -> f64 {
     assert_eq!(found.len(), exact.len());
     let amplitude = exact.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
@@ -93,7 +97,7 @@ fn exponential_steps_are_the_superposition_to_rounding() {
     }
 }
 
-/// Every unknown of the field follows the superposition u(x, t) = U(x) q(t), like the robot's.
+/// Checks that every unknown follows the superposition u(x, t) = U(x) q(t), like the robot's.
 #[test]
 fn fields_follow_the_superposition_too() {
     let stiffness = Stiffness::new(&mesh(1, 4)).expect("a sound mesh");
@@ -101,7 +105,7 @@ fn fields_follow_the_superposition_too() {
     let (time_s, force_n) = irregular_load();
     let load = model.solve_load(&time_s, &force_n);
     let unit = stiffness.factor(POISSON_RATIO).expect("positive definite").unit_response();
-    // q(t) in N/Pa on the quarter model: the compliance is ¼.
+    // q(t) in N/Pa on the quarter model is the superposition with a compliance of ¼.
     let q = superposition(0.25, &rich_law(), &time_s, &force_n);
     let rows = [1, 39, 76, 99, 121, 159];
     for (&row, field) in rows.iter().zip(model.fields(&load, &rich_law(), &rows)) {
@@ -110,7 +114,8 @@ fn fields_follow_the_superposition_too() {
     }
 }
 
-/// The midpoint rule with n equal steps per hold converges to the exponential result.
+/// Checks that the midpoint rule with n equal steps per hold converges to the exponential result at
+/// second order.
 #[test]
 fn midpoint_rule_converges_at_second_order_to_the_exponential_result() {
     let stiffness = Stiffness::new(&mesh(1, 4)).expect("a sound mesh");
@@ -132,7 +137,8 @@ fn midpoint_rule_converges_at_second_order_to_the_exponential_result() {
     assert!(errors[3] < 1e-5, "{errors:?}");
 }
 
-/// All steps from mesh to trajectory give equal bytes in pools of one and two threads, twice each.
+/// Checks all operations from the mesh to the trajectory. They run in pools of one and of two
+/// threads, twice each, and must give equal bits.
 #[test]
 fn the_same_bytes_for_any_number_of_threads() {
     let (time_s, force_n) = irregular_load();

@@ -1,4 +1,4 @@
-//! HTML pages: each is one file that loads nothing, needs no script and prints on A4. They show documents and figures, and compute nothing.
+//! Makes HTML pages that show documents and figures, and compute nothing. Each page is a single file without scripts. It loads nothing else, and prints on A4.
 
 mod sheets;
 mod study;
@@ -14,22 +14,22 @@ pub use study::{LadderPage, RevisionPage, StudyPage, study, study_parts};
 
 /// Maximum size of a page in bytes, so that it can be sent by mail.
 const MOST_BYTES: usize = 3_000_000;
-/// Part of this size that is reserved for text and tables.
+/// Number of these bytes that are reserved for text and tables.
 const TEXT_BYTES: usize = 400_000;
 
-/// Style sheet of the page and its parts.
+/// Style sheet of all pages and of parts of pages.
 pub const STYLE: &str = include_str!("style.css");
 
 /// Figure on a page.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Figure {
-    /// File in the study with the same figure, for separate use.
+    /// Path in the study of a file with this figure.
     pub file: String,
-    /// Drawing; `None` if it was omitted to limit the page's size.
+    /// Drawing as SVG; `None` if it was omitted to limit the size of the page.
     pub svg: Option<String>,
 }
 
-/// Tone of a verdict, shown by a mark, a word and a colour.
+/// Tone of a verdict. A mark, a word and a colour show it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Tone {
     Sound,
@@ -55,7 +55,7 @@ impl Tone {
     }
 }
 
-/// Omits the largest figures until the rest fits into a page.
+/// Omits the largest figures until the remaining figures fit into a page.
 fn drop_largest_figures<'a>(figures: impl Iterator<Item = &'a mut Figure>) {
     let mut figures: Vec<&mut Figure> = figures.collect();
     let size = |figure: &Figure| figure.svg.as_ref().map_or(0, String::len);
@@ -70,7 +70,7 @@ fn drop_largest_figures<'a>(figures: impl Iterator<Item = &'a mut Figure>) {
     }
 }
 
-/// Whole page around its body.
+/// HTML of a complete page with this title and body.
 fn page(title: &str, body: &Markup) -> String {
     let shell = html! {
         (DOCTYPE)
@@ -87,12 +87,12 @@ fn page(title: &str, body: &Markup) -> String {
     shell.into_string()
 }
 
-/// Section with a heading, which is a target of the contents.
+/// Section with a heading. The table of contents links to its `id`.
 fn section(id: &str, heading: &str, body: &Markup) -> Markup {
     html! { section id=(id) { h2 { (heading) } (body) } }
 }
 
-/// Drawing with its caption. The drawing is made by the program, so it is inserted unescaped.
+/// Drawing with a caption. The program itself makes the drawing, so its SVG is inserted without escaping.
 fn figure(figure: &Figure, caption: &str) -> Markup {
     html! {
         figure {
@@ -105,17 +105,17 @@ fn figure(figure: &Figure, caption: &str) -> Markup {
     }
 }
 
-/// Drawing that is folded until a reader opens it.
+/// Drawing with a caption that is hidden until a reader opens it.
 fn folded(drawing: &Figure, caption: &str) -> Markup {
     html! { details { summary { (caption) } (figure(drawing, caption)) } }
 }
 
-/// Table of numbers; the first cell of each row is its heading.
+/// Table of numbers. The first cell of each row is the row's heading.
 fn table(caption: &str, heads: &[&str], rows: &[Vec<String>]) -> Markup {
     table_of("", caption, heads, rows)
 }
 
-/// Table whose last two columns are text.
+/// Table of numbers whose last two columns are text.
 fn table_that_ends_in_words(caption: &str, heads: &[&str], rows: &[Vec<String>]) -> Markup {
     table_of("ends-in-words", caption, heads, rows)
 }
@@ -140,12 +140,12 @@ fn table_of(class: &str, caption: &str, heads: &[&str], rows: &[Vec<String>]) ->
     }
 }
 
-/// Text of an interval.
+/// Text of an interval from `low` to `high`.
 fn interval(low: f64, high: f64) -> String {
     format!("{} to {}", format_significant(low, 4), format_significant(high, 4))
 }
 
-/// Table of the inputs' hashes.
+/// Table of the inputs' SHA-256 hashes.
 fn input_hash_table(inputs_sha256: &BTreeMap<String, String>) -> Markup {
     let rows: Vec<Vec<String>> = inputs_sha256.iter().map(|(name, hash)| vec![name.clone(), hash.clone()]).collect();
     table("SHA-256 of the inputs", &["input", "SHA-256"], &rows)

@@ -1,4 +1,4 @@
-//! Pages of single documents: comparison of species and regions, study of robot shapes, and challenges.
+//! Pages of single documents: the comparison of groups, the study of robot shapes, and the results of challenges.
 
 use std::collections::BTreeMap;
 
@@ -14,18 +14,18 @@ use documents::groups::{GroupsSummary, RatioVerdict};
 use documents::posterior::Warning;
 use documents::shapes::{ClaimVerdict, ShapesSummary};
 
-/// Origin of a document.
+/// Program version, seed and inputs that a document was made with.
 #[derive(Debug)]
 pub struct Origin {
     /// Version of the program.
     pub version: String,
     /// Seed of all random streams.
     pub seed: u64,
-    /// SHA-256 of all inputs, by name.
+    /// SHA-256 hash of each input, by name.
     pub inputs_sha256: BTreeMap<String, String>,
 }
 
-/// Page of `groups`.
+/// HTML page of the document of `groups`.
 pub fn groups(summary: &GroupsSummary, figures: Vec<Figure>, origin: &Origin) -> String {
     let tone = if summary.is_sound() { Tone::Sound } else { Tone::Wrong };
     let heads: Vec<String> = std::iter::once("specimens".to_string())
@@ -92,7 +92,7 @@ pub fn groups(summary: &GroupsSummary, figures: Vec<Figure>, origin: &Origin) ->
     document_page("Comparison of species and regions", &body, figures, &summary.warnings, origin)
 }
 
-/// Page of `shapes`.
+/// HTML page of the document of `shapes`.
 pub fn shapes(summary: &ShapesSummary, figures: Vec<Figure>, origin: &Origin) -> String {
     let claims = summary.claims.iter().map(|claim| {
         let verdict = match claim.verdict {
@@ -140,24 +140,24 @@ pub fn shapes(summary: &ShapesSummary, figures: Vec<Figure>, origin: &Origin) ->
     document_page("Comparison of robot shapes", &body, figures, &summary.warnings, origin)
 }
 
-/// Results of many challenges as tables of text.
+/// Results of a run of challenges, as tables of text.
 #[derive(Debug)]
 pub struct PlaysPage {
-    /// Number of challenges played.
+    /// Number of challenges that were played.
     pub played: usize,
     /// Number of challenges whose diagnosis failed.
     pub failed: usize,
-    /// Hidden truths, their numbers of plays, and the verdicts on them.
+    /// Table with a row for each hidden truth: its name, its number of plays, and the verdicts on it.
     pub verdicts: Vec<Vec<String>>,
-    /// Rates.
+    /// Table of rates: name and value.
     pub rates: Vec<Vec<String>>,
-    /// Column heads of the table of results by sort, protocol, noise and signal.
+    /// Heads of the columns of `groups`.
     pub group_heads: Vec<&'static str>,
-    /// Rows of that table.
+    /// Table of results, with a row for each combination of sort, protocol, noise and signal.
     pub groups: Vec<Vec<String>>,
 }
 
-/// Page of `challenge run`.
+/// HTML page of the results of `challenge run`.
 pub fn plays(content: &PlaysPage, origin: &Origin) -> String {
     let body = html! {
         p.lead { (content.played) @if content.played == 1 { " record" } @else { " records" } " with hidden effects or none, diagnosed and compared with the truth."
@@ -169,7 +169,7 @@ pub fn plays(content: &PlaysPage, origin: &Origin) -> String {
     document_page("Results of challenges", &body, Vec::new(), &[], origin)
 }
 
-/// Page with the parts common to all documents.
+/// HTML page with the elements that all documents have: title, contents and origin.
 fn document_page(
     title: &str,
     body: &Markup,

@@ -1,4 +1,4 @@
-//! Page of a study: measurement, parameters with their uncertainty, misfits, missing effects, and the fall of the error.
+//! HTML page of a study: measurement, parameters with their uncertainty, misfits, missing effects, and the decrease of the error from revision to revision.
 
 use std::collections::BTreeMap;
 
@@ -19,50 +19,50 @@ use documents::learned::{FormulaParameter, Learned, LearnedPair};
 use documents::posterior::{PosteriorSummary, Warning};
 use documents::trust::{Trust, TrustLevel};
 
-/// All documents of a study, as stored.
+/// All documents of a study that its page shows.
 #[derive(Debug)]
 pub struct StudyPage {
-    /// Description of the measurement, and contradictions with it.
+    /// Description of the measurement, and contradictions between this description and the data.
     pub record: CheckSummary,
-    /// Revisions in their order; at least one.
+    /// Revisions of the study in order; at least one.
     pub revisions: Vec<RevisionPage>,
-    /// Comparison of all revisions on the same cycles, if `ladder` has run.
+    /// Comparison of all revisions on equal cycles; `None` if `ladder` has not run.
     pub ladder: Option<LadderPage>,
     /// Version of the program.
     pub version: String,
-    /// SHA-256 of all inputs, by name.
+    /// SHA-256 hash of each input, by name.
     pub inputs_sha256: BTreeMap<String, String>,
     /// Command lines that reproduce the study.
     pub commands: Vec<String>,
 }
 
-/// One revision.
+/// Documents and figures of one revision.
 #[derive(Debug)]
 pub struct RevisionPage {
-    /// Name: `m0`, `m1`, ….
+    /// Name of the revision: `m0`, `m1`, ….
     pub name: String,
-    /// Posterior.
+    /// Summary of the posterior.
     pub posterior: PosteriorSummary,
-    /// Misfits, if `compare` has run.
+    /// Misfits of the revision; `None` if `compare` has not run.
     pub comparison: Option<Comparison>,
-    /// Missing effects, if `diagnose` has run.
+    /// Missing effects of the revision; `None` if `diagnose` has not run.
     pub diagnosis: Option<Diagnosis>,
-    /// Correction of the law learnt from data, if `learn` has run.
+    /// Correction of the law that was learnt from data; `None` if `learn` has not run.
     pub learned: Option<Learned>,
-    /// Changes from the revision that it extends, if any.
+    /// Differences from the revision that this one extends; `None` for the first revision.
     pub extension: Option<ExtensionSummary>,
-    /// Equivalents of its effects, from diagnoses.
+    /// Effects that are equivalent to effects of this revision, from diagnoses.
     pub equivalents: Vec<EquivalentEffects>,
-    /// Figures, by the stems of their file names.
+    /// Figures of the revision. The key is the file name without its extension.
     pub figures: BTreeMap<String, Figure>,
 }
 
-/// Comparison of all revisions.
+/// Comparison of all revisions of a study, with its figure.
 #[derive(Debug)]
 pub struct LadderPage {
-    /// Document.
+    /// Document of the comparison.
     pub summary: LadderSummary,
-    /// Figure.
+    /// Figure of the comparison.
     pub figure: Figure,
 }
 
@@ -76,7 +76,8 @@ impl RevisionPage {
         self.posterior.is_sound() && self.extension.as_ref().is_none_or(ExtensionSummary::is_sound)
     }
 
-    /// Lower of the trust levels of the posterior and the extension. It is at most `effective` if the diagnosis or the comparison finds misfits.
+    /// Level of trust in the revision: the lower of the levels in the posterior and the extension. If the diagnosis or the comparison finds misfits, it is at
+    /// most `effective`.
     fn trust(&self) -> Trust {
         let of_extension = self.extension.iter().map(|extension| &extension.trust);
         let entry = of_extension.chain([&self.posterior.trust]).max_by_key(|trust| trust.level).cloned();
@@ -107,7 +108,7 @@ impl RevisionPage {
     }
 }
 
-/// Page of a study; equal documents give equal bytes.
+/// HTML page of a study. Equal documents give equal bytes.
 pub fn study(mut content: StudyPage) -> String {
     let ladder = content.ladder.iter_mut().map(|ladder| &mut ladder.figure);
     drop_largest_figures(content.revisions.iter_mut().flat_map(|revision| revision.figures.values_mut()).chain(ladder));
@@ -127,7 +128,7 @@ pub fn study(mut content: StudyPage) -> String {
     page(&format!("{name} – vitreo-uq"), &body)
 }
 
-/// Parts of the page by name, as HTML, for another page that arranges them; `suspects` is the table of candidate effects of the last revision.
+/// Name and HTML of each part of the page, for another page that arranges them. The part `suspects` is the table of candidate effects of the last revision.
 pub fn study_parts(content: &StudyPage) -> Vec<(&'static str, String)> {
     let last = content.revisions.last();
     let head = last.map(|last| {
@@ -138,7 +139,7 @@ pub fn study_parts(content: &StudyPage) -> Vec<(&'static str, String)> {
     head.into_iter().flatten().chain(sections).map(|(id, body)| (id, body.into_string())).collect()
 }
 
-/// Sections in their order: name for links, heading, and content.
+/// Sections of the page in order: name for links, heading, and content.
 fn sections(content: &StudyPage) -> [(&'static str, &'static str, Markup); 9] {
     [
         ("measured", "Measurement", measured(content)),
@@ -173,7 +174,7 @@ fn verdict(content: &StudyPage, last: &RevisionPage) -> Markup {
     } else {
         (Tone::Sound, trust.level.words())
     };
-    // The heading is the trust level, or a more serious result of a diagnosis or a comparison.
+    // The heading is the level of trust, unless a diagnosis or a comparison has a more serious result.
     let reason = if heading == trust.level.words() { sentence(&trust.reason) } else { trust.to_string() };
     let extended = last.extension.as_ref().map(|extension| extension.sentence.as_str());
     let misfit = heldout.rmse_um.map(|rmse| {
@@ -207,14 +208,14 @@ fn verdict(content: &StudyPage, last: &RevisionPage) -> Markup {
     }
 }
 
-/// Text as a sentence, with a capital and a full stop.
+/// Turns a text into a sentence, with a capital letter and a full stop.
 fn sentence(words: &str) -> String {
     let mut letters = words.chars();
     let first: String = letters.next().map_or(String::new(), |first| first.to_uppercase().collect());
     format!("{first}{}.", letters.as_str())
 }
 
-/// Tables of the parameters of the law and of added effects.
+/// Tables of parameters: those of the law, and those of added effects.
 fn parameters(last: &RevisionPage) -> Markup {
     let rows = last.posterior.parameters.iter().map(|p| {
         let label = parameter_label(&p.name);
@@ -226,7 +227,7 @@ fn parameters(last: &RevisionPage) -> Markup {
     }
 }
 
-/// Table of the parameters of equivalent effects, side by side.
+/// Table of the parameters of equivalent effects, with one column for each effect's refit.
 fn equivalent_refits(equivalent_effects: &EquivalentEffects) -> Markup {
     let row = |refit: &EquivalentRefit| {
         let of = |p: &RefitParameter| {
@@ -271,7 +272,7 @@ fn against_measurement(content: &StudyPage) -> Markup {
     }
 }
 
-/// Table of the errors and coverage on held-out cycles.
+/// Table of errors and coverage on held-out cycles.
 fn heldout_table(last: &RevisionPage) -> Markup {
     let heldout = &last.posterior.heldout;
     let percent = |value: Option<f64>| value.map_or("–".into(), |value| format!("{:.0} %", 100.0 * value));
@@ -345,7 +346,7 @@ fn missing(content: &StudyPage) -> Markup {
     }
 }
 
-/// Table of the formula's parameters, and of all pairs of quantity and state.
+/// Tables of a learnt correction: the parameters of its formula, and all pairs of a quantity and a state variable that were tried.
 fn learned_tables(learned: &Learned) -> Markup {
     let formula = learned.formula.as_ref().map(|formula| {
         let row = |p: &FormulaParameter| {
@@ -370,7 +371,7 @@ fn learned_tables(learned: &Learned) -> Markup {
     }
 }
 
-/// Table of all candidate effects by decreasing gain.
+/// Table of all candidate effects, in order of decreasing gain.
 fn candidate_table(diagnosis: &Diagnosis) -> Markup {
     let smallest = |slug: &str| {
         let entry = diagnosis.smallest_detectable.iter().find(|entry| entry.effect == slug);
@@ -509,7 +510,7 @@ fn errors(content: &StudyPage) -> Markup {
     }
 }
 
-/// Section of the warnings of all revisions, each once, with the names of its revisions.
+/// Section with the warnings of all revisions. Each warning occurs once, with the names of its revisions.
 fn warnings_section(content: &StudyPage) -> Markup {
     let mut all: Vec<(&Warning, Vec<&str>)> = Vec::new();
     for revision in &content.revisions {

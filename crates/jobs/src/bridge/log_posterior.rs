@@ -1,4 +1,5 @@
-//! `posterior`: maps the parameters of model and noise to the logarithm of prior × likelihood, over the untransformed parameters.
+//! Model `posterior` for other programs. It maps the parameters of model and noise to ln(prior × likelihood), as a density over the untransformed
+//! parameters.
 
 use serde::Deserialize;
 use serde_json::Value;
@@ -12,13 +13,13 @@ use posterior::likelihood::ReducedPosterior;
 use posterior::prepared::PreparedModel;
 use posterior::problem::Problem;
 
-/// Largest number of points in one request.
+/// Largest number of points whose densities one request may ask for.
 pub const MAX_POINTS: usize = 10_000;
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Config {
-    /// Number of points in the request's vector, one after another.
+    /// Number of points whose coordinates the request lists one after another.
     #[serde(default = "one")]
     points: usize,
 }
@@ -33,7 +34,7 @@ impl Default for Config {
     }
 }
 
-/// Log-density of the posterior of the fitted cycles, with its gradient.
+/// Log posterior density for the fitted cycles, with its gradient.
 pub struct Posterior<'a> {
     problem: &'a Problem,
     trained: &'a [TrainedRange],
@@ -42,7 +43,7 @@ pub struct Posterior<'a> {
 }
 
 impl<'a> Posterior<'a> {
-    /// Prepares the reduced model for the fitted cycles.
+    /// Makes the model from a prepared reduced model.
     pub fn new(model: &'a PreparedModel) -> Self {
         let problem = &model.problem;
         let noise = problem.noise_likelihood(&problem.experiment.calibration_cycles);
@@ -52,7 +53,7 @@ impl<'a> Posterior<'a> {
         Self { problem, trained: &model.trained, density: model.posterior(), gradient }
     }
 
-    /// Returns the sampled parameters, in order.
+    /// Sampled parameters, which are the inputs of the model, in order.
     pub fn inputs(&self) -> Vec<BridgeInput> {
         let input = |prior: &posterior::prior::Prior| {
             let (lower, upper) = prior.distribution.support();
@@ -63,15 +64,15 @@ impl<'a> Posterior<'a> {
         self.problem.priors.priors().iter().map(input).collect()
     }
 
-    /// Number of free parameters.
+    /// Number of sampled parameters.
     pub fn n_inputs(&self) -> usize {
         self.problem.priors.priors().len()
     }
 
-    /// Log-densities of the points that `points` lists one after another. The value is −∞ where the density is 0.
+    /// Log-densities of several points, whose coordinates `points` lists one after another. The value is −∞ where the density is 0.
     ///
     /// # Errors
-    /// [`Error::Numerical`] if a log-density is not a number, which is a fault of the model.
+    /// [`Error::Numerical`] if a log-density is NaN, which is a fault of the model.
     pub fn log_densities(&self, points: &[f64]) -> Result<Vec<f64>> {
         let n = points.len() / self.n_inputs();
         let columns: Vec<f64> =
@@ -87,7 +88,7 @@ impl<'a> Posterior<'a> {
         }
     }
 
-    /// Gradient at a point. It is 0 where the density is 0, because the finite substitute for −∞ is constant.
+    /// Gradient of the log-density at a point. It is 0 where the density is 0, because the finite number that replaces −∞ is constant.
     ///
     /// # Errors
     /// As [`Posterior::log_densities`]; also [`Error::Numerical`] if a parameter has no derivative.
@@ -96,17 +97,17 @@ impl<'a> Posterior<'a> {
         self.slope(point, densities.first().copied().unwrap_or(f64::NEG_INFINITY))
     }
 
-    /// Gradient at a point whose log-density is known.
+    /// Gradient of the log-density at a point where its value is known.
     fn slope(&self, point: &[f64], log_density: f64) -> Result<Vec<f64>> {
         if log_density == f64::NEG_INFINITY { Ok(vec![0.0; point.len()]) } else { self.gradient.gradient(point) }
     }
 
-    /// Log-densities for the protocol. A value that is not a number is reported as a fault of the model.
+    /// Log-densities for an answer of the protocol. NaN is reported as a fault of the model.
     fn served_log_densities(&self, points: &[f64]) -> BridgeOutcome<Vec<f64>> {
         self.log_densities(points).map_err(|error| Refusal::InvalidOutput(error.to_string()))
     }
 
-    /// Gradients at points that are listed one after another.
+    /// Gradients of the log-density at several points, whose coordinates are listed one after another.
     fn gradients(&self, points: &[f64]) -> BridgeOutcome<Vec<Vec<f64>>> {
         let densities = self.served_log_densities(points)?;
         points

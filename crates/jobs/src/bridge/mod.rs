@@ -1,7 +1,7 @@
-//! Models for other programs, served by the protocol of UM-Bridge 1.0 (docs/serve.md).
+//! Models that other programs can call by the protocol UM-Bridge 1.0 (docs/serve.md).
 //!
-//! `protocol` reads and answers requests to any model; `trajectory` and `posterior` are the models.
-//! Each model has one input vector and one output vector, with the numbers and units of the study's documents.
+//! `protocol` reads and answers the requests. `trajectory` and `posterior` are the models. Each has one input vector and one output vector. Parameter
+//! values and units are those of the study's documents.
 
 mod log_posterior;
 mod protocol;
@@ -17,23 +17,23 @@ use posterior::prepared::PreparedModel;
 use posterior::prior::Prior;
 use protocol::ServedModel;
 
-/// The two models that one prepared model offers.
+/// The models `trajectory` and `posterior`, made from one prepared model.
 pub struct BridgeModels<'a> {
     trajectory: Trajectory<'a>,
     posterior: Posterior<'a>,
 }
 
-/// Description of an input parameter for people.
+/// Input parameter of a model, described for people.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BridgeInput {
-    /// Prior of the parameter, with name and unit.
+    /// Prior of the parameter, with its name and unit.
     pub prior: Prior,
-    /// Smallest and largest value at which the posterior density is positive.
+    /// Interval in which the posterior density is positive: smallest and largest value.
     pub ends: (f64, f64),
 }
 
 impl<'a> BridgeModels<'a> {
-    /// Prepares both models.
+    /// Makes both models from a prepared model.
     ///
     /// # Errors
     /// [`Error::BridgeInput`] if every parameter is fixed.
@@ -58,12 +58,12 @@ impl<'a> BridgeModels<'a> {
         &self.posterior
     }
 
-    /// Answers a request with the given `body`.
+    /// Answers a request to `endpoint`. `body` is the JSON text of the request.
     pub fn answer(&self, endpoint: Endpoint, body: &[u8]) -> BridgeResponse {
         protocol::answer(&[&self.trajectory as &dyn ServedModel, &self.posterior], endpoint, body)
     }
 
-    /// Size limit of a request in bytes. A number takes at most 24 characters, a comma and a space.
+    /// Size limit of a request in bytes. Each number may take 24 characters, a comma and a space.
     pub fn max_request_bytes(&self) -> usize {
         const FRAME: usize = 1 << 16;
         const NUMBER: usize = 32;
@@ -71,17 +71,17 @@ impl<'a> BridgeModels<'a> {
         FRAME + NUMBER * (n_rows + n_inputs + MAX_POINTS * (n_inputs + 1))
     }
 
-    /// Inputs of `posterior`, in order. The first [`BridgeModels::n_trajectory_inputs`] of them are the inputs of `trajectory`.
+    /// Inputs of `posterior`, in order. The first [`BridgeModels::n_trajectory_inputs`] are also the inputs of `trajectory`.
     pub fn inputs(&self) -> Vec<BridgeInput> {
         self.posterior.inputs()
     }
 
-    /// Number of inputs of `trajectory`, which takes every parameter except those of the noise.
+    /// Number of inputs of `trajectory`. They are all parameters that are not fixed, except those of the noise.
     pub fn n_trajectory_inputs(&self) -> usize {
         self.trajectory.n_inputs()
     }
 
-    /// Number of outputs of `trajectory`, which is the record's number of rows.
+    /// Number of outputs of `trajectory`, one per row of the record.
     pub fn n_rows(&self) -> usize {
         self.trajectory.n_rows()
     }

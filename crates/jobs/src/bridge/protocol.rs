@@ -1,25 +1,25 @@
-//! The protocol's requests, answers and errors.
+//! Requests, answers and errors of the UM-Bridge protocol.
 //!
-//! A request is a JSON object with the model's `name`. `input` lists the input vectors and `config` the settings. Every error is
-//! `{"error": {"type", "message"}}` with status 400, or 500 for a fault of the model.
+//! A request is a JSON object: `name` is the model, `input` lists the input vectors, and `config` holds settings. An error is `{"error": {"type",
+//! "message"}}`. Its HTTP status is 400, or 500 for a fault of the model.
 
 use serde_json::{Map, Value, json};
 
 use base::error::Error;
 use posterior::outside::Endpoint;
 
-/// Substitute for −∞, which JSON cannot express: the lowest finite number. Samplers refuse such a point even after they add other terms.
+/// Number that replaces −∞, which JSON cannot express. It is the lowest finite number, so samplers refuse such a point even after they add other terms.
 pub const NEGATIVE_INFINITY_SUBSTITUTE: f64 = f64::MIN;
 
-/// Version of the protocol.
+/// Version of UM-Bridge.
 const VERSION: f64 = 1.0;
 
-/// Answer to a request.
+/// HTTP answer to a request.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BridgeResponse {
-    /// HTTP status.
+    /// HTTP status code.
     pub status: u16,
-    /// The JSON object.
+    /// JSON object with the result or the error.
     pub body: Value,
 }
 
@@ -29,7 +29,7 @@ pub(super) enum Refusal {
     ModelNotFound(String),
     UnsupportedFeature(String),
     InvalidInput(String),
-    /// Fault of the model.
+    /// Fault of the model, with a message.
     InvalidOutput(String),
 }
 
@@ -49,7 +49,7 @@ impl Refusal {
     }
 }
 
-/// Reports a point without a model as a fault of the request.
+/// Errors at a point for which the model has no prediction are faults of the request.
 impl From<Error> for Refusal {
     fn from(error: Error) -> Self {
         Self::InvalidInput(error.to_string())
@@ -58,25 +58,26 @@ impl From<Error> for Refusal {
 
 pub(super) type BridgeOutcome<T> = std::result::Result<T, Refusal>;
 
-/// Lengths of a model's input vector and output vector.
+/// Lengths of the input vector and of the output vector of a model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct InterfaceSizes {
     pub inputs: usize,
     pub outputs: usize,
 }
 
-/// Model with one input vector and one output vector. `config` comes from the request, or is [`Value::Null`]. Vectors have the lengths that `sizes` returns.
+/// Model with one input vector and one output vector. Their lengths are those that `sizes` returns. `config` comes from the request, or is
+/// [`Value::Null`].
 pub(super) trait ServedModel: Sync {
     fn name(&self) -> &'static str;
     fn sizes(&self, config: &Value) -> BridgeOutcome<InterfaceSizes>;
     fn evaluate(&self, config: &Value, point: &[f64]) -> BridgeOutcome<Vec<f64>>;
-    /// Σ over the outputs of `sensitivity` times the output's derivative, one number per input.
+    /// Gradient of Σ sensitivityᵢ · outputᵢ over the outputs i, one number per input.
     fn gradient(&self, config: &Value, point: &[f64], sensitivity: &[f64]) -> BridgeOutcome<Vec<f64>>;
-    /// Derivative of every output along a direction of the inputs.
+    /// Derivative of each output when the inputs move along `direction`.
     fn apply_jacobian(&self, config: &Value, point: &[f64], direction: &[f64]) -> BridgeOutcome<Vec<f64>>;
 }
 
-/// Reads the settings of a model; `T` must refuse unknown settings.
+/// Reads a model's settings from `config`. `T` must refuse unknown settings.
 pub(super) fn config_of<T: Default + serde::de::DeserializeOwned>(config: &Value) -> BridgeOutcome<T> {
     if config.is_null() {
         return Ok(T::default());
@@ -84,7 +85,7 @@ pub(super) fn config_of<T: Default + serde::de::DeserializeOwned>(config: &Value
     T::deserialize(config).map_err(|error| Refusal::input(format!("`config` {config}: {error}")))
 }
 
-/// Answers a request to one of `models`.
+/// Answers a request to one of `models`. `body` is the JSON text of the request.
 pub(super) fn answer(models: &[&dyn ServedModel], endpoint: Endpoint, body: &[u8]) -> BridgeResponse {
     match respond(models, endpoint, body) {
         Ok(body) => BridgeResponse { status: 200, body },
@@ -134,7 +135,7 @@ fn respond(models: &[&dyn ServedModel], endpoint: Endpoint, body: &[u8]) -> Brid
     }
 }
 
-/// Reads the input vector. The optional `inWrt` and `outWrt` must name the only vector, 0.
+/// Reads the input vector from a request. `inWrt` and `outWrt` are optional. They must be 0, because there is only one vector.
 fn point(request: &Map<String, Value>, sizes: InterfaceSizes) -> BridgeOutcome<Vec<f64>> {
     for key in ["outWrt", "inWrt"] {
         match request.get(key) {
@@ -171,7 +172,7 @@ fn numbers(value: &Value, key: &str, length: usize) -> BridgeOutcome<Vec<f64>> {
     values.iter().enumerate().map(number).collect()
 }
 
-/// Passes finite numbers on and refuses others, which JSON cannot express.
+/// Returns the values if all are finite. Others are refused, because JSON cannot express them.
 fn finite(values: Vec<f64>) -> BridgeOutcome<Vec<f64>> {
     match values.iter().position(|value| !value.is_finite()) {
         None => Ok(values),
@@ -186,7 +187,7 @@ fn finite(values: Vec<f64>) -> BridgeOutcome<Vec<f64>> {
 mod tests {
     use super::*;
 
-    /// Test model x → (x₀ x₁, x₀ + x₁, 3).
+    /// Test model with the outputs (x₀ x₁, x₀ + x₁, 3).
     struct Simple;
 
     impl ServedModel for Simple {
@@ -244,7 +245,7 @@ mod tests {
         use Endpoint::*;
         let label = r#"{"name": "simple""#;
         assert_eq!(refused(Evaluate, r#"{"name": "other"}"#).0, "ModelNotFound");
-        // The missing Hessian is refused before the rest of the request is checked.
+        // The request for a Hessian, which no model has, is refused before its other contents are checked.
         assert_eq!(refused(ApplyHessian, &format!("{label}}}")).0, "UnsupportedFeature");
         for (endpoint, rest, words) in [
             (Evaluate, "", "`input` is not a list"),

@@ -1,4 +1,4 @@
-//! `trajectory`: maps the model's parameters to positions (µm) at the record's rows, by the reduced or the full-order model.
+//! Model `trajectory` for other programs. It maps the model's parameters to positions (µm) at the record's rows, by the reduced or the full-order model.
 
 use std::sync::OnceLock;
 
@@ -14,7 +14,7 @@ use posterior::problem::Problem;
 
 const UM_PER_M: f64 = 1e6;
 
-/// Model that evaluates the request.
+/// Choice between the reduced and the full-order model in a request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "lowercase")]
 enum ModelChoice {
@@ -30,19 +30,19 @@ struct Config {
     model: ModelChoice,
 }
 
-/// Model over the whole record.
+/// Positions at all rows of the record as a function of the model's parameters.
 pub struct Trajectory<'a> {
     problem: &'a Problem,
     reduced: SurrogateForward<'a>,
-    /// Full-order model, prepared on first use; `None` for an instrument.
+    /// Full-order model, prepared when it is first used; `None` for an instrument.
     full: OnceLock<Option<FullOrderForward<'a>>>,
-    /// Sources of the model's parameters, in their order.
+    /// Source of each model parameter: an input or a fixed value.
     sources: Vec<ParameterSource>,
     n_inputs: usize,
 }
 
 impl<'a> Trajectory<'a> {
-    /// Prepares the reduced model.
+    /// Makes the model from a prepared reduced model.
     pub fn new(model: &'a PreparedModel) -> Self {
         let problem = &model.problem;
         let mut sources = sources(&problem.model, problem.noise, &problem.priors, &problem.specification.fixed);
@@ -52,7 +52,7 @@ impl<'a> Trajectory<'a> {
         Self { problem, reduced, full: OnceLock::new(), sources, n_inputs }
     }
 
-    /// Number of free model parameters.
+    /// Number of model parameters that are not fixed.
     pub fn n_inputs(&self) -> usize {
         self.n_inputs
     }
@@ -70,10 +70,10 @@ impl<'a> Trajectory<'a> {
         Ok(self.full.get_or_init(|| full).as_ref())
     }
 
-    /// All parameters of the model at a point, fixed ones included; refuses values outside their supports.
+    /// Values of all model parameters at a point, fixed ones included. Values outside a parameter's support are refused.
     fn parameters(&self, point: &[f64]) -> Result<Vec<f64>> {
         let value = |source: &ParameterSource| match *source {
-            // The model's parameters come before the noise's, so the index of a prior is the index of the input.
+            // The model's parameters come before those of the noise, so the index of a prior is also the index of the input.
             ParameterSource::Sampled(index) => point[index],
             ParameterSource::Fixed(value) => value,
         };
@@ -88,7 +88,7 @@ impl<'a> Trajectory<'a> {
         }
     }
 
-    /// Positions in µm at all rows by the reduced model. `point` has [`Trajectory::n_inputs`] numbers.
+    /// Positions in µm at all rows, computed by the reduced model. `point` has [`Trajectory::n_inputs`] numbers.
     ///
     /// # Errors
     /// [`Error::Numerical`] or [`Error::OutsideTrainedRange`] if the model has no trajectory at the point.
@@ -105,7 +105,7 @@ impl<'a> Trajectory<'a> {
         Ok(position_m.into_iter().map(|x| UM_PER_M * x).collect())
     }
 
-    /// Refuses derivatives of the full-order model, because only the reduced model has them.
+    /// Refuses requests for derivatives of the full-order model. Only the reduced model has derivatives.
     fn refuse_full(config: &Value) -> BridgeOutcome<()> {
         match config_of::<Config>(config)?.model {
             ModelChoice::Reduced => Ok(()),

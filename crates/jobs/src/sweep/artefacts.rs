@@ -1,4 +1,4 @@
-//! Files of an oscillation's revision: model, posterior, draws, figures.
+//! Files of an oscillation's revision: model, posterior, draws and figures.
 
 use std::path::Path;
 
@@ -14,12 +14,12 @@ use posterior::prior::PriorSet;
 use posterior::study::{POSTERIOR_NAME, Provenance};
 use record::{OscillationRecord, SweepRow};
 
-/// Number of points on the predicted curves.
+/// Number of points on each predicted curve.
 const N_CURVE: usize = 160;
-/// Factor by which the curves extend beyond the frequency range.
+/// Factor by which the curves extend beyond the measured frequency range.
 const BEYOND: f64 = 1.15;
 
-/// Writes all files of a revision into `dir`. `header` makes the head of a JSON document of the given kind.
+/// Writes all files of a revision into `dir`. `header` makes the header of a JSON document of a given kind.
 ///
 /// # Errors
 /// [`base::Error::File`] if the operating system refuses.
@@ -43,7 +43,7 @@ pub fn write(
     write_figure(&figures, "moduli", &moduli_figure(problem, result)?)
 }
 
-/// Figure of the measured moduli over the posterior's, with residuals.
+/// Figure of the measured and predicted moduli against frequency, with residuals.
 fn moduli_figure(problem: &SweepProblem, result: &SweepResult) -> Result<Svg> {
     let sweep = &problem.sweep;
     let [lowest_hz, highest_hz] = sweep.range_hz();
@@ -64,7 +64,7 @@ fn moduli_figure(problem: &SweepProblem, result: &SweepResult) -> Result<Svg> {
     draw(sweep, &curve_hz, &bands_pa, &residuals, &format!("{}: measured moduli and posterior", sweep.specimen_id))
 }
 
-/// Figure of the measured oscillation without a model.
+/// Figure of the measured moduli alone, without a model.
 ///
 /// # Errors
 /// The errors of the figure.
@@ -94,7 +94,7 @@ fn draw(
     sweep_figure(&data, heading)
 }
 
-/// Corner plot of a joint posterior.
+/// Draws the corner plot of a joint posterior.
 ///
 /// # Errors
 /// The errors of the figure.

@@ -1,7 +1,7 @@
-//! `diagnose` on an oscillation: finds the effect that the law lacks.
+//! `diagnose` for an oscillation: finds the effect that the law lacks.
 //!
-//! Every effect that changes the law alone is fitted. A claim needs three things: a gain that few simulated searches without an effect reach,
-//! held-out frequencies that do not contradict the claim, and residuals that are noise. `sample` tests the residuals in the same way.
+//! Every effect that changes only the law is fitted. A claim must meet three conditions. Few searches in simulated data without an effect reach its gain.
+//! The held-out frequencies do not contradict it. The remaining residuals are consistent with noise, by the test that `sample` uses.
 
 use rayon::prelude::*;
 
@@ -18,25 +18,25 @@ use posterior::monitor::{Counter, Monitor};
 use posterior::study::ModelSpecification;
 use sampling::ensemble::RandomStream;
 
-/// Number of simulated searches.
+/// Number of searches in simulated data.
 const N_SEARCHES: usize = 199;
-/// First random stream of the simulations, apart from the seed's other streams.
+/// Random stream of the first simulation. It differs from the other streams that use this seed.
 const STREAM: u64 = 1 << 41;
-/// Starts of a fit with an effect that are independent of the fit without it.
+/// Number of starting points for a fit with an effect that do not use the fit without it.
 const N_WIDE_STARTS: usize = 24;
-/// Starts that draw the effect's parameters from its prior and take the law's from the fit without it.
+/// Number of starting points that use the fit without the effect. They take the law's parameters from it and draw the effect's parameters from its prior.
 const N_STARTS: usize = 6;
 
 const CRITERIA: Criteria = Criteria::SWEEP;
 
-/// Effect with the fit of the law that includes it.
+/// Candidate effect with the fit of the law extended by it.
 struct CandidateFit {
     effect: &'static dyn Effect,
     problem: SweepProblem,
     fit: SweepFit,
 }
 
-/// Runs the diagnosis.
+/// Diagnoses an oscillation.
 ///
 /// # Errors
 /// The errors of fitting.
@@ -90,7 +90,7 @@ pub fn run(
     })
 }
 
-/// Adds an effect to the model; `None` if it cannot be added or an oscillation does not show it.
+/// Returns the problem with the effect added to the model. `None` if it cannot be added, or if an oscillation cannot show it.
 fn extended(problem: &SweepProblem, effect: &dyn Effect, library: &Library) -> Option<SweepProblem> {
     let slug = effect.slug().to_string();
     if problem.specification.effects.contains(&slug) {
@@ -101,7 +101,8 @@ fn extended(problem: &SweepProblem, effect: &dyn Effect, library: &Library) -> O
     SweepProblem::new(problem.sweep.clone(), specification, library).ok()
 }
 
-/// Best fit with an effect, chosen near the fit without it. Two bodies of a law can exchange roles with an equal fit; this choice keeps the law's values comparable.
+/// Best fit with an effect, as near as possible to the fit without it. If the law has two bodies, they may exchange roles with an equal fit. Choosing the
+/// nearer fit keeps the law's parameters comparable.
 fn fit_near_base(problem: &SweepProblem, base: &SweepFit, with: &SweepProblem, seed: u64) -> Result<Option<SweepFit>> {
     let starts = [with.starts(seed, N_WIDE_STARTS), starts_from_base(problem, base, with, seed)].concat();
     let mut fits = with.maxima(&starts)?;
@@ -118,7 +119,8 @@ fn fit_near_base(problem: &SweepProblem, base: &SweepFit, with: &SweepProblem, s
     Ok(fits.into_iter().min_by(|a, b| distance(a).total_cmp(&distance(b))))
 }
 
-/// Starts that join the law's and the error's coordinates of a fit with draws of the effect's parameters from its prior.
+/// Starting points for a fit with an effect. The coordinates of the law and the noise are those of `fit`; the effect's parameters are drawn from its
+/// prior.
 fn starts_from_base(base: &SweepProblem, fit: &SweepFit, with: &SweepProblem, seed: u64) -> Vec<Vec<f64>> {
     let of_base = |name: &str| base.priors.names().position(|label| label == name).map(|place| fit.point[place]);
     let join = |start: Vec<f64>| {
@@ -128,7 +130,8 @@ fn starts_from_base(base: &SweepProblem, fit: &SweepFit, with: &SweepProblem, se
     with.starts(seed, N_STARTS).into_iter().map(join).collect()
 }
 
-/// Largest gains of searches in simulated oscillations of the base fit. Every effect is fitted, starting from its fit to the measurement.
+/// Largest gain of each search in simulated data. The data are simulated from the fit without an effect. Every effect is then fitted, starting from its
+/// fit to the measurement.
 fn searches(
     problem: &SweepProblem,
     base: &SweepFit,
@@ -179,7 +182,7 @@ fn candidate(tried: &CandidateFit, base: &SweepFit, chance: &[f64], has_heldout:
     }
 }
 
-/// Evidence of the search, and the residual test of the law.
+/// Evidence for the verdict: the candidates, and the residual test of the law without an effect.
 fn evidence(candidates: &[OscillationCandidate], left: &ResidualPValues) -> Evidence {
     let addition = |oscillation_candidate: &OscillationCandidate| {
         Addition::of_gains(
@@ -198,7 +201,7 @@ fn test(left: Option<&ResidualPValues>) -> ResidualTest {
     ResidualTest { residual, ..ResidualTest::default() }
 }
 
-/// Other effects, with their deficits to the best in fitted or held-out frequencies.
+/// Effects other than the best. Each has its deficit to the best effect, in the fitted or the held-out frequencies.
 fn rivals(candidates: &[OscillationCandidate], best: usize) -> Vec<Rival> {
     let heldout = |oscillation_candidate: &OscillationCandidate| oscillation_candidate.heldout_gain_nats.unwrap_or(0.0);
     let best = &candidates[best];

@@ -1,4 +1,4 @@
-//! `sample` on an oscillation: posterior, misfit, summary.
+//! `sample` for an oscillation: samples the posterior, tests the residuals and summarises both.
 
 use super::noise_like::{LEAST_P, ResidualPValues, test_residuals};
 use super::problem::{SweepFit, SweepProblem};
@@ -14,24 +14,24 @@ use sampling::diagnostics::{DrawColumn, diagnose};
 use sampling::ensemble::{Progress, RunControl, SampleOutcome};
 use sampling::{SamplerOptions, sample as sample_density};
 
-/// Number of draws for the posterior's predictions.
+/// Number of draws from which the posterior's predictions are computed.
 const N_DRAWS: usize = 400;
-/// Ratio of the 95 % to the 5 % quantile above which a parameter of the law counts as undetermined.
+/// Ratio of the 95 % to the 5 % quantile. Above it, the data do not determine the law's parameter.
 const UNDETERMINED: f64 = 30.0;
-/// Starts of the sampler's search for modes.
+/// Number of starting points for the sampler's search for modes.
 const N_STARTS: usize = 96;
 
-/// Result of the job.
+/// Posterior of an oscillation with its draws and predictions.
 pub struct SweepResult {
-    /// Document of the posterior.
+    /// Document that describes the posterior.
     pub summary: OscillationSummary,
-    /// Draws and the sampler's diagnostics.
+    /// Draws, with the diagnostics of the sampler.
     pub outcome: SampleOutcome,
-    /// One column per sampled parameter, in its natural unit.
+    /// Draws of each sampled parameter, in its natural unit.
     pub columns: Vec<DrawColumn>,
-    /// All parameters of some draws, in their natural units.
+    /// Values of all parameters in natural units, fixed ones included, for some of the draws.
     pub values: Vec<Vec<f64>>,
-    /// Posterior mean of the two predicted numbers of every row: G′ and G″, or modulus and phase.
+    /// Posterior mean of the two predicted values of each row: G′ and G″ in Pa, or modulus in Pa and phase in rad.
     pub mean: Vec<[f64; 2]>,
 }
 
@@ -73,7 +73,7 @@ pub fn run(problem: &SweepProblem, options: &SamplerOptions, monitor: &dyn Monit
     Ok(SweepResult { summary, outcome, columns, values, mean })
 }
 
-/// Model summary for documents. Its noise is the table's errors (`known`) or one relative size (`relative`).
+/// Summary of the model for documents. Its noise is `known` if the table states the errors, or `relative` if one relative error is inferred.
 pub(super) fn model_summary(problem: &SweepProblem) -> ModelSummary {
     let noise = if problem.sweep.has_errors() { "known" } else { "relative" };
     ModelSummary { noise: vec![noise.into()], ..problem.specification.summary() }
@@ -100,7 +100,7 @@ fn frequencies(problem: &SweepProblem) -> Frequencies {
     Frequencies { fitted: rows.len() - heldout, heldout, lowest_hz, highest_hz }
 }
 
-/// Residuals of a prediction, summarised. The sizes of the errors come from the fit.
+/// Summarises the residuals of a prediction. The standard deviations of the errors are those of the fit.
 pub(super) fn misfit(
     problem: &SweepProblem,
     predicted: &[[f64; 2]],
@@ -121,7 +121,7 @@ pub(super) fn misfit(
             heldout.extend(residual);
         }
         let sd = problem.sd(row, *pair, &fit.values);
-        // The error of an angle is already relative.
+        // The error of a phase angle is already relative.
         let over = [size, if sweep.form == SweepForm::ModulusAndPhase { 1.0 } else { size }];
         errors.extend([sd[0] / over[0], sd[1] / over[1]]);
     }

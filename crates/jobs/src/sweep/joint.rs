@@ -1,7 +1,9 @@
-//! Joint posterior of one specimen measured several times: all records share a law, and each has its own errors.
+//! Joint posterior of a specimen that was measured several times. All records share the law's parameters, and each record has noise parameters of its
+//! own.
 //!
-//! Records are creep experiments and oscillations. Each has a log-density over the law's coordinates and its own, priors included.
-//! The joint log-density is their sum, with the law's prior counted once. A likelihood ratio tests if the records agree: one law each against one for all.
+//! Records are creep experiments and oscillations. The log-density of each record depends on the law's coordinates and on those of the record alone. It
+//! includes their priors. The joint log-density is the sum over the records, in which the law's prior counts once. A likelihood ratio test shows whether
+//! the records agree: it compares a separate law for each record with a common law.
 
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
@@ -20,46 +22,46 @@ use sampling::ensemble::{Progress, RunControl, SampleOutcome};
 use sampling::optimum::{Mode, find_modes};
 use sampling::{LogDensity, SamplerOptions, sample as sample_density};
 
-/// Starts of each search, drawn from the prior.
+/// Number of starting points of each search, drawn from the prior.
 const N_STARTS: usize = 48;
-/// Probability below which records do not agree.
+/// Probability of the agreement test below which the records disagree.
 const LEAST_P: f64 = 0.01;
-/// Largest number of records.
+/// Largest number of records in a joint posterior.
 pub const MOST_RECORDS: usize = 20;
 
-/// Log-density of one record, with its priors in the order of its coordinates: those of the law first.
+/// One record of a joint posterior. Its coordinates begin with those of the law.
 pub struct JointMember<'a> {
     /// Specimen identifier.
     pub id: String,
-    /// `creep` or `oscillation`.
+    /// Kind of the record, `creep` or `oscillation`.
     pub kind: &'static str,
-    /// Log-density of the record.
+    /// Log-density over the record's coordinates. It includes their priors.
     pub density: &'a dyn LogDensity,
-    /// Priors of the record.
+    /// Priors of the record's coordinates, in their order.
     pub priors: &'a PriorSet,
 }
 
-/// Records that share a law.
+/// Several records that share the law's parameters.
 pub struct Joint<'a> {
     members: Vec<JointMember<'a>>,
-    /// Priors of the law.
+    /// Priors of the law's parameters.
     law: PriorSet,
-    /// All priors: the law's, then each record's own, with the record's number as prefix of their names.
+    /// Priors of all parameters: those of the law, then the noise parameters of each record. The names of the latter begin with the record's number.
     pub priors: PriorSet,
 }
 
-/// Result of the job.
+/// Joint posterior with its draws.
 pub struct JointResult {
-    /// Document of the posterior.
+    /// Document that describes the posterior.
     pub summary: JointSummary,
-    /// Draws and the sampler's diagnostics.
+    /// Draws, with the diagnostics of the sampler.
     pub outcome: SampleOutcome,
-    /// One column per sampled parameter, in its natural unit.
+    /// Draws of each sampled parameter, in its natural unit.
     pub columns: Vec<DrawColumn>,
 }
 
 impl<'a> Joint<'a> {
-    /// Joins records whose first coordinates are those of `law`.
+    /// Joins records. The first coordinates of each must be those of `law`.
     ///
     /// # Errors
     /// [`Error::Input`] for fewer than two records, for too many, or if the priors of their laws differ.
@@ -95,7 +97,7 @@ impl<'a> Joint<'a> {
         Ok(Self { members, law: of_law, priors })
     }
 
-    /// Indices of a record's coordinates among all coordinates.
+    /// Index of each of the record's coordinates in the joint point.
     fn places(&self, record: usize) -> Vec<usize> {
         let n_law = self.law.priors().len();
         let n_own = |member: &JointMember<'_>| member.priors.priors().len() - n_law;
@@ -104,7 +106,7 @@ impl<'a> Joint<'a> {
         (0..n_law).chain(range).collect()
     }
 
-    /// Log-density of a point without the law's prior.
+    /// Log-density of one record at a point, without the prior of the law's parameters.
     fn without_prior(&self, density: &dyn LogDensity, point: &[f64]) -> f64 {
         let (mut value, mut prior) = ([0.0], [0.0]);
         density.log_density(point, &mut value);
@@ -112,7 +114,7 @@ impl<'a> Joint<'a> {
         value[0] - prior[0]
     }
 
-    /// Compares a separate law for each record with one law for all.
+    /// Tests whether the records agree: compares a separate law for each record with a common law. Returns the test and the law of each record.
     fn agreement(&self, seed: u64) -> Result<(Agreement, Vec<JointRecord>)> {
         let highest = |density: &dyn LogDensity, priors: &PriorSet| -> Result<Mode> {
             let mut rng = ChaCha8Rng::seed_from_u64(seed);
@@ -144,7 +146,7 @@ impl<'a> Joint<'a> {
         Ok((Agreement { statistic, degrees_of_freedom: degrees, p }, records))
     }
 
-    /// Law at a record's own mode, plus and minus one standard deviation.
+    /// Estimates of the law's parameters from one record: the value at the record's own mode, and at one standard deviation to either side.
     fn estimates(&self, mode: &Mode) -> Vec<LawEstimate> {
         let n = mode.location.len();
         let covariance = nalgebra::DMatrix::from_row_slice(n, n, &mode.precision).try_inverse();
@@ -246,7 +248,7 @@ impl LogDensity for Joint<'_> {
             member.density.log_density(&columns, &mut values);
             log_density.iter_mut().zip(&values).for_each(|(sum, value)| *sum += value);
         }
-        // The sum contains the law's prior once per record; it must count once.
+        // The sum contains the law's prior once per record, but it must count only once.
         let mut prior = vec![0.0; n];
         self.law.add_ln_pdf_unconstrained(&points[..self.law.priors().len() * n], &mut prior);
         let others = (self.members.len() - 1) as f64;

@@ -1,4 +1,5 @@
-//! Residual test of a fit. Refitted simulated oscillations give the size and correlation of residuals under noise alone.
+//! Tests whether the residuals of a fit are noise. Simulated oscillations without any misfit are fitted in the same way. They show how large and how
+//! correlated residuals are by chance.
 
 use rayon::prelude::*;
 
@@ -7,38 +8,39 @@ use base::error::Result;
 use criticism::criteria::Criteria;
 use sampling::ensemble::RandomStream;
 
-/// Number of simulated oscillations. Three tests at a joint level of 1 % need probabilities of 1/300.
+/// Number of simulated oscillations. Three tests at a joint level of 1 % need to resolve probabilities of 1/300.
 const N_SIMULATED: usize = 499;
-/// Probability of all tests together below which residuals are not noise.
+/// Joint probability of all tests below which residuals do not count as noise.
 pub const LEAST_P: f64 = Criteria::SWEEP.least_noise_p;
-/// First random stream of the simulations, apart from the seed's other streams.
+/// Random stream of the first simulation. It differs from the other streams that use this seed.
 const STREAM: u64 = 1 << 40;
 
-/// Probabilities that noise alone gives residuals at least as extreme, one per test.
+/// p of each residual test: the probability that noise alone gives residuals at least as extreme.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ResidualPValues {
-    /// p of the correlation between residuals of neighbouring frequencies.
+    /// p of the correlation between residuals at neighbouring frequencies.
     pub p_neighbours: f64,
-    /// p of the size of the fitted residuals; `None` if the fit estimates the size of the errors.
+    /// p of the root mean square of the fitted residuals; `None` if the fit itself estimates the size of the errors.
     pub p_size: Option<f64>,
-    /// p of the size of the held-out residuals; `None` if no row is held out.
+    /// p of the root mean square of the held-out residuals; `None` if no row is held out.
     pub p_heldout: Option<f64>,
 }
 
 impl ResidualPValues {
-    /// Smallest p times the number of tests, at most 1.
+    /// Joint p of all tests: the smallest p times the number of tests, at most 1.
     pub fn p(&self) -> f64 {
         let all: Vec<f64> = [Some(self.p_neighbours), self.p_size, self.p_heldout].into_iter().flatten().collect();
         (all.iter().copied().fold(1.0, f64::min) * all.len() as f64).min(1.0)
     }
 
-    /// Returns `true` if the residuals may be noise.
+    /// Returns `true` if the residuals are consistent with noise.
     pub fn is_noise(&self) -> bool {
         self.p() >= LEAST_P
     }
 }
 
-/// Test statistics: the relative sum of the products of neighbouring residuals, and the sums of squared residuals of the fitted and of the held-out rows.
+/// Computes three test statistics. The first is the sum of products of neighbouring residuals, divided by the sum of squares. The others are the sums of
+/// squares of the fitted and of the held-out rows. `None` if the model has no prediction.
 fn test_statistics(problem: &SweepProblem, fit: &SweepFit) -> Option<[f64; 3]> {
     let predicted = problem.predict(&fit.values)?;
     let residuals = problem.residuals(&predicted, &fit.values);
@@ -49,11 +51,12 @@ fn test_statistics(problem: &SweepProblem, fit: &SweepFit) -> Option<[f64; 3]> {
     let squares = |rows: &[[f64; 2]]| rows.iter().flatten().map(|r| r * r).sum::<f64>();
     let fitted = part(false);
     let neighbours: f64 = fitted.windows(2).map(|pair| pair[0][0] * pair[1][0] + pair[0][1] * pair[1][1]).sum();
-    // Division by the squares removes the size, which has its own test.
+    // The division by the sum of squares removes the dependence on the size, which has a test of its own.
     Some([neighbours / squares(&fitted), squares(&fitted), squares(&part(true))])
 }
 
-/// Tests the residuals of a fit. Simulated oscillations of the fit are refitted in the same way, and their statistics are counted.
+/// Tests the residuals of a fit. Oscillations are simulated from the fit and refitted in the same way. p is the fraction of them whose statistic is at
+/// least as extreme. `None` if the model has no prediction.
 ///
 /// # Errors
 /// The errors of fitting.

@@ -1,4 +1,4 @@
-//! Log-density of an oscillation under a model.
+//! Log posterior density of a model for an oscillation, with fits and simulations.
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -18,23 +18,23 @@ use sampling::LogDensity;
 use sampling::ensemble::RandomStream;
 use sampling::optimum::{Mode, find_modes};
 
-/// Default prior of an oscillation's model. It is wide because rheometers measure gels of any kind.
+/// Name of the default prior for oscillations. It is wide, because rheometers measure gels of any kind.
 pub const DEFAULT_PRIOR: &str = "generic";
-/// Prior of the relative error: a few per cent, within a factor of three at one standard deviation.
+/// Prior of the relative error. Its median is 2 %; one standard deviation is a factor of three.
 const NOISE_PRIOR: Distribution = Distribution::LogNormal { median: 0.02, log_sd: 1.2 };
 const NOISE_PRIOR_SOURCE: &str =
     "chosen: rheometers repeat to a few per cent, a factor of three for one standard deviation";
-/// Largest number of frequencies, beyond any rheometer's sweep.
+/// Largest number of frequencies. No rheometer measures more.
 const MOST_ROWS: usize = 10_000;
-/// Starts of a fit, drawn from the prior.
+/// Number of starting points for a fit, drawn from the prior.
 const N_STARTS: usize = 24;
-/// Random stream of the starts.
+/// Random stream from which the starting points are drawn.
 const START_STREAM: u64 = u64::MAX / 3;
 
-/// Oscillation with a model and priors.
+/// Oscillation with the model and the priors by which it is explained.
 #[derive(Debug, Clone)]
 pub struct SweepProblem {
-    /// Measured oscillation.
+    /// Measured oscillation: frequencies with two values each.
     pub sweep: OscillationRecord,
     /// Specification of the model.
     pub specification: ModelSpecification,
@@ -44,26 +44,26 @@ pub struct SweepProblem {
     pub priors: PriorSet,
 }
 
-/// Fit at a maximum of the posterior density.
+/// Maximum of the posterior density, found by a search.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SweepFit {
-    /// Coordinates of the sampler.
+    /// Location of the maximum, in the sampler's coordinates.
     pub point: Vec<f64>,
     /// All parameters in natural units, fixed ones included.
     pub values: Vec<f64>,
-    /// Log posterior density over the coordinates.
+    /// Log posterior density at the maximum, over the sampler's coordinates.
     pub ln_posterior: f64,
     /// Log-likelihood of the fitted rows.
     pub ln_likelihood: f64,
     /// Log-likelihood of the held-out rows.
     pub ln_heldout: f64,
-    /// `true` if the search ended at a proper maximum.
+    /// `true` if the search converged to a maximum with negative curvature.
     pub converged: bool,
-    /// Standard deviations of the coordinates from the curvature.
+    /// Standard deviation of each coordinate, from the curvature at the maximum.
     pub sd: Vec<f64>,
 }
 
-/// Scales for the priors of effects. The slowest period takes the role of the record's length, and the fastest sets the shortest visible time.
+/// Characteristic times for the priors of effects. The lowest frequency gives the duration, and the highest gives the shortest visible time.
 fn scales(sweep: &OscillationRecord) -> CharacteristicSizes {
     let [lowest_hz, highest_hz] = sweep.range_hz();
     let slowest_s = 1.0 / (std::f64::consts::TAU * lowest_hz);
@@ -78,7 +78,7 @@ fn scales(sweep: &OscillationRecord) -> CharacteristicSizes {
 }
 
 impl SweepProblem {
-    /// Checks the model against the oscillation and joins them.
+    /// Checks that the model suits the oscillation, and joins the two.
     ///
     /// # Errors
     /// [`Error::Input`] for effects that an oscillation cannot show, noise terms, unknown parameters, and unsuitable priors.
@@ -129,14 +129,14 @@ impl SweepProblem {
         Ok(problem)
     }
 
-    /// Returns the problem with other rows at the same frequencies.
+    /// Returns the problem with other measured values at the present frequencies.
     pub fn with_rows(&self, rows: Vec<SweepRow>) -> Self {
         Self { sweep: OscillationRecord { rows, ..self.sweep.clone() }, ..self.clone() }
     }
 
-    /// Refuses effects that change more than the law's relation of stress and strain. A stationary oscillation does not show them.
+    /// Refuses effects that change more than the relation of stress and strain, because a stationary oscillation does not show them.
     fn refuse_invisible_effects(&self, all: &PriorSet) -> Result<()> {
-        // The 0.8 quantile is used because a prior's middle may be an effect's null.
+        // Parameters are set to the 0.8 quantile of their priors, because a prior's median may be the effect's null.
         let aside: Vec<Dual> = self
             .model
             .parameters()
@@ -158,13 +158,13 @@ impl SweepProblem {
         ))
     }
 
-    /// All parameters in natural units: the model's, then the relative error if it is inferred.
+    /// Specifications of all parameters: those of the model, then the relative error if it is inferred.
     pub fn parameters(&self) -> Vec<ParameterSpec> {
         let of_errors = (!self.sweep.has_errors()).then_some(RELATIVE_NOISE);
         self.model.parameters().iter().copied().chain(of_errors).collect()
     }
 
-    /// Values of all parameters at a point of the sampler.
+    /// Values of all parameters, in natural units, at a point in the sampler's coordinates. Fixed parameters are included.
     pub fn values(&self, point: &[f64]) -> Vec<f64> {
         let mut sampled = self.priors.priors().iter().zip(point);
         let value = |spec: ParameterSpec| match self.specification.fixed.get(spec.name) {
@@ -174,7 +174,7 @@ impl SweepProblem {
         self.parameters().into_iter().map(value).collect()
     }
 
-    /// Predicted pair of numbers at every frequency; `None` if the model has no prediction.
+    /// Predicted pair of values at each frequency: G′ and G″, or modulus and phase. `None` if the model has no prediction.
     pub fn predict(&self, values: &[f64]) -> Option<Vec<[f64; 2]>> {
         let n = self.model.parameters().len();
         let parameters: Vec<Dual> = values[..n].iter().map(|value| (*value).into()).collect();
@@ -188,7 +188,7 @@ impl SweepProblem {
         self.sweep.rows.iter().map(at).collect()
     }
 
-    /// Standard deviations of both numbers of a row whose prediction is `pair`.
+    /// Standard deviations of both measured values of a row, given the predicted `pair`.
     pub fn sd(&self, row: &SweepRow, pair: [f64; 2], values: &[f64]) -> [f64; 2] {
         row.sd.unwrap_or_else(|| {
             let relative = values.last().copied().unwrap_or(f64::NAN);
@@ -200,7 +200,7 @@ impl SweepProblem {
         })
     }
 
-    /// Residuals of both numbers of every row, in standard deviations.
+    /// Residuals of both values of each row, divided by their standard deviations.
     pub fn residuals(&self, predicted: &[[f64; 2]], values: &[f64]) -> Vec<[f64; 2]> {
         let of_row = |(row, pair): (&SweepRow, &[f64; 2])| {
             let sd = self.sd(row, *pair, values);
@@ -209,7 +209,7 @@ impl SweepProblem {
         self.sweep.rows.iter().zip(predicted).map(of_row).collect()
     }
 
-    /// Log-likelihood of the fitted or the held-out rows; −∞ if the model has no prediction.
+    /// Log-likelihood of the fitted rows, or of the held-out rows if `of_heldout` is set. It is −∞ if the model has no prediction.
     pub fn ln_likelihood(&self, values: &[f64], of_heldout: bool) -> f64 {
         let Some(predicted) = self.predict(values) else { return f64::NEG_INFINITY };
         let mut sum = 0.0;
@@ -222,14 +222,14 @@ impl SweepProblem {
         if sum.is_nan() { f64::NEG_INFINITY } else { sum }
     }
 
-    /// Starts of a search, drawn from the prior.
+    /// Draws n starting points for a search from the prior.
     pub fn starts(&self, seed: u64, n: usize) -> Vec<Vec<f64>> {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(START_STREAM);
         (0..n).map(|_| self.priors.to_unconstrained(&self.priors.draw(&mut rng))).collect()
     }
 
-    /// Highest maximum of the posterior density that searches reach from prior draws and from the points in `also`; `None` if no search succeeds.
+    /// Finds the highest maximum of the posterior density. Searches start from prior draws and from the points in `also`. `None` if no search succeeds.
     ///
     /// # Errors
     /// Those of [`find_modes`].
@@ -237,7 +237,7 @@ impl SweepProblem {
         self.fit_from(&[self.starts(seed, N_STARTS), also.to_vec()].concat())
     }
 
-    /// Highest maximum of the posterior density that searches reach from the given starts; `None` if no search succeeds.
+    /// Finds the highest maximum of the posterior density. Searches start from `starts`. `None` if no search succeeds.
     ///
     /// # Errors
     /// Those of [`find_modes`].
@@ -245,7 +245,7 @@ impl SweepProblem {
         Ok(self.maxima(starts)?.into_iter().next())
     }
 
-    /// All maxima of the posterior density that searches reach from these starts, highest first. Searches that did not converge come last.
+    /// Finds all maxima of the posterior density that are reached from `starts`, highest first. End points of searches that did not converge come last.
     ///
     /// # Errors
     /// Those of [`find_modes`].
@@ -272,7 +272,7 @@ impl SweepProblem {
         }
     }
 
-    /// Rows simulated from a prediction and the noise at these values.
+    /// Simulates measured rows: adds noise to the prediction. `values` holds all parameters.
     pub fn simulate_rows(&self, predicted: &[[f64; 2]], values: &[f64], stream: &mut RandomStream) -> Vec<SweepRow> {
         let row = |(row, pair): (&SweepRow, &[f64; 2])| {
             let sd = self.sd(row, *pair, values);

@@ -1,4 +1,4 @@
-//! Tests against oscillations from an independent formula: creep compliances in another library's complex arithmetic.
+//! Tests of oscillations against an independent formula. It computes creep compliances with the complex numbers of another library.
 
 use nalgebra::Complex;
 use rand::SeedableRng;
@@ -18,15 +18,15 @@ const TRUTH: [f64; 3] = [3.527, 1.402, 47.37];
 const POISSON: f64 = 0.48;
 const ERROR: f64 = 0.03;
 
-/// Mechanism that the simulated specimen has in addition to its Lethersich law, whose parameters are [`TRUTH`].
+/// Mechanism of the simulated specimen in addition to its Lethersich law. [`TRUTH`] holds the law's parameters.
 #[derive(Clone, Copy, PartialEq)]
 enum Beside {
     Nothing,
-    /// A spring in series, E₀ = 30 Pa.
+    /// Spring in series, E₀ = 30 Pa.
     Spring,
-    /// A second body in series, 8 Pa and 80 Pa·s.
+    /// Second Kelvin–Voigt body in series, 8 Pa and 80 Pa·s.
     Body,
-    /// A rheometer's inertia, −0.002 ω² Pa, which no effect describes.
+    /// Inertia of the rheometer, −0.002 ω² Pa. No effect of the library describes it.
     Inertia,
 }
 
@@ -43,7 +43,8 @@ fn shear_modulus(omega: f64, beside: Beside) -> Complex<f64> {
     compliance.inv() / (2.0 + 2.0 * POISSON) - inertia
 }
 
-/// 31 frequencies from 0.01 to 30 Hz with errors of 3 % of |G*|. The table gives these errors times `said`; every third row is held out.
+/// Simulates an oscillation with 31 frequencies from 0.01 to 30 Hz. The errors are 3 % of |G*|, and the table states them times `said`; with `None` it
+/// states none. Every third row is held out.
 fn sweep(beside: Beside, form: SweepForm, said: Option<f64>, seed: u64) -> OscillationRecord {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
@@ -76,7 +77,8 @@ fn problem(sweep: OscillationRecord) -> SweepProblem {
     SweepProblem::new(sweep, specification, &Library::default()).unwrap()
 }
 
-/// For sweeps of each form with known errors, 90 % intervals from the curvature must cover each parameter at least `fewest` times.
+/// Simulates `n_sweeps` oscillations of each form with known errors. The 90 % intervals from the curvature must contain each true parameter at least
+/// `fewest` times.
 fn assert_covered(n_sweeps: u64, fewest: usize) {
     for form in [SweepForm::StorageAndLoss, SweepForm::ModulusAndPhase] {
         let mut n_covered = [0; 3];
@@ -93,21 +95,24 @@ fn assert_covered(n_sweeps: u64, fewest: usize) {
     }
 }
 
-/// Correct intervals of one parameter fail by chance in 1 of 1,000 runs (binomial). At least one of the six fails in 1 of 170 runs.
+/// If intervals are correct, one parameter fails by chance with a probability of 1 in 1,000 (binomial). At least one of the six parameters fails with a
+/// probability of 1 in 170.
 #[test]
 #[ignore = "thorough"]
 fn intervals_cover_what_an_independent_formula_was_given() {
     assert_covered(50, 38);
 }
 
-/// Correct intervals fail as rarely as in `intervals_cover_what_an_independent_formula_was_given`. If the intervals of a parameter cover only 80 %, they fail here with a probability of 0.7.
+/// Correct intervals fail as rarely as in `intervals_cover_what_an_independent_formula_was_given`. Intervals that contain the truth of a parameter in
+/// only 80 % of the sweeps fail with a probability of 0.7.
 #[test]
 #[ignore = "campaigns/long-tests"]
 fn intervals_of_many_sweeps_cover_their_truth() {
     assert_covered(150, 123);
 }
 
-/// Correct models count as noise: at 1 % each, more than 2 of 16 fail in 5 of 10,000 seeds. Understated errors (half their size) and a rheometer's inertia do not count as noise.
+/// Residuals of a correct model count as noise. At a level of 1 % each, more than 2 of 16 fail for 5 of 10,000 seeds. Residuals with half the true errors
+/// stated, or with a rheometer's inertia, do not count as noise.
 #[test]
 fn noise_is_told_from_what_is_none() {
     let p = |beside, said, seed| {
@@ -124,8 +129,8 @@ fn noise_is_told_from_what_is_none() {
     }
 }
 
-/// A hidden effect is named with its size. Nothing is claimed if nothing is hidden, and a misfit that no effect describes stays unexplained.
-/// tests/commands/oscillation.rs tests the command with a spring.
+/// A hidden effect is claimed with its size. If nothing is hidden, nothing is claimed. A misfit that no effect describes stays unexplained.
+/// `tests/commands/oscillation.rs` tests the command with a hidden spring.
 #[test]
 #[ignore = "campaigns/long-tests"]
 fn what_is_hidden_is_named() {

@@ -1,4 +1,4 @@
-//! Simulation-based calibration as tasks. Each task simulates and samples a few records of one experiment.
+//! Tasks of a simulation-based calibration. Each task simulates a few records of one experiment and samples their posteriors.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -18,32 +18,32 @@ use posterior::monitor::{Monitor, SilentMonitor};
 use posterior::study::{Provenance, WithProvenance, sha256_hex};
 use validation::calibration::{Bench, CalibrationSubject, FEWEST, Replicate, check, judge};
 
-/// Name of the document in the folder of gathered results.
+/// File name of the calibration document, in the folder of gathered results.
 pub const DOCUMENT: &str = "calibration.json";
-/// Name of the folder of figures beside the document.
+/// Name of the folder for figures, beside the document.
 pub const FIGURES: &str = "figures";
-/// Name of the figure, without extension.
+/// File name of the figure, without extension.
 const STEM: &str = "calibration";
 /// Largest number of simulated records. The standard error of a proportion is then about 1/300.
 const MOST: usize = 100_000;
 
-/// Arguments of a task.
+/// Arguments of a task, as its list stores them.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct CalibrationTask {
     sampling: Sampling,
-    /// Name of the experiment.
+    /// Name of the experiment that is calibrated.
     name: String,
     /// SHA-256 of the experiment's files.
     inputs_sha256: String,
     /// SHA-256 of the experiment's files, model, priors and sampler settings.
     content_sha256: String,
-    /// Number of the task's first record.
+    /// Number of the task's first simulated record.
     first: usize,
-    /// Number of records of the task.
+    /// Number of records that the task simulates.
     count: usize,
 }
 
-/// Returns the tasks of a calibration with `count` records, `block` records per task.
+/// Makes the tasks of a calibration with `count` simulated records. Each task has `block` records.
 ///
 /// # Errors
 /// [`Error::Input`] if the experiment's inference cannot be calibrated, or if `count` is too small or too large.
@@ -67,7 +67,7 @@ pub fn work(measurement: &Measurement, sampling: &Sampling, count: usize, block:
     Ok(parts.collect())
 }
 
-/// SHA-256 of all inputs that the records depend on, except their numbers.
+/// SHA-256 of all inputs on which every simulated record depends. The numbers of the records are not included.
 fn content(measurement: &Measurement, sampling: &Sampling) -> Result<String> {
     let priors = check(&measurement.experiment, &measurement.specification, &sampling.options())?;
     let Sampling { n_walkers, max_steps, seed, .. } = sampling;
@@ -75,14 +75,15 @@ fn content(measurement: &Measurement, sampling: &Sampling) -> Result<String> {
     Ok(sha256_hex(format!("{}\n{model}\n{priors}", measurement.inputs_sha256).as_bytes()))
 }
 
-/// State that the tasks of one worker share: an experiment that is meshed and trained once.
+/// Experiment that is meshed and trained once and shared by the tasks of one worker.
 #[derive(Default)]
 pub(super) struct CalibrationState {
     bench: Option<(String, Bench)>,
 }
 
 impl CalibrationState {
-    /// Simulates and samples a task's records. Returns JSON lines, the subject first.
+    /// Simulates the records of a task and samples their posteriors. The result's body is a sequence of JSON lines; the first describes the calibrated
+    /// experiment.
     ///
     /// # Errors
     /// [`Error::Input`] if the experiment has changed since the list was made; otherwise the errors of the simulation.
@@ -99,7 +100,7 @@ impl CalibrationState {
         let (subject, mut body) = (bench.subject(), Vec::new());
         line(&mut body, &subject)?;
         replicates.iter().try_for_each(|replicate| line(&mut body, replicate))?;
-        // Values that change when read back would falsify the counts.
+        // Values that change when they are read back would falsify the counts.
         match read(&body) {
             Some(back) if back.subject == subject && back.replicates == replicates => Ok(body),
             _ => Err(Error::numerical(
@@ -136,14 +137,14 @@ fn line(body: &mut Vec<u8>, content: &impl Serialize) -> Result<()> {
     Ok(())
 }
 
-/// Content of a result.
+/// Content of one task's result.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct CalibrationPart {
     subject: CalibrationSubject,
     replicates: Vec<Replicate>,
 }
 
-/// Reads the records of a result.
+/// Reads the records from a result's body; `None` if it is invalid.
 pub(super) fn read(body: &[u8]) -> Option<CalibrationPart> {
     let mut lines = body.strip_suffix(b"\n")?.split(|byte| *byte == b'\n');
     let subject: CalibrationSubject = serde_json::from_slice(lines.next()?).ok()?;
@@ -158,14 +159,14 @@ pub(super) fn read(body: &[u8]) -> Option<CalibrationPart> {
     replicates.iter().all(is_whole).then_some(CalibrationPart { subject, replicates })
 }
 
-/// Document of all available parts; `None` if there are none.
+/// Makes the calibration from the results of all available tasks; `None` if there are none.
 pub(super) fn joined(parts: Vec<CalibrationPart>) -> Option<Calibration> {
     let subject = parts.first()?.subject.clone();
     let replicates: Vec<Replicate> = parts.into_iter().flat_map(|part| part.replicates).collect();
     Some(judge(&subject, &replicates))
 }
 
-/// Writes the document and its figure.
+/// Writes the document and its figure into the folder `out`.
 ///
 /// # Errors
 /// [`Error::File`] if the file system refuses.

@@ -1,4 +1,4 @@
-//! Challenges as tasks. Each task plays a few case numbers of a `challenge run`.
+//! Tasks that play challenges. Each task plays a few cases of a `challenge run`.
 
 use serde_json::json;
 
@@ -11,7 +11,7 @@ use validation::challenge::Bench;
 use validation::challenge::play::Play;
 use validation::challenge::plays::{self, PlaysRequest};
 
-/// Returns the tasks of a run, `block` cases each.
+/// Makes the tasks of a run. Each plays `block` cases.
 ///
 /// # Errors
 /// [`Error::Input`] for a request that cannot be met.
@@ -25,7 +25,7 @@ pub fn work(request: &PlaysRequest, block: usize) -> Result<Vec<TaskInput>> {
     Ok(parts.collect())
 }
 
-/// Plays a task's cases.
+/// Plays the cases of a task and returns the result's body.
 ///
 /// # Errors
 /// As [`plays::run`].
@@ -34,7 +34,7 @@ pub fn run(task: &Task, bench: &Bench, monitor: &dyn Monitor) -> Result<Vec<u8>>
     let cache = cache_directory().map(|place| place.join("challenge"));
     let played = plays::run(bench, &request, cache.as_deref(), &plays::diagnose_briefly, monitor)?.plays;
     let body = serde_json::to_vec(&played).map_err(|error| not_json(&error))?;
-    // Values that change when read back would make the result differ from a run on one machine.
+    // Values that change when they are read back would make the result differ from that of a single machine.
     match read(&body) {
         Some(back) if back == played => Ok(body),
         _ => Err(Error::numerical(
@@ -44,7 +44,7 @@ pub fn run(task: &Task, bench: &Bench, monitor: &dyn Monitor) -> Result<Vec<u8>>
     }
 }
 
-/// Reads the plays of a result.
+/// Reads the plays from a result's body; `None` if it is invalid.
 pub fn read(body: &[u8]) -> Option<Vec<Play>> {
     serde_json::from_slice(body).ok()
 }

@@ -1,7 +1,7 @@
-//! Commands of this program as tasks. The files that a command writes below `{out}` are its result.
+//! Tasks that run commands of this program. The result of a task is the set of files that its command writes into the directory `{out}`.
 //!
-//! A list is a text with one command per line, split into words as by a shell. Words that name files or directories are inputs, identified by their content.
-//! A command runs in its own process. `{out}` is an empty directory of its own, and all its files are kept.
+//! The list of commands is a text with one command per line, split into words as by a shell. Words that name files or directories are inputs, which are
+//! identified by their content. Each command runs in its own process. `{out}` is a new empty directory for each command.
 
 use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
@@ -19,28 +19,28 @@ use posterior::monitor::{Monitor, THREADS_VARIABLE, refuse_if_stopped};
 use posterior::study::sha256_hex;
 use record::Experiment;
 
-/// Placeholder for the directory whose files are a command's result.
+/// Placeholder in a command for the directory whose files are its result.
 pub const OUT: &str = "{out}";
-/// Table of the commands, in the folder of gathered results.
+/// File name of the table of all commands, in the folder of gathered results.
 pub const TABLE: &str = "commands.csv";
-/// Largest number of files of an input. More suggest that a whole home directory was given by mistake.
+/// Largest number of files in an input directory. A larger number suggests that a home directory was given by mistake.
 const MOST_FILES: usize = 20_000;
-/// Time between two checks for the command's end or a stop.
+/// Time between two checks whether the command has ended or the run is stopped.
 const LOOK: Duration = Duration::from_millis(20);
-/// File of a command's run times. It is not part of the result because it differs from run to run.
+/// File with a command's run times. It is not kept with the result, because it differs from run to run.
 const TIMING: &str = "timing.json";
-/// Number of lines of a failed command's output that are passed on.
+/// Number of last lines of a failed command's output that are shown.
 const MOST_LINES: usize = 5;
 
-/// Arguments of a task.
+/// Arguments of a task, as its list stores them.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct CommandTask {
     words: Vec<String>,
-    /// SHA-256 of the content of every word that names a file or directory.
+    /// SHA-256 of the content of each word that names a file or directory.
     inputs: BTreeMap<String, String>,
 }
 
-/// Command of a list, with its line number.
+/// One command of a list, with its line number.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct CommandLine {
     /// Line number, from 1.
@@ -49,13 +49,13 @@ pub struct CommandLine {
     pub words: Vec<String>,
 }
 
-/// Check that refuses a line if it is not a command of the program, or not one that a task may run.
+/// Check that returns an error if a line is not a command of the program, or not one that a task may run.
 pub type RefuseLine<'a> = &'a dyn Fn(&CommandLine) -> Result<()>;
 
-/// Reads the commands of a text: one per line, split as by a shell, without comments and empty lines.
+/// Reads a list of commands: one per line, split into words as by a shell. Comments and empty lines are skipped.
 ///
 /// # Errors
-/// [`Error::File`] if the file is unreadable; [`Error::Input`] with the line that is not a command.
+/// [`Error::File`] if the file is unreadable; [`Error::Input`] with the number of the line that is not a command.
 pub fn read(path: &Path) -> Result<Vec<CommandLine>> {
     let bytes = files::read(path, Content::Document, "give a text file with one command per line")?;
     let refuse = |number: usize, found: &str, remedy: &str| {
@@ -97,10 +97,11 @@ pub fn work(lines: &[CommandLine]) -> Result<Vec<TaskInput>> {
     lines.iter().map(one).collect()
 }
 
-/// Runs a task's command unless `refuse` refuses it. The check matters because the list may come from another person.
+/// Runs the command of a task. `refuse` checks it first, because the list may come from another person.
 ///
 /// # Errors
-/// The errors of `refuse`; [`Error::Input`] if an input has changed or the command refuses its input; [`Error::Numerical`] with the command's output for other failures.
+/// The errors of `refuse`; [`Error::Input`] if an input has changed or the command refuses its input; [`Error::Numerical`] with the command's output for
+/// other failures.
 pub fn run(task: &Task, refuse: RefuseLine<'_>, monitor: &dyn Monitor) -> Result<Vec<u8>> {
     let CommandTask { words, inputs: wanted } = task.arguments_as()?;
     refuse(&CommandLine { number: task.task + 1, words: words.clone() })?;
@@ -137,7 +138,7 @@ pub fn run(task: &Task, refuse: RefuseLine<'_>, monitor: &dyn Monitor) -> Result
     })
 }
 
-/// Waits for the command's end, and kills it on a stop.
+/// Waits until the command ends. Kills it if the run is stopped. Returns the exit code; `None` if a signal ended it.
 fn end_of(child: &mut Child, monitor: &dyn Monitor) -> Result<Option<i32>> {
     loop {
         match child.try_wait() {
@@ -168,7 +169,8 @@ fn failure(words: &[String], code: Option<i32>, said: &str) -> Error {
     }
 }
 
-/// Content hashes of all words except the command itself that name a file or a directory. Values behind `=` and parts of comma-separated lists count as words. `known` caches earlier hashes.
+/// Computes content hashes of all words that name a file or directory, except the command's name. A value after `=` and each item of a comma-separated
+/// list count as words. `known` caches earlier hashes.
 fn inputs(words: &[String], known: &mut BTreeMap<PathBuf, String>) -> Result<BTreeMap<String, String>> {
     let mut found = BTreeMap::new();
     for word in words.iter().skip(1).filter(|word| !word.contains(OUT)) {
@@ -191,7 +193,7 @@ fn inputs(words: &[String], known: &mut BTreeMap<PathBuf, String>) -> Result<BTr
     Ok(found)
 }
 
-/// SHA-256 of a file, of an experiment's TOML with its tables, or of all files of a directory with their names.
+/// SHA-256 of an input's content: of a file, of an experiment's TOML with its tables, or of all files of a directory with their names.
 fn content_sha256(path: &Path) -> Result<String> {
     if path.is_file() {
         if let Ok((_, read)) = Experiment::read(path) {
@@ -212,7 +214,7 @@ fn input(path: &Path) -> Result<Vec<u8>> {
     files::read(path, Content::State, "name a readable input, or leave it out")
 }
 
-/// All files below a directory, sorted. Links are skipped because they may form a loop or point to unintended files.
+/// All files in a directory and its subdirectories, sorted. Links are skipped, because they may form a loop or lead to unintended files.
 fn files_below(folder: &Path) -> Result<Vec<PathBuf>> {
     let (mut found, mut waiting) = (Vec::new(), vec![folder.to_path_buf()]);
     while let Some(folder) = waiting.pop() {
@@ -238,10 +240,11 @@ fn files_below(folder: &Path) -> Result<Vec<PathBuf>> {
     Ok(found)
 }
 
-/// Result of a command: its exit code on a line, and a tar archive of its files without times and owners. `None` if there is no file.
+/// Result of a command: one line with its exit code, then a tar archive of its files. The archive contains no times and no owners. `None` if the command
+/// wrote no file.
 fn body(code: i32, out: &Path) -> Result<Option<Vec<u8>>> {
     let mut found = files_below(out)?;
-    // Hidden files such as locks are not results either.
+    // Hidden files such as locks do not belong to the result.
     found.retain(|path| path.file_name().is_none_or(|name| name != TIMING && !name.to_string_lossy().starts_with('.')));
     if found.is_empty() {
         return Ok(None);
@@ -274,7 +277,7 @@ pub(super) fn keep(folder: &Path, body: &[u8]) -> Result<Option<i32>> {
     Ok(Some(code))
 }
 
-/// Names and contents of an archive; `None` if it is invalid or a name leads out of it.
+/// Extracts names and contents from an archive. `None` if it is invalid, or if a name leads out of the target folder.
 fn entries(archive: &[u8]) -> Option<Vec<(PathBuf, Vec<u8>)>> {
     let mut found = Vec::new();
     for entry in tar::Archive::new(archive).entries().ok()? {
@@ -291,12 +294,12 @@ fn entries(archive: &[u8]) -> Option<Vec<(PathBuf, Vec<u8>)>> {
     Some(found)
 }
 
-/// Name of a task's folder among the gathered results.
+/// Name of a task's folder within the gathered results.
 pub(super) fn folder_name(task: &Task, n_tasks: usize) -> String {
     format!("{:0width$}", task.task, width = (n_tasks - 1).to_string().len())
 }
 
-/// Table of a list's commands, with the exit codes of available results.
+/// Makes the CSV table of a list's commands, with the exit code of each available result.
 ///
 /// # Errors
 /// [`Error::Input`] if the list is damaged.
@@ -313,7 +316,7 @@ pub(super) fn table(list: &List, codes: &[Option<i32>]) -> Result<Vec<u8>> {
     table.into_inner().map_err(|_| broken())
 }
 
-/// Command line that a user would type.
+/// Joins words to a command line as a user would type it.
 fn as_line(words: &[String]) -> String {
     shlex::try_join(words.iter().map(String::as_str)).unwrap_or_else(|_| words.join(" "))
 }
@@ -343,7 +346,7 @@ mod tests {
         assert!(refusal.contains("list.txt, line 1") && refusal.contains(OUT), "{refusal}");
     }
 
-    /// Changed content anywhere in a directory changes the input's hash. The same content under the same names keeps it.
+    /// Any changed content in a directory changes the input's hash. Equal content under equal names has an equal hash.
     #[test]
     fn inputs_are_known_by_their_content() {
         let folder = tempfile::tempdir().expect("a temporary directory");

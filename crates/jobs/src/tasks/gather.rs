@@ -1,4 +1,4 @@
-//! Joins the results of a list into the files that one machine would write.
+//! Joins the results of a list's tasks into the files that a single machine would write.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -19,26 +19,27 @@ use validation::challenge::plays::Plays;
 pub use super::calibration::{DOCUMENT as CALIBRATION, FIGURES};
 pub use super::commands::TABLE as COMMANDS;
 
-/// Document of challenges in the folder of gathered results.
+/// File name of the document of challenges, in the folder of gathered results.
 pub const CHALLENGE: &str = "challenge.json";
 
 const WRITABLE: &str = "choose a writable directory";
 
-/// Result of gathering.
+/// Outcome of gathering results.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GatherOutcome {
-    /// Available and missing results.
+    /// Numbers of available and missing results.
     pub gathered: Gathered,
-    /// All available plays, in order; `None` for other kinds, or if there are none.
+    /// All available challenge plays, in order. `None` for other kinds of tasks, or if no play is available.
     pub plays: Option<Plays>,
-    /// Calibration from the available ranks; `None` for other kinds, or if there are none.
+    /// Calibration from the available ranks. `None` for other kinds of tasks, or if no rank is available.
     pub calibration: Option<Calibration>,
-    /// Number of available models that were added to the cache; `None` for other kinds.
+    /// Number of models that were added to the cache; `None` for other kinds of tasks.
     pub n_adopted: Option<usize>,
 }
 
-/// Reads every result and writes the available ones into the folder `out`: for challenges the document of `challenge run`, for a cohort the files of `groups`,
-/// for a calibration its document and figure, for commands their files and a table. Models go into the cache. Missing results are listed.
+/// Reads every available result, writes the joined files into the folder `out`, and lists missing results. For challenges it writes the document of
+/// `challenge run`, for a cohort the files of `groups`. For a calibration it writes the document and figure, for commands their files and a table. Models
+/// go into the cache.
 ///
 /// # Errors
 /// [`base::Error::File`] if the file system refuses, [`base::Error::Interrupted`] when stopped.
@@ -83,7 +84,7 @@ pub fn gather(list: &List, out: &Path, monitor: &dyn Monitor) -> Result<GatherOu
     if let Some(plays) = &found.plays {
         create_folders(out, WRITABLE)?;
         let document = plays.document(list.seed());
-        // Streams the text of `--json` without holding all of it in memory.
+        // The text of `--json` is written piece by piece, so that it need not fit into the memory.
         stream_atomically(&out.join(CHALLENGE), |file| {
             serde_json::to_writer_pretty(&mut *file, &document)?;
             file.write_all(b"\n")
@@ -104,7 +105,7 @@ pub fn gather(list: &List, out: &Path, monitor: &dyn Monitor) -> Result<GatherOu
     Ok(GatherOutcome { gathered, plays, calibration, n_adopted })
 }
 
-/// Tasks without a valid result, among the given numbers.
+/// Finds the tasks without a valid result among the tasks with these numbers.
 ///
 /// # Errors
 /// [`base::Error::Input`] if the list is damaged, [`base::Error::Interrupted`] when stopped.
@@ -131,7 +132,7 @@ impl GatheredParts {
     }
 }
 
-/// Applies `use_body` to the body of every task's result, in order. A body that it cannot read counts as damaged.
+/// Calls `use_body` with the body of each task's result, in the order of the tasks. If it returns `None`, the result counts as damaged.
 fn over_tasks<T: Send>(
     list: &List,
     monitor: &dyn Monitor,
@@ -155,7 +156,7 @@ fn faults<T>(parts: &[std::result::Result<T, MissingResult>]) -> Vec<MissingResu
     parts.iter().filter_map(|part| part.as_ref().err()).cloned().collect()
 }
 
-/// Writes the files of a result into the folder of `groups`. An identical file is left alone.
+/// Writes the files of a result into the folder of `groups`. An existing identical file is not rewritten.
 fn keep(folder: &Path, body: &[u8]) -> Result<Option<()>> {
     let Some(files) = sample::files_of(body) else { return Ok(None) };
     for file in files {
@@ -167,7 +168,7 @@ fn keep(folder: &Path, body: &[u8]) -> Result<Option<()>> {
     Ok(Some(()))
 }
 
-/// Result files that belong to no task of the list, such as those of an earlier list or another program.
+/// Names of result files that belong to no task of the list. They may come from an earlier list or another program.
 fn foreign(list: &List) -> Result<Vec<String>> {
     let names = (0..list.n_tasks()).map(|number| Ok(list.task(number)?.result)).collect::<Result<BTreeSet<_>>>()?;
     Ok(list.result_names()?.into_iter().filter(|name| !names.contains(name)).collect())

@@ -1,4 +1,4 @@
-//! Joins results that these tests write by hand, in parts. The joined document must equal that of a single machine.
+//! Tests of joining results, which are written by hand. The joined document must equal that of a single machine.
 
 use serde_json::json;
 
@@ -36,7 +36,7 @@ fn play(number: usize) -> Play {
     }
 }
 
-/// A list of seven plays in blocks of two, and the document of a single machine.
+/// Makes a list of seven challenge plays in blocks of two. Also returns the plays and the document that a single machine would write.
 fn list(dir: &Path) -> (List, Vec<Play>, Vec<u8>) {
     let request = PlaysRequest { count: 7, seed: 5, ..PlaysRequest::default() };
     let work: Vec<TaskInput> = challenge::work(&request, 2).unwrap();
@@ -75,7 +75,7 @@ fn what_is_missing_is_left_out_and_named() {
     assert!(nothing.plays.is_none() && nothing.gathered.results == 0 && !out.join(CHALLENGE).exists());
     write(&list, &plays, 1);
     write(&list, &plays, 3);
-    // A valid envelope whose body is not a list of plays.
+    // This result has a valid head, but its body is not a list of plays.
     result::write(&list, &list.task(0).unwrap(), b"{}").unwrap();
     let outcome = gather(&list, &out, &SilentMonitor).unwrap();
     let numbers: Vec<usize> = outcome.plays.unwrap().plays.iter().map(|play| play.number).collect();
@@ -85,7 +85,7 @@ fn what_is_missing_is_left_out_and_named() {
     assert_eq!(faults, [(0, Fault::Damaged), (2, Fault::Absent)]);
 }
 
-/// A result is refused after any changed byte and after any truncation.
+/// A result is refused after any byte is changed and after any truncation.
 #[test]
 fn no_changed_byte_goes_unnoticed() {
     let dir = tempfile::tempdir().unwrap();
@@ -109,7 +109,7 @@ fn no_changed_byte_goes_unnoticed() {
     assert_eq!(result::read(&list, &task), Err(Fault::Damaged));
 }
 
-/// Calibration of two tasks with ranks made by hand.
+/// Makes a calibration list of two tasks whose ranks are given by `rank`.
 fn calibration(dir: &Path, rank: impl Fn(usize) -> usize) -> List {
     let sampling = json!({ "with": [], "noise": [], "set": [], "n_walkers": 32, "max_steps": 100, "seed": 3 });
     let part = |first: usize| {
@@ -130,7 +130,7 @@ fn calibration(dir: &Path, rank: impl Fn(usize) -> usize) -> List {
     list
 }
 
-/// Uniform ranks pass, and ranks of posteriors that are too high fail. A result that lacks a rank is damaged.
+/// Uniform ranks pass, and ranks of posteriors that are too high fail. A result with a missing rank is damaged.
 #[test]
 fn ranks_of_all_tasks_make_one_verdict() {
     let dir = tempfile::tempdir().unwrap();

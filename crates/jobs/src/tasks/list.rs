@@ -1,4 +1,4 @@
-//! List of tasks on disk.
+//! List of tasks, as stored on disk.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -14,11 +14,11 @@ use posterior::study::{Provenance, WithProvenance, sha256_hex};
 const HEAD: &str = "tasks.json";
 const LINES: &str = "tasks.jsonl";
 const RESULTS: &str = "results";
-/// Description of the directory in messages.
+/// Description of the list's directory in messages.
 const WHAT: &str = "a list of tasks";
-/// Number of digits of the id in the name of a task's result.
+/// Number of digits of a task's id that the name of its result contains.
 const ID_DIGITS: usize = 24;
-/// Largest number of tasks of a list.
+/// Largest number of tasks in a list.
 const MOST_TASKS: usize = 1_000_000;
 const REMEDY: &str = "give the directory that `vitreo-uq tasks KIND --out DIR` made";
 fn damaged() -> String {
@@ -28,36 +28,36 @@ fn damaged() -> String {
 /// One task: a line of `tasks.jsonl`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Task {
-    /// Number, from 0.
+    /// Number of the task, counted from 0.
     pub task: usize,
-    /// SHA-256 of program, kind and arguments.
+    /// Identifier: SHA-256 of program, kind of task and arguments.
     pub id: String,
-    /// Path of the result below the list's directory, named after the id.
+    /// Path of the result, relative to the list's directory. The file is named after the id.
     pub result: String,
-    /// Command that runs the task.
+    /// Words of the command that runs the task.
     pub command: Vec<String>,
-    /// Arguments of the computation. Inputs are given by their content.
+    /// Arguments of the computation. They identify input files by the hashes of their content.
     pub arguments: Value,
-    /// Paths of the inputs. The arguments identify their content.
+    /// Paths of the input files.
     pub paths: Vec<String>,
 }
 
-/// Computation of one task, before the list is made.
+/// Input of one task, from which the list is made.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TaskInput {
-    /// Arguments of the computation. Inputs are given by their content.
+    /// Arguments of the computation. They identify input files by the hashes of their content.
     pub arguments: Value,
-    /// Paths of the inputs.
+    /// Paths of the input files.
     pub paths: Vec<String>,
 }
 
 impl Task {
-    /// SHA-256 of the arguments, and so of the inputs.
+    /// SHA-256 of the arguments. It also identifies the input files, because the arguments contain their hashes.
     pub fn input_sha256(&self) -> String {
         sha256_hex(self.arguments.to_string().as_bytes())
     }
 
-    /// Parses the arguments into `T`, the type that the list's kind of tasks uses.
+    /// Converts the arguments to `T`, the argument type of the list's kind of tasks.
     ///
     /// # Errors
     /// [`Error::Input`] if the arguments are not valid for this program.
@@ -72,32 +72,33 @@ impl Task {
     }
 }
 
-/// List in memory, after it was made or read.
+/// List of tasks in memory.
 #[derive(Debug, Clone, PartialEq)]
 pub struct List {
     dir: PathBuf,
     head: WithProvenance<TaskList>,
     text: Vec<u8>,
-    /// Start of each line in bytes, and end of the last line.
+    /// Position of each line's first byte in the text. The last entry is the end of the text.
     starts: Vec<usize>,
 }
 
-/// Outcome of making a list.
+/// Outcome of writing a list to its directory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ListOutcome {
-    /// The list is new.
+    /// The directory had no list.
     Made,
-    /// The identical list existed.
+    /// The directory had an identical list.
     WasThere,
-    /// Another list existed and was replaced.
+    /// The directory had another list, which was replaced.
     Replaced,
 }
 
 impl List {
-    /// Writes the list of some work into a directory that is absent, empty, or holds a list. `program` is the version and the hash of the sources. Existing results stay.
+    /// Makes a list and writes it into a directory that does not exist, is empty or holds a list. `program` is the version and the hash of the sources.
+    /// Existing results stay.
     ///
     /// # Errors
-    /// [`Error::Input`] if the directory holds other files, or another list without `force`; [`Error::File`] if it is not writable.
+    /// [`Error::Input`] if the directory holds other files, or another list and `force` is not set; [`Error::File`] if it is not writable.
     pub fn make(
         dir: &Path,
         kind: TaskKind,
@@ -145,7 +146,7 @@ impl List {
         Ok((list, making))
     }
 
-    /// Checks that the list may be written to its directory.
+    /// Checks whether the list may be written into its directory, and what is there already.
     fn place(&self, force: bool) -> Result<ListOutcome> {
         let head = self.dir.join(HEAD);
         if files::kind(&head).is_some() || files::kind(&self.dir.join(LINES)).is_some() {
@@ -179,10 +180,10 @@ impl List {
         ))
     }
 
-    /// Reads a list.
+    /// Reads a list from its directory.
     ///
     /// # Errors
-    /// [`Error::File`] or [`Error::Input`] if there is no list or it has been changed.
+    /// [`Error::File`] or [`Error::Input`] if there is no list, or if it was changed by hand.
     pub fn open(dir: &Path) -> Result<Self> {
         files::forbid_links(dir, WHAT);
         let path = dir.join(HEAD);
@@ -201,7 +202,7 @@ impl List {
         Ok(Self { dir: dir.to_path_buf(), head, text, starts })
     }
 
-    /// Refuses a list of another program, whose results may differ.
+    /// Refuses a list that another program version made, because its results may differ. Otherwise returns the list.
     ///
     /// # Errors
     /// [`Error::Input`] if the programs differ.
@@ -219,17 +220,17 @@ impl List {
         ))
     }
 
-    /// Directory of the list.
+    /// Directory that holds the list.
     pub fn dir(&self) -> &Path {
         &self.dir
     }
 
-    /// Head of the list with its provenance.
+    /// Head of the list, with its provenance (program, seed, inputs).
     pub fn document(&self) -> &WithProvenance<TaskList> {
         &self.head
     }
 
-    /// Head of the list.
+    /// Head of the list, without its provenance.
     pub fn head(&self) -> &TaskList {
         &self.head.body
     }
@@ -244,10 +245,10 @@ impl List {
         self.starts.len() - 1
     }
 
-    /// Returns one task.
+    /// Returns the task with this number.
     ///
     /// # Errors
-    /// [`Error::Input`] if no task has this number.
+    /// [`Error::Input`] if there is no such task.
     pub fn task(&self, number: usize) -> Result<Task> {
         let (Some(from), Some(to)) = (self.starts.get(number), self.starts.get(number + 1)) else {
             let found = format!("there is no task {number}");
@@ -269,12 +270,12 @@ impl List {
         Ok(task)
     }
 
-    /// Path of a task's result.
+    /// Path of a task's result file.
     pub fn result_path(&self, task: &Task) -> PathBuf {
         self.dir.join(result_of(&task.id))
     }
 
-    /// Names of the result files, except those still being written.
+    /// Names of the result files. Files that are still being written are left out.
     ///
     /// # Errors
     /// [`Error::File`] if the directory is unreadable.
@@ -292,17 +293,17 @@ impl List {
     }
 }
 
-/// Id of a task: the hash of program, kind and arguments.
+/// Id of a task: SHA-256 of program, kind and arguments.
 fn id_of(program: &str, kind: TaskKind, arguments: &Value) -> String {
     sha256_hex(format!("{program}\n{}\n{arguments}", kind.name()).as_bytes())
 }
 
-/// Path of a task's result below the list's directory. An id is hexadecimal, so the path cannot leave that directory.
+/// Path of a task's result, relative to the list's directory. The id is hexadecimal, so the path cannot leave this directory.
 fn result_of(id: &str) -> String {
     format!("{RESULTS}/{}.task", &id[..ID_DIGITS])
 }
 
-/// Absolute form of a path.
+/// Makes a path absolute, without resolving links.
 ///
 /// # Errors
 /// [`Error::File`] if there is no current directory.
@@ -310,7 +311,7 @@ pub fn absolute(path: &Path) -> Result<PathBuf> {
     std::path::absolute(path).map_err(files::file_error("find", path))
 }
 
-/// Start of each line in bytes, and end of the last line.
+/// Position of each line's first byte in the text, then the end of the text.
 fn starts(text: &[u8]) -> Vec<usize> {
     let ends = text.iter().enumerate().filter(|(_, byte)| **byte == b'\n').map(|(place, _)| place + 1);
     std::iter::once(0).chain(ends).collect()

@@ -1,4 +1,4 @@
-//! Many workers on this machine, each in its own process. A worker that dies interrupts only its task, which is then tried again.
+//! Runs tasks on this machine with many workers, each in its own process. If a worker dies, only its task is interrupted; the task is then tried again.
 
 use std::collections::VecDeque;
 use std::io::{BufRead, BufReader, Write};
@@ -11,34 +11,34 @@ use super::worker::WorkerAnswer;
 use base::error::{Error, Result};
 use posterior::monitor::{Counter, Monitor};
 
-/// Number of attempts before a task counts as failed.
+/// Number of attempts after which a failing task is given up.
 const MOST_ATTEMPTS: usize = 3;
-/// Number of consecutive failures after which no further task is started, for example because the disk is full.
+/// Number of consecutive failures after which no further task is started. The disk may be full, for example.
 const MOST_IN_A_ROW: usize = 12;
-/// Time between two checks for work or a stop.
+/// Time between two checks for new tasks or a stop.
 const LOOK: Duration = Duration::from_millis(20);
 
-/// Result of a run.
+/// Result of running tasks.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct LocalOutcome {
-    /// Number of tasks that were run.
+    /// Number of tasks that this run completed.
     pub done: usize,
-    /// Number of tasks whose result existed before.
+    /// Number of tasks whose result existed before this run.
     pub before: usize,
     /// Number of workers that died.
     pub worker_deaths: usize,
-    /// Failed tasks by number, each with its last message.
+    /// Failed tasks: number of the task and its last message.
     pub failed: Vec<(usize, String)>,
-    /// Tasks that were not started, or not again, because too many failed in a row.
+    /// Tasks that were not started or not repeated, because too many consecutive tasks failed.
     pub left: Vec<usize>,
-    /// Message of the last failure; `None` after a later success.
+    /// Message of the last failure; `None` if a later task succeeded.
     pub last_failure: Option<String>,
 }
 
-/// Runs tasks in `jobs` processes made by `worker`. Each serves tasks on its standard input ([`super::worker::serve`]).
+/// Runs tasks in `jobs` processes, which `worker` starts. Each process receives task numbers on its standard input ([`super::worker::serve`]).
 ///
 /// # Errors
-/// [`Error::Interrupted`] when stopped; written results are kept.
+/// [`Error::Interrupted`] when stopped; results that were written are kept.
 pub fn run(
     tasks: &[usize],
     jobs: usize,
@@ -62,7 +62,7 @@ pub fn run(
                 ended.fetch_add(1, Ordering::SeqCst);
             });
         }
-        // A thread that waits for an answer notices only the end of its process.
+        // A thread that waits for an answer notices only that its process has ended. This loop therefore watches for a stop.
         while ended.load(Ordering::SeqCst) < jobs {
             if shared.is_stopped() {
                 shared.processes.iter().for_each(kill);
@@ -81,7 +81,7 @@ pub fn run(
 }
 
 struct Queue {
-    /// Tasks, each with its number of earlier attempts.
+    /// Waiting tasks: number of the task, and number of earlier attempts.
     waiting: VecDeque<(usize, usize)>,
     under_way: usize,
     in_a_row: usize,
@@ -92,7 +92,7 @@ type Slot = Mutex<Option<Child>>;
 struct SharedQueue<'a> {
     queue: Mutex<Queue>,
     outcome: Mutex<LocalOutcome>,
-    /// Process of each thread, for stopping it.
+    /// Process of each thread. A stop kills it.
     processes: Vec<Slot>,
     counter: Counter<'a>,
     monitor: &'a dyn Monitor,
@@ -103,7 +103,7 @@ impl SharedQueue<'_> {
         self.monitor.stop().is_some_and(|stop| stop.load(Ordering::Relaxed))
     }
 
-    /// Next task. Waits while a running task may still come back.
+    /// Returns the next task with its number of earlier attempts. While other tasks run, it waits, because one of them may fail and return to the queue.
     fn next(&self) -> Option<(usize, usize)> {
         loop {
             let mut queue = locked(&self.queue);
@@ -133,7 +133,7 @@ impl SharedQueue<'_> {
         self.counter.add_one();
     }
 
-    /// Puts a task back at the end of the queue, unless it has failed too often or its input is refused.
+    /// Puts a failed task at the end of the queue. If it failed too often, or another attempt cannot succeed, it is recorded as failed.
     fn failed(&self, (task, attempts): (usize, usize), why: String, may_go_better: bool) {
         if self.is_stopped() {
             return;
@@ -151,7 +151,7 @@ impl SharedQueue<'_> {
         }
     }
 
-    /// Work of one thread: it keeps a process and starts another if that dies.
+    /// Work of one thread: sends tasks to a worker process, and starts a new process if the worker dies.
     fn work(&self, slot: &Slot, worker: &(dyn Fn() -> Command + Sync)) {
         let mut ends: Option<(ChildStdin, BufReader<ChildStdout>)> = None;
         while let Some(task) = self.next() {
@@ -188,7 +188,7 @@ impl SharedQueue<'_> {
                 }
             }
         }
-        // A worker ends by itself when its standard input is closed.
+        // Closing its standard input makes the worker end.
         drop(ends);
         end(slot);
     }
@@ -204,17 +204,17 @@ fn start(slot: &Slot, worker: &(dyn Fn() -> Command + Sync)) -> std::io::Result<
 
 fn kill(slot: &Slot) {
     if let Some(child) = locked(slot).as_mut() {
-        // A worker leads its process group, which contains the commands that it runs.
+        // A worker leads a process group. The commands that it runs belong to this group and are killed with it.
         #[cfg(any(target_os = "linux", target_vendor = "apple"))]
         if let Some(group) = i32::try_from(child.id()).ok().and_then(rustix::process::Pid::from_raw) {
             let _ = rustix::process::kill_process_group(group, rustix::process::Signal::KILL);
         }
-        // Killing a process that has ended fails, which is harmless.
+        // An error means that the process has already ended, which is harmless.
         let _ = child.kill();
     }
 }
 
-/// Waits for the process of a slot and returns its exit status. It releases the slot between checks so that a stop can kill the process.
+/// Waits until the process of a slot ends, and describes its exit status. The slot is released between checks, so that a stop can kill the process.
 fn end(slot: &Slot) -> String {
     loop {
         let mut held = locked(slot);

@@ -1,14 +1,16 @@
-//! Work for many machines: a list of independent tasks, their results, and the join that yields the files of a single machine.
+//! Distributes work over many machines: makes a list of independent tasks, runs them, and joins their results into the files that a single machine would
+//! write.
 //!
 //! ```text
 //! DIR/
-//!   tasks.json     the list's head: kind, program, hash of the lines
+//!   tasks.json     head of the list: kind, program, hash of the lines
 //!   tasks.jsonl    one task per line: id, command, result, arguments
-//!   results/       one file per task, named after its id, written whole or not at all
+//!   results/       one file per task, named after its id, written completely or not at all
 //!   gathered/      joined results, written by `gather`
 //! ```
-//! A task's id is the hash of its inputs' content, its arguments and the program's sources. A result therefore identifies its task, input and program,
-//! independent of machine and attempt. Results that do not match are listed and computed again. Tasks may be killed, run twice, and run in any order.
+//! A task's id is the hash of its inputs' content, its arguments and the program's sources. A result therefore identifies its task, its input and the
+//! program. It does not depend on the machine or the number of attempts. Results that do not match are listed and computed again. Tasks may be killed,
+//! run twice, and run in any order.
 
 pub mod calibration;
 pub mod challenge;

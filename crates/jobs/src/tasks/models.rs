@@ -1,6 +1,7 @@
-//! Reduced models as tasks. Each model that the experiments need is computed once; gathering puts it into the cache that the commands read.
+//! Tasks that build reduced models. Each model that the experiments need is built once. Gathering puts it into the cache, where commands read it.
 //!
-//! A model is named by the hash of all its inputs, as in the cache. So many eyes with one apparatus share one task for the parts that depend on the apparatus alone.
+//! As in the cache, a model's name is the hash of all its inputs. Some inputs depend only on the apparatus, so experiments with equal apparatus share the
+//! tasks that need only those.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -26,33 +27,34 @@ use posterior::problem::Problem;
 use posterior::study::sha256_hex;
 use record::Apparatus;
 
-/// Kind of reduced model.
+/// Kind of reduced model that a task builds.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 enum ReducedModelKind {
-    /// Displacement per force of an apparatus, for cohorts.
+    /// Compliance of an apparatus (displacement per force), for cohorts.
     Compliance,
-    /// Surrogate of the law.
+    /// Surrogate of a model with its law.
     Surrogate,
-    /// Surrogate of the law over the Poisson ratios of every effect, for `diagnose`.
+    /// Surrogate for `diagnose`. It covers the Poisson's ratios of every effect.
     WidestSurrogate,
-    /// Displacement field of the named effect.
+    /// Reduced displacement field of the effect with this slug.
     Field(String),
-    /// Large displacements learned for a record.
+    /// Reduced model of large displacements, which is learned for a record.
     LargeDisplacement,
 }
 
-/// Arguments of a task.
+/// Arguments of a task, as its list stores them.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct ModelTask {
     piece: ReducedModelKind,
-    /// Name of the model's file in a cache. Large displacements have a file name only once their law is known; here it is the SHA-256 of the experiment and its model.
+    /// Name of the model's file in a cache. For large displacements this name depends on the law, which is not yet known. They use the SHA-256 of the
+    /// experiment and its model instead.
     content: String,
     sampling: Sampling,
 }
 
-/// Returns the tasks of all models that the experiments need, and the number of experiments that need none. They are the models that `sample` uses;
-/// with `every_effect`, also those that `diagnose` uses.
+/// Makes the tasks of all models that the experiments need. Also returns the number of experiments that need none. By default they are the models that
+/// `sample` uses; with `every_effect`, also those that `diagnose` uses.
 ///
 /// # Errors
 /// [`Error::Input`] if an experiment and its model are incompatible; otherwise the errors of meshing.
@@ -62,7 +64,7 @@ pub fn work(
     every_effect: bool,
     monitor: &dyn Monitor,
 ) -> Result<(Vec<TaskInput>, usize)> {
-    // Each apparatus is meshed once, because the names of models are hashes of meshes. The mesh is dropped before the next one.
+    // The names of models contain hashes of meshes, so each apparatus must be meshed once. Its mesh is dropped before the next one is made.
     let mut alike: BTreeMap<String, Vec<&Measurement>> = BTreeMap::new();
     for measurement in measurements {
         alike.entry(format!("{:?}", measurement.experiment.apparatus)).or_default().push(measurement);
@@ -101,12 +103,13 @@ pub fn work(
             "give experiments with a [robot]",
         ));
     }
-    // Displacement fields come first because they take longest.
+    // Displacement fields come first, because they take longest.
     work.sort_by_key(|(piece, _)| !matches!(piece, ReducedModelKind::Field(_)));
     Ok((work.into_iter().map(|(_, work)| work).collect(), n_without))
 }
 
-/// Models that one experiment needs, each with its content. `mechanics` belongs to its apparatus and is made here if it is missing.
+/// Lists the models that one experiment needs, each with its content hash. `mechanics` are those of the experiment's apparatus. They are computed here if
+/// they are missing.
 fn required_models(
     measurement: &Measurement,
     every_effect: bool,
@@ -153,7 +156,7 @@ fn content(measurement: &Measurement) -> String {
     sha256_hex(format!("{}\n{:?}", measurement.inputs_sha256, measurement.specification).as_bytes())
 }
 
-/// Builds a task's model or reads it from the cache. Returns a line with the name of its file in a cache, and the file.
+/// Builds a task's model, or reads it from the cache. The body of the result is one line with the model's file name in a cache, followed by the file.
 ///
 /// # Errors
 /// [`Error::Input`] if the experiment has changed since the list was made; otherwise the errors of the finite elements.
@@ -191,7 +194,7 @@ pub fn run(task: &Task, monitor: &dyn Monitor) -> Result<Vec<u8>> {
     Ok(body)
 }
 
-/// File of a model: its name below a cache's directory, and its bytes.
+/// Builds a model. Returns its file name relative to a cache's directory, and the file's bytes.
 fn built(measurement: &Measurement, piece: &ReducedModelKind, monitor: &dyn Monitor) -> Result<(String, Vec<u8>)> {
     if *piece == ReducedModelKind::Compliance {
         return apparatus::cache_file(measurement, monitor);
@@ -218,7 +221,7 @@ fn built(measurement: &Measurement, piece: &ReducedModelKind, monitor: &dyn Moni
     }
 }
 
-/// Learns large displacements in the same way as the posterior's compliance.
+/// Learns large displacements as `sample` does for the posterior's compliance. Returns file name and bytes.
 fn large(problem: &Problem, fe: &FiniteElements, monitor: &dyn Monitor) -> Result<(String, Vec<u8>)> {
     let (_, surrogate) = surrogate(problem, fe, None, monitor)?;
     let fields = field_models(fe, None, problem.model.effects(), monitor)?;
@@ -242,7 +245,7 @@ struct Manifest {
     file: String,
 }
 
-/// Puts a result's model into the cache. Returns `true` if it was not there before; `None` if the result names no cache file.
+/// Puts the model of a result into the cache. Returns `true` if the cache did not have it before; `None` if the result names no cache file.
 ///
 /// # Errors
 /// As [`cache::adopt`].
@@ -261,7 +264,7 @@ fn file_of(body: &[u8]) -> Option<(String, &[u8])> {
 mod tests {
     use super::*;
 
-    /// Only a model of this program under its own name enters a cache, for any content of a result.
+    /// Whatever a result contains, only a model of this program under its own name is written into the cache.
     #[test]
     fn no_other_file_is_written() {
         let entry = |diameter_mm: f64| {

@@ -1,4 +1,4 @@
-//! Result of one task on disk: a line that identifies the task, and the body.
+//! Result file of one task. Its first line, the head, identifies the task; the body follows.
 
 use std::path::Path;
 
@@ -10,7 +10,7 @@ use base::files::{Content, read_if_there, write_atomically};
 use documents::tasks::Fault;
 use posterior::study::sha256_hex;
 
-/// First line of a result.
+/// First line of a result file. It identifies the task and the program.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 struct Head {
     schema: String,
@@ -23,7 +23,7 @@ struct Head {
 
 const SCHEMA: &str = "vitreo-uq/task-result/1";
 
-/// Bytes of a result file: its head and its body.
+/// Makes the bytes of a result file from its body.
 ///
 /// # Errors
 /// [`base::Error::Numerical`] if the head cannot be written as JSON.
@@ -42,18 +42,18 @@ pub fn bytes(program: &str, task: &Task, body: &[u8]) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Writes a result, whole or not at all.
+/// Writes the result file of a task completely or not at all.
 ///
 /// # Errors
-/// [`base::Error::File`] if the file system refuses, for example because the disk is full. An earlier result then stays untouched.
+/// [`base::Error::File`] if the file system refuses, for example because the disk is full. An earlier result then stays unchanged.
 pub fn write(list: &List, task: &Task, body: &[u8]) -> Result<()> {
     write_atomically(&list.result_path(task), &bytes(&list.head().program, task, body)?)
 }
 
-/// Body of a task's result.
+/// Reads the body of a task's result file.
 ///
 /// # Errors
-/// The [`Fault`] of a missing or invalid result. It is a value because such results are expected.
+/// The [`Fault`] of a missing or invalid result. It is not a [`base::Error`], because missing results are expected.
 pub fn read(list: &List, task: &Task) -> std::result::Result<Vec<u8>, Fault> {
     read_file(&list.result_path(task), task, &list.head().program)
 }

@@ -1,4 +1,4 @@
-//! Experiments of a cohort as tasks. Each task samples a few of them separately, as `groups` does before it compares them.
+//! Tasks that sample the experiments of a cohort. Each task samples a few experiments separately, as `groups` does before it compares them.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -16,29 +16,29 @@ use posterior::monitor::{Monitor, SilentMonitor};
 use posterior::study::ModelSpecification;
 use sampling::SamplerOptions;
 
-/// Sampling options of `groups`.
+/// Options of `groups` that determine the model and the sampler.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Sampling {
-    /// `--base`.
+    /// Base law (`--base`).
     pub base: Option<String>,
-    /// `--with`.
+    /// Effects (`--with`).
     pub with: Vec<String>,
-    /// `--noise`.
+    /// Noise terms (`--noise`).
     pub noise: Vec<String>,
-    /// `--prior`.
+    /// Prior (`--prior`).
     pub prior: Option<String>,
-    /// `--set`.
+    /// Parameters that are fixed or freed (`--set`).
     pub set: Vec<String>,
-    /// `--chains`.
+    /// Number of walkers (`--chains`).
     pub n_walkers: usize,
-    /// `--steps`.
+    /// Largest number of steps (`--steps`).
     pub max_steps: u64,
-    /// `--seed`.
+    /// Seed (`--seed`).
     pub seed: u64,
 }
 
 impl Sampling {
-    /// Applies these options to a model.
+    /// Applies the model options to a model.
     ///
     /// # Errors
     /// As [`ModelSpecification::with_options`].
@@ -52,40 +52,40 @@ impl Sampling {
         )
     }
 
-    /// The sampler's settings.
+    /// Sampler settings from the sampler options.
     pub(super) fn options(&self) -> SamplerOptions {
         let Self { n_walkers, max_steps, seed, .. } = *self;
         SamplerOptions { n_walkers, max_steps, seed, threads: 1, ..SamplerOptions::default() }
     }
 }
 
-/// Arguments of a task.
+/// Arguments of a task, as its list stores them.
 #[derive(Serialize, Deserialize)]
 struct SampleTask {
     sampling: Sampling,
     experiments: Vec<Sampled>,
 }
 
-/// One experiment, identified by its content.
+/// One experiment of a task, identified by its content.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Sampled {
     name: String,
     /// SHA-256 of the experiment's files, model and priors.
     content_sha256: String,
-    /// SHA-256 of the files of the experiment that represents the same apparatus.
+    /// SHA-256 of the files of the first experiment with an equal apparatus. Its compliance is used.
     apparatus_sha256: String,
 }
 
-/// File of `groups`.
+/// File that `groups` keeps for an experiment.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct KeptFile {
-    /// Name in the folder of experiments.
+    /// File name in the folder of experiments.
     pub name: String,
     /// Content of the file.
     pub text: String,
 }
 
-/// Returns the tasks of a cohort, `block` experiments each.
+/// Makes the tasks of a cohort. Each samples `block` experiments.
 ///
 /// # Errors
 /// [`Error::Input`] if an experiment and its model are incompatible.
@@ -108,7 +108,7 @@ pub fn work(measurements: &[Measurement], sampling: &Sampling, block: usize) -> 
 }
 
 fn sampled(measurement: &Measurement, stands_for_its: &Measurement, sampling: &Sampling) -> Result<Sampled> {
-    // The apparatus identifies the compliance, so making a list needs no solution.
+    // A list identifies a compliance by its apparatus, so it can be made without solving for it. The value 1 is a placeholder.
     let specimen = Specimen::new(measurement, Compliance::fixed(1.0)).map_err(|error| measurement.with_name(error))?;
     Ok(Sampled {
         name: measurement.name(),
@@ -117,14 +117,14 @@ fn sampled(measurement: &Measurement, stands_for_its: &Measurement, sampling: &S
     })
 }
 
-/// State that the tasks of one worker share: the compliance of each apparatus, computed once.
+/// Compliance of each apparatus, computed once and shared by the tasks of one worker.
 #[derive(Default)]
 pub(super) struct SamplingState {
     compliances: BTreeMap<PathBuf, (String, Compliance)>,
 }
 
 impl SamplingState {
-    /// Samples a task's experiments.
+    /// Samples the experiments of a task and returns the result's body.
     ///
     /// # Errors
     /// [`Error::Input`] if an experiment has changed since the list was made; otherwise the errors of the sampler.
@@ -166,7 +166,7 @@ impl SamplingState {
         serde_json::to_vec(&files).map_err(|error| not_json(&error))
     }
 
-    /// Compliance of an experiment's apparatus, with the hash of the experiment's files.
+    /// Returns the SHA-256 of the files of the experiment at `path`, and the compliance of its apparatus.
     fn compliance(&mut self, path: &Path, sampling: &Sampling) -> Result<(String, Compliance)> {
         if let Some(known) = self.compliances.get(path) {
             return Ok(known.clone());
@@ -181,10 +181,10 @@ impl SamplingState {
     }
 }
 
-/// Reads one experiment in its present state, with its model.
+/// Reads the experiment at a path as it is now, with its model.
 ///
 /// # Errors
-/// As [`cohort::read`]; [`Error::Input`] unless there is exactly one.
+/// As [`cohort::read`]; [`Error::Input`] unless there is exactly one experiment.
 pub fn read(path: &Path, sampling: &Sampling, monitor: &dyn Monitor) -> Result<Measurement> {
     let paths = [path.to_path_buf()];
     let mut found = cohort::read(&paths, &[], &|model_specification| sampling.model(model_specification), monitor)?;
@@ -201,7 +201,7 @@ pub fn read(path: &Path, sampling: &Sampling, monitor: &dyn Monitor) -> Result<M
     }
 }
 
-/// Reads the files of a result; `None` if a name is not a plain file name.
+/// Reads the files from a result's body; `None` if it is invalid or a name is not a plain file name.
 pub(super) fn files_of(body: &[u8]) -> Option<Vec<KeptFile>> {
     let files: Vec<KeptFile> = serde_json::from_slice(body).ok()?;
     let is_plain = |kept_file: &KeptFile| {

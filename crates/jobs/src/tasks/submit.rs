@@ -1,7 +1,7 @@
-//! Scripts that submit a list to an engine: HyperQueue, or Slurm's job arrays.
+//! Scripts that submit a list to a scheduler of a cluster: HyperQueue, or Slurm with a job array.
 //!
-//! The engine calls the program with the number of a part. The program runs the tasks of that part that have no result yet,
-//! so a script can be submitted again at any time.
+//! The scheduler calls the program with the number of a part of the list. The program runs those tasks of the part that have no result yet. The script
+//! can therefore be submitted again at any time.
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -10,7 +10,7 @@ use super::list::{List, absolute};
 use base::error::{Error, InputPlace, Result, Setting};
 use base::files::{create_folders, file_error, write_atomically};
 
-/// Engine that starts the workers.
+/// Scheduler that starts the workers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Engine {
     /// <https://it4innovations.github.io/hyperqueue>
@@ -19,21 +19,21 @@ pub enum Engine {
     Slurm,
 }
 
-/// Resources of each part.
+/// Resources that the scheduler reserves for each part of the list.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Resources {
-    /// Number of cores, each with its own worker.
+    /// Number of processor cores. Each runs one worker.
     pub cores: usize,
     /// Time limit in minutes.
     pub minutes: u64,
-    /// Memory in MiB.
+    /// Memory for all workers of the part, in MiB.
     pub memory_mib: u64,
 }
 
-/// Default limit on the number of parts. By default Slurm accepts 1,000 elements per array.
+/// Largest number of parts by default. Slurm accepts 1,000 elements per job array in its default configuration.
 const MOST_PARTS: usize = 1_000;
 
-/// Returns the tasks of part `part` of `parts`. Every task belongs to exactly one part.
+/// Range of the task numbers in part `part` of `parts`. Every task belongs to exactly one part.
 ///
 /// # Errors
 /// [`Error::Input`] if there is no such part.
@@ -42,11 +42,11 @@ pub fn tasks_of_part(n_tasks: usize, part: usize, parts: usize) -> Result<std::o
         let found = format!("part {part} of {parts}");
         return Err(Error::input(InputPlace::setting(Setting::Part), found, "count parts from 0: `0/10` to `9/10`"));
     }
-    // Tasks and parts number at most millions, so the products cannot overflow.
+    // Numbers of tasks and parts are at most millions, so their product cannot overflow.
     Ok(part * n_tasks / parts..(part + 1) * n_tasks / parts)
 }
 
-/// Number of parts in which a list is submitted.
+/// Number of parts into which a list is divided: the requested number, or a default.
 ///
 /// # Errors
 /// [`Error::Input`] if zero parts are requested.
@@ -58,7 +58,7 @@ pub fn n_parts(n_tasks: usize, asked_for: Option<usize>) -> Result<usize> {
     }
 }
 
-/// Writes the script beside the list and creates a folder for the workers' logs. Returns the script's path.
+/// Writes the submission script into the list's directory and makes a folder for the workers' logs. Returns the script's path.
 ///
 /// # Errors
 /// [`Error::Input`] for resources of zero, [`Error::File`] if the file system refuses.
@@ -123,7 +123,7 @@ fn slurm(dir: &Path, logs: &Path, program: &Path, resources: Resources, parts: u
     text
 }
 
-/// Quotes a path as one word of a shell.
+/// Quotes a path so that a shell reads it as one word.
 fn quoted(path: &Path) -> String {
     quoted_text(&path.display().to_string())
 }
@@ -147,7 +147,7 @@ fn executable(_path: &Path) -> Result<()> {
 mod tests {
     use super::*;
 
-    /// Every task belongs to exactly one part, for any numbers.
+    /// Each task belongs to exactly one part, for several numbers of tasks and parts.
     #[test]
     fn parts_are_the_whole() {
         for n_tasks in [1, 2, 7, 300, 100_001] {

@@ -1,4 +1,4 @@
-//! Worker that runs tasks in one process, one after another. The tasks share preparations.
+//! Worker that runs tasks one after another in one process. The tasks share meshes and other preparations.
 
 use std::io::{BufRead, Write};
 
@@ -11,16 +11,16 @@ use documents::tasks::TaskKind;
 use posterior::monitor::{Monitor, StoppableMonitor};
 use validation::challenge::Bench;
 
-/// Outcome of running a task.
+/// Outcome of a request to run a task.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TaskOutcome {
-    /// The task was run, and its result is written.
+    /// The task was run and its result was written.
     Now,
-    /// The result existed before.
+    /// The result existed already, so the task was not run.
     Before,
 }
 
-/// Runs tasks of a list.
+/// Worker for the tasks of one list.
 pub struct Worker<'a> {
     list: &'a List,
     bench: Option<Bench>,
@@ -31,7 +31,7 @@ pub struct Worker<'a> {
 }
 
 impl<'a> Worker<'a> {
-    /// Makes a worker. Preparation happens at the first task that needs it. Commands that `refuse_line` refuses are not run.
+    /// Makes a worker. It prepares meshes and the like when a task first needs them. It does not run commands that `refuse_line` refuses.
     pub fn new(list: &'a List, refuse_line: RefuseLine<'a>, monitor: &'a dyn Monitor) -> Self {
         let (laboratory, simulator) = (SamplingState::default(), calibration::CalibrationState::default());
         Self { list, bench: None, laboratory, simulator, refuse_line, monitor }
@@ -65,21 +65,21 @@ impl<'a> Worker<'a> {
     }
 }
 
-/// Answer of a worker to a task number. [`serve`] writes answers, `local` reads them.
+/// Answer of a worker to a task number. [`serve`] writes the answers, and `local` reads them.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub(super) enum WorkerAnswer {
-    /// The task was run and its result written.
+    /// The task was run and its result was written.
     Done,
-    /// The result existed before.
+    /// The result existed already, so the task was not run.
     Before,
-    /// The task failed with this message; another attempt may succeed.
+    /// The task failed with this message. Another attempt may succeed.
     Failed(String),
-    /// The input is not acceptable, with this message.
+    /// The task's input is not acceptable, for the reason in this message.
     Refused(String),
 }
 
-/// Runs the tasks whose numbers arrive, one per line, and answers each with a line. Ends when the input ends.
+/// Runs the tasks whose numbers arrive in `numbers`, one per line. Writes one line to `answers` for each. Returns when `numbers` ends.
 ///
 /// # Errors
 /// [`Error::Interrupted`] when stopped; [`Error::File`] if the answers cannot be written.

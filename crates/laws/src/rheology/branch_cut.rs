@@ -1,12 +1,13 @@
-//! Density of retardation rates of any network with springpots, from the branch cut of its complex compliance.
+//! Retardation spectrum of any network with springpots, from the density of rates on the branch cut of its complex compliance.
 //!
-//! J*(s) has no singularity off the negative axis, so J(t) = J₀ + φt + ∫ L(u) (1 − e^{−eᵘt}) du with L(u) = −(1/π) Im J*(e^{u + iπ}). A springpot in
-//! parallel with other elements keeps their poles off the axis. Beyond the cut, poles are as near to the axis as orders are to 1. A zero of
-//! G*(eᵛ) at v = u₀ + iπ, 0 < Im u₀ < π/2, causes an error of the midpoint rule. An oscillating mode of rate e^{u₀} and
-//! compliance −2/(dG*/dv · (1 + e^{−2πiu₀/h})) corrects it. A missed zero shows as a change when the step is refined.
+//! J*(s) has no singularity off the negative axis, so J(t) = J₀ + φt + ∫ L(u) (1 − e^{−eᵘt}) du with L(u) = −(1/π) Im J*(e^{u +
+//! iπ}). A springpot in parallel with other elements moves their poles away from the axis, to the next sheet beyond the cut. The
+//! closer the orders are to 1, the closer these poles are to the axis. A zero of G*(eᵛ) at v = u₀ + iπ, 0 < Im u₀ < π/2, causes
+//! an error of the midpoint rule of step h. An oscillating mode of rate e^{u₀} and compliance −2/(dG*/dv · (1 + e^{−2πiu₀/h}))
+//! corrects this error. If a zero was missed, the result changes when the step is refined.
 //!
-//! At an order of 1 the springpot is a dashpot and has no density. J(t) still has a derivative by the order there. It follows from networks with orders slightly
-//! below 1.
+//! At an order of 1 the springpot is a dashpot and has no density, but J(t) has a derivative by the order. This derivative is
+//! computed from networks with orders slightly below 1.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -19,27 +20,28 @@ use base::number::Dual;
 
 /// Number of times at which two steps of the midpoint rule are compared.
 const N_TIMES: u32 = 13;
-/// Largest difference between two steps, relative to J at the window's end.
+/// Largest difference of J(t) between two steps of the midpoint rule, relative to J at the window's end.
 const TOLERANCE: f64 = 4e-9;
 /// Largest number of refinements of the step.
 const MAX_REFINEMENTS: i32 = 9;
-/// Ratio of a step to the one before.
+/// Ratio of a refined step to the previous step.
 const REFINEMENT: f64 = 0.75;
-/// Largest number of Newton steps towards a zero.
+/// Largest number of Newton steps in the search for one zero.
 const MAX_NEWTON_STEPS: u32 = 20;
 /// Distance in u between the starting points of Newton's method. Zeros far from all of them are found from neighbouring poles.
 const START_SPACING: f64 = 2.0;
-/// Distance h below 1 of the orders that give the derivative at 1. The derivative's error is a few times h², and that of J divided by h.
+/// Distance h below 1 of the orders that give the derivative at 1. The derivative's error is a few times h², plus the error of J
+/// divided by h.
 const BELOW_ONE: f64 = 3e-3;
-/// Reach in u beyond the window's rates within which zeros and weights count. A retardation e²⁰ times faster or slower than the window is flow or a spring
-/// to 2e-9.
+/// Distance in u from the window's rates within which zeros and weights are taken into account. A retardation e²⁰ times faster
+/// than the window equals a spring to 2e-9, and one that is e²⁰ times slower equals flow.
 const REACH: f64 = 20.0;
 
-/// Spectrum of a network over a window.
+/// Returns the retardation spectrum of a network over a window of times.
 ///
 /// # Errors
-/// [`Error::Numerical`] if an order is outside (0, 1], if a derivative by one of several orders of 1 is needed, or
-/// if the density is too sharp for the finest step.
+/// [`Error::Numerical`] if an order is outside (0, 1], if several orders are 1 and have a derivative, or if the density is too
+/// sharp for the finest step.
 pub fn spectrum_of(network: &Element, window: TimeWindow) -> Result<RetardationSpectrum> {
     let mut leaving_one = Vec::new();
     for_each_leaving_one(&mut network.clone(), &mut |springpot| leaving_one.push(springpot.clone()));
@@ -66,8 +68,8 @@ pub fn spectrum_of(network: &Element, window: TimeWindow) -> Result<RetardationS
     ))
 }
 
-/// Spectrum of a network with one springpot whose order is 1 and has a derivative. J(t) is a parabola in the order through its values at 1, 1 − h and 1 − 2h.
-/// The result has the parabola's value and derivative at 1.
+/// Returns the spectrum of a network with one springpot whose order is 1 and has a derivative. A parabola in the order goes
+/// through J(t) at the orders 1, 1 − h and 1 − 2h. The result has the parabola's value and derivative at 1.
 fn derivative_at_one(
     network: &Element,
     [modulus_pa, time_s, order]: [Dual; 3],
@@ -144,20 +146,20 @@ fn largest_difference(a: &RetardationSpectrum, b: &RetardationSpectrum, window: 
     let at = |k: u32| window.shortest_s * ratio.powf(f64::from(k) / f64::from(N_TIMES - 1));
     let differences =
         (0..N_TIMES).map(|k| (a.creep_compliance_per_pa(at(k)) - b.creep_compliance_per_pa(at(k))).abs() / size);
-    // NaN must not count as small.
+    // A NaN must not be taken for a small difference.
     differences.fold(0.0, |largest, each| if each > largest || each.is_nan() { each } else { largest })
 }
 
 /// Zero of G* at v = u₀ + iπ.
 struct Zero {
     u: Complex<Dual>,
-    /// dG*/dv at the zero.
+    /// Derivative dG*/dv at the zero.
     slope: Complex<Dual>,
 }
 
 impl Zero {
     fn mode(&self, step: f64) -> OscillatingMode {
-        // The exponent is −2πi u₀/h.
+        // `exponent` is −2πi u₀/h.
         let exponent = Complex { re: self.u.im * (2.0 * PI / step), im: self.u.re * (-2.0 * PI / step) };
         let share = (self.slope * (exponent.exp() + Complex::<Dual>::constant(1.0, 0.0))).reciprocal();
         let rate = self.u.exp();
@@ -165,8 +167,8 @@ impl Zero {
     }
 }
 
-/// Zeros of G* with 0 < Im u₀ < π/2 within reach of the window's rates. A last Newton step in dual numbers makes the derivatives
-/// exact.
+/// Returns the zeros of G* with 0 < Im u₀ < π/2 whose rates are within [`REACH`] of the window. A last Newton step in dual
+/// numbers makes their derivatives exact.
 fn zeros_beyond_the_cut(network: &Element, window: TimeWindow) -> Vec<Zero> {
     let reach = [-window.longest_s.ln() - REACH, -window.shortest_s.ln() + REACH];
     let exact = |u: nalgebra::Complex<f64>| {
@@ -179,7 +181,7 @@ fn zeros_beyond_the_cut(network: &Element, window: TimeWindow) -> Vec<Zero> {
     zeros_of_modulus(network, reach).into_iter().filter(inside).map(exact).collect()
 }
 
-/// Zeros of G*. For bodies in series they are the zeros of each body.
+/// Returns the zeros of G*. For bodies in series they are the zeros of every body.
 fn zeros_of_modulus(element: &Element, reach: [f64; 2]) -> Vec<nalgebra::Complex<f64>> {
     match element {
         Element::Series(elements) => elements.iter().flat_map(|part| zeros_of_modulus(part, reach)).collect(),
@@ -193,7 +195,7 @@ fn zeros_of_modulus(element: &Element, reach: [f64; 2]) -> Vec<nalgebra::Complex
     }
 }
 
-/// Poles of G*. For bodies in parallel they are the poles of each body.
+/// Returns the poles of G*. For bodies in parallel they are the poles of every body.
 fn poles_of_modulus(element: &Element, reach: [f64; 2]) -> Vec<nalgebra::Complex<f64>> {
     match element {
         Element::Parallel(elements) => elements.iter().flat_map(|part| poles_of_modulus(part, reach)).collect(),
@@ -208,7 +210,8 @@ fn poles_of_modulus(element: &Element, reach: [f64; 2]) -> Vec<nalgebra::Complex
     }
 }
 
-/// Zeros of G* (`power` 1) or of J* (`power` −1), found from starting points over the reach and beside the function's poles.
+/// Returns the zeros of G* (`power` 1) or of J* (`power` −1). Newton's method starts from points spread over `reach` and from
+/// points near the function's poles.
 fn zeros(
     element: &Element,
     power: f64,
@@ -229,7 +232,8 @@ fn zeros(
     zeros
 }
 
-/// Zero by Newton's method for G*^power Π(u − u_pole). Without the product, a zero beside a pole attracts almost no starting point.
+/// Returns a zero by Newton's method for G*^power Π(u − u_pole). The product removes the poles. Without it, hardly any starting
+/// point would lead to a zero that is close to a pole.
 fn newton(
     element: &Element,
     power: f64,
@@ -243,7 +247,7 @@ fn newton(
         let of_poles: nalgebra::Complex<f64> = poles.iter().map(|pole| (u - pole).inv()).sum();
         let step = (nalgebra::Complex::new(logarithmic.re.value, logarithmic.im.value) * power + of_poles).inv();
         let size = step.norm();
-        // Long steps overshoot, because the modulus is a sum of exponentials of v.
+        // Newton steps are shortened to 1, because the modulus is a sum of exponentials of v and long steps overshoot.
         u -= step * size.recip().min(1.0);
         if size < 1e-12 {
             return Some(u);
@@ -255,7 +259,7 @@ fn newton(
     None
 }
 
-/// G* at s = eᵛ, and its derivative by v.
+/// Value of G* at s = eᵛ, and its derivative by v.
 #[derive(Clone, Copy)]
 struct Modulus {
     value: Complex<Dual>,

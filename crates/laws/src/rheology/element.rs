@@ -5,59 +5,60 @@ use base::number::Dual;
 /// Place of an element in a law whose bodies are in series.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ElementPlace {
-    /// Index of the body.
+    /// Index of the body among the bodies in series.
     pub body: usize,
-    /// Index among the parallel parts of the body; `None` if the element is the body.
+    /// Index of the element among the body's elements in parallel; `None` if the element itself is the body.
     pub part: Option<usize>,
 }
 
-/// Element or network of elements: a scalar relation between stress s (Pa) and strain ε (physics §2).
+/// Element or network of elements, which relates the scalar stress s (Pa) to the scalar strain ε (physics §2).
 #[derive(Debug, Clone, PartialEq)]
 pub enum Element {
-    /// s = E ε.
+    /// Spring: s = E ε.
     Spring {
-        /// E in Pa.
+        /// Modulus E in Pa.
         modulus_pa: Dual,
     },
-    /// s = c ε̇.
+    /// Dashpot: s = c ε̇.
     Dashpot {
-        /// c in Pa·s.
+        /// Viscosity c in Pa·s.
         viscosity_pa_s: Dual,
     },
-    /// s = E τᵅ Dᵅε, Caputo's derivative from t = 0; a spring at α = 0 and a dashpot at α = 1.
+    /// Springpot: s = E τᵅ Dᵅε, with Caputo's derivative from t = 0. It is a spring at α = 0 and a dashpot at α = 1.
     Springpot {
-        /// E in Pa.
+        /// Modulus E in Pa.
         modulus_pa: Dual,
-        /// τ in s.
+        /// Time τ in s.
         time_s: Dual,
-        /// α in (0, 1].
+        /// Order α in (0, 1].
         order: Dual,
     },
-    /// ε = C s: a spring given by its compliance. C may be 0 and have a derivative there.
+    /// Spring that is given by its compliance: ε = C s. C may be 0 and still have a derivative.
     Compliance {
-        /// C in 1/Pa.
+        /// Compliance C in 1/Pa.
         compliance_per_pa: Dual,
     },
-    /// τ ε̇ + ε = C s: a Kelvin–Voigt body given by its compliance. C may be 0 and have a derivative there.
+    /// Kelvin–Voigt body that is given by its compliance: τ ε̇ + ε = C s. C may be 0 and still have a derivative.
     Retarded {
-        /// C in 1/Pa.
+        /// Compliance C in 1/Pa.
         compliance_per_pa: Dual,
-        /// τ in s.
+        /// Time τ in s.
         time_s: Dual,
     },
-    /// All elements carry the same stress; their strains add.
+    /// Elements in series. All carry the same stress, and their strains add.
     Series(Vec<Element>),
-    /// All elements have the same strain; their stresses add.
+    /// Elements in parallel. All have the same strain, and their stresses add.
     Parallel(Vec<Element>),
 }
 
 impl Element {
-    /// Kelvin–Voigt body: a spring and a dashpot in parallel.
+    /// Returns a Kelvin–Voigt body, which is a spring and a dashpot in parallel.
     pub fn kelvin_voigt(modulus_pa: Dual, viscosity_pa_s: Dual) -> Self {
         Self::Parallel(vec![Self::Spring { modulus_pa }, Self::Dashpot { viscosity_pa_s }])
     }
 
-    /// Modulus s/ε in Pa for a strain that grows as e^{t/T}, T > 0 in s: the element's Laplace transform at 1/T.
+    /// Returns the modulus s/ε in Pa for a strain that grows as e^{t/T}, T > 0 in s. It is the element's operator in the Laplace
+    /// domain at 1/T.
     pub fn operator_pa(&self, time_scale_s: f64) -> Dual {
         let time_scale_s = Dual::constant(time_scale_s);
         match self {
@@ -76,7 +77,7 @@ impl Element {
         }
     }
 
-    /// Element with every stress `factor` times as large.
+    /// Returns an element with every stress `factor` times as large.
     pub fn scaled(&self, factor: Dual) -> Self {
         let all = |elements: &[Self]| elements.iter().map(|element| element.scaled(factor)).collect();
         match self {

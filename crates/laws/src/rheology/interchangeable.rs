@@ -1,15 +1,17 @@
-//! Interchangeable parts of a law. Two springpots in parallel give an identical law when their parameters are exchanged. Data therefore cannot tell which
-//! name belongs to which part.
+//! Interchangeable parts of a law. For example, exchanging the parameters of two springpots in parallel leaves the law unchanged.
+//! Data therefore cannot determine which parameters belong to which springpot.
 
 use base::parameter::ParameterSpec;
 
-/// Sibling parts of one kind, in the network's order. All parts list their parameters in one order.
+/// Group of interchangeable parts, in the order of the network. Each entry lists the parameters of one part. All parts list their
+/// parameters in the same order.
 #[derive(Debug, Clone, PartialEq)]
 pub struct InterchangeableParts(pub Vec<Vec<ParameterSpec>>);
 
 impl InterchangeableParts {
-    /// Number by which parts are ordered, smallest first, from the values (SI) of one part. With a viscosity and a modulus it is the part's time. With a
-    /// springpot it is minus the order, because the springpot of higher order acts faster. Otherwise it is the modulus or viscosity itself.
+    /// Returns the number by which parts are sorted, smallest first. `values` are the values (SI) of the part's parameters. For a
+    /// viscosity and a modulus the number is the part's time. For a springpot it is minus the order, because a springpot of
+    /// higher order acts faster. Otherwise it is the modulus or viscosity itself.
     pub fn slowness(part: &[ParameterSpec], values: &[f64]) -> f64 {
         let sum = |unit: &str| -> f64 {
             let filter = part.iter().zip(values).filter(|(spec, _)| spec.unit == unit);

@@ -1,60 +1,67 @@
-//! Sum of exponentials for a density of retardation rates on a grid.
+//! Retardation spectrum of a law with a continuous density of retardation rates, as a sum of exponentials.
 //!
-//! A law without discrete rates has J(t) = J₀ + ∫ L(u) (1 − e^{−eᵘt}) du + φ t. The midpoint rule in u converges faster than any power of its
-//! step, but its nodes extend without end to both sides. Nodes inside the window are kept. Nodes too fast for the window become instantaneous compliance. Nodes too slow
-//! become flow and one more mode. The sums over the nodes outside the window converge slowly. They are computed from the law's complex compliance J*(s) at
-//! two real s.
+//! Such a law has J(t) = J₀ + ∫ L(u) (1 − e^{−eᵘt}) du + φ t, with eᵘ the rate and L its density. The midpoint rule in u
+//! converges faster than any power of its step, but its nodes extend to infinity on both sides. Nodes inside the time window are
+//! kept as modes. Nodes that are too fast for the window are added to the instantaneous compliance. Nodes that are too slow
+//! become flow and one more mode. The sums over the nodes outside the window converge slowly. They are therefore computed from
+//! the law's complex compliance J*(s) at two real s.
 //!
-//! Error of the fine rule over the window, with h L the weight of a node: a fast node causes an error h L e^{−rt}, at most e^{−19.5} = 3.4e-9 of h L. The
-//! next faster nodes cause e^{−31}, e^{−50}, … of h L. The Gauss–Radau rule keeps moments 1, 2 and 3 of the slow nodes. Each slow node causes an error
-//! h L (rt)⁴/24, at most 3.4e-8 of h L at rt = 0.03. The next slower node causes e^{−4h} = 0.15 of that. With weights below 0.05/E this is 2e-9/E in all. The rule itself adds an error of 1e-9.
+//! The errors of the fine rule in the window follow, with h L the weight of a node and r its rate. The slowest of the fast nodes
+//! has an error of h L e^{−rt}, at most e^{−19.5} = 3.4e-9 of h L. Faster nodes have errors of e^{−31}, e^{−50}, … of h L. The
+//! Gauss–Radau rule keeps moments 1, 2 and 3 of the slow nodes. Each slow node has an error of h L (rt)⁴/24, at most 3.4e-8 of h
+//! L at rt = 0.03. The error of each slower node is e^{−4h} = 0.15 times that of the node before. With weights below 0.05/E the
+//! total is 2e-9/E. The midpoint rule adds an error of 1e-9.
 
 use super::{OscillatingMode, RetardationSpectrum, SpectralMode, TimeWindow};
 use base::number::PointScalar;
 
-/// Midpoint rule in u, and its limits.
+/// Midpoint rule in u, and the limits of its kept nodes.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Rule {
-    /// Step h; the rule's error is e^{−π²/h} times the integral of the density along Im u = π/2.
+    /// Step h in u. The rule's error is e^{−π²/h} times the integral of the density along Im u = π/2.
     pub step: f64,
-    /// Slowest kept rate times the window's longest time, where weights do not rise towards slow rates.
+    /// Slowest kept rate times the window's longest time, if weights do not increase towards slow rates.
     pub slowest: f64,
-    /// Slowest kept rate times the window's longest time where weights may rise as r^{−α}, as a springpot's do.
+    /// Slowest kept rate times the window's longest time, if weights may increase as r^{−α}, like those of a springpot.
     pub slowest_of_rising: f64,
     /// Fastest kept rate times the window's shortest time.
     pub fastest: f64,
-    /// Share of a tail's sum below which terms are neglected. The sums enter with a factor of 1e-3.
+    /// Fraction of a sum over nodes outside the window below which its terms are neglected. The sums enter the result with a
+    /// factor of 1e-3.
     pub tail: f64,
 }
 
-/// Rule with a total error of 1e-8; the midpoint rule errs by 8e-10.
+/// Rule with a total error of 1e-8, of which the midpoint rule contributes 8e-10.
 pub(super) const FINE: Rule = Rule { step: 0.47, slowest: 0.03, slowest_of_rising: 0.01, fastest: 19.5, tail: 1e-6 };
 
-/// Rule with a total error of 1e-6. The midpoint rule errs by 2e-7, fast nodes by e^{−13} = 2e-6 and slow ones by 0.08⁴/24 = 2e-6 of their weights.
+/// Rule with a total error of 1e-6. The midpoint rule has an error of 2e-7. Fast nodes have errors of e^{−13} = 2e-6 of their
+/// weights, slow nodes of 0.08⁴/24 = 2e-6.
 pub(super) const FAST: Rule = Rule { step: 0.64, slowest: 0.08, slowest_of_rising: 0.03, fastest: 13.0, tail: 1e-4 };
 
-/// Least ratio of a window's longest to its shortest time. It keeps the two equations for the lumped nodes independent.
+/// Smallest ratio of a window's longest to its shortest time. It keeps the two equations for the nodes outside the window
+/// independent.
 const LEAST_SPAN: f64 = 16.0;
-/// Bound on the number of a tail's nodes. It is not reached, because terms fall by e^{h} at least.
+/// Upper bound of the number of nodes on one side of the window. It is not reached, because terms decrease by at least a factor
+/// e^{h} from node to node.
 const MAX_TAIL: usize = 4000;
 
 /// Density of retardation rates at the nodes of a midpoint rule.
 pub(super) struct Density<'a, T, N, C> {
     /// Function of a node that returns its rate and its weight h L without `factor`.
     pub node: N,
-    /// J*(s) in 1/Pa at s in 1/s.
+    /// Function that returns J*(s) in 1/Pa at s in 1/s.
     pub compliance: C,
-    /// Common factor of the weights. The factor may be 0, the weights must not be.
+    /// Common factor of the weights. It may be 0, but the weights without it must not be 0.
     pub factor: T,
     /// Rule with the nodes u = (k + ½) h.
     pub rule: Rule,
     /// Slowest kept rate times the window's longest time.
     pub slowest: f64,
-    /// ln of the rate at u = 0.
+    /// Logarithm of the rate (1/s) at u = 0.
     pub ln_scale: f64,
-    /// α of [`Node::power`].
+    /// Order α of [`Node::power`].
     pub order: T,
-    /// Least length of the tails in u, because weights may rise again there.
+    /// Smallest length in u of the sums outside the window. Weights may increase again within this length.
     pub least_tail: f64,
     /// Oscillating modes in addition to the nodes.
     pub poles: &'a [OscillatingMode<T>],
@@ -63,18 +70,19 @@ pub(super) struct Density<'a, T, N, C> {
 /// Node of the midpoint rule. Powers are updated from node to node, since exponentials would dominate the cost.
 #[derive(Clone, Copy)]
 pub(super) struct Node<T> {
-    /// u.
+    /// Logarithm u of the rate, relative to the rate at u = 0.
     pub u: f64,
-    /// eᵘ.
+    /// Value of eᵘ.
     pub exp_u: f64,
-    /// e^{αu}.
+    /// Value of e^{αu}.
     pub power: T,
 }
 
 impl<T: PointScalar, N: Fn(Node<T>) -> SpectralMode<T>, C: Fn(f64) -> T> Density<'_, T, N, C> {
-    /// Adds the density's spectrum over a window.
+    /// Adds the spectrum of the density over a window.
     ///
-    /// The number of kept nodes depends on the rule and the window alone, so that all points of a batch have equally many.
+    /// The number of kept nodes depends only on the rule and the window, so that all parameter points of a batch have the same
+    /// number of modes.
     pub(super) fn add_to(&self, spectrum: &mut RetardationSpectrum<T>, window: TimeWindow) {
         let Rule { step, fastest, tail, .. } = self.rule;
         let longest_s = window.longest_s.max(LEAST_SPAN * window.shortest_s);
@@ -83,7 +91,7 @@ impl<T: PointScalar, N: Fn(Node<T>) -> SpectralMode<T>, C: Fn(f64) -> T> Density
         let n_kept = ((fastest / (window.shortest_s * slowest_per_s)).ln() / step).ceil() as usize;
         let u = (first + 0.5) * step;
         let start = Node { u, exp_u: u.exp(), power: (self.order * u).exp() };
-        // Both s are between the slowest and the fastest rates, far from both.
+        // Both s are far above the slowest and far below the fastest kept rate.
         let mut lumps = Lumps::new([1.0 / longest_s, 1.0 / (longest_s * window.shortest_s).sqrt()], tail, self);
         spectrum.modes.reserve(n_kept + 1);
         let mut rising = self.walk(start, 1.0);
@@ -114,19 +122,20 @@ impl<T: PointScalar, N: Fn(Node<T>) -> SpectralMode<T>, C: Fn(f64) -> T> Density
     }
 }
 
-/// Sums over nodes that end up as instantaneous compliance, fluidity and one slow mode.
+/// Sums over the nodes outside the window, which become instantaneous compliance, fluidity and one slow mode.
 ///
-/// T is the slowly converging sum Σ a of the fast nodes plus J₀, and M the sum Σ a r of the slow ones plus φ. At both s the quickly converging sums give
-/// T + M/s = J*(s) − Σ_kept a r/(s + r) + Σ_slow a r²/(s(s + r)) + Σ_fast a s/(s + r).
+/// a and r are the compliance and the rate of a node. T is J₀ plus the sum Σ a over the fast nodes, and M is φ plus the sum Σ a r
+/// over the slow nodes. Both sums converge slowly. The two equations T + M/s = J*(s) − Σ_kept a r/(s + r) + Σ_slow a r²/(s(s +
+/// r)) + Σ_fast a s/(s + r), at the two s, determine T and M from sums that converge quickly.
 struct Lumps<T> {
     s_per_s: [f64; 2],
     right_side: [T; 2],
     tails: [T; 2],
-    /// Σ a r² and Σ a r³ of the slow nodes.
+    /// Sums Σ a r² and Σ a r³ over the slow nodes.
     moments: [T; 2],
-    /// Σ a s/(s + r) of the fast nodes at the larger s, by value.
+    /// Sum Σ a s/(s + r) over the fast nodes at the larger s, without derivative.
     fast: f64,
-    /// [`Rule::tail`].
+    /// Relative size below which terms are neglected ([`Rule::tail`]).
     tail: f64,
 }
 
@@ -147,7 +156,7 @@ impl<T: PointScalar> Lumps<T> {
         self.right_side[1] = self.right_side[1] - both * r0;
     }
 
-    /// Adds a slow node. Returns true if it is small enough to be the last.
+    /// Adds a slow node. Returns `true` if its term is small enough to end the sum.
     fn add_slow(&mut self, mode: SpectralMode<T>) -> bool {
         let (a, r) = (mode.compliance_per_pa, mode.rate_per_s);
         let [s0, s1] = self.s_per_s;
@@ -161,7 +170,7 @@ impl<T: PointScalar> Lumps<T> {
         second.value() <= self.tail * self.moments[0].value()
     }
 
-    /// Adds a fast node. Returns true if it is small enough to be the last.
+    /// Adds a fast node. Returns `true` if its term is small enough to end the sum.
     fn add_fast(&mut self, mode: SpectralMode<T>) -> bool {
         let (a, r) = (mode.compliance_per_pa, mode.rate_per_s);
         let [s0, s1] = self.s_per_s;
@@ -174,13 +183,14 @@ impl<T: PointScalar> Lumps<T> {
         fast.value() <= self.tail * self.fast
     }
 
-    /// Returns J₀ and φ with the lumped nodes, and the slow mode.
+    /// Returns J₀ and φ, which include the nodes outside the window, and the slow mode.
     fn solve(&self, factor: T) -> (T, T, SpectralMode<T>) {
         let [t0, t1] = self.s_per_s.map(f64::recip);
         let [right0, right1] = [0, 1].map(|i| self.right_side[i] + self.tails[i] * factor);
         let first = (right0 - right1) * (t0 - t1).recip();
         let instantaneous = right0 - first * t0;
-        // Gauss–Radau: a node at rate 0 and one at q with the weight b carry Σ a r, Σ a r² and Σ a r³.
+        // The Gauss–Radau rule replaces the slow nodes by one at rate 0 and one at rate q with weight b. It keeps Σ a r, Σ a r²
+        // and Σ a r³.
         let [second, third] = self.moments;
         let rate_per_s = third / second;
         let fluidity = first - factor * second / rate_per_s;
@@ -189,7 +199,7 @@ impl<T: PointScalar> Lumps<T> {
     }
 }
 
-/// Transform Re AΛ/(s + Λ) of an oscillating mode.
+/// Returns the complex compliance of an oscillating mode at a real s, Re AΛ/(s + Λ).
 fn transform_of<T: PointScalar>(mode: &OscillatingMode<T>, s_per_s: f64) -> T {
     let ([a_re, a_im], [l_re, l_im]) = (mode.compliance_per_pa, mode.rate_per_s);
     let (top_re, top_im) = (a_re * l_re - a_im * l_im, a_re * l_im + a_im * l_re);

@@ -1,4 +1,4 @@
-//! Network of springs and dashpots with a parallel mass.
+//! Retardation spectrum of a network of springs and dashpots with a mass in parallel.
 
 use nalgebra::DMatrix;
 
@@ -6,14 +6,15 @@ use super::{OscillatingMode, RetardationSpectrum, SpectralMode};
 use base::number::Complex;
 use base::number::Dual;
 
-/// Spectrum 1/(s F) for F = G/s + m s, from the poles q and weights g of G/s = g∞ + Σ g/(s + q). Its poles are the zeros of F. They are eigenvalues of the
-/// mass on springs and dashpots in series, one Maxwell body for each pole.
+/// Returns the retardation spectrum whose complex compliance is 1/(s F), with F = G/s + m s. G/s = g∞ + Σ g/(s + q), with g∞ the
+/// `constant`, and g and q the pairs in `bodies`. The rates follow from the zeros of F. These are the eigenvalues of the mass m
+/// on parallel Maxwell bodies, one for each q.
 pub(super) fn mass_on_maxwell_bodies(constant: Dual, bodies: &[(Dual, Dual)], mass: Dual) -> RetardationSpectrum {
     let n = bodies.len() + 1;
     let mut matrix = DMatrix::<f64>::zeros(n, n);
     matrix[(0, 0)] = -constant.value / mass.value;
     for (k, (weight, rate)) in bodies.iter().enumerate() {
-        // This scaling makes both couplings equally large.
+        // This scaling makes the two couplings of mass and body equally large.
         let coupling = (weight.value / mass.value).sqrt();
         matrix[(0, k + 1)] = -coupling;
         matrix[(k + 1, 0)] = coupling;
@@ -43,13 +44,13 @@ pub(super) fn mass_on_maxwell_bodies(constant: Dual, bodies: &[(Dual, Dual)], ma
             s = s - value * slope.reciprocal();
         }
         let (_, slope) = value_and_slope(s);
-        // The mode's compliance is −1/(s² F'), the residue of 1/(s F) over the rate −s.
+        // The mode's compliance is −1/(s² F'), which is the residue of 1/(s F) divided by the rate −s.
         let compliance = (s * s * slope).reciprocal() * Dual::constant(-1.0);
         if eigenvalue.im == 0.0 {
             spectrum.modes.push(SpectralMode { compliance_per_pa: compliance.re, rate_per_s: -s.re });
         } else {
             let both = compliance * Dual::constant(2.0);
-            // e^{st} rotates with +im; the mode's rate is −s.
+            // The eigenvalue s with positive imaginary part gives e^{st}, so the mode's rate is −s.
             spectrum
                 .oscillating
                 .push(OscillatingMode { compliance_per_pa: [both.re, both.im], rate_per_s: [-s.re, -s.im] });

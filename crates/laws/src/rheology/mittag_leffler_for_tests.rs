@@ -1,20 +1,21 @@
-//! Mittag-Leffler function on the negative axis: the relaxation of a spring and a springpot in parallel.
+//! Mittag-Leffler function on the negative axis. It describes the creep of a spring and a springpot in parallel.
 
 use std::f64::consts::PI;
 
 use nalgebra::Complex;
 use statrs::function::gamma::gamma;
 
-/// Least x^{1/α} for the asymptotic series. Its smallest term is about e^{−x^{1/α}}.
+/// Smallest x^{1/α} for which the asymptotic series is used. The smallest term of the series is about e^{−x^{1/α}}.
 const ASYMPTOTIC_FROM: f64 = 40.0;
-/// Number of nodes on the upper half of the contour. Halves of 2.85^{−36} are below rounding.
+/// Number of nodes on the upper half of the contour. The error of about 2.85^{−36} is below rounding.
 const N_NODES: usize = 18;
 
-/// E_α(−x) = Σₖ (−x)ᵏ/Γ(αk + 1), for an order α in (0, 1] and x ≥ 0; NaN elsewhere.
+/// Returns E_α(−x) = Σₖ (−x)ᵏ/Γ(αk + 1) for an order α in (0, 1] and x ≥ 0; NaN for other arguments.
 ///
-/// The absolute error is below 1e-12. Up to x^{1/α} = 40 the inverse Laplace transform of s^{α−1}/(s^α + x) at time 1 is summed on a parabola
-/// around the negative axis (Weideman and Trefethen 2007, doi:10.1090/S0025-5718-07-01945-X). The transform has no other singularities for these
-/// orders. Beyond, the asymptotic series Σₖ (−1)^{k−1} x^{−k}/Γ(1 − αk) is good to rounding, also relative to the value.
+/// The absolute error is below 1e-12. Up to x^{1/α} = 40 the inverse Laplace transform of s^{α−1}/(s^α + x) at time 1 is summed
+/// on a parabola around the negative axis (Weideman and Trefethen 2007, doi:10.1090/S0025-5718-07-01945-X). The transform has no
+/// other singularities for these orders. For larger x the asymptotic series Σₖ (−1)^{k−1} x^{−k}/Γ(1 − αk) is accurate to
+/// rounding, also relative to the value.
 pub fn mittag_leffler(order: f64, x: f64) -> f64 {
     if !(order > 0.0 && order <= 1.0 && x >= 0.0) {
         return f64::NAN;
@@ -28,7 +29,8 @@ pub fn mittag_leffler(order: f64, x: f64) -> f64 {
     if x.powf(order.recip()) < ASYMPTOTIC_FROM { on_parabola(order, x) } else { asymptotic(order, x) }
 }
 
-/// Integral (1/2πi) ∫ eˢ s^{α−1}/(s^α + x) ds on s = μ(1 + iu)², by the midpoint rule in u. The lower half is the conjugate of the upper.
+/// Returns (1/2πi) ∫ eˢ s^{α−1}/(s^α + x) ds along s = μ(1 + iu)², by the midpoint rule in u. The lower half of the contour
+/// contributes the conjugate of the upper half.
 fn on_parabola(order: f64, x: f64) -> f64 {
     let n = N_NODES as f64;
     let (step, scale) = (3.0 / n, PI * n / 12.0);
@@ -44,8 +46,8 @@ fn on_parabola(order: f64, x: f64) -> f64 {
     sum * step / PI
 }
 
-/// Asymptotic series with 1/Γ(1 − αk) = Γ(αk) sin(αkπ)/π and sin(αkπ) = (−1)^{k−1} sin(k(1 − α)π). The second identity keeps its digits near α = 1, and
-/// each sign is that of the sine.
+/// Returns the sum of the asymptotic series. It uses 1/Γ(1 − αk) = Γ(αk) sin(αkπ)/π and sin(αkπ) = (−1)^{k−1} sin(k(1 − α)π). The
+/// second identity keeps its digits near α = 1. The sign of each term is that of the last sine.
 fn asymptotic(order: f64, x: f64) -> f64 {
     let mut sum = 0.0;
     let mut power = 1.0;
@@ -54,7 +56,7 @@ fn asymptotic(order: f64, x: f64) -> f64 {
         power /= x;
         let size = power * gamma(order * k);
         sum += size * (k * (1.0 - order) * PI).sin() / PI;
-        // Terms fall until αk reaches x^{1/α} ≥ 40. They are below rounding long before.
+        // Terms decrease until αk reaches x^{1/α} ≥ 40. They are below rounding long before that.
         if size < 1e-17 * sum.abs() || order * k > ASYMPTOTIC_FROM {
             break;
         }
@@ -66,10 +68,10 @@ fn asymptotic(order: f64, x: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Times z of [`COMPUTED`].
+    /// Times z of the values in [`COMPUTED`].
     const TIMES: [f64; 9] = [1e-6, 1e-3, 0.1, 1.0, 10.0, 38.0, 45.0, 1e3, 1e6];
-    /// α and E_α(−zᵅ) at [`TIMES`], computed with mpmath 1.4.1 at 50 digits. Up to z = 300 this is the defining series with the digits that its cancellation
-    /// needs, beyond it the asymptotic series.
+    /// Order α, and E_α(−zᵅ) at [`TIMES`], computed with mpmath 1.4.1 at 50 digits. Up to z = 300 the defining series was summed
+    /// with the additional digits that cancellation requires. Beyond, the asymptotic series was summed.
     const COMPUTED: [(f64, [f64; 9]); 6] = [
         (
             0.1,
@@ -168,8 +170,8 @@ mod tests {
         }
     }
 
-    /// Checks against Abramowitz and Stegun (1964), Table 7.1: erf(½) = 0.5204998778, erf(1) = 0.8427007929, erf(2) = 0.9953222650, ten decimals, with
-    /// E_{½}(−x) = e^{x²} erfc(x).
+    /// Checks E_{½}(−x) = e^{x²} erfc(x) against ten decimals of Abramowitz and Stegun (1964), Table 7.1: erf(½) = 0.5204998778,
+    /// erf(1) = 0.8427007929, erf(2) = 0.9953222650.
     #[test]
     fn equals_published_values_of_the_error_function() {
         for (x, erf) in [(0.5_f64, 0.5204998778), (1.0, 0.8427007929), (2.0, 0.9953222650)] {
@@ -193,7 +195,7 @@ mod tests {
         );
     }
 
-    /// Integral ∫ f over [a, b] by Simpson's rule, halved until it settles.
+    /// Returns ∫ f over [a, b] by Simpson's rule. The interval is halved until the result changes by less than `tolerance`.
     fn adaptive_simpson(f: &dyn Fn(f64) -> f64, a: f64, b: f64, tolerance: f64) -> f64 {
         let middle = 0.5 * (a + b);
         let rule = |a: f64, b: f64| (b - a) / 6.0 * (f(a) + 4.0 * f(0.5 * (a + b)) + f(b));
@@ -204,8 +206,8 @@ mod tests {
         adaptive_simpson(f, a, middle, 0.5 * tolerance) + adaptive_simpson(f, middle, b, 0.5 * tolerance)
     }
 
-    /// Checks against E_α(−z^α) = ∫ (sin απ/π) e^{−zeᵘ}/(e^{αu} + 2 cos απ + e^{−αu}) du by adaptive quadrature.
-    /// It shares neither contour nor series with the function.
+    /// Compares the function with an adaptive quadrature of E_α(−z^α) = ∫ (sin απ/π) e^{−zeᵘ}/(e^{αu} + 2 cos απ + e^{−αu}) du.
+    /// The quadrature uses neither the contour nor the series of the function.
     #[test]
     fn equals_an_independent_quadrature_from_1e_minus_6_to_1e6() {
         for order in [0.31_f64, 0.47, 0.62, 0.78, 0.89, 0.97, 0.999] {

@@ -1,4 +1,5 @@
-//! Springs, dashpots and their creep compliance (physics §2). Laws are scalar: only the finite elements describe space.
+//! Laws of springs, dashpots and springpots, and their creep compliance (physics §2). A law relates scalar stress and strain, and
+//! the finite elements describe space.
 
 mod branch_cut;
 mod element;
@@ -31,24 +32,23 @@ use base::parameter::{
     YOUNG_MODULUS,
 };
 
-/// Creep compliance of a linear law as a sum of bodies in series that all carry the stress s:
-/// J(t) = J₀ + Σ aₘ (1 − exp(−t/τₘ)) + φ t.
+/// Creep compliance of a linear law of bodies in series, J(t) = J₀ + Σ aₘ (1 − exp(−t/τₘ)) + φ t.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CreepCompliance {
-    /// J₀ in 1/Pa, of the springs in series.
+    /// Instantaneous compliance J₀ in 1/Pa of the springs in series.
     pub instantaneous_per_pa: f64,
     /// Kelvin–Voigt bodies in series.
     pub retarded: Vec<RetardedMode>,
-    /// φ in 1/(Pa·s), of the dashpots in series.
+    /// Fluidity φ in 1/(Pa·s) of the dashpots in series.
     pub fluidity_per_pa_s: f64,
 }
 
-/// Creep aₘ (1 − exp(−t/τₘ)) of one Kelvin–Voigt body.
+/// Kelvin–Voigt body with the creep compliance aₘ (1 − exp(−t/τₘ)).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RetardedMode {
-    /// aₘ in 1/Pa.
+    /// Compliance aₘ in 1/Pa.
     pub compliance_per_pa: f64,
-    /// τₘ in s.
+    /// Retardation time τₘ in s.
     pub time_s: f64,
 }
 
@@ -59,7 +59,7 @@ impl RetardedMode {
 }
 
 impl CreepCompliance {
-    /// Creep compliance of the Lethersich law at E (Pa), c₁ and c₂ (Pa·s).
+    /// Returns the creep compliance of the Lethersich law. `parameters` are E (Pa), c₁ and c₂ (Pa·s).
     pub fn lethersich(parameters: &[f64]) -> Self {
         Self {
             instantaneous_per_pa: 0.0,
@@ -75,17 +75,17 @@ impl CreepCompliance {
     }
 }
 
-/// Constitutive law that a model has before effects are added.
+/// Constitutive law of a model without effects.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum BaseLaw {
     /// Kelvin–Voigt body in series with a dashpot: `young_modulus_pa`, `viscosity_1_pa_s`, `viscosity_2_pa_s`.
     #[default]
     Lethersich,
-    /// Lethersich with a spring in series: adds `instantaneous_modulus_pa`.
+    /// Lethersich law with a spring in series, which adds `instantaneous_modulus_pa`.
     Burgers,
-    /// Lethersich with a second Kelvin–Voigt body in series: adds `second_modulus_pa`, `second_viscosity_pa_s`.
+    /// Lethersich law with a second Kelvin–Voigt body in series, which adds `second_modulus_pa` and `second_viscosity_pa_s`.
     TwoElement,
-    /// Network from `model.toml`, with its own parameters.
+    /// Network from `model.toml`, whose elements define the parameters.
     Network(&'static Network),
     /// Model of an external program, which computes trajectories.
     Outside(&'static ExternalLaw),
@@ -101,15 +101,15 @@ const TWO_ELEMENT: &[ParameterSpec] =
     &[YOUNG_MODULUS, RETARDATION_VISCOSITY, FLOW_VISCOSITY, SECOND_MODULUS, SECOND_VISCOSITY];
 
 impl BaseLaw {
-    /// Laws that have a name.
+    /// Laws that users can name.
     pub const NAMED: [Self; 3] = [Self::Lethersich, Self::Burgers, Self::TwoElement];
 
-    /// Law with this name, if there is one.
+    /// Law with this name; `None` if there is none.
     pub fn named(name: &str) -> Option<Self> {
         Self::NAMED.into_iter().find(|law| law.name() == name)
     }
 
-    /// Name in texts.
+    /// Name of the law in texts for readers.
     pub fn title(self) -> &'static str {
         match self {
             Self::Lethersich => "Lethersich",
@@ -120,7 +120,7 @@ impl BaseLaw {
         }
     }
 
-    /// Name in `model.toml` and on the command line.
+    /// Name of the law in `model.toml` and on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Lethersich => "lethersich",
@@ -131,7 +131,7 @@ impl BaseLaw {
         }
     }
 
-    /// Parameters of the law, in the order of [`Self::elements`].
+    /// Parameters of the law, in the order in which [`Self::elements`] takes them.
     pub fn parameters(self) -> &'static [ParameterSpec] {
         match self {
             Self::Lethersich => LETHERSICH,
@@ -142,7 +142,8 @@ impl BaseLaw {
         }
     }
 
-    /// Elements in series at `parameters` (SI, the order of [`Self::parameters`]; all positive). An external law has none.
+    /// Returns the elements in series at `parameters`; empty for an external law. The parameters are positive, in SI units and in
+    /// the order of [`Self::parameters`].
     pub fn elements(self, parameters: &[Dual]) -> Vec<Element> {
         let p = parameters;
         let lethersich = || vec![Element::kelvin_voigt(p[0], p[1]), Element::Dashpot { viscosity_pa_s: p[2] }];
@@ -156,8 +157,8 @@ impl BaseLaw {
         }
     }
 
-    /// Place of the element whose modulus or viscosity is the parameter `name`. The element is one of the bodies in series, or one of the parallel parts of such a body.
-    /// `None` for orders, and for elements that occur elsewhere or twice.
+    /// Place of the element whose modulus or viscosity is the parameter `name`. The element is one of the bodies in series, or
+    /// one of the elements in parallel of a body. `None` for orders, and for elements that are nested deeper or occur twice.
     pub fn leaf(self, name: &str) -> Option<ElementPlace> {
         let at = |body: usize, part: Option<usize>| Some(ElementPlace { body, part });
         match (self, name) {
@@ -173,9 +174,9 @@ impl BaseLaw {
         }
     }
 
-    /// Creep compliance at `parameters` (SI, the order of [`Self::parameters`]; all positive).
+    /// Returns the creep compliance at `parameters`, which are positive, in SI units and in the order of [`Self::parameters`].
     ///
-    /// `None` for laws that are not a finite sum of exponentials.
+    /// `None` for laws whose creep compliance is not a finite sum of exponentials.
     pub fn creep_compliance(self, parameters: &[f64]) -> Option<CreepCompliance> {
         let p = parameters;
         let lethersich = || CreepCompliance::lethersich(p);
@@ -191,8 +192,9 @@ impl BaseLaw {
         }
     }
 
-    /// Default prior of a parameter without published numbers, and the source of its numbers. `median_of` gives the prior median of the base's other
-    /// parameters by name. `None` for parameters whose priors are in prior files.
+    /// Returns the default prior of a parameter without published values, and the source of the prior's numbers. `median_of`
+    /// returns the prior median of another parameter of the law by its name. `None` for parameters whose priors are in prior
+    /// files.
     pub fn default_prior(self, name: &str, median_of: &dyn Fn(&str) -> f64) -> Option<(Distribution, &'static str)> {
         let wide = |median: f64| Distribution::LogNormal { median, log_sd: 1.5 };
         match (self, name) {
@@ -213,7 +215,7 @@ impl BaseLaw {
         }
     }
 
-    /// Interchangeable parts of the law, one entry for each group.
+    /// Groups of interchangeable parts of the law.
     pub fn interchangeable_parts(self) -> Vec<InterchangeableParts> {
         match self {
             Self::TwoElement => {
@@ -235,7 +237,7 @@ impl BaseLaw {
         }
     }
 
-    /// Model of the external program; `None` for other laws.
+    /// Law of an external program; `None` for other laws.
     pub fn outside(self) -> Option<&'static ExternalLaw> {
         match self {
             Self::Outside(law) => Some(law),
@@ -258,14 +260,14 @@ mod tests {
     fn lethersich_limits() {
         let j = CreepCompliance::lethersich(&[3.527, 1.402, 47.370]);
         assert_eq!(j.at(0.0), 0.0);
-        // Short times are two dashpots in series; long times are a spring plus free flow.
+        // At short times the law acts as two dashpots in series, at long times as a spring and a dashpot in series.
         let t = 1e-7;
         assert!((j.at(t) / (t / 1.402 + t / 47.370) - 1.0).abs() < 1e-6);
         let t = 1e3;
         assert!((j.at(t) - (1.0 / 3.527 + t / 47.370)).abs() < 1e-12);
     }
 
-    /// Checks every named law's closed form against the spectrum of its elements.
+    /// Compares the closed form of every named law with the spectrum of its elements.
     #[test]
     fn named_laws_creep_as_their_elements_do() {
         let p = [3.5, 1.4, 47.0, 8.0, 30.0];
@@ -281,7 +283,7 @@ mod tests {
         }
     }
 
-    /// Checks that each parameter is at the place that `leaf` returns, in named laws and in a network.
+    /// Checks that `leaf` returns the place of the element of each parameter, in named laws and in a network.
     #[test]
     fn leaves_are_where_their_parameters_are() {
         let text = "parallel = [{ spring = \"gel\" }, { springpot = \"mesh\" }]";

@@ -1,4 +1,4 @@
-//! Networks in `model.toml`: any tree of springs, dashpots and springpots as a base law (formats §2).
+//! Base laws that users write in `model.toml` as a tree of springs, dashpots and springpots (formats §2).
 //!
 //! ```toml
 //! [base.network]
@@ -8,10 +8,11 @@
 //! ]
 //! ```
 //!
-//! A table holds one key: `series` or `parallel` with a list of tables, or an element with its name. Names define the parameters: a spring `gel` has
-//! `gel_modulus_pa`, a dashpot `flow` has `flow_viscosity_pa_s`. A springpot `mesh` has `mesh_order` and `mesh_modulus_pa`, its modulus at one second
-//! (s = G (1 s)ᵅ Dᵅε). A name that occurs twice on one kind of element denotes one set of parameters. These names never collide with names of
-//! noise parameters, which have other endings, or of effects' parameters, which contain a dot.
+//! A table holds one key: `series` or `parallel` with a list of tables, or an element with its name. Names define the parameters:
+//! a spring `gel` has `gel_modulus_pa`, a dashpot `flow` has `flow_viscosity_pa_s`. A springpot `mesh` has `mesh_order` α and
+//! `mesh_modulus_pa` G. G is its modulus at one second: s = G (1 s)ᵅ Dᵅε. Two elements of one kind with equal names share their
+//! parameters. These names cannot collide with other parameters, since noise parameters have other endings and parameters of
+//! effects contain a dot.
 
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
@@ -30,10 +31,11 @@ const SERIES: &str = "series";
 const PARALLEL: &str = "parallel";
 const KEYS: [&str; 5] = [SPRING, DASHPOT, SPRINGPOT, SERIES, PARALLEL];
 const EXAMPLE: &str = "{ spring = \"gel\" }";
-/// Largest number of bodies of a network. With two parameters each, they fit with effects and noise into the 256 dimensions of the Sobol sequences.
+/// Largest number of elements of a network. With two parameters for each element, and with effects and noise, a model then has at
+/// most the 256 dimensions of the Sobol sequences.
 const MOST_BODIES: usize = 64;
 
-/// All networks read so far.
+/// All distinct networks that were read so far.
 static NETWORKS: Mutex<Vec<&'static Network>> = Mutex::new(Vec::new());
 
 /// Tree of named elements.
@@ -45,7 +47,7 @@ pub struct Network {
 
 #[derive(Debug, Clone, PartialEq)]
 enum Node {
-    /// Element and the index of its first parameter.
+    /// Element, with the index of its first parameter.
     Leaf {
         kind: Kind,
         name: String,
@@ -71,7 +73,7 @@ impl Kind {
         }
     }
 
-    /// Suffixes of the element's parameter names, with units and supports.
+    /// Suffixes of the names of the element's parameters, each with its unit and support.
     fn parameters(self) -> &'static [(&'static str, &'static str, Support)] {
         const MODULUS: (&str, &str, Support) = ("modulus_pa", "Pa", Support::POSITIVE);
         match self {
@@ -82,17 +84,18 @@ impl Kind {
     }
 }
 
-/// State of reading: the elements so far with the index of their first parameter, and the parameters' names.
+/// State while a network is read, with the elements so far, the index of the first parameter of each, and the names of the
+/// parameters.
 #[derive(Default)]
 struct Reader {
     elements: Vec<(String, Kind, usize)>,
     parameters: Vec<(String, &'static str, Support)>,
-    /// Number of leaves. A repeated element counts each time.
+    /// Number of elements. An element with a repeated name counts each time.
     n_bodies: usize,
 }
 
 impl Network {
-    /// Reads a network from the text of its table, for models without a `model.toml`. Only errors use `file`.
+    /// Reads a network from the text of its table, for models without a `model.toml`. `file` only appears in error messages.
     ///
     /// ```
     /// use vitreo_uq_laws::rheology::{BaseLaw, Network};
@@ -104,7 +107,7 @@ impl Network {
     /// ```
     ///
     /// # Errors
-    /// [`base::Error::Input`] with file, line, key and remedy.
+    /// [`base::Error::Input`] with the file, the line, the key and what to do.
     pub fn from_text(file: &Path, text: &str) -> Result<&'static Self> {
         let document = TomlInput::parse(file, text)?;
         Self::from_toml(&document.root())
@@ -113,12 +116,12 @@ impl Network {
     /// Reads the table `[base.network]`. Equal networks share one reference.
     ///
     /// # Errors
-    /// [`base::Error::Input`] with file, line, key and remedy.
+    /// [`base::Error::Input`] with the file, the line, the key and what to do.
     pub fn from_toml(table: &TomlTable<'_>) -> Result<&'static Self> {
         let mut reader = Reader::default();
         let root = reader.node(table)?;
-        // A law is copied into every forward model and thread, and parameter names are static. A network therefore lives as long as the program.
-        // Each distinct network is kept once, so that reading a file again uses no more memory.
+        // Laws are copied into every forward model and thread, and parameter names are static, so a network lives as long as the
+        // program. Each distinct network is stored once, so that reading a file again needs no more memory.
         let mut networks = NETWORKS.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(known) = networks.iter().find(|network| network.root == root) {
             return Ok(known);
@@ -132,17 +135,17 @@ impl Network {
         Ok(network)
     }
 
-    /// Table under `network`, as [`Self::from_toml`] reads it.
+    /// Returns the table `network` that [`Self::from_toml`] reads.
     pub fn to_toml_value(&self) -> toml::Value {
         self.root.to_toml_value()
     }
 
-    /// Parameters, in the order of the elements' first occurrence.
+    /// Parameters, in the order in which their elements first occur.
     pub fn parameters(&self) -> &[ParameterSpec] {
         &self.parameters
     }
 
-    /// Implements [`super::BaseLaw::leaf`].
+    /// Implements [`super::BaseLaw::leaf`] for networks.
     pub(super) fn leaf(&self, name: &str) -> Option<ElementPlace> {
         let is_it = |node: &Node| match node {
             Node::Leaf { kind, name: label, .. } => name == format!("{label}_{}", kind.parameters()[0].0),
@@ -168,7 +171,7 @@ impl Network {
         }
     }
 
-    /// Elements in series at `parameters` (SI, the order of [`Self::parameters`]).
+    /// Returns the elements in series at `parameters`, which are in SI units and in the order of [`Self::parameters`].
     pub fn elements(&self, parameters: &[Dual]) -> Vec<Element> {
         match &self.root {
             Node::Series(nodes) => nodes.iter().map(|node| node.element(parameters)).collect(),
@@ -176,7 +179,8 @@ impl Network {
         }
     }
 
-    /// Implements [`super::BaseLaw::interchangeable_parts`]. An element that occurs twice in the network belongs to no part.
+    /// Implements [`super::BaseLaw::interchangeable_parts`] for networks. An element that occurs twice in the network is not
+    /// interchangeable.
     pub(super) fn interchangeable_parts(&self) -> Vec<InterchangeableParts> {
         let (mut found, mut places) = (Vec::new(), Vec::new());
         self.root.add_interchangeable(&mut found);
@@ -187,7 +191,7 @@ impl Network {
         found.into_iter().map(|parts| InterchangeableParts(parts.into_iter().map(specs).collect())).collect()
     }
 
-    /// Default prior of one parameter, and the source of its numbers.
+    /// Default prior of one parameter, and the source of its numbers; `None` for an unknown name.
     pub(super) fn default_prior(&self, name: &str) -> Option<(Distribution, &'static str)> {
         let spec = self.parameters.iter().find(|spec| spec.name == name)?;
         let wide = |median: f64| Distribution::LogNormal { median, log_sd: 2.0 };
@@ -281,7 +285,7 @@ pub(super) fn is_identifier(name: &str) -> bool {
 }
 
 impl Node {
-    /// Number of leaves for which `is_so` is true.
+    /// Number of elements for which `is_so` returns `true`.
     fn count(&self, is_so: &dyn Fn(&Self) -> bool) -> usize {
         match self {
             Self::Leaf { .. } => usize::from(is_so(self)),
@@ -306,7 +310,8 @@ impl Node {
         }
     }
 
-    /// Structure without names. It adds the indices of its parameters to `places`. Siblings are sorted, so that their order in the file does not matter.
+    /// Returns the structure without names, as a text. Siblings are sorted, so that their order in the file does not matter. The
+    /// indices of the parameters are added to `places` in the sorted order.
     fn shape(&self, places: &mut Vec<usize>) -> String {
         let (key, nodes) = match self {
             Self::Leaf { kind, first, .. } => {
@@ -327,7 +332,7 @@ impl Node {
         (self.shape(&mut places), places)
     }
 
-    /// Adds every group of siblings of equal structure, here and below, as the parameter indices of each sibling.
+    /// Adds every group of siblings of equal structure in this subtree. A group holds the parameter indices of each sibling.
     fn add_interchangeable(&self, found: &mut Vec<Vec<Vec<usize>>>) {
         let (Self::Series(nodes) | Self::Parallel(nodes)) = self else { return };
         let mut groups: Vec<(String, Vec<Vec<usize>>)> = Vec::new();
@@ -363,7 +368,8 @@ mod tests {
         Network::from_toml(&base.required_table("network")?)
     }
 
-    /// Siblings of equal structure are interchangeable, even with another part between them or with their own parts in another order. A repeated element is not.
+    /// Checks that siblings of equal structure are interchangeable, even with another element between them or with their elements
+    /// in another order. An element with a repeated name is not.
     #[test]
     fn parts_of_one_structure_are_interchangeable() {
         let alike = |text: &str| -> Vec<Vec<Vec<&str>>> {

@@ -1,4 +1,4 @@
-//! Tests of networks against numerical inverse Laplace transforms.
+//! Tests that compare the spectra of networks with numerical inverse Laplace transforms.
 
 use std::f64::consts::PI;
 
@@ -9,8 +9,8 @@ use super::spectrum_tests::{WINDOW, dual_compliance, times};
 use super::{Element, RetardationSpectrum};
 use base::number::Dual;
 
-/// Inverse Laplace transform of J*(s)/s by the fixed Talbot method (Abate and Valkó 2004, doi:10.1002/nme.995). J* is written
-/// here in complex numbers. The method's error is about 1e-11 of J.
+/// Returns J(t), as the inverse Laplace transform of J*(s)/s by the fixed Talbot method (Abate and Valkó 2004,
+/// doi:10.1002/nme.995). `modulus` returns 1/J*(s) in complex numbers. The method's error is about 1e-11 of J.
 fn talbot(modulus: &dyn Fn(Complex<f64>) -> Complex<f64>, t: f64) -> f64 {
     let n = 24;
     let r = 2.0 * f64::from(n) / (5.0 * t);
@@ -26,7 +26,7 @@ fn talbot(modulus: &dyn Fn(Complex<f64>) -> Complex<f64>, t: f64) -> f64 {
     sum * r / f64::from(n)
 }
 
-/// Network, its complex modulus, its parameters, and the indices of those that are orders.
+/// Test network with its complex modulus, its parameters, and the indices of the parameters that are orders.
 struct Law {
     name: &'static str,
     network: fn(&[Dual]) -> Element,
@@ -179,8 +179,8 @@ fn networks_creep_as_the_inverse_laplace_transform_says() {
     }
 }
 
-/// Checks derivatives against central differences of the Talbot transform, which are good to 1e-7.
-/// Their error is 1e-11 over the step of 1e-4, plus ten times the step squared.
+/// Compares derivatives with central differences of the Talbot transform, which are accurate to 1e-7. The error of the
+/// differences is 1e-11 divided by the step of 1e-4, plus ten times the step squared.
 #[test]
 fn derivatives_of_networks_equal_central_differences() {
     for Law { name, network, modulus, parameters, .. } in ZOO {
@@ -206,8 +206,8 @@ fn derivatives_of_networks_equal_central_differences() {
     }
 }
 
-/// Checks the derivative by an order of exactly 1, where the springpot is a dashpot among others, against one-sided differences of the Talbot transform.
-/// The value must be that of the network with a dashpot.
+/// Compares the derivative by an order of exactly 1, at which the springpot is a dashpot, with one-sided differences of the
+/// Talbot transform. The value must equal that of the network with a dashpot.
 #[test]
 fn the_derivative_by_an_order_of_one_is_the_limit_from_below() {
     let arms = |of_flow: Element, of_arm: Element| {
@@ -234,8 +234,8 @@ fn the_derivative_by_an_order_of_one_is_the_limit_from_below() {
     }
 }
 
-/// Checks that orders outside (0, 1] are refused, as no springpot has them. In parallel with other elements, a derivative by two orders of exactly 1
-/// does not exist; it must be refused with a remedy.
+/// Checks the errors for orders outside (0, 1], which no springpot has. In parallel with other elements, a derivative by two
+/// orders of exactly 1 does not exist. Its error must say what to do.
 #[test]
 fn orders_without_a_spectrum_are_refused() {
     let two = [2.0, 3.0].map(|modulus_pa| springpot(modulus_pa.into(), Dual::variable(1.0))).to_vec();
@@ -253,8 +253,9 @@ fn orders_without_a_spectrum_are_refused() {
     }
 }
 
-/// Checks parameters over five decades and orders from 0.1 to 0.9999. The test takes 300 draws of each network with springpots, whose zeros are then anywhere.
-/// The seed is fixed. The bound must hold for every draw, and a network that cannot be computed fails.
+/// Checks the error bound at 300 random parameter points of each network with springpots. Parameters cover five decades, and
+/// orders 0.1 to 0.9999, so that zeros of G* occur anywhere. The seed is fixed. The test fails if any spectrum cannot be
+/// computed.
 #[test]
 fn networks_are_right_at_random_parameters() {
     let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(31);
@@ -280,7 +281,7 @@ fn networks_are_right_at_random_parameters() {
 fn degenerate_networks_behave() {
     let empty = RetardationSpectrum::of_law(&[Parallel(Vec::new())], WINDOW);
     assert!(empty.is_err_and(|error| error.to_string().contains("a network has no element in parallel")));
-    // Parallel springs are a spring and parallel dashpots a dashpot, also inside other bodies.
+    // Parallel springs act as one spring, and parallel dashpots as one dashpot, also inside other bodies.
     let springs = Parallel(vec![spring(1.0.into()), spring(3.0.into())]);
     let dashpots = Parallel(vec![dashpot(2.0.into()), dashpot(5.0.into())]);
     let body = Parallel(vec![springs.clone(), dashpots.clone()]);
@@ -289,7 +290,7 @@ fn degenerate_networks_behave() {
     assert!((of(&[dashpots]).creep_compliance_per_pa(2.0) - 2.0 / 7.0).abs() < 1e-15);
     let expected = -0.25 * (-4.0 / 7.0_f64).exp_m1();
     assert!((of(&[body]).creep_compliance_per_pa(1.0) - expected).abs() < 1e-15);
-    // These cases are a springpot whose time exceeds all numbers, and invalid windows.
+    // The errors below are for a springpot whose time overflows, and for invalid windows.
     let overflow = Parallel(vec![spring(1e-30.into()), springpot(1e30.into(), 0.05.into())]);
     let overflow = RetardationSpectrum::of_law(&[overflow], WINDOW).unwrap_err().to_string();
     assert!(overflow.contains("the creep compliance of") && overflow.contains("is not finite"), "{overflow}");

@@ -1,4 +1,4 @@
-//! Retardation spectra of laws, as sums of exponentials.
+//! Retardation spectra of springs, dashpots, springpots and networks of them.
 
 use super::fractional::{FractionalBody, Springpot};
 use super::spectrum::check_order;
@@ -7,20 +7,22 @@ use base::error::{Error, Result};
 use base::number::{Dual, PointScalar};
 
 impl RetardationSpectrum {
-    /// Spectrum of elements in series with [`Accuracy::Fine`].
+    /// Retardation spectrum of elements in series, with [`Accuracy::Fine`].
     ///
     /// # Errors
-    /// Those of [`Self::of_law_with_accuracy`].
+    /// Errors of [`Self::of_law_with_accuracy`].
     pub fn of_law(law: &[Element], window: TimeWindow) -> Result<Self> {
         Self::of_law_with_accuracy(law, window, Accuracy::Fine)
     }
 }
 
 impl<T: PointScalar> RetardationSpectrum<T> {
-    /// Spectrum of elements in series, by value or with the derivative that they carry. Values are equal to the bit in both cases.
+    /// Retardation spectrum of elements in series, without or with the derivative that the elements carry. Values have equal bits
+    /// in both cases.
     ///
-    /// Springs, dashpots and networks of them are exact. Springpots have the given accuracy for times inside the window and after any
-    /// superposition of them. Before `shortest_s`, modes faster than the window act as instantaneous compliance.
+    /// Springs, dashpots and networks of them are exact. Springpots have the given accuracy for times inside the window, also if
+    /// responses are superposed. At times before `shortest_s`, modes that are faster than the window act as instantaneous
+    /// compliance.
     ///
     /// # Errors
     /// [`Error::Numerical`] if a network's spectrum cannot be computed, or the window's times are not positive and finite.
@@ -99,7 +101,7 @@ impl<T: PointScalar> Builder<T> {
                 if order.is_constant(1.0) {
                     self.spectrum.add_kelvin_voigt(*spring_pa, *modulus_pa * *time_s);
                 } else {
-                    // E τᵅ = G tᵅ for the spring's E and the springpot's G and t.
+                    // The body's time τ follows from E τᵅ = G tᵅ, with the spring's E and the springpot's G and t.
                     let (spring_pa, order) = (T::from_dual(*spring_pa), T::from_dual(*order));
                     let ratio = (T::from_dual(*modulus_pa) / spring_pa).pow(T::constant(1.0) / order);
                     let body = FractionalBody { modulus_pa: spring_pa, time_s: T::from_dual(*time_s) * ratio, order };

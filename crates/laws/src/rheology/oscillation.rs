@@ -1,11 +1,11 @@
-//! Response of a law to an oscillation (physics §2): its complex modulus E*(ω) = E′ + iE″.
+//! Complex modulus E*(ω) = E′ + iE″ of a law under an oscillation (physics §2).
 
 use super::Element;
 use base::number::Complex;
 
-/// Complex modulus E*(ω) in Pa of elements in series at an angular frequency in 1/s, by value.
+/// Returns the complex modulus E*(ω) in Pa of elements in series at an angular frequency ω in 1/s, without derivative.
 ///
-/// Rigid elements add no compliance. If all elements are rigid, the modulus is infinite.
+/// Rigid elements have compliance 0. If all elements are rigid, the modulus is infinite.
 pub fn complex_modulus_pa(law: &[Element], angular_frequency_per_s: f64) -> Complex<f64> {
     reciprocal(series_per_pa(law, angular_frequency_per_s))
 }
@@ -45,7 +45,7 @@ fn modulus_pa(element: &Element, omega_per_s: f64) -> Complex<f64> {
     }
 }
 
-/// Returns 1/z. The reciprocal of 0 is infinity, and that of infinity 0.
+/// Returns 1/z, which is infinite for z = 0, and 0 for infinite z.
 fn reciprocal(z: Complex<f64>) -> Complex<f64> {
     if z.re == 0.0 && z.im == 0.0 {
         Complex { re: f64::INFINITY, im: 0.0 }
@@ -66,14 +66,14 @@ mod tests {
         values.iter().map(|value| Dual::constant(*value)).collect()
     }
 
-    /// Checks against 1/E* = 1/(E + iωc₁) + 1/(iωc₂), worked out by hand.
+    /// Compares the modulus of the Lethersich law with 1/E* = 1/(E + iωc₁) + 1/(iωc₂), computed by hand.
     #[test]
     fn lethersich_is_its_formula() {
         let [e, c1, c2] = [3.5, 1.4, 47.0];
         let law = BaseLaw::Lethersich.elements(&duals(&[e, c1, c2]));
         for omega in [1e-3, 0.1, 1.0, 30.0] {
             let modulus = complex_modulus_pa(&law, omega);
-            // The expected modulus is (E + iωc₁) iωc₂ / (E + iω(c₁ + c₂)), multiplied out.
+            // The expected modulus is (E + iωc₁) iωc₂ / (E + iω(c₁ + c₂)), expanded into real and imaginary parts.
             let (a, b) = (e, omega * (c1 + c2));
             let (re, im) = (-omega * c1 * omega * c2, e * omega * c2);
             let norm = a * a + b * b;
@@ -83,8 +83,8 @@ mod tests {
         }
     }
 
-    /// Checks J*(ω) = iω ∫ J(t) e^{−iωt} dt for every named law and a network with a springpot. J(t) comes from the reduced model's spectrum, which is
-    /// an independent path. The integral ends at 3,000 s and so omits 4·10⁻⁵ of the network's slow creep.
+    /// Checks J*(ω) = iω ∫ J(t) e^{−iωt} dt for every named law and a network with a springpot. J(t) comes from the retardation
+    /// spectrum, which is computed independently. The integral ends at 3,000 s, which omits 4·10⁻⁵ of the network's slow creep.
     #[test]
     fn creep_and_oscillation_are_one_law() {
         let text = "series = [{ parallel = [{ spring = \"gel\" }, { springpot = \"mesh\" }] }, { dashpot = \"flow\" }]";
@@ -105,20 +105,20 @@ mod tests {
         }
     }
 
-    /// Transform iω ∫₀^∞ J(t) e^{−iωt} dt = J(0) + ∫ J̇ e^{−iωt} dt. The flow gives J̇ its constant limit.
-    /// Its transform is φ/(iω), and the flow is subtracted before the integral.
+    /// Returns iω ∫₀^∞ J(t) e^{−iωt} dt = J(0) + ∫ J̇ e^{−iωt} dt. J̇ tends to the constant φ of the flow. The flow is subtracted
+    /// before the integral, and its transform φ/(iω) is added.
     fn transformed(spectrum: &RetardationSpectrum, omega: f64) -> Complex<f64> {
         let j = |t: f64| spectrum.creep_compliance_per_pa(t);
         let (late, later) = (3e3, 3.1e3);
         let fluidity = (j(later) - j(late)) / (later - late);
         let rest = |t: f64| j(t) - fluidity * t;
-        // Parts of ∫ d(rest) e^{−iωt}, exact if `rest` is linear between the nodes of a logarithmic grid.
+        // The sum is ∫ e^{−iωt} d(rest), with `rest` linear between the nodes of a logarithmic grid.
         let nodes: Vec<f64> = (0..=60_000).map(|k| 1e-6 * 10f64.powf(9.0 * k as f64 / 60_000.0)).collect();
         let mut sum = Complex { re: rest(1e-6), im: -fluidity / omega };
         for pair in nodes.windows(2).take_while(|pair| pair[1] < late) {
             let (from, to) = (pair[0], pair[1]);
             let slope = (rest(to) - rest(from)) / (to - from);
-            // The next two lines are ∫ e^{−iωt} dt.
+            // The next two lines are real and imaginary part of ∫ e^{−iωt} dt between two nodes.
             let re = ((omega * to).sin() - (omega * from).sin()) / omega;
             let im = ((omega * to).cos() - (omega * from).cos()) / omega;
             sum = sum + Complex { re: slope * re, im: slope * im };

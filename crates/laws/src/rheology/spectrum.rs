@@ -1,36 +1,36 @@
-//! Retardation spectrum: a law as a sum of exponentials, for the fast convolution.
+//! Retardation spectrum of a law, which is a sum of exponentials and allows a fast convolution with the force.
 
 use base::error::{Error, Result};
 use base::number::{Dual, PointScalar};
 
-/// Creep compliance J(t) = J₀ + Σ aₘ (1 − e^{−rₘt}) + Re Σ Aₙ (1 − e^{−Λₙt}) + φ t.
+/// Retardation spectrum of a law with the creep compliance J(t) = J₀ + Σ aₘ (1 − e^{−rₘt}) + Re Σ Aₙ (1 − e^{−Λₙt}) + φ t.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RetardationSpectrum<T = Dual> {
-    /// J₀ in 1/Pa.
+    /// Instantaneous compliance J₀ in 1/Pa.
     pub instantaneous_per_pa: T,
-    /// aₘ and rₘ.
+    /// Real modes, with aₘ and rₘ.
     pub modes: Vec<SpectralMode<T>>,
-    /// Aₙ and Λₙ.
+    /// Oscillating modes, with Aₙ and Λₙ.
     pub oscillating: Vec<OscillatingMode<T>>,
-    /// φ in 1/(Pa·s).
+    /// Fluidity φ in 1/(Pa·s).
     pub fluidity_per_pa_s: T,
 }
 
-/// Mode a (1 − e^{−rt}).
+/// Real mode a (1 − e^{−rt}) of the creep compliance.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SpectralMode<T = Dual> {
-    /// a in 1/Pa.
+    /// Compliance a in 1/Pa.
     pub compliance_per_pa: T,
-    /// r > 0 in 1/s.
+    /// Rate r > 0 in 1/s.
     pub rate_per_s: T,
 }
 
-/// Mode Re A (1 − e^{−Λt}) with complex A and Λ, Re Λ > 0; real part first.
+/// Oscillating mode Re A (1 − e^{−Λt}) of the creep compliance, with complex A and Λ and Re Λ > 0.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OscillatingMode<T = Dual> {
-    /// A in 1/Pa.
+    /// Complex compliance A in 1/Pa, as real and imaginary part.
     pub compliance_per_pa: [T; 2],
-    /// Λ in 1/s.
+    /// Complex rate Λ in 1/s, as real and imaginary part.
     pub rate_per_s: [T; 2],
 }
 
@@ -43,17 +43,18 @@ pub struct TimeWindow {
     pub longest_s: f64,
 }
 
-/// Accuracy of a spectrum. Errors are relative to J at the window's end, for the fractional Kelvin–Voigt body to 1/E.
+/// Accuracy of a spectrum. Errors are relative to J at the window's end, or to 1/E for the fractional Kelvin–Voigt body.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Accuracy {
-    /// Error of 1e-8.
+    /// Relative error of 1e-8.
     Fine,
-    /// Error of 1e-6 for springpots, with two thirds of the modes. It is small compared to any noise. Networks of springpots still use [`Accuracy::Fine`].
+    /// Relative error of 1e-6 for springpots, with two thirds of the modes of [`Accuracy::Fine`]. The error is small compared to
+    /// any noise. Networks with springpots still use [`Accuracy::Fine`].
     Fast,
 }
 
 impl RetardationSpectrum {
-    /// Returns J(t) in 1/Pa by value, for t > 0 in s.
+    /// Returns J(t) in 1/Pa, without derivative, for t > 0 in s.
     pub fn creep_compliance_per_pa(&self, time_s: f64) -> f64 {
         let modes = self.modes.iter().map(|m| -m.compliance_per_pa.value * (-m.rate_per_s.value * time_s).exp_m1());
         let oscillating = self.oscillating.iter().map(|mode| {
@@ -72,7 +73,7 @@ impl<T: PointScalar> RetardationSpectrum<T> {
         Self { instantaneous_per_pa: zero, modes: Vec::new(), oscillating: Vec::new(), fluidity_per_pa_s: zero }
     }
 
-    /// Adds the spectrum of a body in series: compliances add.
+    /// Adds the spectrum of a body in series, since compliances in series add.
     pub(super) fn extend(&mut self, other: &RetardationSpectrum) {
         let pair = |[re, im]: [Dual; 2]| [T::from_dual(re), T::from_dual(im)];
         self.instantaneous_per_pa += T::from_dual(other.instantaneous_per_pa);

@@ -1,4 +1,4 @@
-//! Tests of the spectra of fractional bodies against the Mittag-Leffler function.
+//! Tests that compare the spectra of fractional bodies with the Mittag-Leffler function.
 
 use super::mittag_leffler_for_tests::mittag_leffler;
 use super::{Accuracy, Element, RetardationSpectrum, TimeWindow};
@@ -10,7 +10,7 @@ pub(super) fn times(window: TimeWindow) -> Vec<f64> {
     (0..=60).map(|k| window.shortest_s * (window.longest_s / window.shortest_s).powf(f64::from(k) / 60.0)).collect()
 }
 
-/// Returns J(t) in dual numbers.
+/// Returns the creep compliance J(t) of a spectrum at a time, with its derivative.
 pub(super) fn dual_compliance(spectrum: &RetardationSpectrum, t: f64) -> Dual {
     let mut sum = spectrum.instantaneous_per_pa + spectrum.fluidity_per_pa_s * t;
     for mode in &spectrum.modes {
@@ -33,7 +33,8 @@ fn fractional_kelvin_voigt(e: Dual, c: Dual, order: Dual) -> Vec<Element> {
 
 const ORDERS: [f64; 14] = [0.1, 0.3, 0.31, 0.4, 0.5, 0.6, 0.66, 0.67, 0.75, 0.85, 0.93, 0.99, 0.9999, 1.0];
 
-/// Checks the whole range t E/c₁ from 1e-6 to 1e6, in windows of about 800 to 1 at different offsets from the grid.
+/// Checks times t E/c₁ from 1e-6 to 1e6. The windows span a factor of about 800 and have different offsets from the nodes of the
+/// midpoint rule.
 #[test]
 fn fractional_kelvin_voigt_is_right_over_twelve_decades() {
     let mut largest = 0.0_f64;
@@ -42,7 +43,7 @@ fn fractional_kelvin_voigt_is_right_over_twelve_decades() {
             let shortest_s = 1e-6 * 10_f64.powf(f64::from(place) * 0.35);
             let window =
                 TimeWindow { shortest_s, longest_s: (800.0 * shortest_s).max(if place == 26 { 1e6 } else { 0.0 }) };
-            // A derivative of the order prevents that α = 1 is treated as a dashpot.
+            // The order carries a derivative, so that α = 1 is not treated as a dashpot.
             let law = fractional_kelvin_voigt(Dual::ONE, Dual::ONE, Dual::variable(order));
             let spectrum = RetardationSpectrum::of_law(&law, window).unwrap();
             assert!(place == 26 || (27..=31).contains(&spectrum.modes.len()), "{} modes", spectrum.modes.len());
@@ -57,7 +58,8 @@ fn fractional_kelvin_voigt_is_right_over_twelve_decades() {
 
 const N_FAST_MODES: usize = 20;
 
-/// Checks that the spectrum with fewer modes errs by at most 1e-6. Numbers without derivatives have the bits of those with.
+/// Checks that the spectrum with fewer modes has an error of at most 1e-6. Results with and without derivatives must have equal
+/// bits.
 #[test]
 fn the_fast_spectrum_is_within_a_millionth() {
     let mut largest = 0.0_f64;
@@ -91,7 +93,8 @@ fn the_fast_spectrum_is_within_a_millionth() {
     assert!(largest < 1e-6, "{largest:e}");
 }
 
-/// Derivative ∂E_α(−zᵅ)/∂α at fixed z, computed with mpmath 1.4.1 at 40 digits. At α = 1 it is the defining series continued beyond 1.
+/// Order α, and pairs of z and ∂E_α(−zᵅ)/∂α at fixed z, computed with mpmath 1.4.1 at 40 digits. At α = 1 the defining series is
+/// continued to α above 1.
 const ORDER_DERIVATIVES: [(f64, [(f64, f64); 5]); 5] = [
     (
         0.35,
@@ -160,8 +163,8 @@ fn the_derivative_by_the_order_is_exact_also_at_one() {
     }
 }
 
-/// Checks derivatives with respect to order, modulus and viscosity against central differences of the function. The differences have an error
-/// of 1e-8/step.
+/// Compares derivatives by order, modulus and viscosity with central differences of the Mittag-Leffler function. The differences
+/// have an error of 1e-8 divided by the step.
 #[test]
 fn derivatives_of_the_fractional_body_equal_differences_of_the_mittag_leffler_function() {
     let at = |p: [f64; 3], t: f64| (1.0 - mittag_leffler(p[2], (t * p[0] / p[1]).powf(p[2]))) / p[0];
@@ -195,7 +198,7 @@ fn order_one_by_value_is_the_kelvin_voigt_body() {
     );
 }
 
-/// Checks J(t) = tᵅ/(G Γ(1 + α)) and its derivative by α. At α = 1 that is a dashpot and a one-sided derivative.
+/// Checks J(t) = tᵅ/(G Γ(1 + α)) and its derivative by α. At α = 1 the springpot is a dashpot and the derivative is one-sided.
 #[test]
 fn a_springpot_creeps_as_a_power() {
     for order in [0.05, 0.3, 0.5, 0.9, 0.999_999, 1.0] {
@@ -218,8 +221,9 @@ fn a_springpot_creeps_as_a_power() {
     }
 }
 
-/// Checks the recursion over samples against the superposition Σ ΔF J(t − tₖ) with the Mittag-Leffler function. The force is piecewise constant, with switches
-/// between samples. Every switch adds the spectrum's error, so the bound is the error of J times Σ|ΔF|.
+/// Compares the recursion over the rows with the superposition Σ ΔFₖ J(t − tₖ), with J from the Mittag-Leffler function. The
+/// force is piecewise constant, with switches between rows. Every switch adds the spectrum's error, so the bound is the error of
+/// J times Σ|ΔFₖ|.
 #[test]
 fn the_recursion_equals_the_superposition_of_exact_responses() {
     let (e, c, order) = (3.527, 1.402, 0.63);

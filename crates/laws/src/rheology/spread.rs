@@ -1,15 +1,17 @@
-//! Laws spread over a field that changes shape: a sum Σ w/(G + x) over a few terms, where x depends on the effect, replaces one 1/G.
+//! Creep of a gel whose displacement field changes shape. The complex compliance 1/G of the law is replaced by a sum Σ w/(G + x)
+//! of a few terms, with x from an additional element.
 //!
-//! The mechanics of such a field have two symmetric matrices with scalar factors, A a(s) + B b(s). Their common eigenvectors split the robot's complex
-//! compliance into terms with weights w ≥ 0. Each term has its own number μ ≥ 0 (or share θ in [0, 1]):
+//! The equations of such a field have the matrix A a(s) + B b(s), with symmetric A and B and scalar a and b. The common
+//! eigenvectors of A and B split the robot's complex compliance into terms with weights w ≥ 0. Each term has a factor μ ≥ 0 or a
+//! fraction θ in [0, 1] of the additional element:
 //!
-//! - [`AdditionalTerm::Friction`]: w/(G + μ s/b), b the compliance of an interface or the mobility of a pore fluid;
-//! - [`AdditionalTerm::Mass`]: w/(G + μ d s²);
-//! - [`AdditionalTerm::Law`]: w/(θ G₁ + (1 − θ) G), G₁ another law;
-//! - [`AdditionalTerm::Spring`]: w/(θ/b + (1 − θ) G), b the compliance of a spring.
+//! - [`AdditionalTerm::Friction`]: w/(G + μ s/b), with b the compliance of an interface or the mobility of a pore fluid;
+//! - [`AdditionalTerm::Mass`]: w/(G + μ d s²), with d the scale of the mass;
+//! - [`AdditionalTerm::Law`]: w/(θ G₁ + (1 − θ) G), with G₁ the modulus of another law;
+//! - [`AdditionalTerm::Spring`]: w/(θ/b + (1 − θ) G), with b the compliance of a spring.
 //!
-//! Every term is the law in parallel with a dashpot, a mass, a spring or another law, and its creep is a sum of exponentials. For the Lethersich law these are
-//! closed forms. Other laws use [`super::stieltjes`], and masses the zeros of G/s + μ d s.
+//! Every term is the law in parallel with a dashpot, a mass, a spring or another law, and its creep is a sum of exponentials. The
+//! Lethersich law has closed forms. Other laws use [`super::stieltjes`]. With a mass, the rates are the zeros of G/s + μ d s.
 
 use super::spectrum::{Accuracy, TimeWindow};
 use super::{Element, OscillatingMode, RetardationSpectrum, SpectralMode, stieltjes};
@@ -19,31 +21,31 @@ use base::number::{Dual, PointScalar};
 /// Element in parallel with the law in every term.
 #[derive(Debug, Clone, PartialEq)]
 pub enum AdditionalTerm {
-    /// A dashpot of viscosity μ/b.
+    /// Dashpot of viscosity μ/b.
     Friction {
-        /// b ≥ 0; at b = 0 terms with μ > 0 do not move.
+        /// Compliance or mobility b ≥ 0. At b = 0 terms with μ > 0 do not move.
         compliance: Dual,
     },
-    /// A mass μ d.
+    /// Mass μ d.
     Mass {
-        /// d ≥ 0.
+        /// Scale d ≥ 0 of the mass.
         scale: Dual,
     },
-    /// Second law with the share θ. The first law has the share 1 − θ.
+    /// Second law with the factor θ. The first law has the factor 1 − θ.
     Law(Vec<Element>),
-    /// Spring with the share θ. The law has the share 1 − θ.
+    /// Spring with the factor θ. The law has the factor 1 − θ.
     Spring {
-        /// b ≥ 0 in 1/Pa; at b = 0 terms with θ > 0 do not move.
+        /// Compliance b ≥ 0 in 1/Pa. At b = 0 terms with θ > 0 do not move.
         compliance_per_pa: Dual,
     },
 }
 
-/// Term of a spread law: weight w, and μ or θ.
+/// Term of the sum, with its weight w and with μ or θ.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SpreadTerm {
-    /// w, relative to the compliance of the base.
+    /// Weight w, relative to the compliance of the base.
     pub weight: Dual,
-    /// μ or θ.
+    /// Factor μ or θ of the additional element.
     pub number: Dual,
 }
 
@@ -55,10 +57,10 @@ fn lethersich<T: PointScalar>(law: &[Element]) -> Option<[T; 3]> {
 }
 
 impl<T: PointScalar> RetardationSpectrum<T> {
-    /// Spectrum of the sum over terms, for a law with an element in parallel.
+    /// Retardation spectrum of the sum over terms, for a law with an additional element in parallel.
     ///
     /// # Errors
-    /// Those of [`Self::of_law_with_accuracy`]. [`Error::Numerical`] for a mass in parallel with a law with springpots.
+    /// Errors of [`Self::of_law_with_accuracy`]. [`Error::Numerical`] for a mass in parallel with a law with springpots.
     pub fn spread(
         law: &[Element],
         beside: &AdditionalTerm,
@@ -106,7 +108,7 @@ impl<T: PointScalar> RetardationSpectrum<T> {
             return Ok(());
         }
         if compliance.value == 0.0 {
-            // To first order the term is b/(μ s) for every law.
+            // To first order in b, the term is w b/(μ s) for every law.
             self.fluidity_per_pa_s += T::from_dual(term.weight * compliance / term.number);
             return Ok(());
         }
@@ -114,7 +116,7 @@ impl<T: PointScalar> RetardationSpectrum<T> {
         self.add_parallel_terms(vec![Element::Series(law.to_vec()), dashpot], term.weight, window, accuracy)
     }
 
-    /// Adds w/(θ/b + (1 − θ) G).
+    /// Adds the term of a spring, w/(θ/b + (1 − θ) G).
     fn add_with_spring(
         &mut self,
         law: &[Element],
@@ -131,7 +133,7 @@ impl<T: PointScalar> RetardationSpectrum<T> {
             return Ok(());
         }
         if compliance.value == 0.0 || rest.is_constant(0.0) {
-            // To first order the term is b/θ for every law.
+            // To first order in b, the term is w b/θ for every law.
             self.instantaneous_per_pa += T::from_dual(term.weight * compliance / share);
             return Ok(());
         }
@@ -146,7 +148,8 @@ impl<T: PointScalar> RetardationSpectrum<T> {
         self.add_parallel_terms(elements, term.weight, window, accuracy)
     }
 
-    /// Adds w b (E + Cs)/N, N = (1 − θ) b c₁c₂ s² + (θC + (1 − θ) b c₂E) s + θE, C = c₁ + c₂.
+    /// Adds the term of a Lethersich law and a spring, w b (E + Cs)/N. Here N = (1 − θ) b c₁c₂ s² + (θC + (1 − θ) b c₂E) s + θE
+    /// and C = c₁ + c₂.
     fn add_lethersich_with_spring(&mut self, weight: T, theta: T, b: T, [e, c1, c2]: [T; 3]) {
         let (c, rest) = (c1 + c2, (T::constant(1.0) - theta) * b);
         let (quadratic, linear, constant) = (rest * c1 * c2, theta * c + rest * c2 * e, theta * e);
@@ -154,7 +157,7 @@ impl<T: PointScalar> RetardationSpectrum<T> {
         let larger = (linear + root) * 0.5;
         let (fast, slow) = (larger / quadratic, constant / larger);
         for (rate, other) in [(fast, slow), (slow, fast)] {
-            // The gain is the residue at s = −rate over the rate.
+            // The gain is the residue at s = −rate, divided by the rate.
             let gain = b * (e - c * rate) / (quadratic * rate * (other - rate));
             self.modes.push(SpectralMode { compliance_per_pa: weight * gain, rate_per_s: rate });
         }
@@ -174,7 +177,7 @@ impl<T: PointScalar> RetardationSpectrum<T> {
             self.add_two_lethersich(weight, theta, [e, soft], [c1, c2]);
             return Ok(());
         }
-        // A law with the share 0 is omitted.
+        // A law with the factor 0 is omitted.
         for (number, alone) in [(rest, second), (share, law)] {
             if number.is_constant(0.0) {
                 return self
@@ -187,8 +190,8 @@ impl<T: PointScalar> RetardationSpectrum<T> {
         self.add_parallel_terms(vec![scaled(second, share), scaled(law, rest)], term.weight, window, accuracy)
     }
 
-    /// Adds w/(θ G₁ + (1 − θ) G) for springs E₁ and E and equal dashpots:
-    /// (E₁ + Cs)(E + Cs)/(c₂ s N), C = c₁ + c₂, N = c₁C s² + (θ(E₁C + c₁E) + (1 − θ)(EC + c₁E₁)) s + E₁E.
+    /// Adds w/(θ G₁ + (1 − θ) G) for two Lethersich laws with springs E₁ and E and equal dashpots. The term is w (E₁ + Cs)(E +
+    /// Cs)/(c₂ s N) with C = c₁ + c₂ and N = c₁C s² + (θ(E₁C + c₁E) + (1 − θ)(EC + c₁E₁)) s + E₁E.
     fn add_two_lethersich(&mut self, weight: T, theta: T, [e, soft]: [T; 2], [c1, c2]: [T; 2]) {
         let c = c1 + c2;
         let quadratic = c1 * c;
@@ -199,7 +202,7 @@ impl<T: PointScalar> RetardationSpectrum<T> {
         let (fast, slow) = (larger / quadratic, constant / larger);
         self.fluidity_per_pa_s += weight / c2;
         for (rate, other) in [(fast, slow), (slow, fast)] {
-            // The gain is the residue at s = −rate over the rate, with the sign that makes it positive.
+            // The gain is the residue at s = −rate, divided by the rate, with the sign that makes it positive.
             let gain = (soft - c * rate) * (e - c * rate) / (c2 * quadratic * rate * (rate - other));
             self.modes.push(SpectralMode { compliance_per_pa: weight * gain / rate, rate_per_s: rate });
         }
@@ -220,7 +223,7 @@ impl<T: PointScalar> RetardationSpectrum<T> {
         self.add_scaled(&with_mass.converted(), T::from_dual(term.weight))
     }
 
-    /// Adds w (E + Cs)/(s N), N = m C s² + (c₁c₂ + m E) s + c₂E, C = c₁ + c₂.
+    /// Adds the term of a Lethersich law and a mass m, w (E + Cs)/(s N). Here N = m C s² + (c₁c₂ + m E) s + c₂E and C = c₁ + c₂.
     fn add_lethersich_with_mass(&mut self, weight: T, mass: T, [e, c1, c2]: [T; 3]) {
         let c = c1 + c2;
         let (quadratic, linear, constant) = (mass * c, c1 * c2 + mass * e, c2 * e);
@@ -243,7 +246,8 @@ impl<T: PointScalar> RetardationSpectrum<T> {
         }
         let half = T::constant(0.5) / quadratic;
         let (re, im) = (linear * half, (-square).sqrt() * half);
-        // With Λ = re + i im and its conjugate as the other rate, the gain of the pair is (CΛ − E)/(Λ² quadratic (−2 i im)), counted twice.
+        // The rates are Λ = re + i im and its conjugate. The gain of Λ is (CΛ − E)/(Λ² quadratic (−2 i im)), which is doubled to
+        // include the conjugate.
         let top = [c * re - e, c * im];
         let bottom = multiplied(multiplied([re, im], [re, im]), [T::constant(0.0), quadratic * im * -2.0]);
         let size = bottom[0] * bottom[0] + bottom[1] * bottom[1];
@@ -263,7 +267,7 @@ impl<T: PointScalar> RetardationSpectrum<T> {
         self.add_scaled(&spectrum, T::from_dual(weight))
     }
 
-    /// Adds another spectrum, `weight` times.
+    /// Adds another spectrum, multiplied by `weight`.
     pub(super) fn add_scaled(&mut self, other: &Self, weight: T) -> Result<()> {
         self.instantaneous_per_pa += other.instantaneous_per_pa * weight;
         self.fluidity_per_pa_s += other.fluidity_per_pa_s * weight;

@@ -1,5 +1,5 @@
-//! Tests of the terms of spread laws against their definition in the complex plane and against each other.
-//! Derivatives are compared with finite differences.
+//! Tests of the terms of a displacement field. They compare the terms' spectra with the terms' definition at real s, and closed
+//! forms with the general algorithm. Derivatives are compared with finite differences.
 
 use super::spectrum::Accuracy;
 use super::*;
@@ -19,7 +19,7 @@ fn spread(law: &[Element], beside: &AdditionalTerm, terms: &[SpreadTerm]) -> Ret
     RetardationSpectrum::spread(law, beside, terms, WINDOW, Accuracy::Fine).unwrap()
 }
 
-/// Returns J*(s) of a spectrum at a real s.
+/// Returns the complex compliance J*(s) of a spectrum at a real s.
 fn transform(spectrum: &RetardationSpectrum, s: f64) -> f64 {
     let modes =
         spectrum.modes.iter().map(|m| m.compliance_per_pa.value * m.rate_per_s.value / (s + m.rate_per_s.value));
@@ -34,7 +34,7 @@ fn transform(spectrum: &RetardationSpectrum, s: f64) -> f64 {
         + oscillating.sum::<f64>()
 }
 
-/// Modulus 1/J* of the named laws, from their springs and dashpots.
+/// Returns the modulus 1/J*(s) of a named law at a real s, from its springs and dashpots.
 fn modulus(parameters: &[f64], s: f64) -> f64 {
     let kelvin_voigt = |e: f64, c: f64| 1.0 / (e + c * s);
     let [e, c1, c2] = [parameters[0], parameters[1], parameters[2]];
@@ -75,7 +75,7 @@ fn terms_are_what_they_are_defined_as() {
             let spring = AdditionalTerm::Spring { compliance_per_pa: 0.4.into() };
             let exact = |s: f64| weight / (number / 0.4 + (1.0 - number) * modulus(parameters, s));
             assert_is(&spread(&law_of, &spring, &terms), exact, "spring");
-            // The scales give overdamped and oscillating responses.
+            // The mass scales give overdamped and oscillating responses.
             for scale in [1e-3, 1.0, 50.0] {
                 let exact = |s: f64| weight / (modulus(parameters, s) + number * scale * s * s);
                 assert_is(&spread(&law_of, &AdditionalTerm::Mass { scale: scale.into() }, &terms), exact, "mass");
@@ -84,11 +84,11 @@ fn terms_are_what_they_are_defined_as() {
     }
 }
 
-/// Checks the closed forms of the Lethersich law against the general algorithm, in time.
+/// Compares the closed forms of the Lethersich law with the general algorithm, by creep compliances over time.
 #[test]
 fn closed_forms_agree_with_the_general_way() {
     let direct = law(BaseLaw::Lethersich, &LETHERSICH);
-    // The general algorithm computes this law, because its elements are in another order.
+    // This law has its elements in another order, so the general algorithm computes it.
     let turned = vec![direct[1].clone(), direct[0].clone()];
     let soft = |law: &[Element]| {
         law.iter()
@@ -120,7 +120,7 @@ fn closed_forms_agree_with_the_general_way() {
     }
 }
 
-/// Returns J(t) in dual numbers.
+/// Returns the creep compliance J(t) of a spectrum at a time, with its derivative.
 fn creep(spectrum: &RetardationSpectrum, t: f64) -> Dual {
     let modes = spectrum.modes.iter().map(|m| m.compliance_per_pa * -(m.rate_per_s * -t).exp_m1());
     let oscillating = spectrum.oscillating.iter().map(|mode| {
@@ -157,7 +157,7 @@ fn derivatives_agree_with_finite_differences() {
             },
         ];
         for kind in kinds {
-            // The derivatives are by the effect's number, by each of the law's parameters, and by a term's number.
+            // The derivatives are by the effect's parameter, by each of the law's parameters, and by a term's μ or θ.
             for what in 0..parameters.len() + 2 {
                 let at = |step: f64, seed: bool, t: f64| {
                     let moved = Dual { value: 0.9 + step, derivative: f64::from(u8::from(seed)) };
@@ -167,7 +167,8 @@ fn derivatives_agree_with_finite_differences() {
                     if what == parameters.len() + 1 {
                         terms[0].number = Dual { value: 0.3 + step, derivative: f64::from(u8::from(seed)) };
                     }
-                    // The second law's first dashpot is constant: only E, c₂ and later parameters have a derivative in it.
+                    // The first dashpot of the second law is constant. Only E, c₂ and later parameters have a derivative in the
+                    // second law.
                     let soft = law_of.clone();
                     creep(&spread(&law_of, &kind(dual, soft), &terms), t)
                 };
@@ -188,7 +189,8 @@ fn derivatives_agree_with_finite_differences() {
     }
 }
 
-/// Checks that zero compliance gives the base law. The derivative is that of an instantaneous spring: Σ w/θ over the terms with θ > 0.
+/// Checks that a spring of zero compliance gives the base law. The derivative by the compliance is Σ w/θ over the terms with θ >
+/// 0, like that of an instantaneous spring.
 #[test]
 fn springs_move_off_their_null() {
     let base = law(BaseLaw::Lethersich, &LETHERSICH);
@@ -200,13 +202,14 @@ fn springs_move_off_their_null() {
             creep(&spread(&base, &AdditionalTerm::Spring { compliance_per_pa: Dual::variable(0.0) }, &terms), t);
         assert!((moving.derivative - (0.2 / 0.5 + 0.1)).abs() < 1e-13, "{moving:?}");
     }
-    // A small compliance is computed in full.
+    // A small compliance is computed by the general formula, not by the first-order limit.
     let small = creep(&spread(&base, &AdditionalTerm::Spring { compliance_per_pa: 1e-6.into() }, &terms), 3.0);
     let null = creep(&plain, 3.0);
     assert!(((small.value - null.value) / 1e-6 - (0.2 / 0.5 + 0.1)).abs() < 1e-4, "{small:?}");
 }
 
-/// Checks that zero slip gives the base law. The derivative is that of a dashpot: Σ w t/μ over the terms with μ > 0.
+/// Checks that zero slip gives the base law. The derivative by the compliance is Σ w t/μ over the terms with μ > 0, like that of
+/// a dashpot.
 #[test]
 fn friction_moves_off_its_null() {
     let base = law(BaseLaw::Lethersich, &LETHERSICH);

@@ -1,8 +1,9 @@
-//! Exact rates and weights of networks of springs and dashpots.
+//! Exact retardation and relaxation spectra of networks of springs and dashpots.
 //!
-//! The complex compliance of such a network is J*(s) = b∞ + b₀/s + Σ bₘ/(s + pₘ) with b ≥ 0. Its modulus divided by s has this form, too. In series
-//! compliances add, in parallel moduli add. The operation S ↦ 1/(s S) converts one into the other. Its poles are the zeros of S, exactly one
-//! between neighbouring poles. Every zero is therefore bracketed, and no polynomial is formed.
+//! The complex compliance of such a network is J*(s) = b∞ + b₀/s + Σ bₘ/(s + pₘ) with all b ≥ 0. The modulus divided by s has the
+//! same form. Compliances add in series, and moduli add in parallel. The operation S ↦ 1/(s S) converts between compliance and
+//! modulus divided by s. The poles of the result are the zeros of S, exactly one between neighbouring poles of S. Every zero is
+//! therefore bracketed, and no polynomial is formed.
 
 use super::mass::mass_on_maxwell_bodies;
 use super::{Element, RetardationSpectrum, SpectralMode};
@@ -10,12 +11,13 @@ use base::number::Dual;
 
 /// Largest relative distance of poles that are merged. Their weights add and the rate is the mean, which is exact to first order in the distance.
 const SAME_POLE: f64 = 1e-9;
-/// Smallest distance of a zero from a pole, in units of the interval between poles.
+/// Smallest distance of a zero from a pole, divided by the distance between neighbouring poles.
 const NEAREST: f64 = 1e-22;
-/// Number of halvings of the logarithm of a zero's distance from its pole: from 50 to below rounding.
+/// Number of bisections of the logarithm of a zero's distance from its pole. They reduce the bracket from a width of 50 to below
+/// rounding.
 const HALVINGS: u32 = 60;
 
-/// Function b∞ + Σ b/(s + p) with poles p ≥ 0.
+/// Function S(s) = b∞ + Σ b/(s + p) with p ≥ 0.
 #[derive(Debug, Clone, Default)]
 struct Stieltjes {
     constant: Dual,
@@ -28,7 +30,7 @@ struct Pole {
     at: Dual,
 }
 
-/// Spectrum of a network; `None` if it has a springpot.
+/// Retardation spectrum of a network; `None` if it has a springpot.
 pub fn spectrum_of(element: &Element) -> Option<RetardationSpectrum> {
     let compliance = compliance_of(element)?;
     let (flow, modes): (Vec<Pole>, Vec<Pole>) = compliance.poles.iter().partition(|pole| pole.at.value == 0.0);
@@ -43,30 +45,30 @@ pub fn spectrum_of(element: &Element) -> Option<RetardationSpectrum> {
     })
 }
 
-/// Relaxation spectrum of a network: G*(s) = η s + Σ G s/(s + p).
+/// Relaxation spectrum of a network, by which its modulus is G*(s) = η s + Σ G s/(s + p).
 #[derive(Debug, Clone)]
 pub struct RelaxationSpectrum {
-    /// η in Pa·s.
+    /// Viscosity η in Pa·s.
     pub viscosity_pa_s: f64,
-    /// G (Pa) and p (1/s) of every mode, slowest first. A mode with p = 0 does not relax.
+    /// Modulus G (Pa) and rate p (1/s) of every mode, slowest first. A mode with p = 0 does not relax.
     pub modes: Vec<[f64; 2]>,
 }
 
-/// Modulus of a network; `None` if it has a springpot.
+/// Relaxation spectrum of a network; `None` if it has a springpot.
 pub fn relaxation_of(element: &Element) -> Option<RelaxationSpectrum> {
     let modulus = compliance_of(element)?.reciprocal();
     let modes = modulus.poles.iter().map(|pole| [pole.weight.value, pole.at.value]).collect();
     Some(RelaxationSpectrum { viscosity_pa_s: modulus.constant.value, modes })
 }
 
-/// Spectrum of a network with a parallel mass; `None` if it has a springpot, or no mass.
+/// Retardation spectrum of a network with a mass in parallel; `None` if the network has a springpot, or if the mass is 0.
 pub(super) fn with_mass(element: &Element, mass: Dual) -> Option<RetardationSpectrum> {
     let modulus = compliance_of(element)?.reciprocal();
     let bodies: Vec<(Dual, Dual)> = modulus.poles.iter().map(|pole| (pole.weight, pole.at)).collect();
     (mass.value > 0.0).then(|| mass_on_maxwell_bodies(modulus.constant, &bodies, mass))
 }
 
-/// Complex compliance J*.
+/// Returns the complex compliance J* of an element; `None` if it has a springpot.
 fn compliance_of(element: &Element) -> Option<Stieltjes> {
     match element {
         Element::Spring { modulus_pa } => Some(Stieltjes { constant: Dual::ONE / *modulus_pa, poles: Vec::new() }),
@@ -104,7 +106,7 @@ impl Stieltjes {
         Self { constant: Dual::ZERO, poles: vec![Pole { weight, at: Dual::ZERO }] }
     }
 
-    /// Returns T with 1/S(s) = s T(s).
+    /// Returns the function T for which 1/S(s) = s T(s).
     fn reciprocal(&self) -> Self {
         let poles = merged(&self.poles);
         let at_zero = poles.first().is_some_and(|pole| pole.at.value == 0.0);
@@ -123,7 +125,7 @@ impl Stieltjes {
         result
     }
 
-    /// Zero of S(−x) = b∞ + Σ b/(p − x) above pole `left`, as a pole of 1/(s S).
+    /// Returns the zero of S(−x) = b∞ + Σ b/(p − x) between pole `left` and the next, as a pole of 1/(s S).
     fn zero_above(&self, poles: &[Pole], left: usize) -> Pole {
         let value_at = |origin: usize, offset: f64| {
             let from = poles[origin].at.value;
@@ -131,24 +133,24 @@ impl Stieltjes {
                 .iter()
                 .fold(self.constant.value, |sum, pole| sum + pole.weight.value / (pole.at.value - from - offset))
         };
-        // Beyond the last pole S(−x) ≥ b∞ − Σb/(x − p), which is positive from this distance on.
+        // Beyond the last pole, S(−x) ≥ b∞ − Σb/(x − p), which is positive for distances above this one.
         let reach = match poles.get(left + 1) {
             Some(right) => 0.5 * (right.at.value - poles[left].at.value),
             None => poles.iter().fold(0.0, |sum, pole| sum + pole.weight.value) / self.constant.value * (1.0 + 1e-9),
         };
-        // Distances are measured from the nearer pole, where they keep their digits.
+        // The zero's distance is measured from the nearer pole, so that it keeps its digits.
         let is_last = left + 1 == poles.len();
         let (origin, sign) = if is_last || value_at(left, reach) > 0.0 { (left, 1.0) } else { (left + 1, -1.0) };
         let (mut near, mut far) = ((reach * NEAREST).ln(), reach.ln());
         for _ in 0..HALVINGS {
             let middle = 0.5 * (near + far);
-            // S rises with x: from −∞ right of a pole to +∞ left of the next.
+            // S(−x) increases with x from −∞ just above a pole to +∞ just below the next.
             if value_at(origin, sign * middle.exp()) * sign < 0.0 { near = middle } else { far = middle }
         }
         self.polished(poles, origin, sign * (0.5 * (near + far)).exp())
     }
 
-    /// Pole after one Newton step in dual numbers, which gives the last digit of the value and the exact derivative.
+    /// Refines a zero by one Newton step in dual numbers, which gives the last digit of the value and the exact derivative.
     fn polished(&self, poles: &[Pole], origin: usize, offset: f64) -> Pole {
         let from = poles[origin].at;
         let sums = |offset: Dual| {
@@ -165,7 +167,7 @@ impl Stieltjes {
     }
 }
 
-/// Poles in rising order, with coincident ones merged.
+/// Returns the poles in ascending order, with coincident poles merged.
 fn merged(poles: &[Pole]) -> Vec<Pole> {
     let mut sorted = poles.to_vec();
     sorted.sort_by(|a, b| a.at.value.total_cmp(&b.at.value));

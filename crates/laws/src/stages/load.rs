@@ -1,38 +1,42 @@
 //! Transformation of the commanded force into the acting force. All equations of the load are in this file (physics §5).
 //!
-//! The order is: delay, factors by sign and offset give the force F_in, which enters the lag. F_in is a straight line from each [`Switch`] to the next.
-//! The lag τ Ḟ = F_in − F starts from F = 0. The gradient multiplies the result by e^{gx}.
-//! Solvers ask [`Load`] for these values and for the fastest time, the dependence on the position, the exact solution between switches and the rate at
-//! an implicit stage. A new or changed equation therefore affects this file alone.
+//! Delay, factors by sign and offset are applied to the command in this order. They give the force F_in, which enters the lag.
+//! F_in is a straight line in time from each [`Switch`] to the next. The lag τ Ḟ = F_in − F starts from F = 0. The gradient
+//! multiplies F by e^{gx}, with x the robot's position. Solvers take all equations of the force from [`Load`]. These include its
+//! fastest time, its dependence on the position, its exact solution between switches and its rate at an implicit stage. A new or
+//! changed equation therefore only affects this file.
 
 use base::error::{Error, Result};
 use base::number::{Dual, PointScalar, Scalar};
 use record::Force;
 
-/// Transformation of the commanded into the acting force, in this order: delay, factors by sign, offset, lag, gradient.
+/// Transformation of the commanded force into the acting force, by delay, factors by sign, offset, lag and gradient in this
+/// order.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Load<N = Dual> {
-    /// δ ≥ 0 in s: F(t) = F_command(t − δ), zero before the record's start.
+    /// Delay δ ≥ 0 in s: F(t) = F_command(t − δ). The command is zero before the record's start.
     pub delay_s: N,
-    /// Factor of positive forces.
+    /// Factor that multiplies positive commands.
     pub positive_factor: N,
-    /// Factor of negative forces.
+    /// Factor that multiplies negative commands.
     pub negative_factor: N,
-    /// Offset added to the force from the record's start on, in N.
+    /// Offset in N, which is added to the force from the record's start.
     pub offset_n: N,
-    /// τ ≥ 0 in s of τ Ḟ = F_in − F, F = 0 at the record's start; 0 means no lag.
+    /// Lag time τ ≥ 0 in s: τ Ḟ = F_in − F, with F = 0 at the record's start. There is no lag at 0.
     pub lag_time_s: N,
-    /// g in 1/m of F = F_in e^{gx}, x the robot's position. An error is returned where the force diverges with the position.
+    /// Gradient g in 1/m: the force is multiplied by e^{gx}, with x the robot's position. Solvers return an error if the force
+    /// diverges with the position.
     pub gradient_per_m: N,
 }
 
-/// Largest |g x| for which a force gradient is computed. There the force is 10⁸ times as large or as small as without gradient; a diverging force exceeds it (physics §5).
+/// Largest |g x| for which a force gradient is computed. At this limit the force is 10⁸ times as large or as small as without the
+/// gradient. A diverging force exceeds the limit (physics §5).
 pub const MAX_GRADIENT_EXPONENT: f64 = 20.0;
 
-/// Most steps of Newton's method for a force that depends on the position.
+/// Largest number of Newton steps for a force that depends on the position.
 pub const MAX_NEWTON_STEPS: usize = 60;
 
-/// Change of the force that enters the lag. After it the force is a straight line.
+/// Change of the force that enters the lag. After the change the force is a straight line in time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Switch<N = f64> {
     /// Time of the change, in s.
@@ -41,28 +45,30 @@ pub struct Switch<N = f64> {
     pub force_n: N,
     /// Rate of the force after the change, in N/s.
     pub slope_n_per_s: N,
-    /// True if the force itself jumps, false if only its slope changes.
+    /// `true` if the force itself jumps, `false` if only its slope changes.
     pub jumps: bool,
 }
 
 impl<N: Scalar> Switch<N> {
-    /// Switch to a force (N) that then stays constant.
+    /// Returns a switch to a force (N) that then stays constant.
     pub fn to(time_s: N, force_n: N) -> Self {
         Self { time_s, force_n, slope_n_per_s: N::constant(0.0), jumps: true }
     }
 
-    /// Force that enters the lag at a time after the switch, in N.
+    /// Returns the force (N) that enters the lag at a time (s) after the switch.
     #[inline(always)]
     pub fn input_n(&self, time_s: N) -> N {
         self.force_n + self.slope_n_per_s * (time_s - self.time_s)
     }
 }
 
-/// Parameter of the load for which the first-order response is available: each one except the gradient, which depends on the position.
+/// Parameter of the load whose effect can be treated to first order. These are all parameters except the gradient, which makes
+/// the force depend on the position.
 pub struct LoadParameter {
     /// Unit of the parameter.
     pub unit: LoadUnit,
-    /// True if the delay also delays this parameter's force. A force that acts from the record's start on is not delayed.
+    /// `true` if the delay also applies to the force that this parameter changes. A force that acts from the record's start is
+    /// not delayed.
     pub is_delayed: bool,
     field: fn(&mut Load) -> &mut Dual,
 }
@@ -70,7 +76,7 @@ pub struct LoadParameter {
 /// Unit of a parameter of the load.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LoadUnit {
-    /// Factor of the force, measured from 1.
+    /// Dimensionless factor of the force, whose null is 1.
     Factor,
     /// Force in N.
     Force,
@@ -79,7 +85,7 @@ pub enum LoadUnit {
 }
 
 impl LoadParameter {
-    /// All parameters: those that change the force's size first, times last.
+    /// All parameters. Those that change the size of the force come first, times last.
     pub const ALL: [Self; 5] = [
         Self { unit: LoadUnit::Factor, is_delayed: true, field: |load| &mut load.positive_factor },
         Self { unit: LoadUnit::Factor, is_delayed: true, field: |load| &mut load.negative_factor },
@@ -88,18 +94,18 @@ impl LoadParameter {
         Self { unit: LoadUnit::Time, is_delayed: true, field: |load| &mut load.lag_time_s },
     ];
 
-    /// Parameters that change the force's size.
+    /// Parameters that change the size of the force, and not its time.
     pub fn of_size() -> impl Iterator<Item = &'static Self> {
         Self::ALL.iter().filter(|number| number.unit != LoadUnit::Time)
     }
 
-    /// Distance of the parameter from its null.
+    /// Returns the parameter's value in a load, minus its null.
     pub fn of(&self, load: &Load) -> Dual {
         let number = *(self.field)(&mut load.clone());
         if self.unit == LoadUnit::Factor { number - Dual::ONE } else { number }
     }
 
-    /// Load in which only this parameter differs from its null.
+    /// Returns a load in which only this parameter differs from its null, by `size`.
     pub fn alone(&self, size: f64) -> Load {
         let mut load = Load::COMMANDED;
         *(self.field)(&mut load) = if self.unit == LoadUnit::Factor { (1.0 + size).into() } else { size.into() };
@@ -108,7 +114,7 @@ impl LoadParameter {
 }
 
 impl Load {
-    /// Load without any effect: the force acts as commanded.
+    /// Load without any effect. The force acts as commanded.
     pub const COMMANDED: Self = Self {
         delay_s: Dual::ZERO,
         positive_factor: Dual::ONE,
@@ -128,12 +134,12 @@ impl Load {
         Load::of_numbers(self.numbers().map(N::from_dual))
     }
 
-    /// Load for commands that are `factor` times as large. The offset grows in proportion.
+    /// Returns the load for commands that are `factor` times as large. Its offset is also multiplied by `factor`.
     pub fn for_scaled_commands(&self, factor: f64) -> Self {
         Self { offset_n: self.offset_n * factor, ..self.clone() }
     }
 
-    /// Load for positions in a unit that is `unit` times as large.
+    /// Returns the load for positions that are measured in `unit` metres.
     pub fn in_position_unit(&self, unit: f64) -> Self {
         Self { gradient_per_m: self.gradient_per_m * unit, ..self.clone() }
     }
@@ -151,10 +157,11 @@ impl Load {
         Ok(())
     }
 
-    /// Checks that forward mode can compute the derivative. It cannot with respect to the lag's time where the lag is 0.
+    /// Checks that dual numbers can compute the derivative of the response. They cannot compute the derivative by the lag time at
+    /// 0.
     ///
     /// # Errors
-    /// [`Error::Numerical`] if the lag's time is 0 and its derivative is not.
+    /// [`Error::Numerical`] if the lag time is 0 and its derivative is not 0.
     pub fn check_derivative(&self) -> Result<()> {
         if self.lag_time_s.value == 0.0 && self.lag_time_s.derivative != 0.0 {
             return Err(Error::numerical(
@@ -166,24 +173,24 @@ impl Load {
     }
 }
 
-/// Number of a load's parameters.
+/// Number of parameters of a load.
 pub const N_LOAD_PARAMETERS: usize = 6;
 
 impl<N: Scalar> Load<N> {
-    /// Parameters of the load, in the order of [`Self::of_numbers`].
+    /// Parameters of the load as one list, in the order in which [`Self::of_numbers`] reads them.
     pub fn numbers(&self) -> [N; N_LOAD_PARAMETERS] {
         let Self { delay_s, positive_factor, negative_factor, offset_n, lag_time_s, gradient_per_m } = self;
         [delay_s, positive_factor, negative_factor, offset_n, lag_time_s, gradient_per_m].map(|number| *number)
     }
 
-    /// Load with the parameters of [`Self::numbers`].
+    /// Builds a load from the list of [`Self::numbers`].
     pub fn of_numbers(
         [delay_s, positive_factor, negative_factor, offset_n, lag_time_s, gradient_per_m]: [N; N_LOAD_PARAMETERS],
     ) -> Self {
         Self { delay_s, positive_factor, negative_factor, offset_n, lag_time_s, gradient_per_m }
     }
 
-    /// Commanded force (N), or its slope (N/s), after the factors by sign and without the offset.
+    /// Returns a commanded force (N), or its slope (N/s), times the factor for its sign. The offset is not added.
     pub fn scaled(&self, commanded: f64, is_positive: bool) -> N {
         (if is_positive { self.positive_factor } else { self.negative_factor }) * commanded
     }
@@ -203,18 +210,18 @@ impl<N: Scalar> Load<N> {
         self.delay_s + N::constant(commanded_s)
     }
 
-    /// Time (s) at which the command was given that acts at `at_s`.
+    /// Time (s) of the command that acts at `at_s`.
     pub fn command_time_s(&self, at_s: f64) -> N {
         N::constant(at_s) + -self.delay_s
     }
 
-    /// Acting force (N) where the robot is at `position_m` and the lag gives `force_n`.
+    /// Returns the acting force (N) on a robot at `position_m`. `force_n` is the force after the lag.
     #[inline(always)]
     pub fn acting_n(&self, force_n: N, position_m: N) -> N {
         force_n * (self.gradient_per_m * position_m).exp()
     }
 
-    /// Derivative of the acting force (N) with respect to the position, in N/m.
+    /// Returns the derivative (N/m) of the acting force with respect to the position. `acting_n` is the acting force.
     #[inline(always)]
     pub fn acting_slope(&self, acting_n: N) -> N {
         acting_n * self.gradient_per_m
@@ -242,18 +249,18 @@ impl<N: PointScalar> Load<N> {
         !self.is_delayed() && self.lag_time_s.value() == 0.0 && !self.depends_on_position()
     }
 
-    /// Fastest time (s) in which the force changes by itself; infinite without a lag.
+    /// Shortest time (s) in which the force changes between switches; infinite without a lag.
     pub fn fastest_s(&self) -> f64 {
         if self.has_lag() { self.lag_time_s.value() } else { f64::INFINITY }
     }
 
-    /// Largest force (N) that can act on a robot at rest when no command exceeds `commanded_n` (N).
+    /// Largest force (N) that can act on a robot at position 0 if no command exceeds `commanded_n` (N).
     pub fn largest_n(&self, commanded_n: f64) -> f64 {
         let factor = self.positive_factor.value().abs().max(self.negative_factor.value().abs());
         commanded_n * factor + self.offset_n.value().abs()
     }
 
-    /// Changes of the force that enters the lag, from the record's start on. The first is the offset's.
+    /// Returns all changes of the force that enters the lag, from the record's start. The first is the start of the offset.
     pub fn switches(&self, time_s: &[f64], force: Force<'_>) -> Vec<Switch<N>> {
         let Some(&start_s) = time_s.first() else { return Vec::new() };
         let mut switches = vec![Switch::to(N::constant(start_s), self.start_n())];
@@ -282,18 +289,19 @@ impl<N: PointScalar> Load<N> {
         self.has_lag().then(|| N::constant(1.0) / self.lag_time_s)
     }
 
-    /// Length of a step (s) in units of the lag time; `None` without a lag.
+    /// Length of a step (s), divided by the lag time; `None` without a lag.
     pub fn lag_times_in(&self, step_s: f64) -> Option<f64> {
         self.has_lag().then(|| step_s / self.lag_time_s.value())
     }
 
-    /// Force (N) after the lag's transient has decayed: the switch's straight line, late by the lag time.
+    /// Returns the force (N) after the lag, without the lag's decaying transient. It is the straight line of the switch, late by
+    /// the lag time.
     #[inline(always)]
     pub fn steady_lagged_n(&self, input: &Switch<N>, time_s: N) -> N {
         input.input_n(time_s) - input.slope_n_per_s * self.lag_time_s
     }
 
-    /// Force (N) after the lag at a time after a switch, if it is `lagged_n` at the switch.
+    /// Returns the force (N) after the lag at a time (s) after a switch. At the switch this force is `lagged_n`.
     #[inline(always)]
     pub fn after_lag_n(&self, input: &Switch<N>, lagged_n: N, time_s: N) -> N {
         if self.lag_time_s.value() == 0.0 {
@@ -303,20 +311,22 @@ impl<N: PointScalar> Load<N> {
         self.steady_lagged_n(input, time_s) + left_n * (-(time_s - input.time_s) / self.lag_time_s).exp()
     }
 
-    /// Force (N) at an implicit stage of a Runge–Kutta method, and its rate k (N/s): τ k = F_in − (F₀ + earlier stages' share + h k).
+    /// Returns the force (N) after the lag at an implicit stage of a Runge–Kutta method, and its rate k (N/s). It solves τ k =
+    /// F_in − (F₀ + F₁ + h k), with F₀ = `start_n`, F₁ = `earlier_n` from the earlier stages and h = `implicit_s`.
     pub fn at_implicit_stage(&self, input_n: N, start_n: N, earlier_n: N, implicit_s: f64) -> (N, N) {
         let rate = (input_n - start_n - earlier_n) / (self.lag_time_s + N::constant(implicit_s));
         (if self.has_lag() { start_n + earlier_n + rate * implicit_s } else { input_n }, rate)
     }
 
-    /// Lagged signal at the end of a step (s) in which the input goes straight from `from` to `to`; `lagged` is its value at the start.
+    /// Returns the lagged signal at the end of a step (s). The input changes linearly from `from` to `to`, and `lagged` is the
+    /// lagged signal at the start.
     pub fn lagged_along(&self, lagged: N, from: N, to: N, step_s: f64) -> N {
         let behind = (to + -from) * self.lag_time_s * (1.0 / step_s);
         let left = (N::constant(-step_s) / self.lag_time_s).exp();
         to + -behind + (lagged + -from + behind) * left
     }
 
-    /// Exponent of the force's growth at a position (m). Its size must be below [`MAX_GRADIENT_EXPONENT`].
+    /// Returns the exponent g x of the force gradient at a position x (m). Its size must be below [`MAX_GRADIENT_EXPONENT`].
     fn exponent(&self, position_m: f64) -> f64 {
         self.gradient_per_m.value() * position_m
     }
@@ -324,12 +334,12 @@ impl<N: PointScalar> Load<N> {
     /// Checks that the force does not diverge at any of the positions (m).
     ///
     /// # Errors
-    /// [`Error::Numerical`] if the exponent of the force is too large or not a number.
+    /// [`Error::Numerical`] if |g x| is too large or not a number.
     pub fn check_feedback(&self, position_m: &[f64], time_s: f64) -> Result<()> {
         if self.gradient_per_m.value() == 0.0 {
             return Ok(());
         }
-        // A position that is not a number has no balance of forces.
+        // A position that is NaN means that no balance of forces was found.
         if position_m.iter().all(|x| self.exponent(*x).abs() < MAX_GRADIENT_EXPONENT) {
             return Ok(());
         }
@@ -341,14 +351,16 @@ impl<N: PointScalar> Load<N> {
         ))
     }
 
-    /// Exponent of the force's growth divided by the creep compliance, in Pa, for a displacement per force (1/m) and a largest force (N).
+    /// Returns the exponent g x of the force gradient, divided by the creep compliance, in Pa. `compliance_per_m` is the
+    /// displacement per force at unit creep compliance, `largest_n` the largest force.
     pub fn feedback_strength_pa(&self, compliance_per_m: f64, largest_n: f64) -> f64 {
         (self.gradient_per_m.value() * compliance_per_m).abs() * largest_n
     }
 }
 
 impl Load<f64> {
-    /// Lagged force (N) under an input (N) that is constant over a step (s): at the step's end, and its mean.
+    /// Returns the lagged force (N) at the end of a step (s) of constant input, and its mean over the step. `begin_n` is the
+    /// lagged force at the start, `entering_n` the input.
     pub fn lagged_of_hold(&self, begin_n: f64, entering_n: f64, step_s: f64) -> [f64; 2] {
         let rate = step_s / self.lag_time_s;
         let end_n = entering_n + (begin_n - entering_n) * (-rate).exp();
@@ -356,13 +368,14 @@ impl Load<f64> {
         [end_n, mean_n]
     }
 
-    /// Acting force (N) in balance: the robot's position is `history_m` plus `per_n` times the force, and the lag gives `force_n`. NaN if there is no balance.
+    /// Returns the acting force (N) if the robot's position is `history_m` plus `per_n` (m/N) times this force. `force_n` is the
+    /// force after the lag. NaN if no force solves the balance.
     pub fn balanced_n(&self, force_n: f64, history_m: f64, per_n: f64) -> f64 {
         let g = self.gradient_per_m;
         force_n * balanced_exponent(g * history_m, g * force_n * per_n).exp()
     }
 
-    /// Words by which a message names the force gradient; empty without one.
+    /// Returns words for the force gradient in messages; empty without a gradient.
     pub fn describe_gradient(&self) -> String {
         if self.gradient_per_m == 0.0 {
             return String::new();
@@ -370,7 +383,7 @@ impl Load<f64> {
         format!(" under a force gradient of {} per m", self.gradient_per_m)
     }
 
-    /// Error for a response under this load whose position is not finite.
+    /// Returns the error for a position that is not finite under this load.
     pub fn divergence_error(&self) -> Error {
         let gradient = self.gradient_per_m;
         if gradient == 0.0 {
@@ -385,7 +398,7 @@ impl Load<f64> {
     }
 }
 
-/// Solution y of y = a + b e^y on the branch that starts at b = 0. NaN if there is none, because the force diverges.
+/// Returns the solution of y = a + b e^y on the branch that starts at b = 0. NaN if there is none, because the force diverges.
 pub fn balanced_exponent(a: f64, b: f64) -> f64 {
     let mut y = a;
     for _ in 0..MAX_NEWTON_STEPS {

@@ -1,7 +1,7 @@
-//! Numbers of a model's stages: command → load → mechanics → observation (physics §5).
+//! Stages of a model at one parameter point: command → load → mechanics → observation (physics §5).
 //!
-//! A base law and effects write themselves into [`Stages`]. The reduced model evaluates them in closed form, the full-order model by time stepping.
-//! Stages define the equations, not their solution.
+//! A base law and its effects write their equations into [`Stages`]. The reduced model solves the equations in closed form, the
+//! full-order model by time stepping.
 
 mod load;
 mod nonlinearity;
@@ -23,49 +23,50 @@ use base::number::Dual;
 use record::Force;
 use std::sync::Arc;
 
-/// One model at one parameter point.
+/// Equations of one model at one parameter point.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Stages {
-    /// Transformation of the commanded into the acting force.
+    /// Transformation of the commanded force into the acting force.
     pub load: Load,
-    /// Base law, whose parameters have names; `None` if only [`Self::law`] is given.
+    /// Base law with named parameters; `None` if only [`Self::law`] is given.
     pub base: Option<BaseLaw>,
-    /// Law: elements in series, which all carry the same stress.
+    /// Elements of the law in series, each of which carries the whole stress.
     pub law: Vec<Element>,
-    /// r in 1/s: the gel's stress is e^{−rt} times the law's stress, t from the record's start.
+    /// Softening rate r in 1/s. The gel's stress is e^{−rt} times the law's stress, with t from the record's start.
     pub softening_rate_per_s: Dual,
     /// Poisson ratio of the gel; `None` for the experiment's value.
     pub poisson_ratio: Option<Dual>,
-    /// Effect that changes the displacement field. It excludes another Poisson ratio.
+    /// Effect that changes the displacement field. It cannot be combined with a changed Poisson ratio.
     pub spatial: Option<Spatial>,
-    /// Reduced model of [`Self::spatial`]; empty until one is attached.
+    /// Reduced model of [`Self::spatial`]; `None` until one is attached.
     pub spread: Option<ReducedField>,
-    /// Quantity that depends on a state. It excludes effects on the field and a force gradient.
+    /// Quantity that depends on a state. It cannot be combined with effects on the displacement field or with a force gradient.
     pub state_law: Option<StateLaw>,
-    /// Transformation of the robot's into the recorded position.
+    /// Transformation of the robot's position into the recorded position.
     pub observation: Observation,
 }
 
-/// An effect that changes the displacement field (physics §5).
+/// Effect that changes the displacement field (physics §5).
 #[derive(Debug, Clone, PartialEq)]
 pub enum Spatial {
-    /// Linear effect: part of the field has a second element beside the law.
+    /// Linear effect, by which some region of the gel has an additional element in parallel with the law.
     Linear(LinearField),
-    /// Nonlinear effect: one body of the law is nonlinear.
+    /// Nonlinear effect, by which one element of the law is nonlinear.
     Nonlinear(Nonlinearity<Dual>),
-    /// Large strains: the response is x(gF)/g of a fluid whose linearisation is the law (physics §7.6).
+    /// Large strains. The position is x(gF)/g, with x(F) the response of a fluid whose linear limit is the law (physics §7.6).
     Large {
-        /// g > 0.
+        /// Amplitude g > 0.
         amplitude: Dual,
-        /// Giesekus's α; 0 is Oldroyd-B.
+        /// Mobility α of a Giesekus fluid; 0 for an Oldroyd-B fluid.
         mobility: Dual,
     },
-    /// Law of an external program, at these parameters. That program computes the robot's whole displacement.
+    /// Law of an external program, at these parameters. The program computes the robot's displacement.
     External(Vec<Dual>),
 }
 
 impl Spatial {
-    /// Returns `true` if its reduced model is trained for one record, around the law that fits it, instead of once for a gel.
+    /// Returns `true` if the effect's reduced model is trained for each record, around the law that fits it, instead of once for
+    /// each gel.
     pub fn is_trained_per_record(&self) -> bool {
         matches!(self, Self::Large { .. })
     }
@@ -75,44 +76,46 @@ impl Spatial {
         "a force that depends on the position cannot be combined with large displacements";
 }
 
-/// Element beside the law, and the part of the field that has it.
+/// Linear effect on the displacement field, as an additional element in parallel with the law in some region.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LinearField {
-    /// Slug of the effect, which defines the part of the field.
+    /// Slug of the effect, which defines the region.
     pub effect: &'static str,
-    /// Number on which the field's shape depends, such as a radius or a Poisson ratio; `None` if there is only one shape.
+    /// Parameter on which the shape of the field depends, such as a radius or a Poisson ratio; `None` if the shape is fixed.
     pub shape: Option<Dual>,
-    /// Element beside the law in that part.
+    /// Additional element in that region.
     pub beside: AdditionalTerm,
 }
 
-/// Reduced model of [`Spatial`]: the law distributed over the gel.
+/// Reduced model of an effect on the displacement field.
 #[derive(Debug, Clone, PartialEq)]
 pub enum ReducedField {
-    /// Linear: the law at several places.
+    /// Reduced model of a linear effect, as a sum of terms.
     Terms {
-        /// Element beside the law, the same in every term.
+        /// Additional element in parallel with the law in every term.
         beside: AdditionalTerm,
-        /// Terms of the law.
+        /// Weights of the terms, and the factors of the additional element in them.
         terms: Vec<SpreadTerm>,
     },
-    /// Nonlinear: a law evaluated at few points.
+    /// Reduced model of a nonlinear effect, of large strains or of an external program, which is evaluated for a whole record.
     Stepped(SharedStepper),
 }
 
-/// Reduced model of a nonlinear law, which is stepped through a record.
+/// Reduced model that computes the excess displacement of a law for a whole record.
 pub trait FieldStepper: std::fmt::Debug + Send + Sync {
-    /// Displacement of the robot at every row (s), in m, minus that of the same stages with a linear law. At a jump it is the limit from the left.
-    /// `compliance_per_m` is the displacement per force at unit creep compliance.
+    /// Displacement of the robot in m at every row, minus the displacement for the same stages with a linear law. `time_s` are
+    /// the times of the rows in s. At a jump the result is the limit from the left. `compliance_per_m` is the displacement per
+    /// force at unit creep compliance.
     ///
     /// # Errors
-    /// [`base::Error::Numerical`] where the model does not cover the law, the force gradient is too strong, or the balance is not found.
+    /// [`base::Error::Numerical`] if the model does not cover the law, if the force gradient is too strong, or if no balance of
+    /// forces is found.
     fn excess_m(&self, stages: &Stages, compliance_per_m: f64, time_s: &[f64], force: Force<'_>) -> Result<Vec<f64>>;
 
-    /// [`Self::excess_m`] with the derivative in the direction that the stages carry.
+    /// [`Self::excess_m`] with its derivative along the direction of the derivatives in `stages`.
     ///
     /// # Errors
-    /// As [`Self::excess_m`].
+    /// Errors of [`Self::excess_m`].
     fn excess_dual_m(
         &self,
         stages: &Stages,
@@ -122,7 +125,7 @@ pub trait FieldStepper: std::fmt::Debug + Send + Sync {
     ) -> Result<Vec<Dual>>;
 }
 
-/// Stepper, shared by all stages that use it.
+/// Stepper that all stages with this effect share.
 #[derive(Debug, Clone)]
 pub struct SharedStepper(pub Arc<dyn FieldStepper>);
 
@@ -133,7 +136,7 @@ impl PartialEq for SharedStepper {
 }
 
 impl Stages {
-    /// Stages of the law alone: the force acts as commanded, and the recorded position is the robot's.
+    /// Returns stages with a law and no effects. The force acts as commanded, and the recorded position is the robot's position.
     pub fn of_law(law: Vec<Element>) -> Self {
         Self {
             load: Load::COMMANDED,

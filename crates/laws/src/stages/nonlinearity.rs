@@ -1,4 +1,4 @@
-//! Nonlinear laws (physics §5): in one body of the base law the stress is not proportional to the strain or the strain rate.
+//! Nonlinear laws (physics §5). In one element of the base law, stress is not proportional to strain or strain rate.
 
 use base::error::{Error, Result};
 use base::number::{Dual, PointScalar};
@@ -9,44 +9,47 @@ use serde::{Deserialize, Serialize};
 pub enum NonlinearFamily {
     /// The spring of the first Kelvin–Voigt body stiffens.
     StrainStiffening,
-    /// The dashpot thins.
+    /// The fluidity of the dashpot grows with the stress.
     ShearThinning,
-    /// The dashpot yields.
+    /// The dashpot flows only above a yield stress.
     YieldStress,
 }
 
 /// Nonlinearity of the law's first Kelvin–Voigt body or of its dashpot (physics §5).
 ///
-/// The symbols are s = D̂⁻¹σ and the equivalents ε_eq² = ⅔ dev ε : dev ε, s_eq² = ⅔ dev s : dev s.
+/// s = D̂⁻¹σ is the stress, divided by the elasticity tensor for unit Young's modulus. Equivalent strain and stress are ε_eq² = ⅔
+/// dev ε : dev ε and s_eq² = ⅔ dev s : dev s.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Nonlinearity<N = f64> {
-    /// dev s = E (1 + β ε_eq²) dev ε_k + c₁ dev ε̇_k in the first Kelvin–Voigt body; its volumetric part stays linear.
+    /// Stiffening of the first Kelvin–Voigt body: dev s = E (1 + β ε_eq²) dev ε_k + c₁ dev ε̇_k. Its volumetric response stays
+    /// linear.
     StrainStiffening {
-        /// β ≥ 0; 0 is the linear law.
+        /// Coefficient β ≥ 0; the law is linear for 0.
         coefficient: N,
     },
-    /// ε̇_d = (s_eq/s₀)^{1/n−1} s/c₂ in the dashpot.
+    /// Shear thinning of the dashpot: ε̇_d = (s_eq/s₀)^{1/n−1} s/c₂.
     ShearThinning {
-        /// n in (0, 1]; 1 is the linear law.
+        /// Exponent n in (0, 1]; the law is linear for 1.
         index: N,
-        /// s₀ > 0 in Pa: the stress at which the fluidity is 1/c₂.
+        /// Stress s₀ > 0 in Pa at which the fluidity is 1/c₂.
         reference_stress_pa: N,
     },
-    /// ε̇_d = ⟨1 − s_y/s_eq⟩ s/c₂ in the dashpot, with s_eq ⟨1 − s_y/s_eq⟩ smoothed to
-    /// ½[s_eq − s_y + √((s_eq − s_y)² + 4δ² s_y s_eq)]: exact at s_y = 0, too large by at most δ s_y, and the sharp law as δ → 0.
+    /// Yield stress of the dashpot: ε̇_d = ⟨1 − s_y/s_eq⟩ s/c₂. The term s_eq ⟨1 − s_y/s_eq⟩ is smoothed to ½[s_eq − s_y +
+    /// √((s_eq − s_y)² + 4δ² s_y s_eq)]. The smoothed term is exact at s_y = 0 and too large by at most δ s_y. It tends to the
+    /// sharp law as δ → 0.
     YieldStress {
-        /// s_y ≥ 0 in Pa; 0 is the linear law.
+        /// Yield stress s_y ≥ 0 in Pa; the law is linear for 0.
         stress_pa: N,
-        /// δ in (0, 1): smoothness of the bracket; [`YIELD_SMOOTHING`] is a good value.
+        /// Smoothing δ in (0, 1), usually [`YIELD_SMOOTHING`].
         smoothing: f64,
     },
 }
 
-/// δ with which a gel below its yield stress creeps 10⁻⁴ times as fast as the fluid.
+/// Smoothing δ of a yield stress. With this value a gel far below its yield stress creeps at 10⁻⁴ times the rate of the fluid c₂.
 pub const YIELD_SMOOTHING: f64 = 0.01;
 
 impl Nonlinearity {
-    /// Converts the numbers to dual numbers with zero derivatives.
+    /// Converts the parameters to dual numbers with zero derivatives.
     pub fn constant(self) -> Nonlinearity<Dual> {
         match self {
             Self::StrainStiffening { coefficient } => {
@@ -79,10 +82,10 @@ impl Nonlinearity<Dual> {
         }
     }
 
-    /// Checks that the numbers are within the law's support.
+    /// Checks that the parameters are within the law's support.
     ///
     /// # Errors
-    /// [`Error::Numerical`] names the number.
+    /// [`Error::Numerical`] names the parameter that is outside.
     pub fn check(&self) -> Result<()> {
         let (good, what, support) = match *self {
             Self::StrainStiffening { coefficient } => {
@@ -110,7 +113,7 @@ impl Nonlinearity<Dual> {
 }
 
 impl<N> Nonlinearity<N> {
-    /// Kind of the law.
+    /// Kind of this nonlinear law.
     pub fn family(&self) -> NonlinearFamily {
         match self {
             Self::StrainStiffening { .. } => NonlinearFamily::StrainStiffening,

@@ -1,33 +1,36 @@
-//! Transformation of the robot's position into the recorded one. All equations of the observation are in this file (physics §5).
+//! Transformation of the robot's position into the recorded position. All equations of the observation are in this file (physics
+//! §5).
 
 use base::number::{Dual, PointScalar, Scalar};
 
-/// Recorded position: scale · x^{1/p} + b + v t + Σ A (1 − e^{−t/τ}), t from the record's start. An indenter (p ≠ 1) is at 0 where x < 0.
+/// Transformation to the recorded position scale · x^{1/p} + b + v t + Σ A (1 − e^{−t/τ}), with t from the record's start. For an
+/// indenter (p ≠ 1), x^{1/p} is replaced by 0 if x < 0.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Observation<N = Dual> {
-    /// Factor of the position.
+    /// Factor of the robot's position.
     pub scale: N,
-    /// b in m.
+    /// Offset b in m.
     pub offset_m: N,
-    /// p of an indenter, whose depth in m is x^{1/p}, x in m^p; 1 where x itself is the position.
+    /// Exponent p of an indenter, whose depth is x^{1/p} in m for a linear response x in m^p. It is 1 if x is the position
+    /// itself.
     pub depth_exponent: N,
-    /// v in m/s.
+    /// Drift velocity v in m/s.
     pub velocity_m_per_s: N,
-    /// Drifts that approach a limit.
+    /// Drifts A (1 − e^{−t/τ}), each of which approaches a limit A.
     pub approaches: Vec<DriftApproach<N>>,
 }
 
-/// Drift A (1 − e^{−t/τ}).
+/// Drift A (1 − e^{−t/τ}), with t from the record's start.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DriftApproach<N = Dual> {
-    /// A in m.
+    /// Limit A of the drift, in m.
     pub amplitude_m: N,
-    /// τ > 0 in s.
+    /// Time constant τ > 0 in s.
     pub time_s: N,
 }
 
 impl Observation {
-    /// Observation without any effect: the recorded position is the robot's.
+    /// Observation without any effect. The recorded position is the robot's position.
     pub const IDENTITY: Self = Self {
         scale: Dual::ONE,
         offset_m: Dual::ZERO,
@@ -42,7 +45,7 @@ impl Observation {
         Observation::of_numbers(self.approaches.len(), || numbers.next().unwrap_or(N::constant(0.0)))
     }
 
-    /// Returns `true` if the recorded position differs from the robot's, apart from the root for depths.
+    /// Returns `true` if the recorded position differs from the robot's position or depth.
     pub fn is_changed(&self) -> bool {
         !(self.scale.is_constant(1.0)
             && self.offset_m.is_constant(0.0)
@@ -50,7 +53,7 @@ impl Observation {
             && self.approaches.is_empty())
     }
 
-    /// Returns `true` if the position is a root of the linear response.
+    /// Returns `true` if the position is an indenter's depth, which is a root of the linear response.
     pub fn is_depth(&self) -> bool {
         self.depth_exponent.value != 1.0
     }
@@ -64,7 +67,7 @@ impl<N: Scalar> Observation<N> {
         [*scale, *offset_m, *depth_exponent, *velocity_m_per_s].into_iter().chain(of_approaches).collect()
     }
 
-    /// Observation with the values of [`Self::numbers`], with `n_approaches` approaches.
+    /// Builds the observation from the list of [`Self::numbers`]. `n_approaches` is the number of its drifts A (1 − e^{−t/τ}).
     pub fn of_numbers(n_approaches: usize, mut next: impl FnMut() -> N) -> Self {
         Self {
             scale: next(),
@@ -75,7 +78,8 @@ impl<N: Scalar> Observation<N> {
         }
     }
 
-    /// Recorded position (m) without approaches, for a depth or position (m) at a time (s) after the record's start.
+    /// Returns the recorded position (m) without the drifts A (1 − e^{−t/τ}). `position_m` is the robot's position or depth,
+    /// `time_s` the time after the record's start.
     #[inline(always)]
     pub fn without_approaches_m(&self, position_m: N, time_s: f64) -> N {
         self.scale * position_m + self.offset_m + self.velocity_m_per_s * time_s
@@ -83,14 +87,14 @@ impl<N: Scalar> Observation<N> {
 }
 
 impl<N: PointScalar> Observation<N> {
-    /// Depth x^{1/p} of an indenter, given p and x; 0 before contact. NaN stays NaN.
+    /// Returns the depth x^{1/p} of an indenter for the exponent p and the linear response x. It is 0 for x ≤ 0, and NaN for NaN.
     pub fn depth_m(depth_exponent: N, x: N) -> N {
         if x.value() <= 0.0 { N::constant(0.0) } else { x.pow(N::constant(1.0) / depth_exponent) }
     }
 }
 
 impl Observation<f64> {
-    /// Recorded position (m) for the robot's position, `time_s` after the record's start.
+    /// Returns the recorded position (m) for the robot's position (m), at `time_s` after the record's start.
     pub fn recorded_m(&self, position_m: f64, time_s: f64) -> f64 {
         let depth_m =
             if self.depth_exponent == 1.0 { position_m } else { Self::depth_m(self.depth_exponent, position_m) };
@@ -100,12 +104,12 @@ impl Observation<f64> {
 }
 
 impl<N: Scalar> DriftApproach<N> {
-    /// Factor by which the remaining share of the amplitude shrinks in a step (s).
+    /// Returns the factor e^{−h/τ} by which the distance from the limit A shrinks in a step h (s).
     pub fn remaining_after(&self, step_s: f64) -> N {
         (N::constant(1.0) / self.time_s * -step_s).exp()
     }
 
-    /// Drift (m) reached when a share `left` of the amplitude remains.
+    /// Returns the drift (m) when the fraction `left` of the limit A is still to come.
     pub fn drift_m(&self, left: N) -> N {
         self.amplitude_m * (N::constant(1.0) - left)
     }

@@ -1,42 +1,42 @@
-//! Quantity that depends on a state of the experiment (physics §5.3): the quantity, the state and the function.
+//! Quantities that depend on a state of the experiment by a function (physics §5.3).
 
 use crate::rheology::ElementPlace;
 use base::number::Dual;
 
-/// Quantity that depends on the state.
+/// Quantity that may depend on a state.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Quantity {
-    /// Force on the robot, after all other effects of load.
+    /// Force on the robot, after all other load effects.
     Force,
-    /// Observed position of the robot, before all other effects of observation.
+    /// Observed position of the robot, before all other observation effects.
     Position,
     /// Modulus or viscosity of one element of the law.
     Element(ElementPlace),
 }
 
-/// State on which the quantity depends. All states are zero before the record.
+/// State on which a quantity may depend. All states are zero before the record.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum State {
     /// Position of the robot, in m.
     Position,
-    /// Path ∫ |dx| that the robot has travelled, in m.
+    /// Path ∫ |dx| that the robot has travelled since the record's start, in m.
     Path,
     /// Time since the record's start, in s.
     Time,
-    /// Time since the last force step began to act, in s; before the first one, time since the record's start.
+    /// Time since the last force step began to act, in s. Before the first force step it is the time since the record's start.
     TimeSinceStep,
     /// Velocity of the robot, in m/s.
     Velocity,
-    /// Force before the quantity's own dependence, in N.
+    /// Force on the robot in N, without the change by the state law itself.
     Force,
-    /// Largest |x| so far, in m.
+    /// Largest |x| since the record's start, with x the robot's position, in m.
     LargestExcursion,
-    /// Strain of the element's own body, as its share of the displacement, in m.
+    /// Strain of the body that has the element, given as its contribution to the robot's displacement in m.
     Strain,
 }
 
 impl State {
-    /// All states, with their names.
+    /// All states, each with its name.
     pub const ALL: [(Self, &'static str); 8] = [
         (Self::Position, "position"),
         (Self::Path, "path"),
@@ -58,12 +58,12 @@ impl State {
         matches!(self, Self::Position | Self::Velocity | Self::Force | Self::Strain)
     }
 
-    /// State with this name, if there is one.
+    /// State with this name; `None` if there is none.
     pub fn named(name: &str) -> Option<Self> {
         Self::ALL.iter().find(|(_, state_name)| *state_name == name).map(|(state, _)| *state)
     }
 
-    /// Unit of the state in written functions.
+    /// Unit of the state in functions that users write.
     pub fn unit(self) -> &'static str {
         match self {
             Self::Position | Self::Path | Self::LargestExcursion | Self::Strain => "m",
@@ -73,7 +73,7 @@ impl State {
         }
     }
 
-    /// Returns `true` if the state follows from the robot's position, so that quantity and motion must be solved together.
+    /// Returns `true` if the state depends on the robot's motion. Quantity and motion must then be solved together.
     pub fn depends_on_motion(self) -> bool {
         !matches!(self, Self::Time | Self::TimeSinceStep | Self::Force)
     }
@@ -88,12 +88,12 @@ pub enum Operation {
     Add,
 }
 
-/// Function of a state.
+/// Function of a state and of parameters.
 pub trait StateFunction: std::fmt::Debug + Send + Sync {
-    /// Value at a state and at parameters (SI), with the derivative that they carry.
+    /// Returns the value at a state and parameters (SI). It carries their derivative.
     fn value(&self, state: Dual, parameters: &[Dual]) -> Dual;
 
-    /// Writes the derivatives with respect to the parameters at a state to `slopes`.
+    /// Writes the derivative by each parameter, at a state, to `slopes`.
     fn by_parameters(&self, state: f64, parameters: &[Dual], slopes: &mut [f64]) {
         let mut moving: Vec<Dual> = parameters.iter().map(|parameter| Dual::constant(parameter.value)).collect();
         for (k, slope) in slopes.iter_mut().enumerate() {
@@ -117,20 +117,20 @@ impl PartialEq for Function {
 /// Quantity that depends on a state.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StateLaw {
-    /// Quantity that depends.
+    /// Quantity that depends on the state.
     pub quantity: Quantity,
-    /// State on which it depends.
+    /// State on which the quantity depends.
     pub state: State,
-    /// Operation by which the function enters.
+    /// Operation by which the function changes the quantity.
     pub operation: Operation,
     /// Function of the state.
     pub function: Function,
-    /// Parameters of the function (SI).
+    /// Parameters of the function, in SI units.
     pub parameters: Vec<Dual>,
 }
 
 impl StateLaw {
-    /// Value of the function at a state.
+    /// Returns the value of the function at a state, for [`Self::parameters`].
     pub fn value(&self, state: Dual) -> Dual {
         self.function.0.value(state, &self.parameters)
     }

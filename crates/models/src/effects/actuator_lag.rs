@@ -1,8 +1,8 @@
 //! `actuator-lag`: the force approaches its commanded value exponentially instead of at once.
 //!
-//! τ Ḟ = F_in − F, F = 0 at the record's start. Null: τ = 0. Valid for any τ ≥ 0. Causes are the inductance of the coils, eddy currents and the driver's
-//! amplifier. To first order in τ it equals `clock-offset` (physics §5): both shift the response by −τ ẋ. Only the rounding
-//! of the corners, of the size τ² ẍ, distinguishes them.
+//! τ Ḟ = F_in − F, with F = 0 at the record's start. Null: τ = 0. Valid for any τ ≥ 0. Causes are the inductance of the coils,
+//! eddy currents and the driver's amplifier. To first order in τ the effect equals `clock-offset` (physics §5), since both change
+//! the position by −τ ẋ. Only the rounded corners of the response, of the size τ² ẍ, distinguish the two effects.
 
 use super::{Effect, EffectParameter, Stage, Stages};
 use base::distribution::Distribution;
@@ -11,11 +11,11 @@ use base::number::Dual;
 use base::parameter::{ParameterSpec, Support};
 use record::CharacteristicSizes;
 
-/// Step from the null, as a share of the sample interval.
+/// Step of τ from the null for the effect's signature, divided by the sample interval.
 ///
-/// At τ = 0 the kernel divides by τ, so forward mode has no derivative there. After a tenth of an interval the force's own transient has
-/// decayed to e⁻¹⁰ = 5·10⁻⁵ at the first row after a switch. The difference quotient is therefore the one-sided derivative −ẋ up to τ ẍ/2,
-/// and it is far above rounding.
+/// The kernel divides by τ, so forward-mode differentiation fails at τ = 0. With τ of a tenth of an interval, the lag's transient
+/// has decayed to e⁻¹⁰ = 5·10⁻⁵ at the first row after a switch. The difference quotient is therefore the one-sided derivative −ẋ
+/// up to τ ẍ/2, and it is far above rounding.
 const STEP: f64 = 0.1;
 
 const PARAMETERS: &[EffectParameter] = &[EffectParameter {
@@ -63,8 +63,8 @@ mod tests {
         assert_eq!(stages.load.lag_time_s, Dual::variable(0.02));
     }
 
-    /// Checks the step in closed form. A dashpot c under a force F from t = 0 moves by F t/c, with lag by
-    /// (F/c)(t − τ(1 − e^{−t/τ})). The derivative in τ at 0 is −F/c at every t > 0.
+    /// Checks the difference quotient against a closed form. A dashpot c under a force F from t = 0 moves by F t/c without a lag.
+    /// With a lag it moves by (F/c)(t − τ(1 − e^{−t/τ})). The derivative by τ at τ = 0 is −F/c at every t > 0.
     #[test]
     fn the_finite_step_gives_the_one_sided_derivative_at_the_first_row_after_a_switch() {
         let step_s = (PARAMETERS[0].finite_step.unwrap())(&SCALES);

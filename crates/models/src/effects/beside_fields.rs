@@ -1,14 +1,14 @@
-//! Effects and laws that cannot be combined with an effect on the displacement field, with the reasons that messages give.
+//! Reasons why effects and laws cannot be combined with an effect on the displacement field, as messages give them.
 
 use super::field::SPRINGPOTS;
 use super::first_body::{body, elements_of, in_series};
 use laws::rheology::{BaseLaw, Element, RetardationSpectrum, TimeWindow};
 
-/// Reason why coefficients cannot change with time.
+/// Reason why an effect that changes the gel's properties over time cannot be combined with a computed displacement field.
 pub(super) const AGEING: &str = "the field is computed for a gel whose properties are constant";
-/// Reason why a springpot cannot replace a dashpot.
+/// Reason why an effect that replaces a dashpot by a springpot cannot be combined with a computed displacement field.
 pub(super) const MEMORY: &str = "a springpot cannot be added beside an effect on the displacement field; write the springpot into the base law (--base)";
-/// Reason why a spring in series cannot be combined with mass.
+/// Reason why a law with a spring in series cannot be combined with an effect that has mass.
 pub(super) const WAVES: &str = "with mass, a spring in series transmits waves, which the model does not resolve";
 
 /// Reason why mass or large strains cannot be added to a base law with springpots; `None` if they can.
@@ -30,12 +30,13 @@ fn has_springpot(element: &Element) -> bool {
 }
 
 fn gives_way_at_once(law: &[Element]) -> bool {
-    // The parameters are 1, so that any times around one second are suitable.
+    // All parameters of the law are 1, so any window around one second is suitable.
     let window = TimeWindow { shortest_s: 1e-3, longest_s: 1e3 };
     RetardationSpectrum::<base::number::Dual>::of_law(law, window).is_ok_and(|s| s.instantaneous_per_pa.value > 0.0)
 }
 
-/// Reason why a body of the base law cannot be nonlinear; `None` if it can. The law must be Kelvin–Voigt bodies, springs and one dashpot in series.
+/// Reason why an element of the base law cannot be nonlinear; `None` if it can. The law must consist of Kelvin–Voigt bodies,
+/// springs and one dashpot in series.
 pub(super) fn nonlinear_conflict(base: &BaseLaw) -> Option<&'static str> {
     let law = elements_of(base);
     let (mut bodies, mut dashpots, mut others) = (0, 0, 0);

@@ -1,7 +1,8 @@
 //! `clock-offset`: the force acts later than the log says.
 //!
-//! F(t) = F_cmd(t − δ), δ ≥ 0. Null: δ = 0. Valid for any δ; switch times between samples are exact. Causes are separate clocks of camera and coil driver,
-//! or a command logged before it is sent. To first order in δ it equals `actuator-lag` (physics §5).
+//! F(t) = F_cmd(t − δ), δ ≥ 0. Null: δ = 0. Valid for any δ, also if the delayed switches are between samples. Causes are
+//! separate clocks of camera and coil driver, or a command that is logged before it is sent. To first order in δ the effect
+//! equals `actuator-lag` (physics §5).
 
 use super::{Effect, EffectParameter, Stage, Stages};
 use base::distribution::Distribution;
@@ -62,7 +63,7 @@ mod tests {
     #[test]
     fn the_prior_is_scaled_by_the_slower_of_camera_and_hold() {
         let median = |scales: &CharacteristicSizes| (PARAMETERS[0].prior)(scales).quantile(0.5);
-        // The median of a half-normal is Φ⁻¹(¾) of the standard deviation.
+        // The median of a half-normal distribution is Φ⁻¹(¾) times its scale parameter.
         let expected = |sd: f64| 0.674_489_750_196_081_7 * sd;
         assert!((median(&SCALES) - expected(0.05 * 5.0)).abs() < 1e-9);
         let slow_camera = CharacteristicSizes { sample_interval_s: 1.0, ..SCALES };

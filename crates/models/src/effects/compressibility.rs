@@ -1,9 +1,10 @@
 //! `compressibility`: the gel's Poisson ratio differs from the one in the experiment's file.
 //!
-//! K̂ = 2 μ̂(ν) K_dev + κ̂(ν) K_vol with μ̂ = 1/(2(1+ν)) and κ̂ = 1/(3(1−2ν)) for unit Young's modulus. Null: the experiment's ν. Valid for ν in
-//! (−1, 0.5), both ends excluded; no gel has an end's value. A gel that can lose water is more compressible than its instantaneous response suggests.
-//! In a creep test at one place it only rescales E, c₁ and c₂ (physics §5), so the data cannot distinguish it from them. For the response
-//! of a tracked sphere as a function of ν: physics §4.1; Schnurr et al. 1997, Macromolecules 30:7781.
+//! The stiffness for unit Young's modulus is K̂ = 2 μ̂(ν) K_dev + κ̂(ν) K_vol with μ̂ = 1/(2(1+ν)) and κ̂ = 1/(3(1−2ν)). Null:
+//! the experiment's ν. Valid for −1 < ν < 0.5. A gel that can lose water is more compressible than its instantaneous response
+//! suggests. In a creep test at one place the effect only rescales E, c₁ and c₂ (physics §5), so the data cannot distinguish it
+//! from these parameters. Sources for the response of a tracked sphere as a function of ν: physics §4.1; Schnurr et al. 1997,
+//! Macromolecules 30:7781.
 
 use super::{Effect, EffectParameter, Stage, Stages};
 use base::distribution::Distribution;
@@ -12,10 +13,10 @@ use base::number::Dual;
 use base::parameter::{ParameterSpec, Support};
 use record::CharacteristicSizes;
 
-/// Ends of ν, where the shear or the bulk modulus for unit Young's modulus is infinite.
+/// Limits of ν, at which the shear or the bulk modulus for unit Young's modulus is infinite.
 const ENDS: (f64, f64) = (-1.0, 0.5);
 
-/// Uniform prior from 0.3 to 0.499. It is widened where the experiment's ν is near an end or outside, so that ν is always inside.
+/// Uniform prior from 0.3 to 0.499. If the experiment's ν is outside or near an end, the range is widened to contain it.
 fn prior(scales: &CharacteristicSizes) -> Distribution {
     let (lowest, highest) = (0.3, 0.499);
     let Some(value) = scales.poisson_ratio else { return Distribution::Uniform { lower: lowest, upper: highest } };
@@ -90,8 +91,8 @@ mod tests {
         assert_eq!(ratio_written(0.4.into()), Some(0.4.into()));
     }
 
-    /// Checks the response in an infinite medium (physics §4.1): u/F = (1+ν)(5−6ν)/(12π E R(1−ν)). The prior's whole width changes it by some per cent
-    /// only, which E absorbs.
+    /// Checks the response u/F = (1+ν)(5−6ν)/(12π E R(1−ν)) in an infinite medium (physics §4.1). It changes by a few per cent
+    /// over the whole prior, and a change of E compensates this.
     #[test]
     fn the_response_moves_by_less_than_a_twelfth_over_the_prior() {
         let Distribution::Uniform { lower, upper } = prior(&SCALES) else { panic!("not uniform") };

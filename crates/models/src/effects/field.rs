@@ -1,7 +1,8 @@
-//! Effects on the displacement field: their part of the full-order model, and its reduction.
+//! Equations of effects on the displacement field, for the full-order model and its reduction.
 //!
-//! There are four kinds, which differ by their mathematics and not by their physics. An effect of the first kind defines its matrices, and the rest follows:
-//! [`elements::fe::spatial`] steps them, `surrogate` reduces them to terms, and `rheology::AdditionalTerm` converts the terms into creep.
+//! The four kinds differ in their equations, not in their physics. An effect of the first kind only defines its matrices.
+//! [`elements::fe::spatial`] steps them, `surrogate` reduces them to terms, and `rheology::AdditionalTerm` converts the terms
+//! into a creep compliance.
 
 use base::error::{Error, Result};
 use elements::fe::meridional::{EffectMatrix, build_effect_system};
@@ -12,28 +13,29 @@ use elements::mesh::{ElementKind, Mesh};
 use laws::rheology::AdditionalTerm;
 use laws::stages::{LinearField, NonlinearFamily, Spatial};
 
-/// Mathematics of an effect on the displacement field.
+/// Kind of equations of an effect on the displacement field.
 #[derive(Clone, Copy)]
 pub enum FieldEffect {
-    /// Linear, with two matrices and scalar factors.
+    /// Linear equations: two matrices with scalar factors.
     Pair(&'static dyn MatrixPair),
-    /// Biot's equations (physics §4.9). The element beside the law is [`AdditionalTerm::Friction`] with the mobility as its compliance. The field's shape depends on the
-    /// drained Poisson ratio; the function returns the range of drained ratios for an undrained one.
+    /// Biot's equations of pore flow (physics §4.9). The element in parallel with the law is [`AdditionalTerm::Friction`] with
+    /// the water's mobility as its compliance. The shape of the field depends on the drained Poisson ratio. The function returns
+    /// the range of drained ratios for an undrained ratio.
     Pores(fn(f64) -> [f64; 2]),
-    /// Nonlinear law.
+    /// Nonlinear law at small strains.
     Nonlinear(NonlinearFamily),
-    /// Large strains.
+    /// Large strains, in a gel that is an Oldroyd-B or a Giesekus fluid.
     Large,
 }
 
-/// Reason why a field cannot be computed for a law with springpots.
+/// Reason why mass or large strains cannot be combined with a law with springpots.
 pub(super) const SPRINGPOTS: &str = "mass and large displacements cannot be computed for a law with springpots";
 
-/// Matrices for one shape of the field.
+/// Matrices of a linear field at one value of its shape parameter.
 pub struct FieldSystem {
-    /// Mesh; `None` for the surroundings' own.
+    /// Mesh of the matrices; `None` if it is the mesh of the surroundings.
     pub mesh: Option<Mesh>,
-    /// Matrices of the field.
+    /// Both matrices with their unknowns.
     pub system: SpatialSystem,
 }
 
@@ -46,39 +48,41 @@ pub struct ShapeParameter {
     pub range: [f64; 2],
 }
 
-/// Two matrices on one set of unknowns: the gel's law multiplies the first, the element beside the law the second.
+/// Two matrices on one set of unknowns. The gel's law multiplies the first matrix. An additional element in parallel with the law
+/// (a dashpot, a mass or another law) multiplies the second.
 pub trait MatrixPair: Sync {
-    /// Name of the effect in messages.
+    /// Words for the effect in messages.
     fn words(&self) -> &'static str;
-    /// Reason why it cannot be computed for a robot on its mesh; `None` if it can.
+    /// Reason why the effect cannot be computed for this robot and mesh; `None` if it can.
     fn lacks(&self, _surroundings: &GelAndRobot<'_>) -> Option<&'static str> {
         None
     }
-    /// Returns `true` if the element beside the law is a mass. A spring in series then transmits waves.
+    /// Returns `true` if the additional element is a mass. A spring in series then transmits waves.
     fn has_mass(&self) -> bool {
         false
     }
-    /// Parameter of the matrices besides gel and robot, if there is one. Such a pair must have exactly three shares
-    /// θ (physics §7.2): 0, one between, and 1.
+    /// Parameter on which the matrices depend in addition to gel and robot, if there is one. A pair with such a parameter must
+    /// have exactly three values of θ (physics §7.2): 0, one between 0 and 1, and 1.
     fn shape(&self) -> Option<ShapeParameter> {
         None
     }
-    /// Splitting of the matrices into terms.
+    /// Values of the factor x at which the reduction solves the equations, with further settings for splitting the matrices into
+    /// terms.
     fn splitting(&self, sizes: &PhysicalProperties) -> MatrixSplitting;
     /// Assembles the matrices, at a value of [`Self::shape`] if there is one.
     ///
     /// # Errors
     /// [`Error::Numerical`] for inverted elements, for meshes without a robot, and for meshes that [`Self::lacks`] refuses.
     fn system(&self, surroundings: &GelAndRobot<'_>, shape: Option<f64>) -> Result<FieldSystem>;
-    /// Element beside the law around a sphere, for the second full-order model, at a value of [`Self::shape`] if there is one.
-    /// `None` if that model does not cover the effect.
+    /// Additional element around a sphere for the second full-order model, at a value of [`Self::shape`] if there is one. `None`
+    /// if that model does not cover the effect.
     fn around_sphere(&self, _sizes: &PhysicalProperties, _shape: Option<f64>) -> Option<EffectMatrix> {
         None
     }
 }
 
 impl FieldEffect {
-    /// Name of the effect in messages.
+    /// Words for the effect in messages.
     pub fn words(self) -> &'static str {
         match self {
             Self::Pair(pair) => pair.words(),
@@ -90,7 +94,7 @@ impl FieldEffect {
         }
     }
 
-    /// Reason why it cannot be computed for a robot on its mesh; `None` if it can.
+    /// Reason why the effect cannot be computed for this robot and mesh; `None` if it can.
     pub fn lacks(self, surroundings: &GelAndRobot<'_>) -> Option<&'static str> {
         match self {
             Self::Pair(pair) => pair.lacks(surroundings),
@@ -104,7 +108,8 @@ impl FieldEffect {
         }
     }
 
-    /// Returns `true` if its reduced model is trained for one record, around the law that fits it, instead of once for a gel.
+    /// Returns `true` if the effect's reduced model is trained for each record, around the law that fits it, instead of once for
+    /// each gel.
     pub fn is_learnt_for_record(self) -> bool {
         matches!(self, Self::Large)
     }
@@ -114,20 +119,20 @@ impl FieldEffect {
         matches!(self, Self::Nonlinear(_) | Self::Large)
     }
 
-    /// Reason why a position-dependent force cannot be combined with it; `None` if it can.
+    /// Reason why a position-dependent force cannot be combined with this field; `None` if it can.
     pub fn feedback_conflict(self) -> Option<&'static str> {
         matches!(self, Self::Large).then_some(Spatial::EXCLUDES_FEEDBACK)
     }
 
-    /// Returns `true` if it has mass, through which waves travel.
+    /// Returns `true` if the field has mass, so that waves travel through it.
     pub fn has_mass(self) -> bool {
         matches!(self, Self::Pair(pair) if pair.has_mass())
     }
 
-    /// Steps the full-order model of a linear field through a record.
+    /// Steps the full-order model of a linear field through a record. It returns the run's positions and fields.
     ///
     /// # Errors
-    /// Those of its parts. [`Error::Numerical`] for a nonlinear law.
+    /// Errors of the meshes, matrices and time steps. [`Error::Numerical`] for a nonlinear law.
     pub fn run(
         self,
         surroundings: &GelAndRobot<'_>,
@@ -150,11 +155,11 @@ impl FieldEffect {
         }
     }
 
-    /// Recorded positions (m) by the second full-order model of a linear field. It steps high-order elements in the half meridian around a central sphere.
-    /// `None` for other robots, for pore flow and for nonlinear laws.
+    /// Recorded positions (m) by the second full-order model of a linear field. It steps high-order elements in the half meridian
+    /// plane around a central sphere. `None` for other robots, for pore flow and for nonlinear laws.
     ///
     /// # Errors
-    /// Those of [`Self::run`].
+    /// Errors of [`Self::run`].
     pub fn run_in_half_meridian(
         self,
         surroundings: &GelAndRobot<'_>,

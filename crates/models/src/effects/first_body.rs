@@ -1,15 +1,16 @@
-//! E and c₁ of physics §5, for any law.
+//! Definition of E and c₁ (physics §5) for any law.
 //!
-//! If Kelvin–Voigt bodies are in series, E and c₁ are the spring and the dashpot of the first. For other laws E is the modulus at the time T of a hold,
-//! s/ε under ε ∝ e^{t/T}, which every network of springs, dashpots and springpots has. Their c₁ is the first dashpot, in the order in which the law is written.
+//! If the law has Kelvin–Voigt bodies in series, E and c₁ are the spring and the dashpot of the first one. For other laws, E is
+//! the modulus at the time T of a hold. This is the ratio s/ε of stress and strain under ε ∝ e^{t/T}. Every network of springs,
+//! dashpots and springpots has such a modulus. c₁ is then the first dashpot, in the order in which the law is written.
 
 use super::hold_s;
 use base::number::Dual;
 use laws::rheology::{BaseLaw, Element};
 use record::CharacteristicSizes;
 
-/// E in Pa of a law: the spring of the first Kelvin–Voigt body in series, or else the law's modulus at the time of a hold. Elements that effects add in series
-/// do not count, so that effects may be applied in any order.
+/// Returns E of a law in Pa. It is the spring of the first Kelvin–Voigt body in series, or else the law's modulus at the time of
+/// a hold. Elements that effects add in series do not count, so that effects may be applied in any order.
 pub(super) fn reference_modulus_pa(law: &[Element], scales: &CharacteristicSizes) -> Dual {
     let filter = in_series(law)
         .into_iter()
@@ -32,7 +33,7 @@ pub(super) fn first_body_mut(law: &mut [Element], is_suited: fn(&Element) -> boo
     })
 }
 
-/// First element, in the order in which the law is written, that satisfies `is_suited`. It is never a series or a parallel.
+/// First spring, dashpot or springpot, in the order in which the law is written, that satisfies `is_suited`.
 pub(super) fn first_element_mut(law: &mut [Element], is_suited: fn(&Element) -> bool) -> Option<&mut Element> {
     law.iter_mut().find_map(|element| match element {
         Element::Series(elements) | Element::Parallel(elements) => first_element_mut(elements, is_suited),
@@ -57,7 +58,7 @@ pub(super) fn body(element: &Element) -> Option<(Dual, &Element)> {
     }
 }
 
-/// Elements that carry the whole stress. Elements of a nested series count one by one.
+/// Elements in series, each of which carries the whole stress. A nested series is replaced by its elements.
 pub(super) fn in_series(law: &[Element]) -> Vec<&Element> {
     law.iter()
         .flat_map(|element| match element {
@@ -67,7 +68,7 @@ pub(super) fn in_series(law: &[Element]) -> Vec<&Element> {
         .collect()
 }
 
-/// Elements of a base law at unit parameters, which show its structure.
+/// Elements of a base law with all parameters equal to 1, which show its structure.
 pub(super) fn elements_of(base: &BaseLaw) -> Vec<Element> {
     base.elements(&vec![Dual::ONE; base.parameters().len()])
 }
@@ -94,8 +95,8 @@ mod tests {
         assert_eq!(body(found), Some((3.0.into(), &dashpot(2.0))));
     }
 
-    /// Checks a law without a Kelvin–Voigt body: 1/E = 1/1 + 5/2 + 1/(1 + 2) + 1/(1 + 2/5 + 3/5) at a hold of 5 s.
-    /// Elements that effects add do not change E.
+    /// Checks E of a law without a Kelvin–Voigt body: 1/E = 1/1 + 5/2 + 1/(1 + 2) + 1/(1 + 2/5 + 3/5) for a hold of 5 s. Elements
+    /// that effects add do not change E.
     #[test]
     fn a_law_without_a_body_has_its_modulus_at_the_time_of_a_hold() {
         let three = Element::Parallel(vec![spring(1.0), dashpot(2.0), dashpot(3.0)]);
@@ -109,7 +110,8 @@ mod tests {
         assert!((reference_modulus_pa(&law, &SCALES).value / expected - 1.0).abs() < 1e-15);
     }
 
-    /// Checks a springpot of G at one second: G (1 s/T)^α, and its derivatives by both.
+    /// Checks a springpot of modulus G at 1 s and order α. Its modulus at the time T is G (1 s/T)^α. Derivatives by G and by α
+    /// are checked, too.
     #[test]
     fn a_springpots_modulus_moves_with_its_parameters() {
         let law = |modulus_pa: Dual, order: Dual| [Element::Springpot { modulus_pa, time_s: Dual::ONE, order }];

@@ -1,8 +1,9 @@
 //! `force-bias`: a constant force acts in addition to the commanded one.
 //!
-//! F = F_in + b · max |F_cmd|, from the record's start on. Null: b = 0. Valid for any b of either sign. Causes are remanence of the coils, the earth's
-//! field or a tilted stage: the bead's weight is as large as the drive, so 3° are a twentieth of it. The force starts with the record, so
-//! the gel creeps from then on. Where forces of one size ±F alternate it equals `force-asymmetry` (physics §5).
+//! F = F_in + b · max |F_cmd| from the record's start. Null: b = 0. Valid for any b of either sign. Causes are remanence of the
+//! coils, the earth's field or a tilted stage. The bead's weight is as large as the driving force, so a tilt of 3° adds a
+//! twentieth of that force. The bias starts with the record, and the gel creeps under it from then on. If only the forces +F and
+//! −F alternate, the effect equals `force-asymmetry` (physics §5).
 
 use super::{Effect, EffectParameter, Stage, Stages};
 use base::distribution::Distribution;
@@ -53,7 +54,7 @@ mod tests {
     fn the_offset_is_the_fraction_of_the_largest_command() {
         let mut stages = Stages::of_law(Vec::new());
         ForceBias.apply(&[Dual::variable(-0.5)], &SCALES, &mut stages).unwrap();
-        // The scales' largest force is 4.6 µN.
+        // The largest force in `SCALES` is 4.6 µN.
         assert_eq!(stages.load.offset_n, Dual { value: -2.3e-6, derivative: 4.6e-6 });
     }
 }

@@ -1,4 +1,5 @@
-//! Formulas of effects in files: numbers, one state, parameters, + − * / ^ and a few functions, with derivatives.
+//! Formulas of effects that are defined in files. A formula has numbers, one state, parameters, + − * / ^ and a few functions. It
+//! is evaluated with derivatives.
 
 use base::number::{Dual, Scalar};
 
@@ -12,7 +13,7 @@ pub struct Formula {
 enum Node {
     Number(f64),
     State,
-    /// Parameter, by its index.
+    /// Parameter with this index.
     Parameter(usize),
     Negative(Box<Node>),
     Binary(Operator, Box<[Node; 2]>),
@@ -49,18 +50,19 @@ const FUNCTIONS: [(&str, Function, usize); 7] = [
     ("max", Function::Max, 2),
 ];
 
-/// Largest number of parts of a formula, and largest depth of nesting.
+/// Largest number of numbers, names, operations and functions in a formula.
 const MOST_NODES: usize = 500;
+/// Largest depth of nesting.
 const DEEPEST: usize = 60;
 
-/// Error in a formula.
+/// Error in a formula, with its place and what to do.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FormulaError {
-    /// Column, from 1.
+    /// Column of the error in the formula, counted from 1.
     pub column: usize,
-    /// Text that was found there.
+    /// Text at this column.
     pub found: String,
-    /// Remedy.
+    /// What the user can do.
     pub remedy: String,
 }
 
@@ -68,7 +70,7 @@ impl Formula {
     /// Reads a formula. `state` is the name of the state, `parameters` are the names of the parameters.
     ///
     /// # Errors
-    /// The first mistake.
+    /// [`FormulaError`] for the first mistake in the text.
     pub fn parse(text: &str, state: &str, parameters: &[&str]) -> Result<Self, FormulaError> {
         let mut parser = Parser { text, at: 0, state, parameters, n_nodes: 0, depth: 0 };
         let root = parser.sum()?;
@@ -92,7 +94,7 @@ impl Formula {
         self.root.any(&|node| *node == Node::Parameter(place))
     }
 
-    /// Value of the formula.
+    /// Returns the value of the formula, with its derivative.
     pub fn value(&self, state: Dual, parameters: &[Dual]) -> Dual {
         self.root.value(state, parameters)
     }
@@ -154,7 +156,7 @@ impl Node {
     }
 }
 
-/// Power xʸ: for any x if y is a whole number, and 0 at 0 for y > 0.
+/// Returns xʸ, which exists for any x if y is an integer, and which is 0 for x = 0 and y > 0.
 fn power(x: Dual, y: Dual) -> Dual {
     if y.is_constant(2.0) {
         return x * x;
@@ -164,7 +166,7 @@ fn power(x: Dual, y: Dual) -> Dual {
     }
     let value = x.value.powf(y.value);
     let by_base = y.value * x.value.powf(y.value - 1.0);
-    // At 0 a positive power does not depend on the exponent. Below 0 the exponent must be constant.
+    // For x = 0 a positive power does not depend on the exponent. For x < 0 the exponent must be constant.
     let by_exponent = if y.derivative == 0.0 || x.value == 0.0 { 0.0 } else { f64::NAN };
     let of_base = if x.derivative == 0.0 { 0.0 } else { by_base * x.derivative };
     Dual { value, derivative: of_base + by_exponent }
@@ -193,7 +195,7 @@ impl Parser<'_> {
         FormulaError { column, found: found.into(), remedy: remedy.into() }
     }
 
-    /// Consumes a sign if it is next. Returns true if it was.
+    /// Consumes the next character if it is `sign`. Returns `true` if it was.
     fn take(&mut self, sign: char) -> bool {
         self.blank();
         let is_next = self.rest().starts_with(sign);
@@ -252,7 +254,7 @@ impl Parser<'_> {
         }
     }
 
-    /// Reads a signed factor. −x^y is −(x^y).
+    /// Reads a factor with an optional sign. −x^y is −(x^y).
     fn signed(&mut self) -> Result<Node, FormulaError> {
         if self.take('-') || self.take('−') {
             self.depth += 1;
@@ -368,7 +370,7 @@ mod tests {
         formula.value(Dual::constant(state), &constants).value
     }
 
-    /// Checks values worked out by hand, with the precedence, signs and powers of mathematics.
+    /// Checks formulas against values that were computed by hand. They cover precedence, signs and powers.
     #[test]
     fn formulas_mean_what_they_say() {
         assert_eq!(at("1 + 2*path^2", 3.0, &[]), 19.0);

@@ -1,12 +1,13 @@
-//! `fractional-damping`: the gel's damping has a spectrum of times instead of one time.
+//! `fractional-damping`: the gel's damping has a spectrum of retardation times instead of one time.
 //!
-//! A springpot replaces the dashpot of the law's first Kelvin–Voigt body: s = E ε_k + E (c₁/E)^α D^α ε_k, Caputo's derivative from t = 0, so
-//! that J_k(t) = (1/E)(1 − E_α(−(t E/c₁)^α)) with the Mittag-Leffler function E_α. Null: α = 1, the dashpot. Valid for α in (0.3, 1];
-//! below, damper and spring are almost indistinguishable. Mainardi & Spada 2011, doi:10.1140/epjst/e2011-01387-1, the fractional Kelvin–Voigt body.
+//! A springpot replaces the dashpot of the law's first Kelvin–Voigt body. Its stress is s = E ε_k + E (c₁/E)^α D^α ε_k with
+//! Caputo's derivative D^α from t = 0, so that J_k(t) = (1/E)(1 − E_α(−(t E/c₁)^α)) with the Mittag-Leffler function E_α. Null: α
+//! = 1, the dashpot. Valid for α in (0.3, 1]. For smaller α, damper and spring are almost indistinguishable. Source for the
+//! fractional Kelvin–Voigt body: Mainardi & Spada 2011, doi:10.1140/epjst/e2011-01387-1.
 //!
-//! If no Kelvin–Voigt body in series has a dashpot, the springpot replaces the law's first dashpot, in the order in which the law is
-//! written: s = (c/T)(T D)^α ε with T the time of a hold. For any order, c is then the viscosity at that time. The effect does not apply to a law without
-//! a dashpot.
+//! If no Kelvin–Voigt body in series has a dashpot, the springpot replaces the law's first dashpot, in the order in which the law
+//! is written. Its stress is s = (c/T)(T D)^α ε with T the time of a hold, so that c is the viscosity at the time T for any α.
+//! The effect does not apply to a law without a dashpot.
 
 use super::beside_fields::MEMORY;
 use super::first_body::{body, elements_of, first_body_mut, first_element_mut, is_dashpot};
@@ -89,13 +90,15 @@ mod tests {
         stages.law
     }
 
-    /// Checks the order α = ½, where the Mittag-Leffler function is E_½(−x) = e^{x²} erfc x. Its J_k, transformed numerically, is 1/operator of the element.
+    /// Checks the order α = ½, for which the Mittag-Leffler function is E_½(−x) = e^{x²} erfc x. The numerical Laplace transform
+    /// of J_k is compared with 1 divided by the element's operator.
     #[test]
     fn half_order_is_the_closed_form() {
         let (modulus_pa, time_s) = (3.5, 1.4 / 3.5);
         let creep = |t: f64| (1.0 - (t / time_s).exp() * erfc((t / time_s).sqrt())) / modulus_pa;
         for p in [3.0, 10.0] {
-            // The integral is ∫ p e^{−pt} J(t) dt with t = y², so that the integrand is smooth at 0, by Simpson's rule up to p t = 30.
+            // The transform ∫ p e^{−pt} J(t) dt is computed by Simpson's rule up to p t = 30. The substitution t = y² makes the
+            // integrand smooth at 0.
             let (n, end) = (4000, f64::sqrt(30.0 / p));
             let h = end / n as f64;
             let integral: f64 = (1..=n)

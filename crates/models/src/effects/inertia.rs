@@ -1,9 +1,11 @@
 //! `inertia`: the gel and the robot have mass.
 //!
-//! ρü in the gel and mü of the robot, times `density_scale`. At 1 the densities are the experiment's; at the null 0 the balance has no mass, as in the base. The reduced
-//! model is a sum over common eigenvectors of stiffness and mass, each the law in parallel with a mass. Valid for the linear gel in its container;
-//! momentum diffuses over the robot's radius in about ρR²/η. In an unbounded incompressible medium it is the force of Basset and Boussinesq
-//! (physics §4.6; Zwanzig & Bixon 1970, Phys. Rev. A 2:2005, doi:10.1103/PhysRevA.2.2005).
+//! The balance has the inertial forces ρü of the gel and mü of the robot, times `density_scale`. At 1 the densities are those of
+//! the experiment. Null: 0, at which the balance has no mass, as in the base model. The reduced model is a sum of terms, one for
+//! each common eigenvector of stiffness and mass. Each term is the law in parallel with a mass. Valid for the linear gel in its
+//! container. Momentum diffuses over the robot's radius R in a time of about ρR²/η, with η the viscosity. In an unbounded
+//! incompressible medium the effect is the force of Basset and Boussinesq (physics §4.6; Zwanzig & Bixon 1970, Phys. Rev. A
+//! 2:2005, doi:10.1103/PhysRevA.2.2005).
 
 use nalgebra::DMatrix;
 
@@ -73,7 +75,7 @@ impl MatrixPair for Inertia {
     fn has_mass(&self) -> bool {
         true
     }
-    /// Momentum reaches the outer surface where ρ x R_o² = 1, and the robot's where ρ x R² = 1.
+    /// Momentum reaches the outer surface at ρ x R_o² = 1, and diffuses over the robot's radius at ρ x R² = 1.
     fn splitting(&self, sizes: &PhysicalProperties) -> MatrixSplitting {
         let PhysicalProperties { robot_radius_m, outer_radius_m, gel_density_kg_m3, .. } = *sizes;
         let lowest = 1e-2 / (gel_density_kg_m3 * outer_radius_m * outer_radius_m);
@@ -115,7 +117,7 @@ fn mass(surroundings: &GelAndRobot<'_>, mesh: &Mesh, freedoms: &DegreesOfFreedom
             Ok(matrix)
         },
     )?;
-    // The mass is on any one node of the robot's surface, as all nodes share the translation.
+    // The robot's mass is added at one node of its surface, as all these nodes share one translation.
     let mut of_robot = DMatrix::zeros(3, 3);
     of_robot[(0, 0)] = freedoms.share() * surroundings.sizes.robot_mass_kg;
     let robot_node = &mesh.robot_nodes[..1];

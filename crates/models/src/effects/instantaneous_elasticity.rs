@@ -1,11 +1,12 @@
 //! `instantaneous-elasticity`: the gel has an instantaneous elastic response before it creeps.
 //!
-//! A spring of modulus E₀ is in series with the law: J(t) += 1/E₀ = (E/E₀)/E. E is the modulus of the law's first Kelvin–Voigt spring. For a law without
-//! one, E is its modulus at the time of a hold ([`super::first_body`]). The parameter is the ratio E/E₀. Null: 0, a rigid spring. Valid for any ratio ≥ 0
-//! if the bead moves more slowly than shear waves.
-//! Tracked beads show it as the first of three phases of creep (Bausch et al. 1998, doi:10.1016/S0006-3495(98)77646-5). To first order it equals `actuator-lag`
-//! and `clock-offset` with the opposite sign, and `second-retardation` with a short time (physics §5). It applies to any law without a spring in series;
-//! Burgers' law has one.
+//! A spring of modulus E₀ is in series with the law, so that 1/E₀ = (E/E₀)/E is added to J(t). E is the modulus of the law's
+//! first Kelvin–Voigt spring. For a law without one, E is the law's modulus at the time of a hold ([`super::first_body`]). The
+//! parameter is the ratio E/E₀. Null: 0, a rigid spring. Valid for any ratio ≥ 0 if the bead moves more slowly than shear waves.
+//! The creep of tracked beads shows this response as the first of three phases (Bausch et al. 1998,
+//! doi:10.1016/S0006-3495(98)77646-5). To first order the effect equals `actuator-lag` and `clock-offset` with the opposite sign,
+//! and `second-retardation` with a short time (physics §5). It applies to any law without a spring in series. It does not apply
+//! to Burgers' law, which has one.
 
 use super::beside_fields::WAVES;
 use super::first_body::{elements_of, in_series, reference_modulus_pa};

@@ -1,10 +1,11 @@
 //! `interface-slip`: the gel slips along the robot's surface.
 //!
-//! The gel follows the robot along the normal. Along the surface it slips at ġ = t/β, t the tangential stress. Null: 1/β = 0, no slip. The
-//! reduced model is a sum over common eigenvectors of stiffness and surface, each the law in parallel with a dashpot. Valid for a thin lubricated
-//! layer; a body with edges slips only in directions tangential to all adjacent faces.
-//! In an unbounded incompressible medium the drag falls by (1 + 2b/R)/(1 + 3b/R), b = G/(βs)
-//! (physics §4.7; Basset 1888, A Treatise on Hydrodynamics, vol. 2). It is close to `second-retardation`, and to first order it is a change of c₂.
+//! The gel follows the robot in the normal direction. In tangential directions it slips at the velocity ġ = t/β, with t the
+//! tangential stress. Null: 1/β = 0, no slip. The reduced model is a sum of terms, one for each common eigenvector of the
+//! stiffness and the surface's friction. Each term is the law in parallel with a dashpot. Valid for a thin lubricated layer. A
+//! body with edges slips only in directions that are tangential to all adjacent faces. In an unbounded incompressible medium the
+//! drag is multiplied by (1 + 2b/R)/(1 + 3b/R) (physics §4.7; Basset 1888, A Treatise on Hydrodynamics, vol. 2). Here b = G/(βs)
+//! is the slip length. The effect is close to `second-retardation`, and to first order it equals a change of c₂.
 
 use faer::sparse::Triplet;
 use nalgebra::Vector3;
@@ -27,10 +28,10 @@ use elements::mesh::Mesh;
 use laws::rheology::AdditionalTerm;
 use record::CharacteristicSizes;
 
-/// Product of friction and the robot's radius above which a slipping surface sticks.
+/// Product of friction and the robot's radius, relative to the stiffness, above which the surface counts as sticking.
 const STUCK: f64 = 1e9;
 
-/// 1/β at which the slip length equals the robot's radius.
+/// Returns the 1/β, in m/(Pa s), at which the slip length equals the robot's radius.
 fn scale_m_per_pa_s(scales: &CharacteristicSizes) -> f64 {
     robot_radius_m(scales) / apparent_viscosity_pa_s(scales)
 }
@@ -82,7 +83,7 @@ impl MatrixPair for InterfaceSlip {
     fn words(&self) -> &'static str {
         "slip on the robot"
     }
-    /// Friction competes with the stiffness at the scale 1/R.
+    /// Friction and stiffness are comparable at x = 1/R.
     fn splitting(&self, sizes: &PhysicalProperties) -> MatrixSplitting {
         let radius_m = sizes.robot_radius_m;
         let mut snapshots: Vec<f64> = log_spaced(1e-3, 1e3, 2.0).iter().map(|x| x / radius_m).collect();
@@ -102,12 +103,12 @@ impl MatrixPair for InterfaceSlip {
     }
 }
 
-/// Matrix of ∫ g·g over the robot's surface, g the tangential slip.
+/// Matrix of ∫ g·g over the robot's surface, with g the tangential slip.
 fn friction(mesh: &Mesh, freedoms: &DegreesOfFreedom) -> Result<SymmetricMatrix> {
     let mut triplets = Vec::new();
     for_each_surface_point(mesh, &mesh.robot_nodes, |point| {
         let normal = Vector3::from(point.normal);
-        // Slip along the surface at this point, for each unknown.
+        // `slips` holds the tangential slip at this point for a unit of each unknown.
         let mut slips: Vec<(u32, Vector3<f64>)> = Vec::new();
         for (&node, &shape) in point.nodes.iter().zip(point.shape) {
             for i in 0..3 {

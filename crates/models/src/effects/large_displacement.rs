@@ -1,8 +1,10 @@
 //! `large-displacement`: the robot moves so far that strains are not small.
 //!
-//! The gel is the Oldroyd-B fluid whose linear limit is the law (physics §7.6), and the response is x(gF)/g. At g = 1 the geometry is the actual one. A fitted g
-//! therefore shows if large displacements explain the misfit. Null: g = 0, small strains. The deviation grows with g². Valid for a central sphere that stays
-//! within a few radii. Other gels with equal small strains deviate differently: with a mobility α > 0 the fluid is Giesekus's.
+//! The gel is the Oldroyd-B fluid whose linear limit is the law (physics §7.6). The position is x(gF)/g, with x(F) the response
+//! of this fluid to the force F. At g = 1 the geometry is the actual one. A fitted g therefore shows whether large displacements
+//! explain the misfit. Null: g = 0, small strains. The deviation grows with g². Valid for a central sphere that stays within a
+//! few radii. Other gels with equal responses at small strains deviate differently. With a mobility α > 0 the gel is a Giesekus
+//! fluid.
 
 use super::beside_fields::memory;
 use super::{Effect, EffectParameter, FieldEffect, Spatial, Stage, Stages};
@@ -13,12 +15,12 @@ use base::parameter::{ParameterSpec, Support};
 use laws::rheology::BaseLaw;
 use record::CharacteristicSizes;
 
-/// Name of the amplitude.
+/// Name of the parameter g, the amplitude.
 pub const AMPLITUDE: &str = "large-displacement.amplitude";
-/// Name of the mobility.
+/// Name of the parameter α, the mobility.
 pub const MOBILITY: &str = "large-displacement.mobility";
 
-/// Error for surroundings and laws that the full-order model does not cover.
+/// Returns the error for surroundings and laws that the full-order model of large displacements does not cover.
 pub fn sphere_required_error() -> Error {
     Error::numerical(
         "large displacements need a sphere at the centre and a gel without springpots",

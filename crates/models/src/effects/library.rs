@@ -1,10 +1,10 @@
-//! Library of effects, from the program and from users.
+//! Library of the program's effects and of users' effects.
 
 use std::sync::{Mutex, PoisonError};
 
 use super::{EFFECTS, Effect, EffectParameter, NUISANCES, state_effect};
 
-/// Effects added by users, in any library. The program's figures need labels for their parameters.
+/// Users' effects in any library. Figures look up their parameters' labels here.
 static ADDED: Mutex<Vec<&'static dyn Effect>> = Mutex::new(Vec::new());
 
 /// Effects that models may name, in the order in which they are applied.
@@ -12,25 +12,25 @@ static ADDED: Mutex<Vec<&'static dyn Effect>> = Mutex::new(Vec::new());
 pub struct Library(Vec<&'static dyn Effect>);
 
 impl Default for Library {
-    /// The program's own effects.
+    /// Library of the program's own effects.
     fn default() -> Self {
         Self(EFFECTS.to_vec())
     }
 }
 
 impl Library {
-    /// Library of the program's effects with these slugs, for a search among few.
+    /// Library of those of the program's effects that have these slugs.
     pub fn only(slugs: &[&str]) -> Self {
         Self(EFFECTS.iter().copied().filter(|effect| slugs.contains(&effect.slug())).collect())
     }
 
-    /// Library with more effects, applied after the others. Other libraries do not get them.
+    /// Adds effects to this library only. They are applied after the others.
     pub fn with_all(mut self, effects: impl IntoIterator<Item = &'static dyn Effect>) -> Self {
         self.0.extend(effects);
         self
     }
 
-    /// Library with one more effect, applied after the others.
+    /// Adds an effect, which is applied after the others.
     pub fn with(mut self, effect: &'static dyn Effect) -> Self {
         let mut added = ADDED.lock().unwrap_or_else(PoisonError::into_inner);
         if added.iter().all(|known| known.slug() != effect.slug()) {
@@ -40,12 +40,12 @@ impl Library {
         self
     }
 
-    /// All effects, in order.
+    /// All effects, in the order in which they are applied.
     pub fn effects(&self) -> &[&'static dyn Effect] {
         &self.0
     }
 
-    /// Effect with this slug, in the library or defined in a file.
+    /// Effect with this slug in the library or from a file; `None` without such an effect.
     pub fn get(&self, slug: &str) -> Option<&'static dyn Effect> {
         let entry = self.0.iter().copied().find(|effect| effect.slug() == slug);
         entry.or_else(|| state_effect::defined(slug).map(|(effect, _)| effect as &dyn Effect))
@@ -57,8 +57,8 @@ impl Library {
     }
 }
 
-/// Effect with a parameter of this name, and the parameter.
-/// The search covers the program's effects, an experiment's nuisances, files, and effects added to any library of this run.
+/// Effect that has a parameter of this name, and the parameter. The search covers the program's effects, an experiment's
+/// nuisances, files, and effects added to any library of this run.
 pub fn parameter_named(name: &str) -> Option<(&'static dyn Effect, &'static EffectParameter)> {
     if let Some(found) = state_effect::with_parameter(name) {
         return Some(found);

@@ -1,11 +1,12 @@
 //! `liquefied-pocket`: the gel around the robot has lost elasticity.
 //!
-//! E → (1 − φ) E within ρ_p robot radii of the initial centre; the viscosities are unchanged. E is the first Kelvin–Voigt spring of the law, else its first spring,
-//! else the modulus of its first springpot. Null: φ = 0, where ρ_p is unidentified. Valid for a concentric pocket around a sphere that moves much less than the
-//! pocket's width. Any ρ_p between 1.5 and 5 is meshed with element faces at the pocket's edge. The reduced model is a sum of terms, one for
-//! each common eigenvector of the stiffness inside and outside the pocket. A term is the two laws in parallel. Closed form: two concentric layers, each with
-//! the four modes of physics §4.2.
-//! Liquefied lacunae are common in aged vitreous (Sebag 1987, Graefe's Arch. Clin. Exp. Ophthalmol. 225:89, doi:10.1007/BF02160337).
+//! Within ρ_p robot radii of the initial centre, E is reduced to (1 − φ) E. The viscosities are unchanged. E is the law's first
+//! Kelvin–Voigt spring, else its first spring, else the modulus of its first springpot. Null: φ = 0, where ρ_p is unidentified.
+//! Valid for a concentric pocket around a sphere that moves much less than the pocket's width. For any ρ_p between 1.5 and 5, the
+//! mesh has element faces at the pocket's edge. The reduced model is a sum of terms, one for each common eigenvector of the
+//! stiffness inside and outside the pocket. A term is the laws inside and outside in parallel. The closed form has two concentric
+//! layers, each with the four modes of physics §4.2. Liquefied lacunae are common in aged vitreous (Sebag 1987, Graefe's Arch.
+//! Clin. Exp. Ophthalmol. 225:89, doi:10.1007/BF02160337).
 
 use nalgebra::Vector3;
 
@@ -25,12 +26,14 @@ use elements::mesh::{Mesh, QuarterBall};
 use laws::rheology::{AdditionalTerm, BaseLaw, Element};
 use record::CharacteristicSizes;
 
-/// Range of ρ_p that is meshed.
+/// Range of ρ_p for which meshes are built.
 const RADIUS_RATIOS: [f64; 2] = [1.5, 5.0];
-/// Element layers inside a pocket for every twelve layers of the model, and number of layers in addition to the model's.
+/// Number of element layers inside a pocket for every twelve layers of the model.
 const LAYERS_INSIDE: usize = 4;
+/// Number of element layers in addition to those of the model.
 const MORE_LAYERS: usize = 1;
-/// Smallest remaining share of E. Without elasticity the pocket would flow as a whole forever; with this share it does so for 10⁹ retardation times.
+/// Smallest remaining fraction of E. Without elasticity the pocket would flow forever. With this fraction it flows for 10⁹
+/// retardation times.
 const LEAST_SHARE: f64 = 1e-9;
 
 const NO_ELASTICITY: &str = "it has neither a spring nor a springpot whose elasticity a pocket could reduce";
@@ -106,7 +109,7 @@ impl Effect for LiquefiedPocket {
     }
 }
 
-/// Law inside the pocket, for the law outside.
+/// Returns the law inside the pocket for the law outside and the elastic loss φ.
 ///
 /// # Errors
 /// [`Error::Numerical`] for a law of dashpots alone.
@@ -121,7 +124,8 @@ fn pocket_law(law: &[Element], elastic_loss: Dual) -> Result<Vec<Element>> {
     Ok(inside)
 }
 
-/// Element that loses elasticity: the spring of the first Kelvin–Voigt body in series, else the first spring, else the first springpot. The order is that of the law.
+/// Element that loses elasticity. It is the spring of the first Kelvin–Voigt body in series, else the first spring, else the
+/// first springpot, in the order of the law.
 fn elastic_mut(law: &mut [Element]) -> Option<&mut Element> {
     let is_spring = |element: &Element| matches!(element, Element::Spring { .. });
     let is_springpot = |element: &Element| matches!(element, Element::Springpot { .. });
@@ -140,17 +144,19 @@ impl MatrixPair for LiquefiedPocket {
     fn lacks(&self, surroundings: &GelAndRobot<'_>) -> Option<&'static str> {
         surroundings.sizes.ball.is_none().then_some("a pocket needs the built-in mesh around a sphere")
     }
-    /// Around a sphere the robot's displacement and two amplitudes at the pocket's edge determine the gel's field (physics §4.2). So the eigenvectors have exactly three shares
-    /// θ of the pocket in their stiffness (physics §7.2): 0, where the pocket moves as a whole; 1, where the gel outside does not move; and one between.
+    /// The shape parameter is ρ_p. Around a sphere, the robot's displacement and two amplitudes at the pocket's edge determine
+    /// the gel's field (physics §4.2). θ is the fraction of an eigenvector's stiffness that the pocket contributes (physics
+    /// §7.2). It therefore has exactly three values. θ is 0 if the pocket moves as a whole and 1 if the gel outside does not
+    /// move. The third value is between.
     fn shape(&self) -> Option<ShapeParameter> {
         Some(ShapeParameter { name: PARAMETERS[1].spec.name, range: RADIUS_RATIOS })
     }
-    /// The pocket is softer by a factor 1 + x.
+    /// The pocket's law is 1 + x times the law outside, with −1 < x ≤ 0.
     fn splitting(&self, _sizes: &PhysicalProperties) -> MatrixSplitting {
         let snapshots = log_spaced(1e-4, 1.0, 2.0).iter().map(|share| share - 1.0).collect();
         MatrixSplitting { reference: 1.0, snapshots, is_rigid_at_null: false }
     }
-    /// Elements are inside or outside according to their centres.
+    /// An element belongs to the pocket if its centre is inside.
     fn system(&self, surroundings: &GelAndRobot<'_>, shape: Option<f64>) -> Result<FieldSystem> {
         let radius_m = shape.unwrap_or(f64::NAN) * surroundings.sizes.robot_radius_m;
         let mesh = pocket_mesh(&surroundings.sizes, radius_m)?;
@@ -166,7 +172,7 @@ impl MatrixPair for LiquefiedPocket {
     }
 }
 
-/// Mesh with element faces at the radius (m) of a pocket, at the model's fineness.
+/// Mesh with element faces at the radius (m) of a pocket, as fine as the model's mesh.
 ///
 /// # Errors
 /// [`Error::Numerical`] if the robot is not a sphere in the middle of a built-in mesh, or if the pocket does not fit.

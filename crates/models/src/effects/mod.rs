@@ -1,7 +1,8 @@
 //! Library of physical effects, one file each (physics §5).
 //!
-//! An effect belongs to one stage of command → load → mechanics → observation. It is nested: at its null value the model equals the one without
-//! it. Listing, help, prior checks, ranking and the conformance tests read [`EFFECTS`]; no other file names an effect.
+//! An effect belongs to one stage of command → load → mechanics → observation. At its null value the model equals the model
+//! without the effect. Listing, help, prior checks, ranking and the conformance tests read [`EFFECTS`]. No other file names an
+//! effect.
 
 mod actuator_lag;
 mod beside_fields;
@@ -47,7 +48,7 @@ use base::parameter::ParameterSpec;
 use laws::rheology::BaseLaw;
 use record::CharacteristicSizes;
 
-/// All effects, in the order in which a model applies them.
+/// All effects of the program, in the order in which a model applies them.
 pub const EFFECTS: &[&dyn Effect] = &[
     &clock_offset::ClockOffset,
     &force_asymmetry::ForceAsymmetry,
@@ -71,7 +72,8 @@ pub const EFFECTS: &[&dyn Effect] = &[
     &tracking_drift::TrackingDrift,
 ];
 
-/// Nuisances of an experiment. Every model of the experiment has them before its effects. They say nothing about the gel, and users cannot add them.
+/// Nuisances, which are unknowns of an experiment and not of the gel. Every model of such an experiment applies them before its
+/// effects. Users cannot add them.
 pub const NUISANCES: &[&dyn Effect] = &[&position_offset::PositionOffset];
 
 /// Nuisances that this experiment has.
@@ -79,18 +81,18 @@ pub fn nuisances(scales: &CharacteristicSizes) -> &'static [&'static dyn Effect]
     if scales.fits_position_offset { NUISANCES } else { &[] }
 }
 
-/// Range of positions that scales default priors, in m. It is the measured range. Without measurements it is a millimetre, the largest displacement of the
-/// reference experiment (physics §1).
+/// Measured range of positions in m, which scales default priors. Without measurements it is a millimetre, the largest
+/// displacement of the reference experiment (physics §1).
 fn position_range_m(scales: &CharacteristicSizes) -> f64 {
     if scales.position_range_m > 0.0 { scales.position_range_m } else { 1e-3 }
 }
 
-/// Radius of the robot that scales default priors, in m; a millimetre for an instrument.
+/// Radius of the robot in m, which scales default priors. It is a millimetre for an instrument.
 fn robot_radius_m(scales: &CharacteristicSizes) -> f64 {
     scales.robot_radius_m.unwrap_or(1e-3)
 }
 
-/// Largest force that scales default priors, in N; a micronewton if none is commanded.
+/// Largest force in N, which scales default priors. It is a micronewton if no force is commanded.
 fn largest_force_n(scales: &CharacteristicSizes) -> f64 {
     if scales.largest_force_n > 0.0 { scales.largest_force_n } else { 1e-6 }
 }
@@ -101,12 +103,12 @@ fn apparent_viscosity_pa_s(scales: &CharacteristicSizes) -> f64 {
     force_n * hold_s(scales) / (6.0 * std::f64::consts::PI * robot_radius_m(scales) * position_range_m(scales))
 }
 
-/// Time in s between force steps, which scales laws and priors; a second if there is none.
+/// Time in s between force steps, which scales laws and default priors. It is a second without force steps.
 fn hold_s(scales: &CharacteristicSizes) -> f64 {
     if scales.hold_s > 0.0 { scales.hold_s } else { 1.0 }
 }
 
-/// Stress s₀ = F_max/(4πR²) in Pa: the largest force over the robot's surface.
+/// Stress s₀ = F_max/(4πR²) in Pa, the largest force divided by the area of the robot's surface.
 fn reference_stress_pa(scales: &CharacteristicSizes) -> f64 {
     largest_force_n(scales) / (4.0 * std::f64::consts::PI * robot_radius_m(scales).powi(2))
 }
@@ -123,7 +125,7 @@ pub enum Stage {
 }
 
 impl Stage {
-    /// Name in lists and JSON.
+    /// Name of the stage in lists and JSON.
     pub fn name(self) -> &'static str {
         match self {
             Self::Load => "load",
@@ -136,19 +138,19 @@ impl Stage {
 /// Function of the sizes of an experiment.
 pub type ScaleFunction<T> = dyn Fn(&CharacteristicSizes) -> T + Send + Sync;
 
-/// Parameter of an effect. Its name, symbol, unit, support, null and default prior are defined here alone.
+/// Parameter of an effect, with its name, symbol, unit, support, null and default prior.
 #[derive(Clone, Copy)]
 pub struct EffectParameter {
-    /// Name `slug.name`, symbol, unit, support.
+    /// Name `slug.name`, symbol, unit and support.
     pub spec: ParameterSpec,
     /// Value at which the effect vanishes; `None` if the parameter is unidentified at the effect's null.
     pub null: &'static ScaleFunction<Option<f64>>,
-    /// Default prior, scaled by the experiment.
+    /// Default prior, scaled by the sizes of the experiment.
     pub prior: &'static ScaleFunction<Distribution>,
-    /// Source of the prior's numbers.
+    /// Source of the numbers in the default prior.
     pub prior_source: &'static str,
-    /// Step from the null for the effect's signature, if the derivative at the null vanishes, jumps or cannot be computed; `None` if the
-    /// derivative is used.
+    /// Step from the null by which the effect's signature is computed, if the derivative at the null vanishes, jumps or cannot be
+    /// computed. `None` if the signature is the derivative.
     pub finite_step: Option<&'static ScaleFunction<f64>>,
 }
 
@@ -160,7 +162,7 @@ impl std::fmt::Debug for EffectParameter {
 
 /// Physical effect that a base model may lack.
 pub trait Effect: Sync {
-    /// Name in commands, files and parameters.
+    /// Name of the effect in commands, files and parameter names.
     fn slug(&self) -> &'static str;
     /// Stage at which the effect acts.
     fn stage(&self) -> Stage;
@@ -168,13 +170,14 @@ pub trait Effect: Sync {
     fn summary(&self) -> &'static str;
     /// Equation, as text.
     fn equation(&self) -> &'static str;
-    /// Parameters, in the order of [`Effect::apply`].
+    /// Parameters, in the order in which [`Effect::apply`] takes them.
     fn parameters(&self) -> &'static [EffectParameter];
-    /// Change of the displacement field, if it is more than a factor. A model may have one such effect.
+    /// Equations of the displacement field; `None` if the effect only multiplies the base's field by a factor. A model may have
+    /// one such effect.
     fn field(&self) -> Option<FieldEffect> {
         None
     }
-    /// Returns `true` if the displacement field differs from the base's.
+    /// Returns `true` if the effect changes the displacement field by more than a factor.
     fn changes_field(&self) -> bool {
         self.field().is_some()
     }
@@ -186,12 +189,13 @@ pub trait Effect: Sync {
     fn conflict_with_field(&self, _field: FieldEffect) -> Option<&'static str> {
         None
     }
-    /// Size of the first parameter for the effect's signature, if a small effect is to first order equivalent to other values of the law's parameters. The signature
-    /// is the residual of their best fit at this size. It grows with the square of the size.
+    /// Value of the first parameter at which the effect's signature is computed, if a small effect is to first order equivalent
+    /// to a change of the law's parameters. The signature is then the residual of the best fit by the law's parameters. It grows
+    /// with the square of the value. `None` for other effects.
     fn signature_size(&self, _scales: &CharacteristicSizes) -> Option<f64> {
         None
     }
-    /// Returns `true` if the effect depends on the robot's position where it acts. The position must then be the linear response.
+    /// Returns `true` if the effect depends on the robot's position. The position must then be linear in the force.
     fn depends_on_position(&self) -> bool {
         false
     }
@@ -199,11 +203,13 @@ pub trait Effect: Sync {
     fn depends_on_state(&self) -> bool {
         false
     }
-    /// Returns `true` if the law is nonlinear. Only load and observation effects can be combined with such an effect.
+    /// Returns `true` if the effect makes the law nonlinear. Only load and observation effects can be combined with such an
+    /// effect.
     fn is_nonlinear(&self) -> bool {
         self.field().is_some_and(FieldEffect::is_nonlinear)
     }
-    /// Returns `true` if its reduced model is trained for one record, around the law that fits it, instead of once for a gel.
+    /// Returns `true` if the effect's reduced model is trained for each record, around the law that fits it, instead of once for
+    /// each gel.
     fn is_learnt_for_record(&self) -> bool {
         self.field().is_some_and(FieldEffect::is_learnt_for_record)
     }
@@ -211,8 +217,8 @@ pub trait Effect: Sync {
     fn conflict(&self, _base: &BaseLaw) -> Option<&'static str> {
         None
     }
-    /// Writes the effect at `parameters` (SI, inside the support) into the stages. Effects with a [`Self::field`] are applied last, to the law as the
-    /// other effects have changed it.
+    /// Writes the effect into the stages. `parameters` are in SI units and inside their supports. Effects with a [`Self::field`]
+    /// are applied last, after all other effects have changed the law.
     ///
     /// # Errors
     /// [`base::Error::Numerical`] if there is no model at these parameters.

@@ -1,8 +1,9 @@
 //! `position-offset`: the zero of the position is unknown.
 //!
-//! x_obs = x + b. Null: b = 0. A nuisance of experiments with `zero = "fit"`, and of every indenter. An indenter's b is the height at which the tip meets the gel: a
-//! contact point read off a force curve by eye can err by the whole indentation depth in a soft gel (Dimitriadis et al. 2002, doi:10.1016/S0006-3495(02)75620-8). It says
-//! nothing about the gel, so it is never added or claimed. Every model of such an experiment has it.
+//! x_obs = x + b. Null: b = 0. The offset is a nuisance of experiments with `zero = "fit"`, and of every indenter. An indenter's
+//! b is the height at which the tip meets the gel. If this height is read from a force curve by eye, its error can be the whole
+//! indentation depth in a soft gel (Dimitriadis et al. 2002, doi:10.1016/S0006-3495(02)75620-8). The offset says nothing about
+//! the gel, so it is never a candidate effect. Every model of such an experiment has it.
 
 use super::{Effect, EffectParameter, Stage, Stages, position_range_m};
 use base::distribution::Distribution;
@@ -53,7 +54,8 @@ mod tests {
     use base::parameter::ParameterSpec;
     use laws::rheology::BaseLaw;
 
-    /// Checks that every model of an experiment that fits the zero has the offset before the effects, and no other model has it.
+    /// Checks that every model of an experiment with a fitted zero has the offset before the effects, and that other models do
+    /// not have it.
     #[test]
     fn models_have_it_where_the_experiment_says_so() {
         let drift = EFFECTS.iter().copied().find(|effect| effect.slug() == "tracking-drift").unwrap();

@@ -1,10 +1,11 @@
-//! `second-retardation`: a second part of the gel responds with its own retardation time.
+//! `second-retardation`: the gel's elastic response has a second retardation time.
 //!
-//! A Kelvin–Voigt body in series, J(t) += (a/E)(1 − exp(−t/τ₂)). E is the first Kelvin–Voigt spring of the law, or the modulus at the time of a hold for a law
-//! without one ([`super::first_body`]). Null: a = 0, where τ₂ is unidentified. Valid for a ≥ 0 and τ₂ of at least two sample intervals. A shorter one is not
-//! visible as creep, and `instantaneous-elasticity` describes it with one parameter less. Collagen and hyaluronan are the two networks of the vitreous.
-//! Retardation spectra with one time for each have been fitted to it (Sharif-Kashani et al. 2011, J. Biomech. 44:419). It applies to any law except the two-element one,
-//! which is the base law with this effect.
+//! A Kelvin–Voigt body in series adds (a/E)(1 − exp(−t/τ₂)) to J(t). E is the first Kelvin–Voigt spring of the law, or the
+//! modulus at the time of a hold for a law without one ([`super::first_body`]). Null: a = 0, where τ₂ is unidentified. Valid for
+//! a ≥ 0 and τ₂ of at least two sample intervals. A shorter τ₂ is not visible as creep, and `instantaneous-elasticity` describes
+//! it with one parameter less. Collagen and hyaluronan are the two networks of the vitreous. Retardation spectra with one time
+//! for each network have been fitted to the vitreous (Sharif-Kashani et al. 2011, J. Biomech. 44:419). The effect applies to any
+//! law except the two-element law, which already is the Lethersich law with this effect.
 
 use super::first_body::reference_modulus_pa;
 use super::{Effect, EffectParameter, Stage, Stages};
@@ -15,7 +16,7 @@ use base::parameter::{ParameterSpec, Support};
 use laws::rheology::{BaseLaw, Element};
 use record::CharacteristicSizes;
 
-/// Shortest τ₂ that this experiment can distinguish from a spring.
+/// Returns the shortest τ₂, in s, that the experiment can distinguish from a spring.
 fn shortest_time_s(scales: &CharacteristicSizes) -> f64 {
     2.0 * scales.sample_interval_s
 }

@@ -1,9 +1,11 @@
 //! `shear-thinning`: the gel flows more easily under higher stress.
 //!
-//! ε̇_d = (s_eq/s₀)^{1/n−1} s/c₂ in the dashpot, s_eq² = ⅔ dev s : dev s at each point. It is the power-law fluid of Ostwald and de Waele (Bird, Armstrong &
-//! Hassager 1987, Dynamics of Polymeric Liquids, vol. 1, ch. 4). Its viscosity is c₂ at the stress s₀ = F_max/(4πR²), so that c₂ keeps its meaning. Null:
-//! n = 1. Valid for n in (0.3, 1] and stresses within a decade or two of s₀. At rest the fluid becomes solid, while real ones keep a viscosity. Under one force
-//! the response is nearly that of another c₂; two forces f and 1 flow at rates f^{1/n}: 1 (physics §5).
+//! The dashpot obeys ε̇_d = (s_eq/s₀)^{1/n−1} s/c₂, with s_eq² = ⅔ dev s : dev s at each point. It is the power-law fluid of
+//! Ostwald and de Waele (Bird, Armstrong & Hassager 1987, Dynamics of Polymeric Liquids, vol. 1, ch. 4). Its viscosity is c₂ at
+//! the stress s₀ = F_max/(4πR²), so that c₂ remains a viscosity. Null: n = 1. Valid for n in (0.3, 1] and stresses within a
+//! decade or two of s₀. Near zero stress this fluid becomes solid, while real fluids keep a finite viscosity. Under a single
+//! force the response is nearly that of another c₂. Two forces in the ratio f : 1 give flow rates in the ratio f^{1/n} : 1
+//! (physics §5).
 
 use super::beside_fields::nonlinear_conflict;
 use super::{Effect, EffectParameter, FieldEffect, Stage, reference_stress_pa};
@@ -79,12 +81,12 @@ mod tests {
         else {
             panic!("nothing is written");
         };
-        // The force is 4.6 µN over the surface of a sphere of 0.55 mm.
+        // The force of 4.6 µN is divided by the surface of a sphere of diameter 0.55 mm.
         assert!((reference_stress_pa.value - 4.84).abs() < 0.005, "{reference_stress_pa:?}");
         assert_eq!(index, 0.5.into());
     }
 
-    /// Checks the number in the prior's source.
+    /// Checks that flow rates at forces 1.3 times as large more than double, as the text of the prior's source says.
     #[test]
     fn the_smallest_index_more_than_doubles_the_flow_at_forces_1_3_times_as_large() {
         let faster = 1.3_f64.powf(1.0 / SMALLEST_INDEX);

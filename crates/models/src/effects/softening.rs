@@ -1,9 +1,9 @@
 //! `softening`: the gel grows softer, or sets, during the measurement.
 //!
-//! s = e^{−rt} · (law of the strains), in all branches, t from the record's start. With quasi-static linear laws that is the response to the
-//! force F e^{rt}. Null: r = 0; r < 0 is a gel that grows stiffer. Valid while the whole gel changes uniformly. Excised vitreous lost four fifths of its modulus in
-//! its first hour (Nickerson et al. 2008, J. Biomech. 41:1840), r of about 4·10⁻⁴ 1/s. The robot itself may break the network faster.
-//! A gel that is poured before the measurement sets instead.
+//! The stress of every element is multiplied by e^{−rt}, with t from the record's start. For quasi-static linear laws this equals
+//! the response to the force F e^{rt}. Null: r = 0. A gel with r < 0 grows stiffer. Valid while the whole gel changes uniformly.
+//! Excised vitreous lost four fifths of its modulus in its first hour (Nickerson et al. 2008, J. Biomech. 41:1840), which is r of
+//! about 4·10⁻⁴ 1/s. The robot itself may break the network faster. A gel that is poured before the measurement sets instead.
 
 use super::beside_fields::AGEING;
 use super::{Effect, EffectParameter, FieldEffect, Stage, Stages};
@@ -54,7 +54,7 @@ mod tests {
     use super::*;
     use crate::effects::test_scales::SCALES;
 
-    /// Checks the rate in the module's text: a modulus that falls fivefold in an hour.
+    /// Checks the rate in the module's text, which makes the modulus fall fivefold in an hour.
     #[test]
     fn a_fivefold_loss_in_an_hour_is_the_rate_that_the_text_names() {
         let mut stages = Stages::of_law(Vec::new());

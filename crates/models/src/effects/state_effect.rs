@@ -9,19 +9,19 @@ use laws::rheology::BaseLaw;
 use laws::stages::{Function, Operation, Quantity, State, StateFunction, StateLaw};
 use record::CharacteristicSizes;
 
-/// Quantity that depends on the state, by its name.
+/// Quantity that may depend on a state, as named by the user.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum QuantityName {
     /// Force on the robot.
     Force,
     /// Observed position.
     Position,
-    /// Modulus or viscosity of the law, by the name of its parameter.
+    /// Modulus or viscosity of an element of the law, by the name of its parameter.
     Element(&'static str),
 }
 
 impl QuantityName {
-    /// Name in files and documents.
+    /// Name of the quantity in files and documents.
     pub fn name(self) -> &'static str {
         match self {
             Self::Force => "force",
@@ -31,7 +31,7 @@ impl QuantityName {
     }
 }
 
-/// Effect that makes a quantity depend on a state.
+/// Effect that makes a quantity of the model depend on a state (physics §5.3).
 #[derive(Debug)]
 pub struct StateEffect {
     /// Name of the effect.
@@ -42,30 +42,31 @@ pub struct StateEffect {
     pub equation: &'static str,
     /// Quantity that depends on the state.
     pub quantity: QuantityName,
-    /// State on which it depends.
+    /// State on which the quantity depends.
     pub state: State,
-    /// Operation by which the function changes the quantity.
+    /// Operation (multiply or add) by which the function changes the quantity.
     pub operation: Operation,
-    /// Function of the state.
+    /// Function of the state that changes the quantity.
     pub function: &'static dyn StateFunction,
     /// Parameters of the function.
     pub parameters: &'static [EffectParameter],
 }
 
-/// Effects defined in files, each with its definition. They can be named like the program's own effects.
+/// Effects defined in files, each with its definition. Users refer to them by slug, as to the program's own effects.
 static DEFINED: Mutex<Vec<(&'static StateEffect, toml::Table)>> = Mutex::new(Vec::new());
 
-/// Defines an effect, which can be named for the rest of the run. Equal definitions are one effect.
+/// Defines an effect, which can be used by its slug until the program ends. Equal definitions give one effect.
 ///
 /// # Errors
-/// The existing definition with this name, if it differs.
+/// Returns the existing definition with this slug if it differs.
 pub fn define(definition: toml::Table, effect: StateEffect) -> std::result::Result<&'static StateEffect, toml::Table> {
     let mut defined = DEFINED.lock().unwrap_or_else(PoisonError::into_inner);
     match defined.iter().find(|(known, _)| known.slug == effect.slug) {
         Some((known, map)) if *map == definition => Ok(known),
         Some((_, entry)) => Err(entry.clone()),
         None => {
-            // Names of effects and parameters are static everywhere, and only few files are read.
+            // The effect is leaked, because names of effects and parameters must be static. Only few files are read, so little
+            // memory is lost.
             let effect: &'static StateEffect = Box::leak(Box::new(effect));
             defined.push((effect, definition));
             Ok(effect)
@@ -73,7 +74,7 @@ pub fn define(definition: toml::Table, effect: StateEffect) -> std::result::Resu
     }
 }
 
-/// Effect with this slug from a file, with its definition.
+/// Effect with this slug from a file, and its definition; `None` without such an effect.
 pub fn defined(slug: &str) -> Option<(&'static StateEffect, toml::Table)> {
     let defined = DEFINED.lock().unwrap_or_else(PoisonError::into_inner);
     defined.iter().find(|(effect, _)| effect.slug == slug).cloned()

@@ -1,9 +1,11 @@
 //! `strain-stiffening`: the gel's fibres stiffen with strain.
 //!
-//! dev s = E (1 + β ε_eq²) dev ε_k + c₁ dev ε̇_k in the first Kelvin–Voigt body, ε_eq² = ⅔ dev ε_k : dev ε_k at each point. Its change of volume and
-//! the other bodies stay linear. Null: β = 0. The square is the first term by which an isotropic gel's stiffness can depend on its strain. Networks of
-//! semiflexible filaments stiffen by much higher powers once β ε_eq² exceeds about ten (Storm et al. 2005, Nature 435:191, doi:10.1038/nature03521).
-//! Strains are small, as in all these models. A pulled body at rest obeys s = E (ε + β ε³) in its equivalents: slack at first, then ε → (s/(Eβ))^⅓.
+//! The first Kelvin–Voigt body obeys dev s = E (1 + β ε_eq²) dev ε_k + c₁ dev ε̇_k, with ε_eq² = ⅔ dev ε_k : dev ε_k at each
+//! point. The change of volume and the other bodies stay linear. Null: β = 0. ε_eq² is the lowest-order term by which an
+//! isotropic gel's stiffness can depend on its strain. Networks of semiflexible filaments stiffen by much higher powers once β
+//! ε_eq² exceeds about ten (Storm et al. 2005, Nature 435:191, doi:10.1038/nature03521). The model assumes small strains. In a
+//! stretched body at rest, the equivalent stress and strain obey s = E (ε + β ε³). The body is soft at first, and at large stress
+//! ε → (s/(Eβ))^⅓.
 
 use super::beside_fields::nonlinear_conflict;
 use super::{Effect, EffectParameter, FieldEffect, Stage, position_range_m, robot_radius_m};
@@ -15,7 +17,7 @@ use laws::rheology::BaseLaw;
 use laws::stages::{NonlinearFamily, Nonlinearity, Spatial, Stages};
 use record::CharacteristicSizes;
 
-/// Strain near the robot: half the range of positions over the robot's radius.
+/// Typical strain near the robot, which is half the range of positions divided by the robot's radius.
 fn typical_strain(scales: &CharacteristicSizes) -> f64 {
     0.5 * position_range_m(scales) / robot_radius_m(scales)
 }
@@ -80,7 +82,7 @@ mod tests {
         assert!(written(Dual::variable(0.0)).is_some());
     }
 
-    /// Checks the numbers in the prior's source: 0.98 mm there and back around a robot of 0.275 mm are strains of 1.8.
+    /// Checks the numbers in the prior's source. A range of 0.98 mm around a robot of radius 0.275 mm gives a strain of 1.8.
     #[test]
     fn the_prior_doubles_the_stiffness_at_the_experiments_strain() {
         let sd = (PARAMETERS[0].prior)(&SCALES).quantile(0.682_689_492);

@@ -19,7 +19,7 @@ pub(super) const SCALES: CharacteristicSizes = CharacteristicSizes {
     fits_position_offset: false,
 };
 
-/// Returns J(t) in 1/Pa of elements in series, from their spectrum.
+/// Returns the creep compliance J(t) in 1/Pa of elements in series, from their retardation spectrum.
 pub(super) fn compliance_per_pa(law: &[Element], time_s: f64) -> Dual {
     let spectrum = RetardationSpectrum::of_law(law, TimeWindow { shortest_s: 0.01, longest_s: 100.0 }).unwrap();
     let steady = spectrum.instantaneous_per_pa + spectrum.fluidity_per_pa_s * time_s;

@@ -1,8 +1,9 @@
 //! `tracking-drift`: the camera or the stage drifts relative to the gel.
 //!
-//! x_obs = x + v t, t from the record's start. Null: v = 0. Valid for any v of either sign, while the drift is steady. Causes are loosening mounts and
-//! warming stages. In tracked videos it is commonly subtracted first (Crocker & Grier 1996,
-//! doi:10.1006/jcis.1996.0217). The dashpot c₂ flows with the force, the drift without it: only a force that changes distinguishes them.
+//! x_obs = x + v t, with t from the record's start. Null: v = 0. Valid for any steady v of either sign. Causes are loosening
+//! mounts and warming stages. The drift of tracked videos is commonly subtracted first (Crocker & Grier 1996,
+//! doi:10.1006/jcis.1996.0217). The dashpot c₂ flows in proportion to the force, and the drift does not depend on the force. Only
+//! a changing force distinguishes the two.
 
 use super::{Effect, EffectParameter, Stage, Stages, position_range_m};
 use base::distribution::Distribution;

@@ -1,9 +1,11 @@
 //! `yield-stress`: the gel flows only above a yield stress.
 //!
-//! ε̇_d = ⟨1 − s_y/s_eq⟩ s/c₂ in the dashpot, s_eq² = ⅔ dev s : dev s at each point: Bingham's fluid in series with the gel's elasticity (Bingham 1922, Fluidity
-//! and Plasticity; Oldroyd 1947, Proc. Camb. Phil. Soc. 43:100). Null: s_y = 0. Valid while the gel near the robot flows. Far away, where the stress is
-//! below s_y, only the elastic part moves. Under one force it is indistinguishable from a change of c₂ (physics §5). The bracket is smoothed within a hundredth of s_y
-//! ([`YIELD_SMOOTHING`]): below the yield stress the dashpot creeps at 10⁻⁴ of its fluidity or less, far above it nothing changes.
+//! The dashpot obeys ε̇_d = ⟨1 − s_y/s_eq⟩ s/c₂, with s_eq² = ⅔ dev s : dev s at each point and ⟨x⟩ = max(x, 0). It is Bingham's
+//! fluid in series with the gel's elasticity (Bingham 1922, Fluidity and Plasticity; Oldroyd 1947, Proc. Camb. Phil. Soc.
+//! 43:100). Null: s_y = 0. Valid while the gel near the robot flows. Far from the robot the stress is below s_y, and the gel
+//! responds only elastically. Under one force it is indistinguishable from a change of c₂ (physics §5). The bracket ⟨…⟩ is
+//! smoothed within a hundredth of s_y ([`YIELD_SMOOTHING`]). Below the yield stress the dashpot then creeps at 10⁻⁴ of its
+//! fluidity or less. Far above it nothing changes.
 
 use super::beside_fields::nonlinear_conflict;
 use super::{Effect, EffectParameter, FieldEffect, Stage, reference_stress_pa};
@@ -15,8 +17,8 @@ use laws::rheology::BaseLaw;
 use laws::stages::{NonlinearFamily, Nonlinearity, Spatial, Stages, YIELD_SMOOTHING};
 use record::CharacteristicSizes;
 
-/// Step from the null, in units of s₀. With it the gel still flows everywhere except at points of no motion.
-/// At a hundredth of s₀ the distant gel would already be rigid.
+/// Step of s_y from the null for the effect's signature, in units of s₀. At this s_y the gel still flows everywhere except at
+/// points at rest. At a hundredth of s₀ the distant gel would already be rigid.
 const FINITE_STEP: f64 = 1e-4;
 
 const PARAMETERS: &[EffectParameter] = &[EffectParameter {
@@ -27,7 +29,7 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     finite_step: Some(&|scales| FINITE_STEP * reference_stress_pa(scales)),
 }];
 
-/// The effect.
+/// Effect `yield-stress`.
 pub struct YieldStress;
 
 impl Effect for YieldStress {

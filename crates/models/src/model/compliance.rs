@@ -1,4 +1,4 @@
-//! Displacement per force at unit creep compliance: a number, or a function of the Poisson ratio.
+//! Displacement per force at unit creep compliance (1/m), as a number or as a function of the Poisson ratio.
 
 use std::sync::Arc;
 
@@ -6,35 +6,35 @@ use base::error::{Error, Result};
 use base::number::Dual;
 use laws::stages::{ReducedField, SharedStepper, Stages};
 
-/// Compliance (1/m) as a function of the Poisson ratio.
+/// Function that returns the compliance (1/m) at a Poisson ratio.
 type OfPoissonRatio = dyn Fn(Dual) -> Result<Dual> + Send + Sync;
 
-/// Function that returns the terms into which an effect on the field splits the law.
+/// Function that returns the reduced model of the stages' effect on the displacement field.
 type OfStages = dyn Fn(&Stages) -> Result<Option<ReducedField>> + Send + Sync;
 
-/// Displacement per force at unit creep compliance. It converts ∫J dF into a position.
+/// Displacement per force at unit creep compliance, in 1/m. Its product with ∫J dF is the position.
 #[derive(Clone)]
 pub struct Compliance {
-    /// Compliance at the experiment's Poisson ratio, or of an instrument, in 1/m.
+    /// Compliance at the experiment's Poisson ratio, or the instrument's compliance, in 1/m.
     given_per_m: f64,
-    /// Function that returns the compliance at other Poisson ratios; `None` if no model covers them.
+    /// Function that returns the compliance at any Poisson ratio; `None` if no model covers other ratios than the experiment's.
     family: Option<Arc<OfPoissonRatio>>,
-    /// Terms of the other effects on the field.
+    /// Function that returns the reduced models of all other effects on the displacement field; `None` without such models.
     spread: Option<Arc<OfStages>>,
 }
 
 impl Compliance {
-    /// Compliance (1/m) without a model of other Poisson ratios.
+    /// Returns a compliance (1/m) that is known only at the experiment's Poisson ratio.
     pub fn fixed(per_m: f64) -> Self {
         Self { given_per_m: per_m, family: None, spread: None }
     }
 
-    /// Compliance (1/m) at the experiment's Poisson ratio, with a function for others.
+    /// Returns a compliance that is `per_m` (1/m) at the experiment's Poisson ratio, and `of_poisson_ratio` at a fitted ratio.
     pub fn family(per_m: f64, of_poisson_ratio: impl Fn(Dual) -> Result<Dual> + Send + Sync + 'static) -> Self {
         Self { given_per_m: per_m, family: Some(Arc::new(of_poisson_ratio)), spread: None }
     }
 
-    /// Adds the terms of effects on the field.
+    /// Sets the function that returns the reduced model of the stages' effect on the displacement field.
     pub fn with_spread(
         self,
         of_stages: impl Fn(&Stages) -> Result<Option<ReducedField>> + Send + Sync + 'static,
@@ -42,7 +42,7 @@ impl Compliance {
         Self { spread: Some(Arc::new(of_stages)), ..self }
     }
 
-    /// Replaces the steppers of nonlinear laws by `change`.
+    /// Replaces every stepper of a nonlinear law by the result of `change`.
     pub fn with_stepper(
         self,
         change: impl Fn(&Stages, SharedStepper) -> SharedStepper + Send + Sync + 'static,
@@ -68,10 +68,11 @@ impl Compliance {
         })
     }
 
-    /// Completes stages by the terms of their field, and returns the matching compliance (1/m).
+    /// Writes the reduced model of the stages' displacement field into the stages, and returns the compliance (1/m) at their
+    /// Poisson ratio.
     ///
     /// # Errors
-    /// Those of [`Self::per_m`], and [`Error::Numerical`] without a model of the stages' field.
+    /// Errors of [`Self::per_m`]. [`Error::Numerical`] if the stages' displacement field has no reduced model.
     pub fn resolve(&self, stages: &mut Stages) -> Result<Dual> {
         if stages.spatial.is_some() {
             let of_stages = self.spread.as_ref().ok_or_else(no_field)?;
@@ -80,15 +81,16 @@ impl Compliance {
         self.per_m(stages.poisson_ratio)
     }
 
-    /// Compliance (1/m) at the experiment's Poisson ratio, or of an instrument.
+    /// Compliance (1/m) at the experiment's Poisson ratio, or the instrument's compliance (1/m).
     pub fn experiment_per_m(&self) -> f64 {
         self.given_per_m
     }
 
-    /// Compliance (1/m) at a Poisson ratio; `None` is the experiment's.
+    /// Compliance (1/m) at a Poisson ratio. `None` stands for the experiment's ratio.
     ///
     /// # Errors
-    /// [`Error::OutsideTrainedRange`], or [`Error::Numerical`] without a model of other ratios.
+    /// [`Error::OutsideTrainedRange`] if the ratio is outside the trained range. [`Error::Numerical`] if there is no model of
+    /// other ratios.
     pub fn per_m(&self, poisson_ratio: Option<Dual>) -> Result<Dual> {
         match (poisson_ratio, &self.family) {
             (None, _) => Ok(Dual::constant(self.given_per_m)),

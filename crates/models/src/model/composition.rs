@@ -1,4 +1,4 @@
-//! Model: a base law and a valid combination of effects (physics §5).
+//! Model of a base law and a valid combination of effects (physics §5).
 
 use crate::effects::{Effect, FieldEffect, Stage, nuisances};
 use base::error::{Error, InputPlace, Result};
@@ -8,7 +8,7 @@ use laws::rheology::BaseLaw;
 use laws::stages::{Spatial, Stages};
 use record::CharacteristicSizes;
 
-/// Base law and effects. Parameters are the law's, then those of the experiment's nuisances, then each effect's.
+/// Base law with effects. The parameters are those of the law, then of the experiment's nuisances, then of each effect.
 #[derive(Clone)]
 pub struct Model {
     base: BaseLaw,
@@ -25,10 +25,10 @@ impl std::fmt::Debug for Model {
 }
 
 impl Model {
-    /// Combines a law and effects, and refuses invalid combinations. `place` says where the effects were named.
+    /// Combines a law and effects. `place` tells the error message where the user named the effects.
     ///
     /// # Errors
-    /// [`Error::Input`] with the reason.
+    /// [`Error::Input`] with the reason if the combination is invalid.
     pub fn new(
         base: BaseLaw,
         effects: Vec<&'static dyn Effect>,
@@ -103,13 +103,13 @@ impl Model {
         Ok(Self { base, effects, scales, parameters })
     }
 
-    /// Lethersich law without effects. It depends on no size of an experiment.
+    /// Lethersich law without effects, which needs no sizes of an experiment.
     pub fn lethersich() -> Self {
         let (base, scales) = (BaseLaw::Lethersich, CharacteristicSizes::default());
         Self { base, effects: Vec::new(), scales, parameters: base.parameters().to_vec() }
     }
 
-    /// Base law.
+    /// Constitutive law to which the effects are added.
     pub fn base(&self) -> BaseLaw {
         self.base
     }
@@ -119,42 +119,43 @@ impl Model {
         &self.effects
     }
 
-    /// Nuisances: unknowns of the experiment itself, which come before the effects.
+    /// Nuisances, which are unknowns of the experiment itself. Their parameters come before those of the effects.
     pub fn nuisances(&self) -> &'static [&'static dyn Effect] {
         nuisances(&self.scales)
     }
 
-    /// Number of parameters before those of the effects: the law's and the nuisances'.
+    /// Number of parameters of the law and the nuisances together. They come before those of the effects.
     pub fn n_before_effects(&self) -> usize {
         let of_nuisances = self.nuisances().iter().map(|effect| effect.parameters().len());
         self.base.parameters().len() + of_nuisances.sum::<usize>()
     }
 
-    /// Returns `true` if the position is the law's response to the force, without effects, nuisances or an indenter's depth.
+    /// Returns `true` if the model has no effects and no nuisances, and the position is linear in the force (unlike an indenter's
+    /// depth).
     pub fn is_law_alone(&self) -> bool {
         let is_linear = self.scales.depth_exponent.is_none_or(|exponent| exponent == 1.0);
         self.effects.is_empty() && self.nuisances().is_empty() && is_linear
     }
 
-    /// Returns `true` if the law is nonlinear. Every trajectory then takes a thousand times as long.
+    /// Returns `true` if an effect makes the law nonlinear. A trajectory then takes a thousand times as long.
     pub fn is_nonlinear(&self) -> bool {
         self.effects.iter().any(|effect| effect.is_nonlinear())
     }
 
-    /// Sizes of the experiment to which effects refer.
+    /// Characteristic sizes of the experiment, which scale the effects and their priors.
     pub fn scales(&self) -> &CharacteristicSizes {
         &self.scales
     }
 
-    /// All parameters: the law's, then the nuisances', then each effect's.
+    /// Parameters of the law, then of the nuisances, then of each effect.
     pub fn parameters(&self) -> &[ParameterSpec] {
         &self.parameters
     }
 
-    /// Stages at `parameters` (SI, the order of [`Self::parameters`]).
+    /// Stages at `parameters`, which are in SI units and in the order of [`Self::parameters`].
     ///
     /// # Errors
-    /// [`Error::Numerical`] if a parameter is outside its support or an effect has no model there.
+    /// [`Error::Numerical`] if a parameter is outside its support, or if an effect has no model at these parameters.
     pub fn stages(&self, parameters: &[Dual]) -> Result<Stages> {
         for (spec, parameter) in self.parameters.iter().zip(parameters) {
             if !spec.support.contains(parameter.value) {
@@ -169,7 +170,7 @@ impl Model {
         stages.base = Some(self.base);
         stages.observation.depth_exponent = self.scales.depth_exponent.unwrap_or(1.0).into();
         if self.base.outside().is_some() {
-            // The external program returns the position itself.
+            // The external program returns the position itself, not its power.
             stages.observation.depth_exponent = Dual::ONE;
             stages.spatial = Some(Spatial::External(law.to_vec()));
         }
@@ -188,13 +189,14 @@ impl Model {
         Ok(stages)
     }
 
-    /// Change of the displacement field, with the slug of the effect that causes it; `None` without such an effect.
+    /// Effect that changes the displacement field, as its slug and its equations; `None` if no effect does.
     pub fn field(&self) -> Option<(&'static str, FieldEffect)> {
         self.effects.iter().find_map(|effect| Some((effect.slug(), effect.field()?)))
     }
 }
 
-/// Reason why an effect cannot be added to an external law; `None` if it can. Only effects before or after the law can.
+/// Reason why an effect cannot be added to an external law; `None` if it can. Only effects on the load or on the observation can
+/// be added.
 fn external_conflict(effect: &dyn Effect, base: &BaseLaw) -> Option<&'static str> {
     base.outside()?;
     if effect.depends_on_state() || effect.stage() == Stage::Mechanics {

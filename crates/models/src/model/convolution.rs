@@ -1,11 +1,11 @@
-//! Convolution ∫ J dF for a force of steps or straight lines, by one recursion for each branch.
+//! Convolution ∫ J dF for a force of steps or straight lines. Each exponential of J has its own recursion over the rows.
 
 use laws::rheology::CreepCompliance;
 use record::Force;
 
-/// Position (m) at every row, the limit from the left: `compliance_per_m` × ∫ J dF.
+/// Returns the position `compliance_per_m` × ∫ J dF in m at every row, as the limit from the left.
 ///
-/// `time_s` (s) strictly increasing; the position is 0 at the first row.
+/// `time_s` (s) is strictly increasing. The position is 0 at the first row.
 pub fn convolve_m<'f>(
     compliance_per_m: f64,
     law: &CreepCompliance,
@@ -42,7 +42,7 @@ mod tests {
     use laws::rheology::RetardedMode;
     use record::ForceRule;
 
-    /// Checks against the superposition Σ ΔFₖ J(t − tₖ), written out.
+    /// Compares the recursion with the superposition Σ ΔFₖ J(t − tₖ) over the force steps ΔFₖ at the times tₖ.
     #[test]
     fn equals_the_superposition_of_force_steps() {
         let mut law = CreepCompliance::lethersich(&[3.5, 1.4, 47.0]);
@@ -61,7 +61,8 @@ mod tests {
         }
     }
 
-    /// Checks a force of straight lines, which is its first jump plus a bend at every row: Σ ΔSₖ ∫₀ᵗ⁻ᵗᵏ J, with ∫J of the law written out.
+    /// Checks a force of straight lines. The expected position adds the first jump and Σ ΔSₖ ∫₀ᵗ⁻ᵗᵏ J for the slope changes ΔSₖ
+    /// at the rows. ∫J is the law's closed form.
     #[test]
     fn lines_are_the_superposition_of_ramps() {
         let mut law = CreepCompliance::lethersich(&[3.5, 1.4, 47.0]);

@@ -1,4 +1,4 @@
-//! Common trait of the full-order and the reduced model.
+//! Full-order and reduced model with their common trait.
 
 use super::{Compliance, Model, Response};
 use crate::effects::sphere_required_error;
@@ -15,27 +15,27 @@ use laws::stages::{Nonlinearity, Spatial, Stages};
 use record::Force;
 use std::sync::OnceLock;
 
-/// Model that maps parameters to a trajectory.
+/// Model that computes the trajectory of a record from parameters.
 pub trait Forward: Sync {
-    /// Recorded position (m) at every row of the record, as the limit from the left, for the model's parameters (SI, the order of
-    /// [`Model::parameters`]).
+    /// Returns the recorded position (m) at every row of the record, as the limit from the left. `parameters` are in SI units and
+    /// in the order of [`Model::parameters`].
     fn trajectory_m(&self, parameters: &[f64]) -> Result<Vec<f64>>;
 }
 
-/// Full-order model: finite elements stepped through the record.
+/// Full-order model, which steps finite elements through the record.
 ///
-/// The base law alone takes the exponential step, which is exact between rows. With effects the network of elements is stepped by
-/// its definition, independently of the reduced model's closed forms.
+/// A base law without effects is stepped by exponentials, which are exact between rows. A law with effects is stepped by the
+/// differential equations of its elements. Both are independent of the reduced model's closed forms.
 pub struct FullOrderForward<'a> {
     model: &'a Model,
     stiffness: &'a Stiffness,
-    /// Model at the experiment's Poisson ratio.
+    /// Factorised finite-element model at the experiment's Poisson ratio.
     at_experiment_ratio: FullOrderModel<'a>,
     time_s: &'a [f64],
     force: Force<'a>,
     resolution: Resolution,
     surroundings: Option<GelAndRobot<'a>>,
-    /// Nonlinear model, prepared by the first run that needs it.
+    /// Nonlinear finite-element model, which the first run of a nonlinear law prepares.
     nonlinear: OnceLock<NonlinearModel<'a>>,
 }
 
@@ -43,16 +43,16 @@ pub struct FullOrderForward<'a> {
 pub struct FullRun {
     /// Recorded position (m) at every row.
     pub position_m: Vec<f64>,
-    /// Displacement of every node (m) at the requested rows.
+    /// Displacement vector (m) of every node, by requested row and then by node.
     pub fields: Vec<Vec<[f64; 3]>>,
-    /// Mesh of the fields; `None` for the model's own mesh.
+    /// Mesh of the fields; `None` if it is the mesh that the model was given.
     pub mesh: Option<Mesh>,
-    /// Displacement (1/m) per force at unit creep compliance, at the run's Poisson ratio.
+    /// Displacement of the robot per force at unit creep compliance, in 1/m, at the run's Poisson ratio.
     pub compliance_per_m: f64,
 }
 
 impl<'a> FullOrderForward<'a> {
-    /// Factorises the stiffness at the experiment's Poisson ratio.
+    /// Returns the full-order model of a record. It factorises the stiffness at the experiment's Poisson ratio.
     pub fn new(
         model: &'a Model,
         stiffness: &'a Stiffness,
@@ -74,12 +74,12 @@ impl<'a> FullOrderForward<'a> {
         })
     }
 
-    /// Adds the surroundings, which effects on the displacement field need.
+    /// Adds gel and robot, which effects on the displacement field need.
     pub fn in_surroundings(self, surroundings: GelAndRobot<'a>) -> Self {
         Self { surroundings: Some(surroundings), nonlinear: OnceLock::new(), ..self }
     }
 
-    /// Sets other time steps.
+    /// Replaces the default time steps.
     pub fn with_resolution(self, resolution: Resolution) -> Self {
         Self { resolution, ..self }
     }
@@ -89,7 +89,7 @@ impl<'a> FullOrderForward<'a> {
         self.at_experiment_ratio.compliance_per_m()
     }
 
-    /// Computes the trajectory, and the fields at some rows.
+    /// Computes the trajectory at every row, and the displacement fields at `field_rows`.
     pub fn run(&self, parameters: &[f64], field_rows: &[usize]) -> Result<FullRun> {
         let (base, is_exponential) = (self.model.base(), self.model.is_law_alone());
         if let Some(law) = base.creep_compliance(parameters).filter(|_| is_exponential) {
@@ -125,7 +125,8 @@ impl<'a> FullOrderForward<'a> {
         Ok(FullRun { position_m: stepped.position_m, fields, mesh: None, compliance_per_m: full.compliance_per_m() })
     }
 
-    /// Adds the deviation of x(gF)/g to the linear model's run. The fields are the linear model's.
+    /// Runs a model of large displacements. It adds the deviation of x(gF)/g from the linear response to the linear model's
+    /// position. The returned fields are those of the linear model.
     fn run_large(
         &self,
         surroundings: &GelAndRobot<'a>,
@@ -202,13 +203,14 @@ impl<'a> FullOrderForward<'a> {
     }
 }
 
-/// Time steps for the field, refined relative to its default by the ratio of `resolution` to its own default.
+/// Time steps of the linear field models. They are refined relative to the default of [`transient::Resolution`] as `resolution`
+/// is relative to its own default.
 fn spatial_resolution(resolution: Resolution) -> transient::Resolution {
     let entry = transient::Resolution::default();
     transient::Resolution { steps_per_doubling: scaled(entry.steps_per_doubling, resolution), ..entry }
 }
 
-/// Steps a doubling, scaled from `own` by the ratio of `wanted` to the default.
+/// Returns `index` time steps per doubling of the time, times the ratio of the `wanted` steps to their default, rounded up.
 fn scaled(index: u32, wanted: Resolution) -> u32 {
     (index * wanted.steps_per_doubling).div_ceil(Resolution::default().steps_per_doubling)
 }
@@ -222,7 +224,7 @@ impl Forward for FullOrderForward<'_> {
 /// Range of one parameter over which a surrogate was trained and verified.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct TrainedRange {
-    /// Parameter name, with unit.
+    /// Name of the parameter, with its unit.
     pub name: String,
     /// Lower end of the range, in the unit of the name.
     pub lower: f64,
@@ -237,15 +239,15 @@ impl TrainedRange {
     }
 }
 
-/// Reduced model: one compliance, and the stages in closed form.
+/// Reduced model, which computes trajectories from a compliance and the stages in closed form.
 pub struct SurrogateForward<'a> {
-    /// Law and effects.
+    /// Base law with its effects.
     pub model: &'a Model,
-    /// Compliance that converts ∫J dF into a position.
+    /// Displacement per force at unit creep compliance, in 1/m.
     pub compliance: Compliance,
-    /// Prepared record.
+    /// Record prepared for the evaluation of the model.
     pub response: Response,
-    /// Trained ranges of the law's parameters; empty if the compliance is exact, as an instrument's.
+    /// Trained ranges of the law's parameters; empty if the compliance is exact, as for an instrument.
     pub trained: &'a [TrainedRange],
 }
 
@@ -264,20 +266,22 @@ impl SurrogateForward<'_> {
         Ok(())
     }
 
-    /// Derivative (m a unit of the parameter) of the trajectory with respect to one parameter, by its index. It is exact, and one-sided where the
-    /// parameter is at an end of its support.
+    /// Derivative of the trajectory with respect to the parameter at `index`, at every row, in m per unit of the parameter. It is
+    /// exact, and one-sided if the parameter is at an end of its support.
     ///
     /// # Errors
-    /// Those of [`Self::derivative_along_m`].
+    /// Errors of [`Self::derivative_along_m`].
     pub fn derivative_m(&self, parameters: &[f64], index: usize) -> Result<Vec<f64>> {
         let direction: Vec<f64> = (0..parameters.len()).map(|i| f64::from(u8::from(i == index))).collect();
         self.derivative_along_m(parameters, &direction)
     }
 
-    /// Derivative (m) of the trajectory along a direction in the parameters' units. It is exact, and one-sided at ends of supports.
+    /// Derivative (m) of the trajectory at every row along `direction`, which has one component for each parameter, in its unit.
+    /// It is exact, and one-sided if a parameter is at an end of its support.
     ///
     /// # Errors
-    /// Those of [`Forward::trajectory_m`]. [`Error::Numerical`] if there is no derivative, such as with respect to a lag of zero.
+    /// Errors of [`Forward::trajectory_m`]. [`Error::Numerical`] if the derivative does not exist, such as with respect to a lag
+    /// of zero.
     pub fn derivative_along_m(&self, parameters: &[f64], direction: &[f64]) -> Result<Vec<f64>> {
         self.in_trained_range(parameters)?;
         let carried = |(value, derivative): (&f64, &f64)| Dual { value: *value, derivative: *derivative };

@@ -1,4 +1,4 @@
-//! Base law and apparatus combined into a forward model: parameters → trajectory.
+//! Forward model, which computes a trajectory from the parameters of a base law and its effects in an apparatus.
 
 mod compliance;
 mod composition;

@@ -1,4 +1,4 @@
-//! Reduced models of effects on the displacement field, for the effects of a problem.
+//! Reduced models of effects on the displacement field, one for each effect of a problem.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -16,28 +16,28 @@ use elements::fe::spatial::GelAndRobot;
 use laws::rheology::SpreadTerm;
 use laws::stages::{LinearField, ReducedField, SharedStepper, Spatial, Stages};
 
-/// Singular values below this fraction of the largest give no mode.
+/// Modes whose singular values are below this fraction of the largest one are dropped.
 const TOLERANCE: f64 = 1e-6;
 
-/// Reduced model of one effect.
+/// Reduced model of one effect on the displacement field.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum FieldModel {
-    /// Terms of a field of one shape.
+    /// Terms of a linear field without a shape parameter.
     Modes(FieldModes),
-    /// Terms of a field whose shape depends on a parameter.
+    /// Terms of a linear field whose shape depends on a parameter.
     ThreeTerms(ThreeTerms),
-    /// Terms of pore flow.
+    /// Terms of a field with pore flow.
     Pores(PoreSpectrum),
-    /// Nonlinear law at a few integration points.
+    /// Hyper-reduced model of a nonlinear law.
     Nonlinear(HyperModel),
 }
 
-/// Reduced models by the slugs of their effects. Only requested models are present.
+/// Reduced models, by the slugs of their effects. Only models of requested effects are present.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct FieldModels(BTreeMap<String, FieldModel>);
 
-/// Number of pieces of work for building the model of an effect.
+/// Number of tasks in building the reduced model of an effect, for progress reports.
 pub fn n_pieces(effect: &dyn Effect) -> usize {
     match effect.field() {
         None => 0,
@@ -50,7 +50,7 @@ pub fn n_pieces(effect: &dyn Effect) -> usize {
 }
 
 impl FieldModel {
-    /// Builds the model of one effect, if its field needs one. It calls `piece_done` after every piece, from any thread.
+    /// Builds the reduced model of one effect, if its field needs one. It calls `piece_done` after every task, from any thread.
     fn build(
         effect: &dyn Effect,
         surroundings: &GelAndRobot<'_>,
@@ -78,12 +78,12 @@ impl FieldModel {
             FieldEffect::Nonlinear(family) => {
                 Self::Nonlinear(hyper::build(surroundings, family, &HyperSettings::of(family), piece_done)?)
             }
-            // The model is trained for one record, not for a gel (`surrogate::trajectory`).
+            // Large displacements have no model here. Theirs is trained for each record (`surrogate::trajectory`).
             _ => return Ok(None),
         }))
     }
 
-    /// Terms of a linear field; `None` if the model does not match the field's kind.
+    /// Returns the terms of a linear field; `None` if this model is of another kind.
     fn terms(&self, field: &LinearField) -> Result<Option<Vec<SpreadTerm>>> {
         Ok(match (self, field.shape) {
             (Self::Modes(modes), None) => Some(terms_of(modes)),
@@ -100,16 +100,16 @@ impl FieldModel {
 }
 
 impl FieldModels {
-    /// Builds the model of one effect, if its field needs one. It calls `piece_done` after every piece, from any thread.
+    /// Builds the reduced model of one effect, if its field needs one. It calls `piece_done` after every task, from any thread.
     ///
     /// # Errors
-    /// Those of the full-order models.
+    /// Errors of the full-order models.
     pub fn build(effect: &dyn Effect, surroundings: &GelAndRobot<'_>, piece_done: &(dyn Fn() + Sync)) -> Result<Self> {
         let model = FieldModel::build(effect, surroundings, piece_done)?;
         Ok(Self(model.map(|model| (effect.slug().to_string(), model)).into_iter().collect()))
     }
 
-    /// Models of both sets. Those of `self` have precedence.
+    /// Returns the models of both sets. If both have an effect, the model of `self` is kept.
     pub fn merged_with(self, other: Self) -> Self {
         let mut all = other.0;
         all.extend(self.0);
@@ -121,8 +121,8 @@ impl FieldModels {
         self.0.contains_key(slug)
     }
 
-    /// Largest difference from full-order runs, found when a nonlinear law's model was built, relative to their amplitude.
-    /// `None` for other effects.
+    /// Largest difference of a nonlinear law's model from full-order runs at verification, relative to their amplitude. `None`
+    /// for other effects.
     pub fn verification_error(&self, slug: &str) -> Option<f64> {
         match self.0.get(slug) {
             Some(FieldModel::Nonlinear(model)) => Some(model.reduced().max_relative_error),
@@ -133,7 +133,8 @@ impl FieldModels {
     /// Reduced model of the stages' effect on the field; `None` if they have none.
     ///
     /// # Errors
-    /// [`Error::Numerical`] for a model that was not built; [`Error::OutsideTrainedRange`].
+    /// [`Error::Numerical`] if the model was not built. [`Error::OutsideTrainedRange`] if the shape parameter is outside its
+    /// trained range.
     pub fn spread(&self, stages: &Stages) -> Result<Option<ReducedField>> {
         let missing = || {
             Error::numerical("the reduced model was not built for this effect", "build it for a model with this effect")
@@ -158,10 +159,12 @@ impl FieldModels {
     }
 }
 
-/// Terms with weights relative to the base law's compliance, which a vanishing effect reproduces exactly.
+/// Returns terms whose weights are relative to the base law's compliance. At the effect's null they reproduce this compliance
+/// exactly.
 fn terms_of(modes: &FieldModes) -> Vec<SpreadTerm> {
     let pairs = || modes.weights.iter().zip(&modes.numbers);
-    // If the element beside the law is rigid, only terms with μ = 0 remain; if it vanishes, all do.
+    // If the effect's null is a rigid element, only terms with μ = 0 move at the null. If its null is a vanishing element, all
+    // terms move.
     let stuck: f64 = pairs().filter(|(_, number)| **number == 0.0).map(|(weight, _)| weight).sum();
     let base = if stuck > 0.0 { stuck } else { modes.weights.iter().sum() };
     let term = |(weight, number): (&f64, &f64)| SpreadTerm { weight: (weight / base).into(), number: (*number).into() };

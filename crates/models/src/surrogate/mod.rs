@@ -1,7 +1,9 @@
-//! Reduction of the full-order model to a few modes by snapshots, POD and Galerkin projection (physics §3.3), with verification.
+//! Reduction of the full-order model to a few modes, with verification (physics §3.3). The method is a proper orthogonal
+//! decomposition (POD) of snapshots with Galerkin projection.
 //!
-//! Snapshots are full-order fields at Sobol points of a box of parameters. For the base model at one Poisson ratio the problem separates
-//! and one mode is exact. Over a range of Poisson ratios three modes span the response. Both cases use one implementation.
+//! Snapshots are full-order fields at Sobol points of a box of parameters. At one Poisson ratio, the fields of the base model
+//! differ only by a factor, so that one mode is exact. Over a range of Poisson ratios three modes span the response. Both cases
+//! use one implementation.
 
 mod field_models;
 pub mod hyper;
@@ -26,18 +28,19 @@ use elements::fe::time::{FullOrderModel, SolvedLoad, TimeScheme};
 use laws::rheology::{BaseLaw, CreepCompliance};
 use record::Force;
 
-/// Number of runs that train the surrogate, and of runs that verify it at later points of the Sobol sequence.
+/// Number of full-order runs that train the surrogate.
 const TRAINING_RUNS: u32 = 16;
+/// Number of full-order runs that verify the surrogate, at later points of the Sobol sequence.
 const VERIFICATION_RUNS: u32 = 8;
-/// Seed of the scrambled Sobol sequence. The training design is part of the method, not of a run.
+/// Seed of the scrambled Sobol sequence. It is fixed, so that equal settings always give the same training points.
 const DESIGN_SEED: u32 = 1;
-/// Number of fields from each run, spread over the record.
+/// Number of fields that are taken from each run, at times spread over the record.
 const FIELDS_PER_RUN: usize = 6;
 
 /// Settings for the training of a surrogate.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Training<'a> {
-    /// Constitutive law, a finite sum of exponentials.
+    /// Constitutive law, whose creep compliance is a finite sum of exponentials.
     pub law: BaseLaw,
     /// Ranges of the law's parameters, all positive, covered on a logarithmic scale.
     pub parameters: &'a [TrainedRange],
@@ -47,7 +50,7 @@ pub struct Training<'a> {
     pub time_s: &'a [f64],
     /// Commanded force.
     pub force: Force<'a>,
-    /// Singular values below this fraction of the largest are dropped.
+    /// Modes whose singular values are below this fraction of the largest one are dropped.
     pub tolerance: f64,
 }
 
@@ -58,19 +61,20 @@ pub struct Surrogate {
     pub parameters: Vec<TrainedRange>,
     /// Valid range of the Poisson ratio.
     pub poisson_ratio: TrainedRange,
-    /// Reduced operators.
+    /// Galerkin projection of the full-order model on the modes.
     pub operators: ReducedOperators,
     /// Singular values of the normalised snapshots, relative to the largest.
     pub singular_values: Vec<f64>,
-    /// Fraction of the largest singular value below which modes were dropped.
+    /// Fraction of the largest singular value below which modes are dropped.
     pub tolerance: f64,
-    /// Number of full-order runs that trained it.
+    /// Number of full-order runs that trained the surrogate.
     pub snapshot_runs: usize,
-    /// Number of full-order runs that verified it, at parameters outside the training set.
+    /// Number of full-order runs that verified the surrogate, at parameters outside the training set.
     pub verification_runs: usize,
     /// Largest relative distance, in the energy norm, of a verification field from the span of the modes.
     pub max_projection_error: f64,
-    /// Largest difference of a reduced trajectory from the full-order one, relative to the latter's amplitude.
+    /// Largest difference of a reduced trajectory from the full-order one, relative to the amplitude of the full-order
+    /// trajectory.
     pub max_relative_error: f64,
     /// Number of unknowns of the full-order model.
     pub fe_unknowns: usize,
@@ -87,7 +91,7 @@ impl Training<'_> {
     }
 }
 
-/// Full-order run: its parameters, its trajectory and some of its fields.
+/// Full-order run with its parameters, its trajectory and some of its fields.
 struct FullRun {
     law_parameters: Vec<f64>,
     poisson_ratio: f64,
@@ -96,7 +100,7 @@ struct FullRun {
 }
 
 impl Surrogate {
-    /// Trains a surrogate on full-order runs and verifies it on others.
+    /// Trains a surrogate on full-order runs, and verifies it on other runs.
     pub fn train(stiffness: &Stiffness, training: &Training) -> Result<Self> {
         let runs = |indices: std::ops::Range<u32>| -> Result<Vec<FullRun>> {
             let [lower, upper] = training.poisson_ratio;
@@ -143,7 +147,8 @@ impl Surrogate {
         Ok(surrogate)
     }
 
-    /// Displacement of the robot per unit force at unit creep compliance, in 1/m. Ratios outside the trained range are refused.
+    /// Displacement of the robot per unit force at unit creep compliance, in 1/m. It returns an error for Poisson ratios outside
+    /// the trained range.
     pub fn compliance_per_m(&self, poisson_ratio: f64) -> Result<f64> {
         Ok(self.dual_compliance_per_m(Dual::constant(poisson_ratio))?.value)
     }
@@ -160,14 +165,14 @@ impl Surrogate {
         self.operators.dual_compliance_per_m(poisson_ratio)
     }
 
-    /// Compliance as a function of the Poisson ratio. `poisson_ratio` is the experiment's.
+    /// Returns the compliance as a function of the Poisson ratio. `poisson_ratio` is the ratio of the experiment.
     pub fn compliance(&self, poisson_ratio: f64) -> Result<Compliance> {
         let per_m = self.compliance_per_m(poisson_ratio)?;
         let family = self.clone();
         Ok(Compliance::family(per_m, move |ratio| family.dual_compliance_per_m(ratio)))
     }
 
-    /// Returns `true` if its parts are consistent, so that it can be evaluated. A file may have been edited.
+    /// Returns `true` if all fields are consistent. They may not be if the file was edited.
     pub fn is_whole(&self) -> bool {
         let range_is_sound = |range: &TrainedRange| range.lower.is_finite() && range.lower <= range.upper;
         self.operators.is_whole()
@@ -175,12 +180,13 @@ impl Surrogate {
             && self.parameters.iter().chain([&self.poisson_ratio]).all(range_is_sound)
     }
 
-    /// Number of modes.
+    /// Number of modes of the surrogate.
     pub fn n_modes(&self) -> usize {
         self.operators.n_modes
     }
 
-    /// Records the projection error of the modes and the error of the reduced equations separately.
+    /// Compares the surrogate with a full-order run. It records the projection error of the modes and the error of the trajectory
+    /// separately.
     fn verify(&mut self, training: &Training, run: &FullRun, pod: &Pod, energy: EnergyProduct) -> Result<()> {
         for field in &run.fields {
             let norm = energy.norm(field);
@@ -206,7 +212,7 @@ impl Surrogate {
     }
 }
 
-/// Law parameters and Poisson ratio of one Sobol point.
+/// Returns the law's parameters and the Poisson ratio at one Sobol point.
 fn design_point(training: &Training, index: u32) -> (Vec<f64>, f64) {
     let coordinate = |dimension: u32| f64::from(sobol_burley::sample(index, dimension, DESIGN_SEED));
     let law_parameters = training.parameters.iter().zip(0_u32..);
@@ -274,8 +280,8 @@ mod tests {
         assert!(surrogate.max_projection_error < 1e-7, "{}", surrogate.max_projection_error);
     }
 
-    /// Checks that the family over the Poisson ratio has rank three (physics §3.4). The fourth singular value is a discretisation error
-    /// and falls with the mesh.
+    /// Checks that the fields over a range of Poisson ratios have three modes (physics §3.4). The fourth singular value is a
+    /// discretisation error, which decreases as the mesh is refined.
     #[test]
     fn poisson_family_has_three_modes() {
         let (_, surrogate) = train_on(1, 6, [0.3, 0.499], 1e-4);
@@ -283,7 +289,7 @@ mod tests {
         let (stiffness, finer) = train_on(2, 8, [0.3, 0.499], 1e-4);
         assert!(finer.singular_values[3] < 0.4 * surrogate.singular_values[3], "{:?}", &finer.singular_values[..6]);
         assert!(finer.max_relative_error < 1e-8 && finer.max_projection_error < 1e-4);
-        // The ratios are not those of snapshots. The functional converges twice as fast as the field.
+        // No snapshot has these ratios. The compliance converges twice as fast as the field.
         for poisson_ratio in [0.31, 0.42, 0.495] {
             let full = FullOrderModel::new(&stiffness, poisson_ratio).expect("positive definite").compliance_per_m();
             let reduced = finer.compliance_per_m(poisson_ratio).expect("inside the trained range");
@@ -291,7 +297,8 @@ mod tests {
         }
     }
 
-    /// Checks a surrogate with too few modes: both reported errors must show it, the trajectory's as the square of the field's.
+    /// Checks that both reported errors of a surrogate with too few modes are large. The error of the trajectory is the square of
+    /// the error of the field.
     #[test]
     fn a_truncated_family_reports_its_errors() {
         let (_, surrogate) = train_on(1, 6, [0.3, 0.499], 0.05);
@@ -321,7 +328,7 @@ mod tests {
                 assert!((product - f64::from(u8::from(i == j))).abs() < 1e-9, "({i}, {j}): {product}");
             }
         }
-        // By the energy identity the squared singular values of unit-energy snapshots add up to their number.
+        // The squared singular values of unit-energy snapshots add up to the number of snapshots.
         let total: f64 = pod.singular_values.iter().map(|s| s * s).sum();
         assert!((total - 4.0).abs() < 1e-12, "{total}");
     }

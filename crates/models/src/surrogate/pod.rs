@@ -1,4 +1,5 @@
-//! Proper orthogonal decomposition in the energy inner product ⟨u, v⟩ = uᵀ K̂ v.
+//! Proper orthogonal decomposition of displacement fields in the energy inner product ⟨u, v⟩ = uᵀ K̂ v, with K̂ a stiffness
+//! matrix.
 
 use faer::sparse::SparseColMatRef;
 use nalgebra::DMatrix;
@@ -6,22 +7,23 @@ use nalgebra::DMatrix;
 use base::error::{Error, Result};
 use elements::fe::factorisation::add_symmetric_product;
 
-/// A snapshot of unit energy adds no direction if less than this remains of it after orthogonalisation. Larger remainders may still be rounding errors, but are kept: the
-/// singular values then show the level of rounding.
+/// Norm below which the remainder of a normalised snapshot after orthogonalisation adds no basis vector. Larger remainders may
+/// still be rounding errors. They are kept, so that the singular values show the level of rounding.
 const ROUNDING: f64 = f64::EPSILON;
-/// Largest number of iterations of the singular value decomposition, divided by the matrix's number of rows. Two or three per row are usual.
+/// Largest number of iterations of the singular value decomposition for each row of the matrix. Two or three for each row are
+/// usual.
 const MOST_ROTATIONS: usize = 100;
 
-/// Energy-orthonormal modes of a set of snapshots, by falling singular value.
+/// Energy-orthonormal modes of a set of snapshots, in the order of decreasing singular values.
 #[derive(Debug, Clone)]
 pub struct Pod {
-    /// Modes, each as long as a snapshot.
+    /// Modes, each with one entry for each unknown of a snapshot.
     pub modes: Vec<Vec<f64>>,
-    /// Singular values of the normalised snapshots, all of them.
+    /// Singular values of the normalised snapshots, including those of dropped modes.
     pub singular_values: Vec<f64>,
 }
 
-/// Energy inner product with K̂ given by its upper triangle.
+/// Energy inner product, with the upper triangle of K̂.
 #[derive(Clone, Copy)]
 pub struct EnergyProduct<'a>(pub SparseColMatRef<'a, u32, f64>);
 
@@ -51,11 +53,11 @@ fn subtract(u: &mut [f64], scale: f64, v: &[f64]) {
 }
 
 impl Pod {
-    /// Decomposes snapshots and keeps the modes whose singular values exceed `tolerance` times the largest. Each snapshot is scaled to unit energy, so
-    /// that small and large responses count equally; zero ones are skipped.
+    /// Decomposes snapshots and keeps the modes whose singular values exceed `tolerance` times the largest. Each snapshot is
+    /// scaled to unit energy, so that small and large responses have equal weight. Zero snapshots are skipped.
     ///
-    /// Snapshots are orthonormalised first and the small triangular factor is decomposed. Singular values are then accurate down to rounding,
-    /// while the correlation matrix would lose them below its square root.
+    /// Snapshots are orthonormalised first, and the small triangular factor is decomposed. Singular values are then accurate down
+    /// to rounding. A decomposition of the correlation matrix would lose those below the square root of rounding.
     pub fn new(snapshots: &[Vec<f64>], energy: EnergyProduct, tolerance: f64) -> Result<Self> {
         let (basis, triangle) = orthonormalise(snapshots, energy);
         let n = basis.len();
@@ -81,7 +83,8 @@ impl Pod {
     }
 }
 
-/// Repeated Gram–Schmidt: returns an energy-orthonormal basis of the snapshots, and each normalised snapshot's coordinates in it.
+/// Returns an energy-orthonormal basis of the snapshots, and the coordinates of each normalised snapshot in it, by repeated
+/// Gram–Schmidt orthogonalisation.
 fn orthonormalise(snapshots: &[Vec<f64>], energy: EnergyProduct) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
     let (mut basis, mut images): (Vec<Vec<f64>>, Vec<Vec<f64>>) = (Vec::new(), Vec::new());
     let mut triangle = Vec::new();

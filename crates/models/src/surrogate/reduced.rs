@@ -1,4 +1,5 @@
-//! Galerkin projection of the full-order model on a few modes, with the affine split in the moduli (physics §3.4).
+//! Galerkin projection of the full-order model on a few modes. The stiffness is split into deviatoric and volumetric matrices,
+//! which are multiplied by the moduli (physics §3.4).
 
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
@@ -14,18 +15,18 @@ use elements::fe::factorisation::add_symmetric_product;
 pub struct ReducedOperators {
     /// Number of modes m.
     pub n_modes: usize,
-    /// Vᵀ K_dev V, row by row, m × m.
+    /// Deviatoric stiffness Vᵀ K_dev V, m × m, row by row. The columns of V are the modes.
     pub deviatoric: Vec<f64>,
-    /// Vᵀ K_vol V, row by row, m × m.
+    /// Volumetric stiffness Vᵀ K_vol V, m × m, row by row.
     pub volumetric: Vec<f64>,
     /// Translation of the robot in each mode.
     pub robot: Vec<f64>,
-    /// Share of the whole body's force that the meshed part carries.
+    /// Fraction of the whole robot's force that the meshed symmetric section carries.
     pub force_share: f64,
 }
 
 impl ReducedOperators {
-    /// Projects the two affine parts on the modes (offline).
+    /// Projects the deviatoric and the volumetric stiffness on the modes.
     pub fn project(assembly: &Assembly, modes: &[Vec<f64>], force_share: f64) -> Self {
         let n_modes = modes.len();
         let project = |matrix| {
@@ -59,7 +60,7 @@ impl ReducedOperators {
             && [deviatoric, volumetric, robot].into_iter().flatten().chain([force_share]).all(|x| x.is_finite())
     }
 
-    /// Reduced coordinates of the response to unit force on the whole body at unit Young's modulus (online).
+    /// Returns the factors of the modes in the response to a unit force on the whole robot, at unit Young's modulus.
     pub fn unit_response(&self, poisson_ratio: f64) -> Result<DVector<f64>> {
         let [two_mu, kappa] = unit_moduli(poisson_ratio);
         let force = DVector::from_iterator(self.n_modes, self.robot.iter().map(|r| self.force_share * r));
@@ -82,7 +83,8 @@ impl ReducedOperators {
         Ok(self.dual_compliance_per_m(Dual::constant(poisson_ratio))?.value)
     }
 
-    /// Displacement per unit force with its derivative: C = rᵀq with K(ν) q = s r, hence dC = −qᵀ dK q / s.
+    /// Returns the displacement C per unit force (1/m) with its derivative by the Poisson ratio ν. With K(ν) q = s r, C = rᵀq and
+    /// dC = −qᵀ dK q / s. r is the robot's translation in the modes, and s the fraction of the force on the mesh.
     pub fn dual_compliance_per_m(&self, poisson_ratio: Dual) -> Result<Dual> {
         let response = self.unit_response(poisson_ratio.value)?;
         let value = self.robot.iter().zip(response.iter()).map(|(r, q)| r * q).sum();
@@ -123,7 +125,7 @@ mod tests {
         assert!(!ReducedOperators { volumetric: vec![f64::INFINITY], ..whole() }.is_whole());
     }
 
-    /// Checks against a central difference, whose own error is about 1e-9 here.
+    /// Compares the derivative with a central difference, whose error is about 1e-9.
     #[test]
     fn the_compliance_has_its_derivative() {
         let operators = ReducedOperators {

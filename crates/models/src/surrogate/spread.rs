@@ -1,9 +1,11 @@
 //! Reduced model of a linear effect on the displacement field (physics §3.3, §5).
 //!
-//! The full-order model is f = (A + x B) z with symmetric A > 0, B ≥ 0 and a scalar x that depends on the law and the effect's parameters. A is the stiffness,
-//! and B the friction or the mass. If a second law has a share, A is the whole stiffness, B that share's, and x is above −1. Solutions at values of x over many
-//! decades are snapshots, and their POD in the energy norm of A gives modes. The common eigenvectors of the two matrices, projected on the modes, give the robot's
-//! compliance as C Σ w/(1 + x μ) for every x, complex ones included. The online part of this affine split does not depend on the mesh.
+//! The full-order model is f = (A + x B) z for the force f and the field z, with symmetric A > 0 and B ≥ 0. The scalar x depends
+//! on the law and the effect's parameters. A is the stiffness, and B the friction or the mass. If part of the gel has a second
+//! law, A is the stiffness of the whole gel, B that of this part, and x is above −1. Snapshots are solutions at values of x over
+//! many decades. Their proper orthogonal decomposition in the energy norm of A gives modes. The common eigenvectors of the
+//! projected matrices give the robot's compliance as C Σ w/(1 + x μ) for every real or complex x. The cost of this sum does not
+//! depend on the mesh.
 
 use faer::{Mat, Side};
 use rayon::prelude::*;
@@ -13,33 +15,34 @@ use super::pod::{EnergyProduct, Pod, dot};
 use base::error::{Error, Result};
 use elements::fe::spatial::{MatrixSplitting, SpatialSystem};
 
-/// Weights below this share of the total are omitted.
+/// Terms whose weights are below this fraction of the total are omitted.
 const LEAST_WEIGHT: f64 = 1e-10;
-/// Ratio of μ to the largest μ below which a term does not depend on B, and remainder of a share below which it depends on B alone.
+/// Ratio of μ to the largest μ below which a term does not depend on B. Value of 1 − θ below which a term depends on B alone.
 const NO_SHARE: f64 = 1e-7;
 
-/// Pair of matrices reduced to a few terms.
+/// Terms to which a pair of matrices is reduced.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FieldModes {
     /// Compliance of the full-order model at x = 0, in 1/m.
     pub compliance_per_m: f64,
-    /// Weights w. They add up to 1 minus the error of the modes.
+    /// Weights w of the terms. They add up to 1 minus the error of the modes.
     pub weights: Vec<f64>,
-    /// Numbers μ ≥ 0.
+    /// Eigenvalues μ ≥ 0 of the terms, or their fractions θ, in the order of the weights.
     pub numbers: Vec<f64>,
     /// Singular values of the normalised snapshots, relative to the largest.
     pub singular_values: Vec<f64>,
-    /// Number of solutions that gave the modes.
+    /// Number of full-order solutions that gave the modes.
     pub snapshots: usize,
     /// Number of unknowns of the full-order model.
     pub unknowns: usize,
 }
 
 impl FieldModes {
-    /// Solves at the snapshots' values of x, and reduces. Singular values below `tolerance` times the largest are dropped.
+    /// Solves the full-order model at the x of the snapshots, and reduces it to terms. Modes whose singular values are below
+    /// `tolerance` times the largest one are dropped.
     ///
     /// # Errors
-    /// Those of the factors and of the decomposition.
+    /// Errors of the matrix factorisation and of the decomposition.
     pub fn new(system: &SpatialSystem, splitting: &MatrixSplitting, tolerance: f64) -> Result<Self> {
         let values = &splitting.snapshots;
         let n = system.n_unknowns();
@@ -100,7 +103,7 @@ impl FieldModes {
         })
     }
 
-    /// Compliance at a real x over that at x = 0.
+    /// Returns the compliance at a real x, divided by the compliance at x = 0.
     pub fn relative_compliance(&self, x: f64) -> f64 {
         self.weights.iter().zip(&self.numbers).map(|(weight, number)| weight / (1.0 + x * number)).sum()
     }

@@ -1,6 +1,7 @@
-//! Terms of a pair of matrices that depends on a parameter. At any value of it the pair has exactly three shares θ (physics §7.2): 0, one between, and 1.
+//! Terms of a pair of matrices that depends on a shape parameter. θ is the fraction of an eigenvector's stiffness that comes from
+//! the second matrix. At any value of the parameter, θ has exactly three values (physics §7.2): 0, one between 0 and 1, and 1.
 //!
-//! The error of finite elements splits the share between into several. Their mean replaces them.
+//! The error of finite elements splits the middle θ into several nearby values, which are replaced by their mean.
 
 use std::f64::consts::PI;
 
@@ -16,24 +17,25 @@ use laws::rheology::SpreadTerm;
 
 /// Number of parameter values at which the terms are computed.
 pub(super) const N_SHAPES: usize = 8;
-/// Distance from 0 or 1 below which a share counts as 0 or 1.
+/// Distance from 0 or 1 below which θ counts as 0 or 1.
 const NEAR: f64 = 0.05;
 
-/// Terms at any value of the parameter.
+/// Terms as functions of the shape parameter.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ThreeTerms {
-    /// Name and range of the parameter.
+    /// Name of the shape parameter.
     parameter: String,
+    /// Trained range of the shape parameter.
     range: [f64; 2],
-    /// ln of the three weights and the logit of the share between, at Chebyshev points of the parameter's logarithm.
+    /// Logarithms of the three weights and the logit of the middle θ, at Chebyshev points of the parameter's logarithm.
     at_shapes: Vec<[f64; 4]>,
 }
 
 impl ThreeTerms {
-    /// Reduces the full-order model at each of the points.
+    /// Reduces the full-order model at each Chebyshev point of the parameter.
     ///
     /// # Errors
-    /// Those of the full-order model, and [`Error::Numerical`] if it does not have three shares.
+    /// Errors of the full-order model. [`Error::Numerical`] if θ does not have three values.
     pub fn new(
         pair: &dyn MatrixPair,
         ShapeParameter { name, range }: ShapeParameter,
@@ -62,10 +64,10 @@ impl ThreeTerms {
         Ok(Self { parameter: name.into(), range, at_shapes })
     }
 
-    /// Terms at a value of the parameter.
+    /// Returns the three terms at a value of the parameter.
     ///
     /// # Errors
-    /// [`Error::OutsideTrainedRange`].
+    /// [`Error::OutsideTrainedRange`] if the value is outside the trained range.
     pub fn terms(&self, shape: Dual) -> Result<Vec<SpreadTerm>> {
         let [lower, upper] = self.range;
         if !(lower..=upper).contains(&shape.value) {
@@ -86,7 +88,7 @@ impl ThreeTerms {
     }
 }
 
-/// ln of the weights of shares 0, between and 1, and the logit of the mean share between.
+/// Returns the logarithms of the weights for θ = 0, for the middle θ and for θ = 1, and the logit of the mean middle θ.
 fn three_terms(modes: &FieldModes) -> [f64; 4] {
     let (mut weights, mut moment) = ([0.0; 3], 0.0);
     for (weight, share) in modes.weights.iter().zip(&modes.numbers) {
@@ -103,7 +105,7 @@ fn three_terms(modes: &FieldModes) -> [f64; 4] {
     [weights[0].ln(), weights[1].ln(), weights[2].ln(), (between / (1.0 - between)).ln()]
 }
 
-/// Lagrange's polynomials through the Chebyshev points.
+/// Returns the values at x of Lagrange's polynomials through the Chebyshev points.
 fn lagrange(x: Dual) -> [Dual; N_SHAPES] {
     let point = |i: usize| -(PI * (i as f64 + 0.5) / N_SHAPES as f64).cos();
     std::array::from_fn(|i| {
@@ -121,7 +123,7 @@ mod tests {
     use elements::fe::spatial::PhysicalProperties;
     use elements::mesh::QuarterBall;
 
-    /// Checks intermediate radii and the range's ends against modes of a mesh for each.
+    /// Compares interpolated terms with terms from separate meshes, at intermediate radii and at the ends of the range.
     #[test]
     #[ignore = "thorough"]
     fn three_terms_serve_pockets_of_any_radius() {

@@ -1,21 +1,22 @@
-//! Checks of the force between rows, and of the response's sign.
+//! Checks of the force between rows, and of the sign of the response to the force.
 
 use super::quick_fit::{curve_beyond_lines, distance_between_rules_m};
 use super::{CheckContext, found, um};
 use documents::check::Contradiction;
 use record::{ForceRule, has_noisy_levels, is_work_negative};
 
-/// Smallest share of rows with a change at which a force counts as not switched.
+/// Smallest fraction of rows at which a force must change to count as continuous instead of switched.
 const MOST: f64 = 0.5;
-/// Largest change of a force, as a share of its range, that counts as no change.
+/// Largest change of a force, as a fraction of its range, that counts as no change.
 const NOTHING: f64 = 1e-6;
-/// Largest difference of positions between a held and a linear force that does not matter, as a share of the noise.
+/// Largest difference between the motions for a held and a linear force, as a fraction of the noise, that does not matter.
 const MATTERS: f64 = 1.0 / 3.0;
-/// Smallest share of a fitted motion's work that must be against the force, and of the variance that the motion must explain.
+/// A response is against the force if at least this fraction of the fitted motion's work is against it. The motion must also explain the fraction [`EXPLAINED`] of the
+/// positions' variance.
 const CLEARLY: f64 = 0.5;
 const EXPLAINED: f64 = 0.3;
 
-/// Finds a force that changes in most rows while the description does not say whether it holds between them.
+/// Finds a force that changes at most rows, if the description does not state its course between rows.
 pub(super) fn between_rows(looked: &CheckContext<'_>) -> Option<Contradiction> {
     let record = looked.record;
     if looked.understood.force_rule_given || record.force_rule != ForceRule::Hold {
@@ -46,8 +47,8 @@ pub(super) fn between_rows(looked: &CheckContext<'_>) -> Option<Contradiction> {
     Some(found("force_between_rows", true, text, advice))
 }
 
-/// Finds a force curve that straight lines between rows cut off so much that a fitted parameter may be off by its own standard error. An error that all positions share
-/// matters more than the noise of one.
+/// Finds a curved force that straight lines between rows approximate badly. The limit is a shift that biases a fitted parameter by its standard error. The limit lies
+/// below the noise of one position, because the shift is common to all positions.
 pub(super) fn curved(looked: &CheckContext<'_>) -> Option<Contradiction> {
     let (record, fit) = (looked.record, looked.fit.as_ref()?);
     if record.force_rule != ForceRule::Linear || looked.noise_m == 0.0 {
@@ -72,7 +73,7 @@ pub(super) fn curved(looked: &CheckContext<'_>) -> Option<Contradiction> {
     ))
 }
 
-/// Finds a response against the force. A passive body takes up work.
+/// Finds a response in the direction opposite to the force. A passive body can only take up work.
 pub(super) fn against(looked: &CheckContext<'_>) -> Option<Contradiction> {
     let fit = looked.fit.as_ref().filter(|fit| fit.explained > EXPLAINED)?;
     let motion_m: Vec<Option<f64>> = fit.motion_m.iter().copied().map(Some).collect();

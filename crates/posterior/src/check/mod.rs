@@ -1,6 +1,7 @@
 //! Finds contradictions between a record and its description before the first fit (formats §4).
 //!
-//! Every file but `quick_fit` finds one kind of contradiction, or several with common inputs. A certain contradiction is refused; a possible one is reported.
+//! Every file except `quick_fit` finds one kind of contradiction, or several kinds that use the same inputs. A certain contradiction is an error, a possible one a
+//! warning.
 
 mod force;
 mod noise;
@@ -24,15 +25,15 @@ struct CheckContext<'a> {
     experiment: &'a Experiment,
     understood: &'a Interpretation,
     record: &'a Record,
-    /// Known noise in m, or the estimated noise, at most the residual of the quick fit; 0 if nothing is known.
+    /// Noise standard deviation in m. It is the known noise, or else the smaller of the estimated noise and the residual of the quick fit. It is 0 if all are unknown.
     noise_m: f64,
-    /// Spread of the positions in m, without the largest and smallest hundredth.
+    /// Range of the positions in m, without the largest 1 % and the smallest 1 % of them.
     range_m: f64,
     /// Quick fit under the record's own force rule.
     fit: Option<QuickFit>,
 }
 
-/// Share of the positions that the range leaves out on either side.
+/// Fraction of the positions that the range leaves out at either end.
 const TAIL: f64 = 0.01;
 
 impl<'a> CheckContext<'a> {
@@ -53,17 +54,17 @@ impl<'a> CheckContext<'a> {
     }
 }
 
-/// Creates a contradiction.
+/// Creates a contradiction. `certain` is true if it is an error and not a warning.
 fn found(kind: &str, certain: bool, text: String, advice: impl Into<String>) -> Contradiction {
     Contradiction { kind: kind.into(), certain, text, advice: advice.into() }
 }
 
-/// Length in µm as text.
+/// Text of a length in µm, with three significant digits.
 fn um(metres: f64) -> String {
     figures::number::format_significant(1e6 * metres, 3)
 }
 
-/// All contradictions with the description, the certain ones first.
+/// All contradictions between an experiment's record and its description, the certain ones first.
 pub fn contradictions(experiment: &Experiment, understood: &Interpretation) -> Vec<Contradiction> {
     let looked = CheckContext::new(experiment, understood);
     let looks = [
@@ -88,11 +89,12 @@ pub fn contradictions(experiment: &Experiment, understood: &Interpretation) -> V
         switches::logged_late,
         zero::starts_under_load,
     ];
-    // The quick fit assumes positions linear in the force, which an indenter's depth is not. The reader finds its contact.
+    // The quick fit assumes that positions are linear in the force. An indenter's depth is not, so only checks without the quick fit apply. The record's reader finds
+    // the contact.
     let of_indenter = [times::units, positions::clipped, positions::repeated];
     let looks = if matches!(experiment.apparatus, Apparatus::Indenter(_)) { &of_indenter[..] } else { &looks[..] };
     let mut all: Vec<Contradiction> = looks.iter().filter_map(|look| look(&looked)).collect();
-    // A cause makes the advice on its consequences worthless.
+    // If a cause is found, advice on its consequences would mislead the user.
     for (cause, consequences) in CAUSES {
         if all.iter().any(|contradiction| contradiction.kind == cause) {
             all.retain(|contradiction| !consequences.contains(&contradiction.kind.as_str()));
@@ -102,7 +104,7 @@ pub fn contradictions(experiment: &Experiment, understood: &Interpretation) -> V
     all
 }
 
-/// Kinds that explain other kinds, which are then left out.
+/// Kinds of contradictions that explain others: each cause with its consequences. The consequences are not reported together with their cause.
 const CAUSES: [(&str, &[&str]); 3] = [
     (
         "force_logged_late",
@@ -119,7 +121,7 @@ const CAUSES: [(&str, &[&str]); 3] = [
     ("lost_positions", &["outliers", "clipped_positions", "repeated_positions"]),
 ];
 
-/// Refuses a certain contradiction and warns about possible ones.
+/// Returns an error if a contradiction is certain, and warns about possible ones.
 ///
 /// # Errors
 /// [`Error::Input`] with the remedy of the first certain contradiction.
@@ -139,7 +141,7 @@ pub fn refuse_contradictions(
     Ok(())
 }
 
-/// Summary of a record as it was read, with its contradictions.
+/// Summary of how the program understood a record, with the contradictions that it found.
 pub fn summary(experiment: &Experiment, files: &ExperimentFiles) -> CheckSummary {
     CheckSummary {
         experiment: experiment.specimen_id.clone(),
@@ -153,7 +155,7 @@ pub fn summary(experiment: &Experiment, files: &ExperimentFiles) -> CheckSummary
     }
 }
 
-/// Description of a record as it was read, in five lines.
+/// Description of how the program understood a record, in five lines.
 fn sentences(experiment: &Experiment, understood: &Interpretation) -> [String; 5] {
     let record = &experiment.record;
     let number = |value: f64| figures::number::format_significant(value, 3);

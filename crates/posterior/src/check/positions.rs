@@ -1,4 +1,4 @@
-//! Checks for positions that the tracker did not measure: at the end of its range, repeated, isolated, lost or unread.
+//! Checks for doubtful positions. They are clipped at the end of the tracker's range, repeated, outlying, lost, or in a column that is not read.
 
 use std::collections::HashMap;
 
@@ -8,29 +8,30 @@ use figures::number::format_significant;
 use record::noise::Outlier;
 use record::repeated_outliers;
 
-/// Smallest number, share and run of rows at one end of the range that are no chance.
+/// Smallest number of positions at one end of the range that is no chance. [`CLIPPED_SHARE`] is their smallest fraction of all positions, and [`CLIPPED_RUN`] their
+/// smallest number in succession.
 const CLIPPED: usize = 5;
 const CLIPPED_SHARE: f64 = 0.01;
 const CLIPPED_RUN: usize = 3;
-/// Smallest share of rows that repeat the previous one.
+/// Smallest fraction of positions equal to the previous position that is reported.
 const REPEATED: f64 = 0.25;
-/// Coarsest resolution, as a share of the noise, at which equal positions are suspicious.
+/// Coarsest resolution, as a fraction of the noise, at which equal positions are suspicious.
 const COARSE: f64 = 0.5;
 
-/// Smallest difference between unequal positions, in m, which is the resolution of the written values.
+/// Resolution of the written positions in m: the smallest difference between unequal ones.
 fn resolution_m(positions: &[f64]) -> f64 {
     let mut sorted = positions.to_vec();
     sorted.sort_unstable_by(f64::total_cmp);
     sorted.windows(2).map(|pair| pair[1] - pair[0]).filter(|gap| *gap > 0.0).fold(f64::INFINITY, f64::min)
 }
 
-/// Returns true if the noise moves positions by more than their last digit, so that equal positions are informative.
+/// Returns true if the noise is larger than the resolution of the positions, so that equal positions are no chance.
 fn is_fine(looked: &CheckContext<'_>, positions: &[f64]) -> bool {
     let noise_m = looked.fit.as_ref().map_or(looked.noise_m, |fit| looked.noise_m.min(fit.left_sd_m));
     noise_m > 0.0 && resolution_m(positions) < COARSE * noise_m
 }
 
-/// Finds many positions that are exactly the largest or the smallest one.
+/// Finds many positions that are equal to the largest or the smallest position.
 pub(super) fn clipped(looked: &CheckContext<'_>) -> Option<Contradiction> {
     let positions: Vec<f64> = looked.record.position_m.iter().flatten().copied().collect();
     if !is_fine(looked, &positions) {
@@ -52,7 +53,7 @@ pub(super) fn clipped(looked: &CheckContext<'_>) -> Option<Contradiction> {
     Some(found("clipped_positions", false, text, "leave the position empty in these rows: a limit is no measurement"))
 }
 
-/// Finds positions that repeat the previous one although the noise should have moved them.
+/// Finds positions equal to the previous position, although the noise should make them differ.
 pub(super) fn repeated(looked: &CheckContext<'_>) -> Option<Contradiction> {
     let positions: Vec<f64> = looked.record.position_m.iter().flatten().copied().collect();
     if !is_fine(looked, &positions) {
@@ -60,7 +61,7 @@ pub(super) fn repeated(looked: &CheckContext<'_>) -> Option<Contradiction> {
     }
     let mut counts: HashMap<u64, usize> = HashMap::new();
     positions.iter().for_each(|x| *counts.entry(x.to_bits()).or_default() += 1);
-    // Rows at one end of the range belong to the clipped positions.
+    // Equal positions at one end of the range belong to the check for clipped positions.
     let most = counts.values().copied().max().unwrap_or(0);
     let n = positions.windows(2).filter(|pair| pair[0] == pair[1]).count();
     if n < CLIPPED || (n as f64) < REPEATED * positions.len() as f64 || 2 * most > n {
@@ -71,10 +72,10 @@ pub(super) fn repeated(looked: &CheckContext<'_>) -> Option<Contradiction> {
     Some(found("repeated_positions", false, text, advice))
 }
 
-/// Largest number of rows in a list.
+/// Largest number of rows that a message lists.
 const LISTED: usize = 5;
 
-/// Finds single positions far from the rows around them.
+/// Finds single positions that are far from the positions before and after them.
 pub(super) fn outliers(looked: &CheckContext<'_>) -> Option<Contradiction> {
     let record = looked.record;
     let outliers = record::noise::outliers(record);

@@ -1,4 +1,5 @@
-//! Fit of a simple law within milliseconds, to check rows against their description. The law has a retarded part, a flow and an offset; it is linear except for one rate.
+//! Fit of a simple law, which takes milliseconds and serves to check a record against its description. The law has a retarded motion, a flow and an offset. It is
+//! linear in all parameters except one rate.
 //!
 //! The fit estimates no parameter for later use. It shows the size and direction of the motion, and the influence of the force between rows.
 
@@ -7,33 +8,33 @@ use nalgebra::{Matrix3, Vector3};
 use record::noise::SD_PER_MAD;
 use record::{Force, ForceRule, Record};
 
-/// Largest number of rows in the fit; more rows add nothing about a description.
+/// Largest number of rows in the fit. More rows would not help to check the description.
 const MOST_ROWS: usize = 20_000;
 /// Number of rates that are tried, from a third of the record's length to three per row.
 const N_RATES: usize = 24;
-/// Distance in robust standard deviations beyond which the second pass leaves a position out.
+/// Largest residual, in robust standard deviations, of a position that the second pass of the fit uses.
 const FAR: f64 = 4.0;
 
-/// A fitted law.
+/// Result of the fit of the simple law.
 #[derive(Debug, Clone, PartialEq)]
 pub struct QuickFit {
     /// Fitted motion at every row of the fit, in m, without the offset.
     pub motion_m: Vec<f64>,
     /// Offset of the positions, in m.
     pub offset_m: f64,
-    /// Rate of the retarded part, in 1/s.
+    /// Rate of the retarded motion, in 1/s.
     pub rate_per_s: f64,
-    /// Largest motion of the retarded part, in m.
+    /// Largest retarded displacement, in m.
     pub retarded_m: f64,
     /// Robust standard deviation of the residuals, in m.
     pub left_sd_m: f64,
-    /// Share of the positions' variance that the law explains.
+    /// Fraction of the positions' variance that the law explains.
     pub explained: f64,
-    /// Displacement per force of the retarded part and per impulse of the flow, in m/N and m/(N·s).
+    /// Retarded displacement per force (m/N), and flow per impulse (m/(N·s)).
     pub compliance: [f64; 2],
 }
 
-/// Retarded part and flow of unit size at every row, as limits from the left.
+/// Retarded force (N) and impulse of the force (N·s) at every row, as limits from the left. Compliances convert them into the retarded motion and the flow.
 fn parts(record: &Record, rule: ForceRule, rate_per_s: f64, n_rows: usize) -> Vec<[f64; 2]> {
     let force = Force { at_rows_n: &record.force_n, rule };
     let (mut retarded, mut flow) = (0.0, 0.0);
@@ -44,7 +45,7 @@ fn parts(record: &Record, rule: ForceRule, rate_per_s: f64, n_rows: usize) -> Ve
         let dt_s = next_s - record.time_s[row];
         let slope = force.slope_n_per_s(&record.time_s, row);
         let (from_n, to_n) = (record.force_n[row], record.force_n[row] + slope * dt_s);
-        // This solves u' = r (F − u) for a linear force.
+        // This solves u' = r (F − u) exactly, where the force F is linear between rows and r is the rate.
         let lag_n = slope / rate_per_s;
         retarded = to_n - lag_n + (retarded - from_n + lag_n) * (-rate_per_s * dt_s).exp();
         flow += force.impulse_n_s(&record.time_s, row);
@@ -52,18 +53,18 @@ fn parts(record: &Record, rule: ForceRule, rate_per_s: f64, n_rows: usize) -> Ve
     parts
 }
 
-/// Median; the larger of the two middle values of an even number.
+/// Median of the values; `None` without values. For an even number of values it is the larger of the two middle ones.
 pub(super) fn median(mut values: Vec<f64>) -> Option<f64> {
     let middle = values.len() / 2;
     (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
-/// Number of rows in the fit.
+/// Number of rows at the record's start that the quick fit uses.
 pub fn n_quick_rows(record: &Record) -> usize {
     record.n_rows().min(MOST_ROWS)
 }
 
-/// Fits the law under a force rule; `None` for too few positions or no motion.
+/// Fits the simple law under a force rule; `None` if there are too few positions or no motion.
 pub fn quick_fit(record: &Record, rule: ForceRule) -> Option<QuickFit> {
     let n_rows = n_quick_rows(record);
     let rows: Vec<(usize, f64)> = (0..n_rows).filter_map(|row| Some((row, record.position_m[row]?))).collect();
@@ -83,7 +84,7 @@ pub fn quick_fit(record: &Record, rule: ForceRule) -> Option<QuickFit> {
     fits.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, fit)| fit)
 }
 
-/// Fit at one rate, with the sum of the squared residuals, where large residuals are cut off.
+/// Fits the law at one rate. Also returns the sum of squared residuals (m²), in which large residuals are limited to [`FAR`] standard deviations.
 fn fit_at(
     record: &Record,
     rule: ForceRule,
@@ -133,7 +134,7 @@ fn fit_at(
 }
 
 impl QuickFit {
-    /// Mean absolute residual in m. It also shows a misfit in a few rows.
+    /// Mean absolute residual in m. Unlike the robust standard deviation, it also increases if only a few rows fit badly.
     pub fn mean_residual_m(&self, record: &Record) -> f64 {
         let left = self.motion_m.iter().zip(&record.position_m);
         let left: Vec<f64> = left.filter_map(|(motion, x)| Some(((*x)? - motion - self.offset_m).abs())).collect();
@@ -152,8 +153,8 @@ pub fn distance_between_rules_m(record: &Record, fit: &QuickFit) -> f64 {
     (apart.sum::<f64>() / n_rows as f64).sqrt()
 }
 
-/// Mean excess of a smooth force curve over the lines between its rows, and the motion that it causes in a fitted law. Both are root mean squares over the rows, in N and
-/// m.
+/// Force (N) by which a smooth curve exceeds the straight lines between rows, and the motion (m) that this excess causes in the fitted law. Both are root mean squares
+/// over the rows.
 pub fn curve_beyond_lines(record: &Record, fit: &QuickFit) -> [f64; 2] {
     let n_rows = fit.motion_m.len();
     let force = record.force();
@@ -163,11 +164,11 @@ pub fn curve_beyond_lines(record: &Record, fit: &QuickFit) -> [f64; 2] {
         }
         let slopes = [row - 1, row].map(|row| force.slope_n_per_s(&record.time_s, row));
         let length_s = 0.5 * (record.time_s[row + 1] - record.time_s[row - 1]);
-        // A curve exceeds its chord by f″h²/12 in the mean.
+        // A curve f exceeds its chord of length h by −f″h²/12 on average.
         -(slopes[1] - slopes[0]) * length_s / 12.0
     };
     let bends: Vec<f64> = (0..n_rows).map(bend).collect();
-    // A corner, or a sensor's noise, is no curve: its neighbours do not bend the same way.
+    // A row counts only if its neighbours bend in its direction. This excludes corners and the noise of a force sensor.
     let smooth = |row: usize| {
         let three = &bends[row.saturating_sub(1)..(row + 2).min(n_rows)];
         let is_curve = three.iter().all(|bend| bend * three[0] > 0.0);

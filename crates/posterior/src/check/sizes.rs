@@ -1,11 +1,11 @@
-//! Checks for sizes that contradict each other.
+//! Checks of the robot's and the gel's sizes against the motion.
 
 use super::{CheckContext, found, um};
 use documents::check::Contradiction;
 use figures::number::format_significant;
 use record::Apparatus;
 
-/// Range of Young's moduli in Pa of a material that is soft enough to be moved and stiff enough to hold.
+/// Smallest and largest possible Young's modulus of the gel, in Pa.
 const MODULI_PA: [f64; 2] = [1e-3, 1e7];
 
 /// Finds a displacement that no gel allows for a robot of this size.
@@ -18,7 +18,7 @@ pub(super) fn no_gel(looked: &CheckContext<'_>) -> Option<Contradiction> {
         Apparatus::Instrument { compliance_per_m } => compliance_per_m * largest_n,
         Apparatus::Indenter(_) => return None,
         Apparatus::Robot { robot, vitreous } => {
-            // A rigid sphere in an unbounded elastic body has F = 24 π μ a (1 − ν)/(5 − 6ν) x. An accuracy of a tenth is enough here.
+            // For a rigid sphere of radius a in an unbounded elastic body, F = 24 π μ a (1 − ν)/(5 − 6ν) x. An accuracy of 10 % is enough here.
             let (nu, radius_m) = (vitreous.poisson_ratio, robot.shape.equivalent_radius_m());
             let shear_per_young = 0.5 / (1.0 + nu);
             let stiffness_m = 24.0 * std::f64::consts::PI * shear_per_young * radius_m * (1.0 - nu) / (5.0 - 6.0 * nu);

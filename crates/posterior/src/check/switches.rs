@@ -6,17 +6,17 @@ use documents::check::Contradiction;
 use figures::number::format_significant;
 use record::{MotionLine, Record};
 
-/// Number of positions before a switch whose line is extrapolated to it. As many positions are extrapolated to the row before.
+/// Number of positions whose regression line is extrapolated to the next row.
 const BEFORE: usize = 4;
-/// Number of rows in which these positions are searched, because some may be lost.
+/// Number of rows among which these positions are searched, because some may be lost.
 const WITHIN: usize = 8;
-/// Smallest number of force steps in this check.
+/// Smallest number of force steps that this check needs.
 const STEPS: usize = 2;
-/// Smallest median excess that counts as a motion before the stated switch: in its standard errors, and in noise standard deviations.
+/// Smallest median excess that counts as a motion before the stated switch, in units of its standard error. [`NOISES`] is the limit in noise standard deviations.
 const ERRORS: f64 = 5.0;
 const NOISES: f64 = 2.0;
 
-/// Excess of a row's position over the line through the four positions before it; `None` if too many are lost.
+/// Difference (m) between a row's position and the line through the four positions before it; `None` if too many are lost.
 fn excess_m(looked: &CheckContext<'_>, row: usize) -> Option<f64> {
     let record = looked.record;
     let before = (row.saturating_sub(WITHIN)..row).rev();
@@ -28,7 +28,7 @@ fn excess_m(looked: &CheckContext<'_>, row: usize) -> Option<f64> {
     Some(MotionLine::through(points.iter().copied()).excess((record.time_s[row], record.position_m[row]?)))
 }
 
-/// Finds positions that have already moved at the row of a stated switch. A row's position is the limit from the left.
+/// Finds a motion that begins before the row of a stated switch. The position in a row belongs to the time just before a switch in this row.
 pub(super) fn between_rows(looked: &CheckContext<'_>) -> Option<Contradiction> {
     let record = looked.record;
     let excesses: Vec<f64> = record
@@ -38,7 +38,7 @@ pub(super) fn between_rows(looked: &CheckContext<'_>) -> Option<Contradiction> {
         .filter_map(|row| {
             let is_held = (row - WITHIN - 1..row).all(|before| record.force_n[before] == record.force_n[row - 1]);
             let sign = (record.force_n[row] - record.force_n[row - 1]).signum();
-            // The excess of the position before over its own line is curvature, which the force does not cause.
+            // The excess of the previous position shows the curvature of the motion. It is subtracted, because the switch does not cause it.
             let before = (row - WITHIN..row).rev().find(|before| record.position_m[*before].is_some())?;
             is_held.then_some(sign * (excess_m(looked, row)? - excess_m(looked, before)?))
         })
@@ -48,11 +48,11 @@ pub(super) fn between_rows(looked: &CheckContext<'_>) -> Option<Contradiction> {
     }
     let mut sorted = excesses.clone();
     sorted.sort_unstable_by(f64::total_cmp);
-    // The median is robust against an outlier and a single switch in time.
+    // The median is robust against an outlier, and against a few switches that are at the right time.
     let middle_m = sorted[(sorted.len() - 1) / 2];
     let noise_m = looked.noise_m;
-    // The excess over a line through four positions, less that of the row before, weighs six positions by 1, −2, ½, ½, ½ and −½. Its standard deviation is √6 of one
-    // position's; the median of n of them has 1.25/√n of that.
+    // The excess of a row minus that of the previous row weights six positions by 1, −2, ½, ½, ½ and −½. Its standard deviation is √6 times that of one position. The
+    // median of n such values has 1.25/√n times this standard deviation.
     let error_m = 1.25 * 6.0_f64.sqrt() * noise_m / (excesses.len() as f64).sqrt();
     if middle_m <= (ERRORS * error_m).max(NOISES * noise_m) || middle_m <= 1e-3 * looked.range_m {
         return None;
@@ -66,17 +66,18 @@ pub(super) fn between_rows(looked: &CheckContext<'_>) -> Option<Contradiction> {
     Some(found("switch_between_rows", true, text, advice))
 }
 
-/// Largest number of rows by which a force may be logged late, and the largest share of the residual that remains after the shift.
+/// Largest number of rows by which a force may be logged late. [`LEFT`] is the largest residual of a fit with the earlier force, as a fraction of the residual with the
+/// logged force.
 const MOST_LAG: usize = 200;
 const LEFT: f64 = 0.5;
-/// Smallest share of the positions' range that the shift must explain.
+/// Smallest reduction of the mean residual by the shift, as a fraction of the positions' range.
 const MATTERS: f64 = 0.003;
 /// Number of rows that must move the same way to count as the beginning of a motion.
 const SUSTAINED: usize = 3;
-/// Largest number of times in a list.
+/// Largest number of times that a message lists.
 const LISTED: usize = 8;
 
-/// Finds a force whose rows come later than its action: logged late, or more rarely than the positions.
+/// Finds a force that acts before the rows in which it is written, because it was logged late or more rarely than the positions.
 pub(super) fn logged_late(looked: &CheckContext<'_>) -> Option<Contradiction> {
     let record = looked.record;
     let fit = looked.fit.as_ref()?;

@@ -5,14 +5,14 @@ use documents::check::Contradiction;
 use figures::number::format_significant;
 use record::Apparatus;
 
-/// Range of sampling intervals (s): of a camera on a robot, and of another instrument.
+/// Shortest and longest sampling interval (s) of a camera that tracks a robot, then of another instrument.
 const CAMERA_S: [f64; 2] = [5e-4, 8.0];
 const INSTRUMENT_S: [f64; 2] = [1e-7, 3600.0];
-/// Smallest number of rows per retardation time, and smallest retarded motion in noise standard deviations that counts.
+/// Smallest number of rows per retardation time that causes no warning. [`NOISES`] is the smallest retarded motion that is checked, in noise standard deviations.
 const ROWS: f64 = 1.5;
 const NOISES: f64 = 6.0;
 
-/// Finds sampling intervals that no camera has.
+/// Finds a median sampling interval that the instrument cannot have.
 pub(super) fn units(looked: &CheckContext<'_>) -> Option<Contradiction> {
     let interval_s = looked.record.median_interval_s()?;
     let [shortest_s, longest_s] = match looked.experiment.apparatus {
@@ -26,7 +26,7 @@ pub(super) fn units(looked: &CheckContext<'_>) -> Option<Contradiction> {
     Some(found("time_unit", false, text, "check the unit of the time: seconds and milliseconds may be confused"))
 }
 
-/// Finds a retarded motion that ends within one row.
+/// Finds a retarded motion that lasts too few rows.
 pub(super) fn few_rows(looked: &CheckContext<'_>) -> Option<Contradiction> {
     let fit = looked.fit.as_ref()?;
     let interval_s = looked.record.median_interval_s()?;
@@ -42,21 +42,22 @@ pub(super) fn few_rows(looked: &CheckContext<'_>) -> Option<Contradiction> {
     Some(found("few_rows_in_a_retardation_time", false, text, "sample faster right after every switch of the force"))
 }
 
-/// Smallest ratio of a gap to the neighbouring intervals, and largest number of gaps in a list.
+/// Smallest ratio of a gap to the neighbouring intervals.
 const GAP: f64 = 10.0;
-/// Smallest length of a gap in median intervals, because rows may be dense after a switch.
+/// Smallest length of a gap, in median intervals. This limit is necessary because rows may be dense after a switch. [`LISTED`] is the largest number of gaps that a
+/// message lists.
 const LONG: f64 = 3.0;
 const LISTED: usize = 4;
 /// Smallest jump over a gap that is reported, in noise standard deviations.
 const JUMP_NOISES: f64 = 6.0;
 
-/// Finds stretches of time without rows, in which the last row's force is assumed to act.
+/// Finds gaps without rows, in which the program assumes that the force of the last row acts.
 pub(super) fn gaps(looked: &CheckContext<'_>) -> Option<Contradiction> {
     let record = looked.record;
     let median_s = record.median_interval_s()?;
     let interval_s = |row: usize| record.time_s[row + 1] - record.time_s[row];
     let n_intervals = record.n_rows().saturating_sub(1);
-    // A row without a position only states the force.
+    // A row without a position only gives the force, so it does not end a gap.
     let is_sample = |row: usize| record.position_m[row].is_some();
     let is_gap = |row: usize| {
         if !is_sample(row) || !is_sample(row + 1) {

@@ -1,4 +1,4 @@
-//! Checks of the zero of the positions and of the rest before the force.
+//! Checks of the zero of the positions, and of the rest before the force acts.
 
 use super::quick_fit::median;
 use super::{CheckContext, found, um};
@@ -6,20 +6,21 @@ use documents::check::Contradiction;
 use figures::number::format_significant;
 use record::MotionLine;
 
-/// Number of first positions that are used.
+/// Number of positions at the record's start that the check of the zero uses.
 const FIRST: usize = 5;
-/// Smallest distances from zero that a slip of the tracker does not explain: in noise standard deviations, and as a share of the positions' range.
+/// Smallest start position, in noise standard deviations, that a small error of the tracker does not explain. [`SHARE`] is the smallest start position as a fraction of
+/// the positions' range.
 const NOISES: f64 = 6.0;
 const SHARE: f64 = 0.03;
-/// The same two limits for a record whose first row has no position.
+/// Values of [`NOISES`] and [`SHARE`] for a record without a position at the start.
 const NOISES_WITHOUT_START: f64 = 12.0;
 const SHARE_WITHOUT_START: f64 = 0.15;
-/// Largest relative difference between the two estimates of the start.
+/// Largest relative difference between the two estimates of the start position at which they agree.
 const AGREE: f64 = 0.5;
 /// Noise standard deviation, in units of the smallest difference of positions, at which a position of exactly 0 is no chance.
 const DIGITS: f64 = 50.0;
-/// Smallest number of rows of rest that can show a drift. The next three are the smallest drift in noise standard deviations, as a share of the positions' range, and in its
-/// standard errors.
+/// Smallest number of rows at rest that can show a drift. The next three constants limit the drift: in noise standard deviations, as a fraction of the positions'
+/// range, and in its standard errors.
 const REST_ROWS: usize = 8;
 const DRIFT_NOISES: f64 = 4.0;
 const DRIFT_SHARE: f64 = 0.02;
@@ -34,7 +35,7 @@ pub(super) fn off(looked: &CheckContext<'_>) -> Option<Contradiction> {
     let fit = looked.fit.as_ref()?;
     let first: Vec<(usize, f64)> =
         (0..fit.motion_m.len()).filter_map(|row| Some((row, record.position_m[row]?))).take(FIRST).collect();
-    // The fitted motion is subtracted, so that the force may act from the first row.
+    // The fitted motion is subtracted, because the force may act from the first row on.
     let shifted_m = median(first.iter().map(|(row, x)| x - fit.motion_m[*row]).collect())?;
     let n_rest = record.force_n.iter().take_while(|force| **force == 0.0).count();
     let rest = median(record.position_m.iter().take(n_rest.max(1)).flatten().copied().collect());
@@ -42,7 +43,7 @@ pub(super) fn off(looked: &CheckContext<'_>) -> Option<Contradiction> {
         Some(rest_m) => (rest_m, NOISES, SHARE),
         None => (shifted_m, NOISES_WITHOUT_START, SHARE_WITHOUT_START),
     };
-    // A single outlier at the start, or a law that fails right after it, shows in only one of the estimates.
+    // An outlier at the start, or a bad fit right after it, affects only one of the two estimates.
     let agree = start_m * shifted_m > 0.0 && (start_m - shifted_m).abs() < AGREE * start_m.abs().max(shifted_m.abs());
     let off_m = if agree { start_m.abs().min(shifted_m.abs()) } else { 0.0 };
     if off_m <= (noises * looked.noise_m).max(share * looked.range_m) {
@@ -58,7 +59,8 @@ pub(super) fn off(looked: &CheckContext<'_>) -> Option<Contradiction> {
     Some(found("zero_off", true, text, advice))
 }
 
-/// Finds a zero that is one row's position, whose noise all other positions then carry. The first position is exactly 0 although the known noise is many digits wide.
+/// Finds positions that were measured from the first row's position. Its noise then shifts all positions. The sign is a first position of exactly 0, although the noise
+/// is many times the resolution of the positions.
 pub(super) fn is_a_row(looked: &CheckContext<'_>) -> Option<Contradiction> {
     let noise_m = looked.experiment.noise_sd_m?;
     let mut positions: Vec<f64> = looked.record.position_m.iter().flatten().copied().collect();
@@ -112,14 +114,14 @@ pub(super) fn drifts_at_rest(looked: &CheckContext<'_>) -> Option<Contradiction>
     ))
 }
 
-/// Time after a switch in which the elastic motion shows, in median intervals. [`NEAR`] is the tolerance of a row's time, as a share of this time. [`SHOWS_NOISES`] is the
-/// smallest motion that shows, in noise standard deviations.
+/// Time after a switch during which the elastic motion is measured, in median intervals. [`NEAR`] is the tolerance of a row's time, as a fraction of this time.
+/// [`SHOWS_NOISES`] is the smallest expected motion that is checked, in noise standard deviations.
 const ROWS_AFTER: f64 = 5.0;
 const NEAR: f64 = 0.3;
 const SHOWS_NOISES: f64 = 10.0;
-/// Largest ratio of the first motion to the expected one at which the first row is no switch.
+/// Largest ratio of the motion after the first row to the expected one, at which the force was already acting before the first row.
 const SLOWER: f64 = 0.3;
-/// Smallest share of the first force that another switch must have.
+/// Smallest change of force at another switch, as a fraction of the first row's force, that is used for comparison.
 const ALIKE: f64 = 0.3;
 
 /// Finds a record that begins while a load already acts. Its first rows creep slowly, whereas the same force makes a fast motion at other switches.
@@ -130,7 +132,7 @@ pub(super) fn starts_under_load(looked: &CheckContext<'_>) -> Option<Contradicti
         return None;
     }
     let after_s = ROWS_AFTER * record.median_interval_s()?;
-    // This is the motion (m) in a time after a row, less the motion in an equal time before it.
+    // This returns the motion (m) within `after_s` after a row, minus the motion within an equal time before it.
     let motion_m = |row: usize| {
         let at = |row: usize| record.position_m.get(row).copied().flatten();
         let near = |wanted_s: f64| {

@@ -1,4 +1,4 @@
-//! Surrogate of an external program in one record: its trajectories in the region of the data, accurate to a share of the noise.
+//! Surrogate of an external program for one record. It predicts trajectories for parameters near the best fit, with an error that is small relative to the noise.
 
 mod nearest;
 
@@ -16,37 +16,38 @@ use models::surrogate::trajectory::{
 use nearest::fit_to_data;
 use record::Force;
 
-/// Half widths of the box, in standard deviations of a parameter's logarithm. Added effects move parameters by several standard deviations, and by twenty if the base
-/// model misses the data by far. If polynomials are not accurate enough in a box, the next smaller one is tried.
+/// Half widths of the boxes that are tried in turn, in standard deviations of a parameter's logarithm. Added effects move parameters by several standard deviations, or
+/// by twenty if the base model fits badly. If the surrogate's polynomials are not accurate enough in a box, the next smaller box is tried.
 const WIDTHS: [f64; 4] = [32.0, 16.0, 10.0, 6.0];
-/// Base to whose powers half widths are rounded up, and share of the width to which middles are rounded. Similar fits thus use the same predictions.
+/// Half widths of boxes are rounded up to powers of [`WIDTH_STEP`]. Middles are rounded to multiples of the half width times [`CENTRE_SHARE`]. Similar fits thus have
+/// equal boxes and use the same cached predictions.
 const WIDTH_STEP: f64 = std::f64::consts::SQRT_2;
 const CENTRE_SHARE: f64 = 0.25;
-/// Smallest half width, in standard deviations of the prior.
+/// Smallest half width of a box, in standard deviations of the prior.
 const NARROWEST: f64 = 0.05;
 /// Probability of a normal distribution beyond one standard deviation, on one side.
 const ONE_SD: f64 = 0.1587;
-/// Largest allowed error over the noise if the model misses the data by more than the noise.
+/// Largest allowed error of the surrogate, divided by the noise, if the model's residuals exceed the noise.
 const LARGEST_BESIDE_MISFIT: f64 = 0.2;
-/// Largest error over the noise at which conclusions are possible.
+/// Largest error of the surrogate, divided by the noise, at which conclusions are possible.
 const LARGEST_ERROR: f64 = 0.5;
-/// Assumed noise relative to the range of positions, if the noise is unknown.
+/// Assumed noise, as a fraction of the range of positions, if the noise is unknown.
 const UNKNOWN_NOISE: f64 = 1e-3;
 
-/// The learnt surrogate.
+/// Learnt surrogate of an external program.
 pub struct ExternalSurrogate {
-    /// Stepper that replaces the program.
+    /// Stepper that computes trajectories in place of the program.
     pub stepper: SharedStepper,
-    /// Box in which the surrogate was learnt.
+    /// Range of each parameter in which the surrogate was learnt.
     pub trained: Vec<TrainedRange>,
-    /// Largest error at test points outside the training set, over the noise.
+    /// Largest error at test points outside the training set, divided by the noise.
     pub over_noise: f64,
 }
 
-/// Learns the program in the region of the fitted cycles. `with_load` is set if the force can differ from the commanded one.
+/// Learns a surrogate of the program for parameters that fit the fitted cycles. Set `with_load` if effects can change the commanded force.
 ///
 /// # Errors
-/// [`Error::Numerical`] with the server's message, or if the polynomials' error exceeds half of the noise.
+/// [`Error::Numerical`] with the server's message, or if the surrogate's error exceeds half of the noise.
 pub fn learn_external(
     problem: &Problem,
     outside: &ExternalModel,
@@ -60,7 +61,7 @@ pub fn learn_external(
     let template: Vec<f64> = ranges.iter().map(|range| range.lower).collect();
     let yardstick = problem.experiment.reference_noise().map(|yardstick| yardstick.sd_m);
     let noise_m = yardstick.unwrap_or(UNKNOWN_NOISE * problem.experiment.scales().position_range_m);
-    // A box that serves one model of the experiment serves all its models.
+    // All models of an experiment use the same box, so that they are comparable.
     let (boxes, allowed): (Vec<Vec<TrainedRange>>, f64) = match (outside.learnt_in(), &free[..]) {
         (Some(LearnedBox { trained, allowed }), _) => {
             (vec![ranges.iter().zip(trained).map(|(range, kept)| within(range, kept)).collect()], *allowed)
@@ -70,7 +71,8 @@ pub fn learn_external(
             monitor.stage(&format!("fitting {} to the data", outside.title()));
             let found = fit_to_data(problem, outside, &template, &free, noise_m, &WIDTHS)?;
             let boxes = found.reaches.iter().map(|reaches| box_about(problem, &ranges, &free, &found.ln, reaches));
-            // A narrow box would cut off the posterior. That is worse than an error that is small relative to the model's misfit.
+            // A misfit allows a larger error, and thus a wider box. A narrow box would cut off the posterior, which is worse than an error that is small relative to
+            // the misfit.
             let allowed = (EXTERNAL_TOLERANCE * found.over_noise).clamp(EXTERNAL_TOLERANCE, LARGEST_BESIDE_MISFIT);
             (boxes.collect(), allowed)
         }
@@ -130,7 +132,7 @@ pub fn learn_external(
     Ok(ExternalSurrogate { stepper, trained, over_noise })
 }
 
-/// Range of a parameter in a model: its own fixed value, or the box's range.
+/// Range of a parameter in a model: the box's range `kept`, or the model's own range if either is a fixed value.
 fn within(trained_range: &TrainedRange, kept: &TrainedRange) -> TrainedRange {
     if trained_range.lower == trained_range.upper || kept.lower == kept.upper {
         trained_range.clone()
@@ -139,7 +141,8 @@ fn within(trained_range: &TrainedRange, kept: &TrainedRange) -> TrainedRange {
     }
 }
 
-/// Box that extends down and up by `reaches` from the best fit.
+/// Box around the best fit `ln` (logarithms of the free parameters). It extends down and up by `reaches`, but at least by [`NARROWEST`] standard deviations of the
+/// prior.
 fn box_about(
     problem: &Problem,
     ranges: &[TrainedRange],
@@ -156,7 +159,7 @@ fn box_about(
     trained
 }
 
-/// Part of a range from `below` a logarithm to `above` it, slightly widened by rounding.
+/// Range from `ln − below` to `ln + above` in the logarithm, cut at the ends of `range` and slightly widened by rounding.
 fn about(range: &TrainedRange, ln: f64, [below, above]: [f64; 2]) -> TrainedRange {
     let (lower, upper) = (range.lower.ln(), range.upper.ln());
     let (first, last) = ((ln - below).max(lower), (ln + above).min(upper));

@@ -10,44 +10,47 @@ use crate::problem::{Problem, TAIL_MASS};
 use base::error::{Error, Result};
 use sampling::least_squares::{Fit, LeastSquaresProblem, Tolerances, fit};
 
-/// Tail mass outside the quantiles of the starts.
+/// Prior probability beyond the range of the starts, at either end.
 const START_TAIL: f64 = 0.05;
-/// Number of starts per parameter; the fit continues from the best one.
+/// Number of starts per free parameter. The fit continues from the best start.
 const STARTS_PER_PARAMETER: u32 = 8;
 /// Seed of the scrambled Sobol sequence of starts. It is fixed, because the starts are part of the method.
 const START_SEED: u32 = 7;
-/// Distance in ln from the ends of a prior's range, against rounding.
+/// Distance, in the logarithm, that a parameter keeps from the ends of its prior's range, because of rounding.
 const ROUNDING: f64 = 1e-9;
-/// Step of logarithms for numerical slopes.
+/// Step in a parameter's logarithm for finite differences.
 const STEP: f64 = 1e-3;
-/// Tolerances of the search: a hundredth of the rounding of a box.
+/// Tolerances of the search. They are a hundredth of the rounding of a box.
 const TOLERANCES: Tolerances = Tolerances { objective: 1e-3, parameters: 1e-3, max_iterations: 40 };
 
-/// Largest number of fits; each uses the previous fit's residual as noise. [`SAME_NOISE`] is the relative change of this noise at which the fits end.
+/// Largest number of successive fits. Each fit uses the residual of the previous one as noise. The fits end if this noise changes by a smaller fraction than
+/// [`SAME_NOISE`].
 const ROUNDS: usize = 4;
 const SAME_NOISE: f64 = 0.1;
-/// Largest number of times that a reach is shortened, and the factor of each shortening.
+/// Largest number of times that a box's reach is shortened, and the factor of each shortening ([`SHORTER`]).
 const SHORTENINGS: i32 = 16;
 const SHORTER: f64 = 0.75;
-/// Largest relative rise of the sum of squares, divided by the squared number of standard deviations. An added effect may lead to parameters at which the base alone misses
-/// the data five times as far as at its best.
+/// Largest relative increase of the sum of squares at the end of a reach, divided by the squared number of standard deviations. An added effect may lead to parameters
+/// far from the best fit of the base model. The base model's residuals may there be five times as large as at its best fit.
 const FAR: f64 = 0.1;
 
-/// Best fit of the program.
+/// Best fit of the program to data and prior.
 #[derive(Debug)]
 pub(super) struct DataFit {
     /// Logarithms of the free parameters.
     pub ln: Vec<f64>,
-    /// Distances down and up from the best fit, for every requested number of standard deviations and every free parameter.
+    /// Distances in the logarithm, down and up from the best fit, to the ends of a box: `reaches[width][parameter]`. There is one box for every requested number of
+    /// standard deviations.
     pub reaches: Vec<Vec<[f64; 2]>>,
-    /// Residual of the model over the noise; at least 1.
+    /// Residual of the best fit divided by the noise; at least 1.
     pub over_noise: f64,
 }
 
-/// Fits the fitted cycles over logarithms of the parameters in `free`; the others have the values of `template`. `widths` are standard deviations.
+/// Fits the program to the positions of the fitted cycles. The coordinates are logarithms of the parameters with indices `free`. The other parameters have the values
+/// of `template`. `widths` are half widths of the requested boxes, in standard deviations.
 ///
 /// # Errors
-/// [`Error::Numerical`] with the server's message if it predicts nothing at any start.
+/// [`Error::Numerical`] with the server's message if the program fails at every start.
 pub(super) fn fit_to_data(
     problem: &Problem,
     outside: &ExternalModel,
@@ -62,7 +65,7 @@ pub(super) fn fit_to_data(
     let quantile = |k: usize, p: f64| problem.range_of(names[k], p).lower.ln();
     let prior = |k: &usize| {
         let range = problem.range_of(names[*k], TAIL_MASS);
-        // The ends lie inside the range, despite the rounding of their logarithms.
+        // This keeps the ends inside the range, although their logarithms are rounded.
         let ln_ends = (range.lower.ln() + ROUNDING, range.upper.ln() - ROUNDING);
         Prior { middle: quantile(*k, 0.5), sd: 0.5 * (quantile(*k, 0.8413) - quantile(*k, 0.1587)), ln_ends }
     };
@@ -87,7 +90,7 @@ pub(super) fn fit_to_data(
         return Err(refusal
             .unwrap_or_else(|| Error::numerical("the model has no prediction at any start", "give another prior")));
     };
-    // The sampler counts the model's misfit as noise, so the prior weighs more than with the noise alone.
+    // The sampler counts the model's misfit as noise. The prior therefore weighs more than it would with the noise alone.
     let mut found = None;
     let mut at: Vec<f64> = start.clone();
     for _ in 0..ROUNDS {
@@ -109,15 +112,15 @@ pub(super) fn fit_to_data(
     Ok(DataFit { reaches, ln: found.theta, over_noise: distances.noise_m / noise_m })
 }
 
-/// Prior of a free logarithm.
+/// Prior of a free parameter's logarithm: median and standard deviation.
 struct Prior {
     middle: f64,
     sd: f64,
-    /// Ends of the range without [`TAIL_MASS`] on either side.
+    /// Ends of the prior's range, which leaves the probability [`TAIL_MASS`] on either side.
     ln_ends: (f64, f64),
 }
 
-/// Residuals: distances from the measured positions over the noise, then distances from the prior's medians over its spread.
+/// Residuals of the fit: distances from the measured positions divided by the noise, then distances from the prior's medians divided by its standard deviations.
 struct FitResiduals<'a> {
     problem: &'a Problem,
     outside: &'a ExternalModel,
@@ -126,23 +129,23 @@ struct FitResiduals<'a> {
     noise_m: f64,
     observed: Vec<(usize, f64)>,
     priors: Vec<Prior>,
-    /// First error of the server.
+    /// First error that the server returned.
     refusal: Mutex<Option<Error>>,
 }
 
 impl FitResiduals<'_> {
-    /// Root mean square of the data's residuals.
+    /// Root mean square of the residuals of the positions, without those of the prior.
     fn misfit(&self, residuals: &[f64]) -> f64 {
         let n = self.observed.len();
         (residuals.iter().take(n).map(|residual| residual * residual).sum::<f64>() / n.max(1) as f64).sqrt()
     }
 
-    /// Distance of a parameter for `n_sd` standard deviations, with the other parameters following. It is shorter if the sum of squares rises faster than a parabola, as
-    /// beyond the sizes at which the parameter acts.
+    /// Distance, in the logarithm, by which parameter `k` may move for `n_sd` standard deviations. The other parameters follow it according to the covariance. The
+    /// distance is shortened where the sum of squares rises much faster than a parabola.
     fn reach(&self, found: &Fit, k: usize, n_sd: f64) -> f64 {
         let n = found.theta.len();
         let variance = found.objective / self.observed.len().max(1) as f64;
-        // Standard errors are at least those of the noise.
+        // Standard errors are not smaller than the noise alone would give.
         let widened = 1.0 / variance.min(1.0).sqrt();
         let step = widened * n_sd * found.standard_errors[k];
         if !step.is_finite() {
@@ -191,7 +194,7 @@ impl LeastSquaresProblem for FitResiduals<'_> {
     fn jacobian(&self, theta: &[f64]) -> Option<DMatrix<f64>> {
         let here = self.residuals(theta)?;
         let column = |d: usize| {
-            // The step goes away from the end of the prior's range if that is near.
+            // The step is taken downwards if an upward step would leave the prior's range.
             let stepped = |step: f64| {
                 let mut moved = theta.to_vec();
                 moved[d] += step;

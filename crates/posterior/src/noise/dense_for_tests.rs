@@ -1,11 +1,11 @@
-//! Dense Gaussian algebra as a reference, and records and points that the tests share.
+//! Dense Gaussian algebra as a reference for tests of the noise, with records and parameter points that these tests share.
 
 use nalgebra::{DMatrix, DVector};
 
 use super::NoiseModel;
 use base::error::InputPlace;
 
-/// A record for tests.
+/// Record with predicted and observed positions, for tests of the noise.
 pub struct TestRecord {
     pub time_s: Vec<f64>,
     pub cycle: Vec<u32>,
@@ -14,7 +14,7 @@ pub struct TestRecord {
 }
 
 impl TestRecord {
-    /// A record with irregular times, a gap, lost positions, and cycles of unequal length, one of them without observations.
+    /// Creates a record with irregular times, a gap, lost positions, and cycles of unequal length. One cycle has no observations.
     pub fn irregular(n_rows: usize) -> Self {
         let mut time_s = vec![0.0_f64];
         for i in 1..n_rows {
@@ -47,19 +47,20 @@ pub fn model(names: &[&str]) -> NoiseModel {
     NoiseModel::named(&names, &InputPlace::default()).expect("names of terms")
 }
 
-/// Parameters of a model in its order, taken by name from a point with every term.
+/// Parameter values of a model in its order, selected from a point with the parameters of all terms.
 pub fn parameters(model: NoiseModel, point: [f64; 6]) -> Vec<f64> {
     let names = ["noise_sd_um", "ou_sd_um", "ou_time_s", "gain_sd", "offset_sd_um", "student_dof"];
     let value = |name: &str| point[names.iter().position(|n| *n == name).expect("a known name")];
     model.parameters().iter().map(|spec| value(spec.name)).collect()
 }
 
-/// Every Gaussian model.
+/// Every noise model without Student-t errors.
 pub fn gaussian_models() -> [NoiseModel; 4] {
     [model(&["white"]), model(&["white", "ou"]), model(&["white", "gain"]), model(&["gain", "ou", "white"])]
 }
 
-/// Points with similar and very different terms: processes slow and fast relative to the steps, gains far above the noise, and vanishing terms.
+/// Parameter points: σ, σ_ou, τ, s_g, s_o and ν. The terms are of similar or very different size. Processes are slow or fast relative to the time steps, gains are far
+/// above the noise, and some terms vanish.
 pub const POINTS: [[f64; 6]; 7] = [
     [4.0, 3.0, 0.5, 0.03, 5.0, 6.0],
     [4.0, 1e-3, 0.02, 1e-6, 1e-3, 2.3],
@@ -70,7 +71,7 @@ pub const POINTS: [[f64; 6]; 7] = [
     [50.0, 1.0, 1e6, 1e-3, 1.0, 100.0],
 ];
 
-/// Covariance in m² of chosen rows under the Gaussian terms, from their definitions.
+/// Covariance matrix (m²) of the positions at the rows `rows`, from the definitions of the Gaussian terms.
 pub fn covariance_m2(model: NoiseModel, record: &TestRecord, rows: &[usize], parameters: &[f64]) -> DMatrix<f64> {
     let value = |name: &str| model.parameters().iter().position(|spec| spec.name == name).map(|i| parameters[i]);
     let um = |name: &str| 1e-6 * value(name).unwrap_or(0.0);
@@ -88,7 +89,7 @@ pub fn covariance_m2(model: NoiseModel, record: &TestRecord, rows: &[usize], par
     })
 }
 
-/// Log density of residuals r, and their squared Mahalanobis distance.
+/// Log density of residuals under a normal distribution with this covariance, and their squared Mahalanobis distance.
 pub fn ln_density(covariance_m2: &DMatrix<f64>, residual_m: &[f64]) -> (f64, f64) {
     let cholesky = covariance_m2.clone().cholesky().expect("positive definite");
     let white = cholesky.l().solve_lower_triangular(&DVector::from_column_slice(residual_m)).expect("regular");

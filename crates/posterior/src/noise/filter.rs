@@ -1,20 +1,21 @@
-//! Kalman filter over the Ornstein–Uhlenbeck process, the gain and the offset.
+//! Kalman filter whose state is the Ornstein–Uhlenbeck process, the gain and the offset.
 //!
-//! The state is (u, g, o) with indices 0, 1, 2, and h = (1, x, 1) observes it. P = U D Uᵀ is its covariance over σ², with U unit upper triangular. The process comes first
-//! because D₀ enters only P₀₀: a time step changes only D₀, U₀₁ and U₀₂. Terms that a model lacks are left out at compile time.
+//! The state is (u, g, o) with indices 0, 1, 2. A position x observes it through the row vector h = (1, x, 1). P = U D Uᵀ is the state's covariance divided by σ², with
+//! U unit upper triangular. The process comes first because D₀ occurs only in P₀₀. A time step thus changes only D₀, U₀₁ and U₀₂. Terms that a model lacks are left out
+//! at compile time.
 
 use pulp::{Scalar, Simd};
 
 use super::lanes::Register;
 
-/// Variances over σ² at the beginning of a cycle: of the gain (1/m²) and of the offset.
+/// Variances of gain (1/m²) and offset at the beginning of a cycle, divided by σ².
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PriorVariances<S: Simd> {
     pub gain: Register<S>,
     pub offset: Register<S>,
 }
 
-/// Covariance of the state given the past.
+/// Covariance of the state, given all earlier observations, divided by σ².
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Covariance<S: Simd, const OU: bool, const GAIN: bool> {
     one: Register<S>,
@@ -24,7 +25,7 @@ pub(super) struct Covariance<S: Simd, const OU: bool, const GAIN: bool> {
     u12: Register<S>,
 }
 
-/// Correction of the mean by an observation. S is the predictive variance of the observed position; h and P are those of the module.
+/// Correction of the mean by an observation. S is the predictive variance of the observed position; h and P are defined in the module's documentation.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Gain<S: Simd> {
     /// S/σ² − 1 = h P hᵀ, the part of the predictive variance that is not white.
@@ -35,7 +36,7 @@ pub(super) struct Gain<S: Simd> {
     direction: [Register<S>; 3],
 }
 
-/// A gain as plain numbers, which one covariance gives to the means of many columns.
+/// A [`Gain`] as plain floating-point values. One covariance thus provides the gain for the means of many columns.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct GainNumbers {
     /// σ²/S.
@@ -50,7 +51,7 @@ impl Gain<Scalar> {
 }
 
 impl GainNumbers {
-    /// The gain in every lane of a register. Its excess is 0, because the correction of a mean does not use it.
+    /// Copies the gain into every lane of a register. The field `excess` is 0, because the correction of a mean does not use it.
     #[inline(always)]
     pub fn splat<S: Simd>(&self, simd: S) -> Gain<S> {
         let [u, g, o] = self.direction;
@@ -69,7 +70,7 @@ impl<S: Simd, const OU: bool, const GAIN: bool> Covariance<S, OU, GAIN> {
         Self { one: Register::splat(simd, 1.0), d: [zero; 3], u01: zero, u02: zero, u12: zero }
     }
 
-    /// Advances by a time step, given the `decay` of the process and the variance that it gains.
+    /// Advances the covariance by a time step. `decay` is the factor on the process, and `gained` is the variance that the process gains, divided by σ².
     #[inline(always)]
     pub fn advance(&mut self, decay: Register<S>, gained: Register<S>) {
         if OU {
@@ -81,7 +82,7 @@ impl<S: Simd, const OU: bool, const GAIN: bool> Covariance<S, OU, GAIN> {
         }
     }
 
-    /// Begins a cycle with a new gain and offset; the process continues.
+    /// Begins a cycle: gain and offset get their prior variances, and the process continues.
     #[inline(always)]
     pub fn renew(&mut self, prior: PriorVariances<S>) {
         if GAIN {
@@ -96,7 +97,7 @@ impl<S: Simd, const OU: bool, const GAIN: bool> Covariance<S, OU, GAIN> {
         }
     }
 
-    /// Processes an observation at position x (m): returns the gain and updates the covariance.
+    /// Updates the covariance by an observation at predicted position `x` (m), and returns the gain.
     #[inline(always)]
     pub fn observe(&mut self, x: Register<S>) -> Gain<S> {
         let one = self.one;
@@ -118,7 +119,7 @@ impl<S: Simd, const OU: bool, const GAIN: bool> Covariance<S, OU, GAIN> {
             let (v1, v2) = (self.d[1] * f1, self.d[2] * f2);
             let with_gain = f1.mul_add(v1, alpha);
             let with_offset = f2.mul_add(v2, with_gain);
-            // One division serves all three, because a step waits for its divisions. Ratios of variances are below 10¹⁰⁰, so that their product is finite.
+            // One division replaces three, because the filter must wait for each. Ratios of variances are below 10¹⁰⁰, so that the product of three is finite.
             let first_two = alpha * with_gain;
             let inverse = one / (first_two * with_offset);
             let (precision_1, precision_2) = (inverse * (alpha * with_offset), inverse * first_two);
@@ -147,7 +148,7 @@ impl<S: Simd, const OU: bool, const GAIN: bool> Covariance<S, OU, GAIN> {
     }
 }
 
-/// Mean of the state given the past; the process and the offset are in m.
+/// Mean of the state, given all earlier observations. Process and offset are in m.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Mean<S: Simd, const OU: bool, const GAIN: bool> {
     state: [Register<S>; 3],
@@ -165,20 +166,20 @@ impl<S: Simd, const OU: bool, const GAIN: bool> Mean<S, OU, GAIN> {
         Self { state: [process, process.zero(), process.zero()] }
     }
 
-    /// Process of the state.
+    /// Mean of the process (m).
     #[inline(always)]
     pub fn process(&self) -> Register<S> {
         self.state[0]
     }
 
-    /// Loads the mean from arrays of lanes, one for each part of the state.
+    /// Loads register `index` of the mean from arrays of lanes, one array per component of the state.
     #[inline(always)]
     pub fn load<const W: usize>(simd: S, lanes: &[[f64; W]; 3], index: usize) -> Self {
         let part = |part: usize| Register::load(simd, &lanes[part], index);
         Self { state: [part(0), part(1), part(2)] }
     }
 
-    /// Stores the mean into arrays of lanes.
+    /// Stores the mean into register `index` of arrays of lanes, one array per component of the state.
     #[inline(always)]
     pub fn store<const W: usize>(&self, lanes: &mut [[f64; W]; 3], index: usize) {
         self.state[0].store(&mut lanes[0], index);
@@ -186,7 +187,7 @@ impl<S: Simd, const OU: bool, const GAIN: bool> Mean<S, OU, GAIN> {
         self.state[2].store(&mut lanes[2], index);
     }
 
-    /// Advances by a time step.
+    /// Advances the mean by a time step: the process is multiplied by `decay`.
     #[inline(always)]
     pub fn advance(&mut self, decay: Register<S>) {
         if OU {
@@ -194,7 +195,7 @@ impl<S: Simd, const OU: bool, const GAIN: bool> Mean<S, OU, GAIN> {
         }
     }
 
-    /// Begins a cycle.
+    /// Begins a cycle: the means of gain and offset become 0.
     #[inline(always)]
     pub fn renew(&mut self) {
         if GAIN {
@@ -203,7 +204,7 @@ impl<S: Simd, const OU: bool, const GAIN: bool> Mean<S, OU, GAIN> {
         }
     }
 
-    /// Innovation: observed minus predicted value. `residual` is the observed position minus x (m).
+    /// Innovation (m): `residual` minus its prediction by the state. `residual` is the observed position minus the predicted position `x` (m).
     #[inline(always)]
     pub fn innovation(&self, residual: Register<S>, x: Register<S>) -> Register<S> {
         match (OU, GAIN) {
@@ -214,7 +215,7 @@ impl<S: Simd, const OU: bool, const GAIN: bool> Mean<S, OU, GAIN> {
         }
     }
 
-    /// Moves the state by Kalman's gain times an innovation that is already divided by S/σ².
+    /// Corrects the mean by P hᵀ times `innovation`, which is the innovation divided by S/σ².
     #[inline(always)]
     pub fn correct(&mut self, gain: &Gain<S>, innovation: Register<S>) {
         if OU {

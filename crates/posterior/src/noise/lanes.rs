@@ -1,13 +1,13 @@
-//! Arithmetic on vector registers, with one parameter point per lane.
+//! Arithmetic on the processor's vector registers, with one parameter point per lane.
 
 use std::ops::{Add, Div, Mul, Sub};
 
 use pulp::Simd;
 
-/// Number of points in one pass: one register of the widest kind.
+/// Number of parameter points in one pass, which is the number of f64 values in the widest register.
 pub const LANES: usize = 8;
 
-/// A register of f64 values. All its functions are inlined, because otherwise they would be compiled without the vector instructions and called.
+/// Vector register of f64 values. All its functions are inlined, because separate functions would be compiled without vector instructions.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Register<S: Simd> {
     simd: S,
@@ -15,13 +15,13 @@ pub(super) struct Register<S: Simd> {
 }
 
 impl<S: Simd> Register<S> {
-    /// Register with the same number in every lane.
+    /// Register with the value `number` in every lane.
     #[inline(always)]
     pub fn splat(simd: S, number: f64) -> Self {
         Self { simd, value: simd.splat_f64s(number) }
     }
 
-    /// Register like this one with zero in every lane.
+    /// Register of this type with 0 in every lane.
     #[inline(always)]
     pub fn zero(self) -> Self {
         Self::splat(self.simd, 0.0)
@@ -39,13 +39,13 @@ impl<S: Simd> Register<S> {
         S::as_mut_simd_f64s(&mut lanes[..]).0[index] = self.value;
     }
 
-    /// self × factor + term, rounded once if the machine can do so.
+    /// Returns self × factor + term, rounded once if the processor has this instruction.
     #[inline(always)]
     pub fn mul_add(self, factor: Self, term: Self) -> Self {
         Self { value: self.simd.mul_add_e_f64s(self.value, factor.value, term.value), ..self }
     }
 
-    /// `above` in the lanes with self > limit, `otherwise` in the others.
+    /// Returns `above` in lanes with self > limit, and `otherwise` in all other lanes.
     #[inline(always)]
     pub fn if_above(self, limit: Self, above: Self, otherwise: Self) -> Self {
         let mask = self.simd.greater_than_f64s(self.value, limit.value);
@@ -53,7 +53,7 @@ impl<S: Simd> Register<S> {
     }
 }
 
-/// 1/k! for k from 1 to 12.
+/// Values 1/k! for k from 1 to 12.
 const INVERSE_FACTORIALS: [f64; 12] = {
     let mut values = [1.0; 12];
     let mut k = 1;
@@ -65,10 +65,10 @@ const INVERSE_FACTORIALS: [f64; 12] = {
 };
 
 impl<S: Simd> Register<S> {
-    /// exp(x) − 1 for x ≤ 0, to a few units in the last place.
+    /// Returns exp(x) − 1 for x ≤ 0, accurate to a few units in the last place.
     ///
-    /// It evaluates Taylor's series at x/128, whose next term is below 2·10⁻¹⁶ of the sum for x ≥ −40. Seven doublings e ← e (2 + e) follow, which lose no digits. Below
-    /// −40 the result is −1 to the last place.
+    /// It evaluates Taylor's series at x/128. For x ≥ −40, the first neglected term is below 2·10⁻¹⁶ of the sum. Seven doublings e ← e (2 + e) follow, which lose no
+    /// digits. For x < −40 the result is −1 to the last place.
     #[inline(always)]
     pub fn exp_m1_below_zero(self) -> Self {
         let floor = Self::splat(self.simd, -40.0);
@@ -118,7 +118,7 @@ impl<S: Simd> Div for Register<S> {
 }
 
 impl Register<pulp::Scalar> {
-    /// Value of the only lane of a scalar register.
+    /// Value of a scalar register, which has one lane.
     pub fn number(self) -> f64 {
         self.value
     }
@@ -126,14 +126,14 @@ impl Register<pulp::Scalar> {
 
 /// Running product of factors 1 + u with u ≥ 0, whose logarithm is taken once at the end.
 ///
-/// The product minus one is stored, so that factors close to one keep their digits. It is scaled by 2⁻⁵⁰⁰ whenever it passes 2⁵⁰⁰.
+/// The product minus one is stored, so that no digits are lost for factors close to one. The product is multiplied by 2⁻⁵⁰⁰ whenever it exceeds 2⁵⁰⁰.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Product<S: Simd> {
     excess: Register<S>,
     scalings: Register<S>,
 }
 
-/// 2⁵⁰⁰.
+/// Scaling factor 2⁵⁰⁰.
 const SCALING: f64 = f64::from_bits((1023 + 500) << 52);
 
 impl<S: Simd> Product<S> {
@@ -142,7 +142,7 @@ impl<S: Simd> Product<S> {
         Self { excess: Register::splat(simd, 0.0), scalings: Register::splat(simd, 0.0) }
     }
 
-    /// Multiplies by 1 + u, with u at most about 2⁵⁰⁰.
+    /// Multiplies the product by 1 + u, with u at most about 2⁵⁰⁰.
     #[inline(always)]
     pub fn grow(&mut self, u: Register<S>) {
         let simd = u.simd;
@@ -154,7 +154,7 @@ impl<S: Simd> Product<S> {
         self.scalings = excess.if_above(limit, counted, self.scalings);
     }
 
-    /// Stores into register `index` of arrays of lanes.
+    /// Stores the product into register `index` of arrays of lanes.
     #[inline(always)]
     pub fn store<const W: usize>(self, lanes: &mut Products<W>, index: usize) {
         self.excess.store(&mut lanes.excess, index);
@@ -162,7 +162,7 @@ impl<S: Simd> Product<S> {
     }
 }
 
-/// Products of all lanes.
+/// Products of all lanes, each stored as product minus one and number of scalings.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Products<const W: usize> {
     excess: [f64; W],
@@ -194,7 +194,7 @@ mod tests {
         assert!((never + 1.0).abs() < 1e-15);
     }
 
-    /// Compares products of factors from 1 + 10⁻¹² to 10¹⁴⁰ with the sum of their logarithms.
+    /// Compares the logarithm of a product with the sum of logarithms, for factors from 1 + 10⁻¹² to 10¹⁴⁰.
     #[test]
     fn products_are_sums_of_logarithms() {
         for exponents in [-12.0..-11.0, -3.0..3.0, 100.0..140.0] {

@@ -1,4 +1,4 @@
-//! Learning of a record's noise in a search: priors, ranges, starts and values of the noise parameters.
+//! Learning of a record's noise by a search: instructions for the search, and use of the noise parameters that it finds.
 
 use std::ops::{Deref, DerefMut};
 
@@ -10,7 +10,7 @@ use super::learnt_term::{DrawRow, LearntParameter, LearntTerm};
 use super::terms::{MOST_PARAMETERS, NoiseTerm, TERMS};
 use super::{NoiseModel, NoiseScales};
 
-/// Values of a noise model's parameters, in its order and their units; or the logarithms of the values.
+/// Values of a noise model's parameters in their units, or the logarithms of these values. They are in the order of the model's parameters.
 #[derive(Clone, Copy)]
 pub struct NoiseValues {
     values: [f64; MOST_PARAMETERS],
@@ -18,10 +18,10 @@ pub struct NoiseValues {
 }
 
 impl NoiseValues {
-    /// Creates the values.
+    /// Creates the list from an array of values, one per parameter.
     ///
     /// # Panics
-    /// Panics if there are more values than parameters of all terms.
+    /// Panics if there are more values than any noise model has parameters.
     pub const fn new<const N: usize>(values: [f64; N]) -> Self {
         let mut all = [0.0; MOST_PARAMETERS];
         let mut k = 0;
@@ -38,7 +38,7 @@ impl NoiseValues {
         self
     }
 
-    /// Creates one value for each of `n` parameters.
+    /// Creates a list of `n` values, with `of(index)` as the value at each index.
     pub fn from_fn(n: usize, mut of: impl FnMut(usize) -> f64) -> Self {
         (0..n).map(&mut of).collect()
     }
@@ -83,11 +83,11 @@ impl std::fmt::Debug for NoiseValues {
 /// Instructions for a search that learns a noise model.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NoiseLearning {
-    /// Parameters, in order.
+    /// Parameters to learn, in the order of the noise model.
     pub parameters: Vec<LearntParameter>,
     /// Name of the term of each parameter.
     pub terms: Vec<&'static str>,
-    /// Starts of the searches: every combination of the terms' starts. The last term's start changes fastest along the list.
+    /// Starts of the searches: every combination of the terms' starts. Along the list, the start of the last term changes fastest.
     pub starts: Vec<NoiseValues>,
 }
 
@@ -116,7 +116,7 @@ impl NoiseModel {
         NoiseLearning { parameters, terms, starts }
     }
 
-    /// Values of the parameters in words: of terms that vary from row to row, and of terms that vary from cycle to cycle.
+    /// Describes the noise with these parameter values in words. The first list holds terms that vary from row to row, the second terms that vary from cycle to cycle.
     pub fn describe(self, values: &[f64]) -> [Vec<String>; 2] {
         let mut words = [Vec::new(), Vec::new()];
         self.with_values(values, |term, learnt, values| {
@@ -125,14 +125,14 @@ impl NoiseModel {
         words
     }
 
-    /// Standard deviations (µm) that the terms add to one position (µm), independent of each other.
+    /// Standard deviations (µm) of the independent errors that the terms add to one position (µm).
     pub fn sds_um(self, values: &[f64], position_um: f64) -> Vec<f64> {
         let mut sds_um = Vec::new();
         self.with_values(values, |_, learnt, values| sds_um.extend(learnt.sds_um(values, position_um)));
         sds_um
     }
 
-    /// Draws, row by row, of all terms except the white noise.
+    /// Functions that draw the error of each term row by row. The function of the white noise returns 0.
     pub fn draw_terms(self, values: &[f64], stream: &mut RandomStream) -> Vec<Box<DrawRow>> {
         let mut drawn = Vec::new();
         self.with_values(values, |_, learnt, values| drawn.push(learnt.drawn(values, stream)));
@@ -154,7 +154,7 @@ impl NoiseModel {
         self.terms().filter_map(|term| Some((term, term.learning()?)))
     }
 
-    /// Index of a parameter in this model.
+    /// Index of a parameter in this model; `None` if the model does not have it.
     pub fn place(self, parameter: &ParameterSpec) -> Option<usize> {
         self.parameters().iter().position(|parameter_spec| parameter_spec == parameter)
     }
@@ -170,7 +170,7 @@ mod tests {
     use super::*;
     use base::error::InputPlace;
 
-    /// Every learnt term gives one rule per parameter, in order, and its starts lie inside the range of the search.
+    /// Every term that can be learnt describes each of its parameters, in order. Its starts lie inside the range of the search.
     #[test]
     fn rules_go_with_the_parameters() {
         let names: Vec<String> = NoiseModel::learnt_names().into_iter().map(String::from).collect();

@@ -1,4 +1,4 @@
-//! Learning of one noise term in a search: its parameters, their priors and ranges, and draws of the term.
+//! Description of a noise term for a search that learns the noise: parameters with priors and ranges, starts, and draws of the term.
 
 use base::distribution::Distribution;
 use base::parameter::ParameterSpec;
@@ -6,18 +6,18 @@ use sampling::ensemble::RandomStream;
 
 use super::scales::NoiseScales;
 
-/// Learning of one noise parameter, in the logarithm of its value.
+/// Description of one noise parameter for a search. The search coordinate is the logarithm of the parameter.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LearntParameter {
-    /// Name, unit and support.
+    /// Name, unit and support of the parameter.
     pub spec: ParameterSpec,
-    /// Prior in the search.
+    /// Prior of the parameter in the search.
     pub prior: LearningPrior,
-    /// Range of the logarithm in the search.
+    /// Smallest and largest logarithm in the search.
     pub ln_ends: [f64; 2],
-    /// Logarithm at which the noise is white with the size of the reference noise, and the other terms nearly vanish.
+    /// Logarithm of the parameter for white noise as large as the reference noise. All terms except the white noise then nearly vanish.
     pub ln_white: f64,
-    /// Contribution to the noise of a row.
+    /// Contribution of the parameter to the noise that varies from row to row.
     pub of_row: RowShare,
 }
 
@@ -26,32 +26,32 @@ pub struct LearntParameter {
 pub enum LearningPrior {
     /// Flat between the ends of the search.
     Flat,
-    /// Normal in the logarithm.
+    /// Normal distribution of the logarithm.
     NormalLog {
         /// Mean of the logarithm.
         mean: f64,
         /// Standard deviation of the logarithm.
         sd: f64,
     },
-    /// This distribution, as a density of the logarithm.
+    /// This distribution of the value. The log density is that of the logarithm, so it includes the Jacobian.
     OfLog(Distribution),
-    /// This distribution, as a density of the value itself, which may be 0.
+    /// This distribution of the value. The log density is that of the value itself, without the Jacobian, so that the value may be 0.
     OfValue(Distribution),
 }
 
 /// Contribution of a parameter to the noise that varies from row to row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RowShare {
-    /// A standard deviation, in µm.
+    /// The parameter is the standard deviation (µm) of noise that varies from row to row.
     Sd,
-    /// Correlation of such a part from row to row.
+    /// The parameter describes the correlation of such noise between rows.
     Shape,
-    /// No contribution: the value is the same for many rows.
+    /// The parameter describes noise that is constant over many rows.
     Nothing,
 }
 
 impl LearningPrior {
-    /// Log density at a logarithm, up to a constant; `None` if the prior is flat.
+    /// Log density at the logarithm `ln` of the parameter, up to a constant; `None` if the prior is flat.
     pub fn ln_density(&self, ln: f64) -> Option<f64> {
         Some(match self {
             Self::Flat => return None,
@@ -62,26 +62,27 @@ impl LearningPrior {
     }
 }
 
-/// A term that a search can learn.
+/// Noise term that a search can learn.
 pub(super) trait LearntTerm {
-    /// Parameters of the term, in order. `priors` are those of `sample`, in the same order; the white noise does not use them. `is_known` is true if the reference noise is
-    /// known and false if it is estimated from short lags.
+    /// Parameters of the term, in order. `priors` are the parameters' priors in `sample`, in the order of the parameters; the white noise does not use them. `is_known`
+    /// is true if the reference noise is known and false if it is estimated from short lags.
     fn learnt(&self, scales: &NoiseScales, priors: &[Distribution], is_known: bool) -> Vec<LearntParameter>;
 
-    /// Starts of the searches, as logarithms of the parameters.
+    /// Starts of the searches, one per inner list: logarithms of the term's parameters.
     fn starts(&self, scales: &NoiseScales, priors: &[Distribution]) -> Vec<Vec<f64>>;
 
-    /// Values of the parameters in a few words.
+    /// Describes the term with these parameter values in a few words, for a message.
     fn words(&self, values: &[f64]) -> String;
 
-    /// Standard deviations (µm) that the term adds to one position (µm), independent of each other.
+    /// Standard deviations (µm) of the independent errors that the term adds to one position (µm).
     fn sds_um(&self, values: &[f64], position_um: f64) -> Vec<f64>;
 
-    /// Draws of the term, row by row. They are 0 for the white noise, which draws of whitened residuals replace.
+    /// Function that draws the term's error row by row. For the white noise it returns 0, because the caller draws whitened residuals instead.
     fn drawn(&self, _values: &[f64], _stream: &mut RandomStream) -> Box<DrawRow> {
         Box::new(|_, _, _| [0.0; 2])
     }
 }
 
-/// Error (µm) and gain of a row, given the time since the previous row (s, `None` at the first) and whether a cycle begins.
+/// Function that draws the error (µm) and the gain of the next row. Its arguments are the time since the previous row (s, `None` at the first row), true if a cycle
+/// begins, and the random stream.
 pub type DrawRow = dyn FnMut(Option<f64>, bool, &mut RandomStream) -> [f64; 2];

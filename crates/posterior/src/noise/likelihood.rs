@@ -1,4 +1,4 @@
-//! Log likelihood of a record, for one or several points at once.
+//! Log likelihood of a record under a noise model, for one or several parameter points at once.
 
 use std::borrow::Borrow;
 
@@ -16,21 +16,21 @@ use super::terms::{Equations, MOST_PARAMETERS};
 pub struct NoiseLikelihood {
     pub(super) model: NoiseModel,
     pub(super) rows: NoiseRows,
-    /// Observed position in m of each visited row.
+    /// Observed position (m) of each row that has one.
     pub(super) observed_m: Vec<f64>,
 }
 
 impl NoiseLikelihood {
-    /// Prepares a record. Times in s increase strictly; consecutive rows of one cycle have the same cycle number. Positions are in m, `None` at rows without an
-    /// observation. All slices have one entry per row.
+    /// Prepares a record. Times (s) must increase strictly. `cycle` holds the cycle number of each row, and a cycle's rows are consecutive. `observed_m` holds
+    /// positions (m), or `None` at rows without one. All slices have one entry per row.
     pub fn new(model: NoiseModel, time_s: &[f64], cycle: &[u32], observed_m: &[Option<f64>]) -> Self {
         let visited: Vec<usize> = (0..observed_m.len()).filter(|row| observed_m[*row].is_some()).collect();
         let rows = NoiseRows::new(time_s, cycle, &visited);
         Self { model, rows, observed_m: observed_m.iter().copied().flatten().collect() }
     }
 
-    /// Replaces the observed positions (m): one entry per row of the record, `None` at rows that had no observation. It costs less than [`NoiseLikelihood::new`], which
-    /// searches for equal steps.
+    /// Replaces the observed positions (m): one entry per row of the record, `None` at rows that had no observation. This is cheaper than [`NoiseLikelihood::new`],
+    /// which must also find equal time steps.
     pub fn with_observed(&self, observed_m: &[Option<f64>]) -> Self {
         let observed = |row: &super::rows::NoiseRow| observed_m[row.index].unwrap_or(f64::NAN);
         let observed_m = self.rows.rows.iter().map(observed).collect();
@@ -47,8 +47,8 @@ impl NoiseLikelihood {
         self.observed_m.len()
     }
 
-    /// Log likelihood of one point, in nats for positions in m. `position_m` holds its position at every row of the record. `parameters` holds the noise parameters in
-    /// their units, in the order of [`NoiseModel::parameters`]. The result is −∞ for parameters outside their support and NaN for NaN positions.
+    /// Log likelihood of one parameter point, in nats for positions in m. `position_m` holds the predicted position at every row of the record. `parameters` holds the
+    /// noise parameters in their units, in the order of [`NoiseModel::parameters`]. The result is −∞ for parameters outside their support and NaN for NaN positions.
     pub fn ln_likelihood(&self, position_m: &[f64], parameters: &[f64]) -> f64 {
         let scales = self.model.scales(parameters);
         let mut out = [0.0];
@@ -56,7 +56,8 @@ impl NoiseLikelihood {
         out[0]
     }
 
-    /// Log likelihoods of several points with a common position: `parameters[parameter][lane]`, for any multiple of [`LANES`] at once.
+    /// Log likelihoods of several parameter points with one common trajectory. The noise parameters are `parameters[parameter][lane]`; the number of lanes is a
+    /// multiple of [`LANES`].
     pub fn ln_likelihood_shared<const W: usize>(
         &self,
         position_m: &[SharedPosition],
@@ -66,8 +67,8 @@ impl NoiseLikelihood {
         self.evaluate(Vectors, position_m, &self.scales(parameters), out);
     }
 
-    /// Log likelihoods of several points: `position_m[row][lane]`, `parameters[parameter][lane]`. The result of a lane does not depend on the other lanes, to the last bit.
-    /// It may differ from [`NoiseLikelihood::ln_likelihood`] by rounding.
+    /// Log likelihoods of several parameter points, one per lane. Predicted positions (m) are `position_m[row][lane]`, and noise parameters are
+    /// `parameters[parameter][lane]`. A lane's result is bitwise independent of the other lanes. It may differ from [`NoiseLikelihood::ln_likelihood`] by rounding.
     pub fn ln_likelihood_lanes<R: Borrow<[f64; LANES]>>(
         &self,
         position_m: &[R],
@@ -136,11 +137,11 @@ impl NoiseLikelihood {
     }
 }
 
-/// Position (m) of a row that all points share.
+/// Predicted position (m) of a row, common to all points.
 #[derive(Debug, Clone, Copy)]
 pub struct SharedPosition(pub f64);
 
-/// Positions of a row: one per point, or one for all.
+/// Predicted positions of a row: one per point, or one for all points.
 trait PositionRow<const W: usize> {
     fn register<S: Simd>(&self, simd: S, index: usize) -> Register<S>;
 }
@@ -159,7 +160,7 @@ impl<const W: usize> PositionRow<W> for SharedPosition {
     }
 }
 
-/// Kind of arithmetic of a pass: the machine's vector registers or single numbers.
+/// Arithmetic of a pass: vector registers of the processor, or single floating-point values.
 trait Machine {
     fn run<W: WithSimd>(self, pass: W) -> W::Output;
 }
@@ -179,7 +180,7 @@ impl Machine for Scalars {
     }
 }
 
-/// A step of the process for every lane.
+/// Time step of the Ornstein–Uhlenbeck process, for every lane.
 #[derive(Clone)]
 pub(super) struct FilterStep<const W: usize> {
     pub decay: [f64; W],
@@ -189,8 +190,8 @@ pub(super) struct FilterStep<const W: usize> {
 impl<const W: usize> FilterStep<W> {
     pub const NONE: Self = Self { decay: [0.0; W], gained: [0.0; W] };
 
-    /// Computes the decay exp(−Δt/τ) and the gained variance (1 − exp(−2Δt/τ)) σ_ou²/σ², like [`PredictiveScales::step`]. Uneven sampling needs one step per row, so single
-    /// exponentials would cost more than the filter.
+    /// Computes the decay exp(−Δt/τ) and the gained variance (1 − exp(−2Δt/τ)) σ_ou²/σ², as `FilterScales::step` does for one point. Uneven sampling needs one step per
+    /// row, so exponentials computed one by one would take longer than the filter.
     #[inline(always)]
     pub fn fill<S: Simd>(&mut self, simd: S, register: usize, step_s: f64, ou: &[f64; W], ou_time_s: &[f64; W]) {
         let time_s = Register::load(simd, ou_time_s, register);
@@ -201,13 +202,13 @@ impl<const W: usize> FilterStep<W> {
     }
 }
 
-/// Sums of a pass for every lane.
+/// Sums and products over the rows of a pass, for every lane. v is the innovation, S its variance.
 struct Sums<const W: usize> {
-    /// Σ v²σ²/S in m²; 0 with Student-t.
+    /// Sum Σ v²σ²/S in m²; 0 with Student-t.
     quadratic_m2: [f64; W],
-    /// Π S/σ².
+    /// Product Π S/σ².
     variance: Products<W>,
-    /// Π (1 + v²/(νS)).
+    /// Product Π (1 + v²/(νS)), with Student-t.
     tail: Products<W>,
 }
 
@@ -237,7 +238,7 @@ pub(super) fn ln_student_constant(dof: f64) -> f64 {
     ratio.ln() + 0.5 * (10.0 / half).ln_1p() + series
 }
 
-/// One pass over the record.
+/// Filter pass over the record for all lanes.
 struct FilterPass<'a, R, const W: usize, const OU: bool, const GAIN: bool, const STUDENT: bool> {
     record: &'a NoiseLikelihood,
     position_m: &'a [R],
@@ -246,9 +247,9 @@ struct FilterPass<'a, R, const W: usize, const OU: bool, const GAIN: bool, const
     ou_time_s: [f64; W],
     gain_per_m2: [f64; W],
     offset: [f64; W],
-    /// 1/(νσ²).
+    /// 1/(νσ²) of each lane, in 1/m².
     tail_per_m2: [f64; W],
-    /// (ν + 1)/ν.
+    /// (ν + 1)/ν of each lane.
     tail_weight: [f64; W],
 }
 
@@ -268,14 +269,14 @@ impl<R: PositionRow<W>, const W: usize, const OU: bool, const GAIN: bool, const 
         for register in 0..n_registers {
             for (step, length_s) in steps.iter_mut().zip(&self.record.rows.step_s) {
                 if W == 1 {
-                    // For single numbers, the standard library's exponential is faster.
+                    // For single values, the standard library's exponential is faster than that of the registers.
                     (step.decay[0], step.gained[0]) = self.scales[0].step(*length_s);
                 } else {
                     step.fill(simd, register, *length_s, &self.ou, &self.ou_time_s);
                 }
             }
         }
-        // A row waits for its division, so two registers together take hardly longer than one.
+        // Each row must wait for a division. Two registers that are processed together therefore take hardly longer than one.
         for register in (0..n_registers - n_registers % 2).step_by(2) {
             self.run::<S, 2>(simd, register, &steps, &mut sums);
         }

@@ -1,4 +1,4 @@
-//! Tests of the likelihood against dense algebra, closed forms and quadrature, and of lanes against single points.
+//! Tests of the likelihood against dense algebra, closed forms and quadrature. Evaluation in lanes is compared with single points.
 
 use super::super::dense_for_tests::{
     POINTS, TestRecord, covariance_m2, gaussian_models, ln_density, model, parameters,
@@ -34,7 +34,7 @@ fn gaussian_terms_equal_dense_algebra() {
     }
 }
 
-/// Dense algebra has no digits left if the offset's variance is 10¹⁶ times the noise's. An offset alone has a closed form.
+/// The offset's variance is 10¹⁶ times that of the noise, so that dense algebra loses all digits. The reference is the closed form for an offset alone.
 #[test]
 fn an_offset_that_dwarfs_the_noise_keeps_its_digits() {
     let n = 60;
@@ -53,7 +53,7 @@ fn an_offset_that_dwarfs_the_noise_keeps_its_digits() {
     assert!((filtered / exact - 1.0).abs() < 1e-12, "{filtered} against {exact}");
 }
 
-/// A gain and an offset 3,000 times the noise, where dense algebra in f64 is off by 2·10⁻¹⁰. The reference is dense algebra in 60 digits.
+/// Gain and offset are 3,000 times the noise, for which dense algebra in f64 has an error of 2·10⁻¹⁰. The reference is dense algebra with 60 digits.
 #[test]
 fn a_gain_that_dwarfs_the_noise_keeps_its_digits() {
     let record = TestRecord::irregular(120);
@@ -84,7 +84,7 @@ fn student_alone_is_independent_t() {
     }
 }
 
-/// Two observations of the process, an outlier first, by the module's formulas written out.
+/// Compares with the module's formulas, written out for two observations of the process, of which the first is an outlier.
 #[test]
 fn an_outlier_moves_the_process_by_its_score() {
     let (sd_m, ou_sd_m, time_s, dof) = (2e-6_f64, 3e-6_f64, 0.4_f64, 5.0);
@@ -103,7 +103,8 @@ fn an_outlier_moves_the_process_by_its_score() {
     assert!((filtered / exact - 1.0).abs() < 1e-12, "{filtered} against {exact}");
 }
 
-/// The difference is of order 1/ν. It shrinks a hundredfold from ν = 10⁵ to 10⁷, and by 10⁵ more to 10¹², where it would show lost digits.
+/// The difference between Student-t and Gaussian likelihoods is of order 1/ν. It decreases by a factor of 100 from ν = 10⁵ to 10⁷, and by 10⁵ more to ν = 10¹². Lost
+/// digits would show there.
 #[test]
 fn many_degrees_of_freedom_are_gaussian() {
     let record = TestRecord::irregular(120);
@@ -122,7 +123,8 @@ fn many_degrees_of_freedom_are_gaussian() {
     }
 }
 
-/// ∫∫∫ p dy of three observations by the trapezoidal rule in arsinh y, and the variance of the last compared with its marginal standard deviation.
+/// Integrates the joint density of three observations by the trapezoidal rule in arsinh y. The variance of the last observation is compared with its marginal standard
+/// deviation.
 #[test]
 fn the_joint_density_of_every_model_integrates_to_one() {
     let (time_s, cycle, position_m) = ([0.0, 0.2, 0.5], [1, 1, 1], [3e-5, -1e-5, 4e-5]);
@@ -151,7 +153,7 @@ fn the_joint_density_of_every_model_integrates_to_one() {
     }
 }
 
-/// Lanes equal the single points to rounding, and they do not depend on the other lanes, to the last bit.
+/// A lane equals the single point except for rounding, and is bitwise independent of the other lanes.
 #[test]
 fn lanes_are_independent_points() {
     let record = TestRecord::irregular(150);
@@ -187,7 +189,7 @@ fn lanes_are_independent_points() {
     }
 }
 
-/// Points with a common position are bitwise equal to points with eight equal positions, for eight or sixteen at once.
+/// For eight or sixteen points at once, a common trajectory gives bitwise the results of equal trajectories in all lanes.
 #[test]
 fn wide_passes_have_the_bits_of_narrow_ones() {
     let record = TestRecord::irregular(150);

@@ -1,38 +1,39 @@
-//! Noise models: the difference between the predicted position and the tracker's (physics §5).
+//! Noise models: the difference between the predicted and the measured position (physics §5).
 //!
-//! The position observed at row i of cycle c is
+//! The position yᵢ that is observed at row i of cycle c, for a predicted position xᵢ, is
 //!
 //!   yᵢ = xᵢ (1 + g_c) + o_c + u(tᵢ) + eᵢ
 //!
 //! | name | adds | parameters |
 //! |---|---|---|
-//! | `white` | independent eᵢ ~ N(0, σ²); compulsory | `noise_sd_um` σ |
-//! | `ou` | u, a stationary Ornstein–Uhlenbeck process of variance σ_ou² and correlation exp(−Δt/τ), through cycles and gaps | `ou_sd_um` σ_ou, `ou_time_s` τ |
-//! | `gain` | g_c ~ N(0, s_g²) and o_c ~ N(0, s_o²), independent for each cycle | `gain_sd` s_g, `offset_sd_um` s_o |
-//! | `student` | heavy tails in place of normal ones | `student_dof` ν |
+//! | `white` | independent errors eᵢ ~ N(0, σ²); every model has this term | `noise_sd_um` σ |
+//! | `ou` | u, a stationary Ornstein–Uhlenbeck process of variance σ_ou² and correlation exp(−Δt/τ), which continues through cycles and gaps | `ou_sd_um` σ_ou, `ou_time_s` τ |
+//! | `gain` | a gain g_c ~ N(0, s_g²) and an offset o_c ~ N(0, s_o²), independent for each cycle | `gain_sd` s_g, `offset_sd_um` s_o |
+//! | `student` | Student-t errors instead of normal ones | `student_dof` ν |
 //!
-//! All terms are nuisance: they are learnt from the data and never a physical claim.
+//! All terms are nuisances: they are learnt from the data, and no physical claim follows from them.
 //!
 //! # Cost
-//! The density is the product of one-step predictive densities. A Kalman filter over (u, g, o) gives them in time linear in the number of observations, exactly for any
-//! times. The filter stores the covariance as U D Uᵀ (Bierman, *Factorization Methods for Discrete Sequential Estimation*, 1977, ch. V). The covariance thus stays positive
-//! and keeps its digits if gain, offset and process are each large and their sum is small.
+//! The density is the product of one-step predictive densities. A Kalman filter over (u, g, o) computes them exactly for any sampling times. The time is proportional
+//! to the number of observations. The filter stores the covariance as U D Uᵀ (Bierman, *Factorization Methods for Discrete Sequential Estimation*, 1977, ch. V). The
+//! covariance thus stays positive and keeps its digits, even if gain, offset and process are each large and their sum is small.
 //!
 //! # Student-t
-//! With `student` the prediction is a t distribution: given the past, yᵢ ~ t_ν(mᵢ, scale √Sᵢ) with the filter's mean mᵢ and variance Sᵢ. The state moves by K w v instead
-//! of K v, with the innovation v = yᵢ − mᵢ and the weight
+//! With `student` the prediction is a t distribution. Given the past, yᵢ ~ t_ν(mᵢ, scale √Sᵢ), where mᵢ and Sᵢ are the filter's mean and variance. The state moves by K
+//! w v instead of K v, with the innovation v = yᵢ − mᵢ and the weight
 //!
 //!   w = (ν + 1)/(ν + v²/Sᵢ)
 //!
-//! so that an outlier moves it little. w v/S is the score ∂ln p(yᵢ)/∂mᵢ of the t, so the state moves by P hᵀ times the score. This is a *score-driven* filter (Harvey,
-//! *Dynamic Models for Volatility and Heavy Tails*, Cambridge University Press 2013; Harvey & Luati, *JASA* 109, 1112, 2014, doi:10.1080/01621459.2014.887011, who leave
-//! out the score's factor (ν + 1)/ν).
+//! so that an outlier moves the state little. The score ∂ln p(yᵢ)/∂mᵢ of the t distribution is w v/S. The state thus moves by P hᵀ times the score. This is a
+//! *score-driven* filter (Harvey, *Dynamic Models for Volatility and Heavy Tails*, Cambridge University Press 2013; Harvey & Luati, *JASA* 109, 1112, 2014,
+//! doi:10.1080/01621459.2014.887011, who leave out the score's factor (ν + 1)/ν).
 //!
-//! Any filter whose mᵢ and Sᵢ are functions of the past alone gives a proper joint density, since each factor integrates to one. As ν → ∞ the filter becomes the Gaussian
-//! one. With `white` alone the errors are independent and t-distributed.
+//! Any filter whose mᵢ and Sᵢ depend only on the past gives a proper joint density, since each factor integrates to one. As ν → ∞, the filter becomes the Kalman
+//! filter. With `white` alone the errors are independent and t-distributed.
 //!
-//! σ is then the *scale* of the t: the variance of a single error is σ² ν/(ν − 2), which is infinite at the support's end ν = 2. O(n) has a price: the t density belongs to
-//! the observed rows. A model with fewer rows is a different model and not its marginal (for the Gaussian terms both are equal).
+//! With `student`, σ is the *scale* of the t distribution. The variance of a single error is σ² ν/(ν − 2). It is infinite at ν = 2, the end of the support. The linear cost has a
+//! price: the t density depends on which rows are observed. The model of fewer rows is not the marginal of the model of all rows. For the Gaussian terms both are
+//! equal.
 
 mod filter;
 mod lanes;

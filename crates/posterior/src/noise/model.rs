@@ -1,4 +1,4 @@
-//! Noise model: its terms, their parameters and default priors.
+//! Noise model: a set of noise terms with their parameters and default priors.
 
 use super::scales::{FilterScales, NoiseScales};
 use super::terms::{Equations, NoiseTerm, TERMS};
@@ -7,7 +7,7 @@ use base::error::{Error, InputPlace, Result};
 use base::parameter::ParameterSpec;
 use base::units::nearest_name;
 
-/// White noise with optional further terms. The default is white noise alone.
+/// Set of noise terms: white noise and optional further terms. The default is white noise alone.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct NoiseModel {
     /// True for each present term, by its index in [`TERMS`]. The first entry is unused, because white noise is always present.
@@ -15,7 +15,7 @@ pub struct NoiseModel {
 }
 
 impl NoiseModel {
-    /// Noise model with the named terms, in any order. `place` is the position of the names, for messages.
+    /// Creates the noise model with the named terms, in any order. Error messages state `place` as the place of the names.
     ///
     /// # Errors
     /// [`Error::Input`] for an unknown name, a repeated name, or names without `white`.
@@ -43,7 +43,7 @@ impl NoiseModel {
         Ok(model)
     }
 
-    /// Terms, in the order of their parameters.
+    /// Terms of the model, in the order of their parameters.
     pub(super) fn terms(self) -> impl Iterator<Item = &'static dyn NoiseTerm> {
         TERMS.iter().enumerate().filter(move |(place, _)| *place == 0 || self.has[*place]).map(|(_, term)| *term)
     }
@@ -53,17 +53,17 @@ impl NoiseModel {
         self.terms().map(|term| term.name()).collect()
     }
 
-    /// Parameters, in the order that every function here expects.
+    /// Parameters of the model. All functions of noise models expect values in this order.
     pub fn parameters(self) -> Vec<ParameterSpec> {
         self.terms().flat_map(|term| term.parameters()).copied().collect()
     }
 
-    /// Parameters of all known terms.
+    /// Parameters of all noise terms that the program has.
     pub fn known_parameters() -> impl Iterator<Item = &'static ParameterSpec> {
         TERMS.iter().flat_map(|term| term.parameters())
     }
 
-    /// Converts parameters in the model's order and units; `None` outside their support.
+    /// Converts parameter values, in the model's order and units, to the filter's form; `None` outside their support.
     pub(super) fn scales(self, parameters: &[f64]) -> Option<FilterScales> {
         let (mut scales, mut left) = (FilterScales::UNIT, parameters);
         for term in self.terms() {
@@ -78,7 +78,7 @@ impl NoiseModel {
         scales.is_in_range().then_some(scales)
     }
 
-    /// Parts of the filter that the terms need.
+    /// Components of the filter that the model's terms need.
     pub(super) fn equations(self) -> Equations {
         self.terms().map(|term| term.equations()).fold(Equations::default(), |all, equations| Equations {
             process: all.process || equations.process,
@@ -98,14 +98,14 @@ impl NoiseModel {
         self.terms().flat_map(of_term).collect()
     }
 
-    /// Standard deviation (µm) of the noise that varies from row to row: the white errors and the process. Gains and offsets are left out, because they are constant in a
-    /// cycle. A misfit that they absorb is therefore still a difference between prediction and positions. NaN outside the parameters' support.
+    /// Standard deviation (µm) of the noise that varies from row to row: the white errors and the process. Gains and offsets are left out, because they are constant
+    /// within a cycle. They can absorb a misfit, which must not count as noise. NaN outside the parameters' support.
     pub fn row_sd_um(self, parameters: &[f64]) -> f64 {
         let of_scales = |scales: FilterScales| 1e6 * scales.noise_sd_m * (scales.variance_factor() + scales.ou).sqrt();
         self.scales(parameters).map_or(f64::NAN, of_scales)
     }
 
-    /// Degrees of freedom of heavy tails; `None` for normal ones.
+    /// Degrees of freedom of Student-t errors; `None` for normal errors.
     pub fn student_dof(self, parameters: &[f64]) -> Option<f64> {
         self.scales(parameters).map(|scales| scales.dof).filter(|dof| dof.is_finite())
     }
@@ -172,7 +172,7 @@ mod tests {
             assert!(lower >= spec.support.lower && upper <= spec.support.upper);
             assert!(prior.source.starts_with("chosen: "));
         }
-        // These quantiles are stated in the sources.
+        // The sources of the priors state these quantiles.
         let quantile = |name: &str, p: f64| {
             priors.iter().find(|prior| prior.name == name).map_or(f64::NAN, |prior| prior.distribution.quantile(p))
         };

@@ -1,4 +1,4 @@
-//! Row-by-row filter: marginal standard deviations and simulated noise.
+//! Filter of one parameter point, row by row, for marginal standard deviations and simulated noise.
 
 use pulp::Scalar;
 use rand::{Rng, RngExt};
@@ -16,9 +16,9 @@ pub(super) fn number(value: f64) -> Number {
     Register::splat(Scalar, value)
 }
 
-/// Filter of one point, row by row; terms that the model lacks have variance 0.
+/// Filter of one parameter point, row by row. Terms that the model lacks have variance 0.
 pub(super) struct RowFilter {
-    /// Decay of the process and the variance that it gains, by step.
+    /// For each distinct time step: decay of the process, and the variance that it gains divided by σ².
     steps: Vec<(f64, f64)>,
     prior: PriorVariances<Scalar>,
     covariance: Covariance<Scalar, true, true>,
@@ -31,7 +31,7 @@ impl RowFilter {
         Self { steps, prior, covariance: Covariance::zero(Scalar) }
     }
 
-    /// Advances to a row and observes it. Returns the decay of the process up to the row, and the row's gain.
+    /// Advances the filter to a row and observes a position there. Returns the decay of the process since the previous row, and the filter's gain.
     pub fn observe(&mut self, row: &NoiseRow, position_m: f64) -> (Number, Gain<Scalar>) {
         let (decay, gained) = self.steps[row.step];
         self.covariance.advance(number(decay), number(gained));
@@ -42,7 +42,7 @@ impl RowFilter {
     }
 }
 
-/// Advances a mean to a row.
+/// Advances the mean of the state to a row. Gain and offset become 0 at the beginning of a cycle.
 pub(super) fn advance(mean: &mut Mean<Scalar, true, true>, row: &NoiseRow, decay: Number) {
     mean.advance(decay);
     if row.new_cycle {
@@ -51,10 +51,10 @@ pub(super) fn advance(mean: &mut Mean<Scalar, true, true>, row: &NoiseRow, decay
 }
 
 impl NoiseModel {
-    /// Standard deviation in m of the noise at every row of a record with an observation at every row. Times are in s, positions in m.
+    /// Marginal standard deviation (m) of the noise at every row of a record. Times are in s, predicted positions in m, and every row counts as observed.
     ///
-    /// With `student` it follows from the filter. The score-driven mean has (ν + 1)/(ν + 3) of the variance of the Gaussian filter's mean, and the prediction's variance is
-    /// multiplied by ν/(ν − 2). The result is infinite at ν = 2 and NaN for parameters outside their support.
+    /// With `student`, the standard deviation follows from the filter. The score-driven mean has (ν + 1)/(ν + 3) of the variance of the Gaussian filter's mean, and the
+    /// prediction's variance is multiplied by ν/(ν − 2). The result is infinite at ν = 2 and NaN for parameters outside their support.
     pub fn marginal_sd_m(self, time_s: &[f64], cycle: &[u32], position_m: &[f64], parameters: &[f64]) -> Vec<f64> {
         let Some(scales) = self.scales(parameters) else {
             return vec![f64::NAN; position_m.len()];
@@ -75,10 +75,10 @@ impl NoiseModel {
         rows.rows.iter().map(sd_m).collect()
     }
 
-    /// One draw of the noise (observed minus predicted position in m) at every row of a record. The density is the one of [`NoiseLikelihood`](super::NoiseLikelihood) with
+    /// Draws the noise (observed minus predicted position, in m) at every row of a record once. Its density is that of [`NoiseLikelihood`](super::NoiseLikelihood) with
     /// an observation at every row. NaN for parameters outside their support.
     ///
-    /// The noise is drawn prediction by prediction through the likelihood's own filter. For the Gaussian terms this is equivalent to a draw of each term.
+    /// Each row is drawn from the one-step prediction of the likelihood's filter. For the Gaussian terms this is equivalent to a draw of each term.
     pub fn simulate_m(
         self,
         time_s: &[f64],
@@ -91,7 +91,7 @@ impl NoiseModel {
             return vec![f64::NAN; position_m.len()];
         };
         if self == Self::default() {
-            // White noise predicts nothing: the filter would draw the same numbers.
+            // White noise needs no filter. The filter would draw the same values.
             let draw_m = |_: &f64| scales.noise_sd_m * rng.sample::<f64, _>(StandardNormal);
             return position_m.iter().map(draw_m).collect();
         }
@@ -125,7 +125,7 @@ fn all_rows(time_s: &[f64], cycle: &[u32]) -> NoiseRows {
 
 /// Draws from Student's t by the polar method (Bailey, *Math. Comp.* 62, 779, 1994, doi:10.2307/2153537).
 fn student_t(dof: f64, rng: &mut (impl Rng + ?Sized)) -> f64 {
-    // The level is in (0, 1], so that the logarithm is finite.
+    // The level lies in (0, 1], so that its logarithm is finite.
     let radius_level = 1.0 - rng.random::<f64>();
     let angle = 2.0 * std::f64::consts::PI * rng.random::<f64>();
     (dof * (-2.0 / dof * radius_level.ln()).exp_m1()).sqrt() * angle.cos()

@@ -31,7 +31,7 @@ fn whitened_residuals_have_the_mahalanobis_distance() {
     }
 }
 
-/// The whitened unit columns are L⁻¹. It is lower triangular, turns the covariance into the identity and gives the likelihood's determinant.
+/// Whitening the unit columns gives the matrix L⁻¹. It is lower triangular, turns the covariance into the identity and gives the likelihood's determinant.
 #[test]
 fn whitened_unit_columns_are_the_inverse_factor() {
     let record = TestRecord::irregular(50);
@@ -83,7 +83,8 @@ fn marginal_sds_are_the_dense_diagonal() {
     }
 }
 
-/// Student-t tends to the Gaussian terms. The first row, which has no past, has ν/(ν − 2) of their variance.
+/// For large ν, the Student-t standard deviations tend to those of the Gaussian terms. At the first row, which has no past, the variance is ν/(ν − 2) times the
+/// Gaussian one.
 #[test]
 fn students_marginal_sds_tend_to_the_gaussian_ones() {
     let record = TestRecord::irregular(60);
@@ -101,8 +102,8 @@ fn students_marginal_sds_tend_to_the_gaussian_ones() {
     assert!(sd_m(student, 2.0).iter().all(|sd| sd.is_infinite()));
 }
 
-/// Sample covariance of 20,000 draws of 14 rows. The standard error of an entry is √((ΣᵢᵢΣⱼⱼ + Σᵢⱼ²)/N). A limit of 6.2 on the largest of 105 entries of 4 models fails by
-/// chance with a probability of 420 · 6·10⁻¹⁰ = 2·10⁻⁷.
+/// Compares the sample covariance of N = 20,000 draws of 14 rows with the exact covariance Σ. The standard error of an entry is √((ΣᵢᵢΣⱼⱼ + Σᵢⱼ²)/N). The limit is 6.2
+/// standard errors for each of 105 entries of 4 models. It fails by chance with a probability of 420 · 6·10⁻¹⁰ = 2·10⁻⁷.
 #[test]
 fn simulated_noise_has_the_dense_covariance() {
     let record = TestRecord::irregular(14);
@@ -126,15 +127,16 @@ fn simulated_noise_has_the_dense_covariance() {
     }
 }
 
-/// Draws have the likelihood's density p: E q/p = 1 for any other density q. Here q is p at a smaller scale, so that the ratios are bounded. The mean of 20,000 lies within
-/// 5.5 standard errors (false failure 4·10⁻⁸). A sampler whose white noise and process are 10 % too large must fail.
+/// If draws have the likelihood's density p, the expectation of q/p is 1 for any other density q. Here q is p at a smaller scale, so that the ratios are bounded. The
+/// mean ratio of 20,000 draws lies within 5.5 standard errors of 1, with a false failure in 4·10⁻⁸ of all cases. A sampler whose white noise and process are 10 % too
+/// large must fail.
 #[test]
 fn simulated_noise_has_the_likelihoods_density() {
     let record = TestRecord::irregular(9);
     let model = model(&["white", "ou", "gain", "student"]);
     let truth = parameters(model, [4.0, 3.0, 0.5, 0.03, 5.0, 5.0]);
     let mut other = truth.clone();
-    // Near the predictions the ratio is 0.8⁻⁹, and every innovation counts.
+    // Near the predictions the ratio is 0.8⁻⁹, and every innovation influences it.
     for index in [0, 1, 3, 4] {
         other[index] *= 0.8;
     }
@@ -164,7 +166,7 @@ fn simulated_noise_has_the_likelihoods_density() {
     assert!(z_score(&wrong, 6).abs() > 5.5, "the comparison must see a wrong sampler");
 }
 
-/// Kolmogorov–Smirnov test on 10,000 draws at D < 2.75/√n: false failure 5·10⁻⁷ for each.
+/// Kolmogorov–Smirnov test of n = 10,000 draws with the limit D < 2.75/√n. Each fails by chance with a probability of 5·10⁻⁷.
 #[test]
 fn polar_draws_are_students_t() {
     use statrs::distribution::{ContinuousCDF, StudentsT};

@@ -1,11 +1,12 @@
-//! Log likelihood position by position, for cross-validation.
+//! Log likelihood of each single position, for cross-validation.
 //!
-//! Leaving out position i changes the likelihood by the factor p(yᵢ | y₋ᵢ, θ) = p(y | θ)/p(y₋ᵢ | θ). Its inverse is the importance weight of PSIS-LOO. For correlated
-//! errors it differs from the one-step density (Bürkner, Gabry & Vehtari 2021, Comput. Stat. 36:1243, doi:10.1007/s00180-020-01045-4).
+//! Leaving out position i changes the likelihood by the factor p(yᵢ | y₋ᵢ, θ) = p(y | θ)/p(y₋ᵢ | θ). Its inverse is the importance weight of PSIS-LOO (Pareto-smoothed
+//! leave-one-out cross-validation). For correlated errors it differs from the one-step density (Bürkner, Gabry & Vehtari 2021, Comput. Stat. 36:1243,
+//! doi:10.1007/s00180-020-01045-4).
 //!
-//! For normal errors with covariance C, the density is normal with the precision D = (C⁻¹)ᵢᵢ and the mean yᵢ − u/D, where u = (C⁻¹r)ᵢ with the residuals r. Both follow
-//! from the filter's innovations v, variances S and gains k by one backward pass (de Jong 1988, Biometrika 75:594). With the adjoints ρ and M of the state after row i, u =
-//! v/S − kᵀρ and D = 1/S + kᵀMk. Before row i the adjoints are h u + ρ and hhᵀ/S + (I − khᵀ)ᵀM(I − khᵀ).
+//! Let the errors be normal with covariance C, and let r be the residuals. The density of yᵢ is then normal with the precision D = (C⁻¹)ᵢᵢ and the mean yᵢ − u/D, where
+//! u = (C⁻¹r)ᵢ. One backward pass over the filter's innovations v, variances S and gains k computes both (de Jong 1988, Biometrika 75:594). With the adjoints ρ and M
+//! of the state after row i, u = v/S − kᵀρ and D = 1/S + kᵀMk. Before row i the adjoints are h u + ρ and hhᵀ/S + (I − khᵀ)ᵀM(I − khᵀ).
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -14,20 +15,20 @@ use super::likelihood::ln_student_constant;
 use super::scales::FilterScales;
 use super::terms::Equations;
 
-/// Condition of a position's log likelihood, besides the parameters.
+/// Other positions on which a position's log likelihood is conditioned, in addition to the parameters.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Conditional {
-    /// No other position: errors are independent.
+    /// No other position, because errors are independent.
     Nothing,
     /// All other compared positions.
     AllOthers,
-    /// All earlier positions. Heavy tails with a process or gains have no density of some rows without the others.
+    /// All earlier positions. Under heavy tails with a process or gains, the density of a position given all others is not available.
     AllBefore,
 }
 
-/// State of the filter at a row; covariances are over σ².
+/// State of the filter at a row. Variances are divided by σ².
 struct FilterRow {
-    /// Factors of the state on its way to this row; 0 for a part that begins anew.
+    /// Factor on each component of the state between the previous row and this one; 0 for a component that begins anew.
     decay: Vector3<f64>,
     observes: Vector3<f64>,
     gain: Vector3<f64>,
@@ -36,7 +37,7 @@ struct FilterRow {
 }
 
 impl NoiseLikelihood {
-    /// Condition of [`NoiseLikelihood::ln_pointwise`].
+    /// Positions on which [`NoiseLikelihood::ln_pointwise`] conditions, which depend on the noise model.
     pub fn conditional(&self) -> Conditional {
         let Equations { process, cycles, heavy_tails } = self.model.equations();
         match (process || cycles, heavy_tails) {
@@ -46,12 +47,12 @@ impl NoiseLikelihood {
         }
     }
 
-    /// Compared rows of the record, ascending.
+    /// Indices of the record's compared rows, ascending.
     pub fn observed_rows(&self) -> impl Iterator<Item = usize> {
         self.rows.rows.iter().map(|row| row.index)
     }
 
-    /// Log density, in nats for positions in m, of each compared position given the parameters and the condition of [`NoiseLikelihood::conditional`]. The arguments are
+    /// Log density of each compared position (nats for positions in m), given the parameters and the positions of [`NoiseLikelihood::conditional`]. The arguments are
     /// those of [`NoiseLikelihood::ln_likelihood`]. The result is −∞ for parameters outside their support.
     pub fn ln_pointwise(&self, position_m: &[f64], parameters: &[f64]) -> Vec<f64> {
         let Some(scales) = self.model.scales(parameters) else {
@@ -89,7 +90,7 @@ impl NoiseLikelihood {
         out
     }
 
-    /// Runs the filter forward through the record.
+    /// Runs the filter forward through the record and returns its state at each compared row.
     fn visits(&self, position_m: &[f64], scales: &FilterScales) -> Vec<FilterRow> {
         let has = |is_there: bool| f64::from(u8::from(is_there));
         let Equations { process, cycles, .. } = self.model.equations();
@@ -135,8 +136,8 @@ mod tests {
     use super::super::dense_for_tests::{POINTS, TestRecord, covariance_m2, gaussian_models, model, parameters};
     use super::*;
 
-    /// Compares with precision and mean of each position given all others, by dense algebra. Points whose covariances lose more than half of their digits in the dense
-    /// inverse are left to the filter's own tests.
+    /// Compares the densities with those from the conditional precision and mean of each position, by dense algebra. Points at which the dense inverse loses more than
+    /// half of its digits are left out; the filter's own tests cover them.
     #[test]
     fn normal_errors_have_the_conditional_density_given_all_others() {
         let record = TestRecord::irregular(60);
@@ -164,7 +165,7 @@ mod tests {
         }
     }
 
-    /// With no condition, or the past as condition, the densities multiply to the likelihood.
+    /// The densities are unconditional or conditioned on the past. Their product is then the likelihood.
     #[test]
     fn independent_and_one_step_densities_add_up_to_the_likelihood() {
         let record = TestRecord::irregular(60);

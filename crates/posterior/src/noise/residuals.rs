@@ -1,4 +1,5 @@
-//! Likelihood of many residuals under eight noises at once. The filter's covariance, which is most of the work, does not depend on the residuals.
+//! Likelihood of many columns of residuals under eight sets of noise parameters at once. The filter's covariance takes most of the time, and it does not depend on the
+//! residuals.
 
 use pulp::{Arch, Simd, WithSimd};
 
@@ -9,8 +10,9 @@ use super::likelihood::FilterStep;
 use super::scales::FilterScales;
 
 impl NoiseLikelihood {
-    /// Log likelihood, in nats, for each column of residuals and each lane of `parameters[parameter][lane]`. Residuals (observed minus predicted, m) have one value per row
-    /// of the record; gains multiply the common `position_m`. Only the Gaussian terms count. −∞ for parameters outside their support.
+    /// Log likelihood, in nats, of each column of residuals for each lane of `parameters[parameter][lane]`. Residuals (observed minus predicted position, m) have one
+    /// value per row of the record. All columns have the predicted positions `position_m`, which gains multiply. Only the Gaussian terms are used. −∞ for parameters
+    /// outside their support.
     pub fn ln_likelihoods_of(
         &self,
         residuals_m: &[&[f64]],
@@ -42,7 +44,7 @@ impl NoiseLikelihood {
     }
 }
 
-/// One pass over the record.
+/// Filter pass over the record for all columns and lanes.
 struct ResidualPass<'a> {
     record: &'a NoiseLikelihood,
     residuals_m: &'a [&'a [f64]],

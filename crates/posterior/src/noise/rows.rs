@@ -1,7 +1,7 @@
 //! Observed rows of a record, prepared for the filter.
 
-/// Largest difference of equal steps, as a fraction of the record's length. Multiples of a decimal interval such as 0.05 s are not equally spaced in binary. Without the
-/// tolerance each step would have a length of its own, and the exponential of each length is expensive.
+/// Largest difference between time steps that count as equal, as a fraction of the record's duration. In binary, multiples of a decimal interval such as 0.05 s are not
+/// exactly equidistant. Without a tolerance, every step would have its own length, and each length needs an exponential.
 const EQUAL_STEP_TOLERANCE: f64 = 1e-13;
 
 /// A row that the filter visits.
@@ -9,17 +9,17 @@ const EQUAL_STEP_TOLERANCE: f64 = 1e-13;
 pub(super) struct NoiseRow {
     /// Index in the record.
     pub index: usize,
-    /// Index of the step from the previously visited row.
+    /// Index in [`NoiseRows::step_s`] of the time step from the previously visited row.
     pub step: usize,
     /// True for the first visited row of its cycle.
     pub new_cycle: bool,
 }
 
-/// Rows in order of time.
+/// Visited rows in order of time, with their distinct time steps.
 #[derive(Debug, Clone)]
 pub(super) struct NoiseRows {
     pub rows: Vec<NoiseRow>,
-    /// Distinct step lengths in s. The first is infinite and leads to the first row, because the process is stationary before it.
+    /// Distinct step lengths in s. The first length is infinite and belongs to the step before the first row, because the process is stationary there.
     pub step_s: Vec<f64>,
 }
 

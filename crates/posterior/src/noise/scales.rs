@@ -1,9 +1,9 @@
-//! Noise parameters of a point in the filter's form, and the scales of their default priors.
+//! Noise parameters in the form that the filter uses, and the scales of their default priors.
 
-/// Largest ratio of variances; products of larger ratios would leave the range of numbers.
+/// Largest ratio of variances. Products of larger ratios could overflow.
 const LARGEST_RATIO: f64 = 1e100;
 
-/// Scales of the default priors.
+/// Properties of a record that scale the default priors of the noise parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NoiseScales {
     /// Median of the white noise's prior in µm.
@@ -14,47 +14,48 @@ pub struct NoiseScales {
     pub cycle_s: f64,
 }
 
-/// Noise parameters in SI units, with variances over the white noise's. Terms that the model lacks have variance 0.
+/// Noise parameters in SI units. Variances are divided by that of the white noise. Terms that the model lacks have variance 0.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct FilterScales {
-    /// Standard deviation of the white noise in m; for a t distribution, its scale.
+    /// Standard deviation of the white noise in m; for Student-t errors, their scale.
     pub noise_sd_m: f64,
-    /// Stationary variance of the Ornstein–Uhlenbeck process over that of the white noise.
+    /// Stationary variance of the Ornstein–Uhlenbeck process, divided by that of the white noise.
     pub ou: f64,
     /// Correlation time of the process in s.
     pub ou_time_s: f64,
-    /// Variance of the gain over that of the white noise, in 1/m².
+    /// Variance of the gain, divided by that of the white noise, in 1/m².
     pub gain_per_m2: f64,
-    /// Variance of the offset over that of the white noise.
+    /// Variance of the offset, divided by that of the white noise.
     pub offset: f64,
-    /// Degrees of freedom; infinite for normal errors.
+    /// Degrees of freedom of Student-t errors; infinite for normal errors.
     pub dof: f64,
 }
 
 impl FilterScales {
-    /// Placeholder for a point outside the support, whose result is discarded.
+    /// Placeholder for a parameter point outside the support, whose result is discarded.
     pub const UNIT: Self =
         Self { noise_sd_m: 1.0, ou: 0.0, ou_time_s: 1.0, gain_per_m2: 0.0, offset: 0.0, dof: f64::INFINITY };
 
-    /// Returns true if the filter can use the scales: positive white noise, and ratios below the largest.
+    /// Returns true if the filter can use the scales: the white noise is positive, and the ratios of variances are at most 10¹⁰⁰.
     pub fn is_in_range(&self) -> bool {
         let small = |ratio: f64| ratio <= LARGEST_RATIO;
         self.noise_sd_m > 0.0 && small(self.ou) && small(self.gain_per_m2) && small(self.offset)
     }
 
-    /// Square of a standard deviation, over the white noise's variance. It is dimensionless for `sd` in m, and in 1/m² for a gain.
+    /// Square of a standard deviation, divided by the white noise's variance. It is dimensionless for `sd` in m, and in 1/m² for a gain.
     pub fn ratio(&self, sd: f64) -> f64 {
         (sd / self.noise_sd_m).powi(2)
     }
 
-    /// Variance of a standardised error: 1, or ν/(ν − 2) for a t, which is infinite at ν = 2.
+    /// Variance of an error divided by σ²: 1 for normal errors, ν/(ν − 2) for Student-t errors (infinite at ν = 2).
     pub fn variance_factor(&self) -> f64 {
         if self.dof.is_finite() { self.dof / (self.dof - 2.0) } else { 1.0 }
     }
 
-    /// Decay exp(−Δt/τ) of the process over a step, and the variance that it gains: 1 − exp(−2Δt/τ) times the stationary variance.
+    /// Decay exp(−Δt/τ) of the process in a time step (s), and the variance that it gains, divided by σ². The gained variance is 1 − exp(−2Δt/τ) times the stationary
+    /// variance.
     pub fn step(&self, step_s: f64) -> (f64, f64) {
-        // exp − 1 keeps the digits of short steps.
+        // `exp_m1` keeps the digits of short steps.
         let change = (-step_s / self.ou_time_s).exp_m1();
         (1.0 + change, -change * (2.0 + change) * self.ou)
     }

@@ -1,7 +1,7 @@
-//! Derivatives of the log likelihood: along a change of the positions, and by a noise parameter.
+//! Derivatives of the log likelihood: along a direction of the predicted positions, and by a noise parameter.
 //!
-//! Both are fourth-order finite differences, because the filter has no derivative of its own. Their steps are small relative to the scale on which the likelihood changes.
-//! For white noise the first is exact to rounding, since the log likelihood is quadratic in the positions.
+//! Both are fourth-order finite differences, because the filter has no derivative of its own. Their steps are small relative to the scale on which the likelihood
+//! changes. For white noise, the derivative along a direction is exact except for rounding, because the log likelihood is quadratic in the positions.
 
 use super::NoiseLikelihood;
 
@@ -9,15 +9,15 @@ use super::NoiseLikelihood;
 const POSITION_STEP: f64 = 1e-2;
 /// Step in a parameter, relative to its value.
 const PARAMETER_STEP: f64 = 1e-3;
-/// Smallest scale of a step in a parameter. At the end of its support, the parameter may be 0.
+/// Smallest value to which the step in a parameter is relative. The parameter itself may be 0 at the end of its support.
 const SMALLEST_SCALE: f64 = 0.1;
 
-/// f′(0) from the values at ±h and ±2h.
+/// Derivative f′(0) from the values of f at ±h and ±2h.
 fn central(f: impl Fn(f64) -> f64, h: f64) -> f64 {
     (8.0 * (f(h) - f(-h)) - (f(2.0 * h) - f(-2.0 * h))) / (12.0 * h)
 }
 
-/// f′(0) from the values at 0 to 4h, by differences from f(0).
+/// Derivative f′(0) from the values of f at 0, h, …, 4h, by differences from f(0).
 fn forward(f: impl Fn(f64) -> f64, h: f64) -> f64 {
     let at_zero = f(0.0);
     let rise = |n: f64| f(n * h) - at_zero;
@@ -25,7 +25,7 @@ fn forward(f: impl Fn(f64) -> f64, h: f64) -> f64 {
 }
 
 impl NoiseLikelihood {
-    /// Derivative of [`NoiseLikelihood::ln_likelihood`] along a direction of the positions. Both slices are in m, with one entry per row of the record.
+    /// Derivative of [`NoiseLikelihood::ln_likelihood`] along a direction of the predicted positions. Both slices are in m, with one entry per row of the record.
     pub fn slope_along(&self, position_m: &[f64], direction_m: &[f64], parameters: &[f64]) -> f64 {
         let largest_m = self.observed_rows().map(|row| direction_m[row].abs()).fold(0.0, f64::max);
         if largest_m == 0.0 {
@@ -39,7 +39,7 @@ impl NoiseLikelihood {
         central(moved, POSITION_STEP * 1e-6 * parameters[0] / largest_m)
     }
 
-    /// Derivative of the log likelihood by one noise parameter, per unit of the parameter; one-sided at an end of its support.
+    /// Derivative of the log likelihood by the noise parameter `index`, per unit of the parameter. It is one-sided at an end of the parameter's support.
     pub fn slope_in(&self, position_m: &[f64], parameters: &[f64], index: usize) -> f64 {
         let support = self.model.parameters()[index].support;
         let value = parameters[index];
@@ -65,7 +65,7 @@ mod tests {
     use super::*;
     use base::error::InputPlace;
 
-    /// White noise has closed forms: Σ r dx/σ², and −n/σ + Σ r²/σ³.
+    /// Under white noise the derivatives have closed forms: Σ r dx/σ² along a direction dx, and −n/σ + Σ r²/σ³ by σ, for residuals r.
     #[test]
     fn slopes_under_white_noise_are_the_closed_forms() {
         let time_s: Vec<f64> = (0..60).map(|i| 0.05 * f64::from(i)).collect();

@@ -3,9 +3,9 @@
 //! All columns have the same covariance and therefore the same gains. The filter computes the gains of a block of rows once. It then takes the means of all columns through
 //! the block, eight columns at a time.
 //!
-//! Each cycle has a column, which is 1 in the cycle's rows and 0 elsewhere. Whitened, it is 0 before the cycle. After the cycle it depends only on the mean of the process,
-//! which is one number. [`CycleProducts`] therefore hold products over the cycle's own rows only, with its column and with a unit of incoming process. They also hold the
-//! process at the cycle's end.
+//! Each cycle has a column, which is 1 in the cycle's rows and 0 elsewhere. The whitened column is 0 before the cycle. After the cycle, it depends only on the filter's
+//! mean of the process at the cycle's end. [`CycleProducts`] therefore holds inner products over the cycle's rows only. The factors are the cycle's column and the
+//! response to a unit of process that enters the cycle. It also holds the process that both leave at the cycle's end.
 
 use std::ops::Range;
 
@@ -19,16 +19,16 @@ use super::paths::{RowFilter, advance, number};
 use super::rows::NoiseRow;
 use super::scales::FilterScales;
 
-/// Number of rows of a block, small enough that its columns stay in the nearest cache.
+/// Number of rows of a block. Its columns are small enough for the processor's nearest cache.
 const BLOCK: usize = 256;
-/// Number of rows after which an ended column is checked for being forgotten.
+/// Number of rows after which the program checks that an ended column no longer influences the filter.
 const SHORT_BLOCK: usize = 64;
 
-/// State of the filter at a row.
+/// State of the filter at one observed row.
 #[derive(Clone, Copy)]
 struct RowGain {
     row: NoiseRow,
-    /// Position in m.
+    /// Predicted position in m.
     x: f64,
     decay: f64,
     gain: GainNumbers,
@@ -48,10 +48,10 @@ impl RowGain {
     }
 }
 
-/// Some successive rows with their whitened columns.
+/// A block of successive rows with the whitened columns.
 struct WhiteningBlock<'a> {
     rows: &'a [RowGain],
-    /// One array of [`BLOCK`] numbers per column.
+    /// Whitened values of each column, one per row of the block.
     white: &'a [[f64; BLOCK]],
 }
 
@@ -64,54 +64,54 @@ impl WhiteningBlock<'_> {
 /// Inner products of whitened columns.
 #[derive(Debug, Clone)]
 pub struct WhiteProducts {
-    /// Products of each set: its common columns, then its own.
+    /// Matrix of inner products of each set. Rows and columns of the matrix are the common columns, then the set's own columns.
     pub sets: Vec<DMatrix<f64>>,
-    /// Products of the set that has a column for each cycle, one entry per cycle with an observed row.
+    /// Products of the set in [`ProductRequest::with_cycles`], one entry per cycle with an observed row.
     pub cycles: Vec<CycleProducts>,
-    /// Log density in nats without the quadratic form: −½ ln det(2πΣ).
+    /// Constant −½ ln det(2πΣ) of the log density, in nats. Σ is the covariance of the observed positions.
     pub ln_constant: f64,
 }
 
-/// Inner products over the rows of one cycle. Here e is the cycle's whitened column, and p is a whitened unit of the process that enters the cycle.
+/// Inner products over the rows of one cycle. Here e is the cycle's whitened column, and p is the whitened response to a unit of process that enters the cycle.
 #[derive(Debug, Clone)]
 pub struct CycleProducts {
-    /// e·e, e·p and p·p.
+    /// This and the next two fields are the inner products e·e, e·p and p·p.
     pub unit: f64,
     pub both: f64,
     pub past: f64,
-    /// Inner products of the set's columns with e and, in the next field, with p.
+    /// Inner products of each column of the set with e. The next field has those with p.
     pub unit_with: Vec<f64>,
     pub past_with: Vec<f64>,
-    /// Process at the end of the cycle that e causes and, in the next field, that p causes.
+    /// Process that the cycle's column leaves at the cycle's end. The next field is the fraction of the incoming process that remains there.
     pub left: f64,
     pub kept: f64,
 }
 
 impl CycleProducts {
-    /// Products with the set's columns in another order.
+    /// Reorders the set's columns: entry i of the result is entry `order[i]` of these products.
     pub fn ordered(self, order: &[usize]) -> Self {
         let ordered = |with: &[f64]| order.iter().map(|k| with[*k]).collect();
         Self { unit_with: ordered(&self.unit_with), past_with: ordered(&self.past_with), ..self }
     }
 }
 
-/// Requested products.
+/// Columns of which inner products are requested.
 pub struct ProductRequest<'a> {
-    /// Columns with one value per row of the record; the columns that all sets share come first.
+    /// All columns, with one value per row of the record. Columns that all sets share come first.
     pub columns: &'a [&'a [f64]],
     /// Number of shared columns.
     pub n_common: usize,
-    /// Columns that belong to each set alone.
+    /// Index range of the columns that belong to each set alone.
     pub own: &'a [Range<usize>],
-    /// Index of the one set in `own` that has a column for each cycle, too.
+    /// Index in `own` of a set that also has a column for each cycle; `None` without such a set.
     pub with_cycles: Option<usize>,
 }
 
 impl NoiseLikelihood {
-    /// L⁻¹ times each column, where L Lᵀ is the covariance of the observed positions at a point. ‖whiten(r)‖² is thus the Mahalanobis distance of residuals r. A column has
-    /// one entry per row of the record, its result one per observed row, in order.
+    /// Whitens columns: returns L⁻¹ times each column, where L Lᵀ is the covariance of the observed positions. Thus ‖whiten(r)‖² is the squared Mahalanobis distance of
+    /// residuals r. A column has one entry per row of the record. Its result has one entry per observed row.
     ///
-    /// L belongs to the Gaussian terms; with `student` it is multiplied by √(ν/(ν − 2)). All values are NaN for parameters outside their support.
+    /// L contains the Gaussian terms only. With `student` it is multiplied by √(ν/(ν − 2)). All values are NaN for parameters outside their support.
     pub fn whiten(&self, columns: &[Vec<f64>], position_m: &[f64], parameters: &[f64]) -> Vec<Vec<f64>> {
         match self.whitening(position_m, parameters) {
             Some(whitening) => whitening.whiten(columns),
@@ -119,7 +119,7 @@ impl NoiseLikelihood {
         }
     }
 
-    /// L⁻¹ at a point, for any number of columns; `None` for parameters outside their support.
+    /// Prepares L⁻¹ for these parameters and any number of columns; `None` for parameters outside their support.
     pub fn whitening(&self, position_m: &[f64], parameters: &[f64]) -> Option<Whitening> {
         let scales = self.model.scales(parameters)?;
         let mut walk = RowFilter::new(&scales, &self.rows.step_s);
@@ -160,7 +160,8 @@ impl NoiseLikelihood {
         })
     }
 
-    /// Whitens columns block by block. Returns ln det of the covariance, relative to that of its white part.
+    /// Whitens columns block by block and calls `visit` for each block. Returns Σ ln(S/σ²) over the observed rows. It is the log determinant of the covariance minus
+    /// that of white noise alone.
     fn each_block(
         &self,
         scales: &FilterScales,
@@ -190,7 +191,7 @@ impl NoiseLikelihood {
     }
 }
 
-/// L⁻¹ at a point: the filter at every observed row.
+/// The matrix L⁻¹ of one parameter point, stored as the filter's state at every observed row.
 pub struct Whitening {
     rows: Vec<RowGain>,
     inverse_sd: f64,
@@ -198,17 +199,17 @@ pub struct Whitening {
     largest_m: f64,
 }
 
-/// Share of a column's size below which its remainder in the filter counts as 0.
+/// Remainder of a column in the filter, as a fraction of the column's size, below which it counts as 0.
 const FORGOTTEN: f64 = 1e-14;
 
 impl Whitening {
-    /// L⁻¹ times each column, as in [`NoiseLikelihood::whiten`].
+    /// Returns L⁻¹ times each column, as [`NoiseLikelihood::whiten`] does.
     pub fn whiten(&self, columns: &[Vec<f64>]) -> Vec<Vec<f64>> {
         self.whiten_from(columns, 0).1
     }
 
-    /// L⁻¹ times columns that begin at `first_row` of the record and are 0 before it and after their end. Returns the index, among the observed rows, of the first row at
-    /// which they can differ from 0. The values start there and end where they are 0 to rounding.
+    /// Whitens columns that begin at `first_row` of the record and are 0 before that row and after their end. The first result is the index, among the observed rows,
+    /// of the first row at which the whitened columns can differ from 0. The whitened values start there and end where they are 0 to rounding.
     pub fn whiten_from(&self, columns: &[Vec<f64>], first_row: usize) -> (usize, Vec<Vec<f64>>) {
         let slices: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
         let end_row = first_row + slices.iter().map(|column| column.len()).max().unwrap_or(0);
@@ -233,7 +234,7 @@ impl Whitening {
     }
 }
 
-/// Whitens columns that begin at a row of the record over successive observed rows, eight columns at a time.
+/// Whitens columns at successive observed rows, eight columns at a time. The columns begin at row `first_row` of the record.
 fn sweep(
     rows: &[RowGain],
     columns: &[&[f64]],
@@ -246,12 +247,12 @@ fn sweep(
     }
 }
 
-/// Inverse standard deviation of the white noise, in 1/m.
+/// Inverse of the white noise's standard deviation, in 1/m.
 fn inverse_sd(scales: &FilterScales) -> f64 {
     1.0 / (scales.noise_sd_m * scales.variance_factor().sqrt())
 }
 
-/// Pass of up to eight columns through a block.
+/// Whitening of up to eight columns in one block, with one column per lane.
 struct WhiteningSweep<'a> {
     rows: &'a [RowGain],
     columns: &'a [&'a [f64]],
@@ -298,7 +299,7 @@ impl WithSimd for WhiteningSweep<'_> {
     }
 }
 
-/// Adds a block's products, by column and smaller column, to their sums.
+/// Adds a block's inner products to `sums`. The product of columns i and j ≤ i is at index i n + j, with n columns.
 struct Gram<'a> {
     block: &'a WhiteningBlock<'a>,
     asked: &'a ProductRequest<'a>,
@@ -331,7 +332,7 @@ impl WithSimd for Gram<'_> {
     }
 }
 
-/// Inner product of two slices of equal length. It uses eight parallel sums, so that the compiler can use vector registers and the result does not depend on their width.
+/// Inner product of two slices of equal length. It uses eight parallel sums, for which the compiler can use vector registers of any width without changing the result.
 #[inline(always)]
 pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<LANES>(), b.as_chunks::<LANES>());
@@ -351,9 +352,9 @@ pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     sum
 }
 
-/// State of the columns of cycles during the pass through the rows.
+/// State of the cycles' columns during the pass through the rows.
 struct Cycles {
-    /// Columns with which they are multiplied.
+    /// Indices of the columns with which the cycles' columns are multiplied.
     members: Vec<usize>,
     inverse_sd: f64,
     unit: Mean<Scalar, true, true>,
@@ -388,7 +389,7 @@ impl Cycles {
         }
     }
 
-    /// Processes rows of one cycle.
+    /// Adds the rows `rows` of a block, which belong to the current cycle, to this cycle's products.
     fn rows(&mut self, block: &WhiteningBlock, rows: Range<usize>) {
         let Some(cycle) = self.done.last_mut() else { return };
         let [unit, past] = &mut self.white;

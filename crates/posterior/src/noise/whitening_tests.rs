@@ -1,4 +1,4 @@
-//! Tests of the products of whitened columns against the whitened columns themselves.
+//! Tests of the inner products of whitened columns against products of stored whitened columns.
 
 use super::super::dense_for_tests::{POINTS, TestRecord, gaussian_models, parameters};
 use super::*;
@@ -7,7 +7,8 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// Products, those of cycles' columns combined from each cycle's part, and the density, over more rows than a block has. The record has a cycle without observations.
+/// Compares the inner products and the log density over more rows than a block has. Products of the cycles' columns are combined from [`CycleProducts`]. The record has
+/// a cycle without observations.
 #[test]
 fn products_are_those_of_whitened_columns() {
     let n_rows = 3 * BLOCK + 50;
@@ -33,7 +34,7 @@ fn products_are_those_of_whitened_columns() {
             let likelihood = NoiseLikelihood::new(model, &record.time_s, &record.cycle, &record.observed_m);
             let white = likelihood.whiten(&columns, &record.position_m, &parameters);
             let white_units = likelihood.whiten(&units, &record.position_m, &parameters);
-            // The last column is common to both sets.
+            // Column 13 is common to both sets and comes first.
             let order: Vec<usize> = std::iter::once(13).chain(0..13).collect();
             let shuffled: Vec<&[f64]> = order.iter().map(|k| slices[*k]).collect();
             let asked = ProductRequest { columns: &shuffled, n_common: 1, own: &[1..9, 9..14], with_cycles: Some(1) };
@@ -50,7 +51,8 @@ fn products_are_those_of_whitened_columns() {
             }
             let n = numbers.len();
             assert_eq!(products.cycles.len(), n);
-            // In a later cycle, a column is proportional to the unit of process; the factor is the process that enters the cycle.
+            // In a later cycle, an earlier cycle's whitened column is proportional to the response to a unit of process. The factor is the process that enters the
+            // later cycle.
             for first in 0..n {
                 let cycle = &products.cycles[first];
                 let length = dot(&white_units[first], &white_units[first]).sqrt();
@@ -94,7 +96,7 @@ fn products_are_those_of_whitened_columns() {
             let direct = likelihood.ln_likelihood(&record.position_m, &parameters);
             let found = products.ln_constant - 0.5 * dot(residual, residual);
             assert!((found / direct - 1.0).abs() < 1e-10, "{found} against {direct}");
-            // The same density is computed for several residuals under eight noises at once, of which the last differs.
+            // `ln_likelihoods_of` computes this density for several residuals under eight sets of noise parameters at once. The last set differs.
             let lanes: Vec<[f64; LANES]> = parameters
                 .iter()
                 .map(|value| std::array::from_fn(|lane| if lane == 7 { 1.1 * value } else { *value }))
@@ -111,8 +113,8 @@ fn products_are_those_of_whitened_columns() {
     }
 }
 
-/// Columns that are 0 except in some rows are whitened from their first row until they are forgotten, and compared with the whole columns. They include gaps of the record
-/// and columns that end beyond it.
+/// Columns that are 0 except in some rows are whitened from their first row until they are forgotten. The result is compared with that of the columns with all rows.
+/// Some columns contain gaps of the record or end beyond it.
 #[test]
 fn columns_of_some_rows_are_whitened_as_whole_ones() {
     let record = TestRecord::irregular(900);

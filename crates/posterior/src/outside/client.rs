@@ -1,4 +1,4 @@
-//! HTTP client for an external program. Each request uses a new plain connection, so that a response depends only on its request.
+//! HTTP client for an external program. Each request uses a new unencrypted connection, so that a response depends only on its request.
 
 use std::io::ErrorKind;
 use std::time::Duration;
@@ -10,15 +10,15 @@ use ureq::http::Uri;
 use super::endpoint::Endpoint;
 use base::error::{Error, InputPlace, Result, Setting};
 
-/// Timeouts of a connection and of a response.
+/// Longest wait for a connection ([`CONNECTING`]) and for a response ([`ANSWERING`]).
 const CONNECTING: Duration = Duration::from_secs(10);
 const ANSWERING: Duration = Duration::from_secs(600);
-/// Largest size of a response: ten million numbers.
+/// Largest size of a response in bytes, enough for ten million values.
 const MOST_BYTES: u64 = 1 << 28;
-/// Largest number of characters of a server's message that are shown.
+/// Largest number of characters of a server's message that the program shows.
 const MOST_WORDS: usize = 300;
 
-/// A server's address with its HTTP agent.
+/// HTTP client of one server, with the server's address.
 #[derive(Debug, Clone)]
 pub struct Client {
     url: String,
@@ -41,7 +41,7 @@ impl Client {
                 "give an http:// address: on this machine, or of the local end of a tunnel (`ssh -L 4242:localhost:4242 HOST`)",
             ));
         }
-        // Host and port are the whole authority, without a user name.
+        // The address must have only a host and a port, and no user name.
         let is_plain = |uri: &Uri| {
             let host = uri.host().unwrap_or_default();
             let whole = uri.port_u16().map_or(host.to_string(), |port| format!("{host}:{port}"));
@@ -72,7 +72,7 @@ impl Client {
         &self.url
     }
 
-    /// Sends a request and returns the response; `Null` sends a GET request.
+    /// Sends a request to an endpoint and returns the response. A `Null` request is sent by GET, any other by POST.
     ///
     /// # Errors
     /// [`Error::Numerical`] if the server cannot be reached, does not respond in time, or responds with an error or without JSON.
@@ -97,7 +97,7 @@ impl Client {
         })
     }
 
-    /// Error for a response with a value that is no finite number.
+    /// Error for a response with a value `found` that is no finite number.
     pub fn not_finite(&self, found: &str) -> Error {
         Error::numerical(
             format!("{} responds with {found} among its positions", self.url),
@@ -182,7 +182,7 @@ mod tests {
         }
     }
 
-    /// Sends the bytes as the response to one request, and returns the client's result.
+    /// Starts a server that responds to one request with `bytes`, and returns the client's result.
     fn answered(bytes: &'static [u8]) -> Result<Value> {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let client = Client::new(&format!("http://{}", listener.local_addr().unwrap())).unwrap();

@@ -1,6 +1,6 @@
-//! Requests of UM-Bridge, for client and server.
+//! Endpoints of the UM-Bridge protocol, which client and server share.
 
-/// Endpoint of a request.
+/// Endpoint of UM-Bridge to which a request is sent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Endpoint {
     /// Names of the available models.
@@ -11,13 +11,13 @@ pub enum Endpoint {
     InputSizes,
     /// Lengths of the model's output vectors.
     OutputSizes,
-    /// Outputs at given inputs.
+    /// Output vectors at given input vectors.
     Evaluate,
-    /// Sensitivities of outputs times the Jacobian.
+    /// Product of a sensitivity vector of the outputs and the Jacobian.
     Gradient,
-    /// Jacobian times a direction of inputs.
+    /// Product of the Jacobian and a direction of the inputs.
     ApplyJacobian,
-    /// Second derivatives.
+    /// Product of the Hessian, weighted by a sensitivity, and a direction of the inputs.
     ApplyHessian,
 }
 
@@ -34,7 +34,7 @@ impl Endpoint {
         Self::ApplyHessian,
     ];
 
-    /// URL path.
+    /// URL path of the endpoint.
     pub fn path(self) -> &'static str {
         match self {
             Self::Info => "/Info",

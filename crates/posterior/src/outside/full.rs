@@ -1,4 +1,5 @@
-//! Forward model by the external program itself. It requests every trajectory under the acting force, without a first-order approximation.
+//! Forward model by the external program itself. It requests every trajectory under the force that acts after all effects of load. No first-order approximation of
+//! these effects is needed.
 
 use std::sync::Arc;
 
@@ -21,13 +22,13 @@ pub struct ExternalForward<'a> {
 }
 
 impl<'a> ExternalForward<'a> {
-    /// Creates the model for one record: the rows' times (s) and the commanded force.
+    /// Creates the forward model for one record, given the times (s) of its rows and the commanded force.
     pub fn new(outside: &'a ExternalModel, model: &'a Model, time_s: &'a [f64], force: Force<'a>) -> Self {
         let response = Response::new(time_s, force, time_s.len());
         Self { outside, model, time_s, force, clock: Clock::finer(time_s, force), response }
     }
 
-    /// Position of the robot before the observation, at every row.
+    /// Position (m) of the robot at every row, before effects of observation.
     fn robot_m(&self, law: &[f64], load: &Load) -> Result<Vec<f64>> {
         if load.is_commanded() {
             return self.outside.position_m(law, self.time_s, self.force);
@@ -50,7 +51,7 @@ impl Forward for ExternalForward<'_> {
     }
 }
 
-/// Response of the program, passed to the observation stage.
+/// Positions (m) that the program returned, as input of the observation stage.
 #[derive(Debug)]
 struct ProgramResponse(Vec<f64>);
 

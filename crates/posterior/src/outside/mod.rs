@@ -1,4 +1,5 @@
-//! External model that replaces the base law, evaluated by UM-Bridge (docs/serve.md). `client` implements HTTP, this file the protocol, and `full` the forward model.
+//! Model of an external program, which replaces the base law and is evaluated by UM-Bridge (docs/serve.md). `client` implements HTTP, this file the protocol, and
+//! `full` the forward model.
 
 pub mod client;
 mod endpoint;
@@ -22,36 +23,36 @@ use models::model::TrainedRange;
 use models::surrogate::trajectory::Clock;
 use record::{Force, Record};
 
-/// Name of the model if the user gives none.
+/// Model name that is tried first if the user gives none.
 const USUAL_NAME: &str = "forward";
-/// Factor of the force in the test of whether a program uses the force.
+/// Factor by which the force is increased in the test that the program uses the force.
 const OTHER_FORCE: f64 = 1.25;
-/// Smallest relative change of the positions that exceeds rounding.
+/// Relative change of the positions up to which a change counts as rounding.
 const LEAST_CHANGE: f64 = 1e-9;
 
-/// A response as it is kept.
+/// Content of a response in the cache: position (µm) at each requested time.
 #[derive(Serialize, Deserialize)]
 struct KeptResponse {
     position_um: Vec<f64>,
 }
 
-/// A server's model with its properties.
+/// Model that a server evaluates, with its properties.
 #[derive(Debug)]
 pub struct ExternalModel {
     client: Client,
-    /// Name of the model.
+    /// Name of the model on the server.
     name: String,
     law: &'static ExternalLaw,
     takes_force: bool,
-    /// Positions (µm) at the prior's medians. They identify the model, so that kept responses of another model are not used.
+    /// Positions (µm) at the prior's medians. They identify the model, so that cached responses of another model are not used.
     at_medians_um: Vec<f64>,
-    /// Reason why the model predicts only under the record's own force, if so.
+    /// Reason why the model predicts only under the record's own force; `None` if it accepts other forces.
     own_force_alone: Option<String>,
-    /// Box of the surrogate, shared by all models of the experiment so that they are comparable.
+    /// Parameter ranges of the surrogate. All models of the experiment share them, so that they are comparable.
     learnt_in: OnceLock<LearnedBox>,
 }
 
-/// Box in which a program was learnt, and the allowed error over the noise there.
+/// Parameter ranges in which the surrogate of a program was learnt, and the surrogate's allowed error divided by the noise.
 #[derive(Debug)]
 pub struct LearnedBox {
     pub trained: Vec<TrainedRange>,
@@ -59,8 +60,8 @@ pub struct LearnedBox {
 }
 
 impl ExternalModel {
-    /// Connects to the server. It requests the model, the lengths of its vectors and its prediction at `medians`. It then tests whether the model uses
-    /// other times and forces than the record's.
+    /// Connects to the server. It requests the model, the lengths of its vectors and its prediction at `medians`. It then tests if the model accepts other times and
+    /// forces than those of the record.
     ///
     /// # Errors
     /// [`Error::Input`] for an invalid address; [`Error::Numerical`] for a server that cannot be reached, or whose model does not follow docs/serve.md.
@@ -98,28 +99,29 @@ impl ExternalModel {
         format!("`{}` at {}", self.name, self.client.url())
     }
 
-    /// Reason why the model predicts only under the record's own force, if so. Effects of load then have no model.
+    /// Reason why the model predicts only under the record's own force; `None` if it accepts other forces. With a reason, effects of load cannot be used.
     pub fn force_refusal(&self) -> Option<&str> {
         self.own_force_alone.as_deref()
     }
 
-    /// Box in which the program was learnt, once it is.
+    /// Parameter ranges in which the program was learnt; `None` before that.
     pub fn learnt_in(&self) -> Option<&LearnedBox> {
         self.learnt_in.get()
     }
 
-    /// Keeps the first box in which the program was learnt.
+    /// Stores the parameter ranges in which the program was learnt, unless some are already stored.
     pub(super) fn keep_ground(&self, ground: LearnedBox) {
         self.learnt_in.get_or_init(|| ground);
     }
 
-    /// Position (m) at times (s) under a force that holds or is linear between them. The response is kept, so that each request is sent only once.
+    /// Position (m) at the times `time_s` under a force that holds or is linear between them. `parameters` are the law's, in their units. The response is cached, so
+    /// that each request is sent only once.
     ///
     /// # Errors
-    /// [`Error::Numerical`] with the server's message, or for an invalid response.
+    /// [`Error::Numerical`] with the server's message, or if the response is invalid.
     pub fn position_m(&self, parameters: &[f64], time_s: &[f64], force: Force<'_>) -> Result<Vec<f64>> {
         let built_from = self.built_from(parameters, time_s, force);
-        // An unusable kept response is requested again without a warning, because this costs little.
+        // If a cached response cannot be used, it is requested again without a warning, because this takes little time.
         let kept = cache::read::<KeptResponse>(&built_from, &SilentMonitor)
             .filter(|kept| kept.position_um.len() == time_s.len());
         let answer = match kept {
@@ -133,7 +135,7 @@ impl ExternalModel {
         Ok(answer.position_um.iter().map(|x| 1e-6 * x).collect())
     }
 
-    /// All inputs of a response.
+    /// All inputs on which a response depends; their hash names the cached response.
     fn built_from(&self, parameters: &[f64], time_s: &[f64], force: Force<'_>) -> ModelInputs {
         let names: Vec<&str> = self.law.parameters().iter().map(|spec| spec.name).collect();
         ModelInputs::new("answer of another program")
@@ -149,7 +151,7 @@ impl ExternalModel {
         json!({ "time_s": time_s, "force_n": force.at_rows_n, "force_between": force.rule.name(), "parameters": names })
     }
 
-    /// Checks the vector lengths, and returns true if the model takes the force as a second vector.
+    /// Checks the lengths of the model's input and output vectors. Returns true if the model takes the force as a second input vector.
     fn check_sizes(&self, time_s: &[f64], force: Force<'_>) -> Result<bool> {
         let request = json!({ "name": self.name, "config": self.config(time_s, force) });
         let (n, n_times) = (self.law.parameters().len(), time_s.len());
@@ -216,7 +218,7 @@ impl ExternalModel {
             .collect()
     }
 
-    /// Tests whether the model uses times between the rows and another force at them. The error names the input that it ignores.
+    /// Tests if the model accepts times between the rows and another force at them. The error states that the model ignores the forces, or what else fails.
     fn own_force_alone(&self, record: &Record, medians: &[f64]) -> Result<()> {
         let (time_s, force) = (&record.time_s, record.force());
         let clock = Clock::finer(time_s, force);
@@ -238,7 +240,7 @@ impl ExternalModel {
     }
 }
 
-/// Name of the model: the user's, or the usual one, or the only one.
+/// Name of the model to use: the name that the user wants, else [`USUAL_NAME`], else the server's only model.
 fn name_of(client: &Client, wanted: Option<&str>) -> Result<String> {
     let info = client.send(Endpoint::Info, &Value::Null)?;
     let models: Vec<&str> = info

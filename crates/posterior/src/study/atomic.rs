@@ -1,4 +1,4 @@
-//! Atomic writing: a reader sees the old state or the new one, and a killed program leaves one of them.
+//! Atomic writing of directories: a reader sees either the old or the new state, even after a program was killed.
 
 use std::fs::{File, TryLockError};
 use std::path::Path;
@@ -25,7 +25,7 @@ pub(super) fn sync_tree(path: &Path) -> Result<()> {
     sync_directory(path)
 }
 
-/// Moves a finished directory to `target`. An existing directory there is exchanged in one step and then removed.
+/// Moves a finished directory to `target`. An existing directory at `target` is exchanged with it in one step and then removed.
 ///
 /// If the system cannot exchange directories, the old one is first renamed to `.<name>.replaced`. [`restore`] brings it back if the program is killed before the second
 /// renaming.
@@ -43,11 +43,11 @@ pub(super) fn replace_directory(finished: TemporaryDirectory, target: &Path) -> 
         remove_all(&aside)?;
     }
     drop(uninterrupted);
-    // After an exchange, the temporary name holds the old directory, and dropping it removes that.
+    // After an exchange, the temporary name belongs to the old directory. Dropping the temporary directory removes it.
     sync_directory(folder_of(target))
 }
 
-/// Copies the content of a directory into an existing one: files and directories without links.
+/// Copies all files and subdirectories of `from` into the existing directory `to`. Links are not copied.
 pub(super) fn copy_tree(from: &Path, to: &Path) -> Result<()> {
     for (name, kind) in entries(from, UNREADABLE)? {
         let (source, target) = (from.join(&name), to.join(&name));
@@ -75,7 +75,7 @@ fn aside_of(target: &Path) -> std::path::PathBuf {
     target.with_file_name(format!(".{name}.replaced"))
 }
 
-/// Undoes a replacement that was killed between its two renamings, or finishes one killed after them.
+/// Repairs a replacement by a killed program. It undoes a replacement that stopped between the two renamings, and finishes one that stopped after them.
 pub(super) fn restore(target: &Path) -> Result<()> {
     let aside = aside_of(target);
     if is_folder(&aside) && kind(target).is_none() {

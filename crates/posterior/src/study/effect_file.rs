@@ -1,4 +1,4 @@
-//! Effects defined in a file: a quantity that depends on a state, by a formula or a table (formats §2, physics §5.3).
+//! Effects that a TOML file defines. A formula or a table makes a quantity of the model depend on a state, such as the path (formats §2, physics §5.3).
 //!
 //! ```toml
 //! name = "hardening"
@@ -27,11 +27,11 @@ use models::effects::{Effect, EffectParameter, Formula, QuantityName, ScaleFunct
 
 const KEYS: [&str; 8] = ["addend", "factor", "name", "parameters", "quantity", "state", "summary", "table"];
 const EXAMPLE: &str = "factor = \"exp(rate * path)\"";
-/// Largest number of parameters, and of points of a table.
+/// Largest number of parameters of an effect. [`MOST_POINTS`] is the largest number of points of a table.
 const MOST_PARAMETERS: usize = 12;
 const MOST_POINTS: usize = 1000;
 
-/// Returns true if a name on the command line is a file.
+/// Returns true if a name on the command line is the path of an effect file, which ends in `.toml`.
 pub fn is_file(name: &str) -> bool {
     Path::new(name).extension().is_some_and(|extension| extension == "toml")
 }
@@ -39,13 +39,13 @@ pub fn is_file(name: &str) -> bool {
 /// Reads an effect from its file and registers its name.
 ///
 /// # Errors
-/// [`Error::File`] if it cannot be read, [`Error::Input`] with file, line, key and remedy if it is not acceptable.
+/// [`Error::File`] if the file cannot be read; [`Error::Input`] with file, line, key and remedy if its content is invalid.
 pub fn read(path: &Path) -> Result<&'static str> {
     let bytes = files::read(path, Content::Settings, "give an effect's file that exists and can be read")?;
     from_text(path, text_of(path, &bytes)?)
 }
 
-/// Reads an effect from a text and registers its name; `file` only serves as a name in errors.
+/// Reads an effect from the text of an effect file and registers its name. Only error messages use the path `file`.
 ///
 /// # Errors
 /// Errors of [`read`].
@@ -65,7 +65,7 @@ pub fn parsed(file: &Path, text: &str) -> Result<StateEffect> {
     effect(&TomlInput::parse(file, text)?.root())
 }
 
-/// Reads the effect of a table, in `model.toml` or a file of its own, and registers its name with the `definition`.
+/// Reads an effect from a TOML table, which comes from a `model.toml` or an effect file. Registers the effect's name with its `definition`.
 ///
 /// # Errors
 /// Errors of [`read`].
@@ -120,12 +120,12 @@ fn effect(table: &TomlTable<'_>) -> Result<StateEffect> {
     })
 }
 
-/// Definition of a registered effect, for `model.toml`.
+/// Definition of a registered effect, as `model.toml` contains it; `None` for an unknown slug.
 pub fn definition(slug: &str) -> Option<toml::Table> {
     defined(slug).map(|(_, definition)| definition)
 }
 
-/// Makes a text static by leaking it, because names and texts are static everywhere; few files are read.
+/// Converts a text to a static one by leaking its memory. All effects have static names and texts, and a program reads few effect files.
 pub fn leak(text: String) -> &'static str {
     Box::leak(text.into_boxed_str())
 }
@@ -158,7 +158,7 @@ fn quantity(table: &TomlTable<'_>) -> Result<QuantityName> {
     }
 }
 
-/// Parameters with their names in the formula, in alphabetical order.
+/// Reads the effect's parameters in alphabetical order. Each entry has the parameter's name in the formula.
 fn parameters(table: &TomlTable<'_>, slug: &str) -> Result<Vec<(String, EffectParameter)>> {
     let Some(all) = table.table("parameters")? else { return Ok(Vec::new()) };
     let names: Vec<&str> = all.keys().collect();
@@ -268,8 +268,8 @@ fn function(
     Ok((operation, Box::leak(Box::new(WrittenFormula(formula))), format!("{} {sign} ({text})", quantity.name())))
 }
 
-/// Checks that the function is neutral if every parameter with a null is at its null, for any values of the others. The model without the effect is then contained in the
-/// model with it.
+/// Checks that the effect vanishes if every parameter with a null is at its null, for any values of the other parameters. The function must then be 0 as an addend and
+/// 1 as a factor. The model with the effect thus contains the model without it.
 fn nulls_leave_the_base(
     table: &TomlTable<'_>,
     state: State,
@@ -303,7 +303,7 @@ fn nulls_leave_the_base(
     Ok(())
 }
 
-/// A formula.
+/// State function that is given by a formula.
 #[derive(Debug)]
 struct WrittenFormula(Formula);
 
@@ -313,7 +313,8 @@ impl StateFunction for WrittenFormula {
     }
 }
 
-/// Table of factors. Monotone cubics interpolate their logarithms between states, and the end values hold beyond. The logarithm is multiplied by the parameter.
+/// State function that is given by a table of factors. Each entry holds a state, the logarithm of its factor, and the slope there. Monotone cubics interpolate the
+/// logarithms between the states. Beyond the first and the last state, their values hold. The interpolated logarithm is multiplied by the effect's parameter.
 #[derive(Debug)]
 struct CurvePoints(Vec<[f64; 3]>);
 
@@ -323,7 +324,7 @@ impl StateFunction for CurvePoints {
     }
 }
 
-/// Cubic interpolation through points (x, y, slope).
+/// Cubic interpolation at `state` through points (x, y, slope); constant beyond the first and the last point.
 fn interpolated(points: &[[f64; 3]], state: Dual) -> Dual {
     let [first, .., last] = points else { return Dual::ZERO };
     if state.value <= first[0] || state.value >= last[0] {
@@ -339,7 +340,8 @@ fn interpolated(points: &[[f64; 3]], state: Dual) -> Dual {
     Dual::constant(y0) + t * rise + t * rest * (rest * bend0 + t * bend1)
 }
 
-/// States, logarithms of factors, and slopes that keep the curve monotone between monotone points (F. N. Fritsch, J. Butland 1984, doi:10.1137/0905021).
+/// Reads the points of a table: state, logarithm of the factor, and slope. The slopes keep the curve monotone between monotone points (F. N. Fritsch, J. Butland 1984,
+/// doi:10.1137/0905021).
 fn points(table: &TomlTable<'_>) -> Result<Vec<[f64; 3]>> {
     let example = "table = { state = [0.0, 1e-4, 1e-3], factor = [1.0, 1.2, 1.5] }";
     let toml_table = table.required_table("table")?;

@@ -24,7 +24,7 @@ fn read(text: &str) -> Result<&'static str> {
     from_text(Path::new("effect.toml"), text)
 }
 
-/// The effect does what its file defines. It may then be named, and a `model.toml` that names it contains its definition.
+/// The effect computes what its file defines. Its name can be used afterwards, and a `model.toml` that names it contains its definition.
 #[test]
 fn an_effect_is_what_its_file_says() {
     assert_eq!(read(HARDENING).unwrap(), "test-hardening");
@@ -78,7 +78,7 @@ fn mistakes_are_named_with_their_place_and_remedy() {
     }
 }
 
-/// The function equals the factors at the points, does not overshoot between them, and scales with the table's power.
+/// The function equals the factors at the table's points and does not overshoot between them. The effect's parameter is the power of the factor.
 #[test]
 fn a_table_goes_through_its_points() {
     let text = r#"
@@ -99,7 +99,7 @@ prior = { distribution = "normal", mean = 1.0, sd = 0.5 }
     }
     assert!((at(3e-4, 0.5).value - 2.0).abs() < 1e-12);
     for k in 0..199 {
-        // The states avoid the ends, where the slope is one-sided.
+        // The states avoid the ends of the table, where the slope is one-sided.
         let state = -1e-4 + 2e-6 * (f64::from(k) + 0.3);
         let (here, next) = (at(state, 1.0), at(state + 1e-10, 1.0));
         assert!(here.value <= next.value + 1e-15, "monotone at {state}");

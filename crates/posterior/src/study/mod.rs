@@ -3,15 +3,15 @@
 //! ```text
 //! vitreo-uq-out/porcine-01/
 //!   experiment.toml trajectory.csv   the inputs, copied byte for byte
-//!   inputs.sha256                    their hashes, in the format of `sha256sum --check`
-//!   m0/ m1/ …                        revisions, each written whole or not at all
+//!   inputs.sha256                    hashes of the inputs, in the format of `sha256sum --check`
+//!   m0/ m1/ …                        revisions, each written completely or not at all
 //!   fit.json                         the last point estimate
-//!   ladder.json ladder.svg ladder.png  all revisions compared
-//!   report.html                      all of it for a browser
-//!   simulation/                      the last simulation, written whole or not at all
-//!   .m0.checkpoint/                  what an interrupted run of m0 resumes from
+//!   ladder.json ladder.svg ladder.png  comparison of all revisions
+//!   report.html                      report of all results for a browser
+//!   simulation/                      the last simulation, written completely or not at all
+//!   .m0.checkpoint/                  state from which an interrupted run of m0 resumes
 //! ```
-//! Names with `.partial-` or `.replaced` are hidden leftovers of a killed program. The next program that opens the study removes them.
+//! Hidden entries with `.partial-` or `.replaced` in their names are leftovers of a killed program. The next program that opens the study removes them.
 
 mod atomic;
 pub mod effect_file;
@@ -33,7 +33,7 @@ use record::{Experiment, ExperimentFiles};
 
 const TOML_NAME: &str = "experiment.toml";
 const HASHES_NAME: &str = "inputs.sha256";
-/// Directory of a study's last simulation.
+/// Name of the directory with a study's last simulation.
 pub const SIMULATION_NAME: &str = "simulation";
 /// File name of a study's last point estimate.
 pub const FIT_NAME: &str = "fit.json";
@@ -45,27 +45,27 @@ pub const CORNER_NAME: &str = "corner.svg";
 pub const PAGE_NAME: &str = "report.html";
 /// File name of a revision's posterior.
 pub const POSTERIOR_NAME: &str = "posterior.json";
-/// File name of a revision's predictions of every row.
+/// File name of a revision's table of predicted positions at every row.
 pub const PREDICTIONS_NAME: &str = "predictions.csv";
 /// File name of a revision's findings.
 pub const FINDINGS_NAME: &str = "comparison.json";
 /// File name of a revision's learnt law, written by `learn`; its figure is in `figures/learned`.
 pub const LEARNED_NAME: &str = "learned.json";
-/// File name of a revision's table of expected effects.
+/// File name of a revision's table with its residuals, and the change of the fitted curve by a refit with each effect (µm). `diagnose` writes it.
 pub const FINGERPRINTS_NAME: &str = "fingerprints.csv";
 /// File name of the diagnosis of a revision, or of the study of an oscillation.
 pub const DIAGNOSIS_NAME: &str = "diagnosis.json";
-/// File name of a revision's record of its extension.
+/// File name of the summary of how a revision was extended from an earlier one. `extend` writes it.
 pub const EXTENSION_NAME: &str = "extension.json";
 fn out_remedy() -> String {
     format!("choose a writable place with `{}`", Setting::Out)
 }
 const INCOMPLETE_REMEDY: &str = "check that the study is complete and readable";
 const WHAT: &str = "a study";
-/// Parent directory of studies without a given directory.
+/// Parent directory of a study if the user names no directory.
 const DEFAULT_PARENT: &str = "vitreo-uq-out";
 
-/// A study directory whose inputs have been checked.
+/// A study directory whose input files match their stored hashes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Study {
     dir: PathBuf,
@@ -73,7 +73,7 @@ pub struct Study {
     opening: Opening,
 }
 
-/// Way in which a study was opened.
+/// Result of opening a study directory: it was created, continued or replaced.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Opening {
     /// The study was created.
@@ -90,19 +90,19 @@ impl Study {
         Path::new(DEFAULT_PARENT).join(files::safe_name(specimen_id))
     }
 
-    /// Returns true if a path is a study directory and not an experiment. A path whose file of hashes is a link or a
-    /// directory counts as a study, too, but opening it is refused.
+    /// Returns true if a path is a study directory, which contains a file of hashes, and not an experiment. If the file of hashes is a link or a directory, the path
+    /// counts as a study, too, but opening it is refused.
     pub fn is_study(path: &Path) -> bool {
         path.join(HASHES_NAME).symlink_metadata().is_ok()
     }
 
     /// Creates the study of an experiment, or continues it if it exists with the same input.
     ///
-    /// A study of another input is replaced if `force` is set, as a whole and in one step.
+    /// If `force` is set, a study of another input is replaced in one atomic step.
     ///
     /// # Errors
-    /// [`Error::Input`] in three cases: the directory holds a study of another input and `force` is not set; it holds other files; or another program is writing to it.
-    /// [`Error::File`] if the operating system refuses.
+    /// [`Error::Input`] if the directory holds other files, or if another program is writing to it. The error also occurs if the directory holds a study of another
+    /// input and `force` is not set. [`Error::File`] if the operating system refuses.
     pub fn open_or_create(dir: &Path, files: &ExperimentFiles, force: bool) -> Result<Self> {
         let inputs_sha256 = hashes_of(files)?;
         let study = |opening| Self { dir: dir.to_path_buf(), inputs_sha256: inputs_sha256.clone(), opening };
@@ -162,7 +162,7 @@ impl Study {
     /// Opens an existing study.
     ///
     /// # Errors
-    /// [`Error::Input`] if it is not a study or its inputs have been changed since its creation.
+    /// [`Error::Input`] if the directory is no study, or if its inputs have changed since its creation.
     pub fn open(dir: &Path) -> Result<Self> {
         if !Self::is_study(dir) {
             return Err(Error::input(
@@ -183,15 +183,15 @@ impl Study {
         &self.dir
     }
 
-    /// SHA-256 of an experiment's inputs, as a study of it would keep them.
+    /// SHA-256 of each input of an experiment, in hexadecimal, by the file name that it has in a study.
     ///
     /// # Errors
-    /// [`Error::Input`] if its files have names that are reserved in a study.
+    /// [`Error::Input`] if the experiment's files have names that are reserved in a study.
     pub fn hashes_of(files: &ExperimentFiles) -> Result<BTreeMap<String, String>> {
         hashes_of(files)
     }
 
-    /// Way in which the study was opened.
+    /// Tells if the study was created, continued or replaced when it was opened.
     pub fn opening(&self) -> Opening {
         self.opening
     }
@@ -209,7 +209,7 @@ impl Study {
         Experiment::read(&self.dir.join(TOML_NAME))
     }
 
-    /// Header of a JSON document of this study: schema `vitreo-uq/<kind>/<number>`.
+    /// Header of a JSON document of this study, with the schema `vitreo-uq/<kind>/<number>`.
     pub fn provenance(&self, kind: &str, number: u32, seed: u64) -> Provenance {
         Provenance::new(kind, number, seed, self.inputs_sha256.clone())
     }
@@ -252,7 +252,7 @@ impl Study {
         Err(Error::input(InputPlace::file(&self.dir).at_key(name), "this study has no such revision", remedy))
     }
 
-    /// Begins to write a revision, `m0`, `m1`, …. It becomes visible with [`RevisionWriter::commit`].
+    /// Begins to write the revision `name`: `m0`, `m1`, …. The revision becomes visible with [`RevisionWriter::commit`].
     ///
     /// # Errors
     /// [`Error::Input`] if the name is not a revision's or another program is writing to the study.
@@ -260,7 +260,7 @@ impl Study {
         RevisionWriter::begin(&self.dir, self.checked(name)?)
     }
 
-    /// Begins to extend a finished revision in one step; [`RevisionWriter::path`] already contains its files.
+    /// Begins to change a finished revision. [`RevisionWriter::path`] contains copies of its files, and [`RevisionWriter::commit`] replaces the revision in one step.
     ///
     /// # Errors
     /// [`Error::Input`] if no revision has this name or another program is writing to the study, [`Error::File`] if it cannot be copied.
@@ -309,13 +309,13 @@ impl Study {
     }
 }
 
-/// Number in `m<number>`, which has no leading zeros.
+/// Number of a revision from its name `m<number>`, without leading zeros; `None` for any other name.
 fn revision_number(name: &str) -> Option<u32> {
     let number = name.strip_prefix('m')?.parse::<u32>().ok()?;
     (name == format!("m{number}")).then_some(number)
 }
 
-/// Names and bytes of the experiment's tables.
+/// Name and bytes of the experiment's table, then of its force log if it has one.
 fn tables(files: &ExperimentFiles) -> impl Iterator<Item = (&str, &[u8])> {
     let log = files.log_file.as_ref().map(|(name, bytes)| (name.as_str(), bytes.as_slice()));
     std::iter::once((files.csv_name.as_str(), files.csv_bytes.as_slice())).chain(log)
@@ -354,7 +354,7 @@ fn hashes_of(files: &ExperimentFiles) -> Result<BTreeMap<String, String>> {
 /// Builds the study in a hidden directory and moves it to its place in one step; `replace` allows an existing study there.
 fn create(dir: &Path, files: &ExperimentFiles, hashes: &BTreeMap<String, String>, replace: bool) -> Result<()> {
     let refused = |action, path: &Path, source| Error::at_path(action, path, source, out_remedy());
-    // A symbolic link stands for its directory, and `.` has a name only as a full path.
+    // This resolves a symbolic link, and turns `.` into a full path, which has a name.
     let dir = &dir.canonicalize().unwrap_or_else(|_| dir.to_path_buf());
     let parent = base::files::folder_of(dir);
     std::fs::create_dir_all(parent).map_err(|source| refused("create", parent, source))?;

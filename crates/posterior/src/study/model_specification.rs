@@ -1,4 +1,4 @@
-//! Model of a revision in `model.toml` (formats §2).
+//! Specification of a revision's model, as written in `model.toml` (formats §2).
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -21,7 +21,7 @@ use record::CharacteristicSizes;
 /// File name of a revision's copy of a prior that is not built in.
 pub const PRIOR_COPY: &str = "prior.toml";
 
-/// A model: base law, effects, noise, priors, and fixed parameters.
+/// Specification of a model by names: base law, effects, noise terms, priors, and fixed parameters.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ModelSpecification {
     /// Base law.
@@ -30,19 +30,19 @@ pub struct ModelSpecification {
     pub effects: Vec<String>,
     /// Names of the noise terms.
     pub noise: Vec<String>,
-    /// Name or file of the priors.
+    /// Name of the built-in priors, or path of a prior file.
     pub prior: String,
-    /// Parameters held at a value, in their units.
+    /// Values of the fixed parameters by name, in the parameters' units.
     pub fixed: BTreeMap<String, f64>,
-    /// Optional parameters that are free instead of being held at their null.
+    /// Names of the optional parameters that are free. All other optional parameters are fixed at their null.
     pub freed: Vec<String>,
 }
 
-/// Values of parameters by name; `None` frees a parameter.
+/// Values at which parameters are fixed, by name; `None` frees the parameter.
 pub type Assignments = BTreeMap<String, Option<f64>>;
 
 impl ModelSpecification {
-    /// Summary for documents.
+    /// Names of base law, effects and noise terms, for JSON documents.
     pub fn summary(&self) -> ModelSummary {
         ModelSummary { base: self.base.name().into(), effects: self.effects.clone(), noise: self.noise.clone() }
     }
@@ -61,7 +61,7 @@ impl Default for ModelSpecification {
     }
 }
 
-/// Specification as written in `model.toml`. Tables come last, because TOML assigns the keys after a table to it.
+/// Content of `model.toml`. Tables come last, because in TOML all keys after a table's header belong to that table.
 #[derive(Serialize)]
 struct ModelFile<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -74,18 +74,18 @@ struct ModelFile<'a> {
     #[serde(rename = "base", skip_serializing_if = "Option::is_none")]
     network: Option<BTreeMap<&'a str, toml::Value>>,
     fixed: &'a BTreeMap<String, f64>,
-    /// Definitions of effects that are not built in.
+    /// Definitions of the effects that are not built in.
     #[serde(skip_serializing_if = "<[toml::Table]>::is_empty")]
     effect: &'a [toml::Table],
 }
 
-/// Places of the parts of a specification, for messages.
+/// Function that gives the place of each key of a specification (such as `noise`), for error messages.
 struct Places<'p> {
     of: &'p dyn Fn(&str) -> InputPlace,
 }
 
 impl ModelSpecification {
-    /// Model of a revision; a prior that was copied into the revision is named by its path.
+    /// Reads the model of a revision. If the revision contains a copy of its prior, `prior` is the path of this copy.
     ///
     /// # Errors
     /// Errors of [`ModelSpecification::read`].
@@ -97,7 +97,8 @@ impl ModelSpecification {
         Ok(specification)
     }
 
-    /// Model of a revision exactly as written. Its prior is a built-in one or the copy in the revision, so that a received study cannot name another file.
+    /// Reads the model of a revision exactly as written. The prior must be built in or be the copy in the revision, so that a study from elsewhere cannot name another
+    /// file.
     ///
     /// # Errors
     /// Errors of [`ModelSpecification::read`].
@@ -115,16 +116,16 @@ impl ModelSpecification {
         ))
     }
 
-    /// Reads and checks a `model.toml` with effects of the library; only `base` is required.
+    /// Reads and checks a `model.toml` with effects of the library. Only the key `base` is required.
     ///
     /// # Errors
-    /// [`Error::File`] if it cannot be read, [`Error::Input`] with file, line, key and remedy if it is not acceptable.
+    /// [`Error::File`] if the file cannot be read; [`Error::Input`] with file, line, key and remedy if its content is invalid.
     pub fn read(path: &Path, library: &Library) -> Result<Self> {
         let bytes = files::read(path, Content::Settings, "give a file that exists and can be read")?;
         Self::from_text(path, &bytes, library)
     }
 
-    /// Reads and checks TOML in memory; `file` only serves as a name in errors.
+    /// Reads and checks the text of a `model.toml`. Only error messages use the name `file`.
     ///
     /// # Errors
     /// Errors of [`ModelSpecification::read`].
@@ -177,12 +178,12 @@ impl ModelSpecification {
         Ok(specification)
     }
 
-    /// Creates a specification from the options `--base`, `--with`, `--noise`, `--prior` and `--set NAME=VALUE`, with defaults for missing options. A base may be a TOML
-    /// file, such as a network, whose base is used. It may also be a server's address, optionally followed by `#` and the model's name; its parameters are then those of
-    /// the prior.
+    /// Creates a specification from the options `--base`, `--with`, `--noise`, `--prior` and `--set NAME=VALUE`, with defaults for missing options. `base` may be the
+    /// path of a TOML file with a base law, such as a network. It may also be a server's address, optionally followed by `#` and the model's name. The law's parameters
+    /// are then those of the prior.
     ///
     /// # Errors
-    /// [`Error::Input`] that names the option.
+    /// [`Error::Input`] that names the invalid option.
     pub fn from_options(
         base: Option<&str>,
         effects: &[String],
@@ -193,7 +194,7 @@ impl ModelSpecification {
         Self::default().with_options(base, effects, noise, prior, set)
     }
 
-    /// Applies options to this specification: effects are added, values set, the rest replaced.
+    /// Applies options to this specification. Effects and values are added; base, noise and prior are replaced if given.
     ///
     /// # Errors
     /// Errors of [`ModelSpecification::from_options`].
@@ -249,10 +250,10 @@ impl ModelSpecification {
         Ok(specification)
     }
 
-    /// Values of this model's parameters from options `--set NAME=VALUE`; `None` for freed parameters.
+    /// Values of this model's parameters from options `--set NAME=VALUE`, by name; `None` for parameters set to `free`.
     ///
     /// # Errors
-    /// [`Error::Input`] for a name that is no parameter of the model, or a value outside its support.
+    /// [`Error::Input`] for a name that is no parameter of the model, or a value outside the parameter's support.
     pub fn values_from_options(&self, set: &[String], library: &Library) -> Result<Assignments> {
         let assignments = assignments(set)?;
         let mut model = Self { fixed: BTreeMap::new(), ..self.clone() };
@@ -261,7 +262,7 @@ impl ModelSpecification {
         Ok(assignments)
     }
 
-    /// Holds parameters at values, or frees those without one.
+    /// Fixes parameters at the assigned values, and frees the parameters that are assigned `None`.
     pub fn set(&mut self, assignments: &Assignments) {
         for (name, value) in assignments {
             self.freed.retain(|freed| freed != name);
@@ -273,7 +274,7 @@ impl ModelSpecification {
         }
     }
 
-    /// Adds optional parameters that are neither set nor freed to the fixed ones, at their nulls. Fixed parameters of missing effects are removed.
+    /// Fixes optional parameters that are neither fixed nor freed at their nulls. Removes fixed optional parameters of effects that the model lacks.
     pub fn with_nulls(mut self, scales: &CharacteristicSizes, library: &Library) -> Self {
         for effect in library.effects() {
             let is_there = self.effects.iter().any(|slug| slug == effect.slug());
@@ -314,7 +315,7 @@ impl ModelSpecification {
         write_atomically(path, text.as_bytes())
     }
 
-    /// Effects in the order of the library, which is the order of their application; effects from files come last.
+    /// Effects in the order in which the model applies them: the order of the library, then effects from files.
     pub fn effects(&self, library: &Library) -> Vec<&'static dyn Effect> {
         let is_named = |effect: &&&dyn Effect| self.effects.iter().any(|slug| slug == effect.slug());
         let of_library = library.effects();
@@ -323,10 +324,10 @@ impl ModelSpecification {
         of_library.iter().filter(is_named).copied().chain(defined).collect()
     }
 
-    /// Noise model.
+    /// Creates the noise model from the names of its terms.
     ///
     /// # Errors
-    /// [`Error::Input`] at `place` for unknown names, or a missing `white`.
+    /// [`Error::Input`] at `place` for an unknown name, or if the term `white` is missing.
     pub fn noise_model(&self, place: &InputPlace) -> Result<NoiseModel> {
         NoiseModel::named(&self.noise, place)
     }
@@ -338,10 +339,10 @@ impl ModelSpecification {
         check_known(places, "effects", &self.effects, &slugs)?;
         let noise = self.noise_model(&(places.of)("noise"))?;
         let effects = self.effects(library);
-        // The problem checks later that the experiment has these effects.
+        // The list includes nuisance effects of the experiment. The problem checks later that the experiment has them.
         let of_effects =
             effects.iter().chain(NUISANCES).flat_map(|effect| effect.parameters()).map(|parameter| parameter.spec);
-        // Parameters of law and noise are scales that divide somewhere, so the lower end of their support is excluded, too.
+        // Equations divide by the parameters of law and noise. The lower end of their support (often 0) is therefore excluded, too.
         let scales: Vec<ParameterSpec> = self.base.parameters().iter().copied().chain(noise.parameters()).collect();
         let all: Vec<ParameterSpec> = scales.iter().copied().chain(of_effects).collect();
         for name in &self.freed {
@@ -384,7 +385,7 @@ impl ModelSpecification {
     }
 }
 
-/// Slugs of effects; some of the names may be files that define an effect.
+/// Slugs of effects that are named on the command line. A name may be the path of a file that defines an effect.
 ///
 /// # Errors
 /// Errors of [`effect_file::read`].
@@ -408,12 +409,12 @@ fn define_effects(root: &TomlTable<'_>, text: &str) -> Result<()> {
     Ok(())
 }
 
-/// Names without surrounding blanks; empty ones are left out.
+/// Names without surrounding blanks and without empty names.
 fn trimmed(names: &[String]) -> Vec<String> {
     names.iter().map(|name| name.trim().to_string()).filter(|name| !name.is_empty()).collect()
 }
 
-/// Base law of a file that contains nothing else.
+/// Base law of a `model.toml` that must contain no other key.
 fn base_of_file(file: &Path) -> Result<BaseLaw> {
     let specification = ModelSpecification::read(file, &Library::default())?;
     let base = specification.base;
@@ -433,7 +434,8 @@ fn base_of_file(file: &Path) -> Result<BaseLaw> {
     Ok(base)
 }
 
-/// Law of a server's model, at an address with `#` and the model's name if given. Its parameters are those of the prior, without parameters of effects and noise.
+/// Law that a server evaluates. `address` is its URL, optionally followed by `#` and the model's name. The law's parameters are those of the prior, without the
+/// parameters of effects and noise.
 fn base_at(address: &str, prior: &str) -> Result<BaseLaw> {
     let (url, name) = address.split_once('#').map_or((address, None), |(url, name)| (url, Some(name)));
     let of_noise: Vec<&str> = NoiseModel::known_parameters().map(|spec| spec.name).collect();
@@ -457,7 +459,7 @@ fn base_at(address: &str, prior: &str) -> Result<BaseLaw> {
     Ok(BaseLaw::Outside(ExternalLaw::new(url, name, &parameters)))
 }
 
-/// Base law with a name, which is given at `place`.
+/// Built-in base law with this name. An unknown name is an error at `place`.
 fn base_named(name: &str, place: InputPlace) -> Result<BaseLaw> {
     BaseLaw::named(name).ok_or_else(|| {
         let known = BaseLaw::NAMED.map(BaseLaw::name);
@@ -494,7 +496,7 @@ fn check_known(places: &Places<'_>, key: &str, names: &[String], known: &[&str])
     Ok(())
 }
 
-/// Values by parameter name; `None` for `free`.
+/// Parses options `NAME=VALUE` into values by parameter name; `None` for the value `free`.
 fn assignments(set: &[String]) -> Result<Assignments> {
     let mut values = BTreeMap::new();
     for assignment in set {

@@ -123,7 +123,7 @@ fn options_are_refused_by_their_names() {
     assert_eq!((specification.fixed["young_modulus_pa"], specification.prior.as_str()), (3.5, "generic"));
 }
 
-/// A mobility is held at 0 unless it is set or freed. Parameters that are always free cannot be freed, and a file keeps the choice.
+/// A mobility is fixed at 0 unless the user sets or frees it. Only optional parameters can be freed. `model.toml` stores the choice.
 #[test]
 fn an_optional_parameter_is_held_at_its_null_until_it_is_freed() {
     use models::effects::MOBILITY;

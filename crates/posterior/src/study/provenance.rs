@@ -1,17 +1,17 @@
-//! Origin of every JSON file (formats §3).
+//! Header that states the origin of a JSON document: schema, program version, seed and inputs (formats §3).
 
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-/// Header of a JSON document, flattened into it so that its keys are at the top level.
+/// Header of a JSON document. Its keys are at the top level of the document.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Provenance {
-    /// `vitreo-uq/<kind>/<number>`.
+    /// Schema of the document: `vitreo-uq/<kind>/<number>`.
     pub schema: String,
-    /// The program's version.
+    /// Version of the program that wrote the document.
     pub version: String,
     /// Seed of all random streams.
     pub seed: u64,
@@ -20,24 +20,24 @@ pub struct Provenance {
 }
 
 impl Provenance {
-    /// Creates a header with this program's version.
+    /// Creates a header with the version of this program and the schema `vitreo-uq/<kind>/<number>`.
     pub fn new(kind: &str, number: u32, seed: u64, inputs_sha256: BTreeMap<String, String>) -> Self {
         let version = env!("CARGO_PKG_VERSION").to_string();
         Self { schema: format!("vitreo-uq/{kind}/{number}"), version, seed, inputs_sha256 }
     }
 
-    /// Adds one more input, such as a prior file.
+    /// Adds the hash of a further input file, such as a prior file.
     pub fn with_input(mut self, name: impl Into<String>, bytes: &[u8]) -> Self {
         self.inputs_sha256.insert(name.into(), sha256_hex(bytes));
         self
     }
 }
 
-/// A JSON document: header and body side by side.
+/// A JSON document that consists of a header and a body. The keys of both are at the top level.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct WithProvenance<T> {
-    /// Header.
+    /// Header with the document's origin.
     #[serde(flatten)]
     pub provenance: Provenance,
     /// Body: a struct or map without the header's keys.
@@ -45,7 +45,7 @@ pub struct WithProvenance<T> {
     pub body: T,
 }
 
-/// Content that the program keeps for later use, with its hash. A changed content is detected and made again.
+/// Content of a file that the program keeps for later use, with its hash. The hash shows changes of the file, after which the content is computed again.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Kept<T> {
     content_sha256: String,
@@ -54,24 +54,24 @@ pub struct Kept<T> {
 }
 
 impl<T: Serialize> Kept<T> {
-    /// Adds the hash to the content.
+    /// Creates the file's content with its hash.
     pub fn new(content: T) -> Self {
         Self { content_sha256: Self::hash(&content), content }
     }
 
-    /// Content, if its hash is unchanged.
+    /// Returns the content if its hash is correct, and `None` if the file was changed.
     pub fn unchanged(self) -> Option<T> {
         (self.content_sha256 == Self::hash(&self.content)).then_some(self.content)
     }
 
-    /// Hash of the content as it is written. Numbers read back to the last bit, so content that was read is written identically. Content that cannot be written has an
-    /// empty hash.
+    /// SHA-256 of the content's JSON text. Floating-point values are read back exactly, so content that was read has an identical text. The hash is empty if the
+    /// content cannot be written.
     fn hash(content: &T) -> String {
         serde_json::to_vec(content).map_or_else(|_| String::new(), |bytes| sha256_hex(&bytes))
     }
 }
 
-/// SHA-256 in lower-case hexadecimal.
+/// SHA-256 of some bytes, in lower-case hexadecimal.
 pub fn sha256_hex(bytes: &[u8]) -> String {
     Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
 }
@@ -80,7 +80,7 @@ pub fn sha256_hex(bytes: &[u8]) -> String {
 mod tests {
     use super::*;
 
-    /// FIPS 180-4 example values.
+    /// Compares with the example values of FIPS 180-4.
     #[test]
     fn hashes_are_sha256() {
         assert_eq!(sha256_hex(b"abc"), "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");

@@ -1,4 +1,4 @@
-//! Writer of a revision.
+//! Writer of a revision, which makes its files visible in one step.
 
 use std::path::{Path, PathBuf};
 
@@ -9,9 +9,9 @@ use super::atomic::{Lock, replace_directory, restore, sync_tree};
 use base::error::Result;
 use base::files::{FileKind, TemporaryDirectory, entries, forbid_links, remove_all, write_json_atomically};
 
-/// A revision or simulation under construction in a hidden directory of the study; dropping it discards it.
+/// Writer of a revision or simulation in a hidden directory of the study. Dropping the writer discards the files.
 ///
-/// It holds the study's lock, so one program at a time writes to a study.
+/// The writer holds the study's lock, so that only one program at a time writes to a study.
 #[derive(Debug)]
 pub struct RevisionWriter {
     building: TemporaryDirectory,
@@ -30,12 +30,13 @@ impl RevisionWriter {
         Ok(Self { building, target, _lock: lock })
     }
 
-    /// Directory for the revision's files.
+    /// Hidden directory in which the revision's files are written.
     pub fn path(&self) -> &Path {
         self.building.path()
     }
 
-    /// Writes a document and the files beside it, and makes the revision visible, completely or not at all. Returns its directory.
+    /// Writes the document `name` and the further files that `files` writes. Then makes the revision visible, completely or not at all. Returns the revision's
+    /// directory.
     ///
     /// # Errors
     /// [`Error::File`] if the operating system refuses, and errors of `files`.
@@ -53,7 +54,7 @@ impl RevisionWriter {
     /// Makes the revision visible under its name and replaces an earlier one of that name in one step.
     ///
     /// # Errors
-    /// [`Error::File`] if the operating system refuses; an earlier revision is then untouched.
+    /// [`Error::File`] if the operating system refuses. An earlier revision is then unchanged.
     pub fn commit(self) -> Result<PathBuf> {
         sync_tree(self.building.path())?;
         replace_directory(self.building, &self.target)?;

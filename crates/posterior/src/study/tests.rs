@@ -161,7 +161,7 @@ fn a_revision_is_invisible_until_committed_and_gone_when_dropped() {
     }
 }
 
-/// A kill runs no destructor: the writer is forgotten, and its lock is released as the system does for a dead program.
+/// A killed program runs no destructor. The test therefore forgets the writer and releases its lock, as the operating system does.
 #[test]
 fn a_kill_half_way_leaves_the_old_revision_the_checkpoint_and_nothing_else_visible() {
     let place = tempfile::tempdir().unwrap();
@@ -170,7 +170,7 @@ fn a_kill_half_way_leaves_the_old_revision_the_checkpoint_and_nothing_else_visib
     let before = visible_names(place.path());
     let checkpoint = study.checkpoint_dir("m0").unwrap();
     write_atomically(&checkpoint.join("walkers.bin"), b"state").unwrap();
-    // These are leftovers of killed programs, also of one killed between the renamings of the fallback.
+    // These are leftovers of killed programs. One was killed between the two renamings that replace a directory exchange.
     let left = place.path().join(".m0.partial-dead");
     std::fs::create_dir(&left).unwrap();
     std::fs::write(left.join("posterior.json"), "ha").unwrap();

@@ -1,4 +1,4 @@
-//! Finds the tables in a text: the layout of their rows, their headers, and their first and last lines.
+//! Finds the tables of numbers in a text: their cell layout, their headers, and their first and last lines.
 
 use std::borrow::Cow;
 
@@ -6,28 +6,28 @@ use super::spelling::{ParsedUnit, clock_s, is_date_time, split_unit, unit};
 use super::text::{Decimal, Delimiter, cells, header_cells, is_blank_or_comment};
 use crate::trajectory::is_lost;
 
-/// Number of lines inspected for the layout.
+/// Number of lines from which the layout is inferred.
 const LOOKED_AT: usize = 5_000;
-/// Largest number of letters of a cell in a unit line, without brackets.
+/// Longest cell of a unit line without brackets, in characters.
 const LONGEST_UNIT: usize = 8;
-/// Names of comment columns.
+/// Lower-case names of columns that contain comments.
 const REMARKS: [&str; 6] = ["", "comment", "comments", "note", "notes", "remarks"];
-/// Smallest number of rows of a table. Fewer rows of numbers are a preamble.
+/// Smallest number of rows of a table. Fewer rows of numbers count as a preamble.
 const FEWEST_ROWS: usize = 3;
-/// Number of displayed letters of a table's title.
+/// Longest displayed title of a table, in characters.
 const LONGEST_TITLE: usize = 60;
 
-/// Layout of a table's cells.
+/// Layout of a table's cells: delimiter, decimal sign and number of cells.
 #[derive(Debug, Clone)]
 pub(super) struct Layout {
     pub delimiter: Delimiter,
     pub decimal: Decimal,
-    /// Index of the first row's line.
+    /// Index of the line with the first row.
     pub first: usize,
     pub n_cells: usize,
 }
 
-/// Consecutive rows under one header.
+/// A table: consecutive rows under one header.
 #[derive(Debug, Clone)]
 pub(super) struct TableBlock {
     pub layout: Layout,
@@ -35,14 +35,14 @@ pub(super) struct TableBlock {
     pub end: usize,
     pub n_rows: usize,
     pub header: Header,
-    /// Line above the header; empty if there is none.
+    /// Line above the header; empty without such a line.
     pub title: String,
-    /// Number of last columns that are empty in every row, because rows may end in a delimiter.
+    /// Number of columns at the end that are empty in every row, because rows may end in a delimiter.
     pub n_empty: usize,
 }
 
 impl TableBlock {
-    /// First and last line, from 1.
+    /// Numbers of the table's first and last line, from 1.
     pub fn lines(&self) -> [usize; 2] {
         [self.layout.first + 1, self.end]
     }
@@ -52,14 +52,14 @@ pub(super) fn is_value(cell: &str, decimal: Decimal) -> bool {
     decimal.number(cell).is_some() || clock_s(cell).is_some() || is_date_time(cell)
 }
 
-/// Number of cells in a line that are values, and number of cells with other content.
+/// Number of cells in a line that are numbers or times, and number of other cells. Cells that mean a lost position do not count.
 fn counts(cells: &[Cow<'_, str>], decimal: Decimal) -> (i64, i64) {
     let n_values = cells.iter().filter(|cell| is_value(cell, decimal)).count() as i64;
     let n_others = cells.iter().filter(|cell| !is_value(cell, decimal) && !is_lost(cell)).count() as i64;
     (n_values, n_others)
 }
 
-/// Layout in which most cells of one block of lines are numbers or times.
+/// Finds the layout in which most cells of a block of lines are numbers or times.
 fn layout(lines: &[&str]) -> Option<Layout> {
     let mut best: Option<(i64, Layout)> = None;
     for delimiter in Delimiter::ALL {
@@ -94,20 +94,20 @@ fn layout(lines: &[&str]) -> Option<Layout> {
     best.map(|(_, layout)| layout)
 }
 
-/// Finds the tables of a text, in order. Returns at least one, or `None` if there is no block of numbers.
+/// Finds the tables of a text, in order. Returns at least one table, or `None` if there is no block of numbers.
 ///
-/// A new table begins at a header between rows. Other lines between rows belong to the table and cause an error when they are read.
+/// A header between rows begins a new table. Other lines between rows belong to the current table and cause an error when it is read.
 pub(super) fn blocks(lines: &[&str]) -> Option<Vec<TableBlock>> {
     let found = layout(&lines[..lines.len().min(LOOKED_AT)])?;
     let mut blocks: Vec<TableBlock> = Vec::new();
-    // Index of the line after the last row. A header may begin there.
+    // Index of the line after the last row found so far. The next header may begin there.
     let mut after = 0;
     for (index, line) in lines.iter().enumerate().filter(|(_, line)| !is_blank_or_comment(line, None)) {
         let cells = cells(line, found.delimiter);
         let (n_values, n_others) = counts(&cells, found.decimal);
-        // A row of a table may have lost all values but its time.
+        // A row of a started table may lack all values except its time.
         let is_row = n_values >= 2 && n_values >= n_others || n_values == 1 && n_others == 0 && !blocks.is_empty();
-        // Words with two numbers form a preamble, as above the next table of an export.
+        // A line of words with two numbers is a preamble, such as one above the next table of an export.
         let is_preamble = n_others > 0
             && blocks.last().is_some_and(|block| block.n_rows >= FEWEST_ROWS && cells.len() < block.layout.n_cells);
         if !is_row || is_preamble {
@@ -130,7 +130,7 @@ pub(super) fn blocks(lines: &[&str]) -> Option<Vec<TableBlock>> {
             });
         }
         if let Some(block) = blocks.last_mut() {
-            // Short lines of numbers above a table are its preamble.
+            // A few rows of numbers with another number of cells are the preamble of the table that follows.
             if block.layout.n_cells != cells.len() && block.n_rows < FEWEST_ROWS {
                 block.layout = Layout { first: index, n_cells: cells.len(), ..found.clone() };
                 block.n_rows = 0;
@@ -152,7 +152,7 @@ pub(super) fn blocks(lines: &[&str]) -> Option<Vec<TableBlock>> {
     Some(blocks)
 }
 
-/// Number of last columns that are empty in every row, because rows may end in a delimiter.
+/// Number of columns at the end that are empty in every row, because rows may end in a delimiter.
 fn n_empty_at_end(rows: &[&str], layout: &Layout) -> usize {
     let rows = rows.iter().filter(|line| !is_blank_or_comment(line, None)).take(LOOKED_AT);
     let empty = rows.map(|line| {
@@ -162,22 +162,22 @@ fn n_empty_at_end(rows: &[&str], layout: &Layout) -> usize {
     empty.min().unwrap_or(0)
 }
 
-/// A header: its line, its names and the units below them.
+/// A header: its line, the names of the columns, and their units.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Header {
-    /// Index of the line.
+    /// Index of the header's line; `None` without a header.
     pub line: Option<usize>,
     pub names: Vec<String>,
     pub units: Vec<Option<ParsedUnit>>,
-    /// Columns with a unit that the program does not know, such as a temperature or a voltage.
+    /// Indices of columns with a unit that the program does not use, such as a temperature or a voltage.
     pub foreign: Vec<usize>,
 }
 
-/// Cells of a line as names, if their number matches the rows and at least two are words. The rows' last `n_empty` cells may have no name.
+/// Cells of a line as column names. `None` unless their number matches the rows and at least two of them are words. The last `n_empty` columns need no name.
 fn names_in(line: &str, layout: &Layout, n_empty: usize) -> Option<Vec<String>> {
     let mut found: Vec<String> =
         header_cells(line, layout.delimiter, None, layout.n_cells).into_iter().map(Cow::into_owned).collect();
-    // A comment column may have a name but no cells.
+    // A comment column may have a name although the rows have no cells for it.
     while found.len() > layout.n_cells
         && found.last().is_some_and(|last| REMARKS.contains(&last.to_lowercase().as_str()))
     {
@@ -190,7 +190,7 @@ fn names_in(line: &str, layout: &Layout, n_empty: usize) -> Option<Vec<String>> 
     (found.len() == layout.n_cells && n_words >= 2).then_some(found)
 }
 
-/// Header of a layout's rows, among the lines from `from` on.
+/// Finds the header of a table with this layout, among the lines from index `from` on.
 fn header(lines: &[&str], from: usize, layout: &Layout, n_empty: usize) -> Header {
     let above: Vec<usize> =
         (from..layout.first).rev().filter(|index| !lines[*index].trim().is_empty()).take(2).collect();
@@ -199,7 +199,7 @@ fn header(lines: &[&str], from: usize, layout: &Layout, n_empty: usize) -> Heade
     let Some((line, nearest)) = names(0) else { return Header::default() };
     let units: Vec<Option<ParsedUnit>> = nearest.iter().map(|cell| unit(cell)).collect();
     let length = |cell: &String| cell.trim_matches(['[', ']', '(', ')']).chars().count();
-    // A unit line may contain units that the program does not know, such as °C.
+    // A unit line may contain units that the program does not use, such as °C.
     if let Some((line, names)) = names(1)
         && units.iter().flatten().count() >= 2
         && nearest.iter().all(|cell| length(cell) <= LONGEST_UNIT)
@@ -212,7 +212,7 @@ fn header(lines: &[&str], from: usize, layout: &Layout, n_empty: usize) -> Heade
     Header { line: Some(line), names: nearest, units, foreign: Vec::new() }
 }
 
-/// Nearest line above a table's header, as words.
+/// Nearest line of words above a table's header; empty if there is none. The search ends at index `from`.
 fn title(lines: &[&str], from: usize, block: &TableBlock) -> String {
     let above =
         (from..block.header.line.unwrap_or(block.layout.first)).rev().find(|index| !lines[*index].trim().is_empty());

@@ -1,4 +1,4 @@
-//! Description of a foreign table in `[measurement]`, in addition to its file name (formats §1).
+//! Description of a foreign table: the keys of `[measurement]` other than the file name (formats §1).
 
 use super::spelling::{DateOrder, ParsedUnit, split_unit, unit};
 use super::text::{Decimal, Delimiter, Encoding, Thousands};
@@ -7,7 +7,7 @@ use base::error::Result;
 use base::toml_input::TomlTable;
 use base::units::Dimension;
 
-/// A column, by its name or by its number from 1.
+/// Reference to a column, by its name or by its number from 1.
 #[derive(Debug, Clone, PartialEq)]
 pub enum ColumnName {
     /// Name in the header.
@@ -19,16 +19,16 @@ pub enum ColumnName {
 /// Format of times.
 #[derive(Debug, Clone, PartialEq)]
 pub enum TimeFormat {
-    /// Numbers in a unit.
+    /// Numbers, in this unit.
     Unit(ParsedUnit),
-    /// Times of day `hh:mm:ss`, counted from the first row and continued past midnight.
+    /// Times of day `hh:mm:ss`. They are measured from the first row and continue past midnight.
     Clock,
-    /// Date with time, counted from the first row. Without a given order the dates must show it themselves.
+    /// Dates with a time, measured from the first row, with the order of day, month and year. `None` if the dates themselves must show the order.
     Date(Option<DateOrder>),
 }
 
 impl TimeFormat {
-    /// Format for a word: `clock`, `iso`, `day-first` or `month-first`.
+    /// Returns the format for one of the words `clock`, `iso`, `day-first` and `month-first`; `None` for another word.
     pub fn named(word: &str) -> Option<Self> {
         Some(match word {
             "clock" => Self::Clock,
@@ -39,7 +39,7 @@ impl TimeFormat {
         })
     }
 
-    /// Unit, or word for the format.
+    /// Name of the unit, or the word for the format.
     pub fn name(&self) -> &str {
         match self {
             Self::Unit(unit) => &unit.name,
@@ -51,20 +51,20 @@ impl TimeFormat {
     }
 }
 
-/// The force of a row whose force cell is blank.
+/// Rule for the force of a row whose force cell is blank.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum BlankForce {
-    /// Force of the row above: the log only contains changes.
+    /// The force of the row above applies, because the log only contains changes.
     Above,
-    /// Zero force.
+    /// The force is zero.
     Zero,
 }
 
 impl BlankForce {
-    /// Both meanings.
+    /// Both rules.
     pub const ALL: [Self; 2] = [Self::Above, Self::Zero];
 
-    /// Name in `experiment.toml`.
+    /// Name of the rule in `experiment.toml`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Above => "above",
@@ -76,14 +76,14 @@ impl BlankForce {
 /// Columns that contain the position.
 #[derive(Debug, Clone, PartialEq)]
 pub enum PositionColumns {
-    /// One column, along the force.
+    /// A single column with the position along the force.
     Along(ColumnName),
-    /// Two or three columns: x, y and z.
+    /// Two or three columns with the coordinates x, y and z.
     Axes(Vec<ColumnName>),
 }
 
 impl PositionColumns {
-    /// All columns, x first.
+    /// All position columns, in the order x, y, z.
     pub fn all(&self) -> &[ColumnName] {
         match self {
             Self::Along(column) => std::slice::from_ref(column),
@@ -92,7 +92,7 @@ impl PositionColumns {
     }
 }
 
-/// Layout of a table's text.
+/// Layout of a table's text: delimiter, decimal sign, encoding, and first and last lines.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TableLayout {
     /// Delimiter between cells.
@@ -101,15 +101,15 @@ pub struct TableLayout {
     pub decimal: Decimal,
     /// Character encoding; `None` if it is detected from the bytes.
     pub encoding: Option<Encoding>,
-    /// Sign that begins a comment line; `None` for `#`, `%` and `//`.
+    /// Characters that begin a comment line; `None` for the default `#`, `%` and `//`.
     pub comment: Option<String>,
     /// Line of the header, from 1; `None` without a header.
     pub header_line: Option<usize>,
     /// Line of the first row, from 1.
     pub first_row_line: usize,
-    /// First and last lines of the tables that are read, from 1, in ascending order. Empty for all lines from the first row on.
+    /// First and last line of each table that is read, from 1, in ascending order. If empty, all lines from the first row on are read.
     pub row_lines: Vec<[usize; 2]>,
-    /// Thousands separator, if numbers contain one that could be mistaken for a decimal sign.
+    /// Thousands separator, if numbers contain one that could be confused with a decimal sign.
     pub thousands: Option<Thousands>,
 }
 
@@ -120,17 +120,17 @@ pub struct TableDescription {
     pub layout: TableLayout,
     /// Column and format of the times.
     pub time: (ColumnName, TimeFormat),
-    /// Column and unit of forces, or of currents that produce them; `None` if another table contains the force.
+    /// Column and unit of the force, or of the current that produces it; `None` if another table contains the force.
     pub force: Option<(ColumnName, ParsedUnit)>,
     /// Columns and unit of positions; `None` for a force log.
     pub position: Option<(PositionColumns, ParsedUnit)>,
     /// Column of cycles; `None` if cycles are found from the force.
     pub cycle: Option<ColumnName>,
-    /// Column of a tracker's tracks, and the track that is read.
+    /// Column of a tracker's tracks, and the name of the track that is read.
     pub track: Option<(ColumnName, String)>,
-    /// Meaning of a blank force; `None` if blank forces are errors.
+    /// Rule for blank force cells; `None` if they are errors.
     pub blank_force: Option<BlankForce>,
-    /// Position values, in the column's unit, that mark lost tracking.
+    /// Values in the position column, in its unit, that mark lost tracking.
     pub lost: Vec<f64>,
     /// Rules for times that do not ascend.
     pub time_rules: TimeRules,
@@ -138,7 +138,7 @@ pub struct TableDescription {
 
 /// Keys of `[measurement]` and `[actuation]` that describe a foreign table.
 pub(crate) const KEYS: [&str; 15] = [
-    // Keys of the layout, which every kind of table has.
+    // The first nine keys describe the layout, which every kind of table has.
     "columns",
     "units",
     "delimiter",
@@ -156,14 +156,14 @@ pub(crate) const KEYS: [&str; 15] = [
     "time_ties",
 ];
 
-/// Keys for a table of moduli.
+/// Keys of `[measurement]` that are allowed for a table of moduli.
 pub(crate) const SWEEP_KEYS: &[&str] = KEYS.split_at(9).0;
 
 const EXAMPLE: &str = "position = \"x [µm]\"";
 
 impl TableDescription {
-    /// Reads `[measurement]`. Returns `None` without `[measurement.columns]`: the table then has the program's own format. `is_driven_elsewhere` is true if
-    /// `[actuation]` contains the force.
+    /// Reads the description in `[measurement]`. Returns `None` without `[measurement.columns]`, because the table then has the program's own format.
+    /// `is_driven_elsewhere` is true if `[actuation]` gives the force.
     pub fn read(measurement: TomlTable<'_>, is_driven_elsewhere: bool) -> Result<Option<Self>> {
         let Some(columns) = measurement.table("columns")? else {
             return match KEYS.iter().find(|key| measurement.has(key)) {
@@ -189,7 +189,7 @@ impl TableDescription {
         Ok(Some(Self { force, position, cycle, lost, ..Self::of_times(measurement, columns, &units)? }))
     }
 
-    /// Reads the log's description in `[actuation]`.
+    /// Reads the description of the force log in `[actuation]`.
     pub(crate) fn read_log(actuation: TomlTable<'_>) -> Result<Self> {
         let columns = actuation.required_table("columns")?;
         columns.only(&["time", "force", "current"])?;
@@ -205,7 +205,7 @@ impl TableDescription {
         Ok(Self { force: Some(force), ..Self::of_times(actuation, columns, &units)? })
     }
 
-    /// Reads only the layout and the times.
+    /// Reads only the layout and the time column.
     fn of_times(measurement: TomlTable<'_>, columns: TomlTable<'_>, units: &Units<'_>) -> Result<Self> {
         let time = column(columns, "time")?;
         let format = match units.text("time")?.as_deref().and_then(TimeFormat::named) {
@@ -228,13 +228,13 @@ impl TableDescription {
         })
     }
 
-    /// Number of coordinates of a position: 1 along the force, or 2 or 3 for x, y and z.
+    /// Number of position columns: 1 for a position along the force, or 2 or 3 for coordinates.
     pub fn n_axes(&self) -> usize {
         self.position.as_ref().map_or(1, |(columns, _)| columns.all().len())
     }
 }
 
-/// True if a key has its only allowed value; an error for another value.
+/// True if a key is present with its only allowed value `word`; an error for another value.
 fn has_flag_word(table: TomlTable<'_>, key: &str, word: &'static str) -> Result<bool> {
     Ok(read_choice(table, key, &[word], |word| word)?.is_some())
 }
@@ -249,7 +249,7 @@ fn track(measurement: TomlTable<'_>, columns: TomlTable<'_>) -> Result<Option<(C
 }
 
 impl TableLayout {
-    /// Reads the keys of the layout.
+    /// Reads the keys of the layout from `[measurement]`.
     pub fn read(measurement: TomlTable<'_>) -> Result<Self> {
         let delimiter =
             read_choice(measurement, "delimiter", &Delimiter::ALL, Delimiter::name)?.unwrap_or(Delimiter::Comma);
@@ -290,7 +290,7 @@ impl TableLayout {
         Ok(layout)
     }
 
-    /// Value of a cell; `None` if the cell is not a number.
+    /// Number in a cell, read with the decimal sign and thousands separator of the layout; `None` if the cell is not a number.
     pub fn number(&self, cell: &str) -> Option<f64> {
         match self.thousands {
             Some(thousands) => self.decimal.number(&thousands.removed(cell)?),
@@ -298,7 +298,7 @@ impl TableLayout {
         }
     }
 
-    /// Index (from 0) of the table that contains a line (from 1); `None` if the line is not read.
+    /// Index of the table that contains a line; the index counts from 0, the line from 1. `None` if the line is not read.
     pub fn table_of(&self, line: usize) -> Option<usize> {
         if self.row_lines.is_empty() {
             return (line >= self.first_row_line).then_some(0);
@@ -308,7 +308,7 @@ impl TableLayout {
     }
 }
 
-/// Reads pairs of first and last lines in ascending order.
+/// Reads the first and last lines of tables, as pairs in ascending order.
 fn row_lines(measurement: TomlTable<'_>) -> Result<Vec<[usize; 2]>> {
     let key = "row_lines";
     let Some(pairs) = measurement.intervals(key)? else { return Ok(Vec::new()) };
@@ -321,7 +321,7 @@ fn row_lines(measurement: TomlTable<'_>) -> Result<Vec<[usize; 2]>> {
     Ok(pairs.into_iter().map(|pair| pair.map(|line| line as usize)).collect())
 }
 
-/// Reads one of several allowed words.
+/// Reads a key whose value must be one of several words. Returns the value that belongs to the word.
 pub(crate) fn read_choice<T: Copy>(
     table: TomlTable<'_>,
     key: &str,
@@ -372,7 +372,7 @@ fn position_columns(columns: TomlTable<'_>) -> Result<PositionColumns> {
     Ok(PositionColumns::Axes(axes))
 }
 
-/// Units from `[measurement.units]`. A column whose name ends in its unit needs no entry there.
+/// Units in `[measurement.units]`. A column whose name ends in its unit needs no entry.
 pub(crate) struct Units<'a> {
     measurement: TomlTable<'a>,
     table: Option<TomlTable<'a>>,
@@ -385,7 +385,7 @@ impl<'a> Units<'a> {
         Ok(Self { measurement, table })
     }
 
-    /// Returns a column with its unit.
+    /// Returns the column that `key` names, with its unit.
     fn column(&self, columns: TomlTable<'_>, key: &str, dimension: Dimension) -> Result<(ColumnName, ParsedUnit)> {
         let name = column(columns, key)?;
         let unit = self.of(key, dimension, &name)?;

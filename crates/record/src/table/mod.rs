@@ -1,7 +1,7 @@
-//! Reads foreign tables: any encoding, delimiter and decimal sign, named units, and unused columns.
+//! Reads foreign tables, with any encoding, delimiter and decimal sign, with named units, and with columns that are not used.
 //!
-//! `experiment.toml` describes such a table ([`TableDescription`]), and [`propose`] infers a description from a table. Reading depends on the description
-//! alone, so a file always has one meaning.
+//! The file `experiment.toml` describes a foreign table ([`TableDescription`]). The function [`propose`] infers such a description from a table. Reading
+//! depends on the description alone, so a file has one meaning only.
 
 mod asked;
 mod blocks;

@@ -1,4 +1,4 @@
-//! Infers the description of a table, with reasons.
+//! Infers the description of a table, with a reason for each choice.
 
 use std::path::Path;
 
@@ -16,31 +16,31 @@ use crate::times::TimeRules;
 use crate::trajectory::{Trajectory, is_lost};
 use base::error::{Error, InputPlace, Result, Setting};
 
-/// Names of track columns, without the `ID` that may follow.
+/// Names of track columns; `ID` may follow.
 const TRACKS: [&str; 5] = ["track", "particle", "trajectory", "bead", "spottrack"];
-/// Largest number of distinguished tracks in a table.
+/// Largest number of tracks that are distinguished in a table.
 const MOST_TRACKS: usize = 1_000;
-/// Smallest numbers of values with a possible thousands separator, and of small values without it, that prove its meaning. A decimal sign would leave one or
-/// two decimals in ten of a hundred values each.
+/// A sign is a thousands separator if at least `FEWEST_GROUPED` numbers contain it and at least `FEWEST_SMALL` numbers below 1,000 lack it. If it were a
+/// decimal sign, ten of a hundred values would have one or two decimals.
 const FEWEST_GROUPED: usize = 8;
 const FEWEST_SMALL: usize = 2;
-/// Tables belong to one recording if the position jumps by at most this fraction of its range from each table to the next.
+/// Tables belong to one recording if the position jumps from each table to the next by at most this fraction of its range.
 const GOES_ON: f64 = 0.1;
-/// Largest distance of a record's start from 0, as a fraction of the positions' range, that counts as 0.
+/// The record starts at 0 if its first position is within this fraction of the positions' range from 0.
 const NEAR_ZERO: f64 = 0.02;
 
-/// A description with its reasons.
+/// An inferred description of a table, with the reasons for it.
 #[derive(Debug, Clone)]
 pub struct TableProposal {
-    /// The description.
+    /// Inferred description.
     pub description: TableDescription,
     /// Zero and direction of positions.
     pub frame: Frame,
-    /// True if the force has a sensor's noise about the levels between which it was switched.
+    /// True if the force is constant in every hold, apart from a sensor's noise.
     pub has_noisy_levels: bool,
     /// Names of all columns; empty without a header.
     pub columns: Vec<String>,
-    /// Reasons, one sentence each.
+    /// Reasons for the description, one sentence each.
     pub reasons: Vec<String>,
     /// Number of rows.
     pub n_rows: usize,
@@ -48,18 +48,18 @@ pub struct TableProposal {
     pub n_lost: usize,
     /// Length of the record, in s.
     pub duration_s: f64,
-    /// Time of the first row if a force acts in it, in s.
+    /// Time in s at which the first row's force began to act; `None` if no force acts in the first row.
     pub loaded_from_s: Option<f64>,
     /// Smallest and largest force, in N.
     pub force_n: [f64; 2],
-    /// Smallest and largest position relative to the zero, in m.
+    /// Smallest and largest position, relative to the zero, in m.
     pub position_m: [f64; 2],
 }
 
-/// Infers the description of a table. Errors name `file`. Ambiguous properties are asked for with `ask`.
+/// Infers the description of a table. Errors name `file`. If the table leaves a choice open, `ask` is called.
 ///
 /// # Errors
-/// [`Error::Input`] if there is no block of numbers; if a column, a unit or the table stays ambiguous; or if reading fails with the description. The error
+/// [`Error::Input`] if there is no block of numbers, if a column, a unit or the table stays ambiguous, or if reading fails with the description. The error
 /// names the option that helps.
 pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -> Result<TableProposal> {
     let text = &*decode_detected(bytes);
@@ -71,7 +71,7 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
         && given.tables.is_none()
         && tables.len() > 1
     {
-        // Times and positions show if several tables form one recording.
+        // Times and positions decide whether several tables form one recording.
         let described = DescribedFile { file, bytes, text, lines: &lines, given, tables };
         let description = described.description(&mut Vec::new(), ask)?;
         if !described.goes_on(&description)? {
@@ -119,7 +119,7 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
     })
 }
 
-/// Names of the columns, without last columns that have neither a name nor a cell.
+/// Names of a table's columns. Columns at the end with neither a name nor a cell are omitted.
 fn named_columns(table: &TableBlock) -> Vec<String> {
     let mut names = table.header.names.clone();
     while names.len() + table.n_empty > table.layout.n_cells && names.last().is_some_and(String::is_empty) {
@@ -128,7 +128,7 @@ fn named_columns(table: &TableBlock) -> Vec<String> {
     names
 }
 
-/// Returns the tracks of a table, in order; empty without a track column. Errors name `file`.
+/// Returns the names of the tracks in a table, in order; empty without a track column. Errors name `file`.
 ///
 /// # Errors
 /// [`Error::Input`] if there is no block of numbers, or if the given column does not exist.
@@ -153,7 +153,7 @@ fn tables_of(file: &Path, lines: &[&str]) -> Result<Vec<TableBlock>> {
     })
 }
 
-/// Tables that are read.
+/// Tables of a file that are read.
 enum ChosenTables<'a> {
     /// Several tables, joined in time.
     Joined(Vec<&'a TableBlock>),
@@ -161,7 +161,7 @@ enum ChosenTables<'a> {
     One(&'a TableBlock),
 }
 
-/// Text for a table in a list: its number, lines, rows, title and columns.
+/// Line of text for one table in a list: its number, lines, rows, title and columns.
 fn listed_table(number: usize, table: &TableBlock) -> String {
     let [first, last] = table.lines();
     let title = if table.title.is_empty() { String::new() } else { format!(" \"{}\"", table.title) };
@@ -207,7 +207,7 @@ fn chosen_tables<'a>(
     Ok(ChosenTables::Joined(numbers.into_iter().map(|number| &all[number - 1]).collect()))
 }
 
-/// Asks for one of several tables that cannot be read as one.
+/// Asks the user to choose one of several tables that cannot be read as one recording. `why` is the reason.
 fn asked_table<'a>(file: &Path, all: &'a [TableBlock], why: &str, ask: Ask<'_>) -> Result<&'a TableBlock> {
     let list: Vec<String> = all.iter().enumerate().map(|(place, table)| listed_table(place + 1, table)).collect();
     let question = Question {
@@ -229,7 +229,7 @@ fn asked_table<'a>(file: &Path, all: &'a [TableBlock], why: &str, ask: Ask<'_>) 
     }
 }
 
-/// Sentences on the use of each table of a file with several tables.
+/// Sentences that say for each table of a file whether it is read.
 fn said_of_tables(all: &[TableBlock], read: &[&TableBlock]) -> Vec<String> {
     if all.len() == 1 {
         return Vec::new();
@@ -246,7 +246,7 @@ fn said_of_tables(all: &[TableBlock], read: &[&TableBlock]) -> Vec<String> {
     sentences
 }
 
-/// A file, the user's settings, and the tables that are read.
+/// A file, the user's settings for it, and the tables that are read.
 struct DescribedFile<'a> {
     file: &'a Path,
     bytes: &'a [u8],
@@ -261,13 +261,13 @@ impl DescribedFile<'_> {
         &self.tables[0].header
     }
 
-    /// Cells of the rows that are read, without blank lines and comments.
+    /// Cells of each row that is read. Blank lines and comments are skipped.
     fn rows(&self) -> impl Iterator<Item = Vec<std::borrow::Cow<'_, str>>> {
         let lines = self.tables.iter().flat_map(|table| &self.lines[table.layout.first..table.end]);
         lines.filter(|line| !is_blank_or_comment(line, None)).map(|line| cells(line, self.tables[0].layout.delimiter))
     }
 
-    /// Infers the columns, units and layout.
+    /// Infers the columns, units and layout, and adds the reasons to `reasons`.
     fn description(&self, reasons: &mut Vec<String>, ask: Ask<'_>) -> Result<TableDescription> {
         let Self { file, bytes, lines, given, tables, .. } = *self;
         let (header, layout) = (self.header(), &tables[0].layout);
@@ -386,7 +386,7 @@ impl DescribedFile<'_> {
         self.lines[end..].iter().any(|line| !is_blank_or_comment(line, None))
     }
 
-    /// The given track column, or else one with a known name.
+    /// Index of the track column: the one that the user gives, otherwise one with a known name. `None` without a track column.
     fn track_column(&self, seen: &KnownColumns<'_>, taken: &[usize]) -> Result<Option<usize>> {
         if let Some(column) = &self.given.track[0] {
             return seen.told(Setting::TrackColumn, column).map(Some);
@@ -398,7 +398,7 @@ impl DescribedFile<'_> {
         Ok(self.header().names.iter().position(is_track).filter(|at| !taken.contains(at)))
     }
 
-    /// Tracks in a column, each with its number of rows.
+    /// Names of the tracks in a column, each with its number of rows.
     fn tracks(&self, at: usize) -> Vec<(String, usize)> {
         let mut tracks: Vec<(String, usize)> = Vec::new();
         for row in self.rows() {
@@ -412,7 +412,7 @@ impl DescribedFile<'_> {
         tracks
     }
 
-    /// Track column and the track that is read, if the rows belong to several tracks.
+    /// Index of the track column and name of the track that is read; `None` unless the rows belong to several tracks.
     fn track(&self, seen: &KnownColumns<'_>, taken: &[usize], ask: Ask<'_>) -> Result<Option<(usize, String)>> {
         let Some(at) = self.track_column(seen, taken)? else { return Ok(None) };
         if let Some(track) = &self.given.track[1] {
@@ -443,7 +443,7 @@ impl DescribedFile<'_> {
         }
     }
 
-    /// Meaning of a blank force, if a force is blank.
+    /// Rule for blank force cells; `None` if no force cell is blank.
     fn blank_force(&self, force: Option<usize>, ask: Ask<'_>) -> Result<Option<BlankForce>> {
         let setting = Setting::BlankForce;
         let named = |word: &str| BlankForce::ALL.into_iter().find(|blank| blank.name() == word);
@@ -470,8 +470,8 @@ impl DescribedFile<'_> {
         Ok(ask(&question).and_then(|word| named(&word)))
     }
 
-    /// Thousands separator that could also be a decimal sign. All numbers with this sign must have groups of three digits, and numbers below 1,000 must lack
-    /// it.
+    /// Thousands separator, if it could also be a decimal sign. All numbers with this sign must have groups of three digits, and numbers below 1,000 must not
+    /// contain it. `None` if there is no such sign.
     fn thousands(&self, taken: &[usize], reasons: &mut Vec<String>) -> Result<Option<Thousands>> {
         let setting = Setting::Thousands;
         match self.given.thousands.as_deref() {
@@ -513,7 +513,7 @@ impl DescribedFile<'_> {
         Ok(Some(sign))
     }
 
-    /// True if several tables form one recording: each follows the previous one in time and begins near its end.
+    /// True if several tables form one recording: each follows the previous one in time, and its position begins near the previous one's end.
     fn goes_on(&self, description: &TableDescription) -> Result<bool> {
         let joined = with_times(description, TimeRules { joins_restarts: true, spreads_ties: true });
         let trajectory = read_described(self.file, self.text, &joined)?;
@@ -534,14 +534,14 @@ impl DescribedFile<'_> {
         Ok(ends.windows(2).all(follows))
     }
 
-    /// Reads the rows and completes the description from them: a clock that restarts or is coarse, values for lost positions, and a constant coordinate.
+    /// Reads the rows, and completes the description with properties of the rows. These are a clock that restarts or is coarse, values for lost positions, and a constant coordinate.
     fn completed(&self, description: &mut TableDescription, reasons: &mut Vec<String>) -> Result<Trajectory> {
         let read = |description: &TableDescription| read_described(self.file, self.text, description);
         let told = description.time_rules;
         let lenient = with_times(description, TimeRules { joins_restarts: true, spreads_ties: true });
         if let Ok(trajectory) = read(&lenient) {
             let restarts = &trajectory.ordered.restart_rows;
-            // With a cycle column, or at the border of two tables, a restarting clock is known to belong to one recording.
+            // A restart of the clock is expected at the first row of a cycle or of a table. The rows then belong to one recording.
             let cycle_begins = |row: usize| trajectory.cycle.as_ref().is_some_and(|cycle| cycle[row] > cycle[row - 1]);
             let table_begins = |row: usize| self.tables.iter().any(|table| table.lines()[0] == trajectory.lines[row]);
             if !restarts.is_empty()
@@ -596,11 +596,11 @@ impl DescribedFile<'_> {
     }
 }
 
-/// A position in the unit of its column, rounded as in the file.
+/// Converts a position (m) to the unit of its column, rounded as in the file.
 fn as_written(value_m: f64, unit_m: f64) -> f64 {
     let value = value_m / unit_m;
     let rounded = (1e6 * value).round() / 1e6;
-    // This avoids a negative zero.
+    // Adding 0.0 avoids a negative zero.
     if (rounded - value).abs() <= 1e-9 * value.abs() { rounded + 0.0 } else { value }
 }
 
@@ -608,7 +608,7 @@ fn with_times(description: &TableDescription, time_rules: TimeRules) -> TableDes
     TableDescription { time_rules, ..description.clone() }
 }
 
-/// True if a setting with a single allowed word is given; an error for another word.
+/// True if the user gives a setting whose only allowed value is `word`; an error for another value.
 fn one_word(setting: Setting, given: Option<&str>, word: &str) -> Result<bool> {
     match given {
         None => Ok(false),
@@ -628,20 +628,20 @@ fn spoken(column: &ColumnName) -> String {
     }
 }
 
-/// Layout of a table and names of its columns.
+/// Layout of a table with the names and units of its columns.
 #[derive(Debug, Clone)]
 pub struct InspectedTable {
-    /// The layout.
+    /// Layout of the table.
     pub layout: TableLayout,
     /// Names of the columns; empty without a header.
     pub columns: Vec<String>,
-    /// Units of the columns, if given.
+    /// Unit of each column; `None` if it is not given.
     pub units: Vec<Option<ParsedUnit>>,
-    /// Description of the layout as a sentence.
+    /// Sentence that describes the layout.
     pub said: String,
 }
 
-/// Finds a table's layout and header. Errors name `file`.
+/// Finds the layout and header of the first table in a file. Errors name `file`.
 ///
 /// # Errors
 /// [`Error::Input`] if there is no block of numbers.
@@ -655,7 +655,7 @@ pub fn inspect_table(file: &Path, bytes: &[u8]) -> Result<InspectedTable> {
     Ok(InspectedTable { layout: written(bytes, &lines, first), columns: names, units, said })
 }
 
-/// Layout for the description, with all lines from the first row on.
+/// Layout as it is written into the description. It includes all lines from the table's first row on.
 fn written(bytes: &[u8], lines: &[&str], table: &TableBlock) -> TableLayout {
     TableLayout {
         delimiter: table.layout.delimiter,
@@ -691,7 +691,7 @@ fn said_of(tables: &[&TableBlock], lines: &[&str]) -> String {
     format!("{} columns separated by {between}{decimals}, {named}{above}", layout.n_cells)
 }
 
-/// Zero and direction of the positions, with reasons.
+/// Infers the zero and direction of the positions, and adds the reasons to `reasons`.
 fn frame(trajectory: &Trajectory, reasons: &mut Vec<String>) -> Frame {
     let Trajectory { force_n, position_m, others_m, .. } = trajectory;
     let coordinates: Vec<&[Option<f64>]> = std::iter::once(position_m).chain(others_m).map(Vec::as_slice).collect();
@@ -781,7 +781,7 @@ mod tests {
         assert_eq!(proposal.position_m, [0.0, 3e-6]);
     }
 
-    /// A comment column without cells, as written by LabVIEW, and a camera's pixels and frames with given sizes.
+    /// LabVIEW writes a comment column without cells, which is ignored. Counts of camera pixels and frames are converted with given sizes.
     #[test]
     fn remarks_are_no_column_and_counts_have_sizes() {
         let given = TableSettings {

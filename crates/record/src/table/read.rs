@@ -1,4 +1,4 @@
-//! Reads a described table.
+//! Reads a foreign table according to its description.
 
 use std::borrow::Cow;
 use std::path::Path;
@@ -14,25 +14,25 @@ use base::files::refuse_long_lines;
 /// Seconds in a day. A clock that falls back by more than half a day has passed midnight.
 const DAY_S: f64 = 86_400.0;
 
-/// Column of each quantity.
+/// Index and name of the column of each quantity.
 struct Columns {
     time: (usize, String),
     force: Option<(usize, String)>,
-    /// Column of the position, or columns of x, y and z.
+    /// Columns of the position, or of x, y and z.
     positions: Vec<(usize, String)>,
     cycle: Option<(usize, String)>,
     track: Option<(usize, String)>,
 }
 
-/// Columns of a table by their names, if it has a header.
+/// Finds a table's columns by their names, if the table has a header.
 pub struct ColumnNames<'a> {
     file: &'a Path,
-    /// Line and cells of the header.
+    /// Line number and cells of the header; `None` without a header.
     header: Option<(usize, Vec<Cow<'a, str>>)>,
 }
 
 impl<'a> ColumnNames<'a> {
-    /// Reads the column names of a text. Errors name `file`.
+    /// Reads the column names from the text of a table. Errors name `file`.
     pub fn new(file: &'a Path, text: &'a str, layout: &TableLayout) -> Self {
         let header = layout.header_line.map(|number| {
             let mut lines = text.lines().skip(number - 1);
@@ -49,7 +49,7 @@ impl<'a> ColumnNames<'a> {
         self.header.as_ref().map_or(&[], |(_, cells)| cells)
     }
 
-    /// Index of a column (from 0) and its name in messages.
+    /// Returns the index of a column, from 0, and its name for messages.
     ///
     /// # Errors
     /// [`Error::Input`] if no column has the name.
@@ -95,7 +95,7 @@ fn quoted(cells: &[Cow<'_, str>]) -> String {
     names.join(", ")
 }
 
-/// Decodes a table in the given encoding, or in the one detected from its bytes.
+/// Decodes a table in the given encoding. For `None` the encoding is detected from the bytes.
 pub fn decode_table<'a>(file: &Path, bytes: &'a [u8], encoding: Option<Encoding>) -> Result<Cow<'a, str>> {
     let encoding = encoding.unwrap_or_else(|| Encoding::of(bytes));
     encoding.text(bytes).ok_or_else(|| {
@@ -104,7 +104,7 @@ pub fn decode_table<'a>(file: &Path, bytes: &'a [u8], encoding: Option<Encoding>
     })
 }
 
-/// Parses a described table and returns its positions as written. Errors name `file`.
+/// Parses a table according to its description, and returns positions in the table's coordinates. Errors name `file`.
 pub(crate) fn read_described(file: &Path, text: &str, description: &TableDescription) -> Result<Trajectory> {
     refuse_long_lines(file, text.as_bytes())?;
     let columns = Columns::new(file, text, description)?;
@@ -119,7 +119,7 @@ pub(crate) fn read_described(file: &Path, text: &str, description: &TableDescrip
     let layout = &description.layout;
     let comment = layout.comment.as_deref();
     let mut clock = Clock::default();
-    // First row of each table.
+    // Index of the first row of each table.
     let mut starts: Vec<usize> = Vec::new();
     let mut table = None;
     for (index, line) in text.lines().enumerate().skip(layout.first_row_line - 1) {
@@ -185,7 +185,7 @@ pub(crate) fn read_described(file: &Path, text: &str, description: &TableDescrip
             Ok((!description.lost.contains(&value)).then(|| unit.to_si(value)))
         };
         let coordinates: Vec<Option<f64>> = columns.positions.iter().map(coordinate).collect::<Result<_>>()?;
-        // A point that lacks a coordinate is lost.
+        // A row that lacks a coordinate has no position.
         let is_whole = coordinates.iter().all(Option::is_some);
         for (others_m, coordinate) in trajectory.others_m.iter_mut().zip(coordinates.iter().skip(1)) {
             others_m.push(coordinate.filter(|_| is_whole));
@@ -232,13 +232,13 @@ fn blank_force(place: InputPlace) -> Error {
     )
 }
 
-/// Converts times to seconds from the first row.
+/// Converts a table's time cells to seconds since the first row.
 #[derive(Default)]
 struct Clock {
     first_s: Option<f64>,
     last_s: f64,
     days: f64,
-    /// Date orders that fit all dates so far, each with its first time.
+    /// Date orders that fit all dates so far, each with its first time. `None` unless the times are dates without a given order.
     orders: Option<Vec<(DateOrder, f64)>>,
 }
 
@@ -257,7 +257,7 @@ impl Clock {
             TimeFormat::Unit(unit) => {
                 let number = layout.number(cell).ok_or_else(|| refuse("not a number"))?;
                 let time_s = unit.to_si(number);
-                // A clock that starts before zero is shifted. A later start stays as recorded.
+                // If the clock starts before zero, times are shifted so that it starts at 0. A later start stays as recorded.
                 let first_s = *self.first_s.get_or_insert(time_s.min(0.0));
                 return Ok(time_s - first_s);
             }
@@ -277,7 +277,7 @@ impl Clock {
         Ok(since - *self.first_s.get_or_insert(since))
     }
 
-    /// Seconds since the first row for dates without a given order. All remaining orders must agree.
+    /// Seconds since the first row, for a date without a given order. All orders that are still possible must agree.
     fn dated(&mut self, cell: &str, place: &dyn Fn() -> InputPlace) -> Result<f64> {
         let refuse = |what: &str, remedy: String| Err(Error::input(place(), format!("`{cell}` {what}"), remedy));
         let read = |order| Some((order, date_time_s(cell, order)?));
@@ -298,7 +298,7 @@ impl Clock {
                 format!("give the order with `{0} day-first` or `{0} month-first`", Setting::TimeUnit),
             ),
             [elapsed_s, ..] => {
-                // Reading of the clock at time 0. Orders that agree differ by whole days, which no other table can reveal.
+                // Time of the clock at the record's time 0. Orders that agree differ by whole days, which no other table can reveal.
                 self.first_s = firsts.first().map(|(_, first_s)| *first_s);
                 Ok(*elapsed_s)
             }

@@ -1,8 +1,8 @@
-//! Spellings of units and times in laboratory files.
+//! Recognises the spellings of units and times in files of laboratories.
 
 use base::units::{Dimension, UNITS};
 
-/// Spellings of units that differ from the program's own suffixes, with their value in SI units.
+/// Spellings of units that differ from the program's own names, with their dimension and their value in SI units.
 const SPELLINGS: [(&str, Dimension, f64); 34] = [
     ("sec", Dimension::Time, 1.0),
     ("secs", Dimension::Time, 1.0),
@@ -40,14 +40,14 @@ const SPELLINGS: [(&str, Dimension, f64); 34] = [
     ("%", Dimension::Ratio, 1e-2),
 ];
 
-/// A recognised unit.
+/// A unit that was recognised in a text.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ParsedUnit {
     /// Dimension of the unit.
     pub dimension: Dimension,
-    /// Name in `experiment.toml`, with `u` for µ.
+    /// Name of the unit in `experiment.toml`, with `u` for µ.
     pub name: String,
-    /// Conversion to SI: exactly `value / per_si_unit` for powers of ten, otherwise `value × si_units`.
+    /// Factor for the conversion to SI units: `value / per_si_unit` for powers of ten, which is exact, otherwise `value × si_units`.
     scale: UnitScale,
 }
 
@@ -67,7 +67,7 @@ impl ParsedUnit {
     }
 }
 
-/// Parses a unit such as `µm`, `[uN]` or `(s)`. Multiples are allowed: a camera's pixel may be `0.65 um` and its frame `0.05 s`. The program's own suffixes are
+/// Parses a unit such as `µm`, `[uN]` or `(s)`. A number may precede it: a camera's pixel may be `0.65 um` and its frame `0.05 s`. The program's own names are
 /// case-sensitive (`mN` is not `MN`); words are not.
 pub fn unit(text: &str) -> Option<ParsedUnit> {
     let many = text.trim().split_once(' ').and_then(|(many, of)| Some((many.parse::<f64>().ok()?, one_unit(of)?)));
@@ -81,7 +81,7 @@ pub fn unit(text: &str) -> Option<ParsedUnit> {
     }
 }
 
-/// Written-out prefixes with their letters.
+/// Prefixes of units as words, with their letters.
 const PREFIXES: [(&str, &str); 6] =
     [("micro", "u"), ("milli", "m"), ("nano", "n"), ("pico", "p"), ("femto", "f"), ("kilo", "k")];
 
@@ -91,7 +91,7 @@ fn one_unit(text: &str) -> Option<ParsedUnit> {
     let lower = plain.to_lowercase();
     let prefix = PREFIXES.into_iter().find(|(prefix, _)| lower.starts_with(prefix));
     let rest = prefix.and_then(|(prefix, letter)| Some((letter, plain.get(prefix.len()..)?.trim_start_matches('-'))));
-    // `microN` is a force, although `micron` is a length.
+    // The text `microN` is a force, although `micron` is a length.
     let by_prefix = |(letter, rest): (&str, &str)| {
         let symbol = match rest.to_lowercase().as_str() {
             _ if ["N", "Pa", "A", "s", "m"].contains(&rest) => rest,
@@ -122,9 +122,9 @@ fn known_unit(plain: &str) -> Option<ParsedUnit> {
     Some(ParsedUnit { dimension: *dimension, name: (*name).into(), scale: UnitScale::Times(*si_units) })
 }
 
-/// Splits a name such as `x [µm]`, `x (µm)`, `x/µm`, `x_um` or `x in µm` into stem and unit.
+/// Splits a column name such as `x [µm]`, `x (µm)`, `x/µm`, `x_um` or `x in µm` into the name without the unit, and the unit.
 pub fn split_unit(name: &str) -> (&str, Option<ParsedUnit>) {
-    // The `_` of `rad_s` and the `/` of `rad/s` belong to the unit.
+    // The `_` in `rad_s` and the `/` in `rad/s` are part of the unit.
     for ending in ["_rad_s", "_rad/s", " rad/s"] {
         if let Some(stem) = name.strip_suffix(ending) {
             return (stem, unit("rad/s"));
@@ -136,7 +136,7 @@ pub fn split_unit(name: &str) -> (&str, Option<ParsedUnit>) {
     found.map_or((name, None), |(stem, unit)| (stem, Some(unit)))
 }
 
-/// Stem and counted thing (pixel or frame) of a column such as `x (px)` or `frame`.
+/// Name without the unit, and counted thing (pixel or frame), of a column such as `x (px)` or `frame`. `None` for other columns.
 pub fn counted(name: &str) -> Option<(&str, &'static str)> {
     const COUNTS: [(&str, &str); 6] = [
         ("px", "pixel"),
@@ -154,7 +154,7 @@ pub fn counted(name: &str) -> Option<(&str, &'static str)> {
     parts.chain([(name, name)]).find_map(|(stem, text)| Some((stem.trim(), of(text)?)))
 }
 
-/// Seconds of a time of day `hh:mm:ss.fff`, `mm:ss.fff` or `hh:mm:ss AM`.
+/// Seconds since midnight for a time of day `hh:mm:ss.fff`, `mm:ss.fff` or `hh:mm:ss AM`; `None` for other text.
 pub fn clock_s(cell: &str) -> Option<f64> {
     let half = cell.trim_end().get(cell.trim_end().len().saturating_sub(3)..).unwrap_or("");
     let later_h = match half.to_ascii_uppercase().as_str() {
@@ -181,23 +181,24 @@ pub fn clock_s(cell: &str) -> Option<f64> {
     Some(larger?.iter().fold(0.0, |sum, part| (sum + f64::from(*part)) * 60.0) + seconds)
 }
 
-/// First element of a date.
+/// Order of day, month and year in a date, named by its first element.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DateOrder {
-    /// ISO 8601: `2026-11-22`.
+    /// Year first (ISO 8601): `2026-11-22`.
     Year,
-    /// `22.11.2026`, `22/11/2026`.
+    /// Day first: `22.11.2026`, `22/11/2026`.
     Day,
-    /// `11/22/2026`.
+    /// Month first: `11/22/2026`.
     Month,
 }
 
 impl DateOrder {
-    /// All orders.
+    /// All orders of dates.
     pub const ALL: [Self; 3] = [Self::Year, Self::Day, Self::Month];
 }
 
-/// Seconds since 1970 of a date with time in a given order, such as ISO 8601's `2026-11-22T10:00:00.25Z`, `22.11.2026 10:00:00,25` or `11/22/2026 10:00 AM`.
+/// Seconds since 1970 for a date with a time, in the given order. Examples are ISO 8601's `2026-11-22T10:00:00.25Z`, `22.11.2026 10:00:00,25` and `11/22/2026
+/// 10:00 AM`. `None` for other text.
 pub fn date_time_s(cell: &str, order: DateOrder) -> Option<f64> {
     let (date, time) = cell.split_once(['T', ' '])?;
     let date = date.trim_end_matches(',');
@@ -207,7 +208,7 @@ pub fn date_time_s(cell: &str, order: DateOrder) -> Option<f64> {
     let [first, second, third] = *numbers.as_slice() else { return None };
     let (year, month, day) = match order {
         DateOrder::Year => (first, second, third),
-        // Points occur in dates that begin with the day.
+        // Dates with points begin with the day.
         DateOrder::Month if sign == '.' => return None,
         DateOrder::Day => (third, second, first),
         DateOrder::Month => (third, first, second),
@@ -228,7 +229,7 @@ pub fn date_time_s(cell: &str, order: DateOrder) -> Option<f64> {
             if sign == "+" { seconds } else { -seconds }
         }
     };
-    // Days since 1970 of the Gregorian calendar, with years counted from March (H. Hinnant, "chrono-compatible low-level date algorithms").
+    // Days since 1970 in the Gregorian calendar, with years that begin in March (H. Hinnant, "chrono-compatible low-level date algorithms").
     let year = if month <= 2 { year - 1 } else { year };
     let (era, of_era) = (year.div_euclid(400), year.rem_euclid(400));
     let of_year = (153 * ((month + 9) % 12) + 2) / 5 + day - 1;

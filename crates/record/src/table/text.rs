@@ -1,11 +1,11 @@
-//! Decodes a table's bytes to text, splits lines into cells and parses numbers.
+//! Decodes a table's bytes to text, splits its lines into cells, and parses numbers.
 
 use std::borrow::Cow;
 
-/// Number of bytes inspected for the encoding.
+/// Number of bytes from which the encoding is detected.
 const LOOKED_AT: usize = 4096;
 
-/// Sign between two cells.
+/// Character between two cells.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Delimiter {
     /// `,`
@@ -22,7 +22,7 @@ impl Delimiter {
     /// All delimiters, in the order in which they are tried.
     pub const ALL: [Self; 4] = [Self::Tab, Self::Semicolon, Self::Comma, Self::Spaces];
 
-    /// Name in `experiment.toml`.
+    /// Name of the delimiter in `experiment.toml`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Comma => ",",
@@ -33,7 +33,7 @@ impl Delimiter {
     }
 }
 
-/// Sign before the decimals.
+/// Character before the decimals of a number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Decimal {
     /// `1.5`
@@ -43,10 +43,10 @@ pub enum Decimal {
 }
 
 impl Decimal {
-    /// Both signs.
+    /// Both characters.
     pub const ALL: [Self; 2] = [Self::Point, Self::Comma];
 
-    /// Name in `experiment.toml`.
+    /// Name of the decimal sign in `experiment.toml`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Point => ".",
@@ -54,7 +54,8 @@ impl Decimal {
         }
     }
 
-    /// Value of a cell; `None` if it is not a finite number. The minus may be typeset (U+2212), and thousands may be separated (`4 600`, `4'600`).
+    /// Number in a cell; `None` if the cell does not contain a finite number. The minus may be typeset (U+2212), and thousands may be separated (`4 600`,
+    /// `4'600`).
     pub fn number(self, cell: &str) -> Option<f64> {
         let cell = &*plain(cell)?;
         let number = match self {
@@ -68,12 +69,12 @@ impl Decimal {
     }
 }
 
-/// Signs for a minus in typeset tables and word processors.
+/// Characters that typeset tables and word processors use for a minus.
 const MINUS: [char; 3] = ['\u{2212}', '\u{2013}', '\u{2012}'];
-/// Thousands separators that cannot be decimal signs: blanks and apostrophes.
+/// Thousands separators that cannot be decimal signs: spaces and apostrophes.
 const APART: [char; 6] = [' ', '\u{a0}', '\u{202f}', '\u{2009}', '\'', '\u{2019}'];
 
-/// Text of a number with an ASCII minus and without thousands separators; `None` if such a separator is misplaced.
+/// Text of a number with an ASCII minus and without thousands separators; `None` if a thousands separator is misplaced.
 fn plain(cell: &str) -> Option<Cow<'_, str>> {
     let has = |signs: &[char]| cell.contains(signs);
     if !has(&MINUS) && !has(&APART) {
@@ -87,7 +88,7 @@ fn plain(cell: &str) -> Option<Cow<'_, str>> {
     Some(Cow::Owned(text))
 }
 
-/// Removes the separators from a whole number such as `-1'234'567`; `None` if its groups do not have three digits.
+/// Removes the separators `between` from a whole number such as `-1'234'567`. Returns `None` if its groups do not have three digits.
 fn joined_groups(whole: &str, between: char) -> Option<String> {
     let mut groups = whole.trim_start_matches(['+', '-']).split(between);
     let first = groups.next()?;
@@ -96,14 +97,14 @@ fn joined_groups(whole: &str, between: char) -> Option<String> {
     (is_first && groups.all(|group| group.len() == 3 && are_digits(group))).then(|| whole.replace(between, ""))
 }
 
-/// Removes the thousands separators from a number such as `1,234.5`. Decimals must follow, because `1,234` alone may have a decimal comma.
+/// Removes the thousands separators from a number such as `1,234.5`. Returns `None` without decimals, because the comma in `1,234` alone may be a decimal sign.
 fn without_groups(cell: &str, between: char, before_decimals: char) -> Option<String> {
     let (whole, decimals) = cell.split_once(before_decimals)?;
     let whole = joined_groups(whole, between)?;
     (!decimals.contains(between)).then(|| format!("{whole}{before_decimals}{decimals}"))
 }
 
-/// Thousands separator of whole numbers, if a table's numbers show that it is not the decimal sign.
+/// Thousands separator of whole numbers that could be mistaken for a decimal sign. The numbers of the table show that it is not one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Thousands {
     /// `1.234`
@@ -116,7 +117,7 @@ impl Thousands {
     /// Both separators.
     pub const ALL: [Self; 2] = [Self::Point, Self::Comma];
 
-    /// Name in `experiment.toml`.
+    /// Name of the separator in `experiment.toml`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Point => ".",
@@ -131,7 +132,7 @@ impl Thousands {
         }
     }
 
-    /// Removes the thousands separators from a cell; `None` if a separator is misplaced.
+    /// Removes the thousands separators from a cell. Returns `None` if a separator is misplaced.
     pub fn removed(self, cell: &str) -> Option<Cow<'_, str>> {
         let plain = plain(cell)?;
         if !plain.contains(self.sign()) {
@@ -143,16 +144,16 @@ impl Thousands {
     }
 }
 
-/// Character encoding.
+/// Character encoding of a table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Encoding {
     /// UTF-8 with or without a byte order mark.
     Utf8,
-    /// UTF-16 with the lower byte first.
+    /// UTF-16, little-endian.
     Utf16Little,
-    /// UTF-16 with the higher byte first.
+    /// UTF-16, big-endian.
     Utf16Big,
-    /// Latin-1: one byte for each letter, used by instruments for µ and °.
+    /// Latin-1: one byte for each character. Instruments use it for µ and °.
     Latin1,
 }
 
@@ -160,7 +161,7 @@ impl Encoding {
     /// All encodings.
     pub const ALL: [Self; 4] = [Self::Utf8, Self::Utf16Little, Self::Utf16Big, Self::Latin1];
 
-    /// Name in `experiment.toml`.
+    /// Name of the encoding in `experiment.toml`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Utf8 => "utf-8",
@@ -170,7 +171,7 @@ impl Encoding {
         }
     }
 
-    /// Detects the encoding of a table by its byte order mark, or by the zero bytes beside digits in UTF-16. Other text that is not valid UTF-8 is Latin-1.
+    /// Detects the encoding of a table. A byte order mark shows it, and zero bytes beside digits show UTF-16. Other text that is not valid UTF-8 is Latin-1.
     pub fn of(bytes: &[u8]) -> Self {
         match bytes {
             [0xff, 0xfe, ..] => return Self::Utf16Little,
@@ -189,7 +190,7 @@ impl Encoding {
         if std::str::from_utf8(bytes).is_ok() { Self::Utf8 } else { Self::Latin1 }
     }
 
-    /// Decodes bytes to text with line feeds and without the byte order mark; `None` if the bytes are not valid UTF-8 although UTF-8 is given.
+    /// Decodes bytes to text with line feeds and without the byte order mark. Returns `None` if the encoding is UTF-8 but the bytes are not valid UTF-8.
     pub fn text(self, bytes: &[u8]) -> Option<Cow<'_, str>> {
         let text = self.decoded(bytes)?;
         // Old instruments end lines with a carriage return only.
@@ -214,15 +215,15 @@ impl Encoding {
     }
 }
 
-/// Decodes a table in the encoding detected from its bytes.
+/// Decodes a table, with the encoding detected from its bytes.
 pub fn decode_detected(bytes: &[u8]) -> Cow<'_, str> {
     Encoding::of(bytes).text(bytes).unwrap_or_else(|| String::from_utf8_lossy(bytes))
 }
 
-/// Comment signs, if none is given.
+/// Characters that begin a comment line by default.
 const COMMENTS: [&str; 3] = ["#", "%", "//"];
 
-/// Sign that makes a line a comment, if it is one. If `comment` is given, it is the only such sign.
+/// Returns the characters that make a line a comment; `None` if the line is not a comment. If `comment` is given, only these characters count.
 pub fn comment_sign<'a>(line: &str, comment: Option<&'a str>) -> Option<&'a str> {
     let line = line.trim_start();
     match comment {
@@ -236,7 +237,7 @@ pub fn is_blank_or_comment(line: &str, comment: Option<&str>) -> bool {
     line.trim().is_empty() || comment_sign(line, comment).is_some()
 }
 
-/// Cells of a line, without surrounding blanks and quotation marks.
+/// Splits a line into cells, without surrounding spaces and quotation marks.
 pub fn cells(line: &str, delimiter: Delimiter) -> Vec<Cow<'_, str>> {
     let byte = match delimiter {
         Delimiter::Comma => b',',
@@ -257,9 +258,10 @@ pub fn cells(line: &str, delimiter: Delimiter) -> Vec<Cow<'_, str>> {
     row.iter().map(|cell| Cow::Owned(cell.to_string())).collect()
 }
 
-/// Cells of a header above rows of `n_cells` cells, without a leading comment sign.
+/// Splits a header into cells, without a leading comment sign. The rows below it have `n_cells` cells.
 ///
-/// Names separated by blanks may contain blanks. They are then separated by at least two blanks, or each ends in its unit's bracket.
+/// If spaces separate the cells, names may contain single spaces. At least two spaces must then separate the names, or each name must end in a unit in
+/// brackets.
 pub fn header_cells<'a>(
     whole: &'a str,
     delimiter: Delimiter,

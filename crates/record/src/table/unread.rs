@@ -1,4 +1,4 @@
-//! Finds unread columns that follow the position, such as a forgotten coordinate.
+//! Finds columns that the description does not use but that follow the position, such as a forgotten coordinate.
 
 use super::description::TableDescription;
 use super::read::ColumnNames;
@@ -6,24 +6,24 @@ use super::spelling::split_unit;
 use super::text::cells;
 use base::units::Dimension;
 
-/// An unread column.
+/// A column that is not read but follows the position.
 #[derive(Debug, Clone, PartialEq)]
 pub struct UnreadColumn {
     /// Name of the column.
     pub name: String,
-    /// Correlation with the position.
+    /// Pearson's correlation of its values with the position.
     pub correlation: f64,
 }
 
-/// Largest number of inspected rows. More rows add no information.
+/// Largest number of rows that are inspected. More rows add no information.
 const MOST_ROWS: usize = 20_000;
-/// Smallest fraction of the rows that must contain a number.
+/// Smallest fraction of the rows that must contain a number in this column.
 const MOSTLY: f64 = 0.9;
-/// Smallest correlation for which a column follows the position.
+/// Smallest absolute correlation at which a column follows the position.
 const FOLLOWS: f64 = 0.7;
 
-/// Returns unread columns that follow the position and have a unit of length or a coordinate's name. `lines` holds each row's line number, from 1, and
-/// `position_m` its position.
+/// Returns columns that are not read but follow the position, and that have a unit of length or a coordinate's name. `lines` holds the line number of each row,
+/// from 1, and `position_m` its position.
 pub(crate) fn unread_columns(
     file: &std::path::Path,
     text: &str,
@@ -41,7 +41,7 @@ pub(crate) fn unread_columns(
         .chain(others)
         .filter_map(|name| names.place(name).ok().map(|(at, _)| at))
         .collect();
-    // A column without a unit in its name may be anything that follows the motion, such as a compliance or a torque.
+    // A column without a unit in its name may follow the motion for other reasons, such as a compliance or a torque.
     let is_coordinate = |name: &str| match split_unit(name) {
         (_, Some(unit)) => unit.dimension == Dimension::Length,
         (stem, None) => {
@@ -85,7 +85,7 @@ pub(crate) fn unread_columns(
     (0..candidates.len()).filter_map(follows).collect()
 }
 
-/// Pearson's correlation; `None` if a value never changes.
+/// Pearson's correlation of pairs of values; `None` if one of the two values is constant.
 fn correlation(pairs: &[(f64, f64)]) -> Option<f64> {
     let n = pairs.len() as f64;
     let mean = pairs.iter().fold((0.0, 0.0), |sum, pair| (sum.0 + pair.0 / n, sum.1 + pair.1 / n));

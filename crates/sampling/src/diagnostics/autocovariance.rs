@@ -1,13 +1,13 @@
-//! Autocovariance by fast Fourier transform, and the effective sample size derived from it.
+//! Autocovariance by fast Fourier transform, and the integrated autocorrelation time that follows from it.
 
 use super::chains::Chains;
 
-/// Autocovariance of a series at lags 0 … n − 1, each normalised by n (the biased, positive definite estimate).
+/// Autocovariance of a series of n values at lags 0 … n − 1. Every lag is divided by n, which gives the biased but positive definite estimate.
 pub fn autocovariance(series: &[f64]) -> Vec<f64> {
     with_twiddles(series, &Twiddles::new(padded_length(series.len())))
 }
 
-/// At least twice the length, so that the circular correlation of the padded series equals the linear one.
+/// Length of the padded series, a power of two. It is at least twice the length of the series, so that circular correlation equals linear correlation.
 fn padded_length(n: usize) -> usize {
     (2 * n).next_power_of_two()
 }
@@ -29,7 +29,7 @@ fn with_twiddles(series: &[f64], twiddles: &Twiddles) -> Vec<f64> {
         *a = *a * *a + *b * *b;
         *b = 0.0;
     }
-    // The power spectrum is even, so that a forward transform is its inverse up to the factor.
+    // The power spectrum is an even function, so a forward transform equals the inverse transform up to a factor.
     twiddles.transform(&mut re, &mut im);
     re.truncate(n);
     let scale = 1.0 / (length as f64 * n as f64);
@@ -37,7 +37,7 @@ fn with_twiddles(series: &[f64], twiddles: &Twiddles) -> Vec<f64> {
     re
 }
 
-/// Roots of unity of a radix-2 transform.
+/// Roots of unity that a radix-2 transform needs.
 struct Twiddles {
     cos: Vec<f64>,
     sin: Vec<f64>,
@@ -50,7 +50,7 @@ impl Twiddles {
         Self { cos: (0..half).map(|k| angle(k).cos()).collect(), sin: (0..half).map(|k| angle(k).sin()).collect() }
     }
 
-    /// In-place forward transform of a power-of-two number of complex values.
+    /// Transforms complex numbers in place (forward). Their number is a power of two.
     fn transform(&self, re: &mut [f64], im: &mut [f64]) {
         let length = re.len();
         let shift = usize::BITS - length.trailing_zeros();
@@ -81,14 +81,14 @@ impl Twiddles {
 /// Result of [`integrate`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Integrated {
-    /// Integrated autocorrelation time in draws: 1 + 2 Σ ρ_t.
+    /// Integrated autocorrelation time 1 + 2 Σ ρ_t, in draws. ρ_t is the autocorrelation at lag t.
     pub time: f64,
-    /// Estimate of the marginal variance (within and between chains) to which ρ_t refers.
+    /// Estimated variance of the quantity, within and between chains, to which ρ_t refers.
     pub variance: f64,
 }
 
-/// Integrated autocorrelation time of several chains of one quantity, from pooled autocovariances and Geyer's initial
-/// monotone positive sequence (Geyer 1992; Vehtari et al. 2021, §3.2).
+/// Computes the integrated autocorrelation time of a quantity from several chains. It pools their autocovariances and sums Geyer's initial monotone
+/// positive sequence (Geyer 1992; Vehtari et al. 2021, §3.2).
 ///
 /// `None` if there are fewer than four draws per chain, a value is not finite or the values do not vary.
 pub fn integrate(chains: &Chains) -> Option<Integrated> {
@@ -114,8 +114,8 @@ pub fn integrate(chains: &Chains) -> Option<Integrated> {
     time.is_finite().then_some(Integrated { time, variance })
 }
 
-/// −1 + 2 Σ P_k over pairs P_k = ρ_{2k} + ρ_{2k+1} while they are positive, made non-increasing. The even term
-/// after the last pair is added once if positive, which helps antithetic chains.
+/// Returns −1 + 2 Σ P_k over the pairs P_k = ρ_{2k} + ρ_{2k+1}, up to the first that is not positive. The pairs are made non-increasing. The even term
+/// after the last pair is added once if it is positive, which improves the estimate for antithetic chains.
 fn sum_initial_monotone(rho: impl Fn(usize) -> f64, n_draws: usize) -> f64 {
     let mut sum = 0.0;
     let mut previous = f64::INFINITY;
@@ -123,7 +123,7 @@ fn sum_initial_monotone(rho: impl Fn(usize) -> f64, n_draws: usize) -> f64 {
     loop {
         let (even, odd) = (rho(lag), rho(lag + 1));
         let pair = even + odd;
-        // The last lags of a series never form a full pair. They count as the first non-positive pair.
+        // The last lags of a series never form a full pair, so they count as a pair that is not positive.
         if lag > 0 && (pair <= 0.0 || lag + 4 >= n_draws) {
             return -1.0 + 2.0 * sum + even.max(0.0);
         }
@@ -146,12 +146,12 @@ pub(super) fn sample_variance(values: &[f64]) -> f64 {
     sum_of(values, |v| (v - mean) * (v - mean)) / (n - 1.0)
 }
 
-/// Sum of many values.
+/// Sum of the values.
 pub(super) fn sum(values: &[f64]) -> f64 {
     sum_of(values, |v| v)
 }
 
-/// Σ f(value), in eight independent partial sums.
+/// Σ f(value), computed as eight independent partial sums so that the compiler can use vector instructions.
 #[inline(always)]
 fn sum_of(values: &[f64], f: impl Fn(f64) -> f64) -> f64 {
     let mut sums = [0.0; 8];

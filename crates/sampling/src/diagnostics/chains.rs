@@ -1,15 +1,15 @@
-//! Draws of one quantity in several chains.
+//! Draws of one quantity from several chains.
 
 use super::ranks::{BlomScores, Sorted};
 
-/// Values of one quantity in several chains of equal length.
+/// Values of one quantity, from several chains of equal length.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Chains {
     chains: Vec<Vec<f64>>,
 }
 
 impl Chains {
-    /// Chains of draws; longer ones are cut to the length of the shortest.
+    /// Stores the chains. Longer ones are cut to the length of the shortest.
     pub fn new(mut chains: Vec<Vec<f64>>) -> Self {
         let shortest = chains.iter().map(Vec::len).min().unwrap_or(0);
         chains.iter_mut().for_each(|chain| chain.truncate(shortest));
@@ -21,24 +21,24 @@ impl Chains {
         self.chains.len()
     }
 
-    /// Draws in each chain.
+    /// Number of draws per chain.
     pub fn n_draws(&self) -> usize {
         self.chains.first().map_or(0, Vec::len)
     }
 
-    /// The chains in order.
+    /// Iterates over the chains, each as a slice of its draws.
     pub fn iter(&self) -> impl Iterator<Item = &[f64]> {
         self.chains.iter().map(Vec::as_slice)
     }
 
-    /// Cuts each chain into a first and a last half. An odd number of draws loses its middle one.
+    /// Splits each chain into its first and second half. With an odd number of draws, the middle one is dropped.
     pub fn split(&self) -> Self {
         let half = self.n_draws() / 2;
         let halves = |chain: &Vec<f64>| [chain[..half].to_vec(), chain[chain.len() - half..].to_vec()];
         Self { chains: self.chains.iter().flat_map(halves).collect() }
     }
 
-    /// True if the values are finite and not all equal.
+    /// Returns `true` if all values are finite and not all are equal.
     pub(super) fn varies(&self) -> bool {
         let mut values = self.chains.iter().flatten();
         let Some(&first) = values.next() else { return false };
@@ -56,7 +56,7 @@ impl Chains {
         self.chains.concat()
     }
 
-    /// Chains of equal shape with other values, in the order of [`Chains::flat`].
+    /// Makes chains of equal shape from other values, in the order of [`Chains::flat`].
     pub(super) fn with_values(&self, values: &[f64]) -> Self {
         Self { chains: values.chunks(self.n_draws().max(1)).map(<[f64]>::to_vec).collect() }
     }

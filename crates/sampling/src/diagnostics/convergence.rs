@@ -4,8 +4,8 @@ use super::autocovariance::{integrate, sample_variance};
 use super::chains::Chains;
 use super::ranks::{Sorted, median};
 
-/// Rank-normalised split R̂: the larger of the bulk and the folded value (Vehtari et al. 2021, eqs. 1–4 and §3.1).
-/// NaN for fewer than four draws or two chains.
+/// Rank-normalised split R̂: the larger of the values for the ranks and for the folded ranks (Vehtari et al. 2021, eqs. 1–4 and §3.1). NaN for fewer than
+/// four draws or two chains.
 pub fn rhat(chains: &Chains) -> f64 {
     if chains.n_chains() < 2 || chains.n_draws() < 4 || !chains.varies() {
         return f64::NAN;
@@ -23,12 +23,12 @@ fn plain_rhat(chains: &Chains) -> f64 {
     ((n - 1.0) / n + sample_variance(&means) / within).sqrt()
 }
 
-/// Effective number of draws for location, from the split, rank-normalised chains. NaN if undefined.
+/// Effective number of draws for the location (bulk), from the split, rank-normalised chains. NaN if undefined.
 pub fn ess_bulk(chains: &Chains) -> f64 {
     if chains.n_draws() < 4 { f64::NAN } else { ess(&chains.split().rank_normalised()) }
 }
 
-/// Effective number of draws for the 5 % and 95 % quantiles, whichever is smaller. NaN if undefined.
+/// Smaller of the effective numbers of draws for the 5 % and the 95 % quantile. NaN if undefined.
 pub fn ess_tail(chains: &Chains) -> f64 {
     if chains.n_draws() < 4 {
         return f64::NAN;
@@ -47,12 +47,12 @@ pub fn ess_mean(chains: &Chains) -> f64 {
     if chains.n_draws() < 4 { f64::NAN } else { ess(&chains.split()) }
 }
 
-/// Monte Carlo standard error of the mean.
+/// Monte Carlo standard error of the mean, in the unit of the draws.
 pub fn mcse_mean(chains: &Chains) -> f64 {
     (sample_variance(&chains.flat()) / ess_mean(chains)).sqrt()
 }
 
-/// Integrated autocorrelation time in draws: number of draws divided by [`ess_mean`].
+/// Integrated autocorrelation time: number of draws divided by [`ess_mean`].
 pub fn autocorrelation_time(chains: &Chains) -> f64 {
     (chains.n_chains() * chains.n_draws()) as f64 / ess_mean(chains)
 }
@@ -62,7 +62,7 @@ fn ess(chains: &Chains) -> f64 {
     if chains.iter().flatten().any(|value| !value.is_finite()) {
         return f64::NAN;
     }
-    // Constant values have no autocorrelation, so that every draw counts.
+    // Constant values are not correlated, so every draw counts fully.
     if !chains.varies() {
         return n;
     }
@@ -74,7 +74,7 @@ mod tests {
     use super::*;
     use rand::{RngExt, SeedableRng};
 
-    /// AR(1) chains with unit marginal variance: τ = (1 + φ)/(1 − φ) exactly.
+    /// First-order autoregressive chains with coefficient φ and unit variance. Their autocorrelation time is exactly τ = (1 + φ)/(1 − φ).
     fn ar1(phi: f64, n_chains: usize, n_draws: usize, seed: u64) -> Chains {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
         let mut normal = || -> f64 { rng.sample(rand_distr::StandardNormal) };
@@ -90,8 +90,8 @@ mod tests {
         Chains::new((0..n_chains).map(|_| chain(&mut normal)).collect())
     }
 
-    /// Sokal's formula for 400,000 draws at φ = 0.9 gives τ̂ a relative error of about √(2·(2·2.5τ)/n) = 2.2 %
-    /// (window ≈ 2.5 τ). The tolerance is six times this error, so that chance fails the test once in 10⁸.
+    /// For 400,000 draws at φ = 0.9, Sokal's formula gives τ̂ a relative error of about √(2·(2·2.5τ)/n) = 2.2 %, for a window of 2.5 τ. The tolerance is six
+    /// times this error. Chance fails the test with a probability of 10⁻⁸.
     #[test]
     fn known_autocorrelation_time_is_recovered() {
         for (phi, tolerance) in [(0.9_f64, 0.13), (0.0, 0.06), (-0.6, 0.10)] {

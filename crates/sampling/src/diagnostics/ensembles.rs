@@ -1,58 +1,59 @@
 //! Diagnostics of ensembles, whose walkers are correlated with each other.
 //!
-//! Let `x[e][s][w]` be a parameter in ensemble e, step s, walker w, and z the normal scores of its ranks over all draws.
-//! - R̂: the steps of every ensemble are split into a first and a last half. Each half with *all its walkers' draws* is a
-//!   chain. R̂ is the larger of the values for z and for the folded scores.
-//! - Effective sample size of a quantity g: z for the bulk, 1{x ≤ q₀.₀₅} and 1{x ≤ q₀.₉₅} for the tails, x for the mean.
-//!   The per-step averages `ḡ[e][s]` over walkers form one time series per ensemble (split in halves). Let τ_ḡ and
-//!   Var ḡ be their integrated time and variance over n steps and m ensembles. The mean's error is Var ḡ·τ_ḡ/(m n), and
-//!   ESS = Var g/(Var ḡ·τ_ḡ/(m n)). This includes correlation of either sign between walkers.
-//! - Autocorrelation time: draws over ESS of the mean, in steps. It is the number of steps that one walker alone would need.
+//! Let `x[e][s][w]` be a parameter in ensemble e at step s for walker w, and z the normal scores of its ranks among all draws.
+//! - R̂: the steps of each ensemble are split into a first and a second half. Each half, with *the draws of all its walkers*, is one chain. R̂ is the
+//!   larger of the values for z and for the folded scores.
+//! - Effective sample size (ESS) of a quantity g: g is z for the bulk, 1{x ≤ q₀.₀₅} and 1{x ≤ q₀.₉₅} for the tails, x for the mean. The averages
+//!   `ḡ[e][s]` over walkers form one time series per ensemble, split into halves. Let τ_ḡ and Var ḡ be the integrated time and the variance of these
+//!   series, for n steps and m ensembles. The squared standard error of the mean is Var ḡ·τ_ḡ/(m n). Then ESS = Var g/(Var ḡ·τ_ḡ/(m n)). This accounts
+//!   for positive and negative correlation between walkers.
+//! - Autocorrelation time: number of draws divided by the ESS of the mean, in steps. It is the number of steps that one walker alone would need for an
+//!   independent draw.
 
 use super::autocovariance::{integrate, sample_variance, sum};
 use super::chains::Chains;
 use super::ranks::{BlomScores, Sorted};
 
-/// All draws of one parameter: value of ensemble e, step s, walker w at `values[(e·n_steps + s)·n_walkers + w]`.
+/// All draws of one parameter. The value of walker w at step s of ensemble e is at `values[(e·n_steps + s)·n_walkers + w]`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DrawColumn {
-    /// Independent ensembles.
+    /// Number of independent ensembles.
     pub n_ensembles: usize,
-    /// Steps of each ensemble.
+    /// Number of steps per ensemble.
     pub n_steps: usize,
-    /// Walkers of each ensemble.
+    /// Number of walkers per ensemble.
     pub n_walkers: usize,
-    /// The values.
+    /// Values of the parameter, `n_ensembles · n_steps · n_walkers` of them.
     pub values: Vec<f64>,
 }
 
-/// Summary of one parameter's draws, with diagnostics of its accuracy.
+/// Posterior mean, standard deviation and quantiles of one parameter, with the accuracy of its draws.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct ParameterDiagnostics {
     /// Posterior mean.
     pub mean: f64,
     /// Posterior standard deviation.
     pub sd: f64,
-    /// 5 % quantile.
+    /// Posterior 5 % quantile.
     pub q05: f64,
-    /// Median.
+    /// Posterior median.
     pub median: f64,
-    /// 95 % quantile.
+    /// Posterior 95 % quantile.
     pub q95: f64,
-    /// Rank-normalised split R̂, with one chain per ensemble and all its walkers pooled.
+    /// Rank-normalised split R̂. Each ensemble is one chain, with the draws of all its walkers.
     pub rhat: f64,
-    /// Effective number of draws for location.
+    /// Effective number of draws for the location (bulk).
     pub ess_bulk: f64,
-    /// Effective number of draws for the 5 % and 95 % quantiles, whichever is smaller.
+    /// Smaller of the effective numbers of draws for the 5 % and the 95 % quantile.
     pub ess_tail: f64,
     /// Monte Carlo standard error of the mean.
     pub mcse_mean: f64,
-    /// Integrated autocorrelation time of the mean, in the steps of the column.
+    /// Integrated autocorrelation time of the mean, in kept steps.
     pub autocorrelation_time: f64,
 }
 
-/// Summary of a column. Values that cannot be computed (fewer than eight steps, no variation) are NaN.
-/// `blom` must have the same length as the column.
+/// Computes the diagnostics of one parameter. Values that cannot be computed are NaN (fewer than eight steps, no variation). `blom` must be for as many
+/// values as the column has.
 pub fn diagnose(column: &DrawColumn, blom: &BlomScores) -> ParameterDiagnostics {
     let n = column.values.len();
     let mean = sum(&column.values) / n as f64;
@@ -79,19 +80,19 @@ pub fn diagnose(column: &DrawColumn, blom: &BlomScores) -> ParameterDiagnostics 
     }
 }
 
-/// Autocorrelation time of the mean in the column's steps: the part of [`diagnose`] without sorting. NaN if undefined.
+/// Autocorrelation time of the mean, in the column's steps. It needs no sorting, unlike [`diagnose`]. NaN if undefined.
 pub fn autocorrelation_time(column: &DrawColumn) -> f64 {
     column.values.len() as f64 / ess(column, &column.values)
 }
 
-/// Per-step averages over walkers of a quantity in the column's layout, one chain per ensemble.
+/// Averages of a quantity over the walkers, one value per step and one chain per ensemble. `quantity` has the layout of the column's values.
 pub fn walker_averages(column: &DrawColumn, quantity: &[f64]) -> Chains {
     let average = |walkers: &[f64]| sum(walkers) / column.n_walkers as f64;
     let chain = |steps: &[f64]| steps.chunks_exact(column.n_walkers).map(average).collect();
     Chains::new(quantity.chunks_exact((column.n_steps * column.n_walkers).max(1)).map(chain).collect())
 }
 
-/// Effective number of draws for the mean of a quantity in the column's layout. NaN if undefined.
+/// Effective number of draws for the mean of a quantity, which has the layout of the column's values. NaN if undefined.
 pub fn ess(column: &DrawColumn, quantity: &[f64]) -> f64 {
     let averages = walker_averages(column, quantity).split();
     let variance = sample_variance(quantity);
@@ -100,7 +101,8 @@ pub fn ess(column: &DrawColumn, quantity: &[f64]) -> f64 {
     variance * n_averages / (integrated.variance * integrated.time)
 }
 
-/// √(((n − 1)/n)·W + B) / √W over half ensembles with the draws of all their walkers. NaN for fewer than two ensembles.
+/// R̂ = √(((n − 1)/n)·W + B) / √W. Each chain is one half of an ensemble, with n draws of all its walkers. W is the variance within and B that between
+/// chains. NaN for fewer than two ensembles.
 fn pooled_rhat(column: &DrawColumn, scores: &[f64]) -> f64 {
     let half = column.n_steps / 2 * column.n_walkers;
     if column.n_ensembles < 2 || half < 2 * column.n_walkers {
@@ -124,7 +126,7 @@ mod tests {
     use crate::diagnostics::convergence;
     use rand::{RngExt, SeedableRng};
 
-    /// AR(1) walkers with a common part: correlation `common` between walkers at every lag.
+    /// First-order autoregressive walkers that share a common term. The correlation between two walkers is `common` at every lag.
     fn column(n_steps: usize, n_walkers: usize, phi: f64, common: f64) -> DrawColumn {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(17);
         let mut normal = || -> f64 { rng.sample(rand_distr::StandardNormal) };
@@ -159,7 +161,7 @@ mod tests {
         }
     }
 
-    /// R̂ of four ensembles of eight walkers and 500 steps each, with the last one's draws shifted and scaled.
+    /// R̂ of four ensembles with eight walkers and 500 steps each. The draws of the last ensemble are shifted and scaled.
     fn rhat_with_one_ensemble(shift: f64, scale: f64) -> f64 {
         let mut column = column(500, 8, 0.5, 0.0);
         let first = 3 * column.n_steps * column.n_walkers;
@@ -167,9 +169,9 @@ mod tests {
         diagnose(&column, &BlomScores::new(column.values.len())).rhat
     }
 
-    /// A shift of one ensemble in four by δ sd gives the means of the eight half chains a variance of 8/7·(1/4)(3/4)δ². R̂ is 1.026 for
-    /// δ = ½, above the limit of 1.01 for a run, and 1.059 for δ = ¾. An ensemble's mean has a standard error of √(3/4000) = 0.03,
-    /// which varies R̂ by 0.004 to 0.005. A doubled scale about an equal median appears only in the folded scores.
+    /// One of four ensembles is shifted by δ standard deviations. The means of the eight half chains then have the variance 8/7·(1/4)(3/4)δ². R̂ is 1.026 for
+    /// δ = ½, above the threshold of 1.01 for a run, and 1.059 for δ = ¾. The mean of an ensemble has a standard error of √(3/4000) = 0.03, which changes R̂
+    /// by 0.004 to 0.005. A doubled scale with an unchanged median shows only in the folded scores.
     #[test]
     fn one_ensemble_unlike_the_others_is_seen_by_rhat() {
         assert!(rhat_with_one_ensemble(0.0, 1.0) < 1.005);
@@ -178,8 +180,8 @@ mod tests {
         assert!(rhat_with_one_ensemble(0.0, 2.0) > 1.05);
     }
 
-    /// Var of the mean of W walkers with mutual correlation c is σ²(c + (1 − c)/W): the effective number falls by a factor of
-    /// 1 + (W − 1)c. The estimate's relative error is about 6 % (n = 80,000 steps, τ = 3); the tolerance is six of these.
+    /// The mean of W walkers with mutual correlation c has the variance σ²(c + (1 − c)/W). The effective number of draws is therefore smaller by a factor of
+    /// 1 + (W − 1)c. The estimate has a relative error of about 6 % (n = 80,000 steps, τ = 3). The tolerance is six times this error.
     #[test]
     fn correlation_between_walkers_is_charged() {
         let (n_steps, n_walkers) = (20_000, 8);

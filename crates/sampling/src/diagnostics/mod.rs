@@ -1,10 +1,10 @@
 //! Diagnostics of a set of draws: R̂, effective sample sizes, Monte Carlo errors, autocorrelation times.
 //!
-//! Two modules share one autocovariance and one truncation rule ([`autocovariance`]):
-//! - [`convergence`]: independent chains, the textbook definitions (Vehtari, Gelman, Simpson, Carpenter, Bürkner 2021,
-//!   "Rank-normalization, folding, and localization", doi:10.1214/20-BA1221), as ArviZ computes them;
-//! - [`ensembles`]: ensembles are independent chains, but walkers of one ensemble are *not*. The series for correlation in time is
-//!   therefore the per-step average over an ensemble's walkers, and each chain of R̂ is an ensemble.
+//! Two modules use the autocovariance and the truncation rule of [`autocovariance`]:
+//! - [`convergence`]: for independent chains, by the textbook definitions (Vehtari, Gelman, Simpson, Carpenter, Bürkner 2021, "Rank-normalization,
+//!   folding, and localization", doi:10.1214/20-BA1221) and as ArviZ computes them.
+//! - [`ensembles`]: for several ensembles. They are independent chains, but the walkers of one ensemble are *not* independent. Correlation in time is
+//!   therefore computed from the average over an ensemble's walkers at each step. Each chain of R̂ is one ensemble.
 
 pub mod autocovariance;
 pub mod chains;

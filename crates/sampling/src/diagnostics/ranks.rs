@@ -1,15 +1,15 @@
-//! Sorts values once for quantiles, ranks and normal scores.
+//! Quantiles, ranks and normal scores of a set of values, which is sorted only once.
 
 use statrs::distribution::{ContinuousCDF, Normal};
 
-/// A sorted set of values.
+/// Set of values that is sorted once.
 pub struct Sorted {
-    /// Values in ascending order, each with its index in the original order.
+    /// Values in ascending order, each with its index in the original set.
     entries: Vec<(f64, u32)>,
 }
 
 impl Sorted {
-    /// Sorts at most 2³² − 1 values. NaN sorts last (first if its sign is negative).
+    /// Sorts values; there may be at most 2³² − 1. NaN sorts last, or first if its sign is negative.
     pub fn new(values: &[f64]) -> Self {
         if let Some(entries) = sorted_by_place(values) {
             return Self { entries };
@@ -19,7 +19,7 @@ impl Sorted {
         Self { entries }
     }
 
-    /// Quantile by linear interpolation between order statistics (Hyndman–Fan type 7). NaN if empty.
+    /// Quantile at a probability, with linear interpolation between order statistics (Hyndman–Fan type 7). NaN if there are no values.
     pub fn quantile(&self, probability: f64) -> f64 {
         let Some(last) = self.entries.len().checked_sub(1) else { return f64::NAN };
         let position = probability.clamp(0.0, 1.0) * last as f64;
@@ -28,14 +28,13 @@ impl Sorted {
         low + (position - below as f64) * (high - low)
     }
 
-    /// Normal scores of the ranks, in the original order of the values. Ties share their mean rank. `blom` must have the same
-    /// length.
+    /// Normal score of each value's rank, in the original order of the values. Equal values share their mean rank. `blom` must be for the same number of
+    /// values.
     pub fn normal_scores(&self, blom: &BlomScores) -> Vec<f64> {
         scores(&self.entries, blom)
     }
 
-    /// Normal scores of |value − centre| without sorting again. The values on either side of the centre are already
-    /// sorted and only need merging.
+    /// Normal scores of |value − centre|, without a new sort. The values on either side of the centre are already sorted and only need to be merged.
     pub fn folded_normal_scores(&self, centre: f64, blom: &BlomScores) -> Vec<f64> {
         let split = self.entries.partition_point(|entry| entry.0 < centre);
         let (left, right) = self.entries.split_at(split);
@@ -55,14 +54,14 @@ impl Sorted {
     }
 }
 
-/// Φ⁻¹((r − 3/8)/(n + 1/4)) for all ranks r of n values (Blom 1958). Compute it once: every column of a set of draws uses the same
-/// scores.
+/// Normal scores Φ⁻¹((r − 3/8)/(n + 1/4)) of all ranks r of n values (Blom 1958). Compute them once per n, because all columns of a set of draws have
+/// equally many values.
 pub struct BlomScores {
     scores: Vec<f64>,
 }
 
 impl BlomScores {
-    /// Scores of ranks 1 … n.
+    /// Computes the scores of ranks 1 … n.
     pub fn new(n: usize) -> Self {
         let mut scores = vec![0.0; n];
         for k in 0..n / 2 {
@@ -77,7 +76,7 @@ fn score(n: usize, mean_rank: f64) -> f64 {
     Normal::standard().inverse_cdf((mean_rank - 0.375) / (n as f64 + 0.25))
 }
 
-/// Normal scores in the original order of sorted entries.
+/// Normal scores of sorted entries, in the original order.
 fn scores(entries: &[(f64, u32)], blom: &BlomScores) -> Vec<f64> {
     let n = entries.len();
     let mut out = vec![0.0; n];
@@ -87,7 +86,7 @@ fn scores(entries: &[(f64, u32)], blom: &BlomScores) -> Vec<f64> {
         while end < n && entries[end].0 == entries[start].0 {
             end += 1;
         }
-        // Ranks start + 1 … end: ties share their mean rank, which is a rank itself only for an odd number of ties.
+        // The entries have ranks start + 1 … end and share their mean rank. It is an integer only for an odd number of entries.
         let value = if (end - start) % 2 == 1 {
             blom.scores[(start + end - 1) / 2]
         } else {
@@ -99,8 +98,8 @@ fn scores(entries: &[(f64, u32)], blom: &BlomScores) -> Vec<f64> {
     out
 }
 
-/// Sorts by position between the smallest and the largest value, in 2³² cells, and by value within a cell. `None` if the values are few, not
-/// finite or all equal.
+/// Sorts values by a bucket sort with 2³² cells between the smallest and the largest value, and by value within a cell. `None` if there are few values,
+/// some are not finite or all are equal.
 fn sorted_by_place(values: &[f64]) -> Option<Vec<(f64, u32)>> {
     const DIGIT_BITS: usize = 11;
     const N_BUCKETS: usize = 1 << DIGIT_BITS;
@@ -108,7 +107,7 @@ fn sorted_by_place(values: &[f64]) -> Option<Vec<(f64, u32)>> {
     let (lowest, highest) =
         values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(*v), high.max(*v)));
     let scale = f64::from(u32::MAX) / (highest - lowest);
-    // The sum is not finite if any value is NaN. Differences of neighbours times the scale keep their order.
+    // The sum is not finite if any value is NaN. Multiplying differences of neighbouring values by the scale keeps their order.
     if values.len() < N_BUCKETS || !scale.is_normal() || !values.iter().sum::<f64>().is_finite() {
         return None;
     }
@@ -144,13 +143,13 @@ fn sorted_by_place(values: &[f64]) -> Option<Vec<(f64, u32)>> {
     Some(entries)
 }
 
-/// Maps a number to an integer of equal order; −0 sorts below +0.
+/// Maps a floating-point number to an integer so that the order is kept. −0 comes before +0.
 fn ordered_bits(value: f64) -> u64 {
     let bits = value.to_bits();
     if bits >> 63 == 1 { !bits } else { bits | 1 << 63 }
 }
 
-/// Sorts by the first component, stably, from the least significant digit. Digits that do not differ are skipped.
+/// Sorts entries by their first component, by a stable radix sort from the least significant digit. Digits that are equal in all entries are skipped.
 fn radix_sorted(mut entries: Vec<(u64, u32)>) -> Vec<(u64, u32)> {
     const DIGIT_BITS: u32 = 11;
     const N_BUCKETS: usize = 1 << DIGIT_BITS;
@@ -180,7 +179,7 @@ fn radix_sorted(mut entries: Vec<(u64, u32)>) -> Vec<(u64, u32)> {
     entries
 }
 
-/// Median of a set of values; NaN if empty.
+/// Median of the values; NaN if there are none.
 pub fn median(values: &[f64]) -> f64 {
     Sorted::new(values).quantile(0.5)
 }
@@ -217,7 +216,7 @@ mod tests {
         assert!(sorted.entries.iter().all(|&(value, idx)| values[idx as usize] == value));
     }
 
-    /// One distant value puts all others into a few cells. Equal values keep their order.
+    /// One distant value puts all others into a few cells; they are still sorted. Equal values keep their order.
     #[test]
     fn outliers_do_not_spoil_the_order() {
         let mut values: Vec<f64> = (0..6_000_i64).map(|i| ((i * 7919) % 2999 - 1500) as f64 * 0.37e-3).collect();

@@ -1,14 +1,14 @@
-//! Splits the batch of an expensive log density over threads.
+//! Distributes the evaluation of an expensive log density over threads.
 
 use crate::LogDensity;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Evaluates a batch in pieces on the current thread pool. A point's value does not depend on its batch (a rule of
-/// [`LogDensity`]), so that the bytes equal those of the whole batch.
+/// Log density that splits each batch of points into smaller ones and evaluates them on the current thread pool. A point's value does not depend on its
+/// batch (a rule of [`LogDensity`]). The results therefore equal those of the unsplit batch to the last bit.
 pub(super) struct SplitDensity<'a> {
     pub inner: &'a dyn LogDensity,
-    /// Points of a piece.
+    /// Number of points in each smaller batch.
     pub piece: usize,
 }
 
@@ -28,7 +28,8 @@ impl LogDensity for SplitDensity<'_> {
     }
 }
 
-/// Counts evaluations outside of steps. Those of the steps follow from the number of steps.
+/// Log density that counts its evaluations during the search for modes and the recovery of walkers. Evaluations of regular steps follow from the number
+/// of steps.
 pub(super) struct CountingDensity<'a> {
     inner: &'a dyn LogDensity,
     count: AtomicU64,

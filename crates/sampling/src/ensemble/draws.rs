@@ -1,39 +1,39 @@
-//! Kept draws.
+//! Draws that a run keeps.
 
 use super::walkers::Ensemble;
 use crate::diagnostics::DrawColumn;
 
-/// Draws of all ensembles since the freeze.
+/// Draws of all ensembles since the last freeze.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Draws {
-    /// Independent ensembles.
+    /// Number of independent ensembles.
     pub n_ensembles: usize,
-    /// Kept steps of each ensemble.
+    /// Number of kept steps per ensemble.
     pub n_steps: usize,
-    /// Walkers of each ensemble.
+    /// Number of walkers per ensemble.
     pub n_walkers: usize,
-    /// Unconstrained coordinates of a point.
+    /// Number of unconstrained coordinates of a point.
     pub dimension: usize,
-    /// Interval between kept steps.
+    /// Interval between kept steps, in steps.
     pub store_every: u64,
-    /// Coordinate d of ensemble e, kept step s, walker w at `positions[((e·n_steps + s)·dimension + d)·n_walkers + w]`.
+    /// Coordinate d of walker w at kept step s of ensemble e is at `positions[((e·n_steps + s)·dimension + d)·n_walkers + w]`.
     pub positions: Vec<f64>,
-    /// Log density at `log_density[(e·n_steps + s)·n_walkers + w]`.
+    /// Log density of walker w at kept step s of ensemble e is at `log_density[(e·n_steps + s)·n_walkers + w]`.
     pub log_density: Vec<f64>,
 }
 
 impl Draws {
-    /// Value of one coordinate of one draw.
+    /// Value of coordinate d of one draw.
     pub fn value(&self, ensemble: usize, step: usize, walker: usize, d: usize) -> f64 {
         self.positions[((ensemble * self.n_steps + step) * self.dimension + d) * self.n_walkers + walker]
     }
 
-    /// All coordinates of one draw.
+    /// Coordinates of one draw.
     pub fn point(&self, ensemble: usize, step: usize, walker: usize) -> Vec<f64> {
         (0..self.dimension).map(|d| self.value(ensemble, step, walker, d)).collect()
     }
 
-    /// `n` points spread over all ensembles, steps and walkers by the golden ratio, which is no multiple of their strides.
+    /// Selects `n` draws, evenly distributed over ensembles, steps and walkers. The indices advance by the golden ratio, so they do not favour some walkers.
     pub fn subsample(&self, n: usize) -> Vec<Vec<f64>> {
         let golden = 0.5 * (5.0_f64.sqrt() - 1.0);
         let pick = |k: usize| {
@@ -44,17 +44,17 @@ impl Draws {
         (0..n).map(pick).collect()
     }
 
-    /// Number of points.
+    /// Number of draws.
     pub fn len(&self) -> usize {
         self.log_density.len()
     }
 
-    /// True if there are no draws.
+    /// Returns `true` if there are no draws.
     pub fn is_empty(&self) -> bool {
         self.log_density.is_empty()
     }
 
-    /// All values of one coordinate, ensemble by ensemble, step by step, walker by walker.
+    /// Values of coordinate d of all draws. The walker changes fastest, then the step, then the ensemble.
     pub fn column(&self, d: usize) -> DrawColumn {
         let stride = self.dimension * self.n_walkers;
         let mut values = Vec::with_capacity(self.len());
@@ -64,7 +64,7 @@ impl Draws {
         self.with_values(values)
     }
 
-    /// Points one by one, starting at kept step `first`.
+    /// Draws from kept step `first` on, one vector of coordinates per draw.
     pub fn points(&self, first: usize) -> Vec<Vec<f64>> {
         let mut points = Vec::new();
         for ensemble in 0..self.n_ensembles {
@@ -80,19 +80,19 @@ impl Draws {
     }
 }
 
-/// Draws of one ensemble while it runs.
+/// Draws that one ensemble has kept so far in a run.
 #[derive(Debug, Clone, Default)]
 pub(super) struct DrawRecord {
     pub positions: Vec<f64>,
     pub log_density: Vec<f64>,
     pub n_stored: usize,
-    /// Step after which recording begins.
+    /// Step after which draws are recorded.
     pub base_step: u64,
     pub store_every: u64,
 }
 
 impl DrawRecord {
-    /// An empty record with memory for at most `capacity` steps.
+    /// Makes an empty record with memory for `capacity` steps.
     pub fn new(base_step: u64, store_every: u64, capacity: usize, dimension: usize, n_walkers: usize) -> Self {
         Self {
             positions: Vec::with_capacity(capacity * dimension * n_walkers),
@@ -103,14 +103,15 @@ impl DrawRecord {
         }
     }
 
-    /// Deletes all draws and starts again after `base_step`.
+    /// Deletes all draws. Recording begins again after step `base_step`.
     pub fn restart(&mut self, base_step: u64, store_every: u64) {
         self.positions.clear();
         self.log_density.clear();
         (self.n_stored, self.base_step, self.store_every) = (0, base_step, store_every);
     }
 
-    /// Keeps the ensemble's present step if it is due. `limit` thins a full record to every second step.
+    /// Stores the ensemble's present step if the interval since the last stored step is over. A record that reaches `limit` steps is
+    /// then reduced to every second step.
     pub fn keep(&mut self, ensemble: &Ensemble, limit: Option<usize>) {
         if !(ensemble.n_steps() - self.base_step).is_multiple_of(self.store_every) {
             return;
@@ -122,7 +123,7 @@ impl DrawRecord {
         }
     }
 
-    /// Drops the 1st, 3rd, … step. The remaining steps are multiples of twice the interval.
+    /// Deletes the 1st, 3rd, 5th, … step and doubles the interval between kept steps.
     fn thin(&mut self) {
         let kept = self.n_stored / 2;
         for values in [&mut self.positions, &mut self.log_density] {
@@ -137,7 +138,7 @@ impl DrawRecord {
     }
 }
 
-/// Joins the records of ensembles that have done equally many steps.
+/// Joins the records of all ensembles, which must have made equally many steps.
 pub(super) fn join(records: &[&DrawRecord], dimension: usize, n_walkers: usize) -> Draws {
     let first = records.first();
     Draws {

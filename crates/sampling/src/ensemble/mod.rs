@@ -1,15 +1,14 @@
 //! Affine-invariant ensemble sampler that reports when its result cannot be trusted.
 //!
-//! It runs several independent ensembles of walkers. Order of events (see [`sample`]):
-//! 1. The optimiser finds modes and their Laplace masses from several starts ([`crate::optimum`]).
-//! 2. Walkers are drawn from the modes' Laplace approximations, slightly over-dispersed, in proportion to mass.
-//! 3. Burn-in: walkers left behind are found and reseeded, except if their own mode has mass ([`stuck_walkers`]).
-//! 4. A *freeze* fits the approximation for jumps and discards all draws so far. From then on only the fixed kernel
-//!    moves walkers.
-//! 5. Convergence is judged at growing intervals. A walker left behind causes a new burn-in and a new freeze.
+//! It runs several independent ensembles of walkers. [`sample`] works in this order:
+//! 1. The optimiser climbs from several starting points. It finds modes and their masses in the Laplace approximation ([`crate::optimum`]).
+//! 2. Walkers are drawn from the modes' Laplace approximations, in proportion to mass and with slightly larger standard deviations.
+//! 3. Burn-in: the sampler finds walkers that did not join the others and moves them. Walkers whose own mode has mass stay ([`stuck_walkers`]).
+//! 4. A *freeze* fits the approximation for jumps and discards all draws so far. From then on only the fixed moves act on the walkers.
+//! 5. Convergence is checked at growing intervals. If a walker has not joined the others, a new burn-in and a new freeze follow.
 //!
-//! All decisions depend on step counts, never on clocks or threads. Equal seeds therefore give equal bytes
-//! for any number of threads and after any interruption.
+//! All decisions depend on step counts, never on clocks or threads. Equal seeds therefore give equal bytes for any number of threads and after any
+//! interruption.
 
 mod batches;
 mod draws;

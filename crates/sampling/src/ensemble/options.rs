@@ -1,4 +1,4 @@
-//! Options of a sampling run.
+//! Settings of a sampling run, and its monitoring and checkpoints.
 
 use super::moves::{Move, default_move};
 use base::error::{InputPlace, Setting};
@@ -7,59 +7,59 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-/// Settings of a run. They determine the result to the last bit, except for the number of threads and the splitting of batches,
-/// which do not influence it.
+/// Settings of a run. They determine the result to the last bit. Only `threads` and `batches` have no influence on it.
 #[derive(Clone)]
 pub struct SamplerOptions {
-    /// Walkers of one ensemble: even, at least 8 and more than twice the dimension.
+    /// Number of walkers per ensemble. It must be even, at least 8 and more than twice the dimension.
     pub n_walkers: usize,
-    /// Independent ensembles, at least 4.
+    /// Number of independent ensembles, at least 4.
     pub n_ensembles: usize,
-    /// Steps of each walker after which the run ends, burn-in included.
+    /// Largest number of steps, burn-in included. The run then ends.
     pub max_steps: u64,
     /// Seed of all random streams.
     pub seed: u64,
-    /// Move that proposes new positions.
+    /// Move that proposes new positions from those of other walkers.
     pub kernel: Arc<dyn Move>,
-    /// Largest fraction of half-steps that jump into the posterior's approximation ([`super::moves::Independence`]) instead of
-    /// using `kernel`. The fraction is reduced if few jumps are accepted. 0 disables jumps.
+    /// Largest fraction of half-steps that jump to draws from an approximation of the posterior ([`super::moves::Independence`]) instead of using `kernel`. A
+    /// smaller fraction is used if few jumps are accepted. 0 disables jumps.
     pub jump_fraction: f64,
-    /// Interval between kept steps. `None` keeps every step at first and doubles the interval each time that `max_stored_steps` are full.
+    /// Interval between kept steps. `None` keeps every step at first, and doubles the interval each time that `max_stored_steps` steps are stored.
     pub store_every: Option<u64>,
-    /// Steps of each ensemble that are kept when `store_every` is `None`; even.
+    /// Largest number of kept steps per ensemble if `store_every` is `None`; even.
     pub max_stored_steps: usize,
-    /// True ends the run as soon as the demands are met. Otherwise it continues to `max_steps`.
+    /// `true` ends the run as soon as the convergence criteria are met. Otherwise it continues to `max_steps`.
     pub stop_when_converged: bool,
-    /// Convergence criteria.
+    /// Criteria that a converged run meets.
     pub convergence: ConvergenceCriteria,
     /// Number of threads; 0 for one per core.
     pub threads: usize,
-    /// Splitting of one ensemble's batch over threads.
+    /// Rule for splitting the points of an ensemble over threads.
     pub batches: Batches,
 }
 
-/// Convergence criteria for all parameters.
+/// Convergence criteria. Every parameter must meet them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ConvergenceCriteria {
-    /// Steps after the freeze, in autocorrelation times.
+    /// Smallest number of steps after the freeze, in autocorrelation times.
     pub autocorrelation_times: f64,
-    /// Largest R̂ over ensembles.
+    /// Largest R̂ of the comparison between ensembles.
     pub rhat: f64,
-    /// Smallest effective sample size, bulk and tail.
+    /// Smallest effective sample size, for the bulk and for the tails.
     pub ess: f64,
-    /// Largest R̂ over single walkers. Above it, walkers stay in separate regions. This limit is looser, because one walker's chain is short.
+    /// Largest R̂ of the comparison between single walkers. If it is exceeded, some walkers stay in separate regions. This threshold is less strict than
+    /// `rhat`, because the chain of one walker is short.
     pub rhat_walkers: f64,
 }
 
-/// Splitting of one ensemble's batch of log densities over threads. It does not change the bytes of the values.
+/// Rule for splitting an ensemble's batch of points over threads. It does not change any computed value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Batches {
-    /// Split if threads outnumber ensembles and the measured cost of a point exceeds 20 µs.
+    /// Split if there are more threads than ensembles and a point costs more than 20 µs, as measured.
     #[default]
     Auto,
-    /// Never split: the density is cheap.
+    /// Never split. Suits a cheap density.
     Whole,
-    /// Always split: the density is expensive.
+    /// Always split. Suits an expensive density.
     Split,
 }
 
@@ -88,18 +88,18 @@ impl Default for SamplerOptions {
     }
 }
 
-/// Smallest number of steps that allows a burn-in and a draw.
+/// Smallest allowed number of steps. Fewer do not suffice for a burn-in and a draw.
 const FEWEST_STEPS: u64 = 32;
-/// Largest number of steps: days for the cheapest model.
+/// Largest allowed number of steps. The cheapest model takes days for it.
 const MOST_STEPS: u64 = 1_000_000_000;
-/// Largest number of walkers of an ensemble: more than any model needs, with draws that still fit into memory.
+/// Largest allowed number of walkers per ensemble. No model needs more, and the draws still fit into the memory.
 const MOST_WALKERS: usize = 4_096;
 
 impl SamplerOptions {
-    /// Rejects settings that cannot give a valid run.
+    /// Checks the settings for a problem with `dimension` coordinates.
     ///
     /// # Errors
-    /// [`Error::Input`] that names the option.
+    /// [`Error::Input`] that names the setting which cannot give a valid run.
     pub fn validate(&self, dimension: usize) -> Result<()> {
         let refuse = |place: InputPlace, found: String, remedy: String| Err(Error::input(place, found, remedy));
         let fewest = self.fewest_walkers(dimension);
@@ -167,48 +167,48 @@ impl SamplerOptions {
     }
 }
 
-/// Monitoring, interruption and checkpoints of a run. Nothing here changes the result.
+/// Means to watch, stop and resume a run. They do not change the result.
 #[derive(Default)]
 pub struct RunControl<'a> {
-    /// Stop request. If another thread sets it to true, the run ends at the next step with [`Error::Interrupted`] and saves its state.
+    /// Stop request. If another thread sets it to `true`, the run saves its state at the next step and ends with [`Error::Interrupted`].
     pub stop: Option<&'a AtomicBool>,
-    /// Callback for progress, called a few times per second.
+    /// Function that is called a few times per second with the progress.
     pub progress: Option<&'a (dyn Fn(&Progress) + Sync)>,
-    /// Regular saving of the state; `None` disables it.
+    /// Settings for regular checkpoints; `None` saves no state.
     pub checkpoint: Option<Checkpointing<'a>>,
-    /// Bytes from a checkpoint sink, from which the run continues.
+    /// Bytes of a checkpoint from which the run continues.
     pub resume: Option<&'a [u8]>,
-    /// Hash of the data, prior and model behind the log density. A checkpoint with another fingerprint is refused.
+    /// Hash of the data, prior and model that define the log density. A checkpoint with another fingerprint is refused.
     pub fingerprint: String,
 }
 
-/// Regular saving of a run's state.
+/// Settings for regular checkpoints.
 pub struct Checkpointing<'a> {
-    /// Callback that stores the complete state and replaces the earlier one (see [`base::files::write_atomically`]).
+    /// Function that stores the complete state and replaces the earlier one (see [`base::files::write_atomically`]).
     pub sink: &'a (dyn Fn(&[u8]) -> Result<()> + Sync),
-    /// Wall time between two saved states, increased if saving would take more than 2 % of the time.
+    /// Wall-clock time between two checkpoints. It is increased if saving takes more than 2 % of the time.
     pub interval: Duration,
 }
 
 /// Phase of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum Phase {
-    /// Burn-in: walkers spread, and draws will be discarded.
+    /// Burn-in: walkers spread over the posterior. Draws of this phase are discarded.
     BurnIn,
-    /// Sampling after a freeze: draws are kept.
+    /// Sampling after the freeze. Draws of this phase are kept.
     Sampling,
 }
 
-/// Progress of a run.
+/// Progress of a run at one moment.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Progress {
-    /// Present phase.
+    /// Phase of the run at this moment.
     pub phase: Phase,
-    /// Steps of the slowest ensemble.
+    /// Number of steps of the slowest ensemble.
     pub steps: u64,
-    /// Step of the next judgement, at which the run may end.
+    /// Step of the next convergence check. The run may end there.
     pub next_check_step: u64,
-    /// Step at which the run ends at the latest.
+    /// Step at which the run ends even without convergence.
     pub max_steps: u64,
 }
 

@@ -1,55 +1,56 @@
-//! Counter-based random streams, one per walker, so that results do not depend on threads or the order of walkers.
+//! Counter-based random streams, one per walker. Results therefore do not depend on threads or the order of walkers.
 
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 
-/// A stream of random words: ChaCha8 with the seed as key and its own stream number. Words are read in sequence; a checkpoint
-/// stores only the position.
+/// Stream of random 32-bit words from ChaCha8, whose key is the seed. Every stream has a number. Words are read in sequence, so a checkpoint stores only
+/// the position.
 #[derive(Debug, Clone)]
 pub struct RandomStream {
     generator: ChaCha8Rng,
 }
 
 impl RandomStream {
-    /// Stream number `stream` under a seed.
+    /// Makes stream number `stream` for a seed.
     pub fn new(seed: u64, stream: u64) -> Self {
         let mut generator = ChaCha8Rng::seed_from_u64(seed);
         generator.set_stream(stream);
         Self { generator }
     }
 
-    /// Number of words read so far.
+    /// Number of random words that were read so far.
     pub fn position(&self) -> u64 {
-        // 2⁶⁴ words of one walker are out of reach.
+        // Nobody reads 2⁶⁴ words of one walker, so the conversion loses nothing.
         self.generator.get_word_pos() as u64
     }
 
-    /// Moves to a position from [`RandomStream::position`].
+    /// Moves to a position that [`RandomStream::position`] returned.
     pub fn seek(&mut self, position: u64) {
         self.generator.set_word_pos(u128::from(position));
     }
 
-    /// 32 random bits; one word.
+    /// Returns 32 random bits. Reads one word.
     #[inline]
     pub fn word(&mut self) -> u32 {
         self.generator.next_u32()
     }
 
-    /// Uniform on (0, 1): the midpoints of 2³² cells. Reads one word. The smallest value is 1.2·10⁻¹⁰, so that smaller acceptance
-    /// probabilities are rounded.
+    /// Returns a uniform number in (0, 1): the midpoint of one of 2³² equal cells. Reads one word. The smallest value is 1.2·10⁻¹⁰, so acceptance
+    /// probabilities below it are not resolved.
     #[inline]
     pub fn unit(&mut self) -> f64 {
         (f64::from(self.word()) + 0.5) * (1.0 / 4_294_967_296.0)
     }
 
-    /// Uniform on 0 … n − 1 by multiply and shift. Reads one word. Probabilities deviate by at most n/2³² relatively. 0 for n = 0.
+    /// Returns a uniform integer from 0 to n − 1, by multiplication and shift; 0 for n = 0. Reads one word. The relative error of a probability is at most
+    /// n/2³².
     #[inline]
     pub fn below(&mut self, n: usize) -> usize {
         ((u64::from(self.word()) * n as u64) >> 32) as usize
     }
 
-    /// Two distinct indices below n ≥ 2. Reads two words.
+    /// Returns two distinct indices from 0 to n − 1; n ≥ 2. Reads two words.
     #[inline]
     pub fn distinct_pair(&mut self, n: usize) -> (usize, usize) {
         let first = self.below(n);
@@ -57,7 +58,7 @@ impl RandomStream {
         (first, second + usize::from(second >= first))
     }
 
-    /// Three distinct indices below n ≥ 3. Reads three words.
+    /// Returns three distinct indices from 0 to n − 1; n ≥ 3. Reads three words.
     #[inline]
     pub fn distinct_triple(&mut self, n: usize) -> (usize, usize, usize) {
         let (first, second) = self.distinct_pair(n);
@@ -67,7 +68,7 @@ impl RandomStream {
         (first, second, third)
     }
 
-    /// Standard normal by the ziggurat method. Reads two words, rarely more.
+    /// Returns a standard normal number, by the ziggurat method. Reads two words, rarely more.
     #[inline]
     pub fn normal(&mut self) -> f64 {
         self.generator.sample(StandardNormal)
@@ -92,7 +93,7 @@ mod tests {
         }
     }
 
-    /// Each ordered triple below 5 has probability 1/60. χ² with 59 degrees of freedom exceeds 150 once in 10⁹.
+    /// Each ordered triple of distinct indices below 5 has probability 1/60. χ² with 59 degrees of freedom exceeds 150 with a probability of 10⁻⁹.
     #[test]
     fn triples_are_distinct_and_uniform() {
         let mut stream = RandomStream::new(1, 0);
@@ -109,7 +110,7 @@ mod tests {
         assert!(chi2 < 150.0, "{chi2}");
     }
 
-    /// The mean of z² has an error of √(2/n) = 0.0045; the tolerance is six of these.
+    /// The mean of z² has a standard error of √(2/n) = 0.0045. The tolerance is six standard errors.
     #[test]
     fn normal_has_unit_variance() {
         let mut stream = RandomStream::new(2, 0);

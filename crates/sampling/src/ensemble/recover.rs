@@ -1,4 +1,4 @@
-//! Recovery of walkers that may have been left behind.
+//! Moves walkers that did not join the others.
 
 use super::draws::Draws;
 use super::starts::{draw, reach};
@@ -10,35 +10,35 @@ use crate::optimum::{Modes, Optimum, maximise};
 use base::Result;
 use rayon::prelude::*;
 
-/// Findings and actions of a recovery.
+/// Result of [`reseed_stranded_walkers`].
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct Recovery {
-    /// Walkers left behind: their own mode, if any, has negligible mass.
+    /// Number of walkers that did not join the others: the mode at their position, if any, has negligible mass.
     pub n_stranded: u64,
-    /// Walkers that were reseeded among the others.
+    /// Number of walkers that were moved to positions among the others.
     pub reseeded: u64,
-    /// Walkers that do not move, although they are at a mode with mass.
+    /// Number of walkers that do not move although they are at a mode with mass.
     pub stuck: u64,
-    /// True if the search found a mode with mass from which no walker started.
+    /// `true` if the search found a mode with mass at which no walker started.
     pub new_heavy_mode: bool,
 }
 
 impl Recovery {
-    /// True if the draws so far must be discarded.
+    /// Returns `true` if the draws so far must be discarded.
     pub fn invalidates_draws(&self) -> bool {
         self.n_stranded > 0 || self.new_heavy_mode
     }
 }
 
-/// Share of the total Laplace mass below which a mode is negligible.
+/// Fraction of the total Laplace mass below which a mode is negligible.
 const NEGLIGIBLE_SHARE: f64 = 1e-4;
-/// Share above which a newly found mode restarts all walkers.
+/// Fraction of the total mass above which a newly found mode restarts all walkers.
 const HEAVY_SHARE: f64 = 4e-3;
 
-/// Finds walkers that may have been left behind, climbs from their positions, and reseeds those whose mode has negligible mass.
+/// Finds walkers that may have failed to join the others, climbs from their positions, and moves those whose mode has negligible mass.
 ///
-/// A walker stays if its climb ends in a mode with mass and either the walker is within that mode's reach or the mode is not
-/// the heaviest. `only_look` moves no walker.
+/// A walker stays if its climb ends in a mode with mass and one of two conditions holds. Either the walker's log density is typical of that mode, or the
+/// mode is not the heaviest. With `only_look`, no walker is moved.
 pub(super) fn reseed_stranded_walkers(
     density: &dyn LogDensity,
     draws: &Draws,
@@ -78,7 +78,7 @@ pub(super) fn reseed_stranded_walkers(
     Ok(recovery)
 }
 
-/// Adds the converged optima that are not in a known mode; returns their locations.
+/// Adds the optima that converged and are not in a known mode. Returns the locations of the added optima.
 fn add_new<'a>(modes: &mut Modes, optima: impl Iterator<Item = &'a Optimum>) -> Vec<Vec<f64>> {
     let mut found = Vec::new();
     for optimum in optima.filter(|optimum| optimum.converged) {
@@ -91,7 +91,7 @@ fn add_new<'a>(modes: &mut Modes, optima: impl Iterator<Item = &'a Optimum>) -> 
     found
 }
 
-/// Log density exceeded by 95 % of the walkers.
+/// Log density that 95 % of the walkers exceed.
 fn floor(lanes: &[EnsembleRecord]) -> f64 {
     let values: Vec<f64> = lanes
         .iter()
@@ -100,8 +100,8 @@ fn floor(lanes: &[EnsembleRecord]) -> f64 {
     Sorted::new(&values).quantile(0.05)
 }
 
-/// Moves a walker to a draw from the Laplace approximations whose log density is at least `floor`. If there is none, it moves to
-/// the position of a healthy walker of its ensemble.
+/// Moves a walker to a draw from the modes' Laplace approximations whose log density is at least `floor`. If no such draw is found, the walker moves to
+/// the position of an inconspicuous walker of its ensemble.
 fn reseed(
     density: &dyn LogDensity,
     modes: &Modes,
@@ -144,7 +144,7 @@ mod tests {
     const N_WALKERS: usize = 16;
     const N_STEPS: usize = 300;
 
-    /// Four ensembles in the first mode of a target after 300 stretch moves. In each, some walkers start at `elsewhere`.
+    /// Runs four ensembles for 300 stretch moves, in the first mode of a target. In each, `n_elsewhere` walkers start at `elsewhere`.
     fn run(target: &TwoBumps, n_elsewhere: usize, elsewhere: [f64; 2]) -> (Vec<EnsembleRecord>, Draws) {
         let mut stream = RandomStream::new(21, 0);
         let lanes: Vec<EnsembleRecord> = (0..4)
@@ -169,7 +169,7 @@ mod tests {
         (lanes, draws)
     }
 
-    /// A spike of mass 10⁻⁷ and width 10⁻⁵ traps the walkers on it.
+    /// A spike of width 10⁻⁵ and mass 10⁻⁷ holds the walkers that start on it. They are moved to the other mode.
     #[test]
     fn walkers_on_a_mode_without_mass_are_reseeded() {
         let target = TwoBumps::new(1.0 - 1e-7, 30.0, 1e-5);
@@ -183,7 +183,7 @@ mod tests {
         assert!(lanes.iter().all(|lane| lane.ensemble.position(0)[0].abs() < 6.0));
     }
 
-    /// Walkers on a second mode with mass are never moved. If that mode is unknown, the run restarts.
+    /// Walkers at a second mode with mass are never moved. If that mode was unknown, all walkers are started again.
     #[test]
     fn walkers_on_a_mode_with_mass_are_not() {
         let target = TwoBumps::new(0.8, 60.0, 1.0);

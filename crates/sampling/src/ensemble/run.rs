@@ -1,4 +1,4 @@
-//! A run from starting points to draws: the order of events and the end.
+//! Course of a run from starting points to draws: burn-in, freeze, sampling and end.
 
 use super::batches::{CountingDensity, SplitDensity};
 use super::draws::{DrawRecord, Draws, join};
@@ -21,49 +21,49 @@ use std::time::{Duration, Instant};
 /// Result of a run.
 #[derive(Debug, Clone)]
 pub struct SampleOutcome {
-    /// Draws since the freeze.
+    /// Draws since the last freeze.
     pub draws: Draws,
-    /// One summary per coordinate, with autocorrelation times in steps.
+    /// Diagnostics of each coordinate, with autocorrelation times in steps.
     pub parameters: Vec<ParameterDiagnostics>,
-    /// True if all demands are met.
+    /// `true` if all convergence criteria are met.
     pub converged: bool,
-    /// Demands that are not met and other remarks, in words; empty for a plain converged run.
+    /// Convergence criteria that are not met, and other remarks, in words. It is empty for a run that converged without remarks.
     pub messages: Vec<String>,
-    /// Steps of each walker, burn-in included.
+    /// Number of steps of each walker, burn-in included.
     pub n_steps: u64,
-    /// Step of the freeze. Earlier draws were discarded.
+    /// Step of the last freeze. Earlier draws were discarded.
     pub freeze_step: u64,
-    /// Number of freezes. It exceeds one if walkers were left behind after a freeze, or if the burn-in was too short.
+    /// Number of freezes. It exceeds one if the burn-in was too short, or if some walkers had not joined the others after a freeze.
     pub n_freezes: u64,
-    /// Fraction of proposals accepted since the freeze.
+    /// Fraction of proposals that were accepted since the last freeze.
     pub acceptance: f64,
-    /// Longest integrated autocorrelation time over coordinates, in steps.
+    /// Longest integrated autocorrelation time of all coordinates, in steps.
     pub autocorrelation_time: f64,
-    /// Evaluations of the log density, including those of the optimisation.
+    /// Number of evaluations of the log density, including those of the optimisation.
     pub likelihood_evaluations: u64,
-    /// Number of walkers that the burn-in moved because they were left behind.
+    /// Number of walkers that the burn-in moved because they had not joined the others.
     pub walkers_reseeded: u64,
-    /// Distinct modes found, heaviest first.
+    /// Distinct modes, largest mass first.
     pub modes: Vec<Mode>,
 }
 
-/// Steps of the first burn-in round. Each later round doubles the total number of steps.
+/// Number of steps of the first burn-in round. Each later round doubles the total number of steps.
 const FIRST_ROUND: u64 = 128;
-/// Shortest burn-in in autocorrelation times. A shorter one is repeated.
+/// Shortest burn-in, in autocorrelation times. After a shorter burn-in, another round follows.
 const BURN_IN_TIMES: f64 = 10.0;
-/// Acceptance above which jumps are used as often as allowed. Below it, the ensemble's own moves are more effective.
+/// Acceptance of jumps above which they are used as often as allowed. With a lower acceptance, the ensemble's own moves are more effective.
 const FULL_JUMP_ACCEPTANCE: f64 = 0.3;
-/// Wall time between two checks for progress, stop and checkpoint. It does not influence results.
+/// Wall-clock time between two checks for progress, stop requests and checkpoints. It does not influence results.
 const LOOK_UP: Duration = Duration::from_millis(50);
 
-/// Samples a log density with independent ensembles. The starting points need not be near the bulk.
+/// Samples a log density with independent ensembles. The starting points need not be near the posterior's mass.
 ///
-/// [`super`] describes the order of events. Equal options and starts give equal bytes for any number of
-/// threads and any number of interruptions.
+/// [`super`] describes the order of events. Equal settings and starting points give equal bytes for any number of threads and any number of
+/// interruptions.
 ///
 /// # Errors
-/// [`Error::Input`] for invalid options or an unusable checkpoint; [`Error::Numerical`] if no start leads to a maximum or a
-/// log density is NaN or +∞; [`Error::Interrupted`] if the run was stopped; any error of the checkpoint sink.
+/// [`Error::Input`] for invalid settings or an unusable checkpoint; [`Error::Numerical`] if no start leads to a maximum or a log density is NaN or +∞;
+/// [`Error::Interrupted`] if the run was stopped; any error of the checkpoint sink.
 pub fn sample(
     density: &dyn LogDensity,
     start_points: &[Vec<f64>],
@@ -145,7 +145,7 @@ impl<'a> EnsembleRun<'a> {
         Ok(run)
     }
 
-    /// Draws every walker again, in proportion to the modes' masses.
+    /// Draws a new position for every walker from the modes, in proportion to their masses.
     fn place_all(&mut self, density: &dyn LogDensity) -> Result<()> {
         let weights = self.course.modes.weights();
         let allocation = starts::allocation(&weights, self.options.n_ensembles, self.options.n_walkers);
@@ -171,7 +171,7 @@ impl<'a> EnsembleRun<'a> {
         }
     }
 
-    /// Number of points in each piece if batches are split over threads, otherwise `None`.
+    /// Number of points per smaller batch if batches are split over threads; otherwise `None`.
     fn splits_batches(&self) -> Option<usize> {
         let half = self.options.n_walkers / 2;
         let threads = rayon::current_num_threads();
@@ -189,7 +189,7 @@ impl<'a> EnsembleRun<'a> {
         }
     }
 
-    /// Moves all ensembles to the next judgement, with regular checks for progress, stop and checkpoint.
+    /// Moves all ensembles to the next convergence check. In between, it regularly reports progress, looks for stop requests and saves checkpoints.
     fn advance(&mut self, density: &dyn LogDensity) -> Result<()> {
         let stopped = || self.control.stop.is_some_and(|stop| stop.load(Ordering::Relaxed));
         let target = self.course.target_step;
@@ -223,7 +223,7 @@ impl<'a> EnsembleRun<'a> {
         Ok(())
     }
 
-    /// Saves the state and returns the error that ends the run.
+    /// Saves the state and returns the error that ends the interrupted run.
     fn interrupted(&self) -> Error {
         let Some(checkpoint) = &self.control.checkpoint else {
             return Error::Interrupted { kept: "nothing was saved: the run had no checkpoint".into() };
@@ -252,18 +252,19 @@ impl<'a> EnsembleRun<'a> {
         join(&records, self.density.dimension(), self.options.n_walkers)
     }
 
-    /// Chooses the next phase from the present draws. Returns the outcome if the run ends.
+    /// Chooses the next phase from the present draws. Returns the outcome if the run is over.
     fn decide(&mut self) -> Result<Option<SampleOutcome>> {
         let draws = self.draws();
         let recovery = if self.course.forced { Recovery::default() } else { self.recover(&draws)? };
         let steps = self.course.target_step;
         let time = self.resolved(autocorrelation_time(&draws), draws.store_every);
-        // Another round doubles the steps, and at least half of all steps must remain for draws. The outcome lists demands that are not met by then.
+        // Another burn-in round doubles the steps, and at least half of all steps must remain for draws. If that is impossible, the outcome lists the criteria
+        // that are not met.
         let may_burn = 4 * steps <= self.options.max_steps;
         let burnt = if self.course.phase == Phase::BurnIn { steps } else { self.course.base_step };
-        // An unknown time (NaN) does not prolong the burn-in: the sampling phase resolves it.
+        // An unknown time (NaN) does not prolong the burn-in, because the sampling phase determines it.
         let too_short = (burnt as f64) < BURN_IN_TIMES * time;
-        // Reported in any case: a later freeze does not bring walkers back.
+        // This is always reported, because a later freeze does not bring these walkers back.
         self.course.forced |= recovery.invalidates_draws() && !may_burn;
         match self.course.phase {
             _ if may_burn && recovery.invalidates_draws() => self.burn_in(steps),
@@ -275,7 +276,7 @@ impl<'a> EnsembleRun<'a> {
         Ok(None)
     }
 
-    /// The estimated autocorrelation time. If draws are kept too rarely to resolve it, an earlier estimate limits it.
+    /// Returns the estimated autocorrelation time. If draws are kept too rarely to resolve it, the result is at most an earlier estimate.
     fn resolved(&mut self, estimate: f64, store_every: u64) -> f64 {
         if estimate > 3.0 * store_every as f64 || store_every == 1 || self.options.store_every.is_some() {
             self.course.autocorrelation_time = Some(estimate);
@@ -283,7 +284,7 @@ impl<'a> EnsembleRun<'a> {
         self.course.autocorrelation_time.map_or(estimate, |known| if known < estimate { known } else { estimate })
     }
 
-    /// The outcome if all demands are met or the step limit is reached.
+    /// Returns the outcome if all criteria are met or the step limit is reached.
     fn judge(&mut self, draws: Draws, time: f64, recovery: &Recovery) -> Option<SampleOutcome> {
         let steps = self.course.target_step;
         let since = (steps - self.course.base_step) as f64;
@@ -308,30 +309,30 @@ impl<'a> EnsembleRun<'a> {
         None
     }
 
-    /// Sets the next judgement after about `more` further steps.
+    /// Schedules the next convergence check about `more` steps after the present step, `steps`.
     fn go_on(&mut self, steps: u64, more: f64) {
         self.course.target_step = (steps + (more.ceil() as u64).max(8)).min(self.options.max_steps);
     }
 
-    /// Starts another burn-in round, as long as all steps so far.
+    /// Starts another burn-in round, with as many steps as were made so far.
     fn burn_in(&mut self, steps: u64) {
         self.course.phase = Phase::BurnIn;
         self.discard(steps);
         self.go_on(steps, steps as f64);
     }
 
-    /// Freezes the kernel: discards earlier draws; from here on only the kernel moves walkers.
+    /// Freezes the run: discards earlier draws. From then on only the fixed moves act on the walkers.
     fn freeze(&mut self, steps: u64, time: f64, draws: &Draws) {
         self.course.phase = Phase::Sampling;
         self.course.n_freezes += 1;
         self.fit_jumps(draws);
         self.discard(steps);
         let wanted = 1.05 * self.options.convergence.autocorrelation_times * time;
-        // If the burn-in round did not resolve the autocorrelation time, the first sampling round is short.
+        // If the burn-in did not determine the autocorrelation time, the first sampling round is short.
         self.go_on(steps, if wanted.is_finite() { wanted.clamp(64.0, 1e6) } else { 256.0 });
     }
 
-    /// Fits the jumps to the last half of the draws before they are discarded. Jumps become rarer if few are accepted.
+    /// Fits the approximation for jumps to the second half of the draws, before they are discarded. If few jumps are accepted, they become rarer.
     fn fit_jumps(&mut self, draws: &Draws) {
         let counts = self.lanes.iter().map(|lane| lane.ensemble.jumps());
         let (proposed, accepted) = counts.fold((0, 0), |sum, count| (sum.0 + count.proposed, sum.1 + count.accepted));
@@ -351,10 +352,10 @@ impl<'a> EnsembleRun<'a> {
         }
     }
 
-    /// Finds walkers left behind and reseeds them.
+    /// Finds walkers that did not join the others and moves them.
     fn recover(&mut self, draws: &Draws) -> Result<Recovery> {
         let counting = CountingDensity::new(self.density);
-        // Kept draws must come from the kernel alone.
+        // During sampling the walkers are only examined, because kept draws must come from the fixed moves alone.
         let only_look = self.course.phase == Phase::Sampling && 4 * self.course.target_step > self.options.max_steps;
         let recovery = reseed_stranded_walkers(&counting, draws, &mut self.course.modes, &mut self.lanes, only_look)?;
         if recovery.new_heavy_mode && !only_look {
@@ -403,13 +404,13 @@ impl<'a> EnsembleRun<'a> {
     }
 }
 
-/// Steps until the next check, for about 50 ms of wall time.
+/// Number of steps until the next check, so that about 50 ms of wall-clock time pass. `chunk` steps took the time `elapsed`.
 fn next_chunk(chunk: u64, elapsed: Duration) -> u64 {
     let ratio = LOOK_UP.as_secs_f64() / elapsed.as_secs_f64().max(1e-9);
     ((chunk as f64 * ratio.clamp(0.1, 4.0)) as u64).clamp(1, 1 << 20)
 }
 
-/// Decides when to save: at intervals, but using at most one fiftieth of the time.
+/// Schedule for checkpoints: saves at regular intervals, but uses at most one fiftieth of the time.
 struct Pace {
     last: Instant,
     cost: Duration,

@@ -1,19 +1,19 @@
-//! Starting points of walkers: draws from the modes' Laplace approximations, in proportion to their masses.
+//! Starting positions of walkers: draws from the modes' Laplace approximations, in proportion to the modes' masses.
 
 use super::random::RandomStream;
 use crate::LogDensity;
 use crate::optimum::{Mode, Modes};
 use base::{Error, Result};
 
-/// Factor on the standard deviations of the Laplace approximation, so that R̂ approaches 1 from above.
+/// Factor that multiplies the standard deviations of the Laplace approximation. Starts that are spread too widely make R̂ approach 1 from above.
 const SPREAD: f64 = 1.2;
-/// Attempts to draw a walker, after which it starts at its mode.
+/// Largest number of attempts to draw a walker's start. After them, the walker starts at its mode.
 const ATTEMPTS: usize = 60;
 
-/// Mode of each walker: `allocation(weights, m, n)[e][w]`.
+/// Assigns a mode to each walker. Entry `[e][w]` of the result is the index of the mode for walker w of ensemble e.
 ///
-/// Systematic, with ensembles as the fastest index. The share of each mode is right to one walker over all ensembles and to
-/// one walker in each ensemble. Neighbours go to different halves, so that a mode with two walkers occurs in both halves.
+/// The assignment is systematic; the ensemble is the fastest index. The number of walkers per mode deviates from proportionality to `weights` by less
+/// than one, in total and in each ensemble. Successive walkers go to different halves, so a mode with two walkers occurs in both halves.
 pub(super) fn allocation(weights: &[f64], n_ensembles: usize, n_walkers: usize) -> Vec<Vec<usize>> {
     let mut modes = vec![vec![0; n_walkers]; n_ensembles];
     let n_slots = (n_ensembles * n_walkers) as f64;
@@ -29,7 +29,8 @@ pub(super) fn allocation(weights: &[f64], n_ensembles: usize, n_walkers: usize) 
     modes
 }
 
-/// Draws a walker from a mode's Laplace approximation. Repeats the draw while the log density is far below that of the mode's bulk.
+/// Draws the start of a walker from a mode's Laplace approximation, and returns it with its log density. The draw is repeated while its log density is
+/// far below that of typical points of the mode.
 ///
 /// # Errors
 /// [`Error::Numerical`] if the log density is NaN or +∞, or −∞ even at the mode.
@@ -43,7 +44,7 @@ pub(super) fn draw(density: &dyn LogDensity, mode: &Mode, stream: &mut RandomStr
             return Ok((point, value));
         }
         if attempt % 15 == 0 {
-            // The approximation is too wide in some direction. The support must contain points closer to the mode.
+            // The approximation is too wide in some direction, so the next draws are closer to the mode.
             spread *= 0.3;
         }
     }
@@ -57,12 +58,13 @@ pub(super) fn draw(density: &dyn LogDensity, mode: &Mode, stream: &mut RandomStr
     ))
 }
 
-/// Largest distance in log density below the mode's peak for a walker of a unimodal bulk: d/2 as for a Gaussian, plus a wide margin.
+/// Largest plausible difference between the log density at a mode's peak and at a walker of that mode. It is d/2, as for a Gaussian in d dimensions, plus
+/// a wide margin.
 pub(super) fn reach(dimension: usize) -> f64 {
     0.5 * dimension as f64 + 4.0 * (dimension as f64).sqrt() + 20.0
 }
 
-/// Log density of one point.
+/// Evaluates the log density at one point.
 pub(super) fn evaluate_one(density: &dyn LogDensity, point: &[f64]) -> Result<f64> {
     let mut value = [0.0];
     density.log_density(point, &mut value);

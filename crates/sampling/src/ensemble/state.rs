@@ -1,4 +1,4 @@
-//! The complete state of a run, and its serialised form.
+//! Complete state of a run, and its conversion to and from bytes.
 
 use super::draws::DrawRecord;
 use super::moves::Independence;
@@ -9,35 +9,35 @@ use crate::optimum::Modes;
 use base::Result;
 use serde::{Deserialize, Serialize};
 
-/// Results of a run's decisions so far. They change only at judgements.
+/// Results of the run's decisions so far. They change only at convergence checks.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct AdaptationState {
     pub phase: Phase,
-    /// Step of the last freeze, or of the start of the last burn-in round.
+    /// Step of the last freeze (the end of the burn-in), or the step at which the present burn-in round began.
     pub base_step: u64,
-    /// Step of the next judgement.
+    /// Step of the next convergence check.
     pub target_step: u64,
     pub modes: Modes,
-    /// Proposal for jumps, and the fraction of half-steps that jump.
+    /// Approximation of the posterior from which jumps are drawn, and the fraction of half-steps that jump.
     pub jumps: Option<(Independence, f64)>,
     pub walkers_reseeded: u64,
     pub n_freezes: u64,
-    /// Evaluations of the density outside of steps.
+    /// Number of evaluations of the density that are not part of a step.
     pub extra_evaluations: u64,
-    /// Latest estimate of the autocorrelation time, in steps, from draws kept often enough to resolve it.
+    /// Latest estimate of the autocorrelation time, in steps. It comes from draws that were kept often enough to resolve this time.
     pub autocorrelation_time: Option<f64>,
-    /// True if the step limit forced the freeze while walkers were still left behind.
+    /// `true` if the step limit ended the burn-in while some walkers were still far from the others.
     pub forced: bool,
 }
 
-/// An ensemble with its draws.
+/// An ensemble with the draws that it has kept.
 #[derive(Debug, Clone)]
 pub(super) struct EnsembleRecord {
     pub ensemble: Ensemble,
     pub record: DrawRecord,
 }
 
-/// Integers of a lane. Its floating-point numbers follow in binary form.
+/// Integers of an [`EnsembleRecord`] in a checkpoint. Its floating-point numbers follow in binary form.
 #[derive(Serialize, Deserialize)]
 struct LaneHeader {
     n_steps: u64,
@@ -55,7 +55,7 @@ struct Header {
     lanes: Vec<LaneHeader>,
 }
 
-/// Text of all inputs that determine the result of a run.
+/// Describes all inputs that determine the result of a run, as text. A checkpoint stores its hash.
 pub(super) fn problem(options: &SamplerOptions, dimension: usize, starts: &[Vec<f64>], fingerprint: &str) -> String {
     let SamplerOptions {
         n_walkers, n_ensembles, max_steps, seed, jump_fraction, store_every, max_stored_steps, ..
@@ -69,7 +69,7 @@ pub(super) fn problem(options: &SamplerOptions, dimension: usize, starts: &[Vec<
     )
 }
 
-/// Serialises a state.
+/// Converts the state of a run to the bytes of a checkpoint.
 pub(super) fn to_bytes(problem: &str, course: &AdaptationState, lanes: &[EnsembleRecord]) -> Result<Vec<u8>> {
     let states: Vec<EnsembleState> = lanes.iter().map(|lane| lane.ensemble.state()).collect();
     let lane_header = |(lane, state): (&EnsembleRecord, &EnsembleState)| LaneHeader {
@@ -92,7 +92,7 @@ pub(super) fn to_bytes(problem: &str, course: &AdaptationState, lanes: &[Ensembl
     Ok(checkpoint::pack(problem, &header, &numbers))
 }
 
-/// Reads a state from bytes.
+/// Converts the bytes of a checkpoint to the state of a run.
 ///
 /// # Errors
 /// [`base::Error::Input`] if the bytes are damaged or belong to another problem.

@@ -1,43 +1,44 @@
 //! Finds walkers that never joined the others.
 //!
-//! A stretch ensemble that starts far from the mode loses a walker or two for good. Their draws then dominate a standard
-//! deviation, and neither an autocorrelation time nor R̂ over walkers shows it. This module searches a window of kept
-//! steps over the walkers of all ensembles for three signs:
-//! - *low*: a walker's mean log density lies below the pooled median m by more than 5 (m − q₀.₀₅). In a Gaussian bulk m − ln p is
-//!   a shifted χ²_d/2. Even single draws exceed this limit with a probability below 10⁻⁶ up to d = 20; heavy tails widen the quantile.
-//! - *stuck*: a walker has not moved, while others would have with probability 1 − 10⁻¹²;
-//! - *apart*: a walker's mean of a coordinate differs from the median of all walkers' means by more than ten of their robust standard deviations, and
-//!   by more than the walker's own spread.
+//! If a stretch ensemble starts far from the mode, one or two walkers may never reach it. Their draws then dominate a standard deviation. Neither an
+//! autocorrelation time nor R̂ over walkers shows it. This module examines a window of kept steps and looks for three signs among the walkers of all
+//! ensembles:
+//! - *low*: the walker's mean log density is below the median m of all draws by more than 5 (m − q₀.₀₅), with q₀.₀₅ their 5 % quantile. For a Gaussian
+//!   posterior in d dimensions, m − ln p is a shifted χ²_d/2. Even a single draw then is below this threshold only with a probability below 10⁻⁶, up to d = 20.
+//!   Heavy tails increase the distance of the threshold from m.
+//! - *stuck*: the walker did not move in the window, while others would have moved with probability 1 − 10⁻¹².
+//! - *apart*: for some coordinate, the walker's mean differs from the median of all walkers' means. The difference exceeds ten robust standard deviations
+//!   of these means, and it exceeds the walker's own spread.
 //!
-//! If more than a quarter of the walkers are stuck or apart, the cause is slow mixing or a second mode with mass, not walkers left
-//! behind. R̂ over walkers and the effective sample size show this, so that no walker is listed for that reason.
+//! If more than a quarter of the walkers are stuck or apart, no walker is listed for that reason. The cause is then slow mixing or a second mode with
+//! mass. R̂ over walkers and the effective sample size show this.
 //!
-//! These signs alone do not reseed a walker: a climb from its position decides (see [`super::sample`]).
+//! These signs alone do not move a walker. The sampler first climbs from the walker's position and then decides (see [`super::sample`]).
 
 use super::draws::Draws;
 use crate::diagnostics::ranks::{Sorted, median};
 
-/// Reason to examine a walker.
+/// Sign that a walker may not have joined the others.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SuspicionReason {
-    /// Mean log density far below that of the others.
+    /// Mean log density far below that of the other walkers.
     Low,
-    /// No move in the window.
+    /// No change of position in the window.
     Stuck,
-    /// Mean position far from that of the others.
+    /// Mean position far from that of the other walkers.
     Apart,
 }
 
-/// A walker that may have been left behind.
+/// Walker that may have failed to join the others.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SuspiciousWalker {
-    /// Index of the ensemble.
+    /// Index of the walker's ensemble.
     pub ensemble: usize,
-    /// Index of the walker in its ensemble.
+    /// Index of the walker within the ensemble.
     pub walker: usize,
-    /// Reason to examine the walker.
+    /// Sign that the walker may not have joined the others.
     pub reason: SuspicionReason,
-    /// Mean log density of the walker over the window.
+    /// Mean of the log density over the window's steps.
     pub mean_log_density: f64,
 }
 
@@ -45,7 +46,7 @@ const LOW_FACTOR: f64 = 5.0;
 const STUCK_PROBABILITY: f64 = 1e-12;
 const APART_FACTOR: f64 = 10.0;
 
-/// Walkers that may have been left behind, from the last half of the kept steps. Empty if fewer than 8 steps are kept.
+/// Finds walkers that may have failed to join the others, from the second half of the kept steps. Returns none if fewer than 8 steps are kept.
 pub fn find_suspicious_walkers(draws: &Draws) -> Vec<SuspiciousWalker> {
     let first = draws.n_steps / 2;
     if draws.n_steps < 8 {
@@ -81,12 +82,12 @@ pub fn find_suspicious_walkers(draws: &Draws) -> Vec<SuspiciousWalker> {
     found
 }
 
-/// Statistics of all walkers over a window of steps; one entry per walker, ensemble by ensemble.
+/// Statistics of all walkers over a window of kept steps. Vectors have one entry per walker, ensemble by ensemble.
 struct Window<'a> {
     draws: &'a Draws,
     first: usize,
     mean_log_density: Vec<f64>,
-    /// Number of kept steps at which the walker's position differs from that of the previous kept step.
+    /// Number of kept steps at which the walker's position differs from that at the previous kept step.
     moves: Vec<usize>,
 }
 
@@ -110,19 +111,19 @@ impl<'a> Window<'a> {
         self.first..self.draws.n_steps
     }
 
-    /// Log densities at a step, one entry per walker.
+    /// Log densities of an ensemble at a step, one entry per walker.
     fn log_densities(&self, ensemble: usize, step: usize) -> &'a [f64] {
         let Draws { n_steps, n_walkers, log_density, .. } = self.draws;
         &log_density[(ensemble * n_steps + step) * n_walkers..][..*n_walkers]
     }
 
-    /// Values of a coordinate at a step, one entry per walker.
+    /// Values of coordinate d of an ensemble at a step, one entry per walker.
     fn coordinates(&self, ensemble: usize, step: usize, d: usize) -> &'a [f64] {
         let Draws { n_steps, n_walkers, dimension, positions, .. } = self.draws;
         &positions[((ensemble * n_steps + step) * dimension + d) * n_walkers..][..*n_walkers]
     }
 
-    /// Mean over the steps of a function of each walker's index and value.
+    /// Mean over the steps of `of(walker, value)`, one entry per walker. `row(ensemble, step)` holds the values.
     fn means(&self, row: impl Fn(usize, usize) -> &'a [f64], of: impl Fn(usize, f64) -> f64) -> Vec<f64> {
         let n_walkers = self.draws.n_walkers;
         let mut sums = vec![0.0; self.draws.n_ensembles * n_walkers];
@@ -137,7 +138,7 @@ impl<'a> Window<'a> {
         sums
     }
 
-    /// Mean log density below which a walker is low.
+    /// Threshold for the mean log density. A walker below it is *low*.
     fn low_limit(&self) -> f64 {
         let row = self.draws.n_walkers;
         let pooled: Vec<f64> = (0..self.draws.n_ensembles)
@@ -151,13 +152,13 @@ impl<'a> Window<'a> {
         middle - LOW_FACTOR * (middle - sorted.quantile(0.05))
     }
 
-    /// True if the window is long enough to call a walker without any move stuck.
+    /// Returns `true` if the window is long enough: a walker that did not move in it is *stuck*.
     fn stuck_after(&self) -> bool {
         let rates: Vec<f64> = self.moves.iter().map(|n| *n as f64 / (self.steps().len() - 1) as f64).collect();
         (1.0 - median(&rates)).powi(self.steps().len() as i32 - 1) < STUCK_PROBABILITY
     }
 
-    /// True for each walker with a coordinate apart from those of the others.
+    /// Returns `true` for each walker of which some coordinate is *apart* from those of the others.
     fn apart(&self) -> Vec<bool> {
         let mut apart = vec![false; self.draws.n_ensembles * self.draws.n_walkers];
         for d in 0..self.draws.dimension {
@@ -166,7 +167,7 @@ impl<'a> Window<'a> {
             let variances = self.means(row, |walker, x| (x - means[walker]) * (x - means[walker]));
             let centre = median(&means);
             let deviations: Vec<f64> = means.iter().map(|mean| (mean - centre).abs()).collect();
-            // 1.4826 times the median absolute deviation is a Gaussian's standard deviation.
+            // For a Gaussian, 1.4826 times the median absolute deviation is the standard deviation.
             let robust_sd = 1.4826 * median(&deviations);
             for (k, variance) in variances.iter().enumerate() {
                 apart[k] |= deviations[k] > APART_FACTOR * robust_sd && deviations[k] > variance.sqrt();
@@ -181,7 +182,7 @@ mod tests {
     use super::*;
     use crate::ensemble::random::RandomStream;
 
-    /// Independent standard normal draws in two coordinates.
+    /// Draws with two independent standard normal coordinates.
     fn draws(n_steps: usize) -> Draws {
         let (n_ensembles, n_walkers, dimension) = (4, 16, 2);
         let mut stream = RandomStream::new(3, 0);

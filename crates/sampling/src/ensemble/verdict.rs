@@ -1,4 +1,4 @@
-//! Judges whether a run has enough draws, in numbers and in words.
+//! Convergence check: judges whether a run has enough draws, in numbers and in words.
 
 use super::draws::Draws;
 use super::options::ConvergenceCriteria;
@@ -6,20 +6,20 @@ use crate::diagnostics::ranks::BlomScores;
 use crate::diagnostics::{DrawColumn, ParameterDiagnostics, diagnose, ensembles};
 use rayon::prelude::*;
 
-/// Judgement of a set of draws.
+/// Result of a convergence check.
 #[derive(Debug, Clone)]
 pub(super) struct ConvergenceReport {
-    /// One summary per coordinate, with autocorrelation times in steps.
+    /// Diagnostics of each coordinate, with autocorrelation times in steps.
     pub parameters: Vec<ParameterDiagnostics>,
     /// Longest autocorrelation time over all coordinates, in steps; NaN if unknown.
     pub autocorrelation_time: f64,
-    /// Demands that are not met, in words; empty if all are met.
+    /// Convergence criteria that are not met, in words; empty if all are met.
     pub unmet_criteria: Vec<String>,
-    /// Factor by which the number of steps is too small: 1 if all demands are met, ∞ if unknown.
+    /// Estimated factor by which the number of steps must grow: 1 if all criteria are met, ∞ if unknown.
     pub shortfall: f64,
 }
 
-/// Judges the draws kept since a freeze.
+/// Checks the draws kept since the last freeze against the criteria.
 pub(super) fn check_convergence(draws: &Draws, demands: &ConvergenceCriteria) -> ConvergenceReport {
     let blom = BlomScores::new(draws.len());
     let columns: Vec<(ParameterDiagnostics, f64)> = (0..draws.dimension)
@@ -45,14 +45,14 @@ pub(super) fn check_convergence(draws: &Draws, demands: &ConvergenceCriteria) ->
     verdict
 }
 
-/// Longest autocorrelation time of the means, in steps; NaN if one is unknown. This is much cheaper than [`check_convergence`].
+/// Longest autocorrelation time of the coordinates' means, in steps; NaN if one is unknown. It costs much less than [`check_convergence`].
 pub(super) fn autocorrelation_time(draws: &Draws) -> f64 {
     let times: Vec<f64> =
         (0..draws.dimension).into_par_iter().map(|d| ensembles::autocorrelation_time(&draws.column(d))).collect();
     times.into_iter().fold(0.0, longer) * draws.store_every as f64
 }
 
-/// The larger time. An unknown time (NaN) stays unknown; `f64::max` would ignore it.
+/// Returns the larger of two times. The result is NaN if one of them is NaN; `f64::max` would ignore a NaN.
 fn longer(a: f64, b: f64) -> f64 {
     if a.is_nan() || b.is_nan() { f64::NAN } else { a.max(b) }
 }
@@ -78,7 +78,7 @@ impl ConvergenceReport {
         for (name, of) in [("bulk", (|p| p.ess_bulk) as fn(&ParameterDiagnostics) -> f64), ("tail", |p| p.ess_tail)] {
             let worst = worst(&self.parameters, |p| -of(p));
             let Some((d, ess)) = worst.map(|(d, value)| (d, -value)) else { continue };
-            // Written so that NaN fails.
+            // The comparison is written so that a NaN fails it.
             if ess >= demands.ess {
                 continue;
             }
@@ -95,7 +95,7 @@ impl ConvergenceReport {
         if let Some((d, rhat)) = worst(&self.parameters, |p| p.rhat)
             && (rhat > demands.rhat || rhat.is_nan())
         {
-            // The excess of R̂ falls with the number of steps.
+            // The excess of R̂ over 1 decreases in proportion to the number of steps.
             self.fall_short(((rhat - 1.0) / (demands.rhat - 1.0)).max(1.2));
             self.unmet_criteria.push(format!(
                 "R̂ of parameter {} is {rhat:.3}; at most {} is allowed",
@@ -117,18 +117,18 @@ impl ConvergenceReport {
     }
 }
 
-/// Index and value of the parameter with the largest value. NaN counts as largest.
+/// Finds the parameter for which `of` is largest. Returns its index and the value. NaN counts as the largest value.
 fn worst(parameters: &[ParameterDiagnostics], of: impl Fn(&ParameterDiagnostics) -> f64) -> Option<(usize, f64)> {
     let key = |value: f64| if value.is_nan() { f64::INFINITY } else { value };
     let values = parameters.iter().map(of).enumerate();
     values.max_by(|a, b| key(a.1).total_cmp(&key(b.1)))
 }
 
-/// R̂ with one chain per walker, without splitting or ranking: √(1 + B/W).
+/// R̂ = √(1 + B/W) with one chain per walker, without splitting or ranking. B is the variance between walkers, W that within walkers.
 fn walker_rhat(column: &DrawColumn) -> f64 {
     let (n, n_walkers) = (column.n_steps as f64, column.n_walkers);
     let mut sums = vec![(0.0, 0.0); column.n_ensembles * n_walkers];
-    // Values are centred at the pooled mean, so that sums of squares lose no digits.
+    // The mean of all values is subtracted first, so that sums of squares lose no significant digits.
     let centre = column.values.iter().sum::<f64>() / column.values.len() as f64;
     for (ensemble, draws) in column.values.chunks_exact((column.n_steps * n_walkers).max(1)).enumerate() {
         for step in draws.chunks_exact(n_walkers) {

@@ -1,4 +1,4 @@
-//! One ensemble of walkers and the split-ensemble step that moves it.
+//! An ensemble of walkers, and the split-ensemble step that moves them.
 
 use super::moves::{Independence, Move, WalkerPoints};
 use super::random::RandomStream;
@@ -6,28 +6,28 @@ use crate::{LogDensity, check_log_densities};
 use base::Result;
 use base::elementary;
 
-/// Moves of a run's walkers: local moves that use only the ensemble, and jumps into a fixed approximation.
+/// Moves of a run: a local move that uses only the ensemble, and jumps to draws from a fixed approximation.
 #[derive(Clone, Copy)]
 pub struct Kernel<'a> {
-    /// Move that proposes from the other half.
+    /// Move that proposes positions from those of the other half.
     pub local: &'a dyn Move,
-    /// Approximation of the posterior from which jumps are drawn, and the fraction of half-steps that jump.
+    /// Approximation of the posterior from which jumps are drawn, and the fraction of half-steps that jump. `None` disables jumps.
     pub jumps: Option<(&'a Independence, f64)>,
 }
 
-/// Proposals and acceptances of jumps, all walkers together.
+/// Numbers of proposed and accepted jumps, summed over all walkers.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct JumpCount {
-    /// Jumps proposed since the last freeze.
+    /// Number of jumps proposed since the last freeze.
     pub proposed: u64,
-    /// Jumps accepted since the last freeze.
+    /// Number of jumps accepted since the last freeze.
     pub accepted: u64,
 }
 
-/// An ensemble of walkers in two halves. Each half proposes from the other in one batch.
+/// Ensemble of walkers in two halves. Each half takes its proposals from the positions of the other half, all in one batch.
 ///
-/// Walker w is number w mod h of half w / h, h = `n_walkers / 2`. This struct holds the complete state for the next step.
-/// The alignment keeps ensembles on different threads in separate cache lines.
+/// With h = `n_walkers / 2` walkers per half, walker w is number w mod h of half w / h. This struct holds everything that the next step needs. Its
+/// alignment puts ensembles on different threads into separate cache lines.
 #[derive(Debug, Clone)]
 #[repr(align(128))]
 pub struct Ensemble {
@@ -41,14 +41,14 @@ pub struct Ensemble {
 
 #[derive(Debug, Clone)]
 struct Half {
-    /// Coordinate d of walker i at `positions[d * h + i]`.
+    /// Coordinate d of walker i of this half is at `positions[d * h + i]`, where h is the number of walkers in the half.
     positions: Vec<f64>,
     log_density: Vec<f64>,
     accepted: Vec<u64>,
     streams: Vec<RandomStream>,
 }
 
-/// Work space of a half-step.
+/// Work space for the proposals of one half of the walkers.
 #[derive(Debug, Clone)]
 struct WalkerProposal {
     positions: Vec<f64>,
@@ -57,28 +57,27 @@ struct WalkerProposal {
     thresholds: Vec<f64>,
 }
 
-/// Checkpoint data of an ensemble. Walkers are in order, in the layout of [`KernelPoints`].
+/// Checkpoint data of an ensemble. The walkers are in the order of their numbers.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EnsembleState {
-    /// Coordinate d of walker w at `positions[d * n_walkers + w]`.
+    /// Coordinate d of walker w is at `positions[d * n_walkers + w]`.
     pub positions: Vec<f64>,
-    /// Log density of each walker.
+    /// Log density at each walker's position.
     pub log_density: Vec<f64>,
-    /// Accepted proposals of each walker since the last freeze.
+    /// Number of each walker's accepted proposals since the last freeze.
     pub accepted: Vec<u64>,
-    /// Words read from each walker's random stream, then from the ensemble's own stream.
+    /// Number of random words read from each walker's stream; the last entry is for the ensemble's own stream.
     pub stream_positions: Vec<u64>,
-    /// Jumps since the last freeze.
+    /// Jumps proposed and accepted since the last freeze.
     pub jumps: JumpCount,
-    /// Steps done.
+    /// Number of steps that the ensemble has made.
     pub n_steps: u64,
 }
 
 impl Ensemble {
-    /// Builds ensemble number `number` of a run at given positions (layout of [`EnsembleState::positions`]) with known log
-    /// densities.
+    /// Makes ensemble `number` of a run from its walkers' positions (layout of [`EnsembleState::positions`]) and their log densities.
     ///
-    /// Random streams are numbered walker by walker over all ensembles. The ensembles' own streams start at 2⁶³.
+    /// Random streams are numbered walker by walker over all ensembles. The ensembles' own streams have numbers from 2⁶³.
     pub fn new(seed: u64, number: usize, dimension: usize, positions: &[f64], log_density: &[f64]) -> Self {
         let n_walkers = log_density.len();
         let h = n_walkers / 2;
@@ -101,7 +100,7 @@ impl Ensemble {
         Self { dimension, halves: [half(0), half(h)], shared, proposal, jumps: JumpCount::default(), n_steps: 0 }
     }
 
-    /// Moves every walker once.
+    /// Makes one step: proposes a new position for every walker and accepts or rejects it.
     ///
     /// # Errors
     /// [`base::Error::Numerical`] if a log density is NaN or +∞.
@@ -144,23 +143,23 @@ impl Ensemble {
         2 * self.halves[0].log_density.len()
     }
 
-    /// Steps done.
+    /// Number of steps that the ensemble has made.
     pub fn n_steps(&self) -> u64 {
         self.n_steps
     }
 
-    /// Accepted proposals of each walker since [`Ensemble::reset_acceptance`].
+    /// Number of each walker's accepted proposals since [`Ensemble::reset_acceptance`].
     pub fn accepted(&self) -> impl Iterator<Item = u64> {
         self.halves.iter().flat_map(|half| half.accepted.iter().copied())
     }
 
-    /// Resets the counts of accepted proposals and jumps.
+    /// Sets the counts of accepted proposals and of jumps to zero.
     pub fn reset_acceptance(&mut self) {
         self.halves.iter_mut().for_each(|half| half.accepted.fill(0));
         self.jumps = JumpCount::default();
     }
 
-    /// Appends all positions (layout of [`EnsembleState::positions`]) and log densities.
+    /// Appends the positions (layout of [`EnsembleState::positions`]) and log densities of all walkers to the two vectors.
     pub fn record(&self, positions: &mut Vec<f64>, log_density: &mut Vec<f64>) {
         let h = self.halves[0].log_density.len();
         for d in 0..self.dimension {
@@ -169,25 +168,25 @@ impl Ensemble {
         self.halves.iter().for_each(|half| log_density.extend_from_slice(&half.log_density));
     }
 
-    /// Jumps since the last freeze.
+    /// Jumps proposed and accepted since the last freeze.
     pub fn jumps(&self) -> JumpCount {
         self.jumps
     }
 
-    /// Position of a walker.
+    /// Position of a walker, one value per coordinate.
     pub fn position(&self, walker: usize) -> Vec<f64> {
         let h = self.halves[0].log_density.len();
         let (half, i) = (&self.halves[walker / h], walker % h);
         (0..self.dimension).map(|d| half.positions[d * h + i]).collect()
     }
 
-    /// Log density of a walker.
+    /// Log density at a walker's position.
     pub fn log_density(&self, walker: usize) -> f64 {
         let h = self.halves[0].log_density.len();
         self.halves[walker / h].log_density[walker % h]
     }
 
-    /// Moves a walker to another position. Only valid before a freeze, because it breaks the chain.
+    /// Moves a walker to another position with a known log density. Use it only before a freeze, because it changes the sampled distribution.
     pub fn set_walker(&mut self, walker: usize, position: &[f64], log_density: f64) {
         let h = self.halves[0].log_density.len();
         let (half, i) = (&mut self.halves[walker / h], walker % h);
@@ -197,13 +196,13 @@ impl Ensemble {
         half.log_density[i] = log_density;
     }
 
-    /// A walker's random stream, for draws between steps.
+    /// Random stream of a walker, for draws between steps.
     pub fn stream(&mut self, walker: usize) -> &mut RandomStream {
         let h = self.halves[0].log_density.len();
         &mut self.halves[walker / h].streams[walker % h]
     }
 
-    /// Checkpoint data of the ensemble.
+    /// Returns the checkpoint data of the ensemble.
     pub fn state(&self) -> EnsembleState {
         let (mut positions, mut log_density) = (Vec::new(), Vec::new());
         self.record(&mut positions, &mut log_density);
@@ -218,7 +217,7 @@ impl Ensemble {
         }
     }
 
-    /// Restores an ensemble bit by bit from the result of [`Ensemble::state`]. The sizes in the state must agree.
+    /// Restores an ensemble from its checkpoint data, equal to the last bit. The sizes in `state` must agree with each other.
     pub fn restored(seed: u64, number: usize, dimension: usize, state: &EnsembleState) -> Self {
         let mut ensemble = Self::new(seed, number, dimension, &state.positions, &state.log_density);
         let h = ensemble.halves[0].log_density.len();
@@ -235,7 +234,8 @@ impl Ensemble {
 }
 
 impl Half {
-    /// Metropolis decision for every walker. It always reads one word per walker. Returns the number of walkers that moved.
+    /// Accepts or rejects the proposal of each walker by the Metropolis rule. Always reads one random word per walker. Returns the number of walkers that
+    /// moved.
     fn accept(&mut self, proposal: &mut WalkerProposal, dimension: usize) -> u64 {
         let n = self.log_density.len();
         let mut n_accepted = 0;
@@ -243,7 +243,7 @@ impl Half {
         elementary::ln_all(&mut proposal.thresholds);
         for i in 0..n {
             let log_ratio = proposal.log_density[i] - self.log_density[i] + proposal.log_factors[i];
-            // A comparison with a NaN ratio (a factor of 0·∞) is false: the walker stays.
+            // A ratio can be NaN because of a factor 0·∞. The comparison is then false, and the walker stays.
             let accept = proposal.thresholds[i] < log_ratio;
             self.accepted[i] += u64::from(accept);
             n_accepted += u64::from(accept);

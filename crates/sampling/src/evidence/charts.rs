@@ -1,9 +1,9 @@
-//! Several proposals, each for one part of the posterior.
+//! Mixture of several proposals, each for a different region of the posterior.
 //!
-//! One map cannot straighten two modes at once, because their ridges bend differently. Draws are therefore also split by their nearest mode.
-//! Each part with enough draws gets its own map and mixture. A part with too few keeps its mode's Laplace approximation, so that no known mode
-//! is lost. The better description of the weighted draws, one proposal or several, is used: the one with the larger Σ w ln q. This sum differs from the
-//! Kullback–Leibler distance by sign and a constant.
+//! One map cannot straighten two modes at once, because their ridges are curved differently. The draws are therefore also split by their nearest mode. A
+//! group with enough draws gets its own map and mixture. A group with too few draws keeps its mode's Laplace approximation, so that no known mode is
+//! lost. Of the two descriptions, one proposal or several, the one with the larger Σ w ln q is used; w are the draws' weights and q the proposal density.
+//! Up to a constant, this sum is the negative Kullback–Leibler distance.
 
 use super::proposal::Proposal;
 use super::weighted::effective_size;
@@ -11,45 +11,46 @@ use crate::ensemble::RandomStream;
 use crate::optimum::{Mode, Modes};
 use crate::t_mixture::TMixture;
 
-/// Effective draws per coordinate below which a part is not fitted.
+/// Effective number of draws per coordinate below which no proposal is fitted to a mode's draws.
 const DRAWS_PER_COORDINATE: f64 = 8.0;
-/// Smallest probability of drawing from a part.
+/// Smallest probability of drawing from each proposal.
 const SMALLEST_SHARE: f64 = 0.02;
 
-/// A mixture of proposals.
+/// Mixture of proposals with weights.
 #[derive(Debug, Clone)]
 pub struct ProposalMixture {
-    /// Shares, which add up to one, and proposals.
+    /// Weight of each proposal, and the proposal. The weights add up to one.
     parts: Vec<(f64, Proposal)>,
 }
 
 impl ProposalMixture {
-    /// One proposal.
+    /// Mixture of a single proposal.
     pub fn one(proposal: Proposal) -> Self {
         Self { parts: vec![(1.0, proposal)] }
     }
 
-    /// The modes' Laplace approximations, each with a minimum share, because its Laplace mass is a poor estimate of a ridge's mass.
+    /// Mixture of the modes' Laplace approximations; `None` if no curvature is usable. Each has a minimum weight, because its Laplace mass is a poor estimate
+    /// of a ridge's mass.
     pub fn of_modes(modes: &Modes, dimension: usize) -> Option<Self> {
         let part = |(mode, share): (&Mode, f64)| Some((share.max(SMALLEST_SHARE), touching(mode, dimension)?));
         let parts: Vec<(f64, Proposal)> = modes.iter().zip(modes.weights()).filter_map(part).collect();
         (!parts.is_empty()).then(|| Self::of(parts))
     }
 
-    /// Normalises the shares of parts.
+    /// Makes a mixture and scales the weights so that they add up to one.
     fn of(mut parts: Vec<(f64, Proposal)>) -> Self {
         let total: f64 = parts.iter().map(|(share, _)| share).sum();
         parts.iter_mut().for_each(|(share, _)| *share /= total);
         Self { parts }
     }
 
-    /// Fits one proposal, or one part per mode, to points with weights that add up to one. `None` if the points lie in a plane.
+    /// Fits one proposal, or one per mode if that fits better, to weighted points. The weights add up to one. `None` if the points lie in a plane.
     pub fn fitted(points: &[Vec<f64>], weights: &[f64], modes: &Modes, stream: &mut RandomStream) -> Option<Self> {
         let one = Proposal::fitted(points, weights, stream);
         Self::best_of_single_or_split(one, points, weights, modes, stream)
     }
 
-    /// Returns the proposal fitted to these points, or one part per mode if that fits better.
+    /// Returns the single proposal `one`, or a mixture with one proposal per mode if it fits the weighted points better.
     pub fn best_of_single_or_split(
         one: Option<Proposal>,
         points: &[Vec<f64>],
@@ -69,7 +70,7 @@ impl ProposalMixture {
         }
     }
 
-    /// One part per mode. `None` if there is only one mode, or no part has enough draws.
+    /// Fits one proposal per mode. `None` if there is only one mode, or no mode has enough draws.
     fn parted(points: &[Vec<f64>], weights: &[f64], modes: &Modes, stream: &mut RandomStream) -> Option<Self> {
         let dimension = points.first()?.len();
         if modes.len() < 2 {
@@ -96,7 +97,8 @@ impl ProposalMixture {
         (n_fitted > 0).then(|| Self::of(parts))
     }
 
-    /// Returns this mixture with one wide part of weight `share`: the moments of all weighted points, with standard deviations multiplied by `stretch`.
+    /// Returns this mixture with one wide proposal of weight `share`. It has the mean of the weighted points, and their standard deviations multiplied by
+    /// `stretch`.
     pub fn with_background(&self, points: &[Vec<f64>], weights: &[f64], share: f64, stretch: f64) -> Self {
         if let [(_, only)] = &self.parts[..] {
             return Self::one(only.with_background(points, weights, share, stretch));
@@ -110,7 +112,7 @@ impl ProposalMixture {
         Self { parts }
     }
 
-    /// Draws points.
+    /// Draws n points.
     pub fn draw(&self, n: usize, dimension: usize, stream: &mut RandomStream) -> Vec<Vec<f64>> {
         if let [(_, only)] = &self.parts[..] {
             return only.draw(n, dimension, stream);
@@ -127,7 +129,7 @@ impl ProposalMixture {
         (0..n).map(&mut one).collect()
     }
 
-    /// ln q.
+    /// Normalised log density ln q at a point.
     pub fn ln_density(&self, x: &[f64]) -> f64 {
         if let [(_, only)] = &self.parts[..] {
             return only.ln_density(x);
@@ -138,7 +140,7 @@ impl ProposalMixture {
     }
 }
 
-/// A mode's Laplace approximation; `None` if its curvature is unusable.
+/// Proposal from a mode's Laplace approximation; `None` if its curvature is unusable.
 fn touching(mode: &Mode, dimension: usize) -> Option<Proposal> {
     Some(Proposal::plain(TMixture::from_modes(&Modes::from_mode(mode), dimension)?, dimension))
 }
@@ -148,7 +150,7 @@ mod tests {
     use super::*;
     use crate::optimum::Optimum;
 
-    /// Two ridges bent in opposite directions, 16 apart: x₀ = ±8 + u, x₁ = ±1.5 u² + 0.3 v with standard normals u and v.
+    /// Draws from two ridges that are 16 apart and curved in opposite directions: x₀ = ±8 + u and x₁ = ±1.5 u² + 0.3 v, with standard normals u and v.
     fn bent(n: usize, seed: u64) -> Vec<Vec<f64>> {
         let mut stream = RandomStream::new(seed, 0);
         let mut one = |k: usize| {
@@ -167,8 +169,9 @@ mod tests {
         modes
     }
 
-    /// One part per ridge describes independent draws better than one map for both, by at least half a nat. The shares are those of the ridges: 4,000
-    /// draws in proportions of 1 to 3 have an error of 0.007 in a share. Another 4,000 add an equal error. The tolerance is six times the combined error.
+    /// One proposal per ridge describes independent draws better than a single map for both, by at least half a nat. The weights agree with the ridges: 4,000
+    /// draws in proportions of 1 to 3 have a standard error of 0.007 in a weight. The comparison with another 4,000 draws adds an equal error. The tolerance
+    /// is six times the combined error.
     #[test]
     fn a_part_for_each_answer_describes_two_bent_ridges() {
         let (points, others) = (bent(4_000, 1), bent(4_000, 2));
@@ -186,7 +189,7 @@ mod tests {
         assert!((share - 0.25).abs() < 0.06, "{share}");
     }
 
-    /// A mode without weighted draws still gets draws, and one single mode makes one proposal.
+    /// A mode without weighted draws still gets draws. A single mode gives a single proposal.
     #[test]
     fn no_mode_is_lost() {
         let points = bent(4_000, 4);
@@ -195,13 +198,14 @@ mod tests {
         let mut stream = RandomStream::new(5, 0);
         let charts = ProposalMixture::fitted(&points, &weights, &three, &mut stream).expect("spread");
         let drawn = charts.draw(4_000, 2, &mut stream);
-        // 80 are expected: fewer than 30 occur once in 10⁹.
+        // The expected number is 80. Fewer than 30 occur with a probability of 10⁻⁹.
         assert!(drawn.iter().filter(|x| x[0] > 40.0).count() >= 30);
         let alone = ProposalMixture::fitted(&points, &weights, &modes(&[[8.0, 0.0]]), &mut stream).expect("spread");
         assert_eq!(alone.parts.len(), 1);
     }
 
-    /// Checks that densities with and without a background are normalised. Over draws from the one with a background, their mean ratio is 1.
+    /// Checks that the densities with and without a wide proposal are normalised. For draws from the density with it, the mean ratio of the two densities
+    /// is 1.
     #[test]
     fn densities_are_those_of_the_draws() {
         let points = bent(4_000, 6);
@@ -213,7 +217,7 @@ mod tests {
         let drawn = wide.draw(20_000, 2, &mut stream);
         let ratios: Vec<f64> = drawn.iter().map(|x| (charts.ln_density(x) - wide.ln_density(x)).exp()).collect();
         let mean = ratios.iter().sum::<f64>() / 20_000.0;
-        // A ratio is at most 1/0.9, so that six errors of the mean of 20,000 are below 0.02.
+        // The ratio is at most 1/0.9. For 20,000 draws, six standard errors of its mean are therefore below 0.02.
         assert!((mean - 1.0).abs() < 0.02 && ratios.iter().all(|ratio| *ratio < 1.12), "{mean}");
     }
 }

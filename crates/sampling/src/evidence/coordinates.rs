@@ -1,51 +1,53 @@
-//! Coordinates in which every prior is a standard normal.
+//! Coordinates u in which every prior is a standard normal distribution.
 //!
-//! u = Φ⁻¹(F(x)), F the prior's distribution function. A parameter that the data do not constrain is then standard normal for any prior. The tails of an amplitude
-//! near zero decay like a normal's. A mixture of t distributions covers both in u, but not in ln x.
+//! The coordinate is u = Φ⁻¹(F(x)), where F is the prior's distribution function and Φ that of the standard normal. A parameter that the data do not
+//! constrain is then standard normal, whatever its prior. For an amplitude near zero, the tails decay like those of a normal. A mixture of t
+//! distributions approximates both well in u, but not in ln x.
 //!
-//! The sampler's coordinate z(u) is stored as a table of values and slopes, joined by cubics. Densities use the slope of the cubics as Jacobian, so that
-//! their integral has no interpolation error. Only the prior deviates from a standard normal, by about 10⁻⁶.
+//! The sampler's coordinate z(u) is stored as a table of values and slopes, which cubic polynomials interpolate. Densities use the slope of the cubics as
+//! the Jacobian, so their integral has no interpolation error. Only the prior deviates from a standard normal, by about 10⁻⁶.
 
 use crate::LogDensity;
 use base::distribution::Distribution;
 use statrs::distribution::{ContinuousCDF, Normal};
 
-/// Reach of the tables (10⁻⁹ of a prior on either side) and distance of their nodes. Beyond the tables z is linear.
+/// Largest |u| in a table, which leaves out 10⁻⁹ of a prior on either side. Beyond it, z is linear in u.
 const REACH: f64 = 6.0;
+/// Number of intervals between nodes of that table.
 const N_INTERVALS: usize = 120;
 const INTERVAL: f64 = 2.0 * REACH / N_INTERVALS as f64;
 
-/// Logarithm of the standard normal density at a point.
+/// Log density of the standard normal distribution at a point of any dimension.
 pub fn ln_standard_normal(point: &[f64]) -> f64 {
     let squares: f64 = point.iter().map(|u| u * u).sum();
     -0.5 * squares - 0.5 * point.len() as f64 * std::f64::consts::TAU.ln()
 }
 
-/// The coordinate u of a value under its prior. Values far in a tail move to the end of the tables.
+/// Coordinate u of a parameter value under its prior. Values far in a tail are moved to the end of the table.
 pub fn to_normal_coordinate(prior: &Distribution, value: f64) -> f64 {
     Normal::standard().inverse_cdf(prior.cdf(value)).clamp(-REACH, REACH)
 }
 
-/// A posterior over the sampler's coordinates, expressed in coordinates with standard normal priors.
+/// Posterior whose coordinates are transformed so that their priors are standard normal.
 pub struct PriorCoordinates<'a> {
     posterior: &'a dyn LogDensity,
     scales: Vec<CoordinateScale>,
 }
 
 impl<'a> PriorCoordinates<'a> {
-    /// Wraps a posterior, given the priors of its coordinates in their order.
+    /// Wraps a posterior. `priors` holds the priors of its coordinates, in their order.
     pub fn new(posterior: &'a dyn LogDensity, priors: impl IntoIterator<Item = Distribution>) -> Self {
         let scales = priors.into_iter().map(CoordinateScale::new).collect();
         Self { posterior, scales }
     }
 
-    /// Natural value of a coordinate.
+    /// Parameter value, in its natural unit, at u of a coordinate.
     pub fn natural(&self, coordinate: usize, u: f64) -> f64 {
         let scale = &self.scales[coordinate];
         scale.distribution.from_unconstrained(scale.at(u).0)
     }
 
-    /// Coordinate u of a natural value. Values far in a tail move to the end of the table.
+    /// Coordinate u of a parameter value. Values far in a tail are moved to the end of the table.
     pub fn from_natural(&self, coordinate: usize, value: f64) -> f64 {
         to_normal_coordinate(&self.scales[coordinate].distribution, value)
     }
@@ -72,10 +74,10 @@ impl LogDensity for PriorCoordinates<'_> {
     }
 }
 
-/// z(u) of one parameter.
+/// Interpolated function z(u) of one parameter.
 struct CoordinateScale {
     distribution: Distribution,
-    /// z and dz/du at the nodes.
+    /// Values z and slopes dz/du at the nodes.
     nodes: Vec<(f64, f64)>,
 }
 
@@ -90,10 +92,10 @@ impl CoordinateScale {
         Self { distribution, nodes: (0..=N_INTERVALS).map(node).collect() }
     }
 
-    /// z and dz/du.
+    /// Returns z and dz/du at u.
     fn at(&self, u: f64) -> (f64, f64) {
         let along = (u + REACH) / INTERVAL;
-        // NaN selects the first interval and stays NaN.
+        // A NaN selects the first interval, and the result is NaN.
         let k = (along.max(0.0) as usize).min(N_INTERVALS - 1);
         let ((z0, slope0), (z1, slope1)) = (self.nodes[k], self.nodes[k + 1]);
         let t = along - k as f64;
@@ -126,7 +128,7 @@ mod tests {
         ]
     }
 
-    /// The value has the prior mass Φ(u) below it, also between nodes, and the prior of u is a standard normal.
+    /// The value at u has the prior probability Φ(u) below it, also between nodes. The prior of u is therefore standard normal.
     #[test]
     fn priors_are_standard_normals() {
         for distribution in examples() {
@@ -143,7 +145,7 @@ mod tests {
         }
     }
 
-    /// The slope is that of the table's own curve, inside and beyond the table, and the curve rises.
+    /// Inside and beyond the table, the slope is the derivative of the interpolated z(u), and z(u) increases.
     #[test]
     fn slopes_are_the_derivatives_of_values() {
         for distribution in examples() {

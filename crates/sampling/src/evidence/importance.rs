@@ -1,10 +1,10 @@
-//! Importance sampling from a mixture of t distributions that is adapted to the posterior.
+//! Importance sampling of the evidence, from a mixture of t distributions that is adapted to the posterior.
 //!
-//! ẑ = (1/N) Σ p(θᵢ)/q(θᵢ), θᵢ ~ q. The proposal starts from the modes' Laplace approximations. Each round refits it to all draws so far (`charts`: one part
-//! per mode if that fits better). Each draw is weighted by the mixture of all proposals used so far (Cornuet et al. 2012,
-//! doi:10.1111/j.1467-9469.2011.00756.x). Weights are truncated, so that no single draw dominates the proposal (Ionides 2008,
-//! doi:10.1198/106186008X320456). The estimate uses only fresh draws of the final proposal:
-//! it is unbiased for any adaptation, and its k̂ tells whether its error is reliable.
+//! The estimate is ẑ = (1/N) Σ p(θᵢ)/q(θᵢ), where the θᵢ are drawn from the proposal q. The first proposal consists of the modes' Laplace approximations.
+//! Each round refits it to all draws so far (`charts`: with one proposal per mode if that fits better). For the refit, each draw is weighted by the
+//! mixture of all proposals used so far (Cornuet et al. 2012, doi:10.1111/j.1467-9469.2011.00756.x). Weights are truncated, so that no single draw
+//! dominates the proposal (Ionides 2008, doi:10.1198/106186008X320456). The estimate uses only new draws from the final proposal. It is therefore
+//! unbiased for any adaptation, and its Pareto k̂ tells whether its error is reliable.
 
 use super::charts::ProposalMixture;
 use super::weighted::{effective_size, normalised};
@@ -18,24 +18,24 @@ use base::error::{Error, Result};
 /// Pareto k̂ below which an estimate is reliable (Vehtari et al. 2024, JMLR 25:72).
 pub const LARGEST_PARETO_K: f64 = 0.7;
 
-/// Effective draws below which an estimate is unreliable for any k̂: quantiles need at least this many.
+/// Smallest effective number of draws of a reliable estimate, for any k̂. Quantiles need at least this many.
 pub const FEWEST_EFFECTIVE_DRAWS: f64 = 200.0;
 
-/// True if an estimate by importance sampling is reliable.
+/// Returns `true` if an estimate by importance sampling is reliable.
 pub fn is_reliable(estimate: &Estimate) -> bool {
     estimate.pareto_k.is_some_and(|k| k < LARGEST_PARETO_K) && estimate.draws.effective_size() >= FEWEST_EFFECTIVE_DRAWS
 }
 
-/// Numbers of draws, rounds and attempts.
+/// Numbers of draws, rounds and attempts of importance sampling, and the seed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ImportanceOptions {
-    /// Draws of each round of adaptation.
+    /// Number of draws in each adaptation round.
     pub n_adapting: usize,
     /// Largest number of adaptation rounds.
     pub n_rounds: usize,
-    /// Draws of the estimate.
+    /// Number of draws for the estimate.
     pub n_draws: usize,
-    /// Largest number of attempts. After an unreliable estimate the next attempt uses more draws.
+    /// Largest number of attempts. After an unreliable estimate, the next attempt uses more draws.
     pub n_attempts: usize,
     /// Seed of the draws.
     pub seed: u64,
@@ -48,28 +48,29 @@ impl Default for ImportanceOptions {
 }
 
 impl ImportanceOptions {
-    /// Settings for densities that take a millisecond. The error is 0.03 nats with a good proposal; only a poor one takes more draws.
+    /// Settings for densities that take about a millisecond per point. The error is 0.03 nats with a good proposal. Only a poor proposal needs more draws.
     pub fn for_slow_density() -> Self {
         Self { n_adapting: 600, n_draws: 2_000, ..Self::default() }
     }
 
-    /// Settings for an error of a tenth of a nat. One attempt with few draws is enough if the proposal is good.
+    /// Settings for a quick estimate with an error of a tenth of a nat. One attempt with few draws suffices if the proposal is good.
     pub fn quick() -> Self {
         Self { n_adapting: 800, n_rounds: 5, n_draws: 2_500, ..Self::default() }
     }
 }
 
-/// Effective draws per coordinate for a proposal's fit. Weights are raised to a power that leaves this many.
+/// Effective number of draws per coordinate for fitting a proposal. Weights are raised to a power that leaves this many.
 const DRAWS_PER_COORDINATE: f64 = 30.0;
-/// Share of the estimate's draws from one wide component over the whole posterior, and the stretch of its standard deviations. It limits the weight of
-/// regions that the other components miss.
+/// Fraction of the estimate's draws that come from one wide component over the entire posterior. The
+/// component limits the weights in regions that the other components miss.
 const BACKGROUND_SHARE: f64 = 0.1;
+/// Factor for the standard deviations of that component.
 const BACKGROUND_STRETCH: f64 = 1.5;
-/// Effective share of the draws above which the proposal needs no further adaptation.
+/// Effective fraction of the draws above which the proposal needs no further adaptation.
 const GOOD_SHARE: f64 = 0.75;
-/// Factor on the number of draws after an unreliable estimate.
+/// Factor by which the number of draws grows after an unreliable estimate.
 const MORE: usize = 3;
-/// Adaptation rounds after an unreliable estimate.
+/// Number of adaptation rounds after an unreliable estimate.
 const ROUNDS_AGAIN: usize = 2;
 
 /// Estimates the evidence by importance sampling. Check it with [`is_reliable`] before use.
@@ -115,15 +116,15 @@ struct Sampler<'a> {
     n_evaluations: usize,
 }
 
-/// Draws of all rounds.
+/// Draws of all adaptation rounds.
 #[derive(Default)]
 struct Pool {
     points: Vec<Vec<f64>>,
-    /// ln p of each point.
+    /// Log density ln p at each point.
     values: Vec<f64>,
-    /// ln Σ n_r q_r of each point over the rounds r.
+    /// ln Σ n_r q_r at each point, summed over the rounds r with n_r draws from proposal q_r.
     ln_proposed: Vec<f64>,
-    /// The proposals and the number of draws from each.
+    /// Proposal of each round, with the number of draws from it.
     proposals: Vec<(ProposalMixture, usize)>,
 }
 
@@ -150,14 +151,14 @@ impl Pool {
     }
 }
 
-/// ln(eᵃ + eᵇ).
+/// Returns ln(eᵃ + eᵇ) without overflow.
 fn ln_sum(a: f64, b: f64) -> f64 {
     let top = a.max(b);
     if top == f64::NEG_INFINITY { top } else { top + (-(a - b).abs()).exp().ln_1p() }
 }
 
 impl Sampler<'_> {
-    /// Draws from a proposal; returns the points and their log densities.
+    /// Draws n points from a proposal. Returns them with their log densities.
     fn draw(&mut self, proposal: &ProposalMixture, n: usize) -> Result<(Vec<Vec<f64>>, Vec<f64>)> {
         let points = proposal.draw(n, self.density.dimension(), &mut self.stream);
         let values = evaluate(self.density, &points)?;
@@ -199,7 +200,7 @@ fn ln_weights(mixture: &ProposalMixture, points: &[Vec<f64>], values: &[f64]) ->
     points.iter().zip(values).map(|(point, value)| value - mixture.ln_density(point)).collect()
 }
 
-/// Raises weights to the largest power up to one that leaves enough of them effective.
+/// Raises weights to the largest power, up to one, at which their effective number is at least `wanted`. Returns normalised weights.
 fn tempered(ln_weights: &[f64], wanted: f64) -> Vec<f64> {
     let to_power = |power: f64| -> Vec<f64> {
         normalised(&ln_weights.iter().map(|w| if w.is_finite() { power * w } else { *w }).collect::<Vec<_>>())

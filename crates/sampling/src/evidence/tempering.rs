@@ -1,13 +1,14 @@
 //! Sequential Monte Carlo from the prior to the posterior.
 //!
-//! Particles from the prior pass through p(θ) p(data | θ)^φ with φ from 0 to 1 (Neal 2001, doi:10.1023/A:1008923215028; Del Moral et al. 2006,
-//! doi:10.1111/j.1467-9868.2006.00553.x). Each rise of φ leaves nine tenths of the particles effective. The particles are then resampled and moved by
-//! kernels that keep the tempered density invariant, until most particles have moved. Jumps are draws from a proposal fitted to the particles, with one part
-//! per mode (`charts`): they carry particles between modes. Steps follow differences of two particles (ter Braak 2006,
-//! doi:10.1007/s11222-006-8769-1) and need no fit. The evidence is the product of the mean weights. Several independent replicates give its error.
+//! Particles are drawn from the prior. Their density becomes p(θ) p(data | θ)^φ, while the exponent φ rises from 0 to 1 (Neal 2001,
+//! doi:10.1023/A:1008923215028; Del Moral et al. 2006, doi:10.1111/j.1467-9868.2006.00553.x). Each rise of φ is chosen so that nine tenths of the
+//! particles stay effective. The particles are then resampled and moved until most of them have moved. All moves keep the density at this φ invariant.
+//! There are two kinds of moves. Jumps are draws from a proposal that is fitted to the particles, with one component per mode (`charts`); they carry
+//! particles between modes. Steps follow the difference of two particles (ter Braak 2006, doi:10.1007/s11222-006-8769-1) and need no fit. The evidence is
+//! the product of the mean weights of all rises. Several independent replicates give its error.
 //!
-//! Particles die out in a part of the posterior in which they hardly move, such as a narrow ridge beside a wide bulk. The evidence is then too low by
-//! the share of that part, and the replicates do not reveal it.
+//! Particles may die out in a region in which they hardly move, such as a narrow ridge beside a wide peak. The evidence is then too low by this region's
+//! fraction of the mass, and the replicates do not reveal the error.
 
 use rayon::prelude::*;
 
@@ -21,12 +22,12 @@ use crate::ensemble::RandomStream;
 use crate::optimum::Modes;
 use base::error::{Error, Result};
 
-/// Size of a run: particles, replicates and seed.
+/// Numbers of particles and replicates, and the seed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TemperingOptions {
-    /// Particles of a replicate.
+    /// Number of particles per replicate.
     pub n_particles: usize,
-    /// Number of replicates, at least two.
+    /// Number of independent replicates, at least two.
     pub n_replicates: usize,
     /// Seed of all replicates.
     pub seed: u64,
@@ -38,30 +39,30 @@ impl Default for TemperingOptions {
     }
 }
 
-/// Effective share of the particles after a rise of φ.
+/// Fraction of the particles that stay effective after a rise of φ.
 const KEPT_SHARE: f64 = 0.9;
-/// Largest number of temperatures.
+/// Largest number of values of φ.
 const MOST_TEMPERATURES: usize = 1_000;
-/// Average number of acceptances per particle that ends the moves at a temperature. `MOST_ROUNDS` rounds of one jump and one step also end them.
+/// Mean number of accepted moves per particle that ends the moves at one value of φ. They also end after `MOST_ROUNDS` rounds of one jump and one step
+/// each.
 const WANTED_ACCEPTANCES: f64 = 3.0;
 const MOST_ROUNDS: usize = 12;
 
-/// Estimates the evidence by sequential Monte Carlo. The coordinates of the posterior must have standard normal priors ([`super::PriorCoordinates`]). `modes`
-/// may be empty. They divide the particles into parts, to each of which the proposal for jumps is fitted.
+/// Estimates the evidence by sequential Monte Carlo. The coordinates of the posterior must have standard normal priors ([`super::PriorCoordinates`]).
+/// `modes` may be empty. Otherwise the particles are assigned to their nearest mode, and the proposal for jumps is fitted mode by mode.
 ///
 /// # Errors
-/// [`Error::Numerical`] if no draw from the prior has a finite density, if the exponent φ does not reach 1, or if the density is
-/// +∞ or often NaN.
+/// [`Error::Numerical`] if no draw from the prior has a finite density, if the exponent φ does not reach 1, or if the density is +∞ or often NaN.
 pub fn evidence(posterior: &dyn LogDensity, modes: &Modes, options: &TemperingOptions) -> Result<Estimate> {
     let one = |replicate: usize| Replicate::new((posterior, modes), options, replicate as u64)?.run();
     let runs: Vec<Finished> = (0..options.n_replicates.max(2)).into_par_iter().map(one).collect::<Result<_>>()?;
     let ln_evidences: Vec<f64> = runs.iter().map(|run| run.ln_evidence).collect();
     let (ln_evidence, scatter) = ln_mean(&ln_evidences);
     let n_runs = runs.len() as f64;
-    // A few replicates may agree by chance. Particles that are independent at every temperature have at least this error.
+    // A few replicates may agree by chance. Their error is at least that of particles which are independent at every value of φ.
     let least = (runs.iter().map(|run| run.variance).sum::<f64>() / n_runs / n_runs).sqrt();
     let n_evaluations = runs.iter().map(|run| run.n_evaluations).sum();
-    // The draws of a replicate are weighted by its evidence.
+    // The draws of each replicate are weighted by its evidence.
     let ln_weights: Vec<f64> =
         runs.iter().flat_map(|run| std::iter::repeat_n(run.ln_evidence, run.points.len())).collect();
     let points = runs.into_iter().flat_map(|run| run.points).collect();
@@ -71,7 +72,7 @@ pub fn evidence(posterior: &dyn LogDensity, modes: &Modes, options: &TemperingOp
 
 struct Finished {
     ln_evidence: f64,
-    /// Variance of `ln_evidence` if particles were independent of each other at every temperature.
+    /// Variance of the log evidence for particles that are independent of each other at every value of φ.
     variance: f64,
     points: Vec<Vec<f64>>,
     n_evaluations: usize,
@@ -150,7 +151,7 @@ impl<'a> Replicate<'a> {
         ))
     }
 
-    /// Raises φ as far as enough particles stay effective; returns their weights.
+    /// Raises φ as far as enough particles stay effective. Returns the particles' weights for this rise.
     fn raise_temperature(&mut self) -> Result<Vec<f64>> {
         let increments = |phi: f64| -> Vec<f64> {
             self.particles.iter().map(|particle| (phi - self.phi) * particle.ln_likelihood).collect()
@@ -179,7 +180,7 @@ impl<'a> Replicate<'a> {
         Ok(normalised(&ln_weights))
     }
 
-    /// The proposal for jumps, and the map that straightens steps.
+    /// Fits the proposal for jumps to the weighted particles. Returns it with the map in whose coordinates the particles step.
     fn proposals(&mut self, weights: &[f64]) -> Option<(ProposalMixture, Map)> {
         let points: Vec<Vec<f64>> = self.particles.iter().map(|particle| particle.point.clone()).collect();
         let one = Proposal::fitted(&points, weights, &mut self.stream)?;
@@ -208,7 +209,7 @@ impl<'a> Replicate<'a> {
         self.accept(points, |old, new| proposal.ln_density(old) - proposal.ln_density(new))
     }
 
-    /// Moves each particle along the difference of two others, in the map's straightened coordinates.
+    /// Moves each particle along the difference of two others, in the straightened coordinates of `map`. Returns the number of accepted steps.
     fn step(&mut self, map: &Map) -> Result<usize> {
         let length = 2.38 / (2.0 * self.posterior.dimension() as f64).sqrt();
         let n = self.particles.len();
@@ -224,7 +225,8 @@ impl<'a> Replicate<'a> {
         self.accept(proposals, |old, new| map.straightened(new).1 - map.straightened(old).1)
     }
 
-    /// Accepts or rejects proposals; returns the number accepted.
+    /// Accepts or rejects the proposals. `ln_factor` is the logarithm of the correction factor for the present and the proposed point. Returns the number of
+    /// accepted proposals.
     fn accept(&mut self, proposals: Vec<Vec<f64>>, ln_factor: impl Fn(&[f64], &[f64]) -> f64) -> Result<usize> {
         let proposed = self.particles_at(proposals)?;
         let mut n_accepted = 0;

@@ -1,34 +1,34 @@
-//! Draws with weights.
+//! Draws from a posterior with weights.
 
 use crate::ensemble::RandomStream;
 
-/// Draws from a posterior with weights that add up to one.
+/// Draws from a posterior, with weights that add up to one.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WeightedDraws {
-    /// The points.
+    /// Points, each a vector of coordinates.
     pub points: Vec<Vec<f64>>,
-    /// Weight of each point.
+    /// Weight of each point; the weights add up to one.
     pub weights: Vec<f64>,
 }
 
 impl WeightedDraws {
-    /// Builds draws from the logarithms of their weights, up to a constant. All weights are equal if no logarithm is finite.
+    /// Makes weighted draws from logarithms of unnormalised weights. All weights are equal if no logarithm is finite.
     pub fn new(points: Vec<Vec<f64>>, ln_weights: &[f64]) -> Self {
         Self { weights: normalised(ln_weights), points }
     }
 
-    /// Number of equally weighted draws that would give a mean of equal accuracy: 1/Σw².
+    /// Effective number of draws, 1/Σw²: so many equally weighted draws would give a mean of equal accuracy.
     pub fn effective_size(&self) -> f64 {
         effective_size(&self.weights)
     }
 
-    /// Mean of a function of the draws.
+    /// Weighted mean of a function of the draws.
     pub fn mean(&self, of: impl Fn(&[f64]) -> f64) -> f64 {
         self.points.iter().zip(&self.weights).map(|(point, weight)| weight * of(point)).sum()
     }
 
-    /// Quantiles of a function of the draws, in the order of `probabilities`. They invert the distribution function, whose steps are joined
-    /// by lines through their midpoints.
+    /// Quantiles of a function of the draws, one for each of `probabilities`. The distribution function has a step at each draw. It is replaced by lines
+    /// through the midpoints of the steps and then inverted.
     pub fn quantiles(&self, of: impl Fn(&[f64]) -> f64, probabilities: &[f64]) -> Vec<f64> {
         let with_weight = self.points.iter().zip(&self.weights).filter(|(_, weight)| **weight > 0.0);
         let mut steps: Vec<(f64, f64)> = with_weight.map(|(point, weight)| (of(point), *weight)).collect();
@@ -44,7 +44,8 @@ impl WeightedDraws {
         probabilities.iter().map(|probability| interpolated(&knots, *probability)).collect()
     }
 
-    /// Restricts the weights to draws that satisfy a condition. Returns all draws if the condition holds at no draw with weight.
+    /// Keeps the weights only where a condition holds, and normalises them. Returns all draws unchanged if the condition holds for no draw with a positive
+    /// weight.
     pub fn restricted_to(&self, is_in: impl Fn(&[f64]) -> bool) -> Self {
         let mut part = self.clone();
         let zip = self.points.iter().zip(&mut part.weights);
@@ -58,7 +59,7 @@ impl WeightedDraws {
     }
 }
 
-/// Interpolates the value at a probability between (value, probability) knots in ascending order. Constant beyond the end knots.
+/// Interpolates the value at a probability between knots (value, probability) in ascending order. Beyond the first and last knot it is constant.
 fn interpolated(knots: &[(f64, f64)], probability: f64) -> f64 {
     let after = knots.partition_point(|(_, p)| *p < probability);
     match (after.checked_sub(1).map(|i| knots[i]), knots.get(after)) {
@@ -68,7 +69,7 @@ fn interpolated(knots: &[(f64, f64)], probability: f64) -> f64 {
     }
 }
 
-/// Weights that add up to one, from their logarithms.
+/// Normalises weights given by their logarithms. The result adds up to one.
 pub(super) fn normalised(ln_weights: &[f64]) -> Vec<f64> {
     let top = ln_weights.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     if top == f64::NEG_INFINITY {
@@ -79,12 +80,12 @@ pub(super) fn normalised(ln_weights: &[f64]) -> Vec<f64> {
     weights.into_iter().map(|weight| weight / total).collect()
 }
 
-/// 1/Σw² of weights that add up to one.
+/// Effective number 1/Σw² of weights that add up to one.
 pub(super) fn effective_size(weights: &[f64]) -> f64 {
     1.0 / weights.iter().map(|weight| weight * weight).sum::<f64>()
 }
 
-/// Systematic resampling: n indices. The count of each differs from its expected count by less than one.
+/// Systematic resampling: returns n indices. The number of times that an index occurs differs from n times its weight by less than one.
 pub(super) fn resampled_indices(weights: &[f64], n: usize, stream: &mut RandomStream) -> Vec<usize> {
     let offset = stream.unit();
     let (mut index, mut below) = (0, weights.first().copied().unwrap_or(0.0));
@@ -103,7 +104,7 @@ pub(super) fn resampled_indices(weights: &[f64], n: usize, stream: &mut RandomSt
 mod tests {
     use super::*;
 
-    /// Weights turn uniform draws into an exponential distribution with quantiles −ln(1 − p). A grid replaces random draws.
+    /// Weights turn a uniform distribution into an exponential one, with quantiles −ln(1 − p). The draws form a grid instead of being random.
     #[test]
     fn quantiles_are_those_of_the_weighted_distribution() {
         let points: Vec<Vec<f64>> = (0..40_000).map(|i| vec![(f64::from(i) + 0.5) / 2_000.0]).collect();
@@ -114,7 +115,7 @@ mod tests {
             assert!((found + (1.0 - p).ln()).abs() < 1e-5, "{found}");
         }
         assert!((draws.mean(|x| x[0]) - 1.0).abs() < 1e-5);
-        // (Σw)²/Σw² of e⁻ˣ on a grid of step h: (1/h)²/(1/2h) = 2/h.
+        // For the weights e⁻ˣ on a grid of step h, (Σw)²/Σw² = (1/h)²/(1/2h) = 2/h.
         assert!((draws.effective_size() / 4_000.0 - 1.0).abs() < 1e-4);
     }
 

@@ -1,10 +1,10 @@
-//! Modes of a posterior with their Laplace masses.
+//! Modes of a posterior with their masses in the Laplace approximation.
 
 use super::Optimum;
 use crate::ensemble::RandomStream;
 use nalgebra::{DMatrix, DVector};
 
-/// A mode: a maximum and the Gaussian with its curvature.
+/// Mode of a posterior: a maximum, and the Gaussian with the curvature there (Laplace approximation).
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Mode {
     /// Unconstrained coordinates of the maximum.
@@ -13,19 +13,19 @@ pub struct Mode {
     pub log_density: f64,
     /// Precision matrix of the Laplace approximation, row by row.
     pub precision: Vec<f64>,
-    /// Laplace approximation of the log of the mode's mass: ln p + (d/2) ln 2π − ½ ln det precision.
+    /// Logarithm of the mode's mass in the Laplace approximation: ln p + (d/2) ln 2π − ½ ln det(precision), for d coordinates.
     pub log_mass: f64,
-    /// True if the climb ended at a proper maximum.
+    /// `true` if the climb ended at a maximum with negative curvature in every direction.
     pub converged: bool,
 }
 
-/// Distinct modes, heaviest first.
+/// Distinct modes, largest mass first.
 #[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Modes {
     modes: Vec<Mode>,
 }
 
-/// Two optima closer than this (in standard deviations of either) are one mode.
+/// Two optima are one mode if they are closer than this, in standard deviations of either optimum's approximation.
 const SAME_MODE_DISTANCE: f64 = 1.0;
 
 impl Mode {
@@ -33,7 +33,7 @@ impl Mode {
         let n = optimum.location.len();
         let log_det = match DMatrix::from_row_slice(n, n, &optimum.precision).cholesky() {
             Some(factor) => 2.0 * factor.l_dirty().diagonal().iter().map(|l| l.ln()).sum::<f64>(),
-            // Numerically singular: no finite mass can be claimed.
+            // The matrix is numerically singular, so the mass is unknown.
             None => f64::INFINITY,
         };
         Self {
@@ -45,7 +45,7 @@ impl Mode {
         }
     }
 
-    /// Distance of a point from the maximum, in this mode's standard deviations.
+    /// Distance of a point from the maximum, in standard deviations of the Laplace approximation.
     pub fn distance(&self, point: &[f64]) -> f64 {
         let n = self.location.len();
         let away: Vec<f64> = point.iter().zip(&self.location).map(|(x, m)| x - m).collect();
@@ -53,11 +53,11 @@ impl Mode {
         form.max(0.0).sqrt()
     }
 
-    /// Draws from the Laplace approximation, with standard deviations multiplied by `spread`.
+    /// Draws a point from the Laplace approximation, whose standard deviations are multiplied by `spread`.
     pub fn draw(&self, spread: f64, stream: &mut RandomStream) -> Vec<f64> {
         let n = self.location.len();
         let noise = DVector::from_fn(n, |_, _| stream.normal());
-        // Precision = L Lᵀ, so that the covariance of L⁻ᵀ z is the inverse of the precision.
+        // With precision = L Lᵀ and standard normal z, L⁻ᵀ z has the inverse of the precision as covariance.
         let step = DMatrix::from_row_slice(n, n, &self.precision)
             .cholesky()
             .and_then(|factor| factor.l().transpose().solve_upper_triangular(&noise))
@@ -67,12 +67,12 @@ impl Mode {
 }
 
 impl Modes {
-    /// A set of one mode.
+    /// Makes a set that contains one mode.
     pub fn from_mode(mode: &Mode) -> Self {
         Self { modes: vec![mode.clone()] }
     }
 
-    /// Adds an optimum unless it is a known mode.
+    /// Adds an optimum unless it belongs to a known mode.
     pub fn add(&mut self, optimum: &Optimum) {
         let mode = Mode::new(optimum);
         let same =
@@ -89,12 +89,12 @@ impl Modes {
         self.modes.sort_by(|a, b| b.log_mass.total_cmp(&a.log_mass));
     }
 
-    /// The mode nearest to a point, in that mode's standard deviations, with its index.
+    /// Finds the mode nearest to a point, with distances in the standard deviations of each mode. Returns its index and the mode.
     pub fn nearest(&self, point: &[f64]) -> Option<(usize, &Mode)> {
         self.modes.iter().enumerate().min_by(|a, b| a.1.distance(point).total_cmp(&b.1.distance(point)))
     }
 
-    /// The mode at which the cumulated weights exceed u, in [0, 1).
+    /// Returns the first mode at which the cumulative weight exceeds u, 0 ≤ u < 1.
     pub fn at_cumulative_weight(&self, u: f64) -> Option<&Mode> {
         let mut cumulated = 0.0;
         let reached = |weight: f64| {
@@ -105,7 +105,7 @@ impl Modes {
         self.modes.get(idx)
     }
 
-    /// The modes, heaviest first.
+    /// The modes, largest mass first.
     pub fn iter(&self) -> impl Iterator<Item = &Mode> {
         self.modes.iter()
     }
@@ -115,12 +115,12 @@ impl Modes {
         self.modes.len()
     }
 
-    /// True if no mode was found.
+    /// Returns `true` if no mode was found.
     pub fn is_empty(&self) -> bool {
         self.modes.is_empty()
     }
 
-    /// Share of each mode in the total Laplace mass.
+    /// Laplace mass of each mode divided by the total mass.
     pub fn weights(&self) -> Vec<f64> {
         let heaviest = self.modes.first().map_or(0.0, |mode| mode.log_mass);
         let masses: Vec<f64> = self.modes.iter().map(|mode| (mode.log_mass - heaviest).exp()).collect();
@@ -145,7 +145,8 @@ mod tests {
         assert!(modes.iter().map(|mode| mode.log_mass.exp()).sum::<f64>() - 1.0 < 1e-3);
     }
 
-    /// The mean square distance of draws is d. Its error for 20,000 draws and d = 2 is √(2·2/20000) = 0.014; the tolerance is six of these.
+    /// The mean squared distance of draws from the maximum is d. For 20,000 draws and d = 2, its standard error is √(2·2/20000) = 0.014. The tolerance is six
+    /// standard errors.
     #[test]
     fn draws_have_the_approximation_s_covariance() {
         let optimum = Optimum {

@@ -1,4 +1,4 @@
-//! Finds the posterior's mass before any sampling: optima from several starts and their Laplace approximations.
+//! Finds the regions that contain the posterior's mass before any sampling: maxima from several starts, with their Laplace approximations.
 
 mod laplace;
 mod newton;
@@ -12,7 +12,7 @@ use base::Result;
 use rayon::prelude::*;
 use std::cmp::Ordering;
 
-/// Climbs from every start and returns the distinct modes, heaviest first. Starts outside the support are skipped.
+/// Climbs from every start and returns the distinct modes, largest mass first. Starts outside the support are skipped.
 ///
 /// # Errors
 /// [`base::Error::Numerical`] when a log density is +∞.
@@ -21,7 +21,7 @@ pub fn find_modes(density: &dyn LogDensity, starts: &[Vec<f64>]) -> Result<Modes
         starts.par_iter().map(|start| maximise(density, start)).collect::<Result<Vec<_>>>()?;
     let mut modes = Modes::default();
     let mut optima: Vec<Optimum> = optima.into_iter().flatten().collect();
-    // A climb that did not converge is not a mode. The highest of them is used only if no climb converged.
+    // A climb that did not converge does not define a mode. Only if no climb converged is the highest end point used.
     optima.sort_by(|a, b| {
         (b.converged, b.log_density).partial_cmp(&(a.converged, a.log_density)).unwrap_or(Ordering::Equal)
     });

@@ -1,39 +1,40 @@
-//! Saddle-free Newton ascent on a log density of few coordinates, with derivatives by differences.
+//! Saddle-free Newton ascent of a log density with few coordinates. Derivatives are computed by differences.
 
 use super::stencil::{Derivatives, differentiate, evaluate};
 use crate::LogDensity;
 use base::Result;
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
-/// A maximum and its curvature.
+/// Maximum of a log density, with the curvature there.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Optimum {
-    /// Unconstrained coordinates.
+    /// Unconstrained coordinates of the maximum.
     pub location: Vec<f64>,
     /// Log density at the maximum.
     pub log_density: f64,
-    /// Precision matrix −∂²ln p, made positive definite, row by row.
+    /// Precision matrix −∂²ln p, row by row. Its eigenvalues are made positive.
     pub precision: Vec<f64>,
-    /// True if the quadratic model promises less than 10⁻⁶ nats of gain and the curvature is negative in every direction.
+    /// `true` if the curvature is negative in every direction and the quadratic model predicts a further gain below 10⁻⁶ nats.
     pub converged: bool,
 }
 
 const MAX_ITERATIONS: usize = 500;
-/// Iterations before steps are corrected for ridges. Most climbs end earlier, and a correction costs ten times a plain step.
+/// Number of iterations before steps are corrected for curved ridges. Most climbs end earlier, and a correction costs ten times a plain step.
 const PLAIN_ITERATIONS: usize = 20;
-/// Dampings μ tried at every step, in units of the curvature along coordinates.
+/// Dampings μ that are tried at every step, relative to the curvature along the coordinates.
 const DAMPINGS: [f64; 14] = [0.0, 1e-6, 1e-5, 1e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0, 10.0, 100.0, 1e4];
-/// Damping of the step that leads back to a ridge. It corrects only the stiff directions.
+/// Damping of the correction that leads back to a ridge. The correction changes mainly the directions of strong curvature.
 const RIDGE_DAMPING: f64 = 0.03;
-/// Gain (nats) promised by the local quadratic model below which the climb has converged.
+/// Predicted gain (nats) of the local quadratic model. Below it, the climb has converged.
 const GAIN_TOLERANCE: f64 = 1e-6;
-/// Target change of the log density (nats) over a difference step: large against rounding, small against the model's range.
+/// Change of the log density (nats) that a difference step should cause. It is large compared with rounding errors and small compared with the range in
+/// which the quadratic model holds.
 const DIFFERENCE_TARGET: f64 = 1e-2;
 
 /// Climbs to a maximum. `None` if the log density cannot be differentiated (−∞) at the start or on the way up.
 ///
-/// Steps use coordinates scaled by the curvature's diagonal and follow (|Λ| + μ)⁻¹ of its eigenvalues Λ. All candidates
-/// for μ are evaluated in one batch and the best is used, so that no trust region needs tuning.
+/// Coordinates are scaled by the diagonal of the curvature matrix. A step is (|Λ| + μ)⁻¹ times the gradient along the eigenvectors, where Λ are the
+/// eigenvalues of the scaled matrix. All values of μ are evaluated in one batch and the best is used, so no trust region is needed.
 ///
 /// # Errors
 /// [`base::Error::Numerical`] when a log density is +∞.
@@ -46,7 +47,7 @@ pub fn maximise(density: &dyn LogDensity, start: &[f64]) -> Result<Option<Optimu
         let adapted = adapted_steps(&x, value, &derivatives, &steps);
         let settled = adapted.iter().zip(&steps).all(|(new, old)| (0.5..2.0).contains(&(new / old)));
         steps = adapted;
-        // The returned curvature must come from steps of the right size.
+        // The curvature that is returned must come from difference steps of a suitable size.
         let at_rest = local.gain < GAIN_TOLERANCE && local.is_maximum();
         if (at_rest && (settled || refined)) || iteration == MAX_ITERATIONS {
             return Ok(Some(local.optimum(&x, value, at_rest)));
@@ -63,15 +64,15 @@ pub fn maximise(density: &dyn LogDensity, start: &[f64]) -> Result<Option<Optimu
         if values[best] > value {
             (x, value) = (candidates[best].clone(), values[best]);
         } else if !at_rest && settled {
-            // Rounding or a kink: differences cannot lead higher.
+            // Because of rounding or a kink, differences cannot lead to a higher point.
             return Ok(Some(local.optimum(&x, value, local.gain < 1e-3 && local.is_maximum())));
         }
     }
     Ok(None)
 }
 
-/// The Gaussian with the density's value and curvature at a point that is not a maximum. `None` if the density cannot be differentiated there. Difference steps
-/// are adapted twice, which can change them from a thousandth of a unit to any size that a maximum needs.
+/// Returns the Gaussian that has the value and curvature of the density at `point`, which need not be a maximum. `None` if the density cannot be
+/// differentiated there. The difference steps are adapted twice. They may therefore start a thousand times too large or too small.
 ///
 /// # Errors
 /// [`base::Error::Numerical`] when a log density is +∞.
@@ -85,10 +86,10 @@ pub fn fit_local_gaussian(density: &dyn LogDensity, point: &[f64]) -> Result<Opt
     Ok(derivatives.map(|derivatives| Local::new(&derivatives).optimum(&x, value, false)))
 }
 
-/// A point, its log density and the first difference steps.
+/// A point, its log density and its initial difference steps.
 type StartPoint = (DVector<f64>, f64, DVector<f64>);
 
-/// Starting values at a point; `None` outside the support.
+/// Log density and initial difference steps at `point`; `None` outside the support.
 fn beginning(density: &dyn LogDensity, point: &[f64]) -> Result<Option<StartPoint>> {
     let x = DVector::from_column_slice(point);
     let value = evaluate(density, std::slice::from_ref(&x))?[0];
@@ -96,25 +97,25 @@ fn beginning(density: &dyn LogDensity, point: &[f64]) -> Result<Option<StartPoin
     Ok((value.is_finite() && !x.is_empty()).then_some((x, value, steps)))
 }
 
-/// Steps over which each coordinate alone changes the log density by the target.
+/// Difference steps for which each coordinate alone changes the log density by the target.
 fn adapted_steps(x: &DVector<f64>, value: f64, derivatives: &Derivatives, steps: &DVector<f64>) -> DVector<f64> {
     let target = DIFFERENCE_TARGET.max(1e-9 * value.abs());
     DVector::from_fn(x.len(), |i, _| {
         let curvature = derivatives.hessian[(i, i)].abs();
         let wanted = (2.0 * target / curvature.max(1e-300)).sqrt();
         let widest = 0.1 * (1.0 + x[i].abs());
-        // At most tenfold at a time, because a single curvature may be an outlier.
+        // A step changes at most tenfold at a time, because a single curvature may be an outlier.
         wanted.clamp(0.1 * steps[i], 10.0 * steps[i]).clamp(1e-9 * (1.0 + x[i].abs()), widest)
     })
 }
 
-/// The quadratic model in scaled coordinates u, x = D u: −H scaled has a unit diagonal.
+/// Local quadratic model in scaled coordinates u with x = D u. The scaled matrix −D H D has a unit diagonal.
 struct Local {
     scale: DVector<f64>,
     eigen: SymmetricEigen<f64, nalgebra::Dyn>,
-    /// Gradient along the eigenvectors.
+    /// Gradient with respect to u, in the basis of the eigenvectors.
     slope: DVector<f64>,
-    /// Promised gain ½ g'|Λ|⁻¹g.
+    /// Gain (nats) that the model predicts, ½ gᵀ|Λ|⁻¹g.
     gain: f64,
 }
 
@@ -139,8 +140,8 @@ impl Local {
         self.eigen.eigenvalues.iter().all(|&l| l > 1e-8)
     }
 
-    /// Converts a step along the eigenvectors to coordinates. No coordinate moves by more than a few units at once,
-    /// which is a factor of twenty for a logarithm.
+    /// Converts a step from the basis of the eigenvectors to coordinates x. No coordinate changes by more than a few units at once; for a logarithm, this is
+    /// a factor of twenty.
     fn bounded_step(&self, x: &DVector<f64>, along: DVector<f64>) -> DVector<f64> {
         let step = (&self.eigen.eigenvectors * along).component_mul(&self.scale);
         let longest = step.iter().zip(x).map(|(s, x)| s.abs() / (3.0 + x.abs())).fold(0.0, f64::max);
@@ -154,7 +155,7 @@ impl Local {
             push(self.slope.zip_map(&self.eigen.eigenvalues, |g, l| g / (Self::stiff(l) + mu)));
         }
         for (k, &l) in self.eigen.eigenvalues.iter().enumerate() {
-            // Down the side of a ridge in both directions, in case the gradient vanishes on the ridge.
+            // Steps in both directions off a ridge are tried, because the gradient may vanish on the ridge.
             if l < -1e-8 {
                 for length in [-1.0, -0.1, 0.1, 1.0] {
                     push(DVector::from_fn(x.len(), |i, _| if i == k { length } else { 0.0 }));
@@ -164,8 +165,8 @@ impl Local {
         candidates
     }
 
-    /// Corrects candidates on curved ridges. A long step along the soft directions leaves such a ridge, because the quadratic model fails there.
-    /// A second step leads back: it uses the gradient at the end of the first step and the old curvature.
+    /// Corrects candidate points near curved ridges. A long step in directions of weak curvature leaves the ridge, because the quadratic model fails there. A
+    /// second step leads back. It uses the gradient at the end of the first step and the earlier curvature.
     fn corrected(
         &self,
         density: &dyn LogDensity,

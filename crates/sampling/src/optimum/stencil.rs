@@ -5,14 +5,14 @@ use crate::check_log_densities;
 use base::Result;
 use nalgebra::{DMatrix, DVector};
 
-/// Value and derivatives at a point.
+/// Log density at a point with its gradient and Hessian matrix.
 pub(super) struct Derivatives {
     pub gradient: DVector<f64>,
     pub hessian: DMatrix<f64>,
 }
 
-/// Log densities of points given one by one. NaN counts as −∞ here, because a long trial step may overflow.
-/// The sampler, which stays near the mass, stops at a NaN.
+/// Log densities of points, one vector of coordinates per point. NaN is replaced by −∞, because a long trial step may overflow. The sampler, which stays
+/// near the posterior's mass, refuses NaN.
 pub(super) fn evaluate(density: &dyn LogDensity, points: &[DVector<f64>]) -> Result<Vec<f64>> {
     let (n, dimension) = (points.len(), density.dimension());
     if n == 0 {
@@ -26,10 +26,10 @@ pub(super) fn evaluate(density: &dyn LogDensity, points: &[DVector<f64>]) -> Res
     Ok(values)
 }
 
-/// Differentiates by central differences with the given steps. The steps are halved until the whole stencil lies in the support.
-/// `None` if halving does not help.
+/// Computes gradient and Hessian at `centre` by central differences with the given steps. The steps are halved until all points of the stencil lie in the
+/// support; `None` if that does not help.
 ///
-/// Mixed derivatives use the two corners (+,+) and (−,−), so that the stencil has 1 + d + d² points besides the centre.
+/// Mixed derivatives use the two corners (+,+) and (−,−). The stencil has 1 + d + d² points besides the centre, where d is the dimension.
 pub(super) fn differentiate(
     density: &dyn LogDensity,
     centre: &DVector<f64>,
@@ -73,7 +73,7 @@ fn derivatives(value: f64, steps: &DVector<f64>, values: &[f64]) -> Derivatives 
     let mut corner = 2 * dimension;
     for i in 0..dimension {
         for j in 0..i {
-            // f(++) + f(−−) − 2f = hᵢ²Hᵢᵢ + hⱼ²Hⱼⱼ + 2hᵢhⱼHᵢⱼ.
+            // f(++) + f(−−) − 2f = hᵢ²Hᵢᵢ + hⱼ²Hⱼⱼ + 2hᵢhⱼHᵢⱼ, with the steps h and the Hessian H.
             let sum = (values[corner] - value) + (values[corner + 1] - value);
             let diagonal = steps[i] * steps[i] * hessian[(i, i)] + steps[j] * steps[j] * hessian[(j, j)];
             hessian[(i, j)] = (sum - diagonal) / (2.0 * steps[i] * steps[j]);

@@ -1,4 +1,4 @@
-//! Judges a calibration by the ranks of all replicates.
+//! Computes the verdict of a calibration from the ranks of all replicates.
 
 use super::sentence::sentence;
 use super::{CalibrationSubject, FEWEST, LEVEL, LOG_DENSITY, N_DRAWS, Ranked, Replicate};
@@ -7,17 +7,17 @@ use sampling::calibration::{
     Ranks, chi_square, count_interval, holm, p_of_chi_square, p_of_score, probability_interval,
 };
 
-/// Numbers of bins for the ranks, largest first. The first number that leaves [`FEWEST_IN_BIN`] ranks in each bin is used.
+/// Allowed numbers of histogram bins for the ranks. The first that leaves at least [`FEWEST_IN_BIN`] ranks per bin on average is used.
 const BINS: [usize; 4] = [20, 10, 5, 4];
 /// Smallest mean number of ranks in a bin for which χ² can be trusted.
 const FEWEST_IN_BIN: usize = 5;
 
-/// Document of a calibration, from its replicates in any order.
+/// Returns the document of a calibration. The replicates may be in any order.
 pub fn judge(subject: &CalibrationSubject, replicates: &[Replicate]) -> Calibration {
     let mut sorted: Vec<&Replicate> = replicates.iter().collect();
     sorted.sort_by_key(|replicate| replicate.number);
     let sampled: Vec<&Ranked> = sorted.iter().filter_map(|replicate| replicate.ranked.as_ref()).collect();
-    // Convergence depends on the truth only through the record. Leaving out runs that did not converge therefore keeps the other ranks uniform.
+    // Whether a run converges depends on the truth only through the record. Excluding runs that did not converge therefore keeps the other ranks uniform.
     let ranked: Vec<&Ranked> = sampled.iter().copied().filter(|ranked| ranked.converged).collect();
     let n_bins = BINS.into_iter().find(|bins| bins * FEWEST_IN_BIN <= ranked.len()).unwrap_or(BINS[BINS.len() - 1]);
     let names = subject.parameters.iter().map(String::as_str).chain([LOG_DENSITY]);
@@ -80,8 +80,8 @@ fn quantity(name: &str, index: usize, ranked: &[&Ranked], n_bins: usize) -> Cali
     }
 }
 
-/// Corrects p for the tests of all quantities. Each quantity has three tests: χ² detects any shape, while place and spread detect the two usual faults
-/// with fewer replicates.
+/// Corrects each p for the number of tests, over all quantities. Each quantity has three tests. The χ² test detects any deviation from uniform ranks. The tests
+/// of place and spread detect the two usual faults with fewer replicates.
 fn correct(quantities: &mut [CalibratedQuantity]) {
     let of = |calibrated_quantity: &CalibratedQuantity| {
         Some([

@@ -1,4 +1,4 @@
-//! Judges ranks that are made by hand: right ones, wrong ones of known kinds, and too few.
+//! Tests the verdicts on artificial ranks: uniform ranks, ranks with known faults, and too few ranks.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -16,7 +16,7 @@ fn subject() -> CalibrationSubject {
     }
 }
 
-/// Uniform ranks, with those of the first parameter changed by `change`.
+/// Replicates with uniform ranks. The ranks of the first parameter are changed by the function `change`.
 fn replicates(n: usize, change: impl Fn(usize) -> usize) -> Vec<Replicate> {
     let mut rng = ChaCha8Rng::seed_from_u64(11);
     let one = |number: usize| {
@@ -28,8 +28,8 @@ fn replicates(n: usize, change: impl Fn(usize) -> usize) -> Vec<Replicate> {
     (0..n).map(one).collect()
 }
 
-/// Right ranks fail for one seed in a hundred, and wrong ranks are named correctly. For 200 halved ranks the expected place is −12 standard errors. For ranks
-/// drawn towards the ends the spread exceeds 8.
+/// Uniform ranks fail for one seed in a hundred. Faulty ranks are named with their fault. For 200 halved ranks the expected place is −12 standard errors. For
+/// ranks shifted to both ends the spread exceeds 8.
 #[test]
 fn verdicts_are_those_of_the_ranks() {
     let right = judge(&subject(), &replicates(200, |rank| rank));
@@ -47,7 +47,7 @@ fn verdicts_are_those_of_the_ranks() {
     assert!(narrow.quantities[0].coverage_90.share < Some(0.8));
 }
 
-/// Replicates that did not converge are counted and left out. With too few others there is no verdict.
+/// Replicates that did not converge are counted and excluded. If too few others remain, there is no verdict.
 #[test]
 fn what_cannot_be_counted_is_said() {
     let mut all = replicates(60, |rank| rank);

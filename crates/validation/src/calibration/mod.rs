@@ -1,8 +1,8 @@
-//! Simulation-based calibration of one experiment's inference (Talts et al. 2018, arXiv:1804.06788). Parameters are drawn from the prior, and a record is
-//! simulated at the experiment's rows and sampled as by `sample`. The truth's rank among the draws must be uniform.
+//! Simulation-based calibration of one experiment's inference (Talts et al. 2018, arXiv:1804.06788). Parameters are drawn from the prior. A record is simulated
+//! at the experiment's rows, and the posterior is sampled as by `sample`. The rank of the true value among the posterior draws must be uniformly distributed.
 //!
-//! The full-order model simulates the records and the surrogate samples them, so that the surrogate's error shows in the ranks. A calibration cannot test if
-//! the finite elements describe the physics.
+//! The full-order model simulates the records, and the posterior uses the surrogate. The ranks therefore also show errors of the surrogate. A calibration
+//! cannot test whether the finite elements describe the physics.
 
 mod judgement;
 mod sentence;
@@ -32,51 +32,51 @@ use sampling::calibration::{independent_draw_indices, rank};
 use sampling::ensemble::SampleOutcome;
 use sampling::{LogDensity, SamplerOptions};
 
-/// Number of posterior draws that a truth is ranked among. The 100 possible ranks divide evenly into 20 bins and into intervals of 50 % and 90 %.
+/// Number of posterior draws among which a true value is ranked. The 100 possible ranks divide evenly into 20 bins and into intervals of 50 % and 90 %.
 pub const N_DRAWS: usize = 99;
-/// Name of the last ranked quantity. It reveals faults that no single parameter shows, such as a posterior that equals the prior.
+/// Name of the last ranked quantity, the log density. Its ranks reveal faults that no single parameter shows, such as a posterior that equals the prior.
 pub const LOG_DENSITY: &str = "log_density";
-/// Largest corrected p at which a calibration fails. A right program fails at most once in a hundred.
+/// A calibration fails if the smallest corrected p is below this level. A correct program fails at most once in a hundred calibrations.
 const LEVEL: f64 = 0.01;
-/// Smallest number of ranked truths for a verdict. With fewer, the statistic is not χ² distributed and only gross errors would show.
+/// Smallest number of ranks for a verdict. With fewer, the statistic is not χ² distributed, and only gross errors would be detected.
 pub const FEWEST: usize = 20;
-/// First random stream of truths and their noise, one stream for each replicate. Samplers have their own seeds.
+/// Number of the first random stream for true values and their noise; each replicate has its own stream. Samplers have their own seeds.
 const STREAMS: u64 = 1 << 61;
-/// Largest number of prior draws for one replicate. If the model fails for all of them, there is no prior to calibrate.
+/// Largest number of prior draws for one replicate. If the model fails for all of them, the calibration stops with an error.
 const MOST_DRAWN: usize = 200;
 
-/// Subject of a calibration, common to all replicates.
+/// Subject of a calibration: experiment, model and simulator, common to all replicates.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CalibrationSubject {
-    /// Specimen of the experiment.
+    /// Specimen identifier of the experiment.
     pub experiment: String,
-    /// The model.
+    /// Model that is calibrated.
     pub model: ModelSummary,
-    /// Sampled parameters.
+    /// Names of the sampled parameters.
     pub parameters: Vec<String>,
     /// Model that simulates the records.
     pub simulated_by: Simulator,
 }
 
-/// One simulated record with the result of its sampling.
+/// One simulated record with the ranks of its true parameters.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Replicate {
     /// Number of the replicate, from 0.
     pub number: usize,
-    /// True values of the sampled parameters, in their own units.
+    /// True values of the sampled parameters, in the parameters' units.
     pub truth: Vec<f64>,
-    /// Number of prior draws before this truth that the model refused.
+    /// Number of prior draws that the model refused before it accepted `truth`.
     pub redrawn: usize,
     /// Ranks from the sampler; `None` if it failed.
     pub ranked: Option<Ranked>,
-    /// Reason of the failure.
+    /// Reason why the sampler failed; `None` if it did not.
     pub failure: Option<String>,
 }
 
-/// Ranks of a truth among the draws of its posterior.
+/// Ranks of the true values among the draws of the posterior.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Ranked {
-    /// Ranks of all parameters, then of the log density.
+    /// Ranks of all parameters, followed by the rank of the log density; from 0 to [`N_DRAWS`].
     pub ranks: Vec<usize>,
     /// (true value − posterior mean)/posterior standard deviation of each parameter, in the sampler's coordinates.
     pub z: Vec<f64>,
@@ -84,7 +84,7 @@ pub struct Ranked {
     pub converged: bool,
 }
 
-/// Checks that an experiment's inference can be calibrated, before any mesh is made. Returns the text of the model's priors.
+/// Checks that an experiment's inference can be calibrated, before a mesh is made. Returns the text of the model's priors.
 ///
 /// # Errors
 /// [`Error::Input`] if it cannot be calibrated.
@@ -107,7 +107,7 @@ pub fn check(experiment: &Experiment, model: &ModelSpecification, options: &Samp
     Ok(problem.priors.text().into())
 }
 
-/// Prepared model that all replicates share: meshed, assembled and trained once.
+/// Meshed, assembled and trained model of a calibration. All replicates share it.
 pub struct Bench {
     model: PreparedModel,
 }
@@ -133,10 +133,10 @@ impl Bench {
         }
     }
 
-    /// Returns the replicates with these numbers, in order. Each depends only on its number and on the seed in `options`.
+    /// Simulates and samples the replicates with these numbers, and returns them in order. Each depends only on its number and on the seed in `options`.
     ///
     /// # Errors
-    /// [`Error::Interrupted`] when stopped; [`Error::Numerical`] if the model fails for nearly all of the prior.
+    /// [`Error::Interrupted`] when stopped; [`Error::Numerical`] if the model fails for nearly all draws from the prior.
     pub fn replicates(
         &self,
         numbers: std::ops::Range<usize>,
@@ -183,7 +183,7 @@ impl Bench {
         }
     }
 
-    /// Draws a truth for which the model works, and simulates its record.
+    /// Draws parameters from the prior until the model accepts them, and simulates their record.
     fn simulated(&self, forwards: &Forwards<'_>, rng: &mut ChaCha8Rng, monitor: &dyn Monitor) -> Result<Simulated> {
         let Problem { experiment, model, noise, priors, .. } = &self.model.problem;
         let record = &experiment.record;
@@ -196,7 +196,7 @@ impl Bench {
             let natural = posterior.natural(&priors.to_unconstrained(&truth));
             let (parameters, of_noise) = natural.split_at(model.parameters().len());
             let Ok(trajectory_m) = forwards.trajectory_m(parameters) else { continue };
-            // Rows with lost tracking are not simulated. A heavy-tailed noise has another effect if it is observed in more rows.
+            // Rows with lost tracking are not simulated, because a heavy-tailed noise depends on the number of observed rows.
             let time_s: Vec<f64> = rows.iter().map(|row| record.time_s[*row]).collect();
             let recordings = self.model.problem.recordings();
             let cycle: Vec<u32> = rows.iter().map(|row| recordings[*row]).collect();
@@ -220,7 +220,7 @@ impl Bench {
         ))
     }
 
-    /// Samples a simulated record and ranks its truth.
+    /// Samples the posterior of a simulated record, and ranks the true values.
     fn ranked(
         &self,
         truth: &[f64],
@@ -239,7 +239,7 @@ impl Bench {
     }
 }
 
-/// Ranks a truth among the draws, by its coordinates and its log density.
+/// Ranks the true values among the posterior draws. `point` holds them in the sampler's coordinates, and `log_density` is their log density.
 fn ranked(point: &[f64], log_density: f64, outcome: &SampleOutcome) -> Result<Ranked> {
     let draws = &outcome.draws;
     let places = independent_draw_indices(draws, N_DRAWS);
@@ -271,22 +271,22 @@ fn ranked(point: &[f64], log_density: f64, outcome: &SampleOutcome) -> Result<Ra
     Ok(Ranked { ranks, z, converged: outcome.converged })
 }
 
-/// A drawn truth with the simulated positions (m) at the fitted rows.
+/// True parameters drawn from the prior, with the simulated positions (m) at the fitted rows.
 struct Simulated {
     truth: Vec<f64>,
     redrawn: usize,
     position_m: Vec<Option<f64>>,
 }
 
-/// Models of one record up to its last fitted row.
+/// Full-order model and surrogate of one record up to its last fitted row.
 struct Forwards<'a> {
     reduced: &'a dyn Forward,
     full: Option<&'a dyn Forward>,
 }
 
 impl Forwards<'_> {
-    /// Returns the trajectory (m) of the full-order model, if there is one. Parameters that the surrogate refuses lie outside the posterior and hence the
-    /// prior. The surrogate runs first because it is fast.
+    /// Returns the simulated positions (m), from the full-order model if there is one. Parameters that the surrogate refuses lie outside the posterior, and
+    /// therefore outside the prior. The surrogate runs first because it is fast.
     fn trajectory_m(&self, parameters: &[f64]) -> Result<Vec<f64>> {
         let reduced_m = self.reduced.trajectory_m(parameters)?;
         self.full.map_or(Ok(reduced_m), |full| full.trajectory_m(parameters))

@@ -1,12 +1,12 @@
-//! The calibration's verdict as a sentence.
+//! Formulates the verdict of a calibration as a sentence.
 
 use super::{FEWEST, LEVEL, LOG_DENSITY};
 use documents::calibration::{CalibratedQuantity, Calibration, CalibrationKind};
 use figures::number::format_significant;
 
-/// Score beyond which a fault is named. The verdict itself uses the corrected p.
+/// Absolute score above which the sentence names a fault. The verdict itself uses the corrected p.
 const TELLING: f64 = 3.0;
-/// Largest number of named quantities.
+/// Largest number of quantities that the sentence names.
 const MOST_NAMED: usize = 3;
 
 /// Returns the verdict as a sentence.
@@ -44,7 +44,7 @@ pub(super) fn sentence(found: &Calibration) -> String {
     if left_out.is_empty() { said } else { format!("{said} {}.", left_out.join(", ")) }
 }
 
-/// Text on one quantity's fault.
+/// Text that names a quantity and the fault of its ranks.
 fn fault(calibrated_quantity: &CalibratedQuantity) -> String {
     let corrected = p([calibrated_quantity].into_iter());
     if calibrated_quantity.name == LOG_DENSITY {
@@ -68,7 +68,7 @@ fn fault(calibrated_quantity: &CalibratedQuantity) -> String {
     format!("{} is {what} (corrected p {corrected})", calibrated_quantity.name)
 }
 
-/// Smallest corrected p, with two digits.
+/// Text of the smallest corrected p of several quantities, with two digits.
 fn p<'a>(quantities: impl Iterator<Item = &'a CalibratedQuantity>) -> String {
     let smallest = quantities.filter_map(|calibrated_quantity| calibrated_quantity.p_holm).fold(1.0, f64::min);
     format_significant(smallest, 2)

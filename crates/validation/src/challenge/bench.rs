@@ -1,4 +1,4 @@
-//! Draws the truths of challenges.
+//! Draws the truths of challenges: laws, hidden effects and disturbances with a given strength.
 
 use rayon::prelude::*;
 
@@ -22,57 +22,57 @@ use posterior::study::ModelSpecification;
 use record::{Apparatus, Experiment};
 use sampling::ensemble::RandomStream;
 
-/// Largest number of pairs that are drawn until two effects are compatible.
+/// Largest number of random pairs of effects that are tried until two are compatible.
 const MOST_PAIRS: usize = 1000;
 
-/// Specification of a truth: what it hides, and the experiment.
+/// Specification of a truth to draw: hidden effects or errors, protocol, noise and strength.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TruthRequest {
-    /// What is hidden from the diagnosis: effects, physics outside the library, a wrong constant of the apparatus, or nothing.
+    /// Hidden effects or errors: effects, physics outside the library, a wrong constant of the apparatus, or nothing.
     pub hidden: HiddenThing,
     /// Protocol of the experiment.
     pub protocol: Protocol,
     /// Noise of the experiment.
     pub noise: NoiseKind,
-    /// True if the experiment states the noise.
+    /// True if the experiment states its noise standard deviation.
     pub is_noise_given: bool,
-    /// Strength of what is hidden.
+    /// Strength of the hidden effects or disturbance.
     pub strength: Strength,
 }
 
-/// The reference apparatus with its surrogate. Truths are drawn and sized on it.
+/// The reference apparatus with its surrogate. Truths are drawn for it, and their signals are computed with it.
 pub struct Bench {
     problem: Problem,
     compliance: Compliance,
     library: Library,
-    /// Effects that can be fitted on this bench, in the library's order.
+    /// Effects that can be fitted with this bench's surrogate, in the library's order.
     served: Vec<&'static dyn Effect>,
 }
 
-/// Elastic displacement, retardation time and flow of a drawn law lie within these factors of the values in Table I.
+/// Largest factor by which elastic displacement, retardation time and flow of a drawn law differ from those of the law in Table I.
 const LARGEST_FACTOR: f64 = 2.0;
 const LONGEST_FACTOR: f64 = 3.0;
-/// Number of laws, signs and shapes that are tried before a signal counts as out of reach.
+/// Number of draws (law, signs and shapes) after which a requested signal counts as out of reach.
 const MOST_DRAWS: usize = 40;
-/// Default signal of physics outside the library, which has no prior.
+/// Default signal of physics outside the library, in standard deviations. Such physics has no prior to draw a size from.
 const OUTSIDE_SIGMA: f64 = 20.0;
-/// Number of rounds in which sizes become consistent with the position range that scales their priors.
+/// Number of iterations between drawn sizes and the range of positions that scales their priors.
 const PRIOR_ROUNDS: usize = 4;
 
-/// An effect with its size drawn from the prior.
+/// An effect with parameters drawn from its prior.
 pub(super) struct FromPriors {
-    /// E (Pa), c₁ and c₂ (Pa s).
+    /// Drawn law: E (Pa), c₁ and c₂ (Pa s).
     pub law: [f64; 3],
-    /// Parameters of the effect.
+    /// Drawn parameters of the effect.
     pub parameters: Vec<NamedValue>,
-    /// Signal: distance in σ between the noise-free data and the best fit without the effect.
+    /// Distance between the noise-free data and the best fit without the effect, in noise standard deviations.
     pub signal_sigma: f64,
     /// Noise-free position (m) at every row, from the surrogate.
     pub position_m: Vec<f64>,
 }
 
 impl Bench {
-    /// Meshes the reference apparatus and trains its surrogate for all effects of the library.
+    /// Meshes the reference apparatus, and trains its surrogate for all effects of the library.
     ///
     /// # Errors
     /// Errors of the training.
@@ -80,8 +80,8 @@ impl Bench {
         Self::serving_those(|_| true, monitor)
     }
 
-    /// Trains the surrogate only for the named effects and for all effects that need no more than the base law's surrogate. This suffices for one truth with
-    /// these effects hidden.
+    /// As [`Bench::new`], but trains the surrogate only for the named effects, and for all effects that the base law's surrogate already covers. These suffice
+    /// to draw a truth with the named effects hidden.
     ///
     /// # Errors
     /// [`Error::Input`] if an effect does not exist; errors of the training.
@@ -110,7 +110,7 @@ impl Bench {
         &self.problem.experiment.apparatus
     }
 
-    /// Returns a subject of the diagnosis: an experiment on the reference apparatus with the default base model.
+    /// Returns an experiment on the reference apparatus as a subject of the diagnosis, with the default base model.
     ///
     /// # Errors
     /// As [`Subject::with_compliance`].
@@ -119,7 +119,7 @@ impl Bench {
         Subject::with_compliance(&problem, &self.library, self.compliance.clone())
     }
 
-    /// Returns the subject for a protocol and positions (m, one for each row), with a tracker's white noise.
+    /// Returns the subject for a protocol and positions (m, one for each row). The noise is the tracker's white noise.
     ///
     /// # Errors
     /// As [`Bench::subject`].
@@ -128,7 +128,8 @@ impl Bench {
         self.subject_measured(protocol, &all, Some(WHITE_M))
     }
 
-    /// Returns the subject for a protocol, positions (m, one for each row, some possibly lost) and noise (m), if it is given.
+    /// Returns the subject for a protocol and measured positions (m, one for each row; `None` if lost). `noise_m` is the stated noise standard deviation, if it
+    /// is stated.
     ///
     /// # Errors
     /// As [`Bench::subject`].
@@ -141,7 +142,7 @@ impl Bench {
         self.subject(protocol.experiment("challenge", self.apparatus().clone(), position_m, noise_sd_m))
     }
 
-    /// Draws a truth. Equal requests and random streams give equal truths.
+    /// Draws a truth. Equal requests and equal random streams give equal truths.
     ///
     /// # Errors
     /// [`Error::Input`] if an effect does not exist, or if the requested signal is out of reach.
@@ -166,7 +167,8 @@ impl Bench {
         Err(out_of_reach(order))
     }
 
-    /// Compares the effects in `not_compared` with the hidden ones. Adds those that this experiment cannot distinguish from them to the `ideal_class`.
+    /// Compares the effects in the truth's list `not_compared` with the hidden effects. Returns the truth with those that this experiment cannot distinguish
+    /// added to the list `ideal_class`.
     ///
     /// # Errors
     /// [`Error::Numerical`] if the model fails for the truth.
@@ -198,7 +200,7 @@ impl Bench {
         Ok(whole)
     }
 
-    /// Sorts the effects in the library's order, which is the order of a model's parameters.
+    /// Returns the request with its effects in the library's order, which is also the order of a model's parameters.
     fn in_order_of_application(&self, order: &TruthRequest) -> Result<TruthRequest> {
         let HiddenThing::Effects(slugs) = &order.hidden else { return Ok(order.clone()) };
         refuse_unknown(&self.library, slugs)?;
@@ -207,8 +209,8 @@ impl Bench {
         Ok(TruthRequest { hidden: HiddenThing::Effects(sorted), ..order.clone() })
     }
 
-    /// Draws a law from the prior with elastic displacement, retardation time and flow within factors of Table I. The motion then resembles an experiment: no
-    /// part ends before the first sample or is hidden in the noise.
+    /// Draws a law from the prior: E (Pa), c₁ and c₂ (Pa s). Its elastic displacement, retardation time and flow differ from those of Table I by limited
+    /// factors. The motion then resembles an experiment: no part of it ends before the first sample or stays below the noise.
     fn law(&self, stream: &mut RandomStream) -> [f64; 3] {
         let priors = self.problem.priors.priors();
         let within = |value: f64, reference: f64, factor: f64| (value / reference).ln().abs() <= f64::ln(factor);
@@ -222,7 +224,7 @@ impl Bench {
                 return [e, c1, c2];
             }
         }
-        // About one draw in thirty is accepted, so this line is practically never reached.
+        // About one draw in thirty is accepted, so this line is almost never reached.
         TABLE_I
     }
 
@@ -233,13 +235,13 @@ impl Bench {
         let base = still.base();
         let theta: Vec<f64> = theta_of(&base);
         let position_m = still.trajectory_m(&base, &theta)?;
-        // The second subject scales its priors by the position range of this motion.
+        // The priors of this second subject are scaled by the position range of the motion with the effect.
         let subject = self.subject_of(protocol, &position_m)?;
         let base = subject.base();
         Ok(Motion { theta: theta_of(&base), subject, base, noise: noise.parameters() })
     }
 
-    /// Draws an effect's parameters from the priors that an experiment with these data gives them; `None` if the model fails.
+    /// Draws an effect's parameters from its priors in an experiment with these data. Returns `None` if the model fails.
     pub(super) fn draw_from_priors(
         &self,
         slug: &str,
@@ -312,7 +314,7 @@ impl Bench {
                 let drawn = Disturbance::draw(*kind, stream);
                 let Some((disturbance, sigma)) = motion.with_outside(&drawn, asked_sigma)? else { return Ok(None) };
                 let position_m = motion.disturbed_m(&disturbance)?;
-                // A disturbance that an effect of the library explains is not outside.
+                // A disturbance that an effect of the library explains is not outside the library.
                 if !motion.ideal_class(&motion.shown(&position_m), &[], &self.served).is_empty() {
                     return Ok(None);
                 }
@@ -322,19 +324,19 @@ impl Bench {
         Ok(Some(truth))
     }
 
-    /// True if the slug is that of large displacements.
+    /// True if the slug names the effect of large displacements.
     fn is_large(&self, slug: &str) -> bool {
         self.library.get(slug).is_some_and(large::is_large)
     }
 
-    /// Mobility of a truth's gel with large displacements; `None` without them.
+    /// Giesekus mobility of the gel of a truth with large displacements, 0 for an Oldroyd-B fluid; `None` without large displacements.
     pub(super) fn mobility_of(&self, truth: &Truth) -> Option<f64> {
         large::mobility_of(truth, |slug| self.is_large(slug))
     }
 
-    /// Returns a truth with large displacements, the distance in radii and the signal in σ. The drawn law is scaled so that the robot moves by 1 to 4 radii.
-    /// The tried distance with the signal nearest to the requested one is taken. The law absorbs much of the deviation, so the signal need not grow with the
-    /// distance.
+    /// Returns a truth with large displacements, the robot's farthest position in radii, and the signal in σ. The drawn law is scaled so that the robot moves
+    /// by 1 to 4 radii. Of the distances tried, the one whose signal is nearest to the requested signal is used. The law absorbs much of the deviation, so the
+    /// signal need not grow with the distance.
     fn with_large(
         &self,
         order: &TruthRequest,
@@ -365,8 +367,8 @@ impl Bench {
     }
 }
 
-/// Effects that may be hidden if none is named. Left out are effects that only rescale the law in a creep test of one body, because their signal cannot be
-/// prescribed. Large displacements are left out because their surrogate is trained for each record and their signal is bounded.
+/// Slugs of the effects that may be hidden if the user names none. Two kinds are excluded. Effects that only rescale the law in a creep test of one body have
+/// no adjustable signal. Large displacements need a surrogate trained for each record, and their signal is bounded.
 pub fn hideable_effects(library: &Library) -> Vec<String> {
     let shows = |effect: &&&dyn Effect| match effect.field() {
         Some(field) => !field.is_learnt_for_record(),
@@ -375,7 +377,7 @@ pub fn hideable_effects(library: &Library) -> Vec<String> {
     library.effects().iter().filter(shows).map(|effect| effect.slug().to_string()).collect()
 }
 
-/// Draws two effects that one model can contain.
+/// Draws two effects, of those in `slugs`, that one model can contain.
 ///
 /// # Errors
 /// Errors of reading the reference experiment; [`Error::Input`] if no two effects are compatible.

@@ -1,8 +1,9 @@
-//! Measures the coverage of 90 % intervals. Truths are drawn from the priors, and each record is fitted and its evidence computed as in `diagnose`.
+//! Measures how often 90 % intervals contain the true value. Truths are drawn from the priors. Each record is fitted and its evidence computed as in
+//! `diagnose`.
 //!
 //! A correctly computed posterior covers draws from its own prior at the stated rate, for any model (Cook, Gelman & Rubin 2006, doi:10.1198/106186006X136976).
-//! The data therefore come from the surrogate: the count tests the computation, not the model. Sizes are uniform in the prior's quantiles of the record's own
-//! diagnosis. Truths with a signal below a minimum are drawn again, because only detectable effects are ever claimed.
+//! The surrogate therefore simulates the data: the count tests the computation, not the model. Sizes are uniform in the quantiles of the prior that the
+//! record's own diagnosis uses. Truths whose signal is below a minimum are drawn again, because a diagnosis only claims detectable effects.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -16,39 +17,39 @@ use criticism::{Search, Subject};
 use posterior::monitor::{Counter, Monitor};
 use sampling::ensemble::RandomStream;
 
-/// Request for a coverage count.
+/// Request for a count of the coverage of intervals.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CoverageRequest {
-    /// Number of records.
+    /// Number of records to simulate.
     pub count: usize,
-    /// Number of the first record. A part of a long count takes the same records as the whole.
+    /// Number of the first record, from 0. A count can be split into parts, because a record depends only on its number and the seed.
     pub first: usize,
-    /// Slugs of the effects, used in turn.
+    /// Slugs of the effects; successive records use them in turn.
     pub effects: Vec<String>,
-    /// Smallest signal of a truth, in standard deviations.
+    /// Smallest signal of a truth, in noise standard deviations.
     pub least_sigma: f64,
-    /// Seed of truths, noise and intervals.
+    /// Seed of the truths, the noise and the intervals.
     pub seed: u64,
 }
 
-/// One interval with its true value.
+/// The 90 % interval of one record's effect, with its true value.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Interval {
     /// Number of the record, from 0.
     pub number: usize,
-    /// Slug of the effect.
+    /// Slug of the effect in this record.
     pub effect: String,
     /// Protocol of the record.
     pub protocol: Protocol,
     /// Noise of the record.
     pub noise: NoiseKind,
-    /// The law: E (Pa), c₁ and c₂ (Pa s).
+    /// True law: E (Pa), c₁ and c₂ (Pa s).
     pub law: [f64; 3],
-    /// True parameters of the effect. The first one is counted.
+    /// True parameters of the effect. The coverage refers to the first one.
     pub truth: Vec<NamedValue>,
-    /// Signal in standard deviations.
+    /// Signal of the effect, in noise standard deviations.
     pub signal_sigma: f64,
-    /// 5 % and 95 % quantile of the first parameter's posterior; `None` if the computation failed.
+    /// 5 % and 95 % quantiles of the first parameter's posterior; `None` if the computation failed.
     pub interval: Option<[f64; 2]>,
     /// True if the true value lies in the interval; `None` without an interval.
     pub is_covered: Option<bool>,
@@ -62,42 +63,42 @@ pub struct Interval {
     pub failure: Option<String>,
 }
 
-/// Coverage of one effect.
+/// Coverage of the intervals of one effect.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct EffectCoverage {
     /// Slug of the effect.
     pub effect: String,
-    /// Number of records with an interval.
+    /// Number of records for which an interval was computed.
     pub counted: usize,
-    /// Number of records with an interval that contains the true value.
+    /// Number of these intervals that contain the true value.
     pub covered: usize,
-    /// Number of records with an interval and several modes.
+    /// Number of records with an interval whose posterior has several modes.
     pub with_several_answers: usize,
-    /// Number of records without an interval.
+    /// Number of records for which no interval was computed.
     pub failed: usize,
 }
 
 /// Result of a coverage count.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Coverage {
-    /// Share of intervals that contain the true value.
+    /// Fraction of all intervals that contain the true value.
     pub share: f64,
-    /// Number of records with an interval.
+    /// Number of records for which an interval was computed.
     pub counted: usize,
     /// Results for each effect.
     pub effects: Vec<EffectCoverage>,
-    /// Every interval.
+    /// Interval of every record, also of those whose computation failed.
     pub intervals: Vec<Interval>,
 }
 
-/// Number of truths drawn before an effect's signals count as out of reach.
+/// Number of draws after which the minimum signal of an effect counts as out of reach.
 const MOST_DRAWS: usize = 400;
-/// First random stream of the noise. Smaller stream numbers belong to the truths.
+/// Number of the first random stream of the noise. Smaller numbers belong to the truths.
 const NOISE_STREAMS: u64 = 1 << 32;
-/// Kinds of noise that the fitted noise model contains.
+/// Kinds of noise that the fitted noise model describes correctly.
 const NOISES: [NoiseKind; 3] = [NoiseKind::White, NoiseKind::Ou, NoiseKind::Gain];
 
-/// Counts the coverage of a request.
+/// Counts how often the intervals of a request contain the true value.
 ///
 /// # Errors
 /// [`Error::Input`] for effects that are not in the library or never reach the minimum signal; errors of the base model's fit.
@@ -182,7 +183,7 @@ fn interval(bench: &Bench, request: &CoverageRequest, number: usize) -> Result<I
     Ok(made)
 }
 
-/// Returns the first draw with at least the minimum signal.
+/// Draws from the effect's priors until the signal reaches the minimum.
 fn drawn(
     bench: &Bench,
     slug: &str,
@@ -203,7 +204,7 @@ fn drawn(
     ))
 }
 
-/// Computes the posterior of the model with an effect, with the fits of a diagnosis.
+/// Computes the posterior of the model with the effect `slug`, from fits as in a diagnosis.
 fn posterior_of(subject: &Subject, slug: &str, seed: u64) -> Result<criticism::evidence::ModelEvidence> {
     let base = Refitted::new(subject, subject.base(), &[], Search::Wide)?;
     let with = Refitted::new(subject, subject.extended(&[slug])?, &[&base], Search::Wide)?;

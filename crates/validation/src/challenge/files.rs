@@ -1,4 +1,4 @@
-//! The directory of a sealed challenge: an experiment, the sealed answer, and the answer's hash, which is written first.
+//! Reads and writes the directory of a sealed challenge. It contains an experiment, the sealed answer, and the answer's hash, which is written first.
 
 use std::path::{Path, PathBuf};
 
@@ -16,27 +16,27 @@ use posterior::study::sha256_hex;
 use record::{Apparatus, Record, RobotShape, density_toml};
 use sampling::ensemble::RandomStream;
 
-/// File with the hash of salt and answer, written first.
+/// Name of the file with the hash of salt and answer. This file is written first.
 pub const COMMITMENT_FILE: &str = "commitment.sha256";
-/// File with the sealed answer.
+/// Name of the file with the sealed answer.
 pub const SEALED_FILE: &str = "sealed.json";
-/// Start of the comment in the experiment that repeats the hash.
+/// Beginning of the comment in `experiment.toml` that repeats the hash.
 const COMMENT: &str = "# Sealed answer, SHA-256: ";
 
-/// Content of the seal.
+/// Answer of a challenge, as it is sealed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SealedAnswer {
-    /// Truth behind the data.
+    /// Truth that the data are simulated from.
     pub truth: Truth,
-    /// SHA-256 of `trajectory.csv`. It binds the answer to these data.
+    /// SHA-256 hash of `trajectory.csv`, which ties the answer to these data.
     pub trajectory_sha256: String,
-    /// Noise-free position (µm) of every row; empty in seals without it.
+    /// Noise-free position (µm) of every row; empty in older answers, which lack this list.
     #[serde(default)]
     pub noise_free_um: Vec<f64>,
 }
 
 impl SealedAnswer {
-    /// Noise of the data in a CSV; `None` if the seal lacks the noise-free positions.
+    /// Computes the noise in the data of a CSV file. Returns `None` if the answer lacks the noise-free positions.
     fn noise(&self, csv: &str) -> Option<Noise> {
         let measured_um = csv.lines().skip(1).map(|line| line.split(',').nth(2)?.parse::<f64>().ok());
         let measured_um: Vec<Option<f64>> = measured_um.collect();
@@ -49,33 +49,33 @@ impl SealedAnswer {
     }
 }
 
-/// An opened challenge.
+/// An opened challenge: its answer, noise and hash.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OpenedChallenge {
     /// The sealed answer.
     pub answer: SealedAnswer,
-    /// Noise of the data; `None` if the seal lacks the noise-free positions.
+    /// Noise in the data; `None` if the answer lacks the noise-free positions.
     pub noise: Option<Noise>,
-    /// The committed hash.
+    /// Hash of salt and answer from the commitment file.
     pub commitment_sha256: String,
 }
 
-/// A challenge to create.
+/// Directory, truth and seed of a challenge to create.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ChallengeCase {
-    /// Directory that does not exist or is empty.
+    /// Directory to create. It must not exist, or be empty.
     pub dir: PathBuf,
     /// Specification of the truth.
     pub order: TruthRequest,
-    /// Seed of all random numbers. Equal orders and seeds give equal files, independent of other challenges.
+    /// Seed of all random numbers. Equal specifications and seeds give equal files, independent of other challenges.
     pub seed: u64,
 }
 
-/// Creates challenges: draws every truth, runs the full-order model for all of them at once, adds noise and seals the answers. Returns the hashes and nothing
-/// of the answers.
+/// Creates challenges. It draws every truth, runs the full-order model for all of them together, adds noise and seals the answers. Returns the hashes only, so
+/// that the answers stay hidden.
 ///
 /// # Errors
-/// [`Error::Input`] if a directory is in use or an order cannot be met; [`Error::File`] if a directory cannot be written.
+/// [`Error::Input`] if a directory is in use or a specification cannot be met; [`Error::File`] if a directory cannot be written.
 pub fn make(cases: &[ChallengeCase], bench: &Bench, monitor: &dyn Monitor) -> Result<Vec<String>> {
     cases.iter().try_for_each(|case| check_place(&case.dir))?;
     monitor.stage("drawing the hidden effects and setting their signals");
@@ -86,13 +86,13 @@ pub fn make(cases: &[ChallengeCase], bench: &Bench, monitor: &dyn Monitor) -> Re
     made.map(|((case, truth), position_m)| make_one(case, bench, truth, &position_m)).collect()
 }
 
-/// Creates one challenge from noise-free positions `position_m`.
+/// Creates one challenge. `position_m` holds the noise-free position (m) at every row.
 fn make_one(case: &ChallengeCase, bench: &Bench, truth: Truth, position_m: &[f64]) -> Result<String> {
     let record = truth.protocol.record();
     let noise = truth.noise.draw(&record, position_m, &mut RandomStream::new(case.seed, 1));
     let csv = trajectory_csv(&record, &noise.measured_m(position_m));
     let stated_um = truth.is_noise_given.then_some(1e6 * noise.stated_sd_m);
-    // The digits suffice to recover the noise to a thousandth.
+    // With these digits the noise can be recovered to a thousandth of its size.
     let noise_free_um = position_m.iter().map(|x| (1e10 * x).round() / 1e4).collect();
     let mut salt = [0; SALT_BYTES];
     let mut stream = RandomStream::new(case.seed, 2);
@@ -107,10 +107,10 @@ fn make_one(case: &ChallengeCase, bench: &Bench, truth: Truth, position_m: &[f64
     Ok(sealed.commitment_sha256)
 }
 
-/// Writes either all four files or none.
+/// Writes all four files, or none of them if an error occurs.
 fn write(dir: &Path, sealed: &Sealed, csv: &str, toml: &str) -> Result<()> {
     let remedy = format!("give another `{}`", Setting::Out);
-    // A symbolic link means its target directory, and `.` needs its full path to have a name.
+    // A symbolic link stands for its target directory. The path `.` is made absolute, because it needs a name.
     let dir = &dir.canonicalize().unwrap_or_else(|_| dir.to_path_buf());
     let parent = files::folder_of(dir);
     std::fs::create_dir_all(parent).map_err(|source| Error::at_path("create", parent, source, &*remedy))?;
@@ -124,7 +124,7 @@ fn write(dir: &Path, sealed: &Sealed, csv: &str, toml: &str) -> Result<()> {
     building.move_to(dir, "experiment.toml", &remedy)
 }
 
-/// Refuses a directory that is not empty.
+/// Checks that a directory is empty or does not exist.
 ///
 /// # Errors
 /// [`Error::Input`] if the directory is not empty.
@@ -143,7 +143,7 @@ pub fn check_place(dir: &Path) -> Result<()> {
     ))
 }
 
-/// Opens a challenge and checks that answer and data are unchanged since the hash was written.
+/// Opens a challenge. It checks that the answer and the data are unchanged since the hash was written.
 ///
 /// # Errors
 /// [`Error::Input`] with the file that does not match; [`Error::File`] if a file cannot be read.
@@ -182,7 +182,7 @@ pub fn open_challenge(dir: &Path) -> Result<OpenedChallenge> {
     Ok(OpenedChallenge { noise: answer.noise(&csv), answer, commitment_sha256: commitment })
 }
 
-/// Specimen identifier of the challenge with this hash.
+/// Specimen identifier of the challenge with the hash `commitment`.
 pub fn specimen_id(commitment: &str) -> String {
     format!("challenge-{}", commitment.get(..8).unwrap_or(commitment))
 }
@@ -236,7 +236,7 @@ mod tests {
     use super::*;
     use crate::challenge::{NoiseKind, Protocol};
 
-    /// A complete challenge, written without finite elements.
+    /// Writes a complete challenge to `dir` without running finite elements.
     fn written(dir: &Path, salt: &[u8; SALT_BYTES], law: [f64; 3]) -> Sealed {
         let truth = Truth::of_nothing(Protocol::Paper, NoiseKind::White, law);
         let mut measured_m = vec![Some(1e-6); 800];
@@ -258,7 +258,7 @@ mod tests {
         sealed
     }
 
-    /// Seals without noise-free positions open, but the noise is unknown.
+    /// An older answer without noise-free positions can be opened. Its noise is unknown.
     #[test]
     fn an_older_answer_opens_without_its_noise() {
         let truth = Truth::of_nothing(Protocol::Paper, NoiseKind::White, [1.0, 2.0, 3.0]);
@@ -271,7 +271,7 @@ mod tests {
         assert!(older.truth.is_noise_given && older.noise(&csv).is_none());
     }
 
-    /// The experiment contains the noise if and only if it is given.
+    /// The experiment states the noise standard deviation if and only if the truth says so.
     #[test]
     fn the_noise_is_stated_or_left_to_be_estimated() {
         let toml = |noise_um| experiment_toml(&Apparatus::Instrument { compliance_per_m: 1.0 }, "00", noise_um);
@@ -279,7 +279,7 @@ mod tests {
         assert!(!toml(None).contains("noise_um"));
     }
 
-    /// Each of the four files is bound to the hash. An answer with other physics for the same data fails as well, even with its own hash.
+    /// A change to any of the four files is detected. An answer with other physics for the same data is also refused, even if its hash is replaced too.
     #[test]
     fn no_file_of_a_challenge_can_be_changed() {
         let folder = tempfile::tempdir().expect("a temporary directory");
@@ -289,7 +289,7 @@ mod tests {
         let sealed = written(dir, &salt, law);
         let opened = open_challenge(dir).expect("whole");
         assert_eq!(opened.commitment_sha256, sealed.commitment_sha256);
-        // 1 µm was measured, the true position is 0.25 µm, and one position was lost.
+        // The measured position is 1 µm, the true one 0.25 µm, and one position is lost.
         let noise = opened.noise.expect("sealed");
         assert!((noise.rms_m(|_| true).expect("rows") - 0.75e-6).abs() < 1e-18);
         assert_eq!((noise.rms_m(|row| row == 7), noise.is_lost.iter().filter(|is| **is).count()), (None, 1));
@@ -308,7 +308,7 @@ mod tests {
             let refusal = open_challenge(dir).expect_err("changed").to_string();
             assert!(refusal.contains(name), "{name}: {refusal}");
         }
-        // A hash that was replaced together with its answer still differs from the experiment's comment.
+        // If the answer and its hash are both replaced, the hash differs from the comment in the experiment.
         written(dir, &salt, law);
         std::fs::write(dir.join(COMMITMENT_FILE), &other.commitment_sha256).expect("writable");
         std::fs::write(dir.join(SEALED_FILE), json(&other)).expect("writable");

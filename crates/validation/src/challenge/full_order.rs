@@ -1,4 +1,4 @@
-//! Computes noise-free trajectories with the full-order model and caches them on disk.
+//! Computes the noise-free trajectories of truths with the full-order model, and caches them on disk.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -22,17 +22,17 @@ use posterior::monitor::Monitor;
 use posterior::study::{ModelSpecification, sha256_hex};
 use record::Force;
 
-/// Mesh level of the data. The fitted model uses the next coarser level.
+/// Level of the mesh that the data are simulated on. The fitted model uses the next coarser level.
 const DATA_LEVEL: usize = MODEL_LEVEL + 1;
-/// Mesh level for nonlinear laws, whose surrogates are trained on the next coarser mesh. A run on the next finer mesh would take a quarter of an hour.
+/// Level of the mesh for nonlinear laws. Their surrogates are trained on the next coarser mesh. On the next finer mesh one run would take a quarter of an hour.
 const NONLINEAR_DATA_LEVEL: usize = MODEL_LEVEL;
-/// Factor by which the data's time steps are shorter. Effects that change the displacement field are excepted: their surrogates have no time steps or their
-/// own.
+/// Factor by which the data's time steps are shorter than those of the fitted model. Effects that change the displacement field are an exception: their
+/// surrogates have no time steps, or time steps of their own.
 const FINER_STEPS: u32 = 2;
 
-/// Returns the noise-free position (m) at every row for each truth. The full-order model uses a finer mesh and finer time steps than the fitted model. Three
-/// cases have their own meshes: linear effects that change the displacement field around a sphere, nonlinear laws, and large displacements. Trajectories in the
-/// directory `cache` are read; others are computed and stored there.
+/// Returns the noise-free position (m) at every row, for each truth. The full-order model uses a finer mesh and shorter time steps than the fitted model. Three
+/// kinds of truths have their own meshes: linear effects that change the displacement field around a sphere, nonlinear laws, and large displacements.
+/// Trajectories in the directory `cache` are reused; others are computed and stored there.
 ///
 /// # Errors
 /// [`Error::Numerical`] if a truth has no full-order model; [`Error::File`] if the cache cannot be written.
@@ -47,7 +47,7 @@ pub fn trajectories_m(
             Error::at_path("create", folder, source, format!("give a writable directory with `{}`", Setting::Cache))
         })?;
     }
-    // Controls share their truths, so each truth is computed once.
+    // Several controls have equal truths, so each truth is computed once.
     let keys: Vec<String> = truths.iter().map(key).collect();
     let mut needed: BTreeMap<&str, &Truth> = BTreeMap::new();
     let mut known: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
@@ -100,7 +100,7 @@ fn is_nonlinear(bench: &Bench, truth: &Truth) -> bool {
     bench.library().any_nonlinear(truth.effects.iter().map(|effect| effect.slug.as_str()))
 }
 
-/// Finer finite elements of every robot with an offset that the experiment does not state.
+/// Stiffness matrices on the data's mesh, one for each true place of the robot that differs from the experiment's statement.
 fn off_centre<'a>(
     bench: &Bench,
     truths: impl Iterator<Item = &'a &'a Truth>,
@@ -116,7 +116,7 @@ fn off_centre<'a>(
     errors.into_iter().map(|error| Ok((error, stiffness(error)?))).collect()
 }
 
-/// Hash of all inputs of a trajectory.
+/// Hash of everything that a trajectory depends on. It names the cached file.
 fn key(truth: &Truth) -> String {
     let parameters: Vec<_> = truth.effects.iter().map(|effect| (&effect.slug, &effect.parameters)).collect();
     let text = format!(
@@ -134,7 +134,7 @@ fn place(folder: &Path, key: &str) -> PathBuf {
     folder.join(format!("{key}.f64"))
 }
 
-/// Reads a stored trajectory; `None` if it is missing or damaged.
+/// Reads a cached trajectory. Returns `None` if it is missing or damaged.
 fn read(path: &Path, n_rows: usize) -> Option<Vec<f64>> {
     let bytes = read_if_there(path, Content::Table)?;
     let (numbers, []) = bytes.as_chunks::<8>() else { return None };
@@ -142,7 +142,7 @@ fn read(path: &Path, n_rows: usize) -> Option<Vec<f64>> {
     (position_m.len() == n_rows && position_m.iter().all(|x| x.is_finite())).then_some(position_m)
 }
 
-/// Finer finite elements for the data.
+/// Full-order model for the data, on a finer mesh than that of the fitted model.
 struct DataSolver {
     mesh: Mesh,
     stiffness: Stiffness,
@@ -161,7 +161,7 @@ impl DataSolver {
         Ok(Self { mesh, stiffness, poisson_ratio, sizes, resolution })
     }
 
-    /// Computes the trajectory of a truth. `full` is factorised at the stated Poisson ratio, with the robot at its true place.
+    /// Computes the positions (m) of a truth. `full` is factorised at the stated Poisson ratio, with the robot at its true place.
     fn trajectory_m(&self, bench: &Bench, full: &FullOrderModel<'_>, truth: &Truth) -> Result<Vec<f64>> {
         let record = truth.protocol.record();
         let still = bench.subject_of(truth.protocol, &vec![0.0; record.n_rows()])?;

@@ -1,8 +1,8 @@
-//! A gel in which the robot moves by several radii. Its fluid ([`elements::fe::oldroyd`]) has the law as linear limit: Oldroyd-B if the effect is hidden,
-//! Giesekus as another law with equal small-strain behaviour.
+//! A gel in which the robot moves by several radii. The gel is a fluid ([`elements::fe::oldroyd`]) that follows the law at small strains. It is an Oldroyd-B
+//! fluid if the effect of large displacements is hidden. Giesekus's fluid, with equal behaviour at small strains, is the disturbance outside the library.
 //!
-//! The robot's motion is the linear full-order model's plus the fluid's deviation from it. One factor scales all three parameters of the drawn law, so its
-//! times stay unchanged.
+//! The robot's motion is that of the linear full-order model plus the fluid's deviation from it. One factor scales all three parameters of the drawn law, so
+//! its time scales stay unchanged.
 
 use super::{Disturbance, DisturbanceKind, Truth};
 use base::error::{Error, Result};
@@ -16,30 +16,30 @@ use models::effects::{Effect, Stages};
 use posterior::mechanics::robot_mesh;
 use record::{Apparatus, Record, Robot, RobotShape, Vitreous};
 
-/// Farthest distance of the robot from its start in a linear gel, in robot radii.
+/// Distances of the robot's farthest position from its start in a linear gel, in robot radii.
 pub(super) const RADII: [f64; 7] = [1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0];
-/// Range of the mobility of Giesekus's fluid.
+/// Smallest and largest mobility of Giesekus's fluid.
 const MOBILITIES: [f64; 2] = [0.005, 0.05];
 
-/// Resolution of a gel's discretisation.
+/// Resolution in space and time of a gel that moves far.
 pub(super) struct Cut {
     /// Level of the linear model's mesh.
     level: usize,
     fineness: Discretisation,
 }
 
-/// Resolution for sizing signals.
+/// Resolution for computing the signal of a given distance.
 pub(super) const SIZING: Cut = Cut { level: 1, fineness: Discretisation::ESTIMATE };
-/// Resolution for data, finer than that of the training.
+/// Resolution for the data. It is finer than that of the surrogate's training.
 pub(super) const DATA: Cut =
     Cut { level: 2, fineness: Discretisation { order: 6, n_angles: 6, layer_ratio: 2.0, steps_per_doubling: 6 } };
 
-/// True if an effect is that of large displacements.
+/// True if the effect is that of large displacements.
 pub(super) fn is_large(effect: &dyn Effect) -> bool {
     effect.is_learnt_for_record()
 }
 
-/// Mobility of a truth's gel with large displacements, 0 for Oldroyd-B; `None` without large displacements.
+/// Giesekus mobility of the gel of a truth with large displacements, 0 for an Oldroyd-B fluid; `None` without large displacements.
 pub(super) fn mobility_of(truth: &Truth, is_large: impl Fn(&str) -> bool) -> Option<f64> {
     match &truth.outside {
         Some(Disturbance { kind: DisturbanceKind::LargeDisplacement, shape, .. }) => shape.first().copied(),
@@ -47,7 +47,7 @@ pub(super) fn mobility_of(truth: &Truth, is_large: impl Fn(&str) -> bool) -> Opt
     }
 }
 
-/// Converts a number between 0 and 1 to a mobility by logarithmic interpolation between the two `MOBILITIES`.
+/// Converts a number from 0 to 1 to a mobility, by logarithmic interpolation between the two `MOBILITIES`.
 pub(super) fn mobility(uniform: f64) -> f64 {
     MOBILITIES[0] * (MOBILITIES[1] / MOBILITIES[0]).powf(uniform)
 }
@@ -67,7 +67,7 @@ impl LargeGel {
         Ok(Self { stiffness, poisson_ratio: vitreous.poisson_ratio, gel })
     }
 
-    /// Position (m) at every row for E (Pa), c₁ and c₂ (Pa·s) and Giesekus's mobility.
+    /// Position (m) of the robot at every row of `record`. `law` holds E (Pa), c₁ and c₂ (Pa·s).
     pub(super) fn position_m(&self, law: [f64; 3], mobility: f64, record: &Record) -> Result<Vec<f64>> {
         let (time_s, force) = (&record.time_s, record.force());
         let stages = Stages::of_law(BaseLaw::Lethersich.elements(&law.map(Dual::constant)));
@@ -91,7 +91,7 @@ pub(super) fn radius_m(apparatus: &Apparatus) -> Result<f64> {
     }
 }
 
-/// Robot and gel of the reference apparatus.
+/// Robot and vitreous of the reference apparatus.
 pub(super) fn robot_of(apparatus: &Apparatus) -> Result<(&Robot, &Vitreous)> {
     match apparatus {
         Apparatus::Robot { robot, vitreous } => Ok((robot, vitreous)),

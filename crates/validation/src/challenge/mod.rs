@@ -1,9 +1,9 @@
-//! Challenges with hidden effects that test the diagnosis: one sealed case, or many cases that are played.
+//! Challenges with hidden effects, which test the diagnosis: a single sealed challenge, or many challenges that are made and diagnosed in one run (*plays*).
 //!
-//! A [`Truth`] is drawn on a [`Bench`], which sets its size by the signal in standard deviations. [`full_order::trajectories_m`] computes its noise-free
-//! trajectory with the full-order model. Mesh and time steps are finer than in the fitted model, and no surrogate is used. [`seal`] hides the answer of a
-//! single case. [`plays`] gives many cases fresh noise and diagnoses each, and [`tally`] counts the results. [`coverage`] measures the coverage of intervals
-//! for truths drawn from the priors.
+//! A [`Truth`] is drawn on a [`Bench`], which sets its size so that the signal has a given number of standard deviations. The function
+//! [`full_order::trajectories_m`] computes the noise-free trajectory with the full-order model, without a surrogate. Its mesh and time steps are finer than
+//! those of the fitted model. The module [`seal`] hides the answer of a single challenge. The module [`plays`] adds new noise to many truths and diagnoses
+//! each, and [`tally`] counts the results. The module [`coverage`] counts how often intervals contain values drawn from the priors.
 
 mod bench;
 pub mod coverage;

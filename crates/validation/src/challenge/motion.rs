@@ -1,4 +1,4 @@
-//! Adds effects or disturbances of a given signal to the motion of a law.
+//! Adds effects or disturbances with a given signal to the motion that a law predicts.
 
 use super::strength::{Strength, scaled_to};
 use super::{Disturbance, HiddenEffect, NamedValue, Truth};
@@ -10,10 +10,10 @@ use models::effects::Effect;
 use record::Record;
 use sampling::ensemble::RandomStream;
 
-/// Probability of each tail of the prior; hidden sizes stay out of both tails.
+/// Probability below and above the range of hidden sizes in the prior.
 const SIZE_TAIL: f64 = 1e-3;
 
-/// Motion of a law, to which effects or disturbances are added.
+/// Motion that a law predicts for a protocol. Effects or disturbances are added to it.
 pub(super) struct Motion {
     pub subject: Subject,
     pub base: Candidate,
@@ -22,7 +22,7 @@ pub(super) struct Motion {
 }
 
 impl Motion {
-    /// Farthest position (m) without hidden effects or disturbances.
+    /// Largest distance (m) of the robot from its start, without hidden effects or disturbances.
     pub fn farthest_m(&self) -> Result<f64> {
         let position_m = self.subject.trajectory_m(&self.base, &self.theta)?;
         Ok(position_m.iter().fold(0.0, |most, x| x.abs().max(most)))
@@ -32,18 +32,18 @@ impl Motion {
         &self.subject.experiment().record
     }
 
-    /// Combines noise-free positions (m) with the law and noise of this motion, as the truth of rival fits.
+    /// Returns noise-free positions (m) together with the law and the noise of this motion. Rival fits are made to them.
     pub fn shown<'a>(&'a self, position_m: &'a [f64]) -> Shown<'a> {
         Shown { candidate: &self.base, theta: &self.theta, noise: self.noise, position_m }
     }
 
-    /// Distance in σ between the positions and the best fit of a candidate; `None` if its model fails.
+    /// Distance between the positions and the best fit of a candidate, in noise standard deviations; `None` if the candidate's model fails.
     pub fn distance_sigma(&self, shown: &Shown, candidate: &Candidate) -> Option<f64> {
         fit_rival(&self.subject, candidate, shown).ok().map(|closest| closest.distance)
     }
 
-    /// Returns effects of the requested strength and the effects that are equivalent to them. Each signal is measured with the other effects in the model.
-    /// `None` if the strength is out of reach.
+    /// Returns the effects `slugs` with parameters of the requested strength, and the slugs of the effects that are equivalent to them. Each signal is measured
+    /// with the other effects in the model. Returns `None` if the strength is out of reach.
     pub fn with_effects(
         &self,
         slugs: &[String],
@@ -54,7 +54,7 @@ impl Motion {
         let names: Vec<&str> = slugs.iter().map(String::as_str).collect();
         let candidate = self.subject.extended(&names)?;
         let mut theta = candidate.embed(&self.base, &self.theta);
-        // Coordinate, null and signed range of each effect's size.
+        // Index of each effect's size in the coordinates, its null, and its largest signed distance from the null.
         let mut sizes: Vec<(usize, f64, f64)> = Vec::new();
         for (k, free) in candidate.free.iter().enumerate().filter(|(_, free)| free.effect.is_some()) {
             let [lower, upper] = [free.quantile(SIZE_TAIL), free.quantile(1.0 - SIZE_TAIL)];
@@ -127,7 +127,7 @@ impl Motion {
         Ok(Some((effects, self.ideal_class(&shown, slugs, compared))))
     }
 
-    /// Returns the law with a truth's effects at their values.
+    /// Returns the law extended by a truth's effects, and the values of its coordinates.
     pub fn with_hidden_effects(&self, truth: &Truth) -> Result<(Candidate, Vec<f64>)> {
         let names: Vec<&str> = truth.effects.iter().map(|effect| effect.slug.as_str()).collect();
         let candidate = self.subject.extended(&names)?;
@@ -141,7 +141,7 @@ impl Motion {
         Ok((candidate, theta))
     }
 
-    /// Noise-free positions (m) with a disturbance.
+    /// Noise-free positions (m) of this motion with a disturbance.
     pub fn disturbed_m(&self, disturbance: &Disturbance) -> Result<Vec<f64>> {
         let record = self.record();
         let mut experiment = self.subject.experiment().clone();
@@ -164,7 +164,8 @@ impl Motion {
         Ok(found.map(|(sizes, sigma)| (at(&sizes), sigma[0])))
     }
 
-    /// Returns the compared effects that noise-free data cannot distinguish from the hidden ones, alone or in the place of one effect of a pair.
+    /// Returns those of the effects in `compared` that noise-free data cannot distinguish from the hidden effects. An effect may replace all hidden effects, or
+    /// one effect of a pair.
     pub fn ideal_class(&self, shown: &Shown, hidden: &[String], compared: &[&'static dyn Effect]) -> Vec<String> {
         let mut class = Vec::new();
         for effect in compared {
@@ -175,7 +176,7 @@ impl Motion {
                 models.extend([vec![slug, b], vec![a, slug]]);
             }
             let explains = |model: &Vec<&str>| {
-                // Effects that are incompatible with each other or with this law are no candidates.
+                // An effect that is incompatible with the others or with this law is not a candidate.
                 let Ok(candidate) = self.subject.extended(model) else { return false };
                 self.distance_sigma(shown, &candidate).is_some_and(|sigma| sigma < SEPARATED_SIGMA)
             };
@@ -197,7 +198,7 @@ mod tests {
     use super::*;
     use models::effects::Library;
 
-    /// Signals have the requested size. On one force level an asymmetry is equivalent to a bias, alone or together with a drift. On two levels it is not.
+    /// Signals have the requested size. With one force level, an asymmetry is equivalent to a bias, alone or together with a drift. With two levels it is not.
     #[test]
     fn an_ideal_class_is_what_the_protocol_cannot_tell_from_what_is_hidden() {
         let library = Library::only(&["clock-offset", "force-asymmetry", "force-bias", "tracking-drift"]);

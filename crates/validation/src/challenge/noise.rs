@@ -7,46 +7,47 @@ use criticism::NoiseValues;
 use record::Record;
 use sampling::ensemble::RandomStream;
 
-/// Kind of noise. The experiment's `noise_um`, if given, states its size. The diagnosis must find out the rest.
+/// Kind of noise. If the experiment states `noise_um`, its size is known. The diagnosis must estimate everything else.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum NoiseKind {
-    /// White noise of 4 µm.
+    /// White noise with a standard deviation of 4 µm.
     White,
-    /// White noise of 4 µm plus an Ornstein–Uhlenbeck process of 4 µm and 0.5 to 2 s.
+    /// White noise of 4 µm, and slow noise: an Ornstein–Uhlenbeck process of 4 µm with a correlation time of 0.5 to 2 s.
     Ou,
-    /// White noise of 4 µm, and gains that vary between cycles by 1 %.
+    /// White noise of 4 µm, and a scale of the position that varies between cycles by 1 %.
     Gain,
-    /// White noise of 4 µm, with 1 % of the rows off by 10 to 20 standard deviations.
+    /// White noise of 4 µm, and outliers: 1 % of the rows deviate by 10 to 20 standard deviations.
     Outliers,
-    /// Slow noise only: an Ornstein–Uhlenbeck process (autoregressive of order one at equal intervals) of 3 to 6 µm and 0.1 to 10 s.
+    /// Slow noise only, of 3 to 6 µm with a correlation time of 0.1 to 10 s. It is an Ornstein–Uhlenbeck process (at equal intervals: autoregressive of order one).
     OuAlone,
-    /// Slow noise as in `OuAlone`, with 1 % of the rows off by 10 to 20 of its standard deviations.
+    /// Slow noise as in `OuAlone`, and outliers: 1 % of the rows deviate by 10 to 20 of its standard deviations.
     OuOutliers,
-    /// White noise of 4 µm, with a tenth of the rows lost: half of them singly, half in bursts of 0.25 to 1 s.
+    /// White noise of 4 µm, and lost positions in a tenth of the rows. Half of them are lost singly, half in bursts of 0.25 to 1 s.
     Lost,
 }
 
-/// One draw of noise.
+/// Random errors and lost positions of a record.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Noise {
-    /// Error of every row, in m.
+    /// Error of the position at every row, in m.
     pub error_m: Vec<f64>,
     /// True for each row whose position is lost.
     pub is_lost: Vec<bool>,
-    /// Standard deviation of one position (m) that an experiment states. It excludes outliers and gains, and it excludes the process if there is white noise.
+    /// Standard deviation of one position's error (m) that an experiment states. It excludes outliers and varying scales. If there is white noise, it also
+    /// excludes the slow noise.
     pub stated_sd_m: f64,
 }
 
 impl Noise {
-    /// Returns the measured positions of a trajectory (m).
+    /// Returns the measured positions for a noise-free trajectory (m); `None` where the position is lost.
     pub fn measured_m(&self, position_m: &[f64]) -> Vec<Option<f64>> {
         let rows = position_m.iter().zip(&self.error_m).zip(&self.is_lost);
         rows.map(|((position, error), is_lost)| (!is_lost).then_some(position + error)).collect()
     }
 
-    /// Root mean square error (m) of the selected rows that have a position; `None` if there are none.
+    /// Root mean square error (m) over the rows for which `is_asked_for` is true and that have a position; `None` if there are no such rows.
     pub fn rms_m(&self, is_asked_for: impl Fn(usize) -> bool) -> Option<f64> {
         let asked = (0..self.error_m.len()).filter(|row| !self.is_lost[*row] && is_asked_for(*row));
         let squares: Vec<f64> = asked.map(|row| self.error_m[row].powi(2)).collect();
@@ -62,20 +63,20 @@ const GAIN_SD: f64 = 0.01;
 const OUTLIER_SHARE: f64 = 0.01;
 const OUTLIER_SIZE: [f64; 2] = [10.0, 20.0];
 const LOST_SHARE: f64 = 0.1;
-/// Number of rows of the shortest and the longest burst.
+/// Number of rows of the shortest and of the longest burst of lost positions.
 const BURST_ROWS: [usize; 2] = [5, 20];
-/// Value of an absent noise term: small, but with a finite logarithm.
+/// Value that stands for an absent noise term: negligible, but with a finite logarithm.
 const NOTHING: f64 = 1e-6;
 
 impl NoiseKind {
-    /// Kinds that are played by default.
+    /// Kinds of noise that are used by default.
     pub const USUAL: [Self; 4] = [Self::White, Self::Ou, Self::Gain, Self::Outliers];
 
     /// All kinds.
     pub const ALL: [Self; 7] =
         [Self::White, Self::Ou, Self::Gain, Self::Outliers, Self::OuAlone, Self::OuOutliers, Self::Lost];
 
-    /// Name in options and JSON.
+    /// Name of the kind in options and JSON.
     pub fn name(self) -> &'static str {
         match self {
             Self::White => "white",
@@ -88,13 +89,13 @@ impl NoiseKind {
         }
     }
 
-    /// True if the kind includes white noise.
+    /// True if this kind includes white noise.
     fn has_white(self) -> bool {
         !matches!(self, Self::OuAlone | Self::OuOutliers)
     }
 
-    /// Parameters of the noise model (σ and σ_ou in µm, τ in s, s_g, s_o) that signals are measured with. Drawn parameters are at the middle of their ranges.
-    /// Outliers and lost rows do not contribute.
+    /// Parameters of the noise model with which signals are measured: σ and σ_ou in µm, τ in s, s_g, s_o. Randomly drawn parameters are at the middle of their
+    /// ranges. Outliers and lost rows do not contribute.
     pub(super) fn parameters(self) -> NoiseValues {
         let middle = |[from, to]: [f64; 2]| (from * to).sqrt();
         let (process_um, time_s) = match self {
@@ -107,7 +108,7 @@ impl NoiseKind {
         NoiseValues::new([white_um, process_um, time_s, gain_sd, NOTHING])
     }
 
-    /// Draws noise for a trajectory (m).
+    /// Draws random noise for a noise-free trajectory `position_m` (m), one value for each row of `record`.
     pub fn draw(self, record: &Record, position_m: &[f64], stream: &mut RandomStream) -> Noise {
         let white_m = if self.has_white() { WHITE_M } else { 0.0 };
         let mut error_m: Vec<f64> =
@@ -164,7 +165,7 @@ fn add_outliers(error_m: &mut [f64], sd_m: f64, stream: &mut RandomStream) {
     }
 }
 
-/// Selects a tenth of the rows: first single ones, then bursts.
+/// Marks a tenth of the rows as lost: first single rows, then bursts.
 fn lost_rows(n_rows: usize, stream: &mut RandomStream) -> Vec<bool> {
     let wanted = (LOST_SHARE * n_rows as f64).round() as usize;
     let (mut is_lost, mut n_lost) = (vec![false; n_rows], 0);
@@ -186,8 +187,8 @@ mod tests {
     use super::*;
     use crate::challenge::Protocol;
 
-    /// Compares mean squares of 40 records of 800 rows. The process varies most, by about 0.07 of its value for 2 τ = 4 s and records of 40 s. Bounds of five
-    /// times that fail once in 10⁶.
+    /// The mean squares of 40 records with 800 rows agree with their definitions. The mean square of the slow noise varies most: by about 0.07 of its value for
+    /// 2 τ = 4 s and records of 40 s. Limits of five times that value fail once in 10⁶.
     #[test]
     fn mean_squares_are_those_of_the_definitions() {
         let record = Protocol::Paper.record();
@@ -219,12 +220,12 @@ mod tests {
             let noise = NoiseKind::Outliers.draw(&record, &position_m, &mut RandomStream::new(6, stream));
             n_far += noise.error_m.iter().filter(|error| error.abs() > 6.0 * WHITE_M).count();
         }
-        // Expected are 200 of 20 000 rows with a standard deviation of 14. Five standard deviations fail once in 10⁶.
+        // The expected number of outliers is 200 of 20 000 rows, with a standard deviation of 14. Limits of five standard deviations fail once in 10⁶.
         assert!((130..=270).contains(&n_far), "{n_far}");
     }
 
-    /// Differences of neighbouring and of distant rows agree with the process's size and time, and the stated noise is the drawn size. With 100 processes
-    /// either mean varies by less than 0.05, so bounds of five times that fail once in 10⁶.
+    /// Differences between neighbouring and distant rows agree with the slow noise's size and correlation time. The stated noise equals the drawn size. With
+    /// 100 processes each mean varies by less than 0.05, so limits of five times that value fail once in 10⁶.
     #[test]
     fn slow_noise_has_the_size_that_is_stated_and_times_over_two_decades() {
         let record = Protocol::Paper.record();
@@ -235,7 +236,7 @@ mod tests {
             let (slow, with_outliers) = (draw(NoiseKind::OuAlone), draw(NoiseKind::OuOutliers));
             assert!((3e-6..=6e-6).contains(&slow.stated_sd_m) && slow.stated_sd_m == with_outliers.stated_sd_m);
             relative += (slow.rms_m(|_| true).expect("rows") / slow.stated_sd_m).powi(2) / 100.0;
-            // The process is unchanged except for some moved rows.
+            // The outliers are the only difference from the slow noise without outliers.
             let moved: Vec<f64> = slow.error_m.iter().zip(&with_outliers.error_m).map(|(a, b)| (b - a).abs()).collect();
             let far: Vec<&f64> = moved.iter().filter(|moved| **moved > 0.0).collect();
             assert!(far.iter().all(|moved| (9.99..20.01).contains(&(*moved / slow.stated_sd_m))));
@@ -245,13 +246,13 @@ mod tests {
             times_s.push(-0.05 / decay.ln());
         }
         assert!((relative - 1.0).abs() < 0.25, "{relative}");
-        // Expected are 800 rows with a standard deviation of 28.
+        // The expected number of outliers is 800, with a standard deviation of 28.
         assert!((660..=940).contains(&n_far), "{n_far}");
         let (mut shortest, mut longest) = (f64::INFINITY, 0.0_f64);
         times_s.iter().for_each(|time| (shortest, longest) = (shortest.min(*time), longest.max(*time)));
         assert!(shortest < 0.2 && longest > 5.0, "{shortest} {longest}");
         let short = times_s.iter().filter(|time| **time < 1.0).count();
-        // Half of them are below a second; five standard deviations are 25.
+        // Half of the 100 correlation times are below a second. Five standard deviations of their number are 25.
         assert!((25..=75).contains(&short), "{short}");
     }
 

@@ -1,4 +1,4 @@
-//! Physics outside the effect library.
+//! Disturbances by physics that is not in the effect library.
 
 use std::f64::consts::TAU;
 
@@ -8,14 +8,14 @@ use super::Protocol;
 use record::Record;
 use sampling::ensemble::RandomStream;
 
-/// Kinds of physics outside the library.
+/// Kind of physics outside the library.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum DisturbanceKind {
-    /// A vibration of the camera at its own frequency.
+    /// The camera vibrates at its own frequency.
     Vibration,
-    /// A vibration whose frequency is a multiple of the cycle's.
+    /// The camera vibrates at a multiple of the cycle's frequency.
     CycleVibration,
     /// The tracked point jumps once and stays there.
     Slip,
@@ -23,22 +23,23 @@ pub enum DisturbanceKind {
     GainJump,
     /// The robot is displaced for about a second and returns.
     Bump,
-    /// The position wanders smoothly over tens of seconds.
+    /// The recorded position drifts to and fro smoothly, over tens of seconds.
     Wander,
     /// The tracker's scale depends on the position: x (1 + s (x/x_max)²).
     CubicScale,
-    /// The tracker draws readings towards its pixels. The error is a saw-tooth of the position, from −s to s over one pixel pitch.
+    /// The tracker shifts positions towards its pixels. The error is a saw-tooth function of the position, from −s to s over one pixel pitch.
     PixelLocking,
-    /// The tracker follows with a dead band (play operator). On a square wave this equals a delay, so it is only used with rests.
+    /// The tracker follows with a dead band (play operator). Under a square-wave force this equals a delay, so the protocol must contain rests.
     Backlash,
-    /// The force is not proportional to its command: F (1 + s (|F|/F_max − 1)). With one force level this equals a scale.
+    /// The force is not proportional to its command: F (1 + s (|F|/F_max − 1)). With a single force level this equals a change of scale, so the protocol needs
+    /// several.
     ForceLevel,
-    /// The robot moves by several radii in a gel whose large-strain law is not in the library (Giesekus's fluid). The size is in robot radii.
+    /// The robot moves by several radii in a gel whose large-strain law is not in the library (Giesekus's fluid). Its size is given in robot radii.
     LargeDisplacement,
 }
 
 impl DisturbanceKind {
-    /// Kinds that may be drawn at random. Data with large displacements take a minute, so they are only made on request.
+    /// Kinds that are drawn at random. Large displacements are used only on request, because their data take a minute to compute.
     pub const DRAWN: [Self; 10] = [
         Self::Vibration,
         Self::CycleVibration,
@@ -57,7 +58,7 @@ impl DisturbanceKind {
         Self::DRAWN.into_iter().chain([Self::LargeDisplacement]).collect()
     }
 
-    /// Name in options and JSON.
+    /// Name of the kind in options and JSON.
     pub fn name(self) -> &'static str {
         match self {
             Self::Vibration => "vibration",
@@ -74,12 +75,12 @@ impl DisturbanceKind {
         }
     }
 
-    /// True if the kind is outside the library with this protocol.
+    /// True if no effect of the library explains this kind with the given protocol.
     pub fn suits(self, protocol: Protocol) -> bool {
         protocol == Protocol::Levels || !matches!(self, Self::Backlash | Self::ForceLevel)
     }
 
-    /// A size that is surely detectable, in the unit of [`Disturbance::size`].
+    /// Size that is certainly detectable, in the unit of [`Disturbance::size`].
     fn first_size(self) -> f64 {
         match self {
             Self::GainJump | Self::CubicScale | Self::ForceLevel => 0.05,
@@ -94,21 +95,21 @@ impl DisturbanceKind {
     }
 }
 
-/// A disturbance from outside the library, with its parameters.
+/// A disturbance by physics outside the library, with its parameters.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Disturbance {
     /// Kind of the disturbance.
     pub kind: DisturbanceKind,
-    /// Size of the disturbance: in m if it adds to the position, otherwise a fraction. For large displacements: farthest position in a linear gel, in robot
-    /// radii.
+    /// Size of the disturbance: in m if it adds to the position, otherwise a fraction. Large displacements: largest distance from the start in a linear gel, in
+    /// robot radii.
     pub size: f64,
-    /// Moments, frequencies and phases as numbers from 0 to 1, which each kind maps to its own scale.
+    /// Random numbers from 0 to 1 for times, frequencies and phases. Each kind converts them to its own scale.
     pub shape: Vec<f64>,
 }
 
 impl Disturbance {
-    /// Draws a disturbance with random moments, frequencies, phases and sign, and a surely detectable size.
+    /// Draws a disturbance with random times, frequencies, phases and sign. Its size is certainly detectable.
     pub fn draw(kind: DisturbanceKind, stream: &mut RandomStream) -> Self {
         let sign = if stream.unit() < 0.5 && kind.has_two_signs() { -1.0 } else { 1.0 };
         Self { kind, size: sign * kind.first_size(), shape: (0..4).map(|_| stream.unit()).collect() }
@@ -123,13 +124,13 @@ impl Disturbance {
         self.shape.get(index).copied().unwrap_or(0.5)
     }
 
-    /// Moment (s) of a sudden disturbance, between two fractions of the record's duration.
+    /// Time (s) of a sudden disturbance. It lies between the two fractions `shares` of the record's duration.
     fn moment_s(&self, record: &Record, shares: [f64; 2]) -> f64 {
         let last_s = record.time_s.last().copied().unwrap_or(0.0);
         last_s * (shares[0] + (shares[1] - shares[0]) * self.shape(0))
     }
 
-    /// The acting force, in N.
+    /// Force that acts with this disturbance at each row, in N.
     pub fn force_n(&self, record: &Record) -> Vec<f64> {
         if self.kind != DisturbanceKind::ForceLevel {
             return record.force_n.clone();
@@ -138,7 +139,7 @@ impl Disturbance {
         record.force_n.iter().map(|force| force * (1.0 + self.size * (force.abs() / largest_n - 1.0))).collect()
     }
 
-    /// Recorded positions (m) for the true ones. Sudden disturbances lie in the first three quarters of the record, which are fitted.
+    /// Converts true positions (m) to those that the tracker records (m). Sudden disturbances lie in the first three quarters of the record, which are fitted.
     pub fn recorded_m(&self, record: &Record, position_m: &[f64]) -> Vec<f64> {
         let size = self.size;
         let each = |of: &dyn Fn(f64, f64) -> f64| {
@@ -191,7 +192,7 @@ impl Disturbance {
                 };
                 position_m.iter().map(follow).collect()
             }
-            // The changed physics is already part of the true position.
+            // For these kinds the true position already includes the changed physics.
             DisturbanceKind::ForceLevel | DisturbanceKind::LargeDisplacement => position_m.to_vec(),
         }
     }
@@ -235,7 +236,7 @@ mod tests {
         }
     }
 
-    /// Beyond the first turning point, a play operator stays half its width behind.
+    /// After the first reversal, a play operator follows its input at a distance of half its width.
     #[test]
     fn backlash_follows_half_a_width_behind() {
         let record = Protocol::Levels.record();

@@ -1,10 +1,10 @@
-//! One played challenge.
+//! One challenge that has been played: made, diagnosed and judged.
 
 use serde::{Deserialize, Serialize};
 
 use super::Truth;
 
-/// Sorts of challenges, by their hidden effects or errors.
+/// Sorts of challenges, by what is hidden.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
@@ -22,7 +22,7 @@ pub enum HiddenKind {
 }
 
 impl HiddenKind {
-    /// Sort of a truth.
+    /// Sort to which a truth belongs.
     pub fn of(truth: &Truth) -> Self {
         match (&truth.outside, truth.apparatus, truth.effects.len()) {
             (Some(_), ..) => Self::Outside,
@@ -33,7 +33,7 @@ impl HiddenKind {
         }
     }
 
-    /// Name in tables.
+    /// Name of the sort in tables.
     pub fn name(self) -> &'static str {
         match self {
             Self::None => "none",
@@ -45,7 +45,7 @@ impl HiddenKind {
     }
 }
 
-/// One played challenge.
+/// One challenge that has been played, with its truth and the result of its diagnosis.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Play {
@@ -53,65 +53,66 @@ pub struct Play {
     pub number: usize,
     /// Sort of the challenge.
     pub sort: HiddenKind,
-    /// Truth behind the data.
+    /// Truth that the data are simulated from.
     pub truth: Truth,
-    /// Verdict of a right diagnosis.
+    /// Verdict that a correct diagnosis gives.
     pub label: String,
-    /// Verdict of the diagnosis: slugs joined by `+`, `none`, `unexplained`, or `failed`.
+    /// Verdict that the diagnosis gives: slugs joined by `+`, `none`, `unexplained`, or `failed`.
     pub said: String,
     /// Claimed effects and their equivalent effects.
     pub class: Vec<String>,
-    /// Kinds of unexplained misfits.
+    /// Kinds of misfits that the diagnosis leaves unexplained.
     pub unexplained: Vec<String>,
-    /// The leading effect: the first claimed one, or else the one with the largest gain.
+    /// Leading effect: the first claimed effect, or without a claim the effect with the largest gain.
     pub first: Option<String>,
-    /// Gain of each effect's refit in nats, best first, with the gain on the last cycle.
+    /// Slug of each refitted effect, its gain, and its gain on the last cycle; gains are in nats. The largest gain comes first.
     pub gains: Vec<(String, f64, Option<f64>)>,
-    /// Sentence of the verdict; empty if there is none.
+    /// Sentence that states the verdict; empty if there is no diagnosis.
     pub sentence: String,
     /// Seed of the diagnosis; 0 if it is unknown.
     pub seed: u64,
-    /// True if the hidden effect's size lies in its 90 % interval; `None` if it was not claimed or nothing was hidden.
+    /// True if the 90 % interval of the hidden effect's size contains the true size; `None` if the effect was not claimed or nothing is hidden.
     pub size_covered: Option<bool>,
-    /// Size of every hidden effect that was claimed.
+    /// Sizes of the hidden effects that were claimed.
     pub sizes: Vec<NamedSize>,
-    /// Noise (µm) that the diagnosis compared residuals with, given or estimated.
+    /// Noise standard deviation (µm) that the diagnosis compared residuals with, given or estimated.
     pub yardstick_um: Option<f64>,
-    /// Root mean square error (µm) on the scored cycle with the claimed effects, or of the base model without a claim.
+    /// Root mean square error (µm) on the scored cycle of the model with the claimed effects. Without a claim, that of the base model.
     pub rmse_heldout_um: Option<f64>,
-    /// Root mean square (µm) of the drawn noise over the scored rows, which is the error of the true model.
+    /// Root mean square (µm) of the drawn noise over the scored rows. It is the error that the true model would have.
     pub true_noise_um: Option<f64>,
-    /// Ratio of the error on the scored cycle to the true noise: 1 for the true model. A misfit of f times the noise gives √(1 + f²),
-    /// unless it correlates with the noise.
+    /// Ratio of the error on the scored cycle to the true noise; it is 1 for the true model. A misfit of f times the noise gives √(1 + f²), unless it
+    /// correlates with the noise.
     pub heldout_over_true_noise: Option<f64>,
-    /// Ratio of the error on the scored cycle to the predictive noise of the claimed model; `None` without a claim.
+    /// Ratio of the error on the scored cycle to the noise that the model with the claimed effects predicts; `None` without a claim.
     pub heldout_over_predictive_noise: Option<f64>,
     /// Reason why there is no diagnosis.
     pub failure: Option<String>,
 }
 
-/// True size of a hidden effect, with the diagnosis's estimate.
+/// True size of a hidden effect, with the estimate of the diagnosis.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct NamedSize {
-    /// Name of the parameter, with unit.
+    /// Name of the size parameter, with its unit.
     pub name: String,
-    /// Hidden value.
+    /// True value.
     pub value: f64,
-    /// Posterior mean.
+    /// Mean of the posterior.
     pub mean: f64,
-    /// 5 % quantile.
+    /// 5 % quantile of the posterior.
     pub q05: f64,
-    /// 95 % quantile.
+    /// 95 % quantile of the posterior.
     pub q95: f64,
 }
 
 impl Play {
-    /// True if the diagnosis was right: the hidden effects are in the class, `none` if nothing is hidden, `unexplained` for physics outside the library.
+    /// True if the diagnosis was right. Hidden effects must be in the class. The verdict must be `none` if nothing is hidden, and `unexplained` for physics
+    /// outside the library.
     pub fn is_right(&self) -> bool {
         match self.sort {
             HiddenKind::None | HiddenKind::Apparatus => self.said == "none",
-            // An equivalent effect of the library may be claimed instead.
+            // A claim of an effect that is equivalent to the hidden physics is also right.
             HiddenKind::Outside => {
                 self.said == "unexplained" || self.class.iter().any(|slug| self.truth.ideal_class.contains(slug))
             }

@@ -1,4 +1,4 @@
-//! Plays many challenges and diagnoses each.
+//! Plays many challenges: makes their data, diagnoses each and counts the results.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -26,10 +26,10 @@ use posterior::study::{Provenance, WithProvenance};
 use record::Interpretation;
 use sampling::ensemble::RandomStream;
 
-/// Function that diagnoses a subject with a seed.
+/// Function that diagnoses a subject, given a seed.
 pub type Diagnose<'a> = dyn Fn(&Subject, u64) -> Result<Diagnosis> + Sync + 'a;
 
-/// Diagnoses as `challenge run` does, without the parts that only a reader needs.
+/// Diagnoses a subject as `challenge run` does. Results that only serve a reader are not computed.
 ///
 /// # Errors
 /// As [`diagnose`].
@@ -41,23 +41,23 @@ pub fn diagnose_briefly(subject: &Subject, seed: u64) -> Result<Diagnosis> {
 /// Request for a run of challenges.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PlaysRequest {
-    /// Number of challenges.
+    /// Number of challenges to play.
     pub count: usize,
-    /// Number of the first play. A part of a long run makes the same plays as the whole.
+    /// Number of the first play, from 0. A run can be split into parts, because a play depends only on its number and the request.
     pub first: usize,
-    /// Signals in standard deviations.
+    /// Signals in noise standard deviations; successive plays use them in turn.
     pub signals_sigma: Vec<f64>,
-    /// The only sort to play; `None` for a mixture.
+    /// Sort of all challenges; `None` for a mixture of sorts.
     pub only: Option<HiddenKind>,
-    /// The only effects to hide; empty for the whole library.
+    /// Slugs of the effects that may be hidden; empty for the whole library.
     pub effects: Vec<String>,
-    /// Protocols, used in turn.
+    /// Protocols; successive plays use them in turn.
     pub protocols: Vec<Protocol>,
-    /// Kinds of noise, used in turn.
+    /// Kinds of noise; successive plays use them in turn.
     pub noises: Vec<NoiseKind>,
     /// True if the experiments state their noise. Otherwise each diagnosis estimates it.
     pub is_noise_given: bool,
-    /// Seed of truths and noise.
+    /// Seed of the truths and the noise.
     pub seed: u64,
 }
 
@@ -77,7 +77,7 @@ impl Default for PlaysRequest {
     }
 }
 
-/// Sorts of ten consecutive plays of a mixture.
+/// Sorts of ten successive plays in a mixture.
 const MIXTURE: [HiddenKind; 10] = [
     HiddenKind::Single,
     HiddenKind::None,
@@ -90,17 +90,17 @@ const MIXTURE: [HiddenKind; 10] = [
     HiddenKind::Apparatus,
     HiddenKind::Pair,
 ];
-/// Random streams of the seed: truths start at 0, noise at the first constant, and the controls' laws at the second.
+/// Numbers of the first random streams. Truths start at 0, noise at `NOISE_STREAMS`, and the laws of plays without hidden effects at `CONTROL_STREAMS`.
 const NOISE_STREAMS: u64 = 1 << 32;
 const CONTROL_STREAMS: u64 = 1 << 33;
-/// Number of laws for each protocol that the controls share, so that their trajectories are computed once.
+/// Number of different laws, for each protocol, of plays without hidden effects. Several plays share each law, so that its trajectory is computed once.
 const CONTROL_LAWS: usize = 40;
-/// Smallest signal of effects in pairs, because each must be detectable beside the other.
+/// Smallest signal of each effect in a pair, because each must be detectable beside the other.
 const LEAST_PAIR_SIGMA: f64 = 10.0;
-/// Golden ratio. Its multiples spread evenly over choices without locking to another choice.
+/// Golden ratio minus 1. The fractional parts of its multiples choose evenly, independently of other periodic choices.
 const GOLDEN: f64 = 0.618_033_988_749_894_9;
 
-/// All played challenges.
+/// Results of all plays of a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Plays {
@@ -112,21 +112,21 @@ pub struct Plays {
 }
 
 impl Plays {
-    /// Counts the plays of a run or of its parts.
+    /// Counts the results of plays, which may come from several parts of a run.
     pub fn of(plays: Vec<Play>) -> Self {
         Self { tally: tally(&plays), plays }
     }
 
-    /// Document of a run with a seed.
+    /// Document of a run, with the seed that it used.
     pub fn document(&self, seed: u64) -> WithProvenance<&Self> {
         WithProvenance { provenance: Provenance::new("challenge", 1, seed, BTreeMap::new()), body: self }
     }
 }
 
-/// Plays challenges: draws truths, makes their data and diagnoses each. `diagnose` gets a separate seed for every play.
+/// Plays challenges: draws truths, makes their data and diagnoses each. The function `diagnose` gets a separate seed for every play.
 ///
 /// # Errors
-/// [`Error::Input`] for an impossible request; errors of drawing and of the full-order model. A failed diagnosis is a failed play.
+/// [`Error::Input`] for an impossible request; errors of drawing and of the full-order model. If a diagnosis fails, its play counts as failed.
 pub fn run(
     bench: &Bench,
     request: &PlaysRequest,
@@ -171,7 +171,7 @@ pub fn run(
 /// Checks a request before anything is computed.
 ///
 /// # Errors
-/// [`Error::Input`] with the option and the remedy.
+/// [`Error::Input`] with the option that is wrong and the remedy.
 pub fn check(library: &Library, request: &PlaysRequest) -> Result<()> {
     let refuse =
         |setting: Setting, found: String, remedy: &str| Err(Error::input(InputPlace::setting(setting), found, remedy));
@@ -202,10 +202,10 @@ pub fn check(library: &Library, request: &PlaysRequest) -> Result<()> {
     Ok(())
 }
 
-/// Draws truth number `number`. If its signal is out of reach, the next effect is tried.
+/// Draws the truth of play `number`. If the signal of an effect is out of reach, the next effect is tried.
 fn draw(bench: &Bench, request: &PlaysRequest, sort: HiddenKind, number: usize) -> Result<Truth> {
     let (protocols, noises, signals) = (&request.protocols, &request.noises, &request.signals_sigma);
-    // In a mixture, each sort has its own numbering.
+    // In a mixture, the plays of each sort are numbered separately.
     let place = if request.only.is_some() {
         number
     } else {
@@ -224,7 +224,7 @@ fn draw(bench: &Bench, request: &PlaysRequest, sort: HiddenKind, number: usize) 
         strength: Strength::Sigma(signal_sigma),
     };
     let stream_number = match sort {
-        // All noises share these laws.
+        // Plays with different noises share these laws.
         HiddenKind::None => CONTROL_STREAMS + (place / (protocols.len() * noises.len()) % CONTROL_LAWS) as u64,
         HiddenKind::Apparatus => CONTROL_STREAMS + (place / protocols.len() % CONTROL_LAWS) as u64,
         _ => number as u64,
@@ -269,12 +269,12 @@ fn draw(bench: &Bench, request: &PlaysRequest, sort: HiddenKind, number: usize) 
     Err(refusal.unwrap_or_else(|| Error::numerical("no truth could be drawn", "request other effects or signals")))
 }
 
-/// Effects to choose from: the requested ones, or all that can be hidden.
+/// Slugs of the effects to choose from: the requested ones, otherwise all that can be hidden.
 fn slugs(bench: &Bench, request: &PlaysRequest) -> Vec<String> {
     if request.effects.is_empty() { hideable_effects(bench.library()) } else { request.effects.clone() }
 }
 
-/// A case without its noise.
+/// Truth and noise-free positions of a challenge.
 struct PlayCase {
     number: usize,
     sort: HiddenKind,
@@ -290,7 +290,7 @@ fn play(bench: &Bench, request: &PlaysRequest, case: PlayCase, diagnose: &Diagno
     let stated_sd_m = truth.is_noise_given.then_some(noise.stated_sd_m);
     let subject = bench.subject_measured(truth.protocol, &noise.measured_m(&position_m), stated_sd_m)?;
     let seed = u64::from(stream.word()) << 32 | u64::from(stream.word());
-    // The command also checks the record before it fits. If a sound record is refused, the play has failed.
+    // The command `diagnose` also checks the record before it fits. If it refuses a sound record, the play has failed.
     let looked = refuse_contradictions(subject.experiment(), &Interpretation::default(), &SilentMonitor);
     let play = match looked.and_then(|()| diagnose(&subject, seed)) {
         Ok(diagnosis) => judge(number, sort, truth, &diagnosis, Some(&noise)),
@@ -323,7 +323,7 @@ fn failed(number: usize, sort: HiddenKind, truth: Truth, error: &Error) -> Play 
     }
 }
 
-/// Compares a diagnosis with the truth and with the drawn noise, if it is known.
+/// Compares a diagnosis with the truth, and with the drawn noise if it is known.
 pub fn judge(number: usize, sort: HiddenKind, truth: Truth, diagnosis: &Diagnosis, noise: Option<&Noise>) -> Play {
     let verdict = &diagnosis.verdict;
     let said = match verdict.kind {
@@ -376,14 +376,14 @@ pub fn judge(number: usize, sort: HiddenKind, truth: Truth, diagnosis: &Diagnosi
     }
 }
 
-/// Root mean square (µm) of the drawn noise over the rows of the scored cycle, whose error the diagnosis reports.
+/// Root mean square (µm) of the drawn noise over the rows of the scored cycle. The diagnosis reports its error on this cycle.
 fn true_noise_um(truth: &Truth, diagnosis: &Diagnosis, noise: &Noise) -> Option<f64> {
     let cycle = truth.protocol.record().cycle;
     let is_scored = |row: usize| cycle.get(row).is_some_and(|cycle| diagnosis.heldout_cycles.contains(cycle));
     noise.rms_m(is_scored).map(|rms_m| 1e6 * rms_m)
 }
 
-/// Sizes of the hidden effects that a diagnosis claims.
+/// True and estimated sizes of the hidden effects that the diagnosis claims.
 fn named_sizes(truth: &Truth, diagnosis: &Diagnosis) -> Vec<NamedSize> {
     let verdict = &diagnosis.verdict;
     let is_named = |slug: &String| verdict.kind == VerdictKind::Missing && verdict.effects.contains(slug);
@@ -396,7 +396,7 @@ fn named_sizes(truth: &Truth, diagnosis: &Diagnosis) -> Vec<NamedSize> {
     named.collect()
 }
 
-/// True if the hidden effect's size lies in its interval; `None` unless exactly this effect is hidden and claimed.
+/// True if the 90 % interval of the hidden effect's size contains the true size; `None` unless exactly one effect is hidden and it is claimed.
 fn size_covered(truth: &Truth, diagnosis: &Diagnosis) -> Option<bool> {
     let ([effect], [named]) = (truth.effects.as_slice(), diagnosis.verdict.effects.as_slice()) else { return None };
     if effect.slug != *named {

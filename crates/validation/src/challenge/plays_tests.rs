@@ -1,4 +1,4 @@
-//! Judges and counts diagnoses and truths that are written by hand.
+//! Tests how plays are judged and counted, with diagnoses and truths written by hand.
 
 use super::super::{Disturbance, HiddenEffect, NamedValue};
 use super::*;
@@ -28,7 +28,7 @@ fn apparatus() -> Truth {
     Truth { apparatus: Some(ApparatusError::PoissonRatio(0.45)), ..truth(&[], &[]) }
 }
 
-/// A candidate effect with its gain and the interval of its size.
+/// A candidate effect with a gain (nats), and with the 5 % and 95 % quantiles of its size.
 fn candidate(slug: &str, gain_nats: f64, [q05, q95]: [f64; 2]) -> CandidateEntry {
     let parameter = RefitParameter { name: format!("{slug}.size"), mean: 0.5 * (q05 + q95), q05, q95 };
     CandidateEntry {
@@ -96,7 +96,7 @@ fn unexplained(diagnosis: Diagnosis) -> Diagnosis {
     Diagnosis { unexplained: vec![entry], ..diagnosis }
 }
 
-/// Noise of this size (µm) in every row. One row before the scored cycle has a far larger error.
+/// Noise of `size_um` (µm) in every row. Only one row before the scored cycle has a far larger error.
 fn noise_of_um(size_um: f64) -> Noise {
     let mut error_m: Vec<f64> = (0..800).map(|row| 1e-6 * if row % 2 == 0 { size_um } else { -size_um }).collect();
     error_m[100] = 1e-3;
@@ -118,14 +118,14 @@ fn a_claim_is_judged_by_its_class_its_size_and_its_error() {
     assert_eq!(right.first.as_deref(), Some("drift"));
     let gains: Vec<(&str, f64)> = right.gains.iter().map(|(slug, gain, _)| (slug.as_str(), *gain)).collect();
     assert_eq!(gains, [("bias", 30.0), ("drift", 7.0), ("delay", 3.0)]);
-    // The interval includes its end. A size of another effect, or of a pair, is not counted.
+    // An end of the interval counts as inside. The size of another effect, or of a pair, is not counted.
     assert_eq!(right.size_covered, Some(true));
     assert_eq!(play(truth(&["bias"], &["bias"]), &missing(&["bias"], &[])).size_covered, Some(false));
     assert_eq!(play(hidden(), &missing(&["delay"], &["drift"])).size_covered, None);
     assert_eq!(play(hidden(), &missing(&["delay", "drift"], &[])).size_covered, None);
     assert_eq!(play(truth(&["delay", "drift"], &[]), &missing(&["delay", "drift"], &[])).size_covered, None);
     assert_eq!(right.heldout_over_predictive_noise, Some(4.2 / 4.0));
-    // A pair is named in alphabetical order, independent of the claim's order.
+    // The effects of a pair are named in alphabetical order, whatever the order of the claim.
     assert_eq!(play(truth(&["drift", "bias"], &[]), &missing(&["drift", "bias"], &["delay"])).said, "bias+drift");
 }
 
@@ -138,8 +138,8 @@ fn without_a_claim_there_is_no_class_and_the_largest_gain_is_first() {
     }
 }
 
-/// With the claimed effect 7 µm remain, but only 4 µm of noise were drawn. A predictive noise of 12.9 µm, inflated by a gain's floor, hides this; the drawn
-/// noise does not. Noise of other cycles does not count.
+/// With the claimed effect the error is 7 µm, but the drawn noise is only 4 µm. The predictive noise of 12.9 µm is too large, because of a gain's lower limit,
+/// and hides the misfit. The drawn noise shows it. Noise of other cycles does not count.
 #[test]
 fn an_error_is_counted_against_the_noise_that_was_drawn() {
     let nothing = diagnosis(VerdictKind::None, &[], &[]);
@@ -157,12 +157,12 @@ fn an_error_is_counted_against_the_noise_that_was_drawn() {
     assert!((far.heldout_over_predictive_noise.expect("scored") - 7.0 / 12.9).abs() < 1e-9);
     let tallied = tally(std::slice::from_ref(&far));
     assert_eq!((tallied.heldout_at_predictive_noise, tallied.heldout_at_true_noise), (Some(1.0), Some(0.0)));
-    // The true model leaves the drawn noise and has the ratio 1.
+    // The error of the true model is the drawn noise, so the ratio is 1.
     diagnosis.extended = Some(errors(4.0, 4.0));
     let near = play(hidden(), &diagnosis);
     assert!((near.heldout_over_true_noise.expect("scored") - 1.0).abs() < 1e-9);
     assert_eq!(tally(&[far, near]).heldout_at_true_noise, Some(0.5));
-    // Without a claim, the error is that of the base model.
+    // Without a claim, the error of the base model counts.
     let none = play(truth(&[], &[]), &nothing);
     assert_eq!((none.rmse_heldout_um, none.heldout_over_predictive_noise), (Some(9.0), None));
     assert!((none.heldout_over_true_noise.expect("scored") - 9.0 / 4.0).abs() < 1e-9);
@@ -170,7 +170,7 @@ fn an_error_is_counted_against_the_noise_that_was_drawn() {
     assert_eq!((unknown.heldout_over_true_noise, unknown.heldout_over_predictive_noise), (None, Some(1.0)));
 }
 
-/// A stored play suffices to count coverage again, also for pairs.
+/// A stored play contains all that is needed to count the coverage of intervals again, also for pairs.
 #[test]
 fn sizes_of_what_was_named_are_kept_with_their_intervals() {
     let both = play(truth(&["drift", "bias"], &[]), &diagnosis(VerdictKind::Missing, &["drift", "bias"], &[]));
@@ -185,7 +185,7 @@ fn sizes_of_what_was_named_are_kept_with_their_intervals() {
     assert_eq!(kept, both);
 }
 
-/// Nineteen plays with distinct counts, so that no share is right with a wrong denominator.
+/// Nineteen plays whose counts all differ, so that a rate with a wrong denominator is detected.
 #[test]
 fn shares_are_counted_over_what_they_are_shares_of() {
     let missing = |effects: &[&str], equivalent: &[&str]| diagnosis(VerdictKind::Missing, effects, equivalent);
@@ -198,7 +198,8 @@ fn shares_are_counted_over_what_they_are_shares_of() {
     let bias = || truth(&["bias"], &["bias"]);
     let pair = || truth(&["drift", "bias"], &["drift", "bias"]);
     let mut plays = vec![
-        // Seven singles: five claims, three in class, and six first places held by the truth or an equivalent effect.
+        // Seven challenges with a single effect. There are five claims, three of them in class. In six, the leading effect is the hidden one or is equivalent
+        // to it.
         play(drift(), &missing(&["drift"], &["delay", "bias"])),
         play(drift(), &far(missing(&["delay"], &["drift"]))),
         play(drift(), &missing(&["delay"], &[])),
@@ -206,17 +207,18 @@ fn shares_are_counted_over_what_they_are_shares_of() {
         play(bias(), &missing(&["drift"], &[])),
         play(bias(), &none()),
         play(bias(), &none()),
-        // Three pairs, one of them complete.
+        // Three challenges with pairs. One pair is found completely.
         play(pair(), &missing(&["drift", "bias"], &[])),
         play(pair(), &missing(&["drift"], &["delay"])),
         play(pair(), &missing(&["bias"], &[])),
-        // Five controls: one claimed, two called unexplained.
+        // Five challenges without hidden effects: one effect is claimed, and two are called unexplained.
         play(truth(&[], &[]), &none()),
         play(truth(&[], &[]), &missing(&["delay"], &[])),
         play(truth(&[], &[]), &unexplained(diagnosis(VerdictKind::Unexplained, &[], &[]))),
         play(apparatus(), &unexplained(diagnosis(VerdictKind::Unexplained, &[], &[]))),
         play(apparatus(), &none()),
-        // Four outside the library: two called unexplained, one claimed as an effect, one claimed as an effect with something unexplained.
+        // Four challenges outside the library. Two are called unexplained, one is claimed as an effect, and one is claimed as an effect with a misfit left
+        // unexplained.
         play(outside(), &unexplained(diagnosis(VerdictKind::Unexplained, &[], &[]))),
         play(outside(), &unexplained(diagnosis(VerdictKind::Unexplained, &[], &[]))),
         play(outside(), &missing(&["delay"], &[])),
@@ -227,14 +229,14 @@ fn shares_are_counted_over_what_they_are_shares_of() {
     assert_eq!(found.class_coverage, Some(3.0 / 7.0));
     assert_eq!(found.mean_class_size, Some((3.0 + 2.0 + 1.0 + 1.0 + 1.0) / 5.0));
     assert_eq!(found.ideal_class_size, Some((2.0 + 2.0 + 2.0 + 1.0 + 1.0) / 5.0));
-    // Three claims are `drift` or equivalent, one is `bias`, and two plays have no claim but the largest gain by `bias`.
+    // Three claims are `drift` or equivalent to it, and one is `bias`. Two plays have no claim, but `bias` has the largest gain.
     assert_eq!(found.first_place_separated, Some(6.0 / 7.0));
     assert_eq!((found.false_claims, found.false_unexplained), (Some(1.0 / 5.0), Some(2.0 / 5.0)));
     assert_eq!(found.pair_coverage, Some(1.0 / 3.0));
     assert_eq!((found.unexplained_called, found.misattributed), (Some(2.0 / 4.0), Some(1.0 / 4.0)));
-    // The drift's size is inside its interval, the bias's is outside.
+    // The size of `drift` is inside its interval, the size of `bias` is outside.
     assert_eq!(found.interval_coverage_90, Some(1.0 / 2.0));
-    // Three singles and a pair are in class. One of them has an error above 1.1 times the noise.
+    // Three single effects and a pair are in class. The error of one of them exceeds 1.1 times the noise.
     assert_eq!(found.heldout_at_predictive_noise, Some(3.0 / 4.0));
     assert_eq!(found.heldout_at_true_noise, Some(3.0 / 4.0));
     let of = |truth: &str, said: &str| {
@@ -251,7 +253,7 @@ fn shares_are_counted_over_what_they_are_shares_of() {
     assert_eq!(group(HiddenKind::None), (3, 1, 1, None));
     assert_eq!(group(HiddenKind::Apparatus), (2, 1, 0, None));
     assert_eq!(group(HiddenKind::Outside), (4, 2, 2, Some(20)));
-    // A failed diagnosis is no claim and not right.
+    // A failed diagnosis counts neither as a claim nor as right.
     plays = vec![failed(0, HiddenKind::None, truth(&[], &[]), &Error::numerical("no model", "try again"))];
     let found = tally(&plays);
     assert_eq!((found.failed, found.false_claims, found.false_unexplained), (1, Some(0.0), Some(0.0)));

@@ -4,30 +4,30 @@ use serde::{Deserialize, Serialize};
 
 use record::{Apparatus, Experiment, Record};
 
-/// A protocol: commanded force over time. All have four cycles of 10 s at 20 Hz.
+/// A protocol: commanded force over time. Every protocol has four cycles of 10 s, sampled at 20 Hz.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Protocol {
-    /// The paper's protocol: ±F for 5 s each.
+    /// The paper's protocol: the force alternates between F and −F every 5 s.
     Paper,
     /// Three force levels of both signs, separated by rests.
     Levels,
 }
 
 const N_CYCLES: u32 = 4;
-/// Rows per second.
+/// Sampling rate: rows per second.
 const RATE_HZ: f64 = 20.0;
-/// Force of the paper's protocol.
+/// Force of the paper's protocol, in N.
 const FORCE_N: f64 = 4.6e-6;
-/// White noise of the tracker.
+/// Standard deviation of the tracker's white noise, in m.
 pub(super) const WHITE_M: f64 = 4e-6;
 
 impl Protocol {
-    /// All protocols.
+    /// Both protocols.
     pub const ALL: [Self; 2] = [Self::Paper, Self::Levels];
 
-    /// Name in options and JSON.
+    /// Name of the protocol in options and JSON.
     pub fn name(self) -> &'static str {
         match self {
             Self::Paper => "paper",
@@ -35,7 +35,7 @@ impl Protocol {
         }
     }
 
-    /// Holds of one cycle: force relative to the largest one, and duration in s.
+    /// Holds of one cycle: force divided by the largest force, and duration in s.
     fn holds(self) -> &'static [(f64, f64)] {
         match self {
             Self::Paper => &[(1.0, 5.0), (-1.0, 5.0)],
@@ -53,7 +53,7 @@ impl Protocol {
         }
     }
 
-    /// The record, with all positions 0.
+    /// Record with this protocol's times, forces and cycles. All positions are 0.
     pub fn record(self) -> Record {
         let one_cycle: Vec<f64> = self
             .holds()
@@ -70,8 +70,8 @@ impl Protocol {
         }
     }
 
-    /// Returns an experiment with this protocol, these positions (m, one for each row) and this noise (m), if it is given. The first cycle calibrates, and the
-    /// others are held out.
+    /// Returns an experiment with this protocol and these positions (m, one for each row). `noise_m` is the stated noise standard deviation, if it is stated.
+    /// The first cycle calibrates, and the others are held out.
     pub fn experiment(
         self,
         specimen_id: &str,

@@ -1,7 +1,7 @@
-//! Seals an answer: it can be opened later but cannot be changed unnoticed.
+//! Seals an answer, so that it can be opened later but any change is detected.
 //!
-//! The commitment is the SHA-256 of salt and answer. The answer is stored beside it, masked with a SHA-256 stream of the salt, so that the file does not show
-//! it at a glance. Anyone can open the seal. It protects against accidental reading and later changes, not against an attack.
+//! The commitment is the SHA-256 hash of salt and answer. The answer is stored beside it, masked with a SHA-256 stream of the salt, so that nobody reads it by
+//! accident. Anyone can open the seal. It protects against accidental reading and later changes, not against an attack.
 
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -11,12 +11,12 @@ use posterior::study::sha256_hex;
 /// Number of bytes of a salt.
 pub const SALT_BYTES: usize = 32;
 
-/// A sealed answer, as stored.
+/// A sealed answer, as it is stored in a file.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Sealed {
-    /// Schema name, `vitreo-uq/sealed/1`.
+    /// Name of the schema, `vitreo-uq/sealed/1`.
     pub schema: String,
-    /// SHA-256 of salt and answer.
+    /// SHA-256 hash of salt and answer, in hexadecimal digits.
     pub commitment_sha256: String,
     /// Salt, in hexadecimal digits.
     pub salt: String,
@@ -27,12 +27,12 @@ pub struct Sealed {
 /// Schema name of the document.
 pub const SCHEMA: &str = "vitreo-uq/sealed/1";
 
-/// SHA-256 of salt and answer, in hexadecimal digits.
+/// SHA-256 hash of salt and answer, in hexadecimal digits.
 pub fn commitment_sha256(salt: &[u8], answer: &[u8]) -> String {
     sha256_hex(&[salt, answer].concat())
 }
 
-/// Seals an answer.
+/// Seals an answer with a salt.
 pub fn seal(salt: &[u8; SALT_BYTES], answer: &[u8]) -> Sealed {
     Sealed {
         schema: SCHEMA.into(),
@@ -42,14 +42,14 @@ pub fn seal(salt: &[u8; SALT_BYTES], answer: &[u8]) -> Sealed {
     }
 }
 
-/// Opens a sealed answer; `None` if it is damaged or does not match its commitment.
+/// Opens a sealed answer. Returns `None` if it is damaged or does not match its commitment.
 pub fn open(sealed: &Sealed) -> Option<Vec<u8>> {
     let (salt, bytes) = (from_hex(&sealed.salt)?, from_hex(&sealed.answer)?);
     let answer = mask(&salt, &bytes);
     (commitment_sha256(&salt, &answer) == sealed.commitment_sha256).then_some(answer)
 }
 
-/// Exclusive or with the SHA-256 of salt and block number. Applying it twice restores the bytes.
+/// Combines each byte (exclusive or) with a byte of the SHA-256 hashes of salt and block number. Applied twice, it restores the bytes.
 fn mask(salt: &[u8], bytes: &[u8]) -> Vec<u8> {
     let mut out = Vec::with_capacity(bytes.len());
     for (number, block) in (0_u64..).zip(bytes.chunks(32)) {

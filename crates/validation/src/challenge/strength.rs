@@ -1,6 +1,6 @@
-//! Strength of a hidden effect or disturbance, and the search for the size with a given signal.
+//! Strength of a hidden effect or disturbance, and a search for the size that has a given signal.
 
-/// Relative tolerance of the signal for a size.
+/// Largest relative difference between the signal of the size found and the requested signal.
 const TOLERANCE: f64 = 0.02;
 const MOST_ROUNDS: usize = 24;
 
@@ -9,15 +9,16 @@ const MOST_ROUNDS: usize = 24;
 pub enum Strength {
     /// Signal of each hidden effect or disturbance, in standard deviations.
     Sigma(f64),
-    /// Size drawn from the effect's prior.
+    /// Size is drawn from the effect's prior.
     Prior,
-    /// Distance of the single effect's first parameter from its null, in its unit; negative direction if the parameter can only lie below.
+    /// Distance of the single effect's first parameter from its null, in the parameter's unit. If the parameter can only lie below its null, the distance is
+    /// subtracted.
     Size(f64),
 }
 
 impl Strength {
-    /// Requested signal in standard deviations, or `otherwise` if a size is requested. Physics outside the library and large displacements have no size
-    /// parameter.
+    /// Requested signal in standard deviations; `otherwise` if a size or the prior is requested. It serves physics outside the library and large displacements,
+    /// which have no size parameter.
     pub(super) fn sigma_or(self, otherwise: f64) -> f64 {
         match self {
             Self::Sigma(sigma) => sigma,
@@ -26,8 +27,8 @@ impl Strength {
     }
 }
 
-/// Scales sizes until each signal is `asked_sigma`. `signals` computes the signals from the sizes, or returns `None` if the model fails. The search fails if a
-/// size reaches `largest` with a smaller signal.
+/// Scales sizes until each signal is `asked_sigma`. Returns the sizes with their signals. The function `signals` computes the signals from the sizes, and
+/// returns `None` if the model fails. The result is `None` if a size reaches `largest` and its signal is still too small.
 ///
 /// Few rounds suffice because signals are nearly proportional to sizes.
 pub fn scaled_to(
@@ -49,7 +50,7 @@ pub fn scaled_to(
                 return None;
             }
             let factor = (asked_sigma / signal.max(1e-3 * asked_sigma)).clamp(0.1, 10.0);
-            // Later rounds take shorter steps, in case whole steps oscillate.
+            // Later rounds take shorter steps, in case full steps oscillate.
             let factor = if round < 6 { factor } else { factor.sqrt() };
             sizes[index] = (sizes[index] * factor).min(largest[index]);
         }
@@ -63,7 +64,7 @@ mod tests {
 
     #[test]
     fn sizes_are_scaled_to_the_signal_that_is_asked_for() {
-        // The two signals are coupled and nonlinear.
+        // Example in which each signal is a nonlinear function of the sizes, and one depends on both.
         let signals =
             |sizes: &[f64]| Some(vec![3.0 * sizes[0] + sizes[0].powi(2), (8.0 * sizes[1]).sqrt() + 0.1 * sizes[0]]);
         let (sizes, found) = scaled_to(10.0, vec![0.1, 0.1], &[100.0, 100.0], signals).expect("reachable");

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::play::{HiddenKind, Play};
 use super::{NoiseKind, Protocol};
 
-/// Body of `vitreo-uq/challenge/1`. Rates are from 0 to 1; `None` if no such case was played.
+/// Results of many plays, the body of `vitreo-uq/challenge/1`. Rates are from 0 to 1; a rate is `None` if no play counts towards it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Tally {
@@ -17,48 +17,49 @@ pub struct Tally {
     pub failed: usize,
     /// Confusion matrix of truths and verdicts.
     pub confusion: Vec<Confusion>,
-    /// Share of single effects that are in the reported class.
+    /// Fraction of plays with a single hidden effect in which this effect is in the reported class.
     pub class_coverage: Option<f64>,
-    /// Mean size of the classes reported for single effects.
+    /// Mean number of effects in the classes reported for single hidden effects.
     pub mean_class_size: Option<f64>,
-    /// Mean size of the ideal classes of the same plays: all effects that the experiment cannot distinguish from the hidden one.
+    /// Mean number of effects in the ideal classes of these plays. An ideal class contains all effects that the experiment cannot distinguish from the hidden
+    /// one.
     pub ideal_class_size: Option<f64>,
-    /// Share of single effects for which the leading effect is the hidden one or is equivalent to it.
+    /// Fraction of plays with a single hidden effect in which the leading effect is the hidden one or is equivalent to it.
     pub first_place_separated: Option<f64>,
-    /// Share of plays without a hidden effect in which an effect was claimed.
+    /// Fraction of plays without a hidden effect in which an effect was claimed.
     pub false_claims: Option<f64>,
-    /// Share of plays without a hidden effect that were called unexplained.
+    /// Fraction of plays without a hidden effect that were called unexplained.
     pub false_unexplained: Option<f64>,
-    /// Share of pairs with both effects in the reported class.
+    /// Fraction of plays with a hidden pair in which both effects are in the reported class.
     pub pair_coverage: Option<f64>,
-    /// Share of plays with physics outside the library that were called unexplained.
+    /// Fraction of plays with physics outside the library that were called unexplained.
     pub unexplained_called: Option<f64>,
-    /// Share of plays with physics outside the library in which an effect was claimed and nothing was called unexplained.
+    /// Fraction of plays with physics outside the library in which an effect was claimed and no misfit was called unexplained.
     pub misattributed: Option<f64>,
-    /// Share of rightly claimed single effects whose size lies in its 90 % interval.
+    /// Fraction of rightly claimed single effects whose true size lies in the 90 % interval.
     pub interval_coverage_90: Option<f64>,
-    /// Share of rightly claimed cases whose error on the scored cycle is at most 1.1 times the drawn noise.
+    /// Fraction of plays with right claims whose error on the scored cycle is at most 1.1 times the drawn noise.
     pub heldout_at_true_noise: Option<f64>,
-    /// Share of rightly claimed cases whose error is at most 1.1 times the diagnosis's predictive noise. It shows if the diagnosis knows its own error. A predictive
-    /// noise that is too large gives 1 for any residual.
+    /// Fraction of plays with right claims whose error is at most 1.1 times the noise that the diagnosis predicts. It shows whether the diagnosis knows its own
+    /// error. If the predicted noise is too large, the fraction is 1 for any residual.
     pub heldout_at_predictive_noise: Option<f64>,
-    /// Counts by sort, protocol, noise and signal.
+    /// Counts for each combination of sort, protocol, noise and signal.
     pub groups: Vec<Group>,
 }
 
-/// An entry of the confusion matrix.
+/// Entry of the confusion matrix: number of plays with one truth and one verdict.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Confusion {
-    /// Slugs joined by `+`, `none` or `outside`.
+    /// Truth: slugs joined by `+`, `none` or `outside`.
     pub truth: String,
-    /// Slugs joined by `+`, `none`, `unexplained` or `failed`.
+    /// Verdict: slugs joined by `+`, `none`, `unexplained` or `failed`.
     pub said: String,
-    /// Number of plays.
+    /// Number of plays with this truth and this verdict.
     pub count: usize,
 }
 
-/// Plays of one sort, protocol, noise and signal.
+/// Counts of the plays with one sort, protocol, noise and signal.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Group {
@@ -68,17 +69,17 @@ pub struct Group {
     pub protocol: Protocol,
     /// Noise of the plays.
     pub noise: NoiseKind,
-    /// Signal in standard deviations, rounded; `None` if nothing is hidden.
+    /// Signal in noise standard deviations, rounded; `None` if nothing is hidden.
     pub signal_sigma: Option<u32>,
     /// Number of plays.
     pub played: usize,
-    /// Number of right diagnoses: in class, both in class, `none`, or `unexplained`.
+    /// Number of right diagnoses: hidden effects are in the class, or the verdict is rightly `none` or `unexplained`.
     pub right: usize,
-    /// Number of plays with a claimed effect.
+    /// Number of plays in which an effect was claimed.
     pub claimed: usize,
 }
 
-/// Largest allowed ratio of the error on the scored cycle to its noise.
+/// The error on the scored cycle may exceed its noise by at most this factor.
 const ALLOWED_RATIO: f64 = 1.1;
 
 fn share(plays: &[&Play], is: impl Fn(&Play) -> bool) -> Option<f64> {
@@ -89,7 +90,7 @@ fn mean(plays: &[&Play], of: impl Fn(&Play) -> f64) -> Option<f64> {
     (!plays.is_empty()).then(|| plays.iter().map(|play| of(play)).sum::<f64>() / plays.len() as f64)
 }
 
-/// Counts plays.
+/// Counts the results of plays.
 pub fn tally(plays: &[Play]) -> Tally {
     let of = |is: &dyn Fn(&Play) -> bool| -> Vec<&Play> { plays.iter().filter(|play| is(play)).collect() };
     let singles = of(&|play| play.sort == HiddenKind::Single);

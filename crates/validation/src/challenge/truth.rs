@@ -1,33 +1,33 @@
-//! The truth behind a challenge.
+//! The truth that a challenge's data are simulated from.
 
 use serde::{Deserialize, Serialize};
 
 use super::{Disturbance, DisturbanceKind, NoiseKind, Protocol};
 use record::{Offset, OffsetDirection, Robot};
 
-/// What a truth hides from the diagnosis.
+/// Effects or errors that a challenge hides from the diagnosis.
 #[derive(Debug, Clone, PartialEq)]
 pub enum HiddenThing {
-    /// Nothing.
+    /// Nothing is hidden.
     Nothing,
-    /// One effect of the library, or two, by slug.
+    /// Slugs of one or two effects of the library.
     Effects(Vec<String>),
-    /// Something outside the library.
+    /// A disturbance by physics outside the library.
     Outside(DisturbanceKind),
-    /// A wrong constant of the apparatus. In a creep test of one body the law absorbs it, so the right verdict is `none`.
+    /// A wrong constant of the apparatus. In a creep test of one body the law absorbs it, so `none` is the right verdict.
     Apparatus(ApparatusError),
 }
 
-/// A constant of the apparatus that differs from the experiment's statement.
+/// A constant of the apparatus whose true value differs from the experiment's statement.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum ApparatusError {
-    /// The gel's Poisson ratio.
+    /// True Poisson ratio of the gel.
     PoissonRatio(f64),
-    /// The robot's place is off the centre.
+    /// The robot's centre is not at the vitreous's centre.
     OffCentre {
-        /// Distance of the centres, in m.
+        /// Distance between the centres, in m.
         distance_m: f64,
         /// True if the offset is across the force, false if it is along it.
         across: bool,
@@ -35,15 +35,15 @@ pub enum ApparatusError {
 }
 
 impl ApparatusError {
-    /// Returns the robot at its true place.
+    /// Returns the robot at its true place, given the robot as the experiment states it.
     pub fn robot(self, stated: &Robot) -> Robot {
         let Self::OffCentre { distance_m, across } = self else { return *stated };
         let direction = if across { OffsetDirection::Across } else { OffsetDirection::Along };
         Robot { offset: Some(Offset { distance_m, direction }), ..*stated }
     }
 
-    /// Errors that are played: two Poisson ratios instead of the stated 0.48, and a robot off the centre in both directions. The offsets make the gel 4 and 5 %
-    /// stiffer.
+    /// Errors that challenges use: two Poisson ratios instead of the stated 0.48, and offsets of the robot in both directions. The offsets make the gel 4 and 5
+    /// % stiffer.
     pub const ALL: [Self; 4] = [
         Self::PoissonRatio(0.45),
         Self::PoissonRatio(0.495),
@@ -52,29 +52,29 @@ impl ApparatusError {
     ];
 }
 
-/// A parameter and its value.
+/// A parameter's name and value.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct NamedValue {
-    /// Name, with unit.
+    /// Name of the parameter, with its unit.
     pub name: String,
-    /// Value, in that unit.
+    /// Value, in the unit of the name.
     pub value: f64,
 }
 
-/// An effect of the library with its parameters.
+/// A hidden effect of the library with its parameters.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct HiddenEffect {
-    /// Slug.
+    /// Slug of the effect.
     pub slug: String,
-    /// Parameters in the effect's order; the first is its size.
+    /// Parameters in the effect's order. The first one is its size.
     pub parameters: Vec<NamedValue>,
-    /// Signal in standard deviations: distance between noise-free data and the best fit without the effect.
+    /// Distance between the noise-free data and the best fit without the effect, in noise standard deviations.
     pub signal_sigma: f64,
 }
 
-/// All inputs of a challenge's data, except the random numbers of the noise.
+/// Everything that determines a challenge's data, except the random numbers of the noise.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Truth {
@@ -87,29 +87,30 @@ pub struct Truth {
     pub is_noise_given: bool,
     /// Parameters of the law: E (Pa), c₁ (Pa·s), c₂ (Pa·s).
     pub law: [f64; 3],
-    /// Effects of the library, at most two.
+    /// Hidden effects of the library, at most two.
     pub effects: Vec<HiddenEffect>,
-    /// Disturbance from outside the library.
+    /// Hidden disturbance by physics outside the library.
     pub outside: Option<Disturbance>,
-    /// Wrong constant of the apparatus.
+    /// Hidden error of a constant of the apparatus.
     pub apparatus: Option<ApparatusError>,
-    /// Signal of the disturbance, in standard deviations.
+    /// Signal of the disturbance, in noise standard deviations.
     pub outside_sigma: Option<f64>,
-    /// Effects that this experiment cannot distinguish from the hidden ones: their best fit to noise-free data stays below 4 standard deviations. The hidden
-    /// effects are included.
+    /// Effects that this experiment cannot distinguish from the hidden ones, which are included. Their best fit to noise-free data is less than 4 noise
+    /// standard deviations away.
     pub ideal_class: Vec<String>,
-    /// Effects that are not compared yet. Their surrogates take long to build and are not needed for the data. Opening the answer compares them.
+    /// Effects that have not been compared with the hidden ones yet. Their surrogates take long to build and are not needed for the data. They are compared
+    /// when the answer is opened.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub not_compared: Vec<String>,
 }
 
-/// Default for sealed answers without this field.
+/// Value of `is_noise_given` for sealed answers without this field.
 fn is_given() -> bool {
     true
 }
 
 impl Truth {
-    /// Truth of data with nothing hidden.
+    /// Truth with nothing hidden.
     pub fn of_nothing(protocol: Protocol, noise: NoiseKind, law: [f64; 3]) -> Self {
         Self {
             protocol,
@@ -125,7 +126,7 @@ impl Truth {
         }
     }
 
-    /// Verdict of a right diagnosis: slugs joined by `+`, `none` or `outside`.
+    /// Text of the right verdict: slugs joined by `+`, `none` or `outside`.
     pub fn label(&self) -> String {
         match (&self.outside, self.effects.as_slice()) {
             (Some(_), _) => "outside".into(),
@@ -134,7 +135,7 @@ impl Truth {
         }
     }
 
-    /// Detail of the truth: the kind of disturbance, or the wrong constant.
+    /// Text that details the truth: the kind of disturbance, or the wrong constant.
     pub fn detail(&self) -> String {
         match (&self.outside, self.apparatus) {
             (Some(outside), _) => outside.kind.name().into(),
@@ -147,14 +148,14 @@ impl Truth {
         }
     }
 
-    /// Smallest signal in standard deviations; `None` if nothing is hidden.
+    /// Smallest signal of the hidden effects or disturbance, in noise standard deviations; `None` if nothing is hidden.
     pub fn signal_sigma(&self) -> Option<f64> {
         let of_effects = self.effects.iter().map(|effect| effect.signal_sigma);
         of_effects.chain(self.outside_sigma).min_by(f64::total_cmp)
     }
 }
 
-/// Slugs in alphabetical order, joined by `+`.
+/// Joins slugs by `+`, in alphabetical order.
 pub(super) fn joined<'a>(slugs: impl Iterator<Item = &'a str>) -> String {
     let mut slugs: Vec<&str> = slugs.collect();
     slugs.sort_unstable();
@@ -165,7 +166,7 @@ pub(super) fn joined<'a>(slugs: impl Iterator<Item = &'a str>) -> String {
 mod tests {
     use super::*;
 
-    /// Sealed answers without the list `not_compared` can be read. The list is not written if it is empty.
+    /// Sealed answers without the list `not_compared` can be read. An empty list is not written.
     #[test]
     fn a_truth_with_nothing_left_to_compare_is_written_as_ever() {
         let truth = Truth::of_nothing(Protocol::Paper, NoiseKind::White, [1.0, 2.0, 3.0]);

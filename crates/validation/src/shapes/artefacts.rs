@@ -1,4 +1,4 @@
-//! Writes the files of a shape study to `<study>/shapes/`, either all or none.
+//! Writes all files of a shape study to `<study>/shapes/`, or none of them if an error occurs.
 
 use std::path::PathBuf;
 
@@ -10,10 +10,10 @@ use elements::mesh::vtu::{PointData, write_vtu};
 use figures::svg::write_figure;
 use posterior::study::{Provenance, RevisionWriter, Study, WithProvenance};
 
-/// Name of the folder, beside the revisions.
+/// Name of the folder in the study's directory.
 const FOLDER: &str = "shapes";
 
-/// Writes the document, its figure, and the equal-volume bodies with the gel's displacement for ParaView. Returns the folder.
+/// Writes the document and its figure. For each equal-volume body it also writes the gel's mesh and displacement, for ParaView. Returns the folder.
 ///
 /// # Errors
 /// [`base::Error::File`] if a file cannot be written.

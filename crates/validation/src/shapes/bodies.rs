@@ -1,4 +1,4 @@
-//! The five bodies (shapes in their orientations), sized to the sphere's volume or to its surface.
+//! The five bodies of the study (shapes in their orientations). Each has the sphere's volume or its surface area.
 
 use documents::shapes::{BodyShape, SizeRule};
 use elements::fe::meridional::{BodyOfRevolution, Direction};
@@ -7,7 +7,7 @@ use record::{Orientation, Robot, RobotShape};
 /// The paper's ratio of length to diameter, or of long to short semi-axis.
 pub const PAPER_ASPECT: f64 = 68.0 / 7.0;
 
-/// Returns a body of this shape and aspect ratio (length to diameter), sized by the rule to a sphere of this diameter.
+/// Returns the body of revolution with this shape and aspect ratio (length divided by diameter). The rule sets its size from a sphere of this diameter.
 pub fn sized(shape: BodyShape, aspect: f64, rule: SizeRule, sphere_diameter_m: f64) -> BodyOfRevolution {
     let sphere = BodyOfRevolution::sphere(0.5 * sphere_diameter_m);
     let unit = match shape {
@@ -21,16 +21,16 @@ pub fn sized(shape: BodyShape, aspect: f64, rule: SizeRule, sphere_diameter_m: f
     })
 }
 
-/// A body of the study.
+/// A body of the study: shape, orientation and size rule.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StudyBody {
     /// Shape of the body.
     pub shape: BodyShape,
-    /// Orientation to the force; without effect for a sphere.
+    /// Orientation relative to the force; it has no effect for a sphere.
     pub orientation: Orientation,
-    /// Rule that sets the body's size.
+    /// Size rule: the sphere's volume or the sphere's surface area.
     pub rule: SizeRule,
-    /// Surface of the body.
+    /// Geometry of the body.
     pub revolution: BodyOfRevolution,
 }
 
@@ -43,7 +43,7 @@ impl StudyBody {
         }
     }
 
-    /// Length along the axis and diameter across it, in m.
+    /// Length along the axis of revolution and diameter across it, in m.
     pub fn sizes_m(&self) -> [f64; 2] {
         match self.revolution {
             BodyOfRevolution::Spheroid { semi_axis_along_m, semi_axis_across_m } => {
@@ -53,7 +53,7 @@ impl StudyBody {
         }
     }
 
-    /// Returns the body as an experiment describes it.
+    /// Returns the body as a robot of an experiment.
     pub fn robot(&self) -> Robot {
         let ([length_m, diameter_m], orientation) = (self.sizes_m(), self.orientation);
         let shape = match self.shape {
@@ -64,7 +64,7 @@ impl StudyBody {
         Robot { shape, density_kg_m3: None, offset: None }
     }
 
-    /// Label in figures and sentences.
+    /// Label of the body in figures and sentences.
     pub fn label(&self) -> String {
         match (self.shape, self.orientation) {
             (BodyShape::Sphere, _) => "sphere".into(),
@@ -74,7 +74,7 @@ impl StudyBody {
     }
 }
 
-/// Returns ten bodies: the sphere, and ellipsoid and cylinder in both orientations, each under both rules.
+/// Returns ten bodies: the sphere, and the ellipsoid and the cylinder in both orientations, each under both size rules.
 pub fn bodies(aspect: f64, sphere_diameter_m: f64) -> Vec<StudyBody> {
     use Orientation::{Horizontal, Vertical};
     let five = [
@@ -97,7 +97,7 @@ pub fn bodies(aspect: f64, sphere_diameter_m: f64) -> Vec<StudyBody> {
 mod tests {
     use super::*;
 
-    /// Sphere : ellipsoid : cylinder = 1 : 1.684 : 1.712 at equal volume (the paper, physics §4.4).
+    /// At equal volume the surface areas of sphere, ellipsoid and cylinder are in the ratio 1 : 1.684 : 1.712 (the paper, physics §4.4).
     #[test]
     fn surfaces_are_the_papers() {
         let area = |shape: BodyShape| sized(shape, PAPER_ASPECT, SizeRule::EqualVolume, 0.55e-3).surface_area_m2();

@@ -1,4 +1,4 @@
-//! Tests the paper's claims on shapes.
+//! Tests the paper's claims about shapes of robots.
 
 use documents::shapes::{Claim, ClaimVerdict};
 use statrs::distribution::{ContinuousCDF, Normal};
@@ -7,30 +7,30 @@ use super::bodies::StudyBody;
 use documents::shapes::{BodyShape, SizeRule};
 use record::Orientation;
 
-/// A claim holds above this probability, and does not hold below 1 minus it.
+/// A claim holds if its probability is above this value, and does not hold if it is below 1 minus this value. Otherwise it is undecided.
 const SURE: f64 = 0.95;
-/// Tolerance of the claim "proportional to the surface".
+/// Largest relative deviation at which the force counts as proportional to the surface area.
 const PROPORTIONAL: f64 = 0.05;
 
-/// Stiffness of a body with its error.
+/// Stiffness of a body with its numerical error.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StiffnessEstimate {
     /// The body.
     pub body: StudyBody,
-    /// Force per displacement per Pa of Young's modulus, in m.
+    /// Stiffness divided by Young's modulus: force per displacement per Pa, in m.
     pub stiffness_m: f64,
-    /// Relative error.
+    /// Relative error of the stiffness.
     pub relative_error: f64,
 }
 
 impl StiffnessEstimate {
-    /// Probability that this body moves more easily than another. Relative errors count as standard deviations.
+    /// Probability that this body moves more easily than `other`. The relative errors are taken as standard deviations.
     fn easier_than(&self, other: &Self) -> f64 {
         easier(-self.stiffness_m.ln(), -other.stiffness_m.ln(), self.relative_error.hypot(other.relative_error))
     }
 }
 
-/// Tests the paper's claims, in its order.
+/// Tests the paper's claims, in the paper's order.
 pub fn claims(all: &[StiffnessEstimate]) -> Vec<Claim> {
     let mut list = Vec::new();
     let find = |rule: SizeRule, shape: BodyShape, orientation: Orientation| {
@@ -91,12 +91,12 @@ fn claim(claim: String, probability: f64, numbers: String) -> Claim {
     Claim { claim, verdict: verdict_of(probability), probability, numbers }
 }
 
-/// Probability that the first of two numbers is larger, if their difference has this standard deviation.
+/// Probability that the first of two numbers is larger. `sd` is the standard deviation of their difference.
 pub(super) fn easier(first: f64, second: f64, sd: f64) -> f64 {
     Normal::standard().cdf((first - second) / sd.max(f64::EPSILON))
 }
 
-/// Verdict on a claim with this probability.
+/// Verdict on a claim that holds with this probability.
 pub(super) fn verdict_of(probability: f64) -> ClaimVerdict {
     match probability {
         p if p >= SURE => ClaimVerdict::Holds,
@@ -137,7 +137,8 @@ mod tests {
             .collect()
     }
 
-    /// For a difference of one standard deviation an ordering has probability Φ(1). For a large difference it is certain, and its converse is false.
+    /// If two bodies differ by one standard deviation, their ordering has probability Φ(1). If they differ by much more, the ordering is certain and the
+    /// opposite claim is false.
     #[test]
     fn errors_decide_what_is_too_close() {
         let easier = |distance: f64, relative_error: f64| {
@@ -156,14 +157,14 @@ mod tests {
         assert_eq!(easier(-5.0 * sd, 1e-3).verdict, ClaimVerdict::DoesNotHold);
     }
 
-    /// If resistance equals surface, that claim holds and the sphere moves most easily at equal volume.
+    /// If stiffness is proportional to surface area, that claim holds, and the sphere moves most easily at equal volume.
     #[test]
     fn resistance_that_is_proportional_to_the_surface_is_called_so() {
         let list = claims(&measured(|body| body.revolution.surface_area_m2(), 1e-6));
         let verdict = |words: &str| list.iter().find(|claim| claim.claim.contains(words)).unwrap().verdict;
         assert_eq!(verdict("proportional to the surface"), ClaimVerdict::Holds);
         assert_eq!(verdict("at equal volume, the sphere moves easiest"), ClaimVerdict::Holds);
-        // At equal surface all bodies are alike.
+        // At equal surface area all bodies then have equal stiffness.
         assert_eq!(verdict("at equal surface, the horizontal ellipsoid moves easier than"), ClaimVerdict::TooClose);
         let list = claims(&measured(|body| body.revolution.volume_m3(), 1e-6));
         assert_eq!(list[5].verdict, ClaimVerdict::DoesNotHold, "{:?}", list[5]);

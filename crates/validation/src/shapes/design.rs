@@ -1,7 +1,7 @@
-//! Finds the longest robot that still moves far enough, with a surrogate of the stiffness over aspect ratio and Poisson ratio.
+//! Finds the longest robot that still moves far enough. It uses a surrogate of the stiffness as a function of aspect ratio and Poisson ratio.
 //!
-//! At equal volume, ln k is a smooth function of Poisson ratio and logarithm of the aspect ratio. The surrogate is a polynomial through Chebyshev points. Its
-//! error is measured between them.
+//! At equal volume, ln k (logarithm of the stiffness) is a smooth function of the Poisson ratio and the logarithm of the aspect ratio. The surrogate is a
+//! polynomial through Chebyshev points. Its error is measured between these points.
 
 use documents::shapes::LongestRobot;
 use std::f64::consts::PI;
@@ -14,18 +14,18 @@ use documents::shapes::{BodyShape, SizeRule};
 use elements::fe::meridional::{Resolution, solve};
 use record::Orientation;
 
-/// Range of aspect ratios of the surrogate.
+/// Smallest and largest aspect ratio of the surrogate.
 pub const ASPECTS: [f64; 2] = [1.0, 20.0];
-/// Range of Poisson ratios on either side of the experiment's, limited by ½.
+/// The surrogate's Poisson ratios differ from the experiment's by at most `POISSON_BELOW`, and are at most `LARGEST_POISSON`, just below ½.
 const POISSON_BELOW: f64 = 0.1;
 const LARGEST_POISSON: f64 = 0.499;
-/// Numbers of Chebyshev points.
+/// Numbers of Chebyshev points in aspect ratio and in Poisson ratio.
 const N_ASPECTS: usize = 9;
 const N_POISSON: usize = 4;
-/// Required probability that the longest body moves far enough.
+/// Probability with which the longest robot must move far enough.
 pub const WANTED_PROBABILITY: f64 = 0.95;
 
-/// Surrogate of the stiffness of one shape and orientation at equal volume.
+/// Surrogate of the stiffness of one shape in one orientation, at equal volume.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StiffnessSurrogate {
     /// Shape of the body.
@@ -33,18 +33,18 @@ pub struct StiffnessSurrogate {
     /// Orientation of the body.
     pub orientation: Orientation,
     poisson: [f64; 2],
-    /// ln k at the points; the aspect ratio varies fastest.
+    /// ln k at the Chebyshev points. The aspect ratio varies fastest.
     log_stiffness: Vec<f64>,
-    /// Largest relative error at points between the Chebyshev points.
+    /// Largest relative error of the stiffness at points between the Chebyshev points.
     pub relative_error: f64,
 }
 
-/// Chebyshev points of the first kind on [−1, 1].
+/// The `n` Chebyshev points of the first kind on [−1, 1].
 fn points(n: usize) -> Vec<f64> {
     (0..n).map(|i| -(PI * (i as f64 + 0.5) / n as f64).cos()).collect()
 }
 
-/// Barycentric interpolation through Chebyshev points of the first kind.
+/// Value at `x` of the polynomial with these values at the Chebyshev points of the first kind (barycentric interpolation).
 fn interpolate(values: &[f64], x: f64) -> f64 {
     let n = values.len();
     let (mut above, mut below) = (0.0, 0.0);
@@ -70,7 +70,7 @@ fn unscaled(x: f64, [lower, upper]: [f64; 2]) -> f64 {
 }
 
 impl StiffnessSurrogate {
-    /// Solves at the Chebyshev points, and between some of them to estimate the error.
+    /// Computes the stiffness at the Chebyshev points. Further solutions between the points measure the error.
     ///
     /// # Errors
     /// Errors of the meridional solver.
@@ -108,7 +108,7 @@ impl StiffnessSurrogate {
         interpolate(&rows, y)
     }
 
-    /// Force per displacement per Pa of Young's modulus, in m; `None` outside the surrogate's range.
+    /// Stiffness divided by Young's modulus: force per displacement per Pa, in m. `None` outside the surrogate's range.
     pub fn stiffness_m(&self, aspect: f64, poisson_ratio: f64) -> Option<f64> {
         let point = (scaled(aspect.ln(), ASPECTS.map(f64::ln)), scaled(poisson_ratio, self.poisson));
         let inside = |x: f64| x.abs() <= 1.0 + 1e-12;
@@ -116,8 +116,8 @@ impl StiffnessSurrogate {
     }
 }
 
-/// Returns the largest aspect ratio at which the displacement reaches `distance_m` with probability 95 %. The displacement is `force_per_pa` (F·J(t) in N/Pa,
-/// for each posterior draw) divided by the stiffness.
+/// Returns the largest aspect ratio at which the displacement reaches `distance_m` with probability 95 %. The displacement is `force_per_pa` divided by the
+/// stiffness. `force_per_pa` holds F·J(t) (force times creep compliance, N/Pa) for each posterior draw.
 pub fn longest(
     surrogate: &StiffnessSurrogate,
     sphere_diameter_m: f64,
@@ -128,7 +128,7 @@ pub fn longest(
     let mut ascending = force_per_pa.to_vec();
     ascending.sort_by(f64::total_cmp);
     let place = ((1.0 - WANTED_PROBABILITY) * ascending.len() as f64) as usize;
-    // Largest stiffness at which enough draws move far enough.
+    // Largest stiffness at which enough posterior draws reach the distance.
     let most_m = ascending.get(place).map_or(f64::NAN, |smallest| smallest / distance_m);
     let moves = |aspect: f64| surrogate.stiffness_m(aspect, poisson_ratio).is_some_and(|value| value <= most_m);
     let is_limit_of_range = moves(ASPECTS[1]);
@@ -180,8 +180,8 @@ mod tests {
         }
     }
 
-    /// Compares the longest robot of the surrogate with its definition, computed by the solver itself. The required number of the twenty draws move far enough,
-    /// and one fewer does not suffice.
+    /// The longest robot of the surrogate agrees with its definition, computed by the solver itself. Of twenty draws the required number reaches the distance.
+    /// A slightly larger distance would be reached by one draw fewer.
     #[test]
     fn the_longest_robot_moves_just_far_enough() {
         let (diameter_m, outer_m, nu) = (0.55e-3, 10e-3, 0.48);
@@ -193,7 +193,7 @@ mod tests {
         let revolution = sized(shape, found.aspect.unwrap(), SizeRule::EqualVolume, diameter_m);
         let body = StudyBody { shape, orientation, rule: SizeRule::EqualVolume, revolution };
         let stiffness_m = solve(revolution, outer_m, nu, body.direction(), Resolution::default()).unwrap().stiffness_m;
-        // 95 % of twenty draws are all but the lowest.
+        // 95 % of twenty draws are all draws except the lowest.
         assert!((draws[1] / stiffness_m / 0.55e-3 - 1.0).abs() < 2e-3, "{found:?}");
         assert!(!found.is_limit_of_range && (found.length_m.unwrap() / body.sizes_m()[0] - 1.0).abs() < 1e-12);
         assert_eq!(longest(&surrogate, diameter_m, nu, &draws, 10e-3).aspect, None);

@@ -48,7 +48,7 @@ pub fn shapes_figure(found: &ShapesResult, summary: &ShapesSummary) -> Result<Sv
     })
 }
 
-/// Colours distinguish shapes, dashes distinguish orientations.
+/// Colour of a shape. Colours distinguish shapes, and dashes distinguish orientations.
 fn colour(index: usize) -> Colour {
     series(index.div_ceil(2))
 }

@@ -1,4 +1,5 @@
-//! Runs the shape study: stiffness of every body by two solvers, posterior displacements, claims, predictors and the longest robot.
+//! Runs the shape study. It computes the stiffness of every body with two solvers, displacements with posterior uncertainty, the paper's claims, predictors of
+//! the stiffness and the longest robot.
 
 use documents::shapes::ElasticRobotResult;
 use rayon::prelude::*;
@@ -28,30 +29,30 @@ use posterior::mechanics::{MODEL_LEVEL, robot_mesh};
 use posterior::monitor::{Counter, Monitor};
 use record::{Orientation, Vitreous};
 
-/// Number of times in a hold of the trajectories.
+/// Number of times at which the trajectory is computed in each hold.
 const ROWS_A_HOLD: usize = 100;
 
 /// Settings of a shape study.
 pub struct ShapesRequest {
-    /// Diameter of the sphere whose volume or surface the other bodies have, in m.
+    /// Diameter of the sphere whose volume or surface area the other bodies have, in m.
     pub sphere_diameter_m: f64,
     /// The gel around the bodies.
     pub vitreous: Vitreous,
-    /// Ratios of length to diameter, or of long to short semi-axis. At least one; the first is the study's own, and the others form its sweep.
+    /// Aspect ratios: length divided by diameter, or long divided by short semi-axis. At least one. The study uses the first, and a sweep compares the others.
     pub aspects: Vec<f64>,
-    /// Poisson ratios of the gel. The first is the study's own, and the others are compared with it.
+    /// Poisson ratios of the gel. The study uses the first, and a sweep compares the others.
     pub poisson_ratios: Vec<f64>,
-    /// Amplitude of the force, in N: positive in one hold, negative in the next.
+    /// Amplitude of the force, in N. The force is positive in one hold and negative in the next.
     pub force_n: f64,
-    /// Length of a hold, in s.
+    /// Duration of a hold, in s.
     pub hold_s: f64,
-    /// Required displacement of the longest robot within one hold, in m.
+    /// Displacement that the longest robot must reach within one hold, in m.
     pub distance_m: f64,
     /// Creep compliance of the gel for each posterior draw.
     pub laws: Vec<CreepCompliance>,
-    /// Large-strain fluid for the law at the posterior mean; `None` if the law has no such form.
+    /// Law of the gel for large strains, at the posterior mean; `None` if the law has no such form.
     pub finite_law: Option<FiniteLaw>,
-    /// Mesh of the user's own body for comparison, if given.
+    /// Mesh of the user's own body, which is also solved; `None` if the user gives none.
     pub own_mesh: Option<Mesh>,
 }
 
@@ -60,11 +61,11 @@ pub struct ShapesRequest {
 pub struct BodyStiffness {
     /// The body.
     pub body: StudyBody,
-    /// Force per displacement per Pa of Young's modulus for the whole body, in m, from high-order elements in the meridian.
+    /// Stiffness divided by Young's modulus: force per displacement per Pa, in m. It comes from high-order elements in the meridian plane.
     pub stiffness_m: f64,
-    /// Error estimate of these elements, relative.
+    /// Estimated relative error of `stiffness_m`.
     pub relative_error: f64,
-    /// Stiffness from the program's three-dimensional elements, in m.
+    /// Stiffness divided by Young's modulus from the three-dimensional finite elements, in m.
     pub stiffness_3d_m: f64,
     /// Number of unknowns of the three-dimensional elements.
     pub unknowns: usize,
@@ -72,13 +73,13 @@ pub struct BodyStiffness {
     pub quality: MeshQuality,
 }
 
-/// A mesh around a body, with the gel's displacement on it.
+/// A body's mesh with the displacement of the gel at its nodes.
 pub struct BodyField {
     /// The body.
     pub body: StudyBody,
-    /// Mesh around the body.
+    /// Mesh of the gel around the body.
     pub mesh: Mesh,
-    /// Displacement of every node per displacement of the robot.
+    /// Displacement vector of every node, divided by the robot's displacement.
     pub displacement: Vec<[f64; 3]>,
 }
 
@@ -88,20 +89,20 @@ pub struct StudyPoint {
     pub aspect: f64,
     /// Poisson ratio of the gel.
     pub poisson_ratio: f64,
-    /// Ten bodies, five under each size rule.
+    /// Stiffness of ten bodies, five under each size rule.
     pub solved: Vec<BodyStiffness>,
-    /// Tests of the paper's claims.
+    /// Verdicts on the paper's claims.
     pub claims: Vec<Claim>,
-    /// Stiffness of the user's own body, in m.
+    /// Stiffness of the user's own body divided by Young's modulus, in m; `None` without such a body.
     pub own_stiffness_m: Option<f64>,
 }
 
-/// Body of the user's own mesh.
+/// Mesh of the user's own body.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OwnMesh {
     /// Size of the body in the mesh.
     pub size: RobotSize,
-    /// Number of unknowns.
+    /// Number of unknowns of the finite elements on this mesh.
     pub unknowns: usize,
     /// Shape quality of the elements.
     pub quality: MeshQuality,
@@ -109,31 +110,31 @@ pub struct OwnMesh {
 
 /// Results of a shape study.
 pub struct ShapesResult {
-    /// Every aspect ratio with every Poisson ratio. The first is the study's own.
+    /// Results for every combination of aspect ratio and Poisson ratio. The study itself uses the first.
     pub studied: Vec<StudyPoint>,
-    /// Meshes and fields of the study's equal-volume bodies.
+    /// Meshes and displacement fields of the equal-volume bodies at the study's own aspect ratio and Poisson ratio.
     pub fields: Vec<BodyField>,
-    /// The user's own mesh, if given.
+    /// The user's own mesh; `None` if the user gives none.
     pub own_mesh: Option<OwnMesh>,
     /// Times of one cycle, in s.
     pub time_s: Vec<f64>,
-    /// Position times stiffness (N/Pa) at each time: 5 %, 50 %, 95 % quantile. Division by a body's stiffness gives its position.
+    /// 5 %, 50 % and 95 % quantiles, at each time, of the position times the stiffness (N/Pa). Division by a body's stiffness gives its position in m.
     pub force_per_pa: Vec<[f64; 3]>,
-    /// Position times stiffness (N/Pa) at the end of the first hold: 5 %, 50 %, 95 % quantile.
+    /// As `force_per_pa`, but only at the end of the first hold.
     pub after_hold: [f64; 3],
-    /// Differences of elastic robots from rigid ones.
+    /// Differences in stiffness between elastic and rigid robots.
     pub elastic: Vec<ElasticRobotResult>,
-    /// Predictors of the stiffness.
+    /// Accuracy of each predictor of the stiffness.
     pub predictors: Vec<PredictorAccuracy>,
-    /// The longest robots.
+    /// Longest robot of each shape and orientation.
     pub longest: Vec<LongestRobot>,
-    /// Bodies along the force with large strains.
+    /// Motion along the force at large strains; `None` if it was not computed.
     pub large_strains: Option<LargeStrains>,
 }
 
-/// Ratios of the robot's modulus to the gel's. For a metal the ratio is about 10¹⁰, where rounding hides the difference.
+/// Ratios of the robot's Young's modulus to the gel's. For a metal the ratio is about 10¹⁰, at which rounding hides the difference from a rigid robot.
 const MODULUS_RATIOS: [f64; 3] = [1e2, 1e3, 1e4];
-/// Resolution of the elastic robots and of the rigid ones that they are compared with.
+/// Resolution of the elements for elastic robots and for the rigid robots that they are compared with.
 const ELASTIC: Resolution = Resolution { order: 6, rim_layers: 3, formulation: Formulation::Mixed };
 
 fn elastic(bodies: &[StudyBody], outer_radius_m: f64, poisson_ratio: f64) -> Result<Vec<ElasticRobotResult>> {
@@ -152,7 +153,7 @@ fn elastic(bodies: &[StudyBody], outer_radius_m: f64, poisson_ratio: f64) -> Res
     MODULUS_RATIOS.into_iter().map(of_ratio).collect()
 }
 
-/// Returns a body's stiffness at every Poisson ratio, from one mesh, and its field at the first.
+/// Returns a body's stiffness at every Poisson ratio, from one mesh, and its displacement field at the first Poisson ratio.
 fn solve_body(
     body: &StudyBody,
     vitreous: &Vitreous,
@@ -183,9 +184,9 @@ fn solve_body(
     Ok((solved, BodyField { body: *body, mesh, displacement }))
 }
 
-/// Returns the bodies at every aspect ratio and Poisson ratio; the Poisson ratio varies fastest.
+/// Computes the results at every combination of aspect ratio and Poisson ratio; the Poisson ratio varies fastest.
 ///
-/// The fields belong to the first aspect ratio's equal-volume bodies. Fields of equal-surface bodies differ only by a scale.
+/// Also returns the displacement fields of the equal-volume bodies at the first aspect ratio. Fields of equal-surface bodies differ from them only by a scale.
 fn study(
     request: &ShapesRequest,
     own_stiffnesses_m: &[f64],
@@ -224,7 +225,7 @@ fn study(
     Ok((studied, fields.into_iter().flatten().collect()))
 }
 
-/// Returns the user's mesh, and its body's stiffness (m) at every Poisson ratio.
+/// Returns the user's mesh, and the stiffness of its body divided by Young's modulus (m) at every Poisson ratio.
 fn own_body(request: &ShapesRequest) -> Result<(Option<OwnMesh>, Vec<f64>)> {
     let Some(mesh) = &request.own_mesh else { return Ok((None, Vec::new())) };
     let stiffness = Stiffness::new(mesh)?;

@@ -1,8 +1,9 @@
-//! Bodies along the force in a gel with large strains (physics §7.6). The study tests if the paper's orderings persist when bodies move by their own lengths.
+//! Bodies that move along the force in a gel with large strains (physics §7.6). The study tests whether the paper's orderings persist when bodies move by their
+//! own lengths.
 //!
 //! Only bodies that move along their axis of revolution are meshed for large strains. The gel is bonded to them, so strains at a slender tip or sharp rim are
-//! far larger than around a sphere. The mesh can follow such bodies only for a limited time, and they are compared up to that time. The run in the Oldroyd-B
-//! fluid is repeated with a mobility, because small strains do not determine the fluid.
+//! far larger than around a sphere. The mesh can follow such bodies only for a limited time, and they are compared up to that time. Small strains do not
+//! determine the large-strain fluid, so the computation in the Oldroyd-B fluid is repeated in a Giesekus fluid.
 
 use rayon::prelude::*;
 
@@ -16,42 +17,42 @@ use laws::stages::Stages;
 use posterior::monitor::{Counter, Monitor};
 use record::{Force, Orientation};
 
-/// Aspect ratios of additional ellipsoids, which a mesh can follow far.
+/// Aspect ratios of additional ellipsoids. The mesh can follow them over large distances.
 const ASPECTS: [f64; 2] = [1.5, 2.0];
-/// Mobility of the Giesekus fluid.
+/// Mobility of the Giesekus fluid with which the computation is repeated.
 pub const OTHER_MOBILITY: f64 = 0.1;
 
-/// Surroundings of the bodies, and the force.
+/// Gel, size of the bodies, and force.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LargeShapeSetting {
-    /// Diameter of the sphere whose volume or surface the other bodies have, in m.
+    /// Diameter of the sphere whose volume or surface area the other bodies have, in m.
     pub sphere_diameter_m: f64,
     /// Radius of the gel, in m.
     pub outer_radius_m: f64,
-    /// Poisson ratio of the gel, for small strains.
+    /// Poisson ratio of the gel at small strains.
     pub poisson_ratio: f64,
-    /// Ratio of length to diameter of the study's bodies.
+    /// Length divided by diameter of the study's bodies.
     pub aspect: f64,
-    /// Force, in N.
+    /// Force on the bodies, in N.
     pub force_n: f64,
 }
 
-/// Motion of a body through the hold.
+/// Motion of a body during one hold, as far as the mesh can follow it.
 struct FollowedBody {
     body: StudyBody,
     aspect: f64,
-    /// Small-strain displacement (m) at every row of the hold.
+    /// Displacement by the small-strain model (m), at every row of the hold.
     small_m: Vec<f64>,
-    /// Excess displacement in the Oldroyd-B fluid (m), at the rows that the mesh can follow.
+    /// Displacement in the Oldroyd-B fluid minus `small_m` (m), at the rows up to which the mesh can follow.
     deviation_m: Vec<f64>,
-    /// Error of that excess at each row, in m.
+    /// Numerical error of `deviation_m` at each of its rows, in m.
     error_m: Vec<f64>,
-    /// Excess displacement in the Giesekus fluid (m); `None` if the Oldroyd-B run was not followed to the end.
+    /// Displacement in the Giesekus fluid minus `small_m` (m); `None` if the Oldroyd-B run ended early.
     other_deviation_m: Option<Vec<f64>>,
 }
 
 impl FollowedBody {
-    /// Number of rows that both meshes can follow.
+    /// Number of rows that the meshes of both resolutions can follow.
     fn n_rows(&self) -> usize {
         self.error_m.len()
     }
@@ -65,7 +66,7 @@ impl FollowedBody {
         self.small_m[row] + self.deviation_m[row]
     }
 
-    /// Displacement (m) at a row in the Giesekus fluid; `None` if it was not followed there.
+    /// Displacement (m) at a row in the Giesekus fluid; `None` if the mesh could not follow up to this row.
     fn other_m(&self, row: usize) -> Option<f64> {
         Some(self.small_m[row] + self.other_deviation_m.as_ref()?.get(row)?)
     }
@@ -90,7 +91,7 @@ impl FollowedBody {
     }
 }
 
-/// Resolutions of a body's mesh: the reported one and a coarser one for comparison.
+/// Resolutions of a body's mesh: the one whose results are reported, and a coarser one that shows the error.
 fn finenesses(shape: BodyShape) -> [Discretisation; 2] {
     let of_order = |order| Discretisation { order, ..Discretisation::ESTIMATE };
     match shape {
@@ -129,7 +130,8 @@ fn follow(
     })
 }
 
-/// Runs the bodies through one hold. `time_s` are the hold's times; `force_per_pa` is the small-strain position times stiffness (N/Pa) at each of them.
+/// Computes the motion of the bodies during one hold. `time_s` holds the times of the hold. `force_per_pa` holds the small-strain position times stiffness
+/// (N/Pa) at each of them.
 ///
 /// # Errors
 /// Errors of meshes. A mesh that cannot follow a body further causes no error.
@@ -150,7 +152,7 @@ pub fn run(
         let revolution = sized(shape, aspect, rule, sphere_diameter_m);
         (StudyBody { shape, orientation: Orientation::Horizontal, rule, revolution }, aspect)
     };
-    // A sphere has equal size under both rules.
+    // A sphere has one size under both rules.
     let mut all = vec![body(BodyShape::Sphere, SizeRule::EqualVolume, 1.0)];
     for rule in SizeRule::ALL {
         all.extend(aspects.iter().map(|aspect| body(BodyShape::Ellipsoid, rule, *aspect)));
@@ -179,7 +181,7 @@ pub fn run(
     })
 }
 
-/// Tests if the first body moves farther than the others at a row. A claim that holds in only one fluid is undecided.
+/// Tests whether the first body moves farther than the others at a row. A claim that holds in only one of the two fluids is undecided.
 fn judge(claim: String, first: &FollowedBody, others: &[&FollowedBody], row: usize, numbers: String) -> Claim {
     let sd = |other: &FollowedBody| first.error_m[row].hypot(other.error_m[row]);
     let probability: f64 = others.iter().map(|other| easier(first.at_m(row), other.at_m(row), sd(other))).product();
@@ -194,7 +196,7 @@ fn judge(claim: String, first: &FollowedBody, others: &[&FollowedBody], row: usi
     }
 }
 
-/// Compares the sphere with the ellipsoids that were followed to the end of the hold.
+/// Claim that the sphere moves most easily. It is compared with the ellipsoids that the mesh could follow to the end of the hold.
 fn sphere_is_easiest(rule: SizeRule, all: &[&FollowedBody]) -> Option<Claim> {
     let sphere =
         all.iter().find(|followed_body| followed_body.body.shape == BodyShape::Sphere && followed_body.is_whole())?;
@@ -220,7 +222,7 @@ fn sphere_is_easiest(rule: SizeRule, all: &[&FollowedBody]) -> Option<Claim> {
     Some(judge(claim, sphere, &others, row, numbers))
 }
 
-/// Compares ellipsoid and cylinder at the last time to which both were followed.
+/// Claim that the ellipsoid moves more easily than the cylinder. It is tested at the last time up to which the mesh could follow both.
 fn ellipsoid_before_cylinder(rule: SizeRule, all: &[&FollowedBody], aspect: f64, time_s: &[f64]) -> Option<Claim> {
     let find = |shape: BodyShape| {
         all.iter().find(|followed_body| followed_body.body.shape == shape && followed_body.aspect == aspect).copied()

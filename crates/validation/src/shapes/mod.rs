@@ -1,4 +1,4 @@
-//! The paper's study of robot shapes: resistance of a sphere, an ellipsoid and a cylinder to motion, along and across the force.
+//! The paper's study of robot shapes: resistance of a sphere, an ellipsoid and a cylinder that move along or across their axis.
 
 pub mod artefacts;
 pub mod bodies;

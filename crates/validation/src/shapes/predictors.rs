@@ -1,9 +1,10 @@
-//! Compares predictors of a body's stiffness beyond volume and surface area, a question that the paper leaves open.
+//! Compares quantities that may predict a body's stiffness. The paper leaves open which quantity besides volume and surface area does.
 //!
-//! Each predictor is a length that a sphere also has. The predicted stiffness of a body is the sphere's times the ratio of lengths; nothing is fitted. The
-//! predictors are compared for ellipsoids and cylinders of many aspect ratios, along and across the force. Spheroids that replace the body are further
-//! predictors: they include aspect ratio and orientation, and their stiffness has a closed form (physics §4.3, §4.8). They are compared for cylinders only,
-//! because a spheroid would replace itself.
+//! Each predictor is a length that a sphere also has. The predicted stiffness of a body is the sphere's stiffness times the ratio of these lengths; nothing is
+//! fitted. The predictors are compared for ellipsoids and cylinders of many aspect ratios, along and across the force.
+//!
+//! Spheroids that replace the body are further predictors. They include aspect ratio and orientation, and their stiffness has a closed form (physics §4.3,
+//! §4.8). They are compared for cylinders only, because a spheroid would be replaced by itself.
 
 use documents::shapes::PredictorAccuracy;
 use std::f64::consts::PI;
@@ -16,7 +17,7 @@ use documents::shapes::{BodyShape, SizeRule};
 use elements::fe::meridional::{BodyOfRevolution, Resolution, solve};
 use record::Orientation;
 
-/// Aspect ratios of the sweep.
+/// Aspect ratios for which the predictors are compared.
 pub const SWEEP_ASPECTS: [f64; 9] = [0.2, 0.35, 0.6, 1.0, 1.7, 3.0, 5.0, 68.0 / 7.0, 15.0];
 
 /// A length that may predict a body's stiffness.
@@ -24,15 +25,15 @@ pub const SWEEP_ASPECTS: [f64; 9] = [0.2, 0.35, 0.6, 1.0, 1.7, 3.0, 5.0, 68.0 / 
 pub enum Predictor {
     /// Diameter of the sphere of equal volume.
     Volume,
-    /// Diameter of the sphere of equal surface, which the paper takes for the cause.
+    /// Diameter of the sphere of equal surface area, which the paper regards as the cause.
     Surface,
-    /// Diameter of the disc with the area of the body's shadow along the force.
+    /// Diameter of the disc whose area equals the body's area projected along the force.
     Projected,
-    /// Largest extent.
+    /// Largest extent of the body.
     Length,
-    /// One third of the shadow's diameter plus two thirds of the surface's, for pressure and shear drag (Leith 1987, Aerosol Sci. Technol. 6:153).
+    /// One third of the `Projected` diameter plus two thirds of the `Surface` diameter, for pressure and shear drag (Leith 1987, Aerosol Sci. Technol. 6:153).
     Leith,
-    /// Mean caliper diameter: mean extent of the body over all directions.
+    /// Mean caliper diameter: extent of the body, averaged over all directions.
     MeanCaliper,
 }
 
@@ -53,7 +54,7 @@ impl Predictor {
         }
     }
 
-    /// Value of this length for a body, in m.
+    /// Length of a body that this predictor uses, in m.
     pub fn length_m(self, body: &StudyBody) -> f64 {
         let [along, across] = body.sizes_m();
         let disc = |area_m2: f64| (4.0 * area_m2 / PI).sqrt();
@@ -72,10 +73,10 @@ impl Predictor {
     }
 }
 
-/// Mean over all directions of the distance between parallel planes that touch the body.
+/// Distance in m between two parallel planes that touch the body, averaged over all directions.
 fn mean_caliper_m(body: BodyOfRevolution) -> f64 {
     match body {
-        // Along a direction with cosine u to the axis, the width of a spheroid is 2 √(a²u² + b²(1 − u²)).
+        // In a direction at an angle with cosine u to the axis, the extent of a spheroid is 2 √(a²u² + b²(1 − u²)).
         BodyOfRevolution::Spheroid { semi_axis_along_m: a, semi_axis_across_m: b } => {
             let n = 2_000;
             let width = |i: usize| {
@@ -84,12 +85,13 @@ fn mean_caliper_m(body: BodyOfRevolution) -> f64 {
             };
             (0..n).map(width).sum::<f64>() / n as f64
         }
-        // This is the mean of L|u| + D √(1 − u²).
+        // This is the mean of the extent L|u| + D √(1 − u²) over all directions.
         BodyOfRevolution::Cylinder { length_m, diameter_m } => 0.5 * length_m + 0.25 * PI * diameter_m,
     }
 }
 
-/// Compares the predictors with the sweep's stiffness ratios to the sphere at equal volume, and returns their accuracy, best first.
+/// Compares the predictors with the computed stiffness of many bodies, divided by that of a sphere of equal volume. Returns their accuracy, best predictor
+/// first.
 ///
 /// # Errors
 /// Errors of the meridional solver.
@@ -156,8 +158,8 @@ fn record_of(title: &str, errors: &[f64], bodies: &[(f64, StudyBody)]) -> Predic
     }
 }
 
-/// Spheroids that replace a cylinder, with the ratios of their axes to its length and diameter. For equal volume both are the cube root of 3/2. For equal mean
-/// squares of the coordinates, L²/12 = a²/5 and D²/16 = b²/5.
+/// Spheroids that replace a cylinder: name, and ratios of the spheroid's axes to the cylinder's length and diameter. For equal volume both ratios are the cube
+/// root of 3/2. For equal mean squares of the coordinates, L²/12 = a²/5 and D²/16 = b²/5.
 const EQUIVALENT_SPHEROIDS: [(&str, [f64; 2]); 2] = [
     ("spheroid of equal volume and aspect (cylinders)", [1.144_714_242_553_332, 1.144_714_242_553_332]),
     ("spheroid of equal second moments (cylinders)", [1.290_994_448_735_805_6, 1.118_033_988_749_895]),
@@ -177,7 +179,7 @@ mod tests {
 
     const RULE: SizeRule = SizeRule::EqualVolume;
 
-    /// Every length of a sphere is its diameter.
+    /// For a sphere, the length of every predictor is the diameter.
     #[test]
     fn lengths_of_a_sphere_are_its_diameter() {
         let (diameter_m, orientation) = (0.55e-3, Orientation::Vertical);
@@ -192,8 +194,8 @@ mod tests {
         }
     }
 
-    /// Mean caliper diameters in closed form: L/2 + πD/4 for a cylinder. A spheroid's (with an artanh) is tested in the limit of a needle, whose mean |cos| is
-    /// ½.
+    /// Mean caliper diameters agree with closed forms. For a cylinder it is L/2 + πD/4. A spheroid's closed form contains an artanh; it is tested in the limit
+    /// of a needle, whose mean |cos| is ½.
     #[test]
     fn mean_caliper_diameters() {
         let cylinder = BodyOfRevolution::Cylinder { length_m: 3.0, diameter_m: 2.0 };

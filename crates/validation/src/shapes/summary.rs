@@ -1,4 +1,4 @@
-//! Document of a shape study, `vitreo-uq/shapes/1`.
+//! Makes the document of a shape study, `vitreo-uq/shapes/1`.
 
 use documents::shapes::{BodySummary, Displacement, MeshSummary, ShapesSummary, SweepSummary, UserBody};
 
@@ -13,7 +13,7 @@ fn mesh_summary(unknowns: usize, quality: &MeshQuality) -> MeshSummary {
     MeshSummary { unknowns, smallest_scaled_jacobian, largest_aspect }
 }
 
-/// Summarises the results. `forces_n` are the sweep's forces, the first of which is the study's own.
+/// Returns the document for the results of a study. `forces_n` holds the forces of the sweep in N; the study itself uses the first.
 pub fn summarise(request: &ShapesRequest, found: &ShapesResult, forces_n: &[f64]) -> ShapesSummary {
     let outer_radius_m = 0.5 * request.vitreous.diameter_m;
     let of = |studied: &StudyPoint, force_n: f64| {
@@ -56,7 +56,7 @@ pub fn summarise(request: &ShapesRequest, found: &ShapesResult, forces_n: &[f64]
     }
 }
 
-/// The sphere of a body's size rule.
+/// Result of the sphere that has the size rule of the given body.
 fn sphere_of<'a>(studied: &'a StudyPoint, body_stiffness: &BodyStiffness) -> &'a BodyStiffness {
     let is_sphere =
         |other: &&BodyStiffness| other.body.rule == body_stiffness.body.rule && other.body.shape == BodyShape::Sphere;

@@ -1,4 +1,4 @@
-//! Choice of rows: fitted and held-out cycles and ignored time ranges, written into the experiment's description.
+//! Writes the user's choice of rows into the description of an experiment: fitted cycles, held-out cycles, and time ranges to exclude.
 
 use std::path::Path;
 
@@ -7,20 +7,20 @@ use vitreo_uq::base::error::{Error, InputPlace, Result};
 use vitreo_uq::base::files::{self, Content};
 use vitreo_uq::record::Experiment;
 
-/// Choice that a page sends.
+/// Choice of rows that the page sends.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 pub struct RowChoice {
-    /// Name of the item.
+    /// Name of the item whose experiment is changed.
     pub item: String,
-    /// Fitted cycles.
+    /// Numbers of the fitted cycles.
     pub fitted: Vec<u32>,
-    /// Held-out cycles.
+    /// Numbers of the held-out cycles.
     pub heldout: Vec<u32>,
-    /// Time ranges in s whose positions are ignored.
+    /// Time ranges (start and end in s) whose positions are excluded.
     pub left_out_s: Vec<[f64; 2]>,
 }
 
-/// Writes a choice into a folder's description, after checking that the changed description is readable.
+/// Writes a choice into the description in the folder `dir`. First checks that the experiment can be read with the changed description.
 pub fn apply_choice(dir: &Path, choice: &RowChoice) -> Result<()> {
     let path = dir.join("experiment.toml");
     let bytes = files::read(&path, Content::Settings, "restore the description")?;
@@ -36,7 +36,7 @@ pub fn apply_choice(dir: &Path, choice: &RowChoice) -> Result<()> {
         ("left_out_s", (!intervals.is_empty()).then(|| format!("[{}]", intervals.join(", ")))),
     ];
     let changed = with_keys(&text, &keys).ok_or_else(|| by_hand("this page cannot change the layout of its lines"))?;
-    // Reads the changed description in its folder, as a study would, before replacing the original.
+    // The experiment is read with the changed description in a temporary file beside the original. Only then is the original replaced.
     let trial = tempfile::Builder::new().prefix(".trial-").suffix(".toml").tempfile_in(dir);
     let trial = trial.map_err(|error| Error::at_path("write", dir, error, "make the folder writable"))?;
     std::fs::write(trial.path(), &changed)
@@ -53,7 +53,8 @@ pub fn apply_choice(dir: &Path, choice: &RowChoice) -> Result<()> {
     files::write_atomically(&path, changed.as_bytes())
 }
 
-/// Returns a description with keys of `[measurement]` set, or removed if they have no value. Returns `None` if any other value would change.
+/// Returns the text of a description in which keys of `[measurement]` are set, or removed if their value is `None`. Returns `None` if any other value would
+/// change.
 fn with_keys(text: &str, keys: &[(&str, Option<String>)]) -> Option<String> {
     const HEAD: &str = "[measurement]";
     let mut lines: Vec<String> = text.lines().map(String::from).collect();

@@ -1,4 +1,4 @@
-//! Folder of a workbench: its experiments and studies, and the files that may be read.
+//! Folder that a workbench shows: its experiments and studies, and the files that the page may read.
 
 use std::ffi::OsString;
 use std::path::{Component, Path, PathBuf};
@@ -8,43 +8,44 @@ use vitreo_uq::base::error::{Error, InputPlace, Result};
 use vitreo_uq::base::files::{self, Content, FileKind};
 use vitreo_uq::posterior::study::Study;
 
-/// Environment variable of commands that a workbench starts. It holds the workbench's folder, whose files are untrusted data for these commands too.
+/// Environment variable of the commands that a workbench starts. It contains the workbench's folder. The commands also treat the files in this folder as
+/// untrusted data.
 pub const FOLDER_VARIABLE: &str = "VITREO_UQ_WORKBENCH";
-/// Folder for the workbench's own files: uploads and the record of its job.
+/// Name of the folder for the workbench's private files: uploads, and the record of its job.
 const PRIVATE_FOLDER: &str = ".vitreo-uq-workbench";
-/// Directory that `groups` writes to by default.
+/// Default directory of results of `groups`.
 pub const GROUPS: &str = "vitreo-uq-out/groups";
 const DESCRIPTION: &str = "experiment.toml";
-/// Folder for studies by default.
+/// Default folder of studies.
 const STUDIES: &str = "vitreo-uq-out";
-/// Extensions of a study's files that the page may show or offer for download.
+/// Extensions of the files in a study that the page may show or offer for download.
 const SHOWN: [&str; 7] = ["svg", "png", "html", "csv", "json", "toml", "nc"];
-/// Maximum number of entries that are read from a folder.
+/// Maximum number of entries of a folder that are read.
 const MOST_ENTRIES: usize = 5000;
 
-/// Folder of experiments and studies.
+/// Folder with the experiments and studies that a workbench shows.
 #[derive(Debug, Clone)]
 pub struct WorkbenchFolder {
     dir: PathBuf,
 }
 
-/// Experiment, study, or both; or the results of `groups` or `shapes`.
+/// Item that the page lists: an experiment, a study, an experiment with its study, or results of `groups` or `shapes`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Item {
-    /// Path within the folder, used as the name.
+    /// Path within the workbench's folder. It is also the item's name.
     pub name: String,
-    /// Folder of the experiment, relative to the home.
+    /// Folder of the experiment, relative to the workbench's folder; `None` without an experiment.
     pub experiment: Option<PathBuf>,
-    /// Folder of the study, relative to the home; it may not exist yet.
+    /// Folder of the study, relative to the workbench's folder. It need not exist yet.
     pub study: PathBuf,
-    /// Names of finished revisions.
+    /// Names of the finished revisions in the study.
     pub revisions: Vec<String>,
-    /// Figures of the results of `groups` or `shapes`; empty for a study.
+    /// Names of the figures in results of `groups` or `shapes`; empty for a study.
     pub figures: Vec<String>,
 }
 
 impl WorkbenchFolder {
-    /// Returns the folder that a user means by a path, and the item in it.
+    /// Finds the workbench's folder for a path that the user gives, and the name of the item if the path is that of an item.
     pub fn of(target: &Path) -> Result<(Self, Option<String>)> {
         let whole = std::fs::canonicalize(target).map_err(|error| {
             Error::at_path("open", target, error, "give an experiment, a study, or a folder of them")
@@ -75,23 +76,23 @@ impl WorkbenchFolder {
         Ok((home, name))
     }
 
-    /// The folder's files may come from other people.
+    /// Creates the workbench folder `dir`. Its files are treated as untrusted, because they may come from other people.
     fn in_folder(dir: PathBuf) -> Self {
         files::forbid_links_in_user_folder(&dir, "a workbench's folder");
         Self { dir }
     }
 
-    /// Absolute path of the folder.
+    /// Absolute path of the workbench's folder.
     pub fn dir(&self) -> &Path {
         &self.dir
     }
 
-    /// Folder for the workbench's own files.
+    /// Path of the folder for the workbench's private files.
     pub fn own(&self) -> PathBuf {
         self.dir.join(PRIVATE_FOLDER)
     }
 
-    /// Experiments with their studies, then studies without an experiment.
+    /// All items: experiments with their studies, then studies without an experiment.
     pub fn items(&self) -> Vec<Item> {
         let mut items = Vec::new();
         for name in folders(&self.dir) {
@@ -121,13 +122,13 @@ impl WorkbenchFolder {
         items
     }
 
-    /// Item for the comparison of groups, defined by these keys.
+    /// Item for the comparison of groups that these keys define.
     pub fn groups(&self, keys: &[String]) -> Item {
         let study = Path::new(GROUPS).join(keys.join("-"));
         Item { name: study.display().to_string(), experiment: None, study, revisions: Vec::new(), figures: Vec::new() }
     }
 
-    /// Experiments whose descriptions contain all of these keys of the specimen.
+    /// Folders of the experiments whose descriptions give all of these keys of the specimen.
     pub fn experiments_with_keys(&self, keys: &[String]) -> Vec<PathBuf> {
         let has_all = |inside: &PathBuf| keys.iter().all(|key| of_specimen(&self.dir.join(inside), key).is_some());
         self.items().into_iter().filter_map(|item| item.experiment).filter(has_all).collect()
@@ -143,7 +144,7 @@ impl WorkbenchFolder {
         Item { name, experiment, study, revisions, figures: Vec::new() }
     }
 
-    /// Finds an item by its name. No other path is ever opened.
+    /// Finds an item by its name. Paths that are not items are never opened.
     pub fn find(&self, name: &str) -> Result<Item> {
         self.items().into_iter().find(|item| item.name == name).ok_or_else(|| {
             Error::input(
@@ -154,7 +155,7 @@ impl WorkbenchFolder {
         })
     }
 
-    /// Path of a file of a study. It must have a shown extension, and lie in the study without links on the way.
+    /// Path of a file in an item's study. Its extension must be one of `SHOWN`. The path must not leave the study or contain symbolic links.
     pub fn file(&self, item: &Item, path: &str) -> Result<PathBuf> {
         let refused =
             || Error::input(InputPlace::file(path), "this is not a file of the study", "follow the links on the page");
@@ -171,7 +172,7 @@ impl WorkbenchFolder {
         if files::is_file(&whole) { Ok(whole) } else { Err(refused()) }
     }
 
-    /// Unused folder name for a new experiment, derived from the table's name.
+    /// Name for the folder of a new experiment. It is derived from the table's name and not used yet.
     pub fn new_experiment(&self, table: &str) -> String {
         let stem = Path::new(table).file_stem().map_or(String::new(), |stem| stem.to_string_lossy().into_owned());
         let safe = files::safe_name(&stem);
@@ -180,7 +181,7 @@ impl WorkbenchFolder {
         names.find(|name| name != STUDIES && files::kind(&self.dir.join(name)).is_none()).unwrap_or(safe)
     }
 
-    /// Hash that changes whenever an item changes.
+    /// Hash that changes whenever the list of items or one of the items changes.
     pub fn content_hash(&self) -> u64 {
         use std::hash::{DefaultHasher, Hash, Hasher};
         let mut hasher = DefaultHasher::new();
@@ -198,7 +199,7 @@ impl WorkbenchFolder {
     }
 }
 
-/// Sorted names of the folders in a folder, without links and hidden folders.
+/// Sorted names of the folders in `dir`, without symbolic links and hidden folders.
 fn folders(dir: &Path) -> Vec<String> {
     let entries = files::entries(dir, "").unwrap_or_default().into_iter().take(MOST_ENTRIES);
     let folder = |(name, kind): (OsString, FileKind)| {
@@ -207,7 +208,7 @@ fn folders(dir: &Path) -> Vec<String> {
     entries.filter_map(folder).collect()
 }
 
-/// Names of the drawings in a folder, and in its folder of figures.
+/// Names of the drawings in `dir` and in its folder of figures.
 fn drawings(dir: &Path) -> Vec<String> {
     let of = |folder: &str| {
         let entries = files::entries(&dir.join(folder), "").unwrap_or_default().into_iter();
@@ -219,7 +220,7 @@ fn drawings(dir: &Path) -> Vec<String> {
     all
 }
 
-/// Value of a key of the specimen in a description.
+/// Value of the specimen's key `key` in the description in `dir`; `None` if it is not given.
 fn of_specimen(dir: &Path, key: &str) -> Option<String> {
     let bytes = files::read_if_there(&dir.join(DESCRIPTION), Content::Settings)?;
     let table: toml::Table = toml::from_str(std::str::from_utf8(&bytes).ok()?).ok()?;
@@ -230,7 +231,7 @@ fn of_specimen(dir: &Path, key: &str) -> Option<String> {
 mod tests {
     use super::*;
 
-    /// Creates a study with a revision, an experiment beside it, and a secret file outside.
+    /// Creates a workbench folder that contains a study with a revision, and an experiment. A secret file lies outside.
     fn place() -> (tempfile::TempDir, WorkbenchFolder) {
         let place = tempfile::tempdir().unwrap();
         let put = |path: &str, text: &str| {

@@ -1,7 +1,7 @@
-//! Jobs of the page: the program's own commands, run in sequence, each in its own process.
+//! Runs the jobs that the page requests. A job is a sequence of this program's commands, and each command is a process of its own.
 //!
-//! A command gives the same results on disk as in a terminal. A workbench that ends by Ctrl-C or another signal also ends its command. If a workbench is killed, its command continues, and a
-//! workbench that is started again watches it.
+//! The results on disk are those of the command in a terminal. If Ctrl-C or another signal ends the workbench, its command ends too. If the workbench is
+//! killed, its command continues, and a workbench that is started later watches it.
 
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
@@ -21,28 +21,28 @@ use super::process::{Process, stop_child};
 use crate::child::{absolute, words};
 use crate::interrupt;
 
-/// Time between two reads of a command's output.
+/// Time between two reads of a running command's output.
 const POLL_INTERVAL: Duration = Duration::from_millis(150);
-/// Time between two reads while the workbench waits for the command's end.
+/// Time between two reads of the output while the workbench waits for the command to end.
 const FINAL_POLL_INTERVAL: Duration = Duration::from_millis(20);
-/// Number of bytes that are read from the end of a command's output.
+/// Number of bytes at the end of a command's output that are read.
 const TAIL_BYTES: u64 = 16_384;
-/// Maximum number of revisions whose posteriors are overlaid.
+/// Maximum number of revisions whose posteriors one corner plot shows.
 const MOST_OVERLAID: usize = 4;
 const WRITABLE: &str = "make the folder writable";
-/// Exit code of a command that finished with a result that is not to be trusted.
+/// Exit code of a command that has finished, but whose result cannot be trusted.
 const EXIT_UNTRUSTED: i32 = 1;
 
 /// Job that a page requests.
 #[derive(Debug, Clone, Deserialize)]
 pub struct JobRequest {
-    /// Name of the item; for a comparison of groups, the folder of its results.
+    /// Name of the item that the job works on; for a comparison of groups, the folder of its results.
     pub item: String,
     /// Kind of the job.
     pub kind: JobKind,
-    /// Revision to analyse or extend; by default the last.
+    /// Name of the revision to analyse or extend; `None` for the last.
     pub revision: Option<String>,
-    /// Effects to add; for a comparison of groups, the keys that define them.
+    /// Names of the effects to add; for a comparison of groups, the keys that define the groups.
     #[serde(default)]
     pub with: Vec<String>,
 }
@@ -51,19 +51,19 @@ pub struct JobRequest {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum JobKind {
-    /// Fit the first model, and test its residuals.
+    /// Samples the first model, and tests its residuals.
     Sample,
-    /// Test the residuals of a revision.
+    /// Tests the residuals of a revision.
     Compare,
-    /// Find missing effects of a revision.
+    /// Finds effects that a revision lacks.
     Diagnose,
-    /// Learn a correction of the law from data.
+    /// Learns a correction of the law from data.
     Learn,
-    /// Add effects as the next revision, test its residuals, and compare the errors of all revisions.
+    /// Adds effects as the next revision, tests its residuals, and compares the errors of all revisions.
     Extend,
-    /// Add the formula that `learn` wrote.
+    /// Adds the formula that `learn` wrote as the next revision.
     Adopt,
-    /// Compare the folder's experiments by species or region.
+    /// Compares the experiments in the folder by species or region.
     Groups,
 }
 
@@ -71,54 +71,54 @@ pub enum JobKind {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum JobStatus {
-    /// Running.
+    /// The job is running.
     Running,
-    /// Finished.
+    /// The job has finished.
     Done,
-    /// Refused or failed.
+    /// The job was refused or failed.
     Failed,
-    /// Stopped by the user.
+    /// The user stopped the job.
     Stopped,
-    /// Interrupted, because the workbench ended. Finished results are kept.
+    /// The job was interrupted because the workbench ended. Finished results are kept.
     Broken,
 }
 
-/// Job with its status.
+/// A job that was started, with its status.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Job {
-    /// Name of the item.
+    /// Name of the item that the job works on.
     pub item: String,
     /// Kind of the job.
     pub kind: JobKind,
-    /// Arguments of each command.
+    /// Command lines of the job, each as a list of words.
     pub commands: Vec<Vec<String>>,
-    /// Index of the command that runs.
+    /// Index in `commands` of the command that runs.
     pub at: usize,
-    /// Process of this command.
+    /// Process of the command that runs.
     pub process: Process,
-    /// Start of the job, in seconds since 1970.
+    /// Time at which the job started, in seconds since 1970.
     pub began_s: u64,
     /// Status of the job.
     pub standing: JobStatus,
-    /// Last line of its output, or the reason of its failure.
+    /// Last line of the job's output, or the reason why it failed.
     pub words: String,
-    /// Steps done in the present stage, and all steps of it.
+    /// Number of finished steps in the current stage, and total number of its steps; `None` if they are unknown.
     pub progress: Option<[u64; 2]>,
 }
 
-/// Job queue of length one, because each command uses all cores.
+/// Runs one job at a time, because each command uses all cores.
 pub struct Jobs {
     home: WorkbenchFolder,
     program: PathBuf,
     present: Mutex<Option<Job>>,
-    /// Process that this workbench has started and not yet waited for, so that its number cannot be reused.
+    /// Process that this workbench has started and not yet waited for. Until then the system cannot use its number for another process.
     child: Mutex<Option<Child>>,
     is_stopped: AtomicBool,
     news: watch::Sender<u64>,
 }
 
 impl Jobs {
-    /// Creates the queue, and takes over the job of an earlier workbench.
+    /// Creates the manager of jobs. It takes over the job of an earlier workbench, if one is still running. `news` notifies pages of changes.
     pub fn new(home: WorkbenchFolder, news: watch::Sender<u64>) -> Result<Arc<Self>> {
         let program = std::env::current_exe()
             .map_err(|error| Error::at_path("find", "the program", error, "run the program by its absolute path"))?;
@@ -139,12 +139,12 @@ impl Jobs {
         Ok(jobs)
     }
 
-    /// Running job, or the last one.
+    /// The job that is running, otherwise the last job; `None` if there was no job.
     pub fn present(&self) -> Option<Job> {
         self.present.lock().ok()?.clone()
     }
 
-    /// Starts a requested job. If `is_replaced`, the study belongs to another record and its first model is made anew.
+    /// Starts the job that a page requests. `is_replaced` is true if the study belongs to another record; its first model is then made anew.
     pub fn start(self: &Arc<Self>, wish: &JobRequest, item: &Item, is_replaced: bool) -> Result<Job> {
         let members =
             if wish.kind == JobKind::Groups { self.home.experiments_with_keys(&wish.with) } else { Vec::new() };
@@ -178,7 +178,7 @@ impl Jobs {
         self.present().ok_or_else(lost_jobs_error)
     }
 
-    /// Stops the job. Its process has a second to finish its files.
+    /// Stops the job. The process has one second to finish its files.
     pub fn stop(&self) {
         self.is_stopped.store(true, Ordering::SeqCst);
         if let Some(child) = self.child().as_ref() {
@@ -205,7 +205,7 @@ impl Jobs {
         let after = job.clone();
         drop(present);
         if is_kept {
-            // If the job cannot be saved, only the next workbench misses it.
+            // Errors are ignored: if the job cannot be saved, only a later workbench does not know it.
             let _ = files::create_folders(&self.home.own(), WRITABLE);
             let _ = files::write_json_atomically(&self.home.own().join("job.json"), &after);
         }
@@ -226,7 +226,7 @@ impl Jobs {
             self.change(|job| job.at = at);
             let arguments = self.present().map_or(Vec::new(), |job| job.commands[at].clone());
             let code = self.spawn(&arguments).and_then(|process| {
-                // If a signal ends the workbench, it also ends this process group.
+                // A signal that ends the workbench also ends this process group.
                 interrupt::owns_group(process.number());
                 self.change(|job| job.process = process);
                 self.watch()
@@ -251,7 +251,7 @@ impl Jobs {
     fn spawn(&self, arguments: &[String]) -> Result<Process> {
         let path = self.home.own();
         files::create_folders(&path, WRITABLE)?;
-        // Output goes to files instead of pipes, so that the command continues if the workbench is killed.
+        // The output goes to files instead of pipes. The command can then continue if the workbench is killed.
         let [out, log] = ["job.out", "job.log"].map(|name| files::create_or_replace(&path.join(name), WRITABLE));
         let mut command = Command::new(&self.program);
         command
@@ -263,7 +263,7 @@ impl Jobs {
             .stdout(out?)
             .stderr(log?);
         let token = super::token()?;
-        // The lock is held, so that a stop comes either before the start or after it.
+        // The lock is held while the process starts, so that a stop comes either before the start or after it.
         let mut child = self.child();
         let (started, process) = Process::spawn(&mut command, token)
             .map_err(|error| Error::at_path("start", &self.program, error, "reinstall the program"))?;
@@ -275,7 +275,7 @@ impl Jobs {
         Ok(process)
     }
 
-    /// Waits for a command and passes on its output. Returns its exit code if it ended by itself.
+    /// Waits for the command to end, and passes on its output. Returns its exit code; `None` if it did not end by itself.
     fn watch(&self) -> Result<Option<i32>> {
         loop {
             {
@@ -304,7 +304,7 @@ impl Jobs {
         });
     }
 
-    /// Waits for the command of an earlier workbench. The user has to start the commands after it.
+    /// Waits for a command that an earlier workbench has started. The commands that follow it are not started; the user must do that.
     fn watch_inherited_job(&self) {
         let Some(job) = self.present() else { return };
         if !job.process.is_running() {
@@ -326,7 +326,7 @@ impl Jobs {
         interrupt::owns_group(0);
     }
 
-    /// Last part of the command's output.
+    /// Last bytes of the command's output, as text.
     fn tail(&self) -> String {
         let read = || -> std::io::Result<String> {
             let mut file = files::open_file(&self.home.own().join("job.log")).map_err(std::io::Error::other)?;
@@ -344,7 +344,7 @@ fn lost_jobs_error() -> Error {
     Error::numerical("the workbench has lost its list of jobs", "start the workbench again")
 }
 
-/// Commands of a requested job in a folder; `members` are the experiments of a comparison of groups.
+/// Command lines of the job that `wish` requests. `home` is the workbench's folder. `members` are the experiments of a comparison of groups.
 pub(super) fn commands(
     home: &Path,
     wish: &JobRequest,
@@ -411,12 +411,12 @@ pub(super) fn commands(
                 return Err(Error::input(InputPlace::setting(Setting::By), "this is not a key for groups", remedy));
             }
             let options = [("by", Some(wish.with.join(","))), ("out", Some(place(Path::new(GROUPS))?))];
-            // The comparison uses these paths as names of its members, and its results stay in its folder.
+            // The comparison takes these paths as names of its experiments. Its results stay in its own folder.
             let members: Vec<String> = members.iter().map(|member| member.display().to_string()).collect();
             Ok(vec![words(&["groups"], &options, &members), of_study("report")])
         }
         JobKind::Adopt => {
-            // The path is relative to the folder in which the command runs. A comma would divide the path, and the folder's own name may contain one.
+            // The path is relative to the folder in which the command runs. An absolute path could contain a comma, which would divide the argument.
             let file = Path::new(".").join(&item.study).join(named()?).join(vitreo_uq::criticism::learn::FILE_NAME);
             let file = file.display().to_string();
             if file.contains(',') {
@@ -431,7 +431,7 @@ pub(super) fn commands(
     }
 }
 
-/// Command that overlays the posteriors of the latest revisions and the next one.
+/// Command line that draws a corner plot of the posteriors of the latest revisions and the next one.
 fn corner_command(home: &Path, item: &Item) -> Result<Vec<String>> {
     let last = item.revisions.last().and_then(|name| name.strip_prefix('m')?.parse::<u32>().ok());
     let next = last.map(|number| format!("m{}", number + 1));
@@ -442,7 +442,7 @@ fn corner_command(home: &Path, item: &Item) -> Result<Vec<String>> {
     Ok(words(&["corner"], &[("out", Some(absolute(&study.join(CORNER_NAME).with_extension(""))?))], &paths))
 }
 
-/// Last message of a command, and its progress.
+/// Last message in a command's output, and its progress (finished steps, all steps).
 fn last_message_and_progress(tail: &str) -> (Option<String>, Option<[u64; 2]>) {
     let mut lines = tail.lines().rev().filter(|line| !line.trim().is_empty());
     let Some(last) = lines.next() else { return (None, None) };
@@ -451,7 +451,7 @@ fn last_message_and_progress(tail: &str) -> (Option<String>, Option<[u64; 2]>) {
     (lines.find(|line| !line.starts_with(crate::terminal::PROGRESS)).map(String::from), numbers)
 }
 
-/// Error message of a failed command.
+/// Error message in the output of a command that failed.
 fn find_error_message(tail: &str) -> String {
     match tail.rfind("error: ") {
         Some(at) => tail[at + "error: ".len()..].trim_end().to_string(),

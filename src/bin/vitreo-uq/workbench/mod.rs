@@ -1,6 +1,7 @@
-//! `workbench`: a local web page that turns a record into a model, with the same commands as in a terminal.
+//! `workbench`: a local web page that turns a record into a model, with the commands that are also available in a terminal.
 //!
-//! The files on disk are the only state: experiments and studies in one folder, the *home*. The page starts the program's commands as separate processes, and shows the documents that they write.
+//! The only state are files on disk: the experiments and studies in one folder, the *home*. The page starts the program's commands as separate processes. It
+//! shows the documents that they write.
 
 mod choice;
 mod home;
@@ -53,7 +54,7 @@ pub struct WorkbenchArguments {
 
 pub fn run(arguments: &WorkbenchArguments) -> Result<ExitCode> {
     let (home, item) = WorkbenchFolder::of(arguments.target.as_deref().unwrap_or(Path::new(".")))?;
-    // Another workbench may use the usual port.
+    // If another workbench uses the usual port, any free port is taken.
     let ports = if arguments.port == USUAL_PORT { vec![USUAL_PORT, 0] } else { vec![arguments.port] };
     let (listener, address) = crate::http::listen(arguments.listen, &ports)?;
     let token = token()?;
@@ -70,7 +71,7 @@ pub fn run(arguments: &WorkbenchArguments) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Unguessable token of 128 bits, in hexadecimal.
+/// Returns a random token of 128 bits in hexadecimal digits, which nobody can guess.
 fn token() -> Result<String> {
     let mut bytes = [0_u8; 16];
     getrandom::fill(&mut bytes).map_err(|error| {

@@ -1,4 +1,4 @@
-//! Tests with 500 hostile names of dropped tables and of folders. No name may become an option, leave its folder, or change on its way into a command.
+//! Tests 500 hostile names of uploaded tables and of folders. No name may be taken for an option, lead outside its folder, or change on its way into a command.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -13,7 +13,7 @@ use super::jobs::{JobKind, JobRequest, commands};
 use super::tables::{DescribeOutcome, Described, describe, store_upload};
 
 const N_NAMES: usize = 500;
-/// Parts that names are assembled from.
+/// Texts from which random names are composed.
 const PARTS: [&str; 64] = [
     "-",
     "--",
@@ -83,7 +83,7 @@ const PARTS: [&str; 64] = [
 const ENDINGS: [&str; 6] = [".csv", "", ".tar.gz", ".", ".--force", ".c\nsv"];
 const TABLE_ROWS: usize = 40;
 
-/// Worst names first, then random ones from a fixed seed.
+/// Hostile names: first the worst ones, then random ones from a fixed seed.
 fn hostile_names() -> Vec<String> {
     let mut names: Vec<String> =
         ["--force.csv", "--json=pwned.json", "-", "--", "..", ".", "", " ", "\0"].map(String::from).to_vec();
@@ -103,7 +103,7 @@ fn hostile_names() -> Vec<String> {
     names
 }
 
-/// Folder with a secret file beside it.
+/// Creates a workbench folder with a secret file beside it.
 fn place() -> (tempfile::TempDir, WorkbenchFolder) {
     let place = tempfile::tempdir().unwrap();
     std::fs::create_dir(place.path().join("home")).unwrap();
@@ -118,14 +118,14 @@ fn names_in(dir: &Path) -> BTreeSet<String> {
     entries.map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned()).collect()
 }
 
-/// Options and paths that the parser finds in a command's words, by their names.
+/// Returns how the parser understands the words of a command line: the command's name, and the values of its options and paths by name.
 fn understood(words: &[String]) -> (String, BTreeMap<String, Vec<String>>) {
     let found = crate::Program::command()
         .try_get_matches_from(std::iter::once("vitreo-uq".to_string()).chain(words.iter().cloned()));
     let found = found.unwrap_or_else(|error| panic!("{error}\n{words:?}"));
     let (command, inner): (&str, &ArgMatches) = found.subcommand().unwrap();
     let ids = inner.ids().map(clap::Id::as_str).filter(|id| inner.value_source(id) == Some(ValueSource::CommandLine));
-    // Clap's names of argument groups are not on the command line.
+    // Names that begin with a capital are argument groups of the library Clap. They are not on the command line.
     let ids = ids.filter(|id| !id.starts_with(char::is_uppercase));
     let value = |id: &str| {
         let raw = inner.get_raw(id).into_iter().flatten();
@@ -187,7 +187,7 @@ fn is_understood(home: &WorkbenchFolder, item: &Item) {
     }
 }
 
-/// Answers to the questions of the page about the table of [`table`].
+/// Answers to the questions that the page asks about the table of the function [`table`].
 fn answers(home: &WorkbenchFolder) -> BTreeMap<String, String> {
     let mut answers = BTreeMap::new();
     for number in 0..9 {
@@ -248,7 +248,7 @@ fn hostile_names_of_tables_become_plain_folders() {
     assert_eq!(names_in(outside.path()), BTreeSet::from(["home".to_string(), "secret".to_string()]));
 }
 
-/// Folders made by other programs can have any name that the file system allows.
+/// Folders that other programs make can have any name that the file system allows. None may be taken for an option.
 #[cfg(unix)]
 #[test]
 fn hostile_names_of_folders_are_no_options() {

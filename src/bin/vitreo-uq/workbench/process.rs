@@ -1,4 +1,4 @@
-//! Process of a job, distinguished from other processes that have or had its number.
+//! Identifies the process of a job. The system may give its number to another process later.
 
 use std::process::{Child, Command};
 
@@ -6,20 +6,21 @@ use serde::{Deserialize, Serialize};
 
 use crate::interrupt::{self, Urgency};
 
-/// Environment variable of a job's process. It holds the job's token.
+/// Environment variable of a job's process. It contains the token of the job.
 const TOKEN: &str = "VITREO_UQ_JOB";
 
-/// Process identified by its number, start time and an unguessable token. The system reuses numbers, and a job list from another person may contain any number.
+/// A process, identified by its number, its start time and an unguessable token. The number alone is insufficient: the system reuses numbers, and a list of
+/// jobs from another person may contain any number.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Process {
     number: u32,
-    /// Start time as the system reports it; empty if unknown.
+    /// Start time in the form in which the system reports it; empty if it is unknown.
     started: String,
     token: String,
 }
 
 impl Process {
-    /// Starts a command as the first of its own process group, which [`Process::stop`] ends.
+    /// Starts a command as the first process of a new process group. [`Process::stop`] ends this group.
     pub fn spawn(command: &mut Command, token: String) -> std::io::Result<(Child, Self)> {
         command.env(TOKEN, &token);
         #[cfg(unix)]
@@ -29,12 +30,12 @@ impl Process {
         Ok((child, Self { number, started: system::start_of(number).unwrap_or_default(), token }))
     }
 
-    /// Number of the process and of its process group; 0 if no process has been started.
+    /// Number of the process and also of its process group; 0 if no process has been started.
     pub fn number(&self) -> u32 {
         self.number
     }
 
-    /// Returns whether the process runs. Another process that has its number does not count.
+    /// Returns whether the process runs. Another process with its number does not count.
     pub fn is_running(&self) -> bool {
         !self.token.is_empty()
             && !self.started.is_empty()
@@ -42,7 +43,7 @@ impl Process {
             && system::has_in_environment(self.number, &format!("{TOKEN}={}", self.token))
     }
 
-    /// Asks the process and its children to end, if it runs.
+    /// Asks the process and its children to end, if the process runs.
     pub fn stop(&self) {
         if self.is_running() {
             interrupt::end_group(self.number, Urgency::Ask);
@@ -50,27 +51,28 @@ impl Process {
     }
 }
 
-/// Asks a child that was not waited for, and its own children, to end.
+/// Asks a child process and its own children to end. Nobody may have waited for the child before.
 pub fn stop_child(child: &Child) {
     interrupt::end_group(child.id(), Urgency::Ask);
 }
 
 #[cfg(target_os = "linux")]
 mod system {
-    /// Index of the start time among the fields after the process's name (`man 5 proc_pid_stat`).
+    /// Index of the start time among the fields that follow the process's name (`man 5 proc_pid_stat`).
     const START: usize = 19;
 
-    /// Clock ticks from the system's start to the process's start. `None` if the process does not exist, or has ended without being waited for.
+    /// Start time of a process, in clock ticks since the system's start. `None` if the process does not exist, or has ended without being waited for.
     pub fn start_of(number: u32) -> Option<String> {
         let text = std::fs::read_to_string(format!("/proc/{number}/stat")).ok()?;
-        // The name may contain any characters.
+        // The process's name is in parentheses and may contain any characters, so the last parenthesis is sought.
         let mut fields = text.rsplit_once(')')?.1.split_whitespace();
         let state = fields.next()?;
         (!["Z", "X"].contains(&state)).then_some(())?;
         fields.nth(START - 1).map(String::from)
     }
 
-    /// Returns whether a process started with this variable. If its environment is unreadable, the process belongs to another user.
+    /// Returns whether a process was started with this environment variable. If its environment cannot be read, it belongs to another user, and the result is
+    /// false.
     pub fn has_in_environment(number: u32, variable: &str) -> bool {
         let bytes = std::fs::read(format!("/proc/{number}/environ")).unwrap_or_default();
         bytes.split(|byte| *byte == 0).any(|indexes| indexes == variable.as_bytes())
@@ -85,18 +87,18 @@ mod system {
         (!text.is_empty()).then_some(text)
     }
 
-    /// Start time of the process, to the second.
+    /// Start time of a process, to the second; `None` if the process does not exist.
     pub fn start_of(number: u32) -> Option<String> {
         told(number, &["-o", "lstart="])
     }
 
-    /// Returns whether a process started with this variable.
+    /// Returns whether a process was started with this environment variable.
     pub fn has_in_environment(number: u32, variable: &str) -> bool {
         told(number, &["-E", "-ww", "-o", "command="]).is_some_and(|text| text.split(' ').any(|own| own == variable))
     }
 }
 
-/// On other systems a process of an earlier workbench is not recognized.
+/// On other systems the workbench does not recognise the process of an earlier workbench.
 #[cfg(not(any(target_os = "linux", target_vendor = "apple")))]
 mod system {
     pub fn start_of(_: u32) -> Option<String> {
@@ -112,7 +114,7 @@ mod system {
 mod tests {
     use super::*;
 
-    /// Starts a process and waits until the system shows its environment, which is a moment after its start.
+    /// Starts a process that sleeps, and waits until the system shows its environment. This takes a moment.
     fn sleeping(token: &str) -> (Child, Process) {
         let (child, process) = Process::spawn(Command::new("sleep").arg("60"), token.into()).unwrap();
         let began = std::time::Instant::now();
@@ -127,7 +129,7 @@ mod tests {
     fn only_the_process_itself_is_known_and_stopped() {
         let (mut child, process) = sleeping("0a1b");
         let (mut other, of_other) = sleeping("ffff");
-        // A process that differs in any field is another process.
+        // If one field differs, it is another process.
         for foreign in [
             Process { number: of_other.number, ..process.clone() },
             Process { number: of_other.number, started: of_other.started.clone(), token: "0a1b".into() },
@@ -149,7 +151,7 @@ mod tests {
         assert!(!other.wait().unwrap().success());
     }
 
-    /// A stop ends a shell and its children, and no other process of the group that runs the tests.
+    /// A stop ends a shell and its children. It does not end other processes, such as those in the process group of the tests.
     #[test]
     fn a_stop_ends_the_group_alone() {
         let mut command = Command::new("sh");

@@ -1,4 +1,4 @@
-//! Rows for the page's plots: a record with a revision's predictions.
+//! Selects the rows for the plots of the page: those of a record, with a revision's predictions.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -14,27 +14,27 @@ use vitreo_uq::posterior::check;
 use vitreo_uq::posterior::study::{PREDICTIONS_NAME, Study};
 use vitreo_uq::record::Experiment;
 
-/// Minimum and maximum number of points in a plot.
+/// Minimum and maximum number of points of a plot.
 const POINTS: [usize; 2] = [50, 4000];
-/// Maximum number of experiments and predictions kept in memory.
+/// Maximum number of experiments, and of predictions, that are kept in memory.
 const KEPT: usize = 4;
 
-/// Record with its check.
+/// A record with the result of its check.
 pub struct CheckedRecord {
     /// Parsed experiment.
     pub experiment: Experiment,
-    /// Description of the record as read, and contradictions with it.
+    /// Description of how the record was read, and contradictions between the data and their description.
     pub summary: CheckSummary,
-    /// Hashes of its files, as a study would keep them.
+    /// SHA-256 hash of each file of the record, as a study stores them.
     pub sha256: BTreeMap<String, String>,
 }
 
-/// Cache of values read from files, valid until a file changes.
+/// Cache of values that are read from files. A value is valid until one of its files changes.
 pub struct FileCache<T> {
     kept: Mutex<Vec<CacheEntry<T>>>,
 }
 
-/// Cached value with its path and the times of the last changes of its files.
+/// Cached value, with its path and the times at which its files were last changed.
 struct CacheEntry<T> {
     path: PathBuf,
     changed: Vec<Option<SystemTime>>,
@@ -48,7 +48,7 @@ impl<T> Default for FileCache<T> {
 }
 
 impl<T> FileCache<T> {
-    /// Returns the value of a path, and reads it again if one of the files has changed.
+    /// Returns the value for `path`. The function `read` is called if the value is not cached, or if one of `files` has changed.
     pub fn get(&self, path: &Path, files: &[PathBuf], read: impl FnOnce() -> Result<T>) -> Result<Arc<T>> {
         let changed = |path: &PathBuf| std::fs::metadata(path).and_then(|metadata| metadata.modified()).ok();
         let changed: Vec<_> = files.iter().map(changed).collect();
@@ -64,7 +64,7 @@ impl<T> FileCache<T> {
     }
 }
 
-/// Reads the record that a folder describes.
+/// Returns the record that the description in the folder `dir` defines.
 pub fn read_record(memory: &FileCache<CheckedRecord>, dir: &Path) -> Result<Arc<CheckedRecord>> {
     let entries = files::entries(dir, "").unwrap_or_default().into_iter();
     let files: Vec<PathBuf> =
@@ -76,7 +76,7 @@ pub fn read_record(memory: &FileCache<CheckedRecord>, dir: &Path) -> Result<Arc<
     })
 }
 
-/// Reads a revision's predictions, or `None` if an older version wrote no predictions.
+/// Returns the predictions of the revision in `dir`. `None` if an older version of the program wrote no predictions.
 pub fn read_revision(memory: &FileCache<Predictions>, dir: &Path) -> Result<Option<Arc<Predictions>>> {
     let path = dir.join(PREDICTIONS_NAME);
     files::refuse_link(&path)?;
@@ -86,23 +86,23 @@ pub fn read_revision(memory: &FileCache<Predictions>, dir: &Path) -> Result<Opti
     memory.get(&path, std::slice::from_ref(&path), || read_predictions(&path)).map(Some)
 }
 
-/// Time range, and the number of points to show.
+/// Time range of a plot, and its number of points.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Deserialize)]
 pub struct Window {
-    /// Start in s; by default the record's.
+    /// Start of the range in s; `None` for the start of the record.
     pub from_s: Option<f64>,
-    /// End in s.
+    /// End of the range in s; `None` for the end of the record.
     pub to_s: Option<f64>,
-    /// Number of pixel columns.
+    /// Number of points of the plot, limited by `POINTS`; `None` for the largest.
     pub points: Option<usize>,
 }
 
-/// Rows to show.
+/// Rows that a plot shows.
 #[derive(Debug, Serialize)]
 pub struct PlotRows {
-    /// Number of rows of the record, and of the window.
+    /// Number of rows in the record, and number of rows in the time range.
     pub rows: [usize; 2],
-    /// Indices of the shown rows: in each pixel column those with the lowest and highest values.
+    /// Indices of the rows that are shown, as `decimate_rows` selects them.
     #[serde(skip)]
     pub chosen: Vec<usize>,
     time_s: Vec<f64>,
@@ -113,7 +113,7 @@ pub struct PlotRows {
     predicted: Option<ShownPredictions>,
 }
 
-/// Predictions of the shown rows.
+/// Predictions of the rows that are shown.
 #[derive(Debug, Serialize)]
 struct ShownPredictions {
     median_um: Vec<f64>,
@@ -122,7 +122,7 @@ struct ShownPredictions {
     residual_um: Vec<Option<f64>>,
 }
 
-/// Rows of a record in a window, with their predictions.
+/// Selects the rows of a record to show in a time range, and adds their predictions.
 pub fn select_rows(experiment: &Experiment, predictions: Option<&Predictions>, window: Window) -> PlotRows {
     let record = &experiment.record;
     let predictions = predictions.filter(|predictions| predictions.time_s.len() == record.n_rows());
@@ -154,14 +154,15 @@ pub fn select_rows(experiment: &Experiment, predictions: Option<&Predictions>, w
     }
 }
 
-/// Rows of a window, with one more on either side.
+/// Range of the rows in a time range. It includes one more row on either side.
 fn rows_of(time_s: &[f64], window: Window) -> std::ops::Range<usize> {
     let from = window.from_s.map_or(0, |from_s| time_s.partition_point(|t| *t < from_s).saturating_sub(1));
     let to = window.to_s.map_or(time_s.len(), |to_s| (time_s.partition_point(|t| *t <= to_s) + 1).min(time_s.len()));
     from.min(to)..to
 }
 
-/// Picks rows: in each column the first row, and those with the lowest and highest value of each function in `looks`.
+/// Selects about `n_points` of the given rows. The rows are divided into columns of equal length. From each column it takes the first row, and those with the
+/// smallest and largest value of each function in `looks`.
 fn decimate_rows(rows: std::ops::Range<usize>, n_points: usize, looks: &[&dyn Fn(usize) -> Option<f64>]) -> Vec<usize> {
     if rows.len() <= n_points {
         return rows.collect();
@@ -189,7 +190,7 @@ fn decimate_rows(rows: std::ops::Range<usize>, n_points: usize, looks: &[&dyn Fn
 mod tests {
     use super::*;
 
-    /// An isolated row is never lost, rows stay in order, and the number of rows is at most a few above the request.
+    /// An isolated extreme row is always selected, and rows stay in order. The number of selected rows is at most a few above the requested number.
     #[test]
     fn what_stands_out_is_shown() {
         let value = |row: usize| Some(if row == 54_321 { 9.0 } else { (row as f64 * 0.01).sin() });

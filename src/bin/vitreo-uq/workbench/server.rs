@@ -1,4 +1,4 @@
-//! HTTP server of the workbench: the requests of a page and their responses.
+//! HTTP server of the workbench: handles the requests of a page.
 
 use std::net::TcpListener;
 use std::sync::Arc;
@@ -37,14 +37,14 @@ use crate::guard::{Guard, guard};
 use crate::http::{self, Connection};
 use vitreo_uq::figures::predictions::Predictions;
 
-/// Maximum duration of a table's upload.
+/// Maximum time for the upload of a table.
 const UPLOAD: Duration = Duration::from_secs(120);
-/// Maximum size of other requests, in bytes.
+/// Maximum size of the body of all other requests, in bytes.
 const MOST_BYTES: usize = 1 << 16;
-/// Time between two checks for changes by other programs.
+/// Time between two checks whether other programs have changed the folder.
 const LOOK: Duration = Duration::from_secs(2);
 
-/// Files of the page.
+/// Files of the page: path, media type and content.
 const FILES: [(&str, &str, &str); 7] = [
     ("", "text/html; charset=utf-8", include_str!("page/index.html")),
     ("app.js", "text/javascript; charset=utf-8", include_str!("page/app.js")),
@@ -62,14 +62,14 @@ struct Bench {
     predictions: FileCache<Predictions>,
     trials: FileCache<Trial>,
     news: watch::Sender<u64>,
-    /// Hash of the folder's state, with the number of the event for which it was computed.
+    /// Hash of the folder's state, with the number of the event for which it was computed; `None` before the first event.
     folder: tokio::sync::Mutex<Option<(u64, String)>>,
     uploads: AtomicU64,
 }
 
 type SharedBench = Arc<Bench>;
 
-/// Serves until the program ends.
+/// Serves the page and its requests until the program ends.
 pub fn run(listener: TcpListener, home: WorkbenchFolder, token: String, names: Guard) -> Result<()> {
     let refused = |error| Error::at_path("serve", home.dir(), error, "start the workbench again");
     tables::remove_old_uploads(&home);
@@ -117,7 +117,7 @@ fn router(bench: SharedBench, token: &str, names: Guard) -> Router {
     router.fallback(nothing).layer(middleware::from_fn_with_state(names, guard)).with_state(bench)
 }
 
-/// Checks for changes by other programs, as long as a page listens.
+/// Checks for changes to the folder by other programs, as long as a page listens.
 async fn watch_folder(bench: SharedBench) {
     let mut before = 0;
     loop {
@@ -134,7 +134,7 @@ async fn watch_folder(bench: SharedBench) {
     }
 }
 
-/// Runs slow work on a thread of its own. The response is its document, or an error message.
+/// Runs slow work on a separate thread. The response contains the resulting document, or an error message.
 async fn answer<T: Serialize + Send + 'static>(work: impl FnOnce() -> Result<T> + Send + 'static) -> Response {
     let refused = |status: StatusCode, words: &str| http::json_body(status, &json!({ "error": words }));
     let written = move || match work() {
@@ -146,7 +146,7 @@ async fn answer<T: Serialize + Send + 'static>(work: impl FnOnce() -> Result<T> 
     })
 }
 
-/// Item by name, and the revision to show.
+/// Query of a request: name of the item, and name of the revision to show.
 #[derive(Deserialize)]
 struct ItemQuery {
     item: String,
@@ -162,13 +162,14 @@ async fn study(State(bench): State<SharedBench>, Query(named): Query<ItemQuery>)
 }
 
 impl Bench {
-    /// Record of an item: the experiment's, or the study's if it has no experiment.
+    /// Returns the record of an item: that of its experiment, or without an experiment that of its study.
     fn record(&self, item: &Item) -> Result<Arc<CheckedRecord>> {
         let inside = item.experiment.as_ref().unwrap_or(&item.study);
         read_record(&self.records, &self.home.dir().join(inside))
     }
 
-    /// Finds an item. If its study belongs to another record than the experiment has, the study's revisions are omitted, because they do not describe this record.
+    /// Finds an item by its name. If its study was made from another record than that of its experiment, the item is returned without revisions and the flag is
+    /// true. The revisions do not describe the record of the experiment.
     fn find_current_item(&self, name: &str) -> Result<(Item, bool)> {
         let mut item = self.home.find(name)?;
         let study = self.home.dir().join(&item.study);
@@ -201,7 +202,7 @@ async fn choice(State(bench): State<SharedBench>, Json(choice): Json<RowChoice>)
     .await
 }
 
-/// All documents of an item, and the parts of its report.
+/// All documents of an item, and the parts of its report as HTML.
 fn study_of(bench: &Bench, name: &str, revision: Option<String>) -> Result<Value> {
     let (item, is_changed) = bench.find_current_item(name)?;
     if !item.figures.is_empty() {
@@ -244,7 +245,7 @@ fn study_of(bench: &Bench, name: &str, revision: Option<String>) -> Result<Value
     }))
 }
 
-/// Time ranges that a description leaves out, as written there.
+/// Time ranges that an experiment's description excludes, as they are written there.
 fn left_out_s(bench: &Bench, item: &Item) -> Value {
     let read = || -> Option<Value> {
         let path = bench.home.dir().join(item.experiment.as_ref()?).join("experiment.toml");
@@ -255,7 +256,7 @@ fn left_out_s(bench: &Bench, item: &Item) -> Value {
     read().unwrap_or_else(|| json!([]))
 }
 
-/// Start, end and use of each cycle.
+/// Start, end and use of each cycle, as JSON.
 fn cycles(experiment: &Experiment) -> Vec<Value> {
     let shown = |CycleSpan { cycle, start_s, end_s, kind }| {
         let serves = match kind {
@@ -268,14 +269,14 @@ fn cycles(experiment: &Experiment) -> Vec<Value> {
     artefacts::cycle_spans(experiment).into_iter().map(shown).collect()
 }
 
-/// Maximum number of force steps that the page marks.
+/// Maximum number of force steps that the page marks in a plot.
 const MOST_STEPS: usize = 500;
 
 fn steps_s(record: &Record) -> Vec<f64> {
     record.force_step_rows().into_iter().take(MOST_STEPS).map(|row| record.time_s[row]).collect()
 }
 
-/// Document as stored, or null if it does not exist.
+/// Content of a JSON document; null if the file does not exist.
 fn document(path: &std::path::Path) -> Value {
     let bytes = files::read_if_there(path, Content::Document);
     bytes.and_then(|bytes| serde_json::from_slice(&bytes).ok()).unwrap_or(Value::Null)
@@ -289,7 +290,7 @@ struct AskedRows {
     window: WindowOfQuery,
 }
 
-/// Window in a query, with numbers as text.
+/// Query of a request for a time range. Numbers are given as text.
 #[derive(Deserialize)]
 struct WindowOfQuery {
     from_s: Option<String>,
@@ -355,7 +356,7 @@ async fn table(
     Query(upload): Query<Upload>,
     body: Body,
 ) -> Response {
-    // This limit exceeds that of the upload, so that a slow upload gets an error message.
+    // This time limit is longer than that of the upload. A slow upload can then be answered with an error message.
     connection.give_time(2 * UPLOAD);
     let most = usize::try_from(Content::Table.max_bytes()).unwrap_or(usize::MAX);
     let refused = |words: &str| (StatusCode::UNPROCESSABLE_ENTITY, Json(json!({ "error": words }))).into_response();
@@ -392,7 +393,7 @@ async fn stop(State(bench): State<SharedBench>) -> Response {
     .await
 }
 
-/// Event stream of the present job, and a hash that changes with the folder.
+/// Stream of events to the page: the current job, and a hash that changes with the folder.
 async fn events(State(bench): State<SharedBench>, Extension(connection): Extension<Connection>) -> impl IntoResponse {
     connection.becomes_stream();
     let news = WatchStream::new(bench.news.subscribe());
@@ -407,7 +408,7 @@ async fn events(State(bench): State<SharedBench>, Extension(connection): Extensi
 }
 
 impl Bench {
-    /// Folder's state for an event number, computed once for all open pages.
+    /// Hash of the folder's state for an event number. It is computed once for all open pages.
     async fn state_at(self: &Arc<Self>, number: u64) -> String {
         let mut known = self.folder.lock().await;
         if let Some((_, state)) = known.as_ref().filter(|(at, _)| *at >= number) {

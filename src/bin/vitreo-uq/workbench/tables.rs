@@ -1,4 +1,4 @@
-//! Tables that a browser uploads, and the questions of `init` about them.
+//! Turns tables that a browser uploads into experiments, and passes the questions of `init` to the page.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -12,27 +12,27 @@ use vitreo_uq::record::table::Question;
 
 use super::home::WorkbenchFolder;
 
-/// Maximum length in bytes of a file extension. The name of a stored table omits a longer one.
+/// Maximum length in bytes of a file's extension. A stored table with a longer extension is stored without it.
 const LONGEST_ENDING: usize = 10;
 
-/// Description of a table that the user gives on the page.
+/// Description of an uploaded table that the user gives on the page.
 #[derive(Debug, Clone, Default, Deserialize)]
 pub struct Described {
     /// Name of the upload, as returned by [`store_upload`].
     pub upload: String,
-    /// Original name of the table.
+    /// Original file name of the table.
     pub file: String,
-    /// Answers, by the texts of their questions.
+    /// Answers to questions; the key is the text of the question.
     #[serde(default)]
     pub answers: BTreeMap<String, String>,
-    /// Known noise standard deviation of the tracker, in µm.
+    /// Known noise standard deviation of the position, in µm; `None` if it is not given.
     pub noise_um: Option<f64>,
-    /// Species and region of the eye, which are keys for groups.
+    /// Species, and region of the eye; both can define groups.
     #[serde(default)]
     pub groups: [Option<String>; 2],
 }
 
-/// Question about a table that the page asks the user.
+/// Question about a table that the user must answer.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct OpenQuestion {
     text: String,
@@ -40,25 +40,25 @@ pub struct OpenQuestion {
     proposal: Option<String>,
 }
 
-/// Result of describing a table.
+/// Result of [`describe`].
 #[derive(Debug, Serialize)]
 #[serde(untagged)]
 pub enum DescribeOutcome {
-    /// Further information is needed.
+    /// The user must answer questions first.
     Questions {
-        /// Open questions.
+        /// Questions without an answer so far.
         questions: Vec<OpenQuestion>,
     },
-    /// The experiment is written.
+    /// The experiment has been written.
     Written {
-        /// Its name among the items.
+        /// Name of the new item.
         item: String,
-        /// Description of the table as read.
+        /// Description of how the table was read.
         summary: Box<InitSummary>,
     },
 }
 
-/// Keeps an uploaded table, whatever its name. Returns the name of the upload.
+/// Stores an uploaded table under a safe name. Returns this name.
 pub fn store_upload(home: &WorkbenchFolder, name: &str, number: u64, bytes: &[u8]) -> Result<String> {
     let upload = format!("upload-{number}");
     let folder = home.own().join(&upload);
@@ -67,7 +67,7 @@ pub fn store_upload(home: &WorkbenchFolder, name: &str, number: u64, bytes: &[u8
     Ok(upload)
 }
 
-/// File name of a kept table: letters, digits, dots and hyphens, with the original extension.
+/// File name under which a table is stored: letters, digits, dots and hyphens, with the original extension.
 fn stored(name: &str) -> String {
     let name = Path::new(name);
     let stem = files::safe_name(&name.file_stem().unwrap_or_default().to_string_lossy());
@@ -78,7 +78,7 @@ fn stored(name: &str) -> String {
     }
 }
 
-/// Removes the uploads of earlier workbenches.
+/// Removes the tables that were uploaded to earlier workbenches.
 pub fn remove_old_uploads(home: &WorkbenchFolder) {
     for (name, _) in files::entries(&home.own(), "").unwrap_or_default() {
         if name.to_string_lossy().starts_with("upload-") {
@@ -87,13 +87,13 @@ pub fn remove_old_uploads(home: &WorkbenchFolder) {
     }
 }
 
-/// Writes the experiment of a table, or returns open questions. Nothing is written until every question has an answer.
+/// Writes the experiment of an uploaded table, or returns the questions that are still open. Nothing is written before every question has an answer.
 pub fn describe(home: &WorkbenchFolder, described: &Described) -> Result<DescribeOutcome> {
     let file = find_upload(home, described)?;
     written(home, &file, described).map_err(|error| with_original_name(error, &file))
 }
 
-/// Writes the experiment of a kept table, or returns open questions.
+/// Writes the experiment of the stored table `file`, or returns the questions that are still open.
 fn written(home: &WorkbenchFolder, file: &Path, described: &Described) -> Result<DescribeOutcome> {
     let request = |out: PathBuf| InitRequest {
         file: file.to_path_buf(),
@@ -130,7 +130,7 @@ fn written(home: &WorkbenchFolder, file: &Path, described: &Described) -> Result
     Ok(DescribeOutcome::Written { item, summary: Box::new(summary) })
 }
 
-/// Replaces the path of a kept table in an error by the table's original name.
+/// Replaces the path of the stored table in an error by the table's original name.
 fn with_original_name(error: Error, file: &Path) -> Error {
     match error {
         Error::Input { mut place, found, remedy } => {
@@ -143,7 +143,7 @@ fn with_original_name(error: Error, file: &Path) -> Error {
     }
 }
 
-/// Path of the kept table of an upload.
+/// Path of the stored table of an upload.
 fn find_upload(home: &WorkbenchFolder, described: &Described) -> Result<PathBuf> {
     let is_number = |name: &str| !name.is_empty() && name.chars().all(|c| c.is_ascii_digit());
     let is_upload = described.upload.strip_prefix("upload-").is_some_and(is_number);

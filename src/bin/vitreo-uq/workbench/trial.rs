@@ -1,4 +1,4 @@
-//! Trial by hand: the curve of a model for parameters that the user chooses.
+//! Computes the curve of a model for parameters that the user sets with sliders (a *trial*).
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -20,22 +20,22 @@ use vitreo_uq::posterior::study::{POSTERIOR_NAME, Study, WithProvenance};
 
 use super::rows::{FileCache, PlotRows, Window, select_rows};
 
-/// Prior quantiles that limit the slider of an effect's parameter.
+/// The slider of an effect's parameter ranges between the prior quantiles of this probability and of 1 minus it.
 const TAIL: f64 = 0.02;
-/// Largest factor by which a slider of the law changes a parameter from its posterior median.
+/// Largest factor between the ends of a slider for the law's parameter and its posterior median.
 const MAX_SLIDER_FACTOR: f64 = 3.0;
 
-/// Trial that a page requests.
+/// Request for a trial from the page.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 pub struct TrialRequest {
     /// Name of the item.
     pub item: String,
-    /// Name of the revision.
+    /// Name of the revision that the trial starts from.
     pub revision: String,
-    /// Effects added to those of the revision.
+    /// Names of effects that are added to those of the revision.
     #[serde(default)]
     pub effects: Vec<String>,
-    /// Values of parameters; others keep the revision's values.
+    /// Values of parameters by name. Parameters that are not listed keep the revision's values.
     #[serde(default)]
     pub parameters: BTreeMap<String, f64>,
     /// Time range to show.
@@ -43,13 +43,13 @@ pub struct TrialRequest {
     pub window: Window,
 }
 
-/// Prepared model and its sliders.
+/// A model that is prepared for trials, with its sliders.
 pub struct Trial {
     model: PreparedModel,
     knobs: Vec<ParameterSlider>,
 }
 
-/// Slider of a parameter.
+/// Slider for a parameter on the page.
 #[derive(Debug, Clone, Serialize)]
 pub struct ParameterSlider {
     name: String,
@@ -58,26 +58,26 @@ pub struct ParameterSlider {
     value: f64,
     low: f64,
     high: f64,
-    /// Null of the effect.
+    /// Null of the effect; `None` for a parameter of the law.
     null_value: Option<f64>,
     is_logarithmic: bool,
 }
 
-/// Effect that can be tried.
+/// Effect that the user can add on the page.
 #[derive(Debug, Serialize)]
 pub struct EffectOption {
     slug: &'static str,
     summary: &'static str,
 }
 
-/// Sliders, and effects that can be added.
+/// Sliders of a trial, and effects that the user can add.
 #[derive(Debug, Serialize)]
 pub struct TrialControls<'a> {
     knobs: &'a [ParameterSlider],
     effects: Vec<EffectOption>,
 }
 
-/// Curve of a trial, and its distance from the measurement.
+/// Curve of a trial, and its root mean square distance from the measurement.
 #[derive(Debug, Serialize)]
 pub struct Curve {
     #[serde(flatten)]
@@ -87,7 +87,7 @@ pub struct Curve {
     rmse_heldout_um: Option<f64>,
 }
 
-/// Returns the model of a trial, prepared once.
+/// Returns the prepared model of a trial. It is prepared once and then cached.
 pub fn trial(memory: &FileCache<Trial>, study: &Path, tried: &TrialRequest) -> Result<Arc<Trial>> {
     let TrialRequest { revision, effects, .. } = tried;
     let key = study.join(revision).join(effects.join(","));
@@ -113,7 +113,7 @@ impl Trial {
         Ok(Self { model, knobs })
     }
 
-    /// Sliders, and effects that can be added.
+    /// Sliders of this trial, and effects that the user can add.
     pub fn knobs(&self) -> TrialControls<'_> {
         let names = &self.model.problem.specification.effects;
         let library = Library::default();
@@ -122,7 +122,7 @@ impl Trial {
         TrialControls { knobs: &self.knobs, effects }
     }
 
-    /// Curve of the model at the given parameter values.
+    /// Curve of the model for the parameter values of the request.
     pub fn curve(&self, tried: &TrialRequest) -> Result<Curve> {
         let problem = &self.model.problem;
         let value = |name: &str| {
@@ -153,7 +153,7 @@ impl Trial {
     }
 }
 
-/// Sliders of a model, at the revision's values or at the null of added effects.
+/// Sliders of a model. They are at the revision's values, and for added effects at the null.
 fn knobs(problem: &Problem, posterior: &PosteriorSummary) -> Vec<ParameterSlider> {
     let model = &problem.model;
     let n_before = model.n_before_effects();

@@ -1,4 +1,4 @@
-//! Common parts of all time stepping: lengths of steps, coefficients of methods.
+//! Common parts of all time steppers: step lengths and the coefficients of the methods.
 
 mod steps;
 mod tableau;
@@ -7,5 +7,5 @@ pub(crate) use steps::{Grading, StepRule, fit_step_to_stop, share_of_gap};
 pub use tableau::Scheme;
 pub use tableau::{FOURTH, Tableau};
 
-/// Times that differ by less than this share of the record's length count as equal.
+/// Two times count as equal if they differ by less than this fraction of the record's length.
 pub const CLOCK_ROUNDING: f64 = 1e-13;

@@ -1,33 +1,39 @@
-//! Lengths of steps: they grow geometrically after every switch, and end at switches and rows.
+//! Step lengths. They grow geometrically after every switch, and steps end at switches and rows.
 
-/// Smallest starting scale of steps after a switch, as a share of the time to the next stop. Faster processes are stable without being resolved.
+/// Smallest starting scale of the steps after a force jump, as a fraction of the time to the next
+/// stop. Faster processes stay stable but are not resolved.
 const SHARE_OF_GAP: f64 = 1e-4;
-/// Smallest starting scale if the force does not jump, as a share of the time to the next stop. Fast processes then follow the force from the start.
+/// Smallest starting scale of the steps after a switch without a force jump, as a fraction of the
+/// time to the next stop. Fast processes then follow the force from the start.
 const SHARE_OF_SMOOTH_GAP: f64 = 0.1;
-/// Longest step times the gel's softening rate, over η.
+/// Upper bound of (step length × the gel's softening rate)/η.
 const SOFTENING_SHARE: f64 = 3.0;
-/// Number of binary digits dropped from a step's length, so that lengths that differ by rounding of the clock share their matrices.
+/// Number of binary digits dropped from a step's length. Lengths that differ only by rounding of
+/// the clock then use the same matrices.
 const DROPPED_BITS: u32 = 52 - 36;
 
-/// Rule for steps: h ≤ η (time since the switch + scale), on a ladder of lengths η 2^(j/k), so that few lengths occur.
+/// Rule for step lengths: h ≤ η (time since the switch + scale). Lengths are taken from the ladder
+/// η 2^(j/k), so that few different lengths occur.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct StepRule {
     steps_per_doubling: f64,
-    /// η.
+    /// Growth factor η.
     growth: f64,
-    /// Fastest time that steps resolve, in s.
+    /// Shortest time scale (s) that the steps resolve.
     fastest_s: f64,
-    /// True if the force depends on the position. This feedback has no time scale of its own.
+    /// True if the force depends on the position. This feedback has no time scale, so that the time
+    /// to the next stop limits the first steps.
     feeds_back: bool,
     longest_step_s: f64,
 }
 
-/// Smallest starting scale of steps after a switch, as a share of the time to the next stop.
+/// Smallest starting scale of the steps after a switch, as a fraction of the time to the next stop.
+/// `jumps` tells whether the force jumps.
 pub(crate) fn share_of_gap(jumps: bool) -> f64 {
     if jumps { SHARE_OF_GAP } else { SHARE_OF_SMOOTH_GAP }
 }
 
-/// Grading of steps after one switch.
+/// Grading of the steps after one switch.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Grading {
     switched_s: f64,
@@ -35,7 +41,8 @@ pub(crate) struct Grading {
 }
 
 impl StepRule {
-    /// Builds the rule from the fastest time of the law and the lag, and a softening rate.
+    /// Builds the rule. `fastest_s` is the shortest time scale of the law and of the load's lag,
+    /// and `softening_per_s` the gel's softening rate.
     pub fn new(steps_per_doubling: u32, fastest_s: f64, feeds_back: bool, softening_per_s: f64) -> Self {
         let steps_per_doubling = f64::from(steps_per_doubling.max(1));
         let growth = steps_per_doubling.recip().exp2() - 1.0;
@@ -43,13 +50,14 @@ impl StepRule {
         Self { steps_per_doubling, growth, fastest_s, feeds_back, longest_step_s }
     }
 
-    /// Steps after a switch, with the next stop `gap_s` later. `jumps` tells whether the force jumps.
+    /// Grading of the steps after a switch at `switched_s`. The next stop comes `gap_s` later.
+    /// `jumps` tells whether the force jumps.
     pub(crate) fn after_switch(&self, switched_s: f64, gap_s: f64, jumps: bool) -> Grading {
         let fastest_s = if self.feeds_back { self.fastest_s.min(gap_s) } else { self.fastest_s };
         Grading { switched_s, scale_s: fastest_s.max(share_of_gap(jumps) * gap_s) }
     }
 
-    /// Length of the step from `now_s`, with `left_s` to the next stop.
+    /// Length (s) of the step that starts at `now_s`, if the next stop is `left_s` away.
     pub(crate) fn step_s(&self, grading: Grading, now_s: f64, left_s: f64) -> f64 {
         let scale = (now_s - grading.switched_s + grading.scale_s).min(self.longest_step_s / self.growth);
         let ladder_s =
@@ -58,8 +66,9 @@ impl StepRule {
     }
 }
 
-/// Length of the next step for a wanted length `ladder_s` and a remaining time `left_s`. It does not pass the end or leave a short rest. It is rounded to 36 binary
-/// digits, 7e-12 of its value.
+/// Length of the next step, for a wanted length `ladder_s` and a time `left_s` to the stop. The
+/// step does not pass the stop, nor leave a very short last step. Its length is rounded to 36
+/// binary digits, which changes it by a relative 7e-12.
 pub(crate) fn fit_step_to_stop(ladder_s: f64, left_s: f64) -> f64 {
     let length_s = if ladder_s >= left_s {
         left_s

@@ -1,32 +1,35 @@
-//! Time-stepping methods: singly diagonally implicit Runge–Kutta. Every stage is a step of implicit Euler, and the last stage is the
-//! step's end, so that the balance holds there.
+//! Time-stepping methods: singly diagonally implicit Runge–Kutta. Every stage is a step of implicit
+//! Euler. The last stage is at the step's end, so that the force balance holds there.
 //!
-//! [`Scheme::Fourth`] has order 4 and five stages, is L-stable and has γ = ¼: E. Hairer, G. Wanner, Solving Ordinary Differential Equations II, §IV.6,
-//! Table 6.5, doi:10.1007/978-3-642-05221-7. [`Scheme::Euler`] has one stage, for cases in which the shapes of fields matter but not their times.
+//! [`Scheme::Fourth`] has order 4 and five stages, is L-stable and has γ = ¼. Source: E. Hairer, G.
+//! Wanner, Solving Ordinary Differential Equations II, §IV.6, Table 6.5,
+//! doi:10.1007/978-3-642-05221-7. [`Scheme::Euler`] has one stage. It is for uses that need the
+//! shapes of fields but not accurate times.
 
-/// Time-stepping method of a run.
+/// Runge–Kutta method of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Scheme {
-    /// Order 4, five stages.
+    /// Fourth-order method with five stages.
     #[default]
     Fourth,
-    /// Implicit Euler: order 1, one stage, a fifth of the cost of [`Self::Fourth`].
+    /// Implicit Euler method of order 1 with one stage. It costs a fifth of [`Self::Fourth`].
     Euler,
 }
 
-/// Coefficients of a method.
+/// Coefficients of a Runge–Kutta method.
 #[derive(Debug, Clone, Copy)]
 pub struct Tableau {
-    /// γ: every stage is an implicit Euler step of this share of the step.
+    /// γ: every stage is an implicit Euler step of the length γ × the step's length.
     pub diagonal: f64,
-    /// Stages as shares of the step.
+    /// Time of each stage, as a fraction of the step.
     pub nodes: &'static [f64],
-    /// Coefficients below the diagonal. Stage i starts from the step's start plus the step times Σⱼ `matrix[i][j]` times the rates of the earlier stages j.
+    /// Coefficients below the diagonal, in units of the step. Stage i starts from the state at the
+    /// step's start plus the step times Σⱼ `matrix[i][j]` × the rate of the earlier stage j.
     pub matrix: &'static [&'static [f64]],
 }
 
 impl Scheme {
-    /// Coefficients of the method.
+    /// Returns the coefficients of the method.
     pub fn tableau(self) -> Tableau {
         match self {
             Self::Fourth => FOURTH,
@@ -66,7 +69,8 @@ mod tests {
         std::array::from_fn(|i| a[i] * b[i])
     }
 
-    /// All eight conditions of order 4. The weights are the last row.
+    /// Checks all eight conditions of order 4. The method's weights equal the last row of its
+    /// matrix.
     #[test]
     fn the_order_conditions_hold() {
         let c = apply([1.0; N_STAGES]);
@@ -87,13 +91,14 @@ mod tests {
         }
     }
 
-    /// R(z) = 1 + z bᵀ(I − zA)⁻¹1 agrees with e^z to z⁵, is at most 1 on the imaginary axis and 0 at −∞.
+    /// Checks the stability function R(z) = 1 + z bᵀ(I − zA)⁻¹1. It agrees with e^z to z⁵, is at
+    /// most 1 on the imaginary axis, and is 0 at −∞.
     #[test]
     fn the_method_is_l_stable() {
         let a = SMatrix::<f64, N_STAGES, N_STAGES>::from_fn(|i, j| if j <= i { entry(i, j) } else { 0.0 });
         let b = a.row(N_STAGES - 1).transpose();
         let on_axis = |y: f64| {
-            // (I − iyA)(p + iq) = 1 in real numbers.
+            // (I − iyA)(p + iq) = 1, written as a real system for p and q.
             let mut system = SMatrix::<f64, 10, 10>::identity();
             system.fixed_view_mut::<5, 5>(0, 5).copy_from(&(a * y));
             system.fixed_view_mut::<5, 5>(5, 0).copy_from(&(a * -y));

@@ -1,19 +1,21 @@
-//! Polynomials on [−1, 1]: Gauss rules, Lagrange functions at the Gauss–Lobatto nodes, Legendre polynomials.
+//! Polynomials on [−1, 1]: Gauss rules, Lagrange polynomials at the Gauss–Lobatto nodes, and
+//! Legendre polynomials.
 
-/// Legendre polynomial of this degree and its derivative.
+/// Value and derivative at x of the Legendre polynomial of this degree.
 pub(in crate::fe) fn legendre(degree: usize, x: f64) -> (f64, f64) {
     let (mut before, mut now, mut slope_before, mut slope) = (0.0, 1.0, 0.0, 0.0);
     for k in 0..degree {
         let k = k as f64;
         let next = ((2.0 * k + 1.0) * x * now - k * before) / (k + 1.0);
-        // P′ₖ₊₁ = P′ₖ₋₁ + (2k + 1) Pₖ also holds at the ends.
+        // The recurrence P′ₖ₊₁ = P′ₖ₋₁ + (2k + 1) Pₖ also holds at x = ±1.
         let next_slope = slope_before + (2.0 * k + 1.0) * now;
         (before, now, slope_before, slope) = (now, next, slope, next_slope);
     }
     (now, slope)
 }
 
-/// Newton's method from a good first guess.
+/// Finds a root by Newton's method from a good first guess `x`. `step` returns the Newton
+/// correction.
 fn root(mut x: f64, step: impl Fn(f64) -> f64) -> f64 {
     for _ in 0..50 {
         let dx = step(x);
@@ -25,7 +27,7 @@ fn root(mut x: f64, step: impl Fn(f64) -> f64) -> f64 {
     x
 }
 
-/// Points and weights of the Gauss–Legendre rule, exact to degree 2n − 1.
+/// Points and weights of the Gauss–Legendre rule with n points, exact to degree 2n − 1.
 pub(in crate::fe) fn gauss_legendre(n: usize) -> Vec<(f64, f64)> {
     let point = |i: usize| {
         let guess = -(std::f64::consts::PI * (i as f64 + 0.75) / (n as f64 + 0.5)).cos();
@@ -39,7 +41,8 @@ pub(in crate::fe) fn gauss_legendre(n: usize) -> Vec<(f64, f64)> {
     (0..n).map(point).collect()
 }
 
-/// The order + 1 Gauss–Lobatto nodes: the ends and the extrema of the Legendre polynomial.
+/// Gauss–Lobatto nodes, `order` + 1 in number: ±1 and the extrema of the Legendre polynomial of
+/// degree `order`.
 pub(in crate::fe) fn gauss_lobatto(order: usize) -> Vec<f64> {
     let n = order as f64;
     let node = |i: usize| match i {
@@ -47,14 +50,16 @@ pub(in crate::fe) fn gauss_lobatto(order: usize) -> Vec<f64> {
         i if i == order => 1.0,
         i => root(-(std::f64::consts::PI * i as f64 / n).cos(), |x| {
             let (p, dp) = legendre(order, x);
-            // (1 − x²) P″ = 2x P′ − n(n + 1) P.
+            // The second derivative follows from Legendre's equation: (1 − x²) P″ = 2x
+            // P′ − n(n + 1) P.
             dp * (1.0 - x * x) / (2.0 * x * dp - n * (n + 1.0) * p)
         }),
     };
     (0..=order).map(node).collect()
 }
 
-/// Value and derivative at x of every Lagrange function of the nodes. It uses products instead of quotients, because x may be a node.
+/// Value and derivative at x of each node's Lagrange polynomial. They are computed as products
+/// instead of quotients, because x may be a node.
 pub(in crate::fe) fn lagrange(nodes: &[f64], x: f64) -> Vec<(f64, f64)> {
     let others =
         |skip: &[usize]| -> f64 { (0..nodes.len()).filter(|m| !skip.contains(m)).map(|m| x - nodes[m]).product() };

@@ -1,4 +1,4 @@
-//! Mesh around a right circular cylinder, graded towards its sharp rim.
+//! Mesh of the gel around a right circular cylinder, graded towards the sharp rim.
 
 use std::f64::consts::{FRAC_PI_4, PI};
 
@@ -6,28 +6,32 @@ use super::geometry::Point;
 use super::mesh::{Boundary, Chain, Mesh};
 
 const ON_BODY: Boundary = Boundary { body: true, ..Boundary::INSIDE };
-/// Ratio of the radii of neighbouring circles around the rim.
+/// Ratio of the radii of successive circles around the rim, inwards.
 const RIM_FACTOR: f64 = 0.15;
-/// Radius of the largest circle around the rim, in half sides of the box.
+/// Radius of the largest circle around the rim, relative to half the side of the rim's box.
 const LARGEST_CIRCLE: f64 = 0.5;
-/// Growth ratio of the distances of the boxes from the cylinder.
+/// Ratio of the distances of successive boxes from the cylinder.
 const BOX_RATIO: f64 = 2.5;
-/// Largest growth ratio of the layers between the last box and the outer sphere.
+/// Largest ratio of successive layers between the last box and the outer sphere.
 const LAST_RATIO: f64 = 3.0;
-/// Growth ratio of the distances from the rim along the end and the side.
+/// Ratio of successive node distances from the rim, along the end face and along the side.
 const SIDE_RATIO: f64 = 3.0;
-/// Rays of the rim's box from the top of the end (0) around the outside to the side (6), in units of the box's half sides.
+/// Seven points of the rim's box to which rays from the rim lead. They run from the end face (0)
+/// around the outside to the side (6). The unit is half the side of the box.
 const RAYS: [Point; 7] = [[-1.0, 0.0], [-1.0, 1.0], [0.0, 1.0], [1.0, 1.0], [1.0, 0.0], [1.0, -1.0], [0.0, -1.0]];
 
-/// Mesh around the cylinder with this radius and half length (m), inside the sphere of this radius (m).
+/// Meshes the gel around a cylinder of `radius_m` and `half_length_m` (m), inside a sphere of
+/// `outer_radius_m` (m).
 ///
-/// The rim is surrounded by circles, the innermost collapsed onto it, and a box. Along the rest of the end and of the side there is one layer as thick as that box. Further boxes around both
-/// grow with the distance, and layers fill the space from the last box to the sphere.
+/// Circles surround the rim, the innermost collapsed onto it, and a box surrounds the circles.
+/// Along the remaining end face and side there is one layer as thick as that box. Larger boxes
+/// around the cylinder follow at growing distances. Layers fill the space between the last box and
+/// the sphere.
 pub(super) fn mesh(radius_m: f64, half_length_m: f64, outer_radius_m: f64, n_rim_layers: usize) -> Mesh {
     let mut mesh = Mesh::default();
     let rim = [radius_m, half_length_m];
     let box_size = radius_m.min(half_length_m).min(0.35 * (outer_radius_m - radius_m.hypot(half_length_m)));
-    // The box extends to the axis or the equator if it would otherwise leave only a thin remainder.
+    // The box extends to the axis or the equator if it would otherwise leave only a thin cell.
     let half_side = rim.map(|length| if length < 1.4 * box_size { length } else { box_size });
     let rays = around_rim(&mut mesh, rim, half_side, n_rim_layers);
     let mut inner = first_box(&mut mesh, rim, half_side, rays);
@@ -57,7 +61,7 @@ pub(super) fn mesh(radius_m: f64, half_length_m: f64, outer_radius_m: f64, n_rim
     mesh
 }
 
-/// Adds cells from the rim to its box. Returns the vertices of the box, ray by ray.
+/// Adds the cells between the rim and its box. Returns the vertices of the box, one per ray.
 fn around_rim(mesh: &mut Mesh, rim: Point, half_side: Point, n_layers: usize) -> [usize; 7] {
     let rim_vertex = mesh.vertex(rim, ON_BODY);
     let mut inner = mesh.polyline(&[rim_vertex; 7]);
@@ -80,9 +84,11 @@ fn around_rim(mesh: &mut Mesh, rim: Point, half_side: Point, n_layers: usize) ->
     rays
 }
 
-/// Adds cells along the remaining end and side. Returns the box around everything, from the axis to the equator.
+/// Adds the cells along the remaining end face and side. Returns the box around the whole cylinder,
+/// from the axis to the equator.
 fn first_box(mesh: &mut Mesh, rim: Point, half_side: Point, rays: [usize; 7]) -> Chain {
-    // Positions away from the rim's box; the last is on the axis or the equator.
+    // Node positions between the rim's box and the axis or the equator. The last is on the axis or
+    // the equator.
     let remainder = |d: usize| -> Vec<f64> {
         let ratio = rim[d] / half_side[d];
         let n = (ratio.ln() / SIDE_RATIO.ln()).ceil();
@@ -105,8 +111,9 @@ fn first_box(mesh: &mut Mesh, rim: Point, half_side: Point, rays: [usize; 7]) ->
     mesh.polyline(&ring)
 }
 
-/// Distances of the boxes after the first from the cylinder, in units of the first distance. They grow geometrically until the corner of the last box is at 0.6 outer radii or
-/// midway between the rim and the sphere.
+/// Distances of the boxes from the cylinder, relative to that of the first box, which is omitted.
+/// They grow geometrically. The corner of the last box is at 0.6 outer radii or midway between the
+/// rim and the sphere.
 fn box_growths(rim: Point, half_side: Point, outer_radius_m: f64) -> Vec<f64> {
     let corner = |growth: f64| (rim[0] + growth * half_side[0]).hypot(rim[1] + growth * half_side[1]);
     let last_corner = (0.6 * outer_radius_m).max(0.5 * (outer_radius_m + corner(0.0)));

@@ -1,7 +1,9 @@
-//! A rigid sphere off the centre of the fixed outer sphere; z is the line of the centres.
+//! A rigid sphere off the centre of the fixed outer sphere. The z axis is the line of the centres.
 //!
-//! There is no symmetry about z = 0, so that the whole half meridian is meshed. Cells lie between the circles of bipolar coordinates, the family of both
-//! spheres, and the circles across them. This is the Möbius image of a concentric mesh, with right angles and small cells in the gap.
+//! There is no symmetry about z = 0. Both halves of the half meridian are therefore meshed. Cells
+//! lie between circles of bipolar coordinates, the family to which both spheres belong, and the
+//! circles that cross them at right angles. The mesh is the Möbius image of a concentric mesh: its
+//! angles are right, and cells in the gap are small.
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -11,49 +13,56 @@ use super::solver::{Assembled, Motion};
 use super::{Direction, Resolution};
 use base::error::{Error, Result};
 
-/// Largest ratio of the distances of neighbouring circles from the limiting point, on the side away from the gap.
+/// Largest ratio of the distances of successive circles from the limiting point of their family. It
+/// applies on the side away from the gap.
 const LAYER_RATIO: f64 = 2.0;
-/// Number of rays from pole to pole in the concentric image, at equal angles.
+/// Number of equal angles between pole and pole in the concentric image.
 const N_ANGLES: usize = 6;
-/// Ratio of the distances of further rays from the gap's pole. For a small gap the equal angles cluster at that pole of the outer sphere, so that further rays follow.
+/// Ratio of the distances of additional rays from the gap's pole. In a small gap, the rays at equal
+/// angles all lie close to that pole of the outer sphere. Additional rays fill the space.
 const RAY_RATIO: f64 = 3.0;
 
-/// A rigid sphere in a fixed one, lengths in m.
+/// A rigid sphere inside a fixed sphere. Lengths are in m.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EccentricSphere {
     /// Radius of the rigid sphere.
     pub radius_m: f64,
     /// Radius of the fixed sphere.
     pub outer_radius_m: f64,
-    /// Distance of the centres.
+    /// Distance between the centres.
     pub offset_m: f64,
 }
 
-/// Stiffness of the whole body of an eccentric sphere, per Pa of Young's modulus.
+/// Stiffness of the gel for a rigid sphere off the centre, per Pa of Young's modulus. Forces and
+/// torques are those on the whole sphere.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EccentricStiffness {
-    /// Force per displacement without rotation, in m.
+    /// Force divided by displacement if the sphere does not rotate, in m.
     pub translation_m: f64,
-    /// Force per displacement from the force on the outer sphere, in m.
+    /// `translation_m` computed from the force on the outer sphere, in m.
     pub by_reaction_m: f64,
-    /// Torque per rotation without displacement, in m³. Only for motion across the line of the centres.
+    /// Torque divided by rotation if the centre does not move, in m³. `None` for motion along the
+    /// line of the centres.
     pub rotation_m3: Option<f64>,
-    /// Torque per displacement, equal to force per rotation, in m². Only for motion across the line of the centres.
+    /// Torque divided by displacement, equal to force divided by rotation, in m². `None` for motion
+    /// along the line of the centres.
     pub coupling_m2: Option<f64>,
-    /// Force per displacement of a sphere that is free to rotate, in m. Along the line of the centres it does not rotate.
+    /// Force divided by displacement if the sphere is free to rotate, in m. In motion along the
+    /// line of the centres the sphere does not rotate.
     pub free_translation_m: f64,
-    /// Relative difference of `translation_m` from that of the next lower order.
+    /// Relative difference of `translation_m` from its value at the next lower order.
     pub relative_error: f64,
-    /// Number of unknowns, including condensed ones, without pressures.
+    /// Number of displacement unknowns, including those that are eliminated cell by cell.
     pub n_unknowns: usize,
 }
 
 impl EccentricSphere {
-    /// Solves for translations along the line of the centres ([`Direction::Axial`]) or across it, in a medium of this Poisson ratio in (−1, ½). Rim layers have no
-    /// effect.
+    /// Solves for a translation along the line of the centres ([`Direction::Axial`]) or across it.
+    /// The Poisson ratio lies in (−1, ½). The number of rim layers has no effect.
     ///
     /// # Errors
-    /// [`Error::Numerical`] if the gap between the spheres is less than a millionth of the radius, or if ratio or order is out of range.
+    /// [`Error::Numerical`] if the gap is less than a millionth of the radius, or if the Poisson
+    /// ratio or the order is out of range.
     pub fn solve(
         &self,
         poisson_ratio: f64,
@@ -103,16 +112,18 @@ impl EccentricSphere {
         })
     }
 
-    /// Parameters of the Möbius map of the outer sphere to itself that maps concentric spheres to the family of both spheres.
-    /// They are the image of the centre and the radius of the rigid sphere before mapping, both over the outer radius.
+    /// Parameters of the Möbius map that takes the outer sphere to itself and a concentric sphere
+    /// to the rigid sphere. The first is the image of the centre, the second the radius of the
+    /// concentric sphere. Both are relative to the outer radius.
     fn concentric_picture(&self) -> [f64; 2] {
         let [radius, offset] = [self.radius_m, self.offset_m].map(|x| x / self.outer_radius_m);
-        // The image of the centre is the family's limiting point p, the inner of two points that are inverse in both spheres: p p* = 1, (d − p)(d − p*) = R².
+        // The image p of the centre is the inner limiting point of the family of circles. The
+        // points p and p* are inverse in both spheres: p p* = 1, (d − p)(d − p*) = R².
         let half_sum = 0.5 * (1.0 + offset * offset - radius * radius);
-        // half_sum − d, without cancellation in the gap.
+        // half_sum − d, in a form without cancellation when the gap is small.
         let excess = 0.5 * ((1.0 - offset).powi(2) - radius * radius);
         let centre = offset / (half_sum + (excess * (half_sum + offset)).sqrt());
-        // The image has the radius s (1 − p²)/(1 − p² s²).
+        // A concentric circle of radius s becomes a circle of radius s (1 − p²)/(1 − p² s²).
         let squeezed = 1.0 - centre * centre;
         let before = 2.0 * radius / (squeezed + (squeezed * squeezed + (2.0 * centre * radius).powi(2)).sqrt());
         [centre, before]
@@ -141,7 +152,8 @@ impl EccentricSphere {
                     Boundary::INSIDE,
                 ),
             };
-            // From the upper pole to the lower one, at the crossings of the circle with the images of rays.
+            // The points run from the upper to the lower pole. Between the poles they are the
+            // crossings of the circle with the images of the rays.
             let angle = |k: usize| match k {
                 0 => FRAC_PI_2,
                 k if k == last => -FRAC_PI_2,
@@ -163,10 +175,12 @@ impl EccentricSphere {
     }
 }
 
-/// Angles of the rays above the equator in the concentric image, from the gap's pole to the other.
+/// Angles above the equator of the rays in the concentric image, from the gap's pole to the
+/// opposite pole.
 fn concentric_angles(centre: f64) -> Vec<f64> {
     let mut angles: Vec<f64> = (0..N_ANGLES).map(|k| FRAC_PI_2 * (1.0 - 2.0 * k as f64 / N_ANGLES as f64)).collect();
-    // On the outer sphere the tangent of half the distance from the pole shrinks by (1 − p)/(1 + p).
+    // On the outer sphere the map multiplies the tangent of half the angle from the pole by
+    // (1 − p)/(1 + p).
     let stretch = (1.0 + centre) / (1.0 - centre);
     let mut tangent = (0.5 * (FRAC_PI_2 - angles[N_ANGLES - 1])).tan();
     while tangent < RAY_RATIO * stretch {

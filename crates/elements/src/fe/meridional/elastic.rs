@@ -1,6 +1,8 @@
-//! An elastic robot. Its inside is meshed, too, and the force is spread over its volume, like a magnetic force.
+//! An elastic robot. Its inside is meshed as well. The force is distributed over its volume, like a
+//! magnetic force.
 //!
-//! The paper uses this model and ties the robot's surface to the gel's point by point. An infinitely stiff robot is the rigid body.
+//! The paper uses this model and ties every point of the robot's surface to the gel's. In the limit
+//! of an infinite stiffness the robot is a rigid body.
 
 use faer::sparse::Triplet;
 use rayon::prelude::*;
@@ -12,16 +14,18 @@ use super::solver::{Condensed, Freedom, Skeleton, condense, edges_of, freedoms, 
 use super::{BodyOfRevolution, Direction, Resolution};
 use base::error::Result;
 
-/// Material of the robot.
+/// Elastic material of the robot.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ElasticRobot {
-    /// Ratio of its Young's modulus to the gel's.
+    /// Young's modulus of the robot divided by that of the gel.
     pub modulus_ratio: f64,
-    /// Its Poisson ratio.
+    /// Poisson ratio of the robot.
     pub poisson_ratio: f64,
 }
 
-/// Force, spread evenly over the body's volume, per mean displacement of the body and per Pa of the gel's Young's modulus, in m.
+/// Computes the stiffness of the gel for an elastic robot, in m. It is force / (mean displacement
+/// of the robot × Young's modulus of the gel). The force is distributed evenly over the robot's
+/// volume.
 ///
 /// # Errors
 /// Those of [`super::solve`].
@@ -78,11 +82,12 @@ pub fn solve_elastic(
     }
     let displacement = solve_sparse(n_skeleton, &triplets, load.clone())?;
     work += displacement.iter().zip(&load).map(|(u, f)| u * f).sum::<f64>();
-    // For a unit force per volume on both halves, force · mean displacement = 2 circle · work, and the force equals the volume.
+    // Let the force per volume be 1. The total force then equals the volume. On both halves,
+    // force · mean displacement = 2 circle · work.
     Ok(body.volume_m3().powi(2) / (2.0 * mode.circle * work))
 }
 
-/// Adds cells from the body's centre to every edge on its surface.
+/// Adds the cells inside the body: one from its centre to each edge on its surface.
 fn add_inside(mesh: &mut Mesh) {
     let mut surface: Vec<([usize; 2], Curve)> = Vec::new();
     for cell in &mesh.cells {
@@ -97,7 +102,7 @@ fn add_inside(mesh: &mut Mesh) {
     }
     let centre = mesh.vertex([0.0; 2], Boundary::INSIDE);
     for ([a, b], curve) in surface {
-        // From the axis towards the equator, as seen from the centre.
+        // The curve must run from the axis towards the equator, as seen from the centre.
         let (middle, along) = curve.at(0.5);
         let (ends, outer) =
             if along[0] * middle[1] - along[1] * middle[0] > 0.0 { ([a, b], curve) } else { ([b, a], reversed(curve)) };
@@ -136,8 +141,10 @@ mod tests {
         ]
     }
 
-    /// The elastic robot is less stiff than the rigid one by a share that falls with its modulus, finally as its inverse. The share is below 0.1 at 10³ times
-    /// the gel's modulus, for a slender body that bends across the force, and below 0.02 at 10⁴. For a magnet at 10¹⁰ times it is below 2·10⁻⁸.
+    /// Checks that the elastic robot is less stiff than the rigid one, by a fraction that falls
+    /// with its modulus, finally in inverse proportion. The fraction is below 0.1 at 10³ times the
+    /// gel's modulus, for a slender body that bends across the force. It is below 0.02 at 10⁴
+    /// times. For a magnet at 10¹⁰ times it is below 2·10⁻⁸.
     #[test]
     fn a_stiff_robot_is_a_rigid_one() {
         let resolution = Resolution { order: 6, rim_layers: 3, ..Resolution::default() };
@@ -155,8 +162,9 @@ mod tests {
         }
     }
 
-    /// A robot with the gel's modulus: the force on a ball inside a homogeneous medium. In an unbounded medium the mean displacement is Kelvin's solution averaged twice over
-    /// the ball: F/ū = 24πμR(1−ν)·5 / (6(5−6ν)) … = (5/6) · 24πμR(1−ν)/(5−6ν).
+    /// Checks a robot with the gel's modulus, which is a loaded ball inside a homogeneous medium.
+    /// In an unbounded medium its mean displacement is Kelvin's solution averaged twice over the
+    /// ball. This gives F/ū = 24πμR(1−ν)·5 / (6(5−6ν)) … = (5/6) · 24πμR(1−ν)/(5−6ν).
     #[test]
     fn a_robot_of_gel_moves_as_kelvin_says() {
         let (poisson_ratio, radius_m) = (0.3, 0.275e-3);

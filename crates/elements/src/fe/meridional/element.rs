@@ -1,4 +1,4 @@
-//! Stiffness of one cell for one Fourier mode, for unit Young's modulus.
+//! Stiffness of one cell for one Fourier mode in θ, at unit Young's modulus.
 
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt::factor::{self, LltRegularization};
@@ -11,7 +11,7 @@ use super::geometry::Ruled;
 use super::{Direction, Formulation};
 use base::error::{Error, Result};
 
-/// Operator from a displacement component to a strain: ∂/∂r, ∂/∂z or division by r, times a coefficient.
+/// Operator that turns a displacement component into a strain: ∂/∂r, ∂/∂z or division by r.
 #[derive(Debug, Clone, Copy)]
 enum Operator {
     ByR,
@@ -20,19 +20,20 @@ enum Operator {
 }
 use Operator::{ByR, ByZ, OverR};
 
-/// A term of a strain: component (index within the mode), operator, coefficient.
+/// A term of a strain: index of the displacement component, operator, coefficient.
 type Term = (usize, Operator, f64);
 
-/// The kinematics of a Fourier mode n: u_r = U cos nθ, u_θ = V sin nθ, u_z = W cos nθ.
+/// Kinematics of Fourier mode n: u_r = U cos nθ, u_θ = V sin nθ, u_z = W cos nθ.
 ///
-/// ε_rr = U,r; ε_θθ = (U + nV)/r; ε_zz = W,z; γ_rz = U,z + W,r; γ_rθ = V,r − (V + nU)/r; γ_θz = V,z − nW/r, each times cos nθ or sin nθ.
+/// The strains are ε_rr = U,r; ε_θθ = (U + nV)/r; ε_zz = W,z; γ_rz = U,z + W,r;
+/// γ_rθ = V,r − (V + nU)/r; γ_θz = V,z − nW/r. Each is multiplied by cos nθ or sin nθ.
 #[derive(Debug)]
 pub(super) struct Mode {
-    /// Displacement components: (U, W) for n = 0, (U, V, W) for n = 1.
+    /// Number of displacement components: (U, W) for n = 0, (U, V, W) for n = 1.
     pub(super) n_components: usize,
-    /// ∫ cos² nθ dθ over the whole circle (also of sin² for n = 1).
+    /// ∫ cos² nθ dθ from 0 to 2π. For n = 1 the integral of sin² nθ is equal.
     pub(super) circle: f64,
-    /// ε : ε = Σ weight × strain².
+    /// Weight and terms of each strain, so that ε : ε = Σ weight × strain².
     strains: Vec<(f64, Vec<Term>)>,
     divergence: Vec<Term>,
 }
@@ -75,14 +76,16 @@ impl Mode {
     }
 }
 
-/// Number of quadrature points per direction in excess of the order. The integrands are not polynomials; the quadrature error is far below the discretisation error.
+/// Number of quadrature points per direction minus the polynomial order. The integrands are not
+/// polynomials, but the quadrature error is far below the discretisation error.
 const EXTRA_POINTS: usize = 3;
 
-/// Functions of one order tabulated at the quadrature points of the reference square. Rows are points, columns functions.
+/// Shape functions of one order, tabulated at the quadrature points of the reference square. Rows
+/// are points, columns are functions.
 pub(super) struct ShapeTable {
     /// Polynomial order of the displacements.
     pub(super) order: usize,
-    /// Gauss–Lobatto nodes, order + 1 of them.
+    /// The order + 1 Gauss–Lobatto nodes of one direction.
     pub(super) nodes: Vec<f64>,
     points: Vec<([f64; 2], f64)>,
     by_xi: Mat<f64>,
@@ -92,7 +95,8 @@ pub(super) struct ShapeTable {
 }
 
 impl ShapeTable {
-    /// Tabulates Lagrange functions of this order at the Gauss–Lobatto nodes, ξ running fastest.
+    /// Tabulates the Lagrange functions of this order at the Gauss–Lobatto nodes. Functions are
+    /// numbered with ξ running fastest.
     pub fn new(order: usize) -> Self {
         let nodes = gauss_lobatto(order);
         let line = gauss_legendre(order + EXTRA_POINTS);
@@ -125,12 +129,13 @@ impl ShapeTable {
         }
     }
 
-    /// Number of functions of one component.
+    /// Number of functions of one displacement component.
     pub(super) fn n_functions(&self) -> usize {
         self.nodes.len() * self.nodes.len()
     }
 
-    /// ∫ (2μ ε : ε + λ (Π div u)²) r dr dz for unit Young's modulus. Rows and columns are ordered component by component; lower triangle.
+    /// Returns the lower triangle of the cell's stiffness ∫ (2μ ε : ε + λ (Π div u)²) r dr dz for
+    /// unit Young's modulus. Rows and columns are ordered component by component.
     pub(super) fn stiffness(
         &self,
         map: &Ruled,
@@ -162,7 +167,8 @@ impl ShapeTable {
                         sum.iter_mut().zip(values).for_each(|(s, v)| *s += coefficient * v);
                     }
                 }
-                // With the pressures' mass matrix M = LLᵀ: Bᵀ M⁻¹ B = (L⁻¹B)ᵀ (L⁻¹B).
+                // Let M = LLᵀ be the pressures' mass matrix. The volumetric part is then Bᵀ M⁻¹
+                // B = (L⁻¹B)ᵀ (L⁻¹B).
                 let mut mass = product_of_transpose(&pressure, &pressure);
                 let mut projected = product_of_transpose(&pressure, &divergence);
                 cholesky(mass.as_mut())?;
@@ -173,14 +179,14 @@ impl ShapeTable {
         Ok(stiffness)
     }
 
-    /// ∫ N r dr dz of every function N of one component.
+    /// Returns ∫ N r dr dz for every shape function N of one component.
     pub(super) fn integrals(&self, map: &Ruled) -> Result<Vec<f64>> {
         let (_, roots) = self.operators(map)?;
         let integral = |a: usize| roots.iter().zip(self.value.col_as_slice(a)).map(|(root, v)| root * root * v).sum();
         Ok((0..self.n_functions()).map(integral).collect())
     }
 
-    /// ∫ N M r dr dz of every pair of functions N and M of one component.
+    /// Returns ∫ N M r dr dz for every pair of shape functions N and M of one component.
     pub(super) fn products(&self, map: &Ruled) -> Result<Mat<f64>> {
         let (_, roots) = self.operators(map)?;
         let mut values = self.value.clone();
@@ -190,8 +196,9 @@ impl ShapeTable {
         Ok(product_of_transpose(&values, &values))
     }
 
-    /// Derivatives by r and by z and values over r of every function, times the root of each point's weight. Columns are functions, one operator
-    /// after the other; rows are points. Also returns the roots.
+    /// Returns ∂N/∂r, ∂N/∂z and N/r of every shape function N, multiplied by the square root of the
+    /// point's weight. Rows are points. Columns are functions, one operator after the other. Also
+    /// returns the square roots.
     fn operators(&self, map: &Ruled) -> Result<(Mat<f64>, Vec<f64>)> {
         let n = self.n_functions();
         let (mut factors, mut roots) = (Vec::with_capacity(self.points.len()), Vec::with_capacity(self.points.len()));
@@ -221,7 +228,8 @@ impl ShapeTable {
     }
 }
 
-/// Adds weight × (Σ terms)², lower triangle, from the products of all operators.
+/// Adds the square of a strain, weight × (Σ terms)², to the lower triangle of the stiffness.
+/// `products` holds the integrals of all pairs of operators.
 fn add_square(stiffness: &mut Mat<f64>, n: usize, products: &Mat<f64>, weight: f64, terms: &[Term]) {
     for &(component_a, operator_a, coefficient_a) in terms {
         for &(component_b, operator_b, coefficient_b) in terms {
@@ -241,14 +249,14 @@ fn add_square(stiffness: &mut Mat<f64>, n: usize, products: &Mat<f64>, weight: f
     }
 }
 
-/// AᵀB.
+/// Returns AᵀB.
 fn product_of_transpose(a: &Mat<f64>, b: &Mat<f64>) -> Mat<f64> {
     let mut product = Mat::zeros(a.ncols(), b.ncols());
     faer::linalg::matmul::matmul(&mut product, Accum::Replace, a.transpose(), b, 1.0, Par::Seq);
     product
 }
 
-/// Adds factor × AᵀA to the lower triangle.
+/// Adds `factor` × AᵀA to the lower triangle of `to`.
 pub(super) fn add_lower_gram(to: MatMut<f64>, a: MatRef<f64>, factor: f64) {
     triangular::matmul(
         to,
@@ -263,7 +271,7 @@ pub(super) fn add_lower_gram(to: MatMut<f64>, a: MatRef<f64>, factor: f64) {
     );
 }
 
-/// Cholesky factor of a matrix given by its lower triangle, in place.
+/// Replaces the lower triangle of a matrix by its Cholesky factor.
 pub(super) fn cholesky(matrix: MatMut<f64>) -> Result<()> {
     let mut memory =
         MemBuffer::new(factor::cholesky_in_place_scratch::<f64>(matrix.nrows(), Par::Seq, Default::default()));

@@ -1,21 +1,22 @@
-//! Curves of the half meridian and the cells ruled between them.
+//! Curves in the half meridian, and the cells ruled between two curves.
 
 use base::error::{Error, Result};
 
-/// A point of the half meridian (r, z) in m, or a vector there.
+/// A point (r, z) of the half meridian in m, or a vector in its plane.
 pub(in crate::fe) type Point = [f64; 2];
 
-/// A smooth curve over t in [0, 1].
+/// A smooth curve with the parameter t in [0, 1].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(in crate::fe) enum Curve {
-    /// Straight line, or a single point if both ends agree.
+    /// Straight line from `from` to `to`. It is a point if both agree.
     Segment { from: Point, to: Point },
-    /// Arc of an ellipse: centre + (semi_axes[0] cos φ, semi_axes[1] sin φ).
+    /// Arc of an ellipse: centre + (semi_axes[0] cos φ, semi_axes[1] sin φ), with φ from `from_rad`
+    /// to `to_rad`.
     Arc { centre: Point, semi_axes: Point, from_rad: f64, to_rad: f64 },
 }
 
 impl Curve {
-    /// Point and its derivative by t.
+    /// Returns the point at t and its derivative with respect to t.
     pub(in crate::fe) fn at(&self, t: f64) -> (Point, Point) {
         match *self {
             Self::Segment { from, to } => {
@@ -35,7 +36,7 @@ impl Curve {
 }
 
 impl Curve {
-    /// Mirror image across z = 0, with reversed direction.
+    /// Returns the mirror image across z = 0, with reversed direction.
     fn mirrored(&self) -> Self {
         let image = |[r, z]: Point| [r, -z];
         match *self {
@@ -47,10 +48,11 @@ impl Curve {
     }
 }
 
-/// The map (1 − s) inner(t) + s outer(t) of the square [−1, 1]²: t = (1 + ξ)/2 along both curves, and across them s from `across[0]` at
-/// η = −1 to `across[1]` at η = 1.
+/// Map of the reference square [−1, 1]² to a cell between two curves: (1 − s) inner(t) + s
+/// outer(t). Along the curves t = (1 + ξ)/2. Across them s runs from `across[0]` at η = −1 to
+/// `across[1]` at η = 1.
 ///
-/// The map is exact on curved bodies: no geometry is interpolated.
+/// The map is exact on curved bodies, because it does not interpolate the geometry.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(in crate::fe) struct Ruled {
     pub(in crate::fe) inner: Curve,
@@ -59,12 +61,12 @@ pub(in crate::fe) struct Ruled {
 }
 
 impl Ruled {
-    /// Mirror image across z = 0, with both curves reversed.
+    /// Returns the mirror image across z = 0, with both curves reversed.
     pub(in crate::fe) fn mirrored(&self) -> Self {
         Self { inner: self.inner.mirrored(), outer: self.outer.mirrored(), ..*self }
     }
 
-    /// (r, z) at (ξ, η), with its derivatives by ξ and by η.
+    /// Returns (r, z) at (ξ, η), with its derivatives with respect to ξ and η.
     pub(in crate::fe) fn at(&self, xi: f64, eta: f64) -> (Point, Point, Point) {
         let half = 0.5 * (self.across[1] - self.across[0]);
         let (t, s) = (0.5 * (1.0 + xi), self.across[0] + (1.0 + eta) * half);
@@ -74,7 +76,7 @@ impl Ruled {
         (blend(inner, outer), along, [half * (outer[0] - inner[0]), half * (outer[1] - inner[1])])
     }
 
-    /// [`Self::at`] with the Jacobian.
+    /// [`Self::at`], with the Jacobian determinant as fourth value.
     ///
     /// # Errors
     /// [`Error::Numerical`] if the cell is inverted or leaves the half meridian.

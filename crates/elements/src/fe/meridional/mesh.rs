@@ -1,22 +1,23 @@
-//! Cells between a body and the outer sphere, on the half meridian r ≥ 0, z ≥ 0.
+//! Mesh between a body and the outer sphere, on the half meridian r ≥ 0. It covers z ≥ 0, or both
+//! halves.
 
 use super::geometry::{Curve, Point, Ruled};
 
-/// Boundary parts of a vertex. An edge lies on a part if both its ends do.
+/// Parts of the boundary on which a vertex lies. An edge lies on a part if both its ends do.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(in crate::fe) struct Boundary {
     pub(in crate::fe) body: bool,
     pub(in crate::fe) outer: bool,
-    /// r = 0.
+    /// True on the axis, r = 0.
     pub(in crate::fe) axis: bool,
-    /// The plane of symmetry, z = 0.
+    /// True on the plane of symmetry, z = 0.
     pub(in crate::fe) equator: bool,
 }
 
 impl Boundary {
     pub(in crate::fe) const INSIDE: Self = Self { body: false, outer: false, axis: false, equator: false };
 
-    /// Parts common to both.
+    /// Parts of the boundary on which both vertices lie.
     pub(in crate::fe) fn and(self, other: Self) -> Self {
         Self {
             body: self.body && other.body,
@@ -27,24 +28,25 @@ impl Boundary {
     }
 }
 
-/// A cell: its vertices (inner from, inner to, outer from, outer to; two may coincide) and its map.
+/// A cell: its map, and its vertices in the order inner start, inner end, outer start, outer end.
+/// Two vertices may coincide.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::fe) struct Cell {
     pub(in crate::fe) vertices: [usize; 4],
     pub(in crate::fe) map: Ruled,
 }
 
-/// Vertices with their boundary parts, and cells between them.
+/// Cells of the half meridian, and their vertices with the boundary parts on which these lie.
 #[derive(Debug, Clone, Default)]
 pub(in crate::fe) struct Mesh {
     pub points: Vec<Point>,
     pub(in crate::fe) boundaries: Vec<Boundary>,
     pub(in crate::fe) cells: Vec<Cell>,
-    /// True if both halves are meshed, without symmetry about z = 0.
+    /// True if both halves z > 0 and z < 0 are meshed, without symmetry about z = 0.
     pub(in crate::fe) is_whole: bool,
 }
 
-/// A chain of curves from vertex to vertex, from the axis towards the equator.
+/// A sequence of curves from vertex to vertex. It runs from the axis towards the equator.
 #[derive(Debug, Clone)]
 pub(in crate::fe) struct Chain {
     pub(in crate::fe) vertices: Vec<usize>,
@@ -52,21 +54,22 @@ pub(in crate::fe) struct Chain {
 }
 
 impl Mesh {
-    /// Adds a vertex. A point with exactly r = 0 or z = 0 is on the axis or the equator.
+    /// Adds a vertex. It lies on the axis if r is exactly 0, and on the equator if z is exactly 0.
     pub(in crate::fe) fn vertex(&mut self, point: Point, surface: Boundary) -> usize {
         self.points.push(point);
         self.boundaries.push(Boundary { axis: point[0] == 0.0, equator: point[1] == 0.0 && !self.is_whole, ..surface });
         self.points.len() - 1
     }
 
-    /// Straight lines through these vertices.
+    /// Chain of straight lines through these vertices.
     pub(in crate::fe) fn polyline(&self, vertices: &[usize]) -> Chain {
         let segment = |pair: &[usize]| Curve::Segment { from: self.points[pair[0]], to: self.points[pair[1]] };
         Chain { vertices: vertices.to_vec(), curves: vertices.windows(2).map(segment).collect() }
     }
 
-    /// Adds vertices on an ellipse around `centre` at these angles (from the equator, rad), joined by its arcs. Angles 0 and ±π/2 around the
-    /// origin give points exactly on the equator and the axis.
+    /// Adds vertices at given angles on an ellipse around `centre`, and joins them by arcs. Angles
+    /// are in rad, counted from the equator. On an ellipse around the origin, the angles 0 and ±π/2
+    /// give points exactly on the equator and the axis.
     pub(in crate::fe) fn arcs(
         &mut self,
         centre: Point,
@@ -86,12 +89,13 @@ impl Mesh {
         Chain { vertices, curves }
     }
 
-    /// One cell for each pair of curves of two chains.
+    /// Adds one cell between the k-th curves of two chains, for every k.
     pub(in crate::fe) fn rule(&mut self, inner: &Chain, outer: &Chain) {
         self.rule_layers(inner, outer, &[0.0, 1.0]);
     }
 
-    /// Adds layers of cells between two chains, cut at these fractions of the distance, from 0 to 1.
+    /// Adds layers of cells between two chains. `fractions`, from 0 to 1, are the positions of the
+    /// layers' boundaries between them.
     pub(in crate::fe) fn rule_layers(&mut self, inner: &Chain, outer: &Chain, fractions: &[f64]) {
         let mut from = inner.vertices.clone();
         for across in fractions.windows(2) {
@@ -106,7 +110,7 @@ impl Mesh {
         }
     }
 
-    /// Builds both halves from a mesh of the upper one.
+    /// Mirrors a mesh of the upper half and returns both halves.
     pub(in crate::fe) fn whole(&self) -> Self {
         let mut whole = Self { is_whole: true, cells: self.cells.clone(), ..Self::default() };
         for (point, boundary) in self.points.iter().zip(&self.boundaries) {
@@ -124,7 +128,8 @@ impl Mesh {
         whole
     }
 
-    /// Adds vertices at a fraction of the distance between two chains.
+    /// Adds vertices between two chains, at a fraction of the distance from the inner to the outer
+    /// one.
     fn between(&mut self, inner: &Chain, outer: &Chain, fraction: f64) -> Vec<usize> {
         let pairs = inner.vertices.iter().zip(&outer.vertices);
         let points: Vec<Point> = pairs
@@ -134,7 +139,8 @@ impl Mesh {
     }
 }
 
-/// Distances 0 = x₀ < … < xₙ = `length`. The first step is about `first`, and each distance is at most `ratio` times the one before.
+/// Returns distances 0 = x₀ < … < xₙ = `length`. The first step is about `first`, and each distance
+/// is at most `ratio` times the previous one.
 pub(in crate::fe) fn graded(first: f64, ratio: f64, length: f64) -> Vec<f64> {
     if first >= length {
         return vec![0.0, length];

@@ -1,14 +1,21 @@
-//! Rigid bodies of revolution in a fixed sphere, solved in the half meridian: reference solutions for the three-dimensional elements.
+//! Rigid bodies of revolution in a fixed sphere, solved in the half meridian: reference solutions
+//! for the three-dimensional elements.
 //!
-//! The quasi-static balance of an isotropic medium (physics §3.1) separates in the angle θ around the body's axis z. The displacement of mode n is
-//! u_r = U cos nθ, u_θ = V sin nθ, u_z = W cos nθ. A translation along the axis is mode n = 0 (V = 0). One across it is mode n = 1 (x = cos θ e_r − sin θ e_θ, so
-//! that U = −V = 1 on the body). The remaining coordinates are r and z; by symmetry only z ≥ 0 is meshed.
+//! The quasi-static balance of an isotropic medium (physics §3.1) separates in the angle θ around
+//! the body's axis z. The displacement of mode n is u_r = U cos nθ, u_θ = V sin nθ, u_z = W cos nθ.
+//! A translation of the body along the axis excites mode n = 0, with V = 0. A translation across
+//! the axis excites mode n = 1. Its direction is x = cos θ e_r − sin θ e_θ, so that U = −V = 1 on
+//! the body. Only the coordinates r and z remain. By symmetry only z ≥ 0 is meshed.
 //!
-//! Elements are quadrilaterals of high order on exact geometry, with condensed discontinuous pressures one degree lower. Around a smooth body the error falls
-//! more than tenfold per order, for any Poisson ratio below ½. At the sharp rim of a cylinder the field varies like ρ^0.55 with the distance ρ. Cells shrink towards the rim in
-//! geometric progression, so that the error still falls exponentially (hp version; C. Schwab, *p- and hp-Finite Element Methods*, 1998).
+//! Elements are quadrilaterals of high order on exact geometry, with discontinuous pressures one
+//! degree lower. The pressures are eliminated element by element. Around a smooth body the error
+//! falls more than tenfold per order, for any Poisson ratio below ½. At the sharp rim of a cylinder
+//! the field varies like ρ^0.55 with the distance ρ. Cells shrink towards the rim in geometric
+//! progression, so that the error still falls exponentially (hp version; C. Schwab, *p- and
+//! hp-Finite Element Methods*, 1998).
 //!
-//! Only the dense and sparse Cholesky kernels of `faer` are shared with the three-dimensional elements.
+//! The module shares only the dense and sparse Cholesky kernels of `faer` with the
+//! three-dimensional elements.
 
 pub(super) mod basis;
 mod cylinder;
@@ -32,7 +39,7 @@ use element::ShapeTable;
 use mesh::Mesh;
 pub use pair::{EffectMatrix, build_effect_system};
 
-/// A rigid body of revolution about z, symmetric about z = 0. Lengths in m.
+/// A rigid body of revolution about the z axis, symmetric about the plane z = 0. Lengths are in m.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum BodyOfRevolution {
     /// Prolate or oblate spheroid, or sphere.
@@ -44,15 +51,15 @@ pub enum BodyOfRevolution {
     },
     /// Right circular cylinder with sharp rims.
     Cylinder {
-        /// Length along the axis.
+        /// Length along the axis of revolution.
         length_m: f64,
-        /// Diameter across it.
+        /// Diameter across the axis of revolution.
         diameter_m: f64,
     },
 }
 
 impl BodyOfRevolution {
-    /// A sphere.
+    /// A sphere of radius `radius_m` (m).
     pub fn sphere(radius_m: f64) -> Self {
         Self::Spheroid { semi_axis_along_m: radius_m, semi_axis_across_m: radius_m }
     }
@@ -71,7 +78,7 @@ impl BodyOfRevolution {
             Self::Spheroid { semi_axis_along_m: a, semi_axis_across_m: b } => {
                 let e = (1.0 - (a.min(b) / a.max(b)).powi(2)).sqrt();
                 let second = match () {
-                    // asin e / e and (1 − e²) atanh e / e tend to 1.
+                    // Limits for e → 0: asin e / e and (1 − e²) atanh e / e tend to 1.
                     () if e < 1e-4 => a * b,
                     () if a > b => a * b * e.asin() / e,
                     () => a * a * e.atanh() / e,
@@ -82,7 +89,7 @@ impl BodyOfRevolution {
         }
     }
 
-    /// Returns this shape, `factor` times as large.
+    /// Returns a body of this shape with `factor` times its lengths.
     pub fn scaled(&self, factor: f64) -> Self {
         match *self {
             Self::Spheroid { semi_axis_along_m, semi_axis_across_m } => Self::Spheroid {
@@ -95,7 +102,8 @@ impl BodyOfRevolution {
         }
     }
 
-    /// Half extents across and along the axis, and the radius of the smallest sphere around the body.
+    /// Three lengths (m): half the extent across the axis, half the extent along it, and the radius
+    /// of the smallest sphere around the body.
     pub(in crate::fe) fn extents_m(&self) -> [f64; 3] {
         match *self {
             Self::Spheroid { semi_axis_along_m: a, semi_axis_across_m: b } => [b, a, a.max(b)],
@@ -123,54 +131,63 @@ pub enum Direction {
     Transverse,
 }
 
-/// Formulation of the volumetric energy.
+/// Formulation of the gel's volumetric strain energy.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Formulation {
-    /// Projection on discontinuous pressures, polynomials of total degree order − 1. It does not lock.
+    /// The volumetric strain is projected on discontinuous pressures, which are polynomials of
+    /// total degree order − 1. This formulation does not lock.
     Mixed,
-    /// Displacements alone, as a check of the other formulation. The stiffness approaches its value from above; near ν = ½ it needs one or two orders more.
+    /// The unknowns are displacements alone. This formulation checks the other. Its stiffness
+    /// approaches the exact value from above. Near ν = ½ it needs one or two orders more.
     Displacement,
 }
 
-/// Resolution of the discretisation.
+/// Refinement of the meridional discretisation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Resolution {
     /// Polynomial order of the displacements, 3 to 14.
     pub order: usize,
-    /// Number of layers of cells around the rim of a cylinder, 1 to 12. Each is 0.15 times as far from the rim as the one before. No effect on spheroids.
+    /// Number of layers of cells around the rim of a cylinder, 1 to 12. Each layer is 0.15 times as
+    /// far from the rim as the previous one. The value has no effect on spheroids.
     pub rim_layers: usize,
-    /// Formulation of the volumetric energy.
+    /// Formulation of the volumetric strain energy.
     pub formulation: Formulation,
 }
 
 impl Default for Resolution {
-    /// Relative errors below 10⁻⁸ for aspect ratios from 0.1 to 20. The sphere's radius must be at least 1.5 times that of the body's circumscribed sphere.
+    /// Settings with relative errors below 10⁻⁸ for aspect ratios from 0.1 to 20. The outer
+    /// sphere's radius must be at least 1.5 times that of the body's circumscribed sphere.
     fn default() -> Self {
         Self { order: 10, rim_layers: 9, formulation: Formulation::Mixed }
     }
 }
 
-/// Stiffness of the gel around the body: force per displacement of the whole body, per Pa of Young's modulus, in m.
+/// Stiffness of the gel around the body: force on the whole body divided by its displacement and by
+/// Young's modulus, in m.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MeridionalSolution {
-    /// Twice the strain energy of unit displacement.
+    /// Stiffness from the strain energy: twice the energy of unit displacement.
     pub stiffness_m: f64,
-    /// Force on the outer sphere for unit displacement. It differs from the energy only by rounding.
+    /// Stiffness from the force on the outer sphere. It differs from `stiffness_m` only by
+    /// rounding.
     pub reaction_stiffness_m: f64,
-    /// Relative difference from the solution with one order and one rim layer less. It estimates the error of that coarser solution and is therefore
-    /// conservative. At least the difference between energy and reaction.
+    /// Relative difference from a solution with one order and one rim layer less. It estimates the
+    /// error of that coarser solution and is therefore conservative. It is at least the relative
+    /// difference of `stiffness_m` and `reaction_stiffness_m`.
     pub relative_error: f64,
-    /// Number of unknowns, including condensed ones, without pressures.
+    /// Number of displacement unknowns, including those that are eliminated cell by cell.
     pub n_unknowns: usize,
 }
 
-/// Smallest half extent of a body, in outer radii. Below it meshes would grow needlessly.
+/// Smallest half extent of a body relative to the outer radius. For smaller bodies the meshes would
+/// be needlessly large.
 const SMALLEST_EXTENT: f64 = 1e-6;
 
-/// Solves for the stiffness of `body` at the centre of a fixed sphere of `outer_radius_m`, in a medium of this Poisson ratio in (−1, ½).
+/// Solves for the stiffness of `body` at the centre of a fixed sphere of `outer_radius_m` (m). The
+/// gel's Poisson ratio must lie in (−1, ½).
 ///
-/// Fails with [`Error::Numerical`] if the body does not lie inside the sphere or is thinner than a millionth of it.
-/// Also fails if the Poisson ratio or the resolution is out of range.
+/// Fails with [`Error::Numerical`] if the body does not lie inside the sphere or is thinner than a
+/// millionth of it. Also fails if the Poisson ratio or the resolution is out of range.
 pub fn solve(
     body: BodyOfRevolution,
     outer_radius_m: f64,
@@ -216,7 +233,8 @@ pub fn solve(
 mod tests {
     use super::*;
 
-    /// The paper's areas at equal volume (physics §4.4), and a spheroid's area on both sides of the sphere.
+    /// Checks the paper's surface areas at equal volume (physics §4.4). Also checks that a
+    /// spheroid's area is continuous where it becomes a sphere.
     #[test]
     fn sizes_are_the_papers() {
         let sphere = BodyOfRevolution::sphere(0.275e-3);
@@ -235,12 +253,13 @@ mod tests {
             let area = |along| {
                 BodyOfRevolution::Spheroid { semi_axis_along_m: along, semi_axis_across_m: 1.0 }.surface_area_m2()
             };
-            // A sphere's area grows by two thirds of the stretch, to first order.
+            // The area of a sphere that is stretched along its axis grows by two thirds of the
+            // stretch, to first order.
             assert!((area(along) / (4.0 * PI) - 1.0 - (along - 1.0) * 2.0 / 3.0).abs() < 1e-6);
         }
     }
 
-    /// The cells fill the sphere around the body exactly once.
+    /// Checks that the cells fill the space between body and sphere exactly once.
     #[test]
     fn cells_have_the_volume_of_the_gel() {
         let outer_radius_m = 3.0;

@@ -1,7 +1,9 @@
-//! The two matrices of a linear effect around a sphere, for the time stepping of [`crate::fe::spatial`]. They form a second full-order model of such effects, in the half meridian.
+//! The two matrices of a linear effect around a sphere, for the time stepping of
+//! [`crate::fe::spatial`]. They form a second full-order model, in the half meridian.
 //!
-//! It shares the equations, the time stepping and the Cholesky kernels with the three-dimensional model, but not mesh, elements, quadrature and unknowns. The displacement is axisymmetric
-//! about the force. A node's first component is along the axis, the second across it.
+//! It shares the equations, the time stepping and the Cholesky kernels with the three-dimensional
+//! model, but not mesh, elements, quadrature and unknowns. The displacement is axisymmetric about
+//! the force. A node's first component is along the axis, the second across it.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -17,40 +19,44 @@ use super::{Direction, Formulation};
 use crate::fe::spatial::{DegreesOfFreedom, SpatialSystem, SymmetricMatrix};
 use base::error::{Error, Result};
 
-/// Polynomial order of the displacements. Relative errors of the stiffness are below 10⁻⁸.
+/// Polynomial order of the displacements. It gives relative errors of the stiffness below 10⁻⁸.
 const ORDER: usize = 10;
-/// Largest ratio of neighbouring layers' radii.
+/// Largest ratio of the radii of neighbouring layers.
 const LAYER_RATIO: f64 = 2.0;
-/// Number of quadrature points along an edge in excess of the order.
+/// Number of quadrature points along an edge minus the polynomial order.
 const EXTRA_POINTS: usize = 3;
-/// Share of body and force in the upper half.
+/// Fraction of the body, and of the force on it, in the upper half.
 const SHARE: f64 = 0.5;
 
-/// Second matrix of an effect around a sphere.
+/// Second matrix of an effect around a sphere. The first is the gel's stiffness.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum EffectMatrix {
-    /// Stiffness (m) of the gel closer to the centre than this radius, for unit Young's modulus. The gel's own matrix is that of the rest.
+    /// Stiffness (m), for unit Young's modulus, of the gel closer to the centre than this radius.
+    /// The first matrix is then the stiffness of the gel outside this radius.
     GelWithin {
-        /// Radius in m.
+        /// Radius of the boundary between the two matrices' gel, in m.
         radius_m: f64,
     },
-    /// Mass in kg.
+    /// Mass of gel and body, in kg.
     Mass {
-        /// Density of the gel.
+        /// Density of the gel, in kg/m³.
         gel_density_kg_m3: f64,
-        /// Mass of the whole body.
+        /// Mass of the whole body, in kg.
         body_kg: f64,
     },
-    /// ∫ g·g over the body, with the gel's slip g along it, in m².
+    /// Friction matrix ∫ g·g dA over the body's surface, in m². g is the gel's slip along that
+    /// surface.
     Slip,
-    /// ∫ u·u over the outer surface per outer radius, in m. The surface is free.
+    /// ∫ u·u dA over the outer surface, divided by its radius, in m. The outer surface is free
+    /// instead of fixed.
     OuterSprings,
 }
 
-/// Builds the matrices for a sphere at the centre of a larger one (radii in m), in a medium of this Poisson ratio.
+/// Builds both matrices for a sphere at the centre of a larger one. Radii are in m.
 ///
 /// # Errors
-/// [`Error::Numerical`] if the radii are not in order, and for a Poisson ratio outside (−1, ½).
+/// [`Error::Numerical`] if the radii are not in ascending order, or if the Poisson ratio lies
+/// outside (−1, ½).
 pub fn build_effect_system(
     radius_m: f64,
     outer_radius_m: f64,
@@ -75,7 +81,7 @@ pub fn build_effect_system(
     let stiffness = |cell: &Cell| {
         let stiffness = table.stiffness(&cell.map, &mode, poisson_ratio, Formulation::Mixed)?;
         let n = table.n_functions();
-        // Component 0 of the table is across the axis.
+        // Component 0 of the table is the one across the axis.
         let entry = |row: usize, column: usize| stiffness[(row.max(column), row.min(column))];
         let place = |k: usize| [Some(n + k / 3), Some(k / 3), None][k % 3];
         let value = |i: usize, j: usize| place(i).zip(place(j)).map_or(0.0, |(i, j)| mode.circle * entry(i, j));
@@ -105,26 +111,26 @@ pub fn build_effect_system(
     SpatialSystem::in_order(freedoms, gel, second, &half.order())
 }
 
-/// One matrix for both components.
+/// Matrix `factor` × `products` for each of the two components, without coupling between them.
 fn isotropic(products: &Mat<f64>, factor: f64) -> DMatrix<f64> {
     let n = products.nrows();
     let value = |i: usize, j: usize| if i % 3 == j % 3 && i % 3 < 2 { factor * products[(i / 3, j / 3)] } else { 0.0 };
     DMatrix::from_fn(3 * n, 3 * n, value)
 }
 
-/// Cells between spheres, from the axis to the equator, and their nodes.
+/// Cells between concentric spheres, from the axis to the equator, and their nodes.
 struct HalfMeridian {
     mesh: Mesh,
     table: ShapeTable,
     boundaries: Vec<Boundary>,
-    /// Node of every function of a cell.
+    /// Node of every shape function of each cell.
     nodes: Vec<Vec<u32>>,
-    /// r and z of every node, in m.
+    /// Coordinates (r, z) of every node, in m.
     places_m: Vec<[f64; 2]>,
 }
 
 impl HalfMeridian {
-    /// Builds layers that end at each of the radii (m).
+    /// Builds layers of cells that end at each of the radii (m).
     fn new(radii_m: &[f64]) -> Self {
         let (mut mesh, table) = (Mesh::default(), ShapeTable::new(ORDER));
         let mut layers_m = vec![radii_m[0]];
@@ -169,7 +175,7 @@ impl HalfMeridian {
         r.hypot(z)
     }
 
-    /// Nothing moves across the axis, and an axial translation causes no motion across it on the equator.
+    /// Numbers the unknowns. On the axis and on the equator, displacements across the axis are 0.
     fn freedoms(&self, second: EffectMatrix) -> DegreesOfFreedom {
         let mut combinations: Vec<[Vec<(u32, f64)>; 3]> = vec![Default::default(); self.boundaries.len()];
         let mut count = 0;
@@ -189,7 +195,7 @@ impl HalfMeridian {
             for (node, _) in on_body().filter(|(_, boundary)| !boundary.axis) {
                 let [r, z] = self.places_m[node];
                 let radius_m = r.hypot(z);
-                // The slip is along the meridian; on the equator it is along the axis.
+                // The slip is along the meridian, which is parallel to the axis at the equator.
                 combinations[node][0].push((count, -r / radius_m));
                 if z != 0.0 {
                     combinations[node][1].push((count, z / radius_m));
@@ -213,7 +219,8 @@ impl HalfMeridian {
         SymmetricMatrix::assemble(freedoms, elements.iter().map(|(nodes, matrix)| (nodes.as_slice(), matrix.clone())))
     }
 
-    /// `factor` ∫ u·u over a surface, or of the slips along it only.
+    /// Returns `factor` ∫ u·u dA over a surface. With `of_slips`, u contains only the slips along
+    /// the surface.
     fn on_surface(
         &self,
         freedoms: &DegreesOfFreedom,
@@ -233,7 +240,8 @@ impl HalfMeridian {
                     let length = along[0].hypot(along[1]);
                     let area_m2 = 2.0 * PI * r * length * weight;
                     let [across, axial] = along.map(|d| d / length);
-                    // Displacement per unknown at this point, along the axis and across it.
+                    // Displacement at this point per unit of each unknown: along the axis, and
+                    // across it.
                     let mut moves: Vec<(u32, [f64; 2])> = Vec::new();
                     for (node, (shape, _)) in edge.iter().zip(lagrange(&self.table.nodes, *xi)) {
                         for component in [0, 1] {
@@ -262,7 +270,7 @@ impl HalfMeridian {
         SymmetricMatrix::from_triplets(freedoms.count(), &triplets)
     }
 
-    /// Nodes from the outer surface inwards.
+    /// Returns the nodes in the order of elimination: from the outer surface inwards.
     fn order(&self) -> Vec<usize> {
         let mut order: Vec<usize> = (0..self.places_m.len()).collect();
         let distance_m = |node: &usize| self.places_m[*node][0].hypot(self.places_m[*node][1]);

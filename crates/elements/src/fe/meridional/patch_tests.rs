@@ -1,4 +1,5 @@
-//! Patch tests: fields that the elements represent exactly cause no force on any node inside the patch, and have the energy of their closed form.
+//! Patch tests in the half meridian. Fields that the elements represent exactly must cause no force
+//! on nodes inside the patch. Their energy must have its closed form.
 
 use super::basis::gauss_legendre;
 use super::element::{Mode, ShapeTable};
@@ -8,10 +9,10 @@ use super::{Direction, Formulation};
 const ORDER: usize = 4;
 const POISSON_RATIO: f64 = 0.48;
 
-/// Components of a mode at (r, z).
+/// Displacement components (U, W) or (U, V, W) of a mode at (r, z).
 type Field = fn(Point) -> Vec<f64>;
 
-/// 2 × 2 distorted cells with straight edges, the first at r = `start`.
+/// Patch of 2 × 2 distorted cells with straight edges. The first starts at r = `start`.
 fn patch(start: f64) -> Vec<Ruled> {
     let nodes = [
         [[0.0, 0.0], [0.0, 0.7], [0.0, 1.2]],
@@ -22,7 +23,7 @@ fn patch(start: f64) -> Vec<Ruled> {
     let mut cells = Vec::new();
     for i in 0..2 {
         for j in 0..2 {
-            // ξ along r and η along z: a right-handed cell.
+            // ξ runs along r and η along z, so that the cell is right-handed.
             let side = |j: usize| Curve::Segment { from: nodes[i][j], to: nodes[i + 1][j] };
             cells.push(Ruled { inner: side(j), outer: side(j + 1), across: [0.0, 1.0] });
         }
@@ -30,7 +31,8 @@ fn patch(start: f64) -> Vec<Ruled> {
     cells
 }
 
-/// Returns the position of every node of the patch with the force on it, and twice the energy.
+/// Returns the position of every node of the patch with the force on it. Also returns twice the
+/// strain energy.
 fn forces(start: f64, direction: Direction, formulation: Formulation, field: Field) -> (Vec<(Point, Vec<f64>)>, f64) {
     let (table, mode) = (ShapeTable::new(ORDER), Mode::of(direction));
     let (mut nodes, mut energy): (Vec<(Point, Vec<f64>)>, f64) = (Vec::new(), 0.0);
@@ -61,7 +63,8 @@ fn forces(start: f64, direction: Direction, formulation: Formulation, field: Fie
     (nodes, energy)
 }
 
-/// True if a node is not on the patch's outline: inside, or on the axis away from the ends.
+/// True if a node is not on the patch's outline. It is then inside, or on the axis away from the
+/// ends.
 fn is_inside(start: f64, [r, z]: Point) -> bool {
     let inside = |r: f64, z: f64| {
         patch(start).iter().any(|map| {
@@ -78,8 +81,9 @@ fn is_inside(start: f64, [r, z]: Point) -> bool {
     [[left, 0.0], [h, 0.0], [0.0, h], [0.0, -h]].iter().all(|[dr, dz]| inside(r + dr, z + dz))
 }
 
-/// Equilibrium fields that fourth-order elements represent: rotation, shear, stretch, and the fourth mode of physics §4.2. The divergence of the last is linear, so that
-/// its stress tests the pressures.
+/// Equilibrium fields that fourth-order elements represent: rotation, shear, stretch, and the
+/// fourth mode of physics §4.2. The divergence of the fourth mode is linear, so that its stress
+/// tests the pressures.
 const MODE_0: [Field; 4] = [
     |_| vec![0.0, 1.0],
     |[r, z]| vec![-0.5 * r, z],
@@ -116,7 +120,8 @@ fn fields_in_balance_leave_no_force_inside() {
                     largest = largest.max(norm);
                     if is_inside(start, *place) {
                         n_inside += 1;
-                        // On the axis only forces that work on a smooth field count: W for n = 0, U = −V for n = 1.
+                        // On the axis, only forces that do work on a smooth field are checked: W
+                        // for n = 0, and U = −V for n = 1.
                         let allowed = match (place[0] < 1e-12, direction) {
                             (false, _) => norm,
                             (true, Direction::Axial) => force[1].abs(),
@@ -126,7 +131,8 @@ fn fields_in_balance_leave_no_force_inside() {
                     }
                 }
                 assert!(n_inside >= 49, "{n_inside} nodes inside");
-                // Rigid motions cause no force anywhere, to the rounding of stiffnesses of order λ/E = 8.
+                // Rigid motions cause no force anywhere. The bound allows for rounding of
+                // stiffnesses of order λ/E = 8.
                 assert!(residual < 1e-11, "{direction:?}, {formulation:?}, field {k}, r ≥ {start}: {residual:e}");
                 assert_eq!(k == 0, largest < 1e-10, "{direction:?}, field {k}: {largest:e}");
             }
@@ -134,7 +140,8 @@ fn fields_in_balance_leave_no_force_inside() {
     }
 }
 
-/// Twice the energy of uniform strains: 2μ ε:ε + λ tr², times ∫ r dr dz (the square of the mode's strain, without its cosine).
+/// Checks twice the energy of uniform strains. It is (2μ ε:ε + λ tr²) ∫ r dr dz, with the squares
+/// of the mode's strains without their cosine.
 #[test]
 fn uniform_strains_have_their_energy() {
     let two_mu = 1.0 / (1.0 + POISSON_RATIO);
@@ -153,13 +160,14 @@ fn uniform_strains_have_their_energy() {
             }
         }
         let cases: [(Direction, Field, f64); 4] = [
-            // (x, y, z) → (−x/2, −y/2, z).
+            // The field (x, y, z) → (−x/2, −y/2, z).
             (Direction::Axial, MODE_0[1], two_mu * 1.5 * first),
-            // (x, y, 0): two strains of 1.
+            // The field (x, y, 0) has two strains of 1.
             (Direction::Axial, MODE_0[2], (2.0 * two_mu + 4.0 * lambda) * first),
-            // u_x = z: γ_xz = 1, that is γ_rz = cos θ, γ_θz = −sin θ.
+            // The field u_x = z has γ_xz = 1, that is γ_rz = cos θ and γ_θz = −sin θ.
             (Direction::Transverse, MODE_1[1], two_mu * first),
-            // x²-like field u_x = x z, u_y = 0 … in mode 1: W = r² cos θ has γ_rz = 2r cos θ, γ_θz = −r sin θ.
+            // A field quadratic in r, like u_x = x z, u_y = 0 …, in mode 1: W = r² cos θ has
+            // γ_rz = 2r cos θ and γ_θz = −r sin θ.
             (Direction::Transverse, |[r, _]| vec![0.0, 0.0, r * r], two_mu * 2.5 * third),
         ];
         for (k, (direction, field, expected)) in cases.into_iter().enumerate() {

@@ -1,4 +1,4 @@
-//! Unknowns, static condensation of the cells' interiors, and the sparse solution.
+//! Unknowns of the half meridian, condensation of the cells' interiors, and sparse solution.
 
 use std::collections::HashMap;
 
@@ -15,14 +15,15 @@ use super::mesh::{Boundary, Cell, Mesh};
 use super::{Direction, Formulation};
 use base::error::{Error, Result};
 
-/// One displacement component of one node: a multiple of an unknown, or of the body's unit translation.
+/// One displacement component of one node. It is a multiple of an unknown, or of the body's unit
+/// translation.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Freedom {
     pub(super) unknown: Option<usize>,
     pub factor: f64,
 }
 
-/// Stiffnesses of the whole body from one discretisation, per Pa of Young's modulus, in m.
+/// Stiffnesses (m) of the whole body, per Pa of Young's modulus, computed with one discretisation.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Discrete {
     pub(super) by_energy_m: f64,
@@ -30,11 +31,12 @@ pub(super) struct Discrete {
     pub(super) n_unknowns: usize,
 }
 
-/// Nodes on the edges of the cells.
+/// Numbering of the nodes on the edges of the cells.
 pub(in crate::fe) struct Skeleton {
     order: usize,
     pub(in crate::fe) boundaries: Vec<Boundary>,
-    /// First inner node of each edge. The nodes run from the vertex of the lower index.
+    /// Index of the first inner node of each edge, by its two vertices. The nodes run from the
+    /// vertex with the lower index.
     edges: HashMap<[usize; 2], usize>,
 }
 
@@ -56,7 +58,7 @@ impl Skeleton {
         Self { order, boundaries, edges }
     }
 
-    /// Node `k` steps along the edge from vertex `a` to vertex `b`.
+    /// Index of the node that is `k` steps along the edge from vertex `a` to vertex `b`.
     fn on_edge(&self, [a, b]: [usize; 2], k: usize) -> usize {
         match k {
             0 => a,
@@ -67,7 +69,7 @@ impl Skeleton {
         }
     }
 
-    /// Node of each function of a cell; `None` for functions of its interior.
+    /// Node of each shape function of a cell; `None` for functions of its interior.
     pub(in crate::fe) fn nodes(&self, cell: &Cell) -> Vec<Option<usize>> {
         let [bottom, top, left, right] = edges_of(cell);
         let last = self.order;
@@ -82,25 +84,27 @@ impl Skeleton {
     }
 }
 
-/// Edges of a cell: along the inner curve, along the outer curve, across at the start, across at the end.
+/// The four edges of a cell as pairs of vertices: inner curve, outer curve, across at the curves'
+/// start, across at their end.
 pub(super) fn edges_of(cell: &Cell) -> [[usize; 2]; 4] {
     let [a, b, c, d] = cell.vertices;
     [[a, b], [c, d], [a, c], [b, d]]
 }
 
-/// Translation of the body, by component of the mode.
+/// Unit translation of the body as components (U, W) or (U, V, W) of the mode.
 pub(super) fn translation(direction: Direction) -> &'static [f64] {
     match direction {
         Direction::Axial => &[0.0, 1.0],
-        // x = cos θ e_r − sin θ e_θ.
+        // The translation is x = cos θ e_r − sin θ e_θ, so that U = 1 and V = −1.
         Direction::Transverse => &[1.0, -1.0, 0.0],
     }
 }
 
-/// Degrees of freedom of every node, by component.
+/// Numbers the unknowns and returns the freedom of every component of every node.
 ///
-/// A smooth field on the axis has U = 0 for n = 0. It has U + V = 0 and W = 0 for n = 1 (a horizontal vector). Across the plane z = 0 an axial
-/// translation makes W even and U odd; a transverse one makes U and V even and W odd.
+/// On the axis a smooth field has U = 0 for n = 0. For n = 1, where it is a horizontal vector, it
+/// has U + V = 0 and W = 0. An axial translation makes W even and U odd about the plane z = 0. A
+/// transverse one makes U and V even and W odd.
 pub(super) fn freedoms(boundaries: &[Boundary], direction: Direction, is_rigid: bool) -> (Vec<Vec<Freedom>>, usize) {
     let mut count = 0;
     let mut unknown = |is_free: bool| {
@@ -127,12 +131,13 @@ pub(super) fn freedoms(boundaries: &[Boundary], direction: Direction, is_rigid: 
     (boundaries.iter().map(of_node).collect(), count)
 }
 
-/// Stiffness of a cell between the functions on its edges, with the interior condensed.
+/// Stiffness of a cell between the shape functions on its edges, after elimination of its interior.
 pub(super) struct Condensed {
     pub(super) nodes: Vec<usize>,
-    /// Component by component; both triangles.
+    /// Both triangles; rows and columns are ordered component by component.
     pub(super) stiffness: Mat<f64>,
-    /// Load on these functions, and the contribution of the condensed interior to load · displacement.
+    /// Load on the functions of the edges. The second value is the eliminated interior's
+    /// contribution to load · displacement.
     pub(super) load: Vec<f64>,
     pub(super) work: f64,
 }
@@ -171,16 +176,17 @@ pub(super) fn condense(
     Ok(Condensed { nodes: nodes.iter().flatten().copied().collect(), stiffness: condensed, load, work })
 }
 
-/// Rigid motion of the body in a mode.
+/// Rigid motion of the body.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Motion {
-    /// Unit translation.
+    /// Unit translation along the direction of the problem.
     Translation,
-    /// Unit rotation about the line at this height through the axis, perpendicular to axis and translation; mode 1 only.
+    /// Unit rotation about a line at this height on the axis. The line is perpendicular to the axis
+    /// and to the translation. Mode 1 only.
     Rotation { height_m: f64 },
 }
 
-/// The problem without the body's motion: condensed cells and numbered unknowns.
+/// Condensed cells and numbered unknowns of a problem, independent of the body's motion.
 pub(super) struct Assembled<'a> {
     mesh: &'a Mesh,
     table: &'a ShapeTable,
@@ -190,12 +196,12 @@ pub(super) struct Assembled<'a> {
     cells: Vec<Condensed>,
     triplets: Vec<Triplet<u32, u32, f64>>,
     n_skeleton: usize,
-    /// ∫ over the circle, for both halves if only one is meshed.
+    /// ∫ cos² nθ dθ, doubled if only one half is meshed.
     whole: f64,
     n_components: usize,
 }
 
-/// Displacements on the edges of every cell, component by component.
+/// Displacements of a solution on the edges of every cell, component by component.
 pub(super) struct Response(Vec<Vec<f64>>);
 
 impl<'a> Assembled<'a> {
@@ -255,7 +261,8 @@ impl<'a> Assembled<'a> {
             .collect()
     }
 
-    /// Displacements prescribed by the body's motion on the edges of a cell, component by component. Values at unknowns are meaningless.
+    /// Displacements that the body's motion prescribes on the edges of cell `index`, component by
+    /// component. Entries at unknowns are meaningless.
     fn prescribed(&self, index: usize, motion: Motion) -> Vec<f64> {
         let cell = &self.cells[index];
         let Motion::Rotation { height_m } = motion else {
@@ -265,7 +272,8 @@ impl<'a> Assembled<'a> {
         let is_edge = |i: usize, j: usize| [0, last].contains(&i) || [0, last].contains(&j);
         let places = (0..=last).flat_map(|j| (0..=last).map(move |i| (i, j))).filter(|(i, j)| is_edge(*i, *j));
         let places: Vec<[f64; 2]> = places.map(|(i, j)| map.at(nodes[i], nodes[j]).0).collect();
-        // u = ŷ × (x, y, z − h) = (z − h) x̂ − x ẑ: U = −V = z − h, W = −r.
+        // The rotation is u = ŷ × (x, y, z − h) = (z − h) x̂ − x ẑ, so that U = −V = z − h and
+        // W = −r.
         let of = |component: usize, [r, z]: [f64; 2]| [z - height_m, height_m - z, -r][component];
         (0..self.n_components)
             .flat_map(|c| cell.nodes.iter().zip(&places).map(move |(node, place)| (c, *node, *place)))
@@ -295,7 +303,7 @@ impl<'a> Assembled<'a> {
         Ok(Response(self.cells.iter().enumerate().map(of_cell).collect()))
     }
 
-    /// Work of one response's forces on another response, for the whole body.
+    /// Work of the forces of one response on the displacements of another, for the whole body.
     pub(super) fn energy(&self, one: &Response, other: &Response) -> f64 {
         let mut energy = 0.0;
         for ((cell, one), other) in self.cells.iter().zip(&one.0).zip(&other.0) {
@@ -307,7 +315,7 @@ impl<'a> Assembled<'a> {
         self.whole * energy
     }
 
-    /// Force of a response on the outer sphere, along the translation.
+    /// Force on the outer sphere along the translation.
     pub(super) fn reaction(&self, response: &Response) -> f64 {
         let translation = translation(self.direction);
         let mut reaction = 0.0;
@@ -323,7 +331,7 @@ impl<'a> Assembled<'a> {
     }
 }
 
-/// Solves for the unit translation of the body.
+/// Solves for the stiffness against a unit translation of the body.
 pub(super) fn solve(
     mesh: &Mesh,
     table: &ShapeTable,
@@ -340,7 +348,8 @@ pub(super) fn solve(
     })
 }
 
-/// Solves a positive definite system given by its lower triangle. Uses one thread, so that results have equal bytes for any number of threads.
+/// Solves a positive definite system given by its lower triangle. One thread is used, so that
+/// results are equal to the bit for any number of threads.
 pub(super) fn solve_sparse(
     n: usize,
     triplets: &[Triplet<u32, u32, f64>],

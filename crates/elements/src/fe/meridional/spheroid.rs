@@ -1,26 +1,30 @@
-//! Mesh around a spheroid, with nearly confocal ellipses up to the outer sphere.
+//! Mesh of the gel around a spheroid. Nearly confocal ellipses lead from the body to the outer
+//! sphere.
 
 use std::f64::consts::FRAC_PI_2;
 
 use super::mesh::{Boundary, Mesh, graded};
 
-/// Ratio of the minor semi-axes of neighbouring ellipses.
+/// Ratio of the minor semi-axes of successive ellipses.
 const LAYER_RATIO: f64 = 2.0;
-/// First eccentric angle from the tip, in units of the distance of the poles.
+/// First eccentric angle from the tip, relative to the distance of the field's poles from the tip.
 const FIRST_ANGLE: f64 = 1.5;
-/// Ratio of the eccentric angles of neighbouring rays, from the tip.
+/// Ratio of the eccentric angles of successive rays, counted from the tip.
 const ANGLE_RATIO: f64 = 3.0;
 
-/// Mesh around the spheroid with these semi-axes (m), inside the sphere of this radius (m).
+/// Meshes the gel around a spheroid with semi-axes `along_m` and `across_m` (m), inside a sphere of
+/// `outer_radius_m` (m).
 ///
-/// Let m and M be the minor and major semi-axes. The confocal family has constant M² − m². Here M² is the linear function of m² that makes
-/// both equal the outer radius at the sphere. The fields have poles at the foci, at ±iξ in the eccentric angle from the tip, tanh ξ = m/M on the body. Rays are
-/// graded towards the tip, so that every element is far from the poles relative to its size.
+/// Let m and M be the minor and major semi-axes. In a confocal family M² − m² is constant. Here M²
+/// is instead a linear function of m² that makes both equal the outer radius at the sphere. The
+/// fields have poles at the foci, which lie at ±iξ in the eccentric angle from the tip, with tanh
+/// ξ = m/M on the body. Rays are graded towards the tip, so that every element is small relative to
+/// its distance from the poles.
 pub(super) fn mesh(along_m: f64, across_m: f64, outer_radius_m: f64) -> Mesh {
     let (minor, major) = (along_m.min(across_m), along_m.max(across_m));
     let (m2, major2, outer2) = (minor * minor, major * major, outer_radius_m * outer_radius_m);
     let from_tip = graded(FIRST_ANGLE * (minor / major).atanh(), ANGLE_RATIO, FRAC_PI_2);
-    // The tip is on the axis or, for a disc, on the equator. Chains run from the axis.
+    // The tip is on the axis or, for a disc, on the equator. Chains start at the axis.
     let angles: Vec<f64> = if along_m >= across_m {
         from_tip.iter().map(|t| FRAC_PI_2 - t).collect()
     } else {

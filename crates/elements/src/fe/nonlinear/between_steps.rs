@@ -1,7 +1,9 @@
-//! Runs whose steps do not end at rows. The values at rows are interpolated.
+//! Runs whose steps do not end at rows. The positions at rows are interpolated.
 //!
-//! Between two switches the robot's excess over a linear law is a smooth function of ξ = ln(1 + t/θ). t is the time since the switch; θ follows from the first step.
-//! A polynomial of degree 5 interpolates the excess between the ends of steps. The linear model steps the linear law separately, at steps' ends and rows.
+//! The excess is the robot's displacement minus that of a linear law. Between two switches it is a
+//! smooth function of ξ = ln(1 + t/θ). t is the time since the switch, and θ is proportional to the
+//! first step. A polynomial of degree 5 interpolates the excess between the ends of steps. The
+//! linear law is stepped separately, by the linear model, at the ends of steps and at rows.
 
 use super::run::{self, RunRecorder};
 use super::{Bodies, NonlinearModel, NonlinearOptions, NonlinearResult};
@@ -13,14 +15,17 @@ use laws::stages::{Spatial, Stages};
 use record::Force;
 use std::collections::BTreeMap;
 
-/// Number of step ends that a polynomial interpolates.
+/// Number of step ends through which one polynomial passes.
 const N_NODES: usize = 6;
 
 impl NonlinearModel<'_> {
-    /// Runs the stages of a nonlinear law. Returns the recorded position (m) at every row, and all unknowns (m) at `rows`. Steps do not end at rows.
+    /// Runs a nonlinear law through a record, with steps that do not end at rows. Returns the
+    /// recorded position (m) at every row, and all unknowns (m) at the rows with the indices
+    /// `rows`.
     ///
     /// # Errors
-    /// Errors of [`Self::run`], and [`Error::Numerical`] for stages without a nonlinear law or with softening.
+    /// Those of [`Self::run`], and [`Error::Numerical`] for stages without a nonlinear law or with
+    /// softening.
     pub fn run_stages<'f>(
         &self,
         stages: &Stages,
@@ -41,7 +46,8 @@ impl NonlinearModel<'_> {
         }
         let bodies = Bodies::<f64>::new(&stages.law, nonlinearity)?;
         let load = stages.load.of::<f64>();
-        // A spring in series jumps with the force. If the force depends on the position, its excess jumps, too. Such a run stops at every row.
+        // A spring in series jumps with the force. If the force also depends on the position, the
+        // excess jumps. Such a run stops at every row.
         let jumps = bodies.instantaneous_per_pa > 0.0 && load.depends_on_position();
         let wanted = rows.iter().copied().filter(|&row| row < time_s.len());
         let mut stop_rows: Vec<usize> = if jumps { (0..time_s.len()).collect() } else { wanted.collect() };
@@ -71,7 +77,7 @@ impl NonlinearModel<'_> {
     }
 }
 
-/// Adds the robot's largest distance to the error of a run.
+/// Adds to an error's text the largest distance that the robot had moved.
 fn with_place(error: Error, steps: &[(f64, f64)]) -> Error {
     let farthest_m = steps.iter().fold(0.0_f64, |most, step| most.max(step.1.abs()));
     match error {
@@ -83,7 +89,8 @@ fn with_place(error: Error, steps: &[(f64, f64)]) -> Error {
     }
 }
 
-/// Displacement (m) at the rows from the displacement at the ends of steps.
+/// Interpolates the displacement (m) at the rows from `steps`: time (s) and displacement (m) at the
+/// ends of steps.
 fn displacements_m(
     model: &NonlinearModel,
     stages: &Stages,
@@ -105,7 +112,8 @@ fn displacements_m(
     };
     let length_s = time_s.last().zip(time_s.first()).map_or(0.0, |(last, first)| last - first);
     let rounding_s = CLOCK_ROUNDING * length_s;
-    // The excess does not jump with the force: at a switch it has its value from the step before.
+    // The excess does not jump with the force. At a switch it keeps the value at the end of the
+    // step before.
     let excesses: Vec<(f64, f64)> = steps.iter().map(|&(t, x)| (t, x - linear_m(t))).collect();
     let begins_s: Vec<f64> =
         stages.load.of::<f64>().switches(time_s, force).iter().map(|switch| switch.time_s).collect();
@@ -127,11 +135,12 @@ fn displacements_m(
     Ok(found)
 }
 
-/// Value at a time of the polynomial in ξ through the nearest nodes. The first node is the switch.
+/// Value at `time_s` of the polynomial in ξ through the nearest nodes. Nodes are (time in s, excess
+/// in m); the first is at the switch.
 fn interpolated(nodes: &[(f64, f64)], time_s: f64) -> f64 {
     let Some(&(begin_s, first)) = nodes.first() else { return 0.0 };
     let Some(&(second_s, _)) = nodes.get(1) else { return first };
-    // Steps grow geometrically; the first is about a fifth of θ.
+    // Steps grow geometrically. The first is about a fifth of θ.
     let scale_s = STEPS_IN_SCALE * (second_s - begin_s);
     let place = |t: f64| ((t - begin_s) / scale_s).max(0.0).ln_1p();
     let n = nodes.len().min(N_NODES);
@@ -147,5 +156,5 @@ fn interpolated(nodes: &[(f64, f64)], time_s: f64) -> f64 {
     chosen.iter().enumerate().map(|(i, node)| weight(i) * node.1).sum()
 }
 
-/// Ratio of θ to the first step.
+/// θ divided by the length of the first step.
 const STEPS_IN_SCALE: f64 = 5.0;

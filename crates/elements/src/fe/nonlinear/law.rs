@@ -1,29 +1,29 @@
-//! Bodies of a nonlinear gel, in series, one of which is nonlinear (physics §2, §5).
+//! Bodies of a nonlinear gel. They are in series, and one of them is nonlinear (physics §2, §5).
 
 use base::error::{Error, Result};
 use base::number::{Dual, PointScalar};
 use laws::rheology::Element;
 use laws::stages::Nonlinearity;
 
-/// A Kelvin–Voigt body, given by its compliance: τ ε̇ + ε = C s.
+/// A Kelvin–Voigt body with compliance C and retardation time τ: τ ε̇ + ε = C s, with the stress s.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Retarded<N> {
     pub compliance_per_pa: N,
     pub time_s: N,
 }
 
-/// Bodies in series, which all carry the full stress.
+/// Bodies in series. Each carries the full stress.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bodies<N> {
-    /// E of the first Kelvin–Voigt body.
+    /// Young's modulus E of the first Kelvin–Voigt body.
     pub modulus_pa: N,
-    /// c₁ of the first Kelvin–Voigt body.
+    /// Viscosity c₁ of the first Kelvin–Voigt body.
     pub viscosity_1_pa_s: N,
-    /// c₂ of the dashpot.
+    /// Viscosity c₂ of the dashpot in series.
     pub viscosity_2_pa_s: N,
-    /// Compliance of all springs.
+    /// Total compliance of the springs in series.
     pub instantaneous_per_pa: N,
-    /// Further Kelvin–Voigt bodies, which are linear.
+    /// Further Kelvin–Voigt bodies. They are linear.
     pub retarded: Vec<Retarded<N>>,
     pub nonlinearity: Nonlinearity<N>,
 }
@@ -32,7 +32,8 @@ impl<N: PointScalar> Bodies<N> {
     /// Extracts the bodies from elements in series.
     ///
     /// # Errors
-    /// [`Error::Numerical`] for laws that are not Kelvin–Voigt bodies, springs and one dashpot in series, and for values outside their support.
+    /// [`Error::Numerical`] if the elements are not Kelvin–Voigt bodies, springs and one dashpot in
+    /// series, or if a value lies outside its support.
     pub fn new(law: &[Element], nonlinearity: Nonlinearity<Dual>) -> Result<Self> {
         nonlinearity.check()?;
         let bodies = Self::of_elements(law, nonlinearity)?;
@@ -97,12 +98,14 @@ impl<N: PointScalar> Bodies<N> {
         })
     }
 
-    /// Number of bodies with a strain of their own: the nonlinear one, the other of the first two, and the retarded ones.
+    /// Number of bodies that have a strain history: the first Kelvin–Voigt body, the dashpot, and
+    /// the further Kelvin–Voigt bodies.
     pub fn n_histories(&self) -> usize {
         2 + self.retarded.len()
     }
 
-    /// Shortest retardation time in s for an equivalent strain `equivalent` of the nonlinear body. A stiffened spring relaxes faster, by its tangent.
+    /// Shortest retardation time (s) if the nonlinear body has the equivalent strain `equivalent`.
+    /// A stiffened spring relaxes faster, according to its tangent modulus.
     pub fn fastest_s(&self, equivalent: f64) -> f64 {
         let times = self.retarded.iter().filter(|body| body.compliance_per_pa.value() > 0.0);
         let stiffened = match self.nonlinearity {

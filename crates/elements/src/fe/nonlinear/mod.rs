@@ -1,12 +1,17 @@
 //! Nonlinear laws in full finite elements (physics §3.2, §3.4, §5).
 //!
-//! The bodies of the law are in series: one Kelvin–Voigt body whose spring may stiffen, one dashpot that may thin or yield, and further linear bodies. The
-//! stress is not one field times one function of time, so that every body has its own strain at every integration point. The
-//! balance is solved at every stage of every step by Newton's method on the displacements. Conjugate gradients solve its linear systems with the
-//! linear stiffness, factorised once for all steps, as preconditioner. Strains are ε̄ = dev ε + ⅓Π(div u)I.
+//! The law is a series of bodies: one Kelvin–Voigt body whose spring may stiffen, one dashpot that
+//! may thin or yield, and further linear bodies. The stress field is not separable into a field
+//! times a function of time. Every body therefore has its own strain at every integration point.
 //!
-//! Time is stepped by a method of order 4 (Hairer & Wanner's SDIRK), L-stable and stiffly accurate. Steps end at every row and switch and grow
-//! geometrically after a switch. Steps without a balance are halved.
+//! The balance is solved at every stage of every step by Newton's method on the displacements.
+//! Conjugate gradients solve the linear systems. Their preconditioner is the linear stiffness,
+//! factorised once for all steps. Strains are ε̄ = dev ε + ⅓Π(div u)I, with Π the projection on the
+//! element's pressures.
+//!
+//! The time stepper has order 4 and is L-stable and stiffly accurate (Hairer & Wanner's SDIRK
+//! method). Steps end at every row and switch. They grow geometrically after a switch. A step
+//! without a balance is halved.
 
 mod between_steps;
 mod law;
@@ -31,66 +36,71 @@ use laws::stages::{Load, Nonlinearity};
 use points::IntegrationPoints;
 use record::Force;
 
-/// Refinement and accuracy of a run.
+/// Time steps and accuracy of a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NonlinearOptions {
     /// Time-stepping method.
     pub scheme: Scheme,
-    /// Refinement of the steps. The error falls with the power of the method's order.
+    /// Refinement of the time steps. If h is the step length and k the method's order, the error
+    /// falls like hᵏ.
     pub resolution: Resolution,
-    /// Largest accepted residual of the balance, relative to the largest force, both in the norm √(rᵀK̂⁻¹r).
+    /// Largest accepted residual r of the balance, relative to the largest force. Both are measured
+    /// in the norm √(rᵀK̂⁻¹r).
     pub tolerance: f64,
 }
 
 impl Default for NonlinearOptions {
-    /// The error of the robot's position is below 2·10⁻⁵ of the largest position.
+    /// Settings for which the error of the robot's position is below 2·10⁻⁵ of the largest
+    /// position.
     fn default() -> Self {
         Self { scheme: Scheme::Fourth, resolution: Resolution { steps_per_doubling: 4 }, tolerance: 1e-7 }
     }
 }
 
-/// Input of a run: a law, a load and a record.
+/// Input of a run: law, load and record.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NonlinearInput<'a> {
-    /// Kelvin–Voigt bodies, springs and one dashpot in series. Derivatives are ignored.
+    /// Kelvin–Voigt bodies, springs and one dashpot in series. Derivatives carried by their
+    /// parameters are ignored.
     pub law: &'a [Element],
-    /// Nonlinearity of the law.
+    /// Nonlinearity of the law: stiffening, thinning or yielding.
     pub nonlinearity: Nonlinearity<Dual>,
-    /// Stages from the commanded to the acting force.
+    /// Model stages between the commanded force and the force on the robot.
     pub load: &'a Load,
     /// Times of the rows in s, ascending.
     pub time_s: &'a [f64],
-    /// Commanded force. Nothing acts before the first row.
+    /// Commanded force. No force acts before the first row.
     pub force: Force<'a>,
 }
 
-/// Cost of a run.
+/// Computing effort of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Cost {
     /// Number of time steps.
     pub n_steps: usize,
-    /// Number of balances solved.
+    /// Number of stages whose balance was solved.
     pub n_stages: usize,
-    /// Number of residuals computed.
+    /// Number of evaluations of the balance's residual.
     pub n_evaluations: usize,
-    /// Number of conjugate gradients.
+    /// Number of iterations of conjugate gradients.
     pub n_gradients: usize,
-    /// Number of halved steps.
+    /// Number of steps that were halved.
     pub n_retries: usize,
 }
 
-/// Result of a run.
+/// Displacements that a run returns, and its computing effort.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NonlinearResult {
     /// Displacement of the robot (m) at every row, as the limit from the left.
     pub displacement_m: Vec<f64>,
-    /// All unknowns (m) at the chosen rows, one vector after the other.
+    /// All unknowns (m) at the requested rows, one vector per row.
     pub fields: Vec<Vec<f64>>,
-    /// Cost of the run.
+    /// Computing effort.
     pub cost: Cost,
 }
 
-/// A mesh for nonlinear laws at one Poisson ratio. It is factorised once and run for any law and load.
+/// A mesh at one Poisson ratio, prepared for nonlinear laws. Its stiffness is factorised once, for
+/// all laws and loads.
 pub struct NonlinearModel<'a> {
     factor: Factor<'a>,
     points: IntegrationPoints,
@@ -99,10 +109,11 @@ pub struct NonlinearModel<'a> {
 }
 
 impl<'a> NonlinearModel<'a> {
-    /// Prepares a mesh with its assembled stiffness at a Poisson ratio in (−1, 0.5).
+    /// Prepares a mesh with its assembled stiffness, at a Poisson ratio in (−1, 0.5).
     ///
     /// # Errors
-    /// [`Error::Numerical`] for a stiffness of another mesh, an inverted element or a Poisson ratio out of range.
+    /// [`Error::Numerical`] if the stiffness belongs to another mesh, an element is inverted, or
+    /// the Poisson ratio is out of range.
     pub fn new(mesh: &Mesh, stiffness: &'a Stiffness, poisson_ratio: f64) -> Result<Self> {
         let unknowns = &stiffness.assembly.unknowns;
         if unknowns.n_nodes() != mesh.n_nodes() {
@@ -116,21 +127,23 @@ impl<'a> NonlinearModel<'a> {
         Ok(Self { factor, points, robot: unknowns.robot(), share: unknowns.share() })
     }
 
-    /// Number of integration points.
+    /// Number of integration points in the mesh.
     pub fn n_points(&self) -> usize {
         self.points.count()
     }
 
-    /// Number of unknowns.
+    /// Number of displacement unknowns.
     pub fn n_unknowns(&self) -> usize {
         self.factor.n_unknowns()
     }
 
-    /// Runs a law through a record and keeps the fields at `rows`. Rows that the record lacks are omitted.
+    /// Runs a law through a record and keeps the fields at the rows with the indices `rows`.
+    /// Indices beyond the record are omitted.
     ///
     /// # Errors
-    /// [`Error::Numerical`] for a law that is not a series of Kelvin–Voigt bodies, springs and a dashpot, and for parameters outside their support. The run also
-    /// fails if a force gradient is refused, or no balance is found in ever smaller steps.
+    /// [`Error::Numerical`] if the law is not a series of Kelvin–Voigt bodies, springs and one
+    /// dashpot, or if a parameter lies outside its support. The run also fails if the force
+    /// gradient is too large, or if no balance is found in ever smaller steps.
     pub fn run(&self, what: &NonlinearInput, rows: &[usize], options: NonlinearOptions) -> Result<NonlinearResult> {
         let mut result = NonlinearResult {
             displacement_m: Vec::with_capacity(what.time_s.len()),
@@ -147,7 +160,7 @@ impl<'a> NonlinearModel<'a> {
         Ok(result)
     }
 
-    /// [`Self::run`] that passes every row's state to `at_row`.
+    /// [`Self::run`], but passes the state at every row to `at_row`.
     pub fn run_with_row_states(
         &self,
         what: &NonlinearInput,

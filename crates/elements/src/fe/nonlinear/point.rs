@@ -1,26 +1,30 @@
-//! The law at one integration point over one stage of a step. The input is the strain and the histories, the output the stress.
+//! The law at one integration point over one stage of a step. It maps the strain and the histories
+//! to the stress.
 //!
-//! Tensors are six numbers: five coordinates of the deviator in an orthonormal basis, and the trace. Over a stage of implicit Euler with the
-//! step g every linear body reads ε = d H + j s, H its strain at the stage's start. Let h = Σ d H and j_l = Σ j over the linear bodies, and H_N the
-//! history of the nonlinear body. The stress is
+//! Tensors are six numbers: five coordinates of the deviator in an orthonormal basis, and the
+//! trace. A stage is an implicit Euler step of length g. Every linear body then obeys ε = d H + j
+//! s, with H its strain at the stage's start. Let h = Σ d H and j_l = Σ j over the linear bodies.
+//! Let H_N be the strain of the nonlinear body at the start. The stress is
 //!
-//!   dev s = σ₁(|a|) dev a − κ dev H_N,   a = ε − h + ω H_N,
+//!  dev s = σ₁(|a|) dev a − κ dev H_N,   a = ε − h + ω H_N.
 //!
-//! stiffening: ω = j_l c₁/g, κ = c₁/g; thinning and yielding: ω = −1, κ = 0. The size m of ε_k or s solves one scalar equation
-//! α m + ψ(m) = √⅔ |dev a| with a convex ψ, so that Newton's method from the right always converges.
+//! A stiffening spring has ω = j_l c₁/g and κ = c₁/g. A thinning or yielding dashpot has ω = −1 and
+//! κ = 0. Let m be the size of the spring's strain ε_k, or of s for a dashpot. It solves the scalar
+//! equation α m + ψ(m) = √⅔ |dev a|. Because ψ is convex, Newton's method from above the root
+//! always converges.
 
 use super::law::Bodies;
 use base::number::{Dual, PointScalar};
 use laws::stages::Nonlinearity;
 
-/// Five coordinates of the deviator and the trace.
+/// Five coordinates of the deviator in an orthonormal basis, and the trace.
 pub(crate) type Tensor<N> = [N; 6];
 
-/// Numbers with a logarithm.
+/// Scalar type with a logarithm, for evaluations of the law.
 pub trait Number: PointScalar {
-    /// True if the number carries a derivative, which iterations on its value alone lose.
+    /// True if the type carries a derivative. Iterations that use only the value lose it.
     const HAS_DERIVATIVE: bool;
-    /// ln x.
+    /// Natural logarithm.
     fn ln(self) -> Self;
 }
 
@@ -40,44 +44,46 @@ impl Number for Dual {
     }
 }
 
-/// √⅔: factor from a deviator's norm to the equivalent of physics §5.
+/// √⅔: ratio of the equivalent strain or stress of physics §5 to the norm of the deviator.
 pub const EQUIVALENT: f64 = 0.816_496_580_927_726;
 
-/// A linear body over a stage: ε = decay H + compliance s.
+/// A linear body over a stage: ε = `decay` H + `compliance` s, with H its strain at the start.
 #[derive(Debug, Clone, Copy)]
 pub struct LinearBody<N> {
     pub decay: N,
     pub compliance: N,
 }
 
-/// The law over a stage of one length.
+/// The law over a stage of a given length.
 #[derive(Debug, Clone)]
 pub struct StageLaw<N> {
-    /// Linear bodies with a strain of their own.
+    /// Linear bodies that have a strain history.
     pub linear: Vec<LinearBody<N>>,
-    /// j_l.
+    /// j_l: sum of the compliances of the linear bodies, in 1/Pa.
     pub linear_compliance: N,
     pub omega: N,
     pub kappa: N,
     pub radial: Radial<N>,
 }
 
-/// Coefficients of the scalar equation.
+/// Coefficients of the scalar equation for the nonlinear body.
 #[derive(Debug, Clone, Copy)]
 pub enum Radial<N> {
-    /// c₁/g, E and Eβ.
+    /// Stiffening spring: c₁/g, E and Eβ.
     Stiffening { rate: N, modulus: N, cubic: N },
-    /// g/c₂, 1/n − 1 and s₀.
+    /// Thinning dashpot: g/c₂, 1/n − 1 and s₀.
     Thinning { fluidity: N, exponent: N, reference: N },
-    /// g/c₂, s_y and δ.
+    /// Yielding dashpot: g/c₂, s_y and δ.
     Yield { fluidity: N, stress: N, smoothing: f64 },
 }
 
-/// Stress as a function of a: dev s + κ dev H_N = `secant` dev a, tr s + κ tr H_N = `volumetric` tr a.
+/// Moduli that relate the stress to a: dev s + κ dev H_N = `secant` dev a, and tr s + κ tr
+/// H_N = `volumetric` tr a.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Moduli<N> {
     pub secant: N,
-    /// d|dev s|/d|dev a| along dev a; the secant applies across it.
+    /// Tangent modulus d|dev s|/d|dev a| in the direction of dev a. In directions across it,
+    /// `secant` applies.
     pub normal: N,
     pub volumetric: N,
     /// Derivative of `volumetric` with respect to |dev a|.
@@ -85,7 +91,7 @@ pub(crate) struct Moduli<N> {
 }
 
 impl<N: Number> StageLaw<N> {
-    /// The law over an implicit Euler step of `step_s`, in s.
+    /// Builds the law over an implicit Euler step of length `step_s` (s).
     pub fn new(bodies: &Bodies<N>, step_s: N) -> Self {
         let one = N::constant(1.0);
         let rate = bodies.viscosity_1_pa_s / step_s;
@@ -117,13 +123,15 @@ impl<N: Number> StageLaw<N> {
         Self { linear, linear_compliance, omega, kappa, radial }
     }
 
-    /// True if the law has no stiffening, thinning or yielding, ignoring derivatives.
+    /// True if the law does not stiffen, thin or yield. Derivatives carried by the parameters are
+    /// ignored.
     #[inline(always)]
     pub fn is_linear(&self) -> bool {
         matches!(self.radial, Radial::Stiffening { cubic, .. } if cubic.value() == 0.0)
     }
 
-    /// −h + ω H_N. The sum of this and the strain is a. Histories: the nonlinear body's, then the linear ones'.
+    /// Returns −h + ω H_N, which added to the strain gives a. `histories` holds H_N, then the
+    /// strain of each linear body.
     #[inline(always)]
     pub(crate) fn offset(&self, histories: &[Tensor<N>]) -> Tensor<N> {
         let mut offset = histories[0].map(|h| self.omega * h);
@@ -135,7 +143,7 @@ impl<N: Number> StageLaw<N> {
         offset
     }
 
-    /// Replaces the histories of all bodies by their strains at the stage's end.
+    /// Replaces the history of every body by its strain at the stage's end.
     #[inline(always)]
     pub(crate) fn advance(&self, strain: &Tensor<N>, stress: &Tensor<N>, histories: &mut [Tensor<N>]) {
         let mut rest: Tensor<N> = std::array::from_fn(|i| strain[i] - self.linear_compliance * stress[i]);
@@ -189,7 +197,8 @@ impl<N: Number> StageLaw<N> {
     fn thinning(&self, norm: N, fluidity: N, exponent: N, reference: N) -> Moduli<N> {
         let (j, driving) = (self.linear_compliance, norm * EQUIVALENT);
         let (jv, g, p, s0, e) = (j.value(), fluidity.value(), exponent.value(), reference.value(), driving.value());
-        // Both limits are straight lines in logarithms: y = ln(m/s₀), ln ρ = ln(g/j) + p y, y + ln(1 + ρ) = ln(e/(j s₀)).
+        // In logarithms both limits of the equation are straight lines: y = ln(m/s₀), ln
+        // ρ = ln(g/j) + p y, y + ln(1 + ρ) = ln(e/(j s₀)).
         let (target, offset) = ((e / (jv * s0)).ln(), (g / jv).ln());
         let mut y = target.min((target - offset) / (1.0 + p));
         if e > 0.0 {
@@ -204,7 +213,7 @@ impl<N: Number> StageLaw<N> {
         }
         let m = s0 * y.exp();
         if m <= 0.0 || !m.is_finite() {
-            // At rest the fluid does not flow, unless it is linear.
+            // A thinning fluid at rest does not flow. A linear one does.
             let resting = N::constant(1.0) / if p == 0.0 { j + fluidity } else { j };
             return Moduli { secant: resting, normal: resting, volumetric: resting, coupling: N::constant(0.0) };
         }
@@ -235,35 +244,40 @@ impl<N: Number> StageLaw<N> {
     }
 }
 
-/// m of (a + b m²) m = e to 4 % for t = b e²/a³ below 1000: e/a times the quotient of two polynomials 1 + p₁ t + p₂ t².
+/// Coefficients of a first guess for m in (a + b m²) m = e. The guess is e/a times a quotient of
+/// polynomials 1 + p₁ t + p₂ t². Its error is 4 % for t = b e²/a³ below 1000.
 pub const STIFFENING_START: [[f64; 2]; 2] = [[0.33035, 0.0010286], [0.91573, 0.012622]];
-/// Largest number of steps of the scalar equation. Steps from the right always approach the root, and five suffice.
+/// Largest number of Newton steps for the scalar equation. Steps from above always approach the
+/// root, and five suffice.
 const MOST_ITERATIONS: usize = 60;
-/// Relative change at convergence.
+/// Relative change at which the iteration for the scalar equation ends.
 const ROUNDING: f64 = 1e-10;
 
-/// Root in numbers that carry a derivative: one more step gives the derivative.
+/// Gives a root the derivative of the number type `N`: one more Newton step computes it.
 #[inline(always)]
 fn polished<N: Number>(root: f64, rest: impl Fn(N) -> N, slope: f64) -> N {
     let root = N::constant(root);
     if N::HAS_DERIVATIVE { root - rest(root) * (1.0 / slope) } else { root }
 }
 
-/// Moduli of j in series with a flow: strain m (j + `flow`), with slope j + `slope`.
+/// Moduli of a compliance j in series with a flow. At equivalent stress m their strain is m
+/// (j + `flow`), whose derivative by m is j + `slope`.
 #[inline(always)]
 fn in_series<N: Number>(j: N, flow: N, slope: N, m: N) -> Moduli<N> {
     let one = N::constant(1.0);
     let (secant, normal) = (one / (j + flow), one / (j + slope));
-    // d(1/(j + flow))/dm = −(slope − flow)/m secant², dm/d|a| = √⅔ normal.
+    // The derivatives are d(1/(j + flow))/dm = −(slope − flow)/m secant² and dm/d|a| = √⅔ normal.
     let coupling =
         if m.value() > 0.0 { -(slope - flow) * secant * secant * normal * EQUIVALENT / m } else { N::constant(0.0) };
     Moduli { secant, normal, volumetric: secant, coupling }
 }
 
-/// r(m)/m and r'(m) for r(m) = ½[m − s_y + √((m − s_y)² + 4δ² s_y m)], which smooths ⟨m − s_y⟩ (m the equivalent stress).
+/// Returns r(m)/m and r'(m) of r(m) = ½[m − s_y + √((m − s_y)² + 4δ² s_y m)]. r smooths ⟨m − s_y⟩;
+/// m is the equivalent stress.
 ///
-/// r is convex and rising, with r(0) = 0. It equals m at s_y = 0, and exceeds ⟨m − s_y⟩ by at most δ s_y (at m = s_y). Far below the yield stress the dashpot
-/// creeps with δ² of its fluidity; far above it r exceeds ⟨m − s_y⟩ by δ² s_y.
+/// r is convex and rising, with r(0) = 0. It equals m at s_y = 0, and exceeds ⟨m − s_y⟩ by at most
+/// δ s_y (at m = s_y). Far below the yield stress the dashpot creeps with δ² times its fluidity.
+/// Far above it, r exceeds ⟨m − s_y⟩ by δ² s_y.
 pub(crate) fn smoothed_yield<N: Number>(m: N, stress: N, smoothing: f64) -> [N; 2] {
     if stress.value() == 0.0 && m.value() == 0.0 {
         return [N::constant(1.0); 2];
@@ -275,7 +289,7 @@ pub(crate) fn smoothed_yield<N: Number>(m: N, stress: N, smoothing: f64) -> [N; 
     [share, ((beyond + quarter) / root + N::constant(1.0)) * 0.5]
 }
 
-/// √(Σ tᵢ²) of a deviator. The undefined derivative at zero is set to zero.
+/// Norm √(Σ tᵢ²) of a tensor's deviator. At zero its undefined derivative is set to zero.
 #[inline(always)]
 pub(crate) fn deviator_norm<N: Number>(tensor: &Tensor<N>) -> N {
     let mut squared = tensor[0] * tensor[0];

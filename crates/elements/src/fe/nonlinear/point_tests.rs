@@ -1,4 +1,5 @@
-//! The stage's stress inserted into the law's equations, tangents and derivatives against finite differences, and limits.
+//! Tests of the law at one point: the stage's stress in the law's equations, tangents and
+//! derivatives against finite differences, and limits.
 
 use super::*;
 use laws::rheology::BaseLaw;
@@ -38,7 +39,8 @@ fn equivalent(tensor: &Tensor<f64>) -> f64 {
     (2.0 / 3.0 * tensor[..5].iter().map(|t| t * t).sum::<f64>()).sqrt()
 }
 
-/// Equation of every body for an implicit Euler step, and the sum of strains.
+/// Checks the equation of every body over an implicit Euler step, and that the bodies' strains add
+/// up to the total strain.
 #[test]
 fn the_stress_satisfies_the_equations_of_every_body() {
     for base in BaseLaw::NAMED {
@@ -82,7 +84,7 @@ fn the_stress_satisfies_the_equations_of_every_body() {
     }
 }
 
-/// All 36 entries of ds/dε against central differences, whose error is about 1e-9 here.
+/// Compares all 36 entries of ds/dε with central differences, whose error is about 1e-9 here.
 #[test]
 fn tangents_are_finite_differences() {
     for kind in kinds() {
@@ -116,7 +118,8 @@ fn tangents_are_finite_differences() {
     }
 }
 
-/// Automatic derivatives with respect to every parameter, the step and the strain, against central differences.
+/// Compares automatic derivatives with central differences. They are taken with respect to every
+/// parameter, the step and the strain.
 #[test]
 fn derivatives_are_carried_through_the_scalar_equation() {
     let moved = |kind: Nonlinearity<Dual>, by: Dual| match kind {
@@ -151,7 +154,8 @@ fn derivatives_are_carried_through_the_scalar_equation() {
     }
 }
 
-/// At their nulls all three equal the linear law to rounding: s = (ε − h)/j.
+/// Checks that at their nulls all three nonlinear laws equal the linear law to rounding:
+/// s = (ε − h)/j.
 #[test]
 fn nulls_are_the_linear_law() {
     let exact = {
@@ -177,7 +181,7 @@ fn nulls_are_the_linear_law() {
     }
 }
 
-/// The documented properties of the smoothing, for small and large δ.
+/// Checks the documented properties of the smoothed yield law, for small and large δ.
 #[test]
 fn the_smoothed_bracket_is_convex_and_near_the_sharp_one() {
     for smoothing in [0.3, 0.1, YIELD_SMOOTHING] {

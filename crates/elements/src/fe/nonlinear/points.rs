@@ -1,7 +1,9 @@
-//! Strains at all integration points from displacements, and forces from stresses. The two operations are transposes of each other.
+//! Strains at all integration points from displacements, and nodal forces from stresses. The two
+//! linear maps are transposes of each other.
 //!
-//! Tensors are the deviator's coordinates in an orthonormal basis, and the trace, projected on the element's pressures (physics §3.4):
-//! ε̄ = dev ε + ⅓Π(div u)I. The virtual work of a stress s = D̂⁻¹σ is 2μ̂ dev s : dev δε + κ̂ tr s Π(div δu).
+//! Tensors consist of the deviator's coordinates in an orthonormal basis and the trace. The trace
+//! is projected on the element's pressures (physics §3.4): ε̄ = dev ε + ⅓Π(div u)I. The virtual
+//! work of a stress s = D̂⁻¹σ is 2μ̂ dev s : dev δε + κ̂ tr s Π(div δu).
 
 use super::point::Tensor;
 use crate::fe::assembly::{Unknowns, unit_moduli};
@@ -13,37 +15,39 @@ use faer::{Accum, Mat, Par};
 use nalgebra::{DMatrix, Matrix3};
 use rayon::prelude::*;
 
-/// Number of elements whose gradients are stored at once.
+/// Number of elements whose displacement gradients are stored at once.
 const CHUNK: usize = 24;
 
-/// Index of a fixed displacement component.
+/// Value that marks a fixed displacement component.
 const FIXED: u32 = u32::MAX;
 
 /// The integration points of a mesh at one Poisson ratio.
 pub struct IntegrationPoints {
-    /// Numbers of nodes, points and pressures of an element.
+    /// Number of nodes per element. The next two fields are the numbers of integration points and
+    /// of pressures per element.
     n_nodes: usize,
     n_points: usize,
     n_pressures: usize,
-    /// Reference gradients: rows are points, three directions each; columns are nodes.
+    /// Reference gradients of the shape functions. Row 3q + d belongs to point q and direction d;
+    /// columns are nodes.
     gradient: Mat<f64>,
-    /// Pressure functions, point by point.
+    /// Values of the pressure functions, point by point.
     pressure: Vec<f64>,
-    /// ∂ξ/∂x (1/m) at every point.
+    /// Inverse Jacobian ∂ξ/∂x (1/m) at every point.
     inverse_jacobian: Vec<[f64; 9]>,
-    /// Weight times determinant, in m³.
+    /// Quadrature weight times Jacobian determinant of every point, in m³.
     volume_m3: Vec<f64>,
-    /// Inverse of each element's pressure mass matrix, row by row.
+    /// Inverse of each element's pressure mass matrix, stored row by row.
     inverse_pressure_mass: Vec<f64>,
-    /// Unknown of every component of every node of every element, or [`FIXED`].
+    /// Index of the unknown of every component of every node of every element, or [`FIXED`].
     unknowns: Vec<u32>,
     n_unknowns: usize,
-    /// 2μ̂ and κ̂.
+    /// 2μ̂ and κ̂: twice the shear modulus, and the bulk modulus, for unit Young's modulus.
     moduli: [f64; 2],
 }
 
 impl IntegrationPoints {
-    /// Prepares a mesh with unknowns numbered by `unknowns`.
+    /// Prepares a mesh whose displacement unknowns are numbered by `unknowns`.
     pub fn new(mesh: &Mesh, unknowns: &Unknowns, poisson_ratio: f64) -> Result<Self> {
         let table = TabulatedElement::of(mesh.element_kind);
         let n_nodes = table.n_nodes;
@@ -66,7 +70,7 @@ impl IntegrationPoints {
                 }
             })?;
             for jacobian in table.jacobians(&coordinates) {
-                // The element is not inverted; otherwise the visit above would have failed.
+                // The inverse exists: for an inverted element the visit above would have failed.
                 let inverse = jacobian.try_inverse().unwrap_or_else(Matrix3::zeros);
                 inverse_jacobian.push(std::array::from_fn(|k| inverse[(k / 3, k % 3)]));
             }
@@ -93,23 +97,24 @@ impl IntegrationPoints {
         })
     }
 
-    /// Number of points in the whole mesh.
+    /// Number of integration points in the mesh.
     pub(crate) fn count(&self) -> usize {
         self.volume_m3.len()
     }
 
-    /// Volume of each point, in m³.
+    /// Volume that each integration point represents, in m³.
     pub fn volumes_m3(&self) -> &[f64] {
         &self.volume_m3
     }
 
-    /// 2μ̂ for the deviator's coordinates and κ̂ for the trace: stress per s = D̂⁻¹σ.
+    /// Factors from s = D̂⁻¹σ to the stress σ: 2μ̂ for the deviator's coordinates and κ̂ for the
+    /// trace.
     pub fn unit_moduli(&self) -> Tensor<f64> {
         let [two_mu, kappa] = self.moduli;
         [two_mu, two_mu, two_mu, two_mu, two_mu, kappa]
     }
 
-    /// Strains of a displacement field (m).
+    /// Strains at every integration point for a displacement field (one value per unknown, m).
     pub fn strains(&self, displacement: &[f64]) -> Vec<Tensor<f64>> {
         let mut strains = vec![[0.0; 6]; self.count()];
         strains.par_chunks_mut(CHUNK * self.n_points).enumerate().for_each(|(chunk, strains)| {
@@ -127,7 +132,8 @@ impl IntegrationPoints {
         strains
     }
 
-    /// Nodal forces of stresses s, assembled into the unknowns: in N if s is in Pa.
+    /// Forces on the unknowns due to stresses s at every integration point. They are in N if s is
+    /// in Pa.
     pub(crate) fn forces(&self, stresses: &[Tensor<f64>]) -> Vec<f64> {
         let chunks: Vec<Mat<f64>> = stresses
             .par_chunks(CHUNK * self.n_points)
@@ -166,7 +172,8 @@ impl IntegrationPoints {
         force
     }
 
-    /// ∂uᵢ/∂ξ_d at the points of `n_elements` elements, starting at `first`: row 3q + d, column 3e + i.
+    /// Returns ∂uᵢ/∂ξ_d at the points of `n_elements` elements, starting at element `first`. Row
+    /// 3q + d belongs to point q, column 3e + i to element `first` + e.
     fn reference_gradients(&self, displacement: &[f64], first: usize, n_elements: usize) -> Mat<f64> {
         let nodal = self.gathered(displacement, first, n_elements);
         let mut reference = Mat::<f64>::zeros(3 * self.n_points, 3 * n_elements);
@@ -174,7 +181,8 @@ impl IntegrationPoints {
         reference
     }
 
-    /// ∂uᵢ/∂xⱼ = Σ_d ∂uᵢ/∂ξ_d ∂ξ_d/∂xⱼ at point q of the element `e` after `first`, by (q, i, j).
+    /// Returns a function of (q, i, j) for element `first` + e. It gives ∂uᵢ/∂xⱼ = Σ_d ∂uᵢ/∂ξ_d
+    /// ∂ξ_d/∂xⱼ at point q.
     fn derivatives<'a>(
         &'a self,
         reference: &'a Mat<f64>,
@@ -202,7 +210,8 @@ impl IntegrationPoints {
         nodal
     }
 
-    /// Forces of elements, starting at `first`. `fill` writes an element's stresses times volumes.
+    /// Computes the nodal forces of `n_elements` elements, starting at element `first`. `fill`
+    /// writes an element's stresses times volumes.
     fn element_forces(
         &self,
         first: usize,
@@ -229,7 +238,8 @@ impl IntegrationPoints {
         force
     }
 
-    /// Projects the traces of an element's points on its pressures. Elements without pressures keep their traces.
+    /// Projects the traces at the points of an element on the element's pressures. Elements without
+    /// pressures keep their traces.
     fn project(&self, element: usize, tensors: &mut [Tensor<f64>]) {
         let n = self.n_pressures;
         if n == 0 {
@@ -253,21 +263,21 @@ impl IntegrationPoints {
     }
 }
 
-/// Largest number of pressures of the existing elements: four, or none.
+/// Largest number of pressures in an element. Today's elements have four or none.
 const MOST_PRESSURES: usize = 4;
 
 const R2: f64 = std::f64::consts::FRAC_1_SQRT_2;
-/// 1/√6.
+/// The constant 1/√6.
 const R6: f64 = 0.408_248_290_463_863;
 
-/// Coordinates of the strain of a displacement gradient ∂uᵢ/∂xⱼ.
+/// Strain tensor of a displacement gradient. `derivative`(i, j) is ∂uᵢ/∂xⱼ.
 pub(crate) fn strain_tensor(derivative: impl Fn(usize, usize) -> f64) -> Tensor<f64> {
     let [xx, yy, zz] = [0, 1, 2].map(|i| derivative(i, i));
     let shear = |i, j| R2 * (derivative(i, j) + derivative(j, i));
     [R6 * (2.0 * xx - yy - zz), R2 * (yy - zz), shear(0, 1), shear(0, 2), shear(1, 2), xx + yy + zz]
 }
 
-/// The matrix Σ with Σ : ∇u = `deviatoric` dev s : dev ε + `volumetric` tr s tr ε.
+/// Matrix Σ for which Σ : ∇u = `deviatoric` dev s : dev ε + `volumetric` tr s tr ε.
 pub(crate) fn stress_matrix(s: &Tensor<f64>, deviatoric: f64, volumetric: f64) -> [[f64; 3]; 3] {
     let pressure = volumetric * s[5];
     let (a, b) = (deviatoric * R6 * s[0], deviatoric * R2 * s[1]);

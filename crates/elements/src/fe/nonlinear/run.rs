@@ -1,4 +1,4 @@
-//! One run: stops, steps, retries.
+//! One run of a nonlinear law: stops, steps and retries.
 
 use super::law::Bodies;
 use super::point::{EQUIVALENT, StageLaw, Tensor, deviator_norm};
@@ -12,20 +12,21 @@ use laws::stages::{Load, Switch};
 use rayon::prelude::*;
 use record::Force;
 
-/// Largest number of halvings of a step whose stages do not converge.
+/// Largest number of times that a step is halved because its stages do not converge.
 const MOST_RETRIES: u32 = 8;
 
-/// Index of the last of five stages.
+/// Index of the last stage of the five-stage method.
 const LAST_STAGE: usize = 4;
 
-/// State at a stop: unknowns (m) and stresses s (Pa) at all points, as the limit from the left.
+/// State at a stop, as the limit from the left: unknowns (m), and stresses s (Pa) at all
+/// integration points.
 pub struct RowState<'a> {
     pub row: usize,
     pub displacement: &'a [f64],
     pub stresses: &'a [Tensor<f64>],
 }
 
-/// Times and commands of a record, and the stop times of a run within it, all ascending.
+/// Times and commanded force of a record, and the times at which its run stops. All times ascend.
 #[derive(Clone, Copy)]
 pub(super) struct RunRecorder<'a> {
     pub time_s: &'a [f64],
@@ -33,7 +34,8 @@ pub(super) struct RunRecorder<'a> {
     pub stops_s: &'a [f64],
 }
 
-/// Steps the gel through a record. Passes its state at every stop, and the time and the robot's displacement at the end of every step.
+/// Steps the gel through a record. Passes on the state at every stop, and the time and the robot's
+/// displacement at the end of every step.
 pub fn run(
     balance: Balance,
     bodies: &Bodies<f64>,
@@ -51,7 +53,8 @@ pub fn run(
     let mut run = NonlinearStepper::new(balance, bodies, &load, &switches, options, start_s);
     let mut coming = switches.iter().copied().enumerate().peekable();
     for (row, &row_s) in stops_s.iter().enumerate() {
-        // A switch at a row comes after the row: positions are limits from the left.
+        // A switch at the time of a row acts only after the row, because positions are limits from
+        // the left.
         while let Some((i, switch)) = coming.next_if(|(_, switch)| switch.time_s < row_s - rounding_s) {
             run.advance_to(switch.time_s, rounding_s, &mut at_step)?;
             run.switch(switch, gap_s(time_s, &switches, i, rounding_s));
@@ -69,18 +72,19 @@ struct NonlinearStepper<'a> {
     resolution: Resolution,
     rule: StepRule,
     grading: Grading,
-    /// Largest accepted residual.
+    /// Largest accepted residual r, in the norm √(rᵀK̂⁻¹r).
     tolerance: f64,
     load: &'a Load<f64>,
     now_s: f64,
-    /// Force at the input of the lag since its last switch, and the output of the lag from earlier forces.
+    /// State of the load's lag: the force at its input since the last switch, and the force at its
+    /// output.
     input: Switch,
     lagged_n: f64,
-    /// Strains of every body at every point.
+    /// Strain of every body at every integration point.
     histories: Vec<Tensor<f64>>,
     displacement: Vec<f64>,
     stresses: Vec<Tensor<f64>>,
-    /// Times and displacements since the switch, for extrapolation.
+    /// Times (s) and displacements since the switch, from which guesses are extrapolated.
     known: Vec<(f64, Vec<f64>)>,
     cost: Cost,
 }
@@ -118,7 +122,7 @@ impl<'a> NonlinearStepper<'a> {
         }
     }
 
-    /// Changes the force. The next row or switch comes `gap_s` later.
+    /// Applies a switch of the force. The next row or switch comes `gap_s` later.
     fn switch(&mut self, switch: Switch, gap_s: f64) {
         self.lagged_n = self.force_n(self.now_s);
         self.input = Switch { time_s: self.now_s, ..switch };
@@ -130,7 +134,7 @@ impl<'a> NonlinearStepper<'a> {
         self.known.clear();
     }
 
-    /// Force after the lag.
+    /// Force (N) on the robot after the lag.
     fn force_n(&self, time_s: f64) -> f64 {
         self.load.after_lag_n(&self.input, self.lagged_n, time_s)
     }
@@ -139,7 +143,7 @@ impl<'a> NonlinearStepper<'a> {
         while stop_s - self.now_s > rounding_s {
             let left_s = stop_s - self.now_s;
             let step_s = self.rule.step_s(self.grading, self.now_s, left_s);
-            // The last step is `left_s` up to rounding.
+            // The remaining time equals the step up to rounding: the step ends at the stop.
             let end_s = if step_s > 0.75 * left_s { stop_s } else { self.now_s + step_s };
             self.step(end_s, MOST_RETRIES)?;
             at_step(end_s, self.displacement[self.balance.robot]);
@@ -174,7 +178,8 @@ impl<'a> NonlinearStepper<'a> {
         let step_s = end_s - start_s;
         let Tableau { diagonal, nodes, matrix } = self.tableau;
         let law = StageLaw::new(self.bodies, diagonal * step_s);
-        // A spring in series jumps with the force, so that displacements from before the switch are useless.
+        // A spring in series jumps with the force. Displacements from before the switch are then
+        // useless as a guess.
         if self.known.is_empty() && self.bodies.instantaneous_per_pa == 0.0 {
             self.known.push((start_s, self.displacement.clone()));
         }
@@ -209,7 +214,8 @@ impl<'a> NonlinearStepper<'a> {
         }
         self.now_s = end_s;
         self.cost.n_steps += 1;
-        // The next step extrapolates from the middle, the third quarter and the end of this one; with a single stage, from the last three ends.
+        // The next step extrapolates from the middle, the third quarter and the end of this one.
+        // With a single-stage method it extrapolates from the ends of the last three steps.
         if nodes.len() == 1 {
             let surplus = self.known.len().saturating_sub(3);
             self.known.drain(..surplus);
@@ -220,12 +226,13 @@ impl<'a> NonlinearStepper<'a> {
         Ok(())
     }
 
-    /// A guess of the displacement: the parabola through three known ones.
+    /// Guess of the displacement at a stage: the parabola through three known displacements.
     fn extrapolated(&self, stage: usize, time_s: f64) -> Vec<f64> {
         if self.known.is_empty() {
             return self.displacement.clone();
         }
-        // The last three are widely spaced and close to the stage, except for the last of five stages.
+        // The last three known times are widely spaced and close to the stage. The last of five
+        // stages is the exception.
         let n = self.known.len();
         let places = if stage == LAST_STAGE { vec![n - 4, n - 3, n - 1] } else { (n.saturating_sub(3)..n).collect() };
         let chosen: Vec<&(f64, Vec<f64>)> = places.into_iter().map(|place| &self.known[place]).collect();
@@ -239,7 +246,8 @@ impl<'a> NonlinearStepper<'a> {
     }
 }
 
-/// Strains at a stage's start: those of the step's start plus contributions of earlier stages.
+/// Strains from which a stage starts: those at the step's start plus the earlier stages' rates,
+/// weighted.
 fn started(start: &[Tensor<f64>], rates: &[Vec<Tensor<f64>>], weights: &[f64], step_s: f64) -> Vec<Tensor<f64>> {
     let mut histories = start.to_vec();
     for (rates, weight) in rates.iter().zip(weights) {
@@ -256,7 +264,7 @@ fn differences(from: &[Tensor<f64>], to: &[Tensor<f64>], factor: f64) -> Vec<Ten
     from.par_iter().zip(to).map(difference).collect()
 }
 
-/// Description of an error, without its remedy.
+/// Text of an error without its remedy.
 fn words(error: &Error) -> String {
     match error {
         Error::Numerical { what, .. } => what.clone(),

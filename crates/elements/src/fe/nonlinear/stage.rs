@@ -1,8 +1,14 @@
-//! The balance at one stage: Newton's method on the displacements, with conjugate gradients for its linear systems (physics §3.2).
+//! The balance at one stage, solved by Newton's method on the displacements. Conjugate gradients
+//! solve the linear systems (physics §3.2).
 //!
-//! The tangent is that of the stage's stress, so that Newton's method converges quadratically. The tangent is not factorised: the factor of K̂ is such a good
-//! preconditioner that a few conjugate gradients suffice. Their accuracy affects only the speed of Newton's method, not its result. Conjugate gradients need a symmetric matrix. The
-//! asymmetric part, the change of the trace's modulus with the deviator in a flowing dashpot, is therefore omitted, and the last steps converge linearly.
+//! The tangent is the derivative of the stage's stress, so that Newton's method converges
+//! quadratically. It is not factorised, because the factor of K̂ is such a good preconditioner that
+//! a few iterations suffice. Their accuracy affects only the speed of Newton's method, not its
+//! result.
+//!
+//! Conjugate gradients need a symmetric matrix. The asymmetric part of the tangent is therefore
+//! omitted, and the last steps converge linearly. It is the dependence of the trace's modulus on
+//! the deviator in a flowing dashpot.
 
 use super::point::{Moduli, StageLaw, Tensor, deviator_norm};
 use super::points::IntegrationPoints;
@@ -11,26 +17,29 @@ use base::error::{Error, Result};
 use laws::stages::Load;
 use rayon::prelude::*;
 
-/// Largest number of Newton steps before the time step is halved.
+/// Largest number of Newton steps. If they do not suffice, the time step is halved.
 const MOST_STEPS: usize = 30;
-/// Largest number of halvings of a Newton step that increases the residual.
+/// Largest number of times that a Newton step is halved because it increases the residual.
 const MOST_HALVINGS: usize = 8;
-/// Largest number of conjugate gradients per linear system.
+/// Largest number of conjugate-gradient iterations per linear system.
 const MOST_GRADIENTS: usize = 200;
-/// Residual of the linear systems relative to its initial value, unless the tolerance needs less.
+/// Largest residual at which the solution of a linear system may end, relative to its initial
+/// value. Near convergence of Newton's method, the systems are solved more accurately.
 const FORCING: f64 = 0.05;
 
-/// Number of integration points handled together.
+/// Number of integration points that one task processes.
 const CHUNK: usize = 512;
 
-/// Force on the robot: a force in N on the unknowns, which may depend on the robot's displacement.
+/// Force on the robot: a right-hand side (N), with one value per unknown. It may depend on the
+/// robot's displacement x.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct RobotForce<'a> {
     pub force_n: f64,
     pub load: &'a Load<f64>,
 }
 
-/// Tangent at one point: ds = secant dε + along n (n·dε) for the deviator, volumetric dε (+ coupling n·dε) for the trace.
+/// Tangent at one point. The deviator obeys ds = secant dε + along n (n·dε), the trace
+/// ds = volumetric dε (+ coupling n·dε). n is the direction of dev a.
 #[derive(Debug, Clone, Copy)]
 struct Tangent {
     secant: f64,
@@ -40,16 +49,17 @@ struct Tangent {
     direction: [f64; 5],
 }
 
-/// The balance of a mesh.
+/// Solver for the balance of a mesh.
 pub(super) struct Balance<'a> {
     pub points: &'a IntegrationPoints,
     pub factor: &'a Factor<'a>,
     pub robot: usize,
-    /// Share of the force in the model.
+    /// Fraction of the force on the whole robot that acts on the mesh.
     pub share: f64,
 }
 
-/// One stage: the law, the histories of all points (`n_histories` each, one point after the other) and the force.
+/// One stage: the law, the force, and the histories. The latter are `n_histories` tensors per
+/// integration point, one point after the other.
 pub(super) struct NonlinearStage<'a> {
     pub law: &'a StageLaw<f64>,
     pub histories: &'a [Tensor<f64>],
@@ -57,34 +67,35 @@ pub(super) struct NonlinearStage<'a> {
     pub push: RobotForce<'a>,
 }
 
-/// A residual with its intermediate results.
+/// The residual r at given displacements, with intermediate results.
 struct Evaluated {
     strains: Vec<Tensor<f64>>,
     stresses: Vec<Tensor<f64>>,
     tangents: Vec<Tangent>,
     residual: Vec<f64>,
-    /// Derivative of the force with respect to x, in N/m.
+    /// Derivative of the force with respect to the robot's displacement, in N/m.
     slope_n_per_m: f64,
-    /// K̂⁻¹ times the residual.
+    /// K̂⁻¹ r.
     preconditioned: Vec<f64>,
-    /// √(rᵀK̂⁻¹r).
+    /// Norm √(rᵀK̂⁻¹r) of the residual.
     norm: f64,
 }
 
-/// A solved stage.
+/// Strains and stresses that solve a stage, with the effort.
 pub(super) struct StageSolution {
     pub strains: Vec<Tensor<f64>>,
     pub stresses: Vec<Tensor<f64>>,
-    /// Numbers of residuals and of linear operators computed, for the cost of a run.
+    /// Number of evaluations of the residual.
     pub n_evaluations: usize,
     pub n_gradients: usize,
-    /// Norm of the residual before every step of Newton's method and at the end.
+    /// Norm of the residual before every Newton step and at the end.
     #[cfg_attr(not(test), allow(dead_code))]
     pub norms: Vec<f64>,
 }
 
 impl Balance<'_> {
-    /// Finds the displacements (m) that balance the stage, starting from the given ones, to a residual of `tolerance` in the norm √(rᵀK̂⁻¹r).
+    /// Finds the displacements (m) that balance the stage. `displacement` holds a guess and
+    /// receives the result. The residual r is at most `tolerance` in the norm √(rᵀK̂⁻¹r).
     ///
     /// # Errors
     /// [`Error::Numerical`] if Newton's method does not converge.
@@ -154,7 +165,8 @@ impl Balance<'_> {
         Evaluated { strains, stresses, tangents, residual, slope_n_per_m, preconditioned, norm }
     }
 
-    /// Tangent times a displacement.
+    /// Product of the tangent and a displacement. With `symmetric`, the asymmetric part of the
+    /// tangent is omitted.
     fn apply(&self, at: &Evaluated, displacement: &[f64], symmetric: bool) -> Vec<f64> {
         let tangents = &at.tangents;
         let mut tensors = self.points.strains(displacement);
@@ -173,7 +185,8 @@ impl Balance<'_> {
         product
     }
 
-    /// Solves tangent × step = residual until the remaining residual is below `goal`. Counts the gradients.
+    /// Solves tangent × step = residual until the norm of the remaining residual is below `goal`.
+    /// Returns the step and the number of iterations.
     fn conjugate_gradients(&self, now: &Evaluated, goal: f64) -> (Vec<f64>, usize) {
         let mut step = vec![0.0; now.residual.len()];
         let (mut rest, mut preconditioned) = (now.residual.clone(), now.preconditioned.clone());
@@ -186,7 +199,8 @@ impl Balance<'_> {
             let image = self.apply(now, &direction, true);
             let curvature = dot(&direction, &image);
             if curvature <= 0.0 {
-                // The force gradient exceeds the stiffness of the gel: the present step is as good as any.
+                // The tangent is not positive definite, because the force gradient exceeds the
+                // gel's stiffness. No better step exists.
                 return (if n == 0 { direction } else { step }, n + 1);
             }
             let length = squared / curvature;
@@ -207,7 +221,7 @@ impl Balance<'_> {
     }
 }
 
-/// Stress and tangent at one point.
+/// Stress at one point, and its tangent.
 fn respond(law: &StageLaw<f64>, strain: &Tensor<f64>, histories: &[Tensor<f64>]) -> (Tensor<f64>, Tangent) {
     let mut a = law.offset(histories);
     a.iter_mut().zip(strain).for_each(|(a, e)| *a += e);

@@ -1,4 +1,5 @@
-//! The balance's tangent against finite differences, and convergence of the iterations.
+//! Tests of the balance: its tangent against finite differences, and the convergence of the
+//! iterations.
 
 use super::super::Bodies;
 use super::*;
@@ -20,9 +21,10 @@ fn kinds() -> [Nonlinearity; 3] {
     ]
 }
 
-/// Calls `check` with a balance on a coarse ball, a stage with non-zero histories, and a displacement of the solution's size.
+/// Calls `check` with a balance on a coarse ball, a stage with non-zero histories, and a
+/// displacement. The displacement is about as large as the solution.
 fn with_stage(nonlinearity: Nonlinearity, check: impl Fn(&Balance, &NonlinearStage, Vec<f64>)) {
-    // Ratio of the displacement to the linear displacement under the force.
+    // Displacement of the robot divided by its displacement in a linear gel under the force.
     let size = 0.1;
     let ball = QuarterBall { robot_radius_m: 0.275e-3, outer_radius_m: 10e-3, n_per_edge: 1, n_layers: 2 };
     let mesh = ball.mesh().expect("the sizes are good");
@@ -46,7 +48,7 @@ fn with_stage(nonlinearity: Nonlinearity, check: impl Fn(&Balance, &NonlinearSta
     check(&balance, &stage, wavy);
 }
 
-/// Tangent as a matrix, including its asymmetric part.
+/// Returns the tangent, including its asymmetric part, as a dense matrix.
 fn dense_tangent(balance: &Balance, stage: &NonlinearStage, displacement: &[f64]) -> DMatrix<f64> {
     let now = balance.evaluate(stage, displacement);
     let n = displacement.len();
@@ -82,7 +84,7 @@ fn the_tangent_is_the_residuals_derivative() {
     }
 }
 
-/// The complete tangent nearly doubles the number of correct digits per step.
+/// Checks that the complete tangent nearly doubles the number of correct digits per step.
 #[test]
 fn newtons_method_converges_quadratically_with_the_whole_tangent() {
     for nonlinearity in kinds() {
@@ -104,7 +106,8 @@ fn newtons_method_converges_quadratically_with_the_whole_tangent() {
     }
 }
 
-/// Each step of the iteration in use leaves at most a twentieth of the residual. It ends where the complete Newton step is zero.
+/// Checks that each step of the program's iteration leaves at most a twentieth of the residual. It
+/// must end where a step with the complete tangent is zero.
 #[test]
 fn the_iteration_with_conjugate_gradients_converges_to_the_balance() {
     for nonlinearity in kinds() {

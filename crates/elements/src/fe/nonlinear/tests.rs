@@ -1,4 +1,5 @@
-//! Runs against the linear model, against homogeneous bodies solved by other means, and against each other.
+//! Tests of nonlinear runs: against the linear model, against homogeneous bodies solved by other
+//! means, and against each other.
 
 use super::*;
 use crate::fe::spatial::{GelAndRobot, PhysicalProperties};
@@ -7,11 +8,11 @@ use crate::mesh::QuarterBall;
 use laws::rheology::BaseLaw;
 use laws::stages::{Nonlinearity, Spatial, Stages, YIELD_SMOOTHING};
 
-/// Share of the body in the quarter model.
+/// Fraction of the body in the quarter model.
 const QUARTER: f64 = 0.25;
 const P: [f64; 5] = [3.527, 1.402, 47.370, 20.0, 2.5];
 const FORCE_N: f64 = 4.6e-6;
-/// s₀ of physics §5 for the reference force and radius, in Pa.
+/// Stress s₀ of physics §5 for the reference force and radius, in Pa.
 const REFERENCE_STRESS_PA: f64 = 4.84;
 
 fn lethersich() -> Vec<Element> {
@@ -23,7 +24,7 @@ fn ball() -> Mesh {
     ball.mesh().expect("the sizes are good")
 }
 
-/// All effects of the load at once.
+/// Load with all its effects at once.
 fn full_load() -> Load {
     let mut load = Stages::of_law(Vec::new()).load;
     load.delay_s = 0.013.into();
@@ -35,7 +36,7 @@ fn full_load() -> Load {
     load
 }
 
-/// Irregular rows with two switches.
+/// Irregular times (s) and forces (N), with two switches.
 fn record() -> (Vec<f64>, Vec<f64>) {
     let time_s = [3.0, 3.1, 3.5, 4.5, 6.0, 6.25, 7.5, 9.0].to_vec();
     let force_n = [1.0, 1.0, 1.0, 1.0, -1.0, -1.0, -1.0, -1.0].map(|f| f * FORCE_N).to_vec();
@@ -48,7 +49,8 @@ fn distance(found: &[f64], exact: &[f64]) -> f64 {
     found.iter().zip(exact).fold(0.0_f64, |m, (a, b)| m.max((a - b).abs())) / amplitude
 }
 
-/// Fifth-order steps of the linear model, which share only the load's switches and the ladder of steps with the tested code.
+/// Compares the nulls of the nonlinear laws with fifth-order steps of the linear model. These share
+/// only the load's switches and the ladder of step lengths with the tested code.
 #[test]
 fn nulls_are_the_linear_model() {
     let mesh = ball();
@@ -80,7 +82,8 @@ fn nulls_are_the_linear_model() {
     }
 }
 
-/// A cube of 2 × 2 × 2 elements with curved inner faces. Only u_x is free: one face is fixed, the opposite one moves as a whole.
+/// A cube of 2 × 2 × 2 elements with curved inner faces. Only u_x is free. One face is fixed, and
+/// the opposite one moves as a whole.
 fn cube(axis: usize) -> Mesh {
     let mut mesh = Mesh {
         node_coordinates_m: Vec::new(),
@@ -116,11 +119,12 @@ fn cube(axis: usize) -> Mesh {
     mesh
 }
 
-/// The Lethersich law in one homogeneous motion, by the classical Runge–Kutta method: a deviator of one coordinate, and a trace.
+/// The Lethersich law in a homogeneous motion, solved by the classical Runge–Kutta method. The
+/// strain has one coordinate of the deviator, and a trace.
 struct Homogeneous {
     nonlinearity: Nonlinearity,
     poisson_ratio: f64,
-    /// True if the motion is a simple shear; otherwise it is a stretch along x at fixed width.
+    /// True if the motion is a simple shear. Otherwise it is a stretch along x at fixed width.
     shears: bool,
 }
 
@@ -131,7 +135,7 @@ impl Homogeneous {
             Nonlinearity::ShearThinning { index, reference_stress_pa } => {
                 (equivalent_pa / reference_stress_pa).powf(1.0 / index - 1.0)
             }
-            // The sharp law.
+            // The yield law is the sharp one, without smoothing.
             Nonlinearity::YieldStress { stress_pa, .. } => (1.0 - stress_pa / equivalent_pa).max(0.0),
         };
         share / P[2]
@@ -144,10 +148,12 @@ impl Homogeneous {
         }
     }
 
-    /// Rates of ε_k and of ε_d in the deviator (ε_xy or ε_xx) and the trace, at a stress σ_xy or σ_xx.
+    /// Rates of the spring's strain ε_k and the dashpot's strain ε_d, each in the deviator (ε_xy or
+    /// ε_xx) and the trace. The stress is σ_xy or σ_xx.
     fn rates(&self, stress_pa: f64, k: [f64; 2]) -> [f64; 4] {
         let [two_mu, kappa] = crate::fe::assembly::unit_moduli(self.poisson_ratio);
-        // Equivalent per coordinate: √⅔ times the deviator's norm, √2 |ε_xy| or √1.5 |dev ε_xx|.
+        // Equivalent strain per coordinate. It is √⅔ times the deviator's norm, which is √2 |ε_xy|
+        // or √1.5 |dev ε_xx|.
         let per = if self.shears { (4.0_f64 / 3.0).sqrt() } else { 1.0 };
         let rates = |s: [f64; 2]| {
             let fluidity = self.fluidity(per * s[0].abs());
@@ -158,7 +164,8 @@ impl Homogeneous {
         if self.shears {
             return rates([stress_pa / two_mu, 0.0]);
         }
-        // The stretch is uniaxial: the deviator's rate is ⅔ of the trace's, at the corresponding stress.
+        // The strain is uniaxial. The deviator's rate is therefore ⅔ of the trace's; this
+        // determines the corresponding stress.
         let both = |deviator: f64| [deviator, (stress_pa - two_mu * deviator) / kappa];
         let excess = |deviator: f64| {
             let r = rates(both(deviator));
@@ -172,7 +179,7 @@ impl Homogeneous {
         rates(both(0.5 * (lower + upper)))
     }
 
-    /// Position at the rows under the force `at(input, t since the switch, x)`.
+    /// Position at every row under the force `at(input, t since the switch, x)`.
     fn run(&self, time_s: &[f64], force_n: &[f64], at: impl Fn(f64, f64) -> f64) -> Vec<f64> {
         let (mut y, mut found) = ([0.0; 4], vec![0.0]);
         let position = |y: &[f64; 4]| if self.shears { 2.0 * (y[0] + y[2]) } else { y[1] + y[3] };
@@ -194,7 +201,7 @@ impl Homogeneous {
     }
 }
 
-/// Runs a cube of 1 m³.
+/// Runs a cube of volume 1 m³ with the finite elements.
 fn run_cube(
     homogeneous: &Homogeneous,
     load: &Load,
@@ -213,7 +220,8 @@ fn run_cube(
 const CUBE_TIME_S: [f64; 6] = [0.0, 0.2, 1.0, 3.0, 3.4, 6.0];
 const CUBE_FORCE_N: [f64; 6] = [8.0, 8.0, 8.0, -6.0, -6.0, -6.0];
 
-/// Every law in shear and in a stretch with volume change, with a force that depends on the position.
+/// Compares every law with the scalar equations, in shear and in a stretch with volume change. The
+/// force depends on the position.
 #[test]
 fn homogeneous_motions_are_the_scalar_equations() {
     let mut load = Stages::of_law(Vec::new()).load;
@@ -233,7 +241,8 @@ fn homogeneous_motions_are_the_scalar_equations() {
     }
 }
 
-/// The smoothed law converges to the sharp one, about in proportion to δ² away from the yield stress.
+/// Checks that the smoothed yield law converges to the sharp one. Away from the yield stress the
+/// error is about proportional to δ².
 #[test]
 fn the_sharp_yield_stress_is_the_limit_of_the_smoothed_one() {
     let load = Stages::of_law(Vec::new()).load;
@@ -248,7 +257,8 @@ fn the_sharp_yield_stress_is_the_limit_of_the_smoothed_one() {
     assert!(error(YIELD_SMOOTHING) < 1e-4);
 }
 
-/// One hold per switch, so that the rule and not the rows sets the steps. The result is compared with the scalar equations.
+/// Checks the order of the steps against the scalar equations. There is one hold per switch, so
+/// that the step rule and not the rows sets the steps.
 #[test]
 fn the_error_falls_with_the_fourth_power_of_the_step() {
     let load = Stages::of_law(Vec::new()).load;
@@ -295,7 +305,8 @@ fn a_run_has_the_same_bytes_for_any_number_of_threads() {
     assert_eq!(bits(&one.fields[0]), bits(&two.fields[0]));
 }
 
-/// A tolerance below rounding gives an error with the time, the distance reached and a remedy.
+/// Checks that a tolerance below rounding gives an error. The error must state the time, the
+/// distance reached and a remedy.
 #[test]
 fn a_balance_that_is_not_found_is_an_error() {
     let mesh = ball();
@@ -325,7 +336,8 @@ fn a_stiffness_of_another_mesh_is_refused() {
     assert!(error.contains(&words) && ball.n_nodes() != cube.n_nodes(), "`{words}` in {error}");
 }
 
-/// Steps that do not end at rows agree with steps that do, for every law and every effect of the load. The fields at chosen rows agree, too.
+/// Compares runs whose steps do not end at rows with runs whose steps do, for every law and every
+/// effect of the load. The fields at chosen rows must agree, too.
 #[test]
 #[ignore = "thorough"]
 fn rows_between_steps_are_interpolated_to_the_steps_own_error() {
@@ -368,8 +380,9 @@ fn rows_between_steps_are_interpolated_to_the_steps_own_error() {
     }
 }
 
-/// Relative errors of a robot's motion in a thinning gel (n = 0.3) for the level's own mesh and the mesh for thinning. The reference has elements half as long along the radius and twice as many
-/// around it.
+/// Relative errors of a robot's motion in a thinning gel (n = 0.3): with the level's own mesh, and
+/// with the mesh for thinning. The reference mesh has elements half as long along the radius and
+/// twice as many around it.
 fn errors_without_and_with_layers(ball: QuarterBall) -> [f64; 2] {
     let excess_m = |ball: QuarterBall| {
         let mesh = ball.mesh().unwrap();
@@ -407,7 +420,8 @@ fn errors_without_and_with_layers(ball: QuarterBall) -> [f64; 2] {
 const LEVEL_1: QuarterBall =
     QuarterBall { robot_radius_m: 0.275e-3, outer_radius_m: 10e-3, n_per_edge: 1, n_layers: 4 };
 
-/// At level 1, layers leave the error that the few elements around the robot's circumference cause.
+/// Checks that at level 1 more layers remove more than half of the error. The few elements around
+/// the robot's circumference cause much of the remaining error.
 #[test]
 #[ignore = "thorough"]
 fn layers_are_what_a_law_that_thins_needs() {

@@ -1,4 +1,4 @@
-//! One cell: displacement gradients, forces, tangent, and condensation of its interior.
+//! One cell: deformation gradients, forces, tangent, and condensation of the cell's interior.
 
 use std::f64::consts::PI;
 
@@ -11,17 +11,20 @@ use crate::fe::meridional::basis::{gauss_legendre, gauss_lobatto, lagrange, lege
 use crate::fe::meridional::geometry::Ruled;
 use base::error::Result;
 
-/// Number of quadrature points per direction in excess of the order.
+/// Number of quadrature points per direction minus the polynomial order.
 const EXTRA_POINTS: usize = 2;
 
-/// Functions of one order at the quadrature points of the reference square, a product of lines. ξ runs fastest.
+/// Shape functions of one order at the quadrature points of the reference square, as products of
+/// functions of one coordinate. ξ runs fastest.
 pub(super) struct Reference {
     pub(super) order: usize,
     line: Vec<(f64, f64)>,
-    /// Value and slope of every function of a line (fastest) at every point.
+    /// Value of every function of one coordinate (running fastest) at every point of that
+    /// coordinate. The slopes are stored alike.
     value: Vec<f64>,
     slope: Vec<f64>,
-    /// Pressures (columns) at the points of the square, of total degree order − 1. The first is constant.
+    /// Values of the pressure functions (columns) at the points of the square (rows). Their total
+    /// degree is at most order − 1. The first is constant.
     pressure: Mat<f64>,
 }
 
@@ -38,7 +41,7 @@ impl Reference {
         Self { order, line, value, slope, pressure }
     }
 
-    /// Number of functions of one component.
+    /// Number of shape functions of one displacement component.
     pub(super) fn n_functions(&self) -> usize {
         (self.order + 1) * (self.order + 1)
     }
@@ -47,7 +50,7 @@ impl Reference {
         self.pressure.ncols()
     }
 
-    /// Pressure at every point.
+    /// Pressure at every quadrature point, for given amplitudes of the pressure functions.
     fn pressures_at(&self, amplitudes: &[f64]) -> Vec<f64> {
         let mut at = vec![0.0; self.pressure.nrows()];
         for (k, amplitude) in amplitudes.iter().enumerate() {
@@ -57,7 +60,7 @@ impl Reference {
     }
 }
 
-/// left · right.
+/// Matrix product.
 fn product(left: MatRef<'_, f64>, right: MatRef<'_, f64>) -> Mat<f64> {
     let mut found = Mat::zeros(left.nrows(), right.ncols());
     matmul(found.as_mut(), Accum::Replace, left, right, 1.0, Par::Seq);
@@ -68,14 +71,16 @@ fn column(values: &[f64]) -> MatRef<'_, f64> {
     MatRef::from_column_major_slice(values, values.len(), 1)
 }
 
-/// Components of F in the order of their operators, for displacements along r and along z.
+/// Components of F that displacements along r (first list) and along z (second list) change. Each
+/// list follows the order of the operators ∂/∂r, ∂/∂z and 1/r.
 const OF: [&[usize]; 2] = [&[0, 1, 4], &[2, 3]];
 
-/// A cell of the undeformed mesh.
+/// Geometry of one cell of the undeformed mesh.
 pub(super) struct CellShape {
-    /// 2π r times the area of each point.
+    /// 2π r times the area of each quadrature point.
     pub(super) weights: Vec<f64>,
-    /// Derivatives by r, by z and values over r of every function (columns), stacked.
+    /// Derivatives ∂N/∂r, ∂N/∂z and values N/r of every shape function N. Columns are functions;
+    /// rows are points, one operator below the other.
     operators: Mat<f64>,
 }
 
@@ -105,7 +110,8 @@ impl CellShape {
         Ok(Self { weights, operators })
     }
 
-    /// F at every point. Displacements are ordered component by component, ξ running fastest.
+    /// F at every quadrature point. `displacement` is ordered component by component, with ξ
+    /// running fastest.
     pub(super) fn gradients(&self, displacement: &[f64]) -> Vec<Gradient> {
         let (n_points, n) = (self.weights.len(), self.operators.ncols());
         let mut found = vec![IDENTITY; n_points];
@@ -118,7 +124,9 @@ impl CellShape {
         found
     }
 
-    /// Forces on the displacements, component by component, followed by −∫ ψ (det F − 1) for every pressure ψ. The part of a compressible volume is subtracted.
+    /// Forces on the displacements, component by component, followed by −∫ ψ (det F − 1) for every
+    /// pressure function ψ. In a compressible gel the volume change due to the pressure is
+    /// subtracted from det F − 1.
     pub(super) fn forces(
         &self,
         reference: &Reference,
@@ -148,7 +156,7 @@ impl CellShape {
         out
     }
 
-    /// Derivatives of [`Self::forces`] by displacements and pressures.
+    /// Derivatives of [`Self::forces`] with respect to displacements and pressures.
     pub(super) fn matrix(
         &self,
         reference: &Reference,
@@ -163,7 +171,7 @@ impl CellShape {
         let weighed = |of: &dyn Fn(usize) -> f64| -> Vec<f64> {
             self.weights.iter().enumerate().map(|(q, weight)| weight * of(q)).collect()
         };
-        // out[q] += factor[q] operator[q]
+        // The closure computes out[q] += factor[q] operator[q] for every point q.
         let add = |out: &mut [f64], factors: &[f64], operator: &[f64]| {
             out.iter_mut().zip(factors).zip(operator).for_each(|((out, factor), value)| *out += factor * value);
         };
@@ -210,13 +218,13 @@ impl CellShape {
     }
 }
 
-/// A cell's matrix with its interior eliminated.
+/// A cell's matrix K after elimination of its interior. Index I is the interior, E the edges.
 pub(super) struct Condensed {
-    /// Factors of K_II, K_EI and K_II⁻¹ K_IE.
+    /// LU factors of K_II.
     interior: DenseLu,
     edge_by_interior: Mat<f64>,
     interior_by_edge: Mat<f64>,
-    /// Matrix between the values on the edges.
+    /// Matrix between the values on the edges after elimination.
     pub(super) matrix: Mat<f64>,
 }
 
@@ -239,13 +247,15 @@ impl Condensed {
         Self { interior, edge_by_interior, interior_by_edge, matrix: condensed }
     }
 
-    /// Subtracts K_EI K_II⁻¹ times the interior's forces from those on the edges, and replaces the interior's forces by K_II⁻¹ times them.
+    /// Eliminates the interior's forces. Replaces them by K_II⁻¹ times them, and subtracts K_EI
+    /// K_II⁻¹ times them from the forces on the edges.
     pub(super) fn reduce(&self, interior: &mut [f64], edge: &mut [f64]) {
         self.interior.solve_one(interior);
         subtract_product(&self.edge_by_interior, interior, edge);
     }
 
-    /// Changes of the interior for changes of the edges, from the forces reduced by [`Self::reduce`]: −(K_II⁻¹ forces + K_II⁻¹ K_IE changes).
+    /// Changes of the interior's values for given changes on the edges: −(K_II⁻¹ forces + K_II⁻¹
+    /// K_IE changes). `reduced` holds the first term from [`Self::reduce`].
     pub(super) fn interior(&self, mut reduced: Vec<f64>, changes: &[f64]) -> Vec<f64> {
         reduced.iter_mut().for_each(|x| *x = -*x);
         subtract_product(&self.interior_by_edge, changes, &mut reduced);
@@ -253,7 +263,7 @@ impl Condensed {
     }
 }
 
-/// `to` −= matrix · x, column by column.
+/// Subtracts `matrix` · x from `to`.
 fn subtract_product(matrix: &Mat<f64>, x: &[f64], to: &mut [f64]) {
     for (k, x) in x.iter().enumerate() {
         to.iter_mut().zip(matrix.col_as_slice(k)).for_each(|(to, value)| *to -= value * x);

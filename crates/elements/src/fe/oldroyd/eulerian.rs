@@ -1,11 +1,22 @@
-//! A second formulation, for tests only: Oldroyd-B around a sphere in its moving frame. The flow convects the conformation through a fixed mesh.
+//! A second formulation of an Oldroyd-B fluid around a sphere, in the sphere's moving frame. It is
+//! for tests only. The flow convects the conformation through a fixed mesh.
 //!
-//! It shares nothing with the elements. Velocities are divergence-free poloidal fields, so that there is no pressure. They use Legendre functions in the angle and polynomials in ln r. Conformations are collocated,
-//! and time is stepped by the explicit Runge–Kutta method of order four. With u = ∇×∇×(r g_n P_n), N = n(n + 1), a dot for d/d ln r and a dash for d/dθ,
+//! It shares no code with the elements. Velocities are divergence-free poloidal fields, so that
+//! there is no pressure. They use Legendre functions in the angle and polynomials in ln r.
+//! Conformations are values at collocation points. Time is stepped by the explicit Runge–Kutta
+//! method of order four.
 //!
-//!  u_r = N g P/r,  u_θ = (g + ġ) P′/r,  r² ∂u/∂x = N (ġ − g) P in rr, (N g − g − ġ) P′ in rθ, (g̈ − g) P′ in θr, (g + ġ) P″ + N g P in θθ, and their trace is 0.
+//! Let u = ∇×∇×(r g_n P_n) and N = n(n + 1). A dot is d/d ln r and a prime is d/dθ. The velocity is
+//! u_r = N g P/r and u_θ = (g + ġ) P′/r. The components of r² ∂u/∂x, whose trace is 0, are
 //!
-//! The container is a sphere around the moving one, instead of one at rest. The flow through the mesh fades out towards the container and vanishes there. In a sufficiently large container, neither difference has an effect.
+//! - rr: N (ġ − g) P
+//! - rθ: (N g − g − ġ) P′
+//! - θr: (g̈ − g) P′
+//! - θθ: (g + ġ) P″ + N g P
+//!
+//! The container is a sphere that moves with the inner one, instead of one at rest. The flow
+//! through the mesh fades out towards the container and vanishes there. In a sufficiently large
+//! container, neither difference has an effect.
 
 use std::f64::consts::PI;
 
@@ -13,79 +24,82 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use crate::fe::meridional::basis::{gauss_legendre, gauss_lobatto, lagrange, legendre};
 
-/// Numbers of functions and points.
+/// Number of functions and points of the discretisation.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Cut {
-    /// Number of polynomials in ln r. The number of nodes is larger by [`MORE_NODES`].
+    /// Number of polynomials in ln r. There are [`MORE_NODES`] more radial nodes than polynomials.
     pub(super) n_radial: usize,
-    /// Number of Legendre functions; the number of points is larger by half.
+    /// Number of Legendre functions. There are 1.5 times as many angular points.
     pub(super) n_angular: usize,
     pub(super) step_s: f64,
 }
 
-/// Number of nodes minus number of polynomials.
+/// Number of radial nodes minus number of polynomials.
 const MORE_NODES: usize = 12;
-/// Share of the largest ln r from which the flow through the mesh fades out.
+/// Fraction of the largest ln r from which on the flow through the mesh fades out.
 const FADING: f64 = 0.5;
 
-/// Oldroyd-B in units of the sphere's radius.
+/// An Oldroyd-B fluid around a sphere. The unit of length is the sphere's radius.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Fluid {
     pub(super) solvent_pa_s: f64,
     pub(super) shear_modulus_pa: f64,
     pub(super) time_s: f64,
-    /// Force over the sphere's radius squared.
+    /// Force divided by the square of the sphere's radius.
     pub(super) force_pa: f64,
 }
 
 type Field = DMatrix<f64>;
 
-/// Values, and first and second derivatives by ln r, of the radial functions (columns) at the nodes.
+/// Radial functions (columns) at the nodes (rows): values, first and second derivatives with
+/// respect to ln r.
 struct Radial([Field; 3]);
 
 pub(super) struct Eulerian {
     fluid: Fluid,
     step_s: f64,
     radii: Vec<f64>,
-    /// Share of the flow that passes through the mesh.
+    /// Fraction of the sphere's velocity with which the gel flows through the mesh, at every node.
     shares: Vec<f64>,
-    /// 2π r and the weight in ln r of every node.
+    /// 2π r and the quadrature weight in ln r of every node.
     weights: Vec<f64>,
     cosines: Vec<(f64, f64)>,
-    /// P, P′, P″ and P′ cot θ of every Legendre function (rows) at the angles.
+    /// P, P′, P″ and P′ cot θ of every Legendre function (rows) at every angle (columns).
     angular: [Field; 4],
     radial: Radial,
-    /// The function of the sphere's own motion, n = 1, with its derivatives.
+    /// Function g of the sphere's own motion (n = 1), with its first and second derivatives.
     rigid: [DVector<f64>; 3],
     factors: Vec<Cholesky<f64, Dyn>>,
     by_radius: Field,
-    /// Derivative by the cosine, transposed for fields stored in rows.
+    /// Matrix of the derivative with respect to cos θ. It is transposed, because fields are stored
+    /// with angles along rows.
     by_cosine: Field,
 }
 
-/// Conformation: rr, rθ, θθ, φφ.
+/// Conformation components rr, rθ, θθ and φφ.
 #[derive(Clone)]
 struct Conformation([Field; 4]);
 
-/// Legendre polynomials and their first two derivatives up to a degree.
+/// Values, first and second derivatives at x of the Legendre polynomials up to degree n.
 fn legendres(n: usize, x: f64) -> Vec<[f64; 3]> {
     let mut all: Vec<[f64; 3]> = Vec::with_capacity(n + 1);
     for k in 0..=n {
         let (p, dp) = legendre(k, x);
-        // P″ₖ = P″ₖ₋₂ + (2k − 1) P′ₖ₋₁.
+        // The second derivatives follow from P″ₖ = P″ₖ₋₂ + (2k − 1) P′ₖ₋₁.
         let ddp = if k < 2 { 0.0 } else { all[k - 2][2] + (2.0 * k as f64 - 1.0) * all[k - 1][1] };
         all.push([p, dp, ddp]);
     }
     all
 }
 
-/// Functions that vanish with their slopes at both ends (J. Shen, SIAM J. Sci. Comput. 15:1489, 1994, doi:10.1137/0915089).
+/// Functions whose values and slopes vanish at both ends (J. Shen, SIAM J. Sci. Comput. 15:1489,
+/// 1994, doi:10.1137/0915089). Returns values, first and second derivatives at x.
 fn clamped(n: usize, x: f64) -> Vec<[f64; 3]> {
     let p = legendres(n + 3, x);
     let function = |k: usize| {
         let by = 2.0 * k as f64;
         let (middle, last) = (2.0 * (by + 5.0) / (by + 7.0), (by + 3.0) / (by + 7.0));
-        // Scaled so that the second derivatives have similar sizes.
+        // The scale makes the second derivatives of all functions similar in size.
         let scale = 1.0 / ((by + 3.0) * (by + 5.0));
         std::array::from_fn(|d| scale * (p[k][d] - middle * p[k + 2][d] + last * p[k + 4][d]))
     };
@@ -107,7 +121,7 @@ impl Eulerian {
         let functions: Vec<_> = nodes.iter().map(|xi| clamped(cut.n_radial, *xi)).collect();
         let tabulated =
             |d: usize| Field::from_fn(nodes.len(), cut.n_radial, |i, k| by_ln.powi(d as i32) * functions[i][k][d]);
-        // The cubic with value and slope ½ at the sphere, and value and slope 0 at the container.
+        // Cubic with value ½ and slope ½ at the sphere, and value 0 and slope 0 at the container.
         let rigid = |d: usize| {
             let (a, b) = (0.125, span / 16.0);
             let at = |x: f64| match d {
@@ -151,7 +165,8 @@ impl Eulerian {
         found
     }
 
-    /// Values and derivatives of the functions of a degree. The sphere's motion comes first if it has that degree.
+    /// Radial functions for Legendre degree n + 1, with first and second derivatives. For n = 0 the
+    /// sphere's own motion comes first.
     fn functions(&self, n: usize) -> [Field; 3] {
         let first = usize::from(n == 0);
         let of = |d: usize, i: usize, k: usize| match k.checked_sub(first) {
@@ -162,7 +177,8 @@ impl Eulerian {
         [0, 1, 2].map(|d| Field::from_fn(n_nodes, n_functions, |i, k| of(d, i, k)))
     }
 
-    /// The solvent's power as a matrix of the functions of degree n + 1.
+    /// Cholesky factor of the matrix of the solvent's dissipated power, for the radial functions of
+    /// degree n + 1.
     fn factor(&self, n: usize) -> Cholesky<f64, Dyn> {
         let [g, g1, g2] = self.functions(n);
         let all = ((n + 1) * (n + 2)) as f64;
@@ -182,7 +198,8 @@ impl Eulerian {
         (matrix * (2.0 * self.fluid.solvent_pa_s)).cholesky().expect("the power of a motion is positive")
     }
 
-    /// The flow that balances force and polymer, as g and its derivatives by node and degree, and the sphere's velocity in radii per second.
+    /// Flow that balances the force and the polymer's stress. Returns g and its derivatives by node
+    /// and degree, and the sphere's velocity in radii per second.
     fn flow(&self, polymer: &Conformation) -> ([Field; 3], f64) {
         let Conformation([rr, rt, tt, pp]) = polymer;
         let [p, p1, p2, cot] = &self.angular;
@@ -219,7 +236,8 @@ impl Eulerian {
         (found, velocity)
     }
 
-    /// Rates (1/s) of a conformation's excess over rest, and the sphere's velocity.
+    /// Rates (1/s) of the conformation's difference from rest, and the sphere's velocity in radii
+    /// per second.
     fn rates(&self, beyond: &Conformation) -> (Conformation, f64) {
         let ([g, g1, g2], velocity) = self.flow(beyond);
         let [p, p1, _, cot] = &self.angular;
@@ -231,7 +249,8 @@ impl Eulerian {
         let hoop = &beta * cot + &gamma * p;
         let (shear_rt, shear_tr) = ((&gamma - &beta) * p1, (&g2 - &g) * p1);
         let [rr, rt, tt, pp] = &beyond.0;
-        // Derivatives by the cosine: rθ is the sine times a polynomial of the cosine.
+        // rθ is sin θ times a polynomial of cos θ. Derivatives are therefore taken with respect to
+        // cos θ.
         let sines: Vec<f64> = self.cosines.iter().map(|(x, _)| (1.0 - x * x).sqrt()).collect();
         let mut over_sine = rt.clone();
         over_sine.column_iter_mut().zip(&sines).for_each(|(mut column, sine)| column /= *sine);
@@ -271,7 +290,7 @@ impl Eulerian {
         (Conformation(rates), velocity)
     }
 
-    /// Position of the sphere, in its radii, every `every` steps.
+    /// Position of the sphere in radii, after every `every` steps.
     pub(super) fn places(&self, n_steps: usize, every: usize) -> Vec<f64> {
         let nothing = || Field::zeros(self.radii.len(), self.cosines.len());
         let (mut beyond, mut place) = (Conformation([0, 1, 2, 3].map(|_| nothing())), 0.0);

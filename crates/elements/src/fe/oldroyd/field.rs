@@ -1,8 +1,9 @@
-//! The gel's field: unknowns, balance and its solution.
+//! The finite-strain gel: its unknowns, its balance, and the solution.
 //!
-//! Unknowns are displacements in body radii and pressures in Pa. Displacements inside a cell, and its pressures except their mean, are
-//! eliminated cell by cell (static condensation). One unknown is the body's displacement. The last cell's mean pressure is 0 if the
-//! gel keeps its volume: a uniform pressure has no effect in a gel that is fixed all around.
+//! Unknowns are displacements in body radii and pressures in Pa. Displacements inside a cell, and
+//! its pressures except their mean, are eliminated cell by cell (static condensation). One unknown
+//! is the body's displacement. If the gel keeps its volume, the last cell's mean pressure is set to
+//! 0: a uniform pressure has no effect in a gel that is fixed all around.
 
 use rayon::prelude::*;
 
@@ -15,49 +16,53 @@ use base::error::{Error, Result};
 
 /// Index of the body's displacement among the unknowns.
 pub(super) const BODY: usize = 0;
-/// Largest change of a displacement, in body radii, at convergence of Newton's method.
+/// Largest change of a displacement, in body radii, at which Newton's method has converged.
 const TOLERANCE: f64 = 1e-7;
-/// Ratio of successive changes above which the matrix is factorised again.
+/// Ratio of successive changes in Newton's method above which the matrix is factorised again.
 const SLOW: f64 = 0.2;
 const MOST_ITERATIONS: usize = 40;
 
-/// How a gel resists changes of volume.
+/// Resistance of a compressible gel to changes of volume.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct GivingVolume {
-    /// Modulus of the part that depends only on the volume, over the shear modulus.
+    /// Modulus of the resistance that depends only on the volume, divided by the shear modulus.
     pub(super) modulus_ratio: f64,
-    /// True if the conformation resists only changes of shape, and not of volume.
+    /// True if the conformation resists changes of shape only. The volume then resists separately.
     pub(super) is_apart: bool,
 }
 
-/// A mesh with its unknowns numbered.
+/// A mesh of the gel with numbered unknowns.
 pub(super) struct FieldMesh {
     pub(super) reference: Reference,
     pub(super) cells: Vec<FieldCell>,
-    /// Number of unknowns that are not condensed.
+    /// Number of unknowns that remain after condensation.
     n_global: usize,
     pub(super) n_unknowns: usize,
-    /// Volume rule; `None` if the gel keeps its volume.
+    /// Resistance to changes of volume; `None` if the gel keeps its volume.
     pub(super) volume: Option<GivingVolume>,
-    /// True if an unknown is a pressure.
+    /// True for each unknown that is a pressure.
     is_pressure: Vec<bool>,
-    /// Positions of the cells' entries in the matrix of the unknowns that are not condensed.
+    /// Positions of the cells' entries in the matrix of the remaining unknowns.
     pattern: Pattern,
 }
 
-/// A cell of the mesh. Its values are the displacements, component by component, and then the pressures.
+/// A cell of the mesh. Its local values are the displacements, component by component, and then the
+/// pressures.
 pub(super) struct FieldCell {
     pub(super) shape: CellShape,
-    /// Indices of the values that are condensed.
+    /// Indices of the local values that are condensed.
     interior: Vec<usize>,
-    /// Indices of the values that are not condensed: displacements on the edge, and the mean pressure.
+    /// Indices of the local values that are not condensed: displacements on the edges, and the mean
+    /// pressure.
     edge: Vec<usize>,
-    /// Index of each value among the unknowns of the mesh; `None` if the value is fixed at 0.
+    /// Index, among the unknowns of the mesh, of each local value; `None` if the value is fixed at
+    /// 0.
     unknown: Vec<Option<usize>>,
 }
 
 impl FieldCell {
-    /// Row and column of every entry between edge values that are both unknown, with their unknowns.
+    /// Iterates over pairs of edge values that are both unknown: row and column in the cell's
+    /// matrix, and the two unknowns.
     fn places(&self) -> impl Iterator<Item = (usize, usize, [usize; 2])> {
         let known = |place: &usize| self.unknown[*place];
         let pairs = (0..self.edge.len()).flat_map(|b| (0..self.edge.len()).map(move |a| (a, b)));
@@ -66,7 +71,8 @@ impl FieldCell {
 }
 
 impl FieldMesh {
-    /// Numbers the unknowns of a mesh of both halves of the meridian, in body radii.
+    /// Numbers the unknowns of a mesh that has both halves of the meridian. The mesh's unit of
+    /// length is the body's radius.
     pub fn new(mesh: &Mesh, order: usize, volume: Option<GivingVolume>) -> Result<Self> {
         let reference = Reference::new(order);
         let skeleton = Skeleton::new(mesh, order);
@@ -119,30 +125,30 @@ impl FieldMesh {
         self.is_pressure[unknown]
     }
 
-    /// Displacements and pressures of a cell.
+    /// Returns the displacements and the pressures of a cell for the unknowns `x`.
     fn local(&self, cell: &FieldCell, x: &[f64]) -> (Vec<f64>, Vec<f64>) {
         let mut displacement: Vec<f64> = cell.unknown.iter().map(|unknown| unknown.map_or(0.0, |u| x[u])).collect();
         let pressures = displacement.split_off(2 * self.reference.n_functions());
         (displacement, pressures)
     }
 
-    /// F at every point of a cell.
+    /// F at every integration point of a cell.
     pub(super) fn gradients(&self, cell: &FieldCell, x: &[f64]) -> Vec<Gradient> {
         cell.shape.gradients(&self.local(cell, x).0)
     }
 }
 
-/// Constants of a stage.
+/// Input of one stage.
 pub(super) struct FieldStage<'a> {
-    /// Force on the body over its radius squared, in Pa.
+    /// Force on the body divided by the square of its radius, in Pa.
     pub(super) force_pa: f64,
-    /// The law.
+    /// Law over this stage.
     pub(super) law: StageLaw<'a>,
-    /// Unknowns at the start of the stage.
+    /// Unknowns at the start of the stage, in the order of the mesh's numbering.
     pub(super) start: &'a [f64],
-    /// S* by cell, point and mode.
+    /// S*, the conformation from which the stage starts, by cell, point and mode.
     pub(super) configurations: &'a [Vec<Symmetric>],
-    /// det F − 1 at zero pressure, by cell and point; empty if the gel keeps its volume.
+    /// det F − 1 at zero pressure, by cell and point. Empty if the gel keeps its volume.
     pub(super) rests: &'a [Vec<f64>],
 }
 
@@ -162,24 +168,25 @@ impl FieldStage<'_> {
     }
 }
 
-/// Residual of a cell: on its edges after condensation, and K_II⁻¹ times the residual of its interior.
+/// Residual of a cell after condensation: the residual on its edges, and K_II⁻¹ times the residual
+/// of its interior.
 struct CellForces {
     interior: Vec<f64>,
     edge: Vec<f64>,
 }
 
-/// The factorised matrix of one stage, which later stages reuse.
+/// The factorised matrix of one stage. Later stages reuse it.
 struct Factorised {
     cells: Vec<Condensed>,
     lu: SparseLu,
     rate_per_s: f64,
 }
 
-/// Solves stages one after the other.
+/// Solver that solves stages one after the other and keeps its last factorised matrix.
 pub(super) struct Solver<'a> {
     mesh: &'a FieldMesh,
     factorised: Option<Factorised>,
-    /// Newton iterations and factorisations so far.
+    /// Number of Newton iterations so far. The number of factorisations is stored beside it.
     pub(super) iterations: usize,
     pub(super) factorisations: usize,
 }
@@ -189,7 +196,7 @@ impl<'a> Solver<'a> {
         Self { mesh, factorised: None, iterations: 0, factorisations: 0 }
     }
 
-    /// Solves for the unknowns that balance a stage, from a guess.
+    /// Solves for the unknowns that balance a stage, starting from a guess.
     pub(super) fn solve(&mut self, stage: &FieldStage, guess: Vec<f64>) -> Result<Vec<f64>> {
         let mesh = self.mesh;
         let starts: Vec<Vec<Gradient>> = mesh.cells.par_iter().map(|cell| mesh.gradients(cell, stage.start)).collect();
@@ -197,7 +204,8 @@ impl<'a> Solver<'a> {
             starts.iter().enumerate().map(|(cell, start)| stage.held(cell, start)).collect();
         let mut x = guess;
         let rate = stage.law.rate_per_s;
-        // Steps of other lengths have other matrices. Those of slowly growing steps are close enough.
+        // A step of another length has another matrix. If lengths grow slowly, the old matrix is
+        // close enough.
         let mut factorised = match self.factorised.take() {
             Some(kept) if (kept.rate_per_s / rate).ln().abs() < 0.5 => kept,
             kept => self.factorise(&held, &x, rate, kept.as_ref())?,
@@ -223,7 +231,7 @@ impl<'a> Solver<'a> {
         Err(lost())
     }
 
-    /// Solves for the unknowns that balance a stage of small strains, by one Newton step from rest.
+    /// Solves for the unknowns that balance a stage at small strains, by one Newton step from rest.
     pub(super) fn linear(&mut self, stage: &FieldStage) -> Result<Vec<f64>> {
         let mesh = self.mesh;
         let mut x = vec![0.0; mesh.n_unknowns];
@@ -235,7 +243,7 @@ impl<'a> Solver<'a> {
         Ok(x)
     }
 
-    /// One Newton step with a stored matrix. Returns the largest change of a displacement.
+    /// Takes one Newton step with a stored matrix. Returns the largest change of a displacement.
     fn iterate(&self, stage: &FieldStage, held: &[Vec<PointConstants>], factorised: &Factorised, x: &mut [f64]) -> f64 {
         let mesh = self.mesh;
         let of_cell = |((cell, held), condensed): ((&FieldCell, &Vec<PointConstants>), &Condensed)| {
@@ -307,7 +315,7 @@ impl<'a> Solver<'a> {
         Ok(Factorised { cells, lu, rate_per_s })
     }
 
-    /// Smallest and largest det F, which is 1 up to the error of the mesh.
+    /// Smallest and largest det F. In an incompressible gel both are 1 up to the error of the mesh.
     pub(super) fn volume_ratios(&self, x: &[f64]) -> [f64; 2] {
         let of_cell = |cell: &FieldCell| {
             let ratios = self.mesh.gradients(cell, x).into_iter().map(|f| point::determinant(&f));

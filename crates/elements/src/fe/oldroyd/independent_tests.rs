@@ -1,4 +1,5 @@
-//! Large displacements against independent results: a formulation that moves with the sphere, the known drag in a tube, compressible gels, and other bodies.
+//! Tests of large displacements against independent results: a formulation that moves with the
+//! sphere, the known drag in a tube, compressible gels, and other bodies.
 
 use std::f64::consts::PI;
 
@@ -13,7 +14,7 @@ use laws::rheology::BaseLaw;
 use laws::stages::Stages;
 use laws::stages::{Load, Switch};
 
-/// The paper's law under holds in alternating directions.
+/// Runs the paper's law under `n_holds` holds in alternating directions.
 fn pulled(gel: &FiniteGel, n_holds: usize) -> FiniteResult {
     let law = FiniteLaw::new(&BaseLaw::Lethersich.elements(&LAW.map(Dual::constant)), 0.0).expect("no springpot");
     let (time_s, force_n) = record(1.0, n_holds);
@@ -22,8 +23,10 @@ fn pulled(gel: &FiniteGel, n_holds: usize) -> FiniteResult {
     gel.run(&what).expect("the mesh carries it")
 }
 
-/// The first pull, 3.8 radii in a container of 100, against conformations convected by the flow on a mesh that moves with the sphere. The two codes share no discretisation of space or time. They agree to 0.1 µm of the
-/// 27 µm deviation. The wall, which moves with the sphere in one of them, is so far away that its position does not matter.
+/// Compares the first pull, 3.8 radii in a container of 100, with a formulation that moves with the
+/// sphere. There the flow convects the conformations. The two codes share no discretisation of
+/// space or time. They agree to 0.1 µm of the 27 µm deviation. In one of them the wall moves with
+/// the sphere, but it is so far away that this does not matter.
 #[test]
 #[ignore = "thorough"]
 fn a_mesh_that_moves_with_the_sphere_finds_the_same_pull() {
@@ -48,7 +51,8 @@ fn a_mesh_that_moves_with_the_sphere_finds_the_same_pull() {
     assert!(deviation_um > 25.0 && most_um < 0.1, "{most_um} of {deviation_um}");
 }
 
-/// A tube with twice the sphere's radius and this half length, both in sphere radii, closed at its ends.
+/// Mesh of a tube that is closed at its ends. Its radius is 2 and its half length `half_length`,
+/// both in sphere radii.
 fn tube(half_length: f64, n_each: usize) -> Mesh {
     const RADIUS: f64 = 2.0;
     let mut mesh = Mesh { is_whole: true, ..Mesh::default() };
@@ -58,7 +62,7 @@ fn tube(half_length: f64, n_each: usize) -> Mesh {
     let body = Boundary { body: true, ..Boundary::INSIDE };
     let wall = Boundary { outer: true, ..Boundary::INSIDE };
     let sphere = mesh.arcs([0.0; 2], [1.0; 2], &angles_rad, body);
-    // Around a square from the axis above the sphere to the axis below it.
+    // Points on the tube's outline, from the axis above the sphere to the axis below it.
     let at = |k: usize| match k as f64 / n_each as f64 {
         t if t <= 1.0 => [RADIUS * t, RADIUS],
         t if t <= 3.0 => [RADIUS, RADIUS * (2.0 - t)],
@@ -84,7 +88,9 @@ fn tube(half_length: f64, n_each: usize) -> Mesh {
     mesh
 }
 
-/// Drag of a Newtonian fluid on a sphere along the axis of a tube of twice its radius, relative to Stokes drag: 5.947 (W. L. Haberman, R. M. Sayre, David Taylor Model Basin Report 1143, 1958). The tube is practically infinite.
+/// Checks the drag of a Newtonian fluid on a sphere on the axis of a tube of twice its radius.
+/// Relative to Stokes drag it is 5.947 (W. L. Haberman, R. M. Sayre, David Taylor Model Basin
+/// Report 1143, 1958). The tube is practically infinite.
 #[test]
 fn drag_in_a_tube_is_known() {
     let factor = |half_length: f64, n_each: usize, order: usize| {
@@ -97,8 +103,10 @@ fn drag_in_a_tube_is_known() {
     assert!((found - factor(12.0, 2, 6)).abs() < 1e-4);
 }
 
-/// Drag in the tube for Oldroyd-B with half its viscosity from the solvent, after four to five relaxation times. Drag over 6π (η_s + η_p) R U falls with De = λ U/R. Neither time nor a coarser mesh changes
-/// it by more than 0.1 %. No published table was readable, so that no external value is compared.
+/// Checks the drag in the tube for an Oldroyd-B fluid, after four to five relaxation times. Half of
+/// the viscosity is the solvent's. The drag divided by 6π (η_s + η_p) R U falls with De = λ U/R.
+/// Neither more time nor a coarser mesh changes it by more than 0.1 %. No published table was
+/// readable, so that no external value is compared.
 #[test]
 #[ignore = "campaigns/long-tests"]
 fn drag_in_a_tube_falls_with_elasticity() {
@@ -138,8 +146,11 @@ fn drag_in_a_tube_falls_with_elasticity() {
     }
 }
 
-/// Gels with Poisson ratios 0.48 and 0.49 have small strains of the closed form under two volume rules. Their deviations differ from those at constant volume by up to 5 and 11 µm after the first pull
-/// and by 16 µm to either side after the second, compared with 27 and −2 µm at constant volume. The constant-volume deviation is thus one of three possible values. They converge towards ½.
+/// Checks gels with Poisson ratios 0.48 and 0.49 under two volume rules. Their small strains have
+/// the closed form. Their deviations differ from those at constant volume by up to 5 and 11 µm
+/// after the first pull and by 16 µm to either side after the second. At constant volume the
+/// deviations are 27 and −2 µm, which is thus one of three possible results. The three converge as
+/// the ratio tends to ½.
 #[test]
 #[ignore = "thorough"]
 fn volumes_that_give_deviate_otherwise() {
@@ -169,7 +180,7 @@ fn volumes_that_give_deviate_otherwise() {
     }
     assert!(both[0][0] < -3.0 && both[0][1] > 10.0 && both[1][0] > 8.0 && both[1][1] < -10.0, "{both:?}");
     assert!(both.iter().flatten().all(|by| by.abs() < 20.0), "{both:?}");
-    // The values in the documentation are not those of the coarse mesh.
+    // The documentation states values of the default mesh, not of the coarse mesh.
     let finer = of(VolumeRule::Network { poisson_ratio: 0.48 }, Discretisation::default());
     let kept_finer = holds(Discretisation::default(), 0.0, 1.0, 2);
     let apart = ends.map(|row| 1e6 * (finer.deviation_m[row] - kept_finer.deviation_m[row]));
@@ -181,7 +192,9 @@ fn volumes_that_give_deviate_otherwise() {
     assert!(refused.contains("the Poisson ratio of a compressible gel is 0.5\n"), "{refused}");
 }
 
-/// Spheroids along the force. A nearly spherical one deviates like the sphere, on another mesh. One with a length of twice its diameter deviates far less. Small strains equal those of the meridional solver.
+/// Checks spheroids that are pulled along their axis. A nearly spherical one must deviate like the
+/// sphere, on another mesh. One with a length of twice its diameter must deviate far less. Small
+/// strains must equal those of the meridional solver.
 #[test]
 #[ignore = "thorough"]
 fn spheroids_are_meshed_too() {

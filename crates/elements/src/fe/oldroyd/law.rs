@@ -1,31 +1,34 @@
-//! The gel's law in shear: a solvent and modes of relaxation.
+//! The gel's law in shear: a solvent and relaxation modes.
 
 use laws::rheology::{Element, stieltjes};
 
-/// A relaxation mode: G (λ s)/(1 + λ s) of the complex modulus.
+/// A relaxation mode. It adds G λs/(1 + λs) to the complex shear modulus.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RelaxationMode {
-    /// G in Pa.
+    /// Modulus G in Pa.
     pub shear_modulus_pa: f64,
-    /// λ in s; infinite for a mode that does not relax.
+    /// Relaxation time λ in s; infinite for a mode that does not relax.
     pub time_s: f64,
 }
 
-/// An incompressible gel in shear, G(s) = η_s s + Σ G λs/(1 + λs), with the rule that extends it to large strains.
+/// An incompressible gel in shear, G(s) = η_s s + Σ G λs/(1 + λs), and its extension to large
+/// strains.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FiniteLaw {
-    /// η_s in Pa·s.
+    /// Viscosity η_s of the solvent, in Pa·s.
     pub solvent_pa_s: f64,
-    /// Relaxation modes of the polymer.
+    /// Relaxation modes of the polymer, whose stresses add up.
     pub modes: Vec<RelaxationMode>,
-    /// Giesekus's α in [0, ½]; 0 is Oldroyd-B.
+    /// Mobility α of Giesekus's fluid, in [0, ½]; 0 is Oldroyd-B.
     pub mobility: f64,
     /// Shortest retardation time in s.
     pub fastest_s: f64,
 }
 
 impl FiniteLaw {
-    /// The incompressible gel of these elements in series. They give its creep compliance under a pull, which is a third of that in shear. `None` if an element is a springpot.
+    /// Builds the law of an incompressible gel from elements in series. The elements give the creep
+    /// compliance in tension, which is a third of that in shear. Returns `None` if an element is a
+    /// springpot.
     pub fn new(elements: &[Element], mobility: f64) -> Option<Self> {
         let whole = Element::Series(elements.to_vec());
         let (relaxation, retardation) = (stieltjes::relaxation_of(&whole)?, stieltjes::spectrum_of(&whole)?);
@@ -34,7 +37,8 @@ impl FiniteLaw {
             time_s: 1.0 / rate_per_s,
         };
         let retarded = retardation.modes.iter().map(|mode| mode.rate_per_s.value).reduce(f64::max);
-        // A gel without retardation has a linear response in time.
+        // A gel without retardation times responds linearly in time. The relaxation rates then give
+        // the time scale.
         let relaxed = relaxation.modes.iter().map(|[_, rate_per_s]| *rate_per_s).fold(0.0, f64::max);
         Some(Self {
             solvent_pa_s: relaxation.viscosity_pa_s / 3.0,
@@ -46,7 +50,7 @@ impl FiniteLaw {
 }
 
 impl FiniteLaw {
-    /// Converts the law to another Poisson ratio. The creep compliance under a pull stays the same.
+    /// Converts the law to another Poisson ratio, with an unchanged creep compliance in tension.
     pub(super) fn of_poisson_ratio(&self, poisson_ratio: f64) -> Self {
         let by = 1.5 / (1.0 + poisson_ratio);
         let mode = |mode: &RelaxationMode| RelaxationMode { shear_modulus_pa: by * mode.shear_modulus_pa, ..*mode };
@@ -64,7 +68,8 @@ mod tests {
         law.elements(&parameters.iter().copied().map(Dual::constant).collect::<Vec<Dual>>())
     }
 
-    /// Solvent and modes add up to 1/(3 s J(s)), with J(s) from its definition. Cases: three base laws, one that does not flow, one of two equal bodies.
+    /// Checks that solvent and modes add up to 1/(3 s J(s)), with J(s) from its definition. The
+    /// laws are three base laws, one that does not flow, and one with two equal bodies.
     #[test]
     fn solvent_and_modes_add_up_to_the_law() {
         let spring = |modulus_pa: f64| Element::Spring { modulus_pa: Dual::constant(modulus_pa) };
@@ -99,7 +104,7 @@ mod tests {
         }
     }
 
-    /// The numbers of Table I (physics §2).
+    /// The expected values are those of Table I (physics §2).
     #[test]
     fn the_papers_law_is_its_oldroyd_b() {
         let law = FiniteLaw::new(&elements(BaseLaw::Lethersich, &[3.527, 1.402, 47.370]), 0.0).expect("no springpot");

@@ -1,4 +1,5 @@
-//! L U factors with partial pivoting, dense and sparse. Each uses one thread, so that results have equal bytes for any number of threads.
+//! LU factors with partial pivoting, dense and sparse. One thread is used, so that results are
+//! equal to the bit for any number of threads.
 
 use std::sync::Arc;
 
@@ -11,7 +12,7 @@ use faer::{Conj, Mat, MatMut, Par};
 
 use base::error::{Error, Result};
 
-/// A factorised dense matrix.
+/// LU factors of a dense matrix.
 pub(super) struct DenseLu {
     factors: Mat<f64>,
     rows: [Vec<u32>; 2],
@@ -34,7 +35,8 @@ impl DenseLu {
         Self { factors: matrix, rows }
     }
 
-    /// Solves for one column, in place. Plain loops are cheaper here than block operations.
+    /// Solves for one right-hand side and stores the solution in its place. Plain loops are faster
+    /// here than block operations.
     pub(super) fn solve_one(&self, right: &mut [f64]) {
         let moved: Vec<f64> = self.rows[0].iter().map(|row| right[*row as usize]).collect();
         right.copy_from_slice(&moved);
@@ -51,7 +53,7 @@ impl DenseLu {
         }
     }
 
-    /// Solves for every column, in place.
+    /// Solves for every column of `right` and stores the solutions in their place.
     pub(super) fn solve(&self, right: MatMut<'_, f64>) {
         let (n, n_right) = (self.factors.nrows(), right.ncols());
         let scratch = solve::solve_in_place_scratch::<u32, f64>(n, n_right, Par::Seq);
@@ -66,14 +68,14 @@ impl DenseLu {
     }
 }
 
-/// Positions of a square sparse matrix's entries. Entries at equal positions are summed.
+/// Positions of the entries of a square sparse matrix. Entries at equal positions are summed.
 pub(super) struct Pattern {
     symbolic: SymbolicSparseColMat<u32>,
     order: Argsort<u32>,
 }
 
 impl Pattern {
-    /// Builds the pattern of a matrix with `n` columns from the rows and columns of its entries.
+    /// Builds the pattern of an `n` × `n` matrix from the row and the column of each entry.
     pub fn new(n: usize, places: impl Iterator<Item = [usize; 2]>) -> Result<Self> {
         let places: Vec<Pair<u32, u32>> = places.map(|[row, column]| Pair::new(row as u32, column as u32)).collect();
         let made = SymbolicSparseColMat::try_new_from_indices(n, n, &places);
@@ -87,14 +89,15 @@ fn singular(n: usize, why: &str) -> Error {
     Error::numerical(format!("the gel's matrix of {n} unknowns cannot be factorised: {why}"), remedy)
 }
 
-/// A factorised sparse matrix.
+/// LU factors of a sparse matrix.
 pub(super) struct SparseLu {
     symbolic: Arc<SymbolicLu<u32>>,
     numeric: NumericLu<u32, f64>,
 }
 
 impl SparseLu {
-    /// Factorises the matrix with these entries. `like`, a factor with this pattern, provides the ordering.
+    /// Factorises the matrix with these entries, in the order of `pattern`. `like`, a factor of a
+    /// matrix with equal pattern, provides the elimination order.
     pub fn new(pattern: &Pattern, entries: &[f64], like: Option<&Self>) -> Result<Self> {
         let n = pattern.symbolic.ncols();
         let matrix = SparseColMat::new_from_argsort(pattern.symbolic.clone(), &pattern.order, entries);
@@ -119,7 +122,7 @@ impl SparseLu {
         Ok(Self { symbolic, numeric })
     }
 
-    /// Solves in place.
+    /// Solves for one right-hand side and stores the solution in its place.
     pub(super) fn solve(&self, right: &mut [f64]) {
         let n = right.len();
         let scratch = self.symbolic.solve_in_place_scratch::<f64>(1, Par::Seq);

@@ -1,19 +1,33 @@
-//! Large displacements of a body of revolution that is pulled along its axis. The gel is the fluid whose linear limit is its law (physics §7.6).
+//! Large displacements of a body of revolution that is pulled along its axis. The gel is the fluid
+//! whose small-strain limit is the given law (physics §7.6).
 //!
-//! **Law.** In the incompressible limit the Lethersich law is the linear limit of Oldroyd-B (J. G. Oldroyd, Proc. R. Soc. Lond. A 200:523, 1950, doi:10.1098/rspa.1950.0035). Any series of
-//! Kelvin–Voigt bodies, springs and dashpots is the limit of an Oldroyd-B fluid with several modes. In coordinates of the undeformed gel a mode's conformation A = F S Fᵀ obeys
-//! Ṡ = −(S − C⁻¹)/λ at every point independently, without convection: stress = −p + 2η_s D + Σ G A. A mobility α gives Giesekus's fluid (H. Giesekus, J. Non-Newton. Fluid Mech.
-//! 11:69, 1982, doi:10.1016/0377-0257(82)85016-7), which has an equal linear limit.
+//! **Law.** In the incompressible limit, the Lethersich law is the small-strain limit of the
+//! Oldroyd-B fluid (J. G. Oldroyd, Proc. R. Soc. Lond. A 200:523, 1950,
+//! doi:10.1098/rspa.1950.0035). Any series of Kelvin–Voigt bodies, springs and dashpots is the
+//! limit of an Oldroyd-B fluid with several modes. F is the deformation gradient and C = FᵀF. In
+//! coordinates of the undeformed gel, a mode's conformation A = F S Fᵀ obeys Ṡ = −(S − C⁻¹)/λ at
+//! every point independently, without convection. The stress is −p + 2η_s D + Σ G A. A mobility α
+//! gives Giesekus's fluid (H. Giesekus, J. Non-Newton. Fluid Mech. 11:69, 1982,
+//! doi:10.1016/0377-0257(82)85016-7), which has an equal small-strain limit.
 //!
-//! **Space.** The half meridian, both halves, on the undeformed mesh (total Lagrangian). The mesh is bonded to the body and to the wall and moves with the gel. Displacements are polynomials of high order with
-//! discontinuous pressures one degree lower, as in [`crate::fe::meridional`]; det F = 1 in their mean. Cells' interiors are condensed.
+//! **Space.** The undeformed half meridian is meshed, both halves (total Lagrangian formulation).
+//! The mesh is bonded to the body and to the wall and moves with the gel. Displacements are
+//! polynomials of high order. Discontinuous pressures are one degree lower, as in
+//! [`crate::fe::meridional`], and enforce det F = 1 in the mean. Cells' interiors are condensed.
 //!
-//! **Time.** The fourth-order method of [`crate::fe::clock`], whose stages are steps of implicit Euler. A stage's conformation follows from its displacement, so that only displacement and pressure are solved for.
-//! Newton's method uses one matrix as long as it converges. A small-strain twin takes equal steps. The reported deviation is the difference from the twin, which cancels common errors of mesh and
-//! steps. The final position adds this deviation to the linear model's response at its own Poisson ratio.
+//! **Time.** The time stepper is the fourth-order method of [`crate::fe::clock`], whose stages are
+//! steps of implicit Euler. A stage's conformation follows from its displacement, so that only
+//! displacement and pressure are unknown. Newton's method keeps one matrix as long as it converges.
 //!
-//! **Limits.** The gel is bonded: it neither tears nor slides. It is incompressible unless [`VolumeRule`] says otherwise. The Poisson ratio alone does not determine the gel's volume beyond
-//! small strains; studies must choose a rule. Cells in front of the body are pressed flat. The run ends with an error if a volume that should stay constant becomes a tenth or ten times as large at a point.
+//! **Deviation.** A small-strain twin of the gel takes equal steps. The reported deviation is the
+//! difference from the twin, in which common errors of mesh and steps cancel. The final position is
+//! the linear model's response at its own Poisson ratio plus this deviation.
+//!
+//! **Limits.** The gel is bonded: it neither tears nor slides. It is incompressible unless
+//! [`VolumeRule`] says otherwise. The Poisson ratio determines the gel's volume only at small
+//! strains, so that studies must choose a rule. Cells in front of the body are pressed flat. The
+//! run ends with an error if, at some point, a volume that should stay constant becomes a tenth or
+//! ten times as large.
 
 mod cell;
 #[cfg(test)]
@@ -42,44 +56,51 @@ use point::{AT_REST, StageLaw};
 use record::Force;
 use run::{AppliedForce, Moment, run_pull};
 
-/// Refinement in space and time.
+/// Refinement of mesh and time steps.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Discretisation {
     /// Polynomial order of the displacements, 3 to 10.
     pub order: usize,
-    /// Number of cells from pole to pole of a sphere. Spheroids and cylinders have their own numbers.
+    /// Number of cells from pole to pole around a sphere. Meshes around spheroids and cylinders
+    /// choose their own number.
     pub n_angles: usize,
-    /// Mean ratio of neighbouring layers' radii. Layers are thinner near the body and thicker far from it.
+    /// Mean ratio of successive layers' radii. Layers are thinner near the body and thicker far
+    /// from it.
     pub layer_ratio: f64,
-    /// Number of steps in which the time since a switch doubles.
+    /// Number of steps during which the time since a switch doubles.
     pub steps_per_doubling: u32,
 }
 
 impl Discretisation {
-    /// For an estimate: an error of 0.3 µm over the paper's four cycles, four times as fast as the default.
+    /// Settings for a quick estimate: an error of 0.3 µm over the paper's four cycles, four times
+    /// as fast as the default.
     pub const ESTIMATE: Self = Self { order: 5, n_angles: 4, layer_ratio: 2.0, steps_per_doubling: 3 };
 }
 
 impl Default for Discretisation {
-    /// An error of 0.1 µm over the paper's four cycles, in which the body moves by 3.6 radii.
+    /// Settings with an error of 0.1 µm over the paper's four cycles, in which the body moves by
+    /// 3.6 radii.
     fn default() -> Self {
         Self { order: 5, n_angles: 6, layer_ratio: 2.0, steps_per_doubling: 6 }
     }
 }
 
-/// Rule for the gel's volume. For small strains the Poisson ratio determines the volume. Large strains need a rule; two rules are common.
+/// Rule for the gel's volume at large strains. At small strains the Poisson ratio determines the
+/// volume. For large strains two rules are common besides constant volume.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum VolumeRule {
-    /// Constant volume: a Poisson ratio of ½.
+    /// Constant volume, as for a Poisson ratio of ½.
     Incompressible,
-    /// Rule of a rubber network (Lamé's moduli): a stretched conformation contracts the volume. Λ (det F − 1) resists, with equal relaxation.
+    /// Rule of a rubber network: a stretched conformation contracts the volume. The pressure Λ (det
+    /// F − 1), with Lamé's modulus Λ, resists and relaxes like the conformation.
     Network {
-        /// Poisson ratio of small strains, below ½.
+        /// Poisson ratio at small strains, below ½.
         poisson_ratio: f64,
     },
-    /// Separate resistance of shape and volume. The conformation does not depend on the volume, and only the bulk modulus resists its change.
+    /// Shape and volume resist separately. The conformation does not depend on the volume, whose
+    /// change only the bulk modulus resists.
     Decoupled {
-        /// Poisson ratio of small strains, below ½.
+        /// Poisson ratio at small strains, below ½.
         poisson_ratio: f64,
     },
 }
@@ -107,58 +128,62 @@ impl VolumeRule {
     }
 }
 
-/// The meshed gel around a body.
+/// The meshed gel around a body of revolution.
 pub struct FiniteGel {
     mesh: FieldMesh,
-    /// Radius of the body across its axis, in m: the unit of length.
+    /// Radius of the body across its axis, in m. It is the unit of length of the equations.
     radius_m: f64,
-    /// Force over shear modulus and displacement for small strains, in units of the radius.
+    /// Small-strain stiffness: force divided by shear modulus and displacement, in units of the
+    /// radius.
     stiffness: f64,
     volume: VolumeRule,
     fineness: Discretisation,
 }
 
-/// Input of a run.
+/// Input of a run: law, load and record.
 #[derive(Debug, Clone, Copy)]
 pub struct FiniteInput<'a> {
-    /// The gel's law.
+    /// Law of the gel.
     pub law: &'a FiniteLaw,
-    /// Stages from the commanded to the acting force.
+    /// Model stages between the commanded force and the force on the body.
     pub load: &'a Load,
     /// Times of the rows in s, ascending.
     pub time_s: &'a [f64],
-    /// Commanded force. Nothing acts before the first row.
+    /// Commanded force. No force acts before the first row.
     pub force: Force<'a>,
 }
 
-/// Result of a run.
+/// Displacements that a run returns, with measures of its quality.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FiniteResult {
     /// Position of the body (m) at every row, as the limit from the left.
     pub displacement_m: Vec<f64>,
-    /// Additional displacement (m) relative to an equal gel with small strains.
+    /// Displacement (m) minus that of an equal gel with small strains.
     pub deviation_m: Vec<f64>,
     /// Largest distance of the body from its start, in m.
     pub farthest_m: f64,
-    /// Smallest and largest det F. Both would be 1 on an infinitely fine mesh.
+    /// Smallest and largest det F. In an incompressible gel both would be 1 on an infinitely fine
+    /// mesh.
     pub volume_ratios: [f64; 2],
-    /// Numbers of steps, Newton iterations and factorisations.
+    /// Number of steps, of Newton iterations and of factorisations.
     pub cost: [usize; 3],
 }
 
 impl FiniteGel {
-    /// Meshes the gel between a sphere and the fixed sphere around it; lengths in m.
+    /// Meshes the gel between a sphere and the fixed sphere around it. Lengths are in m.
     ///
     /// # Errors
-    /// [`Error::Numerical`] if one does not lie inside the other.
+    /// [`Error::Numerical`] if the sphere does not lie inside the fixed one.
     pub fn around_sphere(radius_m: f64, outer_radius_m: f64, fineness: Discretisation) -> Result<Self> {
         Self::new(BodyOfRevolution::sphere(radius_m), outer_radius_m, VolumeRule::Incompressible, fineness)
     }
 
     /// Meshes the gel between a body that is pulled along its axis and the fixed sphere around it.
+    /// Lengths are in m.
     ///
     /// # Errors
-    /// [`Error::Numerical`] if one does not lie inside the other, and for a Poisson ratio outside (0, ½).
+    /// [`Error::Numerical`] if the body does not lie inside the sphere, or if a Poisson ratio lies
+    /// outside (0, ½).
     pub fn new(
         body: BodyOfRevolution,
         outer_radius_m: f64,
@@ -182,12 +207,12 @@ impl FiniteGel {
         Ok(Self { mesh, radius_m: across_m, stiffness, volume, fineness })
     }
 
-    /// Number of displacements and pressures.
+    /// Number of displacement and pressure unknowns.
     pub fn n_unknowns(&self) -> usize {
         self.mesh.n_unknowns
     }
 
-    /// Force per displacement and shear modulus for small strains, in m.
+    /// Small-strain stiffness: force divided by displacement and shear modulus, in m.
     pub fn stiffness_m(&self) -> f64 {
         self.stiffness * self.radius_m
     }
@@ -195,16 +220,18 @@ impl FiniteGel {
     /// Runs a law through a record.
     ///
     /// # Errors
-    /// [`Error::Numerical`] for a load that depends on the position, if the mesh fails, or if no balance is found. The last two state the time and the distance reached.
+    /// [`Error::Numerical`] if the load depends on the position, the mesh fails, or no balance is
+    /// found. In the last two cases the error states the time and the distance reached.
     pub fn run(&self, what: &FiniteInput) -> Result<FiniteResult> {
         let (result, stopped) = self.run_until_failure(what)?;
         stopped.map_or(Ok(result), Err)
     }
 
-    /// Runs a law through the part of a record for which the mesh is valid. Returns the rows of that part and the reason for the end.
+    /// Runs a law through a record as long as the mesh is valid. Returns the results at the rows
+    /// until then, and the error that ended the run early, if any.
     ///
     /// # Errors
-    /// [`Error::Numerical`] for a load that depends on the position.
+    /// [`Error::Numerical`] if the load depends on the position.
     pub fn run_until_failure(&self, what: &FiniteInput) -> Result<(FiniteResult, Option<Error>)> {
         let FiniteInput { law, load, time_s, force } = *what;
         let load = load.of::<f64>();
@@ -247,13 +274,14 @@ impl FiniteGel {
 
 /// Number of layers of cells around the rim of a cylinder.
 const RIM_LAYERS: usize = 2;
-/// Exponent p that grades layers: surface k of n has ln r proportional to (k/n)ᵖ. Layers are thin near the body, where strains are large.
+/// Exponent p that grades the layers. Surface k of n has ln r proportional to (k/n)ᵖ. Layers are
+/// thus thin near the body, where strains are large.
 const GRADING: f64 = 1.5;
 
-/// Cells between a sphere of radius 1 and one around it, layer by layer.
+/// Meshes the space between a sphere of radius 1 and a concentric sphere, layer by layer.
 fn concentric(outer_radius: f64, fineness: Discretisation) -> Mesh {
     let n_angles = fineness.n_angles;
-    // Exact values at the ends, so that they lie on the axis.
+    // Angles at the ends are exact, so that the vertices lie on the axis.
     let angle = |k: usize| FRAC_PI_2 * (n_angles as f64 - 2.0 * k as f64) / n_angles as f64;
     let angles_rad: Vec<f64> = (0..=n_angles).map(angle).collect();
     let n_layers = (outer_radius.ln() / fineness.layer_ratio.ln()).ceil().max(1.0) as usize;
@@ -270,7 +298,7 @@ fn concentric(outer_radius: f64, fineness: Discretisation) -> Mesh {
     mesh
 }
 
-/// Force on the body for unit displacement and shear modulus at small strains.
+/// Small-strain stiffness: force on the body for unit displacement and unit shear modulus.
 fn stiffness(mesh: &FieldMesh) -> Result<f64> {
     let start = vec![0.0; mesh.n_unknowns];
     let configurations: Vec<_> = mesh.cells.iter().map(|cell| vec![AT_REST; cell.shape.weights.len()]).collect();
@@ -292,16 +320,17 @@ fn stiffness(mesh: &FieldMesh) -> Result<f64> {
     Ok(1.0 / Solver::new(mesh).linear(&stage)?[BODY])
 }
 
-/// Number of moments for the interpolation of a row between them.
+/// Number of time points through which a polynomial interpolates the value at a row.
 const N_NEAREST: usize = 4;
 
-/// A length times a function of the moments, interpolated at every row by polynomials of degree 3 within one hold.
+/// Interpolates `length_m` × `of`(moment) at every row. Within one hold, polynomials of degree 3 in
+/// time are used.
 fn at_rows(legs: &[Vec<Moment>], time_s: &[f64], length_m: f64, of: impl Fn(&Moment) -> f64) -> Vec<f64> {
     let at = |&row_s: &f64| {
         let ends = |leg: &Vec<Moment>| leg.last().map_or(f64::INFINITY, |moment| moment.time_s);
         let Some(leg) = legs.get(legs.partition_point(|leg| ends(leg) < row_s)).or(legs.last()) else { return 0.0 };
         let after = leg.partition_point(|moment| moment.time_s < row_s);
-        // The first row is a moment. Nothing moves at a row before the force's first switch.
+        // The first row is itself a moment. Before the force's first switch nothing moves.
         if after == 0 {
             return length_m * of(&leg[0]);
         }

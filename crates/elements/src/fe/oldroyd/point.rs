@@ -1,58 +1,64 @@
 //! Stress of the gel at one point of the half meridian.
 //!
-//! With A = F S Fᵀ, a stage of implicit Euler of Giesekus's law reads A + z [(A − 1) + α (A − 1)²] = A* where A* = F S* Fᵀ and z = γh/λ. A has the axes of A*, so that it is a
-//! matrix function: A = 2m(b + R)⁻¹ with b = 1 + z(1 − 2α), m = A* + z(1 − α) and the root R² = b² + 4αz m. α = 0 is Oldroyd-B.
+//! The conformation is A = F S Fᵀ. A stage of implicit Euler of Giesekus's law reads A + z
+//! [(A − 1) + α (A − 1)²] = A*, where A* = F S* Fᵀ and z = γh/λ, with h the step and λ the
+//! relaxation time. A has the principal axes of A*. It is therefore a matrix function:
+//! A = 2m(b + R)⁻¹ with b = 1 + z(1 − 2α), m = A* + z(1 − α) and the root R² = b² + 4αz m. α = 0 is
+//! Oldroyd-B.
 
 use base::number::{Dual, PointScalar};
 
-/// Components of a gradient in the half meridian: rR, rZ, zR, zZ, θΘ.
+/// Components of a gradient in the half meridian, in the order rR, rZ, zR, zZ, θΘ. The first index
+/// is the current direction, the second the undeformed one.
 pub(super) type Gradient<N = f64> = [N; N_GRADIENT];
 pub(super) const N_GRADIENT: usize = 5;
-/// Components of a symmetric tensor: RR, RZ, ZZ, ΘΘ.
+/// Components of a symmetric tensor in the order RR, RZ, ZZ, ΘΘ.
 pub(super) type Symmetric<N = f64> = [N; N_SYMMETRIC];
 pub(super) const N_SYMMETRIC: usize = 4;
 
 pub(super) const IDENTITY: Gradient = [1.0, 0.0, 0.0, 1.0, 1.0];
-/// S of a gel after a long rest.
+/// S of a gel after a long rest: the unit tensor.
 pub(super) const AT_REST: Symmetric = [1.0, 0.0, 1.0, 1.0];
 
-/// The law over a stage of a step.
+/// The law over a stage of a time step.
 #[derive(Debug, Clone, Copy)]
 pub struct StageLaw<'a> {
-    /// 1/(γh) in 1/s.
+    /// 1/(γh) in 1/s, with h the length of the step.
     pub(super) rate_per_s: f64,
-    /// η_s in Pa·s.
+    /// Viscosity η_s of the solvent, in Pa·s.
     pub(super) solvent_pa_s: f64,
-    /// α.
+    /// Mobility α.
     pub(super) mobility: f64,
-    /// Modulus (Pa) and z of every mode.
+    /// Modulus G (Pa) and z of every mode.
     pub modes: &'a [(f64, f64)],
-    /// Compliance of det F to a pressure, in 1/Pa, and the solvent's bulk viscosity, in Pa·s. Both are 0 if the gel keeps its volume.
+    /// Compliance of det F to a pressure, in 1/Pa. The next field is the solvent's bulk viscosity,
+    /// in Pa·s. Both are 0 if the gel keeps its volume.
     pub(super) give_per_pa: f64,
     pub(super) bulk_pa_s: f64,
-    /// True if a change of volume does not affect the conformation, which then resists only changes of shape.
+    /// True if a change of volume does not affect the conformation. The conformation then resists
+    /// only changes of shape.
     pub(super) is_apart: bool,
 }
 
-/// Constants of a stage at a point.
+/// Constants of a stage at one point.
 #[derive(Debug, Clone)]
 pub(super) struct PointConstants<'a> {
-    /// The law.
+    /// Law over this stage.
     pub(super) law: StageLaw<'a>,
-    /// F at the start of the stage.
+    /// F at the start of the stage, at this point.
     pub(super) start: Gradient,
-    /// S* of every mode.
+    /// S* of every mode, from which the stage starts.
     pub(super) configurations: &'a [Symmetric],
     /// det F − 1 at zero pressure.
     pub(super) rest: f64,
 }
 
-/// det F.
+/// Determinant of F.
 pub(super) fn determinant(f: &Gradient) -> f64 {
     (f[0] * f[3] - f[1] * f[2]) * f[4]
 }
 
-/// ∂ det F/∂F.
+/// Cofactor of F: ∂ det F/∂F.
 pub(super) fn cofactor<N: PointScalar>(f: &Gradient<N>) -> Gradient<N> {
     [f[3] * f[4], -f[2] * f[4], -f[1] * f[4], f[0] * f[4], f[0] * f[3] - f[1] * f[2]]
 }
@@ -81,14 +87,14 @@ fn inverse<N: PointScalar>(a: &Plane<N>) -> Plane<N> {
     [a[3] / determinant, -a[1] / determinant, -a[2] / determinant, a[0] / determinant]
 }
 
-/// F S Fᵀ.
+/// Product F S Fᵀ.
 fn pushed<N: PointScalar>(f: &Gradient<N>, s: &Symmetric<N>) -> Symmetric<N> {
     let [a, b, c, d, hoop] = *f;
     let (left, right) = ([a * s[0] + b * s[1], a * s[1] + b * s[2]], [c * s[0] + d * s[1], c * s[1] + d * s[2]]);
     [left[0] * a + left[1] * b, left[0] * c + left[1] * d, right[0] * c + right[1] * d, hoop * hoop * s[3]]
 }
 
-/// A of a stage from A*.
+/// A at the end of a stage, from A* (`start`).
 fn relaxed<N: PointScalar>(start: &Symmetric<N>, z: f64, mobility: f64) -> Symmetric<N> {
     let b = 1.0 + z * (1.0 - 2.0 * mobility);
     let rest = N::constant(z * (1.0 - mobility));
@@ -98,7 +104,7 @@ fn relaxed<N: PointScalar>(start: &Symmetric<N>, z: f64, mobility: f64) -> Symme
     }
     let four = 4.0 * mobility * z;
     let squared = N::constant(b * b);
-    // Root of a symmetric 2 × 2 matrix M: (M + √det M)/√(tr M + 2 √det M).
+    // Square root of a symmetric 2 × 2 matrix M: (M + √det M)/√(tr M + 2 √det M).
     let square = [squared + m[0] * four, m[1] * four, squared + m[2] * four];
     let root_of_determinant = (square[0] * square[2] - square[1] * square[1]).sqrt();
     let by = (square[0] + square[2] + root_of_determinant * 2.0).sqrt();
@@ -114,7 +120,7 @@ fn relaxed<N: PointScalar>(start: &Symmetric<N>, z: f64, mobility: f64) -> Symme
     [found[0] * 2.0, found[1] * 2.0, found[3] * 2.0, hoop * 2.0]
 }
 
-/// Part of F that changes the conformation: all of F, or F without its change of volume.
+/// Gradient that changes the conformation: F or, with `is_apart`, F without its change of volume.
 fn shape<N: PointScalar>(f: &Gradient<N>, is_apart: bool) -> Gradient<N> {
     if !is_apart {
         return *f;
@@ -124,10 +130,11 @@ fn shape<N: PointScalar>(f: &Gradient<N>, is_apart: bool) -> Gradient<N> {
     f.map(|x| x * by)
 }
 
-/// First Piola–Kirchhoff stress P in Pa, without the pressure's part.
+/// First Piola–Kirchhoff stress P in Pa, without the contribution of the pressure.
 ///
-/// Each mode adds G (A − 1). G A alone differs from it by a pressure if det F = 1. A mesh satisfies this only in the mean. The relaxed part of G A then pulls volumes apart, and a mode as stiff as a spring in series
-/// (Burgers) destroys the mesh.
+/// Each mode contributes G (A − 1). If det F = 1, this differs from G A only by a pressure. But a
+/// mesh satisfies det F = 1 only in the mean. With G A, the relaxed part would pull volumes apart.
+/// A mode as stiff as a spring in series (Burgers) would then destroy the mesh.
 pub(super) fn stress<N: PointScalar>(held: &PointConstants, f: &Gradient<N>) -> Gradient<N> {
     let law = held.law;
     let m = inverse(&plane(f));
@@ -152,7 +159,7 @@ pub(super) fn stress<N: PointScalar>(held: &PointConstants, f: &Gradient<N>) -> 
     [nominal[0], nominal[1], nominal[2], nominal[3], cauchy[3] / f[4]]
 }
 
-/// S of a mode at the end of a stage.
+/// S of a mode at the end of a stage, from S* (`start`).
 pub(super) fn configuration(f: &Gradient, start: &Symmetric, z: f64, mobility: f64, is_apart: bool) -> Symmetric {
     let f = &shape(f, is_apart);
     let a = relaxed(&pushed(f, start), z, mobility);
@@ -161,7 +168,8 @@ pub(super) fn configuration(f: &Gradient, start: &Symmetric, z: f64, mobility: f
     pushed(&back, &a)
 }
 
-/// ∂P/∂F in Pa, including the part −p cof F of a pressure (Pa): [row][column].
+/// Tangent ∂P/∂F in Pa. The first index is the component of P, the second that of F. It includes
+/// the contribution −p cof F of the pressure p (Pa).
 pub(super) fn tangent(held: &PointConstants, f: &Gradient, pressure_pa: f64) -> [Gradient; N_GRADIENT] {
     let mut tangent = [[0.0; N_GRADIENT]; N_GRADIENT];
     for column in 0..N_GRADIENT {
@@ -200,7 +208,8 @@ mod tests {
         }
     }
 
-    /// A of a stage satisfies A + z [(A − 1) + α (A − 1)²] = A*, and S reproduces it.
+    /// Checks that A at the end of a stage satisfies A + z [(A − 1) + α (A − 1)²] = A*, and that S
+    /// gives the same A.
     #[test]
     fn a_stage_fulfils_the_law() {
         for mobility in [0.0, 1e-9, 0.1, 0.5] {
@@ -217,7 +226,8 @@ mod tests {
         }
     }
 
-    /// The stress of a mode that does not relax, in a gel at rest, is that of a neo-Hookean solid, P = G (F − F⁻ᵀ).
+    /// Checks a mode that does not relax, in a gel after a rest. It must be a neo-Hookean solid,
+    /// P = G (F − F⁻ᵀ).
     #[test]
     fn what_does_not_relax_is_a_rubber() {
         let law = StageLaw { modes: &[(2.0, 0.0)], ..held(0.0).law };
@@ -229,7 +239,8 @@ mod tests {
         }
     }
 
-    /// The tangent equals differences of the stress and of the pressure's part.
+    /// Checks the tangent against finite differences of the stress, including the contribution of
+    /// the pressure.
     #[test]
     fn the_tangent_is_the_derivative() {
         let (h, pressure_pa) = (1e-6, 0.7);

@@ -1,4 +1,4 @@
-//! Time steps, and the small-strain twin that takes them in parallel.
+//! Time steps of the finite-strain gel and of its small-strain twin. The twin takes equal steps.
 
 use rayon::prelude::*;
 
@@ -10,33 +10,37 @@ use crate::fe::meridional::basis::lagrange;
 use base::error::{Error, Result};
 use laws::stages::{Load, Switch};
 
-/// Range of det F at a point within which a mesh is valid. Over the paper's four cycles it is 0.64 to 1.37 on the mesh of [`super::Discretisation::ESTIMATE`].
-/// Positions then have an error of 0.3 µm. At 1.3 times the force, det F is 0.26 to 3.6 and the error is 1 µm.
+/// Range of det F at a point within which a mesh is valid. Over the paper's four cycles, det F is
+/// 0.64 to 1.37 on the mesh of [`super::Discretisation::ESTIMATE`]. Positions then have an error of
+/// 0.3 µm. At 1.3 times the force, det F is 0.26 to 3.6 and the error is 1 µm.
 const VOLUME_RATIOS: [f64; 2] = [0.1, 10.0];
-/// First step after a jump of the force, over the law's fastest time. The body itself jumps if there is no solvent.
+/// Length of the first step after a force jump, divided by the shortest time of the law. Without a
+/// solvent the body itself jumps.
 const FIRST_STEP: f64 = 1e-3;
-/// Shortest time that steps resolve after a switch, over the law's fastest time. When the flow reverses, the gel's response is uneven and as fast as the law.
+/// Shortest time that steps resolve after a switch, divided by the shortest time of the law. When
+/// the flow reverses, the gel's response varies as fast as the law.
 const RESOLVED: f64 = 0.2;
-/// Relative rounding error of step lengths.
+/// Relative rounding error of a step's length.
 const LENGTH_ROUNDING: f64 = 1e-9;
-/// Largest number of halvings of a step that finds no balance.
+/// Largest number of times that a step is halved because it finds no balance.
 const MOST_HALVINGS: u32 = 6;
-/// Number of points in time from which the guess for a stage is extrapolated.
+/// Number of times from which the guess for a stage is extrapolated.
 const N_GUESS: usize = 4;
 
-/// Result of a run, in body radii.
+/// Result of a run. The unit of length is the body's radius.
 pub(super) struct RunHistory {
-    /// From switch to switch: the end of each step, preceded by the start of the first step.
+    /// Moments between two switches, one list per interval: the start of the first step, then the
+    /// end of each step.
     pub(super) legs: Vec<Vec<Moment>>,
     pub(super) farthest: f64,
     pub(super) volume_ratios: [f64; 2],
     pub(super) iterations: usize,
     pub(super) factorisations: usize,
-    /// Reason why the run stopped before the end of the pull.
+    /// Error that ended the run early, if any.
     pub(super) stopped: Option<Error>,
 }
 
-/// Positions of the body and its twin at a time (s).
+/// Positions of the body and of its twin at a time (s).
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Moment {
     pub(super) time_s: f64,
@@ -44,32 +48,32 @@ pub(super) struct Moment {
     pub(super) twin: f64,
 }
 
-/// The body in a gel of small strains, with the same modes and steps.
+/// The body in a gel with small strains. It has equal modes and takes equal steps.
 #[derive(Debug, Clone)]
 struct Twin {
     displacement: f64,
-    /// e of every mode, in body radii.
+    /// Elastic displacement e of every mode, in body radii.
     elastic: Vec<f64>,
 }
 
-/// State that passes from step to step.
+/// State that passes from one step to the next.
 struct Walker<'a> {
     mesh: &'a FieldMesh,
     law: &'a FiniteLaw,
-    /// Force over shear modulus and displacement, in body radii.
+    /// Small-strain stiffness: force divided by shear modulus and displacement, in body radii.
     stiffness: f64,
     solver: Solver<'a>,
     x: Vec<f64>,
     /// S by cell, point and mode.
     configurations: Vec<Vec<Symmetric>>,
-    /// Relaxed part of det F − 1 by cell, point and mode; empty if the gel keeps its volume.
+    /// Relaxed part of det F − 1, by cell, point and mode. Empty if the gel keeps its volume.
     swellings: Vec<Vec<f64>>,
     twin: Twin,
-    /// Times (s) and unknowns for extrapolation; none from before a jump.
+    /// Times (s) and unknowns for extrapolation. Those from before a force jump are removed.
     past: Vec<(f64, Vec<f64>)>,
 }
 
-/// Rates of a stage.
+/// Rates of the state's variables in a stage.
 struct Rates {
     x: Vec<f64>,
     configurations: Vec<Vec<Symmetric>>,
@@ -77,17 +81,17 @@ struct Rates {
     twin: Twin,
 }
 
-/// The force that moves the body.
+/// Force on the body over time.
 pub(super) struct AppliedForce<'a> {
-    /// Changes of the force, in N, before the lag.
+    /// Switches of the force (N) at the input of the lag.
     pub switches: &'a [Switch],
     pub(super) load: &'a Load<f64>,
-    /// Force per unit of the equations' force: the body's radius squared, in m².
+    /// Square of the body's radius, in m²: converts the equations' force (Pa) to N.
     pub(super) newtons_per_pa: f64,
     pub(super) end_s: f64,
 }
 
-/// Runs a law up to the end of the pull, or as far as the mesh is valid.
+/// Runs a law until `pull.end_s`, or as long as the mesh is valid.
 pub(super) fn run_pull(
     mesh: &FieldMesh,
     law: &FiniteLaw,
@@ -134,7 +138,7 @@ pub(super) fn run_pull(
                     break;
                 }
             };
-            // The last step ends on the stop exactly, despite rounding of its length.
+            // The last step ends exactly at the stop, in spite of rounding of its length.
             let next_s = if taken_s > (1.0 - LENGTH_ROUNDING) * left_s { stop_s } else { now_s + taken_s };
             let [low, high] = walker.solver.volume_ratios(&walker.x);
             walked.volume_ratios = [walked.volume_ratios[0].min(low), walked.volume_ratios[1].max(high)];
@@ -186,7 +190,8 @@ impl<'a> Walker<'a> {
         Moment { time_s, place: self.x[BODY], twin: self.twin.displacement }
     }
 
-    /// Takes a step and halves it as long as no balance is found. Returns the length of the step taken.
+    /// Takes a step, and halves it until a balance is found. Returns the length (s) of the step
+    /// taken.
     fn step_halving(&mut self, now_s: f64, step_s: f64, force_pa: &dyn Fn(f64) -> f64) -> Result<f64> {
         for halvings in 0..=MOST_HALVINGS {
             let step_s = step_s * 0.5_f64.powi(halvings as i32);
@@ -203,7 +208,8 @@ impl<'a> Walker<'a> {
         ))
     }
 
-    /// Takes one step. Returns the unknowns' rates (1/s) in its last stage. The state is unchanged on failure.
+    /// Takes one step. Returns the rates (1/s) of the unknowns in the last stage. A failed step
+    /// does not change the state.
     fn step(&mut self, now_s: f64, step_s: f64, force_pa: &dyn Fn(f64) -> f64) -> Result<Vec<f64>> {
         let stage_s = FOURTH.diagonal * step_s;
         let modes: Vec<(f64, f64)> =
@@ -270,7 +276,7 @@ impl<'a> Walker<'a> {
         Ok(all.pop().map_or(Vec::new(), |rates| rates.x))
     }
 
-    /// S of every mode at a stage's end, and its rate.
+    /// Returns S at a stage's end and its rate, both by cell, point and mode.
     fn ended(
         &self,
         stage: &FieldStage,
@@ -292,7 +298,8 @@ impl<'a> Walker<'a> {
         self.mesh.cells.par_iter().zip(starts).map(of_cell).unzip()
     }
 
-    /// Relaxed part of det F − 1 at a stage's end, and its rate.
+    /// Returns the relaxed part of det F − 1 at a stage's end and its rate, both by cell, point and
+    /// mode.
     fn swollen(&self, stage: &FieldStage, x: &[f64], starts: &[Vec<f64>]) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
         let modes = stage.law.modes;
         let of_cell = |(cell, starts): (&FieldCell, &Vec<f64>)| {
@@ -319,12 +326,13 @@ impl<'a> Walker<'a> {
     }
 }
 
-/// Σ G/(1 + z) of the modes over a stage.
+/// Sum Σ G/(1 + z) of the modes' effective moduli over a stage, in Pa.
 fn stiff_pa(modes: &[(f64, f64)]) -> f64 {
     modes.iter().map(|(modulus_pa, z)| modulus_pa / (1.0 + z)).sum()
 }
 
-/// det F − 1 without pressure at every point of a cell, from its relaxed part by point and mode.
+/// det F − 1 at zero pressure, at every point of a cell. `swellings` holds the relaxed part by
+/// point and mode.
 fn rests(modes: &[(f64, f64)], swellings: &[f64]) -> Vec<f64> {
     let weighed =
         |values: &[f64]| modes.iter().zip(values).map(|((modulus_pa, z), x)| modulus_pa / (1.0 + z) * x).sum();
@@ -340,7 +348,8 @@ fn add(to: &mut [f64], by: f64, from: &[f64]) {
     to.iter_mut().zip(from).for_each(|(to, from)| *to += by * from);
 }
 
-/// Value at a time of the polynomial through some points in time. Returns the last point if that is farther from the time than the points are from each other.
+/// Value at `time_s` of the polynomial through the points `past`. If the time is farther from the
+/// last point than the points are from each other, the last point is returned.
 fn guess(past: &[(f64, Vec<f64>)], time_s: f64) -> Option<Vec<f64>> {
     let times_s: Vec<f64> = past.iter().map(|(time_s, _)| *time_s).collect();
     let (last_s, last) = past.last()?;
@@ -362,7 +371,8 @@ mod tests {
     use base::number::Dual;
     use laws::rheology::BaseLaw;
 
-    /// Stored energy ½ Σ G (tr A − 3) and dissipated power 2η_s D : D + Σ G (tr A − 3)/(2λ) over the gel, and the smallest determinant of S.
+    /// Returns the stored energy ½ Σ G (tr A − 3) and the dissipated power 2η_s D : D + Σ G (tr
+    /// A − 3)/(2λ), both integrated over the gel. Also returns the smallest determinant of S.
     fn energy(walker: &Walker, rates_per_s: &[f64]) -> ([f64; 2], f64) {
         let (mut stored, mut lost, mut smallest) = (0.0, 0.0, f64::INFINITY);
         let modes = &walker.law.modes;
@@ -397,8 +407,9 @@ mod tests {
         ([stored, lost], smallest)
     }
 
-    /// The work of the force is the sum of stored and dissipated energy, to 10⁻⁴, over the paper's first pull of 3.6 radii and the way back. The trapezoidal rule sums
-    /// the dissipation, with an error of about this size. Conformations stay positive definite.
+    /// Checks that the work of the force equals stored plus dissipated energy to 10⁻⁴. The load is
+    /// the paper's first pull of 3.6 radii and the way back. The trapezoidal rule sums the
+    /// dissipation, with an error of about 10⁻⁴. Conformations must stay positive definite.
     #[test]
     #[ignore = "thorough"]
     fn work_is_stored_or_lost() {

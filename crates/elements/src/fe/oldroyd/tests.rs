@@ -1,4 +1,5 @@
-//! Large displacements against closed forms, a figure from an independent program, and finer meshes and steps.
+//! Tests of large displacements against closed forms, a value from an independent program, and
+//! finer meshes and steps.
 
 use super::*;
 use base::number::Dual;
@@ -17,7 +18,8 @@ pub(super) fn coarse() -> Discretisation {
     Discretisation { order: 4, n_angles: 4, steps_per_doubling: 3, ..Discretisation::default() }
 }
 
-/// Rows of holds in alternating directions. Each hold starts at a row.
+/// Times (s) and forces of holds in alternating directions, with a row at the start of each hold.
+/// The forces are `share` times the reference force.
 pub(super) fn record(share: f64, n_holds: usize) -> (Vec<f64>, Vec<f64>) {
     let rows = 0..=ROWS_A_HOLD * n_holds;
     let time_s = rows.clone().map(|row| HOLD_S * row as f64 / ROWS_A_HOLD as f64).collect();
@@ -52,7 +54,7 @@ pub(super) fn farthest_apart_um(a: &FiniteResult, b: &FiniteResult) -> f64 {
     a.deviation_m.iter().zip(&b.deviation_m).fold(0.0, |most, (a, b)| most.max(1e6 * (a - b).abs()))
 }
 
-/// Stokes drag in a sphere around the sphere (physics §4.2 at ν = ½), per shear modulus.
+/// Stiffness (m) per shear modulus of a sphere in a concentric sphere (physics §4.2 at ν = ½).
 fn stiffness_m() -> f64 {
     let l = RADIUS_M / OUTER_M;
     let wall = (1.0 - l.powi(5)) / (1.0 - 9.0 / 4.0 * l + 5.0 / 2.0 * l.powi(3) - 9.0 / 4.0 * l.powi(5) + l.powi(6));
@@ -67,7 +69,8 @@ fn the_stiffness_is_stokes_drag() {
     }
 }
 
-/// The position at a hundredth of the force is the closed form ∫J dF over the stiffness, to 10⁻⁴ of the amplitude. This is true for holds and for a piecewise linear force.
+/// Checks the position at a hundredth of the force. It must be ∫J dF divided by the stiffness, to
+/// 10⁻⁴ of the amplitude, for holds and for a piecewise linear force.
 #[test]
 #[ignore = "thorough"]
 fn small_displacements_are_the_linear_models() {
@@ -84,7 +87,7 @@ fn small_displacements_are_the_linear_models() {
         }
     };
     check(&found, &exact_m);
-    // A force that rises linearly from 0: ∫₀ᵗ J(t') dt' times its slope.
+    // The force rises linearly from 0. The integral is therefore its slope times ∫₀ᵗ J(t') dt'.
     let slope = 0.01 * FORCE_N / HOLD_S;
     let line_n: Vec<f64> = time_s.iter().map(|t| slope * t).collect();
     let force = Force { at_rows_n: &line_n, rule: ForceRule::Linear };
@@ -93,7 +96,8 @@ fn small_displacements_are_the_linear_models() {
     check(&run(fine_steps, 0.0, &time_s, force).expect("a run"), &|t| slope * integral(t) * 3.0 / stiffness_m());
 }
 
-/// A gel is symmetric in the direction of the force. The response is odd in the force, so that a small deviation varies with the third power.
+/// Checks that a small deviation varies with the third power of the force. The gel does not
+/// distinguish the force's directions, so that the response is odd in the force.
 #[test]
 fn the_deviation_goes_with_the_third_power() {
     let deviation = |share: f64| holds(coarse(), 0.0, share, 1).deviation_m;
@@ -105,7 +109,8 @@ fn the_deviation_goes_with_the_third_power() {
     }
 }
 
-/// The paper's first pull and the way back, 3.6 radii. An independent program that solves the equations found 27 µm (2.8 %) at the end of the first pull.
+/// Checks the paper's first pull, of 3.6 radii, and the way back. An independent program that
+/// solves the equations found a deviation of 27 µm (2.8 %) at the end of the first pull.
 #[test]
 #[ignore = "thorough"]
 fn the_papers_pull_goes_27_um_farther() {
@@ -123,7 +128,8 @@ fn the_papers_pull_goes_27_um_farther() {
     }
 }
 
-/// The paper's whole protocol, four cycles. A mesh with twice the unknowns and half the steps changes the result by at most 0.1 µm.
+/// Checks the paper's whole protocol of four cycles. A mesh with twice the unknowns and half the
+/// steps must change the result by at most 0.1 µm.
 #[test]
 #[ignore = "campaigns/long-tests"]
 fn the_papers_protocol_has_converged() {
@@ -139,7 +145,8 @@ fn the_papers_protocol_has_converged() {
     }
 }
 
-/// A mobility changes the response only to large strains. Towards 0 the response is that of Oldroyd-B; at 0.1 the difference far exceeds any error.
+/// Checks that a mobility changes the response only to large strains. As it tends to 0, the
+/// response becomes that of Oldroyd-B. At 0.1 the difference far exceeds any error.
 #[test]
 fn a_mobility_changes_large_strains_alone() {
     let [none, next_to_none, some] = [0.0, 1e-6, 0.1].map(|mobility| holds(coarse(), mobility, 1.0, 1));
@@ -149,7 +156,9 @@ fn a_mobility_changes_large_strains_alone() {
     assert!(farthest_apart_um(&none, &some) < 1e-3);
 }
 
-/// A spring in series responds instantly, so that the body jumps with the force. Except for the deviation its position is the closed form's, on two meshes. A stiff spring changes nothing.
+/// Checks a spring in series, which responds instantly, so that the body jumps with the force. The
+/// position minus the deviation must be the closed form's, on two meshes. A stiff spring must
+/// change nothing.
 #[test]
 #[ignore = "thorough"]
 fn a_spring_in_series_jumps_and_a_stiff_one_is_none() {
@@ -173,7 +182,8 @@ fn a_spring_in_series_jumps_and_a_stiff_one_is_none() {
     assert!(apart_um < 0.5, "{apart_um}");
 }
 
-/// A pull that no mesh follows ends with an error that states the distance reached. Earlier rows equal those of a record that ends there.
+/// Checks that a pull too long for any mesh ends with an error that states the distance reached.
+/// The rows before must equal those of a record that ends there.
 #[test]
 fn what_goes_too_far_is_refused() {
     let (time_s, force_n) = record(4.0, 1);

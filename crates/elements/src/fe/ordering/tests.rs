@@ -1,4 +1,5 @@
-//! The order is a permutation, puts separators last, and fills the factor far less than minimum degree does.
+//! Tests of the elimination order. It must be a permutation, put separators last, and fill the
+//! factor far less than a minimum-degree order.
 
 use std::collections::HashMap;
 
@@ -13,7 +14,8 @@ use super::nested_dissection;
 
 type Nodes = (Vec<[f64; 3]>, Vec<u32>);
 
-/// A quarter ball around a quarter sphere: cube-sphere patches of `n` elements per quarter face, `n_layers` radial layers, 27 nodes per element.
+/// A quarter ball around a quarter sphere, of elements with 27 nodes. It has cube-sphere patches of
+/// `n` elements per quarter face and `n_layers` radial layers.
 fn quarter_shell(n: i32, n_layers: usize) -> Nodes {
     let m = 2 * n;
     type Face = (i32, fn(i32, i32, i32) -> [i32; 3]);
@@ -55,7 +57,8 @@ fn quarter_shell(n: i32, n_layers: usize) -> Nodes {
     (coordinates, elements)
 }
 
-/// Multiplications of a Cholesky factorisation of the node graph, counted from faer's supernodes.
+/// Number of multiplications in a Cholesky factorisation of the node graph, counted from faer's
+/// supernodes. Without an `order`, faer chooses a minimum-degree order.
 fn factor_work(n_nodes: usize, elements: &[u32], nodes_per_element: usize, order: Option<&[usize]>) -> f64 {
     let mut columns = vec![Vec::new(); n_nodes];
     for nodes in elements.chunks_exact(nodes_per_element) {
@@ -118,7 +121,8 @@ fn a_shell_of_sixty_thousand_unknowns_needs_a_third_of_the_work_of_minimum_degre
 
 #[test]
 fn numbering_of_the_elements_does_not_matter_much() {
-    // A cut that followed the numbering instead of the geometry would lose its small separators after a shuffle of the elements.
+    // The elements are shuffled. A cut that followed the numbering instead of the geometry would
+    // then lose its small separators.
     let (coordinates, elements) = quarter_shell(3, 5);
     let n_nodes = coordinates.len();
     let n_elements = elements.len() / 27;
@@ -145,7 +149,7 @@ fn unstructured_tetrahedra_need_less_work_than_minimum_degree() {
 
 #[test]
 fn the_middle_of_a_chain_is_eliminated_last() {
-    // Bars 0–1, 1–2, …: the best separator of 64 bars is node 32.
+    // The elements are bars 0–1, 1–2, …. The best separator of 64 bars is node 32.
     let elements: Vec<u32> = (0..64).flat_map(|k| [k, k + 1]).collect();
     let coordinates: Vec<[f64; 3]> = (0..65).map(|k| [f64::from(k), 1.0, 0.0]).collect();
     let order = nested_dissection(65, &elements, 2, &coordinates);

@@ -1,6 +1,8 @@
-//! The porous body for time stepping, with the displacements eliminated exactly. Only the law's operator acts on K_d, so that u = K_d⁻¹(f θ + Bᵀp'), θ = J ∗ F.
+//! Porous body for time stepping, with exactly eliminated displacements. Only the law's operator
+//! acts on K_d. Therefore u = K_d⁻¹(f θ + Bᵀp') with θ = J ∗ F.
 //!
-//! The remaining unknowns are θ and one per pressure: A ṗ' + b θ̇ + k H w = 0, w_θ = F, with A = M/M̂ + B K_d⁻¹ Bᵀ, b = B K_d⁻¹ e.
+//! The remaining unknowns are θ and one p' per pressure. They obey A ṗ' + b θ̇ + k H w = 0 and
+//! w_θ = F, with A = M/M̂ + B K_d⁻¹ Bᵀ and b = B K_d⁻¹ e.
 
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt::solve::solve_in_place_with_conj;
@@ -12,19 +14,21 @@ use crate::fe::factorisation::add_symmetric_product;
 use crate::fe::transient::{ChainPart, StageSolve, StageWeights, TransientSystem};
 use base::error::Result;
 
-/// Number of columns of B K_d⁻¹ Bᵀ solved at once.
+/// Number of columns of B K_d⁻¹ Bᵀ that are computed at once.
 const BLOCK: usize = 64;
 
-/// A porous body with a mobility, for [`crate::fe::transient::run`] with one law, that of the undrained body. Unknowns are p' of every pressure, then θ in N/Pa.
+/// A porous body with a mobility, for [`crate::fe::transient::run`]. It has one law, that of the
+/// undrained body. Unknowns are p' of every pressure, then θ in N/Pa.
 pub struct CondensedPores<'a> {
     body: &'a DrainedModel<'a>,
     mobility_m2_per_pa_s: f64,
-    /// The complete matrix A, by columns.
+    /// All entries of the matrix A, column by column.
     stored: Vec<f64>,
 }
 
 impl<'a> CondensedPores<'a> {
-    /// Eliminates the displacements with one solve per pressure. `mobility_m2_per_pa_s` ≥ 0.
+    /// Eliminates the displacements, with one solution per pressure. `mobility_m2_per_pa_s` must
+    /// be ≥ 0.
     pub fn new(body: &'a DrainedModel<'a>, mobility_m2_per_pa_s: f64) -> Self {
         let n = body.load.len();
         let mut stored = Vec::with_capacity(n * n);
@@ -37,12 +41,12 @@ impl<'a> CondensedPores<'a> {
         Self { body, mobility_m2_per_pa_s, stored }
     }
 
-    /// Returns this body with another mobility.
+    /// Returns the body with a new mobility.
     pub fn with_mobility(self, mobility_m2_per_pa_s: f64) -> Self {
         Self { mobility_m2_per_pa_s, ..self }
     }
 
-    /// Displacements of all unknowns of the mesh (m) for unknowns of this system.
+    /// Displacement (m) of every unknown of the mesh, for given unknowns of this system.
     pub fn displacements(&self, unknowns: &[f64]) -> Vec<f64> {
         let (pressures, strain) = unknowns.split_at(unknowns.len() - 1);
         self.body.displacements(strain[0], pressures)
@@ -67,14 +71,15 @@ impl TransientSystem for CondensedPores<'_> {
     }
 
     fn factor(&self, weights: &StageWeights) -> Result<StageSolve<'_>> {
-        // (k H + c A) w_p + c b w_θ = r, divided by c.
+        // The stage's equation (k H + c A) w_p + c b w_θ = r is divided by c.
         let (n, rate) = (self.n_pressures(), weights.damping_per_pa_s);
         let area_m2 = self.mobility_m2_per_pa_s / rate;
         let mut matrix = Mat::from_fn(n, n, |i, j| 0.5 * (self.stored[i + n * j] + self.stored[j + n * i]));
         let diffusion = self.body.model.pressures.diffusion();
         for column in 0..n {
             for at in diffusion.col_ptr()[column]..diffusion.col_ptr()[column + 1] {
-                // The entry of the upper triangle belongs to the lower one, which the factorisation reads.
+                // The factorisation reads the lower triangle. Entries of the upper triangle are
+                // therefore stored transposed.
                 matrix[(column, diffusion.row_idx()[at as usize] as usize)] += area_m2 * diffusion.val()[at as usize];
             }
         }

@@ -1,4 +1,5 @@
-//! The creep of a porous body as a network: the law in series with one body per term of the pore spectrum.
+//! The creep of a porous body as a network: the law in series with one body for each term of the
+//! pore spectrum.
 
 use super::PoreSpectrum;
 use base::error::{Error, Result};
@@ -6,13 +7,16 @@ use base::number::Dual;
 use laws::rheology::Element;
 
 impl PoreSpectrum {
-    /// Elements in series whose creep compliance is that of the robot over Φ(0). Arguments are a law of the undrained body (elements in series), a mobility k ≥ 0
-    /// (m²/(Pa·s)) and a drained Poisson ratio. Term k adds w/(G + (τ/k) s): the law in parallel with a dashpot of viscosity τ/k, both divided by w.
+    /// Returns elements in series whose creep compliance is the robot's compliance divided by Φ(0).
+    /// `law` holds the undrained body's elements in series. The mobility is k ≥ 0 (m²/(Pa·s)). Each
+    /// term with weight w adds w/(G + (τ/k) s). This is the law in parallel with a dashpot of
+    /// viscosity τ/k, both divided by w.
     ///
-    /// At k = 0 the result is the law's own elements, without a derivative with respect to k.
+    /// At k = 0 the result is the elements of `law`, without a derivative with respect to k.
     ///
     /// # Errors
-    /// [`Error::OutsideTrainedRange`] for ratios outside the range, [`Error::Numerical`] for a negative or infinite mobility.
+    /// [`Error::OutsideTrainedRange`] if the Poisson ratio lies outside the spectrum's range,
+    /// [`Error::Numerical`] for a negative or infinite mobility.
     pub fn elements(
         &self,
         law: &[Element],

@@ -1,30 +1,35 @@
-//! The porous body at one drained Poisson ratio: the drained skeleton's factor, and pressures by conjugate gradients.
+//! The porous body at one drained Poisson ratio. It holds the factor of the drained skeleton;
+//! conjugate gradients compute the pressures.
 
 use super::{PoreModel, pressure::PressureFactor};
 use crate::fe::factorisation::Factor;
 use base::error::{Error, Result};
 
-/// Residual at convergence of the pressures, in the preconditioner's norm and relative to that of the load. Outputs err by its square.
+/// Relative residual at which the iteration for the pressures ends, in the preconditioner's norm.
+/// The error of the results is proportional to its square.
 const TOLERANCE: f64 = 1e-10;
-/// Largest number of iterations. The preconditioner is spectrally equivalent, so that the number does not grow with the mesh; more iterations mean a mistake.
+/// Largest number of iterations. The preconditioner is spectrally equivalent to the matrix, so that
+/// the number does not grow with the mesh. More iterations indicate a defect.
 const MOST_ITERATIONS: usize = 400;
 
-/// Pressures and the product of A with them.
+/// Pressures p, and the product A p.
 #[derive(Debug, Clone)]
 pub(super) struct Pressure {
     pub values: Vec<f64>,
-    /// (M/M̂ + B K_d⁻¹ Bᵀ) p.
+    /// A p = (M/M̂ + B K_d⁻¹ Bᵀ) p.
     pub stored: Vec<f64>,
 }
 
-/// Moduli for unit Young's modulus of the undrained body.
+/// Moduli of the porous body, for unit Young's modulus of the undrained body.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Moduli {
-    /// K_d = K̂(ν_d)/softness, where K̂ is the base's stiffness.
+    /// Divisor in K_d = K̂(ν_d)/softness, with K̂ the base model's stiffness for unit Young's
+    /// modulus.
     pub softness: f64,
-    /// 1/M̂ = 1/(κ̂_u − κ̂_d).
+    /// Inverse storage modulus 1/M̂ = 1/(κ̂_u − κ̂_d).
     pub inverse_storage_modulus: f64,
-    /// S = 1/M̂ + 1/(κ̂_d + 4μ̂/3): storage for irrotational fields, and an upper bound for any field.
+    /// S = 1/M̂ + 1/(κ̂_d + 4μ̂/3): the storage for irrotational fields. It is an upper bound for
+    /// any field.
     pub storage: f64,
 }
 
@@ -42,14 +47,15 @@ impl Moduli {
     }
 }
 
-/// The porous body at one drained Poisson ratio, for unit Young's modulus (of the undrained body) and unit force on the meshed model.
+/// The porous body at one drained Poisson ratio. Young's modulus of the undrained body and the
+/// force on the mesh are 1.
 pub struct DrainedModel<'a> {
     pub(super) model: &'a PoreModel<'a>,
     pub(super) moduli: Moduli,
     factor: Factor<'a>,
-    /// K_d⁻¹ e.
+    /// Displacements K_d⁻¹ e for unit force on the mesh.
     unit_response: Vec<f64>,
-    /// b = B K_d⁻¹ e.
+    /// Load on the pressures, b = B K_d⁻¹ e.
     pub(super) load: Vec<f64>,
 }
 
@@ -62,31 +68,33 @@ impl<'a> DrainedModel<'a> {
         Ok(Self { model, moduli, factor, unit_response, load })
     }
 
-    /// Φ(∞) in 1/m: displacement of the robot per unit force on the whole body after all pressures have vanished, at unit Young's modulus.
+    /// Φ(∞) in 1/m: displacement of the robot for unit force on the whole body and unit Young's
+    /// modulus, after all pressures have vanished.
     pub fn drained_compliance_per_m(&self) -> f64 {
         self.share() * self.drained()
     }
 
-    /// Φ(τ) in 1/m for every τ ≥ 0 (m²): displacement of the robot per unit force on the whole body, at unit Young's modulus.
+    /// Φ(τ) in 1/m for every τ ≥ 0 (m²): displacement of the robot for unit force on the whole body
+    /// and unit Young's modulus.
     ///
     /// # Errors
-    /// [`Error::Numerical`] if the pressures are not found.
+    /// [`Error::Numerical`] if the iteration for the pressures does not converge.
     pub fn compliances_per_m(&self, areas_m2: &[f64]) -> Result<Vec<f64>> {
         let solved = self.pressures(areas_m2)?;
         Ok(solved.iter().map(|p| self.share() * (self.drained() - dot(&self.load, &p.values))).collect())
     }
 
-    /// Share of the force in the model.
+    /// Fraction of the force on the whole robot that acts on the mesh.
     pub(super) fn share(&self) -> f64 {
         self.model.stiffness.assembly.unknowns.share()
     }
 
-    /// Φ_d of the meshed model.
+    /// Φ(∞) for unit force on the mesh.
     pub(super) fn drained(&self) -> f64 {
         self.unit_response[self.unit_response.len() - 1]
     }
 
-    /// Displacements for a force (N) on the meshed model and pressures.
+    /// Displacements of all unknowns for a force (N) on the mesh and given pressures.
     pub(super) fn displacements(&self, force_n: f64, pressures: &[f64]) -> Vec<f64> {
         let mut field = vec![0.0; self.unit_response.len()];
         self.model.pressures.add_transposed_divergence(pressures, &mut field);
@@ -95,13 +103,13 @@ impl<'a> DrainedModel<'a> {
         field
     }
 
-    /// Replaces columns, stored one after the other, by K_d⁻¹ times them.
+    /// Replaces each column c by K_d⁻¹ c. The columns are stored one after the other.
     pub(super) fn solve_skeleton(&self, columns: &mut [f64]) {
         columns.iter_mut().for_each(|f| *f *= self.moduli.softness);
         self.factor.solve_in_place(columns);
     }
 
-    /// A times columns, A = M/M̂ + B K_d⁻¹ Bᵀ.
+    /// Products A c for every column c, with A = M/M̂ + B K_d⁻¹ Bᵀ.
     pub(super) fn apply_storage(&self, columns: &[&[f64]]) -> Vec<Vec<f64>> {
         let (pressures, n) = (&self.model.pressures, self.model.pressures.n_displacements());
         let mut block = vec![0.0; n * columns.len()];
@@ -117,8 +125,9 @@ impl<'a> DrainedModel<'a> {
         columns.iter().zip(block.chunks_exact(n)).map(product).collect()
     }
 
-    /// (A + τH)⁻¹ b for every τ, all at once so that the skeleton is solved in blocks. The preconditioner S M + τH is an upper bound of A + τH and
-    /// equals it on irrotational fields.
+    /// Returns (A + τH)⁻¹ b for every τ (m²). All τ are treated together, so that the skeleton is
+    /// solved in blocks. The preconditioner S M + τH is an upper bound of A + τH and equals it on
+    /// irrotational fields.
     pub(super) fn pressures(&self, areas_m2: &[f64]) -> Result<Vec<Pressure>> {
         let mut systems: Vec<Conjugate> =
             areas_m2.iter().map(|&area| Conjugate::new(self, area)).collect::<Result<_>>()?;
@@ -138,7 +147,7 @@ impl<'a> DrainedModel<'a> {
     }
 }
 
-/// Conjugate gradients at one τ.
+/// State of the conjugate-gradient iteration at one τ.
 struct Conjugate<'a> {
     area_m2: f64,
     preconditioner: PressureFactor<'a>,
@@ -146,7 +155,8 @@ struct Conjugate<'a> {
     stored: Vec<f64>,
     residual: Vec<f64>,
     direction: Vec<f64>,
-    /// r · P⁻¹r, at present and at the start.
+    /// r · P⁻¹r, with r the residual and P the preconditioner. The next field is its value at the
+    /// start.
     square: f64,
     first_square: f64,
 }
@@ -174,7 +184,7 @@ impl<'a> Conjugate<'a> {
         self.square <= TOLERANCE * TOLERANCE * self.first_square
     }
 
-    /// One iteration, given A times the direction.
+    /// Performs one iteration. `stored` is A times the search direction.
     fn advance(&mut self, body: &DrainedModel, stored: &[f64]) {
         let mut product = stored.to_vec();
         body.model.pressures.add_product(0.0, self.area_m2, &self.direction, &mut product);

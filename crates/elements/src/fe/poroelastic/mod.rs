@@ -1,17 +1,26 @@
-//! Pore flow around the robot: Biot's quasi-static equations with displacements and pressures (physics §5, `poroelasticity`; exact references §4.2, §4.9).
+//! Pore flow around the robot: Biot's quasi-static equations with displacements and pressures
+//! (physics §5, `poroelasticity`; exact references §4.2, §4.9).
 //!
-//! The law acts on skeleton and storage alike. Let p = G p'. The whole body is then one operator in τ = k G/s (k the mobility in m²/(Pa·s)):
+//! The law acts on the skeleton and on the storage alike. Let p = G p', with p the pressure and
+//! G(s) the law's modulus. The whole body is then one operator in τ = k G/s (k the mobility in
+//! m²/(Pa·s)):
 //!
-//!   K_d u − Bᵀp' = f/G,  B u + (M/M̂ + τH) p' = 0,
+//!  K_d u − Bᵀp' = f/G,  B u + (M/M̂ + τH) p' = 0.
 //!
-//! with K_d = 2μ̂ K_dev + κ̂_d K_vol, equal μ̂ for drained and undrained, κ̂ = 2μ̂(1 + ν)/(3(1 − 2ν)) and 1/M̂ = 1/(κ̂_u − κ̂_d) (α = 1, M. A. Biot 1941,
-//! doi:10.1063/1.1712886). The robot's compliance is Φ(τ)/G, Φ(τ) = eᵀ[K_d + Bᵀ(M/M̂ + τH)⁻¹B]⁻¹e. It rises from the undrained Φ(0) to the drained Φ(∞),
-//! Φ(τ) = Φ(0) (1 + Σ wₖ τ/(τ + τₖ)) with wₖ, τₖ > 0. [`PoreSpectrum`] gives at most ten such terms for any drained Poisson ratio.
+//! Here K_d = 2μ̂ K_dev + κ̂_d K_vol. The shear modulus μ̂ is equal for the drained and the
+//! undrained body, and κ̂ = 2μ̂(1 + ν)/(3(1 − 2ν)). The storage is 1/M̂ = 1/(κ̂_u − κ̂_d) (α = 1,
+//! M. A. Biot 1941, doi:10.1063/1.1712886). M, H and B are the matrices of [`PressureSpace`].
 //!
-//! The elements are of Taylor–Hood type: the project's displacements with continuous pressures that are linear between the corners, which is stable. K_d is the base's
-//! stiffness at ν_d. Its condensed pressures cost nothing, and the drained limit equals the base model at ν_d to rounding. The undrained limit is another
-//! discretisation than the base's; the difference is 1e-5 on the model mesh. Between the limits the linear pressures have an error of second order, up to 4e-4 of the
-//! compliance on a mesh like the model's.
+//! The robot's compliance is Φ(τ)/G, with Φ(τ) = eᵀ[K_d + Bᵀ(M/M̂ + τH)⁻¹B]⁻¹e and e the unit
+//! force. It rises from the undrained Φ(0) to the drained Φ(∞): Φ(τ) = Φ(0) (1 + Σ wₖ τ/(τ + τₖ))
+//! with wₖ, τₖ > 0. [`PoreSpectrum`] gives at most ten such terms for any drained Poisson ratio.
+//!
+//! The elements are of Taylor–Hood type: the project's displacements with continuous pressures that
+//! are linear between the corners. This combination is stable. K_d is the base model's stiffness at
+//! ν_d. Its condensed pressures cost nothing, and the drained limit equals the base model at ν_d to
+//! rounding. The undrained limit differs from the base model, because its discretisation is
+//! another. The difference is 1e-5 on the model mesh. Between the limits the linear pressures have
+//! an error of second order, up to 4e-4 of the compliance on a mesh like the model's.
 
 mod condensed;
 mod creep;
@@ -29,20 +38,22 @@ use crate::fe::Stiffness;
 use crate::mesh::Mesh;
 use base::error::{Error, Result};
 
-/// A mesh with its pressures, at an undrained Poisson ratio.
+/// A mesh with pore pressures, at one undrained Poisson ratio.
 pub struct PoreModel<'a> {
     stiffness: &'a Stiffness,
     pressures: PressureSpace,
     poisson_ratio: f64,
-    /// Range of lengths (m) over which pressures vary: the robot's smallest radius and the mesh's largest.
+    /// Shortest and longest length (m) over which pressures vary: the robot's smallest radius and
+    /// the mesh's largest radius.
     lengths_m: [f64; 2],
 }
 
 impl<'a> PoreModel<'a> {
-    /// Adds pressures to a mesh's stiffness. `poisson_ratio` is the undrained one, below ½.
+    /// Adds pressures to a mesh and its stiffness. `poisson_ratio` is the undrained one, below ½.
     ///
     /// # Errors
-    /// Those of [`PressureSpace::new`], and [`Error::Numerical`] for a Poisson ratio outside (−1, ½).
+    /// Those of [`PressureSpace::new`], and [`Error::Numerical`] if the Poisson ratio lies outside
+    /// (−1, ½).
     pub fn new(mesh: &Mesh, stiffness: &'a Stiffness, poisson_ratio: f64) -> Result<Self> {
         if !(poisson_ratio > -1.0 && poisson_ratio < 0.5) {
             return Err(Error::numerical(
@@ -57,20 +68,20 @@ impl<'a> PoreModel<'a> {
         Ok(Self { stiffness, pressures, poisson_ratio, lengths_m: [smallest, largest] })
     }
 
-    /// The pressures and their matrices.
+    /// The pressures, and their matrices.
     pub fn pressures(&self) -> &PressureSpace {
         &self.pressures
     }
 
-    /// The undrained Poisson ratio.
+    /// Undrained Poisson ratio.
     pub fn poisson_ratio(&self) -> f64 {
         self.poisson_ratio
     }
 
-    /// The body at a drained Poisson ratio in (−1, ν), with ν the undrained ratio.
+    /// Returns the model at a drained Poisson ratio in (−1, ν), with ν the undrained ratio.
     ///
     /// # Errors
-    /// [`Error::Numerical`] for other ratios.
+    /// [`Error::Numerical`] for a ratio outside this range.
     pub fn drained(&'a self, drained_poisson_ratio: f64) -> Result<DrainedModel<'a>> {
         if !(drained_poisson_ratio > -1.0 && drained_poisson_ratio < self.poisson_ratio) {
             return Err(Error::numerical(

@@ -1,4 +1,4 @@
-//! Continuous linear pressures on the corners of the elements, and their matrices.
+//! Continuous linear pressures, given at the corners of the elements, and their matrices.
 
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt::factor::LltRegularization;
@@ -13,22 +13,24 @@ use crate::fe::factorisation::add_symmetric_product;
 use crate::mesh::{ElementKind, HEXAHEDRON27_REFERENCE_NODES, Mesh};
 use base::error::{Error, Result};
 
-/// Pressures of a mesh: B = ∫ q div u, M = ∫ q q and H = ∫ ∇q·∇q. No pressure is fixed: robot, outer wall and symmetry planes are impermeable.
+/// Pore pressures of a mesh, with the matrices B = ∫ q div u, M = ∫ q q and H = ∫ ∇q·∇q. No
+/// pressure is fixed, because robot, outer wall and symmetry planes are impermeable.
 #[derive(Debug)]
 pub struct PressureSpace {
     nodes: Vec<u32>,
     n_displacements: usize,
-    /// B by rows: start of each pressure's entries; unknowns and values (m²).
+    /// First entry of each pressure's row of B. The next field holds the entries: unknown and value
+    /// (m²).
     row_start: Vec<usize>,
     entries: Vec<(u32, f64)>,
-    /// Upper triangle of M and H.
+    /// Sparsity pattern of the upper triangles of M and H.
     pattern: SymbolicSparseColMat<u32>,
     mass: Vec<f64>,
     diffusion: Vec<f64>,
     symbolic: SymbolicCholesky<u32>,
 }
 
-/// Matrices of one element: 8 × 81 (or 4 × 30) entries of B, and M and H.
+/// Matrices of one element: B with 8 × 81 (hexahedron) or 4 × 30 (tetrahedron) entries, M and H.
 struct ElementMatrices {
     divergence: Vec<[f64; 3]>,
     mass: Vec<f64>,
@@ -36,10 +38,12 @@ struct ElementMatrices {
 }
 
 impl PressureSpace {
-    /// Assembles a mesh of 27-node hexahedra or 10-node tetrahedra with the displacement unknowns `unknowns`.
+    /// Assembles the matrices of a mesh of 27-node hexahedra or 10-node tetrahedra. `unknowns`
+    /// numbers the displacements.
     ///
     /// # Errors
-    /// [`Error::Numerical`] for 4-node tetrahedra, whose linear displacements make linear pressures oscillate, and for inverted elements.
+    /// [`Error::Numerical`] for inverted elements and for 4-node tetrahedra. With their linear
+    /// displacements, linear pressures would oscillate.
     pub fn new(mesh: &Mesh, unknowns: &Unknowns) -> Result<Self> {
         let corner_values = corner_values(mesh.element_kind)?;
         let n_corners = corner_values.len();
@@ -52,7 +56,7 @@ impl PressureSpace {
         };
         let matrices: Vec<ElementMatrices> = elements.par_iter().map(matrices).collect::<Result<_>>()?;
 
-        // Index of every node's components among the unknowns, counted from 1; 0 for fixed components.
+        // Index + 1 of the unknown of every node's component; 0 for fixed components.
         let count = unknowns.count();
         let places = unknowns.nodal_displacement(&(1..=count).map(|i| i as f64).collect::<Vec<_>>());
         let (mut divergence, mut symmetric) = (Vec::new(), Vec::new());
@@ -107,17 +111,17 @@ impl PressureSpace {
         })
     }
 
-    /// Number of pressures.
+    /// Number of pressure unknowns.
     pub fn n_pressures(&self) -> usize {
         self.nodes.len()
     }
 
-    /// Node of the mesh for each pressure.
+    /// Node of the mesh at which each pressure is defined.
     pub fn nodes(&self) -> &[u32] {
         &self.nodes
     }
 
-    /// B u, in m² times the unit of u.
+    /// Product B u, in m² times the unit of u.
     pub fn divergence(&self, displacements: &[f64]) -> Vec<f64> {
         let product = |range: &[usize]| {
             self.entries[range[0]..range[1]].iter().map(|(j, b)| b * displacements[*j as usize]).sum()
@@ -125,19 +129,19 @@ impl PressureSpace {
         self.row_start.windows(2).map(product).collect()
     }
 
-    /// Bᵀ q, added to `result`.
+    /// Adds Bᵀ q to `result`.
     pub fn add_transposed_divergence(&self, pressures: &[f64], result: &mut [f64]) {
         for (range, q) in self.row_start.windows(2).zip(pressures) {
             self.entries[range[0]..range[1]].iter().for_each(|(j, b)| result[*j as usize] += b * q);
         }
     }
 
-    /// M, upper triangle, in m³.
+    /// Upper triangle of M, in m³.
     pub fn mass(&self) -> SparseColMatRef<'_, u32, f64> {
         SparseColMatRef::new(self.pattern.as_ref(), &self.mass)
     }
 
-    /// H, upper triangle, in m.
+    /// Upper triangle of H, in m.
     pub fn diffusion(&self) -> SparseColMatRef<'_, u32, f64> {
         SparseColMatRef::new(self.pattern.as_ref(), &self.diffusion)
     }
@@ -146,7 +150,7 @@ impl PressureSpace {
         self.n_displacements
     }
 
-    /// Factor of `storage` M + `area` H.
+    /// Cholesky factor of `storage` M + `area` H.
     pub(super) fn factor(&self, storage: f64, area: f64) -> Result<PressureFactor<'_>> {
         let values: Vec<f64> = self.mass.iter().zip(&self.diffusion).map(|(m, h)| storage * m + area * h).collect();
         let matrix = SparseColMatRef::new(self.pattern.as_ref(), &values);
@@ -172,7 +176,7 @@ impl PressureSpace {
         Ok(PressureFactor { symbolic: &self.symbolic, values: factor })
     }
 
-    /// `result` += `storage` M q + `area` H q.
+    /// Adds (`storage` M + `area` H) q to `result`, with q the pressures.
     pub(super) fn add_product(&self, storage: f64, area: f64, pressures: &[f64], result: &mut [f64]) {
         for (factor, matrix) in [(storage, self.mass()), (area, self.diffusion())] {
             if factor != 0.0 {
@@ -183,7 +187,7 @@ impl PressureSpace {
     }
 }
 
-/// A factor of storage M + area H.
+/// Cholesky factor of a sum storage M + area H.
 pub(super) struct PressureFactor<'a> {
     symbolic: &'a SymbolicCholesky<u32>,
     values: Vec<f64>,
@@ -202,7 +206,8 @@ impl PressureFactor<'_> {
     }
 }
 
-/// Values of the corners' linear functions at all nodes. The functions are combinations of the element's own shape functions, Ψ = Σ Ψ(node) φ.
+/// Values of each corner's linear function at all nodes of the element. They express the function
+/// by the element's own shape functions: Ψ = Σ Ψ(node) φ.
 fn corner_values(kind: ElementKind) -> Result<Vec<Vec<f64>>> {
     match kind {
         ElementKind::Hexahedron27 => {
@@ -214,7 +219,8 @@ fn corner_values(kind: ElementKind) -> Result<Vec<Vec<f64>>> {
             Ok(corners.iter().map(of_corner).collect())
         }
         ElementKind::Tetrahedron10 => {
-            // The shape functions of edge middles vanish at the corners, and 4 λₐλ_b is ½ of each end's function there.
+            // The product 4 λₐλ_b is the shape function of the middle of edge ab. It vanishes at
+            // the corners, and its coefficient in each end's linear function is ½.
             let table = TabulatedElement::of(kind);
             const EDGES: [[usize; 2]; 6] = [[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]];
             let value = |corner: usize, node: usize| match node.checked_sub(4) {
@@ -236,7 +242,8 @@ fn corner_values(kind: ElementKind) -> Result<Vec<Vec<f64>>> {
     }
 }
 
-/// Pressure of each node (`u32::MAX` if it has none) and node of each pressure, in the order of the nodes.
+/// Numbers the pressures in the order of the nodes. Returns the pressure of each node (`u32::MAX`
+/// if it has none) and the node of each pressure.
 fn numbered(mesh: &Mesh, n_corners: usize) -> (Vec<u32>, Vec<u32>) {
     let mut pressure_of = vec![u32::MAX; mesh.n_nodes()];
     mesh.elements().for_each(|nodes| nodes[..n_corners].iter().for_each(|&node| pressure_of[node as usize] = 0));
@@ -284,7 +291,7 @@ fn element_matrices(
     Ok(result)
 }
 
-/// Sorts entries by key and adds those of equal keys in their order.
+/// Sorts entries by key, and adds entries of equal keys in their original order.
 fn summed<T>(mut entries: Vec<((u32, u32), T)>, add: impl Fn(&mut T, T)) -> Vec<((u32, u32), T)> {
     entries.sort_by_key(|(key, _)| *key);
     let mut result: Vec<((u32, u32), T)> = Vec::with_capacity(entries.len() / 4);

@@ -1,12 +1,17 @@
-//! The pore spectrum: Φ(τ) = Φ(0) (1 + Σ wₖ τ/(τ + τₖ)) with a few terms, for every drained Poisson ratio of a range.
+//! The pore spectrum: Φ(τ) = Φ(0) (1 + Σ wₖ τ/(τ + τₖ)) with a few terms, for every drained Poisson
+//! ratio ν_d of a range.
 //!
-//! At each of a few ratios (Chebyshev points) the terms are the Galerkin projection on pressures at fixed τ/S, S the storage of irrotational fields. These τ
-//! are chosen greedily at the middle ratio. Ritz values of such a space never cross, so that ln(wₖ/(ν − ν_d)) and ln(τₖ/S) are smooth in ν_d. Polynomials through
-//! the Chebyshev points interpolate them and have exact derivatives.
+//! At a few ratios (Chebyshev points) the terms are computed by a Galerkin projection on pressures
+//! at fixed τ/S. S is the storage of irrotational fields. These τ are chosen greedily at the middle
+//! ratio. Ritz values of such a space never cross. Therefore ln(wₖ/(ν − ν_d)) and ln(τₖ/S) are
+//! smooth in ν_d. Polynomials through the Chebyshev points interpolate them and have exact
+//! derivatives.
 //!
-//! Errors are those of Φ at real τ. After a change of the force the error in time may be twenty times as large, up to 3e-6 of the position with the default settings.
+//! Errors stated here are those of Φ at real τ. After a change of the force the error in time may
+//! be twenty times as large, up to 3e-6 of the position with the default settings.
 //!
-//! Response: with the law G, a term is wₖ/(G + (τₖ/k) s), the law in parallel with a dashpot of viscosity τₖ/k, both divided by wₖ.
+//! Let G be the law's modulus. A term then adds wₖ/(G + (τₖ/k) s) to the response. This is the law
+//! in parallel with a dashpot of viscosity τₖ/k, both divided by wₖ.
 
 use std::f64::consts::PI;
 
@@ -19,63 +24,67 @@ use super::terms::{Direction, Terms};
 use base::error::{Error, Result};
 use base::number::{Dual, Scalar};
 
-/// Shortest length for the choice of terms, over the robot's smallest radius. The range of τ/S extends from its square to the square of the mesh's largest radius.
+/// Shortest length for the choice of terms, divided by the robot's smallest radius. τ/S ranges from
+/// the square of this length to the square of the mesh's largest radius.
 const NEAREST: f64 = 0.01;
-/// Number of pressures per decade of τ that represent all pressures during the choice of terms.
+/// Number of τ per decade whose pressures represent all pressures while the terms are chosen.
 const PER_DECADE: f64 = 4.0;
-/// Number of τ per decade at which errors are evaluated.
+/// Number of τ per decade at which the error is evaluated.
 const CANDIDATES_PER_DECADE: f64 = 20.0;
 
-/// Settings of a spectrum.
+/// Accuracy and range of a pore spectrum.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SpectrumSettings {
-    /// Lowest and highest drained Poisson ratio; the highest lies below the undrained one.
+    /// Lowest and highest drained Poisson ratio. The highest must lie below the undrained one.
     pub drained_poisson_ratio: [f64; 2],
-    /// Largest error of Φ relative to Φ(0) at which no further terms are added.
+    /// Error of Φ, relative to Φ(0), below which no further terms are added.
     pub tolerance: f64,
-    /// Largest number of terms, at least 2.
+    /// Largest permitted number of terms, at least 2.
     pub most_terms: usize,
-    /// Number of drained ratios at which the terms are computed, at least 2.
+    /// Number of drained Poisson ratios at which the terms are computed, at least 2.
     pub n_ratios: usize,
 }
 
 impl Default for SpectrumSettings {
-    /// At most ten terms for 1e-6, ν_d from 0 to 0.45.
+    /// Settings that give at most ten terms for an error of 1e-6, with ν_d from 0 to 0.45.
     fn default() -> Self {
         Self { drained_poisson_ratio: [0.0, 0.45], tolerance: 1e-6, most_terms: 10, n_ratios: 10 }
     }
 }
 
-/// One term w τ/(τ + τₖ).
+/// One term w τ/(τ + τₖ) of a pore spectrum.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PoreTerm {
-    /// w > 0: share of the undrained compliance.
+    /// Weight w > 0: the term's contribution to Φ at τ → ∞, relative to Φ(0).
     pub weight: Dual,
-    /// τₖ > 0 in m².
+    /// τₖ > 0, in m².
     pub area_m2: Dual,
 }
 
-/// Terms of a mesh for any drained Poisson ratio of a range.
+/// The pore spectrum of a mesh, for any drained Poisson ratio of a range.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PoreSpectrum {
-    /// The undrained Poisson ratio.
+    /// Undrained Poisson ratio.
     pub poisson_ratio: f64,
-    /// Lowest and highest drained Poisson ratio.
+    /// Lowest and highest drained Poisson ratio at which the terms are valid.
     pub drained_poisson_ratio: [f64; 2],
-    /// Φ(0) of the porous elements, in 1/m, at the middle drained ratio. The base's compliance comes from another discretisation.
+    /// Φ(0) in 1/m at the middle drained ratio, from the porous elements. The base model's
+    /// compliance comes from another discretisation.
     pub undrained_compliance_per_m: f64,
-    /// Largest error indicator of the terms, relative to Φ(0), over all τ and the computed ratios: the square norm of the residual. It
-    /// is at least half of the error and at most the error.
+    /// Largest error indicator of the terms, relative to Φ(0), over all τ and the computed ratios.
+    /// The indicator is the squared norm of the residual. It is at least half of the error and at
+    /// most the error.
     pub error_indicator: f64,
-    /// Error of the polynomials in ν_d, relative to Φ(0), over all τ at a ratio between the computed ones.
+    /// Error due to the interpolation in ν_d, relative to Φ(0). It is the largest over all τ, at a
+    /// ratio between the computed ones.
     pub interpolation_error: f64,
-    /// Chebyshev coefficients of ln(wₖ/(ν − ν_d)), term by term.
+    /// Chebyshev coefficients of ln(wₖ/(ν − ν_d)), one list per term.
     log_weights: Vec<Vec<f64>>,
-    /// Chebyshev coefficients of ln(τₖ/S), τₖ in m², term by term.
+    /// Chebyshev coefficients of ln(τₖ/S), with τₖ in m², one list per term.
     log_areas: Vec<Vec<f64>>,
 }
 
-/// Terms at one ratio.
+/// Terms at one drained Poisson ratio.
 struct Computed {
     weights: Vec<f64>,
     areas_m2: Vec<f64>,
@@ -91,10 +100,11 @@ impl Computed {
 }
 
 impl PoreSpectrum {
-    /// Computes the terms of a mesh.
+    /// Computes the pore spectrum of a mesh.
     ///
     /// # Errors
-    /// [`Error::Numerical`] for invalid settings, and if pressures are not found.
+    /// [`Error::Numerical`] for invalid settings, or if the iteration for the pressures does not
+    /// converge.
     pub fn build(model: &PoreModel, settings: &SpectrumSettings) -> Result<Self> {
         let [lowest, highest] = settings.drained_poisson_ratio;
         let [smallest_m, largest_m] = model.lengths_m;
@@ -116,7 +126,8 @@ impl PoreSpectrum {
         let (scaled_areas_m2, undrained_compliance_per_m) = chosen_areas_m2(model, settings)?;
         let ratio = |x: f64| 0.5 * (lowest + highest) + 0.5 * (highest - lowest) * x;
         let mut ratios: Vec<f64> = chebyshev_points(settings.n_ratios).map(ratio).collect();
-        // The position of the largest value of the first omitted Chebyshev polynomial, at a quarter of the range.
+        // The interpolation error is evaluated where the first omitted Chebyshev polynomial is
+        // largest, at a quarter of the range.
         let n_quarter = (settings.n_ratios / 4).max(1) as f64;
         ratios.push(ratio((PI * n_quarter / settings.n_ratios as f64).cos()));
         let compute = |&ratio: &f64| computed(&model.drained(ratio)?, &scaled_areas_m2);
@@ -154,15 +165,16 @@ impl PoreSpectrum {
         Ok(spectrum)
     }
 
-    /// Number of terms, equal for every drained Poisson ratio.
+    /// Number of terms. It is equal for every drained Poisson ratio.
     pub fn n_terms(&self) -> usize {
         self.log_weights.len()
     }
 
-    /// Terms at a drained Poisson ratio, slowest first, with derivatives in the direction that the ratio carries.
+    /// Terms at a drained Poisson ratio, slowest first. Their derivatives are in the direction that
+    /// the ratio carries.
     ///
     /// # Errors
-    /// [`Error::OutsideTrainedRange`] for ratios outside the range.
+    /// [`Error::OutsideTrainedRange`] for a ratio outside the range.
     pub fn terms(&self, drained_poisson_ratio: Dual) -> Result<Vec<PoreTerm>> {
         let [lower, upper] = self.drained_poisson_ratio;
         if !(lower..=upper).contains(&drained_poisson_ratio.value) {
@@ -183,19 +195,21 @@ impl PoreSpectrum {
         Ok(self.log_weights.iter().zip(&self.log_areas).map(term).collect())
     }
 
-    /// Φ(τ)/Φ(0) at a drained Poisson ratio and τ ≥ 0 (m², infinite for the drained body).
+    /// Φ(τ)/Φ(0) at a drained Poisson ratio and τ ≥ 0 (m²). An infinite τ is the drained body.
     ///
     /// # Errors
-    /// [`Error::OutsideTrainedRange`] for ratios outside the range.
+    /// [`Error::OutsideTrainedRange`] for a ratio outside the range.
     pub fn relative_compliance(&self, drained_poisson_ratio: f64, area_m2: f64) -> Result<f64> {
         let terms = self.terms(Dual::constant(drained_poisson_ratio))?;
         Ok(1.0 + terms.iter().map(|term| term.weight.value / (1.0 + term.area_m2.value / area_m2)).sum::<f64>())
     }
 
-    /// Largest error of Φ(τ)/Φ(0) over τ in [0, ∞] at one drained Poisson ratio. The exact pressures are solved for.
+    /// Largest error of Φ(τ)/Φ(0) over τ in [0, ∞] at one drained Poisson ratio. It compares with
+    /// exactly solved pressures.
     ///
     /// # Errors
-    /// As [`Self::relative_compliance`], and [`Error::Numerical`] if pressures are not found.
+    /// Those of [`Self::relative_compliance`], and [`Error::Numerical`] if the iteration for the
+    /// pressures does not converge.
     pub fn largest_error(&self, model: &PoreModel, drained_poisson_ratio: f64) -> Result<f64> {
         let body = model.drained(drained_poisson_ratio)?;
         let areas_m2: Vec<f64> = areas_m2(model, PER_DECADE).iter().map(|t| t * body.moduli.storage).collect();
@@ -210,7 +224,8 @@ impl PoreSpectrum {
     }
 }
 
-/// 0 and the values of τ/S from the shortest to the longest length.
+/// Values of τ/S: 0, and the squares of lengths from the shortest to the longest, `per_decade` per
+/// decade.
 fn areas_m2(model: &PoreModel, per_decade: f64) -> Vec<f64> {
     let [smallest_m, largest_m] = model.lengths_m;
     let (first, last) = (2.0 * (NEAREST * smallest_m).log10(), 2.0 * largest_m.log10());
@@ -219,7 +234,8 @@ fn areas_m2(model: &PoreModel, per_decade: f64) -> Vec<f64> {
     [0.0].into_iter().chain((0..=n as usize).map(area)).collect()
 }
 
-/// Chooses the τ/S of the terms' pressures greedily, at the largest error for the middle ratio. Also returns Φ(0) of the whole body there.
+/// Chooses the τ/S of the terms greedily: each next one is where the error at the middle ratio is
+/// largest. Also returns Φ(0) of the whole body at that ratio.
 fn chosen_areas_m2(model: &PoreModel, settings: &SpectrumSettings) -> Result<(Vec<f64>, f64)> {
     let [lowest, highest] = settings.drained_poisson_ratio;
     let body = model.drained(0.5 * (lowest + highest))?;
@@ -227,7 +243,8 @@ fn chosen_areas_m2(model: &PoreModel, settings: &SpectrumSettings) -> Result<(Ve
     let many: Vec<f64> = areas_m2(model, PER_DECADE).iter().map(|t| t * storage).collect();
     let directions: Vec<Direction> =
         body.pressures(&many)?.into_iter().map(|pressure| Direction::of(&body, pressure)).collect();
-    // The following steps work in the span of these, in a basis with A = 1 and diagonal H.
+    // The following steps work in the span of these pressures, in a basis in which A is the
+    // identity and H is diagonal.
     let all = Terms::galerkin(&directions, &body.load)?;
     let undrained = body.drained() - all.at(0.0);
     let direction = |area_m2: f64| {
@@ -241,7 +258,7 @@ fn chosen_areas_m2(model: &PoreModel, settings: &SpectrumSettings) -> Result<(Ve
     while chosen.len() < settings.most_terms {
         let terms = Terms::galerkin(&directions, &all.shares)?;
         if terms.shares.len() < chosen.len() {
-            // The new direction depends on the others: the mesh allows no more terms.
+            // The new pressures depend linearly on the others: the mesh permits no more terms.
             chosen.pop();
             break;
         }
@@ -274,8 +291,9 @@ fn computed(body: &DrainedModel, scaled_areas_m2: &[f64]) -> Result<Computed> {
     })
 }
 
-/// Error of Φ at τ: the square of the residual in the norm of (A + τH)⁻¹. The indicator uses the preconditioner's inverse instead, which gives a lower bound that equals
-/// the error on irrotational fields.
+/// Indicator for the error of Φ at τ. The error is the squared norm of the residual, in the norm of
+/// (A + τH)⁻¹. The indicator uses the preconditioner's inverse instead. It is a lower bound that
+/// equals the error on irrotational fields.
 pub(super) fn indicator(body: &DrainedModel, terms: &Terms, area_m2: f64) -> Result<f64> {
     let residual = terms.residual(area_m2, &body.load);
     let mut solved = residual.clone();
@@ -283,7 +301,7 @@ pub(super) fn indicator(body: &DrainedModel, terms: &Terms, area_m2: f64) -> Res
     Ok(dot(&residual, &solved))
 }
 
-/// S of [`Moduli`], with its derivative.
+/// Storage S of [`Moduli`], with its derivative.
 fn storage(poisson_ratio: f64, drained_poisson_ratio: Dual) -> Dual {
     let two_mu = 1.0 / (1.0 + poisson_ratio);
     let kappa = |nu: Dual| (nu + 1.0) * two_mu / ((Dual::ONE - nu * 2.0) * 3.0);
@@ -291,12 +309,12 @@ fn storage(poisson_ratio: f64, drained_poisson_ratio: Dual) -> Dual {
     Dual::ONE / (undrained - drained) + Dual::ONE / (drained + 2.0 * two_mu / 3.0)
 }
 
-/// Zeros of the Chebyshev polynomial of degree n.
+/// The n zeros of the Chebyshev polynomial of degree n, in [−1, 1].
 fn chebyshev_points(n: usize) -> impl Iterator<Item = f64> {
     (0..n).map(move |j| (PI * (j as f64 + 0.5) / n as f64).cos())
 }
 
-/// Coefficients of the polynomial through values at the Chebyshev points.
+/// Chebyshev coefficients of the polynomial through `values` at the Chebyshev points.
 fn chebyshev_coefficients(values: &[f64]) -> Vec<f64> {
     let n = values.len();
     let coefficient = |k: usize| {
@@ -307,7 +325,7 @@ fn chebyshev_coefficients(values: &[f64]) -> Vec<f64> {
     (0..n).map(coefficient).collect()
 }
 
-/// Σ cₖ Tₖ(x).
+/// Value at x of the Chebyshev series Σ cₖ Tₖ(x), by Clenshaw's recurrence.
 fn clenshaw(coefficients: &[f64], x: Dual) -> Dual {
     let (mut next, mut after) = (Dual::ZERO, Dual::ZERO);
     for &c in coefficients.iter().skip(1).rev() {

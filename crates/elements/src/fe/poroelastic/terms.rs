@@ -1,6 +1,8 @@
-//! bᵀ(A + τH)⁻¹b as a short sum Σ c/(1 + τσ): the Galerkin projection on pressures at a few τ (a rational Krylov space).
+//! Approximation of bᵀ(A + τH)⁻¹b by a short sum Σ c/(1 + τσ). It is the Galerkin projection on
+//! pressures at a few τ (a rational Krylov space).
 //!
-//! The sum agrees with the exact function in value and slope at these τ and lies below it elsewhere. It has positive c and distinct σ > 0 that depend smoothly on A.
+//! The sum agrees with the exact function in value and slope at these τ and lies below it
+//! elsewhere. The c are positive. The σ > 0 are distinct. Both depend smoothly on A.
 
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::{Mat, Par};
@@ -9,11 +11,12 @@ use nalgebra::DMatrix;
 use super::drained::{DrainedModel, Pressure, add_scaled, dot};
 use base::error::{Error, Result};
 
-/// Smallest part of a direction outside the span of the others, in the A-norm. A direction with a smaller part is omitted: it would add only the square of this part to the result, and
-/// rounding of the skeleton's solves would be a large share of it.
+/// Smallest part of a direction outside the span of the others, in the A-norm. A direction with a
+/// smaller part is omitted. It would add only the square of this part to the result, and much of
+/// that would be the rounding error of the skeleton's solutions.
 const LEAST_NEW_PART: f64 = 1e-5;
 
-/// A vector with the products of A and H with it.
+/// A vector v of pressures, with the products A v and H v.
 #[derive(Debug, Clone)]
 pub(super) struct Direction {
     pub values: Vec<f64>,
@@ -22,7 +25,7 @@ pub(super) struct Direction {
 }
 
 impl Direction {
-    /// Pressures of a body, with the products of A and H with them.
+    /// Direction given by the pressures of a body.
     pub fn of(body: &DrainedModel, pressure: Pressure) -> Self {
         let mut diffused = vec![0.0; pressure.values.len()];
         body.model.pressures.add_product(0.0, 1.0, &pressure.values, &mut diffused);
@@ -40,24 +43,26 @@ impl Direction {
     }
 }
 
-/// Σ βₖ²/(1 + τσₖ) with rising σ, and its vectors (A-orthonormal, H-orthogonal).
+/// The sum Σ βₖ²/(1 + τσₖ) with rising σ, and its vectors, which are A-orthonormal and
+/// H-orthogonal.
 #[derive(Debug, Clone)]
 pub(super) struct Terms {
-    /// σ in 1/m².
+    /// Values of σ, in 1/m².
     pub rates_per_m2: Vec<f64>,
-    /// β: shares of the load.
+    /// Values of β: components of the load along the vectors.
     pub shares: Vec<f64>,
     pub vectors: Vec<Direction>,
 }
 
 impl Terms {
-    /// Projects on the span of `directions`. Directions that depend on earlier ones are omitted.
+    /// Projects the problem on the span of `directions`. A direction that depends linearly on
+    /// earlier ones is omitted.
     pub(super) fn galerkin(directions: &[Direction], load: &[f64]) -> Result<Self> {
         let mut basis: Vec<Direction> = Vec::with_capacity(directions.len());
         for direction in directions {
             let mut next = direction.clone();
             let whole = dot(&next.values, &next.stored).sqrt();
-            // Two orthogonalisations are enough.
+            // Orthogonalising twice suffices.
             for _ in 0..2 {
                 for earlier in &basis {
                     let share = dot(&earlier.values, &next.stored);
@@ -96,12 +101,12 @@ impl Terms {
         Ok(Self { rates_per_m2, shares: vectors.iter().map(|v| dot(&v.values, load)).collect(), vectors })
     }
 
-    /// Σ β²/(1 + τσ).
+    /// Value of the sum Σ β²/(1 + τσ) at τ (m²).
     pub(super) fn at(&self, area_m2: f64) -> f64 {
         self.shares.iter().zip(&self.rates_per_m2).map(|(b, rate)| b * b / (1.0 + area_m2 * rate)).sum()
     }
 
-    /// b − (A + τH) p of the projected p.
+    /// Residual b − (A + τH) p of the projected solution p.
     pub(super) fn residual(&self, area_m2: f64, load: &[f64]) -> Vec<f64> {
         let mut residual = load.to_vec();
         for ((share, rate), vector) in self.shares.iter().zip(&self.rates_per_m2).zip(&self.vectors) {
@@ -113,7 +118,7 @@ impl Terms {
     }
 }
 
-/// Replaces a symmetric matrix's lower triangle by its lower Cholesky factor, on one thread.
+/// Replaces the lower triangle of a symmetric matrix by its Cholesky factor. Uses one thread.
 pub(super) fn dense_cholesky(matrix: &mut Mat<f64>) -> Result<()> {
     use faer::linalg::cholesky::llt::factor::{LltRegularization, cholesky_in_place, cholesky_in_place_scratch};
     let n = matrix.nrows();

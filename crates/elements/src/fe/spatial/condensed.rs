@@ -1,7 +1,9 @@
-//! Exact elimination of unknowns that occur in only one of two matrices, before time stepping.
+//! Exact elimination, before time stepping, of unknowns that occur in only one of the two matrices.
 //!
-//! Unknowns e with one law only satisfy K_ee w_e + K_ek w_k = 0 at all times, so that z_e = −K_ee⁻¹K_ek z_k for any law. Only unknowns k in both matrices move independently. These are on the robot's surface
-//! for a slipping gel, on the outer surface for a yielding wall, and on the edge of a pocket. All unknowns of the gel remain if it has mass.
+//! Let e be the unknowns in one matrix only, and k those in both. The former obey one law: K_ee
+//! w_e + K_ek w_k = 0 at all times. Hence z_e = −K_ee⁻¹K_ek z_k for any law, and only the unknowns
+//! k move independently. They are on the robot's surface for a slipping gel, on the outer surface
+//! for a yielding wall, and on the edge of a pocket. If the gel has mass, all its unknowns remain.
 
 use faer::Mat;
 use faer::sparse::Triplet;
@@ -10,28 +12,29 @@ use super::matrices::triplets_of;
 use super::{DegreesOfFreedom, SpatialSystem, SymmetricMatrix, SymmetricSolver};
 use base::error::Result;
 
-/// Number of columns solved at once.
+/// Number of columns that are solved at once.
 const BLOCK: usize = 64;
-/// Largest share of kept unknowns at which elimination is worth its cost.
+/// Largest fraction of kept unknowns at which elimination is worth its cost.
 const MOST_KEPT: f64 = 0.25;
 
-/// Matrices between the unknowns that both contain, and the data to recover the others.
+/// The matrices between the unknowns that occur in both, and the data to recover the others.
 pub(super) struct Condensed<'a> {
     whole: &'a SpatialSystem,
-    /// System between the kept unknowns.
+    /// Matrices between the kept unknowns.
     pub(super) system: SpatialSystem,
     kept: Vec<usize>,
     eliminated: Vec<usize>,
-    /// Sum of both matrices between the eliminated unknowns.
+    /// Sum of both matrices, restricted to the eliminated unknowns.
     between: SymmetricMatrix,
     solver: SymmetricSolver,
 }
 
 impl<'a> Condensed<'a> {
-    /// Eliminates the unknowns that occur in only one matrix. `None` if they are few.
+    /// Eliminates the unknowns that occur in only one matrix. Returns `None` if they are too few to
+    /// be worth it.
     ///
     /// # Errors
-    /// As [`SymmetricSolver::factor`].
+    /// Those of [`SymmetricSolver::factor`].
     pub(super) fn of(whole: &'a SpatialSystem) -> Result<Option<Self>> {
         let n = whole.n_unknowns();
         let both = [&whole.gel, &whole.second];
@@ -42,7 +45,7 @@ impl<'a> Condensed<'a> {
             }
             known
         });
-        // The robot's unknown is the last.
+        // The robot's unknown, which is the last, is always kept.
         let is_kept = |k: &usize| (known[0][*k] && known[1][*k]) || *k + 1 == n;
         let (kept, eliminated): (Vec<usize>, Vec<usize>) = (0..n).partition(is_kept);
         if kept.len() as f64 > MOST_KEPT * n as f64 {
@@ -53,7 +56,7 @@ impl<'a> Condensed<'a> {
             list.iter().zip(0_u32..).for_each(|(unknown, number)| place[*unknown] = number);
         }
         let is_kept: Vec<bool> = (0..n).map(|k| is_kept(&k)).collect();
-        // Per matrix: entries between kept unknowns, and from kept to eliminated ones.
+        // Entries of each matrix between kept unknowns, and from kept to eliminated ones.
         let mut condensed = both.map(|_| Mat::<f64>::zeros(kept.len(), kept.len()));
         let mut couplings: [Vec<(usize, usize, f64)>; 2] = [Vec::new(), Vec::new()];
         let mut between = Vec::new();
@@ -95,7 +98,7 @@ impl<'a> Condensed<'a> {
         }
         drop(factor);
         let [gel, second] = condensed.map(|matrix| {
-            // Symmetric up to rounding.
+            // The matrix is symmetric up to rounding. The mean makes it exactly symmetric.
             let entry = |i: usize, j: usize| 0.5 * (matrix[(i, j)] + matrix[(j, i)]);
             let upper = (0..matrix.ncols()).flat_map(|j| (0..=j).map(move |i| (i, j)));
             let upper: Vec<_> = upper.map(|(i, j)| Triplet::new(i as u32, j as u32, entry(i, j))).collect();
@@ -106,10 +109,10 @@ impl<'a> Condensed<'a> {
         Ok(Some(Self { whole, system, kept, eliminated, between, solver }))
     }
 
-    /// All unknowns for given values of the kept ones, one vector after the other.
+    /// Recovers all unknowns from the kept ones, one vector after the other.
     ///
     /// # Errors
-    /// As [`SymmetricSolver::factor`].
+    /// Those of [`SymmetricSolver::factor`].
     pub(super) fn expanded(&self, kept: Vec<Vec<f64>>) -> Result<Vec<Vec<f64>>> {
         if kept.is_empty() {
             return Ok(kept);

@@ -1,4 +1,5 @@
-//! Displacement components of nodes as combinations of unknowns: tied to the robot, or slipping along its surface.
+//! Displacement components of nodes as combinations of unknowns. On the robot's surface, nodes are
+//! tied to the robot or slip along it.
 
 use nalgebra::Vector3;
 
@@ -6,25 +7,30 @@ use crate::fe::surface::robot_normals;
 use crate::mesh::Mesh;
 use base::error::{Error, Result};
 
-/// Cosine above which two normals at a node count as equal: the faces belong to a smooth surface.
+/// Cosine of the angle between two normals at a node above which they count as equal. The faces
+/// then belong to a smooth surface.
 const SAME_NORMAL: f64 = 0.94;
-/// Length of a remaining direction below which it counts as zero.
+/// Length below which a direction, after subtraction of its components along others, counts as
+/// zero.
 const NOTHING_LEFT: f64 = 1e-6;
 
-/// Displacement of every node as combinations of unknowns. The last unknown is the robot's translation along x (physics §3.1).
+/// Displacement of every node as a combination of unknowns. The last unknown is the robot's
+/// translation along x (physics §3.1).
 #[derive(Debug, Clone)]
 pub struct DegreesOfFreedom {
-    /// Terms of component 3·node + i: from this entry to the next.
+    /// First term of component i of a node: `start[3·node + i]`. The terms end before the next
+    /// component's first.
     start: Vec<u32>,
     terms: Vec<(u32, f64)>,
     count: usize,
-    /// First slip unknown. All unknowns from here to the robot's are slips.
+    /// Index of the first slip unknown. All unknowns from here up to the robot's are slips.
     first_slip: usize,
     share: f64,
 }
 
 impl DegreesOfFreedom {
-    /// Ties the robot's surface to the robot.
+    /// Builds freedoms in which the gel on the robot's surface moves with the robot. The outer
+    /// surface is fixed.
     ///
     /// # Errors
     /// [`Error::Numerical`] for a mesh without a robot or an outer surface.
@@ -32,20 +38,23 @@ impl DegreesOfFreedom {
         Self::new(mesh, |_| Vec::new(), false)
     }
 
-    /// Ties the robot's surface to the robot and frees the outer surface.
+    /// Builds freedoms in which the gel on the robot's surface moves with the robot and the outer
+    /// surface is free.
     ///
     /// # Errors
-    /// As [`Self::tied`].
+    /// Those of [`Self::tied`].
     pub fn with_free_outer_surface(mesh: &Mesh) -> Result<Self> {
         Self::new(mesh, |_| Vec::new(), true)
     }
 
-    /// Ties the gel on the robot's surface along the normal and lets it slip along the surface.
+    /// Builds freedoms in which the gel moves with the robot along the surface's normal and may
+    /// slip along the surface.
     ///
-    /// At an edge, where faces of several directions meet, it slips along their common direction.
+    /// At an edge between faces of different directions, the gel slips only along their common
+    /// direction.
     ///
     /// # Errors
-    /// As [`Self::tied`].
+    /// Those of [`Self::tied`].
     pub fn slipping(mesh: &Mesh) -> Result<Self> {
         let normals = distinct_normals(mesh);
         Self::new(
@@ -69,7 +78,7 @@ impl DegreesOfFreedom {
         )
     }
 
-    /// `slips` gives the slip directions of a node on the robot's surface.
+    /// Numbers the unknowns. `slips` returns the slip directions of a node on the robot's surface.
     fn new(mesh: &Mesh, slips: impl Fn(usize) -> Vec<Vector3<f64>>, is_outer_free: bool) -> Result<Self> {
         if mesh.robot_nodes.is_empty() || mesh.outer_nodes.is_empty() {
             return Err(Error::numerical(
@@ -107,13 +116,14 @@ impl DegreesOfFreedom {
         Ok(Self::of_combinations(combinations, robot_nodes, [first_slip, count as usize], mesh.share()))
     }
 
-    /// `count` unknowns without nodes. The last is the robot's.
+    /// Freedoms of `count` unknowns that belong to no nodes. The last one is the robot's.
     pub(super) fn without_nodes(count: usize, share: f64) -> Self {
         Self { start: vec![0], terms: Vec::new(), count, first_slip: count, share }
     }
 
-    /// Builds freedoms from the combination of unknowns in each component of every node. The combinations exclude the robot's translation. This function
-    /// adds it to the first component of the robot's nodes. Unknowns from `first_slip` to the last one are slips.
+    /// Builds freedoms from the combination of unknowns in each component of every node. The given
+    /// combinations exclude the robot's translation. This function adds it to the first component
+    /// of the robot's nodes. Unknowns from `first_slip` up to the robot's are slips.
     pub(in crate::fe) fn of_combinations(
         mut combinations: Vec<[Vec<(u32, f64)>; 3]>,
         robot_nodes: impl Iterator<Item = usize>,
@@ -131,40 +141,42 @@ impl DegreesOfFreedom {
         Self { start, terms, count: count + 1, first_slip, share }
     }
 
-    /// Number of unknowns.
+    /// Number of unknowns: displacement components, slips and the robot's translation.
     pub fn count(&self) -> usize {
         self.count
     }
 
-    /// Share of the robot and of the force in the model ([`Mesh::share`]).
+    /// Fraction of the whole robot, and of the force on it, that the mesh contains
+    /// ([`Mesh::share`]).
     pub fn share(&self) -> f64 {
         self.share
     }
 
-    /// Index of the robot's translation along x.
+    /// Index of the unknown that is the robot's translation along x.
     pub fn robot(&self) -> usize {
         self.count - 1
     }
 
-    /// True if an unknown is a slip along the robot's surface.
+    /// True if the unknown is a slip along the robot's surface.
     pub fn is_slip(&self, unknown: u32) -> bool {
         (self.first_slip..self.robot()).contains(&(unknown as usize))
     }
 
-    /// Unknowns and their shares in one component of a node's displacement.
+    /// Unknowns in one component of a node's displacement, each with its coefficient.
     pub fn of(&self, node: u32, component: usize) -> &[(u32, f64)] {
         let at = 3 * node as usize + component;
         &self.terms[self.start[at] as usize..self.start[at + 1] as usize]
     }
 
-    /// Displacement of every node (m) from a vector of unknowns.
+    /// Returns the displacement (m) of every node for a vector of unknowns.
     pub fn nodal_displacement(&self, values: &[f64]) -> Vec<[f64; 3]> {
         let n_nodes = (self.start.len() - 1) / 3;
         let value = |node: u32, i: usize| self.of(node, i).iter().map(|(u, share)| share * values[*u as usize]).sum();
         (0..n_nodes as u32).map(|node| std::array::from_fn(|i| value(node, i))).collect()
     }
 
-    /// Elimination order of the unknowns for an order of the nodes. Slips follow their node; the robot's translation is last.
+    /// Elimination order of the unknowns that follows from an order of the nodes. Slips follow
+    /// their node. The robot's translation is last.
     pub fn elimination_order(&self, node_order: &[usize]) -> Vec<usize> {
         let mut is_taken = vec![false; self.count];
         is_taken[self.robot()] = true;
@@ -182,13 +194,15 @@ impl DegreesOfFreedom {
     }
 }
 
-/// Unit vector along the part of a direction that is orthogonal to orthonormal ones.
+/// Unit vector along the part of `direction` that is orthogonal to the orthonormal vectors
+/// `others`. `None` if that part is zero.
 fn left_of(direction: Vector3<f64>, others: &[Vector3<f64>]) -> Option<Vector3<f64>> {
     let left = others.iter().fold(direction, |left, other| left - other * other.dot(&left));
     (left.norm() > NOTHING_LEFT).then(|| left.normalize())
 }
 
-/// Distinct normals of the robot's surface at every node: means over smoothly adjacent faces.
+/// Distinct surface normals of the robot at every node. Normals of smoothly adjacent faces are
+/// averaged.
 fn distinct_normals(mesh: &Mesh) -> Vec<Vec<Vector3<f64>>> {
     let distinct = |normals: Vec<Vector3<f64>>| {
         let mut sums: Vec<Vector3<f64>> = Vec::new();

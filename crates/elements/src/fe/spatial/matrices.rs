@@ -1,4 +1,4 @@
-//! Symmetric sparse matrices over [`DegreesOfFreedom`] and their Cholesky factors.
+//! Symmetric sparse matrices on [`DegreesOfFreedom`], and their Cholesky factors.
 
 use faer::sparse::linalg::cholesky::SymbolicCholesky;
 use faer::sparse::{SparseColMat, SparseColMatRef, Triplet};
@@ -8,12 +8,13 @@ use super::DegreesOfFreedom;
 use crate::fe::factorisation::{add_symmetric_product, analysed, factorised, solve_in_place};
 use base::error::{Error, Result};
 
-/// Upper triangle of a symmetric matrix.
+/// A symmetric sparse matrix, stored as its upper triangle.
 #[derive(Debug, Clone)]
 pub struct SymmetricMatrix(SparseColMat<u32, f64>);
 
 impl SymmetricMatrix {
-    /// Sum of element matrices, with rows and columns ordered node by node, three components each.
+    /// Sums element matrices. Each element gives its nodes and its matrix, with rows and columns
+    /// ordered node by node, three components each.
     ///
     /// # Errors
     /// [`Error::Numerical`] if there are too many entries to number.
@@ -42,20 +43,21 @@ impl SymmetricMatrix {
         Self::from_triplets(freedoms.count(), &triplets)
     }
 
-    /// Sum of entries of the upper triangle.
+    /// Builds an `n` × `n` matrix from entries of its upper triangle. Entries at equal positions
+    /// are summed.
     ///
     /// # Errors
-    /// As [`Self::assemble`].
+    /// Those of [`Self::assemble`].
     pub fn from_triplets(n: usize, triplets: &[Triplet<u32, u32, f64>]) -> Result<Self> {
         SparseColMat::try_new_from_triplets(n, n, triplets).map(Self).map_err(|e| {
             Error::numerical(format!("a matrix of {n} unknowns cannot be built: {e:?}"), "use a coarser mesh")
         })
     }
 
-    /// Σ weight × matrix over `n` unknowns.
+    /// Returns Σ weight × matrix, for matrices with `n` rows.
     ///
     /// # Errors
-    /// As [`Self::assemble`].
+    /// Those of [`Self::assemble`].
     pub fn sum(n: usize, matrices: &[&Self], weights: &[f64]) -> Result<Self> {
         let of_matrix = |(matrix, weight): (&&Self, &f64)| {
             let weight = *weight;
@@ -67,17 +69,17 @@ impl SymmetricMatrix {
         Self::from_triplets(n, &triplets)
     }
 
-    /// The upper triangle.
+    /// Upper triangle of the matrix, in compressed columns.
     pub fn upper(&self) -> SparseColMatRef<'_, u32, f64> {
         self.0.as_ref()
     }
 
-    /// `result` += this × `x`.
+    /// Adds the matrix times `x` to `result`.
     pub fn add_product(&self, x: &[f64], result: &mut [f64]) {
         add_symmetric_product(self.upper(), x, result);
     }
 
-    /// This × `x`.
+    /// Returns the matrix times `x`.
     pub fn product(&self, x: &[f64]) -> Vec<f64> {
         let mut result = vec![0.0; x.len()];
         self.add_product(x, &mut result);
@@ -85,7 +87,7 @@ impl SymmetricMatrix {
     }
 }
 
-/// Entries of an upper triangle.
+/// Iterates over the entries of an upper triangle.
 pub(super) fn triplets_of(upper: SparseColMatRef<'_, u32, f64>) -> impl Iterator<Item = Triplet<u32, u32, f64>> + '_ {
     (0..upper.ncols()).flat_map(move |column| {
         let range = upper.col_ptr()[column] as usize..upper.col_ptr()[column + 1] as usize;
@@ -96,18 +98,20 @@ pub(super) fn triplets_of(upper: SparseColMatRef<'_, u32, f64>) -> impl Iterator
     })
 }
 
-/// Weighted sums of some matrices, with the pattern and the symbolic factor shared by all sums.
+/// Solver for weighted sums of given matrices. All sums share a sparsity pattern and a symbolic
+/// factor.
 #[derive(Debug)]
 pub struct SymmetricSolver {
-    /// Zeros on the common pattern.
+    /// Matrix of zeros with the common sparsity pattern.
     pattern: SparseColMat<u32, f64>,
-    /// Positions of the matrices' entries in the pattern.
+    /// Position, in the common pattern, of each entry of each matrix.
     places: Vec<Vec<u32>>,
     symbolic: SymbolicCholesky<u32>,
 }
 
 impl SymmetricSolver {
-    /// Analyses the sums of matrices over equally many unknowns. `order` is the elimination order.
+    /// Computes the symbolic factor for sums of matrices of equal size. `order` is the elimination
+    /// order of the unknowns.
     ///
     /// # Errors
     /// [`Error::Numerical`] if the factor is too large.
@@ -123,7 +127,7 @@ impl SymmetricSolver {
             let column = entry.col as usize;
             let first = pattern.col_ptr()[column] as usize;
             let rows = &pattern.row_idx()[first..pattern.col_ptr()[column + 1] as usize];
-            // Every entry is in the pattern, because the pattern was built from these entries.
+            // The search succeeds, because the pattern was built from these entries.
             (first + rows.partition_point(|row| *row < entry.row)) as u32
         };
         let places = matrices.iter().map(|matrix| triplets_of(matrix.upper()).map(place).collect()).collect();
@@ -131,7 +135,7 @@ impl SymmetricSolver {
         Ok(Self { pattern, places, symbolic })
     }
 
-    /// Cholesky factor of Σ weight × matrix, with the matrices in the order given to [`Self::new`].
+    /// Cholesky factor of Σ weight × matrix. The matrices are in the order given to [`Self::new`].
     ///
     /// # Errors
     /// [`Error::Numerical`] if the sum is not positive definite.
@@ -153,14 +157,14 @@ impl SymmetricSolver {
     }
 }
 
-/// A Cholesky factor.
+/// Cholesky factor of a weighted sum.
 pub struct SymmetricFactor<'a> {
     symbolic: &'a SymbolicCholesky<u32>,
     values: Vec<f64>,
 }
 
 impl SymmetricFactor<'_> {
-    /// Replaces a right-hand side by the solution.
+    /// Solves for a right-hand side and stores the solution in its place.
     pub fn solve_in_place(&self, right_hand_side: &mut [f64]) {
         solve_in_place(self.symbolic, &self.values, right_hand_side);
     }

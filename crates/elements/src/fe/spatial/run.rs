@@ -1,4 +1,5 @@
-//! Full-order runs of linear effects that change the displacement field. They step the effects' definitions in time.
+//! Full-order runs of linear effects that change the displacement field. They step the effects'
+//! defining equations in time.
 
 use super::condensed::Condensed;
 use super::{GelAndRobot, SpatialSystem, SteppedSystem};
@@ -11,33 +12,34 @@ use laws::rheology::{AdditionalTerm, Element, TimeWindow};
 use laws::stages::{Stages, Switch};
 use record::Force;
 
-/// Result of a run.
+/// Positions and fields that a run returns.
 pub struct SpatialResult {
     /// Recorded position (m) at every row.
     pub position_m: Vec<f64>,
-    /// Displacement of every node (m) at the requested rows.
+    /// Displacement (m) of every node at the requested rows, one list per row.
     pub fields: Vec<Vec<[f64; 3]>>,
-    /// Mesh of the fields, if it differs from that of the surroundings.
+    /// Mesh of the fields, if it differs from the mesh of the surroundings.
     pub mesh: Option<Mesh>,
 }
 
-/// A record to step through.
+/// A record to step through, with the model and the requested output.
 #[derive(Debug, Clone, Copy)]
 pub struct SpatialInput<'a> {
-    /// Load, law and observation.
+    /// Load, law and observation of the model.
     pub stages: &'a Stages,
-    /// Times in s.
+    /// Times of the rows, in s.
     pub time_s: &'a [f64],
-    /// Commanded force.
+    /// Commanded force at the rows.
     pub force: Force<'a>,
-    /// Rows at which fields are requested.
+    /// Indices of the rows at which fields are requested.
     pub rows: &'a [usize],
-    /// Length of the steps.
+    /// Refinement of the time steps.
     pub resolution: Resolution,
 }
 
-/// Positions (m) at rows, and unknowns at the rows of `job`, by superposition. A force that does not depend on the position acts on a linear system. Responses to one step and
-/// one ramp over the record's length therefore give the response to any force.
+/// Positions (m) at all rows, and unknowns at the requested rows, by superposition. If the force
+/// does not depend on the position, it acts on a linear system. Responses to one step and one ramp
+/// over the record's length then give the response to any force.
 fn superposed(
     job: &SpatialInput<'_>,
     system: &dyn TransientSystem,
@@ -90,10 +92,10 @@ fn superposed(
 }
 
 impl SpatialInput<'_> {
-    /// Steps a gel with an effect in addition to its law.
+    /// Runs a gel with an effect in addition to its law.
     ///
     /// # Errors
-    /// [`Error::Numerical`] if the gel softens over time in addition to the effect, or the run fails.
+    /// [`Error::Numerical`] if the gel also softens over time, or if the run fails.
     pub fn run(&self, system: &SpatialSystem, beside: &AdditionalTerm) -> Result<SpatialResult> {
         let condensed = Condensed::of(system)?;
         let (stepped, laws) = SteppedSystem::new(
@@ -110,10 +112,11 @@ impl SpatialInput<'_> {
         })
     }
 
-    /// Steps a gel that drains. `mobility` in m²/(Pa·s); `drained_ratio` is the Poisson ratio of the skeleton.
+    /// Runs a gel with pore flow. `mobility` is in m²/(Pa·s); `drained_ratio` is the Poisson ratio
+    /// of the skeleton.
     ///
     /// # Errors
-    /// As [`Self::run`].
+    /// Those of [`Self::run`].
     pub fn run_pores(
         &self,
         surroundings: &GelAndRobot<'_>,
@@ -161,7 +164,7 @@ impl SpatialInput<'_> {
         })
     }
 
-    /// Window from a hundredth of the shortest interval to the record's length.
+    /// Window of times from a hundredth of the shortest row interval to the record's length.
     fn window(&self) -> TimeWindow {
         let shortest_s = self.time_s.windows(2).map(|pair| pair[1] - pair[0]).fold(f64::INFINITY, f64::min);
         let length_s = self.time_s.last().zip(self.time_s.first()).map_or(1.0, |(last, first)| last - first);

@@ -1,4 +1,4 @@
-//! Two matrices on one set of unknowns: the gel's, and that of an additional effect.
+//! The two matrices of an effect on one set of unknowns: the gel's matrix and the effect's.
 
 use nalgebra::DMatrix;
 use rayon::prelude::*;
@@ -13,42 +13,47 @@ use crate::mesh::Mesh;
 use base::error::Result;
 use laws::rheology::{AdditionalTerm, Element};
 
-/// Matrices of one effect at one Poisson ratio.
+/// The two matrices of one effect at one Poisson ratio.
 #[derive(Debug)]
 pub struct SpatialSystem {
-    /// The unknowns.
+    /// Displacements of the nodes as combinations of the unknowns.
     pub freedoms: DegreesOfFreedom,
-    /// Matrix that the gel's law multiplies: stiffness for unit Young's modulus, in m.
+    /// Matrix of the gel, which its law multiplies: the stiffness for unit Young's modulus, in m.
     pub gel: SymmetricMatrix,
-    /// Matrix of the effect: a stiffness for unit modulus (m), a mass for unit density scale (kg), or a friction for unit coefficient (m²).
+    /// Matrix of the effect: a stiffness for unit modulus (m), a mass for unit density scale (kg),
+    /// or a friction matrix for unit coefficient (m²).
     pub second: SymmetricMatrix,
     solver: SymmetricSolver,
-    /// Unknowns in the order of elimination.
+    /// Elimination order of the unknowns.
     pub(super) order: Vec<usize>,
 }
 
-/// Splitting of two matrices into terms.
+/// Parameters for splitting a system's response into terms.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MatrixSplitting {
-    /// Factor of the second matrix at which the two define the energy norm. At 0 a term is w/(G + μ B), with B the effect's operator; at 1 it is w/((1 − θ) G + θ B).
+    /// Factor of the second matrix in the energy norm, which both matrices define. At 0 a term is
+    /// w/(G + μ B), with B the effect's operator. At 1 it is w/((1 − θ) G + θ B).
     pub reference: f64,
-    /// Factors over the reference at which the full-order model is solved.
+    /// Factors of the second matrix, divided by the reference, at which the full-order model is
+    /// solved.
     pub snapshots: Vec<f64>,
-    /// True if the second matrix is rigid at the effect's null. Only fields that it does not resist are then possible.
+    /// True if the second matrix is rigid at the effect's null. Fields that it resists are then
+    /// impossible.
     pub is_rigid_at_null: bool,
 }
 
-/// Values from the lowest to the highest, with a number per decade.
+/// Returns values from `lowest` to `highest`, equally spaced in the logarithm, with `per_decade`
+/// values per decade.
 pub fn log_spaced(lowest: f64, highest: f64, per_decade: f64) -> Vec<f64> {
     let n = ((highest / lowest).log10() * per_decade).ceil() as usize;
     (0..=n).map(|k| lowest * (highest / lowest).powf(k as f64 / n as f64)).collect()
 }
 
 impl SpatialSystem {
-    /// Prepares the factorisation of two matrices that were assembled on a mesh.
+    /// Prepares the factorisation of two matrices assembled on a mesh.
     ///
     /// # Errors
-    /// As [`SymmetricSolver::new`].
+    /// Those of [`SymmetricSolver::new`].
     pub fn new(mesh: &Mesh, freedoms: DegreesOfFreedom, gel: SymmetricMatrix, second: SymmetricMatrix) -> Result<Self> {
         let n_nodes_per_element = mesh.element_kind.n_nodes();
         let node_order =
@@ -56,10 +61,10 @@ impl SpatialSystem {
         Self::in_order(freedoms, gel, second, &node_order)
     }
 
-    /// Prepares the factorisation for a given elimination order of the nodes.
+    /// Prepares the factorisation, for a given elimination order of the nodes.
     ///
     /// # Errors
-    /// As [`SymmetricSolver::new`].
+    /// Those of [`SymmetricSolver::new`].
     pub(in crate::fe) fn in_order(
         freedoms: DegreesOfFreedom,
         gel: SymmetricMatrix,
@@ -70,7 +75,7 @@ impl SpatialSystem {
         Self::of_unknowns(freedoms, gel, second, order)
     }
 
-    /// Prepares the factorisation for a given elimination order of the unknowns.
+    /// Prepares the factorisation, for a given elimination order of the unknowns.
     pub(super) fn of_unknowns(
         freedoms: DegreesOfFreedom,
         gel: SymmetricMatrix,
@@ -86,7 +91,8 @@ impl SpatialSystem {
         self.freedoms.count()
     }
 
-    /// Factor of the weighted sum of the gel's and the second matrix.
+    /// Cholesky factor of the sum of both matrices. The first weight is the gel's, the second the
+    /// effect's.
     ///
     /// # Errors
     /// [`base::Error::Numerical`] if the sum is not positive definite.
@@ -94,16 +100,17 @@ impl SpatialSystem {
         self.solver.factor(&[&self.gel, &self.second], &weights)
     }
 
-    /// Weighted sum of the gel's and the second matrix.
+    /// Sum of both matrices. The first weight is the gel's, the second the effect's.
     ///
     /// # Errors
-    /// As [`SymmetricMatrix::from_triplets`].
+    /// Those of [`SymmetricMatrix::from_triplets`].
     pub fn sum(&self, weights: [f64; 2]) -> Result<SymmetricMatrix> {
         SymmetricMatrix::sum(self.n_unknowns(), &[&self.gel, &self.second], &weights)
     }
 }
 
-/// Matrices of the elements selected by their nodes, computed in parallel from the nodes' coordinates (m), in the order of the elements.
+/// Computes the matrices of selected elements in parallel, and returns them in the order of the
+/// elements. `is_wanted` receives an element's nodes, `matrix` their coordinates (m).
 ///
 /// # Errors
 /// Those of `matrix`.
@@ -120,7 +127,8 @@ pub fn element_matrices<'a>(
     wanted.par_iter().map(of_element).collect()
 }
 
-/// Stiffness (m) of the elements selected by their nodes, for unit Young's modulus.
+/// Stiffness (m) of selected elements for unit Young's modulus. `is_wanted` receives an element's
+/// nodes.
 ///
 /// # Errors
 /// [`base::Error::Numerical`] for inverted elements.
@@ -139,25 +147,25 @@ pub fn stiffness(
     SymmetricMatrix::assemble(freedoms, elements.into_iter())
 }
 
-/// Role of the second matrix, with the size of the effect.
+/// Physical meaning of the second matrix, with the size of the effect.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Second {
-    /// Stiffness with a law of its own.
+    /// Stiffness that another law multiplies.
     Stiffness,
-    /// Damping, as resistance to velocities, in Pa·s/m.
+    /// Damping: resistance to velocities, in Pa·s/m.
     Damping(f64),
-    /// Mass, as resistance to accelerations, with its scale.
+    /// Mass: resistance to accelerations, with its scale.
     Mass(f64),
 }
 
-/// A system with an additional effect, for time stepping.
+/// A gel with an additional effect, as a system for time stepping.
 pub struct SteppedSystem<'a> {
     system: &'a SpatialSystem,
     second: Second,
 }
 
 impl<'a> SteppedSystem<'a> {
-    /// Builds the system and its laws, in the order of [`ChainPart::Stiffness`].
+    /// Builds the system and its laws. The laws are indexed like [`ChainPart::Stiffness`].
     pub fn new(system: &'a SpatialSystem, law: &[Element], beside: &AdditionalTerm) -> (Self, Vec<Vec<Element>>) {
         let (second, elements) = match beside {
             AdditionalTerm::Friction { compliance } => (Second::Damping(compliance.value.recip()), None),

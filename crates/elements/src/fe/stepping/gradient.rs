@@ -1,19 +1,22 @@
-//! Solves for a force that depends on the position within a step (physics §5).
+//! Solves for a force that depends on the position, within one step (physics §5).
 
 use laws::stages::{Load, MAX_NEWTON_STEPS};
 use nalgebra::{Matrix3, Vector3};
 
-/// Response to the force within a step: x = compliance (M F + h).
+/// Linear response to the force within a step: x = compliance (M F + h). x and F are vectors over
+/// the three stages.
 pub(crate) struct Mechanics {
-    /// Position per unit force and unit modulus, in 1/m.
+    /// Displacement for unit force at unit Young's modulus, in 1/m.
     pub compliance_per_m: f64,
-    /// M: strain at the stages per force at the stages, in 1/Pa.
+    /// M: strains at the stages per force at the stages, in 1/Pa.
     pub response: Matrix3<f64>,
-    /// h: strain at the stages without a force, in N/Pa.
+    /// h: strains at the stages if no force acts in the step, in N/Pa.
     pub history: Vector3<f64>,
 }
 
-/// F = F_in e^{gx} at the stages, with x from `mechanics`, by Newton's method for g x from the step's start. NaN if no balance is found.
+/// Solves F = F_in e^{gx} for the forces at the stages, where `mechanics` gives x. Newton's method
+/// iterates on g x, starting from its value at the step's start. Returns NaN if no balance is
+/// found.
 pub(crate) fn with_gradient(
     load: &Load<f64>,
     start_m: f64,
@@ -39,7 +42,8 @@ pub(crate) fn with_gradient(
     Vector3::repeat(f64::NAN)
 }
 
-/// Change of g x between a step's first stage and its end, for strains (N/Pa) at the stages.
+/// Change of g x between the first stage of a step and its end, for given strains (N/Pa) at the
+/// stages.
 pub(crate) fn change(load: &Load<f64>, compliance_per_m: f64, strain: &Vector3<f64>) -> f64 {
     let exponent = strain * (compliance_per_m * load.gradient_per_m);
     (exponent[2] - exponent[0]).abs()

@@ -1,14 +1,19 @@
-//! Time stepping of the full-order model under any stages. Every effect of load, mechanics and observation is computed from its definition.
+//! Time stepping of the full-order model for any combination of model stages. Every effect of load,
+//! mechanics and observation is computed from its definition.
 //!
-//! The load is one scalar, F(t) along x, and the law is homogeneous. Every unknown is therefore the field of a unit force times one function
-//! of time (physics §3.3): u(x, t) = U(x) q(t), K̂U = f̂, where q is the law's strain response (N/Pa) to the stress F e^{rt}. The finite elements
-//! give the fields, and the steps below give q. This module uses no creep compliance, spectrum or closed form.
+//! The load is one scalar F(t) along x, and the law is homogeneous. Every unknown is therefore the
+//! field of a unit force times one function of time (physics §3.3): u(x, t) = U(x) q(t) with
+//! K̂U = f̂. q is the law's strain response (N/Pa) to the stress F e^{rt}. The finite elements give
+//! the field U, and the steps below give q. This module uses no creep compliance, spectrum or
+//! closed form.
 //!
-//! q is stepped by the three-stage Radau IIA method. The law is a network of springs, dashpots and springpots, each with its own strain.
-//! Lag, gradient and softening are solved with it at the stages. Steps end at every row and at every switch of the delayed command, and grow
-//! geometrically after a switch.
+//! q is stepped by the three-stage Radau IIA method. The law is a network of springs, dashpots and
+//! springpots, each with its own strain. Lag, force gradient and softening are solved together with
+//! it at the method's stages. Steps end at every row and at every switch of the delayed command.
+//! They grow geometrically after a switch.
 //!
-//! At the default [`Resolution`] the error of the robot's position is below 2e-8 of the largest position.
+//! At the default [`Resolution`] the error of the robot's position is below 2e-8 of the largest
+//! position.
 
 mod gradient;
 mod network;
@@ -22,38 +27,41 @@ use base::error::{Error, Result};
 use laws::stages::Stages;
 use record::Force;
 
-/// Refinement of the steps.
+/// Refinement of the time steps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Resolution {
-    /// Number of steps in which the time since a switch doubles, at least 1. The error falls with its fifth power.
+    /// Number of steps during which the time since a switch doubles, at least 1. The error is
+    /// inversely proportional to its fifth power.
     pub steps_per_doubling: u32,
 }
 
 impl Default for Resolution {
-    /// Fine enough for the error stated in [`crate::fe::stepping`].
+    /// Settings for the error that [`crate::fe::stepping`] states.
     fn default() -> Self {
         Self { steps_per_doubling: 12 }
     }
 }
 
-/// Result of a run: recorded position and displacement of the robot at every row, as limits from the left.
+/// Result of a run: values at every row, as limits from the left.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SteppingResult {
     /// Recorded position, in m.
     pub position_m: Vec<f64>,
     /// Displacement of the robot, in m.
     pub displacement_m: Vec<f64>,
-    /// q, in N/Pa.
+    /// q at every row, in N/Pa.
     strain_n_per_pa: Vec<f64>,
 }
 
 impl FullOrderModel<'_> {
-    /// Steps the model through a record: ascending times (s) and the commanded force. Nothing acts before the first row.
+    /// Steps the model through a record of ascending times (s) and commanded force. No force acts
+    /// before the first row.
     ///
-    /// The Poisson ratio is that of this model's factorisation; the stages' value is ignored.
+    /// The Poisson ratio is that of this model's factorisation; the value in `stages` is ignored.
     ///
     /// # Errors
-    /// [`Error::Numerical`] if a force gradient is refused, the law has an element without stiffness, or the position is not finite.
+    /// [`Error::Numerical`] if the force gradient is too large, the law has an element without
+    /// stiffness, or the position is not finite.
     pub fn step<'f>(
         &self,
         stages: &Stages,
@@ -78,7 +86,8 @@ impl FullOrderModel<'_> {
         Ok(SteppingResult { position_m, displacement_m, strain_n_per_pa })
     }
 
-    /// Displacement of all unknowns (m) at the chosen rows of a run, one vector after the other. Rows that the run lacks are omitted.
+    /// Displacement (m) of all unknowns at the rows with the indices `rows`, one vector per row.
+    /// Indices beyond the run's rows are omitted.
     pub fn fields_of(&self, stepped: &SteppingResult, rows: &[usize]) -> Vec<Vec<f64>> {
         let field_per_n = self.field_per_n();
         let strains = rows.iter().filter_map(|&row| stepped.strain_n_per_pa.get(row));

@@ -1,10 +1,13 @@
 //! The law as a network of elements, stepped element by element (physics §3.2).
 //!
-//! At the three stages of a step every body relates stresses σ and strains ε (vectors of three) by its matrix and its history: ε = Jσ + h
-//! for given stress (in series), σ = Gε + g for given strain (in parallel). Springs: J = I/E, h = 0. Dashpots, c ε̇ = σ:
-//! J = Δt A/c, h = ε at the start. In series J and h add, in parallel G and g. G = J⁻¹, g = −J⁻¹h convert one form to the other.
-//! Bodies in series and in parallel alternate after flattening, so that one kind of group is enough: its parts are parallel for given stress, and in series
-//! for given strain.
+//! At the three stages of a step, stresses σ and strains ε are vectors of three. Every body relates
+//! them by a matrix and a history vector. A body in series is given its stress: ε = Jσ + h. A body
+//! in parallel is given its strain: σ = Gε + g. A spring has J = I/E and h = 0. A dashpot, c
+//! ε̇ = σ, has J = Δt A/c and h = ε at the start. In series J and h add; in parallel G and g add.
+//! G = J⁻¹ and g = −J⁻¹h convert one form to the other.
+//!
+//! After flattening, groups in series and in parallel alternate. One kind of group is therefore
+//! enough: its parts are parallel if the stress is given, and in series if the strain is given.
 
 use super::radau::{Radau, inverted};
 use super::springpot::{ArmsStep, RateRange, Springpot};
@@ -14,12 +17,12 @@ use laws::rheology::Element;
 use laws::stages::ElementPlace;
 use nalgebra::{Matrix3, Vector3};
 
-/// Quantity given to a body.
+/// Quantity that a body is given.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum PrescribedQuantity {
-    /// The stress: the body is one of several in series.
+    /// Stress: the body is one of several in series.
     Stress,
-    /// The strain: the body is one of several in parallel.
+    /// Strain: the body is one of several in parallel.
     Strain,
 }
 
@@ -32,15 +35,16 @@ impl PrescribedQuantity {
     }
 }
 
-/// Bodies in series with their state.
+/// Bodies in series, with their state.
 #[derive(Debug, Clone)]
 pub(super) struct Network {
     bodies: Vec<NetworkBody>,
-    /// Index of the body whose element depends on a state, and of that element's part.
+    /// Index of the body that contains the state-dependent element, and the index of that element
+    /// among the body's parts.
     depending: Option<(usize, Option<usize>)>,
 }
 
-/// Factors on the stress of a body, or of one of its parts, at the stages.
+/// Factors, one per stage, on the stress of a body or of one of its parts.
 #[derive(Debug, Clone, Copy)]
 struct Factors {
     part: Option<usize>,
@@ -50,7 +54,7 @@ struct Factors {
 #[derive(Debug, Clone)]
 struct NetworkBody {
     kind: BodyKind,
-    /// h or g of the present step.
+    /// h or g of the current step.
     history: Vector3<f64>,
 }
 
@@ -62,10 +66,10 @@ enum BodyKind {
     Group(Vec<NetworkBody>),
 }
 
-/// Coefficients of the network for steps of one length.
+/// Coefficients of a network for steps of one length.
 #[derive(Debug, Clone)]
 pub(super) struct NetworkStep {
-    /// J of the whole network.
+    /// J of the whole network, in 1/Pa.
     pub compliance: Matrix3<f64>,
     bodies: Vec<BodyStep>,
 }
@@ -75,7 +79,7 @@ struct BodyStep {
     /// J or G, depending on the given quantity.
     response: Matrix3<f64>,
     parts: Parts,
-    /// Factors on the body's stress at the stages.
+    /// Factors on the body's stress, one per stage.
     factors: Vector3<f64>,
 }
 
@@ -87,7 +91,7 @@ enum Parts {
 }
 
 impl Network {
-    /// The network of elements in series, at rest.
+    /// Builds a network of elements in series, at rest.
     ///
     /// # Errors
     /// [`Error::Numerical`] for a law without resistance.
@@ -98,10 +102,11 @@ impl Network {
         Ok(Self { bodies, depending: None })
     }
 
-    /// Builds a network with an element whose stress is multiplied by factors at the stages.
+    /// Builds a network in which the stress of one element, at `leaf`, is multiplied by a factor at
+    /// every stage.
     ///
     /// # Errors
-    /// As [`Self::new`], and if the element has no strain of its own.
+    /// Those of [`Self::new`], and [`Error::Numerical`] if the element has no strain of its own.
     pub(super) fn with_depending(law: &[Element], leaf: ElementPlace, range: RateRange) -> Result<Self> {
         let n_before = |elements: &[Element], place: usize, given: PrescribedQuantity| -> Option<usize> {
             let entry = elements.get(place..=place)?;
@@ -120,7 +125,8 @@ impl Network {
         Ok(Self { depending: Some(depending), ..Self::new(law, range)? })
     }
 
-    /// Approximate fastest rate (1/s) at which the network responds to a change of the stress; 0 if it has none.
+    /// Approximate fastest rate (1/s) at which the network responds to a change of the stress; 0 if
+    /// it has no rate.
     pub(super) fn fastest_rate_per_s(&self, range: RateRange) -> f64 {
         let rate = |body: &NetworkBody| {
             let mut sizes = NetworkSizes { stiffness_pa: 0.0, viscosity_pa_s: f64::INFINITY, has_springpot: false };
@@ -135,7 +141,7 @@ impl Network {
         self.prepare_with(radau, step_s, Vector3::repeat(1.0))
     }
 
-    /// [`Self::prepare`] with factors at the stages on the stress of the state-dependent element.
+    /// [`Self::prepare`] with factors, one per stage, on the stress of the state-dependent element.
     pub(super) fn prepare_with(&self, radau: &Radau, step_s: f64, at_stages: Vector3<f64>) -> NetworkStep {
         let of = |(place, body): (usize, &NetworkBody)| {
             let pair = self.depending.filter(|(depending, _)| *depending == place);
@@ -145,19 +151,21 @@ impl Network {
         NetworkStep { compliance: bodies.iter().map(|body| body.response).sum(), bodies }
     }
 
-    /// Strain at the stages of the body with the state-dependent element, given the stress there, after [`Self::begin`]. Strain of the whole network if there is none.
+    /// Strain at the stages of the body that contains the state-dependent element, for given stress
+    /// at the stages. Call it after [`Self::begin`]. Without such an element, returns the strain of
+    /// the whole network.
     pub(super) fn strain_of_depending(&self, step: &NetworkStep, stress: &Vector3<f64>) -> Vector3<f64> {
         let all = self.bodies.iter().zip(&step.bodies).enumerate();
         let is_meant = |place: usize| self.depending.is_none_or(|(depending, _)| depending == place);
         all.filter(|(place, _)| is_meant(*place)).map(|(_, (body, step))| step.response * stress + body.history).sum()
     }
 
-    /// Begins a step. Returns the strain at the stages for zero stress.
+    /// Begins a step. Returns the strains at the stages for zero stress.
     pub fn begin(&mut self, step: &NetworkStep) -> Vector3<f64> {
         self.bodies.iter_mut().zip(&step.bodies).map(|(body, step)| body.begin(step, PrescribedQuantity::Stress)).sum()
     }
 
-    /// Advances every body to the step's end, given the stress at the stages.
+    /// Ends a step: advances every body to the step's end, for given stress at the stages.
     pub(super) fn end(&mut self, step: &NetworkStep, stress: &Vector3<f64>) {
         for (body, step) in self.bodies.iter_mut().zip(&step.bodies) {
             body.end(step, PrescribedQuantity::Stress, stress);
@@ -165,15 +173,17 @@ impl Network {
     }
 }
 
-/// Mechanical type of an element.
+/// Mechanical behaviour of an element.
 enum MechanicalType {
     Rigid,
     WithoutResistance,
     Body(BodyKind),
 }
 
-/// Bodies of `elements` that all receive the given quantity. `None` if one element alone determines the response: one without resistance in series, or a rigid one
-/// in parallel. Elements without effect (rigid in series, without resistance in parallel) are omitted.
+/// Builds the bodies of `elements`, all of which are given the same quantity. Elements without
+/// effect are omitted: rigid ones in series, and ones without resistance in parallel. Returns
+/// `None` if one element alone determines the response: one without resistance in series, or a
+/// rigid one in parallel.
 fn bodies(elements: &[Element], given: PrescribedQuantity, range: RateRange) -> Option<Vec<NetworkBody>> {
     let mut found = Vec::with_capacity(elements.len());
     for element in elements {
@@ -183,7 +193,7 @@ fn bodies(elements: &[Element], given: PrescribedQuantity, range: RateRange) -> 
             Element::Compliance { compliance_per_pa } => spring(1.0 / compliance_per_pa.value),
             Element::Retarded { compliance_per_pa, time_s } => {
                 let modulus_pa = Dual::constant(1.0 / compliance_per_pa.value);
-                // A body that never yields is rigid for any retardation time.
+                // A body of infinite modulus is rigid for any retardation time.
                 let kelvin_voigt = Element::kelvin_voigt(modulus_pa, modulus_pa * time_s.value);
                 found.extend(bodies(&[kelvin_voigt], given, range)?);
                 continue;
@@ -229,7 +239,7 @@ fn dashpot(viscosity_pa_s: f64) -> MechanicalType {
     sized(viscosity_pa_s, || BodyKind::Dashpot { viscosity_pa_s, strain: 0.0 })
 }
 
-/// s = coefficient Dᵅε.
+/// Builds a springpot with stress s = `coefficient` Dᵅε, where α is `order`.
 fn springpot(coefficient: f64, order: f64, range: RateRange) -> MechanicalType {
     if order >= 1.0 {
         dashpot(coefficient)
@@ -250,11 +260,11 @@ fn sized(size: f64, kind: impl FnOnce() -> BodyKind) -> MechanicalType {
     }
 }
 
-/// Quantities that determine the rates of a body.
+/// Stiffness and viscosity that determine the rates of a body.
 struct NetworkSizes {
-    /// Sum of the springs' moduli.
+    /// Sum of the springs' moduli, in Pa.
     stiffness_pa: f64,
-    /// Smallest viscosity.
+    /// Smallest viscosity of the dashpots, in Pa·s.
     viscosity_pa_s: f64,
     has_springpot: bool,
 }

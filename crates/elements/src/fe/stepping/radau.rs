@@ -1,16 +1,17 @@
-//! The three-stage Radau IIA method (order 5, L-stable): E. Hairer, G. Wanner, Solving Ordinary Differential Equations II, §IV.5,
-//! doi:10.1007/978-3-642-05221-7. Its last stage is the step's end, so that strains that jump with the stress need no special treatment.
+//! The three-stage Radau IIA method (order 5, L-stable). Source: E. Hairer, G. Wanner, Solving
+//! Ordinary Differential Equations II, §IV.5, doi:10.1007/978-3-642-05221-7. Its last stage is the
+//! step's end, so that strains that jump with the stress need no special treatment.
 
 use nalgebra::{Matrix3, Vector3};
 
-/// Coefficients of the method.
+/// Coefficients of the Radau IIA method.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Radau {
-    /// Stages as shares of the step.
+    /// Time of each stage, as a fraction of the step.
     pub nodes: Vector3<f64>,
-    /// A: stage values are the start's value plus Δt A times the stages' rates.
+    /// A: values at the stages are the value at the start plus Δt A times the rates at the stages.
     pub matrix: Matrix3<f64>,
-    /// A⁻¹.
+    /// Inverse of A.
     pub inverse: Matrix3<f64>,
 }
 
@@ -32,13 +33,15 @@ impl Radau {
         Self { nodes, matrix, inverse: inverted(matrix) }
     }
 
-    /// (I + zA)⁻¹: stage values of y' = −(z/Δt)(y − y_end), as a share of the initial distance.
+    /// (I + zA)⁻¹: values at the stages of the solution of y' = −(z/Δt)(y − y_end). They are
+    /// distances from y_end, divided by the distance at the start.
     pub(super) fn resolvent(&self, z: f64) -> Matrix3<f64> {
         inverted(Matrix3::identity() + self.matrix * z)
     }
 }
 
-/// The inverse. It is NaN for a singular matrix, so that the run's check of its result detects this.
+/// Inverse of a matrix. For a singular matrix it is NaN, so that the final check of the run's
+/// result detects this.
 pub(super) fn inverted(matrix: Matrix3<f64>) -> Matrix3<f64> {
     matrix.try_inverse().unwrap_or_else(|| Matrix3::repeat(f64::NAN))
 }
@@ -47,7 +50,8 @@ pub(super) fn inverted(matrix: Matrix3<f64>) -> Matrix3<f64> {
 mod tests {
     use super::*;
 
-    /// Stages integrate tⁿ⁻¹ exactly up to n = 3; the end, the last row of A, up to n = 5.
+    /// Checks the exactness of the integrals of tⁿ⁻¹. The stages are exact up to n = 3. The end,
+    /// given by the last row of A, is exact up to n = 5.
     #[test]
     fn polynomials_are_integrated_exactly() {
         let radau = Radau::new();
@@ -59,7 +63,7 @@ mod tests {
         }
     }
 
-    /// R(−z) is the (2, 3) Padé approximation of e⁻ᶻ.
+    /// Checks that the method's factor for a decay, R(−z), is the (2, 3) Padé approximation of e⁻ᶻ.
     #[test]
     fn the_end_of_a_decay_is_the_pade_approximation() {
         let radau = Radau::new();

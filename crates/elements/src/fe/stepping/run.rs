@@ -1,4 +1,4 @@
-//! One run: stops, steps, and the equations of a step.
+//! One run: stops, steps, and the equations solved in a step.
 
 use super::Resolution;
 use super::gradient::{self, Mechanics};
@@ -13,7 +13,7 @@ use nalgebra::{Matrix3, Vector3};
 use record::Force;
 use std::collections::HashMap;
 
-/// q (N/Pa) at every row.
+/// Returns q (N/Pa) at every row.
 pub fn strains(
     compliance_per_m: f64,
     stages: &Stages,
@@ -27,7 +27,7 @@ pub fn strains(
         .collect())
 }
 
-/// q (N/Pa) and the observed position (m) at every row.
+/// Returns q (N/Pa) and the observed position (m) at every row.
 pub fn strains_and_positions(
     compliance_per_m: f64,
     stages: &Stages,
@@ -45,7 +45,8 @@ pub fn strains_and_positions(
     let mut coming = switches.iter().copied().enumerate().peekable();
     let mut answers = Vec::with_capacity(time_s.len());
     for &row_s in time_s {
-        // A switch at a row comes after the row: positions are limits from the left.
+        // A switch at the time of a row acts only after the row, because positions are limits from
+        // the left.
         while let Some((i, switch)) = coming.next_if(|(_, switch)| switch.time_s < row_s - run.rounding_s) {
             run.advance_to(switch.time_s)?;
             run.switch(switch, gap_s(time_s, &switches, i, run.rounding_s));
@@ -56,7 +57,8 @@ pub fn strains_and_positions(
     Ok(answers)
 }
 
-/// Time from switch `i` to the next row or switch that is later by more than rounding; infinite if there is none.
+/// Time (s) from switch `i` to the next row or switch that is later by more than rounding. Infinite
+/// if there is none.
 pub(crate) fn gap_s(time_s: &[f64], switches: &[Switch], i: usize, rounding_s: f64) -> f64 {
     let after_s = switches[i].time_s + rounding_s;
     let row_s = time_s.get(time_s.partition_point(|&t| t <= after_s)).copied().unwrap_or(f64::INFINITY);
@@ -64,12 +66,13 @@ pub(crate) fn gap_s(time_s: &[f64], switches: &[Switch], i: usize, rounding_s: f
     row_s.min(switch_s) - switches[i].time_s
 }
 
-/// Factor at the stages on the lag's F − F_in at the step's start.
+/// Response of the lag: factors, one per stage, on F − F_in at the step's start.
 fn lag_left(radau: &Radau, load: &Load<f64>, step_s: f64) -> Vector3<f64> {
     load.lag_times_in(step_s).map_or_else(Vector3::zeros, |lags| radau.resolvent(lags) * Vector3::repeat(1.0))
 }
 
-/// Force (N) after the lag at stages (s). `start_n` is the force at the step's start, and `left` the remaining share of its distance from the input.
+/// Force (N) after the lag at the times `at_s` (s). `start_n` is the force at the step's start.
+/// `left` is the remaining fraction of the force's distance from the input.
 fn lagged_n(
     load: &Load<f64>,
     input: &Switch,
@@ -80,36 +83,41 @@ fn lagged_n(
     left * (start_n - load.steady_lagged_n(input, start_s)) + at_s.map(|t| load.steady_lagged_n(input, t))
 }
 
-/// Shortest time after a switch at which the response is resolved, as a share of the mean time between rows.
+/// Shortest time after a switch at which the response is resolved, as a fraction of the mean time
+/// between rows.
 const LEAST_GAP: f64 = 1e-7;
 
-/// Shortest time from a switch to the next row or switch.
+/// Shortest time (s) from any switch to the next row or switch.
 fn shortest_gap_s(time_s: &[f64], switches: &[Switch], length_s: f64, rounding_s: f64) -> f64 {
     let gaps = (0..switches.len()).map(|i| gap_s(time_s, switches, i, rounding_s));
     gaps.fold(length_s, f64::min).max(LEAST_GAP * length_s / time_s.len() as f64)
 }
 
-/// Matrices of one step length.
+/// Matrices for one step length.
 struct PreparedStepping {
     step_s: f64,
     network: NetworkStep,
-    /// Factor at the stages on the lag's F − F_in at the start.
+    /// Factors, one per stage, on the lag's F − F_in at the step's start.
     lag_left: Vector3<f64>,
 }
 
-/// Largest change of g x between a step's first stage and its end at which Radau's method follows the force to 10⁻⁸.
+/// Largest change of g x between a step's first stage and its end. Up to this change, Radau's
+/// method follows the force to 10⁻⁸.
 const MOST_CHANGE: f64 = 0.15;
-/// Largest number of halvings of a step for this limit. A change that is still larger means instability.
+/// Largest number of times that a step is halved to keep the change of g x below [`MOST_CHANGE`].
+/// If it is still larger, the robot is unstable.
 const MOST_HALVINGS: u32 = 20;
 
-/// Iterations to make a quantity agree with its state, and number of the first ones without damping.
+/// Largest number of fixed-point iterations for a state-dependent quantity.
 const MOST_PICARD_STEPS: usize = 200;
+/// Number of first iterations without damping.
 const SIMPLE_PICARD_STEPS: usize = 60;
 
-/// Largest number of stored step lengths. Only completely irregular records need more.
+/// Largest number of step lengths whose matrices are stored. Only completely irregular records need
+/// more.
 const MOST_LENGTHS: usize = 4096;
 
-/// State of one run.
+/// State of one run through a record.
 struct SteppingRun<'a> {
     stages: &'a Stages,
     load: &'a Load<f64>,
@@ -119,15 +127,15 @@ struct SteppingRun<'a> {
     network: Network,
     prepared: HashMap<u64, PreparedStepping>,
     start_s: f64,
-    /// Times closer than this count as equal.
+    /// Times that differ by less than this value (s) count as equal.
     rounding_s: f64,
     now_s: f64,
     grading: Grading,
-    /// F_in and its value after the lag, in N.
+    /// Force F_in (N) at the input of the lag. The next field is the force at its output.
     input: Switch,
     lagged_n: f64,
     strain_n_per_pa: f64,
-    /// State of a quantity that depends on one, if there is such a quantity.
+    /// Tracker for a state-dependent quantity, if there is one.
     state: Option<StateTracker<'a>>,
 }
 
@@ -172,10 +180,11 @@ impl<'a> SteppingRun<'a> {
         })
     }
 
-    /// Changes the force. The next row or switch comes `gap_s` later.
+    /// Applies a switch of the force. The next row or switch comes `gap_s` later.
     fn switch(&mut self, switch: Switch, gap_s: f64) {
         self.input = switch;
-        // A springpot has no fastest time, so that it resolves a change of slope like a jump.
+        // A springpot has no shortest time scale. Steps must therefore resolve a change of the
+        // force's slope like a jump.
         self.grading = self.rule.after_switch(self.now_s, gap_s, true);
     }
 
@@ -187,13 +196,13 @@ impl<'a> SteppingRun<'a> {
             while !self.step(step_s, n_halvings < MOST_HALVINGS)? {
                 (step_s, n_halvings) = (0.5 * step_s, n_halvings + 1);
             }
-            // The last step is `left_s` up to rounding.
+            // The remaining time equals the step up to rounding: the step ends at the stop.
             self.now_s = if step_s > 0.75 * left_s { stop_s } else { self.now_s + step_s };
         }
         Ok(())
     }
 
-    /// The observed position (m), before offset, scale and drift.
+    /// Observed position (m), before offset, scale and drift of the sensor.
     fn observed_m(&self) -> f64 {
         let position_m = self.compliance_per_m * self.strain_n_per_pa;
         self.state
@@ -201,7 +210,8 @@ impl<'a> SteppingRun<'a> {
             .map_or(position_m, |state| state.observed_m(position_m, [self.start_s, self.now_s], self.lagged_n))
     }
 
-    /// [`Self::step`] for a quantity that depends on a state. It iterates on the stages until the quantity's factors agree with the resulting states.
+    /// [`Self::step`] for a state-dependent quantity. It iterates until the quantity's factors at
+    /// the stages agree with the resulting states.
     fn step_with_state(&mut self, step_s: f64, is_optional: bool) -> Result<bool> {
         let Some(mut followed) = self.state.take() else { return Ok(true) };
         let (start_s, since_s) = (self.now_s, self.now_s - self.start_s);
@@ -232,7 +242,7 @@ impl<'a> SteppingRun<'a> {
             let matrix = self.network.strain_of_depending(&step, &stress);
             let found = followed.values(&stage, &(strain * self.compliance_per_m), &(matrix * self.compliance_per_m));
             let distance = (found - values).amax() / (1.0 + found.amax());
-            // If the values oscillate, their mean is closer to the solution.
+            // The values may oscillate. Their mean is then closer to the solution.
             values = if turn < SIMPLE_PICARD_STEPS { found } else { (found + values) * 0.5 };
             (distance < 1e-13).then_some((step, stress, strain))
         });
@@ -256,7 +266,8 @@ impl<'a> SteppingRun<'a> {
         Ok(true)
     }
 
-    /// Takes a step and returns whether it did. An optional step is rejected if the force changes too much in it.
+    /// Takes a step and returns true, or returns false if it rejects an optional step. It does so
+    /// if the force changes too much within the step.
     fn step(&mut self, step_s: f64, is_optional: bool) -> Result<bool> {
         if self.state.is_some() {
             return self.step_with_state(step_s, is_optional);
@@ -282,7 +293,7 @@ impl<'a> SteppingRun<'a> {
         let force_n = gradient::with_gradient(load, start_m, lagged_n, &mechanics);
         let strain = mechanics.response * force_n + mechanics.history;
         let change = gradient::change(load, self.compliance_per_m, &strain);
-        // A value that is not a number also counts as too large a change.
+        // A change that is not a number also counts as too large.
         if is_optional && load.depends_on_position() && (change.is_nan() || change >= MOST_CHANGE) {
             return Ok(false);
         }

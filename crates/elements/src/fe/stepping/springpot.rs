@@ -1,23 +1,28 @@
-//! A springpot as a body of Maxwell arms (physics §3.2), so that time steps can advance it.
+//! A springpot as parallel Maxwell arms (physics §3.2), which time steps can advance.
 //!
 //! For 0 < α < 1 the Caputo derivative from t = 0 is
-//!   Dᵅε = (sin απ / π) ∫₀^∞ r^{α−1} φ_r dr,  φ̇_r = ε̇ − r φ_r,  φ_r(0) = 0,
-//! the stress of Maxwell arms of all rates r. The trapezoidal sum in ln r approximates the integral; its error falls as exp(−π²/h) with the grid's
-//! step h. At each end of the grid, one arm replaces all arms beyond that end. It has their total weight and their first moment, which are sums of
-//! geometric series. The body becomes a dashpot as α → 1 and a spring as α → 0.
+//!
+//!  Dᵅε = (sin απ / π) ∫₀^∞ r^{α−1} φ_r dr,  φ̇_r = ε̇ − r φ_r,  φ_r(0) = 0.
+//!
+//! It is the stress of Maxwell arms of all rates r. A trapezoidal sum in ln r approximates the
+//! integral. Its error falls as exp(−π²/h) with the grid's step h. At each end of the grid, one arm
+//! replaces all arms beyond that end. It has their total weight and their first moment, which are
+//! sums of geometric series. The springpot becomes a dashpot as α → 1 and a spring as α → 0.
 
 use super::radau::Radau;
 use nalgebra::{Matrix3, Vector3};
 use std::f64::consts::PI;
 
-/// Step h of the grid in ln r, at which exp(−π²/h) is 3e-9.
+/// Step h of the grid in ln r. At this value exp(−π²/h) is 3e-9.
 const GRID_STEP: f64 = 0.5;
-/// Slowest rate of the grid times the run's length. The error of slower arms is about this value to the power 2 + α.
+/// Slowest rate of the grid times the run's duration. The error due to slower arms is about this
+/// value to the power 2 + α.
 const SLOWEST: f64 = 1e-4;
-/// Fastest rate of the grid times the shortest resolved time. The error of faster arms is about this value to the power −(3 − α).
+/// Fastest rate of the grid times the shortest resolved time. The error due to faster arms is about
+/// this value to the power −(3 − α).
 const FASTEST: f64 = 3e3;
 
-/// Range of rates resolved for springpots, in 1/s.
+/// Range of rates that springpots resolve, in 1/s.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct RateRange {
     lowest_per_s: f64,
@@ -25,37 +30,42 @@ pub(super) struct RateRange {
 }
 
 impl RateRange {
-    /// Range for a run of `longest_s` whose response is needed `shortest_s` after a switch.
+    /// Range for a run that lasts `longest_s`, and whose response must be resolved from
+    /// `shortest_s` after a switch.
     pub(super) fn between(shortest_s: f64, longest_s: f64) -> Self {
         Self { lowest_per_s: SLOWEST / longest_s, highest_per_s: FASTEST / shortest_s }
     }
 
-    /// Fastest rate that steps must resolve.
+    /// Fastest rate (1/s) that steps must resolve.
     pub(super) fn highest_per_s(self) -> f64 {
         self.highest_per_s
     }
 }
 
-/// Maxwell arms in parallel: stress Σ w (ε − ψ), ψ̇ = r (ε − ψ).
+/// Maxwell arms in parallel, with total stress Σ w (ε − ψ). Each arm obeys ψ̇ = r (ε − ψ), with
+/// weight w and rate r.
 #[derive(Debug, Clone)]
 pub(super) struct Springpot {
     weights_pa: Vec<f64>,
     rates_per_s: Vec<f64>,
-    /// ψ: strain of each arm's dashpot.
+    /// Strain ψ of each arm's dashpot.
     flowed: Vec<f64>,
 }
 
-/// Coefficients of the arms for steps of one length.
+/// Coefficients of all arms for steps of one length.
 #[derive(Debug, Clone)]
 pub(super) struct ArmsStep {
-    /// Seven coefficients per arm. First: stress at the three stages per ψ at the start (with its sign). Then: ψ at the end per strain at the three stages and per ψ at the start.
+    /// Seven coefficients per arm. The first three give the stress at the three stages per ψ at the
+    /// start, including its sign. The other four give ψ at the end: three per strain at the stages,
+    /// one per ψ at the start.
     arms: Vec<[f64; 7]>,
-    /// Stress at the stages per strain at the stages.
+    /// Matrix from the strains to the stresses at the stages.
     pub stiffness: Matrix3<f64>,
 }
 
 impl Springpot {
-    /// Body with s = `coefficient` Dᵅε, 0 < α < 1, coefficient in Pa·sᵅ.
+    /// Builds a body with stress s = `coefficient` Dᵅε, where α is `order` and 0 < α < 1. The
+    /// coefficient is in Pa·sᵅ.
     pub fn new(coefficient: f64, order: f64, range: RateRange) -> Self {
         let (h, left) = (GRID_STEP, 1.0 - order);
         let (first, last) = ((range.lowest_per_s.ln() / h).floor(), (range.highest_per_s.ln() / h).ceil());
@@ -64,10 +74,11 @@ impl Springpot {
         let grid = (0..n_arms).map(|i| ((first + i as f64) * h).exp());
         let mut arms: Vec<(f64, f64)> = grid.map(|rate| (density * rate.powf(order), rate)).collect();
         let (lowest, highest) = ((first * h).exp(), (last * h).exp());
-        // Sums over the slower arms: Σ w, and Σ w r divided by Σ w.
+        // Sums over the arms slower than the grid: Σ w, and Σ w r divided by Σ w.
         let slower = lowest.powf(order) / (order * h).exp_m1();
         arms.push((density * slower, lowest * (order * h).exp_m1() / ((1.0 + order) * h).exp_m1()));
-        // Sums over the faster arms: Σ w/r (a viscosity), and Σ w/r² divided by Σ w/r (a time).
+        // Sums over the arms faster than the grid: Σ w/r (a viscosity), and Σ w/r² divided by Σ w/r
+        // (a time).
         let faster = highest.powf(-left) / (left * h).exp_m1();
         let rate = highest * ((1.0 + left) * h).exp_m1() / (left * h).exp_m1();
         arms.push((density * faster * rate, rate));
@@ -75,7 +86,7 @@ impl Springpot {
         Self { flowed: vec![0.0; weights_pa.len()], weights_pa, rates_per_s }
     }
 
-    /// The coefficients of a step.
+    /// Coefficients of the arms for a step of length `step_s`.
     pub(super) fn prepare(&self, radau: &Radau, step_s: f64) -> ArmsStep {
         let mut stiffness = Matrix3::zeros();
         let mut arms = Vec::with_capacity(self.weights_pa.len());
@@ -90,7 +101,7 @@ impl Springpot {
         ArmsStep { arms, stiffness }
     }
 
-    /// Begins a step. Returns the stress at the stages for zero strain.
+    /// Stresses (Pa) at the stages for zero strain.
     pub(super) fn history_pa(&self, step: &ArmsStep) -> Vector3<f64> {
         let mut stress = [0.0; 3];
         for (arm, psi) in step.arms.iter().zip(&self.flowed) {
@@ -101,7 +112,7 @@ impl Springpot {
         Vector3::from(stress)
     }
 
-    /// Advances the arms to the step's end, given the strain at the stages.
+    /// Advances the arms to the step's end, for given strains at the stages.
     pub(super) fn advance(&mut self, step: &ArmsStep, strain: &Vector3<f64>) {
         for (arm, psi) in step.arms.iter().zip(&mut self.flowed) {
             *psi = arm[3] * strain[0] + arm[4] * strain[1] + arm[5] * strain[2] + arm[6] * *psi;

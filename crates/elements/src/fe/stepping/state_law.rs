@@ -1,5 +1,6 @@
-//! A quantity that depends on a state (physics §5.3), computed from its definition. The element's modulus, the force or the observed position at every stage is the function's
-//! value for the state there.
+//! A quantity that depends on a state (physics §5.3), computed from its definition. The quantity is
+//! an element's modulus, the force or the observed position. At every stage it is the value of a
+//! function of the state at that stage.
 
 use crate::fe::clock::CLOCK_ROUNDING;
 use base::number::Dual;
@@ -7,7 +8,7 @@ use laws::rheology::Element;
 use laws::stages::{ElementPlace, Operation, Quantity, State, StateLaw};
 use nalgebra::{Matrix3, Vector3};
 
-/// State of a law with a state-dependent quantity at the end of the last step.
+/// State at the end of the last step, for a law with a state-dependent quantity.
 #[derive(Clone)]
 pub(super) struct StateTracker<'a> {
     law: &'a StateLaw,
@@ -18,20 +19,21 @@ pub(super) struct StateTracker<'a> {
     velocity_m_per_s: f64,
     begin_m: f64,
     value: f64,
-    /// Value of the quantity, if the function is added to it.
+    /// Value of the quantity to which the function is added, if it is added.
     quantity: f64,
 }
 
-/// Data that the stages of a step share.
+/// Data that the three stages of a step share.
 pub(super) struct StateStage {
     pub step_s: f64,
-    /// Stage times since the record's start, and on the record's clock.
+    /// Times of the stages since the record's start. The next field holds them on the record's
+    /// clock.
     pub time_s: Vector3<f64>,
     pub absolute_s: Vector3<f64>,
     pub force_n: Vector3<f64>,
-    /// A⁻¹ of Radau's method.
+    /// Inverse of the matrix A of Radau's method.
     pub inverse: Matrix3<f64>,
-    /// Position at the start of the step, in m.
+    /// Position (m) at the start of the step.
     pub begin_m: f64,
 }
 
@@ -45,12 +47,12 @@ impl<'a> StateTracker<'a> {
         Self { law, steps_s, path_m: 0.0, largest_m: 0.0, velocity_m_per_s: 0.0, begin_m: 0.0, value, quantity }
     }
 
-    /// First guess of the function's values at the stages.
+    /// First guess of the function's value at every stage.
     pub(super) fn guess(&self) -> Vector3<f64> {
         Vector3::repeat(self.value)
     }
 
-    /// Factors on the element's stress.
+    /// Factor on the element's stress at every stage, for given values of the function.
     pub(super) fn element_factors(&self, values: &Vector3<f64>) -> Vector3<f64> {
         match (self.law.quantity, self.law.operation) {
             (Quantity::Element(_), Operation::Multiply) => *values,
@@ -59,7 +61,7 @@ impl<'a> StateTracker<'a> {
         }
     }
 
-    /// The force at the stages.
+    /// Force (N) at every stage, for given values of the function.
     pub(super) fn force_n(&self, force_n: &Vector3<f64>, values: &Vector3<f64>) -> Vector3<f64> {
         match (self.law.quantity, self.law.operation) {
             (Quantity::Force, Operation::Multiply) => force_n.component_mul(values),
@@ -68,7 +70,7 @@ impl<'a> StateTracker<'a> {
         }
     }
 
-    /// The observed position.
+    /// Observed position (m), including the function if it acts on the observation.
     pub(super) fn observed_m(&self, position_m: f64, [start_s, now_s]: [f64; 2], force_n: f64) -> f64 {
         if self.law.quantity != Quantity::Position {
             return position_m;
@@ -86,13 +88,14 @@ impl<'a> StateTracker<'a> {
         if self.law.operation == Operation::Add { position_m + value } else { position_m * value }
     }
 
-    /// Time at which the last force step before `now_s` started to act, in s.
+    /// Time (s) at which the last force step before `now_s` started to act.
     fn last_step_s(&self, now_s: f64) -> Option<f64> {
         let acting = self.steps_s.partition_point(|step_s| *step_s < now_s - CLOCK_ROUNDING * now_s.abs());
         acting.checked_sub(1).map(|last| self.steps_s[last])
     }
 
-    /// States at the stages of a step, given the positions (m) and the element's share of them (m).
+    /// State at every stage of a step. `position_m` is the position, `share_m` the contribution of
+    /// the element to it, both in m.
     fn states(&self, stage: &StateStage, position_m: &Vector3<f64>, share_m: &Vector3<f64>) -> Vector3<f64> {
         match self.law.state {
             State::Position => *position_m,
@@ -122,12 +125,12 @@ impl<'a> StateTracker<'a> {
         }
     }
 
-    /// Values of the function at the stages.
+    /// Value of the function at every stage. Arguments are those of [`Self::states`].
     pub(super) fn values(&self, stage: &StateStage, position_m: &Vector3<f64>, share_m: &Vector3<f64>) -> Vector3<f64> {
         self.states(stage, position_m, share_m).map(|state| self.law.value(Dual::constant(state)).value)
     }
 
-    /// Updates the state at the end of a step.
+    /// Advances the state to the end of a step.
     pub(super) fn take(&mut self, stage: &StateStage, position_m: &Vector3<f64>, values: &Vector3<f64>) {
         self.path_m += (stage.begin_m - self.begin_m).abs();
         let mut before = stage.begin_m;
@@ -142,7 +145,7 @@ impl<'a> StateTracker<'a> {
     }
 }
 
-/// Modulus or viscosity of an element.
+/// Modulus or viscosity of the element at `leaf`.
 fn number_of(elements: &[Element], leaf: ElementPlace) -> f64 {
     let element = match (elements.get(leaf.body), leaf.part) {
         (Some(Element::Parallel(parts)), Some(part)) => parts.get(part),

@@ -1,4 +1,5 @@
-//! Steps against closed forms, quadrature and small explicit steps. No code is shared.
+//! Tests of the time steps against closed forms, quadrature and small explicit steps, which share
+//! no code with them.
 
 use super::Resolution;
 use super::run::strains;
@@ -8,7 +9,7 @@ use laws::stages::{DriftApproach, Observation, Stages, balanced_exponent};
 use statrs::function::erf::erfc;
 use statrs::function::gamma::gamma;
 
-/// Reference values of the paper and two more for the richer laws.
+/// The paper's values of E, c₁ and c₂, and two more parameters for laws with more elements.
 const PARAMETERS: [f64; 5] = [3.527, 1.402, 47.370, 20.0, 2.5];
 
 fn dual(value: f64) -> Dual {
@@ -31,7 +32,8 @@ fn springpot(modulus_pa: f64, time_s: f64, order: f64) -> Element {
     Element::Springpot { modulus_pa: dual(modulus_pa), time_s: dual(time_s), order: dual(order) }
 }
 
-/// Irregular times (s) from 3 s on, with a gap and rows 1 ms apart, and forces: holds of both signs, a rest, a force that changes at every row.
+/// Irregular times (s) from 3 s on, with a gap and rows 1 ms apart, and forces. The forces are
+/// holds of both signs, a rest, and a force that changes at every row.
 fn record() -> (Vec<f64>, Vec<f64>) {
     let (mut time_s, mut force_n, mut t) = (Vec::new(), Vec::new(), 3.0);
     for row in 0..120_u32 {
@@ -52,7 +54,8 @@ fn record() -> (Vec<f64>, Vec<f64>) {
     (time_s, force_n)
 }
 
-/// ΣΔF J(t − t_k − δ); positions are limits from the left.
+/// Superposition Σ ΔFₖ J(t − tₖ − δ) of force steps, with δ = `delay_s`. Positions are limits from
+/// the left.
 fn superposition(time_s: &[f64], force_n: &[f64], delay_s: f64, creep: impl Fn(f64) -> f64) -> Vec<f64> {
     let before = |k: usize| if k == 0 { 0.0 } else { force_n[k - 1] };
     let at = |t: f64| {
@@ -62,7 +65,7 @@ fn superposition(time_s: &[f64], force_n: &[f64], delay_s: f64, creep: impl Fn(f
     time_s.iter().map(|&t| at(t)).collect()
 }
 
-/// Largest difference, divided by the largest value of `exact`.
+/// Largest difference of two lists, divided by the largest value of `exact`.
 fn distance(found: &[f64], exact: &[f64]) -> f64 {
     assert_eq!(found.len(), exact.len());
     let amplitude = exact.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
@@ -73,13 +76,15 @@ fn stepped(stages: &Stages, time_s: &[f64], force_n: &[f64]) -> Vec<f64> {
     strains(1.0, stages, time_s, force_n.into(), Resolution::default()).expect("a sound model")
 }
 
-/// Error of a law's response to the record, relative to its creep compliance.
+/// Largest error of a law's response to the record, relative to the largest value from the creep
+/// compliance `creep`.
 fn law_error(law: Vec<Element>, creep: impl Fn(f64) -> f64) -> f64 {
     let (time_s, force_n) = record();
     distance(&stepped(&Stages::of_law(law), &time_s, &force_n), &superposition(&time_s, &force_n, 0.0, creep))
 }
 
-/// E_α(−x) by the power series, for x at which its terms do not cancel too much.
+/// Mittag-Leffler function E_α(−x) by its power series, for x small enough that the terms do not
+/// cancel too much.
 fn mittag_leffler(order: f64, x: f64) -> f64 {
     assert!(x.powf(order.recip()) < 9.0, "the series loses too many digits at {x}");
     (0..400).map(|k| (-x).powi(k) / gamma(1.0 + order * f64::from(k))).take_while(|term| term.abs() > 1e-18).sum()
@@ -113,7 +118,7 @@ fn factors_and_offset_act_on_the_command() {
     assert!(distance(&stepped(&stages, &time_s, &force_n), &exact) < 2e-8);
 }
 
-/// An offset acts from the record's start, before a delayed command.
+/// Checks that a force offset acts from the record's start, before a delayed command.
 #[test]
 fn an_offset_does_not_wait_for_the_command() {
     let (time_s, force_n) = record();
@@ -143,7 +148,7 @@ fn lag_is_the_closed_form() {
     }
 }
 
-/// ∫J(t − s) d(F e^{rs}): jumps, and Simpson's rule within holds.
+/// Compares with ∫J(t − s) d(F e^{rs}), computed as jumps plus Simpson's rule within holds.
 #[test]
 fn softening_is_the_integral_over_the_amplified_force() {
     let (time_s, force_n) = record();
@@ -191,7 +196,7 @@ fn a_fractional_kelvin_voigt_body_is_the_mittag_leffler_function() {
     }
 }
 
-/// E_{1/2}(−x) = exp(x²) erfc(x), far beyond the range of the power series.
+/// Compares with E_{1/2}(−x) = exp(x²) erfc(x), far beyond the range of the power series.
 #[test]
 fn a_fast_fractional_body_is_the_scaled_error_function() {
     let time = 0.02;
@@ -201,7 +206,7 @@ fn a_fast_fractional_body_is_the_scaled_error_function() {
     assert!(error < 1e-8, "{error:e}");
 }
 
-/// A springpot in a Maxwell arm beside a spring has two levels of nesting.
+/// Checks a law with two levels of nesting: a springpot in a Maxwell arm beside a spring.
 #[test]
 fn a_fractional_zener_body_is_its_closed_form() {
     let (e1, e2, time, order) = (3.0, 5.0, 0.5_f64, 0.7);
@@ -215,7 +220,8 @@ fn a_fractional_zener_body_is_its_closed_form() {
     assert!(error < 1e-8, "{error:e}");
 }
 
-/// Two Maxwell arms in parallel, one within another parallel group, equal a Burgers body.
+/// Checks that two Maxwell arms in parallel, one of them in a nested parallel group, equal a
+/// Burgers body.
 #[test]
 fn maxwell_arms_are_a_burgers_body() {
     let (e1, c1, e2, c2) = (3.0, 0.9, 8.0, 30.0);
@@ -242,14 +248,14 @@ fn rigid_elements_and_elements_without_resistance_act_as_their_limits() {
     assert!(matches!(refused, Err(base::Error::Numerical { .. })));
 }
 
-/// All effects at once with a spring in series, by the classical Runge–Kutta method.
+/// All effects at once with a spring in series, solved by the classical Runge–Kutta method.
 struct AllAtOnce<'a> {
     stages: &'a Stages,
     start_s: f64,
 }
 
 impl AllAtOnce<'_> {
-    /// Acting force and strain for the state (lagged force, ε_k, ε_d).
+    /// Force on the robot, and strain, for the state `y` = (lagged force, ε_k, ε_d).
     fn acting(&self, t: f64, input_n: f64, y: [f64; 3]) -> (f64, f64) {
         let lagged_n = if self.stages.load.lag_time_s.value > 0.0 { y[0] } else { input_n };
         let g = self.stages.load.gradient_per_m.value;
@@ -280,7 +286,7 @@ impl AllAtOnce<'_> {
         }
     }
 
-    /// Strain at every row.
+    /// Strain q (N/Pa) at every row.
     fn run(&self, time_s: &[f64], force_n: &[f64]) -> Vec<f64> {
         let load = &self.stages.load;
         let command = |t: f64| {
@@ -328,7 +334,8 @@ fn gradient_alone_and_everything_at_once_are_small_explicit_steps() {
     }
 }
 
-/// F = 1 e^{gx} on a spring, x = F/2: a balance exists up to g = 2/e, for every negative g, and not beyond.
+/// Checks F = 1 e^{gx} on a spring with x = F/2. A balance exists up to g = 2/e and for every
+/// negative g, and not beyond.
 #[test]
 fn a_gradient_is_refused_where_no_balance_is_left_and_only_there() {
     let (time_s, force_n) = ([0.0, 1.0, 2.0], [1.0; 3]);
@@ -351,7 +358,7 @@ fn a_gradient_is_refused_where_no_balance_is_left_and_only_there() {
     }
 }
 
-/// A dashpot's closed form, e^{−gx} = 1 − g F t/c, far beyond small gradients.
+/// Compares with the closed form for a dashpot, e^{−gx} = 1 − g F t/c, at g x far from small.
 #[test]
 fn a_dashpot_under_a_strong_gradient_is_a_closed_form() {
     let time_s: Vec<f64> = (0..40).map(|i| 0.2 * f64::from(i)).collect();
@@ -365,13 +372,14 @@ fn a_dashpot_under_a_strong_gradient_is_a_closed_form() {
     }
     stages.load.gradient_per_m = dual(0.26);
     let refused = strains(1.0, &stages, &time_s, (&[1.0; 40]).into(), Resolution::default()).unwrap_err().to_string();
-    // 1 − g F t/c is 0 at 2/0.26 = 7.69 s, within a step.
+    // 1 − g F t/c vanishes at t = 2/0.26 = 7.69 s, within a step.
     let said = refused.split("pulls the robot away at ").nth(1).and_then(|rest| rest.split(' ').next());
     let at_s: f64 = said.and_then(|word| word.parse().ok()).unwrap_or(f64::NAN);
     assert!((5.0..8.0).contains(&at_s), "{refused}");
 }
 
-/// The rule rather than the rows sets the steps, because rows are few. The error is small and falls at fifth order.
+/// Checks that the error is small and has fifth order. There are few rows, so that the step rule
+/// and not the rows sets the steps.
 #[test]
 fn the_error_falls_with_the_fifth_power_of_the_step() {
     let (time_s, force_n) = ([0.0, 6.0, 9.0, 14.0], [1.0, -1.0, 0.0, 0.0]);

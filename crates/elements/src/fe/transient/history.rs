@@ -1,11 +1,11 @@
-//! Fields of a law's bodies, and their contributions to the present stage.
+//! Fields of a law's bodies, and their contributions to the current stage.
 
 use nalgebra::Complex;
 
 use super::ChainLaw;
 use super::stages::{DIAGONAL, N_STAGES, predict};
 
-/// A chain of bodies that all carry the stress w. Their strains (fields in m, w in Pa·m) add up to z.
+/// A chain of bodies that all carry the stress w (Pa·m). Their strains (fields in m) add up to z.
 pub(super) struct Chain {
     bodies: Vec<HistoryBody>,
     turning: Vec<Turning>,
@@ -16,13 +16,13 @@ struct HistoryBody {
     history: History,
 }
 
-/// A body with complex y, y' = λ (a w − y). Its strain is the real part of y.
+/// A body with a complex variable y that obeys y' = λ (a w − y). Its strain is the real part of y.
 struct Turning {
-    /// a in 1/Pa.
+    /// Compliance a in 1/Pa.
     compliance_per_pa: Complex<f64>,
-    /// λ in 1/s.
+    /// Rate λ in 1/s.
     rate_per_s: Complex<f64>,
-    /// Histories of the real and the imaginary part.
+    /// Histories of the real and the imaginary part of y.
     histories: [History; 2],
 }
 
@@ -31,22 +31,23 @@ struct History {
     strain_m: Vec<f64>,
     /// Rates at the stages, in m/s.
     rates_m_per_s: Vec<Vec<f64>>,
-    /// Strain at the present stage, less γΔt times its rate.
+    /// Strain at the current stage minus γΔt times its rate, in m.
     predicted_m: Vec<f64>,
 }
 
 #[derive(Debug, Clone, Copy)]
 enum HistoryKind {
-    /// τ ε̇ + ε = a w.
+    /// Kelvin–Voigt body with compliance a and retardation time τ: τ ε̇ + ε = a w.
     Retarded { compliance_per_pa: f64, time_s: f64 },
-    /// ε̇ = φ w.
+    /// Dashpot with fluidity φ: ε̇ = φ w.
     Flow { fluidity_per_pa_s: f64 },
-    /// ε = J₀ w.
+    /// Spring with compliance J₀: ε = J₀ w.
     Spring { compliance_per_pa: f64 },
 }
 
 impl HistoryKind {
-    /// Coefficients of ε̇ at a stage: first · w − second · (predicted strain), in 1/(Pa·s) and 1/s.
+    /// Coefficients of the rate at a stage: ε̇ = first · w − second · (predicted strain). They are
+    /// in 1/(Pa·s) and 1/s.
     fn rate(self, implicit_s: f64) -> [f64; 2] {
         match self {
             Self::Retarded { compliance_per_pa, time_s } => {
@@ -72,7 +73,7 @@ impl History {
         predict(stage, step_s, &self.strain_m, &self.rates_m_per_s, &mut self.predicted_m);
     }
 
-    /// Uses the strain at the last stage for the start of the next step.
+    /// Ends a step: the strain at its last stage becomes the strain at the start of the next step.
     fn end(&mut self, stage: usize, implicit_s: f64) {
         if stage + 1 == N_STAGES {
             let rates = &self.rates_m_per_s[stage];
@@ -84,20 +85,20 @@ impl History {
 }
 
 impl Turning {
-    /// λ/(1 + γΔt λ): at a stage y' is this times (a w − predicted y).
+    /// λ/(1 + γΔt λ). At a stage y' is this factor times (a w − predicted y).
     fn stiff_rate(&self, implicit_s: f64) -> Complex<f64> {
         self.rate_per_s / (self.rate_per_s * implicit_s + 1.0)
     }
 }
 
-/// c and j = γΔt c of a chain: rate and strain at a stage per unit stress.
+/// Response of a chain at a stage per unit stress: rate c, and strain j = γΔt c.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Response {
     pub rate_per_pa_s: f64,
     pub compliance_per_pa: f64,
 }
 
-/// h and g: strain (m) and rate (m/s) at the stage for zero stress.
+/// Strain h (m) and rate g (m/s) of a chain at a stage for zero stress.
 #[derive(Debug, Clone)]
 pub(super) struct Free {
     pub strain_m: Vec<f64>,
@@ -111,7 +112,7 @@ impl Free {
 }
 
 impl Chain {
-    /// The chain of a law, at rest.
+    /// Builds the chain of a law, at rest.
     pub fn new(law: &ChainLaw, n_unknowns: usize) -> Self {
         let ChainLaw { bodies: law, oscillating: turning } = law;
         let retarded = law
@@ -133,7 +134,7 @@ impl Chain {
         Self { bodies: kinds.map(body).collect(), turning: turning.collect() }
     }
 
-    /// Response at the stages of a step, equal for all stages.
+    /// Response at a stage of a step. It is equal for all stages.
     pub(super) fn response(&self, step_s: f64) -> Response {
         let implicit_s = DIAGONAL * step_s;
         let of_bodies: f64 = self.bodies.iter().map(|body| body.kind.rate(implicit_s)[0]).sum();
@@ -142,7 +143,7 @@ impl Chain {
         Response { rate_per_pa_s, compliance_per_pa: implicit_s * rate_per_pa_s }
     }
 
-    /// Prepares a stage: strain and rate for zero stress.
+    /// Begins a stage: computes strain and rate for zero stress.
     pub(super) fn begin_stage(&mut self, stage: usize, step_s: f64, free: &mut Free) {
         let implicit_s = DIAGONAL * step_s;
         free.strain_m.fill(0.0);
@@ -150,7 +151,7 @@ impl Chain {
         for body in &mut self.bodies {
             body.history.predict(stage, step_s);
             let [_, back] = body.kind.rate(implicit_s);
-            // 1 − back · γΔt without cancellation.
+            // 1 − back · γΔt, in a form without cancellation.
             let kept = match body.kind {
                 HistoryKind::Retarded { time_s, .. } => time_s * back,
                 HistoryKind::Flow { .. } => 1.0,
@@ -176,7 +177,7 @@ impl Chain {
         }
     }
 
-    /// Ends a stage with the stress `stress_pa_m`.
+    /// Ends a stage, given its stress `stress_pa_m` (Pa·m).
     pub(super) fn end_stage(&mut self, stage: usize, step_s: f64, stress_pa_m: &[f64]) {
         let implicit_s = DIAGONAL * step_s;
         for body in &mut self.bodies {

@@ -1,24 +1,24 @@
-//! The force on the robot: line segments, and the equations of the actuator (physics §5).
+//! Force on the robot: a piecewise linear input, and the equations of the actuator (physics §5).
 
 use laws::stages::{self, Switch};
 use record::Force;
 
-/// A piecewise linear force F_in on the whole body, and the actuator's equations.
+/// A piecewise linear force F_in on the whole body, with the equations of the actuator.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Load {
-    /// Switches in the order of time. No force acts before the first.
+    /// Switches of F_in in ascending time. No force acts before the first switch.
     pub switches: Vec<Switch>,
-    /// Equations of the actuator: lag and gradient.
+    /// Equations of the actuator: lag and force gradient.
     pub equations: stages::Load<f64>,
 }
 
 impl Load {
-    /// A commanded force at rows (s), without lag or gradient.
+    /// Load of a commanded force at rows (s), without lag or gradient.
     pub fn commanded<'a>(time_s: &[f64], force: impl Into<Force<'a>>) -> Self {
         Self::of(&stages::Load::COMMANDED, time_s, force.into())
     }
 
-    /// Force that stages make of a commanded force at rows (s).
+    /// Load that the model stages `load` make of a commanded force at rows (s).
     pub fn of(load: &stages::Load, time_s: &[f64], force: Force<'_>) -> Self {
         let equations = load.of::<f64>();
         Self { switches: equations.switches(time_s, force), equations }

@@ -1,14 +1,15 @@
-//! Positions and fields at rows and at ages of a change, between the ends of steps.
+//! Positions and fields at rows, or at given times after a force change. They are interpolated
+//! between the ends of steps.
 
 use super::TransientSystem;
 
-/// Records the steps of a run in order.
+/// Receiver of the steps of a run, in order.
 pub(super) trait Recorder {
-    /// Records a step.
+    /// Receives a step from `from` to `to`.
     fn record(&mut self, from: &OutputState, to: &OutputState, system: &dyn TransientSystem);
 }
 
-/// Unknowns and their rates at one time.
+/// State between steps: time, unknowns and their rates.
 #[derive(Debug, Clone)]
 pub(super) struct OutputState {
     pub time_s: f64,
@@ -16,7 +17,7 @@ pub(super) struct OutputState {
     pub rates_per_s: Vec<f64>,
 }
 
-/// Results at the rows passed so far.
+/// Positions and fields at the rows that the run has passed so far.
 pub(super) struct Output<'a> {
     pub time_s: &'a [f64],
     pub rows_of_fields: &'a [usize],
@@ -26,7 +27,8 @@ pub(super) struct Output<'a> {
     pub fields: Vec<Vec<f64>>,
 }
 
-/// Weights at `time_s` of value and rate at a step's start and end, for the cubic through them.
+/// Weights of a cubic Hermite interpolation at `time_s`: of value and rate at the step's start,
+/// then of value and rate at its end.
 fn cubic_weights(from_s: f64, to_s: f64, time_s: f64) -> [f64; 4] {
     let step_s = to_s - from_s;
     let x = if step_s > 0.0 { ((time_s - from_s) / step_s).min(1.0) } else { 1.0 };
@@ -35,7 +37,7 @@ fn cubic_weights(from_s: f64, to_s: f64, time_s: f64) -> [f64; 4] {
 }
 
 impl Recorder for Output<'_> {
-    /// Records the rows up to the end of a step, by the cubic through values and rates at its ends.
+    /// Computes the rows up to the end of a step by cubic Hermite interpolation.
     fn record(&mut self, from: &OutputState, to: &OutputState, system: &dyn TransientSystem) {
         let ends = [&from.unknowns, &from.rates_per_s, &to.unknowns, &to.rates_per_s];
         let mut at_ends = None;
@@ -52,28 +54,28 @@ impl Recorder for Output<'_> {
     }
 }
 
-/// Term of a sum of fields: the field at one time after a unit change, times a factor.
+/// Term of a sum of fields: a factor times the field at one time after a unit force change.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FieldTerm {
-    /// Time since the change, in s.
+    /// Time since the force change, in s.
     pub age_s: f64,
-    /// Index of the sum.
+    /// Index of the sum to which the term belongs.
     pub sum: usize,
-    /// Factor of the field.
+    /// Factor by which the field is multiplied.
     pub factor: f64,
 }
 
-/// Position of a system at any time after one change of the force, and sums of its fields.
+/// Response of a system to one force change: its position at any time, and sums of its fields.
 #[derive(Debug, Clone, PartialEq)]
 pub struct UnitResponse {
-    /// Time since the change (s), position (m) and its rate (m/s) at the ends of steps.
+    /// Time since the force change (s), position (m) and its rate (m/s), at the end of every step.
     moments: Vec<[f64; 3]>,
-    /// Values of all unknowns in each sum of fields.
+    /// Values of all unknowns, one vector per sum of fields.
     pub fields: Vec<Vec<f64>>,
 }
 
 impl UnitResponse {
-    /// Position (m) at a time after the change (s), up to the end of the last step.
+    /// Position (m) at a time after the force change (s), up to the end of the last step.
     pub fn position_m(&self, age_s: f64) -> f64 {
         let after = self.moments.partition_point(|[t, ..]| *t < age_s).clamp(1, self.moments.len() - 1);
         let ([from_s, x, v], [to_s, y, w]) = (self.moments[after - 1], self.moments[after]);
@@ -82,15 +84,16 @@ impl UnitResponse {
     }
 }
 
-/// A response under construction.
+/// Recorder that builds a [`UnitResponse`].
 pub(super) struct ResponseRecorder<'a> {
-    /// Terms in the order of their ages.
+    /// Remaining terms, in ascending age.
     terms: std::iter::Peekable<std::slice::Iter<'a, FieldTerm>>,
     pub(super) response: UnitResponse,
 }
 
 impl<'a> ResponseRecorder<'a> {
-    /// Prepares a response. `terms` ascend by age; their largest index gives the number of sums.
+    /// Prepares a recorder. `terms` must ascend by age. Their largest index of a sum gives the
+    /// number of sums.
     pub(super) fn new(terms: &'a [FieldTerm], n_unknowns: usize) -> Self {
         let n_sums = terms.iter().map(|term| term.sum + 1).max().unwrap_or(0);
         let response = UnitResponse { moments: Vec::new(), fields: vec![vec![0.0; n_unknowns]; n_sums] };

@@ -13,30 +13,33 @@ use crate::fe::clock::{CLOCK_ROUNDING, FOURTH};
 use base::error::{Error, Result};
 use laws::stages::Switch;
 
-/// Result of a run.
+/// Positions and fields that a run returns, with its effort.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TransientRun {
     /// Displacement of the robot (m) at every row, as the limit from the left.
     pub position_m: Vec<f64>,
-    /// Unknowns z at the requested rows, in the order of time.
+    /// Unknowns z at the requested rows, in ascending time.
     pub fields: Vec<Vec<f64>>,
-    /// Number of steps.
+    /// Number of time steps.
     pub n_steps: usize,
-    /// Number of factorisations.
+    /// Number of factorisations of a stage's matrix.
     pub n_factors: usize,
 }
 
-/// Scale of the first steps of a response, as a share of its first age. Faster processes have decayed by then, because the method is L-stable.
+/// Time scale that the first steps of a response resolve, as a fraction of its first age. Faster
+/// processes have decayed by then, because the method is L-stable.
 const SHARE_OF_FIRST_AGE: f64 = 0.03;
 
-/// Largest number of stored factors. A run of one hold needs about two per decade of time.
+/// Largest number of stored factors. A run with a single hold needs about two per decade of time.
 const MOST_FACTORS: usize = 48;
 
-/// Steps a system through a load; it rests before the first switch. `laws` has one law for each of the system's. Rows `time_s` (s) ascend. The result has
-/// all unknowns at the rows in `rows_of_fields`.
+/// Steps a system through a load. It is at rest before the first switch. `laws` has one law for
+/// each K matrix of the system. The times `time_s` (s) of the rows ascend. The result contains all
+/// unknowns at the rows with the indices `rows_of_fields`.
 ///
 /// # Errors
-/// [`Error::Numerical`] if the number of laws is wrong, a law is rigid, the force gradient pulls the robot away, or a position is not finite.
+/// [`Error::Numerical`] if the number of laws is wrong, a law is rigid, the force gradient pulls
+/// the robot away, or a position is not finite.
 pub fn run<L: Clone + Into<ChainLaw>>(
     system: &dyn TransientSystem,
     laws: &[L],
@@ -82,11 +85,12 @@ pub fn run<L: Clone + Into<ChainLaw>>(
     Ok(TransientRun { position_m: output.position_m, fields: output.fields, n_steps, n_factors })
 }
 
-/// Steps a system at rest through one change of the force at time 0; `laws` has one law for each of the system's. Positions are known from `first_age_s` to `last_age_s` after it
-/// (s, both above 0). Sums of fields are known at the ages of `terms`, which ascend and lie between the two.
+/// Steps a system at rest through one force change at time 0. `laws` has one law for each K matrix
+/// of the system. Positions are valid at ages from `first_age_s` to `last_age_s` (s, both above 0).
+/// The ages of `terms` ascend and lie between these two.
 ///
 /// # Errors
-/// As [`run`].
+/// Those of [`run`].
 pub fn unit_response(
     system: &dyn TransientSystem,
     laws: &[ChainLaw],
@@ -112,7 +116,8 @@ pub fn unit_response(
     ))
 }
 
-/// Time from switch `i` to the next row or switch that is later by more than rounding; infinite if there is none.
+/// Time (s) from switch `i` to the next row or switch that is later by more than rounding. Infinite
+/// if there is none.
 fn gap_s(time_s: &[f64], switches: &[Switch], i: usize, rounding_s: f64) -> f64 {
     let after_s = switches[i].time_s + rounding_s;
     let row_s = time_s.get(time_s.partition_point(|&t| t <= after_s)).copied().unwrap_or(f64::INFINITY);
@@ -120,11 +125,12 @@ fn gap_s(time_s: &[f64], switches: &[Switch], i: usize, rounding_s: f64) -> f64 
     row_s.min(switch_s) - switches[i].time_s
 }
 
-/// Data that all stages of one step length share.
+/// Data for one step length. All its stages share them.
 struct PreparedTransient<'a> {
     responses: Vec<Response>,
     solve: StageSolve<'a>,
-    /// Stress of the first law per unit force, if the force depends on the position.
+    /// Stress field of the first law per unit force; `None` if the force does not depend on the
+    /// position.
     stress_per_n: Option<Vec<f64>>,
 }
 
@@ -136,7 +142,8 @@ struct Run<'a> {
     factors: HashMap<u64, Rc<PreparedTransient<'a>>>,
     grading: Grading,
     now: OutputState,
-    /// True if no step has followed the switch yet: the rates before the switch do not apply after it.
+    /// True before the first step after a switch. The rates from before the switch are then
+    /// invalid.
     is_fresh: bool,
     input: Switch,
     lagged_n: f64,
@@ -182,7 +189,7 @@ impl<'a> Run<'a> {
     }
 
     fn advance_to(&mut self, stop_s: f64, rounding_s: f64, recorder: &mut dyn Recorder) -> Result<()> {
-        // Nothing moves before the first switch.
+        // Before the first switch nothing moves.
         if self.n_steps == 0 && self.input.force_n == 0.0 && self.input.slope_n_per_s == 0.0 {
             let rest = self.rest(stop_s);
             recorder.record(&self.now, &rest, self.system);
@@ -194,7 +201,7 @@ impl<'a> Run<'a> {
             let step_s = self.grading.step_s(self.now.time_s, left_s);
             let before = self.now.clone();
             self.step(step_s)?;
-            // The last step is `left_s` up to rounding.
+            // The remaining time equals the step up to rounding: the step ends at the stop.
             self.now.time_s = if step_s > 0.75 * left_s { stop_s } else { before.time_s + step_s };
             let rates_per_s = if self.is_fresh { self.now.rates_per_s.clone() } else { before.rates_per_s };
             recorder.record(&OutputState { rates_per_s, ..before }, &self.now, self.system);
@@ -297,7 +304,8 @@ impl<'a> Run<'a> {
         Ok(())
     }
 
-    /// Adds the histories' contribution to the right-hand side: − D g₁ − M (g₁ − predicted velocity)/γΔt − Σ Kᵢ (h₁ − hᵢ)/jᵢ.
+    /// Subtracts the histories' contribution from the right-hand side. It adds − D g₁ − M
+    /// (g₁ − predicted velocity)/γΔt − Σ Kᵢ (h₁ − hᵢ)/jᵢ.
     fn add_histories(
         &mut self,
         stage: usize,

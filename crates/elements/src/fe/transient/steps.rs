@@ -1,24 +1,26 @@
-//! Lengths of steps: powers of two that grow with the time since the last switch.
+//! Step lengths: powers of two that grow with the time since the last switch.
 
 use crate::fe::clock::{fit_step_to_stop, share_of_gap};
 
-/// Refinement of the steps.
+/// Refinement of the time steps.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Resolution {
-    /// n ≥ 1: steps are between 1/2n and 1/n of the time since the switch. The error falls with the fourth power of 1/n.
+    /// n ≥ 1: steps are between 1/2n and 1/n of the time since the switch. The error is inversely
+    /// proportional to the fourth power of n.
     pub steps_per_doubling: u32,
-    /// Longest step, in s. A system that rings long after a switch needs about ten steps per period.
+    /// Longest step, in s. A system that oscillates long after a switch needs about ten steps per
+    /// period.
     pub longest_step_s: f64,
 }
 
 impl Default for Resolution {
-    /// Errors below 1e-6 of the largest position, if nothing rings.
+    /// Settings for errors below 1e-6 of the largest position, if nothing oscillates.
     fn default() -> Self {
         Self { steps_per_doubling: 10, longest_step_s: f64::INFINITY }
     }
 }
 
-/// Steps after one switch: h ≤ η (time since the switch + scale).
+/// Grading of the steps after one switch: h ≤ η (time since the switch + scale).
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Grading {
     growth: f64,
@@ -28,19 +30,20 @@ pub(super) struct Grading {
 }
 
 impl Grading {
-    /// Steps after a switch, with the next row or switch `gap_s` later. `jumps` tells whether the force jumps there.
+    /// Grading after a switch, if the next row or switch comes `gap_s` later. `jumps` tells whether
+    /// the force jumps at the switch.
     pub fn new(resolution: Resolution, switched_s: f64, gap_s: f64, jumps: bool) -> Self {
         let Resolution { steps_per_doubling, longest_step_s } = resolution;
         let growth = f64::from(steps_per_doubling.max(1)).recip();
         Self { growth, switched_s, scale_s: share_of_gap(jumps) * gap_s, longest_step_s }
     }
 
-    /// Steps after a change at time 0. The first ones resolve `scale_s`.
+    /// Grading after a change at time 0. The first steps resolve `scale_s`.
     pub fn within(resolution: Resolution, scale_s: f64) -> Self {
         Self { scale_s, ..Self::new(resolution, 0.0, 0.0, true) }
     }
 
-    /// Length of the step from `now_s`, with `left_s` to the next switch.
+    /// Length (s) of the step that starts at `now_s`, if the next switch is `left_s` away.
     pub(super) fn step_s(&self, now_s: f64, left_s: f64) -> f64 {
         let wanted_s = (self.growth * (now_s - self.switched_s + self.scale_s)).min(self.longest_step_s);
         let ladder_s = wanted_s.log2().floor().exp2();

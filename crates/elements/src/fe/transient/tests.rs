@@ -1,4 +1,5 @@
-//! Steps against closed forms, and against the eigenvectors of small meshes with separate matrix exponentials. No code is shared.
+//! Tests of the time steps against closed forms, and against modes of small meshes. The modes are
+//! eigenvectors, stepped by matrix exponentials. No code is shared.
 
 use nalgebra::{DMatrix, DVector, SMatrix, SVector};
 
@@ -11,7 +12,7 @@ use base::number::Dual;
 use laws::rheology::BaseLaw;
 use laws::stages::Stages;
 
-/// E, c₁, c₂ of the paper, and a series spring.
+/// E, c₁ and c₂ of the paper, and the modulus of a spring in series.
 const PARAMETERS: [f64; 4] = [3.527, 1.402, 47.370, 20.0];
 const WINDOW: TimeWindow = TimeWindow { shortest_s: 1e-3, longest_s: 100.0 };
 
@@ -23,7 +24,8 @@ fn chain(law: BaseLaw) -> CreepCompliance {
     to_chain(&elements(law), WINDOW).expect("springs and dashpots").bodies
 }
 
-/// Irregular times (s) from 3 s on, with a gap and rows 1 ms apart, and forces (N): holds of both signs, a rest, a force that changes at every row.
+/// Irregular times (s) from 3 s on, with a gap and rows 1 ms apart, and forces (N). The forces are
+/// holds of both signs, a rest, and a force that changes at every row.
 fn record() -> (Vec<f64>, Vec<f64>) {
     let (mut time_s, mut force_n, mut t) = (Vec::new(), Vec::new(), 3.0);
     for row in 0..100_u32 {
@@ -44,14 +46,14 @@ fn record() -> (Vec<f64>, Vec<f64>) {
     (time_s, force_n)
 }
 
-/// Largest difference, divided by the largest value of `exact`.
+/// Largest difference of two lists, divided by the largest value of `exact`.
 fn distance(found: &[f64], exact: &[f64]) -> f64 {
     assert_eq!(found.len(), exact.len());
     let amplitude = exact.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
     found.iter().zip(exact).fold(0.0_f64, |m, (a, b)| m.max((a - b).abs())) / amplitude
 }
 
-/// A system of dense matrices. The last unknown is the robot's.
+/// A system of dense matrices. The last unknown is the robot's displacement.
 struct Dense {
     stiffness: Vec<DMatrix<f64>>,
     damping: Option<DMatrix<f64>>,
@@ -105,7 +107,8 @@ fn ball() -> Mesh {
     ball.mesh().expect("the radii are in order")
 }
 
-/// K̂ of the mesh as a dense matrix. `robot_load` is a unit force on the whole body.
+/// The base model with K̂ of a mesh as a dense matrix. `robot_load` is a unit force on the whole
+/// body.
 fn base() -> Dense {
     let assembly = Assembly::new(&ball()).expect("a sound mesh");
     let upper = assembly.unit_stiffness(0.48);
@@ -122,7 +125,8 @@ fn base() -> Dense {
     Dense { stiffness: vec![matrix], damping: None, mass: None, load }
 }
 
-/// Mass of each unknown at a density: positive row sums of the consistent matrix's squares, of realistic size for the mesh.
+/// Mass of each unknown for a density, as a diagonal matrix. It is ∫ ρ φ² dV with the unknown's
+/// shape function φ, which is positive and of a realistic size for the mesh.
 fn lumped_mass(density_kg_per_m3: f64) -> DMatrix<f64> {
     let (mesh, assembly) = (ball(), Assembly::new(&ball()).expect("a sound mesh"));
     let table = TabulatedElement::of(mesh.element_kind);
@@ -141,7 +145,7 @@ fn lumped_mass(density_kg_per_m3: f64) -> DMatrix<f64> {
     DMatrix::from_diagonal(&DVector::from_vec(mass))
 }
 
-/// Eigenvalues μ and vectors V of A v = μ B v with Vᵀ B V = 1.
+/// Eigenvalues μ and matrix V of eigenvectors v of A v = μ B v, with Vᵀ B V = 1.
 fn eigen(a: &DMatrix<f64>, b: &DMatrix<f64>) -> (DVector<f64>, DMatrix<f64>) {
     let lower = b.clone().cholesky().expect("positive definite").l();
     let left = lower.solve_lower_triangular(a).expect("not singular");
@@ -151,7 +155,8 @@ fn eigen(a: &DMatrix<f64>, b: &DMatrix<f64>) -> (DVector<f64>, DMatrix<f64>) {
     (eigen.eigenvalues, vectors)
 }
 
-/// Positions by modes: v_robot (vᵀf) times the scalar response of each mode to the record.
+/// Positions by superposition of modes: v_robot (vᵀf) times the scalar response of each mode.
+/// `response` maps an eigenvalue to the response at every row.
 fn by_modes(
     system: &Dense,
     (values, vectors): (DVector<f64>, DMatrix<f64>),
@@ -166,7 +171,8 @@ fn by_modes(
     position
 }
 
-/// Rows of ẏ = A y + b F from rest, read by `output`. The exponential of every interval is computed separately.
+/// Solves ẏ = A y + b F from rest and returns `output`ᵀ y at every row. The matrix exponential of
+/// every interval is computed separately.
 fn by_exponentials<const N: usize>(a: SMatrix<f64, N, N>, b: SVector<f64, N>, output: SVector<f64, N>) -> Vec<f64> {
     let (time_s, force_n) = record();
     let mut y = DVector::<f64>::zeros(N + 1);
@@ -208,7 +214,8 @@ fn the_base_model_is_its_exact_solution() {
     }
 }
 
-/// λ w + z̈ = F for every mode: (ε_k, ε_d, ż) by matrix exponentials.
+/// Compares with λ w + z̈ = F for every mode. Its state (ε_k, ε_d, ż) is stepped by matrix
+/// exponentials.
 #[test]
 fn inertia_is_the_sum_of_its_modes() {
     let mut system = base();
@@ -216,7 +223,7 @@ fn inertia_is_the_sum_of_its_modes() {
     let modes = eigen(&system.stiffness[0], &mass);
     let [e, c1, c2, _] = PARAMETERS;
     let exact = by_modes(&system, modes, |lambda| {
-        // ż = a w − (E/c₁) ε_k, so w = (ż + (E/c₁) ε_k)/a.
+        // ż = a w − (E/c₁) ε_k gives w = (ż + (E/c₁) ε_k)/a.
         let (a, b) = (1.0 / c1 + 1.0 / c2, e / c1);
         let (k, d) = ([b / a / c1 - b, 0.0, 1.0 / (a * c1)], [b / a / c2, 0.0, 1.0 / (a * c2)]);
         let v = [-lambda * b / a, 0.0, -lambda / a];
@@ -231,7 +238,8 @@ fn inertia_is_the_sum_of_its_modes() {
     assert!(distance(&found, &exact) < 1e-6, "{:e}", distance(&found, &exact));
 }
 
-/// w + μ ż = F for every mode of a damping that acts on few unknowns. The spring makes the others jump.
+/// Compares with w + μ ż = F for every mode, for a damping that acts on few unknowns. The spring in
+/// series makes the others jump.
 #[test]
 fn damping_is_the_sum_of_its_modes() {
     let mut system = base();
@@ -252,7 +260,7 @@ fn damping_is_the_sum_of_its_modes() {
             let before = |row: usize| if row == 0 { 0.0 } else { force_n[row - 1] };
             return slow.iter().enumerate().map(|(row, q)| q + before(row) / e0).collect();
         }
-        // ż = (F − w)/μ = ẇ/E₀ + a w − (E/c₁) ε_k.
+        // The state equation is ż = (F − w)/μ = ẇ/E₀ + a w − (E/c₁) ε_k.
         let w = [e0 * b, 0.0, -e0 * (1.0 / mu + a)];
         let rows =
             SMatrix::<f64, 3, 3>::from_fn(|row, column| [[-b, 0.0, 1.0 / c1], [0.0, 0.0, 1.0 / c2], w][row][column]);
@@ -266,12 +274,14 @@ fn damping_is_the_sum_of_its_modes() {
     assert!(distance(&found, &exact) < 1e-6, "{:e}", distance(&found, &exact));
 }
 
-/// κ w₁ + (1 − κ) w₂ = F for every mode: two laws in parallel with exactly known creep.
+/// Compares with κ w₁ + (1 − κ) w₂ = F for every mode: two laws in parallel whose creep is known
+/// exactly.
 #[test]
 fn two_laws_are_the_sum_of_their_modes() {
     let whole = base();
     let n = whole.load.len();
-    // A part of the stiffness: K₁ = K^{1/2} P K^{1/2} by a congruence with a diagonal between 0 and 1.
+    // K₁ is a part of the stiffness: K₁ = K^{1/2} P K^{1/2}, a congruence with a diagonal matrix P
+    // whose entries lie between 0 and 1.
     let lower = whole.stiffness[0].clone().cholesky().expect("positive definite").l();
     let share = DVector::from_fn(n, |i, _| if i.is_multiple_of(4) { 0.0 } else { (0.7 * i as f64).sin().powi(2) });
     let first = &lower * DMatrix::from_diagonal(&share) * lower.transpose();
@@ -316,7 +326,8 @@ fn two_laws_are_the_sum_of_their_modes() {
     assert!(distance(&found, &exact) < 1e-6, "{:e}", distance(&found, &exact));
 }
 
-/// One unknown, K w + M z̈ = F under a Kelvin–Voigt body: a ringing oscillator with a longest step.
+/// Checks the order of the error for one unknown with K w + M z̈ = F under a Kelvin–Voigt body. It
+/// is an oscillator, whose steps have a largest length.
 #[test]
 fn the_error_falls_with_the_fourth_power_of_the_step() {
     let (modulus, viscosity, mass) = (3.0, 0.4, 0.1_f64);
@@ -348,7 +359,7 @@ fn the_error_falls_with_the_fourth_power_of_the_step() {
     assert!(errors[2] < 1e-6, "{errors:?}");
 }
 
-/// Lag, gradient, and switches between rows, against the Radau steps of [`stepping`].
+/// Compares lag, force gradient and switches between rows with the Radau steps of [`stepping`].
 #[test]
 fn lag_and_gradient_are_those_of_the_other_stepper() {
     let stiffness = Stiffness::new(&ball()).expect("a sound mesh");
@@ -378,7 +389,7 @@ fn lag_and_gradient_are_those_of_the_other_stepper() {
     assert!(refused.is_err_and(|e| e.to_string().contains("pulls the robot away")));
 }
 
-/// The chain of a springpot is accurate within the window's times.
+/// Checks that the chain of a springpot is accurate for times within the window.
 #[test]
 fn springpots_are_those_of_the_other_stepper() {
     let stiffness = Stiffness::new(&ball()).expect("a sound mesh");
@@ -389,7 +400,7 @@ fn springpots_are_those_of_the_other_stepper() {
     let springpot = Element::Springpot { modulus_pa: e, time_s: c1 / e, order };
     let beside = Element::Parallel(vec![Element::Spring { modulus_pa: e }, springpot.clone()]);
     let flow = Element::Dashpot { viscosity_pa_s: c2 };
-    // A springpot beside a spring has complex rates; one in series does not.
+    // A springpot beside a spring has complex rates. One in series has none.
     for (law, n_turning) in [
         (vec![Element::kelvin_voigt(e, c1), springpot, flow.clone()], 0),
         (vec![beside.clone(), flow], 1),

@@ -1,7 +1,8 @@
 //! Import of tetrahedral meshes from Gmsh (MSH 4.1, text or little-endian binary).
 //!
-//! The source paper uses Gmsh. A mesh must cover the quarter model y ≥ 0, z ≥ 0 (physics §3.1) and name four surfaces as physical groups:
-//! `robot`, `outer`, `symmetry_y` (y = 0) and `symmetry_z` (z = 0). Its elements are 10-node tetrahedra, or 4-node ones with a warning.
+//! The source paper uses Gmsh. A mesh must cover the quarter model y ≥ 0, z ≥ 0 (physics §3.1) and
+//! name four surfaces as physical groups: `robot`, `outer`, `symmetry_y` (y = 0) and `symmetry_z`
+//! (z = 0). Its elements are 10-node tetrahedra. 4-node tetrahedra are accepted with a warning.
 //! `tests/data/gmsh/quarter_sphere.py` makes such a mesh.
 
 mod model;
@@ -15,12 +16,12 @@ use crate::mesh::Mesh;
 use base::error::{Error, InputPlace, Result};
 use base::files::{self, Content};
 
-/// An imported mesh with its warnings.
+/// An imported mesh, with warnings about it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GmshMesh {
-    /// The mesh, in m.
+    /// The mesh, with coordinates in m.
     pub mesh: Mesh,
-    /// Warnings about properties that are accepted.
+    /// Warnings about properties of the mesh that are accepted.
     pub warnings: Vec<GmshWarning>,
 }
 
@@ -28,19 +29,20 @@ pub struct GmshMesh {
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum GmshWarning {
-    /// 4-node tetrahedra, which are too stiff in nearly incompressible gels (physics §3.4).
+    /// The elements are 4-node tetrahedra, which are too stiff in nearly incompressible gels
+    /// (physics §3.4).
     LinearTetrahedra {
-        /// Number of elements.
+        /// Number of elements in the mesh.
         n_elements: usize,
     },
-    /// Nodes of no volume element (centres of arcs, unused points), which were dropped.
+    /// Some nodes belong to no volume element (centres of arcs, unused points). They were dropped.
     UnusedNodes {
-        /// Number of nodes dropped.
+        /// Number of dropped nodes.
         n_nodes: usize,
     },
-    /// Elements that were inside out and have been renumbered.
+    /// Some elements were inverted. Their nodes have been renumbered.
     InvertedElements {
-        /// Number of elements renumbered.
+        /// Number of renumbered elements.
         n_elements: usize,
     },
     /// The robot's extent along x is not centred at the origin.
@@ -51,7 +53,7 @@ pub enum GmshWarning {
 }
 
 impl GmshWarning {
-    /// Short name for programs, part of the JSON output.
+    /// Short name of the warning for programs. It is part of the JSON output.
     pub fn kind(&self) -> &'static str {
         match self {
             Self::LinearTetrahedra { .. } => "linear_tetrahedra",
@@ -61,7 +63,7 @@ impl GmshWarning {
         }
     }
 
-    /// The finding, in words.
+    /// Text that states the property found.
     pub fn message(&self) -> String {
         match self {
             Self::LinearTetrahedra { n_elements } => format!(
@@ -78,7 +80,7 @@ impl GmshWarning {
         }
     }
 
-    /// The remedy.
+    /// Text that states the remedy.
     pub fn advice(&self) -> &'static str {
         match self {
             Self::LinearTetrahedra { .. } => {
@@ -93,18 +95,24 @@ impl GmshWarning {
     }
 }
 
-/// Smallest and largest unit of length of a mesh, from a picometre to a kilometre, in m.
+/// Permitted range of a mesh's unit of length, in m: from a picometre to a kilometre.
 const UNITS_M: [f64; 2] = [1e-12, 1e3];
 
 /// Reads a tetrahedral mesh of the quarter model from an MSH 4.1 file.
 ///
-/// `metres_per_unit` is the length of the file's unit, 1e-3 for a file in mm. Nodes keep the file's order, without those of no volume element. Element
-/// nodes are in VTK's order, with positive Jacobians.
+/// `metres_per_unit` is the length of the file's unit in m, such as 1e-3 for a file in mm. Nodes
+/// keep the file's order. Nodes that belong to no volume element are dropped. The nodes of an
+/// element are in the order of VTK, with positive Jacobians.
 ///
 /// # Errors
-/// [`Error::File`] if the file cannot be read. [`Error::Input`], with the line of a text file or the byte offset of a binary one, in these cases: the file is
-/// damaged or not MSH 4.1; a physical group is missing or empty; elements are of several kinds, higher than second order, not tetrahedra or degenerate; a
-/// symmetry node is off its plane; a face of the boundary is in no group; robot and outer surface touch.
+/// [`Error::File`] if the file cannot be read. [`Error::Input`] in the following cases, with the
+/// line of a text file or the byte offset of a binary one:
+/// - The file is damaged or not MSH 4.1.
+/// - A physical group is missing or empty.
+/// - Elements are of several kinds, of higher than second order, not tetrahedra, or degenerate.
+/// - A symmetry node is off its plane.
+/// - A face of the boundary is in no group.
+/// - Robot and outer surface touch.
 pub fn read_gmsh(path: impl AsRef<Path>, metres_per_unit: f64) -> Result<GmshMesh> {
     let path = path.as_ref();
     if !(UNITS_M[0]..=UNITS_M[1]).contains(&metres_per_unit) {

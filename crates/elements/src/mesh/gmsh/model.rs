@@ -1,4 +1,5 @@
-//! Builds the quarter model from the sections of a file: volume elements, node sets, and checks for a wrong geometry.
+//! Builds the quarter model from the sections of a file: volume elements and node sets. Also checks
+//! the geometry.
 
 use std::collections::{HashMap, HashSet};
 
@@ -8,21 +9,22 @@ use super::{GmshMesh, GmshWarning};
 use crate::mesh::{ElementKind, Mesh};
 use base::error::{Error, Result};
 
-/// Names of the surfaces that a mesh must define.
+/// Names of the physical groups that a mesh must define.
 const SURFACES: [&str; 4] = ["robot", "outer", "symmetry_y", "symmetry_z"];
 /// Largest distance of a node from its symmetry plane, relative to the mesh's extent.
 const PLANE_TOLERANCE: f64 = 1e-6;
-/// Largest distance of the robot's middle along x from the origin without a warning, relative to its extent.
+/// Largest distance along x from the origin to the robot's middle that causes no warning, relative
+/// to the robot's extent.
 const CENTRE_TOLERANCE: f64 = 0.01;
-/// Mark of a node of no volume element.
+/// Value that marks a node of no volume element.
 const UNUSED: u32 = u32::MAX;
 
-/// Builds an error about the file from the finding and the remedy.
+/// Function that builds an error about the file from what was found and the remedy.
 pub(super) type Refuse<'a> = dyn Fn(String, String) -> Error + 'a;
-/// The corners of a triangle, sorted.
+/// Node indices of the three corners of a triangle, sorted.
 type Face = [u32; 3];
 
-/// Builds and checks the mesh.
+/// Builds the mesh and checks it.
 pub(super) fn build(raw: RawMesh, refuse: &Refuse<'_>, metres_per_unit: f64) -> Result<GmshMesh> {
     let mut warnings = Vec::new();
     let (element_kind, mut connectivity, tags) = volume_elements(&raw.blocks, refuse)?;
@@ -57,7 +59,8 @@ pub(super) fn build(raw: RawMesh, refuse: &Refuse<'_>, metres_per_unit: f64) -> 
     Ok(GmshMesh { mesh, warnings })
 }
 
-/// The kind, node indices in VTK's order and tags of all volume elements.
+/// Returns, for all volume elements: their type, their node indices in the order of VTK, and their
+/// tags.
 fn volume_elements(blocks: &[ElementBlock], refuse: &Refuse<'_>) -> Result<(ElementKind, Vec<u32>, Vec<u64>)> {
     let mut found = None;
     let (mut connectivity, mut tags) = (Vec::new(), Vec::new());
@@ -86,7 +89,7 @@ fn volume_elements(blocks: &[ElementBlock], refuse: &Refuse<'_>) -> Result<(Elem
             let start = connectivity.len();
             connectivity.extend_from_slice(nodes);
             if kind == ElementKind::Tetrahedron10 {
-                // Gmsh numbers the edges 2–3 and 1–3 in the opposite order.
+                // Gmsh and VTK number the edges 2–3 and 1–3 in opposite order.
                 connectivity.swap(start + 8, start + 9);
             }
         }
@@ -102,7 +105,7 @@ fn volume_elements(blocks: &[ElementBlock], refuse: &Refuse<'_>) -> Result<(Elem
     }
 }
 
-/// Corrects elements that are inside out and returns their number. Refuses degenerate ones.
+/// Renumbers inverted elements and returns their number. Refuses degenerate ones.
 fn orient(
     connectivity: &mut [u32],
     n_nodes: usize,
@@ -133,13 +136,13 @@ fn orient(
     Ok(n_turned)
 }
 
-/// One named surface.
+/// One named surface of the mesh.
 struct Surface {
     nodes: Vec<u32>,
     faces: Vec<Face>,
 }
 
-/// The triangles of the physical surface `name`.
+/// Finds the triangles of the physical group `name`.
 fn surface(raw: &RawMesh, name: &str, refuse: &Refuse<'_>) -> Result<Surface> {
     let define = || {
         format!(
@@ -180,7 +183,8 @@ fn sorted(mut face: Face) -> Face {
     face
 }
 
-/// Checks that every face of the volume's boundary is in a group, because it would otherwise be free of traction. Checks also that every group lies on the boundary.
+/// Checks that every face of the volume's boundary is in a group. A face in no group would be free
+/// of traction. Checks also that every group lies on the boundary.
 fn check_boundary(
     connectivity: &[u32],
     n_nodes: usize,
@@ -228,7 +232,8 @@ fn check_boundary(
     }
 }
 
-/// Drops nodes of no element. Returns the new index of each old node, and the kept coordinates in m.
+/// Drops nodes that belong to no element and renumbers `connectivity`. Returns the new index of
+/// each old node, and the kept coordinates in m.
 fn compact(nodes: &[[f64; 3]], connectivity: &mut [u32], metres_per_unit: f64) -> (Vec<u32>, Vec<[f64; 3]>) {
     let mut new_index = vec![UNUSED; nodes.len()];
     for &node in connectivity.iter() {
@@ -261,7 +266,8 @@ fn node_set(name: &str, surface: &Surface, new_index: &[u32], refuse: &Refuse<'_
     Ok(set)
 }
 
-/// Checks that symmetry nodes lie on their planes, the mesh is on the positive side of both, and the robot does not touch the outer surface.
+/// Checks that symmetry nodes lie on their planes, and that the mesh is on the positive side of
+/// both. Also checks that the robot does not touch the outer surface.
 fn check_geometry(mesh: &Mesh, metres_per_unit: f64, refuse: &Refuse<'_>) -> Result<()> {
     let extent = mesh.node_coordinates_m.iter().flatten().fold(0.0_f64, |extent, c| extent.max(c.abs()));
     let tolerance = PLANE_TOLERANCE * extent;
@@ -292,7 +298,7 @@ fn check_geometry(mesh: &Mesh, metres_per_unit: f64, refuse: &Refuse<'_>) -> Res
     }
 }
 
-/// A warning if the robot's extent along x is not centred at the origin.
+/// Returns a warning if the robot's extent along x is not centred at the origin.
 fn off_centre(mesh: &Mesh) -> Option<GmshWarning> {
     let (least, largest) = mesh
         .robot_nodes

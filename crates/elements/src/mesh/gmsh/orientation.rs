@@ -1,16 +1,17 @@
-//! Jacobians of tetrahedra: detects elements that are inside out or folded.
+//! Jacobians of tetrahedra, by which inverted or folded elements are detected.
 
-/// Sign of an element's Jacobian determinant.
+/// Orientation of an element: the sign of its Jacobian determinant.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Orientation {
     Positive,
-    /// Numbered inside out.
+    /// The element is inverted: its Jacobian determinant is negative.
     Negative,
-    /// Flat, or folded over itself.
+    /// The element is flat, or folded over itself.
     Degenerate,
 }
 
-/// Reference coordinates at which the Jacobian is checked: corners, edge middles, and inner points near the usual integration points.
+/// Reference coordinates at which the Jacobian is checked. They are corners, edge middles, and
+/// inner points near the usual integration points.
 const SAMPLES: [[f64; 3]; 15] = [
     [0.0, 0.0, 0.0],
     [1.0, 0.0, 0.0],
@@ -29,9 +30,10 @@ const SAMPLES: [[f64; 3]; 15] = [
     [0.14, 0.14, 0.58],
 ];
 
-/// Orientation of a tetrahedron of 4 or 10 nodes in VTK's order.
+/// Determines the orientation of a tetrahedron. `points` are its 4 or 10 nodes in the order of VTK.
 pub(super) fn orientation(points: &[[f64; 3]]) -> Orientation {
-    // Relative to the size of the element, so that the unit of length does not matter.
+    // The determinant is compared with the element's size, so that the unit of length does not
+    // matter.
     let size = (1..4)
         .map(|k| (0..3).map(|axis| (points[k][axis] - points[0][axis]).powi(2)).sum::<f64>().sqrt())
         .fold(0.0, f64::max);
@@ -52,17 +54,17 @@ pub(super) fn orientation(points: &[[f64; 3]]) -> Orientation {
     }
 }
 
-/// Renumbers an element that is inside out: exchanges corners 0 and 1 and the edge nodes with them.
+/// Renumbers an inverted element. It exchanges corners 0 and 1, and the edge nodes accordingly.
 pub(super) fn turn(nodes: &mut [u32]) {
     nodes.swap(0, 1);
     if nodes.len() == 10 {
-        // Edges 1–2 and 0–2, 0–3 and 1–3.
+        // The exchange swaps edges 1–2 and 0–2, and edges 0–3 and 1–3.
         nodes.swap(5, 6);
         nodes.swap(7, 8);
     }
 }
 
-/// Determinant of ∂x/∂(ξ, η, ζ) at a reference point.
+/// Determinant of the Jacobian ∂x/∂(ξ, η, ζ) at a reference point.
 fn jacobian_determinant(points: &[[f64; 3]], [xi, eta, zeta]: [f64; 3]) -> f64 {
     // Barycentric coordinates λ₀ = 1 − ξ − η − ζ, λ₁ = ξ, λ₂ = η, λ₃ = ζ and their gradients.
     let lambda = [1.0 - xi - eta - zeta, xi, eta, zeta];
@@ -80,7 +82,7 @@ fn jacobian_determinant(points: &[[f64; 3]], [xi, eta, zeta]: [f64; 3]) -> f64 {
             add(*point, gradient);
         }
     } else {
-        // N = λ(2λ − 1) at corners, 4 λᵢ λⱼ on edges.
+        // Shape functions: λ(2λ − 1) at a corner, 4 λᵢ λⱼ on an edge.
         for k in 0..4 {
             add(points[k], gradient[k].map(|g| (4.0 * lambda[k] - 1.0) * g));
         }
@@ -110,7 +112,7 @@ mod tests {
 
     #[test]
     fn a_straight_element_has_six_times_its_volume_everywhere() {
-        // Base 2 × 1 / 2, height 1.5: the volume is 0.5.
+        // The base area is 2 × 1 / 2 and the height 1.5. The volume is 0.5.
         for sample in SAMPLES {
             assert!((jacobian_determinant(&CORNERS, sample) - 3.0).abs() < 1e-12);
             assert!((jacobian_determinant(&straight_tetrahedron10(), sample) - 3.0).abs() < 1e-12);
@@ -136,7 +138,7 @@ mod tests {
         flat[3][2] = 0.0;
         assert_eq!(orientation(&flat), Orientation::Degenerate);
         let mut folded = straight_tetrahedron10();
-        // An edge node beyond the quarter points folds a quadratic edge.
+        // An edge node between a quarter point and the edge's end folds a quadratic edge.
         folded[4][0] = 1.9;
         assert_eq!(orientation(&folded), Orientation::Degenerate);
     }

@@ -1,18 +1,19 @@
-//! Reads numbers and section marks of an MSH file, text or binary, and keeps the position for error messages.
+//! Reader for the numbers and section marks of an MSH file, text or binary. It keeps the position
+//! for error messages.
 
 use std::path::Path;
 
 use base::error::{Error, InputPlace, Result};
 
-/// Remedy for a file that ends early or does not follow the format.
+/// Remedy in errors about a file that ends early or does not follow the format.
 const DAMAGED: &str = "the file is damaged or not a Gmsh 4.1 mesh: save it again with `gmsh -3 -format msh41`";
 
-/// A cursor over the bytes of an MSH file.
+/// A reading position in the bytes of an MSH file.
 pub(super) struct Scanner<'a> {
     path: &'a Path,
     bytes: &'a [u8],
     position: usize,
-    /// Line of the last text token, from 1.
+    /// Line number of the last word of text, counted from 1.
     line: usize,
     /// True if numbers are stored as little-endian bytes.
     pub(super) binary: bool,
@@ -23,7 +24,8 @@ impl<'a> Scanner<'a> {
         Self { path, bytes, position: 0, line: 1, binary: false }
     }
 
-    /// An error at the current position: the line of a text file or the byte offset of a binary one.
+    /// Returns an error about the current position. It names the line of a text file or the byte
+    /// offset of a binary one.
     pub(super) fn error(&self, found: impl std::fmt::Display, remedy: impl Into<String>) -> Error {
         if self.binary {
             let found = format!("at byte offset {}: {found}", self.position);
@@ -33,12 +35,12 @@ impl<'a> Scanner<'a> {
         }
     }
 
-    /// An error about content that breaks the format.
+    /// Returns an error about content that violates the format.
     pub(super) fn damaged(&self, found: impl std::fmt::Display) -> Error {
         self.error(found, DAMAGED)
     }
 
-    /// An error about the file as a whole.
+    /// Returns an error about the file as a whole.
     pub(super) fn file_error(&self, found: impl Into<String>, remedy: impl Into<String>) -> Error {
         Error::input(InputPlace::file(self.path), found, remedy)
     }
@@ -50,7 +52,7 @@ impl<'a> Scanner<'a> {
         }
     }
 
-    /// Next word of text, in text and binary files; empty at the end of the file.
+    /// Reads the next word of text, in text and binary files. It is empty at the end of the file.
     fn word(&mut self) -> &'a [u8] {
         self.skip_whitespace();
         let rest = &self.bytes[self.position..];
@@ -59,7 +61,8 @@ impl<'a> Scanner<'a> {
         &rest[..length]
     }
 
-    /// Name after `$` that opens the next section; `None` at the end of the file.
+    /// Reads the mark that opens the next section, and returns its name without `$`. Returns `None`
+    /// at the end of the file.
     pub(super) fn section(&mut self) -> Result<Option<&'a str>> {
         let word = self.word();
         if word.is_empty() {
@@ -68,7 +71,7 @@ impl<'a> Scanner<'a> {
         match std::str::from_utf8(word).ok().and_then(|word| word.strip_prefix('$')) {
             Some(name) => {
                 if self.binary {
-                    // Numbers start directly after the line break.
+                    // In a binary file, the numbers start directly after the line break.
                     self.end_of_line();
                 }
                 Ok(Some(name))
@@ -77,7 +80,7 @@ impl<'a> Scanner<'a> {
         }
     }
 
-    /// Reads the mark that closes section `name`.
+    /// Reads the mark that closes the section `name`. Any other content is an error.
     pub(super) fn end_of_section(&mut self, name: &str) -> Result<()> {
         let word = self.word();
         if word.strip_prefix(b"$End") == Some(name.as_bytes()) {
@@ -87,7 +90,7 @@ impl<'a> Scanner<'a> {
         }
     }
 
-    /// Skips a section that is not needed.
+    /// Skips the section `name`.
     pub(super) fn skip_section(&mut self, name: &str) -> Result<()> {
         let mark = format!("$End{name}");
         let rest = &self.bytes[self.position..];
@@ -101,7 +104,7 @@ impl<'a> Scanner<'a> {
         }
     }
 
-    /// Moves to just after the next line break.
+    /// Moves to the first byte after the next line break.
     pub(super) fn end_of_line(&mut self) {
         let rest = &self.bytes[self.position..];
         let length = rest.iter().position(|&byte| byte == b'\n').map_or(rest.len(), |length| length + 1);
@@ -109,7 +112,7 @@ impl<'a> Scanner<'a> {
         self.position += length;
     }
 
-    /// A number written as text, in text and binary files.
+    /// Reads a number written as text, in text and binary files.
     pub(super) fn text_number<T: std::str::FromStr>(&mut self, what: &str) -> Result<T> {
         let word = self.word();
         if word.is_empty() {
@@ -121,7 +124,7 @@ impl<'a> Scanner<'a> {
             .ok_or_else(|| self.damaged(format!("found `{}`, expected {what}", printable(word))))
     }
 
-    /// A name in double quotes, in text and binary files.
+    /// Reads a name in double quotes, in text and binary files.
     pub(super) fn quoted(&mut self, what: &str) -> Result<String> {
         self.skip_whitespace();
         let rest = &self.bytes[self.position..];
@@ -148,7 +151,7 @@ impl<'a> Scanner<'a> {
         }
     }
 
-    /// The marker 1, which shows the byte order of a binary file.
+    /// Reads the integer 1 that shows the byte order of a binary file.
     pub(super) fn byte_order(&mut self) -> Result<()> {
         let marker = self.raw("the byte-order marker")?;
         match i32::from_le_bytes(marker) {
@@ -161,17 +164,17 @@ impl<'a> Scanner<'a> {
         }
     }
 
-    /// A 4-byte signed integer.
+    /// Reads a 4-byte signed integer.
     pub(super) fn int(&mut self, what: &str) -> Result<i32> {
         if self.binary { Ok(i32::from_le_bytes(self.raw(what)?)) } else { self.text_number(what) }
     }
 
-    /// An 8-byte unsigned integer.
+    /// Reads an 8-byte unsigned integer.
     pub(super) fn size(&mut self, what: &str) -> Result<u64> {
         if self.binary { Ok(u64::from_le_bytes(self.raw(what)?)) } else { self.text_number(what) }
     }
 
-    /// A finite double-precision number.
+    /// Reads a finite double-precision number.
     pub(super) fn double(&mut self, what: &str) -> Result<f64> {
         let value = if self.binary { f64::from_le_bytes(self.raw(what)?) } else { self.text_number(what)? };
         if value.is_finite() {
@@ -181,8 +184,9 @@ impl<'a> Scanner<'a> {
         }
     }
 
-    /// A number of items of at least `bytes_each` binary bytes. It is an error if the rest of the file cannot hold them, so that a damaged
-    /// count never allocates memory.
+    /// Reads a number of items. In a binary file an item has at least `bytes_each` bytes. It is an
+    /// error if the remaining bytes cannot hold the items. A damaged count therefore never
+    /// allocates memory.
     pub(super) fn count(&mut self, what: &str, bytes_each: usize) -> Result<usize> {
         let count = self.size(what)?;
         // In a text file the shortest item is a digit and a separator.
@@ -195,7 +199,7 @@ impl<'a> Scanner<'a> {
     }
 }
 
-/// A short, printable form of a word.
+/// Shortens a word and makes it printable.
 fn printable(word: &[u8]) -> String {
     if word.is_empty() {
         return "end of file".to_owned();

@@ -1,34 +1,34 @@
-//! Reads the sections of an MSH 4.1 file into plain lists, without interpretation.
+//! Reader for the sections of an MSH 4.1 file. It returns plain lists without interpretation.
 
 use std::collections::{HashMap, HashSet};
 
 use super::scanner::Scanner;
 use base::error::Result;
 
-/// Content of an MSH file, with node tags replaced by indices into `nodes`.
+/// Content of an MSH file. Node tags are replaced by indices into `nodes`.
 #[derive(Default)]
 pub(super) struct RawMesh {
-    /// (dimension, tag) of a physical group by its name.
+    /// (dimension, tag) of each physical group, by the group's name.
     pub groups: HashMap<String, (i32, i32)>,
-    /// Physical tags of a geometric entity, by (dimension, entity tag).
+    /// Physical tags of each geometric entity, by (dimension, entity tag).
     pub entity_groups: HashMap<(i32, i32), Vec<i32>>,
-    /// Coordinates in the file's unit.
+    /// Coordinates of every node in the file's unit.
     pub nodes: Vec<[f64; 3]>,
     pub blocks: Vec<ElementBlock>,
 }
 
-/// Elements of one kind on one geometric entity.
+/// Elements of one type on one geometric entity.
 pub(super) struct ElementBlock {
     pub dimension: i32,
     pub entity: i32,
-    /// Gmsh's number of the element type.
+    /// Number by which Gmsh identifies the element type.
     pub kind: i32,
     pub tags: Vec<u64>,
-    /// `nodes_per_element(kind)` indices per element, in Gmsh's order.
+    /// `nodes_per_element(kind)` node indices per element, in the order of Gmsh.
     pub nodes: Vec<u32>,
 }
 
-/// Number of nodes of an element of a Gmsh type, up to second order.
+/// Number of nodes of an element of Gmsh's type `kind`. `None` for types above second order.
 pub(super) fn nodes_per_element(kind: i32) -> Option<usize> {
     Some(match kind {
         15 => 1,
@@ -50,7 +50,7 @@ pub(super) fn nodes_per_element(kind: i32) -> Option<usize> {
     })
 }
 
-/// Reads every relevant section and skips the others.
+/// Reads the sections that the import needs and skips the others.
 pub(super) fn read_sections(scanner: &mut Scanner<'_>) -> Result<RawMesh> {
     let mut raw = RawMesh::default();
     let mut node_index = HashMap::new();
@@ -114,7 +114,7 @@ fn read_format(scanner: &mut Scanner<'_>) -> Result<()> {
 }
 
 fn read_physical_names(scanner: &mut Scanner<'_>, raw: &mut RawMesh) -> Result<()> {
-    // This section is text in binary files, too.
+    // This section is text even in binary files.
     let count: u32 = scanner.text_number("the number of physical names")?;
     for _ in 0..count {
         let dimension = scanner.text_number("a physical group's dimension")?;
@@ -144,7 +144,7 @@ fn read_entities(scanner: &mut Scanner<'_>, raw: &mut RawMesh) -> Result<()> {
             let n_groups = scanner.count("a number of physical tags", 4)?;
             let mut groups = Vec::with_capacity(n_groups);
             for _ in 0..n_groups {
-                // A negative tag means the group with the entity's orientation reversed.
+                // A negative tag names the group whose orientation is opposite to the entity's.
                 groups.push(scanner.int("a physical tag")?.saturating_abs());
             }
             if dimension > 0 {

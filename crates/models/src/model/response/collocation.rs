@@ -1,9 +1,12 @@
-//! Steps under a force that depends on the position.
+//! Time steps of the modes under a force that depends on the position.
 //!
-//! The force is F_in + R with F_in = L + D e^{−λt} and R = F_in (e^{gx} − 1). The effect of F_in on a mode is known exactly. R is smooth away from switches. It is
-//! approximated by a quartic through five nodes, which is integrated exactly against e^{−ρ(h−s)} for any rate of the mode. x at the nodes depends linearly on R there.
-//! Newton's method therefore solves five equations for g x. If a point's equations have no solution near the step's start, it has no position from there on.
-//! Then the force diverges with the position, or changes by more in one step than a quartic can follow.
+//! The force is F_in + R with F_in = L + D e^{−λt} and R = F_in (e^{gx} − 1). L is the level, D the deficit that decays at the
+//! lag's rate λ, and g the gradient. The response of a mode to F_in is known exactly. R is smooth between switches of the
+//! command. A quartic through five nodes of the step approximates it. The quartic is integrated exactly against e^{−ρ(h−s)}, with
+//! h the step and ρ the mode's rate. The position x at the nodes depends linearly on R at the nodes. Newton's method therefore
+//! solves five equations for the five values of g x. If they have no solution near the value at the step's start, the position is
+//! undefined from this step on. In this case the force diverges with the position, or changes by more in one step than a quartic
+//! can follow.
 
 use std::ops::{Add, Mul};
 
@@ -17,48 +20,54 @@ use base::number::{Complex, PointScalar};
 
 pub(super) const N_NODES: usize = N_FUNCTIONS;
 
-/// Radau's nodes on [0, 1]. The last is the end, where fast modes follow R. Without a node there, their error would be the quartic's full error
-/// instead of that of its integral.
+/// Radau's nodes on [0, 1]. The last node is the end of the step. Fast modes follow the value of R at the end. Without a node
+/// there, their error would be that of the quartic, which is larger than that of its integral.
 pub(super) const NODES: [f64; N_NODES] =
     [0.057_104_196_114_517_68, 0.276_843_013_638_123_8, 0.583_590_432_368_916_8, 0.860_240_135_656_219_5, 1.0];
 
-/// Index of the node at the end.
+/// Index of the node at the end of the step.
 pub(super) const END: usize = N_NODES - 1;
 
-/// Largest number of Newton steps. Few are needed, since a time step starts at the end of the last one.
+/// Largest number of Newton steps in one time step. Few are needed, since the iteration starts from the value at the end of the
+/// previous time step.
 const MOST_NEWTON_STEPS: usize = 12;
-/// Squared size of the last Newton step. The remaining error is of the size of its square.
+/// Squared size of a Newton step after which the iteration ends. The remaining error is of the order of the squared size.
 const LAST_STEP_SQUARED: f64 = 1e-14;
-/// Largest change of g x between a step's first node and its end.
+/// Largest accepted change of g x between a step's first node and its end.
 const MOST_CHANGE: f64 = 1.5;
 
-/// Effect of a step on one mode.
+/// Coefficients that advance one mode by a time step of length h.
 #[derive(Clone, Copy)]
 pub(super) struct ModeStep<T> {
-    /// e^{−ρ c h} at the nodes c.
+    /// e^{−ρ c h} at the nodes c, with ρ the rate of the mode.
     pub node_decay: [T; N_NODES],
+    /// Coefficients over the whole step, without R.
     pub whole: LinearRow<T>,
-    /// Weights of R at the nodes.
+    /// Weights of R at the nodes for the mode's value Y at the end of the step.
     pub weights: [T; N_NODES],
 }
 
-/// Coefficients of a step of one length.
+/// Coefficients of all modes for a time step of length h.
 pub(super) struct CollocationStep<S> {
     modes: Vec<ModeStep<S>>,
     oscillating: Vec<ModeStep<Complex<S>>>,
-    /// Σ Y at the nodes for a unit of L, of its rate, of D and of R at the nodes.
+    /// Σ Y at each node for a unit of the level L. Y are the modes' contributions to the position.
     by_level: [S; N_NODES],
+    /// Σ Y at each node for a unit of the rate of L.
     by_slope: [S; N_NODES],
+    /// Σ Y at each node for a unit of the deficit D.
     by_deficit: [S; N_NODES],
+    /// Σ Y at node i (row) for a unit of R at node j (column).
     by_feedback: [[S; N_NODES]; N_NODES],
     length_s: S,
     rises: bool,
-    /// e^{−λ c h} and e^{r c h} at the nodes.
+    /// e^{−λ c h} at the nodes c, with λ the rate of the lag.
     lag_decay: [S; N_NODES],
+    /// e^{r c h} at the nodes c, with r the softening rate.
     growth: [S; N_NODES],
 }
 
-/// State between steps.
+/// State of the modes and of the force between two time steps.
 pub(super) struct CollocationState<S> {
     modes: Vec<S>,
     oscillating: Vec<Complex<S>>,
@@ -66,7 +75,7 @@ pub(super) struct CollocationState<S> {
     pub level_n: S,
     pub slope_n_per_s: S,
     pub deficit_n: S,
-    /// e^{rt}.
+    /// e^{rt} at the time t, with r the softening rate.
     growth: S,
 }
 
@@ -85,7 +94,7 @@ impl<S: Number> CollocationState<S> {
     }
 }
 
-/// Step of one mode, and its Σ Y at the nodes for L, its rate, D and R.
+/// Coefficients of one mode, and its values Y at the nodes for units of L, of the rate of L, of D and of R.
 pub(super) struct OfMode<T> {
     pub step: ModeStep<T>,
     pub by_level: [T; N_NODES],
@@ -94,8 +103,8 @@ pub(super) struct OfMode<T> {
     pub by_feedback: [[T; N_NODES]; N_NODES],
 }
 
-/// Returns the step of one mode. `rows` are the mode's coefficients from the step's start to each node, `functions` are φₖ(−ρ c h) at the nodes,
-/// and `gain` is κ h.
+/// Returns the coefficients of one mode. `rows` are its coefficients from the step's start to each node. `functions` are φₖ(−ρ c
+/// h) for each node c (row) and k (column). `gain` is κ h. `polynomials` are the nodes' Lagrange polynomials.
 #[inline(always)]
 pub(super) fn of_mode<T: Copy + Add<Output = T> + Mul<Output = T> + Mul<f64, Output = T>>(
     gain: T,
@@ -114,7 +123,8 @@ pub(super) fn of_mode<T: Copy + Add<Output = T> + Mul<Output = T> + Mul<f64, Out
     OfMode { step, by_level, by_slope, by_deficit, by_feedback }
 }
 
-/// Returns the weights gain ∫₀ᶜ e^{−rate (c−s)} ℓⱼ(s) ds for the nodes' Lagrange polynomials ℓⱼ, from φₖ(−rate c).
+/// Returns the weights gain ∫₀ᶜ e^{−z(c−s)} ℓⱼ(s) ds up to c = `end`, for the nodes' Lagrange polynomials ℓⱼ. `functions` are
+/// φₖ(−zc), with z the mode's rate times the step.
 #[inline(always)]
 fn weights<T: Copy + Add<Output = T> + Mul<Output = T> + Mul<f64, Output = T>>(
     gain: T,
@@ -140,7 +150,7 @@ fn weights<T: Copy + Add<Output = T> + Mul<Output = T> + Mul<f64, Output = T>>(
     weights
 }
 
-/// Coefficients of 1, s, … s⁴ in ℓⱼ.
+/// Coefficients of 1, s, … s⁴ in ℓⱼ, the Lagrange polynomial that is 1 at node j.
 pub(super) fn lagrange(j: usize) -> [f64; N_NODES] {
     let mut polynomial = [0.0; N_NODES];
     polynomial[0] = 1.0;
@@ -155,7 +165,7 @@ pub(super) fn lagrange(j: usize) -> [f64; N_NODES] {
 }
 
 impl<S: Number> CollocationStep<S> {
-    /// Coefficients of a step of this length. `rises` is true if forces change linearly while they act.
+    /// Returns the coefficients of a step of this length. `rises` is true if the force changes linearly during a step.
     pub fn new(system: &System<S>, length_s: S, rises: bool) -> Self {
         let zero = S::constant(0.0);
         let mut step = Self {
@@ -184,7 +194,7 @@ impl<S: Number> CollocationStep<S> {
         step
     }
 
-    /// Fills the oscillating modes, point by point.
+    /// Fills the coefficients of the oscillating modes, one parameter point after the other.
     fn set_oscillating(
         &mut self,
         system: &System<S>,
@@ -213,7 +223,7 @@ impl<S: Number> CollocationStep<S> {
     }
 }
 
-/// Task that fills the real modes of all points at once.
+/// Task that fills the coefficients of the real modes at all parameter points at once.
 struct FillModes<'a, S> {
     system: &'a System<S>,
     length_s: S,
@@ -266,7 +276,7 @@ fn set_parts<T, U>(target: &mut ModeStep<T>, source: &ModeStep<U>, mut set: impl
     set(&mut target.whole.ramp_gain, &source.whole.ramp_gain);
 }
 
-/// Moves the state by one step.
+/// Advances the state by one step.
 #[inline(always)]
 pub(super) fn advance<S: Number>(system: &System<S>, step: &CollocationStep<S>, state: &mut CollocationState<S>) {
     let feedback = feedback_at_nodes(system, step, state);
@@ -299,7 +309,7 @@ pub(super) fn advance<S: Number>(system: &System<S>, step: &CollocationStep<S>, 
     }
 }
 
-/// Returns R at the nodes.
+/// Returns R at the nodes of the step, in N, by Newton's method.
 #[inline(always)]
 fn feedback_at_nodes<S: Number>(
     system: &System<S>,
@@ -307,7 +317,8 @@ fn feedback_at_nodes<S: Number>(
     state: &CollocationState<S>,
 ) -> [S; N_NODES] {
     let (zero, one) = (S::constant(0.0), S::constant(1.0));
-    // Σ Y at the nodes without R. The inner loop is over the nodes of a mode, so that no sum waits for itself.
+    // `known` is Σ Y at the nodes for R = 0. The inner loop is over the nodes, so that consecutive additions belong to different
+    // sums.
     let mut known = [zero; N_NODES];
     for i in 0..N_NODES {
         known[i] = step.by_level[i].mul_add(state.level_n, step.by_deficit[i] * state.deficit_n);
@@ -332,7 +343,7 @@ fn feedback_at_nodes<S: Number>(
             force_n[i] = (state.slope_n_per_s * NODES[i]).mul_add(step.length_s, force_n[i]);
         }
     }
-    // The equations are g x = known + Σ by_force (e^{gx} − 1) at the nodes.
+    // The equations at the nodes are g x = known + Σ by_force (e^{gx} − 1).
     let mut by_force = [[zero; N_NODES]; N_NODES];
     for i in 0..N_NODES {
         let strength = system.load.gradient_per_m * state.growth * step.growth[i];
@@ -342,11 +353,13 @@ fn feedback_at_nodes<S: Number>(
         }
         by_force[i][i] += strength * system.instantaneous * force_n[i];
     }
-    // The start depends on the state at the step's start alone. A point that waits for others must end where it was, to the bit.
+    // The initial guess depends only on the state at the step's start. A point that waits in steps of length 0 must keep all bits
+    // of its state.
     let (flowed, start_n) = (flowed_m_per_growth(state), state.level_n + state.deficit_n);
     let start = system.load.gradient_per_m * state.growth * system.instantaneous.mul_add(start_n, flowed);
     let mut exponent = [start; N_NODES];
-    // Squared size of each point's last Newton step. A point's result must not depend on its neighbours.
+    // `size` is the squared size of each point's last Newton step. A point keeps its own, so that its result does not depend on
+    // its neighbours.
     let mut size = one;
     for _ in 0..MOST_NEWTON_STEPS {
         let (mut matrix, mut right) = (by_force, known);
@@ -384,7 +397,8 @@ fn feedback_at_nodes<S: Number>(
     feedback
 }
 
-/// Solves by elimination without pivoting. The matrix is the identity plus a feedback, and a diagonal entry vanishes only where the force diverges.
+/// Solves a linear system by elimination without pivoting. The matrix is the identity plus a feedback. A diagonal entry vanishes
+/// only if the force diverges.
 #[inline(always)]
 pub(super) fn solve<S: Number>(mut matrix: [[S; N_NODES]; N_NODES], mut right: [S; N_NODES]) -> [S; N_NODES] {
     for k in 0..N_NODES {
@@ -409,7 +423,7 @@ pub(super) fn solve<S: Number>(mut matrix: [[S; N_NODES]; N_NODES], mut right: [
     right
 }
 
-/// Returns Σ Y.
+/// Returns Σ Y, the modes' contributions to the position in m, before the factor e^{rt}.
 #[inline(always)]
 fn flowed_m_per_growth<S: Number>(state: &CollocationState<S>) -> S {
     let mut sum = S::constant(0.0);
@@ -422,7 +436,8 @@ fn flowed_m_per_growth<S: Number>(state: &CollocationState<S>) -> S {
     sum
 }
 
-/// Position (m) of the robot: x = e^{rt} (Σ Y + C J₀ F_in e^{gx}), by Newton's method for g x.
+/// Returns the position x of the robot in m. Newton's method solves x = e^{rt} (Σ Y + C J₀ F_in e^{gx}) for g x. C J₀ is the
+/// instantaneous compliance in m/N.
 #[inline(always)]
 pub(super) fn position_m<S: Number>(system: &System<S>, state: &CollocationState<S>) -> S {
     let one = S::constant(1.0);
@@ -453,7 +468,8 @@ pub(super) fn position_m<S: Number>(system: &System<S>, state: &CollocationState
 mod tests {
     use super::*;
 
-    /// Checks that nodes and weights integrate polynomials up to degree 8 exactly over the step, as Radau's do. A wrong digit in a node would fail the test.
+    /// Checks that nodes and weights integrate polynomials up to degree 8 exactly over the step, as Radau's quadrature does. A
+    /// wrong digit in a node would fail the test.
     #[test]
     fn nodes_are_those_of_radau() {
         let weights = weights(1.0, 1.0, entire_functions_of_decay(0.0), &std::array::from_fn(lagrange));
@@ -463,7 +479,7 @@ mod tests {
         }
     }
 
-    /// Checks ∫₀ᶜ e^{−z(c−s)} s³ ds against the trapezoidal sum with Richardson's extrapolation, from slow to stiff.
+    /// Compares ∫₀ᶜ e^{−z(c−s)} s³ ds with a trapezoidal sum that Richardson's extrapolation refines, for small and large z.
     #[test]
     fn weights_integrate_against_any_decay() {
         for (rate, end) in [(1e-9, 1.0), (0.9, NODES[2]), (1.1, 1.0), (7.0, NODES[0]), (60.0, 1.0)] {

@@ -1,4 +1,4 @@
-//! Tests of the kernel's derivatives against differences of its own values.
+//! Tests that compare the kernel's derivatives with difference quotients of its values.
 
 use super::Response;
 use super::numbers::Number;
@@ -8,7 +8,7 @@ use laws::rheology::RetardationSpectrum;
 use laws::stages::{DriftApproach, Stages};
 use record::ForceRule;
 
-/// All inputs that a model may change: the stages' numbers, the spectrum's, and the compliance.
+/// All inputs that a model may change, which are the numbers of the stages, the spectrum and the compliance.
 #[derive(Clone)]
 struct Point {
     stages: Stages,
@@ -53,7 +53,7 @@ impl Point {
     }
 }
 
-/// Point with effects of fixed sizes. The bits of `choice` select the effects.
+/// Returns a point with effects of fixed sizes. Each bit of `choice` selects an effect.
 fn point(choice: usize) -> Point {
     let on = |bit: usize, value: f64| Dual::constant(if choice & (1 << bit) != 0 { value } else { 0.0 });
     let mut stages = rich_law();
@@ -68,7 +68,8 @@ fn point(choice: usize) -> Point {
     Point { stages, spectrum, compliance_per_m: Dual::constant(549.0), rule: ForceRule::Hold }
 }
 
-/// Derivative by forward differences with steps h, h/2, h/4, extrapolated twice. It is one-sided, so that it also covers nulls on a boundary.
+/// Derivative by forward differences with steps h, h/2, h/4, extrapolated twice. It is one-sided, so it also exists at a null on
+/// the boundary of a support.
 fn difference(at: impl Fn(f64) -> Vec<f64>, h: f64) -> Vec<f64> {
     let base = at(0.0);
     let slope = |h: f64| -> Vec<f64> { at(h).iter().zip(&base).map(|(x, x0)| (x - x0) / h).collect() };
@@ -79,7 +80,7 @@ fn difference(at: impl Fn(f64) -> Vec<f64>, h: f64) -> Vec<f64> {
     combine(&combine(&third, &second, 2.0), &combine(&second, &first, 2.0), 4.0)
 }
 
-/// Size of a field where it is null, which scales its step.
+/// Typical size of the named quantity. It scales the difference step if the quantity is at its null.
 fn natural_size(name: &str) -> f64 {
     match name {
         "offset" => 1e-6,
@@ -90,8 +91,8 @@ fn natural_size(name: &str) -> f64 {
     }
 }
 
-/// Checks every field, without effects, with each, with all and with an oscillating mode. Truncation and rounding of the differences stay below
-/// 1e-6 of the largest derivative. Another test covers a lag at its null.
+/// Checks the derivative by every quantity: without effects, with each effect, with all, and with an oscillating mode. Truncation
+/// and rounding of the differences stay below 1e-6 of the largest derivative. Another test covers a lag at its null.
 #[test]
 fn equal_one_sided_differences_in_every_direction() {
     let held = [0, 1, 2, 4, 8, 16, 9, 12, 32, 63].map(|choice| (choice, ForceRule::Hold));
@@ -131,8 +132,8 @@ fn equal_one_sided_differences_in_every_direction() {
     }
 }
 
-/// Checks an indenter: x^{1/p}, its derivative by the chain rule, and equal bits in every lane.
-/// The depth is 0 where the tip is not pressed.
+/// Checks an indenter's depth x^{1/p}, its derivative by the chain rule, and that every lane has equal bits. The depth is 0 while
+/// no force presses the tip.
 #[test]
 fn depths_are_roots_of_what_answers_linearly() {
     let (time_s, _) = record();

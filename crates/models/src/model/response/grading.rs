@@ -1,27 +1,32 @@
-//! Largest steps after a switch of the force.
+//! Largest allowed time steps after a switch of the force.
 //!
-//! After a switch the position moves as fast as the law's fastest modes and the lag. For a mode of rate ρ and share w of the compliance, collocation
-//! over a step h from the switch on has the error d w η(ρh) ΔJ(h)/J of the position. Here d is the size of the switch over the largest
-//! force, and η the error of Radau's quadrature. Where the force follows the position by e^{gx}, g x acts
-//! like a rate times the step. With E its value at the step's end under a constant force, η(2E) E is a further error. [`Grading`] holds the step lengths for switches
-//! of some sizes. Small switches, slow modes and fast modes of small share need no short steps. Later steps may be as long as a share of the time since the switch.
+//! After a switch the position moves as fast as the law's fastest modes and the lag. For a mode of rate ρ and share w of the
+//! compliance, collocation over a step h from the switch on has the error d w η(ρh) ΔJ(h)/J of the position. Here d is the size
+//! of the switch divided by the largest force, and η the error of Radau's quadrature. ΔJ(h)/J is the relative growth of the creep
+//! compliance over the step. If the force has a factor e^{gx}, g x acts like a rate times the step. Let E be g x at the step's
+//! end under a constant force; then η(2E) E is a further error. [`Grading`] holds the largest step for each class of switches by
+//! size. Small switches, slow modes, and fast modes of small w need no short steps. Later steps may grow in proportion to the
+//! time since the switch.
 
-/// Number of classes of switches by size over the largest force, from the largest down. A class's upper limit is an eighth of the previous one's.
+/// Number of classes of switches, by their size divided by the largest force. Class 0 has the largest switches. Each further
+/// class has an upper limit eight times smaller.
 pub(super) const N_SIZES: usize = 3;
+/// Ratio of the upper limits of a class and the next one.
 pub(super) const SIZE_RATIO: f64 = 8.0;
 
-/// Largest estimated error of a first step, as a share of the position. Actual errors are smaller by a factor of a hundred or more.
+/// Largest estimated error of a first step, relative to the position. Actual errors are smaller by a factor of a hundred or more.
 const TOLERANCE: f64 = 1e-7;
 
-/// First steps are powers of four of a second, so that points with nearly equal rates take equal steps.
+/// log₂ of the ratio between successive step lengths. First steps are powers of four in seconds, so that points with nearly equal
+/// rates take equal steps.
 const LENGTH_RATIO_LOG2: i32 = 2;
-/// Exponents of the shortest and the longest first step.
+/// Exponents of the shortest and the longest first step, as powers of four in seconds.
 const EXPONENTS: [i32; 2] = [-20, 8];
 
-/// Largest step just after a switch of each class.
+/// Largest allowed step just after a switch, for each class of switches.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Grading {
-    /// Exponents of powers of four of a second.
+    /// Step length of each class, as the exponent of a power of four in seconds.
     pub(super) exponents: [i32; N_SIZES],
 }
 
@@ -29,13 +34,15 @@ impl Grading {
     /// Grading that allows steps of any length.
     pub const NONE: Self = Self { exponents: [i32::MAX; N_SIZES] };
 
-    /// Coarsest grading within the tolerance.
+    /// Returns the grading with the longest steps within the tolerance.
     ///
-    /// `rough` are shares w and rates ρ of the parts that move after a switch. `modes` are κ over the compliance, and ρ, of the parts that a force moves. Modes that do not
-    /// decay have ρ = 0. `strength` converts κ into the rate of g x.
+    /// `rough` has w and ρ (1/s) of each mode, and of the lag, that moves after a switch. `modes` has κ divided by the
+    /// compliance, and ρ, of each mode; ρ = 0 if it does not decay. `strength` times this κ is the mode's contribution to the
+    /// rate of g x.
     pub fn new(rough: &[(f64, f64)], modes: &[(f64, f64)], strength: f64) -> Self {
         let mut exponents = [EXPONENTS[0]; N_SIZES];
-        // The search starts at the finest length and ends where the tolerance is exceeded, which happens for large switches first.
+        // The search starts at the shortest step. A class keeps its last exponent as soon as the error exceeds its tolerance.
+        // Classes of large switches reach this point first.
         let mut first_class = 0;
         for exponent in EXPONENTS[0]..=EXPONENTS[1] {
             let length_s = length_s(exponent);
@@ -56,12 +63,13 @@ impl Grading {
     }
 }
 
-/// Length of a first step in s.
+/// Length in s of a first step with this exponent.
 fn length_s(exponent: i32) -> f64 {
     (f64::from(LENGTH_RATIO_LOG2) * f64::from(exponent)).exp2()
 }
 
-/// Error of Radau's quadrature with five nodes for e⁻ᶻˢ over [0, 1]. It is an upper bound, within a factor of six beyond z = 3.
+/// Error of Radau's quadrature with five nodes for e⁻ᶻˢ over [0, 1]. The value is an upper bound. For z above 3 it is at most six
+/// times the actual error.
 fn quadrature_error(z: f64) -> f64 {
     (z / 38.0).powi(6).min(1.0 / (z + 20.0))
 }

@@ -1,10 +1,12 @@
-//! Robot's position under a force that does not depend on it: exact recursions, one exponential for each mode and distinct step.
+//! Robot's position under a force that does not depend on the position. The recursions are exact, with one exponential for each
+//! mode and each distinct step length.
 //!
-//! Between switches the force is L + D e^{−λt}, λ = 1/τ of the lag, L its limit. Over a step h a mode changes by
-//! Y ← d Y + q L + k D with d = e^{−ρh}, q = κ ∫ e^{−ρ(h−s)} ds, k = κ ∫ e^{−ρ(h−s)} e^{−λs} ds. Where L rises by S a second, r S is added with
-//! r = κ ∫ e^{−ρ(h−s)} s ds. Behind a lag, the limit L is then the command of τ before. A switch between rows acts by superposition.
-//! The step is first taken without the switch; then the response to the switch over the rest of the step is added. All points thus take equal steps
-//! for any delays.
+//! Between switches the force is L + D e^{−λt}. L is the level that the force approaches, D the deficit, and λ = 1/τ the rate of
+//! a lag τ. A mode Y has the rate ρ and the gain κ. Over a step h it changes by Y ← d Y + q L + k D, with d = e^{−ρh}, q = κ ∫
+//! e^{−ρ(h−s)} ds and k = κ ∫ e^{−ρ(h−s)} e^{−λs} ds. If L rises linearly at the rate S, then r S is added, with r = κ ∫
+//! e^{−ρ(h−s)} s ds. Behind a lag, a rising L is the command at the time τ earlier. A switch between rows acts by superposition.
+//! The step is first taken without the switch. Then the response to the switch, from its time to the end of the step, is added.
+//! All points therefore take equal steps, whatever their delays.
 
 use pulp::{Arch, Simd, WithSimd};
 
@@ -14,22 +16,25 @@ use super::prepared_record::PreparedRows;
 use super::system::{Mode, System};
 use base::number::{Complex, PointScalar, Scalar};
 
-/// Effect of a step on the modes.
+/// Coefficients of all modes for a step of length h.
 struct LinearStep<S> {
     modes: Vec<LinearRow<S>>,
     oscillating: Vec<LinearRow<Complex<S>>>,
-    /// e^{−λh}.
+    /// e^{−λh}, the factor by which the deficit D decays over the step.
     lag_decay: S,
     length_s: f64,
 }
 
-/// Coefficients d, q, k and r of one mode.
+/// Coefficients d, q, k and r of one mode for one step, in the notation of the module.
 #[derive(Clone, Copy)]
 pub(super) struct LinearRow<T> {
+    /// Coefficient d.
     pub decay: T,
+    /// Coefficient q.
     pub gain: T,
+    /// Coefficient k; 0 without a lag.
     pub lag_gain: T,
-    /// r; 0 if the force is constant over the step.
+    /// Coefficient r; 0 if the level is constant over the step.
     pub ramp_gain: T,
 }
 
@@ -39,7 +44,7 @@ impl<T: Copy> LinearRow<T> {
     }
 }
 
-/// Coefficients d, q, k of a mode over a step of length h, and r if the force changes linearly.
+/// Returns the coefficients d, q, k of a mode over a step of this length, and r if the level changes linearly (`rises`).
 #[inline(always)]
 pub(super) fn row<N: Number>(mode: Mode<N>, length_s: N, lag_rate: Option<N>, rises: bool) -> LinearRow<N> {
     let z = mode.rate * length_s;
@@ -53,7 +58,7 @@ pub(super) fn row<N: Number>(mode: Mode<N>, length_s: N, lag_rate: Option<N>, ri
     LinearRow { decay, gain: input * mean, lag_gain, ramp_gain }
 }
 
-/// Coefficients of an oscillating mode, as [`row`] returns them.
+/// Returns the coefficients of an oscillating mode, with the arguments of [`row`].
 pub(super) fn oscillating_row<N: Real>(
     mode: Mode<Complex<N>>,
     length_s: N,
@@ -74,7 +79,7 @@ pub(super) fn oscillating_row<N: Real>(
     LinearRow { decay: (z * -1.0).exponential(), gain: input * mean_decay(z), lag_gain, ramp_gain }
 }
 
-/// (1 − e⁻ᶻ)/z, by its series near 0.
+/// Returns (1 − e⁻ᶻ)/z, by its series near 0.
 fn mean_decay<N: Real>(z: Complex<N>) -> Complex<N> {
     super::moments::entire_functions(z * -1.0)[0]
 }
@@ -119,7 +124,7 @@ impl<S: Number> LinearStep<S> {
     }
 }
 
-/// Task that fills the modes' rows of all points at once.
+/// Task that fills the coefficients of the real modes at all points at once.
 struct FillRows<'a, S> {
     system: &'a System<S>,
     length_s: f64,
@@ -144,23 +149,24 @@ fn complex_zero<N: Number>() -> Complex<N> {
     Complex { re: N::constant(0.0), im: N::constant(0.0) }
 }
 
-/// Switch between rows, at one point.
+/// Switch of the force between two rows, for one parameter point.
 struct BetweenRowsSwitch<N> {
     lane: usize,
-    /// Row after the switch.
+    /// First row after the switch.
     row: usize,
-    /// Time from the switch to that row, in s.
+    /// Time from the switch to the first row after it, in s.
     remaining_s: N,
-    /// Change of the level in N, and of its rate in N/s.
+    /// Change of the level at the switch, in N.
     change_n: N,
+    /// Change of the level's rate at the switch, in N/s.
     bend_n_per_s: N,
 }
 
-/// Switches of all points in the order of rows.
+/// Returns the switches between rows of all points, in the order of the rows.
 fn kicks<S: Number>(record: &PreparedRows, system: &System<S>) -> Vec<BetweenRowsSwitch<S::Lane>> {
     let mut kicks = Vec::with_capacity(S::N_POINTS * record.switches.len());
     let mut rows = [1; N_LANES];
-    // Points are the inner loop: delays are similar, so that the kicks are nearly sorted.
+    // The inner loop is over the points. Their delays are similar, so the switches are nearly sorted by row.
     for switch in &record.switches {
         let (after_n, after_slope) = system.scaled(switch.after, switch.time_s);
         let (before_n, before_slope) = system.scaled(switch.before, switch.time_s);
@@ -184,14 +190,15 @@ fn kicks<S: Number>(record: &PreparedRows, system: &System<S>) -> Vec<BetweenRow
     kicks
 }
 
-/// Response at a later time to a unit change of the level, and to a unit change of its rate.
+/// Response of every mode, at the time `after_s` after a switch, to a unit change of the level and to a unit change of the
+/// level's rate.
 struct KickResponse<N> {
     after_s: N,
     modes: Vec<(N, N)>,
     oscillating: Vec<(Complex<N>, Complex<N>)>,
-    /// Time by which a lag delays a straight line, in s.
+    /// Time in s by which a lag delays a linearly changing force.
     late_s: N,
-    /// e^{−λ after}; 0 without lag.
+    /// e^{−λt} with t = `after_s`; 0 without a lag.
     lag_decay: N,
 }
 
@@ -201,7 +208,7 @@ impl<N: Real> KickResponse<N> {
         let late_s = system.late_s().lane(lane);
         let real = system.modes.iter().map(|mode| row(mode.lane(lane), after_s, lag_rate, rises));
         let complex = system.oscillating.iter().map(|mode| oscillating_row(mode.lane(lane), after_s, lag_rate, rises));
-        // Behind a lag, a bend moves the level by −τ times the change of the slope and leaves the force unchanged.
+        // Behind a lag, a change of the slope shifts the level by −τ times this change, and the force itself does not jump.
         let of_real = |row: LinearRow<N>| {
             let step = row.gain - row.lag_gain;
             (step, row.ramp_gain - late_s * step)
@@ -220,7 +227,7 @@ impl<N: Real> KickResponse<N> {
     }
 }
 
-/// Computes the position (m) at every row without the factor of softening.
+/// Computes the position (m) at every row, without the factor e^{rt} of softening.
 pub fn run<S: Number>(record: &PreparedRows, system: &System<S>, position_m: &mut [S]) {
     let zero = S::constant(0.0);
     let longest = record.holds.iter().map(|hold| hold.rows.len()).max().unwrap_or(0);
@@ -263,28 +270,28 @@ pub fn run<S: Number>(record: &PreparedRows, system: &System<S>, position_m: &mu
     }
 }
 
-/// State on its way through the record.
+/// State of the modes and of the force during one pass through the record.
 struct LinearSweep<'a, S> {
     system: &'a System<S>,
     steps: Vec<LinearStep<S>>,
     modes: Vec<S>,
     oscillating: Vec<Complex<S>>,
     is_linear: bool,
-    /// Time by which a lag delays a straight line, in s.
+    /// Time in s by which a lag delays a linearly changing force.
     late_s: S,
-    /// L, its rate, and D.
+    /// Level L in N.
     level_n: S,
     slope_n_per_s: S,
     deficit_n: S,
-    /// D at the ends of the steps of a run of rows.
+    /// Deficit D in N at the end of each step of one hold.
     deficits_n: Vec<S>,
-    /// q L of every mode, plus r S where the force rises.
+    /// Input q L of every real mode over a step, plus r S if the level changes linearly.
     input: Vec<S>,
     oscillating_input: Vec<Complex<S>>,
 }
 
 impl<S: Number> LinearSweep<'_, S> {
-    /// Changes the level. Behind a lag the force itself does not jump.
+    /// Changes the level and its rate. Behind a lag the force itself does not jump, so the deficit takes up the change.
     fn change_level(&mut self, command_n: S, slope_n_per_s: S) {
         let mut level_n = command_n;
         if self.is_linear {
@@ -312,7 +319,7 @@ impl<S: Number> LinearSweep<'_, S> {
             for (input, row) in self.oscillating_input.iter_mut().zip(&step.oscillating) {
                 *input = *input + row.ramp_gain.times(self.slope_n_per_s);
             }
-            // In such a record every row is a separate step.
+            // If the force changes linearly, `advance` receives one row at a time, so the level is updated here for the next row.
             self.level_n += self.slope_n_per_s * step.length_s;
         }
         Arch::new().dispatch(LinearRows {
@@ -329,7 +336,7 @@ impl<S: Number> LinearSweep<'_, S> {
         });
     }
 
-    /// Adds a switch's own response in the last step.
+    /// Adds the response to a switch in the last step, from the switch to the step's end.
     fn kick(
         &mut self,
         kick: &BetweenRowsSwitch<S::Lane>,
@@ -343,7 +350,7 @@ impl<S: Number> LinearSweep<'_, S> {
         let response =
             known.get_or_insert_with(|| KickResponse::new(self.system, kick.lane, kick.remaining_s, self.is_linear));
         let (lane, change, bend) = (kick.lane, kick.change_n, kick.bend_n_per_s);
-        // Where forces hold, the bend is 0 and adds nothing, to the last bit.
+        // Between constant forces the change of slope is 0, and adding it changes no bit.
         let level = change + (kick.remaining_s - response.late_s) * bend;
         let left = response.lag_decay * (change - response.late_s * bend);
         let mut moved = self.system.instantaneous.lane(lane) * (level - left);
@@ -365,7 +372,7 @@ impl<S: Number> LinearSweep<'_, S> {
     }
 }
 
-/// Task that takes equal steps under one level.
+/// Task that advances all modes through consecutive equal steps under one level.
 struct LinearRows<'a, S> {
     step: &'a LinearStep<S>,
     system: &'a System<S>,
@@ -388,7 +395,7 @@ impl<S: Number> WithSimd for LinearRows<'_, S> {
         if system.shape.lagging {
             let mut deficit_n = *self.deficit_n;
             for (position, known) in position_m.iter_mut().zip(deficits_n.iter_mut()) {
-                // The input of a step is the deficit at its beginning.
+                // A step uses the deficit at its beginning.
                 *known = deficit_n;
                 deficit_n = deficit_n * step.lag_decay;
                 *position = system.instantaneous * (level_n + deficit_n);
@@ -407,8 +414,8 @@ impl<S: Number> WithSimd for LinearRows<'_, S> {
             deficits_n,
             lagging: system.shape.lagging,
         };
-        // Blocks keep their states in registers. All have nearly equal widths, since a narrow one waits for its recursion. An oscillating mode
-        // shares a block for this reason.
+        // Modes are computed in blocks whose states stay in registers. All blocks have nearly equal widths, since a narrow block
+        // idles while its recursion finishes. An oscillating mode shares a block with real modes for this reason.
         let mut n_blocks = part.rows.len().div_ceil(WIDEST);
         while n_blocks > 0 {
             match part.rows.len().div_ceil(n_blocks) {
@@ -432,7 +439,7 @@ impl<S: Number> WithSimd for LinearRows<'_, S> {
 /// Largest number of real modes in a block.
 const WIDEST: usize = 8;
 
-/// Modes that have not passed through the rows yet.
+/// Modes that have not been advanced through the rows yet.
 struct LinearPart<'a, S> {
     rows: &'a [LinearRow<S>],
     inputs: &'a [S],
@@ -445,7 +452,8 @@ struct LinearPart<'a, S> {
 }
 
 impl<S: Number> LinearPart<'_, S> {
-    /// Passes the first `B` modes, with an oscillating one if any is left, through the rows, and adds them to the position.
+    /// Advances the first `B` real modes, and one oscillating mode if any is left, through the rows. It adds their values to the
+    /// position.
     #[inline(always)]
     fn block<const B: usize>(&mut self, position_m: &mut [S]) {
         match (self.oscillating.is_empty(), self.lagging) {
@@ -458,7 +466,7 @@ impl<S: Number> LinearPart<'_, S> {
 
     #[inline(always)]
     fn take<const B: usize, const O: usize, const LAGGING: bool>(&mut self, position_m: &mut [S]) {
-        // Closures would be compiled separately without the vector instructions, and called.
+        // Closures would be compiled as separate functions without vector instructions.
         let zero = S::constant(0.0);
         let (mut state, mut decay, mut input, mut lag_gain) = ([zero; B], [zero; B], [zero; B], [zero; B]);
         for k in 0..B {

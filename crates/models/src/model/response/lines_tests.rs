@@ -1,4 +1,5 @@
-//! Tests of forces that are straight lines between rows: closed forms against the stepping of the stages' definition, an independent algorithm.
+//! Tests of forces that are straight lines between rows. They compare the closed forms with an independent algorithm that steps
+//! the stages' differential equations.
 
 use super::Response;
 use super::tests::{assert_close, lethersich, rich_law};
@@ -11,7 +12,8 @@ use record::{Force, ForceRule};
 
 const COMPLIANCE_PER_M: f64 = 549.0;
 
-/// Irregular rows of a swinging force that begins with a jump, with a row at each zero crossing, and a hold at the end.
+/// Returns times (s) and forces (N) at irregular rows. The force starts with a jump, oscillates with a row at each zero crossing,
+/// and is constant at the end.
 fn record() -> (Vec<f64>, Vec<f64>) {
     let (mut time_s, mut force_n) = (Vec::new(), Vec::new());
     for i in 0..90 {
@@ -33,7 +35,8 @@ fn number(value: f64) -> Dual {
     Dual::constant(value)
 }
 
-/// Checks every part of the load and the mechanics alone, and all of them. The steps err by 2e-8, springpots' sums by 1e-6 of a step each.
+/// Checks every load and mechanics feature alone, and all together. The stepping has a relative error of 2e-8. Each sum of
+/// exponentials for a springpot has an error of 1e-6 of a step response.
 #[test]
 fn equal_the_stepping_of_the_definition() {
     let (time_s, force_n) = record();
@@ -69,7 +72,7 @@ fn assert_equal(stages: &Stages, response: &Response, time_s: &[f64], force: For
     assert_close(&found, &stepped, tolerance, what);
 }
 
-/// Checks steps given as steep lines: every row of a held force occurs twice, the second time slightly later.
+/// Checks that steep lines approximate steps. Every row of a force with holds occurs twice, the second time slightly later.
 #[test]
 fn steep_lines_are_steps() {
     let mut stages = rich_law();

@@ -1,10 +1,12 @@
-//! Reduced model of any stages: command → load → mechanics → observation in closed form (physics §5).
+//! Reduced model that computes any stages in closed form: command → load → mechanics → observation (physics §5).
 //!
-//! The code is generic over numbers, numbers with a derivative and eight points at once. [`system`] converts stages into rates and gains. [`linear`] moves
-//! the robot if the force does not depend on its position, [`feedback`] if it does, in steps that [`schedule`] chooses. [`state_law`] adds the effect of a quantity
-//! that depends on a state.
+//! The code is generic over plain numbers, numbers with a derivative, and eight parameter points at once. [`system`] converts
+//! stages into rates and gains. [`linear`] computes the position if the force does not depend on it. [`feedback`] computes the
+//! position if the force depends on it, in time steps that [`schedule`] chooses. [`state_law`] adds the effect of a quantity that
+//! depends on a state.
 
-// Indices are those of the formulas. Closures of iterators would be compiled separately, without the kernels' vector instructions.
+// Loops use the indices of the formulas. Iterator closures would be compiled separately, without the kernels' vector
+// instructions.
 #![allow(clippy::needless_range_loop)]
 
 mod collocation;
@@ -47,13 +49,13 @@ pub struct Response {
 }
 
 impl Response {
-    /// Prepares the first `n_rows` rows of a record: times (s), strictly increasing, and the commanded force.
+    /// Prepares the first `n_rows` rows of a record from the times (s, strictly increasing) and the commanded force.
     pub fn new<'f>(time_s: &[f64], force: impl Into<Force<'f>>, n_rows: usize) -> Self {
         // The force after the last row does not affect the rows.
         let force = force.into().first(n_rows);
         let record = PreparedRows::new(time_s, force, n_rows);
         let shortest_s = record.step_s.iter().copied().fold(f64::INFINITY, f64::min);
-        // Without a step the law is not evaluated, and any window is suitable.
+        // A record without steps does not evaluate the law, so any window is suitable.
         let window = match record.time_s.last() {
             Some(&longest_s) if !record.step_s.is_empty() => TimeWindow { shortest_s, longest_s },
             _ => TimeWindow { shortest_s: 1.0, longest_s: 1.0 },
@@ -62,7 +64,8 @@ impl Response {
         Self { record, window, time_s, force }
     }
 
-    /// Numbers of stages, with the excess of a nonlinear law over the linear one's position.
+    /// Returns the numbers that the kernels need from stages. They include the excess of a nonlinear law's position over that of
+    /// the linear law.
     fn lowered<T: Real>(&self, stages: &Stages, compliance_per_m: T) -> Result<PointNumbers<T>> {
         let mut point = PointNumbers::new(stages, compliance_per_m, self.window, &self.record)?;
         if let Some(ReducedField::Stepped(stepped)) = &stages.spread {
@@ -78,7 +81,8 @@ impl Response {
     /// Recorded position (m) at every row, as the limit from the left. `compliance_per_m` is the displacement per force at unit creep compliance.
     ///
     /// # Errors
-    /// [`base::Error::Numerical`] if the law has no spectrum, a force gradient pulls the robot away or the position is not finite.
+    /// [`base::Error::Numerical`] if the law has no retardation spectrum, if a force gradient makes the position diverge, or if a
+    /// position is not finite.
     pub fn trajectory_m(&self, stages: &Stages, compliance_per_m: f64) -> Result<Vec<f64>> {
         let point = self.lowered(stages, compliance_per_m)?;
         let mut position_m = Vec::new();
@@ -86,10 +90,12 @@ impl Response {
         if sound { Ok(position_m) } else { Err(stages.load.of::<f64>().divergence_error()) }
     }
 
-    /// Recorded position and its derivative in the direction that the stages carry, at every row.
+    /// Recorded position (m) at every row, with its derivative along the direction of the derivatives in `stages` and
+    /// `compliance_per_m`.
     ///
     /// # Errors
-    /// Those of [`Self::trajectory_m`], and [`base::Error::Numerical`] for a derivative with respect to the lag's time where the lag is 0.
+    /// Errors of [`Self::trajectory_m`]. [`base::Error::Numerical`] for a derivative with respect to the lag time if the lag is
+    /// 0.
     pub fn derivative_m(&self, stages: &Stages, compliance_per_m: Dual) -> Result<Vec<Dual>> {
         stages.load.check_derivative()?;
         let point = self.lowered(stages, compliance_per_m)?;
@@ -98,10 +104,11 @@ impl Response {
         if sound { Ok(position_m) } else { Err(stages.load.of::<f64>().divergence_error()) }
     }
 
-    /// Derivatives of the recorded position at every row by each parameter of the function of a state; empty without such a function.
+    /// Derivatives of the recorded position by each parameter of the state-dependent function, indexed by parameter and then by
+    /// row. The unit is m per unit of the parameter. Empty without such a function.
     ///
     /// # Errors
-    /// Those of [`Self::trajectory_m`].
+    /// Errors of [`Self::trajectory_m`].
     pub fn by_function_m(&self, stages: &Stages, compliance_per_m: f64) -> Result<Vec<Vec<f64>>> {
         let Some(law) = &stages.state_law else { return Ok(Vec::new()) };
         let mut point = PointNumbers::<Dual>::new(stages, Dual::constant(compliance_per_m), self.window, &self.record)?;
@@ -119,8 +126,9 @@ impl Response {
         Ok(slopes.into_iter().map(recorded).collect())
     }
 
-    /// Recorded positions (m) of one to eight points, row by row in `position_m`. The result is true for each point that has a position. A point's bits are those of
-    /// [`Self::trajectory_m`] and do not depend on the other points. A lane beyond the points, or of a point without position, is undefined.
+    /// Writes the recorded positions (m) of one to eight points to `position_m`, which has one entry for each row and one lane
+    /// for each point. It returns `true` for each point that has a position. A point's bits equal those of [`Self::trajectory_m`]
+    /// and do not depend on the other points. Lanes without a point, or whose point has no position, are undefined.
     pub fn trajectories_m(
         &self,
         stages: &[Stages],
@@ -157,7 +165,7 @@ impl Response {
         sound
     }
 
-    /// Computes points of one shape. The result is true for each point that has a position.
+    /// Computes points of one [`system::SystemShape`]. It returns `true` for each point that has a position.
     fn run<S: Number>(&self, points: &[&PointNumbers<S::Lane>], position_m: &mut Vec<S>) -> [bool; N_LANES] {
         let system = System::<S>::gather(points);
         position_m.resize(self.record.n_rows, S::constant(0.0));
@@ -191,7 +199,7 @@ impl Response {
         if system.shape.observed {
             observe(&self.record, &system, position_m);
         }
-        // A value that is not finite remains so, and the last row shows it.
+        // A value that is not finite stays so in all later rows, so checking the last row is enough.
         if let Some(last) = position_m.last() {
             for (lane, sound) in sound.iter_mut().enumerate().take(points.len()) {
                 *sound &= last.lane(lane).value().is_finite();
@@ -201,7 +209,7 @@ impl Response {
     }
 }
 
-/// Multiplies the positions by e^{rt}, row by row.
+/// Multiplies the position at every row by e^{rt}, with r the softening rate.
 fn soften<S: Number>(record: &PreparedRows, system: &System<S>, position_m: &mut [S]) {
     let growths: Vec<S> = record.step_s.iter().map(|&step_s| (system.softening_rate * step_s).exp()).collect();
     let mut factor = S::constant(1.0);
@@ -213,12 +221,12 @@ fn soften<S: Number>(record: &PreparedRows, system: &System<S>, position_m: &mut
     }
 }
 
-/// Depth of an indenter, point by point.
+/// Returns the indenter's depth of every point, from its linear response.
 fn depth<S: Number>(linear: S, observation: &Observation<S>) -> S {
     gather(|lane| Observation::depth_m(observation.depth_exponent.lane(lane), linear.lane(lane)))
 }
 
-/// Converts the robot's into the recorded position.
+/// Converts the robot's positions into recorded positions.
 fn observe<S: Number>(record: &PreparedRows, system: &System<S>, position_m: &mut [S]) {
     for (position, &time_s) in position_m.iter_mut().zip(&record.time_s) {
         *position = system.observation.without_approaches_m(*position, time_s);

@@ -1,15 +1,16 @@
-//! Entire functions of exponential integrators, for real and complex arguments.
+//! Entire functions φₖ of exponential integrators, for real and complex arguments.
 
 use super::numbers::{Field, Number};
 
-/// Number of functions. Collocation with as many nodes needs them.
+/// Number of functions φₖ. It equals the number of collocation nodes.
 pub(super) const N_FUNCTIONS: usize = 5;
 
-/// Size of the argument below which the functions are computed by series. Above, a recursion loses a digit at most.
+/// Size of the argument below which the functions are computed by series. For larger arguments a recursion is used, which loses
+/// at most one digit.
 const SERIES_BELOW: f64 = 1.0;
 const N_TERMS: u32 = 17;
 
-/// Functions φ₁(w) … φ₅(w): φ₀ = eʷ, φₖ₊₁ = (φₖ − 1/k!)/w, φₖ(0) = 1/k!.
+/// Returns φ₁(w) … φ₅(w), defined by φ₀ = eʷ, φₖ₊₁ = (φₖ − 1/k!)/w and φₖ(0) = 1/k!.
 pub(super) fn entire_functions<T: Field>(w: T) -> [T; N_FUNCTIONS] {
     let mut functions = [T::real(1.0); N_FUNCTIONS];
     if w.size() < SERIES_BELOW {
@@ -32,7 +33,7 @@ pub(super) fn entire_functions<T: Field>(w: T) -> [T; N_FUNCTIONS] {
     functions
 }
 
-/// Functions φ₁ … φ₅ of −z for one or several points. Each point uses the series or the recursion by its own size.
+/// Returns φ₁(−z) … φ₅(−z) for one or several points. The size of each point's z decides between series and recursion.
 #[inline(always)]
 pub(super) fn entire_functions_of_decay<S: Number>(z: S) -> [S; N_FUNCTIONS] {
     let w = -z;
@@ -60,7 +61,7 @@ pub(super) fn entire_functions_of_decay<S: Number>(z: S) -> [S; N_FUNCTIONS] {
 mod tests {
     use super::*;
 
-    /// Checks that both algorithms agree, on either side of the limit of the series.
+    /// Checks that the functions for real and for complex arguments agree, on either side of the series' limit.
     #[test]
     fn real_and_complex_arguments_give_the_same() {
         for z in [-40.0, -3.0, -0.3, 0.0, 1e-9, 0.2, 0.999_999, 1.0, 3.0, 40.0, 800.0] {

@@ -1,4 +1,5 @@
-//! Number types of the kernel beside [`Scalar`]: eight points at once, their lanes, and complex numbers.
+//! Number types of the kernel in addition to [`Scalar`]. They are eight parameter points at once, the number of one point, and
+//! complex numbers.
 
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
 
@@ -7,10 +8,10 @@ use base::number::{Complex, Dual, PointScalar, Scalar};
 use laws::stages::{FieldStepper, Stages};
 use record::Force;
 
-/// Number of points in one pass.
+/// Number of parameter points that are computed at once.
 pub const N_LANES: usize = 8;
 
-/// One number for each of [`N_LANES`] points.
+/// Values of one number at [`N_LANES`] parameter points.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(align(64))]
 pub struct Lanes(pub [f64; N_LANES]);
@@ -21,35 +22,35 @@ impl std::borrow::Borrow<[f64; N_LANES]> for Lanes {
     }
 }
 
-/// Number of the kernel: one or several points, each a [`Real`].
+/// Number type of the kernel. It holds one [`Real`] number for each of one or several points.
 pub trait Number: Scalar {
-    /// Number of a single point.
+    /// Number type of a single point.
     type Lane: Real;
-    /// Number of points.
+    /// Number of points that the type holds.
     const N_POINTS: usize;
-    /// self · factor + addend, rounded once, with equal bits in every kind of number.
+    /// Returns self · factor + addend, rounded once, with equal bits in every number type.
     fn mul_add(self, factor: Self, addend: Self) -> Self;
-    /// Number of one point.
+    /// Returns the number of one point.
     fn lane(self, lane: usize) -> Self::Lane;
-    /// Replaces the number of one point.
+    /// Sets the number of one point.
     fn set_lane(&mut self, lane: usize, value: Self::Lane);
-    /// e⁻ᶻ and its mean over [0, z], (1 − e⁻ᶻ)/z. For z < 0 it grows.
+    /// Returns e⁻ᶻ and its mean over [0, z], (1 − e⁻ᶻ)/z, for z = self of any sign.
     fn decay(self) -> (Self, Self);
-    /// ∫₀¹ e^{−a(1−s)} e^{−bs} ds, without overflow and accurate where a and b are equal.
+    /// Returns ∫₀¹ e^{−a(1−s)} e^{−bs} ds for a = self and b = other. It does not overflow and stays accurate for a = b.
     fn overlap(self, other: Self) -> Self;
-    /// `below` where |self| is less than a limit, `otherwise` elsewhere, point by point.
+    /// Returns, for each point, `below` if |self| is less than `limit`, else `otherwise`.
     fn choose(self, limit: f64, below: Self, otherwise: Self) -> Self;
 }
 
-/// Number of one point.
+/// Number type of one parameter point, with or without a derivative.
 pub(super) trait Real: PointScalar + Number<Lane = Self> + Field {
-    /// Returns `true` if the other can replace this one: nearly the same value, and the same derivative.
+    /// Returns `true` if the values differ by less than `tolerance` and the derivatives are equal.
     fn is_close(self, other: Self, tolerance: f64) -> bool;
-    /// True if the type carries a derivative.
+    /// `true` if the type carries a derivative.
     const CARRIES: bool;
-    /// Number with the derivative that it carries.
+    /// Converts the number to a [`Dual`], with its derivative or with 0.
     fn carried(self) -> Dual;
-    /// Excess of a nonlinear law's position over the linear one's at every row, in m.
+    /// Excess of a nonlinear law's position over that of the linear law, at every row, in m.
     fn excess_m(
         stepper: &dyn FieldStepper,
         stages: &Stages,
@@ -59,19 +60,19 @@ pub(super) trait Real: PointScalar + Number<Lane = Self> + Field {
     ) -> Result<Vec<Self>>;
 }
 
-/// Operations common to real and complex numbers.
+/// Number type with the operations that real and complex numbers have in common.
 pub(super) trait Field:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> + Mul<f64, Output = Self>
 {
-    /// Real constant.
+    /// Converts a real constant.
     fn real(value: f64) -> Self;
-    /// eᶻ.
+    /// Returns eᶻ for z = self.
     fn exponential(self) -> Self;
-    /// Norm of the value.
+    /// Absolute value or modulus, without derivative.
     fn size(self) -> f64;
 }
 
-/// Gathers the numbers of all points.
+/// Builds a number from the numbers `of_lane` of its points.
 pub(super) fn gather<S: Number>(mut of_lane: impl FnMut(usize) -> S::Lane) -> S {
     let mut number = S::constant(0.0);
     for lane in 0..S::N_POINTS {
@@ -110,25 +111,27 @@ impl Number for f64 {
     }
 }
 
-/// e⁻ᶻ and (1 − e⁻ᶻ)/z, within a few roundings, without branches, so that a loop over lanes becomes vector instructions.
+/// Returns e⁻ᶻ and (1 − e⁻ᶻ)/z within a few roundings. The code has no branches, so that a loop over lanes becomes vector
+/// instructions.
 ///
-/// −z = k ln 2 + r, e⁻ᶻ − 1 = 2ᵏ (eʳ − 1) + (2ᵏ − 1). Fused operations are avoided, so that all builds give equal bits.
+/// Let −z = k ln 2 + r with an integer k. Then e⁻ᶻ − 1 = 2ᵏ (eʳ − 1) + (2ᵏ − 1). Fused operations are avoided, so that all builds
+/// give equal bits.
 #[inline(always)]
 fn plain_decay(z: f64) -> (f64, f64) {
-    // Adding this constant leaves the nearest integer in the last bits.
+    // Adding this constant to a number leaves the nearest integer in the last bits of the sum.
     const ROUNDING: f64 = 6_755_399_441_055_744.0;
-    // ln 2 in two parts. The first ends in zeros, so that its product with k is exact.
+    // ln 2 in two parts. The last bits of the first part are zeros, so that its product with k is exact.
     const LN_2_HIGH: f64 = 6.931_471_803_691_238e-1;
     const LN_2_LOW: f64 = 1.908_214_929_270_587_7e-10;
     const EXPONENT_BIAS: u64 = 1023;
     const MANTISSA_BITS: u32 = 52;
-    // Below the range e⁻ᶻ is not a normal number, and above it is too large for one. NaN passes.
+    // The argument is limited to the range in which e⁻ᶻ is a normal number. NaN stays NaN.
     let x = if z > 708.0 { -708.0 } else { -z };
     let x = if x > 709.0 { 709.0 } else { x };
     let rounded = x * std::f64::consts::LOG2_E + ROUNDING;
     let k = rounded - ROUNDING;
     let r = (x - k * LN_2_HIGH) - k * LN_2_LOW;
-    // (eʳ − 1 − r)/r² = Σ rⁿ/(n+2)!. The first omitted term is below 1e-17 for r up to ln 2/2.
+    // The series is (eʳ − 1 − r)/r² = Σ rⁿ/(n+2)!. Its first omitted term is below 1e-17 for |r| up to ln 2/2.
     let mut sum = 1.0 / 6_227_020_800.0;
     let mut factorial_ratio = 13.0;
     let mut coefficient = 1.0 / 6_227_020_800.0;
@@ -200,7 +203,7 @@ impl Number for Dual {
         let z = self.value;
         let (left, mean) = z.decay();
         let slope = if z.abs() < SERIES_BELOW {
-            // −Σ (k+1)(−z)ᵏ/(k+2)!, by Horner from the end. The first omitted term is below 1e-17.
+            // The derivative is −Σ (k+1)(−z)ᵏ/(k+2)!, summed by Horner's scheme. The first omitted term is below 1e-17.
             let (mut sum, mut factorial) = (0.0, 1_307_674_368_000.0);
             for k in (0..14).rev() {
                 sum = sum * -z + f64::from(k + 1) / factorial;
@@ -225,7 +228,8 @@ impl Number for Dual {
     }
 }
 
-/// Size below which (1 − e⁻ᶻ)/z is differentiated term by term. Its closed derivative loses digits there.
+/// Size of z below which the series of (1 − e⁻ᶻ)/z is differentiated term by term. The closed form of the derivative loses digits
+/// there.
 const SERIES_BELOW: f64 = 0.5;
 
 impl Real for Dual {
@@ -259,7 +263,7 @@ impl Field for Dual {
     }
 }
 
-/// Writes an operation on lanes as a loop over them. The loop becomes vector instructions if the caller is compiled for them.
+/// Implements an operator as a loop over the lanes. The loop becomes vector instructions if the caller is compiled for them.
 macro_rules! elementwise {
     ($trait:ident, $method:ident, $operator:tt) => {
         impl $trait for Lanes {
@@ -376,7 +380,7 @@ impl Number for Lanes {
     }
 }
 
-/// Complex numbers of several points.
+/// Complex number at several points, whose lanes can be read and set.
 pub(super) trait ComplexLanes<L> {
     /// Number of one point.
     fn lane(self, lane: usize) -> Complex<L>;

@@ -6,14 +6,15 @@ use std::ops::Range;
 use super::numbers::Real;
 use record::Force;
 
-/// Relative tolerance of equal steps, as a fraction of the record's length. Decimal times such as 0.05 i are
-/// not equally spaced in binary, and exponentials are expensive.
+/// Largest difference of steps that count as equal, as a fraction of the record's length. Decimal times such as 0.05 i are not
+/// equally spaced in binary, and every distinct step costs an exponential.
 const EQUAL_STEP_TOLERANCE: f64 = 1e-13;
 
-/// Number of distinct steps that are searched for an equal one. A record with more has hardly any equal steps.
+/// Number of the latest distinct step lengths that are searched for an equal one. A record with more distinct lengths has hardly
+/// any equal steps.
 const N_SEARCHED: usize = 64;
 
-/// Rows and commands. Times are measured from the first row.
+/// Rows and commands of a record. Times are measured from the first row.
 #[derive(Debug, Clone)]
 pub(super) struct PreparedRows {
     pub n_rows: usize,
@@ -23,28 +24,28 @@ pub(super) struct PreparedRows {
     pub step_s: Vec<f64>,
     pub holds: Vec<Hold>,
     pub switches: Vec<Switch>,
-    /// Distinct commands. The first is zero and acts before the record.
+    /// Distinct commands. The first one is the zero command before the record.
     pub commands: Vec<PreparedLine>,
-    /// True if commands change between rows.
+    /// `true` if commands change linearly between rows.
     pub is_linear: bool,
     /// Largest size of a command, in N.
     pub largest_n: f64,
-    /// Lengths of steps that differ by less than this count as equal, in s.
+    /// Largest difference in s of step lengths that count as equal.
     pub tolerance_s: f64,
 }
 
 /// Consecutive rows at the ends of equal steps under an equal command.
 #[derive(Debug, Clone)]
 pub(super) struct Hold {
-    /// Index of the step's length.
+    /// Index of the step length in `step_s`.
     pub step: usize,
-    /// Command from the row before the hold's first row on.
+    /// Command during the hold. It acts from the row before the hold's first row.
     pub line: PreparedLine,
-    /// Rows at the steps' ends.
+    /// Rows at the ends of the hold's steps.
     pub rows: Range<usize>,
 }
 
-/// Command that is a straight line in time.
+/// Command as a straight line in time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct PreparedLine {
     /// Start time in s; any time if the command is constant.
@@ -53,35 +54,35 @@ pub(super) struct PreparedLine {
     pub force_n: f64,
     /// Rate of the command, in N/s.
     pub slope_n_per_s: f64,
-    /// True if the command pushes forward.
+    /// `true` if the command is positive.
     pub is_positive: bool,
 }
 
 impl PreparedLine {
     const ZERO: Self = Self { from_s: 0.0, force_n: 0.0, slope_n_per_s: 0.0, is_positive: false };
 
-    /// Command in N at a time (s).
+    /// Returns the command in N at a time in s.
     pub fn at_n(self, time_s: f64) -> f64 {
         self.force_n + self.slope_n_per_s * (time_s - self.from_s)
     }
 }
 
-/// Change of the command.
+/// Change of the command at a row.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Switch {
-    /// Row from which on the change is commanded.
+    /// First row at which the changed command acts.
     pub row: usize,
     pub time_s: f64,
     pub before: PreparedLine,
     pub after: PreparedLine,
     /// Index of the command after the change.
     pub command: usize,
-    /// Jump of the command plus the change of its slope times the next step's length, over the largest command.
+    /// Jump of the command plus the change of its slope times the next step's length, divided by the largest command.
     pub relative_size: f64,
 }
 
 impl PreparedRows {
-    /// Prepares the first `n_rows` rows.
+    /// Prepares the first `n_rows` rows of a record.
     pub fn new(time_s: &[f64], force: Force<'_>, n_rows: usize) -> Self {
         let n_rows = n_rows.min(time_s.len()).min(force.at_rows_n.len());
         let (time_s, force) = (&time_s[..n_rows], force.first(n_rows));
@@ -104,7 +105,7 @@ impl PreparedRows {
             };
             let switched = is_linear || line.force_n != before.force_n;
             if switched {
-                // Lines that begin at different times are different commands.
+                // Straight lines that begin at different times are different commands.
                 let key = ((line.force_n + 0.0).to_bits(), if is_linear { row } else { 0 });
                 let command = *known.entry(key).or_insert_with(|| {
                     commands.push(line);
@@ -126,7 +127,7 @@ impl PreparedRows {
     }
 }
 
-/// Index of a length among the known ones. A new length is appended.
+/// Returns the index in `known_s` of a length equal within the tolerance. A new length is appended.
 pub(super) fn slot<N: Real>(known_s: &mut Vec<N>, length_s: N, tolerance_s: f64) -> usize {
     let from = known_s.len().saturating_sub(N_SEARCHED);
     match known_s[from..].iter().position(|known| known.is_close(length_s, tolerance_s)) {

@@ -1,7 +1,8 @@
-//! Steps of points whose force depends on the position: from row to row, cut where commands begin to act, and graded after them.
+//! Time steps for forces that depend on the position. A step ends at the next row or where a command begins to act. Steps after a
+//! switch of the command are short and then grow.
 //!
-//! The tests check positions to 1e-8 of their amplitude, against exact steps and against far finer ones. Their forces step, are trimmed at
-//! every row by up to their own size, or vary smoothly.
+//! The tests check positions to 1e-8 of their amplitude, against exact solutions and against much finer steps. Their forces are
+//! constant between switches, change at every row by up to their own size, or vary smoothly.
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -11,21 +12,22 @@ use super::numbers::{N_LANES, Number, Real, gather};
 use super::prepared_record::{PreparedLine, PreparedRows, slot};
 use super::system::System;
 
-/// Largest step after a switch of each class, as a share of the time since the switch. A lag needs smaller steps, because it changes the force itself.
+/// Largest step after a switch, divided by the time since the switch, for each class of switches.
 const SHARE_OF_AGE: [f64; N_SIZES] = [0.5, 1.0, 1.0];
+/// Limits that replace [`SHARE_OF_AGE`] behind a lag. A lag changes the force itself and needs smaller steps.
 const SHARE_OF_AGE_BEHIND_LAG: [f64; N_SIZES] = [0.25, 0.5, 1.0];
 
-/// Largest number of halvings of a row's step.
+/// Largest number of times that the step between two rows is halved.
 const MOST_HALVINGS: usize = 60;
 
-/// Equal steps under one command.
+/// Consecutive equal time steps under one level of the force.
 #[derive(Debug, Clone)]
 pub(super) struct SchedulePiece {
-    /// Index of the step's length.
+    /// Index of the step length in [`Schedule::length_s`].
     pub length: usize,
-    /// Index of the level.
+    /// Index of the force in [`Schedule::levels`].
     pub level: usize,
-    /// Rows at the steps' ends; empty for a single step that ends between rows.
+    /// Rows at the ends of the steps; empty for a single step that ends between rows.
     pub rows: Range<usize>,
 }
 
@@ -35,32 +37,32 @@ impl SchedulePiece {
         self.rows.len().max(1)
     }
 
-    /// Row at the end of a step, if there is one.
+    /// Row at the end of a step; `None` if the step ends between rows.
     #[inline(always)]
     pub fn end_row(&self, step: usize) -> Option<usize> {
         if step < self.rows.len() { Some(self.rows.start + step) } else { None }
     }
 }
 
-/// Steps of all points, in order.
+/// Time steps of all points, in the order of time.
 pub(super) struct Schedule<S> {
     pub pieces: Vec<SchedulePiece>,
-    /// Lengths in s.
+    /// Distinct step lengths of all points, in s.
     pub length_s: Vec<S>,
-    /// Levels of the force.
+    /// Distinct forces that enter the lag.
     pub levels: Vec<Level<S>>,
-    /// True if levels change while they act.
+    /// `true` if levels change linearly while they act.
     pub is_linear: bool,
 }
 
-/// Force that enters the lag.
+/// Force that enters the lag, as a straight line in time.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Level<S> {
-    /// Force when it begins to act, in N, offset included.
+    /// Force in N at the time `from_s`, offset included.
     pub force_n: S,
     /// Rate of the force, in N/s.
     pub slope_n_per_s: S,
-    /// Time at which it begins to act, in s; unused if it does not rise.
+    /// Time in s at which the force begins to act; unused if the force is constant.
     pub from_s: S,
 }
 
@@ -91,17 +93,17 @@ impl<S: Number> Schedule<S> {
     }
 }
 
-/// One index for each point.
+/// One index of a step length or a level for each point.
 type Indices = [u32; N_LANES];
 
-/// Parts of several points in parallel. A point with fewer parts between two rows than another waits, in steps of length 0.
+/// Common pieces of several points. If a point has fewer pieces between two rows than another, it waits in steps of length 0.
 struct ScheduleJoint {
     pieces: Vec<SchedulePiece>,
     lengths: Distinct,
     levels: Distinct,
 }
 
-/// Distinct combinations of the points' indices, in the order of their appearance.
+/// Distinct combinations of the points' indices, in the order in which they were added.
 #[derive(Default)]
 struct Distinct {
     list: Vec<Indices>,
@@ -134,13 +136,13 @@ impl Distinct {
     }
 }
 
-/// Position of one point within its parts.
+/// Progress of one point through its pieces while pieces are joined.
 #[derive(Clone, Copy)]
 struct Cursor {
     piece: usize,
-    /// Number of pieces before the one that ends at the next row.
+    /// Number of pieces before the piece that ends at the next row.
     n_before: usize,
-    /// Number of equal steps from here on.
+    /// Number of rows in the piece that ends at the next row, from that row on.
     n_rows: usize,
 }
 
@@ -196,34 +198,37 @@ impl ScheduleJoint {
     }
 }
 
-/// Parts of the schedule of one point, in order, and their distinct lengths in s. The first length is 0.
+/// Schedule of one point, with its pieces in the order of time. `length_s` has the distinct step lengths in s, and the first of
+/// them is 0.
 struct Parts<N> {
     pieces: Vec<SchedulePiece>,
     length_s: Vec<N>,
-    /// Distinct lengths before they are halved, and the indices of the halves in `length_s`.
+    /// Distinct lengths in s before they are halved.
     whole_s: Vec<N>,
+    /// Indices in `length_s` of each whole length after 0, 1, 2, … halvings.
     halved: Vec<[u32; MOST_HALVINGS + 1]>,
     tolerance_s: f64,
-    /// Longest steps in s just after switches of each class.
+    /// Longest step in s just after a switch, for each class of switches.
     longest_s: [f64; N_SIZES],
-    /// Largest length of later steps, as a share of the time since the switch.
+    /// Largest length of a later step, divided by the time since the switch, for each class.
     share_of_age: [f64; N_SIZES],
-    /// Time in s since the last switch of each class.
+    /// Time in s since the last switch, for each class.
     age_s: [f64; N_SIZES],
 }
 
 impl<N> Parts<N> {
-    /// Returns `true` if a piece has steps before a row.
+    /// Returns `true` if the piece starts before the row and has steps that end at rows.
     fn is_within(&self, piece: usize, row: usize) -> bool {
         self.pieces.get(piece).is_some_and(|piece| !piece.rows.is_empty() && piece.rows.start < row)
     }
 }
 
 impl<N: Real> Parts<N> {
-    /// Parts for a delay. `delay_s` cuts rows where commands begin to act; with `None` they act at rows.
+    /// Returns the schedule of one point. Commands begin to act `delay_s` after their row, which cuts the step there. With `None`
+    /// they act at rows.
     fn new(record: &PreparedRows, delay_s: Option<N>, longest_s: [f64; N_SIZES], share_of_age: [f64; N_SIZES]) -> Self {
         let mut age_s = [f64::INFINITY; N_SIZES];
-        // A force that acts from the start, such as an offset, may have any size.
+        // A force that acts from the start, such as an offset, may have any size. It counts as a switch of the largest class.
         age_s[0] = 0.0;
         let mut parts = Self {
             pieces: Vec::with_capacity(record.n_rows),
@@ -239,7 +244,7 @@ impl<N: Real> Parts<N> {
         let mut switches = record.switches.iter().peekable();
         let mut command = 0;
         for hold in &record.holds {
-            // The difference of the rows' times would give equal steps different bits.
+            // Equal steps share this length. Differences of the rows' times would have different bits.
             let step_s = record.step_s[hold.step];
             let hold_end_s = record.time_s[hold.rows.end - 1];
             for row in hold.rows.clone() {
@@ -264,7 +269,7 @@ impl<N: Real> Parts<N> {
         parts
     }
 
-    /// Longest step that all switches so far allow, in s.
+    /// Longest step in s that all earlier switches allow.
     fn longest_step_s(&self) -> f64 {
         let mut longest_s = f64::INFINITY;
         for class in 0..N_SIZES {
@@ -277,7 +282,7 @@ impl<N: Real> Parts<N> {
         self.age_s.iter_mut().for_each(|age_s| *age_s += time_s);
     }
 
-    /// Repeats the last part, a whole step, up to the row before `end`.
+    /// Extends the last piece, a whole step between rows, up to the row before `end`.
     fn repeat_until(&mut self, end: usize, step_s: f64) {
         if let Some(last) = self.pieces.last_mut() {
             let n_rows = end - last.rows.end;
@@ -286,7 +291,8 @@ impl<N: Real> Parts<N> {
         }
     }
 
-    /// Adds a part. The grading cuts it into halves, their halves and so on, so that few lengths are distinct.
+    /// Adds an interval under one level. It is cut into halves, quarters and so on until the steps are short enough, so that few
+    /// lengths are distinct.
     fn push(&mut self, length_s: N, level: usize, end_row: Option<usize>) {
         // A length of zero may still carry a derivative, or end at a row.
         if end_row.is_none() && length_s.is_close(N::constant(0.0), 0.0) {
@@ -301,7 +307,8 @@ impl<N: Real> Parts<N> {
         let (mut left, mut share, mut n_halvings) = (1.0, 1.0, 0);
         while left > 0.0 {
             let longest_s = self.longest_step_s() * (1.0 + ROUNDING);
-            // The step is the longest allowed one within the rest, which is a sum of repeated halves.
+            // The next step is the longest allowed one that fits into the remaining interval. That interval is always a sum of
+            // halves, quarters and so on.
             while n_halvings > 0 && 2.0 * share <= left && 2.0 * share * whole_s <= longest_s {
                 (share, n_halvings) = (2.0 * share, n_halvings - 1);
             }
@@ -315,7 +322,8 @@ impl<N: Real> Parts<N> {
         }
     }
 
-    /// Index of a length that is a share of another.
+    /// Returns the index in `length_s` of a whole length after `n_halvings` halvings. `share` is the fraction 2⁻ⁿ of the length
+    /// that remains after n = `n_halvings`.
     fn length(&mut self, whole: usize, n_halvings: usize, share: f64) -> usize {
         if self.halved[whole][n_halvings] == UNKNOWN {
             self.halved[whole][n_halvings] = self.length_s.len() as u32;
@@ -339,10 +347,10 @@ impl<N: Real> Parts<N> {
 }
 
 const UNKNOWN: u32 = u32::MAX;
-/// Relative rounding of ages, which are sums of lengths.
+/// Relative rounding error allowed for the times since a switch, which are sums of step lengths.
 const ROUNDING: f64 = 1e-9;
 
-/// Class of a switch.
+/// Class of a switch by its size divided by the largest force; 0 for the largest.
 fn class(relative_size: f64) -> usize {
     let mut class = 0;
     while class + 1 < N_SIZES && relative_size * SIZE_RATIO.powi(class as i32 + 1) <= 1.0 {

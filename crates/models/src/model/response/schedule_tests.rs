@@ -14,12 +14,12 @@ fn number(value: f64) -> Dual {
     Dual::constant(value)
 }
 
-/// Nearly equal rows.
+/// Returns times (s) of rows at nearly equal intervals.
 fn time_s() -> Vec<f64> {
     (0..N_ROWS).map(|row| 0.1 * row as f64 + if row % 7 == 3 { 0.02 } else { 0.0 }).collect()
 }
 
-/// Forces in N whose level is trimmed by changes of some size at every row, as a controller does.
+/// Returns a force (N) that changes at every row by up to `size` of itself, as under a controller.
 fn trimmed_n(size: f64) -> Vec<f64> {
     let trim = |row: usize| 1.0 + size * (0.5 + (1.7 * row as f64).sin());
     (0..N_ROWS).map(|row| if (row / 40) % 2 == 0 { 2e-6 * trim(row) } else { 0.0 }).collect()
@@ -29,7 +29,8 @@ fn smooth_n() -> Vec<f64> {
     (0..N_ROWS).map(|row| 2e-6 * (0.05 * row as f64).sin()).collect()
 }
 
-/// Lethersich law with bodies of some shares of its elastic compliance and times in s.
+/// Returns the Lethersich law with more Kelvin–Voigt bodies. Each is given by its fraction of the law's elastic compliance and
+/// its retardation time in s.
 fn law(bodies: &[(f64, f64)]) -> Stages {
     let mut stages = Stages::of_law(BaseLaw::Lethersich.elements(&[3.5, 1.4, 47.0].map(number)));
     for (share, body_s) in bodies {
@@ -63,7 +64,7 @@ fn value_of_mode(mode: &laws::rheology::SpectralMode) -> laws::rheology::Spectra
     laws::rheology::SpectralMode { compliance_per_pa: mode.compliance_per_pa.value, rate_per_s: mode.rate_per_s.value }
 }
 
-/// Positions (m) at the rows, with the law's grading or a given one.
+/// Returns the positions (m) at the rows. `None` uses the law's own grading.
 fn positions_m(time_s: &[f64], force_n: &[f64], stages: &Stages, grading: Option<Grading>) -> Vec<f64> {
     let mut point = PointNumbers::with_spectrum(stages, &spectrum(stages), COMPLIANCE_PER_M, 2e-6);
     point.grading = grading.unwrap_or(point.grading);
@@ -72,7 +73,7 @@ fn positions_m(time_s: &[f64], force_n: &[f64], stages: &Stages, grading: Option
     position_m
 }
 
-/// Positions by far finer steps: eight a row, and the shortest ones after every switch.
+/// Returns positions (m) from much finer steps: eight for each row, with the shortest steps after every switch.
 fn finest_m(time_s: &[f64], force_n: &[f64], stages: &Stages) -> Vec<f64> {
     const N_PARTS: usize = 8;
     let last = time_s.len() - 1;
@@ -85,7 +86,7 @@ fn finest_m(time_s: &[f64], force_n: &[f64], stages: &Stages) -> Vec<f64> {
     positions_m(&fine_s, &fine_n, stages, Some(finest)).into_iter().step_by(N_PARTS).collect()
 }
 
-/// Largest difference over the largest position.
+/// Largest difference of two trajectories, divided by the largest position.
 fn distance(found_m: &[f64], expected_m: &[f64]) -> f64 {
     let amplitude = expected_m.iter().fold(0.0_f64, |a, x| a.max(x.abs()));
     found_m.iter().zip(expected_m).fold(0.0_f64, |d, (a, b)| d.max((a - b).abs())) / amplitude
@@ -96,7 +97,8 @@ fn forces_n() -> Vec<(String, Vec<f64>)> {
     trimmed.into_iter().chain([("smooth".to_string(), smooth_n())]).collect()
 }
 
-/// Checks graded steps against far finer ones: fast bodies of any share, changes of any size, at rows and between them.
+/// Compares graded steps with much finer steps. The laws have fast bodies of small and large compliance; the force changes by
+/// small and large amounts, at rows and between them.
 #[test]
 fn graded_steps_of_bodies_are_far_finer_ones_within_1e_8() {
     let time_s = time_s();
@@ -119,7 +121,7 @@ fn graded_steps_of_bodies_are_far_finer_ones_within_1e_8() {
     println!("graded against far finer: {largest:.1e}, strongest feedback {strongest:.2}");
 }
 
-/// Checks graded steps behind a lag, in a softening gel and with a springpot.
+/// Compares graded steps with much finer steps behind a lag, in a softening gel and with a springpot.
 #[test]
 fn graded_steps_with_all_else_are_far_finer_ones_within_1e_8() {
     let time_s = time_s();
@@ -144,7 +146,7 @@ fn graded_steps_with_all_else_are_far_finer_ones_within_1e_8() {
     }
 }
 
-/// Checks that a small switch allows longer steps than a large one, and a law without fast modes steps of any length.
+/// Checks that a small switch allows longer steps than a large one, and that a law without fast modes allows steps of any length.
 /// A faster or larger mode never allows longer steps.
 #[test]
 fn first_steps_follow_sizes_shares_and_rates() {
@@ -162,7 +164,8 @@ fn first_steps_follow_sizes_shares_and_rates() {
     assert_eq!([2.0, 1.0, 0.2, 0.125, 0.02, 1.0 / 64.0, 1e-6].map(class), [0, 0, 0, 1, 1, 2, 2]);
 }
 
-/// Checks that parts fill their rows and end at them. They are few: one a row without fast modes, some where changes are small.
+/// Checks that the pieces fill the intervals between rows and end at rows. There is one step for each row without fast modes, and
+/// only a few more if changes are small.
 #[test]
 fn parts_fill_the_rows() {
     let time_s = time_s();
@@ -192,7 +195,7 @@ fn parts_fill_the_rows() {
     assert!(small < 3 * N_ROWS && large > 2 * small, "{small} and {large} steps");
 }
 
-/// Checks that points with different parts wait for each other without a change of their bits.
+/// Checks that points with different delays wait for each other, and that the waiting changes no bit of their positions.
 #[test]
 fn points_with_their_own_delays_share_a_schedule() {
     let (time_s, force_n) = (time_s(), trimmed_n(0.06));
@@ -206,7 +209,7 @@ fn points_with_their_own_delays_share_a_schedule() {
     assert_bits_of_single_points(&time_s, &force_n, &points);
 }
 
-/// Checks points whose laws need different steps.
+/// Checks that points whose laws need different step lengths share one schedule without a change of their positions.
 #[test]
 fn points_with_their_own_gradings_share_a_schedule() {
     let points = [0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.7, 0.9].map(fractional).to_vec();

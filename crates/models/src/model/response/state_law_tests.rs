@@ -1,5 +1,5 @@
-//! Tests of quantities that depend on a state, against closed forms and against the full-order model's stepping.
-//! The stepping uses no pseudo-stress and is independent.
+//! Tests of quantities that depend on a state. They compare the excess position with closed forms and with the full-order model's
+//! stepping. The stepping is an independent method, since it does not use the pseudo-stress R.
 
 use super::Response;
 use base::number::{Dual, Scalar};
@@ -11,7 +11,7 @@ use record::{Force, ForceRule};
 
 const COMPLIANCE_PER_M: f64 = 550.0;
 
-/// 1 + a tanh(s/s₀): smooth, and bounded where states diverge.
+/// Function 1 + a tanh(s/s₀) of the state s. It is smooth, and bounded if the state diverges.
 #[derive(Debug)]
 struct Bounded;
 
@@ -23,7 +23,7 @@ impl StateFunction for Bounded {
     }
 }
 
-/// e^{a s}.
+/// Function e^{a s} of the state s.
 #[derive(Debug)]
 struct Exponential;
 
@@ -33,7 +33,7 @@ impl StateFunction for Exponential {
     }
 }
 
-/// Record of holds of both signs with a rest, at irregular rows.
+/// Returns times (s) and forces (N) at irregular rows, with holds of both signs and a rest.
 fn record() -> (Vec<f64>, Vec<f64>) {
     let (mut time_s, mut force_n, mut t) = (Vec::new(), Vec::new(), 0.0);
     for row in 0..160_u32 {
@@ -54,7 +54,7 @@ fn bounded(base: BaseLaw, parameters: &[f64], quantity: &str, state: State, size
     let scale = match state.unit() {
         "m" => 5e-4,
         "s" => 2.0,
-        // Forces that grow with larger velocities would diverge.
+        // This scale keeps forces that grow with the velocity from diverging.
         "m/s" => 2.5e-3,
         _ => 4e-6,
     };
@@ -95,7 +95,8 @@ fn springpot_law() -> BaseLaw {
     BaseLaw::Network(Network::from_text("law.toml".as_ref(), text).expect("a law"))
 }
 
-/// Checks every quantity of the base law with every state that it may have, under forces that hold and that are straight lines.
+/// Compares reduced and full-order positions for every quantity of the base law with every allowed state. The forces are constant
+/// or linear between rows.
 #[test]
 fn reduced_and_full_agree() {
     let (time_s, force_n) = record();
@@ -118,11 +119,12 @@ fn reduced_and_full_agree() {
             }
         }
     }
-    // Under straight lines the robot turns inside a row. Path, excursion and the sign of the force have kinks there.
+    // Under linear forces the robot reverses its direction between rows. The path, the excursion and the sign of the force have
+    // kinks there.
     assert!(worst[0] < 1e-8 && worst[1] < 5e-5 && n_cases == 76, "{worst:?} {n_cases}");
 }
 
-/// Checks laws with springpots, with a body of several parts and with an instantaneous response.
+/// Compares both models for laws with springpots, with a body of several elements and with an instantaneous response.
 #[test]
 fn reduced_and_full_agree_for_springpots() {
     let (time_s, force_n) = record();
@@ -149,7 +151,7 @@ fn reduced_and_full_agree_for_springpots() {
     assert!(worst < 5e-6, "{worst}");
 }
 
-/// Checks exact derivatives by the law's and the function's parameters against central differences.
+/// Compares exact derivatives by the parameters of the law and of the function with central differences.
 #[test]
 fn sensitivities_equal_differences() {
     let (time_s, force_n) = record();
@@ -197,7 +199,7 @@ fn followed_slopes_are_those_that_numbers_carry() {
                     continue;
                 }
                 let stages = bounded(base, parameters, quantity, state, 0.4);
-                // Where the position diverges, neither exists.
+                // If the position diverges, neither derivative exists.
                 let Ok(found) = response.by_function_m(&stages, COMPLIANCE_PER_M) else { continue };
                 n_cases += found.len();
                 for (place, found) in found.iter().enumerate() {
@@ -214,8 +216,8 @@ fn followed_slopes_are_those_that_numbers_carry() {
     assert!(n_cases > 170, "{n_cases}");
 }
 
-/// Checks a dashpot whose viscosity grows as e^{b x} under a held force: e^{bx} = 1 + b C F t/c.
-/// A dashpot whose force falls with the path obeys the equivalent equation.
+/// Checks a dashpot whose viscosity c e^{b x} grows with the position x under a constant force F. Its closed form is e^{bx} = 1 +
+/// b C F t/c. A dashpot whose force decreases with the path has an equivalent closed form.
 #[test]
 fn a_dashpot_that_hardens_has_a_closed_form() {
     let base = BaseLaw::Network(Network::from_text("law.toml".as_ref(), "dashpot = \"flow\"").expect("a law"));
@@ -241,7 +243,7 @@ fn a_dashpot_that_hardens_has_a_closed_form() {
     }
 }
 
-/// Checks that a factor of 1 everywhere, or an added 0, changes no bit.
+/// Checks that a function equal to 1 as a factor, or to 0 as a summand, changes no bit of the position.
 #[test]
 fn at_the_null_the_base_returns() {
     let (time_s, force_n) = record();

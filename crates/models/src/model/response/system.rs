@@ -1,8 +1,10 @@
-//! Stages as the numbers of a linear system, which the kernels integrate.
+//! Conversion of stages into a linear system of modes, which the kernels integrate.
 //!
-//! The strain of a mode obeys s' = r (F̃ − s) with F̃ = F eᵛᵗ, v the softening rate. With Y = C a s e^{−vt} this is Y' = κ F − ρ Y, κ = C a r,
-//! ρ = r + v, and the position is e^{vt} (C J₀ F + Σ Y). Softening therefore changes rates and adds a growing factor. A dashpot is a mode of rate 0
-//! with κ = C φ. C is the compliance per m.
+//! The strain s of a mode with compliance a and rate r obeys s' = r (F̃ − s). Here F̃ = F eᵛᵗ is the force F times the growth at
+//! the softening rate v. With Y = C a s e^{−vt} the equation is Y' = κ F − ρ Y, κ = C a r, ρ = r + v. C is the displacement per
+//! force at unit creep compliance, in 1/m. The position is e^{vt} (C J₀ F + Σ Y), with J₀ the instantaneous compliance. Softening
+//! therefore changes the rates and multiplies the position by a growing factor. A dashpot of fluidity φ is a mode of rate 0 with
+//! κ = C φ.
 
 use super::grading::Grading;
 use super::numbers::{N_LANES, Number, Real, gather};
@@ -12,7 +14,8 @@ use base::number::Complex;
 use laws::rheology::{Accuracy, RetardationSpectrum, TimeWindow};
 use laws::stages::{Load, Observation, ReducedField, Spatial, Stages};
 
-/// Parts that a model has. Points of one shape are computed together. A point's arithmetic depends on its shape alone.
+/// Numbers of modes and features of a model. Points of equal shape are computed together. The shape alone determines a point's
+/// sequence of operations.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct SystemShape {
     n_modes: usize,
@@ -22,54 +25,55 @@ pub(super) struct SystemShape {
     pub lagging: bool,
     pub softening: bool,
     pub feedback: bool,
-    /// True if the recorded position differs from the robot's.
+    /// `true` if the recorded position differs from the robot's position.
     pub observed: bool,
-    /// True if the position is a root of the linear response.
+    /// `true` if the position is an indenter's depth, which is a root of the linear response.
     pub is_depth: bool,
 }
 
-/// Numbers of one point, in the order of [`System::gather`], and its shape.
+/// Shape of one parameter point, and its numbers in the order in which [`System::gather`] reads them.
 #[derive(Debug, Clone)]
 pub(super) struct PointNumbers<T> {
     pub shape: SystemShape,
     pub grading: Grading,
     numbers: Vec<T>,
-    /// Excess of a nonlinear law's position over the linear one's at every row, in m.
+    /// Excess of a nonlinear law's position over that of the linear law, in m at every row; `None` for a linear law.
     pub excess_m: Option<Vec<T>>,
 }
 
-/// Mode Y' = κ F − ρ Y.
+/// Mode of the response, Y' = κ F − ρ Y, in the notation of the module.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Mode<T> {
-    /// κ in m/(N·s).
+    /// Gain κ in m/(N·s).
     pub gain: T,
-    /// ρ in 1/s.
+    /// Rate ρ in 1/s.
     pub rate: T,
 }
 
-/// Numbers of one or several points of one shape.
+/// Linear system of one or several points of one shape.
 #[derive(Debug, Clone)]
 pub(super) struct System<S> {
     pub shape: SystemShape,
-    /// Grading of each point.
+    /// Largest time steps after switches of the force, for each point.
     pub gradings: [Grading; N_LANES],
-    /// C J₀ in m/N.
+    /// Instantaneous compliance C J₀ in m/N.
     pub instantaneous: S,
     pub modes: Vec<Mode<S>>,
     pub oscillating: Vec<Mode<Complex<S>>>,
     pub load: Load<S>,
-    /// 1/τ of the lag in 1/s.
+    /// Rate 1/τ of the lag τ, in 1/s.
     pub lag_rate: S,
     pub softening_rate: S,
     pub observation: Observation<S>,
 }
 
-/// Shortest relevant time after a switch, as a share of the shortest step. It applies where a switch may be between rows or the force changes
-/// between them.
+/// Shortest relevant time after a switch, divided by the shortest step. It applies if a switch may be between rows or if the
+/// force changes between rows.
 pub(super) const BETWEEN_ROWS: f64 = 1e-2;
 
 impl<T: Real> PointNumbers<T> {
-    /// Numbers of stages, without the excess of a nonlinear law. `window` is the range of times that the record's rows need.
+    /// Returns the numbers of stages, without the excess of a nonlinear law. `window` is the range of times in s at which the
+    /// record needs the creep compliance.
     pub fn new(stages: &Stages, compliance_per_m: T, window: TimeWindow, record: &PreparedRows) -> Result<Self> {
         let load = &stages.load;
         load.check()?;
@@ -105,7 +109,7 @@ impl<T: Real> PointNumbers<T> {
         Ok(Self::with_spectrum(stages, &spectrum, compliance_per_m, record.largest_n))
     }
 
-    /// Numbers of stages with a given spectrum of the law, for commands up to `largest_n` (N).
+    /// Returns the numbers of stages with a given retardation spectrum of the law, for commands up to `largest_n` (N).
     pub fn with_spectrum(
         stages: &Stages,
         spectrum: &RetardationSpectrum<T>,
@@ -144,7 +148,8 @@ impl<T: Real> PointNumbers<T> {
     }
 }
 
-/// Grading of steps for a law behind a lag of some rate (1/s). The exponent of the gradient is `strength_pa` times the creep compliance.
+/// Returns the largest steps for a law behind a lag of this rate (1/s); `None` without a lag. The exponent g x of a force
+/// gradient is `strength_pa` times the creep compliance.
 pub(super) fn grading<T: Real>(spectrum: &RetardationSpectrum<T>, lag_rate: Option<f64>, strength_pa: f64) -> Grading {
     let real = spectrum.modes.iter().map(|mode| (mode.compliance_per_pa.value(), mode.rate_per_s.value()));
     let size = |[re, im]: [T; 2]| re.value().hypot(im.value());
@@ -154,7 +159,7 @@ pub(super) fn grading<T: Real>(spectrum: &RetardationSpectrum<T>, lag_rate: Opti
     let total = spectrum.instantaneous_per_pa.value()
         + rough.iter().map(|(compliance, _)| compliance).sum::<f64>()
         + lag_rate.map_or(0.0, |rate| fluidity / rate);
-    // A law without decaying parts loses no share, and any scale is suitable.
+    // If the total is 0, no decaying mode has an error, and any scale is suitable.
     let inverse = if total > 0.0 { 1.0 / total } else { 1.0 };
     rough.iter_mut().for_each(|(share, _)| *share *= inverse);
     let mut modes: Vec<(f64, f64)> = rough.iter().map(|&(share, rate)| (share * rate, rate)).collect();
@@ -163,7 +168,8 @@ pub(super) fn grading<T: Real>(spectrum: &RetardationSpectrum<T>, lag_rate: Opti
     Grading::new(&rough, &modes, strength_pa / inverse)
 }
 
-/// Modes of the response to a force under a compliance in 1/m: those of the law with the flowing one last, and the oscillating ones.
+/// Returns the real and the oscillating modes of the response to a force, with `compliance_per_m` in 1/m. The dashpot's mode is
+/// the last real one.
 pub(super) fn modes_of<T: Real>(
     spectrum: &RetardationSpectrum<T>,
     compliance_per_m: T,
@@ -184,7 +190,7 @@ pub(super) fn modes_of<T: Real>(
 }
 
 impl<S: Number> System<S> {
-    /// Gathers points of one shape. The last point fills missing lanes.
+    /// Builds the system of several points of one shape. Unused lanes repeat the last point.
     pub fn gather(points: &[&PointNumbers<S::Lane>]) -> Self {
         let shape = points[0].shape;
         let mut next = 0;
@@ -207,13 +213,13 @@ impl<S: Number> System<S> {
         }
     }
 
-    /// Force after the factors, without the offset, in N, and its rate in N/s.
+    /// Returns the force (N) of a command at a time (s) and its rate (N/s), with the load's factors but without its offset.
     pub fn scaled(&self, line: PreparedLine, time_s: f64) -> (S, S) {
         let scaled = |commanded: f64| self.load.scaled(commanded, line.is_positive);
         (scaled(line.at_n(time_s)), scaled(line.slope_n_per_s))
     }
 
-    /// Time by which a lag delays a straight line, in s.
+    /// Time in s by which a lag delays a linearly changing force; 0 without a lag.
     pub fn late_s(&self) -> S {
         if self.shape.lagging { S::constant(1.0) / self.lag_rate } else { S::constant(0.0) }
     }

@@ -1,4 +1,4 @@
-//! Tests of the kernel against closed forms and against Runge–Kutta steps of the equations in physics §5.
+//! Tests that compare the kernel with closed forms and with Runge–Kutta steps of the equations in physics §5.
 
 use super::numbers::Number;
 use super::system::PointNumbers;
@@ -14,7 +14,7 @@ use record::{Force, ForceRule};
 const COMPLIANCE_PER_M: f64 = 549.0;
 const LETHERSICH: [f64; 3] = [3.527, 1.402, 47.37];
 
-/// Record with irregular rows. The command changes at every row at first, then rarely.
+/// Returns times (s) and commands (N) at irregular rows. The command changes at every row at first, then rarely.
 pub(super) fn record() -> (Vec<f64>, Vec<f64>) {
     let mut time_s = vec![2.0];
     let mut force_n = Vec::new();
@@ -39,7 +39,7 @@ fn number(value: f64) -> Dual {
     Dual::constant(value)
 }
 
-/// Base law with a second body and a spring in series.
+/// Returns the Lethersich law with a second Kelvin–Voigt body and a spring in series.
 pub(super) fn rich_law() -> Stages {
     let mut stages = lethersich();
     stages.law.push(Element::kelvin_voigt(number(9.0), number(19.0)));
@@ -73,12 +73,13 @@ struct RungeKutta<'a> {
 }
 
 impl RungeKutta<'_> {
-    /// Number of states: lagged force, dashpot, modes, real and imaginary parts.
+    /// Number of states, which are the lagged force, the dashpot, the real modes, and real and imaginary parts of the oscillating
+    /// modes.
     fn n_states(&self) -> usize {
         2 + self.spectrum.modes.len() + 2 * self.spectrum.oscillating.len()
     }
 
-    /// Returns acting force × e^{rt}, and the position.
+    /// Returns the acting force (N) times e^{rt}, and the position (m).
     fn drive(&self, time_s: f64, input_n: f64, state: &[f64]) -> (f64, f64) {
         let n = self.spectrum.modes.len();
         let mut strain = self.spectrum.fluidity_per_pa_s.value * state[1];
@@ -92,7 +93,7 @@ impl RungeKutta<'_> {
         let softened_n = before_n * (self.stages.softening_rate_per_s.value * time_s).exp();
         let instantaneous = self.spectrum.instantaneous_per_pa.value * softened_n;
         let gradient = self.stages.load.gradient_per_m.value;
-        // x = C (J₀ F̃ e^{gx} + strain) is solved for x by Newton's method.
+        // Newton's method solves x = C (J₀ F̃ e^{gx} + strain) for x.
         let mut x = COMPLIANCE_PER_M * strain;
         for _ in 0..if gradient == 0.0 { 1 } else { 8 } {
             let jump_m = COMPLIANCE_PER_M * instantaneous * (gradient * x).exp();
@@ -167,7 +168,7 @@ fn runge_kutta(stages: &Stages, spectrum: &RetardationSpectrum) -> Vec<f64> {
     RungeKutta { stages, spectrum }.trajectory_m()
 }
 
-/// Spectrum of the law, with an oscillating mode on request.
+/// Returns the retardation spectrum of the law, with an added oscillating mode if `oscillating`.
 pub(super) fn spectrum(stages: &Stages, oscillating: bool) -> RetardationSpectrum {
     let window = TimeWindow { shortest_s: 1e-4, longest_s: 10.0 };
     let mut spectrum = RetardationSpectrum::of_law(&stages.law, window).expect("a spectrum");
@@ -179,7 +180,7 @@ pub(super) fn spectrum(stages: &Stages, oscillating: bool) -> RetardationSpectru
     spectrum
 }
 
-/// Spectrum in the numbers that a kernel carries.
+/// Converts a spectrum to the number type of a kernel.
 fn carried<T: PointScalar>(spectrum: &RetardationSpectrum) -> RetardationSpectrum<T> {
     let real = |mode: &SpectralMode| SpectralMode {
         compliance_per_pa: T::from_dual(mode.compliance_per_pa),
@@ -197,7 +198,7 @@ fn carried<T: PointScalar>(spectrum: &RetardationSpectrum) -> RetardationSpectru
     }
 }
 
-/// Response of the kernel for a given spectrum.
+/// Returns the kernel's positions (m) for a given spectrum.
 pub(super) fn respond_with<S: Number>(
     stages: &Stages,
     spectrum: &RetardationSpectrum,
@@ -221,7 +222,7 @@ fn without_effects_is_the_convolution() {
     assert_close(&respond(&lethersich()), &convolve_m(COMPLIANCE_PER_M, &law, &time_s, &force_n), 1e-12, "base");
 }
 
-/// Checks Σ ΔFₖ J(t − tₖ − δ), for delays within a row, over several and of exactly one.
+/// Compares positions with Σ ΔFₖ J(t − tₖ − δ), for delays δ shorter than a row, longer than several rows and equal to one row.
 #[test]
 fn delays_are_superpositions_of_late_steps() {
     let (time_s, force_n) = record();
@@ -248,7 +249,7 @@ fn delays_are_superpositions_of_late_steps() {
     }
 }
 
-/// Checks a Kelvin–Voigt body behind a lag, also with equal and nearly equal times.
+/// Compares a Kelvin–Voigt body behind a lag with its closed form, also if lag and retardation time are equal or nearly equal.
 #[test]
 fn lag_of_a_single_body_has_its_closed_form() {
     let time_s: Vec<f64> = (0..60).map(|i| 0.1 * f64::from(i)).collect();
@@ -262,7 +263,8 @@ fn lag_of_a_single_body_has_its_closed_form() {
             .iter()
             .map(|&t| {
                 if (ratio - 1.0).abs() < 1e-3 {
-                    // The response is 1 − (1 + u) e⁻ᵘ plus its first derivative by the ratio. The next term is below 1e-14.
+                    // The response for nearly equal times is 1 − (1 + u) e⁻ᵘ plus its first-order change with the ratio of the
+                    // times. The next term is below 1e-14.
                     let u = t / body_s;
                     1.0 - (1.0 + u) * (-u).exp() - 0.5 * (ratio - 1.0) * u * u * (-u).exp()
                 } else {
@@ -275,8 +277,9 @@ fn lag_of_a_single_body_has_its_closed_form() {
     }
 }
 
-/// Checks every combination of delay, lag, softening and gradient, with and without an oscillating mode. Every combination has bias, asymmetry and drift.
-/// The tolerance for recursions is the error of the reference. Combinations with a gradient use collocation, with a tolerance of 2e-8.
+/// Checks every combination of delay, lag, softening and gradient, with and without an oscillating mode. Every combination has
+/// bias, asymmetry and drift. The tolerance for the exact recursions is the error of the Runge–Kutta steps. Combinations with a
+/// gradient use collocation, with a tolerance of 2e-8.
 #[test]
 fn all_combinations_equal_runge_kutta() {
     for choice in 0..32 {
@@ -298,7 +301,7 @@ fn all_combinations_equal_runge_kutta() {
     }
 }
 
-/// Checks a gel that sets faster than its slowest modes creep, so that their rates are negative, with and without other effects.
+/// Checks a gel that sets so fast that the rates of its slowest modes become negative, with and without other effects.
 #[test]
 fn a_gel_that_sets_equals_runge_kutta() {
     for (rate, lag_time_s, gradient_per_m) in
@@ -322,8 +325,8 @@ fn a_gel_that_sets_equals_runge_kutta() {
     }
 }
 
-/// Checks gradients that change the force several times over, down and up.
-/// Their closed form for a dashpot is e^{−gx} = 1 − g C φ F t, until the force diverges.
+/// Checks gradients g that decrease or increase the force several times over. The closed form for a dashpot of fluidity φ is
+/// e^{−gx} = 1 − g C φ F t, until the force diverges.
 #[test]
 fn a_dashpot_under_a_strong_gradient_is_a_closed_form() {
     let time_s: Vec<f64> = (0..80).map(|i| 0.1 * f64::from(i)).collect();
@@ -350,7 +353,7 @@ fn a_dashpot_under_a_strong_gradient_is_a_closed_form() {
     }
 }
 
-/// Checks a lag much shorter than a row, under a gradient: the force is delayed, to first order in the lag.
+/// Checks a lag much shorter than a row, with a force gradient. To first order, such a lag delays the force.
 #[test]
 fn short_lags_under_a_gradient_equal_runge_kutta() {
     for lag_time_s in [2e-3, 1.3e-2] {
@@ -375,7 +378,7 @@ fn strong_feedback_is_refused() {
     assert_eq!(sound, [true, false, false, false, false, false, false, false]);
 }
 
-/// Checks that points of several shapes in one batch have the bits of single points, under many levels of the force and under few.
+/// Checks that points of several shapes in one batch have the bits of single points, for forces with many and with few levels.
 #[test]
 fn lanes_have_the_bits_of_single_points() {
     let (time_s, many_n) = record();
@@ -423,7 +426,7 @@ fn lanes_have_the_bits_of_single_points_under(time_s: &[f64], force: Force<'_>) 
     }
 }
 
-/// Checks records without rows, with one row, and with fewer rows than given.
+/// Checks records without rows, with one row, and with fewer prepared rows than times.
 #[test]
 fn short_records_are_served() {
     let (time_s, force_n) = record();
@@ -437,7 +440,8 @@ fn short_records_are_served() {
     }
 }
 
-/// Checks that a delay of whole rows, up to rounding, shifts the trajectory by rows. No row is lost where a switch coincides with one.
+/// Checks that a delay of whole rows, up to rounding, shifts the trajectory by rows. No row is lost if a switch coincides with a
+/// row.
 #[test]
 fn delays_of_whole_rows_shift_the_trajectory() {
     let time_s: Vec<f64> = (0..60).map(|i| 0.05 * f64::from(i)).collect();
@@ -452,7 +456,8 @@ fn delays_of_whole_rows_shift_the_trajectory() {
             for rounding in [-1e-15, -1e-17, 0.0, 1e-17, 1e-15] {
                 stages.load.delay_s = number(time_s[n_rows] + rounding);
                 let found = response.trajectory_m(&stages, COMPLIANCE_PER_M).expect("sound");
-                // An instantaneous part may jump at either side of a row that coincides with a switch, so only the other rows are compared.
+                // An instantaneous response may jump just before or just after a row that coincides with a switch, so only the
+                // other rows are compared.
                 for row in n_rows..time_s.len() {
                     let at_switch = row == n_rows || force_n[row - n_rows] != force_n[row - n_rows - 1];
                     let error = (found[row] - plain[row - n_rows]).abs() / largest(&plain);

@@ -1,38 +1,39 @@
-//! Sums over the compared rows that define the residual sum of squares, for many rates at once.
+//! Inner products over the compared rows that define the residual sum of squares, for many rates at once.
 
 use pulp::{Arch, Simd, WithSimd};
 
 use super::{LANES, Lanes, ResidualSumOfSquares};
 use base::elementary::exp_m1_all;
 
-/// Reference trajectory and its residuals. Entries of rows that are not compared are 0.
+/// Reference trajectory and its residuals, one entry for each row. Entries of rows that are not compared are 0.
 pub(super) struct Reference {
-    /// Unit response at the reference rate, in N.
+    /// Response of a Kelvin–Voigt body of unit compliance at the reference rate, in N.
     pub response_n: Vec<f64>,
-    /// Position minus the reference trajectory, in m.
+    /// Measured position minus the reference trajectory, in m.
     pub residual_m: Vec<f64>,
 }
 
-/// Sums over the compared rows with h, the unit response minus the reference's, of one rate.
+/// Sums over the compared rows for one rate. Let h be the unit response at this rate minus the unit response at the reference
+/// rate.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct InnerProducts {
-    /// Residual times h.
+    /// Sum of the residual times h.
     pub residual: f64,
-    /// h².
+    /// Sum of h².
     pub square: f64,
-    /// Reference response times h.
+    /// Sum of the reference response times h.
     pub reference: f64,
-    /// Impulse times h.
+    /// Sum of the impulse ∫F dt times h.
     pub impulse: f64,
 }
 
 impl ResidualSumOfSquares {
-    /// Force through a Kelvin–Voigt body of unit compliance, in N, at every row.
+    /// Returns the response of a Kelvin–Voigt body of unit compliance and this rate to the force, in N, at every row.
     pub(super) fn response_n(&self, rate_per_s: f64) -> Vec<f64> {
         let mut response_n = vec![0.0; self.observed_m.len()];
         let mut state = 0.0_f64;
         for hold in &self.holds {
-            // The loss avoids the rounding of the decay, which would round the rate where steps are short.
+            // The code uses 1 − e^{−rh}, because rounding e^{−rh} would lose digits of the rate r for short steps h.
             let lost = -(-self.step_s[hold.step] * rate_per_s).exp_m1();
             for row in hold.rows.clone() {
                 state = lost.mul_add(hold.force_n - state, state);
@@ -42,7 +43,7 @@ impl ResidualSumOfSquares {
         response_n
     }
 
-    /// Returns the inner products of every rate.
+    /// Returns the inner products for every rate, in the order of `rates_per_s`.
     pub(super) fn inner_products(&self, rates_per_s: &[f64], reference: &Reference) -> Vec<InnerProducts> {
         let mut found = Vec::with_capacity(rates_per_s.len());
         let mut grown = vec![[0.0; LANES]; self.step_s.len()];
@@ -69,7 +70,7 @@ impl ResidualSumOfSquares {
 struct ProductPass<'a> {
     record: &'a ResidualSumOfSquares,
     reference: &'a Reference,
-    /// e^{−rh} − 1 of each step.
+    /// e^{−rh} − 1 for each distinct step length h, one rate r for each lane.
     grown: &'a [Lanes],
     sums: &'a mut [Lanes; 4],
 }

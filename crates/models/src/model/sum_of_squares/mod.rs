@@ -1,4 +1,5 @@
-//! Residual sum of squares of many parameter points at once, one point a vector lane. This is the innermost loop of sampling.
+//! Residual sum of squares of many parameter points at once, with one point in each vector lane. This is the innermost loop of
+//! sampling.
 
 mod inner_products;
 mod table;
@@ -7,32 +8,34 @@ use pulp::{Arch, Simd, WithSimd};
 
 use table::ProductTable;
 
-/// Number of points in one pass. It is a multiple of every register width, so that all points take one shape of pass.
+/// Number of points in one pass. It is a multiple of every register width, so that one code path serves all points.
 const LANES: usize = 16;
 
-/// Relative tolerance of equal steps, as a fraction of the record's length. Decimal times such as 0.05 i are
-/// not equally spaced in binary, and one exponential for each step length is expensive.
+/// Largest difference of steps that count as equal, as a fraction of the record's length. Decimal times such as 0.05 i are not
+/// equally spaced in binary, and every distinct step length costs an exponential.
 const EQUAL_STEP_TOLERANCE: f64 = 1e-13;
 
-/// Record prepared for the evaluation of Σ (yᵢ − xᵢ)² over chosen rows, for laws of one Kelvin–Voigt body and a dashpot.
+/// Record prepared for Σ (yᵢ − xᵢ)² over the compared rows, with yᵢ the measured and xᵢ the predicted position. The law is one
+/// Kelvin–Voigt body in series with a dashpot.
 #[derive(Debug, Clone)]
 pub struct ResidualSumOfSquares {
     /// Distinct step lengths in s.
     step_s: Vec<f64>,
     holds: Vec<Hold>,
-    /// ∫F dt up to each row, in N·s.
+    /// Impulse ∫F dt up to each row, in N·s.
     impulse_n_s: Vec<f64>,
     /// Observed position of each row in m; NaN for rows that are not compared.
     observed_m: Vec<f64>,
     n_observed: usize,
-    /// Table that replaces the sums over rows, in a range of rates.
+    /// Table that replaces the sums over rows in a range of rates; `None` without such a table.
     table: Option<ProductTable>,
 }
 
-/// Number of distinct steps that are searched for an equal one. A record with more has hardly any equal steps.
+/// Number of the latest distinct step lengths that are searched for an equal one. A record with more distinct lengths has hardly
+/// any equal steps.
 const N_SEARCHED: usize = 64;
 
-/// Consecutive rows at the ends of equal steps under equal force.
+/// Consecutive rows at the ends of equal steps under one constant force.
 #[derive(Debug, Clone)]
 struct Hold {
     step: usize,
@@ -40,20 +43,20 @@ struct Hold {
     rows: std::ops::Range<usize>,
 }
 
-/// Parameters of the law for a batch of points, one entry a point.
+/// Parameters of the law for a batch of points, with one entry for each point.
 #[derive(Debug, Clone, Copy)]
 pub struct CreepLanes<'a> {
     /// Displacement of the Kelvin–Voigt body per force, in m/N.
     pub retarded_m_per_n: &'a [f64],
-    /// Its relaxation rate, in 1/s.
+    /// Rate of the Kelvin–Voigt body, which is 1 divided by its retardation time, in 1/s.
     pub rate_per_s: &'a [f64],
     /// Velocity of the dashpot per force, in m/(N·s).
     pub flow_m_per_n_s: &'a [f64],
 }
 
 impl ResidualSumOfSquares {
-    /// Prepares a record: times (s), commanded force (N), and the positions (m) to compare with, `None` where there is no comparison.
-    /// Rows after the last comparison are dropped.
+    /// Prepares a record of times (s), commanded forces (N) and measured positions (m), with one entry for each row. A position
+    /// is `None` if the row is not compared. Rows after the last compared one are dropped.
     pub fn new(time_s: &[f64], force_n: &[f64], observed_m: &[Option<f64>]) -> Self {
         let n_rows = observed_m.iter().rposition(Option::is_some).map_or(0, |last| last + 1);
         let tolerance_s = EQUAL_STEP_TOLERANCE * time_s.last().map_or(0.0, |t| t.abs());
@@ -78,19 +81,19 @@ impl ResidualSumOfSquares {
         Self { step_s, holds, impulse_n_s, observed_m, n_observed, table: None }
     }
 
-    /// Adds a table over a range of ln(rate·s), in which the cost of a point does not depend on the number of rows. No table is added
-    /// if it would be less accurate than the sum.
+    /// Adds a table over a range of ln(rate·s). Within it, the cost of a point does not depend on the number of rows. No table is
+    /// added if it would be less accurate than the sum over rows.
     pub fn tabulated(mut self, ln_rates: (f64, f64)) -> Self {
         self.table = ProductTable::new(&self, ln_rates);
         self
     }
 
-    /// Number of positions that are compared.
+    /// Number of compared positions.
     pub fn n_observed(&self) -> usize {
         self.n_observed
     }
 
-    /// Writes the residual sum of squares (m²) of every point to `sum_m2`.
+    /// Writes the residual sum of squares (m²) of every point to `sum_m2`, from the table or from a pass over the rows.
     pub fn evaluate(&self, lanes: CreepLanes, sum_m2: &mut [f64]) {
         let Some(table) = &self.table else { return self.sum_rows(lanes, sum_m2) };
         table.evaluate(lanes, sum_m2);
@@ -107,7 +110,7 @@ impl ResidualSumOfSquares {
         left.into_iter().zip(sums).for_each(|(i, sum)| sum_m2[i] = sum);
     }
 
-    /// Writes the sums of [`Self::evaluate`] by a pass over all rows.
+    /// Writes the residual sum of squares (m²) of every point to `sum_m2`, from a pass over all rows.
     pub fn sum_rows(&self, lanes: CreepLanes, sum_m2: &mut [f64]) {
         let mut scratch = Scratch::new(self.step_s.len());
         for (index, chunk) in sum_m2.chunks_mut(LANES).enumerate() {
@@ -117,7 +120,7 @@ impl ResidualSumOfSquares {
         }
     }
 
-    /// Contribution of the first row, where the position is 0 by definition.
+    /// Contribution (m²) of the first row to the sum. The predicted position is 0 there by definition.
     fn first_row_m2(&self) -> f64 {
         self.observed_m.first().filter(|y| !y.is_nan()).map_or(0.0, |y| y * y)
     }
@@ -125,7 +128,7 @@ impl ResidualSumOfSquares {
 
 type Lanes = [f64; LANES];
 
-/// Lanes of one pass. Unused lanes repeat the last point.
+/// Parameters and sums of the points in one pass. Unused lanes repeat the last point.
 struct Scratch {
     decay: Vec<Lanes>,
     retarded: Lanes,
@@ -170,7 +173,7 @@ impl WithSimd for SumPass<'_> {
         let (sum, _) = S::as_mut_simd_f64s(&mut sum[..]);
         let first = simd.splat_f64s(self.record.first_row_m2());
         let one = simd.splat_f64s(1.0);
-        // Two registers a turn hide the latency of the recursion.
+        // Two registers in each iteration hide the latency of the recursion.
         for pair in (0..sum.len()).step_by(2) {
             let mut state = [simd.splat_f64s(0.0); 2];
             let mut total = [first; 2];
@@ -178,7 +181,7 @@ impl WithSimd for SumPass<'_> {
                 let (a, _) = S::as_simd_f64s(&decay[hold.step][..]);
                 let a = [a[pair], a[pair + 1]];
                 let force = simd.splat_f64s(hold.force_n);
-                // A closure would be compiled separately without the vector instructions, and called.
+                // A closure would be compiled as a separate function without vector instructions.
                 let mut gain = [one; 2];
                 for k in 0..2 {
                     gain[k] = simd.mul_f64s(simd.mul_f64s(retarded[pair + k], force), simd.sub_f64s(one, a[k]));
@@ -214,7 +217,8 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
     use rand_distr::StandardNormal;
 
-    /// Checks irregular steps, gaps and batch sizes that do not fill the lanes: results equal the plain recursion and do not depend on the batch.
+    /// Checks irregular steps, missing positions and batch sizes that do not fill the lanes. Results equal the plain recursion
+    /// and do not depend on the batch.
     #[test]
     fn equals_the_plain_recursion_for_any_batch() {
         let n = 137;
@@ -242,7 +246,8 @@ mod tests {
         }
     }
 
-    /// Record of creep under alternating force with noise of 4 µm, at irregular times and with missing positions.
+    /// Returns a record of `n` rows under an alternating force, with noise of 4 µm and missing positions. Its times are equally
+    /// spaced unless `irregular`.
     fn noisy_record(n: usize, irregular: bool) -> ResidualSumOfSquares {
         let step_s = 40.0 / n as f64;
         let jitter = |i: usize| if irregular { 0.3 * step_s * ((i * 7919) % 13) as f64 / 13.0 } else { 0.0 };
@@ -257,11 +262,12 @@ mod tests {
         ResidualSumOfSquares::new(&time_s, &force_n, &observed)
     }
 
-    /// Parameters E, c₁, c₂ of the records, and their noise.
+    /// Parameters E (Pa), c₁ and c₂ (Pa s) of the simulated records.
     const TRUTH: [f64; 3] = [3.527, 1.402, 47.37];
     const NOISE_M: f64 = 4e-6;
 
-    /// Sums by the table and by the rows at points exp(size·(−1 … 1)) times the truth, and the number of points outside the table.
+    /// Returns pairs of sums of squares from the table and from the rows, and the number of points outside the table. Each
+    /// parameter of a point is exp(size·u) times the truth, with u between −1 and 1.
     fn sums_around_the_truth(record: &ResidualSumOfSquares, size: f64, n_points: usize) -> (Vec<(f64, f64)>, usize) {
         let golden = [0.618_033_988_75, 0.754_877_666_25, 0.569_840_290_99];
         let of = |i: usize, d: usize| TRUTH[d] * (size * (2.0 * (golden[d] * (i + 1) as f64).fract() - 1.0)).exp();
@@ -279,8 +285,9 @@ mod tests {
         (by_table.into_iter().zip(by_rows).collect(), n_left)
     }
 
-    /// Checks the table at points not used for training, from inside the posterior to e⁶ times as far as any prior allows. Sums of squares agree to 1e-8. In the posterior
-    /// log-likelihoods agree to 1e-6 nats, with 300 and with 200,000 rows. The table covers most of the points.
+    /// Checks the table at points that were not used for building it, from inside the posterior to e⁶ times beyond the priors.
+    /// Sums of squares agree to 1e-8. Inside the posterior, log likelihoods agree to 1e-6 nats with 300 and with 200,000 rows.
+    /// The table covers most of the points.
     #[test]
     fn the_table_is_as_good_as_the_rows() {
         for (n, irregular) in [(300, false), (301, true), (200_000, false)] {
@@ -299,7 +306,7 @@ mod tests {
         }
     }
 
-    /// Checks that a record without motion falls back to sums over its rows, and that an invalid range gives no table.
+    /// Checks that a record without motion is summed over its rows, and that an invalid range gives no table.
     #[test]
     fn a_record_without_motion_is_summed() {
         let observed = [Some(1e-6); 12];
@@ -311,7 +318,7 @@ mod tests {
         assert!(noisy_record(300, false).tabulated((f64::NAN, 1.0)).table.is_none());
     }
 
-    /// Checks ten thousand steps of different lengths, which are prepared in one pass.
+    /// Checks a record of ten thousand steps with different lengths against the plain recursion.
     #[test]
     fn irregular_records_equal_the_plain_recursion() {
         let record = noisy_record(10_000, true);

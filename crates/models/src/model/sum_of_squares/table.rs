@@ -1,16 +1,17 @@
-//! Table of the residual sum of squares, with a cost independent of the number of rows.
+//! Table that gives the residual sum of squares at a cost independent of the number of rows.
 //!
-//! The trajectory is A u(r) + B g: a body of compliance A and rate r, and a dashpot B. The rows enter by inner products of u(r), g and
-//! the positions. These are functions of one variable, the rate, tabulated once over its range (reduced-order quadrature in time: Canizares et al. 2013,
-//! doi:10.1103/PhysRevD.87.124005).
+//! The trajectory is x = A u(r) + B g. A is the compliance of a Kelvin–Voigt body, r its rate and u(r) its unit response. B is
+//! the fluidity of a dashpot, and g the impulse ∫F dt. The sum of squares depends on the rows only through inner products of
+//! u(r), g and the positions y. These are functions of the rate alone and are tabulated once over its range (reduced-order
+//! quadrature in time: Canizares et al. 2013, doi:10.1103/PhysRevD.87.124005).
 //!
-//! To keep digits, all values are relative to the least-squares trajectory A₀ u(r₀) + B₀ g, which leaves residuals e. The function k = (u(r) − u(r₀))/(ln r − ln r₀)
-//! is smooth. With a = A − A₀, b = B − B₀ and c = A (ln r − ln r₀),
+//! To avoid cancellation, all values are relative to the least-squares trajectory A₀ u(r₀) + B₀ g, whose residuals are e. The
+//! function k = (u(r) − u(r₀))/(ln r − ln r₀) is smooth. With a = A − A₀, b = B − B₀ and c = A (ln r − ln r₀),
 //!
 //!   Σ (y − x)² = Σ (e − a u(r₀) − b g − c k)²
 //!
-//! is a quadratic form, and every term is small near the posterior. Rows are summed where terms are much larger than their sum, or where the rate is outside the
-//! table.
+//! is a quadratic form whose terms are small near the posterior. The sum is taken over the rows if the terms are much larger than
+//! their sum, or if the rate is outside the table.
 
 use pulp::{Arch, Simd, WithSimd};
 
@@ -18,45 +19,51 @@ use super::inner_products::{InnerProducts, Reference};
 use super::{CreepLanes, ResidualSumOfSquares};
 use base::elementary;
 
-/// Width of a piece of the table in ln r. The inner products are analytic for |Im ln r| < π/2, 25 times a piece's half width. Each further
-/// coefficient is therefore fifty times smaller.
+/// Width of one interval of the table in ln r. The inner products are analytic for |Im ln r| < π/2, which is 25 times the half
+/// width. Each further coefficient is therefore fifty times smaller.
 const PIECE: f64 = 0.125;
-/// Coefficients of a piece.
+/// Number of polynomial coefficients in one interval.
 const N_COEFFICIENTS: usize = 8;
-/// Tabulated functions: products of k with the residual, itself, the reference response and the impulse.
+/// Number of tabulated functions. They are the inner products of k with the residual, k, the reference response and the impulse.
 const N_FUNCTIONS: usize = 4;
 /// Largest distance of the table's ends from the reference rate, in ln r.
 const LONGEST_REACH: f64 = 24.0;
 /// Number of rates at which the table is checked against the sums over the rows. They are not used for training.
 const N_CHECKED: usize = 48;
-/// Largest error at these rates, relative to the terms of the sum of squares. With the largest cancellation it is 1e-8 of a sum of squares.
+/// Largest accepted error at the checked rates, relative to the terms of the sum of squares. At the largest cancellation it is
+/// 1e-8 of a sum of squares.
 const CHECK_TOLERANCE: f64 = 1e-12;
-/// Largest ratio of the terms to their sum. An error of 1e-12 of the terms is then 1e-8 of the sum. Beyond it rows are summed.
+/// Largest ratio of the terms to their sum for which the table is used. An error of 1e-12 of the terms is then 1e-8 of the sum.
+/// At larger ratios the sum is taken over the rows.
 const LARGEST_CANCELLATION: f64 = 1e4;
-/// Number of rates in the first round of the search for the least-squares trajectory, number of rounds, and refinement of each later round.
+/// Number of rates in the first round of the search for the least-squares trajectory.
 const N_SEARCHED: usize = 64;
+/// Number of rounds of the search.
 const N_ROUNDS: usize = 5;
+/// Factor by which each later round of the search narrows the range of rates.
 const FINER: f64 = 16.0;
 
-/// Polynomials in the piece's coordinate on [−1, 1], lowest power first. Each power has one coefficient for each function.
+/// Polynomial coefficients in an interval's coordinate on [−1, 1]. The row is the power, lowest first, and the column is the
+/// tabulated function.
 type CoefficientTable = [[f64; N_FUNCTIONS]; N_COEFFICIENTS];
 
-/// Inner products over a range of rates.
+/// Tabulated inner products over a range of rates.
 #[derive(Debug, Clone)]
 pub(super) struct ProductTable {
     retarded_m_per_n: f64,
     flow_m_per_n_s: f64,
     ln_rate: f64,
-    /// Number of pieces before the reference rate.
+    /// Number of intervals below the reference rate.
     n_before: usize,
     pieces: Vec<CoefficientTable>,
     products: Constants,
 }
 
-/// Products that do not depend on the rate.
+/// Inner products that do not depend on the rate.
 #[derive(Debug, Clone, Copy, Default)]
 struct Constants {
-    /// e², e u₀, e g, u₀², u₀ g, g².
+    /// Inner products of the residuals e, the reference response u₀ and the impulse g: e², e u₀, e g, u₀², u₀ g and g², in this
+    /// order.
     residual_2: f64,
     residual_response: f64,
     residual_impulse: f64,
@@ -66,7 +73,8 @@ struct Constants {
 }
 
 impl ProductTable {
-    /// Tabulates a record over a range of ln r; `None` if the record determines no reference, or the table fails its check.
+    /// Tabulates a record over a range of ln r; `None` if the record has no least-squares trajectory, or if the table fails its
+    /// check.
     pub fn new(record: &ResidualSumOfSquares, ln_rates: (f64, f64)) -> Option<Self> {
         let (lower, upper) = ln_rates;
         if !(lower.is_finite() && upper.is_finite() && lower <= upper) {
@@ -94,7 +102,8 @@ impl ProductTable {
         self.ln_rate + PIECE * (piece as f64 - self.n_before as f64 + 0.5)
     }
 
-    /// Interpolates each piece at its Chebyshev nodes. The reference rate, where k is 0/0, is an end of a piece and no node.
+    /// Fills the coefficients by interpolation at the Chebyshev nodes of each interval. The reference rate, where k is 0/0, is an
+    /// end of an interval and not a node.
     fn fill(&mut self, record: &ResidualSumOfSquares, reference: &Reference, n_pieces: usize) {
         let nodes: [f64; N_COEFFICIENTS] =
             std::array::from_fn(|j| (std::f64::consts::PI * (j as f64 + 0.5) / N_COEFFICIENTS as f64).cos());
@@ -112,7 +121,8 @@ impl ProductTable {
         }
     }
 
-    /// Products of k with the residual, itself, the reference response and the impulse, summed over the rows.
+    /// Returns, for each rate, the inner products of k with the residual, k, the reference response and the impulse, summed over
+    /// the rows.
     fn products_with_k(&self, record: &ResidualSumOfSquares, reference: &Reference, ln_rates: &[f64]) -> Vec<[f64; 4]> {
         let rates: Vec<f64> = ln_rates.iter().map(|x| x.exp()).collect();
         let of_rate = |(products, ln_rate): (InnerProducts, &f64)| {
@@ -123,7 +133,7 @@ impl ProductTable {
         record.inner_products(&rates, reference).into_iter().zip(ln_rates).map(of_rate).collect()
     }
 
-    /// Returns `true` if the table agrees with the rows at rates spread over its range that are nodes of no piece.
+    /// Returns `true` if the table agrees with sums over the rows at rates that are spread over its range and are not nodes.
     fn holds(&self, record: &ResidualSumOfSquares, reference: &Reference) -> bool {
         let golden = 0.5 * (5.0_f64.sqrt() - 1.0);
         let (first, width) = (self.centre(0) - 0.5 * PIECE, PIECE * self.pieces.len() as f64);
@@ -135,11 +145,12 @@ impl ProductTable {
         let ln_rates: Vec<f64> = (0..N_CHECKED).map(ln_rate).filter(|x| (x - self.ln_rate).abs() > 1e-3).collect();
         let exact = self.products_with_k(record, reference, &ln_rates);
         let p = &self.products;
-        // The compared body's compliance combines the reference's and the one that would explain the residuals.
+        // This compliance combines the reference compliance and the compliance that would explain the residuals.
         let retarded = (self.retarded_m_per_n.powi(2) + p.residual_2 / p.response_2).sqrt();
         ln_rates.iter().zip(exact).all(|(ln_rate, exact)| {
             let Some(found) = self.at(*ln_rate) else { return true };
-            // Errors are compared with the form's terms: a k² in c² k² with e² + c² k², and so on.
+            // Errors are compared with the terms of the quadratic form. For example, the error of c² k² is compared with e² + c²
+            // k².
             let c = retarded * (ln_rate - self.ln_rate);
             let k = (exact[1] + p.residual_2 / (c * c)).sqrt();
             let scales = [p.residual_2.sqrt() * k, k * k, p.response_2.sqrt() * k, p.impulse_2.sqrt() * k];
@@ -147,7 +158,7 @@ impl ProductTable {
         })
     }
 
-    /// The tabulated products at one rate.
+    /// Returns the tabulated inner products at one rate; `None` outside the table.
     #[inline(always)]
     fn at(&self, ln_rate: f64) -> Option<[f64; N_FUNCTIONS]> {
         let position = (ln_rate - self.ln_rate) * (1.0 / PIECE) + self.n_before as f64;
@@ -166,7 +177,7 @@ impl ProductTable {
         Some(sums)
     }
 
-    /// Writes residual sums of squares (m²); NaN where the rows have to be summed.
+    /// Writes the residual sum of squares (m²) of every point, or NaN if the sum must be taken over the rows.
     pub fn evaluate(&self, lanes: CreepLanes, sum_m2: &mut [f64]) {
         sum_m2.copy_from_slice(lanes.rate_per_s);
         elementary::ln_all(sum_m2);
@@ -206,7 +217,8 @@ impl WithSimd for Evaluation<'_> {
     }
 }
 
-/// Coefficients of 1, t, t², … of the polynomial through values at nodes, by Newton's divided differences, multiplied out.
+/// Returns the coefficients of 1, t, t², … of the polynomial through `values` at `nodes`. It expands Newton's divided
+/// differences.
 fn polynomial(nodes: &[f64; N_COEFFICIENTS], mut values: [f64; N_COEFFICIENTS]) -> [f64; N_COEFFICIENTS] {
     for order in 1..N_COEFFICIENTS {
         for j in (order..N_COEFFICIENTS).rev() {
@@ -223,11 +235,11 @@ fn polynomial(nodes: &[f64; N_COEFFICIENTS], mut values: [f64; N_COEFFICIENTS]) 
     monomials
 }
 
-/// Best trajectory of one rate.
+/// Least-squares trajectory at a given rate.
 struct Profile {
     retarded_m_per_n: f64,
     flow_m_per_n_s: f64,
-    /// Decrease of the sum of squares by the trajectory, in m².
+    /// Decrease of the sum of squares by this trajectory, in m².
     explained_m2: f64,
 }
 
@@ -260,7 +272,7 @@ impl Profile {
     }
 }
 
-/// Rate of the least-squares trajectory, by a search in rounds.
+/// Returns ln r of the least-squares trajectory, by a search in rounds that narrow the range.
 fn best_ln_rate(record: &ResidualSumOfSquares, lower: f64, upper: f64) -> Option<f64> {
     let (mut first, mut width) = (lower, upper - lower);
     let mut best = None;
@@ -280,7 +292,7 @@ fn best_ln_rate(record: &ResidualSumOfSquares, lower: f64, upper: f64) -> Option
     best
 }
 
-/// Returns unit response and residuals of the reference trajectory, and the products that do not depend on the rate.
+/// Returns the reference trajectory's unit response and residuals, and the inner products that do not depend on the rate.
 fn reference(record: &ResidualSumOfSquares, ln_rate: f64, retarded: f64, flow: f64) -> (Reference, Constants) {
     let response_n = record.response_n(ln_rate.exp());
     let mut products = Constants::default();

@@ -1,21 +1,23 @@
-//! Empirical cubature: few integration points with non-negative weights (energy-conserving sampling and weighting).
+//! Empirical cubature, which selects a few integration points with non-negative weights (energy-conserving sampling and
+//! weighting).
 //!
-//! C. Farhat, T. Chapman, P. Avery, Int. J. Numer. Meth. Engng 102 (2015) 1077, doi:10.1002/nme.4820. The weights solve min |Ax − b|, x ≥ 0, by the
-//! active-set method of C. Lawson and R. Hanson (Solving Least Squares Problems, ch. 23). It stops as soon as the residual is small, because an earlier
-//! stop gives fewer points.
+//! Source: C. Farhat, T. Chapman, P. Avery, Int. J. Numer. Meth. Engng 102 (2015) 1077, doi:10.1002/nme.4820. The weights solve
+//! min |Ax − b|, x ≥ 0, by the active-set method of C. Lawson and R. Hanson (Solving Least Squares Problems, ch. 23). It stops as
+//! soon as the residual is small, because an earlier stop gives fewer points.
 
 use nalgebra::{DMatrix, DVector};
 
-/// Weighted selection of columns.
+/// Selected columns of a matrix, with their weights.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Cubature {
-    /// Chosen columns, ascending, with their weights, all positive.
+    /// Indices of the selected columns, ascending, with their positive weights.
     pub weights: Vec<(usize, f64)>,
-    /// |Ax − b|/|b|.
+    /// Relative residual |Ax − b|/|b|.
     pub residual: f64,
 }
 
-/// Selects columns of A (one after the other, each `b.len()` long) until |Ax − b| ≤ `tolerance` |b| or `most` columns are in use.
+/// Selects columns of A until |Ax − b| ≤ `tolerance` |b| or `most` columns are in use. `columns` holds A column by column, each
+/// of the length of b.
 pub(super) fn choose(columns: &[f64], b: &[f64], tolerance: f64, most: usize) -> Cubature {
     let n_rows = b.len();
     let b = DVector::from_column_slice(b);
@@ -24,7 +26,8 @@ pub(super) fn choose(columns: &[f64], b: &[f64], tolerance: f64, most: usize) ->
     let mut active: Vec<usize> = Vec::new();
     let mut x: Vec<f64> = Vec::new();
     let mut rest = b.clone();
-    // Columns removed directly after their selection, because of rounding. They are not tried again until the selection changes.
+    // `refused` holds columns that rounding made the algorithm remove directly after their selection. They are not tried again
+    // until the selection changes.
     let mut refused: Vec<usize> = Vec::new();
     while rest.norm() > tolerance * norm && active.len() < most {
         let best = columns
@@ -52,7 +55,8 @@ pub(super) fn choose(columns: &[f64], b: &[f64], tolerance: f64, most: usize) ->
                 refused.clear();
                 break;
             }
-            // The step towards the solution is the longest with positive weights. Columns whose weights vanish are removed.
+            // The step towards the solution is the longest one that keeps all weights non-negative. Columns whose weights vanish
+            // are removed.
             let share =
                 x.iter().zip(&solution).filter(|(_, s)| **s <= 0.0).map(|(x, s)| x / (x - s)).fold(1.0, f64::min);
             x.iter_mut().zip(&solution).for_each(|(x, s)| *x += share * (s - *x));
@@ -78,7 +82,7 @@ pub(super) fn choose(columns: &[f64], b: &[f64], tolerance: f64, most: usize) ->
     Cubature { weights, residual: rest.norm() / norm }
 }
 
-/// Least squares by orthogonal factors; `None` if a column depends on the others.
+/// Returns the least-squares solution by a QR decomposition; `None` if a column depends linearly on the others.
 fn least_squares(a: &DMatrix<f64>, b: &DVector<f64>) -> Option<Vec<f64>> {
     if a.ncols() > a.nrows() {
         return None;
@@ -107,7 +111,8 @@ mod tests {
         rest
     }
 
-    /// Checks the conditions of Karush, Kuhn and Tucker: zero slope at points in use, no positive slope at the others.
+    /// Checks the conditions of Karush, Kuhn and Tucker. The slope of the squared residual is zero for selected columns, and no
+    /// other column would reduce the residual.
     #[test]
     fn the_least_residual_without_negative_weights_is_found() {
         let (n_rows, n) = (7, 40);
@@ -125,7 +130,7 @@ mod tests {
         }
     }
 
-    /// Checks the theorem of Gauss and Tchakaloff: at most 8 of 400 points reproduce the moments up to degree 7.
+    /// Checks the theorem of Gauss and Tchakaloff, by which at most 8 of 400 points reproduce the moments up to degree 7.
     #[test]
     fn moments_need_no_more_points_than_there_are_moments() {
         let points: Vec<f64> = (0..400).map(|i| -1.0 + (f64::from(i) + 0.5) / 200.0).collect();

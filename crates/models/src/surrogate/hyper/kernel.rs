@@ -1,9 +1,9 @@
-//! Evaluates the law at blocks of cubature points, and the reduced balance summed over them.
+//! Evaluation of the law at blocks of cubature points, and of the reduced balance of forces summed over the blocks.
 //!
-//! The equations are those of [`elements::fe::nonlinear::point`], for eight points at once.
+//! The equations are those of [`elements::fe::nonlinear::point`], evaluated for eight points at once.
 //!
-//! Each loop over the blocks is a separate pass ([`pulp::Simd::vectorize`]). A whole run compiled as one function takes the compiler a minute for each kind of
-//! processor, since the time of its passes grows with the square of a function's length.
+//! Each loop over the blocks is a separate pass ([`pulp::Simd::vectorize`]). If a whole run were one function, the compiler would
+//! need a minute for each kind of processor. Its time grows with the square of a function's length.
 
 use super::lanes::{LaneBlock, N_LANES, Plain};
 use base::number::PointScalar;
@@ -12,32 +12,34 @@ use elements::fe::nonlinear::point::{EQUIVALENT, Number, Radial, STIFFENING_STAR
 use laws::stages::Nonlinearity;
 use pulp::{Simd, WithSimd};
 
-/// Strain or stress at the points of a block.
+/// Strain or stress at the points of a block, as six tensor coordinates.
 pub(super) type BlockTensor<B> = [B; 6];
 
-/// Number added to squared deviators of strains to prevent a division by zero. It is far below any strain in motion.
+/// Number added to the squares of deviatoric strains to prevent a division by zero. It is far below the squared strain of any
+/// moving gel.
 const STILL: f64 = 1e-60;
 const MOST_ITERATIONS: usize = 60;
-/// √(v² + this) approximates |v| + 2 ln(1 + e^−|v|) within 0.2.
+/// Constant k for which √(v² + k) approximates |v| + 2 ln(1 + e^−|v|) within 0.2.
 const HYPERBOLA: f64 = 1.6;
 
-/// Strains of M modes at the points of the cubature, in blocks.
+/// Strains of M modes at the cubature points, in blocks of eight points.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct CubaturePoints<const M: usize>(Vec<KernelPoints<M>>);
 
-/// Block of points.
+/// Block of eight cubature points.
 #[derive(Debug, Clone, PartialEq)]
 struct KernelPoints<const M: usize> {
-    /// Strain of every mode, by tensor coordinate.
+    /// Strains, by tensor coordinate (row) and mode (column).
     strains: [[Plain; M]; 6],
-    /// Products of the modes' deviators.
+    /// Inner products of the deviatoric strains of every pair of modes.
     products: [[Plain; M]; M],
-    /// Weights (m³) times 2μ̂ and times κ̂.
+    /// Weights (m³) times 2μ̂, and weights times κ̂.
     weights: [Plain; 2],
 }
 
 impl<const M: usize> CubaturePoints<M> {
-    /// Points from strains (point by point, coordinate by coordinate, mode by mode), weights in m³ and unit moduli 2μ̂ and κ̂.
+    /// Builds the blocks. `strains` are ordered by point, then by tensor coordinate, then by mode. `unit_moduli` are 2μ̂ and κ̂
+    /// for unit Young's modulus.
     pub fn new(strains: &[f64], weights_m3: &[f64], unit_moduli: [f64; 2]) -> Self {
         let lanes = |values: &[f64], stride: usize, place: usize, block: usize| {
             // Points that fill up the last block have the weight 0.
@@ -57,20 +59,20 @@ impl<const M: usize> CubaturePoints<M> {
         Self((0..weights_m3.len().div_ceil(N_LANES)).map(block).collect())
     }
 
-    /// Largest equivalent strain at reduced coordinates.
+    /// Returns the largest equivalent strain at the points, for these factors of the modes.
     pub(super) fn largest_strain(&self, coordinates: &[f64; M]) -> f64 {
         let at = |points: &KernelPoints<M>| deviator_norm(&points.strain::<Plain>(coordinates)).largest();
         EQUIVALENT * self.0.iter().map(at).fold(0.0, f64::max)
     }
 
-    /// Number of blocks.
+    /// Number of blocks of eight points.
     pub(super) fn n_blocks(&self) -> usize {
         self.0.len()
     }
 }
 
 impl<const M: usize> KernelPoints<M> {
-    /// Strain at reduced coordinates.
+    /// Returns the strain of the block for these factors of the modes.
     #[inline(always)]
     fn strain<B: LaneBlock>(&self, coordinates: &[B::Scalar; M]) -> BlockTensor<B> {
         let mut strain = [B::constant(splat(0.0)); 6];
@@ -83,7 +85,8 @@ impl<const M: usize> KernelPoints<M> {
     }
 }
 
-/// Contribution of a block's histories to the law: a = strain + offset, and κ H_N.
+/// Terms by which the past strains of the bodies enter the law of a block. They are the offset in a = strain + offset, and κ H_N
+/// with H_N the strain of the nonlinear body.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct HistoryTerms<B> {
     pub offset: BlockTensor<B>,
@@ -91,7 +94,7 @@ pub(super) struct HistoryTerms<B> {
 }
 
 impl<B: LaneBlock> HistoryTerms<B> {
-    /// Contribution of a block's histories: the nonlinear body's, then the linear ones'.
+    /// Returns the terms for the past strains of the bodies. `histories` has the nonlinear body first, then the linear bodies.
     #[inline(always)]
     pub fn new(law: &StageLaw<B::Scalar>, histories: &[BlockTensor<B>]) -> Self {
         let (omega, kappa) = (B::splat(law.omega), B::splat(law.kappa));
@@ -119,7 +122,7 @@ impl<B: LaneBlock> HistoryTerms<B> {
     }
 }
 
-/// Moduli of a block, as in [`elements::fe::nonlinear::point::Moduli`].
+/// Secant and tangent moduli of a block, as in [`elements::fe::nonlinear::point::Moduli`].
 #[derive(Debug, Clone, Copy)]
 struct BlockModuli<B> {
     secant: B,
@@ -133,13 +136,14 @@ fn splat(value: f64) -> Plain {
     Plain([value; N_LANES])
 }
 
-/// Gives a root its derivative, by a Newton step with the residual `rest` and its `slope` there.
+/// Gives a root its derivative by a Newton step, from the residual `rest` and its `slope` at the root.
 #[inline(always)]
 fn polished<B: LaneBlock>(root: B, rest: B, slope: Plain) -> B {
     if B::Scalar::HAS_DERIVATIVE { root - rest * (splat(1.0) / slope) } else { root }
 }
 
-/// Moduli of j in series with a flow: strain m (j + `flow`), with the slope j + `slope`.
+/// Returns the moduli of a compliance j in series with a flow. For the stress m, the strain is m (j + `flow`) and its slope is
+/// j + `slope`.
 #[inline(always)]
 fn in_series<B: LaneBlock>(j: B, flow: B, slope: B, m: B) -> BlockModuli<B> {
     let one = B::constant(splat(1.0));
@@ -148,9 +152,9 @@ fn in_series<B: LaneBlock>(j: B, flow: B, slope: B, m: B) -> BlockModuli<B> {
     BlockModuli { secant, normal, volumetric: secant, coupling }
 }
 
-/// Solution m of (a + b m²) m = e by steps of third order (Halley's).
+/// Returns the solution m of (a + b m²) m = e by Halley's method of third order.
 ///
-/// The start is accurate to 4 % for b e²/a³ below 1000, and two steps then reach rounding. Larger values need more steps.
+/// The initial guess is accurate to 4 % for b e²/a³ below 1000, so that two steps reach rounding. Larger values need more steps.
 #[inline(always)]
 fn stiffening_root(a: Plain, b: Plain, e: Plain) -> Plain {
     let (one, three, inverse) = (splat(1.0), splat(3.0), splat(1.0) / a);
@@ -165,7 +169,7 @@ fn stiffening_root(a: Plain, b: Plain, e: Plain) -> Plain {
         let (excess, slope) = (m * (one + squared) - linear, one + three * squared);
         let change = excess * slope / (slope * slope - excess * three * bend * m);
         m = m - change;
-        // A step of third order leaves an error of the cube of this.
+        // A step of third order leaves an error of the cube of the relative change.
         if step > 0 && change.is_within(m * splat(1e-5)) {
             break;
         }
@@ -178,9 +182,10 @@ fn stiffening_slope(a: Plain, b: Plain, m: Plain) -> Plain {
     a + b * splat(3.0) * m * m
 }
 
-/// Solution m of m (j + g (m/s₀)^p) = e, and g (m/s₀)^p/j.
+/// Returns the solution m of m (j + g (m/s₀)^p) = e, and g (m/s₀)^p/j.
 ///
-/// With v = ln(g/j) + p ln(m/s₀): v + p ln(1 + eᵛ) = c, a curve with two straight asymptotes. A hyperbola near it gives the start for two steps of third order.
+/// The equation is v + p ln(1 + eᵛ) = c for v = ln(g/j) + p ln(m/s₀). This curve has two straight asymptotes. A hyperbola near it
+/// gives the initial guess for two steps of third order.
 #[inline(always)]
 fn thinning_root(e: Plain, j: f64, g: f64, s0: f64, p: f64) -> (Plain, Plain) {
     let (one, half, power) = (splat(1.0), splat(0.5), splat(p));
@@ -201,7 +206,7 @@ fn thinning_root(e: Plain, j: f64, g: f64, s0: f64, p: f64) -> (Plain, Plain) {
     (e * splat(1.0 / j) / (one + ratio), ratio)
 }
 
-/// eˣ by Taylor's polynomial of degree 9, to rounding for |x| < 0.1.
+/// Returns eˣ by Taylor's polynomial of degree 9, which is accurate to rounding for |x| < 0.1.
 #[inline(always)]
 fn exp_of_little(x: Plain) -> Plain {
     let mut sum = splat(1.0);
@@ -258,7 +263,7 @@ fn moduli<B: LaneBlock>(law: &StageLaw<B::Scalar>, norm: B) -> BlockModuli<B> {
             in_series(j, flow, flow * (exponent + one), m)
         }
         Radial::Yield { fluidity, stress, smoothing } => {
-            // The smoothed law is a hyperbola, so that its stress solves a quadratic equation.
+            // The smoothed yield law is a hyperbola, so that its stress solves a quadratic equation.
             let (g, sy, squared) = (B::splat(fluidity), B::splat(stress), splat(smoothing * smoothing));
             let b = driving * (j + j + g) + g * sy * (j + g * squared);
             let c = driving * (driving + g * sy);
@@ -277,7 +282,7 @@ fn moduli<B: LaneBlock>(law: &StageLaw<B::Scalar>, norm: B) -> BlockModuli<B> {
     }
 }
 
-/// Equivalent strain of the nonlinear body if its spring bears a stress that gives the strain `elastic` without stiffening.
+/// Returns the equivalent strain of the nonlinear body under the stress that would give the strain `elastic` without stiffening.
 pub(super) fn stiffened_strain(bodies: &Bodies<f64>, elastic: f64) -> f64 {
     match bodies.nonlinearity {
         Nonlinearity::StrainStiffening { coefficient } => {
@@ -288,7 +293,8 @@ pub(super) fn stiffened_strain(bodies: &Bodies<f64>, elastic: f64) -> f64 {
     }
 }
 
-/// Largest equivalent strain of the nonlinear body, among histories of `n_histories` a block.
+/// Returns the largest equivalent strain of the nonlinear body. `histories` has `n_histories` strains for each block, with the
+/// nonlinear body first.
 #[inline(always)]
 pub(super) fn largest_equivalent<B: LaneBlock>(histories: &[BlockTensor<B>], n_histories: usize) -> f64 {
     let mut largest = 0.0_f64;
@@ -316,7 +322,7 @@ fn deviator_norm<B: LaneBlock>(a: &BlockTensor<B>) -> B {
     (squared + B::constant(splat(STILL))).sqrt()
 }
 
-/// Law of a block of points, linearised about the tensor a.
+/// Law of a block of points, linearised about the strain measure a.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct LinearisedLaw {
     a: BlockTensor<Plain>,
@@ -325,7 +331,7 @@ pub(super) struct LinearisedLaw {
 }
 
 impl LinearisedLaw {
-    /// Stress at a strain slightly different from a, by the tangent.
+    /// Returns the stress at a tensor close to the point of linearisation, by the tangent.
     #[inline(always)]
     fn stress_beside(&self, a: &BlockTensor<Plain>, taken: &BlockTensor<Plain>) -> BlockTensor<Plain> {
         let Self { a: here, inverse_norm, moduli } = self;
@@ -344,7 +350,8 @@ impl LinearisedLaw {
     }
 }
 
-/// Internal forces on the modes and, row by row, their derivatives. The results at the blocks are written to `at`.
+/// Task that computes the internal forces on the modes, and their derivatives by mode factors, row by row. It writes the
+/// linearised law of every block to `at`.
 pub(super) struct ForcesAndTangent<'a, const M: usize> {
     pub points: &'a CubaturePoints<M>,
     pub law: &'a StageLaw<f64>,
@@ -359,7 +366,8 @@ impl<const M: usize> WithSimd for ForcesAndTangent<'_, M> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) -> Self::Output {
         let Self { points, law, given, coordinates, at } = self;
-        // The law of all blocks is evaluated first. Roots and quotients of one block wait for each other, but not for other blocks.
+        // The law of all blocks is evaluated first. The slow operations of one block depend on each other, but not on those of
+        // other blocks.
         at.clear();
         for (points, given) in points.0.iter().zip(given) {
             let a = sum(&points.strain::<Plain>(coordinates), &given.offset);
@@ -420,7 +428,7 @@ impl<const M: usize> WithSimd for ForcesAndTangent<'_, M> {
     }
 }
 
-/// Stress s of a block.
+/// Returns the stress s of a block at a strain.
 #[inline(always)]
 fn stress<B: LaneBlock>(law: &StageLaw<B::Scalar>, given: &HistoryTerms<B>, strain: &BlockTensor<B>) -> BlockTensor<B> {
     let mut stress = sum(strain, &given.offset);
@@ -431,7 +439,7 @@ fn stress<B: LaneBlock>(law: &StageLaw<B::Scalar>, given: &HistoryTerms<B>, stra
     stress
 }
 
-/// Internal forces on the modes, without derivatives.
+/// Task that computes the internal forces on the modes, without derivatives.
 pub(super) struct Forces<'a, B: LaneBlock, const M: usize> {
     pub points: &'a CubaturePoints<M>,
     pub law: &'a StageLaw<B::Scalar>,
@@ -460,8 +468,9 @@ impl<B: LaneBlock, const M: usize> WithSimd for Forces<'_, B, M> {
     }
 }
 
-/// Advances the histories of all blocks (`n_histories` each) to the stage's end. Plain numbers use the law's tangent at the last evaluation of the balance, `at`.
-/// Its error is at most the square of the last Newton step, as for the balance.
+/// Task that advances the bodies' strains at all blocks (`n_histories` for each block) to the end of the stage. Plain numbers use
+/// the law's tangent `at` from the last evaluation of the balance. Its error is at most the square of the last Newton step, like
+/// that of the balance.
 pub(super) struct Advance<'a, B: LaneBlock, const M: usize> {
     pub points: &'a CubaturePoints<M>,
     pub law: &'a StageLaw<B::Scalar>,

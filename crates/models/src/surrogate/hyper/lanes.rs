@@ -1,4 +1,4 @@
-//! Eight points at once: plain numbers, and numbers that carry a derivative.
+//! Blocks of numbers at eight cubature points, either plain or with a derivative.
 //!
 //! The compiler converts loops over the eight lanes into vector instructions if the processor has them (see
 //! [`pulp::Arch::dispatch`] in the stepper).
@@ -10,7 +10,7 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 /// Number of points in a block.
 pub(super) const N_LANES: usize = 8;
 
-/// Number type of the kernel at a block of points.
+/// Number type of the kernel, with one number for each point of a block.
 pub(super) trait LaneBlock:
     Copy
     + Add<Output = Self>
@@ -20,27 +20,27 @@ pub(super) trait LaneBlock:
     + Neg<Output = Self>
     + Mul<Plain, Output = Self>
 {
-    /// One number for all points.
+    /// Number type that all points share.
     type Scalar: Number;
-    /// Block with this number at all points.
+    /// Returns a block with this number at all points.
     fn splat(value: Self::Scalar) -> Self;
-    /// Block of constants.
+    /// Returns a block of constants without derivatives.
     fn constant(values: Plain) -> Self;
-    /// Values without derivatives.
+    /// Returns the values without derivatives.
     fn values(self) -> Plain;
-    /// √x, x > 0.
+    /// Returns √x for x > 0.
     fn sqrt(self) -> Self;
-    /// eˣ.
+    /// Returns eˣ.
     fn exp(self) -> Self;
-    /// ln x, x > 0.
+    /// Returns ln x for x > 0.
     fn ln(self) -> Self;
-    /// `above` where `sign` is positive, `below` elsewhere.
+    /// Returns, for each point, `above` if `sign` is positive, else `below`.
     fn choose(sign: Self, above: Self, below: Self) -> Self;
-    /// Sum of the lanes.
+    /// Returns the sum over the points.
     fn sum(self) -> Self::Scalar;
 }
 
-/// Eight numbers.
+/// Eight numbers, one for each point of a block.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(align(64))]
 pub(super) struct Plain(pub [f64; N_LANES]);
@@ -65,7 +65,7 @@ lanewise!(Sub, sub, -);
 lanewise!(Mul, mul, *);
 lanewise!(Div, div, /);
 
-/// Applies a function to every lane. Unlike the library's maps, the loop becomes part of the calling vector code.
+/// Applies a function to every lane. Unlike `array::map`, the loop becomes part of the calling vector code.
 #[inline(always)]
 fn each(x: Plain, function: impl Fn(f64) -> f64) -> Plain {
     let mut result = x;
@@ -84,7 +84,7 @@ impl Neg for Plain {
 }
 
 impl Plain {
-    /// Returns `true` if no lane's absolute value exceeds its limit.
+    /// Returns `true` if the absolute value of every lane is at most the limit of this lane.
     #[inline(always)]
     pub(super) fn is_within(self, limit: Self) -> bool {
         let mut beyond = 0_u64;
@@ -94,7 +94,7 @@ impl Plain {
         beyond == 0
     }
 
-    /// Largest absolute value.
+    /// Returns the largest absolute value.
     #[inline(always)]
     pub(super) fn largest(self) -> f64 {
         let mut most = 0.0;
@@ -107,10 +107,10 @@ impl Plain {
 
 const LN_2_HIGH: f64 = 6.931_471_803_691_238e-1;
 const LN_2_LOW: f64 = 1.908_214_929_270_587_7e-10;
-/// 1.5·2⁵². Adding it rounds to an integer, which is then in the low bits.
+/// Constant 1.5·2⁵². Adding it rounds a number to an integer, which is then in the low bits.
 const ROUNDER: f64 = 6_755_399_441_055_744.0;
 
-/// eˣ to a few units of rounding: eˣ = 2ᵏ eʳ, |r| ≤ ½ ln 2, with Taylor's polynomial of degree 13.
+/// Returns eˣ to a few units of rounding. It uses eˣ = 2ᵏ eʳ with |r| ≤ ½ ln 2, and Taylor's polynomial of degree 13 for eʳ.
 #[inline(always)]
 fn exp(x: f64) -> f64 {
     let x = if x > 700.0 { 700.0 } else { x };
@@ -126,7 +126,7 @@ fn exp(x: f64) -> f64 {
     sum * f64::from_bits(exponent)
 }
 
-/// Coefficients 1/12!, …, 1/1!, 1.
+/// Coefficients 1/12!, …, 1/1!, 1 of Taylor's polynomial of eʳ, highest power first.
 const EXP_COEFFICIENTS: [f64; 13] = [
     1.0 / 479_001_600.0,
     1.0 / 39_916_800.0,
@@ -143,7 +143,7 @@ const EXP_COEFFICIENTS: [f64; 13] = [
     1.0,
 ];
 
-/// ln x for normal x > 0: x = 2ᵏ m, √½ < m ≤ √2, with the series of 2 artanh((m − 1)/(m + 1)).
+/// Returns ln x for normal x > 0. It uses x = 2ᵏ m with √½ < m ≤ √2, and the series of ln m = 2 artanh((m − 1)/(m + 1)).
 #[inline(always)]
 fn ln(x: f64) -> f64 {
     let bits = x.to_bits();
@@ -203,7 +203,7 @@ impl LaneBlock for Plain {
     }
 }
 
-/// Eight numbers with derivatives.
+/// Eight numbers with derivatives, one for each point of a block.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct DualLanes {
     value: Plain,
@@ -312,7 +312,7 @@ mod tests {
         assert!((ln(1.0 + 1e-9) / 1e-9_f64.ln_1p() - 1.0).abs() < 1e-6);
     }
 
-    /// Checks against [`Dual`], lane by lane.
+    /// Compares every operation with [`Dual`], lane by lane.
     #[test]
     fn derivatives_are_those_of_dual_numbers() {
         let x = Dual { value: 0.7, derivative: 1.3 };

@@ -1,12 +1,13 @@
-//! Hyper-reduced surrogate of nonlinear laws with few modes and few integration points (physics §3.3).
+//! Hyper-reduced surrogate of nonlinear laws, with a few modes and a few integration points (physics §3.3).
 //!
-//! Full-order runs over a box of parameters give displacement fields and stresses. Proper orthogonal decomposition keeps a few modes of the fields, and
-//! empirical cubature selects a few points with weights from the stresses. The reduced gel is a handful of coordinates and the strains of its bodies at those points.
-//! It is stepped by the full-order model's method, but with steps that do not end at rows.
+//! Full-order runs over a box of parameters give displacement fields and stresses. Proper orthogonal decomposition keeps a few
+//! modes of the fields. Empirical cubature uses the stresses to select a few integration points with weights. The state of the
+//! surrogate is the factors of the modes and the strains of the law's bodies at those points. It is stepped by the full-order
+//! model's method, but with steps that do not end at rows.
 //!
-//! Only the excess over a linear law is used. The linear law is stepped in parallel by this method, with an equal compliance, and subtracted. The closed-form
-//! response of the linear law is added to the excess (see [`crate::model::Response`]). At the null the response is therefore exactly the base's, and errors of steps and
-//! of the mesh affect the excess alone.
+//! Only the excess over a linear law is used. The same method steps a linear law of equal compliance, whose position is
+//! subtracted. The closed-form response of the linear law is then added to the excess (see [`crate::model::Response`]). At the
+//! null the response is therefore exactly that of the base, and errors of time steps and mesh affect only the excess.
 
 mod cubature;
 mod kernel;
@@ -34,38 +35,40 @@ use stepper::{Fineness, Reduced, StepperMember};
 /// Number of modes of a surrogate.
 pub const N_MODES: usize = 6;
 
-/// Content of a surrogate, as stored on disk.
+/// Data of a surrogate that are stored on disk.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct HyperReducedData {
     /// Kind of the nonlinear law.
     pub family: NonlinearFamily,
     /// Poisson ratio of the gel.
     pub poisson_ratio: f64,
-    /// Translation of the robot in each of the m modes.
+    /// Translation of the robot in each mode.
     pub robot: [f64; N_MODES],
-    /// Share of the whole body's force that the meshed part carries.
+    /// Fraction of the whole robot's force that the meshed symmetric section carries.
     pub force_share: f64,
-    /// Weight of every point, in m³.
+    /// Weight of every cubature point, in m³.
     pub weights_m3: Vec<f64>,
-    /// Strains of the modes at the points (1/m of a coordinate): point by point, six tensor coordinates, m modes.
+    /// Strains of the modes at the cubature points, in 1/m for a unit factor of the mode. They are ordered by point, then by the
+    /// six tensor coordinates, then by mode.
     pub strains: Vec<f64>,
-    /// 2μ̂ and κ̂ for unit Young's modulus.
+    /// Moduli 2μ̂ and κ̂ for unit Young's modulus.
     pub unit_moduli: [f64; 2],
     /// Singular values of the normalised snapshots, relative to the largest.
     pub singular_values: Vec<f64>,
-    /// Relative residual of the cubature for the training states' forces.
+    /// Residual of the cubature for the forces of the training states, relative to these forces.
     pub cubature_residual: f64,
-    /// Number of full-order runs that trained it.
+    /// Number of full-order runs that trained the surrogate.
     pub training_runs: usize,
-    /// Number of full-order runs at other parameters that verified it.
+    /// Number of full-order runs that verified the surrogate, at other parameters.
     pub verification_runs: usize,
-    /// Largest difference of a reduced trajectory from a full-order one in these, relative to the latter's amplitude; 0 without such runs.
+    /// Largest difference of a reduced trajectory from the full-order one in the verification runs, relative to the full-order
+    /// amplitude; 0 without such runs.
     pub max_relative_error: f64,
     /// Number of unknowns of the full-order model.
     pub fe_unknowns: usize,
 }
 
-/// Surrogate that is ready to run. Copies share its numbers.
+/// Surrogate that is ready to run. Clones share its data.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(into = "HyperReducedData", try_from = "HyperReducedData")]
 pub struct HyperModel(Arc<Ready>);
@@ -74,15 +77,15 @@ pub struct HyperModel(Arc<Ready>);
 struct Ready {
     reduced: HyperReducedData,
     points: CubaturePoints<N_MODES>,
-    /// One point and one mode of equal compliance.
+    /// Linear model of one point and one mode, with the compliance of the surrogate.
     linear: CubaturePoints<1>,
-    /// Displacement (1/m) of the robot per force at unit creep compliance, for a linear law.
+    /// Displacement of the robot per force at unit creep compliance, in 1/m, for a linear law.
     compliance_per_m: f64,
-    /// Largest equivalent strain at the points per force (Pa/N), for an elastic law.
+    /// Largest equivalent strain at the points per force, times the modulus (Pa/N), for an elastic law.
     strain_per_force: f64,
 }
 
-/// Run, compiled for the processor's vector registers.
+/// Run of the stepper, compiled for the processor's vector registers.
 struct Job<'a, B: LaneBlock> {
     law: StepperMember<'a, B::Scalar, N_MODES>,
     linear: StepperMember<'a, B::Scalar, 1>,
@@ -101,7 +104,7 @@ impl<B: LaneBlock> WithSimd for Job<'_, B> {
     }
 }
 
-/// Number of steps in which the time since a switch doubles, without stiffening.
+/// Returns the number of time steps in which the time since a switch doubles, without stiffening.
 fn steps_per_doubling(family: NonlinearFamily) -> f64 {
     match family {
         NonlinearFamily::StrainStiffening => 2.0,
@@ -109,7 +112,7 @@ fn steps_per_doubling(family: NonlinearFamily) -> f64 {
     }
 }
 
-/// Linear bodies with equal parameters.
+/// Returns linear bodies with the same parameters.
 fn linear_bodies<N: PointScalar>(bodies: &Bodies<N>) -> Bodies<N> {
     let nonlinearity = Nonlinearity::StrainStiffening { coefficient: N::constant(0.0) };
     Bodies { nonlinearity, ..bodies.clone() }
@@ -124,7 +127,7 @@ impl From<HyperModel> for HyperReducedData {
 impl TryFrom<HyperReducedData> for HyperModel {
     type Error = Error;
 
-    /// Prepares a surrogate.
+    /// Checks the data of a surrogate and prepares it to run.
     fn try_from(reduced: HyperReducedData) -> Result<Self> {
         let n = reduced.weights_m3.len();
         let damaged = || {
@@ -152,7 +155,8 @@ impl TryFrom<HyperReducedData> for HyperModel {
     }
 }
 
-/// Coordinates per force (m/N at unit modulus) for a linear law, from the modes and the points; `None` if the points' stiffness is singular.
+/// Returns the factors of the modes per force (m/N at unit modulus) for a linear law, from the stiffness at the points; `None` if
+/// this stiffness is singular.
 fn linear_field(reduced: &HyperReducedData) -> Option<[f64; N_MODES]> {
     let m = N_MODES;
     let mut stiffness = DMatrix::<f64>::zeros(m, m);
@@ -169,18 +173,18 @@ fn linear_field(reduced: &HyperReducedData) -> Option<[f64; N_MODES]> {
 }
 
 impl HyperModel {
-    /// Content that is stored on disk.
+    /// Data that are stored on disk.
     pub fn reduced(&self) -> &HyperReducedData {
         &self.0.reduced
     }
 
-    /// Number of points.
+    /// Number of cubature points.
     pub fn n_points(&self) -> usize {
         self.0.reduced.weights_m3.len()
     }
 
-    /// Excess in one number type. The surrogate's compliance differs from the whole model's by the error of its mesh and its points. Positions are
-    /// scaled by the ratio.
+    /// Returns the excess (m) at every row in one number type. The surrogate's compliance differs from that of the full-order
+    /// model by the error of its mesh and its points. Positions are scaled by the ratio of the compliances.
     fn excess<B: LaneBlock>(
         &self,
         stages: &Stages,
@@ -238,7 +242,7 @@ impl FieldStepper for HyperModel {
             && stress_pa.value == 0.0
             && stress_pa.derivative != 0.0
         {
-            // Points at rest yield first, and the direction in which they would move is undetermined.
+            // Points at rest yield first, and the direction of their motion is undetermined.
             return Err(Error::numerical(
                 "the derivative with respect to the yield stress cannot be computed at 0",
                 "compute it as a finite difference from 0",

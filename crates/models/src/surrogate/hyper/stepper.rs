@@ -1,8 +1,9 @@
-//! Steps of the reduced model: few modes, few points, a small dense Newton iteration.
+//! Time stepping of the hyper-reduced model, with a small dense Newton iteration in each step.
 //!
-//! Between two switches steps grow geometrically. They are equal in ξ = ln(1 + t/θ), with θ the law's fastest time, rounded down to a power of two.
-//! Rows lie between the ends of steps. A polynomial of degree 5 in ξ interpolates their positions. The lengths of steps depend on the parameters only
-//! through θ and the delay. A trajectory is therefore smooth in its parameters except where θ passes a power of two.
+//! Between two switches of the force, the steps grow geometrically. They are equal in ξ = ln(1 + t/θ), with t the time since the
+//! switch and θ the law's fastest time, rounded down to a power of two. Steps do not end at rows, so a polynomial of degree 5 in
+//! ξ interpolates the positions at rows. The lengths of steps depend on the parameters only through θ and the delay. A trajectory
+//! is therefore smooth in the parameters except where θ changes to another power of two.
 
 use super::kernel::{
     self, Advance, BlockTensor, CubaturePoints, Forces, ForcesAndTangent, HistoryTerms, LinearisedLaw,
@@ -18,42 +19,44 @@ use laws::stages::{Load, Switch};
 use pulp::Simd;
 use record::Force;
 
-/// Number of nodes of an interpolation.
+/// Number of nodes of the polynomial that interpolates positions at rows.
 const N_NODES: usize = 6;
 /// Smallest number of steps between two switches.
 const FEWEST_STEPS: usize = 3;
-/// Relative increase of the number of steps for every halving of the fastest time by stiffening, and largest factor in all.
+/// Relative increase of the number of steps for every halving of the fastest time by stiffening.
 const MORE_STEPS: f64 = 0.25;
+/// Largest factor by which stiffening increases the number of steps.
 const MOST_STEPS: f64 = 2.0;
-/// Length of the finest step, as a share of the time from a switch to the row after it.
+/// Smallest θ, divided by the time from a switch to the first row after it.
 const SHARE_OF_GAP: f64 = 0.1;
-/// Length of the step in which springs in series jump, as a share of the fastest time.
+/// Length of the step in which springs in series jump, divided by the fastest time.
 const SHARE_OF_JUMP: f64 = 1e-9;
-/// Largest number of Newton steps.
+/// Largest number of Newton steps in one stage.
 const MOST_ITERATIONS: usize = 25;
-/// Change of the coordinates, relative to their largest value so far, after which one more step is the last. That step squares the error.
+/// Change of the modes' factors, relative to their largest value so far, after which only one more Newton step is taken. That
+/// step squares the relative error.
 const NEARLY: f64 = 1e-5;
 
-/// Points and modes of a run.
+/// Cubature points and modes of a run.
 #[derive(Clone, Copy)]
 pub(super) struct Reduced<'a, const M: usize> {
     pub points: &'a CubaturePoints<M>,
-    /// Translation of the robot in every mode.
+    /// Translation of the robot in each mode.
     pub robot: [f64; M],
-    /// Share of the robot and of the force that the mesh carries.
+    /// Fraction of the robot and of the force that is on the mesh.
     pub share: f64,
 }
 
-/// Fineness of a run's steps.
+/// Settings for the fineness of a run's time steps.
 #[derive(Clone, Copy)]
 pub(super) struct Fineness {
-    /// Number of steps in which the time since a switch doubles, without stiffening.
+    /// Number of time steps in which the time since a switch doubles, without stiffening.
     pub steps_per_doubling: f64,
-    /// Largest equivalent strain per force (Pa/N) for an elastic law. It predicts the stiffening of springs.
+    /// Largest equivalent strain per force, times the modulus (Pa/N), for an elastic law. It predicts the stiffening of springs.
     pub strain_per_force: f64,
 }
 
-/// Law over some points.
+/// Law of the bodies, with the points and modes at which it is evaluated.
 #[derive(Clone, Copy)]
 pub(super) struct StepperMember<'a, N, const M: usize> {
     pub reduced: Reduced<'a, M>,
@@ -61,7 +64,7 @@ pub(super) struct StepperMember<'a, N, const M: usize> {
     pub plain_bodies: &'a Bodies<f64>,
 }
 
-/// State of a run.
+/// State of a run between and during time steps.
 struct StepperState<'a, B: LaneBlock, const M: usize> {
     reduced: Reduced<'a, M>,
     bodies: &'a Bodies<B::Scalar>,
@@ -70,23 +73,25 @@ struct StepperState<'a, B: LaneBlock, const M: usize> {
     plain_load: Load<f64>,
     input: Switch<B::Scalar>,
     lagged_n: B::Scalar,
-    /// Strains of every body at every block.
+    /// Strains of the bodies, by block and then by body.
     histories: Vec<BlockTensor<B>>,
+    /// Strains of the bodies at the start of the present stage.
     started: Vec<BlockTensor<B>>,
     rates: Vec<Vec<BlockTensor<B>>>,
     given: Vec<HistoryTerms<B>>,
     plain_given: Vec<HistoryTerms<Plain>>,
     coordinates: [B::Scalar; M],
-    /// Times and coordinates for extrapolation.
+    /// Times in s and factors of the modes, from which the next factors are extrapolated.
     known: Vec<(f64, [f64; M])>,
     at: Vec<LinearisedLaw>,
-    /// Largest coordinate so far.
+    /// Largest factor of a mode so far.
     largest: f64,
 }
 
-/// Returns the robot's displacement at every row (m) minus that of a linear law, as the limit from the left.
+/// Returns the robot's displacement (m) at every row minus that of the linear law, as the limit from the left.
 ///
-/// Both are stepped equally. Most errors of steps and interpolation cancel, and all of them for a linear law.
+/// Both laws take the same time steps, so that most errors of steps and interpolation cancel. For a linear law all of them
+/// cancel.
 #[inline(always)]
 pub fn run<B: LaneBlock, S: Simd, const M: usize>(
     simd: S,
@@ -125,7 +130,8 @@ pub fn run<B: LaneBlock, S: Simd, const M: usize>(
         let largest = kernel::largest_equivalent(&state.histories, law.bodies.n_histories());
         let doublings_of = |time_s: f64| time_s.min(slowest_s).log2().floor();
         let fastest = doublings_of(law.plain_bodies.fastest_s(largest));
-        // A spring that has stiffened relaxes and stiffens again in the other direction within one doubling.
+        // After a reversal of the force, a stiffened spring relaxes and stiffens again in the other direction within one doubling
+        // of the time. More steps resolve this.
         let at_end_n = switch.input_n(B::Scalar::constant(stop_s)).value().abs();
         let pushes_n = switch.force_n.value().abs().max(at_end_n);
         let elastic = fineness.strain_per_force * pushes_n / law.plain_bodies.modulus_pa;
@@ -148,7 +154,7 @@ pub fn run<B: LaneBlock, S: Simd, const M: usize>(
     Ok(found)
 }
 
-/// Value at ξ of the polynomial through the nearest nodes. Nodes are at 0, 1, 2, …
+/// Returns the value at `place` of the polynomial through the nearest nodes, which are at 0, 1, 2, …
 #[inline(always)]
 fn interpolated<N: Number>(nodes: &[N], place: N) -> N {
     let n = nodes.len().min(N_NODES);
@@ -157,7 +163,7 @@ fn interpolated<N: Number>(nodes: &[N], place: N) -> N {
     for (k, d) in distance[..n].iter_mut().enumerate() {
         *d = place + N::constant(-((first + k) as f64));
     }
-    // Products of the distances before and behind every node.
+    // The products of the distances to the nodes on either side give the Lagrange polynomials.
     let mut behind = [N::constant(1.0); N_NODES + 1];
     for k in (0..n).rev() {
         behind[k] = behind[k + 1] * distance[k];
@@ -170,7 +176,7 @@ fn interpolated<N: Number>(nodes: &[N], place: N) -> N {
     sum
 }
 
-/// Π (k − j) over j ≠ k below n.
+/// Returns the product of (k − j) over all j < n except k.
 #[inline(always)]
 fn denominator(k: usize, n: usize) -> f64 {
     (0..n).filter(|j| *j != k).map(|j| k as f64 - j as f64).product()
@@ -211,7 +217,7 @@ impl<'a, B: LaneBlock, const M: usize> StepperState<'a, B, M> {
         self.known.clear();
     }
 
-    /// Force after the lag.
+    /// Returns the force (N) after the lag.
     #[inline(always)]
     fn force_n(&self, time_s: B::Scalar) -> B::Scalar {
         self.load.after_lag_n(&self.input, self.lagged_n, time_s)
@@ -226,7 +232,8 @@ impl<'a, B: LaneBlock, const M: usize> StepperState<'a, B, M> {
         x
     }
 
-    /// Steps through the time after a switch. Returns the positions at the steps' ends, the first right after the switch.
+    /// Steps from a switch to the next one. It returns the positions at the steps' ends, with the position just after the switch
+    /// first.
     #[inline(always)]
     fn hold<S: Simd>(
         &mut self,
@@ -239,7 +246,7 @@ impl<'a, B: LaneBlock, const M: usize> StepperState<'a, B, M> {
         let doublings = (length_s.value() / scale_s).ln_1p() / std::f64::consts::LN_2;
         let n = ((steps_per_doubling * doublings).ceil() as usize).max(FEWEST_STEPS);
         let logarithm = (length_s * (1.0 / scale_s) + B::Scalar::constant(1.0)).ln() * (1.0 / n as f64);
-        // Springs in series jump with the force. An implicit step of almost no length gives the jump.
+        // Springs in series jump with the force. A very short implicit step gives the jump.
         let jumps = self.plain_bodies.instantaneous_per_pa > 0.0;
         let mut nodes = Vec::with_capacity(n + 1);
         let mut from_s = begin_s;
@@ -309,7 +316,7 @@ impl<'a, B: LaneBlock, const M: usize> StepperState<'a, B, M> {
                 }
             }
         }
-        // The next step extrapolates from this one's middle, its third quarter and its end.
+        // The next step extrapolates from the middle, the third quarter and the end of this step.
         if nodes.len() > 1 {
             let last = self.known.len() - 1;
             let kept = [self.known[last - 1], self.known[last - 3], self.known[last]];
@@ -319,7 +326,7 @@ impl<'a, B: LaneBlock, const M: usize> StepperState<'a, B, M> {
         Ok(())
     }
 
-    /// Guess by the parabola through three known coordinates, as in the full-order run.
+    /// Returns an initial guess of the modes' factors by the parabola through three earlier values, as in the full-order run.
     #[inline(always)]
     fn extrapolated(&self, stage: usize, time_s: f64) -> [f64; M] {
         let mut guess = [0.0; M];
@@ -336,7 +343,7 @@ impl<'a, B: LaneBlock, const M: usize> StepperState<'a, B, M> {
         guess
     }
 
-    /// Balances a stage that starts from `started`. It keeps the coordinates and the law's values at the histories.
+    /// Solves the balance of forces in a stage that starts from `started`. It stores the modes' factors and the linearised law.
     #[inline(always)]
     fn solve<S: Simd>(
         &mut self,
@@ -379,7 +386,7 @@ impl<'a, B: LaneBlock, const M: usize> StepperState<'a, B, M> {
                 return Err(diverged(time_s.value(), f64::NAN));
             }
             if is_near {
-                // One step with numbers that carry derivatives, by the tangent at the iteration's end.
+                // One more step uses numbers with derivatives, with the tangent from the end of the iteration.
                 let at = z.map(B::Scalar::constant);
                 let force = simd.vectorize(Forces { points, law, given: &self.given, coordinates: &at });
                 let mut x = B::Scalar::constant(0.0);
@@ -394,7 +401,7 @@ impl<'a, B: LaneBlock, const M: usize> StepperState<'a, B, M> {
             z.iter_mut().zip(&step).for_each(|(z, s)| *z += s);
             self.largest = z.iter().fold(self.largest, |most, z| most.max(z.abs()));
             size = step.iter().fold(0.0_f64, |most, s| most.max(s.abs()));
-            // A linear balance under a given force is exact after one step.
+            // The balance of a linear law under a given force is exact after one step.
             is_near =
                 size <= NEARLY * self.largest || (plain_law.is_linear() && !self.plain_load.depends_on_position());
         }
@@ -412,8 +419,8 @@ impl<'a, B: LaneBlock, const M: usize> StepperState<'a, B, M> {
     }
 }
 
-/// Computes the LU factors of a small matrix in place, with the inverse pivots on the diagonal. Returns false if a pivot vanishes. The tangent is nearly
-/// symmetric and positive definite, so that no pivoting is needed.
+/// Computes the LU factors of a small matrix in place, with the inverse pivots on the diagonal. Returns `false` if a pivot
+/// vanishes. The tangent is nearly symmetric and positive definite, so that no pivoting is needed.
 #[inline(always)]
 fn factorise<const M: usize>(matrix: &mut [[f64; M]; M]) -> bool {
     for k in 0..M {

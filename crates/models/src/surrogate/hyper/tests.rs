@@ -1,4 +1,5 @@
-//! Tests of the surrogate against full finite elements at parameters, laws, records and loads that were not used for training.
+//! Tests that compare the surrogate with the full-order model at parameters, laws, records and loads that were not used for
+//! training.
 
 use super::*;
 use crate::model::Response;
@@ -13,11 +14,11 @@ use std::sync::OnceLock;
 
 const FORCE_N: f64 = 4.6e-6;
 const REFERENCE_STRESS_PA: f64 = 4.84;
-/// Values of E, c₁, c₂, then of the additional parameters of Burgers' and the two-element law.
+/// Values of E (Pa), c₁ and c₂ (Pa s), then of the additional parameters of Burgers' law and of the two-element law.
 const PORCINE: [f64; 5] = [3.527, 1.402, 47.370, 20.0, 2.5];
 const FAMILIES: [NonlinearFamily; 3] =
     [NonlinearFamily::StrainStiffening, NonlinearFamily::ShearThinning, NonlinearFamily::YieldStress];
-/// Parameter of each family, in the middle of its prior.
+/// Parameter of each nonlinear family, in the middle of its prior.
 const MIDDLE: [f64; 3] = [0.3, 0.6, 1.5];
 const BALL: QuarterBall = QuarterBall { robot_radius_m: 0.275e-3, outer_radius_m: 10e-3, n_per_edge: 1, n_layers: 4 };
 
@@ -38,7 +39,7 @@ fn surroundings() -> GelAndRobot<'static> {
     GelAndRobot { mesh, stiffness, poisson_ratio: 0.48, sizes }
 }
 
-/// Mesh and stiffness of a family's full-order runs.
+/// Returns mesh and stiffness of a family's full-order runs.
 fn parts(which: usize) -> (&'static Mesh, &'static Stiffness) {
     static FOR_THINNING: OnceLock<(Mesh, Stiffness)> = OnceLock::new();
     let GelAndRobot { mesh, stiffness, .. } = surroundings();
@@ -53,7 +54,7 @@ fn parts(which: usize) -> (&'static Mesh, &'static Stiffness) {
     (mesh, stiffness)
 }
 
-/// Full-order model of a family's surrogate.
+/// Returns the full-order model with which a family's surrogate is compared.
 fn full(which: usize) -> NonlinearModel<'static> {
     let (mesh, stiffness) = parts(which);
     NonlinearModel::new(mesh, stiffness, 0.48).expect("positive definite")
@@ -68,7 +69,7 @@ fn trained(family: NonlinearFamily, verification_runs: u32) -> HyperModel {
     build(&surroundings(), family, &settings, &|| ()).expect("training succeeds")
 }
 
-/// One model of each family, shared by the tests.
+/// Returns the surrogate of a family, which all tests share.
 fn model_of(which: usize) -> HyperModel {
     static MODELS: [OnceLock<HyperModel>; 3] = [const { OnceLock::new() }; 3];
     MODELS[which].get_or_init(|| trained(FAMILIES[which], 4)).clone()
@@ -91,7 +92,7 @@ fn stages(which: usize, base: BaseLaw, parameters: &[Dual], value: Dual) -> Stag
     stages
 }
 
-/// Rows and commands of the porcine replica: holds of 5 s, 20 rows a second.
+/// Returns times (s) and commands (N) as in the porcine replica, with holds of 5 s and 20 rows per second.
 fn record(n_rows: usize) -> (Vec<f64>, Vec<f64>) {
     let force = |i: usize| if (i / 100_usize).is_multiple_of(2) { FORCE_N } else { -FORCE_N };
     ((0..n_rows).map(|i| 0.05 * i as f64).collect(), (0..n_rows).map(force).collect())
@@ -102,7 +103,7 @@ fn largest_distance(found: &[f64], exact: &[f64]) -> f64 {
     found.iter().zip(exact).fold(0.0_f64, |m, (a, b)| m.max((a - b).abs())) / amplitude
 }
 
-/// Checks that few modes and points give errors below a thousandth of the amplitude at parameters outside the training set, by training's own comparison.
+/// Checks that the verification error is below a thousandth of the amplitude at parameters outside the training set.
 #[test]
 fn a_few_modes_and_points_are_right_to_a_thousandth() {
     for (which, family) in FAMILIES.into_iter().enumerate() {
@@ -110,7 +111,7 @@ fn a_few_modes_and_points_are_right_to_a_thousandth() {
         let reduced = model.reduced();
         println!("{family:?}: {N_MODES} modes, {} points, error {:.1e}", model.n_points(), reduced.max_relative_error);
         assert!(model.n_points() <= 56, "{family:?}: {}", model.n_points());
-        // The error is reached with fewer points than the tolerance needs.
+        // The error is already reached with fewer points than the cubature's tolerance requires.
         assert!(reduced.weights_m3.iter().all(|w| *w > 0.0) && reduced.cubature_residual < 1e-3, "{family:?}");
         assert!(reduced.singular_values[N_MODES] < 0.01, "{family:?}: {:?}", &reduced.singular_values[..8]);
         let error = reduced.max_relative_error;
@@ -118,7 +119,8 @@ fn a_few_modes_and_points_are_right_to_a_thousandth() {
     }
 }
 
-/// Checks every base law with a record and a load not used for training: rests, smaller forces, and every effect of the load.
+/// Checks every base law with a record and a load that were not used for training. The record has rests and smaller forces, and
+/// the load has every load effect.
 #[test]
 #[ignore = "thorough"]
 fn other_laws_records_and_loads_are_right() {
@@ -147,7 +149,7 @@ fn other_laws_records_and_loads_are_right() {
     }
 }
 
-/// Checks a fiftieth of the middle parameter, where the excess is small. The error must be small relative to this excess.
+/// Checks a fiftieth of the middle parameter. The excess is small there, and the error must be small relative to this excess.
 #[test]
 fn small_effects_are_right_beside_themselves() {
     let (time_s, force_n) = record(120);
@@ -172,7 +174,8 @@ fn small_effects_are_right_beside_themselves() {
     }
 }
 
-/// Checks that errors of modes and steps vanish for a nearly linear law: the excess falls in proportion to the parameter.
+/// Checks that the excess is proportional to the parameter for a nearly linear law, so that errors of modes and steps vanish with
+/// it.
 #[test]
 fn the_excess_vanishes_with_the_nonlinearity() {
     let (time_s, force_n) = record(220);
@@ -183,7 +186,7 @@ fn the_excess_vanishes_with_the_nonlinearity() {
             model_of(which).excess_m(&stages, compliance_per_m(which), &time_s, (&force_n).into()).unwrap()
         };
         let largest = |x: &[f64]| x.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
-        // At the null the excess is the rounding of displacements of a millimetre.
+        // At the null the excess is the rounding error of displacements of a millimetre.
         assert!(largest(&excess(0.0)) < 1e-13, "{which}: {:e}", largest(&excess(0.0)));
         let (near, nearer) = (excess(1e-5), excess(5e-6));
         let twice: Vec<f64> = nearer.iter().map(|x| 2.0 * x).collect();
@@ -191,7 +194,7 @@ fn the_excess_vanishes_with_the_nonlinearity() {
     }
 }
 
-/// Checks derivatives in the direction of every parameter, the load's included, against central differences.
+/// Compares derivatives by every parameter, including those of the load, with central differences.
 #[test]
 fn sensitivities_are_finite_differences() {
     let (time_s, force_n) = record(180);
@@ -223,7 +226,8 @@ fn sensitivities_are_finite_differences() {
     }
 }
 
-/// Checks that eight points at once have the bits of eight single points. A point without position does not affect the others.
+/// Checks that eight parameter points at once have the bits of eight single points. A point without position must not affect the
+/// others.
 #[test]
 #[ignore = "thorough"]
 fn a_batch_gives_every_point_its_own_bits() {

@@ -1,8 +1,10 @@
-//! Training of a hyper-reduced surrogate: full-order runs over a box, modes, cubature, and a comparison with full-order runs at other parameters.
+//! Training of a hyper-reduced surrogate. Full-order runs over a box of parameters give modes and cubature, and runs at other
+//! parameters verify the surrogate.
 //!
-//! By similarity of laws few runs cover every experiment on a gel. In units of the modulus and a hold's length, fields depend on the ratios of the law's times to the
-//! hold and on one nonlinear number. Stiffening: β (x/R)², x the robot's elastic displacement. Thinning: n. Yielding: s_y over the force on the robot's surface.
-//! Measurements and priors do not enter. Outside the box the modes are used, too, with larger errors.
+//! A few runs cover every experiment on a gel, because laws are similar. In units of the modulus and of a hold's length, fields
+//! depend on the ratios of the law's times to the hold and on one nonlinear number. This number is β (x/R)² for stiffening, with
+//! x the robot's elastic displacement and R its radius. It is n for thinning, and s_y divided by F/(4πR²) for yielding. The
+//! training does not depend on measurements or priors. The modes are also used outside the box, with larger errors.
 
 use super::cubature;
 use super::{HyperModel, HyperReducedData, N_MODES};
@@ -22,30 +24,33 @@ use rayon::prelude::*;
 use std::f64::consts::PI;
 use std::sync::Arc;
 
-/// Seed of the scrambled Sobol sequence. The training design is part of the method, not of a run.
+/// Seed of the scrambled Sobol sequence. It is fixed, so that equal settings always give the same training points.
 const DESIGN_SEED: u32 = 2;
-/// Forces of the training record's holds, relative to the largest.
+/// Forces of the holds in the training record, relative to the largest force.
 const HOLDS: [f64; 3] = [1.0, -1.0, 0.4];
-/// Times at which fields are sampled, as shares of a hold.
+/// Times at which fields are sampled, as fractions of a hold.
 const TAKEN_AT: [f64; 5] = [0.004, 0.03, 0.12, 0.4, 1.0];
-/// c₁/E and c₂/E, in holds.
+/// Ranges of c₁/E and of c₂/E, divided by the length of a hold.
 const TIMES: [[f64; 2]; 2] = [[0.02, 1.0], [0.5, 20.0]];
-/// β (x/R)², covered on a logarithmic scale.
+/// Range of β (x/R)², covered on a logarithmic scale.
 const STIFFENINGS: [f64; 2] = [0.05, 50.0];
-/// n, covered evenly.
+/// Range of n, covered on a linear scale.
 const INDICES: [f64; 2] = [0.3, 1.0];
-/// s_y over F/(4πR²), more densely towards 0, where priors are largest and fields change most.
+/// Range of s_y divided by F/(4πR²). It is covered more densely towards 0, where prior densities are largest and fields change
+/// most.
 const YIELDS: [f64; 2] = [0.0, 2.0];
-/// Largest number of states to which the cubature is fitted.
+/// Largest number of training states to which the cubature is fitted.
 const MOST_STATES: usize = 80;
-/// Weight of the reduced linear stiffness relative to the states' forces.
+/// Weight of the reduced linear stiffness relative to the states' forces, in the fit of the cubature.
 const STIFFNESS_WEIGHT: f64 = 1.0;
-/// Number of elements from a quarter sphere's middle to its rim in training meshes. The excess over the linear law, and so its error, is less than the whole.
+/// Number of elements from a quarter sphere's middle to its rim in training meshes. Such coarse meshes suffice, since the excess
+/// over the linear law is smaller than the position, and so is its error.
 const MOST_PER_EDGE: usize = 2;
-/// Accuracy of the training runs. Only the shapes of fields matter, not their times.
+/// Accuracy of the training runs. It is low, because the modes need the shapes of fields, not their exact times.
 const TRAINING: NonlinearOptions =
     NonlinearOptions { scheme: Scheme::Euler, resolution: Resolution { steps_per_doubling: 1 }, tolerance: 1e-4 };
-/// Accuracy of the verification runs, of the higher order. Fewer steps do not resolve a spring that relaxes and stiffens again.
+/// Accuracy of the verification runs, which use the method of higher order. With fewer steps they would not resolve a spring that
+/// relaxes and stiffens again.
 fn verification(family: NonlinearFamily) -> NonlinearOptions {
     let steps_per_doubling = match family {
         NonlinearFamily::StrainStiffening | NonlinearFamily::YieldStress => 4,
@@ -57,18 +62,19 @@ fn verification(family: NonlinearFamily) -> NonlinearOptions {
 /// Settings of a surrogate's training.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HyperSettings {
-    /// Largest residual of the cubature for the training states' forces, relative to them.
+    /// Largest residual of the cubature for the forces of the training states, relative to these forces.
     pub cubature_tolerance: f64,
     /// Largest number of points of the cubature.
     pub most_points: usize,
-    /// Number of full-order runs that give fields.
+    /// Number of full-order runs that train the surrogate.
     pub training_runs: u32,
     /// Number of full-order runs at other parameters for verification.
     pub verification_runs: u32,
 }
 
 impl HyperSettings {
-    /// Settings that reach a thousandth of the amplitude. The place where a yield stress stops the flow depends on all three numbers and needs more runs.
+    /// Returns settings with an error of at most a thousandth of the amplitude. A yield stress needs more runs, because the place
+    /// where the flow stops depends on all three numbers of a design point.
     pub fn of(family: NonlinearFamily) -> Self {
         let (most_points, training_runs) = match family {
             NonlinearFamily::StrainStiffening => (32, 16),
@@ -78,41 +84,41 @@ impl HyperSettings {
         Self { cubature_tolerance: 3e-4, most_points, training_runs, verification_runs: 4 }
     }
 
-    /// Number of full-order runs of both kinds.
+    /// Number of full-order runs for training and verification together.
     pub fn n_runs(&self) -> usize {
         (self.training_runs + self.verification_runs) as usize
     }
 }
 
-/// State of a training run.
+/// Displacement and stresses at one time of a training run.
 struct TrainingState {
     displacement: Vec<f64>,
     stresses: Vec<[f64; 6]>,
 }
 
-/// Point of the training design, in units in which the modulus and the hold are 1.
+/// Point of the training design, in units in which E and the length of a hold are 1.
 struct DesignPoint {
     law: Vec<Element>,
     nonlinearity: Nonlinearity<Dual>,
 }
 
-/// Training problem: a prepared mesh, and a force.
+/// Training problem, with a full-order model and a force.
 struct TrainingProblem<'a> {
     model: NonlinearModel<'a>,
     family: NonlinearFamily,
     radius_m: f64,
-    /// Largest force. It moves the robot by its radius at unit creep compliance.
+    /// Largest force in N. It moves the robot by its radius at unit creep compliance.
     force_n: f64,
     compliance_per_m: f64,
     time_s: Vec<f64>,
     command_n: Vec<f64>,
 }
 
-/// Trains a surrogate on full-order runs and calls `run_done` after each. Around a sphere in a built-in mesh these use another mesh, with fewer elements along the
-/// robot's surface.
+/// Trains a surrogate on full-order runs, and calls `run_done` after each run. For a sphere in a built-in mesh, the runs use
+/// another mesh with fewer elements along the robot's surface.
 ///
 /// # Errors
-/// [`Error::Numerical`] for a number of modes out of range, or if a full-order run fails.
+/// [`Error::Numerical`] if the number of modes is out of range, or if a full-order run fails.
 pub fn build(
     surroundings: &GelAndRobot,
     family: NonlinearFamily,
@@ -204,7 +210,7 @@ fn train(
     HyperModel::try_from(reduced)
 }
 
-/// Value between the ends of a range, on a logarithmic scale.
+/// Returns the value at the fraction `share` of a range, on a logarithmic scale.
 fn on_log([lower, upper]: [f64; 2], share: f64) -> f64 {
     lower * (upper / lower).powf(share)
 }
@@ -229,7 +235,7 @@ impl<'a> TrainingProblem<'a> {
         Ok(Self { model, family, radius_m, force_n, compliance_per_m, time_s, command_n })
     }
 
-    /// Parameters of one Sobol point.
+    /// Returns the law and the nonlinearity at one Sobol point.
     fn design_point(&self, index: u32) -> DesignPoint {
         let share = |dimension: u32| f64::from(sobol_burley::sample(index, dimension, DESIGN_SEED));
         let viscosities = [on_log(TIMES[0], share(0)), on_log(TIMES[1], share(1))];
@@ -264,7 +270,8 @@ impl<'a> TrainingProblem<'a> {
         Ok(states)
     }
 
-    /// Largest difference of the reduced from the full-order trajectory at a design point, relative to the latter's amplitude.
+    /// Returns the largest difference of the reduced from the full-order trajectory at a design point, relative to the full-order
+    /// amplitude.
     fn distance(&self, ready: &HyperModel, index: u32) -> Result<f64> {
         let DesignPoint { law, nonlinearity } = self.design_point(index);
         let mut stages = Stages::of_law(law);
@@ -282,13 +289,14 @@ impl<'a> TrainingProblem<'a> {
     }
 }
 
-/// Selects at most [`MOST_STATES`] of the states, evenly.
+/// Selects at most [`MOST_STATES`] of the states at even intervals.
 fn kept_states(states: &[TrainingState]) -> Vec<&TrainingState> {
     let n = states.len().min(MOST_STATES);
     (0..n).map(|k| &states[k * states.len() / n]).collect()
 }
 
-/// Columns (one a point) and right-hand side of the cubature's conditions: every state's forces on the modes, and the reduced linear stiffness.
+/// Returns the matrix (one column for each integration point) and the right-hand side of the cubature's equations. Their rows are
+/// the forces of every state on the modes, and the entries of the reduced linear stiffness.
 fn conditions(
     volumes_m3: &[f64],
     moduli: [f64; 6],
@@ -321,7 +329,7 @@ fn conditions(
     for column in columns.chunks_exact(n_rows) {
         target.iter_mut().zip(column).for_each(|(t, c)| *t += c);
     }
-    // All states' forces have equal weights.
+    // The rows are scaled so that the forces of all states have equal weights.
     let mut scale = vec![1.0; n_rows];
     for (scale, target) in scale[..states.len() * m].chunks_exact_mut(m).zip(target.chunks_exact(m)) {
         let norm = target.iter().map(|t| t * t).sum::<f64>().sqrt();

@@ -1,4 +1,5 @@
-//! Box of coordinates. It holds a fit of the trajectories by few time modes with polynomial amplitudes, two halves of the box, or nothing.
+//! Box of coordinates with its trained trajectories. It holds a fit of the trajectories by a few time modes with polynomial
+//! amplitudes, or two halves of the box, or nothing.
 
 use super::polynomial::Basis;
 use base::number::Scalar;
@@ -8,15 +9,15 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 /// Largest number of time modes.
 const MOST_MODES: usize = 40;
-/// Share of the tolerance that the modes' residuals of their own trajectories may take.
+/// Fraction of the tolerance that the modes may leave as residuals of the training trajectories.
 const SHARE_OF_MODES: f64 = 0.1;
-/// Largest number of successive halvings.
+/// Largest number of times that a box is halved.
 const MOST_HALVINGS: usize = 2;
-/// Ratio of the error to the tolerance above which a box is not halved, because its halves would fail, too.
+/// Ratio of the error to the tolerance above which a box is not halved, because its halves would also fail.
 const FARTHEST: f64 = 12.0;
 
-/// Function that runs the stepper at coordinates. It returns the excess (m) at every row at unit modulus, and the displacement (m) that scales errors.
-/// One common factor may multiply both.
+/// Function that runs the stepper at coordinates. It returns the excess (m) at every row at unit modulus, and the displacement
+/// (m) that scales errors. Both may have a common factor.
 pub(super) type Run<'a> = dyn Fn(&[f64]) -> Option<Trained> + Sync + 'a;
 pub(super) type Trained = (Vec<f64>, f64);
 
@@ -26,15 +27,16 @@ pub(super) struct CoordinateBox {
     lower: Vec<f64>,
     upper: Vec<f64>,
     n_halvings: usize,
-    /// Runs for building the box; `None` after it is built.
+    /// Runs of the stepper for building the box; `None` before it is begun and after it is built.
     work: Mutex<Option<Arc<BoxRuns>>>,
     made: OnceLock<BoxContent>,
 }
 
-/// Runs at the check points of a fit, followed by runs at its design points. The runs of one degree are the first ones of the next degree.
+/// Runs at the check points of a fit, followed by runs at its design points. The runs for one degree are the first runs for the
+/// next degree.
 #[derive(Debug)]
 struct BoxRuns {
-    /// Next run to be started, for each degree.
+    /// Index of the next run to be started, for each degree.
     next: Vec<AtomicUsize>,
     runs: Vec<OnceLock<Option<Trained>>>,
 }
@@ -47,20 +49,20 @@ enum BoxContent {
         at: f64,
         halves: Box<[CoordinateBox; 2]>,
     },
-    /// Polynomials of this degree are not accurate enough.
+    /// No fit is accurate enough, so the stepper computes the trajectories.
     Rough,
 }
 
-/// Time modes and their amplitudes.
+/// Time modes and the polynomials of their amplitudes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct Surface {
-    /// Index of the polynomials' degree.
+    /// Index of the polynomials' degree among the bases.
     level: usize,
-    /// Values of each mode, one for each row of the record.
+    /// Values of each mode (outer) at each row of the record (inner).
     modes: Vec<Vec<f64>>,
-    /// Coefficients of each mode, one for each polynomial.
+    /// Coefficients of each mode (outer) for each polynomial (inner).
     coefficients: Vec<Vec<f64>>,
-    /// Largest error at points not used for training, relative to the displacement there.
+    /// Largest error at points that were not used for training, relative to the displacement at the point.
     pub certified: f64,
 }
 
@@ -73,7 +75,8 @@ impl CoordinateBox {
         Self { lower, upper, n_halvings, work: Mutex::new(None), made: OnceLock::new() }
     }
 
-    /// Surface at coordinates inside, and the place in its box. It is built on first use. `None` if there is none.
+    /// Returns the surface at coordinates inside the box, and the coordinates scaled to [−1, 1] in its (halved) box. The box is
+    /// built on first use. `None` if no surface is accurate enough.
     pub fn surface<'a, N: Scalar>(
         &'a self,
         values: &[f64],
@@ -99,12 +102,12 @@ impl CoordinateBox {
         }
     }
 
-    /// Returns the box's content. Every thread that needs it helps to build it, and all get equal results.
+    /// Returns the content of the box. Every thread that needs it helps to build it, and all threads get equal results.
     fn made(&self, bases: &[Basis], tolerance: f64, run: &Run<'_>) -> &BoxContent {
         if let Some(made) = self.made.get() {
             return made;
         }
-        // All degrees use one set of checks, and their designs start with equal points.
+        // All degrees use the same check points, and the design of each degree starts with the points of the lower degrees.
         let Some(Basis { checks, design, .. }) = bases.last() else {
             return self.made.get_or_init(|| BoxContent::Rough);
         };
@@ -136,7 +139,7 @@ impl CoordinateBox {
                 let Some(place) = places.get(number) else { break };
                 place.get_or_init(|| at(number));
             }
-            // This waits for runs of other threads.
+            // `get_or_init` waits for runs that other threads have started.
             let runs: Vec<_> =
                 places.iter().enumerate().map(|(k, place)| place.get_or_init(|| at(k)).as_ref()).collect();
             made = self.make(bases, level, tolerance, &runs);
@@ -154,7 +157,7 @@ impl CoordinateBox {
         point.iter().zip(ends).map(|(x, (lower, upper))| 0.5 * (lower + upper) + 0.5 * (upper - lower) * x).collect()
     }
 
-    /// Content of the box for polynomials of one degree; `None` if the next degree is to be tried.
+    /// Returns the content of the box for polynomials of one degree; `None` if the next degree should be tried.
     fn make(&self, bases: &[Basis], level: usize, tolerance: f64, runs: &[Option<&Trained>]) -> Option<BoxContent> {
         let Some(runs) = runs.iter().copied().collect::<Option<Vec<_>>>() else { return Some(BoxContent::Rough) };
         let surface = Surface::new(bases, level, tolerance, &runs);
@@ -186,11 +189,12 @@ impl CoordinateBox {
 }
 
 impl Surface {
-    /// Fits polynomials of one degree to runs at the checks and then at the design. The modes' residuals are at most a tenth of the tolerance.
+    /// Fits modes and polynomials of one degree to the runs at the design points, and computes their error at the check points.
+    /// `runs` has the check points first. The modes' residuals are at most a tenth of the tolerance.
     pub fn new(bases: &[Basis], level: usize, tolerance: f64, runs: &[&Trained]) -> Self {
         let basis = &bases[level];
         let (checks, design) = runs.split_at(basis.checks.len());
-        // Displacements differ within a box, so that all values are relative to them.
+        // Trajectories are divided by their typical displacement, which varies within a box.
         let scaled: Vec<Vec<f64>> =
             design.iter().map(|(excess_m, amplitude_m)| excess_m.iter().map(|x| x / amplitude_m).collect()).collect();
         let modes = modes(scaled, SHARE_OF_MODES * tolerance);
@@ -211,13 +215,13 @@ impl Surface {
         surface
     }
 
-    /// Surface at some of its rows.
+    /// Returns the surface at some of its rows.
     pub fn at(&self, rows: &[usize]) -> Self {
         let modes = self.modes.iter().map(|mode| rows.iter().map(|row| mode[*row]).collect()).collect();
         Self { modes, ..self.clone() }
     }
 
-    /// Excess (m) at the first rows, at a place in the box.
+    /// Returns the excess (m) at the first `n_rows` rows, at a place in the box. `factor` multiplies the result.
     pub fn excess_m<N: Scalar>(&self, bases: &[Basis], place: &[N], factor: N, n_rows: usize) -> Vec<N> {
         let polynomials = bases[self.level].values(place);
         let mut excess_m = vec![N::constant(0.0); n_rows];
@@ -230,7 +234,8 @@ impl Surface {
     }
 }
 
-/// Returns orthonormal modes. Each is the largest remaining residual of a trajectory. The search ends if no residual exceeds `tolerance` at any row.
+/// Returns orthonormal modes. Each mode is the normalised trajectory with the largest residual so far. The search ends when no
+/// residual exceeds `tolerance` at any row.
 fn modes(mut trajectories: Vec<Vec<f64>>, tolerance: f64) -> Vec<Vec<f64>> {
     let mut modes: Vec<Vec<f64>> = Vec::new();
     while modes.len() < MOST_MODES {
@@ -239,7 +244,7 @@ fn modes(mut trajectories: Vec<Vec<f64>>, tolerance: f64) -> Vec<Vec<f64>> {
             (0..trajectories.len()).max_by(|a, b| largest(&trajectories[*a]).total_cmp(&largest(&trajectories[*b])));
         let Some(worst) = worst.filter(|k| largest(&trajectories[*k]) > tolerance) else { break };
         let mut mode = trajectories[worst].clone();
-        // A second pass removes the rounding of the first.
+        // A second orthogonalisation removes the rounding errors of the first.
         for other in &modes {
             subtract(&mut mode, other);
         }

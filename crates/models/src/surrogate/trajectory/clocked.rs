@@ -1,39 +1,40 @@
-//! Trajectories on a finer clock than the record's rows. A delayed or lagging force then needs no further runs.
+//! Trajectories at more times than the record's rows. A delayed or lagging force then needs no further runs.
 //!
-//! A law that does not change with time responds to a delayed force with a delayed trajectory, exactly: x(t − δ). A lagging force is to first order a delayed one.
-//! The trajectory with this lag, τ ż = x − z, is exact for linear laws and has the correct first order for all others.
+//! If the law does not change with time, a force delayed by δ gives exactly the delayed trajectory x(t − δ). A force with a lag τ
+//! is approximated by applying the lag to the trajectory: τ ż = x − z. The lagged trajectory z is exact for linear laws and
+//! correct to first order in τ for all others.
 
 use base::number::PointScalar;
 use laws::stages::Load;
 use record::{Force, ForceRule};
 
-/// Smallest number of points of time in every hold of the force.
+/// Smallest number of times in every hold of the force.
 const POINTS_PER_HOLD: f64 = 256.0;
-/// Largest number of points between two rows.
+/// Largest number of times between two rows.
 const MOST_BETWEEN_ROWS: f64 = 16.0;
-/// Largest number of points in all.
+/// Largest total number of times.
 const MOST_POINTS: usize = 20_000;
-/// Number of points from which a cubic polynomial interpolates a trajectory.
+/// Number of times from which a cubic polynomial interpolates a trajectory.
 const STENCIL: usize = 4;
 
-/// Times at which a trajectory is computed.
+/// Times at which a trajectory is computed, including those of the rows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Clock {
-    /// Times in s, which include the rows' times.
+    /// Times in s. They include the times of the rows.
     pub time_s: Vec<f64>,
-    /// Index of each row among the times.
+    /// Index of each row's time in `time_s`.
     pub rows: Vec<usize>,
-    /// Times at which the force or its slope changes. Trajectories are smooth between them.
+    /// Indices of the times at which the force or its slope changes. Trajectories are smooth between them.
     breaks: Vec<usize>,
 }
 
 impl Clock {
-    /// Clock of the rows' times (s) alone.
+    /// Returns a clock with the times (s) of the rows only.
     pub fn of_rows(time_s: &[f64]) -> Self {
         Self { time_s: time_s.to_vec(), rows: (0..time_s.len()).collect(), breaks: Vec::new() }
     }
 
-    /// Clock that is fine enough for delays and lags, with evenly spaced times between the rows.
+    /// Returns a clock that is fine enough for delays and lags. Additional times are evenly spaced between the rows.
     pub fn finer(time_s: &[f64], force: Force<'_>) -> Self {
         let changes: Vec<usize> = (1..force.at_rows_n.len().min(time_s.len()))
             .filter(|row| force.at_rows_n[*row] != force.at_rows_n[row - 1])
@@ -53,18 +54,18 @@ impl Clock {
         Self { time_s: finer, rows, breaks }
     }
 
-    /// Commanded force (N) at the clock's times.
+    /// Returns the commanded force (N) at the clock's times, for a record's times (s) and force.
     pub fn commanded_n(&self, time_s: &[f64], force: Force<'_>) -> Vec<f64> {
         self.time_s.iter().map(|at_s| force.at_n(time_s, *at_s)).collect()
     }
 
-    /// Number of points up to the last of the first rows.
+    /// Number of the clock's times up to the last of the first `n_rows` rows.
     pub(super) fn n_points(&self, n_rows: usize) -> usize {
         n_rows.checked_sub(1).and_then(|last| self.rows.get(last)).map_or(0, |last| last + 1)
     }
 
-    /// Applies lag and, if requested, delay to the first points of a trajectory. The lag comes first, because a delay moves the trajectory's
-    /// corners off the clock's points, where straight lines between the points would cut them.
+    /// Applies the lag and, if requested, the delay to the first values of a trajectory on the clock. The lag is applied first. A
+    /// delay moves the trajectory's corners between the clock's times, where the straight lines used for the lag would cut them.
     pub(super) fn delayed_and_lagged<N: PointScalar>(&self, mut x: Vec<N>, load: &Load, is_delayed: bool) -> Vec<N> {
         if load.has_lag() {
             x = self.lagging(&x, &load.of());
@@ -75,12 +76,12 @@ impl Clock {
         x
     }
 
-    /// x(t − δ) at the first points; before the first point the position at rest.
+    /// Returns x(t − δ) at the first times of the clock. Before the first time, x is the position at rest.
     fn delayed<N: PointScalar>(&self, x: &[N], load: &Load<N>) -> Vec<N> {
         let time_s = &self.time_s[..x.len()];
         let at = |own_s: &f64| {
             let t = load.command_time_s(*own_s);
-            // The piece is on the left, where a delay that grows from 0 leads.
+            // At a break the cubic is taken on the left side, because a delay that grows from 0 leads there.
             let Some(before) = time_s.partition_point(|point| *point < t.value()).checked_sub(1) else { return x[0] };
             let begin = self.breaks.iter().rev().find(|place| **place <= before).copied().unwrap_or(0);
             let end = self.breaks.iter().find(|place| **place > before).copied().unwrap_or(x.len()).min(x.len() - 1);
@@ -98,7 +99,7 @@ impl Clock {
         time_s.iter().map(at).collect()
     }
 
-    /// x after the load's lag at the first points, by straight lines between them.
+    /// Returns x after the load's lag at the first times of the clock, with straight lines between the times.
     fn lagging<N: PointScalar>(&self, x: &[N], load: &Load<N>) -> Vec<N> {
         let mut z = Vec::with_capacity(x.len());
         for (k, item) in x.iter().enumerate() {
@@ -112,8 +113,8 @@ impl Clock {
         z
     }
 
-    /// Acting force of a load for an external program: times (s), forces (N), and the indices of the rows. The jumps of a delay become additional
-    /// times. A lagging force keeps its mean between two times.
+    /// Returns the acting force of a load for an external program, as times (s), forces (N) and the indices of the rows. Delayed
+    /// jumps become additional times. A lagging force is replaced by its mean between two times.
     pub fn acting(&self, time_s: &[f64], force: Force<'_>, load: &Load) -> (Vec<f64>, Vec<f64>, Vec<usize>) {
         let load = load.of::<f64>();
         let end_s = self.time_s.last().copied().unwrap_or(0.0);
@@ -131,7 +132,8 @@ impl Clock {
         let (mut acting_n, mut lagged_n) = (Vec::with_capacity(times.len()), 0.0);
         for (k, at_s) in times.iter().enumerate() {
             let step_s = times.get(k + 1).map_or(0.0, |next| next - at_s);
-            // A hold is evaluated at its middle, so that rounding does not decide on which side of a jump it is.
+            // A constant force is evaluated at the middle of the interval, so that rounding does not decide on which side of a
+            // jump it is.
             let entering_n = entering(if holds { at_s + 0.5 * step_s } else { *at_s });
             if !load.has_lag() {
                 acting_n.push(entering_n);
@@ -154,8 +156,9 @@ mod tests {
     use laws::rheology::BaseLaw;
     use laws::stages::Stages;
 
-    /// Checks delay and lag of a linear law's trajectory on the clock against the closed form of the delayed and lagging force. The error is 1.2e-4, a quarter of that
-    /// with twice the step, for delays that end at the clock's points or between them. Derivatives are compared with differences.
+    /// Compares the delayed and lagged trajectory of a linear law on the clock with the closed form for the delayed and lagging
+    /// force. Delays end at the clock's times or between them. The error is 1.2e-4, a quarter of the error with twice the step.
+    /// Derivatives are compared with differences.
     #[test]
     fn a_later_force_moves_later() {
         let time_s: Vec<f64> = (0..=160).map(|row| 0.25 * f64::from(row)).collect();
@@ -180,7 +183,7 @@ mod tests {
             assert!(worst < 2e-4 * most, "{delay_s} {lag_s}: {:e}", worst / most);
         }
         let constants: Vec<Dual> = x.iter().map(|x| Dual::constant(*x)).collect();
-        // The delay avoids the ends of cubic pieces, where slopes differ.
+        // The delay avoids the ends of the cubic polynomials, where their slopes differ.
         let (delay_s, lag_s, step_s) = (0.19, 0.1, 1e-5);
         let lagging =
             |delay_s: Dual, lag_s: Dual| clock.delayed_and_lagged(constants.clone(), &load(delay_s, lag_s), true);
@@ -205,7 +208,8 @@ mod tests {
         }
     }
 
-    /// Checks that the closed form equals that under the load if it takes the acting force that an external program receives.
+    /// Checks the acting force that an external program receives. The closed form for this force must equal the closed form for
+    /// the load.
     #[test]
     fn the_acting_force_is_the_loads() {
         let time_s: Vec<f64> = (0..=80).map(|row| 0.25 * f64::from(row)).collect();

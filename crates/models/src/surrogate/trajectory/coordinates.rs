@@ -1,7 +1,9 @@
-//! Coordinates that distinguish a law from all others of its kind. Similarity reduces their number by one.
+//! Coordinates that distinguish a law from all others of its kind. By similarity there is one coordinate fewer than parameters of
+//! the law.
 //!
-//! The first body's modulus E is the unit of stress. Laws under a given force then differ by their times c/E, their ratios of moduli, their distance from the
-//! linear law, and a factor 1/E on all displacements. There is therefore one coordinate fewer than parameters of the law. Data usually determine the omitted parameter E best.
+//! The first body's modulus E is the unit of stress. Under a given force, laws then differ by their times c/E, by their ratios of
+//! moduli and by their distance from the linear law. E itself only multiplies all displacements by 1/E, so it is no coordinate.
+//! Data usually determine E best.
 
 use base::number::{Dual, Scalar};
 use laws::rheology::Element;
@@ -10,21 +12,21 @@ use std::f64::consts::{LN_2, PI};
 
 /// Value of β (x/R)² at which stiffening becomes visible.
 const STIFFENING_UNIT: f64 = 0.3;
-/// Yield stress, over the force per area of the robot's surface, at which it becomes visible.
+/// Yield stress, divided by the force per area of the robot's surface, at which it becomes visible.
 const YIELD_UNIT: f64 = 0.003;
 
-/// Common properties of laws of one kind.
+/// Properties that all laws in one set of coordinates share.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct CoordinateKind {
     family: NonlinearFamily,
-    /// Structure of the law.
+    /// Structure of the law, as the kinds of its elements in order.
     shape: Vec<Tag>,
-    /// Bits of the compliance and of the constant of the nonlinear law.
+    /// Bits of the displacement per force, and of the nonlinear law's constant.
     constants: [u64; 2],
 }
 
 impl CoordinateKind {
-    /// Distance of the last coordinate from the linear law, where the excess vanishes.
+    /// Returns the distance of the last coordinate from its value at the linear law, where the excess vanishes.
     pub fn beyond_null<N: Scalar>(&self, last: N) -> N {
         match self.family {
             NonlinearFamily::ShearThinning => N::constant(1.0) - last,
@@ -42,40 +44,42 @@ pub(super) enum Tag {
     End,
 }
 
-/// Sizes of a record and of the robot in it.
+/// Sizes of a record and of its robot.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct CoordinateSizes {
     /// Largest force in N.
     pub force_n: f64,
-    /// Largest of |∫F dt| in N·s.
+    /// Largest |∫F dt| from the record's start to any row, in N·s.
     pub impulse_n_s: f64,
     /// Displacement per force at unit creep compliance, in 1/m.
     pub compliance_per_m: f64,
 }
 
 impl CoordinateSizes {
-    /// β (x/R)² per β. Here x = F K is the elastic displacement at unit modulus, and R = 1/(2πK), a sphere's radius in an incompressible gel.
+    /// Returns (x/R)² at unit modulus. x = F K is the elastic displacement with K the displacement per force (1/m). R = 1/(2πK)
+    /// is the radius of a sphere in an incompressible gel.
     fn squared_strain(self) -> f64 {
         (2.0 * PI * self.compliance_per_m.powi(2) * self.force_n).powi(2)
     }
 
-    /// F/(4πR²) in Pa.
+    /// Returns F/(4πR²) in Pa, the largest force divided by the area of the robot's surface.
     fn surface_pa(self) -> f64 {
         PI * self.compliance_per_m.powi(2) * self.force_n
     }
 }
 
-/// Coordinates of a law among those of its kind.
+/// Kind and coordinates of a law.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct CoordinatePlace {
     pub kind: CoordinateKind,
-    /// Logarithms of moduli over E, of times (s), and the nonlinear coordinate.
+    /// Logarithms of moduli divided by E and of times c/E (s), in the order of the law, and then the nonlinear coordinate.
     pub coordinates: Vec<Dual>,
     pub modulus_pa: Dual,
 }
 
 impl CoordinatePlace {
-    /// Place of a law; `None` if the stages have effects other than a nonlinear law, or the law has elements that no coordinate describes.
+    /// Returns the coordinates of a law. `None` if the stages have effects other than a nonlinear law, or if the law has elements
+    /// that no coordinate describes.
     pub fn of(stages: &Stages, sizes: CoordinateSizes) -> Option<Self> {
         let plain = Stages::of_law(Vec::new());
         let Some(Spatial::Nonlinear(law)) = stages.spatial else { return None };
@@ -111,7 +115,7 @@ impl CoordinatePlace {
     }
 }
 
-/// Last coordinate of a law: a function of the nonlinear parameter that is smooth at the linear law.
+/// Returns the last coordinate of a law, which is a function of the nonlinear parameter that is smooth at the linear law.
 fn coordinate_of(law: Nonlinearity<Dual>, modulus_pa: Dual, sizes: CoordinateSizes) -> Dual {
     match law {
         Nonlinearity::StrainStiffening { coefficient } => {
@@ -125,7 +129,7 @@ fn coordinate_of(law: Nonlinearity<Dual>, modulus_pa: Dual, sizes: CoordinateSiz
     }
 }
 
-/// Stages at other coordinates of the same kind, with the first body's modulus 1 Pa.
+/// Returns stages at other coordinates of the same kind, with a modulus of 1 Pa for the first body.
 pub(super) fn stages_at(template: &Stages, coordinates: &[f64], sizes: CoordinateSizes) -> Option<Stages> {
     let (mut shape, mut numbers) = (Vec::new(), Vec::new());
     read(&template.law, &mut shape, &mut numbers)?;
@@ -154,7 +158,8 @@ pub(super) fn stages_at(template: &Stages, coordinates: &[f64], sizes: Coordinat
     Some(stages)
 }
 
-/// Width of a chart's largest box in every coordinate, and the ends of the last coordinate. The stepper's steps change where a time passes a power of two; charts end there, too.
+/// Returns the width of the largest boxes in every coordinate, and the ends of the last coordinate. The lengths of the stepper's
+/// steps jump where a time passes a power of two, so boxes end there.
 pub(super) fn widths(kind: &CoordinateKind) -> (Vec<f64>, [f64; 2]) {
     let (of_nonlinearity, ends) = match kind.family {
         NonlinearFamily::StrainStiffening => (0.5, [0.0, 6.0]),
@@ -168,7 +173,8 @@ pub(super) fn widths(kind: &CoordinateKind) -> (Vec<f64>, [f64; 2]) {
             Tag::Parallel => is_inside = true,
             Tag::Series | Tag::End => is_inside = false,
             Tag::Spring | Tag::Dashpot => {
-                // A dashpot in series flows equally smoothly over longer times, unless the gel may come to rest.
+                // A dashpot in series allows a wider box, because trajectories depend smoothly on its time, unless the gel may
+                // come to rest.
                 let is_wide = *tag == Tag::Dashpot && !is_inside && kind.family != NonlinearFamily::YieldStress;
                 if first != Some(number) {
                     widths.push(if is_wide { 2.0 * LN_2 } else { LN_2 });
@@ -181,7 +187,7 @@ pub(super) fn widths(kind: &CoordinateKind) -> (Vec<f64>, [f64; 2]) {
     (widths, ends)
 }
 
-/// Typical displacement (m) of trajectories at unit modulus.
+/// Returns the typical displacement (m) of trajectories, for a first body of unit modulus.
 pub(super) fn amplitude_m(stages: &Stages, sizes: CoordinateSizes) -> f64 {
     let of = |element: &Element| match element {
         Element::Dashpot { viscosity_pa_s } => sizes.impulse_n_s / viscosity_pa_s.value,
@@ -217,7 +223,7 @@ pub fn read(elements: &[Element], shape: &mut Vec<Tag>, numbers: &mut Vec<Dual>)
     Some(())
 }
 
-/// Index, among the numbers, of the first spring inside a body.
+/// Returns the index, among the law's numbers, of the first spring inside a body.
 pub(super) fn first_body(shape: &[Tag]) -> Option<usize> {
     let (mut number, mut is_inside) = (0, false);
     for tag in shape {

@@ -1,10 +1,13 @@
-//! Large displacements in one record: full-order runs of similar gels, as few time modes with polynomial amplitudes.
+//! Surrogate of large displacements for one record. It fits a few time modes with polynomial amplitudes to full-order runs of
+//! similar gels.
 //!
-//! A full-order run takes seconds. There is therefore one box, around the law that fits the record with small strains. By similarity the deviation from the linear model
-//! depends on the ratios of the law's numbers and on the force over a modulus. Its third power is factored out, so that the polynomials are of its square.
-//! A free mobility is one more coordinate. Differences between the commanded and the acting force enter to first order, by one run each at the law's own place.
-//! A few hundredths of the force change the deviation by three times as much, and its square by almost nothing. Outside the box's ratios those at its faces
-//! are used: data that lead there are far from the record.
+//! A full-order run takes seconds. There is therefore one box, around the law that fits the record with small strains. By
+//! similarity, the deviation from the linear model depends on the ratios of the law's numbers and on the force divided by a
+//! modulus. The third power of this force is factored out, so that the polynomials are functions of its square. A free mobility
+//! is one more coordinate. Differences between the commanded and the acting force enter to first order. Each parameter of the
+//! load has one run at the law of the box's centre. Changing the force by a few hundredths changes the deviation by three times
+//! that fraction, and second-order terms are negligible. Ratios outside the box are moved to its faces, because data with such
+//! ratios are far from the record.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -20,31 +23,36 @@ use laws::rheology::Element;
 use laws::stages::{FieldStepper, Load, LoadParameter, LoadUnit, Spatial, Stages};
 use record::{Force, OwnedForce};
 
-/// Half the box's width in the logarithm of a ratio.
+/// Half the width of the box in the logarithm of each ratio.
 const HALF_WIDTH: f64 = 0.2;
-/// Rounding step of the centre's ratios, in their logarithm. Fits that differ by little then use equal runs.
+/// Step to which the logarithms of the centre's ratios are rounded. Fits that differ by little then share their runs.
 const CENTRE_STEP: f64 = 0.05;
-/// Linear displacement, in robot radii, of the centre's law under the largest force, for an Oldroyd-B fluid.
+/// Largest linear displacement of the centre's law, in robot radii, at the box's end, for an Oldroyd-B fluid.
 pub const MAX_RADII: f64 = 4.6;
-/// Ratio of that displacement to the law's own for other fluids, which move farther than linearly.
+/// Ratio of the displacement at the box's end to the linear displacement of the law in the record, for other fluids. They move
+/// farther than linear ones.
 const BEYOND_OWN: f64 = 1.2;
-/// Largest free mobility. For larger ones the mesh follows the robot no farther than the paper's robot moves.
+/// Largest free mobility. With a larger mobility, the mesh can follow the robot no farther than the robot of the paper moves.
 pub const MAX_MOBILITY: f64 = 0.03;
-/// Smallest square of the force over the largest. Below it the deviation is almost 0, but errors of runs are not.
+/// Smallest trained square of the force, divided by the largest square. Below it the deviation is almost 0, but the errors of
+/// runs are not.
 const LEAST_SQUARE: f64 = 0.02;
-/// Degree of the polynomials. A degree in a ratio counts as more than one in the square of the force. The polynomials are cubes of the square, squares of ratios,
-/// and products of a ratio with the square's squares.
+/// Weighted total degree of the polynomials. It allows the third power of the squared force, squares of ratios, and a ratio times
+/// the squared force to the second power.
 const DEGREE: f64 = 3.4;
+/// Weight of a degree in a ratio, relative to a degree in the squared force.
 const RATIO_WEIGHT: f64 = 1.3;
 const MOBILITY_WEIGHT: f64 = 1.2;
-/// Ratio of points to polynomials, and number of runs that check them.
+/// Ratio of the number of training points to the number of polynomials.
 const OVERSAMPLING: f64 = 1.15;
+/// Number of runs that check the polynomials.
 const N_CHECKS: u32 = 3;
-/// Largest residual of the modes, and largest total error, relative to the displacement.
+/// Largest residual of the time modes, relative to the displacement.
 const TOLERANCE: f64 = 2e-4;
+/// Largest accepted error at the check runs, relative to the displacement.
 const LARGEST_ERROR: f64 = 1e-3;
 
-/// Mobilities of the training.
+/// Mobilities that the training covers.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum MobilityRange {
     /// One fixed mobility.
@@ -58,11 +66,12 @@ impl MobilityRange {
     pub const OLDROYD_B: Self = Self::Held(0.0);
 }
 
-/// Steps for slopes: of factors, of the offset over the largest force, and of times in s.
+/// Step for the derivative by a factor of the force, or by the offset divided by the largest force.
 const FACTOR_STEP: f64 = 0.03;
+/// Step in s for the derivative by a time of the load.
 const TIME_STEP_S: f64 = 0.03;
 
-/// Step of a parameter of the load, under commands up to `largest_n` (N).
+/// Returns the step for the derivative by a parameter of the load, under commands up to `largest_n` (N).
 fn step(number: &LoadParameter, largest_n: f64) -> f64 {
     match number.unit {
         LoadUnit::Factor => FACTOR_STEP,
@@ -71,30 +80,32 @@ fn step(number: &LoadParameter, largest_n: f64) -> f64 {
     }
 }
 
-/// Scope of the training.
+/// Range of models that the training covers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LargeScope {
-    /// Mobilities of the training.
+    /// Mobilities that the training covers.
     pub mobilities: MobilityRange,
-    /// True if the acting force may differ from the commanded one.
+    /// `true` if the acting force may differ from the commanded one.
     pub with_load: bool,
 }
 
-/// Result of the training for one record.
+/// Trained surrogate of large displacements for one record.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LargeSurface {
-    /// Logarithms of the law's other numbers over its modulus, at the box's middle.
+    /// Logarithms of the law's other numbers divided by its modulus, at the middle of the box.
     centre: Vec<f64>,
-    /// Square (1/Pa²) of the amplitude over the modulus, at the box's end.
+    /// Squared ratio (1/Pa²) of the amplitude g to the modulus, at the box's end.
     largest_per_pa2: f64,
+    /// Linear displacement at the box's end, in robot radii.
     farthest_radii: f64,
     mobilities: MobilityRange,
-    /// Change of the deviation, in the surface's units, for a unit of every parameter of the load; empty if the force acts as commanded.
+    /// Changes of the deviation for a unit of each parameter of the load (outer) at each row (inner), in the surface's units.
+    /// Empty if the force acts as commanded.
     by_load: Vec<Vec<f64>>,
     surface: Surface,
 }
 
-/// Numbers of a law over its modulus.
+/// Numbers of a law divided by its modulus.
 struct Ratios {
     modulus_pa: Dual,
     ln: Vec<Dual>,
@@ -111,17 +122,17 @@ impl Ratios {
         Some(Self { modulus_pa, ln: others.map(|(_, number)| (*number / modulus_pa).ln()).collect(), first })
     }
 
-    /// Logarithms at the middle of the box.
+    /// Returns the logarithms of the ratios at the middle of the box.
     fn centre(&self) -> Vec<f64> {
         self.ln.iter().map(|ln| (ln.value / CENTRE_STEP).round() * CENTRE_STEP).collect()
     }
 
-    /// Logarithm of the modulus, rounded by [`CENTRE_STEP`].
+    /// Returns the logarithm of the modulus, rounded to a multiple of [`CENTRE_STEP`].
     fn modulus_step(&self) -> f64 {
         (self.modulus_pa.value.ln() / CENTRE_STEP).round() * CENTRE_STEP
     }
 
-    /// Law of equal structure with unit modulus.
+    /// Returns a law with the structure of `like`, unit modulus and these logarithms of the ratios.
     fn law(&self, like: &[Element], ln: &[f64]) -> Option<Vec<Element>> {
         let mut values: Vec<f64> = ln.iter().map(|x| x.exp()).collect();
         values.insert(self.first, 1.0);
@@ -146,14 +157,14 @@ fn no_law() -> Error {
 }
 
 impl LargeSurface {
-    /// Number of full-order runs for a law.
+    /// Number of full-order runs for training the surrogate of a law.
     pub fn n_runs(law: &[Element], scope: LargeScope) -> usize {
         let basis = Ratios::of(law).and_then(|ratios| basis(ratios.ln.len(), scope.mobilities));
         let of_load = if scope.with_load { 1 + LoadParameter::ALL.len() } else { 0 };
         basis.map_or(0, |basis| basis.checks.len() + basis.design.len() + of_load)
     }
 
-    /// Place of a law's box. Laws of one box share the trained surface.
+    /// Returns the numbers that identify the box of a law. Laws of one box share the trained surface.
     ///
     /// # Errors
     /// [`Error::Numerical`] for springpots.
@@ -168,10 +179,11 @@ impl LargeSurface {
         Ok(place)
     }
 
-    /// Trains on a law, the radii of robot and container in m, and a record. It calls `piece_done` after every run, from any thread.
+    /// Trains the surrogate around a law, for the radii of robot and container (m) and a record. It calls `piece_done` after
+    /// every run, from any thread.
     ///
     /// # Errors
-    /// [`Error::Numerical`] if the robot moves too far, a run fails, or the polynomials miss the runs that were not used for training.
+    /// [`Error::Numerical`] if the robot moves too far, a run fails, or the error at the check runs is too large.
     pub fn learn(
         [radius_m, outer_radius_m]: [f64; 2],
         (law, scope): (&[Element], LargeScope),
@@ -200,7 +212,7 @@ impl LargeSurface {
                 "leave `large-displacement` out, or use a smaller force",
             ));
         }
-        // The deviation is in m at every row. The load's offset is given for a scale of 1.
+        // `deviation_m` returns the deviation in m at every row. The load's offset is given for a scale of 1.
         let deviation_m = |elements: &[Element], mobility: f64, load: &Load, scale: f64| -> Result<Vec<f64>> {
             let law = FiniteLaw::new(elements, mobility).ok_or_else(no_law)?;
             let load = load.for_scaled_commands(scale);
@@ -260,13 +272,13 @@ impl LargeSurface {
         Ok(Self { centre, largest_per_pa2, farthest_radii, mobilities, by_load, surface })
     }
 
-    /// Largest difference from full-order runs not used for training, relative to the displacement.
+    /// Largest difference from the full-order runs that were not used for training, relative to the displacement.
     pub fn certified(&self) -> f64 {
         self.surface.certified
     }
 }
 
-/// Stepper that evaluates a trained surface.
+/// Stepper that evaluates a trained surrogate of large displacements.
 #[derive(Debug)]
 pub struct LargeStepper {
     learnt: LargeSurface,
@@ -276,10 +288,10 @@ pub struct LargeStepper {
 }
 
 impl LargeStepper {
-    /// Stepper for the record of the training.
+    /// Returns a stepper for the record of the training.
     ///
     /// # Errors
-    /// [`Error::Numerical`] for a surface that another program made.
+    /// [`Error::Numerical`] if the surface was made by another version of the program.
     pub fn new(learnt: LargeSurface, time_s: &[f64], force: Force<'_>) -> Result<Self> {
         let bases = [basis(learnt.centre.len(), learnt.mobilities).ok_or_else(no_law)?];
         Ok(Self { learnt, bases, time_s: time_s.to_vec(), force: force.into() })
@@ -367,8 +379,9 @@ mod tests {
     /// Scope of an Oldroyd-B fluid under the commanded force.
     const COMMANDED: LargeScope = LargeScope { mobilities: MobilityRange::OLDROYD_B, with_load: false };
 
-    /// Checks the paper's bead over one cycle, at laws and amplitudes not used for training, among them the paper's own. The reference is full-order runs
-    /// on a finer mesh with finer steps. Derivatives are compared with differences.
+    /// Checks the bead of the paper over one cycle, at the paper's law and amplitude and at others that were not used for
+    /// training. The reference is full-order runs on a finer mesh with finer time steps. Derivatives are compared with
+    /// differences.
     #[test]
     #[ignore = "thorough"]
     fn what_is_learnt_is_what_full_runs_find() {
@@ -419,7 +432,8 @@ mod tests {
         }
     }
 
-    /// Checks mobilities between those of the training, at two amplitudes, against full-order runs on a finer mesh with finer steps.
+    /// Compares the surrogate with full-order runs on a finer mesh with finer time steps, at two amplitudes and at mobilities
+    /// between those of the training.
     #[test]
     #[ignore = "campaigns/long-tests"]
     fn free_mobilities_are_what_full_runs_find() {
@@ -461,8 +475,9 @@ mod tests {
         );
     }
 
-    /// Checks loads of a few hundredths, and hundredths of a second, one at a time and together, against full-order runs on a finer mesh.
-    /// Their change of the deviation, of 12 µm, is correct to one or two tenths of a µm.
+    /// Compares the surrogate with full-order runs on a finer mesh, for each parameter of the load and for all together. Factors
+    /// and offset are changed by a few hundredths, times by hundredths of a second. They change the deviation by 12 µm, correct
+    /// to one or two tenths of a µm.
     #[test]
     #[ignore = "thorough"]
     fn loads_are_followed_to_first_order() {

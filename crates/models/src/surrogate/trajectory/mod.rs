@@ -1,8 +1,10 @@
-//! Trajectories of nonlinear laws as sums of few time modes with polynomial amplitudes. The stepper computes those for which the sums are not accurate enough.
+//! Trajectories of nonlinear laws as sums of a few time modes with polynomial amplitudes. If a sum is not accurate enough, the
+//! stepper computes the trajectory instead.
 //!
-//! By similarity few numbers distinguish laws of one kind, as the first body's modulus only scales displacements. Their space is divided into fixed boxes. A box is
-//! trained on first use, by runs of the stepper at a design of points, and checked by runs that were not used for training. It is used if it agrees with the latter
-//! to [`TOLERANCE`] of the displacement. Otherwise it is halved, or left to the stepper. A box's content depends on the box alone, not on the order of the queries.
+//! A few coordinates distinguish laws of one kind (`coordinates`). Their space is divided into fixed boxes. A box is trained on
+//! first use by runs of the stepper at design points. Runs at other points check it. The box is used if it agrees with these to
+//! [`TOLERANCE`] of the displacement. Otherwise it is halved, or the stepper computes its trajectories. The result in a box does
+//! not depend on the order of the queries.
 
 mod chart;
 mod clocked;
@@ -30,22 +32,25 @@ use record::{Force, OwnedForce};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError, RwLock};
 
-/// Largest error, relative to the displacement, at points not used for training. It is a tenth of the reduced steppers' own error.
+/// Largest error at points that were not used for training, relative to the displacement. It is a tenth of the error of the
+/// hyper-reduced model itself.
 pub const TOLERANCE: f64 = 1e-4;
 /// Number of runs that check a box.
 const N_CHECKS: u32 = 24;
-/// Supported numbers of coordinates, and the polynomials' degrees. If a degree fails, the next one is tried, on the previous points and more.
+/// Smallest supported number of coordinates.
 const FEWEST_COORDINATES: usize = 2;
+/// Degrees of the polynomials, by number of coordinates from the smallest one up. If a degree is not accurate enough,
+/// the next one is tried with additional points.
 const DEGREES: [&[usize]; 3] = [&[2, 4, 8], &[2, 3, 4, 6], &[2, 3, 5]];
-/// Largest number of rows. A box keeps a few dozen numbers for each row.
+/// Largest number of rows for which boxes are trained. A box stores a few dozen numbers for each row.
 const MOST_ROWS: usize = 20_000;
-/// Logarithm of the largest time (s). No experiment has longer times.
+/// Largest size of a coordinate of the law, a logarithm. No experiment has times beyond e¹⁶ s.
 const LONGEST_LN_S: f64 = 16.0;
 
-/// Boxes by the kind of law and their index along every coordinate.
+/// Boxes, by the kind of the law and by the index of the box along every coordinate.
 type Charts = BTreeMap<(CoordinateKind, Vec<i32>), Arc<CoordinateBox>>;
 
-/// Stepper that stores trained trajectories.
+/// Stepper that trains boxes of trajectories and reuses them.
 #[derive(Debug)]
 pub struct CachedStepper {
     stepper: SharedStepper,
@@ -56,7 +61,8 @@ pub struct CachedStepper {
 }
 
 impl CachedStepper {
-    /// Stepper for one record: the rows' times (s) and the commanded force. Queries may be for its first rows only.
+    /// Returns a stepper for one record, given by the rows' times (s) and the commanded force. Later calls may be for its first
+    /// rows only.
     pub fn new(stepper: SharedStepper, time_s: &[f64], force: Force<'_>) -> Self {
         let largest_n = force.at_rows_n.iter().fold(0.0_f64, |most, f| most.max(f.abs()));
         let (mut impulse, mut most) = (0.0_f64, 0.0_f64);
@@ -73,7 +79,7 @@ impl CachedStepper {
         }
     }
 
-    /// Trained excess; `None` if the stepper has to compute it.
+    /// Returns the trained excess (m) at every row; `None` if the stepper must compute it.
     fn learnt<N: Scalar>(
         &self,
         stages: &Stages,
@@ -100,7 +106,8 @@ impl CachedStepper {
             return None;
         }
         let chart = self.chart(kind.clone(), &values, &widths, ends);
-        // The excess is divided by the distance from the linear law. The trained excess then vanishes there exactly.
+        // The trained quantity is the excess divided by the distance from the linear law, so that the excess vanishes exactly for
+        // a linear law.
         let run = |coordinates: &[f64]| {
             let at = stages_at(stages, coordinates, sizes)?;
             let inverse = 1.0 / kind.beyond_null(*coordinates.last()?);
@@ -118,7 +125,7 @@ impl CachedStepper {
         let last = values.len() - 1;
         let origin = |k: usize| if k == last { ends[0] } else { 0.0 };
         let number = |k: usize| ((values[k] - origin(k)) / widths[k]).floor();
-        // A point on the last end belongs to the box below it.
+        // A point at the upper end of the last coordinate belongs to the last box.
         let n_last = ((ends[1] - ends[0]) / widths[last]).round();
         let cell: Vec<f64> =
             (0..=last).map(|k| if k == last { number(k).min(n_last - 1.0) } else { number(k) }).collect();
@@ -154,7 +161,7 @@ impl FieldStepper for CachedStepper {
     }
 }
 
-/// Polynomials of `n_coordinates` coordinates, of rising degree.
+/// Returns the polynomials of `n_coordinates` coordinates, one basis for each degree, with the degrees ascending.
 fn bases_of(n_coordinates: usize) -> Option<&'static [Basis]> {
     static BASES: [OnceLock<Option<Vec<Basis>>>; DEGREES.len()] = [const { OnceLock::new() }; DEGREES.len()];
     let place = n_coordinates.checked_sub(FEWEST_COORDINATES)?;
@@ -162,7 +169,8 @@ fn bases_of(n_coordinates: usize) -> Option<&'static [Basis]> {
     BASES.get(place)?.get_or_init(make).as_deref()
 }
 
-/// Compliance whose nonlinear laws store their trajectories for one record: the rows' times (s) and the commanded force.
+/// Returns a compliance whose nonlinear laws reuse trained trajectories for one record, given by the rows' times (s) and the
+/// commanded force.
 pub fn with_trajectory_cache<'f>(compliance: &Compliance, time_s: &[f64], force: impl Into<Force<'f>>) -> Compliance {
     let record = Arc::new((time_s.to_vec(), OwnedForce::from(force.into())));
     let steppers: Mutex<BTreeMap<NonlinearFamily, SharedStepper>> = Mutex::default();

@@ -1,7 +1,9 @@
-//! Trajectories of an external program in one record, as few time modes with polynomial amplitudes over a box of logarithms of its parameters.
+//! Surrogate of an external program for one record. It fits a few time modes, whose amplitudes are polynomials in the logarithms
+//! of the program's parameters.
 //!
-//! Errors are measured in units of the noise, at points not used for training. Factors of the force and an offset enter to first order, by slopes trained over
-//! the box. Delays and lags are applied to the trajectory itself (`clocked`).
+//! Errors are measured at points that were not used for training, in units of the noise standard deviation. Factors of the force
+//! and an offset enter to first order, by derivatives that are trained over the box. Delays and lags are applied to the
+//! trajectory itself (`clocked`).
 
 use rayon::prelude::*;
 
@@ -13,30 +15,30 @@ use base::number::{Dual, PointScalar};
 use laws::stages::{FieldStepper, LoadParameter, LoadUnit, Spatial, Stages};
 use record::{Force, OwnedForce};
 
-/// Largest error of modes and polynomials at any row, in units of the noise.
+/// Largest accepted error of modes and polynomials at any row, in units of the noise standard deviation.
 pub const EXTERNAL_TOLERANCE: f64 = 0.03;
-/// Degrees that are tried in turn, as far as the number of calls permits.
+/// Degrees that are tried one after the other, as far as [`EXTERNAL_MAX_POINTS`] permits.
 const DEGREES: [usize; 8] = [2, 3, 4, 6, 8, 10, 14, 20];
-/// Largest number of training points of a box, without those that check it.
+/// Largest number of training points of a box, without its check points.
 pub const EXTERNAL_MAX_POINTS: usize = 700;
-/// Extrapolated error at the highest degree, in units of the noise, above which the search in a box ends.
-/// Such a surface would support no conclusion.
+/// Extrapolated error at the highest degree, in units of the noise standard deviation, above which training ends early. Such a
+/// surface would support no conclusion.
 const HOPELESS: f64 = 0.5;
-/// Lowest degree at which the search may end early.
+/// Lowest degree at which training may end early.
 const LEAST_TRIED: usize = 6;
 /// Number of points that check a box.
 const N_CHECKS: u32 = 24;
-/// Sizes for slopes: of factors, and of the offset over the largest force.
+/// Step for the derivative by a factor of the force, or by the offset divided by the largest force.
 const LOAD_STEP: f64 = 0.05;
-/// Size of such a parameter at which its slope's error is measured.
+/// Size of a factor or offset at which the error of its first-order term is measured.
 const USUAL_SIZE: f64 = 0.1;
 
-/// Function of parameters and the force (N) at the clock's times that returns the position (m) at these times.
+/// Function that returns the position (m) at the clock's times, from the parameters and from the force (N) at these times.
 pub type ExternalModelFn<'a> = dyn Fn(&[f64], &[f64]) -> Result<Vec<f64>> + Sync + 'a;
 
-/// Box and training data.
+/// Box of parameters and record for which an external program is trained.
 pub struct ExternalTraining<'a> {
-    /// Smallest and largest value of every parameter; equal if the parameter is fixed.
+    /// Smallest and largest value of every parameter; equal values if the parameter is fixed.
     pub ends: &'a [(f64, f64)],
     /// Times at which the program computes positions.
     pub clock: &'a Clock,
@@ -44,32 +46,33 @@ pub struct ExternalTraining<'a> {
     pub time_s: &'a [f64],
     /// Commanded force.
     pub force: Force<'a>,
-    /// Noise (m), the unit of errors.
+    /// Noise standard deviation (m), which is the unit of errors.
     pub noise_m: f64,
-    /// True if the acting force may differ from the commanded one.
+    /// `true` if the acting force may differ from the commanded one.
     pub with_load: bool,
 }
 
-/// Result of the training.
+/// Trained surrogate of an external program for one record.
 #[derive(Debug, Clone)]
 pub struct ExternalSurface {
-    /// Logarithms at the ends of every parameter.
+    /// Logarithms of the smallest and largest value of every parameter.
     ln_ends: Vec<(f64, f64)>,
     bases: [Basis; 1],
     surface: Surface,
-    /// Surface at the rows alone.
+    /// Surface at the times of the rows only.
     at_rows: Surface,
-    /// Changes (m) for a unit of the positive and the negative factor, and of the offset (N); empty if the force acts as commanded.
+    /// Changes of the position (m) for a unit of the positive factor, of the negative factor and of the offset (N), in this
+    /// order. Empty if the force acts as commanded.
     by_load: Vec<Surface>,
     n_points: usize,
 }
 
 impl ExternalSurface {
-    /// Trains on a rising number of points until errors at other points are below [`EXTERNAL_TOLERANCE`], or no more points are allowed.
-    /// It calls `piece_done` after every response, from any thread.
+    /// Trains on an increasing number of points until errors at the check points are below [`EXTERNAL_TOLERANCE`], or until no
+    /// more points are allowed. It calls `piece_done` after every response of the program, from any thread.
     ///
     /// # Errors
-    /// Those of `ask`. [`Error::Numerical`] for more parameters than the polynomials support.
+    /// Errors of `ask`. [`Error::Numerical`] if there are more parameters than the polynomials support.
     pub fn learn(
         lesson: &ExternalTraining<'_>,
         ask: &ExternalModelFn<'_>,
@@ -110,7 +113,7 @@ impl ExternalSurface {
             let surface = surface(&basis, &runs);
             let is_better = best.as_ref().is_none_or(|(_, other)| surface.certified < other.certified);
             let is_done = surface.certified <= EXTERNAL_TOLERANCE;
-            // The error is extrapolated at the rate from the degree before to this one.
+            // The error at the highest degree is extrapolated from the decrease between the last two degrees.
             let is_hopeless = before.is_some_and(|(other, error)| {
                 let left = (degrees[degrees.len() - 1] - degree) as f64 / (degree - other) as f64;
                 degree >= LEAST_TRIED && surface.certified * (surface.certified / error).powf(left) > HOPELESS
@@ -151,12 +154,12 @@ impl ExternalSurface {
         Ok(Self { ln_ends, bases: [basis], surface: entry, at_rows, by_load, n_points })
     }
 
-    /// Largest error at points not used for training, in units of the noise.
+    /// Largest error at points that were not used for training, in units of the noise standard deviation.
     pub fn certified(&self) -> f64 {
         self.by_load.iter().fold(self.surface.certified, |worst, surface| worst.max(surface.certified))
     }
 
-    /// Number of points that the program computed.
+    /// Number of points at which the program computed trajectories.
     pub fn n_points(&self) -> usize {
         self.n_points
     }
@@ -166,7 +169,7 @@ fn surface(basis: &Basis, runs: &[Trained]) -> Surface {
     Surface::new(std::slice::from_ref(basis), 0, EXTERNAL_TOLERANCE, &runs.iter().collect::<Vec<_>>())
 }
 
-/// Stepper that evaluates a trained surface.
+/// Stepper that evaluates the trained surrogate of an external program.
 #[derive(Debug)]
 pub struct ExternalStepper {
     learnt: ExternalSurface,
@@ -176,7 +179,7 @@ pub struct ExternalStepper {
 }
 
 impl ExternalStepper {
-    /// Stepper for the record of the training.
+    /// Returns a stepper for the record of the training.
     pub fn new(learnt: ExternalSurface, lesson: &ExternalTraining<'_>) -> Self {
         let ExternalTraining { clock, time_s, force, .. } = *lesson;
         Self { learnt, clock: clock.clone(), time_s: time_s.to_vec(), force: force.into() }
@@ -197,7 +200,7 @@ impl ExternalStepper {
         let mut place = Vec::with_capacity(parameters.len());
         for (value, (lower, upper)) in parameters.iter().zip(ln_ends) {
             let ln = value.ln();
-            // Queries may give ends by their values, whose logarithms are rounded.
+            // Callers may pass an end of the range as a value, whose logarithm is rounded.
             let slack = 1e-12 * (1.0 + lower.abs().max(upper.abs()));
             if !(lower - slack..=upper + slack).contains(&ln.value) {
                 return Err(Error::numerical(
@@ -231,7 +234,7 @@ impl ExternalStepper {
         let mut x = surface.excess_m(bases, &place, one, n);
         changes(true).for_each(|change| add(&mut x, change));
         let mut x = self.clock.delayed_and_lagged(x, &stages.load, true);
-        // Effects that act from the beginning on are not delayed.
+        // A force that acts from the record's start is not delayed.
         changes(false).for_each(|change| add(&mut x, self.clock.delayed_and_lagged(change, &stages.load, false)));
         Ok(self.clock.rows[..n_rows].iter().map(|row| x[*row]).collect())
     }

@@ -4,39 +4,42 @@ use base::number::Scalar;
 use nalgebra::DMatrix;
 use std::f64::consts::PI;
 
-/// Number of design points for each fitted polynomial.
+/// Ratio of the number of design points to the number of polynomials.
 const OVERSAMPLING: f64 = 1.6;
-/// Seeds of the scrambled Sobol sequences of the design and of the points that check it. They are part of the method.
+/// Seed of the scrambled Sobol sequence of the design points. It is fixed, so that equal settings always give the same points.
 const DESIGN_SEED: u32 = 17;
+/// Seed of the scrambled Sobol sequence of the check points.
 const CHECK_SEED: u32 = 29;
 
-/// Polynomials on [−1, 1]ᵈ, a design of points, and the matrix that fits them to values at the points.
+/// Polynomials on [−1, 1]ᵈ with design points, and with the matrix that fits the polynomials to values at these points.
 #[derive(Debug, Clone)]
 pub(super) struct Basis {
-    /// Degree in every coordinate, for each polynomial.
+    /// Degrees of each polynomial (outer) in every coordinate (inner).
     degrees: Vec<Vec<usize>>,
     degree: usize,
-    /// Points at which values are needed.
+    /// Design points, whose values determine a fit.
     pub design: Vec<Vec<f64>>,
-    /// Points that check a fit, inside and near the faces.
+    /// Check points of a fit, inside the box and near its faces.
     pub checks: Vec<Vec<f64>>,
-    /// Matrix that gives coefficients from values: one row a polynomial, one column a point of the design.
+    /// Matrix that converts values at the design points (columns) into coefficients of the polynomials (rows).
     pub fit: DMatrix<f64>,
 }
 
 impl Basis {
-    /// Basis of a total degree. `None` if the polynomials are indistinguishable on the design, which occurs for no tested number of coordinates.
+    /// Returns the polynomials up to a total degree. `None` if the design points do not determine their coefficients, which
+    /// occurs for no tested number of coordinates.
     pub fn new(n_coordinates: usize, degree: usize, n_checks: u32) -> Option<Self> {
         Self::weighted(&vec![1.0; n_coordinates], degree as f64, OVERSAMPLING, n_checks)
     }
 
-    /// Number of design points of a total degree.
+    /// Number of design points for polynomials up to a total degree.
     pub fn n_points(n_coordinates: usize, degree: usize) -> usize {
         let n_polynomials = (1..=n_coordinates).fold(1.0, |product, k| product * (degree + k) as f64 / k as f64);
         (OVERSAMPLING * n_polynomials.round()).ceil() as usize
     }
 
-    /// Basis in which a degree in some coordinates counts as more than one, with a ratio of points to polynomials.
+    /// Returns the polynomials up to a weighted total degree. `weights` has the weight of a degree in each coordinate.
+    /// `oversampling` is the ratio of design points to polynomials.
     pub fn weighted(weights: &[f64], degree: f64, oversampling: f64, n_checks: u32) -> Option<Self> {
         let n_coordinates = weights.len();
         let mut degrees = vec![Vec::new()];
@@ -74,7 +77,7 @@ impl Basis {
         self.degrees.len()
     }
 
-    /// Values of the polynomials at a point.
+    /// Returns the values of all polynomials at a point.
     pub fn values<N: Scalar>(&self, point: &[N]) -> Vec<N> {
         let one = N::constant(1.0);
         let mut of_one = Vec::with_capacity(point.len() * (self.degree + 1));
@@ -96,7 +99,8 @@ impl Basis {
             .collect()
     }
 
-    /// Share of the squared coefficients that belongs to the highest degrees of each coordinate.
+    /// Returns, for each coordinate, the sum of the squared coefficients whose degree in this coordinate is the highest or one
+    /// less.
     pub fn tails(&self, squares: &[f64]) -> Vec<f64> {
         let n_coordinates = self.degrees.first().map_or(0, Vec::len);
         let tail = |d: usize| -> f64 {

@@ -1,4 +1,4 @@
-//! Tests of trained trajectories against the stepper, at points not used for training.
+//! Tests that compare trained trajectories with the stepper, at points that were not used for training.
 
 use super::*;
 use crate::surrogate::hyper::{self, HyperModel, HyperSettings};
@@ -14,10 +14,11 @@ const FAMILIES: [NonlinearFamily; 3] =
 const PORCINE: [f64; 3] = [3.527, 1.402, 47.370];
 const COMPLIANCE_PER_M: f64 = 549.0;
 const FORCE_N: f64 = 4.6e-6;
-/// Values of each family's parameter around which the points are.
+/// Values of each nonlinear family's parameter around which test points are drawn.
 const ABOUT: [[f64; 2]; 3] = [[0.05, 0.3], [0.93, 0.75], [0.3, 1.2]];
 
-/// Stepper of each family, from few runs, since the tests do not compare it with a full-order model.
+/// Returns the stepper of a family. It is trained on few full-order runs, since the tests do not compare it with the full-order
+/// model.
 fn stepper(which: usize) -> &'static HyperModel {
     static MODELS: [OnceLock<HyperModel>; 3] = [const { OnceLock::new() }; 3];
     MODELS[which].get_or_init(|| {
@@ -60,7 +61,7 @@ fn stages(which: usize, law: [Dual; 3], value: Dual) -> Stages {
     stages
 }
 
-/// Points around a value: laws within 4 %, the value within 3 %.
+/// Returns test points near a value of the nonlinear parameter. The law's parameters vary by 4 %, the nonlinear parameter by 3 %.
 fn points(which: usize, about: f64) -> Vec<Stages> {
     let near = |index: u32, dimension: u32, width: f64| {
         1.0 + width * (2.0 * f64::from(sobol_burley::sample(index, dimension, 91)) - 1.0)
@@ -76,7 +77,8 @@ fn largest(values: &[f64]) -> f64 {
     values.iter().fold(0.0, |most, x| most.max(x.abs()))
 }
 
-/// Checks the reduction by similarity, the basis of this module: one factor multiplies E, c₁ and c₂, and the nonlinear parameter is adapted.
+/// Checks the similarity on which this module is based. If one factor multiplies E, c₁ and c₂ and the nonlinear parameter is
+/// adapted, displacements only change by a factor.
 #[test]
 fn steppers_only_scale_with_the_modulus() {
     let (time_s, force_n) = record();
@@ -94,8 +96,8 @@ fn steppers_only_scale_with_the_modulus() {
     }
 }
 
-/// Checks learnt trajectories against the stepper at points not used for training, to the boxes' tolerance. The first half of the record
-/// alone must give the same positions.
+/// Compares trained trajectories with the stepper at points that were not used for training, to the tolerance of the boxes. The
+/// first half of the record alone must give the same positions.
 #[test]
 fn what_is_remembered_is_what_the_stepper_says() {
     let (time_s, force_n) = record();
@@ -128,7 +130,8 @@ fn what_is_remembered_is_what_the_stepper_says() {
     }
 }
 
-/// Checks that the stepper computes uncovered cases, to the last bit: another record, another load, a law outside all boxes.
+/// Checks that results equal the stepper's to the last bit if no box covers them. This is so for another record, for another
+/// load, and for a law outside all boxes.
 #[test]
 fn what_is_not_covered_is_left_to_the_stepper() {
     let (time_s, force_n) = record();
@@ -152,7 +155,7 @@ fn what_is_not_covered_is_left_to_the_stepper() {
     assert!(!learnt(&thin, &time_s));
 }
 
-/// Checks that the bits of a point do not depend on earlier queries or on other points.
+/// Checks that the result at a point does not depend on earlier calls or on other points, to the last bit.
 #[test]
 fn answers_depend_on_nothing_but_the_point() {
     let (time_s, force_n) = record();
@@ -171,8 +174,8 @@ fn answers_depend_on_nothing_but_the_point() {
     assert!(in_order == reversed && in_order == at_once);
 }
 
-/// Checks that the excess and its trained value vanish in proportion near the linear law.
-/// Fits that start there need this.
+/// Checks that the relative error of the trained excess stays small near the linear law, where the excess vanishes. Fits that
+/// start there need this.
 #[test]
 fn little_excess_is_as_right_as_much() {
     let (time_s, force_n) = record();
@@ -187,8 +190,8 @@ fn little_excess_is_as_right_as_much() {
     }
 }
 
-/// Checks that derivatives equal those of the trained trajectory, up to the error of a central difference.
-/// They equal those of the stepper up to the polynomials' error.
+/// Checks that derivatives equal central differences of the trained trajectory up to the error of the difference. They must equal
+/// the derivatives of the stepper up to the error of the polynomials.
 #[test]
 fn derivatives_are_those_of_the_trajectory() {
     let (time_s, force_n) = record();
@@ -215,7 +218,8 @@ fn derivatives_are_those_of_the_trajectory() {
             };
             let of_difference = distance(&|i| (ahead[i] - behind[i]) / 2e-5);
             let of_stepper = dual(stepper(which));
-            // Errors are 10⁻⁴ of the displacement, here a millimetre, over boxes of a tenth. Derivatives then have errors of some 10⁻³ of it.
+            // Errors are 10⁻⁴ of the displacement, which is a millimetre here, over boxes of width about a tenth. Errors of
+            // derivatives are therefore about 10⁻³ of the displacement.
             let of_stepper = distance(&|i| of_stepper[i]) * largest(&values) / 1e-3;
             println!("{:?} {direction}: {of_difference:e} {of_stepper:e}", FAMILIES[which]);
             assert!(of_difference < 1e-6, "{:?} {direction}: {of_difference:e}", FAMILIES[which]);

@@ -1,5 +1,5 @@
-//! Terms of the noise, one file each. A term states its name, its parameters with their priors, and its learning in a search. It writes itself into the [`PredictiveScales`] of the
-//! filter. A new term is a file and a line in [`TERMS`]; only a term with a new equation changes the filter, too.
+//! Terms of the noise, one file each. A term defines its name, its parameters with their priors, and how a search learns it. It writes its parameters into the
+//! [`FilterScales`]. A new term needs a file and a line in [`TERMS`]. Only a term with a new equation also needs a change of the filter.
 
 mod gain;
 mod ornstein_uhlenbeck;
@@ -11,41 +11,41 @@ use super::scales::{FilterScales, NoiseScales};
 use base::distribution::Distribution;
 use base::parameter::ParameterSpec;
 
-/// A part of the noise; see the [module](super).
+/// A term of the noise model. The [parent module](super) lists the terms and their equations.
 pub(super) trait NoiseTerm: Sync {
-    /// Name in `model.toml`.
+    /// Name of the term in `model.toml`.
     fn name(&self) -> &'static str;
 
-    /// Parameters, in order.
+    /// Parameters of the term, in the order in which values are given.
     fn parameters(&self) -> &'static [ParameterSpec];
 
-    /// Default prior of a parameter, used if no file gives one, and its reason; `None` if a file must give it.
+    /// Default prior of a parameter and the reason for it, used if the prior file has no table of the parameter. `None` means that the file must have one.
     fn default_prior(&self, parameter: &ParameterSpec, scales: &NoiseScales) -> Option<(Distribution, &'static str)>;
 
-    /// Parts of the filter that the term needs.
+    /// Components of the filter that the term needs.
     fn equations(&self) -> Equations;
 
-    /// Learning of the term in a search; `None` if a search cannot learn it.
+    /// Description of the term for a search that learns it; `None` if a search cannot learn it.
     fn learning(&'static self) -> Option<&'static dyn LearntTerm> {
         None
     }
 
-    /// Writes parameter values, which lie in their supports, into the scales. The terms before it have already written theirs.
+    /// Writes the term's parameter values into the scales. The values lie in their supports. Earlier terms have already written theirs.
     fn write(&self, values: &[f64], scales: &mut FilterScales);
 }
 
-/// Parts of the filter.
+/// Components of the filter that a noise model uses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) struct Equations {
-    /// A state that decays with time.
+    /// State that decays with time: the process.
     pub process: bool,
-    /// States that begin anew with every cycle.
+    /// States that begin anew in every cycle: gain and offset.
     pub cycles: bool,
-    /// Student's t instead of normal predictions.
+    /// Student-t predictions instead of normal ones.
     pub heavy_tails: bool,
 }
 
-/// All terms, in the order of their parameters. The first is in every model, and the sizes of the others are relative to its size.
+/// All terms, in the order of their parameters. The first term is in every model. The variances of the others are relative to its variance.
 pub(super) const TERMS: &[&dyn NoiseTerm] =
     &[&white::White, &ornstein_uhlenbeck::OrnsteinUhlenbeck, &gain::Gain, &student::Student];
 

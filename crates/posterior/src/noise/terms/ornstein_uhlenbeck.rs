@@ -26,7 +26,7 @@ impl NoiseTerm for OrnsteinUhlenbeck {
             let distribution = Distribution::LogNormal { median: 0.5 * noise_sd_um, log_sd: 1.0 };
             return Some((distribution, "chosen: about half the white noise, within a factor of seven (95 %)"));
         }
-        // A process that decays within two rows is equivalent to white noise, and the two could exchange their roles.
+        // A process that decays within two rows is equivalent to white noise. The two terms could then exchange their roles.
         let lower = 2.0 * sample_interval_s;
         let distribution = Distribution::LogUniform { lower, upper: cycle_s.max(10.0 * lower) };
         Some((distribution, "chosen: from two sample intervals, below which it is white noise, to a cycle"))
@@ -82,7 +82,7 @@ impl LearntTerm for OrnsteinUhlenbeck {
         vec![sd, time]
     }
 
-    /// Starts with three correlation times, each with a small and a large size.
+    /// Starts at three correlation times, each with a small and a large standard deviation.
     fn starts(&self, scales: &NoiseScales, priors: &[Distribution]) -> Vec<Vec<f64>> {
         let ln_white_um = scales.noise_sd_um.ln();
         let [shortest, longest] = ln_time_s(priors);

@@ -1,4 +1,4 @@
-//! Noise term with Student's t instead of normal predictions.
+//! Noise term that replaces normal errors by Student-t errors.
 
 use super::{Equations, NoiseTerm};
 use crate::noise::NoiseScales;

@@ -1,4 +1,4 @@
-//! Noise term with independent errors of one size; it is in every model.
+//! Noise term with independent errors of equal variance. It is in every model.
 
 use super::{Equations, NoiseTerm};
 use crate::noise::NoiseScales;

@@ -1,8 +1,8 @@
-//! Differential evolution: a walker moves along the difference of two others.
+//! Differential evolution: a walker at x moves along the difference of two other walkers c₁ and c₂.
 //!
-//! y = x + γ (c₁ − c₂), γ = γ₀·u with γ₀ = 2.38/√(2d) and u uniform on [1 − s, 1 + s]. In a fraction of the proposals γ = 1,
-//! which carries walkers between modes. The move is symmetric, so that the correction is one.
-//! ter Braak 2006, doi:10.1007/s11222-006-8769-1; Nelson, Ford & Payne 2013, doi:10.1088/0067-0049/210/1/11.
+//! The proposal is y = x + γ (c₁ − c₂) with γ = γ₀·u. Here γ₀ = 2.38/√(2d) for dimension d, and u is uniform on [1 − s, 1 + s]. A fraction of the
+//! proposals use γ = 1 instead, which carries walkers between modes. The move is symmetric, so its correction factor is one. ter Braak 2006,
+//! doi:10.1007/s11222-006-8769-1; Nelson, Ford & Payne 2013, doi:10.1088/0067-0049/210/1/11.
 
 use super::{Move, WalkerPoints};
 use crate::ensemble::random::RandomStream;
@@ -10,9 +10,9 @@ use crate::ensemble::random::RandomStream;
 /// Differential-evolution move.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DifferentialEvolution {
-    /// Factor on γ₀ = 2.38/√(2d).
+    /// Factor that multiplies γ₀ = 2.38/√(2d).
     pub scale: f64,
-    /// Half-width s of the uniform factor on γ, in [0, 1).
+    /// Half-width s of the range of the uniform factor u, 0 ≤ s < 1.
     pub spread: f64,
     /// Fraction of proposals with γ = 1.
     pub jump_probability: f64,
@@ -46,7 +46,7 @@ impl Move for DifferentialEvolution {
         log_factors.fill(0.0);
         for (i, stream) in random_streams.iter_mut().enumerate() {
             let (a, b) = stream.distinct_pair(n);
-            // One word makes both choices: below `jump` it selects a jump, above it is again uniform.
+            // One random number u makes both choices. If u is below `jump`, the walker jumps; otherwise the rescaled u is again uniform.
             let u = stream.unit();
             let factor = 1.0 + self.spread * (2.0 * (u - jump) / (1.0 - jump) - 1.0);
             let gamma = if u < jump { 1.0 } else { gamma_0 * factor };

@@ -1,9 +1,9 @@
-//! Independence move: a walker jumps to a draw from a fixed approximation of the posterior.
+//! Independence move: a walker jumps to a point that is drawn from a fixed approximation of the posterior.
 //!
-//! The approximation is a mixture of multivariate t distributions with six degrees of freedom, one per mode:
-//! q(y) = Σ w_k t₆(y; m_k, S_k). A draw does not depend on x and is accepted with (π(y)/q(y))/(π(x)/q(x)).
-//! If q is good, most draws are accepted and nearly independent, within and between modes. Otherwise most draws are
-//! rejected and the other moves do the work. Tierney 1994, doi:10.1214/aos/1176325750, §2.3.2.
+//! The approximation q is a mixture of multivariate t distributions with six degrees of freedom, one per mode k: q(y) = Σ w_k t₆(y; m_k, S_k). Here w_k
+//! is the weight, m_k the location and S_k the scale matrix. A draw y does not depend on the present point x. It is accepted with probability min(1,
+//! (π(y)/q(y))/(π(x)/q(x))), where π is the posterior. If q is a good approximation, most draws are accepted and nearly independent, within and between
+//! modes. Otherwise most draws are rejected, and the other moves do the work. Tierney 1994, doi:10.1214/aos/1176325750, §2.3.2.
 
 use super::{Move, WalkerPoints};
 use crate::ensemble::random::RandomStream;
@@ -11,7 +11,7 @@ use crate::optimum::Modes;
 use crate::t_mixture::{Jumps, TMixture};
 use serde::{Deserialize, Serialize};
 
-/// Independence move from a mixture of t₆ distributions.
+/// Independence move that draws from a mixture of t distributions with six degrees of freedom.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Independence {
@@ -24,13 +24,13 @@ impl Independence {
         TMixture::from_modes(modes, dimension).map(|mixture| Self { mixture })
     }
 
-    /// Builds the move from the modes and fits each component's location and shape to the draws nearest to its mode, if there are enough.
-    /// `points` lists draws one by one.
+    /// Builds the move from the modes. A component's location and shape are fitted to the draws nearest to its mode, if there are enough. Each entry of
+    /// `points` is one draw.
     pub fn fitted(modes: &Modes, dimension: usize, points: &[Vec<f64>]) -> Option<Self> {
         TMixture::fitted(modes, dimension, points).map(|mixture| Self { mixture })
     }
 
-    /// Replaces a point by a draw and returns ln q(point) − ln q(draw).
+    /// Replaces `point` by a draw from q. Returns ln q(old point) − ln q(draw). `noise` is work space.
     #[inline]
     fn jump(&self, stream: &mut RandomStream, point: &mut [f64], noise: &mut [f64]) -> f64 {
         let mixture = &self.mixture;
@@ -59,7 +59,7 @@ impl Move for Independence {
             return Jumps { component, exponent, points, draws: proposals, log_factors }.draw(random_streams);
         }
         let dimension = moving.dimension;
-        // Work space on the stack for usual dimensions, so that the hot loop does not allocate.
+        // The work space is on the stack for usual dimensions, so that the frequently executed loop does not allocate memory.
         let mut few = [0.0; 2 * 16];
         let mut many;
         let space = if dimension <= 16 {
@@ -83,7 +83,8 @@ mod tests {
     use super::*;
     use crate::optimum::Optimum;
 
-    /// One component for all walkers at once gives the draws and factors of single walkers. The numbers of walkers do and do not fill blocks.
+    /// With one component, the code that treats all walkers at once gives the same draws and factors as the code for single walkers. The test uses numbers of
+    /// walkers that are multiples of the block size and others.
     #[test]
     fn the_short_way_of_one_component_is_the_long_one() {
         let mut modes = Modes::default();

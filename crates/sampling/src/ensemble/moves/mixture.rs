@@ -1,18 +1,18 @@
-//! Mixture: every half-step uses one of several moves, drawn with fixed weights.
+//! Mixture of moves: each half-step uses one of several moves, chosen at random with fixed weights.
 
 use super::{Move, WalkerPoints};
 use crate::ensemble::random::RandomStream;
 
-/// Moves with weights. The choice does not depend on the walkers, so that the mixture keeps every distribution invariant that
-/// all its moves keep.
+/// Several moves with weights. The choice does not depend on the walkers. A distribution that every move leaves invariant is therefore invariant under
+/// the mixture.
 pub struct Mixture {
-    /// Upper ends of the cells of [0, 1) that choose a move.
+    /// Each move with its cumulative weight in [0, 1]. The first move whose cumulative weight exceeds a uniform random number is used.
     moves: Vec<(f64, Box<dyn Move>)>,
     name: String,
 }
 
 impl Mixture {
-    /// Builds a mixture from weights that need not add up to one. Moves without a positive, finite weight are omitted.
+    /// Builds a mixture. The weights need not add up to one. Moves whose weight is not positive and finite are omitted.
     pub fn new(weighted: Vec<(f64, Box<dyn Move>)>) -> Self {
         let mut moves = weighted;
         moves.retain(|(weight, _)| *weight > 0.0 && weight.is_finite());
@@ -46,7 +46,7 @@ impl Move for Mixture {
         let chosen = self.moves.iter().find(|(upper, _)| u < *upper).or(self.moves.last());
         match chosen {
             Some((_, part)) => part.propose(moving, complement, shared, random_streams, proposals, log_factors),
-            // An empty mixture does not move.
+            // An empty mixture leaves every walker in place.
             None => {
                 proposals.copy_from_slice(moving.coordinates);
                 log_factors.fill(0.0);

@@ -1,7 +1,7 @@
-//! Moves propose new positions of walkers, given the walkers of the other half of the ensemble.
+//! Moves that propose new positions for one half of the walkers, given the walkers of the other half.
 //!
 //! [`super::Ensemble`] implements the split-ensemble scheme (Goodman & Weare 2010, doi:10.2140/camcos.2010.5.65; Foreman-Mackey et al. 2013,
-//! doi:10.1086/670067). A move only computes proposals and their correction factors.
+//! doi:10.1086/670067). A move only computes proposals and their correction factors; the ensemble accepts or rejects them.
 
 mod differential_evolution;
 mod independence;
@@ -17,29 +17,29 @@ pub use stretch::Stretch;
 
 use super::random::RandomStream;
 
-/// Points in the layout of [`crate::LogDensity`]: coordinate d of point i at `coordinates[d * n + i]`.
+/// Points of several walkers in the layout of [`crate::LogDensity`]: coordinate d of point i is at `coordinates[d * n + i]`.
 #[derive(Debug, Clone, Copy)]
 pub struct WalkerPoints<'a> {
-    /// The coordinates.
+    /// Coordinates, `dimension * n` values.
     pub coordinates: &'a [f64],
     /// Number of points.
     pub n: usize,
-    /// Coordinates of a point.
+    /// Number of coordinates of each point.
     pub dimension: usize,
 }
 
-/// A proposal for every walker of one half.
+/// Rule that proposes a new position for each walker of one half.
 ///
-/// A move leaves any target π invariant under this acceptance rule: accept a proposal y from x, given the complement, with
-/// probability min(1, exp(log_factor)·π(y)/π(x)).
+/// The ensemble accepts a proposal y from x with probability min(1, exp(log_factor)·π(y)/π(x)). Under this rule a move must leave any target density π
+/// invariant, with the walkers of the other half held fixed.
 pub trait Move: Send + Sync {
-    /// Name with all constants. A checkpoint must agree with it.
+    /// Name of the move with all its constants. A run continues from a checkpoint only if the names agree.
     fn name(&self) -> String;
 
-    /// Fills `proposals` (layout of [`KernelPoints`], as many as `moving`) and `log_factors`.
+    /// Fills `proposals` and `log_factors`. `proposals` has the layout of [`WalkerPoints`] and as many points as `moving`.
     ///
-    /// `own` holds one random stream per moving walker. `shared` is the ensemble's stream, for choices that all walkers
-    /// share. The complement has at least four points. Draws from `own` must not change it.
+    /// `random_streams` holds one stream for each moving walker; draws from it must not change the complement. `shared` is the ensemble's stream, for choices
+    /// that all walkers share. The complement (the other half) has at least four points.
     fn propose(
         &self,
         moving: WalkerPoints,
@@ -51,9 +51,9 @@ pub trait Move: Send + Sync {
     );
 }
 
-/// The default move: mostly differential evolution, with some snooker for steps in other directions and of other lengths. Differential evolution
-/// had the shortest autocorrelation time of the ensemble's moves on the creep posterior of the base model. (A run also jumps into a
-/// fixed approximation by default, which makes this choice less important.)
+/// Default move: mostly differential evolution, with some snooker moves for steps of other directions and lengths. On the creep posterior of the base
+/// model, differential evolution had the shortest autocorrelation time of all moves tried. By default a run also jumps to draws from a fixed
+/// approximation, which makes this choice less important.
 pub fn default_move() -> Mixture {
     Mixture::new(vec![
         (0.8, Box::new(DifferentialEvolution::default()) as Box<dyn Move>),

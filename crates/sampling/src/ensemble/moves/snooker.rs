@@ -1,7 +1,7 @@
-//! Snooker: a walker moves on the line through another walker, by the projected difference of two more.
+//! Snooker: a walker at x moves along the line through another walker c. The step is the projected difference of two further walkers c₁ and c₂.
 //!
-//! The proposal is y = x + γ ((c₁ − c₂)·e) e, with e the direction of x − c. It is accepted with (|y − c|/|x − c|)^(d−1) π(y)/π(x).
-//! ter Braak & Vrugt 2008, doi:10.1007/s11222-008-9104-9, eq. 3–4.
+//! The proposal is y = x + γ ((c₁ − c₂)·e) e, where e is the unit vector along x − c. It is accepted with probability min(1, (|y − c|/|x − c|)^(d−1)
+//! π(y)/π(x)); d is the dimension and π the target. ter Braak & Vrugt 2008, doi:10.1007/s11222-008-9104-9, eq. 3–4.
 
 use super::{Move, WalkerPoints};
 use crate::ensemble::random::RandomStream;
@@ -9,7 +9,7 @@ use crate::ensemble::random::RandomStream;
 /// Snooker move.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Snooker {
-    /// Factor γ on the projected difference.
+    /// Factor γ that multiplies the projected difference.
     pub scale: f64,
 }
 
@@ -44,7 +44,7 @@ impl Move for Snooker {
                 distance2 += towards * towards;
                 projected += (others[a] - others[b]) * towards;
             }
-            // A walker at its anchor has no direction and proposes to stay.
+            // A walker at the position of c has no direction e. Its proposal is to stay.
             let along = if distance2 > 0.0 { self.scale * projected / distance2 } else { 0.0 };
             for d in 0..moving.dimension {
                 let x = moving.coordinates[d * moving.n + i];

@@ -1,4 +1,4 @@
-//! Newton's method for R, the state and the position at the nodes of a step, which depend on each other.
+//! Newton's method for the pseudo-stress R, the state and the position at the nodes of a step, which depend on each other.
 
 use super::super::collocation::{END, N_NODES};
 use super::super::numbers::Real;
@@ -10,38 +10,41 @@ use laws::stages::{ElementPlace, Operation, Quantity, State, StateLaw};
 
 /// Largest number of Newton steps in one time step.
 const MOST_NEWTON_STEPS: usize = 40;
-/// Size of the last Newton step, as a share of the largest force. The error after it is its square, which is below rounding. Numbers with a derivative
-/// take one more step.
+/// Size of a Newton step, relative to the largest force, after which the iteration ends. The remaining error is of the order of
+/// its square, which is below rounding. Numbers with a derivative take one more step.
 const LAST_STEP: f64 = 1e-8;
-/// Smallest share of a Newton step that is tried.
+/// Smallest fraction of a Newton step that is tried.
 const LEAST_SHARE: f64 = 1e-3;
 
-/// Relation of R to force, strain and the function.
+/// Equation for R in terms of the force F, the body's strain ε and the function φ of the state.
 #[derive(Clone, Copy)]
 pub enum Source<T> {
-    /// R = F (φ − 1), or the function itself.
+    /// State-dependent force: R = F (φ − 1), or R = φ if the function is added.
     Force,
-    /// R = −E (φ − 1) ε.
+    /// State-dependent spring of modulus E in parallel with other elements: R = −E (φ − 1) ε. The value is E divided by the
+    /// compliance C.
     Spring(T),
-    /// R = (1/φ − 1)(s − E ε), E of the parallel springs.
+    /// Other state-dependent element: R = (1/φ − 1)(s − E ε), with s the stress and E the modulus of the parallel springs. The
+    /// value is E divided by the compliance C.
     Other(T),
-    /// No R: the position is multiplied.
+    /// State-dependent position. There is no R, because the function changes the position directly.
     Position,
 }
 
-/// Force, strain and state at `N` places at once.
+/// Force and time at `N` nodes of a step, and the response there as a linear function of R.
 pub struct Nodes<T, const N: usize> {
     pub force_n: [T; N],
     pub growth: [T; N],
     pub time_s: [T; N],
-    /// Position and the body's share of it, both for R = 0.
+    /// Position and the body's contribution to it, both for R = 0 and without the growth.
     pub known: [[T; N]; 2],
-    /// Derivatives of the position, and of the body's share of it, by R at the nodes.
+    /// Derivatives of the position, and of the body's contribution, at node i (row) by R at node j (column). Both have equal
+    /// derivatives.
     pub by_feedback: [[T; N]; N],
 }
 
 impl<T: Real, const N: usize> Nodes<T, N> {
-    /// Position (`which` 0), or the body's share of it (`which` 1), at the nodes under R.
+    /// Returns the position (`which` 0) or the body's contribution to it (`which` 1) at the nodes, for R = `feedback`.
     fn answers(&self, which: usize, feedback: &[T; N]) -> [T; N] {
         std::array::from_fn(|i| {
             let answered = (0..N).fold(self.known[which][i], |sum, j| sum + self.by_feedback[i][j] * feedback[j]);
@@ -50,21 +53,23 @@ impl<T: Real, const N: usize> Nodes<T, N> {
     }
 }
 
-/// Residual of R at the nodes, with its derivatives.
+/// Residual of the equation for R at the nodes, with its derivatives.
 pub struct Imbalance<T, const N: usize> {
     pub left: [T; N],
-    /// Derivatives of the residual by R.
+    /// Derivatives of the residual at node i (row) by R at node j (column).
     pub matrix: [[f64; N]; N],
     pub states: [f64; N],
-    /// Derivatives of the states by the positions at the nodes.
+    /// Derivatives of the state at node i (row) by the position at node j (column).
     pub by_position: [[f64; N]; N],
-    /// Derivatives of the function by the state, and of the target of R by the function and by the strain.
+    /// Derivatives of the function by the state.
     pub by_state: [f64; N],
+    /// Derivatives, by the function's value, of the R that the equation demands.
     pub by_value: [f64; N],
+    /// Derivatives, by the strain, of the R that the equation demands.
     pub by_strain: [f64; N],
 }
 
-/// Relation of R, and the quantity if the function is added to it.
+/// Returns the equation for R, and the quantity's value if the function is added to it.
 pub fn source<T: Real>(law: &StateLaw, elements: &[Element], compliance_per_m: T) -> Result<(Source<T>, Option<T>)> {
     let Quantity::Element(ElementPlace { body, part }) = law.quantity else {
         return Ok((if law.quantity == Quantity::Force { Source::Force } else { Source::Position }, None));
@@ -107,7 +112,8 @@ pub fn no_element() -> Error {
 }
 
 impl<T: Real> StateLawRun<'_, T> {
-    /// Returns R and the positions at the nodes, and the velocity at the last, by Newton's method from a guess, with derivatives.
+    /// Returns R and the positions at the nodes, and the velocity at the last node. Newton's method starts from `guess`. The
+    /// numbers carry derivatives.
     pub fn balance<const N: usize>(
         &self,
         nodes: &Nodes<T, N>,
@@ -123,7 +129,7 @@ impl<T: Real> StateLawRun<'_, T> {
         if matches!(self.source, Source::Position) {
             return ended([T::constant(0.0); N]);
         }
-        // If the state is known in advance, the equations are linear and the first step is the last.
+        // If the state does not depend on the motion, the equations are linear and one Newton step solves them.
         let is_linear = !self.law.state.depends_on_motion() && !T::CARRIES;
         let mut feedback = guess;
         let mut before = f64::INFINITY;
@@ -132,7 +138,7 @@ impl<T: Real> StateLawRun<'_, T> {
         for _ in 0..MOST_NEWTON_STEPS {
             let Imbalance { left, matrix, .. } = self.imbalance(nodes, now, &feedback, length_s);
             let size = left.iter().fold(0.0_f64, |most, left| most.max(left.value().abs()));
-            // A step that increases the residual, or makes it NaN, is too long.
+            // A Newton step that increases the residual, or makes it NaN, is halved.
             if let Some((step, share)) =
                 last_step.filter(|(_, share)| (size.is_nan() || size > before) && *share > LEAST_SHARE && !is_last)
             {
@@ -155,7 +161,7 @@ impl<T: Real> StateLawRun<'_, T> {
         Err(no_balance(now.now_s.value()))
     }
 
-    /// Returns the residual at the nodes, with its derivatives.
+    /// Returns the residual of the equation for R at the nodes, with its derivatives.
     pub fn imbalance<const N: usize>(
         &self,
         nodes: &Nodes<T, N>,
@@ -182,7 +188,7 @@ impl<T: Real> StateLawRun<'_, T> {
             let (target, by_value, by_strain) = self.feedback(value, nodes.force_n[i], strain);
             at.left[i] = target - feedback[i];
             (at.by_state[i], at.by_value[i], at.by_strain[i]) = (slope.derivative, by_value, by_strain);
-            // Derivatives of the state by R at the nodes.
+            // `state` holds the derivatives of the state at node i by R at every node.
             let mut state = [0.0; N];
             for k in (0..N).filter(|k| by_position[i][*k] != 0.0) {
                 let by_answer = by_position[i][k] * nodes.growth[k].value();
@@ -196,7 +202,7 @@ impl<T: Real> StateLawRun<'_, T> {
         at
     }
 
-    /// Returns R, and its derivatives by the function's value and by the strain.
+    /// Returns the R that the equation demands for a value of the function, and its derivatives by this value and by the strain.
     fn feedback(&self, value: T, force_n: T, strain: T) -> (T, f64, f64) {
         let one = T::constant(1.0);
         let (factor, by_value) = match (self.law.operation, self.quantity) {
@@ -230,7 +236,7 @@ impl<T: Real> StateLawRun<'_, T> {
         self.slope_at(node, now.position_m, position_m, length_s)
     }
 
-    /// Derivative at a node of a function with these values at a step's start and nodes.
+    /// Derivative in time, at a node, of the polynomial through these values at the step's start and nodes.
     pub fn slope_at(&self, node: usize, begin: T, at_nodes: &[T], length_s: T) -> T {
         let slopes = &self.slopes[node];
         at_nodes.iter().zip(&slopes[1..]).fold(begin * slopes[0], |sum, (x, slope)| sum + *x * *slope) / length_s
@@ -251,7 +257,7 @@ impl<T: Real> StateLawRun<'_, T> {
         match self.law.state {
             State::Position => by_position = std::array::from_fn(|i| std::array::from_fn(|j| identity(i, j))),
             State::Strain => {
-                // R moves the body and the robot equally.
+                // R changes the body's displacement and the robot's position equally.
                 states = *share_m;
                 by_position = std::array::from_fn(|i| std::array::from_fn(|j| identity(i, j)));
             }
@@ -299,7 +305,7 @@ impl<T: Real> StateLawRun<'_, T> {
     }
 }
 
-/// Solves a linear system by elimination with pivots. The right side may carry a derivative. `None` if the matrix is singular.
+/// Solves a linear system by elimination with pivoting; `None` if the matrix is singular. The right side may carry derivatives.
 pub fn solved<T: Scalar, const N: usize>(mut matrix: [[f64; N]; N], mut right: [T; N]) -> Option<[T; N]> {
     for k in 0..N {
         let pivot = (k..N).max_by(|&a, &b| matrix[a][k].abs().total_cmp(&matrix[b][k].abs()))?;

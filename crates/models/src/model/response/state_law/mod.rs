@@ -1,9 +1,11 @@
-//! Excess of the robot's position over the linear law's if a quantity depends on a state (physics §5.3).
+//! Excess of the robot's position over that of the linear law, if a quantity depends on a state (physics §5.3).
 //!
-//! A body with a state-dependent element responds like the unchanged body under another stress, s + R. For a spring of modulus E in parallel with others,
-//! R = −E (φ − 1) ε with ε the body's strain. For an element that is the whole body, or its only part besides springs, R = (1/φ − 1)(s − E ε), E the modulus
-//! of the parallel springs. For a state-dependent force, R = F (φ − 1) on all bodies. R is smooth between switches. It is a quartic through the nodes of
-//! [`super::collocation`], integrated exactly against every mode, and Newton's method finds it together with the state.
+//! A body with a state-dependent element responds like the unchanged body under another stress s + R. The pseudo-stress R depends
+//! on the factor φ, the function of the state. For a spring of modulus E in parallel with other elements, R = −E (φ − 1) ε with ε
+//! the body's strain. For an element that is the body's only one, or its only one besides springs, R = (1/φ − 1)(s − E ε). Here E
+//! is the modulus of the parallel springs. For a state-dependent force, R = F (φ − 1) on all bodies. R is smooth between switches
+//! of the force. A quartic through the nodes of [`super::collocation`] represents it and is integrated exactly against every
+//! mode. Newton's method finds R together with the state.
 
 mod balance;
 mod modes;
@@ -22,19 +24,20 @@ use base::number::{Complex, Dual};
 use laws::rheology::{Accuracy, Element, RetardationSpectrum, TimeWindow};
 use laws::stages::{Operation, Quantity, Stages, State, StateLaw};
 
-/// Shortest relevant time after a switch for R, as a share of the shortest step, if switches coincide with rows.
+/// Shortest time after a switch that is relevant for R, divided by the shortest step, if switches coincide with rows.
 const WITHIN_ROWS: f64 = 0.04;
 /// Assumed relative change of a quantity over the range of its state, for the choice of step lengths.
 const STRENGTH: f64 = 0.1;
-/// Largest ratio of a step to the one before for which that one's polynomial is extrapolated.
+/// Largest ratio of a step to the previous step for which the previous step's polynomial is extrapolated.
 const MOST_AHEAD: f64 = 2.5;
-/// Times that differ by less than this share are equal.
+/// Relative difference below which two times are equal.
 const CLOCK_ROUNDING: f64 = 1e-12;
 
-/// State carried from step to step.
+/// State of the modes, of the force and of the motion between two steps.
 struct Carried<T> {
-    /// Modes under the force, all of them, and under R, the body's.
+    /// Response of all modes to the force, real and oscillating.
     by_force: (Vec<T>, Vec<Complex<T>>),
+    /// Response of the body's modes to R, real and oscillating.
     by_feedback: (Vec<T>, Vec<Complex<T>>),
     now_s: T,
     level_n: T,
@@ -42,7 +45,8 @@ struct Carried<T> {
     deficit_n: T,
     growth: T,
     feedback_n: T,
-    /// R at the last step's start and nodes, and the step's length, from which the next R is guessed. `None` after a jump.
+    /// R at the start and nodes of the last step, and its length in s. They give the initial guess for the next step. `None`
+    /// after a jump of the force.
     before: Option<([T; N_NODES + 1], f64)>,
     position_m: T,
     path_m: T,
@@ -50,26 +54,26 @@ struct Carried<T> {
     velocity: T,
 }
 
-/// One run through the record.
+/// Model of one run through a record.
 struct StateLawRun<'a, T> {
     law: &'a StateLaw,
-    /// Parameters of the function without derivatives.
+    /// Values of the function's parameters, without derivatives.
     constants: Vec<Dual>,
     source: Source<T>,
-    /// Quantity itself, if the function is added to it.
+    /// Value of the quantity if the function is added to it; `None` if the function is a factor.
     quantity: Option<T>,
     modes: Modes<T>,
     rises: bool,
-    /// Times of force steps after the delay, ascending.
+    /// Times in s at which force steps begin to act, delay included, ascending.
     steps_s: Vec<T>,
     largest_n: f64,
-    /// Derivatives at the nodes of the polynomial through the step's start and the nodes.
+    /// Derivatives, at each node (row), of the polynomial through values at the step's start and nodes (columns).
     slopes: [[f64; N_NODES + 1]; N_NODES],
-    /// Weights of the values there for extrapolation to the nodes of an equally long next step.
+    /// Weights of the values at the start and nodes (columns) that extrapolate to each node (row) of an equally long next step.
     next: [[f64; N_NODES + 1]; N_NODES],
 }
 
-/// Excess of the position with the stages' state law over the linear law's at every row, in m.
+/// Returns the excess, in m at every row, of the position with the stages' state law over that of the linear law.
 pub(super) fn excess_m<T: Real>(
     response: &Response,
     stages: &Stages,
@@ -79,7 +83,8 @@ pub(super) fn excess_m<T: Real>(
     excess(response, stages, law, compliance_per_m, false).map(|(excess_m, _)| excess_m)
 }
 
-/// Excess, and its derivatives by the function's parameters, one value a row each.
+/// Returns the excess in m at every row, and its derivatives by each parameter of the function, indexed by parameter and then by
+/// row.
 pub(super) fn excess_and_slopes_m(
     response: &Response,
     stages: &Stages,
@@ -149,7 +154,7 @@ fn excess<T: Real>(
 }
 
 impl<T: Real> StateLawRun<'_, T> {
-    /// Steps through a whole schedule. Returns the excess at the rows.
+    /// Steps through the whole schedule and returns the excess (m) at the rows.
     fn through(
         &mut self,
         system: &System<T>,
@@ -212,7 +217,7 @@ impl<T: Real> StateLawRun<'_, T> {
         Ok(excess_m)
     }
 
-    /// Returns the present excess.
+    /// Returns the excess (m) of the position in the state `now`.
     fn excess(&self, now: &Carried<T>) -> T {
         let (one, force_n) = (T::constant(1.0), now.level_n + now.deficit_n);
         match self.source {
@@ -238,7 +243,7 @@ impl<T: Real> StateLawRun<'_, T> {
         }
     }
 
-    /// Time since the last force step began to act, as the limit from the right or from the left.
+    /// Returns the time in s since the last force step began to act, as the limit from the right (`is_after`) or from the left.
     fn since_step(&self, now_s: T, is_after: bool) -> T {
         let rounding_s = CLOCK_ROUNDING * now_s.value().abs();
         let limit_s = now_s.value() + if is_after { rounding_s } else { -rounding_s };
@@ -246,7 +251,7 @@ impl<T: Real> StateLawRun<'_, T> {
         acting.checked_sub(1).map_or(now_s, |last| now_s - self.steps_s[last])
     }
 
-    /// Updates position and R after a jump of the force, if part of the law responds instantaneously.
+    /// Updates position and R after a jump of the force.
     fn jump(&self, now: &mut Carried<T>, slopes: Option<&mut Slopes>) -> Result<()> {
         let force_n = now.level_n + now.deficit_n;
         let [whole, item] = self.modes.instantaneous;
@@ -270,7 +275,7 @@ impl<T: Real> StateLawRun<'_, T> {
         Ok(())
     }
 
-    /// Σ Y of all modes and of the body's, both including the contribution of earlier R.
+    /// Returns Σ Y of all modes, and Σ Y of the body's modes. Both include the response to R in earlier steps.
     fn known(&self, now: &Carried<T>) -> [T; 2] {
         let of_feedback = sum(&now.by_feedback);
         let (real, oscillating) = &now.by_force;
@@ -289,8 +294,8 @@ impl<T: Real> StateLawRun<'_, T> {
         }
     }
 
-    /// Guess of R at the nodes of a step, from the step before. It extrapolates that step's polynomial,
-    /// or its tangent where the two diverge, as after a kink.
+    /// Returns a guess of R at the nodes of a step. It extrapolates the polynomial of the previous step. If the polynomial
+    /// differs too much from its tangent, as after a kink, it extrapolates the tangent.
     fn ahead(&self, now: &Carried<T>, length_s: f64) -> [T; N_NODES] {
         let Some((at, before_s)) = &now.before else { return [now.feedback_n; N_NODES] };
         let (ratio, zero) = (length_s / before_s, T::constant(0.0));

@@ -1,4 +1,4 @@
-//! Modes of the response to a force, with those of the state-dependent body first, and steps through them.
+//! Modes of the response to the force and to the pseudo-stress R, and the coefficients of their time steps.
 
 use super::super::collocation::{ModeStep, N_NODES, NODES, lagrange, of_mode};
 use super::super::linear::{oscillating_row, row};
@@ -8,24 +8,26 @@ use super::super::system::{Mode, System, modes_of};
 use base::number::Complex;
 use laws::rheology::RetardationSpectrum;
 
-/// Modes of the response to the force, with those of the state-dependent body first, and their response to R.
+/// Modes of the response to the force. The modes of the state-dependent body come first, and only they respond to R.
 pub struct Modes<T> {
     pub real: Vec<Mode<T>>,
     pub oscillating: Vec<Mode<Complex<T>>>,
-    /// Number of the body's modes, of each kind.
+    /// Number of real modes of the body.
     pub n_real: usize,
+    /// Number of oscillating modes of the body.
     pub n_oscillating: usize,
-    /// C J₀ of the whole law and of the body.
+    /// Instantaneous compliance C J₀ in m/N of the whole law, and of the body.
     pub instantaneous: [T; 2],
 }
 
-/// Coefficients of a step of one length.
+/// Coefficients of all modes for a time step of one length.
 pub struct Step<T> {
     pub real: Vec<ModeStep<T>>,
     pub oscillating: Vec<ModeStep<Complex<T>>>,
-    /// Σ Y at the nodes for a unit of level, slope and deficit: over all modes, then over the body's modes alone.
+    /// Σ Y at the nodes over all modes, then over the body's modes. Each has one row for a unit of the level, of the slope and of
+    /// the deficit.
     pub by_force: [[[T; N_NODES]; 3]; 2],
-    /// Σ Y at the nodes for a unit of R at each node, over the body's modes.
+    /// Σ Y over the body's modes at node i (row) for a unit of R at node j (column).
     pub by_feedback: [[T; N_NODES]; N_NODES],
     pub length_s: T,
     pub lag_decay: [T; N_NODES],
@@ -33,7 +35,7 @@ pub struct Step<T> {
 }
 
 impl<T: Real> Modes<T> {
-    /// Modes for the spectra of the body and of the others.
+    /// Returns the modes for the retardation spectra of the body and of all other elements.
     pub fn new(
         [retardation_spectrum, others]: [&RetardationSpectrum<T>; 2],
         compliance_per_m: T,
@@ -52,7 +54,7 @@ impl<T: Real> Modes<T> {
 }
 
 impl<T: Real> Step<T> {
-    /// Coefficients of a step of this length, for forces that change linearly (`rises`) or are constant.
+    /// Returns the coefficients of a step of this length, for a force that changes linearly (`rises`) or is constant.
     pub fn new(modes: &Modes<T>, system: &System<T>, length_s: T, rises: bool) -> Self {
         let zero = T::constant(0.0);
         let polynomials = std::array::from_fn(lagrange);
@@ -101,8 +103,8 @@ impl<T: Real> Step<T> {
     }
 }
 
-/// Weights of the values at a step's start and nodes that extrapolate their polynomial to the nodes of the next step.
-/// The next step is `ratio` times as long.
+/// Returns the weights of the values at a step's start and nodes (columns) that extrapolate their polynomial to each node (row)
+/// of the next step. The next step is `ratio` times as long.
 pub fn next(ratio: f64) -> [[f64; N_NODES + 1]; N_NODES] {
     let places = places();
     let weight = |x: f64, j: usize| -> f64 {
@@ -111,14 +113,15 @@ pub fn next(ratio: f64) -> [[f64; N_NODES + 1]; N_NODES] {
     NODES.map(|part| std::array::from_fn(|j| weight(1.0 + ratio * part, j)))
 }
 
-/// Start of a step of length 1 and its nodes.
+/// Returns the start and the nodes of a step of length 1.
 fn places() -> [f64; N_NODES + 1] {
     let mut places = [0.0; N_NODES + 1];
     places[1..].copy_from_slice(&NODES);
     places
 }
 
-/// Derivatives at the nodes of the polynomial through the start of a step of length 1 and its nodes, by the values there.
+/// Returns the matrix that differentiates, at each node (row), the polynomial through values at the start and nodes (columns) of
+/// a step of length 1.
 pub fn slopes() -> [[f64; N_NODES + 1]; N_NODES] {
     let places = places();
     // ℓⱼ'(x) = Σ_k 1/(xⱼ − x_k) Π_{m≠j,k} (x − x_m)/(xⱼ − x_m).

@@ -1,4 +1,5 @@
-//! Derivatives by the function's parameters, computed during a run. Each step solves its Newton equations once more for every parameter.
+//! Derivatives of the position by the function's parameters, computed during a run. Each time step solves its linearised
+//! equations once more for every parameter.
 
 use super::super::collocation::{END, N_NODES};
 use super::super::numbers::{Lanes, N_LANES, Real};
@@ -9,15 +10,15 @@ use base::error::Result;
 use base::number::Complex;
 use laws::stages::{Operation, State};
 
-/// Derivatives by all parameters, in blocks of eight.
+/// Derivatives of a run's state and excess by all parameters of the function, in blocks of eight parameters.
 pub struct Slopes {
     n_parameters: usize,
     blocks: Vec<SlopeBlock>,
-    /// Derivatives of the function by the parameters, node by node.
+    /// Derivatives of the function by the parameters, first by node and then by parameter.
     by_parameters: Vec<f64>,
 }
 
-/// Derivatives of the state carried from step to step, and of the excess at the rows.
+/// Derivatives, by the parameters of one block, of the run's state and of the excess at the rows.
 struct SlopeBlock {
     by_feedback: (Vec<Lanes>, Vec<Complex<Lanes>>),
     feedback_n: Lanes,
@@ -45,13 +46,13 @@ impl Slopes {
         Self { n_parameters, blocks, by_parameters: Vec::new() }
     }
 
-    /// Derivatives of the excess at the rows, by each parameter.
+    /// Derivatives of the excess, indexed by parameter and then by row.
     pub fn excess_m(&self) -> Vec<Vec<f64>> {
         let of = |k: usize| self.blocks[k / N_LANES].excess_m.iter().map(|row| row.0[k % N_LANES]).collect();
         (0..self.n_parameters).map(of).collect()
     }
 
-    /// Sets the derivatives of the function at some states.
+    /// Sets the derivatives of the function by its parameters at the given states.
     fn set_by_parameters<T: Real>(&mut self, run: &StateLawRun<'_, T>, states: &[f64]) {
         self.by_parameters.resize(states.len() * self.n_parameters, 0.0);
         if self.n_parameters > 0 {
@@ -62,14 +63,14 @@ impl Slopes {
     }
 }
 
-/// Derivatives of the function at a node by the parameters of a block.
+/// Returns the derivatives of the function at one node by the parameters of one block.
 fn of_node(by_parameters: &[f64], n_parameters: usize, block: usize, node: usize) -> Lanes {
     let of_block = by_parameters[node * n_parameters..][..n_parameters].chunks(N_LANES).nth(block).unwrap_or(&[]);
     Lanes(std::array::from_fn(|lane| of_block.get(lane).copied().unwrap_or(0.0)))
 }
 
 impl<T: Real> StateLawRun<'_, T> {
-    /// Records the derivatives at a row.
+    /// Stores the derivatives of the excess at a row.
     pub fn note_slopes(&self, slopes: &mut Slopes, now: &Carried<T>, row: usize) {
         let is_of_position = matches!(self.source, Source::Position);
         if is_of_position {
@@ -88,7 +89,8 @@ impl<T: Real> StateLawRun<'_, T> {
         }
     }
 
-    /// Advances the derivatives through a step whose R and positions are known, or through a jump. `now` is still the step's start.
+    /// Advances the derivatives through a step, or through a jump (`step` is `None`), after R and the positions are known. `now`
+    /// is the state at the step's start.
     pub fn follow<const N: usize>(
         &self,
         slopes: &mut Slopes,
@@ -139,7 +141,7 @@ impl<T: Real> StateLawRun<'_, T> {
 }
 
 impl SlopeBlock {
-    /// Σ Y at a node without R there.
+    /// Returns the derivatives of Σ Y at a node for R = 0 in this step.
     fn known<T: Real>(&self, step: Option<&Step<T>>, node: usize) -> Lanes {
         let (real, oscillating) = &self.by_feedback;
         let mut sum = ZERO;
@@ -155,7 +157,7 @@ impl SlopeBlock {
         sum
     }
 
-    /// Derivatives of the states at the nodes at constant positions there.
+    /// Returns the derivatives of the states at the nodes, with the positions at the nodes held constant.
     fn carried<T: Real, const N: usize>(
         &self,
         run: &StateLawRun<'_, T>,
@@ -173,7 +175,7 @@ impl SlopeBlock {
         })
     }
 
-    /// Advances modes and R to a step's end.
+    /// Advances the derivatives of the modes and of R to the step's end.
     fn advance<T: Real, const N: usize>(&mut self, step: Option<&Step<T>>, feedback: &[Lanes; N]) {
         self.feedback_n = feedback[N - 1];
         let Some(step) = step else { return };
