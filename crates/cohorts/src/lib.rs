@@ -5,7 +5,7 @@
 //! [`job::run`] samples the population. A pilot run shows which experiments have too few draws; their likelihoods are used instead. [`hierarchy`] sees an
 //! experiment only as draws or as a likelihood.
 //!
-//! Diagnosis of a cohort ([`missing`]): `criticism::sketch` converts each record to scores of the effects, cosines between their signatures, and scores
+//! Diagnosis of a cohort ([`cohort_diagnosis`]): `criticism::sketch` converts each record to scores of the effects, cosines between their signatures, and scores
 //! of simulated records. A common distribution of an effect's sizes joins the records. Gains are tested against simulated cohorts. After the conversion,
 //! only the refits of a claim need the records.
 

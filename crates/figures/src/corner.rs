@@ -1,6 +1,6 @@
 //! Corner plot of one or several posteriors: marginal densities on the diagonal, and joint densities of pairs of parameters below it.
 //!
-//! A contour labelled 90 % encloses 90 % of the draws, because [`super::density::Joint::threshold`] uses the density at the draws. A test checks this.
+//! A contour labelled 90 % encloses 90 % of the draws, because [`super::density::JointDensity::threshold`] uses the density at the draws. A test checks this.
 
 use super::axes::title;
 use super::corner_content::{Content, Slot};

@@ -36,7 +36,7 @@ impl<'a> BridgeModels<'a> {
     /// Makes both models from a prepared model.
     ///
     /// # Errors
-    /// [`Error::BridgeInput`] if every parameter is fixed.
+    /// [`Error::Input`] if every parameter is fixed.
     pub fn new(model: &'a PreparedModel) -> Result<Self> {
         if model.problem.priors.priors().is_empty() {
             return Err(Error::input(

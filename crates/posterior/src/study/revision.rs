@@ -39,7 +39,7 @@ impl RevisionWriter {
     /// directory.
     ///
     /// # Errors
-    /// [`Error::File`] if the operating system refuses, and errors of `files`.
+    /// [`base::error::Error::File`] if the operating system refuses, and errors of `files`.
     pub fn publish<D: Serialize>(
         self,
         name: &str,
@@ -54,7 +54,7 @@ impl RevisionWriter {
     /// Makes the revision visible under its name and replaces an earlier one of that name in one step.
     ///
     /// # Errors
-    /// [`Error::File`] if the operating system refuses. An earlier revision is then unchanged.
+    /// [`base::error::Error::File`] if the operating system refuses. An earlier revision is then unchanged.
     pub fn commit(self) -> Result<PathBuf> {
         sync_tree(self.building.path())?;
         replace_directory(self.building, &self.target)?;
