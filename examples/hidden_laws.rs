@@ -135,8 +135,8 @@ fn run(
             let mut v = 0.0;
             let mut out = [0.0; 2];
             for _ in 0..if state == "velocity" { 60 } else { 1 } {
-                let x_value = factor(value(y, path, largest, t, f, v, since));
-                let times = |name: &str| if quantity == name { x_value } else { 1.0 };
+                let hidden_factor = factor(value(y, path, largest, t, f, v, since));
+                let times = |name: &str| if quantity == name { hidden_factor } else { 1.0 };
                 let s = f * times("force");
                 out = [
                     (s - law[0] * times("young_modulus_pa") * y[0]) / (law[1] * times("viscosity_1_pa_s")),

@@ -84,8 +84,9 @@ impl Quantities {
             match (known, key.as_str()) {
                 (Some((name, _)), _) => self.add(&about, name, value, &at),
                 (None, "parameters") => {
-                    for x_value in value.as_array().into_iter().flatten().filter(|value| value["median"].is_number()) {
-                        self.add(&about, x_value["name"].as_str().unwrap_or("?"), &x_value["median"], &at);
+                    for parameter in value.as_array().into_iter().flatten().filter(|value| value["median"].is_number())
+                    {
+                        self.add(&about, parameter["name"].as_str().unwrap_or("?"), &parameter["median"], &at);
                     }
                 }
                 (None, "before") => self.read(value, &About { revision: about.from.clone(), ..about.clone() }, &at),

@@ -190,8 +190,8 @@ fn the_posterior_is_the_formula_and_its_gradient_a_difference() {
         let prior: f64 = priors.priors().iter().zip(point).map(|(prior, x)| prior.distribution.ln_pdf(x)).sum();
         likelihood + prior
     };
-    let x_value = server.evaluate("posterior", &POINT, Value::Null)[0];
-    assert!((x_value / expected(POINT) - 1.0).abs() < 1e-9, "{x_value} {}", expected(POINT));
+    let log_density = server.evaluate("posterior", &POINT, Value::Null)[0];
+    assert!((log_density / expected(POINT) - 1.0).abs() < 1e-9, "{log_density} {}", expected(POINT));
     let slope = |d: usize| {
         let at = |step: f64| {
             let mut moved = POINT;

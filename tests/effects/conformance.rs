@@ -436,7 +436,7 @@ fn nonlinear_laws_refuse_networks_that_they_cannot_take_apart() {
 #[test]
 fn effects_of_the_law_mean_the_same_in_any_order() {
     let slugs = ["instantaneous-elasticity", "second-retardation", "fractional-damping"];
-    let valueses = [vec![0.3], vec![0.4, 6.0], vec![0.6]];
+    let effect_values = [vec![0.3], vec![0.4, 6.0], vec![0.6]];
     let laws = [
         BaseLaw::Lethersich,
         network(SPRINGPOT_BESIDE_SPRING),
@@ -449,7 +449,7 @@ fn effects_of_the_law_mean_the_same_in_any_order() {
         for [i, j] in [[0, 1], [0, 2], [1, 2]] {
             let written = |order: [usize; 2]| {
                 let model = model(base, &order.map(|k| effect(slugs[k])), PORCINE).ok()?;
-                let stages = stages_at(&model, &order.map(|k| valueses[k].clone()).concat()).unwrap();
+                let stages = stages_at(&model, &order.map(|k| effect_values[k].clone()).concat()).unwrap();
                 let mut law: Vec<String> = stages.law.iter().map(|element| format!("{element:?}")).collect();
                 law.sort();
                 Some(law)

@@ -157,8 +157,8 @@ fn simulated_noise_has_the_density_of_the_likelihood() {
     let n = N_SIMULATED as f64;
     for k in 0..truth.len() {
         for (which, name) in ["score", "information"].into_iter().enumerate() {
-            let mean = all.iter().map(|valueses| valueses[k][which]).sum::<f64>() / n;
-            let variance = all.iter().map(|valueses| (valueses[k][which] - mean).powi(2)).sum::<f64>() / (n - 1.0);
+            let mean = all.iter().map(|statistics| statistics[k][which]).sum::<f64>() / n;
+            let variance = all.iter().map(|statistics| (statistics[k][which] - mean).powi(2)).sum::<f64>() / (n - 1.0);
             let z = mean / (variance / n).sqrt();
             println!("parameter {k}: {name} {z:>5.2}");
             assert!(z.abs() < 6.0, "parameter {k}: {name} {z}");

@@ -149,12 +149,12 @@ fn too_few_rows_of_a_curve_are_said() {
         let kept = |values: &[f64]| (0..values.len()).filter(keep).map(|row| values[row]).collect::<Vec<f64>>();
         if every > 1 {
             // Rows inserted at zero crossings of the force are removed with the omitted rows.
-            let indexes: Vec<usize> = (0..record.n_rows()).filter(|row| !record.force_rows.contains(row)).collect();
+            let kept_rows: Vec<usize> = (0..record.n_rows()).filter(|row| !record.force_rows.contains(row)).collect();
             for values in [&mut record.time_s, &mut record.force_n] {
-                *values = kept(&indexes.iter().map(|&row| values[row]).collect::<Vec<f64>>());
+                *values = kept(&kept_rows.iter().map(|&row| values[row]).collect::<Vec<f64>>());
             }
-            record.position_m = indexes.iter().map(|&row| record.position_m[row]).step_by(every).collect();
-            record.cycle = indexes.iter().map(|&row| record.cycle[row]).step_by(every).collect();
+            record.position_m = kept_rows.iter().map(|&row| record.position_m[row]).step_by(every).collect();
+            record.cycle = kept_rows.iter().map(|&row| record.cycle[row]).step_by(every).collect();
             record.force_rows.clear();
         }
         let understood = Interpretation { force_rule_given: true, ..Interpretation::default() };

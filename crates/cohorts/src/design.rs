@@ -111,7 +111,10 @@ fn strata(n_groups: usize, specimens: impl Iterator<Item = Vec<usize>>) -> Vec<u
     for groups in specimens {
         let lowest = groups.iter().map(|group| stratum[*group]).min().unwrap_or(0);
         let joined: Vec<usize> = groups.iter().map(|group| stratum[*group]).collect();
-        stratum.iter_mut().filter(|index| joined.contains(index)).for_each(|index| *index = lowest);
+        stratum
+            .iter_mut()
+            .filter(|level_place| joined.contains(level_place))
+            .for_each(|level_place| *level_place = lowest);
     }
     let mut names = stratum.clone();
     names.sort_unstable();

@@ -184,7 +184,8 @@ fn truth(design: &Design, options: &HierarchyOptions, rng: &mut ChaCha8Rng) -> T
             range.clone().for_each(|share| shares[share].push(sd * normal(rng)));
         }
     }
-    let mean = |indexes: &Vec<usize>| (0..p).map(|k| indexes.iter().map(|share| shares[*share][k]).sum()).collect();
+    let mean =
+        |share_places: &Vec<usize>| (0..p).map(|k| share_places.iter().map(|share| shares[*share][k]).sum()).collect();
     let group_mean: Vec<Vec<f64>> = layout.of_group.iter().map(mean).collect();
     let scales: Vec<f64> = (0..p).map(|_| inverse_gamma(0.5, options.scales[1].powi(-2), rng)).collect();
     let likeness = SIMILARITIES[rng.random_range(0..SIMILARITIES.len())];

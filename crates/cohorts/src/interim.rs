@@ -288,14 +288,14 @@ impl ExperimentDensity for SpecimenDensity<'_> {
         let mut coordinates = vec![0.0; point.len()];
         let mut ln_priors = 0.0;
         for (Pooled { place, prior, scale }, coordinate) in self.pooled.iter().zip(point) {
-            let x_value = prior.distribution.to_unconstrained(scale.value(*coordinate));
+            let coordinate_value = prior.distribution.to_unconstrained(scale.value(*coordinate));
             // The interim prior may end before the parameter's support does. The model is not evaluated beyond it, so the likelihood there is unknown.
-            if !x_value.is_finite() {
+            if !coordinate_value.is_finite() {
                 return f64::NEG_INFINITY;
             }
-            coordinates[*place] = x_value;
+            coordinates[*place] = coordinate_value;
             // This is the prior density over the sampler's coordinate, as in the posterior.
-            ln_priors += prior.distribution.ln_pdf_unconstrained(x_value);
+            ln_priors += prior.distribution.ln_pdf_unconstrained(coordinate_value);
         }
         for (place, value) in self.others.iter().zip(&point[self.pooled.len()..]) {
             coordinates[*place] = *value;

@@ -77,7 +77,9 @@ pub fn predicted_groups(
             }
         }
         // Keys are ordered by importance, so agreement in an earlier key counts more.
-        let likeness = |indexes: &Vec<usize>| indexes.iter().zip(&levels).map(|(a, b)| a == b).collect::<Vec<bool>>();
+        let likeness = |specimen_levels: &Vec<usize>| {
+            specimen_levels.iter().zip(&levels).map(|(a, b)| a == b).collect::<Vec<bool>>()
+        };
         let nearest = (0..design.groups.len()).rev().max_by_key(|g| likeness(&design.groups[*g].levels)).unwrap_or(0);
         let names: Vec<&str> = levels.iter().zip(&design.keys).map(|(level, key)| key[*level].as_str()).collect();
         let stratum = design.groups[nearest].stratum;

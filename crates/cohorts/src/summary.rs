@@ -223,7 +223,7 @@ fn measurement_variance(found: &Comparison, group: usize, k: usize) -> f64 {
         let coordinates = every(&found.draws[e].coordinates, p, k).into_iter();
         spread::variance(&coordinates.map(|x| found.scales[k].ln_value(x)).collect::<Vec<f64>>())
     };
-    let members = found.design.group_of.iter().enumerate().filter(|(_, index)| **index == group);
+    let members = found.design.group_of.iter().enumerate().filter(|(_, group_place)| **group_place == group);
     let variances: Vec<f64> = members.map(of_experiment).collect();
     quantile_of_sorted(&sorted(&variances), 0.5)
 }

@@ -199,8 +199,8 @@ impl Parameters {
             let of = |slug: &&str| parameter.name.strip_prefix(*slug).is_some_and(|rest| rest.starts_with('.'));
             effects.iter().any(of)
         };
-        let function = |list: Vec<RefitParameter>| list.into_iter().filter(is_own).collect();
-        let answer = |answer: PosteriorMode| PosteriorMode { parameters: function(answer.parameters), ..answer };
-        Self { all: function(self.all), modes: self.modes.into_iter().map(answer).collect() }
+        let of_term = |list: Vec<RefitParameter>| list.into_iter().filter(is_own).collect();
+        let answer = |answer: PosteriorMode| PosteriorMode { parameters: of_term(answer.parameters), ..answer };
+        Self { all: of_term(self.all), modes: self.modes.into_iter().map(answer).collect() }
     }
 }

@@ -71,13 +71,14 @@ impl Report<'_> {
             rank::twins(&cosines).iter().map(|list| list.iter().map(slug).collect()).collect();
         monitor.stage("computing the evidence");
         let weighing = EvidenceSet::new(subject, self.request, (found, self.model), monitor)?;
-        let function = |single: &Single| {
+        let specified_noise_errors = |single: &Single| {
             let refitted = single.refitted.as_ref().filter(|_| self.request.in_full);
             refitted.map(|refitted| self.own_errors(refitted)).transpose()
         };
-        let model_errorses: Vec<Option<ModelErrors>> = found.singles.par_iter().map(function).collect::<Result<_>>()?;
+        let errors_of_singles: Vec<Option<ModelErrors>> =
+            found.singles.par_iter().map(specified_noise_errors).collect::<Result<_>>()?;
         let mut candidates = Vec::new();
-        for (single, model_errors) in found.singles.iter().zip(model_errorses) {
+        for (single, model_errors) in found.singles.iter().zip(errors_of_singles) {
             let place = scored.iter().position(|other| other.slug == single.slug);
             let twins = place.map_or(Vec::new(), |place| twins[place].clone());
             candidates.push(self.candidate(

@@ -168,17 +168,17 @@ impl<'a> Steps<'a> {
     /// a step without comparable steps.
     fn may_belong_to_step(&self, departures: &[Option<Departure>], place: usize, scale_m: f64) -> bool {
         // Steps are ordered in time.
-        let index = self.steps.partition_point(|step| step.places.end <= place);
-        if self.steps.get(index).is_none_or(|step| !step.places.contains(&place)) {
+        let step_place = self.steps.partition_point(|step| step.places.end <= place);
+        if self.steps.get(step_place).is_none_or(|step| !step.places.contains(&place)) {
             return false;
         }
-        let step = &self.steps[index];
+        let step = &self.steps[step_place];
         let after_s = self.time_s[place] - step.start_s;
         let seen_m = departures[place].as_ref().map_or(0.0, |departure| departure.from_both_m);
         let every = self.steps.len().div_ceil(MOST_COMPARED).max(1);
-        let mut others: Vec<(f64, Vec<f64>)> = (index % every..self.steps.len())
+        let mut others: Vec<(f64, Vec<f64>)> = (step_place % every..self.steps.len())
             .step_by(every)
-            .filter(|other| *other != index)
+            .filter(|other| *other != step_place)
             .map(|other| (step.height_n / self.steps[other].height_n, self.departures_at(departures, other, after_s)))
             .filter(|(_, there)| !there.is_empty())
             .collect();

@@ -174,7 +174,7 @@ fn with_gains_of_future_cycles(subject: &Subject, base: &Refitted, (seed, number
     for cycle in &experiment.heldout_cycles {
         let gain = gain_sd * stream.normal();
         let rows = experiment.record.cycle.iter().zip(&base.fitted.position_m).zip(&mut position_m);
-        rows.filter(|((index, _), _)| *index == cycle).for_each(|((_, x), position_m)| *position_m += gain * x);
+        rows.filter(|((row_cycle, _), _)| *row_cycle == cycle).for_each(|((_, x), position_m)| *position_m += gain * x);
     }
     position_m
 }

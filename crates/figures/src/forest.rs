@@ -411,7 +411,7 @@ fn axis_exponent(axes: &Axes) -> i32 {
 /// separate one if the number is very large or small.
 fn with_interval([lower, median, upper]: [f64; 3], axis_exponent: i32) -> String {
     let (exponent, factor) = match (axis_exponent, factored_exponent(median)) {
-        (0, index) if index != 0 => (index, format!("×{}", power_of_ten(index))),
+        (0, exponent) if exponent != 0 => (exponent, format!("×{}", power_of_ten(exponent))),
         (axis, _) => (axis, String::new()),
     };
     let scale = 10f64.powi(exponent);
@@ -450,11 +450,11 @@ fn rows(svg: &mut Svg, axes: &Axes, row: &ForestRow, below: Rect, named: bool) {
         };
         interval(specimen.unpooled, above, OWN_LINE_PX, OWN_OPACITY);
         interval(specimen.pooled, under, POOLED_LINE_PX * size, 1.0);
-        let (x_value, pooled) = (x(specimen.unpooled[1]), x(specimen.pooled[1]));
+        let (unpooled, pooled) = (x(specimen.unpooled[1]), x(specimen.pooled[1]));
         if specimen.is_outlying {
-            outlying_mark(svg, (x_value, above), 6.2 * size);
+            outlying_mark(svg, (unpooled, above), 6.2 * size);
         }
-        svg.circle((x_value, above), 2.4 * size, own_style(row.colour));
+        svg.circle((unpooled, above), 2.4 * size, own_style(row.colour));
         svg.circle((pooled, under), 2.6 * size, Fill::new(row.colour, 1.0));
     }
 }

@@ -80,7 +80,7 @@ impl<'a> Group<'a> {
         let labels: Vec<i64> = (0..order.len() as i64).collect();
         let dimensions = add_draws(file, name, table.n_ensembles, &labels)?;
         for (place, coordinate) in ["walker", "step"].into_iter().enumerate() {
-            let values: Vec<i64> = order.iter().map(|indexes| indexes[place] as i64).collect();
+            let values: Vec<i64> = order.iter().map(|walker_and_step| walker_and_step[place] as i64).collect();
             add_coordinate(file, name, coordinate, dimensions[1], &values)?;
         }
         Ok(Self { name, table, order, dimensions })

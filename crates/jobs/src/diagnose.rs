@@ -154,6 +154,7 @@ fn default_keys(measurements: &[Measurement]) -> Vec<Key> {
         measurements.iter().map(|measurement| measurement.experiment.species.as_deref().map(str::trim)).collect();
     species.sort_unstable();
     species.dedup();
-    let is_grouped = species.len() > 1 && species.iter().all(|specy| specy.is_some_and(|name| !name.is_empty()));
+    let is_grouped =
+        species.len() > 1 && species.iter().all(|group_name| group_name.is_some_and(|name| !name.is_empty()));
     if is_grouped { vec![Key::Species] } else { Vec::new() }
 }

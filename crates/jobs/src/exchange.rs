@@ -299,7 +299,8 @@ mod tests {
         assert_eq!(group(&groups, "prior_predictive").rows, groups.observed_rows);
         assert_eq!(groups.constant[0].values.len(), experiment.record.n_rows());
         let n_fitted: f64 = groups.constant[3].values.iter().sum();
-        let of_cycle = experiment.record.cycle.iter().filter(|index| experiment.calibration_cycles.contains(index));
+        let of_cycle =
+            experiment.record.cycle.iter().filter(|row_cycle| experiment.calibration_cycles.contains(row_cycle));
         assert_eq!(n_fitted as usize, of_cycle.count());
         // The first draw of the first chain is compared with the likelihood of all positions.
         let prepared = PreparedModel::unverified(&problem, None, &SilentMonitor).expect("an instrument");

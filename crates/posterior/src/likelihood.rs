@@ -313,8 +313,8 @@ impl<'a> ReducedPosterior<'a> {
             (n_model..self.sources.len()).map(|d| std::array::from_fn(|lane| of_lane(d, lane))).collect();
         let mut ln_likelihood = [0.0; N_LANES];
         noise.ln_likelihood_lanes(&scratch.positions_m, &of_noise, &mut ln_likelihood);
-        for (lane, (&point, &index)) in scratch.points.iter().zip(&scratch.lanes).enumerate() {
-            if is_valid[index] {
+        for (lane, (&point, &point_place)) in scratch.points.iter().zip(&scratch.lanes).enumerate() {
+            if is_valid[point_place] {
                 log_density[point] += ln_likelihood[lane];
             } else {
                 log_density[point] = f64::NEG_INFINITY;

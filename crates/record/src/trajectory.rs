@@ -332,8 +332,8 @@ impl Trajectory {
         for (coordinate, theirs) in self.others_m.iter_mut().zip(&other.others_m) {
             coordinate.push(kept(theirs[row]));
         }
-        if let Some((indexes, theirs)) = self.cycle.as_mut().zip(other.cycle.as_ref()) {
-            indexes.push(theirs[row]);
+        if let Some((cycles, theirs)) = self.cycle.as_mut().zip(other.cycle.as_ref()) {
+            cycles.push(theirs[row]);
         }
         self.lines.push(other.lines[row]);
     }

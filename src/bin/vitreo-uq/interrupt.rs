@@ -36,9 +36,13 @@ static SIGNAL: OnceLock<Arc<AtomicUsize>> = OnceLock::new();
 /// Starts a thread that watches for Ctrl-C, termination and a closed terminal. If one of them ends the program, it prints `how_to_go_on`.
 pub fn watch(how_to_go_on: &'static str) {
     let signal = SIGNAL.get_or_init(Arc::default);
-    let watched = signals().into_iter().filter(|index| {
-        signal_hook::flag::register_usize(*index, Arc::clone(signal), usize::try_from(*index).unwrap_or_default())
-            .is_ok()
+    let watched = signals().into_iter().filter(|signal_number| {
+        signal_hook::flag::register_usize(
+            *signal_number,
+            Arc::clone(signal),
+            usize::try_from(*signal_number).unwrap_or_default(),
+        )
+        .is_ok()
     });
     if watched.count() == 0 {
         return print_message("note: Ctrl-C will end the program immediately");

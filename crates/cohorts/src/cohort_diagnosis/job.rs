@@ -487,7 +487,9 @@ impl DiagnosisState<'_> {
             Some(claim) => match &claim.compared {
                 Some(compared) => {
                     let pairs = named.iter().zip(&compared.groups);
-                    pairs.map(|((name, indexes), sizes)| self.group(claim, (name, indexes.len()), sizes)).collect()
+                    pairs
+                        .map(|((name, group_members), sizes)| self.group(claim, (name, group_members.len()), sizes))
+                        .collect()
                 }
                 None => {
                     let name = named.first().map_or("all", |(name, _)| name.as_str());
@@ -537,9 +539,9 @@ impl DiagnosisState<'_> {
 /// Root mean square error over the scored positions of all records. `of` yields the error (µm) and the number of positions of each record.
 fn root_mean_square(of: impl Iterator<Item = Option<(f64, usize)>>) -> CohortErrors {
     let (mut squares, mut n) = (0.0, 0);
-    for (rmse, index) in of.flatten() {
-        squares += rmse * rmse * index as f64;
-        n += index;
+    for (rmse, n_rows) in of.flatten() {
+        squares += rmse * rmse * n_rows as f64;
+        n += n_rows;
     }
     CohortErrors { rmse_heldout_um: (n > 0).then(|| (squares / n as f64).sqrt()) }
 }

@@ -116,13 +116,13 @@ struct OfShape {
 }
 
 fn of_shape(records: &[RecordScores], scan: &EffectScan, shape: ShapeIndex, picks: &[Vec<usize>]) -> OfShape {
-    let record_ratioses: Vec<RecordRatios> =
+    let ratios_of_records: Vec<RecordRatios> =
         records.iter().enumerate().map(|(k, record)| scan.record_ratios(k, &record.told, shape)).collect();
-    let best = scan.best(&record_ratioses.iter().collect::<Vec<_>>());
+    let best = scan.best(&ratios_of_records.iter().collect::<Vec<_>>());
     let gain = |record_ratios: &RecordRatios| {
         if best.gain_nats > 0.0 { scan.laws.gain(&record_ratios.fitted, best.place) } else { 0.0 }
     };
-    let of_records = record_ratioses.iter().map(gain).collect();
+    let of_records = ratios_of_records.iter().map(gain).collect();
     let by_chance: Vec<Vec<RecordRatios>> = records
         .par_iter()
         .enumerate()

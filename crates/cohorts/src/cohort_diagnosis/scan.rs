@@ -59,10 +59,7 @@ impl<'a> EffectScan<'a> {
         let of = |readings: &Vec<SignatureScore>| self.laws.ratios(&self.nodes(record, readings, shape));
         RecordRatios {
             fitted: of(&told.fitted),
-            before_and_after: told
-                .fitted_and_all
-                .as_ref()
-                .map(|signature_scoreses| signature_scoreses.each_ref().map(of)),
+            before_and_after: told.fitted_and_all.as_ref().map(|score_sets| score_sets.each_ref().map(of)),
         }
     }
 

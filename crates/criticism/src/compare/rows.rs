@@ -122,10 +122,11 @@ impl<'a> TestRows<'a> {
     /// Returns the first fitted cycle of every recording that has fitted rows, and the columns of these recordings. A recording with too few fitted rows has no column.
     pub(super) fn by_cycle(&self) -> (Vec<u32>, ByCycle) {
         let recordings = recordings(self.record);
-        let (mut indexes, mut cycles, mut counts) = (Vec::<u32>::new(), Vec::<u32>::new(), Vec::<usize>::new());
+        let (mut fitted_recordings, mut cycles, mut counts) =
+            (Vec::<u32>::new(), Vec::<u32>::new(), Vec::<usize>::new());
         for row in self.fitted_rows() {
-            if indexes.last() != Some(&recordings[row]) {
-                indexes.push(recordings[row]);
+            if fitted_recordings.last() != Some(&recordings[row]) {
+                fitted_recordings.push(recordings[row]);
                 cycles.push(self.record.cycle[row]);
                 counts.push(0);
             }
@@ -136,10 +137,10 @@ impl<'a> TestRows<'a> {
         let has_column: Vec<bool> = counts.iter().map(|count| *count >= FEWEST_ROWS).collect();
         let mut next = 0;
         let place_of = |recording: &u32| {
-            while next < indexes.len() && indexes[next] < *recording {
+            while next < fitted_recordings.len() && fitted_recordings[next] < *recording {
                 next += 1;
             }
-            (indexes.get(next) == Some(recording) && has_column[next]).then_some(next)
+            (fitted_recordings.get(next) == Some(recording) && has_column[next]).then_some(next)
         };
         let place = recordings.iter().map(place_of).collect();
         (cycles, ByCycle { place, has_column })

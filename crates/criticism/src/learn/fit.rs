@@ -203,8 +203,8 @@ impl Screen {
             let candidate = candidate.as_ref()?;
             let theta = candidate.embed(&base.candidate, &base.fitted.theta);
             let columns = columns_m(subject, candidate, &theta).ok()?;
-            let valueses: Vec<Vec<f64>> = weights(candidate).into_iter().map(|k| columns[k].clone()).collect();
-            Some(DMatrix::from_columns(&tangent.visible(&valueses)))
+            let weight_columns: Vec<Vec<f64>> = weights(candidate).into_iter().map(|k| columns[k].clone()).collect();
+            Some(DMatrix::from_columns(&tangent.visible(&weight_columns)))
         };
         let directions = candidates.par_iter().map(of).collect();
         let unit = |candidate: &Option<Candidate>| {

@@ -220,8 +220,8 @@ impl BasisFunction {
                 };
                 // Beyond the record's states a linear factor may become negative.
                 let factor = at(None).value.max(f64::MIN_POSITIVE);
-                let slope = |(index, k): (usize, &usize)| {
-                    (*k, at(Some(index)).derivative / factor * coordinate(*k).unit(self.fitted.theta[*k]))
+                let slope = |(weight_place, k): (usize, &usize)| {
+                    (*k, at(Some(weight_place)).derivative / factor * coordinate(*k).unit(self.fitted.theta[*k]))
                 };
                 (factor.ln(), places.iter().enumerate().map(slope).collect())
             }

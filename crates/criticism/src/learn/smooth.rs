@@ -133,8 +133,8 @@ impl Smooth {
     /// Value of u at a state.
     fn place(&self, state: Dual) -> Dual {
         let warped = match self.bent_at {
-            Some(x_value) => {
-                let x = state * x_value.recip();
+            Some(unit) => {
+                let x = state * unit.recip();
                 Dual { value: x.value.asinh(), derivative: x.derivative / (1.0 + x.value * x.value).sqrt() }
             }
             None => state,

@@ -211,12 +211,12 @@ impl PreparedDiscrepancy {
         p_familywise: f64,
     ) -> Result<Discrepancy> {
         let n_rows = setting.time_s.len();
-        let valueses = columns_m(subject, candidate, &self.fitted.theta)?;
+        let parameter_columns_m = columns_m(subject, candidate, &self.fitted.theta)?;
         let white = self.tangent.whiten(&self.columns);
         let mut basis = DMatrix::from_fn(n_rows, self.columns.len(), |row, k| self.columns[k][row]);
         for (k, white) in white.iter().enumerate() {
             let steps = self.tangent.absorbing_step(white).unwrap_or_default();
-            for (column, step) in valueses.iter().zip(steps) {
+            for (column, step) in parameter_columns_m.iter().zip(steps) {
                 (0..n_rows).for_each(|row| basis[(row, k)] -= step * column[row]);
             }
         }
@@ -226,7 +226,8 @@ impl PreparedDiscrepancy {
         let squares: f64 = setting.rows.iter().map(|row| mean[*row].powi(2)).sum();
         // With this noise the parameters absorb slightly more.
         let steps = self.tangent.absorbing_step(self.tangent.residual()).unwrap_or_default();
-        let absorbed_m = |row: usize| valueses.iter().zip(&steps).map(|(column, step)| step * column[row]).sum::<f64>();
+        let absorbed_m =
+            |row: usize| parameter_columns_m.iter().zip(&steps).map(|(column, step)| step * column[row]).sum::<f64>();
         let left_m = |row: usize| subject.fitted_m[row].map(|y| y - self.fitted.position_m[row] - absorbed_m(row));
         Ok(Discrepancy {
             axis: self.axis,

@@ -195,12 +195,12 @@ impl<'a> OutsideSearch<'a> {
     }
 
     /// Refits the nominated shapes and returns the best refit of each family.
-    fn refits(&self, scoreds: Vec<Scored>, null: &OutsideNull) -> Result<Vec<Refit>> {
+    fn refits(&self, scored_structures: Vec<Scored>, null: &OutsideNull) -> Result<Vec<Refit>> {
         let clean = self.tangent(&Fitted { noise: self.clean, ..self.base.clone() })?;
         let clean = screen(&clean, &self.setting, &self.families, 0, 0).scores;
         let mut nominated: Vec<(usize, StructureShape)> = Vec::new();
         for family in 0..self.families.len() {
-            for scores in [&scoreds, &clean] {
+            for scores in [&scored_structures, &clean] {
                 for shape in leaders(scores, family) {
                     if !nominated.contains(&(family, shape)) {
                         nominated.push((family, shape));

@@ -352,12 +352,12 @@ impl<'a> Dissection<'a> {
 
     /// Number of nodes that the separator loses if `element` changes sides.
     fn gain(&self, element: u32) -> i64 {
-        let index = self.side[element as usize] as usize;
+        let side = self.side[element as usize] as usize;
         let mut gain = 0;
         for &node in self.nodes_of(element) {
             if !self.placed[node as usize] {
                 let counts = self.counts[node as usize];
-                let (here, there) = (counts[index], counts[1 - index]);
+                let (here, there) = (counts[side], counts[1 - side]);
                 gain += i64::from(here == 1 && there > 0) - i64::from(here > 1 && there == 0);
             }
         }
@@ -366,13 +366,13 @@ impl<'a> Dissection<'a> {
 
     /// Moves `element` to the other side of the current cut.
     fn flip(&mut self, element: u32) {
-        let index = self.side[element as usize] as usize;
+        let side = self.side[element as usize] as usize;
         for &node in self.nodes_of(element) {
             let counts = &mut self.counts[node as usize];
-            counts[index] -= 1;
-            counts[1 - index] += 1;
+            counts[side] -= 1;
+            counts[1 - side] += 1;
         }
-        self.side[element as usize] = 1 - index as u32;
+        self.side[element as usize] = 1 - side as u32;
     }
 }
 

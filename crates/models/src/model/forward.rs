@@ -210,9 +210,9 @@ fn spatial_resolution(resolution: Resolution) -> transient::Resolution {
     transient::Resolution { steps_per_doubling: scaled(entry.steps_per_doubling, resolution), ..entry }
 }
 
-/// Returns `index` time steps per doubling of the time, times the ratio of the `wanted` steps to their default, rounded up.
-fn scaled(index: u32, wanted: Resolution) -> u32 {
-    (index * wanted.steps_per_doubling).div_ceil(Resolution::default().steps_per_doubling)
+/// Returns `steps_per_doubling` time steps per doubling of the time, times the ratio of the `wanted` steps to their default, rounded up.
+fn scaled(steps_per_doubling: u32, wanted: Resolution) -> u32 {
+    (steps_per_doubling * wanted.steps_per_doubling).div_ceil(Resolution::default().steps_per_doubling)
 }
 
 impl Forward for FullOrderForward<'_> {

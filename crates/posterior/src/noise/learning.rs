@@ -107,9 +107,9 @@ impl NoiseModel {
                 specs.filter_map(|spec| term.default_prior(spec, scales)).map(|(prior, _)| prior).collect();
             parameters.extend(learnt.learnt(scales, &priors, is_known));
             terms.resize(parameters.len(), term.name());
-            let valueses = learnt.starts(scales, &priors);
+            let term_starts = learnt.starts(scales, &priors);
             let joined = |start: &NoiseValues| -> Vec<NoiseValues> {
-                valueses.iter().map(|valuese| start.iter().chain(valuese).copied().collect()).collect()
+                term_starts.iter().map(|term_start| start.iter().chain(term_start).copied().collect()).collect()
             };
             starts = starts.iter().flat_map(joined).collect();
         }

@@ -81,8 +81,8 @@ mod tests {
         let in_sd = -(rows.len() as f64) / sd_um + squares / sd_um.powi(3);
         let value = likelihood.slope_along(&position_m, &direction_m, &[sd_um]);
         assert!((value / along - 1.0).abs() < 1e-9, "{value} {along}");
-        let x_value = likelihood.slope_in(&position_m, &[sd_um], 0);
-        assert!((x_value / in_sd - 1.0).abs() < 1e-8, "{x_value} {in_sd}");
+        let slope = likelihood.slope_in(&position_m, &[sd_um], 0);
+        assert!((slope / in_sd - 1.0).abs() < 1e-8, "{slope} {in_sd}");
         assert_eq!(likelihood.slope_along(&position_m, &[0.0; 60], &[sd_um]), 0.0);
     }
 
@@ -112,8 +112,8 @@ mod tests {
                 likelihood.ln_likelihood(&position_m, &moved)
             };
             let difference = (at(1e-5) - at(-1e-5)) / (2e-5 * parameters[index]);
-            let x_value = likelihood.slope_in(&position_m, &parameters, index);
-            assert!((x_value - difference).abs() < 1e-5 * (1.0 + x_value.abs()), "{index}: {x_value} {difference}");
+            let slope = likelihood.slope_in(&position_m, &parameters, index);
+            assert!((slope - difference).abs() < 1e-5 * (1.0 + slope.abs()), "{index}: {slope} {difference}");
         }
         let at_end = |sd: f64| likelihood.slope_in(&position_m, &[3.0, 2.0, 0.7, 0.05, sd, 5.0], 4);
         let (at, near) = (at_end(0.0), at_end(1e-3));

@@ -166,7 +166,7 @@ impl ExternalModel {
         };
         let names: Vec<&str> = self.law.parameters().iter().map(|spec| spec.name).collect();
         let takes_force = match sizes(&inputs, "inputSizes").as_deref() {
-            Some([index]) if *index == n as u64 => false,
+            Some([n_numbers]) if *n_numbers == n as u64 => false,
             Some([number, of_force]) if *number == n as u64 && *of_force == n_times as u64 => true,
             _ => {
                 let wanted =

@@ -75,7 +75,7 @@ mod system {
     /// false.
     pub fn has_in_environment(number: u32, variable: &str) -> bool {
         let bytes = std::fs::read(format!("/proc/{number}/environ")).unwrap_or_default();
-        bytes.split(|byte| *byte == 0).any(|indexes| indexes == variable.as_bytes())
+        bytes.split(|byte| *byte == 0).any(|assignment| assignment == variable.as_bytes())
     }
 }
 

@@ -161,8 +161,8 @@ impl HalfMeridian {
             nodes.push(skeleton.nodes(cell).into_iter().map(&mut node).collect::<Vec<u32>>());
         }
         let mut places_m = vec![[0.0; 2]; boundaries.len()];
-        for (cell, indexes) in mesh.cells.iter().zip(&nodes) {
-            for (k, node) in indexes.iter().enumerate() {
+        for (cell, cell_nodes) in mesh.cells.iter().zip(&nodes) {
+            for (k, node) in cell_nodes.iter().enumerate() {
                 let n_line = table.nodes.len();
                 places_m[*node as usize] = cell.map.at(table.nodes[k % n_line], table.nodes[k / n_line]).0;
             }

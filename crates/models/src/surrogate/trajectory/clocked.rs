@@ -88,13 +88,13 @@ impl Clock {
             let first =
                 (before + 1).saturating_sub(STENCIL / 2).clamp(begin, end.saturating_sub(STENCIL - 1).max(begin));
             let nodes = first..(first + STENCIL).min(end + 1);
-            let weight = |index: usize| {
-                let others = nodes.clone().filter(|other| *other != index);
+            let weight = |node: usize| {
+                let others = nodes.clone().filter(|other| *other != node);
                 others.fold(N::constant(1.0), |product, other| {
-                    product * (t + N::constant(-time_s[other])) * (1.0 / (time_s[index] - time_s[other]))
+                    product * (t + N::constant(-time_s[other])) * (1.0 / (time_s[node] - time_s[other]))
                 })
             };
-            nodes.clone().fold(N::constant(0.0), |sum, index| sum + weight(index) * x[index])
+            nodes.clone().fold(N::constant(0.0), |sum, node| sum + weight(node) * x[node])
         };
         time_s.iter().map(at).collect()
     }

@@ -44,10 +44,10 @@ impl Basis {
         let n_coordinates = weights.len();
         let mut degrees = vec![Vec::new()];
         for weight in weights {
-            let extended = |indexes: &Vec<usize>| -> Vec<Vec<usize>> {
-                let used: f64 = indexes.iter().zip(weights).map(|(degree, weight)| *degree as f64 * weight).sum();
+            let extended = |exponents: &Vec<usize>| -> Vec<Vec<usize>> {
+                let used: f64 = exponents.iter().zip(weights).map(|(degree, weight)| *degree as f64 * weight).sum();
                 let left = ((degree - used) / weight).floor() as usize;
-                (0..=left).map(|next| [indexes.as_slice(), &[next]].concat()).collect()
+                (0..=left).map(|next| [exponents.as_slice(), &[next]].concat()).collect()
             };
             degrees = degrees.iter().flat_map(extended).collect();
         }
