@@ -17,7 +17,7 @@ use crate::text::{outliers_left_out, significant};
 const FEWEST_SIMULATIONS: usize = 99;
 /// Smallest number of simulated records for each record of a cohort. Fewer do not resolve the tail of their distribution.
 const FEWEST_SIMULATIONS_OF_EACH: usize = 19;
-/// Minimum and maximum number of candidate effects in the brief table.
+/// Minimum and maximum number of candidate effects in the brief table. Effects that the verdict names and their equivalents are always in it.
 const MIN_ROWS: usize = 3;
 const MAX_ROWS: usize = 8;
 
@@ -119,17 +119,16 @@ fn candidate_lines(diagnosis: &Diagnosis, details: Details) -> Vec<String> {
     candidates.sort_by(|a, b| gain(b).total_cmp(&gain(a)));
     let fitted: Vec<&CandidateEntry> =
         candidates.iter().filter(|candidate| candidate.refused.is_none()).copied().collect();
-    let matters = |candidate: &CandidateEntry| {
-        candidate.status != Status::Invisible && candidate.refit.is_some() && candidate.p_familywise <= CHANCE_P
-    };
-    let n_shown = match details {
-        Details::All => fitted.len(),
-        Details::Brief => fitted.iter().take_while(|candidate| matters(candidate)).count().clamp(MIN_ROWS, MAX_ROWS),
-    };
-    lines.extend(fitted.iter().take(n_shown).map(|candidate| row(diagnosis, candidate)));
-    let n_others = fitted.len().saturating_sub(n_shown);
+    let shown: Vec<&CandidateEntry> = fitted
+        .iter()
+        .enumerate()
+        .filter(|(rank, candidate)| details == Details::All || is_shown(*rank, candidate, &diagnosis.verdict.effects))
+        .map(|(_, candidate)| *candidate)
+        .collect();
+    lines.extend(shown.iter().map(|candidate| row(diagnosis, candidate)));
+    let n_others = fitted.len() - shown.len();
     if n_others > 0 {
-        lines.push(format!("  {n_others} other effects gain less; `--verbose` lists them."));
+        lines.push(format!("  {n_others} other effects; `--verbose` lists them."));
     }
     let error = diagnosis.base.rmse_heldout_um.map_or(String::new(), |um| {
         format!(
@@ -152,6 +151,14 @@ fn candidate_lines(diagnosis: &Diagnosis, details: Details) -> Vec<String> {
         lines.push(format!("  best pair: {} with {:.1} nats", pair.effects.join(" + "), pair.gain_nats));
     }
     lines
+}
+
+/// Returns whether the brief table contains a candidate with this rank by gain. `named` are the effects that the verdict names.
+fn is_shown(rank: usize, candidate: &CandidateEntry, named: &[String]) -> bool {
+    let is_named = candidate.status == Status::Equivalent || named.contains(&candidate.effect);
+    let gains_beyond_chance =
+        candidate.status != Status::Invisible && candidate.refit.is_some() && candidate.p_familywise <= CHANCE_P;
+    is_named || rank < MIN_ROWS || (rank < MAX_ROWS && gains_beyond_chance)
 }
 
 fn noise_lines(diagnosis: &Diagnosis) -> Vec<String> {
@@ -227,4 +234,27 @@ fn row(diagnosis: &Diagnosis, candidate: &CandidateEntry) -> String {
     )
     .trim_end()
     .to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An effect that the verdict names is in the brief table at any rank, as the weaker effect of a claimed pair. Of the others, those beyond chance are in it.
+    #[test]
+    fn the_brief_table_has_every_named_effect() {
+        let candidate = |status: &str, p: f64| -> CandidateEntry {
+            let refit = serde_json::json!({ "gain_nats": 9.0, "heldout_gain_nats": null, "rmse_heldout_um": null, "largest_change": 1.0, "log_bayes_factor": null, "parameters": [] });
+            serde_json::from_value(serde_json::json!({ "effect": "softening", "status": status, "z": 0.0, "p_familywise": p, "visible_fraction": 1.0,
+                "expected_parameter": null, "refit": refit, "twins": [] }))
+            .unwrap()
+        };
+        let named = ["softening".to_string()];
+        assert!(is_shown(15, &candidate("claimed", 1.0), &named));
+        assert!(is_shown(15, &candidate("equivalent", 1.0), &[]));
+        assert!(!is_shown(15, &candidate("unsupported", 0.01), &[]));
+        assert!(is_shown(MAX_ROWS - 1, &candidate("unsupported", 0.01), &[]));
+        assert!(!is_shown(MAX_ROWS - 1, &candidate("unsupported", 0.5), &[]));
+        assert!(is_shown(MIN_ROWS - 1, &candidate("unsupported", 0.5), &[]));
+    }
 }
