@@ -376,9 +376,7 @@ fn links_in_a_study_are_named() {
 /// A manipulated list of tasks, with recomputed hashes, writes nothing outside its directory.
 #[test]
 fn a_crafted_list_of_tasks_writes_nowhere_else() {
-    use sha2::{Digest, Sha256};
-    let hash =
-        |text: &str| Sha256::digest(text.as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect::<String>();
+    let hash = |text: &str| vitreo_uq::base::sha256::sha256_hex(text.as_bytes());
     let place = tempfile::tempdir().unwrap();
     let at = |name: &str| place.path().join(name);
     write_instrument_experiment(&at("gel"), true, 0.0);

@@ -9,6 +9,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use vitreo_uq::base::error::Error;
 use vitreo_uq::base::number::Dual;
+use vitreo_uq::base::sha256::sha256_hex;
 use vitreo_uq::cohorts::cohort::{Key, Measurement};
 use vitreo_uq::cohorts::job::{Comparison, GroupsRequest, run};
 use vitreo_uq::cohorts::summary::summarise;
@@ -18,7 +19,7 @@ use vitreo_uq::elements::fe::oldroyd::{Discretisation, FiniteGel, FiniteInput, F
 use vitreo_uq::laws::rheology::BaseLaw;
 use vitreo_uq::models::effects::Stages;
 use vitreo_uq::posterior::monitor::{Monitor, SilentMonitor};
-use vitreo_uq::posterior::study::{ModelSpecification, sha256_hex};
+use vitreo_uq::posterior::study::ModelSpecification;
 use vitreo_uq::record::Experiment;
 use vitreo_uq::sampling::SamplerOptions;
 use vitreo_uq::sampling::ensemble::Progress;

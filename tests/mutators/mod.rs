@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, OnceLock};
 use std::time::Duration;
 
-use sha2::{Digest, Sha256};
+use vitreo_uq::base::sha256::{Hash, sha256_hex};
 
 use grammar::Grammar;
 use vitreo_uq::Result;
@@ -36,7 +36,7 @@ use vitreo_uq::posterior::prepared::{KeptSurrogate, PreparedModel};
 use vitreo_uq::posterior::prior::PriorSet;
 use vitreo_uq::posterior::problem::Problem;
 use vitreo_uq::posterior::replica;
-use vitreo_uq::posterior::study::{Kept, ModelSpecification, Study, WithProvenance, effect_file, sha256_hex};
+use vitreo_uq::posterior::study::{Kept, ModelSpecification, Study, WithProvenance, effect_file};
 use vitreo_uq::record::Experiment;
 use vitreo_uq::record::table::{TableSettings, propose};
 use vitreo_uq::sampling::ensemble::{Checkpointing, Progress, RunControl};
@@ -548,7 +548,7 @@ fn checkpoint() -> Vec<u8> {
 }
 
 fn read_checkpoint(_: &Place, bytes: &[u8]) -> Result<()> {
-    let sealed = [bytes, &Sha256::digest(bytes)].concat();
+    let sealed = [bytes, &Hash::hash(bytes)].concat();
     bowl(Some(&sealed), None).0
 }
 

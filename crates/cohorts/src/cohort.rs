@@ -3,10 +3,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-use sha2::{Digest, Sha256};
-
 use super::design::Labels;
 use base::error::{Error, InputPlace, Result, Setting};
+use base::sha256::{Hash, hex};
 use models::effects::Library;
 use posterior::monitor::{Monitor, WarningCollector};
 use posterior::study::{ModelSpecification, Study};
@@ -287,13 +286,13 @@ fn measurement(
 }
 
 fn hash_of(files: &ExperimentFiles) -> String {
-    let mut hash = Sha256::new();
+    let mut hash = Hash::new();
     let log = files.log_file.iter().map(|(_, bytes)| bytes);
     for bytes in [&files.toml_bytes, &files.csv_bytes].into_iter().chain(log) {
         hash.update(bytes.len().to_le_bytes());
         hash.update(bytes);
     }
-    hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+    hex(&hash.finalize())
 }
 
 /// If experiments cannot be read, returns the first one's error with the names of the others.

@@ -4,8 +4,8 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
+use base::sha256::{Hash, hex};
 use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
 
 use super::cohort::Measurement;
 use super::hierarchy::{ExperimentDensity, InterimDraws};
@@ -96,12 +96,12 @@ impl Specimen {
         let Problem { specification, priors, .. } = &self.model.problem;
         let compliance = self.model.compliance.experiment_per_m().to_bits();
         let SamplerOptions { n_walkers, max_steps, seed, .. } = options;
-        let mut hash = Sha256::new();
+        let mut hash = Hash::new();
         hash.update(env!("CARGO_PKG_VERSION"));
         hash.update(inputs_sha256);
         hash.update(format!("{specification:?} {compliance:x} {n_walkers} {max_steps} {seed} {N_DRAWS}"));
         hash.update(priors.text());
-        hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+        hex(&hash.finalize())
     }
 
     /// Reads the stored draws of this experiment from `folder`. If there are none for these inputs, samples them and stores them there.

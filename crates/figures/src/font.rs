@@ -1,9 +1,7 @@
 //! The embedded font, and the width of text in it.
 
-use skrifa::instance::{LocationRef, Size};
-use skrifa::outline::{DrawSettings, OutlinePen};
-use skrifa::{FontRef, GlyphId, MetadataProvider};
 use tiny_skia::{Path, PathBuilder, Transform};
+use ttf_parser::{Face, GlyphId, OutlineBuilder};
 
 /// DejaVu Sans, reduced to Latin and Greek letters, superscripts, subscripts, mathematical signs and arrows. The licence is beside the file.
 pub(crate) static FONT: &[u8] = include_bytes!("../assets/DejaVuSans-subset.ttf");
@@ -14,29 +12,25 @@ pub const FAMILIES: &str = "DejaVu Sans, Verdana, sans-serif";
 /// Advance width of a character that the font lacks, as a fraction of the font size.
 const UNKNOWN_ADVANCE: f64 = 0.6;
 
-/// The embedded font, with its number of units per em; `None` if its bytes are damaged.
-fn font() -> Option<(FontRef<'static>, f64)> {
-    let font = FontRef::new(FONT).ok()?;
-    let units_per_em = font.metrics(Size::unscaled(), LocationRef::default()).units_per_em;
-    Some((font, f64::from(units_per_em)))
+/// The embedded font; `None` if its bytes are damaged.
+fn font() -> Option<Face<'static>> {
+    Face::parse(FONT, 0).ok()
 }
 
 /// Width in pixels of one line of text with the font size `size_px`.
 pub fn text_width_px(text: &str, size_px: f64) -> f64 {
-    let Some((font, units_per_em)) = font() else {
+    let Some(font) = font() else {
         return UNKNOWN_ADVANCE * size_px * text.chars().count() as f64;
     };
-    glyphs(&font, units_per_em, text).map(|(_, ems)| ems).sum::<f64>() * size_px
+    glyphs(&font, text).map(|(_, ems)| ems).sum::<f64>() * size_px
 }
 
 /// Glyph of each character, with its advance width as a fraction of the font size.
-fn glyphs(font: &FontRef, units_per_em: f64, text: &str) -> impl Iterator<Item = (GlyphId, f64)> {
-    let characters = font.charmap();
-    let metrics = font.glyph_metrics(Size::unscaled(), LocationRef::default());
-    text.chars().map(move |character| {
-        let glyph = characters.map(character);
-        let advance = glyph.and_then(|glyph| metrics.advance_width(glyph));
-        let ems = advance.map_or(UNKNOWN_ADVANCE, |units| f64::from(units) / units_per_em);
+fn glyphs(font: &Face, text: &str) -> impl Iterator<Item = (GlyphId, f64)> {
+    text.chars().map(|character| {
+        let glyph = font.glyph_index(character);
+        let advance = glyph.and_then(|glyph| font.glyph_hor_advance(glyph));
+        let ems = advance.map_or(UNKNOWN_ADVANCE, |units| f64::from(units) / f64::from(font.units_per_em()));
         (glyph.unwrap_or_default(), ems)
     })
 }
@@ -44,13 +38,12 @@ fn glyphs(font: &FontRef, units_per_em: f64, text: &str) -> impl Iterator<Item =
 /// Outline of one line of text with the font size `size_px`; `None` if the text is blank. Coordinates are in pixels. The baseline starts at the origin and runs
 /// along x; y points downwards.
 pub fn text_outline(text: &str, size_px: f64) -> Option<Path> {
-    let (font, units_per_em) = font()?;
-    let outlines = font.outline_glyphs();
+    let font = font()?;
+    let units_per_em = f64::from(font.units_per_em());
     let mut pen = Pen { outline: PathBuilder::new(), x: 0.0 };
-    for (glyph, ems) in glyphs(&font, units_per_em, text) {
-        if let Some(outline) = outlines.get(glyph) {
-            outline.draw(DrawSettings::unhinted(Size::unscaled(), LocationRef::default()), &mut pen).ok()?;
-        }
+    for (glyph, ems) in glyphs(&font, text) {
+        // A blank has no outline.
+        font.outline_glyph(glyph, &mut pen);
         pen.x += (ems * units_per_em) as f32;
     }
     let scale = (size_px / units_per_em) as f32;
@@ -64,7 +57,7 @@ struct Pen {
     x: f32,
 }
 
-impl OutlinePen for Pen {
+impl OutlineBuilder for Pen {
     fn move_to(&mut self, x: f32, y: f32) {
         self.outline.move_to(self.x + x, y);
     }
@@ -132,10 +125,10 @@ mod tests {
 
     #[test]
     fn every_character_the_figures_use_is_in_the_font() {
-        let font = skrifa::FontRef::new(FONT).unwrap();
+        let font = font().unwrap();
         for character in "0123456789+−×·⁰¹²³⁴⁵⁶⁷⁸⁹⁻₀₁₂₃µμΩαβγδεζηθκλνρσστφχψω≤≥≈±→←↑↓–—…√∞°·•äöüßéèçñŁő".chars()
         {
-            assert!(font.charmap().map(character).is_some(), "{character} is missing");
+            assert!(font.glyph_index(character).is_some(), "{character} is missing");
         }
     }
 

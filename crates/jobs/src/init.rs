@@ -7,9 +7,9 @@ use super::init_creep::RheometerCreep;
 use super::init_sweep::describe_sweep;
 use base::error::{Error, InputPlace, Result, Setting};
 use base::files::{self, Content, write_together};
+use base::sha256::sha256_hex;
 use base::toml_input::{UNKNOWN, quoted};
 use documents::init::{InitColumn, InitSummary};
-use posterior::study::sha256_hex;
 use record::table::{
     Ask, ColumnName, PositionColumns, Question, TableDescription, TableProposal, TableSettings, inspect_table, propose,
     tracks,

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use base::sha256::sha256_hex;
 use serde::de::DeserializeOwned;
 
 use super::artefacts::{MESH_INPUT, effect_copy};
@@ -20,7 +21,7 @@ use models::effects::Library;
 use posterior::check;
 use posterior::study::{
     DIAGNOSIS_NAME, EXTENSION_NAME, FINDINGS_NAME, LADDER_NAME, LEARNED_NAME, ModelSpecification, PAGE_NAME,
-    POSTERIOR_NAME, Provenance, Study, WithProvenance, effect_file, sha256_hex,
+    POSTERIOR_NAME, Provenance, Study, WithProvenance, effect_file,
 };
 use record::Experiment;
 

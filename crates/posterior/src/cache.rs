@@ -11,13 +11,13 @@ use std::ffi::OsString;
 use std::fmt::Debug;
 use std::path::{Path, PathBuf};
 
+use base::sha256::{Hash, hex, sha256_hex};
 use etcetera::base_strategy::{BaseStrategy, choose_native_strategy};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
 
 use crate::monitor::Monitor;
-use crate::study::{Kept, sha256_hex};
+use crate::study::Kept;
 use base::error::{Error, InputPlace, Result};
 use base::files::{Content, file_error, folder_of, read_if_there, to_json, write_atomically};
 use elements::mesh::Mesh;
@@ -84,12 +84,12 @@ impl ModelInputs {
     }
 
     fn with_bytes<const N: usize>(mut self, name: &str, values: impl IntoIterator<Item = [u8; N]>) -> Self {
-        let (mut hash, mut count) = (Sha256::new(), 0_usize);
+        let (mut hash, mut count) = (Hash::new(), 0_usize);
         for bytes in values {
             hash.update(bytes);
             count += 1;
         }
-        let hash: String = hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect();
+        let hash = hex(&hash.finalize());
         self.input.insert(name.into(), format!("{count} values, SHA-256 {hash}"));
         self
     }

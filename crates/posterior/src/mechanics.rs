@@ -5,9 +5,9 @@ use std::path::PathBuf;
 
 use super::mesh_check;
 use super::outside::ExternalModel;
-use crate::study::sha256_hex;
 use base::error::{Error, InputPlace, Result, Setting};
 use base::files::{self, Content};
+use base::sha256::sha256_hex;
 use documents::posterior::Warning;
 use elements::fe::Stiffness;
 use elements::fe::exact::SphereInContainer;

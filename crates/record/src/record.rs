@@ -2,7 +2,7 @@
 
 use super::force::{Force, ForceRule};
 use super::robust::median;
-use sha2::{Digest, Sha256};
+use base::sha256::{Hash, hex};
 
 /// Rows of the trajectory in SI units. The vectors with one value per row have equal lengths.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -29,7 +29,7 @@ impl Record {
 
     /// SHA-256 hash of all rows.
     pub fn sha256(&self) -> String {
-        let mut hash = Sha256::new();
+        let mut hash = Hash::new();
         let positions = self.position_m.iter().map(|position| position.unwrap_or(f64::NAN));
         for value in self.time_s.iter().chain(&self.force_n).copied().chain(positions) {
             hash.update(value.to_le_bytes());
@@ -38,7 +38,7 @@ impl Record {
         if self.force_rule != ForceRule::Hold {
             hash.update(self.force_rule.name());
         }
-        hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+        hex(&hash.finalize())
     }
 
     /// The commanded force over time.

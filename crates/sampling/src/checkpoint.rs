@@ -2,8 +2,8 @@
 
 use base::error::{InputPlace, Setting};
 use base::files::{self, Content};
+use base::sha256::Hash;
 use base::{Error, Result};
-use sha2::{Digest, Sha256};
 use std::path::Path;
 
 const MAGIC: &[u8; 24] = b"vitreo-uq checkpoint 1\n\0";
@@ -26,12 +26,12 @@ pub(super) fn pack(problem: &str, header: &str, numbers: &[&[f64]]) -> Vec<u8> {
     let count: usize = numbers.iter().map(|part| part.len()).sum();
     let mut bytes = Vec::with_capacity(MAGIC.len() + 3 * DIGEST_LENGTH + header.len() + 8 * count);
     bytes.extend_from_slice(MAGIC);
-    bytes.extend_from_slice(&Sha256::digest(problem.as_bytes()));
+    bytes.extend_from_slice(&Hash::hash(problem.as_bytes()));
     bytes.extend_from_slice(&(header.len() as u64).to_le_bytes());
     bytes.extend_from_slice(&(count as u64).to_le_bytes());
     bytes.extend_from_slice(header.as_bytes());
     numbers.iter().flat_map(|part| part.iter()).for_each(|x| bytes.extend_from_slice(&x.to_le_bytes()));
-    let digest = Sha256::digest(&bytes);
+    let digest = Hash::hash(&bytes);
     bytes.extend_from_slice(&digest);
     bytes
 }
@@ -45,11 +45,11 @@ pub(super) fn unpack(problem: &str, bytes: &[u8]) -> Result<(String, Vec<f64>)> 
         || refuse("the checkpoint is damaged or was written by another version", "delete it and start the run again");
     let (contents, digest) = bytes.split_last_chunk::<DIGEST_LENGTH>().ok_or_else(damaged)?;
     let after_magic = contents.strip_prefix(MAGIC.as_slice()).ok_or_else(damaged)?;
-    if Sha256::digest(contents)[..] != digest[..] {
+    if Hash::hash(contents)[..] != digest[..] {
         return Err(damaged());
     }
     let (hash, rest) = after_magic.split_first_chunk::<DIGEST_LENGTH>().ok_or_else(damaged)?;
-    if Sha256::digest(problem.as_bytes())[..] != hash[..] {
+    if Hash::hash(problem.as_bytes())[..] != hash[..] {
         return Err(refuse(
             "the checkpoint belongs to another problem (data, prior, model, seed, or sampler settings differ)",
             &format!(

@@ -8,6 +8,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use vitreo_uq::base::parameter::ParameterSpec;
+use vitreo_uq::base::sha256::sha256_hex;
 use vitreo_uq::cohorts::artefacts;
 use vitreo_uq::cohorts::cohort::{Key, Measurement};
 use vitreo_uq::cohorts::job::{GroupsRequest, run_with};
@@ -22,7 +23,7 @@ use vitreo_uq::models::effects::{EFFECTS, Effect};
 use vitreo_uq::models::model::{Compliance, TrainedRange};
 use vitreo_uq::models::surrogate::{FieldModels, Surrogate, Training};
 use vitreo_uq::posterior::monitor::SilentMonitor;
-use vitreo_uq::posterior::study::{ModelSpecification, sha256_hex};
+use vitreo_uq::posterior::study::ModelSpecification;
 use vitreo_uq::record::Experiment;
 use vitreo_uq::sampling::SamplerOptions;
 

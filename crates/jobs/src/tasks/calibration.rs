@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use base::sha256::sha256_hex;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
@@ -15,7 +16,7 @@ use documents::calibration::Calibration;
 use figures::calibration::rank_histograms;
 use figures::svg::write_figure;
 use posterior::monitor::{Monitor, SilentMonitor};
-use posterior::study::{Provenance, WithProvenance, sha256_hex};
+use posterior::study::{Provenance, WithProvenance};
 use validation::calibration::{Bench, CalibrationSubject, FEWEST, Replicate, check, judge};
 
 /// File name of the calibration document, in the folder of gathered results.

@@ -10,13 +10,12 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use serde_json::json;
-use sha2::{Digest, Sha256};
 
 use super::list::{List, Task, TaskInput};
 use base::error::{Error, InputPlace, Result, Setting};
 use base::files::{self, Content, write_atomically};
+use base::sha256::{Hash, hex, sha256_hex};
 use posterior::monitor::{Monitor, THREADS_VARIABLE, refuse_if_stopped};
-use posterior::study::sha256_hex;
 use record::Experiment;
 
 /// Placeholder in a command for the directory whose files are its result.
@@ -202,12 +201,12 @@ fn content_sha256(path: &Path) -> Result<String> {
         }
         return Ok(sha256_hex(&input(path)?));
     }
-    let mut all = Sha256::new();
+    let mut all = Hash::new();
     for entry in files_below(path)? {
         let name = entry.strip_prefix(path).unwrap_or(&entry).to_string_lossy().into_owned();
         all.update(format!("{name}\n{}\n", sha256_hex(&input(&entry)?)));
     }
-    Ok(all.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
+    Ok(hex(&all.finalize()))
 }
 
 fn input(path: &Path) -> Result<Vec<u8>> {

@@ -3,13 +3,14 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use base::sha256::sha256_hex;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use base::error::{Error, InputPlace, Result, Setting};
 use base::files::{self, Content, to_json, write_together};
 use documents::tasks::{TaskKind, TaskList};
-use posterior::study::{Provenance, WithProvenance, sha256_hex};
+use posterior::study::{Provenance, WithProvenance};
 
 const HEAD: &str = "tasks.json";
 const LINES: &str = "tasks.jsonl";

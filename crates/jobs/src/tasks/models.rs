@@ -13,6 +13,7 @@ use serde_json::json;
 use super::list::{Task, TaskInput, not_json};
 use super::sample::{Sampling, read as read_measurement};
 use base::error::{Error, InputPlace, Result, Setting};
+use base::sha256::sha256_hex;
 use cohorts::apparatus;
 use cohorts::cohort::Measurement;
 use models::effects::{Library, Stage};
@@ -24,7 +25,6 @@ use posterior::prepared::{
     effect_requirements, field_built_from, field_model, field_models, surrogate, surrogate_built_from, with_fields,
 };
 use posterior::problem::Problem;
-use posterior::study::sha256_hex;
 use record::Apparatus;
 
 /// Kind of reduced model that a task builds.

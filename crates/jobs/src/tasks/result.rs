@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 use super::list::{List, Task, not_json};
 use base::error::Result;
 use base::files::{Content, read_if_there, write_atomically};
+use base::sha256::sha256_hex;
 use documents::tasks::Fault;
-use posterior::study::sha256_hex;
 
 /// First line of a result file. It identifies the task and the program.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]

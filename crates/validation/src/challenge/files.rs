@@ -11,8 +11,8 @@ use super::seal::{SALT_BYTES, Sealed, open, seal};
 use super::{Bench, Noise, Truth, TruthRequest};
 use base::error::{Error, InputPlace, Result, Setting};
 use base::files::{self, Content, TemporaryDirectory, write_atomically, write_json_atomically};
+use base::sha256::sha256_hex;
 use posterior::monitor::Monitor;
-use posterior::study::sha256_hex;
 use record::{Apparatus, Record, RobotShape, density_toml};
 use sampling::ensemble::RandomStream;
 

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use base::sha256::sha256_hex;
 use rayon::prelude::*;
 
 use super::large::{self, LargeGel, robot_of};
@@ -19,7 +20,7 @@ use laws::stages::Spatial;
 use models::model::{Forward, FullOrderForward};
 use posterior::mechanics::{MODEL_LEVEL, robot_mesh, sizes_of};
 use posterior::monitor::Monitor;
-use posterior::study::{ModelSpecification, sha256_hex};
+use posterior::study::ModelSpecification;
 use record::Force;
 
 /// Level of the mesh that the data are simulated on. The fitted model uses the next coarser level.

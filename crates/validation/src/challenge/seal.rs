@@ -4,9 +4,8 @@
 //! accident. Anyone can open the seal. It protects against accidental reading and later changes, not against an attack.
 
 use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
 
-use posterior::study::sha256_hex;
+use base::sha256::{Hash, hex, sha256_hex};
 
 /// Number of bytes of a salt.
 pub const SALT_BYTES: usize = 32;
@@ -37,8 +36,8 @@ pub fn seal(salt: &[u8; SALT_BYTES], answer: &[u8]) -> Sealed {
     Sealed {
         schema: SCHEMA.into(),
         commitment_sha256: commitment_sha256(salt, answer),
-        salt: to_hex(salt),
-        answer: to_hex(&mask(salt, answer)),
+        salt: hex(salt),
+        answer: hex(&mask(salt, answer)),
     }
 }
 
@@ -53,14 +52,10 @@ pub fn open(sealed: &Sealed) -> Option<Vec<u8>> {
 fn mask(salt: &[u8], bytes: &[u8]) -> Vec<u8> {
     let mut out = Vec::with_capacity(bytes.len());
     for (number, block) in (0_u64..).zip(bytes.chunks(32)) {
-        let mask = Sha256::new().chain_update(salt).chain_update(number.to_le_bytes()).finalize();
+        let mask = Hash::hash(&[salt, &number.to_le_bytes()].concat());
         out.extend(block.iter().zip(mask.iter()).map(|(a, b)| a ^ b));
     }
     out
-}
-
-fn to_hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 fn from_hex(text: &str) -> Option<Vec<u8>> {
@@ -80,7 +75,7 @@ mod tests {
         let sealed = seal(&SALT, answer);
         assert_eq!(open(&sealed).as_deref(), Some(&answer[..]));
         assert!(!serde_json::to_string(&sealed).unwrap().contains("softening"));
-        assert!(!sealed.answer.contains(&to_hex(b"softening")));
+        assert!(!sealed.answer.contains(&hex(b"softening")));
         assert_eq!(sealed.commitment_sha256, sha256_hex(&[&SALT[..], answer].concat()));
     }
 
@@ -89,7 +84,7 @@ mod tests {
         let sealed = seal(&SALT, b"softening");
         for changed in [
             Sealed { answer: seal(&SALT, b"force-bias").answer, ..sealed.clone() },
-            Sealed { salt: to_hex(&[8; SALT_BYTES]), ..sealed.clone() },
+            Sealed { salt: hex(&[8; SALT_BYTES]), ..sealed.clone() },
             Sealed { answer: "no hex".into(), ..sealed.clone() },
             Sealed { answer: "abc".into(), ..sealed.clone() },
         ] {

@@ -80,5 +80,5 @@ fn token() -> Result<String> {
             "repair the operating system's random number generator",
         )
     })?;
-    Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect())
+    Ok(base::sha256::hex(&bytes))
 }
