@@ -2,6 +2,7 @@
 import assert from "node:assert/strict";
 import { execFileSync, spawn } from "node:child_process";
 import { cpSync, existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync, utimesSync, writeFileSync } from "node:fs";
+import { request } from "node:http";
 import { createRequire } from "node:module";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
@@ -26,6 +27,34 @@ async function start(folder) {
   server = spawn(program, ["workbench", ".", "--port", "0", "--quiet"], { cwd: folder, stdio: ["ignore", "pipe", "inherit"] });
   const [line] = await once(server.stdout, "data");
   return String(line).trim();
+}
+/** Ends the workbench, starts it in another folder, and opens it there. */
+async function startIn(folder) {
+  server.kill("SIGKILL");
+  await once(server, "exit");
+  await page.goto("about:blank");
+  link = await start(folder);
+  await page.goto(link);
+}
+/** Folder of its own for a test. */
+const folder = () => mkdtempSync(join(tmpdir(), "workbench-"));
+/** Copies an experiment of the cohort. */
+const copyRecord = (name, to) => cpSync(join(cohort, name), to, { recursive: true });
+/** Whether the whole element is in the window without scrolling. */
+async function assertInView(selector) {
+  const element = page.locator(selector).first();
+  await element.waitFor();
+  const [box, size] = [await element.boundingBox(), page.viewportSize()];
+  assert.ok(box.x >= 0 && box.y >= 0 && box.x + box.width <= size.width + 1 && box.y + box.height <= size.height + 1, `${selector} at ${JSON.stringify(box)} is outside ${JSON.stringify(size)}`);
+}
+/** Moves the focus by the tabulator to an element, and presses Enter. */
+async function tabToAndPress(selector) {
+  await page.waitForSelector(`${selector}:not([disabled])`);
+  for (let step = 0; step < 200; step++) {
+    await page.keyboard.press("Tab");
+    if (await page.evaluate((own) => document.activeElement?.matches(own), selector)) return page.keyboard.press("Enter");
+  }
+  assert.fail(`${selector} is not reached by the keyboard`);
 }
 const once = (emitter, event) => new Promise((resolve) => emitter.once(event, (...values) => resolve(values)));
 
@@ -63,6 +92,7 @@ before(async () => {
   link = await start(home);
   browser = await chromium.launch({ executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium", args: ["--no-sandbox"] });
   page = await browser.newPage({ viewport: { width: 1440, height: 900 } });
+  page.on("dialog", (dialog) => dialog.accept());
   page.on("pageerror", (error) => faults.push(error.message));
   page.on("console", (message) => message.type() === "error" && faults.push(message.text()));
 });
@@ -135,6 +165,13 @@ test("the model is fitted, and fails", async () => {
   await page.waitForSelector("#fails:visible");
   assert.ok((await page.locator("#map button").count()) > 10);
   await picture("5-fails");
+  for (const row of await page.locator("#map tr").all()) {
+    const title = await row.locator("th").textContent();
+    await row.locator("button").first().click();
+    await page.waitForFunction((text) => document.getElementById("cell").textContent.startsWith(text), title);
+    const p = Number((await row.locator("td.p").textContent()).match(/p = (.*)/)[1]);
+    assert.equal(await row.evaluate((own) => own.classList.contains("quiet")), p >= 0.05, title);
+  }
   await page.locator("#map tr", { hasText: "time since the last force step" }).locator("button").first().click();
   await page.waitForFunction(() => document.getElementById("window").selectedIndex > 0);
   await picture("6-a-cell-of-the-map");
@@ -148,9 +185,12 @@ test("an effect is tried by hand", async () => {
   const told = () => page.locator("#tried").textContent();
   await page.waitForFunction(() => document.getElementById("tried").textContent.includes("µm"));
   const before = await told();
+  const residuals = () => page.evaluate(() => document.querySelector("#plot-residual canvas").toDataURL());
+  const drawn = await residuals();
   await slider.focus();
   for (let step = 0; step < 5; step++) await page.keyboard.press("PageUp");
   await page.waitForFunction((text) => document.getElementById("tried").textContent !== text, before);
+  assert.notEqual(await residuals(), drawn, "the residuals follow the sliders");
   await picture("7-by-hand");
   await page.click("#try-reset");
 });
@@ -178,14 +218,66 @@ test("the missing effect is found and added, and the error falls to the noise", 
   await page.screenshot({ path: join(pictures, "workbench.png") });
 });
 
-test("a workbench that is killed during a job loses nothing", async () => {
+test("one screen shows the next step, the curves and the sliders", async () => {
+  for (const [width, height] of [[1280, 800], [1440, 900], [3840, 2160]]) {
+    await page.setViewportSize({ width, height });
+    await page.evaluate(() => scrollTo(0, 0));
+    for (const selector of ["#next button", "#plot-position canvas", "#plot-residual canvas", "#sliders label"]) await assertInView(selector);
+    await page.screenshot({ path: join(pictures, `9b-${width}.png`) });
+  }
+  const right = await page.evaluate(() => Math.max(...[...document.querySelectorAll(".bench > *")].map((own) => own.getBoundingClientRect().right)));
+  assert.ok(right > 3700, `the page ends at ${right} of 3840 px`);
+  await page.setViewportSize({ width: 800, height: 900 });
+  await page.selectOption("#revision", "m0");
+  await page.locator("#suspects tbody button").first().scrollIntoViewIfNeeded();
+  await assertInView("#suspects tbody button");
+  await page.setViewportSize({ width: 1440, height: 900 });
+  await page.selectOption("#revision", "m1");
+});
+
+test("the Back button leads to what was open before", async () => {
+  await page.click("#to-project");
+  await page.waitForSelector("#project:visible");
+  assert.match(await page.locator("#project-rows tr", { hasText: ITEM }).textContent(), /softening/);
+  await hasNoSeriousFaults("project");
+  await picture("9c-project");
+  await page.goBack();
+  await page.waitForSelector("#item:visible");
+  assert.equal(await page.locator("#revision").inputValue(), "m1");
+  await page.goForward();
+  await page.waitForSelector("#project:visible");
+  await page.locator("#project-rows a", { hasText: ITEM }).click();
+  await page.waitForSelector("#item:visible");
+});
+
+test("what was learnt in vain is said", async () => {
+  await page.route("**/api/study?**", async (route) => {
+    const response = await route.fetch();
+    const study = await response.json();
+    study.revisions.forEach((own) => Object.assign(own, { diagnosis: null, learned: { verdict: { kind: "nothing", sentence: "No function of a state explains the residuals." }, function: null, formula: null } }));
+    if (study.revisions.length > 0) study.revisions.forEach((own) => (own.diagnosis = { verdict: { kind: "unexplained", effects: [], sentence: "" }, candidates: [] }));
+    await route.fulfill({ response, json: study });
+  });
+  await page.reload();
+  await page.waitForFunction(() => document.getElementById("next").textContent.includes("Nothing was learnt"));
+  await page.unroute("**/api/study?**");
+  await page.reload();
+  await page.waitForSelector("#next button");
+});
+
+test("a workbench that is killed during a job loses nothing, and the page goes on by itself", async () => {
   await page.locator("#next [data-action=diagnose]").first().click();
   await page.waitForSelector("#job:not([hidden])");
+  await page.waitForFunction(() => /since the start/.test(document.getElementById("job-time").textContent));
+  await page.evaluate(() => scrollTo(0, document.body.scrollHeight));
+  await assertInView("#job-progress");
   server.kill("SIGKILL");
-  await once(server, "exit");
+  await page.waitForSelector("#lost:not([hidden])", { timeout: 2000 });
+  await picture("9d-lost");
+  const before = link;
   link = await start(home);
-  await page.goto(`${link}#${encodeURIComponent(ITEM)}`);
-  await page.waitForSelector("#item:visible");
+  assert.equal(link, before, "the same port and token");
+  await page.waitForSelector("#lost", { state: "hidden", timeout: 3000 });
   await page.waitForSelector("#job:not([hidden])");
   await isIdle();
   await page.waitForFunction(() => /no missing effect|may be missing|lacks|explains/i.test(document.getElementById("missing-sentence").textContent), null, { timeout: 20_000 });
@@ -203,19 +295,73 @@ test("a stopped job leaves no file half-written", async () => {
   await page.click("#fault-close");
 });
 
-test("models of another choice of rows are not shown", async () => {
+test("models of another choice of rows are not shown, and come back with it", async () => {
   await page.locator("#choice summary").click();
   await page.locator("#choices select").nth(1).selectOption("unused");
   await page.click("text=Use these rows");
   await page.waitForFunction(() => document.getElementById("next").textContent.includes("record has changed"));
   assert.ok(await page.locator("#fails").isHidden());
   await page.locator("#choices select").nth(1).selectOption("held out");
+  await page.click("text=Use these rows");
+  await page.waitForSelector("#fails:visible");
+  assert.equal(await page.locator("#revision option").count(), 2);
   await page.locator("#choices select").first().selectOption("unused");
-  await page.locator("#choices select").nth(1).selectOption("unused");
+  for (const cycle of [1, 2, 3]) await page.locator("#choices select").nth(cycle).selectOption("unused");
   await page.click("text=Use these rows");
   await page.waitForSelector("#fault:visible");
   assert.match(await page.locator("#fault-words").textContent(), /no cycle is fitted/);
   await page.click("#fault-close");
+});
+
+test("a wrong description is corrected, and a record is renamed, copied, deleted and brought back", async () => {
+  await page.goto(`${link}#${encodeURIComponent(ITEM)}`);
+  await page.locator("#description summary").click();
+  const text = page.locator("#description-text");
+  await page.waitForFunction(() => document.getElementById("description-text").value.includes("diameter_mm"));
+  const good = await text.inputValue();
+  await text.fill(good.replace(/^diameter_mm = 0.55$/m, "diameter_mm = -3"));
+  await page.click("text=Save the description");
+  await page.waitForSelector("#fault:visible");
+  assert.equal(readFileSync(join(home, ITEM, "experiment.toml"), "utf8"), good, "a refused description is not written");
+  await page.click("#fault-close");
+  await text.fill(good.replace(/^diameter_mm = 0.55$/m, "diameter_mm = 0.551"));
+  await page.click("text=Save the description");
+  await page.waitForFunction(() => document.getElementById("next").textContent.includes("record has changed"));
+  await page.locator("#description summary").click();
+  await page.waitForFunction(() => document.getElementById("description-text").value.includes("0.551"));
+  await text.fill(good);
+  await page.click("text=Save the description");
+  await page.waitForSelector("#fails:visible");
+  await page.locator("#description summary").click();
+  await page.fill("#new-name", "Kopie");
+  await page.click("text=Copy under this name");
+  await page.waitForFunction(() => location.hash === "#Kopie");
+  await page.locator("#description summary").click();
+  await page.waitForFunction(() => document.getElementById("new-name").value === "Kopie");
+  await page.fill("#new-name", "other");
+  await page.click("#rename button[value=rename]");
+  await page.waitForFunction(() => location.hash === "#other");
+  assert.ok(existsSync(join(home, "other", "experiment.toml")) && !existsSync(join(home, "Kopie")));
+  await page.locator("#description summary").click();
+  await page.click("#delete");
+  await page.waitForSelector("#undo:not([hidden])");
+  assert.ok(!existsSync(join(home, "other")));
+  await picture("9e-undo");
+  await page.click("#undo-do");
+  await page.waitForFunction(() => location.hash === "#other");
+  assert.ok(existsSync(join(home, "other", "experiment.toml")));
+  rmSync(join(home, "other"), { recursive: true });
+  await page.goto(`${link}#${encodeURIComponent(ITEM)}`);
+});
+
+test("an upload of impossible length is refused before it is sent", async () => {
+  const { hostname, port, pathname, host } = new URL(link);
+  const status = await new Promise((resolve, reject) => {
+    const sent = request({ hostname, port, path: `${pathname}api/table?name=x.csv`, method: "POST", headers: { host, "content-length": 1e12 } }, (response) => resolve(response.statusCode));
+    sent.on("error", reject);
+    sent.flushHeaders();
+  });
+  assert.equal(status, 422);
 });
 
 test("the page works in dark mode and on a narrow screen", async () => {
@@ -245,6 +391,54 @@ test("groups are compared", async () => {
   await page.waitForFunction(() => [...document.querySelectorAll("#sheet img")].slice(0, 1).every((own) => own.complete && own.naturalWidth > 0));
   await hasNoSeriousFaults("groups");
   await picture("13-groups");
+});
+
+test("the sample record leads to the hidden effect in four presses of a key", async () => {
+  const own = folder();
+  await page.setViewportSize({ width: 1280, height: 800 });
+  await startIn(own);
+  for (const action of ["#example", "#next [data-action=sample]", "#next [data-action=diagnose]", "#next [data-action=extend]"]) {
+    await assertInView(action);
+    await tabToAndPress(action);
+    await page.waitForSelector("#job:not([hidden])");
+    await isIdle();
+    assert.ok(await page.locator("#fault").isHidden(), await page.locator("#fault-words").textContent());
+  }
+  await page.waitForFunction(() => document.querySelectorAll(".rung").length === 3);
+  const [m0, m1, noise] = (await page.locator(".rung .number").allTextContents()).map(parseFloat);
+  assert.ok(m0 > 1.15 * noise && m1 < 1.15 * noise, `errors ${m0} and ${m1} µm, noise ${noise} µm`);
+  assert.match(await page.locator("#revision option").last().textContent(), /softening/);
+  await page.screenshot({ path: join(pictures, "14-sample.png") });
+  rmSync(own, { recursive: true, force: true, maxRetries: 20, retryDelay: 200 });
+});
+
+test("three hundred records are listed, sorted, filtered and marked", async () => {
+  const own = folder();
+  for (let number = 0; number < 300; number++) {
+    copyRecord(number % 2 ? "bovine-01-anterior" : "porcine-01-anterior", join(own, `eye-${number}`));
+    const path = join(own, `eye-${number}`, "experiment.toml");
+    writeFileSync(path, readFileSync(path, "utf8").replace(/^id = .*$/m, `id = "eye-${number}"`));
+  }
+  const began = Date.now();
+  await startIn(own);
+  await page.waitForFunction(() => document.querySelectorAll("#project-rows tr").length === 300);
+  console.log(`300 records: ${Date.now() - began} ms with the start of the workbench`);
+  await page.locator("#project-head button", { hasText: "record" }).click();
+  assert.equal(await page.locator("#project-rows a").first().textContent(), "eye-299");
+  await page.fill("#project-filter", "bovine");
+  await page.waitForFunction(() => document.querySelectorAll("#project-rows tr").length === 150);
+  await page.fill("#project-filter", "eye-7");
+  for (const name of ["eye-7", "eye-70"]) await page.locator(`#project-rows input[aria-label="Mark ${name}"]`).check();
+  await page.click("#project-sample");
+  await page.waitForSelector("#job:not([hidden])");
+  await isIdle();
+  assert.ok(await page.locator("#fault").isHidden(), await page.locator("#fault-words").textContent());
+  await page.waitForFunction(() => /\d \(.* to .*\)/.test(document.getElementById("project-rows").textContent));
+  const csv = await page.evaluate(async () => (await fetch(document.getElementById("project-csv").href)).text());
+  assert.match(csv, /^record,species,region,revision,effects,.*median/);
+  assert.equal(csv.trim().split("\r\n").filter((line) => line.includes(",m0,")).length, 2);
+  await picture("15-project");
+  rmSync(own, { recursive: true, force: true, maxRetries: 20, retryDelay: 200 });
 });
 
 test("the page has reported no unexpected error", () => {

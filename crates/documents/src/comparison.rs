@@ -89,6 +89,9 @@ pub struct ColumnBias {
     pub phrase: String,
     /// Start and end of the column, in s after a force step; `None` if the test is not about time since a force step.
     pub lag_s: Option<[f64; 2]>,
+    /// Starts and ends, in s, of the times to which the column applies; empty if there are more than 400, or if the test does not divide the record.
+    #[serde(default)]
+    pub stretches_s: Vec<[f64; 2]>,
     /// Measurement minus model, in µm, at the column's largest value.
     pub bias_um: f64,
     /// Standard error of the bias, in µm.

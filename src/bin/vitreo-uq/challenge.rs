@@ -14,6 +14,7 @@ use vitreo_uq::models::effects::Library;
 use vitreo_uq::posterior::cache::cache_directory;
 use vitreo_uq::posterior::monitor::Monitor;
 use vitreo_uq::posterior::study::{DIAGNOSIS_NAME, Provenance, Study, WithProvenance};
+use vitreo_uq::record::Experiment;
 use vitreo_uq::sampling::ensemble::RandomStream;
 use vitreo_uq::validation::challenge::files::{self, ChallengeCase, OpenedChallenge};
 use vitreo_uq::validation::challenge::play::HiddenKind;
@@ -309,7 +310,7 @@ fn hidden(arguments: &NewArguments, protocol: Protocol, stream: &mut RandomStrea
 fn reveal(arguments: &RevealArguments) -> Result<ExitCode> {
     crate::output::check(arguments.json.as_deref())?;
     let mut opened = files::open_challenge(&arguments.dir)?;
-    let diagnosis = diagnosis_of(&opened, arguments.study.as_deref())?;
+    let diagnosis = diagnosis_of(&opened, &arguments.dir, arguments.study.as_deref())?;
     if diagnosis.is_some() && !opened.answer.truth.not_compared.is_empty() {
         // `challenge new` omits these comparisons because they are slow. The diagnosis has cached the models that they need.
         let terminal = Terminal::new(arguments.quiet);
@@ -343,13 +344,14 @@ fn study_dir(opened: &OpenedChallenge, study: Option<&Path>) -> PathBuf {
 }
 
 /// First diagnosis in a study of the challenge's data; `None` if there is no study, or no diagnosis in it.
-fn diagnosis_of(opened: &OpenedChallenge, study: Option<&Path>) -> Result<Option<Diagnosis>> {
+fn diagnosis_of(opened: &OpenedChallenge, challenge_dir: &Path, study: Option<&Path>) -> Result<Option<Diagnosis>> {
     let dir = study_dir(opened, study);
     if study.is_none() && !Study::is_study(&dir) {
         return Ok(None);
     }
     let study = Study::open(&dir)?;
-    if !study.inputs_sha256().values().any(|hash| *hash == opened.answer.trajectory_sha256) {
+    let is_same_file = study.inputs_sha256().values().any(|hash| *hash == opened.answer.trajectory_sha256);
+    if !is_same_file && !has_rows_of(&study, challenge_dir)? {
         return Err(Error::input(
             InputPlace::default().at_key("--study"),
             format!("{} is a study of different data", dir.display()),
@@ -369,6 +371,25 @@ fn diagnosis_of(opened: &OpenedChallenge, study: Option<&Path>) -> Result<Option
         });
     }
     Ok(None)
+}
+
+/// Largest difference of values that are the same in other units and with other separators, as a fraction of the largest value.
+const ROUNDING: f64 = 1e-9;
+
+/// Whether a study has the rows of the challenge in `dir`, perhaps from a table in another layout.
+fn has_rows_of(study: &Study, dir: &Path) -> Result<bool> {
+    let (ours, _) = Experiment::read(dir)?;
+    let (theirs, _) = study.read_experiment()?;
+    let are_same = |a: &[f64], b: &[f64]| {
+        let largest = a.iter().fold(0.0_f64, |largest, value| largest.max(value.abs()));
+        a.len() == b.len() && a.iter().zip(b).all(|(a, b)| (a - b).abs() <= ROUNDING * largest)
+    };
+    let measured = |of: &Experiment| of.record.position_m.iter().map(Option::is_some).collect::<Vec<bool>>();
+    let positions = |of: &Experiment| of.record.position_m.iter().map(|x| x.unwrap_or(0.0)).collect::<Vec<f64>>();
+    Ok(measured(&ours) == measured(&theirs)
+        && are_same(&ours.record.time_s, &theirs.record.time_s)
+        && are_same(&ours.record.force_n, &theirs.record.force_n)
+        && are_same(&positions(&ours), &positions(&theirs)))
 }
 
 impl PlaysArguments {

@@ -195,11 +195,23 @@ fn bars(
         label: column.label.clone(),
         phrase: column.phrase.clone(),
         lag_s: column.lag_s,
+        stretches_s: stretches_s(&subject.experiment().record.time_s, &column.values),
         bias_um: 1e6 * mean_m,
         sd_um: 1e6 * sd_m,
     };
     let bars = panel.columns.iter().zip(means).map(bar).collect();
     Ok(if panel.place == "harmonics" { amplitudes(bars) } else { bars })
+}
+
+/// Largest number of stretches of one column that a document lists.
+const MOST_STRETCHES: usize = 400;
+
+/// Starts and ends (s) of the stretches of rows in which a column is not zero. A position belongs to the time since the row before.
+fn stretches_s(time_s: &[f64], values: &[f64]) -> Vec<[f64; 2]> {
+    let rows: Vec<usize> = (0..values.len()).filter(|row| values[*row] != 0.0).collect();
+    let stretch = |rows: &[usize]| Some([time_s[rows.first()?.saturating_sub(1)], time_s[*rows.last()?]]);
+    let stretches: Vec<[f64; 2]> = rows.chunk_by(|a, b| a + 1 == *b).filter_map(stretch).collect();
+    if stretches.len() > MOST_STRETCHES { Vec::new() } else { stretches }
 }
 
 /// Combines the cosine and the sine of each harmonic, which are neighbours, into one amplitude.
@@ -242,6 +254,7 @@ fn whiteness_entries(test_statistics: &TestStatistics, significance: &Significan
         label: lag.to_string(),
         phrase: format!("at lag {lag}"),
         lag_s: None,
+        stretches_s: Vec::new(),
         bias_um: *rho,
         sd_um,
     };
@@ -259,7 +272,14 @@ fn whiteness_entries(test_statistics: &TestStatistics, significance: &Significan
         p_familywise: significance.p_familywise[k],
         bars,
     };
-    let of_runs = ColumnBias { label: "score".into(), phrase: String::new(), lag_s: None, bias_um: score, sd_um: 1.0 };
+    let of_runs = ColumnBias {
+        label: "score".into(),
+        phrase: String::new(),
+        lag_s: None,
+        stretches_s: Vec::new(),
+        bias_um: score,
+        sd_um: 1.0,
+    };
     [
         made(first, "runs", "runs of one sign (standard score)", vec![of_runs]),
         made(

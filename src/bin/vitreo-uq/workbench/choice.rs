@@ -35,11 +35,18 @@ pub fn apply_choice(dir: &Path, choice: &RowChoice) -> Result<()> {
         ("heldout_cycles", Some(list(&choice.heldout))),
         ("left_out_s", (!intervals.is_empty()).then(|| format!("[{}]", intervals.join(", ")))),
     ];
-    let changed = with_keys(&text, &keys).ok_or_else(|| by_hand("this page cannot change the layout of its lines"))?;
+    let changed = with_keys(&text, "measurement", &keys)
+        .ok_or_else(|| by_hand("this page cannot change the layout of its lines"))?;
+    replace_description(dir, &changed)
+}
+
+/// Writes another description into the folder `dir`, if the experiment can be read with it.
+pub fn replace_description(dir: &Path, changed: &str) -> Result<()> {
+    let path = dir.join("experiment.toml");
     // The experiment is read with the changed description in a temporary file beside the original. Only then is the original replaced.
     let trial = tempfile::Builder::new().prefix(".trial-").suffix(".toml").tempfile_in(dir);
     let trial = trial.map_err(|error| Error::at_path("write", dir, error, "make the folder writable"))?;
-    std::fs::write(trial.path(), &changed)
+    std::fs::write(trial.path(), changed)
         .map_err(|error| Error::at_path("write", trial.path(), error, "make the folder writable"))?;
     Experiment::read(trial.path()).map_err(|error| match error {
         Error::Input { mut place, found, remedy } => {
@@ -53,12 +60,11 @@ pub fn apply_choice(dir: &Path, choice: &RowChoice) -> Result<()> {
     files::write_atomically(&path, changed.as_bytes())
 }
 
-/// Returns the text of a description in which keys of `[measurement]` are set, or removed if their value is `None`. Returns `None` if any other value would
+/// Returns the text of a description in which keys of a table, such as `[measurement]`, are set, or removed if their value is `None`. Returns `None` if any other value would
 /// change.
-fn with_keys(text: &str, keys: &[(&str, Option<String>)]) -> Option<String> {
-    const HEAD: &str = "[measurement]";
+pub fn with_keys(text: &str, table: &str, keys: &[(&str, Option<String>)]) -> Option<String> {
     let mut lines: Vec<String> = text.lines().map(String::from).collect();
-    let is_head = |line: &String| line.split('#').next().is_some_and(|line| line.trim() == HEAD);
+    let is_head = |line: &String| line.split('#').next().is_some_and(|line| line.trim() == format!("[{table}]"));
     let head = lines.iter().position(is_head)?;
     for (key, value) in keys {
         let end = lines[head + 1..].iter().position(|line| line.trim_start().starts_with('['));
@@ -74,10 +80,10 @@ fn with_keys(text: &str, keys: &[(&str, Option<String>)]) -> Option<String> {
     }
     let changed = lines.join("\n") + "\n";
     let without = |text: &str| -> Option<toml::Table> {
-        let mut table: toml::Table = toml::from_str(text).ok()?;
-        let measurement = table.get_mut("measurement")?.as_table_mut()?;
-        keys.iter().for_each(|(key, _)| drop(measurement.remove(*key)));
-        Some(table)
+        let mut whole: toml::Table = toml::from_str(text).ok()?;
+        let changed = whole.get_mut(table)?.as_table_mut()?;
+        keys.iter().for_each(|(key, _)| drop(changed.remove(*key)));
+        Some(whole)
     };
     (without(text)? == without(&changed)?).then_some(changed)
 }
@@ -91,12 +97,12 @@ mod tests {
     #[test]
     fn keys_are_set_and_all_else_stays() {
         let keys = [("heldout_cycles", Some("[3]".to_string())), ("left_out_s", Some("[[1.0, 2.0]]".to_string()))];
-        let changed = with_keys(TEXT, &keys).unwrap();
+        let changed = with_keys(TEXT, "measurement", &keys).unwrap();
         assert_eq!(
             changed,
             "[specimen]\nid = \"eye\"\n[measurement] # how\nleft_out_s = [[1.0, 2.0]]\nfile = \"t.csv\"\nheldout_cycles = [3]\n[measurement.columns]\ntime = 1\n"
         );
-        let back = with_keys(&changed, &[("left_out_s", None), ("heldout_cycles", None)]).unwrap();
+        let back = with_keys(&changed, "measurement", &[("left_out_s", None), ("heldout_cycles", None)]).unwrap();
         assert!(!back.contains("left_out_s") && !back.contains("heldout") && back.contains("t.csv"));
     }
 
@@ -104,7 +110,7 @@ mod tests {
     fn what_cannot_be_changed_line_by_line_is_left_alone() {
         let spread = TEXT.replace("[2] # the last", "[\n2,\n3]");
         let keys = [("heldout_cycles", Some("[4]".to_string()))];
-        assert_eq!(with_keys(&spread, &keys), None);
-        assert_eq!(with_keys("measurement = { file = \"t.csv\" }\n", &keys), None);
+        assert_eq!(with_keys(&spread, "measurement", &keys), None);
+        assert_eq!(with_keys("measurement = { file = \"t.csv\" }\n", "measurement", &keys), None);
     }
 }

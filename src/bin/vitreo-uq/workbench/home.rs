@@ -15,7 +15,8 @@ pub const FOLDER_VARIABLE: &str = "VITREO_UQ_WORKBENCH";
 const PRIVATE_FOLDER: &str = ".vitreo-uq-workbench";
 /// Default directory of results of `groups`.
 pub const GROUPS: &str = "vitreo-uq-out/groups";
-const DESCRIPTION: &str = "experiment.toml";
+/// Name of the file that describes an experiment.
+pub const DESCRIPTION: &str = "experiment.toml";
 /// Default folder of studies.
 const STUDIES: &str = "vitreo-uq-out";
 /// Extensions of the files in a study that the page may show or offer for download.
@@ -122,10 +123,27 @@ impl WorkbenchFolder {
         items
     }
 
+    /// Item for a new sample record.
+    pub fn example(&self) -> Item {
+        let name = self.new_experiment("sample-record");
+        Item { experiment: Some(name.clone().into()), ..self.item(name.clone(), None, name.into()) }
+    }
+
     /// Item for the comparison of groups that these keys define.
     pub fn groups(&self, keys: &[String]) -> Item {
         let study = Path::new(GROUPS).join(keys.join("-"));
         Item { name: study.display().to_string(), experiment: None, study, revisions: Vec::new(), figures: Vec::new() }
+    }
+
+    /// Values of these keys of an item's specimen; `None` if they are not given.
+    pub fn specimen_keys<const N: usize>(&self, item: &Item, keys: [&str; N]) -> [Option<String>; N] {
+        let dir = self.dir.join(item.experiment.as_ref().unwrap_or(&item.study));
+        keys.map(|key| of_specimen(&dir, key))
+    }
+
+    /// Whether a new experiment may have this name.
+    pub fn is_free(&self, name: &str) -> bool {
+        name != STUDIES && files::kind(&self.dir.join(name)).is_none()
     }
 
     /// Folders of the experiments whose descriptions give all of these keys of the specimen.
@@ -178,7 +196,7 @@ impl WorkbenchFolder {
         let safe = files::safe_name(&stem);
         let numbered = (2..).map(|number| format!("{safe}-{number}"));
         let mut names = std::iter::once(safe.clone()).chain(numbered);
-        names.find(|name| name != STUDIES && files::kind(&self.dir.join(name)).is_none()).unwrap_or(safe)
+        names.find(|name| self.is_free(name)).unwrap_or(safe)
     }
 
     /// Hash that changes whenever the list of items or one of the items changes.

@@ -42,14 +42,14 @@ pub struct JobRequest {
     pub kind: JobKind,
     /// Name of the revision to analyse or extend; `None` for the last.
     pub revision: Option<String>,
-    /// Names of the effects to add; for a comparison of groups, the keys that define the groups.
+    /// Names of the effects to add; for a comparison of groups, the keys that define the groups; for several records, their names.
     #[serde(default)]
     pub with: Vec<String>,
 }
 
 /// Kinds of jobs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
+#[serde(rename_all = "kebab-case")]
 pub enum JobKind {
     /// Samples the first model, and tests its residuals.
     Sample,
@@ -65,6 +65,12 @@ pub enum JobKind {
     Adopt,
     /// Compares the experiments in the folder by species or region.
     Groups,
+    /// Creates a sample record with a hidden effect.
+    Example,
+    /// Samples the first model of several records.
+    SampleMany,
+    /// Finds effects that the last models of several records lack.
+    DiagnoseMany,
 }
 
 /// Status of a job.
@@ -144,15 +150,46 @@ impl Jobs {
         self.present.lock().ok()?.clone()
     }
 
+    /// Refuses a change of `what` while a job runs.
+    pub fn refuse_running(&self, what: &str) -> Result<()> {
+        match self.present().filter(|job| job.standing == JobStatus::Running) {
+            Some(other) => Err(Error::input(
+                InputPlace::file(&other.item),
+                format!("a job is running, which may read {what} that is changed"),
+                "wait until it ends, or stop it",
+            )),
+            None => Ok(()),
+        }
+    }
+
     /// Starts the job that a page requests. `is_replaced` is true if the study belongs to another record; its first model is then made anew.
     pub fn start(self: &Arc<Self>, wish: &JobRequest, item: &Item, is_replaced: bool) -> Result<Job> {
         let members =
             if wish.kind == JobKind::Groups { self.home.experiments_with_keys(&wish.with) } else { Vec::new() };
         let commands = commands(self.home.dir(), wish, item, is_replaced, &members)?;
+        self.start_commands(item.name.clone(), wish.kind, commands)
+    }
+
+    /// Starts a job of the same kind for several records, one after the other. `items` says for each whether its study belongs to another record.
+    pub fn start_many(self: &Arc<Self>, kind: JobKind, items: &[(Item, bool)]) -> Result<Job> {
+        let of_one = if kind == JobKind::SampleMany { JobKind::Sample } else { JobKind::Diagnose };
+        let mut all = Vec::new();
+        for (item, is_replaced) in items {
+            let wish = JobRequest { item: item.name.clone(), kind: of_one, revision: None, with: Vec::new() };
+            all.extend(commands(self.home.dir(), &wish, item, *is_replaced, &[])?);
+        }
+        if all.is_empty() {
+            let place = InputPlace::file(self.home.dir());
+            return Err(Error::input(place, "no record is chosen", "mark records in the table"));
+        }
+        self.start_commands(format!("{} records", items.len()), kind, all)
+    }
+
+    fn start_commands(self: &Arc<Self>, item: String, kind: JobKind, commands: Vec<Vec<String>>) -> Result<Job> {
         let began_s = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
         let job = Job {
-            item: item.name.clone(),
-            kind: wish.kind,
+            item,
+            kind,
             commands,
             at: 0,
             process: Process::default(),
@@ -222,6 +259,9 @@ impl Jobs {
     }
 
     fn run(&self, n_commands: usize) {
+        // One record that cannot be fitted does not keep the others from it.
+        let is_many = self.present().is_some_and(|job| matches!(job.kind, JobKind::SampleMany | JobKind::DiagnoseMany));
+        let mut failures = Vec::new();
         for at in 0..n_commands {
             self.change(|job| job.at = at);
             let arguments = self.present().map_or(Vec::new(), |job| job.commands[at].clone());
@@ -241,11 +281,18 @@ impl Jobs {
             }
             match code {
                 Ok(Some(0 | EXIT_UNTRUSTED)) => {}
+                Ok(_) if is_many => failures.push(find_error_message(&self.tail())),
                 Ok(_) => return self.end(JobStatus::Failed, find_error_message(&self.tail())),
                 Err(error) => return self.end(JobStatus::Failed, error.to_string()),
             }
         }
-        self.end(JobStatus::Done, String::new());
+        match failures.first() {
+            Some(first) => {
+                let n = failures.len();
+                self.end(JobStatus::Failed, format!("{n} of {n_commands} commands failed. The first: {first}"));
+            }
+            None => self.end(JobStatus::Done, String::new()),
+        }
     }
 
     fn spawn(&self, arguments: &[String]) -> Result<Process> {
@@ -404,6 +451,14 @@ pub(super) fn commands(
                 ));
             }
             extended(wish.with.join(","))
+        }
+        JobKind::SampleMany | JobKind::DiagnoseMany => Ok(Vec::new()),
+        // A softening gel, whose loop from the table to the named effect takes a minute.
+        JobKind::Example => {
+            let options = [("effect", "softening"), ("strength", "30"), ("seed", "7")];
+            let options = options.map(|(name, value)| (name, Some(value.to_string())));
+            let out = [("out", Some(place(Path::new(&item.name))?))];
+            Ok(vec![words(&["challenge", "new"], &[out.as_slice(), &options].concat(), &[])])
         }
         JobKind::Groups => {
             if wish.with.is_empty() || !wish.with.iter().all(|key| key == "species" || key == "region") {

@@ -6,7 +6,9 @@
 mod choice;
 mod home;
 mod jobs;
+mod link;
 mod process;
+mod project;
 mod rows;
 mod server;
 mod tables;
@@ -26,6 +28,7 @@ use crate::guard::Guard;
 use crate::interrupt::print_message;
 pub use home::FOLDER_VARIABLE;
 use home::WorkbenchFolder;
+use link::Link;
 
 const USUAL_PORT: u16 = 8421;
 
@@ -54,10 +57,15 @@ pub struct WorkbenchArguments {
 
 pub fn run(arguments: &WorkbenchArguments) -> Result<ExitCode> {
     let (home, item) = WorkbenchFolder::of(arguments.target.as_deref().unwrap_or(Path::new(".")))?;
-    // If another workbench uses the usual port, any free port is taken.
-    let ports = if arguments.port == USUAL_PORT { vec![USUAL_PORT, 0] } else { vec![arguments.port] };
+    let before = Link::read(home.dir());
+    // The port of the folder's last workbench comes first. If other programs use it and the usual port, any free port is taken.
+    let ports = match arguments.port {
+        0 | USUAL_PORT => before.iter().map(|link| link.port).chain([arguments.port, 0]).collect(),
+        port => vec![port],
+    };
     let (listener, address) = crate::http::listen(arguments.listen, &ports)?;
-    let token = token()?;
+    let token = before.map_or_else(token, |link| Ok(link.token))?;
+    Link { port: address.port(), token: token.clone() }.store(home.dir());
     let link = format!("http://{address}/{token}/{}", item.map_or(String::new(), |item| format!("#{item}")));
     if !arguments.quiet {
         print_message(&format!("Workbench of {}; Ctrl-C ends it and its running command.", home.dir().display()));

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use axum::Router;
-use axum::body::{Body, to_bytes};
+use axum::body::{Body, HttpBody, to_bytes};
 use axum::extract::{DefaultBodyLimit, Extension, Json, Query, State};
 use axum::http::{StatusCode, header};
 use axum::middleware;
@@ -25,11 +25,12 @@ use vitreo_uq::jobs::{artefacts, pages};
 use vitreo_uq::posterior::study::{
     CORNER_NAME, DIAGNOSIS_NAME, EXTENSION_NAME, FINDINGS_NAME, LADDER_NAME, LEARNED_NAME, POSTERIOR_NAME, Study,
 };
-use vitreo_uq::record::{Experiment, Record};
+use vitreo_uq::record::Experiment;
 
 use super::choice::{RowChoice, apply_choice};
 use super::home::{Item, WorkbenchFolder};
 use super::jobs::{JobKind, JobRequest, Jobs};
+use super::project::{self, RecordChange};
 use super::rows::{CheckedRecord, FileCache, Window, read_record, read_revision, select_rows};
 use super::tables::{self, Described};
 use super::trial::{Trial, TrialRequest, trial};
@@ -39,15 +40,19 @@ use vitreo_uq::figures::predictions::Predictions;
 
 /// Maximum time for the upload of a table.
 const UPLOAD: Duration = Duration::from_secs(120);
+/// Maximum size of an uploaded table, in bytes.
+const LARGEST_UPLOAD: usize = 256 << 20;
 /// Maximum size of the body of all other requests, in bytes.
 const MOST_BYTES: usize = 1 << 16;
 /// Time between two checks whether other programs have changed the folder.
 const LOOK: Duration = Duration::from_secs(2);
 
 /// Files of the page: path, media type and content.
-const FILES: [(&str, &str, &str); 7] = [
+const FILES: [(&str, &str, &str); 9] = [
     ("", "text/html; charset=utf-8", include_str!("page/index.html")),
     ("app.js", "text/javascript; charset=utf-8", include_str!("page/app.js")),
+    ("project.js", "text/javascript; charset=utf-8", include_str!("page/project.js")),
+    ("requests.js", "text/javascript; charset=utf-8", include_str!("page/requests.js")),
     ("plots.js", "text/javascript; charset=utf-8", include_str!("page/plots.js")),
     ("style.css", "text/css; charset=utf-8", include_str!("page/style.css")),
     ("report.css", "text/css; charset=utf-8", vitreo_uq::figures::page::STYLE),
@@ -96,6 +101,9 @@ fn router(bench: SharedBench, token: &str, names: Guard) -> Router {
     let at = |path: &str| format!("/{token}/{path}");
     let mut router = Router::new()
         .route(&at("api/items"), get(items))
+        .route(&at("api/records"), get(records))
+        .route(&at("api/description"), get(description))
+        .route(&at("api/record"), post(change_record))
         .route(&at("api/study"), get(study))
         .route(&at("api/rows"), get(rows))
         .route(&at("api/knobs"), post(knobs))
@@ -157,6 +165,24 @@ async fn items(State(bench): State<SharedBench>) -> Response {
     answer(move || Ok(json!({ "home": bench.home.dir().display().to_string(), "items": bench.home.items() }))).await
 }
 
+async fn records(State(bench): State<SharedBench>) -> Response {
+    answer(move || Ok(project::rows(&bench.home))).await
+}
+
+async fn description(State(bench): State<SharedBench>, Query(named): Query<ItemQuery>) -> Response {
+    answer(move || Ok(json!({ "text": project::description(&bench.home, &bench.home.find(&named.item)?)? }))).await
+}
+
+async fn change_record(State(bench): State<SharedBench>, Json(change): Json<RecordChange>) -> Response {
+    answer(move || {
+        bench.jobs.refuse_running("a record")?;
+        let changed = project::change(&bench.home, &change)?;
+        bench.news.send_modify(|number| *number += 1);
+        Ok(changed)
+    })
+    .await
+}
+
 async fn study(State(bench): State<SharedBench>, Query(named): Query<ItemQuery>) -> Response {
     answer(move || study_of(&bench, &named.item, named.revision)).await
 }
@@ -176,7 +202,11 @@ impl Bench {
         let is_other = item.experiment.is_some()
             && Study::is_study(&study)
             && Study::open(&study).is_ok_and(|study| {
-                self.record(&item).is_ok_and(|checked_record| checked_record.sha256 != *study.inputs_sha256())
+                self.record(&item).is_ok_and(|now| {
+                    // Comments and the order of keys change the files, but not the record.
+                    now.sha256 != *study.inputs_sha256()
+                        && study.read_experiment().is_ok_and(|(before, _)| before != now.experiment)
+                })
             });
         if is_other {
             item.revisions.clear();
@@ -236,7 +266,6 @@ fn study_of(bench: &Bench, name: &str, revision: Option<String>) -> Result<Value
         "left_out_s": left_out_s(bench, &item),
         "noise_um": experiment.reference_noise().map(|yardstick| 1e6 * yardstick.sd_m),
         "cycles": cycles(experiment),
-        "steps_s": steps_s(&experiment.record),
         "revisions": revisions,
         "ladder": if item.revisions.is_empty() { Value::Null } else { document(&dir.join(LADDER_NAME)) },
         "item": item,
@@ -267,13 +296,6 @@ fn cycles(experiment: &Experiment) -> Vec<Value> {
         json!({ "cycle": cycle, "from_s": start_s, "to_s": end_s, "serves": serves })
     };
     artefacts::cycle_spans(experiment).into_iter().map(shown).collect()
-}
-
-/// Maximum number of force steps that the page marks in a plot.
-const MOST_STEPS: usize = 500;
-
-fn steps_s(record: &Record) -> Vec<f64> {
-    record.force_step_rows().into_iter().take(MOST_STEPS).map(|row| record.time_s[row]).collect()
 }
 
 /// Content of a JSON document; null if the file does not exist.
@@ -358,11 +380,15 @@ async fn table(
 ) -> Response {
     // This time limit is longer than that of the upload. A slow upload can then be answered with an error message.
     connection.give_time(2 * UPLOAD);
-    let most = usize::try_from(Content::Table.max_bytes()).unwrap_or(usize::MAX);
     let refused = |words: &str| (StatusCode::UNPROCESSABLE_ENTITY, Json(json!({ "error": words }))).into_response();
-    let bytes = match tokio::time::timeout(UPLOAD, to_bytes(body, most)).await {
+    let too_large = "the table is larger than 256 MiB; run `vitreo-uq init TABLE` in a terminal, which reads up to 1 GiB";
+    // The length that a request announces is refused before any byte is read.
+    if body.size_hint().lower() > LARGEST_UPLOAD as u64 {
+        return refused(too_large);
+    }
+    let bytes = match tokio::time::timeout(UPLOAD, to_bytes(body, LARGEST_UPLOAD)).await {
         Ok(Ok(bytes)) => bytes,
-        Ok(Err(_)) => return refused("the table did not arrive completely, or is larger than this program reads"),
+        Ok(Err(_)) => return refused(&format!("the table did not arrive completely, or {too_large}")),
         Err(_) => return refused("the table did not arrive within two minutes"),
     };
     connection.has_whole_request();
@@ -378,6 +404,12 @@ async fn start(State(bench): State<SharedBench>, Json(wish): Json<JobRequest>) -
     answer(move || {
         let (item, is_changed) = match wish.kind {
             JobKind::Groups => (bench.home.groups(&wish.with), false),
+            JobKind::Example => (bench.home.example(), false),
+            JobKind::SampleMany | JobKind::DiagnoseMany => {
+                let items: Vec<_> =
+                    wish.with.iter().map(|name| bench.find_current_item(name)).collect::<Result<_>>()?;
+                return bench.jobs.start_many(wish.kind, &items);
+            }
             _ => bench.find_current_item(&wish.item)?,
         };
         bench.jobs.start(&wish, &item, is_changed)

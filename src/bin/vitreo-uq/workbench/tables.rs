@@ -127,6 +127,7 @@ fn written(home: &WorkbenchFolder, file: &Path, described: &Described) -> Result
     let out = home.dir().join(&item);
     let (mut summary, _) = init::run(&request(out), &mut |question| known(question))?;
     summary.directory.clone_from(&item);
+    let _ = files::remove_all(file.parent().unwrap_or(file));
     Ok(DescribeOutcome::Written { item, summary: Box::new(summary) })
 }
 

@@ -83,6 +83,7 @@ pub struct Curve {
     #[serde(flatten)]
     rows: PlotRows,
     tried_um: Vec<f64>,
+    tried_residual_um: Vec<Option<f64>>,
     rmse_fitted_um: Option<f64>,
     rmse_heldout_um: Option<f64>,
 }
@@ -145,6 +146,11 @@ impl Trial {
         };
         let rows = select_rows(experiment, None, tried.window);
         Ok(Curve {
+            tried_residual_um: rows
+                .chosen
+                .iter()
+                .map(|row| experiment.record.position_m[*row].map(|measured_m| 1e6 * (measured_m - position_m[*row])))
+                .collect(),
             tried_um: rows.chosen.iter().map(|row| 1e6 * position_m[*row]).collect(),
             rmse_fitted_um: rmse_um(&experiment.calibration_cycles),
             rmse_heldout_um: rmse_um(&experiment.heldout_cycles),

@@ -1,25 +1,16 @@
 // @ts-check
 // Workbench page: shows the documents that commands write, and starts commands. It computes only the layout of drawings.
 import { Plots } from "./plots.js";
+import { Project } from "./project.js";
+import { ask, at, attempt, fault, listen, make, query, send, shown } from "./requests.js";
 
 /** @typedef {{name: string, experiment: string|null, study: string, revisions: string[], figures: string[]}} Item */
 /** @typedef {{item: string, kind: string, standing: string, words: string, at: number, commands: string[][], began_s: number, progress: [number, number]|null}} Job */
 /** @typedef {{name: string, posterior: any, comparison: any, diagnosis: any, learned: any, extension: any}} Revision */
-/** @typedef {{item: Item, record: any, noise_um: number|null, cycles: {cycle: number, from_s: number, to_s: number, serves: string, chosen: string}[], steps_s: number[],
+/** @typedef {{item: Item, record: any, noise_um: number|null, cycles: {cycle: number, from_s: number, to_s: number, serves: string, chosen: string}[],
  *   left_out_s: [number, number][], is_changed: boolean, revisions: Revision[], ladder: any, overlay: string|null, parts: Record<string, string>}} Study */
 /** @typedef {{leftOut: [number, number][], serves: string[]}} Draft */
 /** @typedef {{name: string, symbol: string, unit: string, value: number, low: number, high: number, null_value: number|null, is_logarithmic: boolean}} Knob */
-
-/** @template {HTMLElement} T @param {string} id @returns {T} */
-const at = (id) => /** @type {T} */ (document.getElementById(id));
-/** @param {string} tag @param {Record<string, any>} [properties] @param {(Node|string)[]} [children] */
-const make = (tag, properties = {}, children = []) => {
-  const element = Object.assign(document.createElement(tag), properties);
-  element.append(...children);
-  return element;
-};
-/** @param {number|null|undefined} value @param {number} [digits] */
-const shown = (value, digits = 3) => (value === null || value === undefined ? "–" : String(Number(value.toPrecision(digits))));
 
 const state = {
   /** @type {Item[]} */ items: [],
@@ -33,45 +24,6 @@ const state = {
   /** @type {Record<string, number>} */ values: {},
   /** Choice of rows that is not applied yet. Changes of the folder must not discard it. @type {Draft|null} */ draft: null,
   folder: "",
-};
-
-// ---- Requests to the server ----
-
-/** @param {string} path @param {RequestInit} [options] @returns {Promise<any>} */
-async function ask(path, options) {
-  let response;
-  try {
-    response = await fetch(path, options);
-  } catch {
-    throw new Error("The workbench does not answer, because it has ended. Start `vitreo-uq workbench` again, and open the link that it prints.");
-  }
-  if (!response.ok) {
-    const text = await response.text();
-    let words = text;
-    try {
-      words = JSON.parse(text).error ?? text;
-    } catch {
-      // A response that is not JSON is shown unchanged.
-    }
-    throw new Error(words);
-  }
-  return response.json();
-}
-
-/** @param {string} path @param {unknown} body */
-const send = (path, body) => ask(path, { method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify(body) });
-/** @param {Record<string, string|number|null|undefined>} values */
-const query = (values) => new URLSearchParams(Object.entries(values).flatMap(([key, value]) => (value === null || value === undefined ? [] : [[key, String(value)]])));
-
-/** @param {unknown} error */
-function fault(error) {
-  at("fault-words").textContent = error instanceof Error ? error.message : String(error);
-  at("fault").hidden = false;
-}
-/** Runs an action of the user, and shows its errors. @param {() => Promise<void>} work */
-const attempt = (work) => {
-  at("fault").hidden = true;
-  work().catch(fault);
 };
 
 // ---- Dropped tables ----
@@ -125,6 +77,7 @@ async function describe(described) {
 
 async function refreshItems() {
   const { home, items } = await ask("api/items");
+  if (state.item === null) await project.refresh();
   state.items = items;
   at("home").textContent = home;
   const list = at("items");
@@ -132,20 +85,39 @@ async function refreshItems() {
     make("option", { value: item.name, textContent: item.revisions.length > 0 ? `${item.name} (${item.revisions.length} ${item.revisions.length === 1 ? "model" : "models"})` : item.name, selected: item.name === state.item })));
 }
 
-/** @param {string|null} name */
-async function open(name) {
+/** Item and revision that the address of the page names. @returns {[string|null, string|null]} */
+function addressed() {
+  const [name, revision] = location.hash.slice(1).split("&").map(decodeURIComponent);
+  return [name || null, revision ?? null];
+}
+
+/** Makes the address name what is open. */
+function setAddress() {
+  const names = [state.item, state.item === null ? null : state.revision].filter((own) => own !== null);
+  const address = `#${names.map(encodeURIComponent).join("&")}`;
+  if (location.hash !== address && location.hash + "#" !== address) history.pushState(null, "", address);
+  document.title = state.item === null ? "vitreo-uq workbench" : `${state.item} – vitreo-uq`;
+}
+
+/** Opens an item, or the table of all. The address follows, so that the Back button leads to what was open before.
+ * @param {string|null} name @param {string|null} [revision] */
+async function open(name, revision = null) {
   state.item = name;
-  state.revision = null;
+  state.revision = revision;
   state.window = null;
   state.draft = null;
   state.effect = "";
-  history.replaceState(null, "", name ? `#${encodeURIComponent(name)}` : location.pathname);
+  setAddress();
   at("start").hidden = name !== null;
   at("compare").hidden = name !== null || state.items.filter((item) => item.experiment !== null).length < 2;
   at("item").hidden = true;
   at("sheet").hidden = true;
   at("questions").hidden = true;
+  at("project").hidden = true;
+  at("description").removeAttribute("open");
+  at("cell").textContent = "";
   plots.mark([]);
+  scrollTo(0, 0);
   if (name !== null) await refresh();
   await refreshItems();
 }
@@ -269,12 +241,12 @@ function showChoice(study) {
     make("p", { className: "tools" }, serves.slice(0, 60).map((own) => own.label)),
     list,
     make("p", { className: "tools" }, [leave, apply]),
-    make("p", { className: "lead", textContent: study.item.revisions.length > 0 ? "Existing models belong to the previous choice of rows. The next fit replaces them." : "" }),
   );
   form.onsubmit = (event) => {
     event.preventDefault();
     const those = (/** @type {string} */ word) => serves.filter((_, place) => draft.serves[place] === word).map((own) => own.cycle);
     attempt(async () => {
+      if (study.item.revisions.length > 0 && !confirm("The models of this record belong to its present choice of rows. They are not shown with another choice, and the next fit replaces them; with the present choice set again, they come back. Use the new choice?")) return;
       await send("api/choice", { item: study.item.name, fitted: those("fitted"), heldout: those("held out"), left_out_s: leftOut });
       state.draft = null;
       state.revision = null;
@@ -318,6 +290,9 @@ function showNext(study, revision) {
     } else if (diagnosis.verdict.kind === "unexplained" && !learned) {
       paragraph("No effect of the library explains the remaining misfit. Learn a correction of the law from the data.");
       paragraph(action("Learn from the data", { kind: "learn" }, true));
+    } else if (learned && !learned.formula) {
+      paragraph(learned.verdict.sentence);
+      if (learned.verdict.kind === "nothing") paragraph("Nothing was learnt. A record with other force levels, longer holds or more cycles may show more.");
     } else if (learned?.formula) {
       paragraph(learned.verdict.sentence);
       paragraph(action("Add the learnt formula", { kind: "adopt" }, true));
@@ -365,42 +340,37 @@ function showMap(study, revision) {
   at("fails").hidden = !comparison;
   if (!comparison) return;
   at("fails-sentence").textContent = comparison.sentence;
-  const tint = (/** @type {number} */ z) => {
-    const share = Math.min(1, Math.abs(z) / 6);
+  const tint = (/** @type {number} */ z, /** @type {boolean} */ isQuiet) => {
+    const share = Math.min(1, Math.abs(z) / 6) * (isQuiet ? 0.15 : 1);
     return z < 0 ? `color-mix(in srgb, #4b9cd3 ${100 * share}%, #eef1f4)` : `color-mix(in srgb, #f08a4b ${100 * share}%, #eef1f4)`;
   };
-  const body = comparison.panels.map((/** @type {any} */ panel) => make("tr", {}, [
-    make("th", { scope: "row", textContent: panel.title }),
-    ...panel.bars.map((/** @type {any} */ bar) => {
-      const z = bar.bias_um / bar.sd_um;
+  const body = comparison.panels.map((/** @type {any} */ panel) => {
+    const isQuiet = panel.p_familywise >= 0.05;
+    const cells = panel.bars.map((/** @type {any} */ bar) => {
       const isScore = panel.where === "runs" || panel.where === "autocorrelation";
-      const words = `${isScore ? `${shown(bar.bias_um)} ± ${shown(bar.sd_um)}` : `${shown(bar.bias_um)} ± ${shown(bar.sd_um)} µm`} ${bar.phrase}`;
+      const words = `${shown(bar.bias_um)} ± ${shown(bar.sd_um)}${isScore ? "" : " µm"} ${bar.phrase}`;
       const button = make("button", { type: "button", textContent: bar.label, title: words });
       button.setAttribute("aria-label", `${panel.title} ${bar.label}: ${words}`);
-      button.style.background = tint(z);
-      button.addEventListener("click", () => attempt(() => goTo(study, panel, bar)));
+      button.style.background = tint(bar.bias_um / bar.sd_um, isQuiet);
+      button.addEventListener("click", () => attempt(() => goTo(study, panel, bar, words)));
       return make("td", {}, [button]);
-    }),
-  ]));
+    });
+    const p = make("td", { className: "p", textContent: `p = ${shown(panel.p_familywise, 2)}` });
+    return make("tr", { className: isQuiet ? "quiet" : "" }, [make("th", { scope: "row", textContent: panel.title }), p, ...cells]);
+  });
   at("map").replaceChildren(make("table", { className: "map" }, [make("tbody", {}, body)]));
 }
 
-/** Marks the cell of a map in the plots. @param {Study} study @param {any} panel @param {any} bar */
-async function goTo(study, panel, bar) {
+/** Marks the times of a map's cell in the plots. @param {Study} study @param {any} panel @param {any} bar @param {string} words */
+async function goTo(study, panel, bar, words) {
   const cycle = panel.where === "cycle" && study.cycles.find((own) => String(own.cycle) === bar.label);
-  if (cycle) {
-    plots.mark([{ from: cycle.from_s, to: cycle.to_s }]);
-    return setWindow(null);
-  }
-  if (!bar.lag_s) {
-    plots.mark([]);
-    return;
-  }
-  const [low, high] = bar.lag_s;
-  plots.mark(study.steps_s.map((step) => ({ from: step + low, to: step + high })));
+  const marks = cycle ? [{ from: cycle.from_s, to: cycle.to_s }] : (bar.stretches_s ?? []).map((/** @type {[number, number]} */ [from, to]) => ({ from, to }));
+  plots.mark(marks);
+  const isWhole = marks.length === 0 || panel.where === "trend" || panel.where === "harmonics" || panel.where === "superposition";
+  at("cell").textContent = `${panel.title}: ${words}. ${isWhole ? "This test concerns the whole record." : "Its times are marked in the plots."}`;
+  // Short stretches after force steps are seen in one cycle only.
   const last = study.cycles.filter((own) => own.serves === "held out").pop() ?? study.cycles[study.cycles.length - 1];
-  await setWindow([last.from_s, last.to_s]);
-  at("item-heading").scrollIntoView({ behavior: "smooth" });
+  await setWindow(bar.lag_s ? [last.from_s, last.to_s] : null);
 }
 
 /** @param {Study} study @param {Revision|undefined} revision */
@@ -414,10 +384,10 @@ function showSuspects(study, revision) {
     const slug = row.querySelector("th")?.textContent ?? "";
     const button = action("Add", { kind: "extend", with: [slug] });
     button.setAttribute("aria-label", `Add ${slug}`);
-    row.append(make("td", {}, refused.has(slug) ? [] : [button]));
+    row.querySelector("th")?.after(make("td", {}, refused.has(slug) ? [] : [button]));
   });
   if (diagnosis && revision) showFingerprints(study, revision.name).catch(fault);
-  at("suspects").querySelector("thead tr")?.append(make("th", { scope: "col", textContent: "add to model" }));
+  at("suspects").querySelector("thead th")?.after(make("th", { scope: "col", textContent: "add to model" }));
   const parts = [];
   if (learned) {
     parts.push(make("h3", { textContent: "Correction of the law learnt from data" }), make("p", { textContent: learned.verdict.sentence }));
@@ -542,7 +512,31 @@ const plots = new Plots((from, to) => attempt(() => setWindow(from === null || t
 // ---- Jobs and events ----
 
 /** @type {Record<string, string>} */
-const KINDS = { sample: "Fitting the model", compare: "Testing the residuals", diagnose: "Finding missing effects", learn: "Learning from the data", extend: "Extending the model", adopt: "Adding the learnt formula", groups: "Comparing groups" };
+const KINDS = { sample: "Fitting the model", compare: "Testing the residuals", diagnose: "Finding missing effects", learn: "Learning from the data", extend: "Extending the model", adopt: "Adding the learnt formula", groups: "Comparing groups", example: "Making a sample record", "sample-many": "Fitting", "diagnose-many": "Diagnosing" };
+/** A job that takes longer is reported in the title of a page in the background, in ms. */
+const LONG_MS = 20_000;
+
+/** First news of the present stage of the job: what it is, steps done, and time in ms. */
+let stage = { key: "", done: 0, at: 0 };
+
+/** @param {number} seconds */
+const duration = (seconds) => (seconds < 90 ? `${Math.round(seconds)} s` : seconds < 5400 ? `${Math.round(seconds / 60)} min` : `${shown(seconds / 3600, 2)} h`);
+
+/** Shows how far the job is: a percentage and the remaining time where the stage counts its steps, otherwise the time since its start. */
+function showTime() {
+  const job = state.job;
+  if (job?.standing !== "running") return;
+  const elapsed = `${duration(Math.max(0, Date.now() / 1000 - job.began_s))} since the start`;
+  if (!job.progress) {
+    at("job-time").textContent = elapsed;
+    return;
+  }
+  const [done, all] = job.progress;
+  const rate = (done - stage.done) / (Date.now() - stage.at);
+  const rest = rate > 0 ? `, about ${duration((all - done) / rate / 1000)} left in this step` : "";
+  at("job-time").textContent = `${Math.floor((100 * done) / all)} %${rest}; ${elapsed}`;
+}
+setInterval(showTime, 500);
 
 /** @param {Job|null} job */
 function showJob(job) {
@@ -551,39 +545,89 @@ function showJob(job) {
   const runs = job?.standing === "running";
   at("job").hidden = !runs;
   if (job && runs) {
-    at("job-words").textContent = `${KINDS[job.kind]} of ${job.item}: ${job.words}`;
+    const step = job.commands.length > 1 ? ` (command ${job.at + 1} of ${job.commands.length})` : "";
+    at("job-words").textContent = `${KINDS[job.kind]}: ${job.item}${step}. ${job.words}`;
     const bar = /** @type {HTMLProgressElement} */ (at("job-progress"));
+    const key = `${job.began_s} ${job.at} ${job.words} ${job.progress?.[1]}`;
+    if (key !== stage.key) stage = { key, done: job.progress?.[0] ?? 0, at: Date.now() };
     if (job.progress) [bar.max, bar.value] = [job.progress[1], job.progress[0]];
     else bar.removeAttribute("value");
+    showTime();
   }
+  measureTop();
   document.querySelectorAll("[data-action]").forEach((button) => (/** @type {HTMLButtonElement} */ (button).disabled = runs));
   const hasEnded = job && before?.standing === "running" && !runs;
-  if (job && hasEnded && job.standing !== "done") fault(new Error(`${KINDS[job.kind]}: ${job.words}`));
-  if (job && hasEnded && job.kind === "groups" && job.standing === "done") attempt(() => refreshItems().then(() => open(job.item)));
-  else if (job && hasEnded && job.item === state.item) {
+  if (!job || !hasEnded) return;
+  if (document.hidden && Date.now() - 1000 * job.began_s > LONG_MS) document.title = `${job.standing === "done" ? "✓" : "✗"} ${KINDS[job.kind]} – ${document.title}`;
+  if (job.standing !== "done") fault(new Error(`${KINDS[job.kind]}: ${job.words}`));
+  if (job.standing === "done" && (job.kind === "groups" || job.kind === "example")) attempt(() => refreshItems().then(() => open(job.item)));
+  else if (state.item === null) refreshItems().catch(fault);
+  else if (job.item === state.item) {
     if (job.kind === "extend" || job.kind === "adopt" || job.kind === "sample") state.revision = null;
     refresh().catch(fault);
   }
 }
 
-function listen() {
-  const events = new EventSource("api/events");
-  events.onmessage = (message) => {
-    const news = JSON.parse(message.data);
-    showJob(news.job);
-    if (news.state !== state.folder && state.folder) {
-      refreshItems().catch(fault);
-      if (state.item !== null && !(news.job?.standing === "running" && news.job.item === state.item)) refresh().catch(fault);
-    }
-    state.folder = news.state;
-  };
+/** @param {any} news */
+function onNews(news) {
+  showJob(news.job);
+  if (news.state !== state.folder && state.folder) {
+    refreshItems().catch(fault);
+    if (state.item !== null && !(news.job?.standing === "running" && news.job.item === state.item)) refresh().catch(fault);
+  }
+  state.folder = news.state;
 }
+
+/** The columns of a record begin below the bar at the top of the page, whose height changes. */
+function measureTop() {
+  document.documentElement.style.setProperty("--top", `${at("top").offsetHeight}px`);
+}
+
+// ---- Changes of whole records ----
+
+/** @param {any} change */
+async function changeRecord(change) {
+  const { item, undo } = await send("api/record", change);
+  at("undo").hidden = undo === null;
+  if (undo !== null) {
+    at("undo-words").textContent = `${change.item} was deleted, with its models.`;
+    at("undo-do").onclick = () => attempt(() => changeRecord({ change: "undo", number: undo }));
+  }
+  await refreshItems();
+  await open(item);
+}
+
+at("description").addEventListener("toggle", () => attempt(async () => {
+  const { item } = state;
+  if (item === null || !at("description").hasAttribute("open")) return;
+  /** @type {HTMLInputElement} */ (at("new-name")).value = item;
+  /** @type {HTMLTextAreaElement} */ (at("description-text")).value = (await ask(`api/description?${query({ item })}`)).text;
+}));
+at("describe").addEventListener("submit", (event) => {
+  event.preventDefault();
+  attempt(() => changeRecord({ change: "describe", item: state.item, text: /** @type {HTMLTextAreaElement} */ (at("description-text")).value }));
+});
+at("rename").addEventListener("submit", (event) => {
+  event.preventDefault();
+  const change = /** @type {HTMLButtonElement} */ (event.submitter)?.value || "rename";
+  attempt(() => changeRecord({ change, item: state.item, name: /** @type {HTMLInputElement} */ (at("new-name")).value }));
+});
+at("delete").addEventListener("click", () => attempt(() => changeRecord({ change: "delete", item: state.item })));
+at("undo-close").addEventListener("click", () => (at("undo").hidden = true));
 
 // ---- Start ----
 
+const project = new Project(
+  (name) => attempt(() => open(name)),
+  async (kind, names) => showJob(await send("api/job", { item: "", kind, with: names })),
+);
+at("example").addEventListener("click", () => attempt(async () => showJob(await send("api/job", { item: "", kind: "example" }))));
+addEventListener("popstate", () => attempt(() => open(...addressed())));
+new ResizeObserver(measureTop).observe(at("top"));
 at("items").addEventListener("change", (event) => attempt(() => open(/** @type {HTMLSelectElement} */ (event.target).value || null)));
 at("revision").addEventListener("change", (event) => attempt(() => {
   state.revision = /** @type {HTMLSelectElement} */ (event.target).value;
+  setAddress();
   return refresh();
 }));
 at("window").addEventListener("change", (event) => attempt(() => {
@@ -620,8 +664,9 @@ addEventListener("drop", (event) => {
   if (file) attempt(() => upload(file));
 });
 attempt(async () => {
-  listen();
-  const name = decodeURIComponent(location.hash.slice(1));
+  // A server that was started again may have other files.
+  listen(onNews, () => attempt(() => refreshItems().then(() => (state.item === null ? Promise.resolve() : refresh()))));
+  const [name, revision] = addressed();
   await refreshItems();
-  await open(state.items.some((item) => item.name === name) ? name : null);
+  await open(state.items.some((item) => item.name === name) ? name : null, revision);
 });

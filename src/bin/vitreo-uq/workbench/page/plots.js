@@ -3,11 +3,38 @@
 
 /** @typedef {{time_s: number[], force_un: number[], position_um: (number|null)[], rows: [number, number],
  *   predicted?: {median_um: number[], q05_um: number[], q95_um: number[], residual_um: (number|null)[]}}} Rows */
-/** @typedef {{time_s: number[], tried_um: number[], rmse_fitted_um: number|null, rmse_heldout_um: number|null}} Tried */
+/** @typedef {{time_s: number[], tried_um: number[], tried_residual_um: (number|null)[], rmse_fitted_um: number|null, rmse_heldout_um: number|null}} Tried */
 
 /** @type {any} */
 const uPlot = /** @type {any} */ (globalThis).uPlot;
 const GROUP = "time";
+
+/** Height of a plot in px: a share of the window's height within limits. @param {number} share @param {number} least @param {number} most */
+const heightOf = (share, least, most) => Math.round(Math.min(most, Math.max(least, share * innerHeight)));
+
+/** Draws each column of pixels as one vertical bar from its lowest to its highest value: points of a record with several rows in a column would look like waves.
+ * @param {any} plot @param {number} place index of the series @param {number} first @param {number} last */
+function barsOfColumns(plot, place, first, last) {
+  const [times, values] = [plot.data[0], plot.data[place]];
+  const stroke = new Path2D();
+  let [column, low, high] = [NaN, Infinity, -Infinity];
+  const end = () => {
+    if (low > high) return;
+    stroke.moveTo(column, Math.min(low, high - 2));
+    stroke.lineTo(column, high);
+  };
+  for (let row = first; row <= last; row++) {
+    if (values[row] === null || values[row] === undefined) continue;
+    const x = Math.round(plot.valToPos(times[row], "x", true)), y = plot.valToPos(values[row], "y", true);
+    if (x !== column) {
+      end();
+      [column, low, high] = [x, Infinity, -Infinity];
+    }
+    [low, high] = [Math.min(low, y), Math.max(high, y)];
+  }
+  end();
+  return { stroke, fill: null, clip: null, flags: 2 };
+}
 
 /** @param {string} name */
 const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
@@ -37,7 +64,7 @@ export class Plots {
   show(rows, window) {
     this.rows = rows;
     this.window = window;
-    const kind = rows.predicted ? "predicted" : "record";
+    const kind = (rows.predicted ? "predicted" : "record") + (rows.time_s.length < rows.rows[1] ? " in columns" : "");
     // Without a model there are no residuals.
     /** @type {HTMLElement} */ (document.getElementById("plot-residual")).hidden = !rows.predicted;
     if (kind !== this.kind || this.plots.length === 0) {
@@ -58,7 +85,22 @@ export class Plots {
   /** @param {Tried|null} tried */
   showTried(tried) {
     this.tried = tried;
-    if (this.plots.length > 0) this.plots[0].setData(this.positions(), false), this.rescale(this.plots[0]);
+    if (this.plots.length === 0) return;
+    this.plots[0].setData(this.positions(), false);
+    this.plots[1].setData(this.residuals(), false);
+    this.plots.slice(0, 2).forEach((plot) => this.rescale(plot));
+  }
+
+  /** The trial, unless it belongs to another time range. @param {Rows} rows @returns {Tried|null} */
+  triedOf(rows) {
+    const { tried } = this;
+    return tried && tried.time_s.length === rows.time_s.length && tried.time_s[0] === rows.time_s[0] ? tried : null;
+  }
+
+  residuals() {
+    const rows = /** @type {Rows} */ (this.rows);
+    const none = rows.time_s.map(() => null);
+    return [rows.time_s, rows.predicted ? rows.predicted.residual_um : none, this.triedOf(rows)?.tried_residual_um ?? none];
   }
 
   /** @param {{from: number, to: number}[]} marks time ranges to shade */
@@ -71,9 +113,7 @@ export class Plots {
     const rows = /** @type {Rows} */ (this.rows);
     const own = rows.predicted;
     const none = rows.time_s.map(() => null);
-    // The trial may belong to another time range.
-    const fits = this.tried && this.tried.time_s.length === rows.time_s.length && this.tried.time_s[0] === rows.time_s[0];
-    const tried = fits ? /** @type {Tried} */ (this.tried).tried_um : none;
+    const tried = this.triedOf(rows)?.tried_um ?? none;
     return own
       ? [rows.time_s, own.q95_um, own.q05_um, own.median_um, rows.position_um, tried]
       : [rows.time_s, none, none, none, rows.position_um, tried];
@@ -83,7 +123,7 @@ export class Plots {
     const rows = /** @type {Rows} */ (this.rows);
     const data = [
       this.positions(),
-      [rows.time_s, rows.predicted ? rows.predicted.residual_um : rows.time_s.map(() => null)],
+      this.residuals(),
       [rows.time_s, rows.force_un],
     ];
     this.plots.forEach((plot, place) => {
@@ -106,7 +146,13 @@ export class Plots {
   }
 
   resize() {
-    this.plots.forEach((plot) => plot.setSize({ width: this.width(), height: plot.height }));
+    const heights = this.heights();
+    this.plots.forEach((plot, place) => plot.setSize({ width: this.width(), height: heights[place] }));
+  }
+
+  /** Heights of the plots in px: together with the sliders they fit into one window. */
+  heights() {
+    return [heightOf(0.32, 190, 900), heightOf(0.15, 100, 420), heightOf(0.11, 80, 260), heightOf(0.18, 130, 400)];
   }
 
   rebuild() {
@@ -135,25 +181,28 @@ export class Plots {
         drawClear: [(/** @type {any} */ plot) => this.shade(plot)],
       },
     });
-    const shown = this.kind === "predicted";
-    const points = { show: true, size: 3, fill: ink };
+    const shown = this.kind.startsWith("predicted");
+    const isInColumns = this.kind.endsWith("in columns");
+    /** Measured values: dots, or bars where several rows share a column of pixels. */
+    const dots = (/** @type {string} */ tint) => (isInColumns ? { stroke: tint, width: 1, points: { show: false }, paths: barsOfColumns } : { width: 0, points: { show: true, size: 3, fill: tint }, paths: () => null, stroke: tint });
+    const [high, middle, low, last] = this.heights();
     const put = (/** @type {string} */ id, /** @type {any} */ own, /** @type {string} */ words) => {
       const place = /** @type {HTMLElement} */ (document.getElementById(id));
       place.setAttribute("role", "img");
       place.setAttribute("aria-label", words);
       this.plots.push(new uPlot(own, [[0], ...own.series.slice(1).map(() => [0])], place));
     };
-    put("plot-position", options(340, "position (µm)", [
+    put("plot-position", options(high, "position (µm)", [
       { label: "95 %", show: shown, stroke: blue, width: 0.5 },
       { label: "5 %", show: shown, stroke: blue, width: 0.5 },
       { label: "model", show: shown, stroke: blue, width: 2 },
-      { label: "measured", stroke: ink, width: 0, points, paths: () => null },
+      { label: "measured", ...dots(ink) },
       { label: "trial", stroke: orange, width: 2, dash: [6, 4] },
     ], [{ series: [1, 2], fill: blue + "33" }], false), "Measured position in micrometres against time, over the model's median and its band from 5 to 95 per cent");
-    put("plot-residual", options(160, "residual (µm)", [{ label: "residual", stroke: orange, width: 0, points: { show: true, size: 3, fill: orange }, paths: () => null }], [], false),
+    put("plot-residual", options(middle, "residual (µm)", [{ label: "residual", ...dots(ink) }, { label: "of the trial", ...dots(orange) }], [], false),
       "Residuals in micrometres against time");
-    put("plot-force", options(150, "force (µN)", [{ label: "force", stroke: green, width: 1.5, paths: uPlot.paths.stepped({ align: 1 }) }], [], true), "Commanded force in micronewtons against time");
-    put("plot-fingerprint", options(170, "residual (µm)", [{ label: "residual", stroke: ink, width: 0, points, paths: () => null }, { label: "explained by the effect", stroke: orange, width: 2.5 }], [], true), "Residuals, and the part that the selected candidate effect would explain, in micrometres against time");
+    put("plot-force", options(low, "force (µN)", [{ label: "force", stroke: green, width: 1.5, paths: uPlot.paths.stepped({ align: 1 }) }], [], true), "Commanded force in micronewtons against time");
+    put("plot-fingerprint", options(last, "residual (µm)", [{ label: "residual", stroke: ink, width: 0, points: { show: true, size: 3, fill: ink }, paths: () => null }, { label: "explained by the effect", stroke: orange, width: 2.5 }], [], true), "Residuals, and the part that the selected candidate effect would explain, in micrometres against time");
     if (this.fingerprint) this.showFingerprint(this.fingerprint);
     this.refill();
   }

@@ -1,0 +1,290 @@
+//! The records of a workbench's folder as one table, and changes of whole records: description, name, copy, deletion and its undo.
+
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+use vitreo_uq::base::error::{Error, InputPlace, Result};
+use vitreo_uq::base::files::{self, Content};
+use vitreo_uq::documents::posterior::{ParameterSummary, PosteriorSummary};
+use vitreo_uq::documents::trust::TrustLevel;
+use vitreo_uq::figures::labels::parameter_label;
+use vitreo_uq::posterior::study::{POSTERIOR_NAME, WithProvenance};
+
+use super::choice::{replace_description, with_keys};
+use super::home::{DESCRIPTION, Item, WorkbenchFolder};
+
+/// Number of parameters of a model that the table shows: those of the law come first.
+const N_PARAMETERS: usize = 3;
+/// Folder of deleted records within the workbench's private folder.
+const DELETED: &str = "deleted";
+const WRITABLE: &str = "make the folder writable";
+
+/// Row of the table: a record, with the last model of its study.
+#[derive(Debug, Serialize)]
+pub struct RecordRow {
+    name: String,
+    is_experiment: bool,
+    is_sheet: bool,
+    species: Option<String>,
+    region: Option<String>,
+    /// Name of the last revision; `None` if no model is fitted yet.
+    revision: Option<String>,
+    #[serde(flatten)]
+    model: Option<ModelCells>,
+}
+
+/// Cells of a fitted model.
+#[derive(Debug, Serialize)]
+struct ModelCells {
+    effects: Vec<String>,
+    parameters: Vec<ParameterCell>,
+    trust: TrustLevel,
+    rmse_heldout_um: Option<f64>,
+    noise_um: Option<f64>,
+}
+
+#[derive(Debug, Serialize)]
+struct ParameterCell {
+    symbol: String,
+    unit: String,
+    q05: f64,
+    median: f64,
+    q95: f64,
+}
+
+/// All records, studies and results of groups.
+pub fn rows(home: &WorkbenchFolder) -> Vec<RecordRow> {
+    let row = |item: Item| {
+        let [species, region] = home.specimen_keys(&item, ["species", "region"]);
+        let revision = item.revisions.last().cloned();
+        let model = revision.as_ref().and_then(|name| model_cells(&home.dir().join(&item.study).join(name)));
+        RecordRow {
+            is_experiment: item.experiment.is_some(),
+            is_sheet: !item.figures.is_empty(),
+            name: item.name,
+            species,
+            region,
+            revision,
+            model,
+        }
+    };
+    home.items().into_iter().map(row).collect()
+}
+
+fn model_cells(dir: &Path) -> Option<ModelCells> {
+    let bytes = files::read_if_there(&dir.join(POSTERIOR_NAME), Content::Document)?;
+    let posterior: PosteriorSummary = serde_json::from_slice::<WithProvenance<PosteriorSummary>>(&bytes).ok()?.body;
+    let cell = |parameter: &ParameterSummary| {
+        let label = parameter_label(&parameter.name);
+        let (q05, median, q95) = (parameter.q05, parameter.median, parameter.q95);
+        ParameterCell { symbol: label.symbol, unit: label.unit, q05, median, q95 }
+    };
+    Some(ModelCells {
+        effects: posterior.model.effects.clone(),
+        parameters: posterior.parameters.iter().take(N_PARAMETERS).map(cell).collect(),
+        trust: posterior.trust.level,
+        rmse_heldout_um: posterior.heldout.rmse_um,
+        noise_um: posterior.heldout.noise_um,
+    })
+}
+
+/// Request of the page to change a record.
+#[derive(Debug, Deserialize)]
+#[serde(tag = "change", rename_all = "lowercase")]
+pub enum RecordChange {
+    /// Writes another description.
+    Describe { item: String, text: String },
+    /// Gives the record another name.
+    Rename { item: String, name: String },
+    /// Copies the record under another name, without its models.
+    Duplicate { item: String, name: String },
+    /// Moves the record and its models into the private folder.
+    Delete { item: String },
+    /// Brings back what was deleted under this number.
+    Undo { number: u32 },
+}
+
+/// What a change led to.
+#[derive(Debug, Default, PartialEq, Eq, Serialize)]
+pub struct RecordChanged {
+    /// Name of the record to open; `None` if there is none.
+    item: Option<String>,
+    /// Number by which a deletion can be undone.
+    undo: Option<u32>,
+}
+
+/// Text of the description of a record.
+pub fn description(home: &WorkbenchFolder, item: &Item) -> Result<String> {
+    let path = experiment_dir(home, item)?.join(DESCRIPTION);
+    let bytes = files::read(&path, Content::Settings, "restore the description")?;
+    String::from_utf8(bytes)
+        .map_err(|_| Error::input(InputPlace::file(&path), "this is not text", "restore the description"))
+}
+
+/// Changes a record.
+pub fn change(home: &WorkbenchFolder, change: &RecordChange) -> Result<RecordChanged> {
+    let opens = |item: &str| RecordChanged { item: Some(item.to_string()), undo: None };
+    match change {
+        RecordChange::Describe { item, text } => {
+            replace_description(&experiment_dir(home, &home.find(item)?)?, text)?;
+            Ok(opens(item))
+        }
+        RecordChange::Rename { item, name } => {
+            let from = experiment_dir(home, &home.find(item)?)?;
+            let name = free_name(home, name)?;
+            files::rename(&from, &home.dir().join(&name))?;
+            Ok(opens(&name))
+        }
+        RecordChange::Duplicate { item, name } => {
+            let from = experiment_dir(home, &home.find(item)?)?;
+            let name = free_name(home, name)?;
+            duplicate(&from, &home.dir().join(&name), &name)?;
+            Ok(opens(&name))
+        }
+        RecordChange::Delete { item } => {
+            let item = home.find(item)?;
+            Ok(RecordChanged { item: None, undo: Some(delete(home, &item)?) })
+        }
+        RecordChange::Undo { number } => undo(home, *number).map(|item| RecordChanged { item, undo: None }),
+    }
+}
+
+fn experiment_dir(home: &WorkbenchFolder, item: &Item) -> Result<PathBuf> {
+    let missing = || {
+        let remedy = "open the experiment that the study was made from";
+        Error::input(InputPlace::file(&item.study), "this is a study without its experiment", remedy)
+    };
+    item.experiment.as_ref().map(|inside| home.dir().join(inside)).ok_or_else(missing)
+}
+
+/// A name as the name of a folder, if none has it yet.
+fn free_name(home: &WorkbenchFolder, name: &str) -> Result<String> {
+    let safe = files::safe_name(name);
+    if home.is_free(&safe) {
+        return Ok(safe);
+    }
+    let found = format!("there is already something of the name `{safe}` in this folder");
+    Err(Error::input(InputPlace::file(home.dir()), found, "choose another name"))
+}
+
+/// Copies the files of a record. Its specimen gets the new name, so that its study is another one.
+fn duplicate(from: &Path, to: &Path, name: &str) -> Result<()> {
+    let text = files::read(&from.join(DESCRIPTION), Content::Settings, "restore the description")?;
+    let text = String::from_utf8_lossy(&text);
+    let id = toml::Value::String(name.to_string()).to_string();
+    let text = with_keys(&text, "specimen", &[("id", Some(id))]).ok_or_else(|| {
+        let place = InputPlace::file(from.join(DESCRIPTION)).at_key("specimen");
+        Error::input(place, "this page cannot change the layout of its lines", "copy the folder by hand")
+    })?;
+    files::create_folders(to, WRITABLE)?;
+    for (file, kind) in files::entries(from, WRITABLE)? {
+        if kind == files::FileKind::File && !file.to_string_lossy().starts_with('.') && file != DESCRIPTION {
+            files::copy(&from.join(&file), &to.join(&file))?;
+        }
+    }
+    files::write_atomically(&to.join(DESCRIPTION), text.as_bytes())
+}
+
+/// Paths of what was deleted together, relative to the workbench's folder; they stand in the private folder under their places in this list.
+#[derive(Serialize, Deserialize)]
+struct Deleted {
+    name: String,
+    paths: Vec<PathBuf>,
+}
+
+fn delete(home: &WorkbenchFolder, item: &Item) -> Result<u32> {
+    let paths = item.experiment.iter().chain([&item.study]);
+    let paths: Vec<PathBuf> = paths.filter(|inside| files::kind(&home.dir().join(inside)).is_some()).cloned().collect();
+    let folder = |number: &u32| home.own().join(DELETED).join(number.to_string());
+    let number = (1..).find(|number| files::kind(&folder(number)).is_none()).unwrap_or(u32::MAX);
+    files::create_folders(&folder(&number), WRITABLE)?;
+    // The list comes first: whatever is moved can then be found again.
+    let list = folder(&number).join("deleted.json");
+    files::write_json_atomically(&list, &Deleted { name: item.name.clone(), paths: paths.clone() })?;
+    for (place, inside) in paths.iter().enumerate() {
+        files::rename(&home.dir().join(inside), &folder(&number).join(place.to_string()))?;
+    }
+    Ok(number)
+}
+
+fn undo(home: &WorkbenchFolder, number: u32) -> Result<Option<String>> {
+    let folder = home.own().join(DELETED).join(number.to_string());
+    let bytes = files::read(&folder.join("deleted.json"), Content::Document, "the deletion was undone before")?;
+    let deleted: Deleted = serde_json::from_slice(&bytes).map_err(|error| {
+        Error::input(InputPlace::file(&folder), error.to_string(), "move the files of this folder back by hand")
+    })?;
+    let is_inside = |path: &PathBuf| path.components().all(|part| matches!(part, std::path::Component::Normal(_)));
+    for (place, inside) in deleted.paths.iter().enumerate().filter(|(_, inside)| is_inside(inside)) {
+        let (from, to) = (folder.join(place.to_string()), home.dir().join(inside));
+        if files::kind(&to).is_some() {
+            let found = "there is something of this name again";
+            return Err(Error::input(InputPlace::file(&to), found, "rename it, and undo once more"));
+        }
+        if files::kind(&from).is_some() {
+            files::rename(&from, &to)?;
+        }
+    }
+    files::remove_all(&folder)?;
+    Ok(home.items().into_iter().map(|item| item.name).find(|name| *name == deleted.name))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn folder() -> (tempfile::TempDir, WorkbenchFolder) {
+        let place = tempfile::tempdir().unwrap();
+        let put = |path: &str, text: &str| {
+            let path = place.path().join(path);
+            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+            std::fs::write(path, text).unwrap();
+        };
+        put("eye/experiment.toml", "[specimen]\nid = \"left\"\nspecies = \"porcine\"\n");
+        put("eye/trajectory.csv", "time_s,force_uN,position_um\n");
+        put("vitreo-uq-out/left/inputs.sha256", "");
+        put("vitreo-uq-out/left/m0/posterior.json", "{}");
+        let home = WorkbenchFolder::of(place.path()).unwrap().0;
+        (place, home)
+    }
+
+    fn changed(home: &WorkbenchFolder, wish: serde_json::Value) -> RecordChanged {
+        change(home, &serde_json::from_value(wish).unwrap()).unwrap()
+    }
+
+    #[test]
+    fn a_deleted_record_comes_back_with_its_models() {
+        let (_place, home) = folder();
+        let before = home.items();
+        let deleted = changed(&home, serde_json::json!({ "change": "delete", "item": "eye" }));
+        assert!(home.items().is_empty());
+        let back = changed(&home, serde_json::json!({ "change": "undo", "number": deleted.undo }));
+        assert_eq!((home.items(), back.item.as_deref()), (before, Some("eye")));
+        let again = change(&home, &RecordChange::Undo { number: 1 }).unwrap_err().to_string();
+        assert!(again.contains("the deletion was undone before"), "{again}");
+    }
+
+    #[test]
+    fn a_record_is_renamed_and_copied_but_never_written_over() {
+        let (place, home) = folder();
+        changed(&home, serde_json::json!({ "change": "rename", "item": "eye", "name": "Auge 1" }));
+        assert_eq!(home.items()[0].revisions, ["m0"], "the models stay with the record");
+        changed(&home, serde_json::json!({ "change": "duplicate", "item": "Auge-1", "name": "copy" }));
+        let copy = home.find("copy").unwrap();
+        assert_eq!((copy.study.as_path(), copy.revisions.len()), (Path::new("vitreo-uq-out/copy"), 0));
+        assert!(place.path().join("copy/trajectory.csv").is_file());
+        for name in ["copy", "vitreo-uq-out"] {
+            let refused = change(&home, &RecordChange::Rename { item: "Auge-1".into(), name: name.into() });
+            assert!(refused.unwrap_err().to_string().contains("already something of the name"));
+        }
+        let outside = changed(&home, serde_json::json!({ "change": "rename", "item": "copy", "name": "../../x" }));
+        assert_eq!(outside.item.as_deref(), Some("x"));
+    }
+
+    #[test]
+    fn the_table_lists_every_record() {
+        let (_place, home) = folder();
+        let rows = serde_json::to_value(rows(&home)).unwrap();
+        assert_eq!((&rows[0]["name"], &rows[0]["species"], &rows[0]["region"]), (&"eye".into(), &"porcine".into(), &serde_json::Value::Null));
+        assert_eq!((&rows[0]["revision"], &rows[0]["trust"]), (&"m0".into(), &serde_json::Value::Null), "a damaged posterior has no cells");
+    }
+}
