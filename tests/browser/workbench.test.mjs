@@ -1,7 +1,7 @@
 // Tests of the workbench in a real browser, with hidden data: from a laboratory's table to an error equal to the noise. Pictures of all views go to $PICTURES.
 import assert from "node:assert/strict";
 import { execFileSync, spawn } from "node:child_process";
-import { cpSync, existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync, utimesSync, writeFileSync } from "node:fs";
+import { cpSync, existsSync, mkdirSync, mkdtempSync, readdirSync, readFileSync, rmSync, utimesSync, writeFileSync } from "node:fs";
 import { request } from "node:http";
 import { createRequire } from "node:module";
 import { tmpdir } from "node:os";
@@ -199,6 +199,9 @@ test("the missing effect is found and added, and the error falls to the noise", 
   await run("diagnose");
   await page.waitForSelector("#suspects table");
   assert.match(await page.locator("#next").textContent(), /softening/);
+  const [study] = readdirSync(join(home, "vitreo-uq-out"));
+  const answer = JSON.parse(execFileSync(program, ["challenge", "reveal", join(home, ".hidden"), "--study", join(home, "vitreo-uq-out", study), "--json", "-", "--quiet"]));
+  assert.equal(answer.right, true, "the study of a table in another layout is judged, although some rows are left out");
   await hasNoSeriousFaults("suspects");
   await picture("8-suspects");
   // Another tab shows the same job.

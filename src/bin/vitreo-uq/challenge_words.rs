@@ -10,11 +10,12 @@ use vitreo_uq::validation::challenge::play::Play;
 use vitreo_uq::validation::challenge::tally::{Group, Tally};
 use vitreo_uq::validation::challenge::{Disturbance, DisturbanceKind};
 
+use crate::child::in_shell;
 use crate::text::significant;
 
 /// Text after `challenge new`: the directory, the hashes that seal the answers, and the next commands.
 pub fn format_new_challenges(out: &Path, commitments: &[String]) -> String {
-    let dir = out.display();
+    let dir = in_shell(out);
     if let [commitment] = commitments {
         return format!(
             "The challenge is in {dir}. Its answer is sealed (SHA-256 {commitment}).\n\
@@ -83,7 +84,7 @@ pub fn format_truth(
         None => lines.push(format!(
             "{} has no diagnosis of these data. Run `vitreo-uq diagnose {}`, or give the study with `--study DIR`.",
             looked_in.display(),
-            challenge.display()
+            in_shell(challenge)
         )),
         Some((play, diagnosis)) => {
             lines.push(String::new());

@@ -21,6 +21,12 @@ pub fn words(command: &[&str], options: &[(&str, Option<String>)], paths: &[Stri
     words
 }
 
+/// A path as one word of a command line that a message shows: quoted if a shell would divide or change it.
+pub fn in_shell(path: &Path) -> String {
+    let text = path.display().to_string();
+    shlex::try_quote(&text).map_or_else(|_| text.clone(), |word| word.into_owned())
+}
+
 /// Converts a path to a text that is valid from any directory.
 ///
 /// # Errors

@@ -188,7 +188,8 @@ fn next_line(diagnosis: &Diagnosis, study: &Path) -> Option<String> {
     if diagnosis.verdict.effects.is_empty() {
         return None;
     }
-    let command = format!("vitreo-uq extend {} --with {}", study.display(), diagnosis.verdict.effects.join(","));
+    let command =
+        format!("vitreo-uq extend {} --with {}", crate::child::in_shell(study), diagnosis.verdict.effects.join(","));
     Some(match diagnosis.verdict.kind {
         VerdictKind::Missing => format!("\nNext:  {command}"),
         _ => format!("\nNext:  {command}    (it explains part of the misfit)"),

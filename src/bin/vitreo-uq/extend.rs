@@ -113,7 +113,7 @@ fn cohort_words(effects: &[String], records: &[ExtendedRecord], out: &Path) -> S
         None => format!("  {:<28}{} already has the effect", record.name, record.revision),
     }));
     lines.push("  (errors on the last held-out cycle)".into());
-    lines.push(format!("Next: `vitreo-uq groups {}` compares groups with the new model.", out.display()));
+    lines.push(format!("Next: `vitreo-uq groups {}` compares groups with the new model.", crate::child::in_shell(out)));
     lines.join("\n") + "\n"
 }
 

@@ -183,19 +183,19 @@ fn column(column: &InitColumn) -> String {
 
 fn next(summary: &InitSummary) -> String {
     let toml = format!("{}/experiment.toml", summary.directory);
+    let directory = crate::child::in_shell(summary.directory.as_ref());
     if !summary.experiments.is_empty() {
         let n = summary.experiments.len();
         return format!(
-            "Wrote {n} experiments under {0}. Next: run vitreo-uq check on each, then vitreo-uq groups {0}/*",
+            "Wrote {n} experiments under {0}. Next: run vitreo-uq check on each, then vitreo-uq groups {directory}/*",
             summary.directory
         );
     }
     if summary.is_complete() {
-        return format!("Wrote {toml}. Next: vitreo-uq sample {}", summary.directory);
+        return format!("Wrote {toml}. Next: vitreo-uq sample {directory}");
     }
     format!(
-        "Wrote {toml}. Fill in its lines with \"?\": {}. Then run: vitreo-uq sample {}",
-        summary.unknown.join(", "),
-        summary.directory
+        "Wrote {toml}. Fill in its lines with \"?\": {}. Then run: vitreo-uq sample {directory}",
+        summary.unknown.join(", ")
     )
 }

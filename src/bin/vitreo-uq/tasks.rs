@@ -18,6 +18,7 @@ use vitreo_uq::posterior::monitor::{Monitor, StoppableMonitor};
 
 use crate::challenge::PlaysArguments;
 use crate::child;
+use crate::child::in_shell;
 use crate::groups::{CohortArguments, ModelArguments, SamplingArguments};
 use crate::options::use_threads;
 use crate::terminal::Terminal;
@@ -250,7 +251,7 @@ fn make(
 ) -> Result<ExitCode> {
     let (list, making) = List::make(&arguments.out, kind, vitreo_uq::PROGRAM, seed, work, arguments.force)?;
     terminal.finish();
-    let (n, dir) = (list.n_tasks(), arguments.out.display());
+    let (n, dir) = (list.n_tasks(), in_shell(&arguments.out));
     let how = match making {
         ListOutcome::Made => "is in",
         ListOutcome::WasThere => "exists already in",
@@ -391,7 +392,7 @@ fn summary(outcome: &local::LocalOutcome, n_before: usize, dir: &Path) -> String
         );
     }
     let next = if outcome.failed.is_empty() && outcome.left.is_empty() {
-        format!("Next:  vitreo-uq gather {}\n", dir.display())
+        format!("Next:  vitreo-uq gather {}\n", in_shell(dir))
     } else {
         "Repair the failures and run the same command again: it runs only unfinished tasks.\n".into()
     };
@@ -415,14 +416,14 @@ fn submit(arguments: &RunTasks, list: &List, engine: Engine) -> Result<ExitCode>
     let resources = Resources { cores, minutes, memory_mib };
     let path = submit::write(list, &this_program()?, engine, resources, parts)?;
     let how = match engine {
-        Engine::HyperQueue => path.display().to_string(),
-        Engine::Slurm => format!("sbatch {}", path.display()),
+        Engine::HyperQueue => in_shell(&path),
+        Engine::Slurm => format!("sbatch {}", in_shell(&path)),
     };
     crate::output::print(&format!(
         "{parts} parts of {} tasks, each with {cores} cores, {memory_mib} MiB and at most {minutes} minutes.\n\
          Submit:      {how}\nAfterwards:  vitreo-uq gather {}\n",
         list.n_tasks(),
-        list.dir().display()
+        in_shell(list.dir())
     ))?;
     Ok(ExitCode::SUCCESS)
 }

@@ -190,7 +190,14 @@ mod tests {
     use posterior::misfit::ResidualSize;
 
     fn bar(bias_um: f64, sd_um: f64, lag_s: [f64; 2]) -> ColumnBias {
-        ColumnBias { label: String::new(), phrase: lag_phrase(lag_s), lag_s: Some(lag_s), stretches_s: Vec::new(), bias_um, sd_um }
+        ColumnBias {
+            label: String::new(),
+            phrase: lag_phrase(lag_s),
+            lag_s: Some(lag_s),
+            stretches_s: Vec::new(),
+            bias_um,
+            sd_um,
+        }
     }
 
     fn entry(bars: Vec<ColumnBias>) -> TestEntry {

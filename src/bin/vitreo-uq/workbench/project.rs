@@ -284,7 +284,14 @@ mod tests {
     fn the_table_lists_every_record() {
         let (_place, home) = folder();
         let rows = serde_json::to_value(rows(&home)).unwrap();
-        assert_eq!((&rows[0]["name"], &rows[0]["species"], &rows[0]["region"]), (&"eye".into(), &"porcine".into(), &serde_json::Value::Null));
-        assert_eq!((&rows[0]["revision"], &rows[0]["trust"]), (&"m0".into(), &serde_json::Value::Null), "a damaged posterior has no cells");
+        assert_eq!(
+            (&rows[0]["name"], &rows[0]["species"], &rows[0]["region"]),
+            (&"eye".into(), &"porcine".into(), &serde_json::Value::Null)
+        );
+        assert_eq!(
+            (&rows[0]["revision"], &rows[0]["trust"]),
+            (&"m0".into(), &serde_json::Value::Null),
+            "a damaged posterior has no cells"
+        );
     }
 }

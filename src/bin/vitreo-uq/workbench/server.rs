@@ -381,7 +381,8 @@ async fn table(
     // This time limit is longer than that of the upload. A slow upload can then be answered with an error message.
     connection.give_time(2 * UPLOAD);
     let refused = |words: &str| (StatusCode::UNPROCESSABLE_ENTITY, Json(json!({ "error": words }))).into_response();
-    let too_large = "the table is larger than 256 MiB; run `vitreo-uq init TABLE` in a terminal, which reads up to 1 GiB";
+    let too_large =
+        "the table is larger than 256 MiB; run `vitreo-uq init TABLE` in a terminal, which reads up to 1 GiB";
     // The length that a request announces is refused before any byte is read.
     if body.size_hint().lower() > LARGEST_UPLOAD as u64 {
         return refused(too_large);
