@@ -152,7 +152,7 @@ export class Plots {
 
   /** Heights of the plots in px: together with the sliders they fit into one window. */
   heights() {
-    return [heightOf(0.32, 190, 900), heightOf(0.15, 100, 420), heightOf(0.11, 80, 260), heightOf(0.18, 130, 400)];
+    return [heightOf(0.3, 180, 900), heightOf(0.15, 100, 420), heightOf(0.13, 104, 260), heightOf(0.18, 130, 400)];
   }
 
   rebuild() {
