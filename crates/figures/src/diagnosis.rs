@@ -4,7 +4,7 @@ use super::axes::{Axes, AxisStyle, TICK_SIZE_PX, title_with_text};
 use super::font::{shorten, text_width_px, wrapped};
 use super::legend::{self, Entry, Mark};
 use super::number::{format_decimals, format_ranges, format_significant};
-use super::palette::{AXIS, BLUE, Colour, GREEN, GRID, INK, MUTED, ORANGE, PURPLE, SKY, VERMILLION, WHITE};
+use super::palette::{AXIS, BLUE, Colour, GREEN, GRID, INK, MUTED, ORANGE, PALE, PURPLE, SKY, VERMILLION, WHITE};
 use super::svg::{Anchor, Fill, Rect, Stroke, Style, Svg, TextStyle};
 use super::ticks::AxisScale;
 use base::Result;
@@ -15,7 +15,7 @@ const MARGIN_PX: f64 = 20.0;
 const BRACKET_PX: f64 = 24.0;
 const LABEL_PX: f64 = 206.0;
 /// Heads and widths (pixels) of the columns of text beside the bars.
-const COLUMNS: [(&str, f64); 4] = [("status", 124.0), ("score z", 62.0), ("p", 62.0), ("visible", 62.0)];
+const COLUMNS: [(&str, f64); 4] = [("status", 142.0), ("score z", 62.0), ("p", 62.0), ("visible", 62.0)];
 const ROW_PX: f64 = 31.0;
 const FIT_BAR_PX: f64 = 12.0;
 const HELDOUT_BAR_PX: f64 = 7.0;
@@ -56,7 +56,7 @@ fn status_style(status: Status) -> (Colour, &'static str) {
         Status::Equivalent => (SKY, "equivalent"),
         Status::Suggestive => (ORANGE, "suggestive"),
         Status::Unsupported => (MUTED, "weaker, or chance"),
-        Status::Invisible => (AXIS, "invisible"),
+        Status::Invisible => (PALE, "invisible"),
     }
 }
 
@@ -407,4 +407,17 @@ fn errors(svg: &mut Svg, diagnosis: &Diagnosis, top: f64) -> f64 {
     }
     axes.outline(svg);
     frame.bottom() + 44.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_words_of_every_status_fit_into_their_column() {
+        // The longest of `Diagnosis::status_words`.
+        for words in ["weaker than the claim", "no more than chance", "helps, not enough"] {
+            assert_eq!(shorten(words, TICK_SIZE_PX, COLUMNS[0].1 - 4.0), words);
+        }
+    }
 }

@@ -16,6 +16,8 @@ pub const INK: Colour = Colour(0x1f, 0x23, 0x28);
 pub const AXIS: Colour = Colour(0x4a, 0x50, 0x57);
 /// Colour of secondary text.
 pub const MUTED: Colour = Colour(0x6b, 0x72, 0x7a);
+/// Colour of what is hardly there.
+pub const PALE: Colour = Colour(0xb9, 0xc0, 0xc7);
 /// Colour of grid lines.
 pub const GRID: Colour = Colour(0xe4, 0xe7, 0xea);
 /// Colour of the background.

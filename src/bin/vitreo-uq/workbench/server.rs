@@ -48,13 +48,14 @@ const MOST_BYTES: usize = 1 << 16;
 const LOOK: Duration = Duration::from_secs(2);
 
 /// Files of the page: path, media type and content.
-const FILES: [(&str, &str, &str); 9] = [
+const FILES: [(&str, &str, &str); 10] = [
     ("", "text/html; charset=utf-8", include_str!("page/index.html")),
     ("app.js", "text/javascript; charset=utf-8", include_str!("page/app.js")),
     ("project.js", "text/javascript; charset=utf-8", include_str!("page/project.js")),
     ("requests.js", "text/javascript; charset=utf-8", include_str!("page/requests.js")),
     ("plots.js", "text/javascript; charset=utf-8", include_str!("page/plots.js")),
     ("style.css", "text/css; charset=utf-8", include_str!("page/style.css")),
+    ("glossary.md", "text/markdown; charset=utf-8", include_str!("../../../../docs/glossary.md")),
     ("report.css", "text/css; charset=utf-8", vitreo_uq::figures::page::STYLE),
     ("uPlot.js", "text/javascript; charset=utf-8", include_str!("page/vendor/uPlot.iife.min.js")),
     ("uPlot.css", "text/css; charset=utf-8", include_str!("page/vendor/uPlot.min.css")),

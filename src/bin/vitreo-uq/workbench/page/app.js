@@ -28,9 +28,16 @@ const state = {
 
 // ---- Dropped tables ----
 
+/** How much of a table is shown beside the questions about it. */
+const [PREVIEW_BYTES, PREVIEW_LINES] = [16_384, 12];
+let preview = "";
+
 /** @param {File} file */
 async function upload(file) {
   const { upload } = await ask(`api/table?${query({ name: file.name })}`, { method: "POST", body: file });
+  const beginning = await file.slice(0, PREVIEW_BYTES).text();
+  // A last line that is cut off is not shown, nor are the bytes of a file that is no text.
+  preview = beginning.includes("\0") ? "" : beginning.split(/\r?\n/).slice(0, PREVIEW_LINES).join("\n");
   await describe({ upload, file: file.name, answers: {} });
 }
 
@@ -48,6 +55,7 @@ async function describe(described) {
   const form = at("answers");
   form.replaceChildren(
     make("p", { textContent: `${described.file}: the table gives all other information.` }),
+    ...(preview ? [make("pre", { className: "preview", textContent: preview, tabIndex: 0 })] : []),
     ...found.questions.map((/** @type {any} */ question, /** @type {number} */ place) => {
       const field = question.choices.length > 0
         ? make("select", { name: String(place) }, question.choices.map((/** @type {string} */ choice) => make("option", { value: choice, textContent: choice, selected: choice === question.proposal })))
@@ -168,6 +176,26 @@ async function refreshRows() {
   if (Object.keys(state.values).length > 0 || state.effect) tryNow();
 }
 
+// ---- Words of the field ----
+
+/** Meanings of the glossary by term in lower case. @type {Map<string, string>} */
+let meanings = new Map();
+async function readGlossary() {
+  const text = await (await fetch("glossary.md")).text();
+  const rows = text.split("\n").map((line) => line.split("|").map((cell) => cell.trim())).filter((cells) => cells.length >= 4 && cells[1] && !cells[1].startsWith("-"));
+  meanings = new Map(rows.map((cells) => [cells[1].toLowerCase(), cells[2].replace(/\*/g, "")]));
+}
+
+/** Gives headings of tables whose words the glossary explains a tooltip. */
+function explain() {
+  document.querySelectorAll("main th, main summary, main h2").forEach((own) => {
+    const element = /** @type {HTMLElement} */ (own);
+    const words = (element.textContent ?? "").toLowerCase().replace(/\s*\(.*\)/, "").trim();
+    const meaning = meanings.get(words) ?? meanings.get(words.replace(/s$/, ""));
+    if (meaning && !element.title) element.title = meaning;
+  });
+}
+
 // ---- Views ----
 
 /** @param {Study} study */
@@ -200,6 +228,7 @@ function showStudy(study) {
   }
   showFiles(study);
   showChoice(study);
+  explain();
 }
 
 /** Shows the choice of fitted, held-out and unused cycles, and of omitted time ranges. @param {Study} study */
@@ -342,7 +371,7 @@ function showMap(study, revision) {
   at("fails-sentence").textContent = comparison.sentence;
   const tint = (/** @type {number} */ z, /** @type {boolean} */ isQuiet) => {
     const share = Math.min(1, Math.abs(z) / 6) * (isQuiet ? 0.15 : 1);
-    return z < 0 ? `color-mix(in srgb, #4b9cd3 ${100 * share}%, #eef1f4)` : `color-mix(in srgb, #f08a4b ${100 * share}%, #eef1f4)`;
+    return `color-mix(in srgb, ${z < 0 ? "#f08a4b" : "#4b9cd3"} ${100 * share}%, #eef1f4)`;
   };
   const body = comparison.panels.map((/** @type {any} */ panel) => {
     const isQuiet = panel.p_familywise >= 0.05;
@@ -507,6 +536,7 @@ async function setWindow(window) {
   await refreshRows();
   if (state.study) at("window").querySelectorAll("option").forEach((own) => (own.selected = own.value === (window ? `${window[0]} ${window[1]}` : "")));
 }
+at("log-time").addEventListener("change", (event) => plots.setLogTime(/** @type {HTMLInputElement} */ (event.target).checked));
 const plots = new Plots((from, to) => attempt(() => setWindow(from === null || to === null ? null : [from, to])));
 
 // ---- Jobs and events ----
@@ -667,6 +697,7 @@ attempt(async () => {
   // A server that was started again may have other files.
   listen(onNews, () => attempt(() => refreshItems().then(() => (state.item === null ? Promise.resolve() : refresh()))));
   const [name, revision] = addressed();
+  await readGlossary();
   await refreshItems();
   await open(state.items.some((item) => item.name === name) ? name : null, revision);
 });

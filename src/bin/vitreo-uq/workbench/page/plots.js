@@ -51,6 +51,7 @@ export class Plots {
     /** @type {any[]} */ this.plots = [];
     /** @type {{time_s: number[], left_um: (number|null)[], change_um: (number|null)[]}|null} */ this.fingerprint = null;
     /** @type {string} */ this.kind = "";
+    this.isLogTime = false;
     addEventListener("resize", () => this.resize());
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.rebuild());
   }
@@ -58,6 +59,12 @@ export class Plots {
   /** @param {{from: number, to: number}[]} heldOut time ranges of held-out cycles */
   setHeldOut(heldOut) {
     this.heldOut = heldOut;
+  }
+
+  /** @param {boolean} isLogTime whether the axis of time is logarithmic */
+  setLogTime(isLogTime) {
+    this.isLogTime = isLogTime;
+    this.rebuild();
   }
 
   /** @param {Rows} rows @param {[number, number]|null} window */
@@ -135,7 +142,9 @@ export class Plots {
   /** @param {any} plot */
   rescale(plot) {
     const times = /** @type {Rows} */ (this.rows).time_s;
-    const [min, max] = this.window ?? [times[0], times[times.length - 1]];
+    let [min, max] = this.window ?? [times[0], times[times.length - 1]];
+    // A logarithmic axis begins at the first time after 0.
+    if (this.isLogTime && min <= 0) min = times.find((time) => time > 0) ?? max / 1000;
     plot.batch(() => {
       plot.setScale("x", { min, max });
     });
@@ -166,7 +175,7 @@ export class Plots {
       width: this.width(),
       height,
       cursor: { sync: { key: GROUP, setSeries: false }, drag: { x: true, y: false, setScale: false }, bind: { dblclick: () => () => this.onWindow(null, null) } },
-      scales: { x: { time: false } },
+      scales: { x: { time: false, distr: this.isLogTime ? 3 : 1 } },
       legend: { show: bands.length > 0 },
       axes: [{ ...axis, label: isLast ? "time (s)" : undefined, size: 34, labelSize: 20 }, { ...axis, label, size: 70, labelSize: 20, space: 22 }],
       series: [{ label: "time (s)", value: number }, ...series.map((own) => ({ value: number, spanGaps: false, ...own }))],
