@@ -337,6 +337,14 @@ test("a wrong description is corrected, and a record is renamed, copied, deleted
   await page.click("text=Save the description");
   await page.waitForSelector("#fails:visible");
   await page.locator("#description summary").click();
+  await page.click("#delete-revision");
+  await page.waitForFunction(() => document.querySelectorAll("#revision option").length === 1);
+  await page.click("#undo-do");
+  await page.waitForFunction(() => document.querySelectorAll("#revision option").length === 2);
+  const archive = page.waitForEvent("download");
+  await page.locator("#files a").first().click();
+  assert.ok(readFileSync(await (await archive).path()).includes("experiment.toml"), "the archive holds the record");
+  await page.locator("#description summary").click();
   await page.fill("#new-name", "Kopie");
   await page.click("text=Copy under this name");
   await page.waitForFunction(() => location.hash === "#Kopie");

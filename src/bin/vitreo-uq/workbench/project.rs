@@ -98,8 +98,8 @@ pub enum RecordChange {
     Rename { item: String, name: String },
     /// Copies the record under another name, without its models.
     Duplicate { item: String, name: String },
-    /// Moves the record and its models into the private folder.
-    Delete { item: String },
+    /// Moves the record and its models, or only its last revision, into the private folder.
+    Delete { item: String, revision: Option<String> },
     /// Brings back what was deleted under this number.
     Undo { number: u32 },
 }
@@ -141,9 +141,14 @@ pub fn change(home: &WorkbenchFolder, change: &RecordChange) -> Result<RecordCha
             duplicate(&from, &home.dir().join(&name), &name)?;
             Ok(opens(&name))
         }
-        RecordChange::Delete { item } => {
+        RecordChange::Delete { item, revision } => {
             let item = home.find(item)?;
-            Ok(RecordChanged { item: None, undo: Some(delete(home, &item)?) })
+            let paths = match revision {
+                Some(name) => paths_of_revision(&item, name)?,
+                None => item.experiment.iter().chain([&item.study]).cloned().collect(),
+            };
+            let undo = Some(delete(home, &item, paths)?);
+            Ok(RecordChanged { item: revision.as_ref().map(|_| item.name), undo })
         }
         RecordChange::Undo { number } => undo(home, *number).map(|item| RecordChanged { item, undo: None }),
     }
@@ -192,9 +197,19 @@ struct Deleted {
     paths: Vec<PathBuf>,
 }
 
-fn delete(home: &WorkbenchFolder, item: &Item) -> Result<u32> {
-    let paths = item.experiment.iter().chain([&item.study]);
-    let paths: Vec<PathBuf> = paths.filter(|inside| files::kind(&home.dir().join(inside)).is_some()).cloned().collect();
+/// A revision with the files of the study that compare it with others. Revisions that were made from it would lose their origin, so only the last one is deleted.
+fn paths_of_revision(item: &Item, name: &String) -> Result<Vec<PathBuf>> {
+    if item.revisions.last() != Some(name) {
+        let found = format!("{name} is not the last revision, and later ones were made from it");
+        return Err(Error::input(InputPlace::file(&item.study), found, "delete the later revisions first"));
+    }
+    let others = ["ladder", "corner"].map(|stem| ["json", "svg", "png"].map(|ending| format!("{stem}.{ending}")));
+    let others = others.into_iter().flatten().chain(["report.html".to_string()]);
+    Ok(std::iter::once(name.clone()).chain(others).map(|inside| item.study.join(inside)).collect())
+}
+
+fn delete(home: &WorkbenchFolder, item: &Item, mut paths: Vec<PathBuf>) -> Result<u32> {
+    paths.retain(|inside| files::kind(&home.dir().join(inside)).is_some());
     let folder = |number: &u32| home.own().join(DELETED).join(number.to_string());
     let number = (1..).find(|number| files::kind(&folder(number)).is_none()).unwrap_or(u32::MAX);
     files::create_folders(&folder(&number), WRITABLE)?;
@@ -226,6 +241,44 @@ fn undo(home: &WorkbenchFolder, number: u32) -> Result<Option<String>> {
     }
     files::remove_all(&folder)?;
     Ok(home.items().into_iter().map(|item| item.name).find(|name| *name == deleted.name))
+}
+
+/// Largest size of an archive, in bytes.
+const LARGEST_ARCHIVE: u64 = 1 << 30;
+
+/// A tar archive of a record and its study, without hidden files and links.
+pub fn archive(home: &WorkbenchFolder, item: &Item) -> Result<Vec<u8>> {
+    let mut left = LARGEST_ARCHIVE;
+    let mut archive = tar::Builder::new(Vec::new());
+    let mut folders: Vec<PathBuf> = item.experiment.iter().chain([&item.study]).cloned().collect();
+    folders.dedup();
+    while let Some(inside) = folders.pop() {
+        for (name, kind) in files::entries(&home.dir().join(&inside), WRITABLE).unwrap_or_default() {
+            let path = inside.join(&name);
+            match kind {
+                _ if name.to_string_lossy().starts_with('.') => {}
+                files::FileKind::Folder => folders.push(path),
+                files::FileKind::File => {
+                    let bytes = files::read(&home.dir().join(&path), Content::State, "copy the folder by hand")?;
+                    left = left.checked_sub(bytes.len() as u64).ok_or_else(|| {
+                        let found = "the record and its study exceed 1 GiB";
+                        Error::input(InputPlace::file(&item.study), found, "copy the folders by hand")
+                    })?;
+                    append(&mut archive, &path, &bytes)
+                        .map_err(|error| Error::at_path("archive", &path, error, "copy the folder by hand"))?;
+                }
+                _ => {}
+            }
+        }
+    }
+    archive.into_inner().map_err(|error| Error::at_path("archive", &item.study, error, "copy the folder by hand"))
+}
+
+fn append(archive: &mut tar::Builder<Vec<u8>>, path: &Path, bytes: &[u8]) -> std::io::Result<()> {
+    let mut header = tar::Header::new_gnu();
+    header.set_size(bytes.len() as u64);
+    header.set_mode(0o644);
+    archive.append_data(&mut header, path, bytes)
 }
 
 #[cfg(test)]
@@ -278,6 +331,36 @@ mod tests {
         }
         let outside = changed(&home, serde_json::json!({ "change": "rename", "item": "copy", "name": "../../x" }));
         assert_eq!(outside.item.as_deref(), Some("x"));
+    }
+
+    #[test]
+    fn only_the_last_revision_is_deleted_alone() {
+        let (place, home) = folder();
+        let study = place.path().join("vitreo-uq-out/left");
+        std::fs::create_dir(study.join("m1")).unwrap();
+        std::fs::write(study.join("ladder.json"), "{}").unwrap();
+        let delete = |name: &str| serde_json::json!({ "change": "delete", "item": "eye", "revision": name });
+        let refused = change(&home, &serde_json::from_value(delete("m0")).unwrap()).unwrap_err().to_string();
+        assert!(refused.contains("m0 is not the last revision"), "{refused}");
+        let deleted = changed(&home, delete("m1"));
+        assert_eq!((home.find("eye").unwrap().revisions.len(), study.join("ladder.json").exists()), (1, false));
+        changed(&home, serde_json::json!({ "change": "undo", "number": deleted.undo }));
+        assert_eq!((home.find("eye").unwrap().revisions.len(), study.join("ladder.json").exists()), (2, true));
+    }
+
+    #[test]
+    fn an_archive_holds_the_record_and_its_study() {
+        let (place, home) = folder();
+        std::fs::write(place.path().join("eye/.hidden"), "secret").unwrap();
+        let bytes = archive(&home, &home.find("eye").unwrap()).unwrap();
+        let mut archive = tar::Archive::new(bytes.as_slice());
+        let mut names: Vec<String> =
+            archive.entries().unwrap().map(|entry| entry.unwrap().path().unwrap().display().to_string()).collect();
+        names.sort();
+        let study = "vitreo-uq-out/left";
+        let wanted = ["eye/experiment.toml", "eye/trajectory.csv"].map(String::from).into_iter();
+        let wanted = wanted.chain(["inputs.sha256", "m0/posterior.json"].map(|name| format!("{study}/{name}")));
+        assert_eq!(names, wanted.collect::<Vec<String>>());
     }
 
     #[test]

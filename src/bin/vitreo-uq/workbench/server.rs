@@ -105,6 +105,7 @@ fn router(bench: SharedBench, token: &str, names: Guard) -> Router {
         .route(&at("api/records"), get(records))
         .route(&at("api/description"), get(description))
         .route(&at("api/record"), post(change_record))
+        .route(&at("api/archive"), get(archive))
         .route(&at("api/study"), get(study))
         .route(&at("api/rows"), get(rows))
         .route(&at("api/knobs"), post(knobs))
@@ -182,6 +183,15 @@ async fn change_record(State(bench): State<SharedBench>, Json(change): Json<Reco
         Ok(changed)
     })
     .await
+}
+
+async fn archive(State(bench): State<SharedBench>, Query(named): Query<ItemQuery>) -> Response {
+    let made = move || project::archive(&bench.home, &bench.home.find(&named.item)?);
+    match tokio::task::spawn_blocking(made).await {
+        Ok(Ok(bytes)) => ([(header::CONTENT_TYPE, "application/x-tar")], bytes).into_response(),
+        Ok(Err(error)) => (StatusCode::UNPROCESSABLE_ENTITY, error.to_string()).into_response(),
+        Err(_) => StatusCode::INTERNAL_SERVER_ERROR.into_response(),
+    }
 }
 
 async fn study(State(bench): State<SharedBench>, Query(named): Query<ItemQuery>) -> Response {

@@ -455,11 +455,12 @@ function showFiles(study) {
   const name = state.revision;
   at("export").hidden = name === null;
   if (name === null) return;
+  const archive = make("a", { href: `api/archive?${query({ item: study.item.name })}`, textContent: `${study.item.name.split("/").pop()}.tar`, download: `${study.item.name.split("/").pop()}.tar` });
   const list = [["report.html", "the whole study on one page"], [`${name}/figures/predictive.svg`, "measurement and predictions"], [`${name}/figures/corner.svg`, "the posterior"], [`${name}/figures/comparison_map.svg`, "the failure map"],
     [`${name}/figures/diagnosis.svg`, "all candidate effects"], ["ladder.svg", "error of each revision"], [`${name}/predictions.csv`, "predictions for every row"], [`${name}/draws.csv`, "posterior draws"], [`${name}/posterior.nc`, "posterior draws for ArviZ"]];
   const revision = study.revisions.find((own) => own.name === name);
   const isThere = (/** @type {string} */ path) => !(path.includes("comparison") && !revision?.comparison) && !(path.includes("diagnosis") && !revision?.diagnosis) && !(path.startsWith("ladder") && !study.ladder);
-  at("files").replaceChildren(...list.filter(([path]) => isThere(path)).map(([path, words]) => make("li", {}, [make("a", { href: fileOf(study, path), textContent: path, download: path.endsWith("html") ? "" : path.split("/").pop(), target: "_blank" }), `: ${words}`])));
+  at("files").replaceChildren(make("li", {}, [archive, ": the record and its whole study"]), ...list.filter(([path]) => isThere(path)).map(([path, words]) => make("li", {}, [make("a", { href: fileOf(study, path), textContent: path, download: path.endsWith("html") ? "" : path.split("/").pop(), target: "_blank" }), `: ${words}`])));
 }
 
 // ---- Trials by hand ----
@@ -620,7 +621,7 @@ async function changeRecord(change) {
   const { item, undo } = await send("api/record", change);
   at("undo").hidden = undo === null;
   if (undo !== null) {
-    at("undo-words").textContent = `${change.item} was deleted, with its models.`;
+    at("undo-words").textContent = change.revision ? `${change.revision} of ${change.item} was deleted.` : `${change.item} was deleted, with its models.`;
     at("undo-do").onclick = () => attempt(() => changeRecord({ change: "undo", number: undo }));
   }
   await refreshItems();
@@ -630,6 +631,7 @@ async function changeRecord(change) {
 at("description").addEventListener("toggle", () => attempt(async () => {
   const { item } = state;
   if (item === null || !at("description").hasAttribute("open")) return;
+  at("delete-revision").hidden = state.revision === null;
   /** @type {HTMLInputElement} */ (at("new-name")).value = item;
   /** @type {HTMLTextAreaElement} */ (at("description-text")).value = (await ask(`api/description?${query({ item })}`)).text;
 }));
@@ -642,6 +644,7 @@ at("rename").addEventListener("submit", (event) => {
   const change = /** @type {HTMLButtonElement} */ (event.submitter)?.value || "rename";
   attempt(() => changeRecord({ change, item: state.item, name: /** @type {HTMLInputElement} */ (at("new-name")).value }));
 });
+at("delete-revision").addEventListener("click", () => attempt(() => changeRecord({ change: "delete", item: state.item, revision: state.revision })));
 at("delete").addEventListener("click", () => attempt(() => changeRecord({ change: "delete", item: state.item })));
 at("undo-close").addEventListener("click", () => (at("undo").hidden = true));
 
