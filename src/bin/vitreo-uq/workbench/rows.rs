@@ -15,7 +15,7 @@ use vitreo_uq::posterior::study::{PREDICTIONS_NAME, Study};
 use vitreo_uq::record::Experiment;
 
 /// Minimum and maximum number of points of a plot.
-const POINTS: [usize; 2] = [50, 4000];
+const POINTS: [usize; 2] = [50, 28_000];
 /// Maximum number of experiments, and of predictions, that are kept in memory.
 const KEPT: usize = 4;
 

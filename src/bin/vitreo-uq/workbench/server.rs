@@ -348,11 +348,7 @@ async fn rows(State(bench): State<SharedBench>, Query(asked): Query<AskedRows>) 
     answer(move || {
         let (item, _) = bench.find_current_item(&asked.item)?;
         let read = bench.record(&item)?;
-        let revision = asked.revision.filter(|name| item.revisions.contains(name));
-        let predictions = match revision {
-            Some(name) => read_revision(&bench.predictions, &bench.home.dir().join(&item.study).join(name))?,
-            None => None,
-        };
+        let predictions = bench.predictions(&item, asked.revision.as_ref())?;
         Ok(select_rows(&read.experiment, predictions.as_deref(), asked.window.window()))
     })
     .await
@@ -368,10 +364,22 @@ async fn knobs(State(bench): State<SharedBench>, Json(tried): Json<TrialRequest>
 }
 
 async fn try_model(State(bench): State<SharedBench>, Json(tried): Json<TrialRequest>) -> Response {
-    answer(move || bench.trial(&tried)?.curve(&tried)).await
+    answer(move || {
+        let predictions = bench.predictions(&bench.home.find(&tried.item)?, Some(&tried.revision))?;
+        bench.trial(&tried)?.curve(&tried, predictions.as_deref())
+    })
+    .await
 }
 
 impl Bench {
+    /// Predictions of a revision; `None` if the item has no such revision, or the revision no predictions.
+    fn predictions(&self, item: &Item, revision: Option<&String>) -> Result<Option<Arc<Predictions>>> {
+        match revision.filter(|name| item.revisions.contains(name)) {
+            Some(name) => read_revision(&self.predictions, &self.home.dir().join(&item.study).join(name)),
+            None => Ok(None),
+        }
+    }
+
     fn trial(&self, tried: &TrialRequest) -> Result<Arc<Trial>> {
         let item = self.home.find(&tried.item)?;
         trial(&self.trials, &self.home.dir().join(&item.study), tried)

@@ -10,6 +10,7 @@ use vitreo_uq::base::error::{Error, InputPlace, Result};
 use vitreo_uq::base::files::{self, Content};
 use vitreo_uq::documents::posterior::PosteriorSummary;
 use vitreo_uq::figures::labels::parameter_label;
+use vitreo_uq::figures::predictions::Predictions;
 use vitreo_uq::jobs::first_revision::kept_surrogate;
 use vitreo_uq::models::effects::Library;
 use vitreo_uq::models::model::Forward;
@@ -123,8 +124,8 @@ impl Trial {
         TrialControls { knobs: &self.knobs, effects }
     }
 
-    /// Curve of the model for the parameter values of the request.
-    pub fn curve(&self, tried: &TrialRequest) -> Result<Curve> {
+    /// Curve of the model for the parameter values of the request, at the rows that a plot with these predictions shows.
+    pub fn curve(&self, tried: &TrialRequest, predictions: Option<&Predictions>) -> Result<Curve> {
         let problem = &self.model.problem;
         let value = |name: &str| {
             let parameter_slider = self.knobs.iter().find(|knob| knob.name == name);
@@ -144,7 +145,7 @@ impl Trial {
             let (n, sum) = errors.fold((0_usize, 0.0), |(n, sum), square| (n + 1, sum + square));
             (n > 0).then(|| (sum / n as f64).sqrt())
         };
-        let rows = select_rows(experiment, None, tried.window);
+        let rows = select_rows(experiment, predictions, tried.window);
         Ok(Curve {
             tried_residual_um: rows
                 .chosen

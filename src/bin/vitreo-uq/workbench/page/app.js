@@ -165,7 +165,7 @@ function showSheet(item) {
 let askedRows = 0;
 async function refreshRows() {
   const [number, window] = [++askedRows, state.window];
-  const points = Math.min(4000, 3 * plots.width());
+  const points = plots.points();
   const rows = await ask(`api/rows?${query({ item: state.item, revision: state.revision, from_s: window?.[0], to_s: window?.[1], points })}`);
   if (number !== askedRows) return;
   const [all, inside] = rows.rows;
@@ -512,7 +512,7 @@ function tryNow() {
   }
   isTrying = true;
   const [from_s, to_s] = state.window ?? [null, null];
-  const points = Math.min(4000, 3 * plots.width());
+  const points = plots.points();
   send("api/try", { item: state.item, revision: state.revision, effects: state.effect ? [state.effect] : [], parameters: state.values, from_s, to_s, points })
     .then((curve) => {
       plots.showTried(curve);

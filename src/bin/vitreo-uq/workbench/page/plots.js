@@ -71,7 +71,7 @@ export class Plots {
   show(rows, window) {
     this.rows = rows;
     this.window = window;
-    const kind = (rows.predicted ? "predicted" : "record") + (rows.time_s.length < rows.rows[1] ? " in columns" : "");
+    const kind = (rows.predicted ? "predicted" : "record") + (rows.time_s.length > 2 * this.width() ? " in columns" : "");
     // Without a model there are no residuals.
     /** @type {HTMLElement} */ (document.getElementById("plot-residual")).hidden = !rows.predicted;
     if (kind !== this.kind || this.plots.length === 0) {
@@ -148,6 +148,11 @@ export class Plots {
     plot.batch(() => {
       plot.setScale("x", { min, max });
     });
+  }
+
+  /** Points to ask for: in each column of pixels the first row, and the lowest and highest of three series. */
+  points() {
+    return 7 * this.width();
   }
 
   width() {
