@@ -136,7 +136,8 @@ async function refresh() {
   if (item === null) return;
   /** @type {Study} */
   const study = await ask(`api/study?${query({ item, revision: state.revision })}`);
-  if (number !== asked) return;
+  // Another record may have been opened meanwhile.
+  if (number !== asked || item !== state.item) return;
   if (study.item.figures.length > 0) return showSheet(study.item);
   state.study = study;
   const names = study.item.revisions;
@@ -164,6 +165,7 @@ function showSheet(item) {
 
 let askedRows = 0;
 async function refreshRows() {
+  if (state.item === null) return;
   const [number, window] = [++askedRows, state.window];
   const points = plots.points();
   const rows = await ask(`api/rows?${query({ item: state.item, revision: state.revision, from_s: window?.[0], to_s: window?.[1], points })}`);
