@@ -226,6 +226,7 @@ test("one screen shows the next step, the curves and the sliders", async () => {
     await page.setViewportSize({ width, height });
     await page.evaluate(() => scrollTo(0, 0));
     for (const selector of ["#next button", "#plot-position canvas", "#plot-residual canvas", "#sliders label"]) await assertInView(selector);
+    await assertInView("#sliders label:last-child");
     await page.screenshot({ path: join(pictures, `9b-${width}.png`) });
   }
   const right = await page.evaluate(() => Math.max(...[...document.querySelectorAll(".bench > *")].map((own) => own.getBoundingClientRect().right)));

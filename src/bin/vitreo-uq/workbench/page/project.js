@@ -9,6 +9,13 @@ import { ask, at, attempt, make, shown } from "./requests.js";
 /** @type {Record<string, string>} */
 const TRUST = { trusted: "trusted", effective: "predictions only", untrusted: "not to be trusted" };
 
+/** Median and 90 % interval, with as many digits as show the interval. @param {Cell} own */
+function interval({ q05, median, q95 }) {
+  const width = q95 - q05;
+  const digits = width > 0 && median !== 0 ? Math.min(8, Math.max(3, 2 + Math.ceil(Math.log10(Math.abs(median) / width)))) : 3;
+  return `${shown(median, digits)} (${shown(q05, digits)} to ${shown(q95, digits)})`;
+}
+
 export class Project {
   /** @param {(name: string) => void} onOpen @param {(kind: string, names: string[]) => Promise<void>} onJob */
   constructor(onOpen, onJob) {
@@ -25,6 +32,7 @@ export class Project {
     const names = new Set(this.rows.map((row) => row.name));
     this.marked.forEach((name) => names.has(name) || this.marked.delete(name));
     at("project").hidden = this.rows.length === 0 || at("start").hidden;
+    at("start").classList.toggle("compact", this.rows.length > 0);
     this.draw();
   }
 
@@ -43,7 +51,7 @@ export class Project {
         title: `${symbol} (${unit})`,
         words: (/** @type {Row} */ row) => {
           const own = cell(row, symbol);
-          return own ? `${shown(own.median)} (${shown(own.q05)} to ${shown(own.q95)})` : "–";
+          return own ? interval(own) : "–";
         },
         sortedBy: (/** @type {Row} */ row) => cell(row, symbol)?.median ?? null,
         isNumber: true,
