@@ -278,6 +278,7 @@ test("a workbench that is killed during a job loses nothing, and the page goes o
   await assertInView("#job-progress");
   server.kill("SIGKILL");
   await page.waitForSelector("#lost:not([hidden])", { timeout: 2000 });
+  assert.ok(await page.locator("#job").isHidden(), "no bar runs on");
   await picture("9d-lost");
   const before = link;
   link = await start(home);

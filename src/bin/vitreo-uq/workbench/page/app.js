@@ -662,6 +662,8 @@ new ResizeObserver(measureTop).observe(at("top"));
 at("items").addEventListener("change", (event) => attempt(() => open(/** @type {HTMLSelectElement} */ (event.target).value || null)));
 at("revision").addEventListener("change", (event) => attempt(() => {
   state.revision = /** @type {HTMLSelectElement} */ (event.target).value;
+  at("cell").textContent = "";
+  plots.mark([]);
   setAddress();
   return refresh();
 }));

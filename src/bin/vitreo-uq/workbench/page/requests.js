@@ -71,6 +71,8 @@ export function listen(onNews, onReturn) {
     events.close();
     if (at("lost").hidden) at("lost-since").textContent = `No answer since ${new Date().toLocaleTimeString()}.`;
     at("lost").hidden = false;
+    // Whether the job runs is not known.
+    at("job").hidden = true;
     setTimeout(() => listen(onNews, onReturn), RETRY_MS);
   };
 }
