@@ -72,7 +72,8 @@ pub async fn guard(State(guard): State<Guard>, request: Request, next: Next) -> 
         (header::REFERRER_POLICY, "no-referrer"),
         (header::CACHE_CONTROL, "no-store"),
     ] {
-        headers.insert(name, HeaderValue::from_static(value));
+        // A response may have a stricter policy.
+        headers.entry(name).or_insert(HeaderValue::from_static(value));
     }
     response
 }

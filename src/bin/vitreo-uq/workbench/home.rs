@@ -141,9 +141,16 @@ impl WorkbenchFolder {
         keys.map(|key| of_specimen(&dir, key))
     }
 
+    /// Whether another item has the same study: experiments of one specimen, or the folder of all results of `groups`.
+    pub fn shares_study(&self, item: &Item) -> bool {
+        let is_other = |other: &Item| other.name != item.name && other.study == item.study;
+        item.study == Path::new(GROUPS) || self.items().iter().any(is_other)
+    }
+
     /// Whether a new experiment may have this name.
     pub fn is_free(&self, name: &str) -> bool {
-        name != STUDIES && files::kind(&self.dir.join(name)).is_none()
+        let is_there = |inside: &Path| files::kind(&self.dir.join(inside)).is_some();
+        name != STUDIES && !is_there(Path::new(name)) && !is_there(&Study::default_dir(name))
     }
 
     /// Folders of the experiments whose descriptions give all of these keys of the specimen.

@@ -174,15 +174,23 @@ impl Jobs {
     pub fn start_many(self: &Arc<Self>, kind: JobKind, items: &[(Item, bool)]) -> Result<Job> {
         let of_one = if kind == JobKind::SampleMany { JobKind::Sample } else { JobKind::Diagnose };
         let mut all = Vec::new();
-        for (item, is_replaced) in items {
+        // A record without a model has nothing to diagnose.
+        let is_ready = |item: &Item| kind == JobKind::SampleMany || !item.revisions.is_empty();
+        let ready = || {
+            items.iter().filter(|(item, is_replaced)| is_ready(item) && (kind == JobKind::SampleMany || !is_replaced))
+        };
+        for (item, is_replaced) in ready() {
             let wish = JobRequest { item: item.name.clone(), kind: of_one, revision: None, with: Vec::new() };
             all.extend(commands(self.home.dir(), &wish, item, *is_replaced, &[])?);
         }
         if all.is_empty() {
-            let place = InputPlace::file(self.home.dir());
-            return Err(Error::input(place, "no record is chosen", "mark records in the table"));
+            let (found, remedy) = match items {
+                [] => ("no record is marked", "mark records in the table"),
+                _ => ("none of the marked records has a model", "fit them first"),
+            };
+            return Err(Error::input(InputPlace::file(self.home.dir()), found, remedy));
         }
-        self.start_commands(format!("{} records", items.len()), kind, all)
+        self.start_commands(format!("{} records", ready().count()), kind, all)
     }
 
     fn start_commands(self: &Arc<Self>, item: String, kind: JobKind, commands: Vec<Vec<String>>) -> Result<Job> {

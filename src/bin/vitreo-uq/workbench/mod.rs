@@ -38,9 +38,9 @@ pub struct WorkbenchArguments {
     /// Experiment or study to open, or a folder of them [default: this folder]
     #[arg(value_name = "EXPERIMENT|STUDY|FOLDER")]
     target: Option<PathBuf>,
-    /// Port; 0 for any free port
-    #[arg(long, value_name = "N", default_value_t = USUAL_PORT)]
-    port: u16,
+    /// Port; 0 for any free port [default: that of the folder's last workbench, or 8421]
+    #[arg(long, value_name = "N")]
+    port: Option<u16>,
     /// Address to listen on, if other machines need the page; anyone with its link can run commands here
     #[arg(long, value_name = "ADDRESS", default_value_t = IpAddr::V4(Ipv4Addr::LOCALHOST))]
     listen: IpAddr,
@@ -57,16 +57,25 @@ pub struct WorkbenchArguments {
 
 pub fn run(arguments: &WorkbenchArguments) -> Result<ExitCode> {
     let (home, item) = WorkbenchFolder::of(arguments.target.as_deref().unwrap_or(Path::new(".")))?;
-    let before = Link::read(home.dir());
+    // Only on this machine: a link that was sent in clear over a network is not used again.
+    let before = arguments.listen.is_loopback().then(|| Link::read(home.dir())).flatten();
     // The port of the folder's last workbench comes first. If other programs use it and the usual port, any free port is taken.
     let ports = match arguments.port {
-        0 | USUAL_PORT => before.iter().map(|link| link.port).chain([arguments.port, 0]).collect(),
-        port => vec![port],
+        None | Some(0) => {
+            before.iter().map(|link| link.port).chain([arguments.port.unwrap_or(USUAL_PORT), 0]).collect()
+        }
+        Some(port) => vec![port],
     };
     let (listener, address) = crate::http::listen(arguments.listen, &ports)?;
-    let token = before.map_or_else(token, |link| Ok(link.token))?;
-    Link { port: address.port(), token: token.clone() }.store(home.dir());
-    let link = format!("http://{address}/{token}/{}", item.map_or(String::new(), |item| format!("#{item}")));
+    // At another port the token is new: whoever took the old port has seen the token in the requests of open pages.
+    let token = before.filter(|link| link.port == address.port()).map_or_else(token, |link| Ok(link.token))?;
+    if address.ip().is_loopback() {
+        Link { port: address.port(), token: token.clone() }.store(home.dir());
+    }
+    let link = format!(
+        "http://{address}/{token}/{}",
+        item.map_or(String::new(), |item| format!("#{}", percent_encoded(&item)))
+    );
     if !arguments.quiet {
         print_message(&format!("Workbench of {}; Ctrl-C ends it and its running command.", home.dir().display()));
         if !address.ip().is_loopback() {
@@ -77,6 +86,15 @@ pub fn run(arguments: &WorkbenchArguments) -> Result<ExitCode> {
     crate::output::print(&format!("{link}\n"))?;
     server::run(listener, home, token, Guard::new(address, &arguments.allow_host))?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// A name as the page reads it from its address.
+fn percent_encoded(name: &str) -> String {
+    let encoded = |byte: u8| match byte {
+        b'a'..=b'z' | b'A'..=b'Z' | b'0'..=b'9' | b'-' | b'_' | b'.' | b'/' => char::from(byte).to_string(),
+        _ => format!("%{byte:02X}"),
+    };
+    name.bytes().map(encoded).collect()
 }
 
 /// Returns a random token of 128 bits in hexadecimal digits, which nobody can guess.

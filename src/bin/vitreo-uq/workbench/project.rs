@@ -1,6 +1,8 @@
 //! The records of a workbench's folder as one table, and changes of whole records: description, name, copy, deletion and its undo.
 
-use std::path::{Path, PathBuf};
+use std::io::Read;
+use std::path::{Component, Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 
 use serde::{Deserialize, Serialize};
 use vitreo_uq::base::error::{Error, InputPlace, Result};
@@ -52,9 +54,12 @@ struct ParameterCell {
     q95: f64,
 }
 
-/// All records, studies and results of groups.
-pub fn rows(home: &WorkbenchFolder) -> Vec<RecordRow> {
-    let row = |item: Item| {
+/// All records, studies and results of groups. `is_current` says whether a study has the record of its experiment; models of other records are not shown.
+pub fn rows(home: &WorkbenchFolder, is_current: impl Fn(&Item) -> bool) -> Vec<RecordRow> {
+    let row = |mut item: Item| {
+        if !item.revisions.is_empty() && !is_current(&item) {
+            item.revisions.clear();
+        }
         let [species, region] = home.specimen_keys(&item, ["species", "region"]);
         let revision = item.revisions.last().cloned();
         let model = revision.as_ref().and_then(|name| model_cells(&home.dir().join(&item.study).join(name)));
@@ -92,8 +97,8 @@ fn model_cells(dir: &Path) -> Option<ModelCells> {
 #[derive(Debug, Deserialize)]
 #[serde(tag = "change", rename_all = "lowercase")]
 pub enum RecordChange {
-    /// Writes another description.
-    Describe { item: String, text: String },
+    /// Writes another description in place of the one that the page read.
+    Describe { item: String, before: String, text: String },
     /// Gives the record another name.
     Rename { item: String, name: String },
     /// Copies the record under another name, without its models.
@@ -121,12 +126,19 @@ pub fn description(home: &WorkbenchFolder, item: &Item) -> Result<String> {
         .map_err(|_| Error::input(InputPlace::file(&path), "this is not text", "restore the description"))
 }
 
-/// Changes a record.
+/// Changes a record. Changes are made one after the other.
 pub fn change(home: &WorkbenchFolder, change: &RecordChange) -> Result<RecordChanged> {
+    static ONE: Mutex<()> = Mutex::new(());
+    let _one = ONE.lock().unwrap_or_else(PoisonError::into_inner);
     let opens = |item: &str| RecordChanged { item: Some(item.to_string()), undo: None };
     match change {
-        RecordChange::Describe { item, text } => {
-            replace_description(&experiment_dir(home, &home.find(item)?)?, text)?;
+        RecordChange::Describe { item, before, text } => {
+            let found = home.find(item)?;
+            if description(home, &found)?.lines().ne(before.lines()) {
+                let words = "the description has changed since it was shown";
+                return Err(Error::input(InputPlace::file(item), words, "close and open it, and change it again"));
+            }
+            replace_description(&experiment_dir(home, &found)?, text)?;
             Ok(opens(item))
         }
         RecordChange::Rename { item, name } => {
@@ -145,7 +157,10 @@ pub fn change(home: &WorkbenchFolder, change: &RecordChange) -> Result<RecordCha
             let item = home.find(item)?;
             let paths = match revision {
                 Some(name) => paths_of_revision(&item, name)?,
-                None => item.experiment.iter().chain([&item.study]).cloned().collect(),
+                // A study that belongs to another record as well stays with that one.
+                None => {
+                    item.experiment.iter().chain((!home.shares_study(&item)).then_some(&item.study)).cloned().collect()
+                }
             };
             let undo = Some(delete(home, &item, paths)?);
             Ok(RecordChanged { item: revision.as_ref().map(|_| item.name), undo })
@@ -172,15 +187,32 @@ fn free_name(home: &WorkbenchFolder, name: &str) -> Result<String> {
     Err(Error::input(InputPlace::file(home.dir()), found, "choose another name"))
 }
 
+/// Description of the record in the folder `dir` with another identifier of the specimen.
+fn with_id(dir: &Path, id: &str) -> Result<String> {
+    let path = dir.join(DESCRIPTION);
+    let text = files::read(&path, Content::Settings, "restore the description")?;
+    let id = toml::Value::String(id.to_string()).to_string();
+    with_keys(&String::from_utf8_lossy(&text), "specimen", &[("id", Some(id))]).ok_or_else(|| {
+        let place = InputPlace::file(&path).at_key("specimen");
+        Error::input(place, "this page cannot change the layout of its lines", "change the `id` in an editor")
+    })
+}
+
+/// Gives a new record an identifier of its own, if another record has the same, so that a fit of one does not replace the models of the other.
+pub fn separate(home: &WorkbenchFolder, name: &str) -> Result<()> {
+    let item = home.find(name)?;
+    match &item.experiment {
+        Some(inside) if home.shares_study(&item) => {
+            let dir = home.dir().join(inside);
+            replace_description(&dir, &with_id(&dir, name)?)
+        }
+        _ => Ok(()),
+    }
+}
+
 /// Copies the files of a record. Its specimen gets the new name, so that its study is another one.
 fn duplicate(from: &Path, to: &Path, name: &str) -> Result<()> {
-    let text = files::read(&from.join(DESCRIPTION), Content::Settings, "restore the description")?;
-    let text = String::from_utf8_lossy(&text);
-    let id = toml::Value::String(name.to_string()).to_string();
-    let text = with_keys(&text, "specimen", &[("id", Some(id))]).ok_or_else(|| {
-        let place = InputPlace::file(from.join(DESCRIPTION)).at_key("specimen");
-        Error::input(place, "this page cannot change the layout of its lines", "copy the folder by hand")
-    })?;
+    let text = with_id(from, name)?;
     files::create_folders(to, WRITABLE)?;
     for (file, kind) in files::entries(from, WRITABLE)? {
         if kind == files::FileKind::File && !file.to_string_lossy().starts_with('.') && file != DESCRIPTION {
@@ -216,28 +248,49 @@ fn delete(home: &WorkbenchFolder, item: &Item, mut paths: Vec<PathBuf>) -> Resul
     // The list comes first: whatever is moved can then be found again.
     let list = folder(&number).join("deleted.json");
     files::write_json_atomically(&list, &Deleted { name: item.name.clone(), paths: paths.clone() })?;
-    for (place, inside) in paths.iter().enumerate() {
-        files::rename(&home.dir().join(inside), &folder(&number).join(place.to_string()))?;
+    let moves: Vec<(PathBuf, PathBuf)> = paths
+        .iter()
+        .enumerate()
+        .map(|(place, inside)| (home.dir().join(inside), folder(&number).join(place.to_string())))
+        .collect();
+    for (done, (from, to)) in moves.iter().enumerate() {
+        if let Err(error) = files::rename(from, to) {
+            // All or nothing: what was moved goes back.
+            for (from, to) in &moves[..done] {
+                files::rename(to, from)?;
+            }
+            files::remove_all(&folder(&number))?;
+            return Err(error);
+        }
     }
     Ok(number)
 }
 
 fn undo(home: &WorkbenchFolder, number: u32) -> Result<Option<String>> {
     let folder = home.own().join(DELETED).join(number.to_string());
+    let by_hand = "move the files of this folder back by hand";
     let bytes = files::read(&folder.join("deleted.json"), Content::Document, "the deletion was undone before")?;
-    let deleted: Deleted = serde_json::from_slice(&bytes).map_err(|error| {
-        Error::input(InputPlace::file(&folder), error.to_string(), "move the files of this folder back by hand")
-    })?;
-    let is_inside = |path: &PathBuf| path.components().all(|part| matches!(part, std::path::Component::Normal(_)));
-    for (place, inside) in deleted.paths.iter().enumerate().filter(|(_, inside)| is_inside(inside)) {
-        let (from, to) = (folder.join(place.to_string()), home.dir().join(inside));
-        if files::kind(&to).is_some() {
-            let found = "there is something of this name again";
-            return Err(Error::input(InputPlace::file(&to), found, "rename it, and undo once more"));
-        }
-        if files::kind(&from).is_some() {
-            files::rename(&from, &to)?;
-        }
+    let deleted: Deleted = serde_json::from_slice(&bytes)
+        .map_err(|error| Error::input(InputPlace::file(&folder), error.to_string(), by_hand))?;
+    // The list may come from a stranger. Links are followed in hidden folders only, so no part of a path may be hidden.
+    let is_plain = |part: Component<'_>| match part {
+        Component::Normal(name) => !name.to_string_lossy().starts_with('.'),
+        _ => false,
+    };
+    if !deleted.paths.iter().all(|inside| inside.components().next().is_some() && inside.components().all(is_plain)) {
+        return Err(Error::input(InputPlace::file(&folder), "its list names places outside this folder", by_hand));
+    }
+    let places = deleted.paths.iter().enumerate();
+    let moves = places.map(|(place, inside)| (folder.join(place.to_string()), home.dir().join(inside)));
+    let moves: Vec<(PathBuf, PathBuf)> = moves.filter(|(from, _)| files::kind(from).is_some()).collect();
+    // Files that compare revisions are made anew by later commands, and the newer ones stay.
+    let is_taken = |to: &Path| files::kind(to).is_some();
+    if let Some((_, to)) = moves.iter().find(|(_, to)| files::is_folder(to)) {
+        let found = "there is something of this name again";
+        return Err(Error::input(InputPlace::file(to), found, "rename it, and undo once more"));
+    }
+    for (from, to) in moves.iter().filter(|(_, to)| !is_taken(to)) {
+        files::rename(from, to)?;
     }
     files::remove_all(&folder)?;
     Ok(home.items().into_iter().map(|item| item.name).find(|name| *name == deleted.name))
@@ -253,16 +306,25 @@ pub fn archive(home: &WorkbenchFolder, item: &Item) -> Result<Vec<u8>> {
     let mut folders: Vec<PathBuf> = item.experiment.iter().chain([&item.study]).cloned().collect();
     folders.dedup();
     while let Some(inside) = folders.pop() {
-        for (name, kind) in files::entries(&home.dir().join(&inside), WRITABLE).unwrap_or_default() {
+        let folder = home.dir().join(&inside);
+        if files::kind(&folder).is_none() {
+            continue;
+        }
+        for (name, kind) in files::entries(&folder, WRITABLE)? {
             let path = inside.join(&name);
             match kind {
                 _ if name.to_string_lossy().starts_with('.') => {}
                 files::FileKind::Folder => folders.push(path),
                 files::FileKind::File => {
-                    let bytes = files::read(&home.dir().join(&path), Content::State, "copy the folder by hand")?;
+                    let by_hand = "copy the folder by hand";
+                    let refused = |error| Error::at_path("read", &path, error, by_hand);
+                    let mut bytes = Vec::new();
+                    // One byte beyond the limit tells that it is exceeded.
+                    let file = files::open_file(&home.dir().join(&path))?;
+                    file.take(left + 1).read_to_end(&mut bytes).map_err(refused)?;
                     left = left.checked_sub(bytes.len() as u64).ok_or_else(|| {
                         let found = "the record and its study exceed 1 GiB";
-                        Error::input(InputPlace::file(&item.study), found, "copy the folders by hand")
+                        Error::input(InputPlace::file(&item.study), found, by_hand)
                     })?;
                     append(&mut archive, &path, &bytes)
                         .map_err(|error| Error::at_path("archive", &path, error, "copy the folder by hand"))?;
@@ -334,6 +396,44 @@ mod tests {
     }
 
     #[test]
+    fn records_of_one_specimen_do_not_take_each_others_models() {
+        let (place, home) = folder();
+        std::fs::create_dir(place.path().join("eye-2")).unwrap();
+        std::fs::copy(place.path().join("eye/experiment.toml"), place.path().join("eye-2/experiment.toml")).unwrap();
+        let second = home.find("eye-2").unwrap();
+        assert!(home.shares_study(&second));
+        changed(&home, serde_json::json!({ "change": "delete", "item": "eye-2" }));
+        assert_eq!(home.find("eye").unwrap().revisions, ["m0"], "the models stay with the other record");
+    }
+
+    #[test]
+    fn a_list_of_a_stranger_moves_nothing_outside() {
+        let (place, home) = folder();
+        let deleted = place.path().join(".vitreo-uq-workbench/deleted/1");
+        std::fs::create_dir_all(&deleted).unwrap();
+        std::fs::write(deleted.join("0"), "key").unwrap();
+        for path in [".x/key", "../key", "/tmp/key", "", "eye/../../key"] {
+            let list = serde_json::json!({ "name": "eye", "paths": [path] });
+            std::fs::write(deleted.join("deleted.json"), list.to_string()).unwrap();
+            let refused = change(&home, &RecordChange::Undo { number: 1 }).unwrap_err().to_string();
+            assert!(refused.contains("outside this folder"), "{path}: {refused}");
+            assert!(deleted.join("0").is_file());
+        }
+    }
+
+    #[test]
+    fn newer_figures_stay_where_a_revision_comes_back() {
+        let (place, home) = folder();
+        let study = place.path().join("vitreo-uq-out/left");
+        std::fs::write(study.join("report.html"), "old").unwrap();
+        let deleted = changed(&home, serde_json::json!({ "change": "delete", "item": "eye", "revision": "m0" }));
+        std::fs::write(study.join("report.html"), "new").unwrap();
+        changed(&home, serde_json::json!({ "change": "undo", "number": deleted.undo }));
+        assert_eq!(std::fs::read_to_string(study.join("report.html")).unwrap(), "new");
+        assert!(study.join("m0").is_dir());
+    }
+
+    #[test]
     fn only_the_last_revision_is_deleted_alone() {
         let (place, home) = folder();
         let study = place.path().join("vitreo-uq-out/left");
@@ -366,7 +466,7 @@ mod tests {
     #[test]
     fn the_table_lists_every_record() {
         let (_place, home) = folder();
-        let rows = serde_json::to_value(rows(&home)).unwrap();
+        let rows = serde_json::to_value(rows(&home, |_| true)).unwrap();
         assert_eq!(
             (&rows[0]["name"], &rows[0]["species"], &rows[0]["region"]),
             (&"eye".into(), &"porcine".into(), &serde_json::Value::Null)

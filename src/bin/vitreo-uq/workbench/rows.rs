@@ -95,6 +95,9 @@ pub struct Window {
     pub to_s: Option<f64>,
     /// Number of points of the plot, limited by `POINTS`; `None` for the largest.
     pub points: Option<usize>,
+    /// True if the axis of time is logarithmic.
+    #[serde(default)]
+    pub is_logarithmic: bool,
 }
 
 /// Rows that a plot shows.
@@ -135,7 +138,8 @@ pub fn select_rows(experiment: &Experiment, predictions: Option<&Predictions>, w
     let looks: [&dyn Fn(usize) -> Option<f64>; 3] = [&|row| position_um[row], &residual_um, &force];
     let range = rows_of(&record.time_s, window);
     let n_points = window.points.unwrap_or(POINTS[1]).clamp(POINTS[0], POINTS[1]);
-    let chosen = decimate_rows(range.clone(), n_points, &looks);
+    let place = place_on_axis(&record.time_s[range.clone()], window.is_logarithmic);
+    let chosen = decimate_rows(range.clone(), n_points, &|row| place(record.time_s[row]), &looks);
     let of = |values: &[f64]| chosen.iter().map(|row| values[*row]).collect::<Vec<f64>>();
     let predicted = predictions.map(|predictions| ShownPredictions {
         median_um: of(&predictions.quantiles_um[2]),
@@ -161,20 +165,33 @@ fn rows_of(time_s: &[f64], window: Window) -> std::ops::Range<usize> {
     from.min(to)..to
 }
 
-/// Selects about `n_points` of the given rows. The rows are divided into columns of equal length. From each column it takes the first row, and those with the
-/// smallest and largest value of each function in `looks`.
-fn decimate_rows(rows: std::ops::Range<usize>, n_points: usize, looks: &[&dyn Fn(usize) -> Option<f64>]) -> Vec<usize> {
+/// Function that gives the place of a time (s) on an axis through these times: 0 at the start, 1 at the end. A logarithmic axis begins at the first time after 0.
+fn place_on_axis(time_s: &[f64], is_logarithmic: bool) -> impl Fn(f64) -> f64 {
+    let scaled = move |time_s: f64| if is_logarithmic { time_s.max(f64::MIN_POSITIVE).ln() } else { time_s };
+    let first = time_s.iter().copied().find(|time_s| !is_logarithmic || *time_s > 0.0).map_or(0.0, scaled);
+    let last = time_s.last().copied().map_or(1.0, scaled);
+    move |time_s| (scaled(time_s) - first) / (last - first)
+}
+
+/// Selects about `n_points` of the given rows. The axis, on which `place` gives the place of a row, is divided into columns of equal width. From each column it
+/// takes the first row, and those with the smallest and largest value of each function in `looks`.
+fn decimate_rows(
+    rows: std::ops::Range<usize>,
+    n_points: usize,
+    place: &dyn Fn(usize) -> f64,
+    looks: &[&dyn Fn(usize) -> Option<f64>],
+) -> Vec<usize> {
     if rows.len() <= n_points {
         return rows.collect();
     }
     let n_columns = n_points / (1 + 2 * looks.len()) + 1;
-    let edge = |column: usize| rows.start + rows.len() * column / n_columns;
+    let all: Vec<usize> = rows.clone().collect();
+    let column_of = |row: &usize| (place(*row).clamp(0.0, 1.0) * n_columns as f64) as usize;
     let mut chosen = Vec::with_capacity(n_points);
-    for column in 0..n_columns {
-        let range = edge(column)..edge(column + 1);
-        let mut of_column = vec![range.start];
+    for range in all.chunk_by(|a, b| column_of(a) == column_of(b)) {
+        let mut of_column = vec![range[0]];
         for look in looks {
-            let valued = || range.clone().filter_map(|row| Some((row, look(row)?)));
+            let valued = || range.iter().filter_map(|row| Some((*row, look(*row)?)));
             of_column.extend(valued().min_by(|a, b| a.1.total_cmp(&b.1)).map(|(row, _)| row));
             of_column.extend(valued().max_by(|a, b| a.1.total_cmp(&b.1)).map(|(row, _)| row));
         }
@@ -195,17 +212,25 @@ mod tests {
     fn what_stands_out_is_shown() {
         let value = |row: usize| Some(if row == 54_321 { 9.0 } else { (row as f64 * 0.01).sin() });
         let other = |row: usize| (row != 7).then_some(-(row as f64));
-        let chosen = decimate_rows(0..100_000, 1000, &[&value, &other]);
+        let time_s: Vec<f64> = (0..100_000).map(f64::from).collect();
+        let linear = place_on_axis(&time_s, false);
+        let chosen = decimate_rows(0..100_000, 1000, &|row| linear(time_s[row]), &[&value, &other]);
         assert!(chosen.contains(&54_321) && chosen.contains(&99_999) && chosen.contains(&0));
         assert!(chosen.windows(2).all(|pair| pair[0] < pair[1]));
         assert!((500..=1010).contains(&chosen.len()), "{}", chosen.len());
-        assert_eq!(decimate_rows(3..10, 50, &[&value]), (3..10).collect::<Vec<_>>());
+        assert_eq!(decimate_rows(3..10, 50, &|row| row as f64, &[&value]), (3..10).collect::<Vec<_>>());
+        // On a logarithmic axis each decade has as many columns as any other.
+        let logarithmic = place_on_axis(&time_s, true);
+        let chosen = decimate_rows(0..100_000, 1000, &|row| logarithmic(time_s[row]), &[&value, &other]);
+        let in_decade = |low: usize| chosen.iter().filter(|row| (low..10 * low).contains(*row)).count();
+        assert_eq!([in_decade(1), in_decade(10)], [9, 90], "the first decades have few rows, and all are shown");
+        assert!(in_decade(1000) > 100 && in_decade(10_000) > 100);
     }
 
     #[test]
     fn a_window_reaches_one_row_beyond_its_ends() {
         let time_s: Vec<f64> = (0..100).map(f64::from).collect();
-        let window = |from_s, to_s| Window { from_s, to_s, points: None };
+        let window = |from_s, to_s| Window { from_s, to_s, points: None, is_logarithmic: false };
         assert_eq!(rows_of(&time_s, window(Some(10.0), Some(20.0))), 9..22);
         assert_eq!(rows_of(&time_s, window(None, None)), 0..100);
         assert_eq!(rows_of(&time_s, window(Some(500.0), Some(600.0))), 99..100);

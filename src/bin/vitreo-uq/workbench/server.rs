@@ -13,11 +13,10 @@ use axum::middleware;
 use axum::response::sse::{Event, KeepAlive, Sse};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
+use futures_util::stream;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 use tokio::sync::watch;
-use tokio_stream::StreamExt;
-use tokio_stream::wrappers::WatchStream;
 use vitreo_uq::base::error::{Error, InputPlace, Result};
 use vitreo_uq::base::files::{self, Content};
 use vitreo_uq::figures::predictive::{CycleKind, CycleSpan};
@@ -42,10 +41,15 @@ use vitreo_uq::figures::predictions::Predictions;
 const UPLOAD: Duration = Duration::from_secs(120);
 /// Maximum size of an uploaded table, in bytes.
 const LARGEST_UPLOAD: usize = 256 << 20;
+/// Maximum size of the request of a job, which may name thousands of records, in bytes.
+const LARGEST_JOB: usize = 1 << 20;
 /// Maximum size of the body of all other requests, in bytes.
 const MOST_BYTES: usize = 1 << 16;
 /// Time between two checks whether other programs have changed the folder.
 const LOOK: Duration = Duration::from_secs(2);
+
+/// Files of a study may come from strangers: they run no script, not even one of this page.
+const FILE_POLICY: &str = "sandbox; default-src 'none'; img-src data:; style-src 'unsafe-inline'";
 
 /// Files of the page: path, media type and content.
 const FILES: [(&str, &str, &str); 10] = [
@@ -112,11 +116,11 @@ fn router(bench: SharedBench, token: &str, names: Guard) -> Router {
         .route(&at("api/try"), post(try_model))
         .route(&at("api/init"), post(init))
         .route(&at("api/choice"), post(choice))
-        .route(&at("api/job"), post(start).delete(stop))
         .route(&at("api/events"), get(events))
         .route(&at("file"), get(file))
         .layer(middleware::from_fn(http::whole_body))
         .layer(DefaultBodyLimit::max(MOST_BYTES))
+        .route(&at("api/job"), post(start).delete(stop).layer(DefaultBodyLimit::max(LARGEST_JOB)))
         .route(&at("api/table"), post(table));
     for (name, kind, text) in FILES {
         router = router.route(&at(name), get(move || async move { ([(header::CONTENT_TYPE, kind)], text) }));
@@ -168,7 +172,7 @@ async fn items(State(bench): State<SharedBench>) -> Response {
 }
 
 async fn records(State(bench): State<SharedBench>) -> Response {
-    answer(move || Ok(project::rows(&bench.home))).await
+    answer(move || Ok(project::rows(&bench.home, |item| bench.is_current(item)))).await
 }
 
 async fn description(State(bench): State<SharedBench>, Query(named): Query<ItemQuery>) -> Response {
@@ -209,20 +213,27 @@ impl Bench {
     /// true. The revisions do not describe the record of the experiment.
     fn find_current_item(&self, name: &str) -> Result<(Item, bool)> {
         let mut item = self.home.find(name)?;
-        let study = self.home.dir().join(&item.study);
-        let is_other = item.experiment.is_some()
-            && Study::is_study(&study)
-            && Study::open(&study).is_ok_and(|study| {
-                self.record(&item).is_ok_and(|now| {
-                    // Comments and the order of keys change the files, but not the record.
-                    now.sha256 != *study.inputs_sha256()
-                        && study.read_experiment().is_ok_and(|(before, _)| before != now.experiment)
-                })
-            });
+        let is_other = !self.is_current(&item);
         if is_other {
             item.revisions.clear();
         }
         Ok((item, is_other))
+    }
+
+    /// Whether the study of an item, if there is one, has the record of its experiment. Comments and the order of keys change the files, but not the record.
+    fn is_current(&self, item: &Item) -> bool {
+        let study = self.home.dir().join(&item.study);
+        if item.experiment.is_none() || !Study::is_study(&study) {
+            return true;
+        }
+        Study::open(&study).is_ok_and(|study| {
+            self.record(item).is_ok_and(|now| {
+                now.sha256 == *study.inputs_sha256()
+                    // A study without models gives way to any other file.
+                    || !item.revisions.is_empty()
+                        && study.read_experiment().is_ok_and(|(before, _)| before == now.experiment)
+            })
+        })
     }
 }
 
@@ -329,6 +340,7 @@ struct WindowOfQuery {
     from_s: Option<String>,
     to_s: Option<String>,
     points: Option<String>,
+    is_logarithmic: Option<String>,
 }
 
 impl WindowOfQuery {
@@ -340,6 +352,7 @@ impl WindowOfQuery {
             from_s: number(self.from_s.as_ref()),
             to_s: number(self.to_s.as_ref()),
             points: number(self.points.as_ref()),
+            is_logarithmic: self.is_logarithmic.as_deref() == Some("true"),
         }
     }
 }
@@ -372,6 +385,16 @@ async fn try_model(State(bench): State<SharedBench>, Json(tried): Json<TrialRequ
 }
 
 impl Bench {
+    /// Refuses a fit that would replace the models of another record.
+    fn refuse_shared(&self, item: &Item, is_changed: bool) -> Result<()> {
+        if is_changed && self.home.shares_study(item) {
+            let found = "another record has the same specimen id, and a fit would replace its models";
+            let remedy = "give the record an `id` of its own in its description";
+            return Err(Error::input(InputPlace::file(&item.name), found, remedy));
+        }
+        Ok(())
+    }
+
     /// Predictions of a revision; `None` if the item has no such revision, or the revision no predictions.
     fn predictions(&self, item: &Item, revision: Option<&String>) -> Result<Option<Arc<Predictions>>> {
         match revision.filter(|name| item.revisions.contains(name)) {
@@ -426,12 +449,17 @@ async fn start(State(bench): State<SharedBench>, Json(wish): Json<JobRequest>) -
             JobKind::Groups => (bench.home.groups(&wish.with), false),
             JobKind::Example => (bench.home.example(), false),
             JobKind::SampleMany | JobKind::DiagnoseMany => {
-                let items: Vec<_> =
-                    wish.with.iter().map(|name| bench.find_current_item(name)).collect::<Result<_>>()?;
+                let mut items = Vec::new();
+                for item in bench.home.items().into_iter().filter(|item| wish.with.contains(&item.name)) {
+                    let is_changed = !bench.is_current(&item);
+                    bench.refuse_shared(&item, is_changed)?;
+                    items.push((item, is_changed));
+                }
                 return bench.jobs.start_many(wish.kind, &items);
             }
             _ => bench.find_current_item(&wish.item)?,
         };
+        bench.refuse_shared(&item, is_changed)?;
         bench.jobs.start(&wish, &item, is_changed)
     })
     .await
@@ -448,13 +476,14 @@ async fn stop(State(bench): State<SharedBench>) -> Response {
 /// Stream of events to the page: the current job, and a hash that changes with the folder.
 async fn events(State(bench): State<SharedBench>, Extension(connection): Extension<Connection>) -> impl IntoResponse {
     connection.becomes_stream();
-    let news = WatchStream::new(bench.news.subscribe());
-    let events = news.then(move |number| {
-        let bench = Arc::clone(&bench);
-        async move {
-            let news = json!({ "state": bench.state_at(number).await, "job": bench.jobs.present() });
-            Ok::<Event, std::convert::Infallible>(Event::default().data(news.to_string()))
-        }
+    let mut news = bench.news.subscribe();
+    // The present state comes first, without waiting for a change.
+    news.mark_changed();
+    let events = stream::unfold((news, bench), |(mut news, bench)| async move {
+        news.changed().await.ok()?;
+        let number = *news.borrow_and_update();
+        let event = json!({ "state": bench.state_at(number).await, "job": bench.jobs.present() });
+        Some((Ok::<Event, std::convert::Infallible>(Event::default().data(event.to_string())), (news, bench)))
     });
     Sse::new(events).keep_alive(KeepAlive::default())
 }
@@ -497,7 +526,7 @@ async fn file(State(bench): State<SharedBench>, Query(asked): Query<AskedFile>) 
                 Some("toml") => "text/plain; charset=utf-8",
                 _ => "application/octet-stream",
             };
-            ([(header::CONTENT_TYPE, kind)], bytes).into_response()
+            ([(header::CONTENT_TYPE, kind), (header::CONTENT_SECURITY_POLICY, FILE_POLICY)], bytes).into_response()
         }
         Ok(Err(Error::Input { .. })) => StatusCode::NOT_FOUND.into_response(),
         _ => StatusCode::INTERNAL_SERVER_ERROR.into_response(),

@@ -11,6 +11,7 @@ use vitreo_uq::jobs::init::{self, InitRequest};
 use vitreo_uq::record::table::Question;
 
 use super::home::WorkbenchFolder;
+use super::project;
 
 /// Maximum length in bytes of a file's extension. A stored table with a longer extension is stored without it.
 const LONGEST_ENDING: usize = 10;
@@ -127,6 +128,7 @@ fn written(home: &WorkbenchFolder, file: &Path, described: &Described) -> Result
     let out = home.dir().join(&item);
     let (mut summary, _) = init::run(&request(out), &mut |question| known(question))?;
     summary.directory.clone_from(&item);
+    project::separate(home, &item)?;
     let _ = files::remove_all(file.parent().unwrap_or(file));
     Ok(DescribeOutcome::Written { item, summary: Box::new(summary) })
 }

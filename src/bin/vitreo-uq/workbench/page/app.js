@@ -34,6 +34,7 @@ let preview = "";
 
 /** @param {File} file */
 async function upload(file) {
+  if (file.size > 256 * 2 ** 20) throw new Error(`${file.name} is larger than 256 MiB. Run \`vitreo-uq init TABLE\` in a terminal, which reads up to 1 GiB.`);
   const { upload } = await ask(`api/table?${query({ name: file.name })}`, { method: "POST", body: file });
   const beginning = await file.slice(0, PREVIEW_BYTES).text();
   // A last line that is cut off is not shown, nor are the bytes of a file that is no text.
@@ -95,8 +96,13 @@ async function refreshItems() {
 
 /** Item and revision that the address of the page names. @returns {[string|null, string|null]} */
 function addressed() {
-  const [name, revision] = location.hash.slice(1).split("&").map(decodeURIComponent);
-  return [name || null, revision ?? null];
+  try {
+    const [name, revision] = location.hash.slice(1).split("&").map(decodeURIComponent);
+    return [name || null, revision ?? null];
+  } catch {
+    // An address that was written by hand.
+    return [null, null];
+  }
 }
 
 /** Makes the address name what is open. */
@@ -121,10 +127,13 @@ async function open(name, revision = null) {
   at("item").hidden = true;
   at("sheet").hidden = true;
   at("questions").hidden = true;
+  state.study = null;
+  state.values = {};
+  at("tried").textContent = "";
   at("project").hidden = true;
   at("description").removeAttribute("open");
   at("cell").textContent = "";
-  plots.mark([]);
+  plots.clear();
   scrollTo(0, 0);
   if (name !== null) await refresh();
   await refreshItems();
@@ -168,7 +177,7 @@ async function refreshRows() {
   if (state.item === null) return;
   const [number, window] = [++askedRows, state.window];
   const points = plots.points();
-  const rows = await ask(`api/rows?${query({ item: state.item, revision: state.revision, from_s: window?.[0], to_s: window?.[1], points })}`);
+  const rows = await ask(`api/rows?${query({ item: state.item, revision: state.revision, from_s: window?.[0], to_s: window?.[1], points, is_logarithmic: String(plots.isLogTime) })}`);
   if (number !== askedRows) return;
   const [all, inside] = rows.rows;
   at("decimated").textContent = rows.time_s.length < inside
@@ -410,6 +419,8 @@ function showSuspects(study, revision) {
   at("missing").hidden = !(diagnosis || learned);
   at("missing-sentence").textContent = diagnosis?.verdict.sentence ?? "";
   at("suspects").innerHTML = study.parts.suspects ?? "";
+  at("fingerprint-of").textContent = "";
+  plots.showFingerprint({ time_s: [0], left_um: [null], change_um: [null] });
   const refused = new Set((diagnosis?.candidates ?? []).filter((/** @type {any} */ own) => own.refused).map((/** @type {any} */ own) => own.effect));
   at("suspects").querySelectorAll("tbody tr").forEach((row) => {
     const slug = row.querySelector("th")?.textContent ?? "";
@@ -433,7 +444,9 @@ async function showFingerprints(study, name) {
   const response = await fetch(fileOf(study, `${name}/fingerprints.csv`));
   // Diagnoses of other versions may have no fingerprints.
   if (!response.ok) return;
-  const [head, ...rows] = (await response.text()).trim().split("\n").map((line) => line.split(","));
+  const text = await response.text();
+  if (state.study !== study || state.revision !== name) return;
+  const [head, ...rows] = text.trim().split("\n").map((line) => line.split(","));
   const column = (/** @type {number} */ place) => rows.map((row) => Number(row[place]));
   const [time_s, left_um] = [column(0), rows.map((row) => (row[1] === "" ? null : Number(row[1])))];
   at("suspects").querySelectorAll("tbody tr").forEach((row) => {
@@ -514,9 +527,12 @@ function tryNow() {
   }
   isTrying = true;
   const [from_s, to_s] = state.window ?? [null, null];
+  const { item, revision, effect, values } = state;
   const points = plots.points();
-  send("api/try", { item: state.item, revision: state.revision, effects: state.effect ? [state.effect] : [], parameters: state.values, from_s, to_s, points })
+  send("api/try", { item: state.item, revision: state.revision, effects: state.effect ? [state.effect] : [], parameters: state.values, from_s, to_s, points, is_logarithmic: plots.isLogTime })
     .then((curve) => {
+      // The answer may be that of another record, revision or effect.
+      if (item !== state.item || revision !== state.revision || effect !== state.effect || values !== state.values) return;
       plots.showTried(curve);
       const noise = state.study?.noise_um;
       at("tried").textContent = `Error of the trial: ${shown(curve.rmse_fitted_um)} µm on fitted cycles${curve.rmse_heldout_um === null ? "" : `, ${shown(curve.rmse_heldout_um)} µm on held-out cycles`}${noise ? `; noise ${shown(noise)} µm` : ""}`;
@@ -526,7 +542,7 @@ function tryNow() {
       isTrying = false;
       if (isStale) {
         isStale = false;
-        tryNow();
+        if (state.item !== null && state.revision !== null) tryNow();
       }
     });
 }
@@ -539,7 +555,10 @@ async function setWindow(window) {
   await refreshRows();
   if (state.study) at("window").querySelectorAll("option").forEach((own) => (own.selected = own.value === (window ? `${window[0]} ${window[1]}` : "")));
 }
-at("log-time").addEventListener("change", (event) => plots.setLogTime(/** @type {HTMLInputElement} */ (event.target).checked));
+at("log-time").addEventListener("change", (event) => attempt(() => {
+  plots.setLogTime(/** @type {HTMLInputElement} */ (event.target).checked);
+  return refreshRows();
+}));
 const plots = new Plots((from, to) => attempt(() => setWindow(from === null || to === null ? null : [from, to])));
 
 // ---- Jobs and events ----
@@ -630,16 +649,25 @@ async function changeRecord(change) {
   await open(item);
 }
 
+/** Description as it was read, and the record that it belongs to. @type {{item: string|null, before: string}} */
+let described = { item: null, before: "" };
 at("description").addEventListener("toggle", () => attempt(async () => {
   const { item } = state;
+  const area = /** @type {HTMLTextAreaElement} */ (at("description-text"));
+  described = { item: null, before: "" };
+  area.value = "";
   if (item === null || !at("description").hasAttribute("open")) return;
   at("delete-revision").hidden = state.revision === null;
   /** @type {HTMLInputElement} */ (at("new-name")).value = item;
-  /** @type {HTMLTextAreaElement} */ (at("description-text")).value = (await ask(`api/description?${query({ item })}`)).text;
+  const { text } = await ask(`api/description?${query({ item })}`);
+  if (item !== state.item) return;
+  described = { item, before: text };
+  area.value = text;
 }));
 at("describe").addEventListener("submit", (event) => {
   event.preventDefault();
-  attempt(() => changeRecord({ change: "describe", item: state.item, text: /** @type {HTMLTextAreaElement} */ (at("description-text")).value }));
+  if (described.item !== state.item) return;
+  attempt(() => changeRecord({ change: "describe", ...described, text: /** @type {HTMLTextAreaElement} */ (at("description-text")).value }));
 });
 at("rename").addEventListener("submit", (event) => {
   event.preventDefault();
@@ -662,7 +690,9 @@ new ResizeObserver(measureTop).observe(at("top"));
 at("items").addEventListener("change", (event) => attempt(() => open(/** @type {HTMLSelectElement} */ (event.target).value || null)));
 at("revision").addEventListener("change", (event) => attempt(() => {
   state.revision = /** @type {HTMLSelectElement} */ (event.target).value;
-  at("cell").textContent = "";
+  state.values = {};
+  at("cell").textContent = at("tried").textContent = "";
+  plots.showTried(null);
   plots.mark([]);
   setAddress();
   return refresh();

@@ -61,6 +61,13 @@ export class Plots {
     this.heldOut = heldOut;
   }
 
+  /** Removes what is drawn. */
+  clear() {
+    this.plots.forEach((plot) => plot.destroy());
+    this.plots = [];
+    [this.rows, this.tried, this.fingerprint, this.marks] = [null, null, null, []];
+  }
+
   /** @param {boolean} isLogTime whether the axis of time is logarithmic */
   setLogTime(isLogTime) {
     this.isLogTime = isLogTime;
@@ -86,13 +93,13 @@ export class Plots {
   showFingerprint(own) {
     this.fingerprint = own;
     const plot = this.plots[3];
-    if (plot) plot.setData([own.time_s, own.left_um, own.change_um], false), this.rescale(plot);
+    if (plot && this.rows) plot.setData([own.time_s, own.left_um, own.change_um], false), this.rescale(plot);
   }
 
   /** @param {Tried|null} tried */
   showTried(tried) {
     this.tried = tried;
-    if (this.plots.length === 0) return;
+    if (this.plots.length === 0 || !this.rows) return;
     this.plots[0].setData(this.positions(), false);
     this.plots[1].setData(this.residuals(), false);
     this.plots.slice(0, 2).forEach((plot) => this.rescale(plot));

@@ -40,7 +40,7 @@ export class Project {
   columns() {
     const parameters = new Map(this.rows.flatMap((row) => row.parameters ?? []).map((own) => [own.symbol, own.unit]));
     const cell = (/** @type {Row} */ row, /** @type {string} */ symbol) => row.parameters?.find((own) => own.symbol === symbol);
-    const text = (/** @type {string} */ title, /** @type {(row: Row) => string} */ words) => ({ title, words, sortedBy: words });
+    const text = (/** @type {string} */ title, /** @type {(row: Row) => string} */ words) => ({ title, words, sortedBy: (/** @type {Row} */ row) => (words(row) === "–" ? null : words(row)) });
     const number = (/** @type {string} */ title, /** @type {(row: Row) => number|null|undefined} */ value) => ({ title, words: (/** @type {Row} */ row) => shown(value(row)), sortedBy: (/** @type {Row} */ row) => value(row) ?? null, isNumber: true });
     return [
       text("record", (row) => row.name),
@@ -63,6 +63,13 @@ export class Project {
   }
 
   draw() {
+    // The table is made anew; what had the focus gets it again.
+    const focused = document.activeElement instanceof HTMLElement && at("project-table").contains(document.activeElement) ? document.activeElement.dataset.key : undefined;
+    this.fill();
+    if (focused) /** @type {HTMLElement|null} */ (at("project-table").querySelector(`[data-key="${CSS.escape(focused)}"]`))?.focus();
+  }
+
+  fill() {
     const columns = this.columns();
     const filter = /** @type {HTMLInputElement} */ (at("project-filter")).value.trim().toLowerCase();
     const [title, direction] = this.order;
@@ -75,6 +82,7 @@ export class Project {
       return direction * (typeof x === "number" && typeof y === "number" ? x - y : String(x).localeCompare(String(y), undefined, { numeric: true }));
     });
     const all = make("input", { type: "checkbox", checked: rows.length > 0 && rows.every((row) => this.marked.has(row.name)) });
+    all.dataset.key = "all";
     all.setAttribute("aria-label", "Mark all shown records");
     all.addEventListener("change", () => {
       rows.forEach((row) => (/** @type {HTMLInputElement} */ (all).checked ? this.marked.add(row.name) : this.marked.delete(row.name)));
@@ -83,6 +91,7 @@ export class Project {
     const sorter = (/** @type {Column} */ own) => {
       const isKey = own.title === title;
       const button = make("button", { type: "button", textContent: own.title + (isKey ? (direction > 0 ? " ▲" : " ▼") : "") });
+      button.dataset.key = `head ${own.title}`;
       button.addEventListener("click", () => {
         this.order = [own.title, isKey && direction > 0 ? -1 : 1];
         this.draw();
@@ -94,6 +103,7 @@ export class Project {
     at("project-head").replaceChildren(make("th", { scope: "col" }, [all]), ...columns.map(sorter));
     at("project-rows").replaceChildren(...rows.map((row) => {
       const mark = /** @type {HTMLInputElement} */ (make("input", { type: "checkbox", checked: this.marked.has(row.name) }));
+      mark.dataset.key = `row ${row.name}`;
       mark.setAttribute("aria-label", `Mark ${row.name}`);
       mark.addEventListener("change", () => {
         if (mark.checked) this.marked.add(row.name);
@@ -117,8 +127,9 @@ export class Project {
   save(rows) {
     const symbols = [...new Map(this.rows.flatMap((row) => row.parameters ?? []).map((own) => [own.symbol, own.unit]))];
     const quote = (/** @type {unknown} */ value) => {
-      const text = value === null || value === undefined ? "" : String(value);
-      return /[",\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text;
+      // A text that begins like a formula must not become one in a spreadsheet.
+      const text = value === null || value === undefined ? "" : typeof value === "string" && /^[=+\-@\t\r]/.test(value) ? `'${value}` : String(value);
+      return /[",\r\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text;
     };
     const head = ["record", "species", "region", "revision", "effects", ...symbols.flatMap(([symbol, unit]) => ["q05", "median", "q95"].map((name) => `${symbol} ${name} (${unit})`)), "heldout_rmse_um", "noise_um", "trust"];
     const line = (/** @type {Row} */ row) => [row.name, row.species, row.region, row.revision, row.effects?.join(" "),

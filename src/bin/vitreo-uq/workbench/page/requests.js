@@ -43,14 +43,22 @@ export const query = (values) => new URLSearchParams(Object.entries(values).flat
 
 /** @param {unknown} error */
 export function fault(error) {
-  if (error instanceof Unanswered) return;
+  if (error instanceof Unanswered) {
+    // If the workbench has ended, a banner says so. Otherwise only this request failed.
+    setTimeout(() => at("lost").hidden && fault("The request did not reach the workbench. A table must be a file of at most 256 MiB."), 1500);
+    return;
+  }
   at("fault-words").textContent = error instanceof Error ? error.message : String(error);
   at("fault").hidden = false;
 }
 /** Runs an action of the user, and shows its errors. @param {() => Promise<void>} work */
-export const attempt = (work) => {
+export const attempt = async (work) => {
   at("fault").hidden = true;
-  work().catch(fault);
+  try {
+    await work();
+  } catch (error) {
+    fault(error);
+  }
 };
 
 /** Time between two attempts to reach a server that does not answer, in ms. */
