@@ -1,6 +1,6 @@
 //! Implementation of the commands. Each command turns checked input into a document and files.
 //!
-//! Each command has one source file. [`artefacts`] writes the files of a posterior, and [`pages`] the page of a study. [`sweep`] contains the commands
+//! A command on a study has one source file. [`artefacts`] writes the files of a posterior, and [`pages`] the page of a study. [`sweep`] contains the commands
 //! for a rheometer's oscillation, and [`tasks`] lists of tasks for many machines. [`bridge`] contains the models that `serve` offers through UM-Bridge.
 
 pub mod artefacts;

@@ -3,8 +3,8 @@
 //! Delay, factors by sign and offset are applied to the command in this order. They give the force F_in, which enters the lag.
 //! F_in is a straight line in time from each [`Switch`] to the next. The lag τ Ḟ = F_in − F starts from F = 0. The gradient
 //! multiplies F by e^{gx}, with x the robot's position. Solvers take all equations of the force from [`Load`]. These include its
-//! fastest time, its dependence on the position, its exact solution between switches and its rate at an implicit stage. A new or
-//! changed equation therefore only affects this file.
+//! fastest time, its dependence on the position, its exact solution between switches and its rate at an implicit stage. An equation
+//! that is linear in the command and needs no other time than the lag therefore only affects this file.
 
 use base::error::{Error, Result};
 use base::number::{Dual, PointScalar, Scalar};

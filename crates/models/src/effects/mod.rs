@@ -1,7 +1,7 @@
 //! Library of physical effects, one file each (physics §5).
 //!
 //! An effect belongs to one stage of command → load → mechanics → observation. At its null value the model equals the model
-//! without the effect. Listing, help, prior checks, ranking and the conformance tests read [`EFFECTS`]. No other file names an
+//! without the effect. Listing, help, prior checks, ranking and the conformance tests read [`EFFECTS`]. Besides tests, no other file names an
 //! effect.
 
 mod actuator_lag;

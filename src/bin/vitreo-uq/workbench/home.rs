@@ -143,8 +143,7 @@ impl WorkbenchFolder {
 
     /// Whether another item has the same study: experiments of one specimen, or the folder of all results of `groups`.
     pub fn shares_study(&self, item: &Item) -> bool {
-        let is_other = |other: &Item| other.name != item.name && other.study == item.study;
-        item.study == Path::new(GROUPS) || self.items().iter().any(is_other)
+        share_study(&self.items(), item)
     }
 
     /// Whether a new experiment may have this name.
@@ -222,6 +221,12 @@ impl WorkbenchFolder {
         }
         hasher.finish()
     }
+}
+
+/// Whether one of `items` has the study of another one, `item`.
+pub fn share_study(items: &[Item], item: &Item) -> bool {
+    let is_other = |other: &Item| other.name != item.name && other.study == item.study;
+    item.study == Path::new(GROUPS) || items.iter().any(is_other)
 }
 
 /// Sorted names of the folders in `dir`, without symbolic links and hidden folders.

@@ -13,7 +13,7 @@ use vitreo_uq::figures::labels::parameter_label;
 use vitreo_uq::posterior::study::{POSTERIOR_NAME, WithProvenance};
 
 use super::choice::{replace_description, with_keys};
-use super::home::{DESCRIPTION, Item, WorkbenchFolder};
+use super::home::{DESCRIPTION, Item, WorkbenchFolder, share_study};
 
 /// Number of parameters of a model that the table shows: those of the law come first.
 const N_PARAMETERS: usize = 3;
@@ -200,11 +200,11 @@ fn with_id(dir: &Path, id: &str) -> Result<String> {
 
 /// Gives a new record an identifier of its own, if another record has the same, so that a fit of one does not replace the models of the other.
 pub fn separate(home: &WorkbenchFolder, name: &str) -> Result<()> {
-    let item = home.find(name)?;
-    match &item.experiment {
-        Some(inside) if home.shares_study(&item) => {
-            let dir = home.dir().join(inside);
-            replace_description(&dir, &with_id(&dir, name)?)
+    let items = home.items();
+    match items.iter().find(|item| item.name == name) {
+        Some(item) if share_study(&items, item) => {
+            let dir = home.dir().join(name);
+            files::write_atomically(&dir.join(DESCRIPTION), with_id(&dir, name)?.as_bytes())
         }
         _ => Ok(()),
     }
