@@ -128,6 +128,9 @@ test("a table with semicolons and decimal commas becomes an experiment", async (
   assert.ok(await page.locator("#fault").isHidden(), await page.locator("#fault-words").textContent());
   await hasNoSeriousFaults("questions");
   await picture("3-questions");
+  await page.setViewportSize({ width: 1280, height: 800 });
+  await assertInView("#answers button");
+  await page.setViewportSize({ width: 1440, height: 900 });
   for (const [words, value] of [["diameter of the robot", "0.55"], ["diameter of the vitreous", "20"], ["poisson ratio", "0.48"]]) {
     await page.locator("#answers label", { hasText: new RegExp(words, "i") }).locator("input").fill(value);
   }
@@ -343,9 +346,14 @@ test("a wrong description is corrected, and a record is renamed, copied, deleted
   await page.waitForFunction(() => document.querySelectorAll("#revision option").length === 1);
   await page.click("#undo-do");
   await page.waitForFunction(() => document.querySelectorAll("#revision option").length === 2);
-  const archive = page.waitForEvent("download");
-  await page.locator("#files a").first().click();
-  assert.ok(readFileSync(await (await archive).path()).includes("experiment.toml"), "the archive holds the record");
+  const downloaded = async (text) => {
+    const download = page.waitForEvent("download");
+    await page.locator("#files a", { hasText: text }).first().click();
+    return readFileSync(await (await download).path(), "utf8");
+  };
+  assert.match(await downloaded(".tar"), /experiment\.toml/);
+  assert.match(await downloaded("parameters.csv"), /^parameter,median,90 % interval,unit\r\nE,/);
+  assert.match(await downloaded("parameters.tex"), /\nc\$_\{1\}\$ & .* & Pa\$\\cdot\$s \\\\\n/);
   await page.locator("#description summary").click();
   await page.fill("#new-name", "Kopie");
   await page.click("text=Copy under this name");

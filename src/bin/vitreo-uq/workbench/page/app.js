@@ -471,11 +471,33 @@ function showFiles(study) {
   at("export").hidden = name === null;
   if (name === null) return;
   const archive = make("a", { href: `api/archive?${query({ item: study.item.name })}`, textContent: `${study.item.name.split("/").pop()}.tar`, download: `${study.item.name.split("/").pop()}.tar` });
-  const list = [["report.html", "the whole study on one page"], [`${name}/figures/predictive.svg`, "measurement and predictions"], [`${name}/figures/corner.svg`, "the posterior"], [`${name}/figures/comparison_map.svg`, "the failure map"],
+  const list = [["report.html", "the whole study on one page"], [`${name}/figures/predictive.svg`, "measurement and predictions"], [`${name}/figures/corner.svg`, "the posterior"], [`${name}/figures/trace.svg`, "the chains of the sampler"], [`${name}/figures/comparison_map.svg`, "the failure map"],
     [`${name}/figures/diagnosis.svg`, "all candidate effects"], ["ladder.svg", "error of each revision"], [`${name}/predictions.csv`, "predictions for every row"], [`${name}/draws.csv`, "posterior draws"], [`${name}/posterior.nc`, "posterior draws for ArviZ"]];
   const revision = study.revisions.find((own) => own.name === name);
   const isThere = (/** @type {string} */ path) => !(path.includes("comparison") && !revision?.comparison) && !(path.includes("diagnosis") && !revision?.diagnosis) && !(path.startsWith("ladder") && !study.ladder);
-  at("files").replaceChildren(make("li", {}, [archive, ": the record and its whole study"]), ...list.filter(([path]) => isThere(path)).map(([path, words]) => make("li", {}, [make("a", { href: fileOf(study, path), textContent: path, download: path.endsWith("html") ? "" : path.split("/").pop(), target: "_blank" }), `: ${words}`])));
+  at("files").replaceChildren(make("li", {}, [archive, ": the record and its whole study"]), ...list.filter(([path]) => isThere(path)).map(([path, words]) => {
+    const link = (/** @type {string} */ file, /** @type {string} */ text) => make("a", { href: fileOf(study, file), textContent: text, download: file.endsWith("html") ? "" : file.split("/").pop(), target: "_blank" });
+    const bitmap = path.replace(/svg$/, "png");
+    return make("li", {}, [link(path, path), ...(bitmap === path ? [] : [" (", link(bitmap, "png"), ")"]), `: ${words}`]);
+  }), ...showTable());
+}
+
+/** Links to the shown table of parameters, as CSV and as LaTeX. @returns {HTMLElement[]} */
+function showTable() {
+  const rows = [...at("parameters").querySelectorAll("tr")].map((row) => [...row.children].map((cell) => cell.textContent?.trim() ?? ""));
+  if (rows.length === 0) return [];
+  const csv = rows.map((cells) => cells.map((cell) => (/[",]/.test(cell) ? `"${cell.replaceAll('"', '""')}"` : cell)).join(",")).join("\r\n") + "\r\n";
+  const digits = (/** @type {string} */ text, /** @type {string} */ from) => [...text].map((own) => (from.includes(own) ? "-0123456789"[from.indexOf(own)] : own)).join("");
+  const latexOf = (/** @type {string} */ cell) => cell
+    .replace(/[&%#_$]/g, "\\$&")
+    .replace(/[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+/g, (own) => `$^{${digits(own, "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")}}$`)
+    .replace(/[₀₁₂₃₄₅₆₇₈₉]+/g, (own) => `$_{${digits(own, "\0₀₁₂₃₄₅₆₇₈₉")}}$`)
+    .replaceAll("−", "$-$").replaceAll("·", "$\\cdot$").replaceAll("×", "$\\times$").replaceAll("µ", "$\\mu$").replaceAll("σ", "$\\sigma$");
+  const latex = `\\begin{tabular}{l${"r".repeat(rows[0].length - 1)}}\n${rows.map((cells) => `${cells.map(latexOf).join(" & ")} \\\\`).join("\n")}\n\\end{tabular}\n`;
+  return [["parameters.csv", csv], ["parameters.tex", latex]].map(([name, text]) => {
+    const link = make("a", { textContent: name, download: name, href: URL.createObjectURL(new Blob([text], { type: "text/plain" })) });
+    return make("li", {}, [link, ": the table of parameters"]);
+  });
 }
 
 // ---- Trials by hand ----
