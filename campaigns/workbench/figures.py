@@ -18,5 +18,8 @@ def figures(raw):
         "the same, 100,000 rows": sliders(found["slider_100000_ms"]),
         "a record of 1,000,000 rows opens": f"{found['open_1000000_ms'] / 1000:.1f} s",
         "processor while a page is open and nothing happens": f"{found['idle_percent']:.1f} %",
+        "a killed workbench is noticed": f"{found['noticed_ms']:.0f} ms",
+        "the page goes on after the restart": f"{found['resumed_ms'] / 1000:.1f} s",
+        "the table of 300 records opens": f"{found['table_ms'] / 1000:.1f} s",
         "from a dropped table to an error at the noise": f"{found['loop_ms'] / 1000:.0f} s",
     }, {}

@@ -43,8 +43,13 @@ for (const rows of [800, 100_000]) {
 experiment("rows-1000000", 1_000_000);
 execFileSync(program, ["challenge", "new", "--out", join(home, ".hidden"), "--effect", "softening", "--strength", "30", "--seed", "7", "--quiet"]);
 
-const server = spawn(program, ["workbench", ".", "--port", "0", "--quiet"], { cwd: home, stdio: ["ignore", "pipe", "inherit"] });
-const link = String(await new Promise((resolve) => server.stdout.once("data", resolve))).trim();
+let server;
+/** Starts the workbench; its link comes on standard output. */
+function start() {
+  server = spawn(program, ["workbench", ".", "--port", "0", "--quiet"], { cwd: home, stdio: ["ignore", "pipe", "inherit"] });
+  return { link: new Promise((resolve) => server.stdout.once("data", (data) => resolve(String(data).trim()))) };
+}
+const link = await start().link;
 const browser = await chromium.launch({ executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium", args: ["--no-sandbox"] });
 const found = {};
 try {
@@ -107,7 +112,7 @@ try {
   const isIdle = () => page.waitForFunction(() => document.getElementById("job").hidden, null, { timeout: 300_000 });
   await page.setInputFiles("#table", { name: "hidden.csv", mimeType: "text/csv", buffer: Buffer.from(table) });
   await page.waitForSelector("#questions:visible");
-  for (const [words, value] of [["diameter of the robot", "0.55"], ["density of the robot", "7500"], ["diameter of the vitreous", "20"], ["poisson ratio", "0.48"]]) {
+  for (const [words, value] of [["diameter of the robot", "0.55"], ["diameter of the vitreous", "20"], ["poisson ratio", "0.48"]]) {
     await page.locator("#answers label", { hasText: new RegExp(words, "i") }).locator("input").fill(value);
   }
   await page.click("#answers button");
@@ -118,6 +123,24 @@ try {
   }
   await page.waitForFunction(() => document.querySelectorAll(".rung").length === 3);
   found.loop_ms = performance.now() - dropped;
+
+  // A workbench that is killed, and started again.
+  const killed = performance.now();
+  server.kill("SIGKILL");
+  await page.waitForSelector("#lost:not([hidden])");
+  found.noticed_ms = performance.now() - killed;
+  const again = start();
+  const restarted = performance.now();
+  await again.link;
+  await page.waitForSelector("#lost", { state: "hidden" });
+  found.resumed_ms = performance.now() - restarted;
+
+  for (let number = 0; number < 300; number++) experiment(`eye-${number}`, 800);
+  await open("");
+  const reloaded = performance.now();
+  await page.reload();
+  await page.waitForFunction(() => document.querySelectorAll("#project-rows tr").length > 300);
+  found.table_ms = performance.now() - reloaded;
 } finally {
   await browser.close();
   server.kill("SIGKILL");
