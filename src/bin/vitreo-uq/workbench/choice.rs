@@ -3,6 +3,8 @@
 use std::path::Path;
 
 use serde::Deserialize;
+
+use super::home::DESCRIPTION;
 use vitreo_uq::base::error::{Error, InputPlace, Result};
 use vitreo_uq::base::files::{self, Content};
 use vitreo_uq::record::Experiment;
@@ -22,12 +24,7 @@ pub struct RowChoice {
 
 /// Writes a choice into the description in the folder `dir`. First checks that the experiment can be read with the changed description.
 pub fn apply_choice(dir: &Path, choice: &RowChoice) -> Result<()> {
-    let path = dir.join("experiment.toml");
-    let bytes = files::read(&path, Content::Settings, "restore the description")?;
-    let by_hand = |found: &str| {
-        Error::input(InputPlace::file(&path).at_key("measurement"), found, "change the description in an editor")
-    };
-    let text = String::from_utf8(bytes).map_err(|_| by_hand("this is not text"))?;
+    let text = read_description(dir)?;
     let list = |numbers: &[u32]| format!("{numbers:?}");
     let intervals: Vec<String> = choice.left_out_s.iter().map(|[from, to]| format!("[{from:?}, {to:?}]")).collect();
     let keys = [
@@ -35,14 +32,25 @@ pub fn apply_choice(dir: &Path, choice: &RowChoice) -> Result<()> {
         ("heldout_cycles", Some(list(&choice.heldout))),
         ("left_out_s", (!intervals.is_empty()).then(|| format!("[{}]", intervals.join(", ")))),
     ];
-    let changed = with_keys(&text, "measurement", &keys)
-        .ok_or_else(|| by_hand("this page cannot change the layout of its lines"))?;
+    let changed = with_keys(&text, "measurement", &keys).ok_or_else(|| {
+        let place = InputPlace::file(dir.join(DESCRIPTION)).at_key("measurement");
+        let found = "this page cannot change the layout of its lines";
+        Error::input(place, found, "change the description in an editor")
+    })?;
     replace_description(dir, &changed)
+}
+
+/// Text of the description in the folder `dir`.
+pub fn read_description(dir: &Path) -> Result<String> {
+    let path = dir.join(DESCRIPTION);
+    let remedy = "restore the description";
+    String::from_utf8(files::read(&path, Content::Settings, remedy)?)
+        .map_err(|_| Error::input(InputPlace::file(&path), "this is not text", remedy))
 }
 
 /// Writes another description into the folder `dir`, if the experiment can be read with it.
 pub fn replace_description(dir: &Path, changed: &str) -> Result<()> {
-    let path = dir.join("experiment.toml");
+    let path = dir.join(DESCRIPTION);
     // The experiment is read with the changed description in a temporary file beside the original. Only then is the original replaced.
     let trial = tempfile::Builder::new().prefix(".trial-").suffix(".toml").tempfile_in(dir);
     let trial = trial.map_err(|error| Error::at_path("write", dir, error, "make the folder writable"))?;

@@ -184,10 +184,6 @@ impl WorkbenchFolder {
         let refused =
             || Error::input(InputPlace::file(path), "this is not a file of the study", "follow the links on the page");
         let inside = Path::new(path);
-        let is_plain = |part: Component<'_>| match part {
-            Component::Normal(name) => !name.to_string_lossy().starts_with('.'),
-            _ => false,
-        };
         let is_shown = inside.extension().and_then(|name| name.to_str()).is_some_and(|name| SHOWN.contains(&name));
         if !(is_shown && inside.components().all(is_plain)) {
             return Err(refused());
@@ -220,6 +216,14 @@ impl WorkbenchFolder {
             item.revisions.hash(&mut hasher);
         }
         hasher.finish()
+    }
+}
+
+/// Whether a part of a path leads to an entry of the folder before it that is not hidden.
+pub fn is_plain(part: Component<'_>) -> bool {
+    match part {
+        Component::Normal(name) => !name.to_string_lossy().starts_with('.'),
+        _ => false,
     }
 }
 

@@ -1,7 +1,7 @@
 //! The records of a workbench's folder as one table, and changes of whole records: description, name, copy, deletion and its undo.
 
 use std::io::Read;
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 use serde::{Deserialize, Serialize};
@@ -12,8 +12,8 @@ use vitreo_uq::documents::trust::TrustLevel;
 use vitreo_uq::figures::labels::parameter_label;
 use vitreo_uq::posterior::study::{POSTERIOR_NAME, WithProvenance};
 
-use super::choice::{replace_description, with_keys};
-use super::home::{DESCRIPTION, Item, WorkbenchFolder, share_study};
+use super::choice::{read_description, replace_description, with_keys};
+use super::home::{DESCRIPTION, Item, WorkbenchFolder, is_plain, share_study};
 
 /// Number of parameters of a model that the table shows: those of the law come first.
 const N_PARAMETERS: usize = 3;
@@ -120,10 +120,7 @@ pub struct RecordChanged {
 
 /// Text of the description of a record.
 pub fn description(home: &WorkbenchFolder, item: &Item) -> Result<String> {
-    let path = experiment_dir(home, item)?.join(DESCRIPTION);
-    let bytes = files::read(&path, Content::Settings, "restore the description")?;
-    String::from_utf8(bytes)
-        .map_err(|_| Error::input(InputPlace::file(&path), "this is not text", "restore the description"))
+    read_description(&experiment_dir(home, item)?)
 }
 
 /// Changes a record. Changes are made one after the other.
@@ -189,11 +186,9 @@ fn free_name(home: &WorkbenchFolder, name: &str) -> Result<String> {
 
 /// Description of the record in the folder `dir` with another identifier of the specimen.
 fn with_id(dir: &Path, id: &str) -> Result<String> {
-    let path = dir.join(DESCRIPTION);
-    let text = files::read(&path, Content::Settings, "restore the description")?;
     let id = toml::Value::String(id.to_string()).to_string();
-    with_keys(&String::from_utf8_lossy(&text), "specimen", &[("id", Some(id))]).ok_or_else(|| {
-        let place = InputPlace::file(&path).at_key("specimen");
+    with_keys(&read_description(dir)?, "specimen", &[("id", Some(id))]).ok_or_else(|| {
+        let place = InputPlace::file(dir.join(DESCRIPTION)).at_key("specimen");
         Error::input(place, "this page cannot change the layout of its lines", "change the `id` in an editor")
     })
 }
@@ -222,7 +217,7 @@ fn duplicate(from: &Path, to: &Path, name: &str) -> Result<()> {
     files::write_atomically(&to.join(DESCRIPTION), text.as_bytes())
 }
 
-/// Paths of what was deleted together, relative to the workbench's folder; they stand in the private folder under their places in this list.
+/// List of the folders and files of one deletion, with paths inside the workbench's folder. Each is kept under its number in the list.
 #[derive(Serialize, Deserialize)]
 struct Deleted {
     name: String,
@@ -273,10 +268,6 @@ fn undo(home: &WorkbenchFolder, number: u32) -> Result<Option<String>> {
     let deleted: Deleted = serde_json::from_slice(&bytes)
         .map_err(|error| Error::input(InputPlace::file(&folder), error.to_string(), by_hand))?;
     // The list may come from a stranger. Links are followed in hidden folders only, so no part of a path may be hidden.
-    let is_plain = |part: Component<'_>| match part {
-        Component::Normal(name) => !name.to_string_lossy().starts_with('.'),
-        _ => false,
-    };
     if !deleted.paths.iter().all(|inside| inside.components().next().is_some() && inside.components().all(is_plain)) {
         return Err(Error::input(InputPlace::file(&folder), "its list names places outside this folder", by_hand));
     }

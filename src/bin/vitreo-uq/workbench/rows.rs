@@ -1,6 +1,5 @@
 //! Selects the rows for the plots of the page: those of a record, with a revision's predictions.
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 use std::time::SystemTime;
@@ -11,7 +10,7 @@ use vitreo_uq::base::files::{self, FileKind};
 use vitreo_uq::documents::check::CheckSummary;
 use vitreo_uq::figures::predictions::{Predictions, read_predictions};
 use vitreo_uq::posterior::check;
-use vitreo_uq::posterior::study::{PREDICTIONS_NAME, Study};
+use vitreo_uq::posterior::study::PREDICTIONS_NAME;
 use vitreo_uq::record::Experiment;
 
 /// Minimum and maximum number of points of a plot.
@@ -25,8 +24,6 @@ pub struct CheckedRecord {
     pub experiment: Experiment,
     /// Description of how the record was read, and contradictions between the data and their description.
     pub summary: CheckSummary,
-    /// SHA-256 hash of each file of the record, as a study stores them.
-    pub sha256: BTreeMap<String, String>,
 }
 
 /// Cache of values that are read from files. A value is valid until one of its files changes.
@@ -72,7 +69,7 @@ pub fn read_record(memory: &FileCache<CheckedRecord>, dir: &Path) -> Result<Arc<
     memory.get(dir, &files, || {
         let (experiment, files) = Experiment::read(dir)?;
         let summary = check::summary(&experiment, &files);
-        Ok(CheckedRecord { experiment, summary, sha256: Study::hashes_of(&files)? })
+        Ok(CheckedRecord { experiment, summary })
     })
 }
 

@@ -12,13 +12,14 @@ use axum::http::{StatusCode, header};
 use axum::middleware;
 use axum::response::sse::{Event, KeepAlive, Sse};
 use axum::response::{IntoResponse, Response};
-use axum::routing::{get, post};
+use axum::routing::{MethodRouter, get, post};
 use futures_util::stream;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 use tokio::sync::watch;
 use vitreo_uq::base::error::{Error, InputPlace, Result};
 use vitreo_uq::base::files::{self, Content};
+use vitreo_uq::base::sha256::sha256_hex;
 use vitreo_uq::figures::predictive::{CycleKind, CycleSpan};
 use vitreo_uq::jobs::{artefacts, pages};
 use vitreo_uq::posterior::study::{
@@ -104,6 +105,8 @@ pub fn run(listener: TcpListener, home: WorkbenchFolder, token: String, names: G
 
 fn router(bench: SharedBench, token: &str, names: Guard) -> Router {
     let at = |path: &str| format!("/{token}/{path}");
+    let job: MethodRouter<SharedBench> = post(start).delete(stop).layer(middleware::from_fn(http::whole_body));
+    let job = job.layer(DefaultBodyLimit::max(LARGEST_JOB));
     let mut router = Router::new()
         .route(&at("api/items"), get(items))
         .route(&at("api/records"), get(records))
@@ -120,7 +123,7 @@ fn router(bench: SharedBench, token: &str, names: Guard) -> Router {
         .route(&at("file"), get(file))
         .layer(middleware::from_fn(http::whole_body))
         .layer(DefaultBodyLimit::max(MOST_BYTES))
-        .route(&at("api/job"), post(start).delete(stop).layer(DefaultBodyLimit::max(LARGEST_JOB)))
+        .route(&at("api/job"), job)
         .route(&at("api/table"), post(table));
     for (name, kind, text) in FILES {
         router = router.route(&at(name), get(move || async move { ([(header::CONTENT_TYPE, kind)], text) }));
@@ -222,18 +225,20 @@ impl Bench {
 
     /// Whether the study of an item, if there is one, has the record of its experiment. Comments and the order of keys change the files, but not the record.
     fn is_current(&self, item: &Item) -> bool {
-        let study = self.home.dir().join(&item.study);
-        if item.experiment.is_none() || !Study::is_study(&study) {
+        // Commands report a damaged study; nothing replaces it unasked.
+        let (Some(experiment), Ok(study)) = (&item.experiment, Study::open(&self.home.dir().join(&item.study))) else {
             return true;
-        }
-        Study::open(&study).is_ok_and(|study| {
-            self.record(item).is_ok_and(|now| {
-                now.sha256 == *study.inputs_sha256()
-                    // A study without models gives way to any other file.
-                    || !item.revisions.is_empty()
-                        && study.read_experiment().is_ok_and(|(before, _)| before == now.experiment)
-            })
-        })
+        };
+        let is_same_file = |(name, sha256): (&String, &String)| {
+            let bytes = files::read_if_there(&self.home.dir().join(experiment).join(name), Content::Table);
+            bytes.is_some_and(|bytes| sha256_hex(&bytes) == *sha256)
+        };
+        // Equal files need not be parsed, which takes long for a folder of hundreds of records. A study without models gives way to any other file.
+        study.inputs_sha256().iter().all(is_same_file)
+            || !item.revisions.is_empty()
+                && self
+                    .record(item)
+                    .is_ok_and(|now| study.read_experiment().is_ok_and(|(before, _)| before == now.experiment))
     }
 }
 
