@@ -42,6 +42,7 @@ pub fn subject_with(cycles: &[&[f64]], library: &Library, effects: &[&str]) -> S
         noise_sd_m: Some(4e-6),
         fits_position_offset: false,
         source: "synthetic".into(),
+        control: record::Control::Force,
     };
     let effects = effects.iter().map(|slug| slug.to_string()).collect();
     let specification = ModelSpecification { effects, ..ModelSpecification::default() };

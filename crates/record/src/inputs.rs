@@ -13,6 +13,8 @@ use base::toml_input::TomlTable;
 pub const OSCILLATION: &str = "oscillation";
 /// Value of `kind` for creep and every other record of force and position. It is the default.
 const CREEP: &str = "creep";
+/// Value of `kind` for a record with a commanded position and a measured force.
+pub const RELAXATION: &str = "relaxation";
 
 /// Files of an experiment as unchanged bytes, with the reader's notes and interpretation.
 #[derive(Debug, Clone, PartialEq)]
@@ -64,15 +66,28 @@ pub(super) fn read_table(toml_path: &Path, name: &str, remedy: &str) -> Result<V
     files::read_inside(files::folder_of(toml_path), name, WHAT, Content::Table, remedy)
 }
 
-/// True if the key `kind`, under `[measurement]` or at top level, is `oscillation`. The default is `creep`.
-pub(super) fn is_oscillation(root: TomlTable<'_>, measurement: TomlTable<'_>) -> Result<bool> {
-    let mut found = false;
+/// Kind of a measurement.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(super) enum MeasurementKind {
+    /// Commanded force and measured position over time.
+    #[default]
+    Creep,
+    /// Commanded position and measured force over time.
+    Relaxation,
+    /// Moduli over frequency.
+    Oscillation,
+}
+
+/// Kind by the key `kind`, under `[measurement]` or at top level. The default is `creep`.
+pub(super) fn measurement_kind(root: TomlTable<'_>, measurement: TomlTable<'_>) -> Result<MeasurementKind> {
+    let mut found = MeasurementKind::default();
     for table in [root, measurement] {
         match table.text("kind")?.as_deref() {
             None | Some(CREEP) => {}
-            Some(OSCILLATION) => found = true,
+            Some(RELAXATION) => found = MeasurementKind::Relaxation,
+            Some(OSCILLATION) => found = MeasurementKind::Oscillation,
             Some(other) => {
-                let remedy = format!("write \"{CREEP}\" or \"{OSCILLATION}\"");
+                let remedy = format!("write \"{CREEP}\", \"{RELAXATION}\" or \"{OSCILLATION}\"");
                 return Err(table.refuse("kind", format!("unknown kind `{other}`"), remedy));
             }
         }

@@ -5,6 +5,7 @@
 mod actuation;
 mod apparatus;
 mod contact;
+mod control;
 mod cycles;
 mod force;
 mod frame;
@@ -24,10 +25,11 @@ mod times;
 mod trajectory;
 
 pub use apparatus::{Apparatus, Offset, OffsetDirection, Orientation, Robot, RobotShape, Vitreous, density_toml};
+pub use control::Control;
 pub use force::{Force, ForceRule, OwnedForce, has_noisy_levels};
 pub use frame::{AppliedFrame, Direction, Frame, Projection, Zero, is_work_negative};
 pub use indenter::{Indenter, Tip};
-pub use inputs::{ExperimentFiles, Interpretation, OSCILLATION};
+pub use inputs::{ExperimentFiles, Interpretation, OSCILLATION, RELAXATION};
 pub use line::MotionLine;
 pub use lost::repeated_outliers;
 pub use noise::{NoiseOrigin, ReferenceNoise};
@@ -61,6 +63,8 @@ pub struct Experiment {
     pub fits_position_offset: bool,
     /// Source of the data: synthetic or measured.
     pub source: String,
+    /// Quantity that is commanded.
+    pub control: Control,
 }
 
 impl Experiment {

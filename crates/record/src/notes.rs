@@ -1,6 +1,6 @@
 //! Notes to the user on how the data were read.
 
-pub(super) const UM_PER_M: f64 = 1e6;
+const UM_PER_M: f64 = 1e6;
 const NN_PER_N: f64 = 1e9;
 
 /// An observation of the reader for the user that is not an error.

@@ -8,12 +8,12 @@ use super::contact::trim_to_contact;
 use super::cycles::find_cycles;
 use super::force::{ForceRule, levels};
 use super::frame::{Frame, Zero};
-use super::inputs::{ExperimentFiles, Interpretation, is_oscillation, plain_path, read_table, read_toml};
-use super::notes::{Note, UM_PER_M};
+use super::inputs::{ExperimentFiles, Interpretation, MeasurementKind, measurement_kind, plain_path, read_table, read_toml};
+use super::notes::Note;
 use super::record::Record;
 use super::table::{KEYS, TableDescription, decode_table, read_choice, read_described, unread_columns};
 use super::trajectory::{Trajectory, read_trajectory};
-use super::{Apparatus, Experiment};
+use super::{Apparatus, Control, Experiment};
 use base::error::{Error, InputPlace, Result};
 use base::toml_input::{TomlInput, TomlTable, text_of};
 
@@ -79,6 +79,39 @@ struct Specification {
     left_out: LeftOut,
     noise_sd_m: Option<f64>,
     source: Option<String>,
+    control: Control,
+}
+
+/// Key of the rule for the command between rows. `command` means the commanded position of a relaxation.
+fn command_key(measurement: TomlTable<'_>, control: Control, has_log: bool) -> Result<&'static str> {
+    let [here, other] = if control == Control::Position { ["command", "force"] } else { ["force", "command"] };
+    if measurement.has(other) {
+        let found = format!("this record's rule between rows is the key `{here}`");
+        return Err(measurement.refuse(other, found, format!("write `{here} = …` instead")));
+    }
+    if has_log && control == Control::Position {
+        let remedy = "write the commanded position in a column of the measurement's own table";
+        return Err(measurement.refuse("kind", "a relaxation cannot have its command in [actuation]", remedy));
+    }
+    Ok(here)
+}
+
+/// Known noise of the measured quantity in SI units: of the position in m, or of the force in N. The stress of an instrument (Pa) counts as a force (N).
+fn noise_sd(measurement: TomlTable<'_>, control: Control, is_instrument: bool) -> Result<Option<f64>> {
+    let keys = [("noise_um", 1e-6), ("noise_un", 1e-6), ("noise_pa", 1.0)];
+    let place = match (control, is_instrument) {
+        (Control::Force, _) => 0,
+        (Control::Position, false) => 1,
+        (Control::Position, true) => 2,
+    };
+    let (key, unit) = keys[place];
+    if let Some((other, _)) = keys.iter().find(|(other, _)| *other != key && measurement.has(other)) {
+        let found = format!("the noise of this record is given by `{key}`");
+        return Err(measurement.refuse(other, found, format!("write `{key} = …` instead")));
+    }
+    let noise = measurement.positive(key, &format!("{key} = 4.0"))?;
+    let noise = noise.map(|noise| measurement.require_range(key, noise, NOISES_UM)).transpose()?;
+    Ok(noise.map(|noise| noise * unit))
 }
 
 /// A list of cycles in the TOML file, with its place.
@@ -192,7 +225,8 @@ impl Specification {
         let document = TomlInput::parse(file, text_of(file, bytes)?)?;
         let root = document.root();
         let measurement = root.required_table("measurement")?;
-        if is_oscillation(root, measurement)? {
+        let kind = measurement_kind(root, measurement)?;
+        if kind == MeasurementKind::Oscillation {
             let remedy =
                 "give a record of force and position over time; `check`, `sample` and `diagnose` accept oscillations";
             return Err(measurement.refuse("kind", "this is an oscillation, not a record over time", remedy));
@@ -214,6 +248,9 @@ impl Specification {
                     "left_out_s",
                     "load_start_s",
                     "noise_um",
+                    "noise_un",
+                    "noise_pa",
+                    "command",
                     "source",
                 ],
                 &["force", "zero", "direction"][..],
@@ -227,13 +264,17 @@ impl Specification {
             let remedy = "move `force` to [actuation], which contains the force log";
             return Err(measurement.refuse("force", "the force comes from the log in [actuation]", remedy));
         }
-        let has_levels = measurement.text("force")?.as_deref() == Some(LEVELS);
+        let control = if kind == MeasurementKind::Relaxation { Control::Position } else { Control::Force };
+        let rule_key = command_key(measurement, control, actuation.is_some())?;
+        let has_levels = measurement.text(rule_key)?.as_deref() == Some(LEVELS);
+        // A position does not jump, unless the record says so.
+        let default_rule = if control == Control::Position { ForceRule::Linear } else { ForceRule::default() };
         let of_rows = match has_levels {
             true => ForceRule::Hold,
-            false => read_choice(measurement, "force", &ForceRule::ALL, ForceRule::name)?.unwrap_or_default(),
+            false => read_choice(measurement, rule_key, &ForceRule::ALL, ForceRule::name)?.unwrap_or(default_rule),
         };
         let (force_rule, force_rule_given) =
-            actuation.as_ref().map_or((of_rows, measurement.has("force")), |log| (log.rule, log.rule_given));
+            actuation.as_ref().map_or((of_rows, measurement.has(rule_key)), |log| (log.rule, log.rule_given));
         let table = TableDescription::read(measurement, actuation.is_some())?;
         let frame = Frame::read(measurement, table.as_ref().map_or(1, TableDescription::n_axes))?;
         let csv_name = plain_path(measurement, "trajectory.csv")?;
@@ -250,10 +291,11 @@ impl Specification {
             return Err(log.refuse("file", "an indenter's force is measured together with its height", remedy));
         }
         let fits_position_offset = is_indenter || frame.zero == Zero::Fit;
-        let noise_um = measurement.positive("noise_um", "noise_um = 4.0")?;
-        let noise_um =
-            noise_um.map(|noise_um| measurement.require_range("noise_um", noise_um, NOISES_UM)).transpose()?;
-        let noise_sd_m = noise_um.map(|noise_um| noise_um / UM_PER_M);
+        if is_indenter && control == Control::Position {
+            let remedy = "give the record of a hold at constant force, or use `[instrument]` with its compliance";
+            return Err(measurement.refuse("kind", "a relaxation of an indenter has no model", remedy));
+        }
+        let noise_sd_m = noise_sd(measurement, control, matches!(apparatus, Apparatus::Instrument { .. }))?;
         Ok(Self {
             specimen_id,
             species,
@@ -265,7 +307,7 @@ impl Specification {
             frame,
             force_rule,
             force_rule_given,
-            levels: has_levels.then(|| measurement.place("force")),
+            levels: has_levels.then(|| measurement.place(rule_key)),
             load_start: measurement.number("load_start_s")?.map(|start_s| (measurement.place("load_start_s"), start_s)),
             fits_position_offset,
             cycle_starts: CycleStarts::read(measurement)?,
@@ -274,6 +316,7 @@ impl Specification {
             left_out: LeftOut::read(measurement)?,
             noise_sd_m,
             source: measurement.text("source")?,
+            control,
         })
     }
 
@@ -294,6 +337,9 @@ impl Specification {
                 trajectory
             }
         };
+        if self.control == Control::Position {
+            trajectory.exchange(csv_place)?;
+        }
         let (mut driven_place, mut force_rows, mut log_file) = (csv_place.to_path_buf(), Vec::new(), None);
         if let Some(actuation) = &self.actuation {
             driven_place = toml_place.with_file_name(&actuation.file);
@@ -363,6 +409,7 @@ impl Specification {
             noise_sd_m: self.noise_sd_m,
             fits_position_offset: self.fits_position_offset,
             source: self.source.unwrap_or_else(|| "not stated".into()),
+            control: self.control,
         };
         Ok((experiment, files))
     }

@@ -1,6 +1,6 @@
 //! Characteristic sizes of an experiment. They scale the default priors of effects (physics §5).
 
-use super::{Apparatus, Experiment};
+use super::{Apparatus, Control, Experiment};
 
 /// Characteristic forces, times and lengths of an experiment.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -27,6 +27,8 @@ pub struct CharacteristicSizes {
     pub depth_exponent: Option<f64>,
     /// True if the recorded position has an unknown offset, which is fitted.
     pub fits_position_offset: bool,
+    /// True if the position is commanded and the force is measured.
+    pub is_position_controlled: bool,
 }
 
 impl Experiment {
@@ -61,6 +63,7 @@ impl Experiment {
                 Apparatus::Robot { .. } | Apparatus::Instrument { .. } => None,
             },
             fits_position_offset: self.fits_position_offset,
+            is_position_controlled: self.control == Control::Position,
         }
     }
 }

@@ -4,7 +4,7 @@
 
 use std::path::Path;
 
-use super::inputs::{ExperimentFiles, Interpretation, is_oscillation, plain_path, read_table, read_toml};
+use super::inputs::{ExperimentFiles, Interpretation, MeasurementKind, measurement_kind, plain_path, read_table, read_toml};
 use super::table::{
     ColumnName, ColumnNames, InspectedTable, ParsedUnit, SWEEP_KEYS, TableLayout, Units, cells, column, decode_table,
     is_blank_or_comment, split_unit,
@@ -192,9 +192,9 @@ impl OscillationRecord {
         let found =
             text_of(&toml_path, &bytes).and_then(|text| TomlInput::parse(&toml_path, text)).and_then(|document| {
                 let root = document.root();
-                is_oscillation(root, root.required_table("measurement")?)
+                measurement_kind(root, root.required_table("measurement")?)
             });
-        found.unwrap_or(false)
+        found.is_ok_and(|kind| kind == MeasurementKind::Oscillation)
     }
 
     /// Reads an oscillation. `path` is its directory, which contains `experiment.toml`, or the path of the TOML file.

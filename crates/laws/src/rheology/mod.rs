@@ -13,6 +13,9 @@ mod network;
 mod of_law;
 mod oscillation;
 mod outside;
+mod relaxation;
+#[cfg(test)]
+mod relaxation_tests;
 mod spectrum;
 mod spread;
 pub mod stieltjes;

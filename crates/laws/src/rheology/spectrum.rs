@@ -68,6 +68,13 @@ impl RetardationSpectrum {
 }
 
 impl<T: PointScalar> RetardationSpectrum<T> {
+    /// Converts a spectrum with derivatives to another number type.
+    pub fn of_dual(spectrum: &RetardationSpectrum) -> Self {
+        let mut converted = Self::empty();
+        converted.extend(spectrum);
+        converted
+    }
+
     pub(super) fn empty() -> Self {
         let zero = T::constant(0.0);
         Self { instantaneous_per_pa: zero, modes: Vec::new(), oscillating: Vec::new(), fluidity_per_pa_s: zero }

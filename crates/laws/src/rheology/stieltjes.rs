@@ -61,6 +61,18 @@ pub fn relaxation_of(element: &Element) -> Option<RelaxationSpectrum> {
     Some(RelaxationSpectrum { viscosity_pa_s: modulus.constant.value, modes })
 }
 
+/// Relaxation spectrum of a retardation spectrum without oscillating modes: viscosity η in Pa·s, and modulus (Pa) and rate (1/s) of every mode.
+pub(super) fn relaxation_of_spectrum(spectrum: &RetardationSpectrum) -> (Dual, Vec<(Dual, Dual)>) {
+    let modes = spectrum.modes.iter().filter(|mode| mode.compliance_per_pa.value != 0.0);
+    let mut poles: Vec<Pole> =
+        modes.map(|mode| Pole { weight: mode.compliance_per_pa * mode.rate_per_s, at: mode.rate_per_s }).collect();
+    if spectrum.fluidity_per_pa_s.value > 0.0 {
+        poles.push(Pole { weight: spectrum.fluidity_per_pa_s, at: Dual::ZERO });
+    }
+    let modulus = Stieltjes { constant: spectrum.instantaneous_per_pa, poles }.reciprocal();
+    (modulus.constant, modulus.poles.iter().map(|pole| (pole.weight, pole.at)).collect())
+}
+
 /// Retardation spectrum of a network with a mass in parallel; `None` if the network has a springpot, or if the mass is 0.
 pub(super) fn with_mass(element: &Element, mass: Dual) -> Option<RetardationSpectrum> {
     let modulus = compliance_of(element)?.reciprocal();

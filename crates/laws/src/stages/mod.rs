@@ -44,6 +44,9 @@ pub struct Stages {
     pub state_law: Option<StateLaw>,
     /// Transformation of the robot's position into the recorded position.
     pub observation: Observation,
+    /// `true` if the robot's position is prescribed and the force is measured. The load then transforms the commanded position, and the observation the force.
+    /// Wherever names and units say force, the position in m is meant, and the other way round.
+    pub is_position_controlled: bool,
 }
 
 /// Effect that changes the displacement field (physics §5).
@@ -148,6 +151,7 @@ impl Stages {
             spread: None,
             state_law: None,
             observation: Observation::IDENTITY,
+            is_position_controlled: false,
         }
     }
 }

@@ -17,6 +17,7 @@ pub(super) const SCALES: CharacteristicSizes = CharacteristicSizes {
     outer_radius_m: Some(10e-3),
     depth_exponent: None,
     fits_position_offset: false,
+    is_position_controlled: false,
 };
 
 /// Returns the creep compliance J(t) in 1/Pa of elements in series, from their retardation spectrum.

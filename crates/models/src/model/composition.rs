@@ -97,6 +97,18 @@ impl Model {
                 );
             }
         }
+        if scales.is_position_controlled {
+            if base.outside().is_some() {
+                let found = "an external program cannot follow a prescribed position".to_string();
+                return refuse(found, "give a record with a prescribed force, or name another law");
+            }
+            if let Some(effect) = effects.iter().find(|effect| needs_prescribed_force(**effect)) {
+                return refuse(
+                    format!("`{}` has no model for a prescribed position", effect.slug()),
+                    "leave it out, or give a record with a prescribed force",
+                );
+            }
+        }
         let all = nuisances(&scales).iter().chain(&effects);
         let of_effects = all.flat_map(|effect| effect.parameters()).map(|parameter| parameter.spec);
         let parameters = base.parameters().iter().copied().chain(of_effects).collect();
@@ -168,6 +180,7 @@ impl Model {
         let (law, mut rest) = parameters.split_at(self.base.parameters().len());
         let mut stages = Stages::of_law(self.base.elements(law));
         stages.base = Some(self.base);
+        stages.is_position_controlled = self.scales.is_position_controlled;
         stages.observation.depth_exponent = self.scales.depth_exponent.unwrap_or(1.0).into();
         if self.base.outside().is_some() {
             // The external program returns the position itself, not its power.
@@ -193,6 +206,11 @@ impl Model {
     pub fn field(&self) -> Option<(&'static str, FieldEffect)> {
         self.effects.iter().find_map(|effect| Some((effect.slug(), effect.field()?)))
     }
+}
+
+/// Returns `true` if an effect can only be computed for a prescribed force, because it changes the field, is nonlinear or depends on the position.
+fn needs_prescribed_force(effect: &dyn Effect) -> bool {
+    effect.changes_field() || effect.depends_on_state() || effect.depends_on_position()
 }
 
 /// Reason why an effect cannot be added to an external law; `None` if it can. Only effects on the load or on the observation can

@@ -91,7 +91,8 @@ impl<'a> FullOrderForward<'a> {
 
     /// Computes the trajectory at every row, and the displacement fields at `field_rows`.
     pub fn run(&self, parameters: &[f64], field_rows: &[usize]) -> Result<FullRun> {
-        let (base, is_exponential) = (self.model.base(), self.model.is_law_alone());
+        let is_position_controlled = self.model.scales().is_position_controlled;
+        let (base, is_exponential) = (self.model.base(), self.model.is_law_alone() && !is_position_controlled);
         if let Some(law) = base.creep_compliance(parameters).filter(|_| is_exponential) {
             let load = self.at_experiment_ratio.solve_load(self.time_s, self.force);
             let position_m = self.at_experiment_ratio.trajectory(&load, &law, TimeScheme::Exponential);

@@ -92,6 +92,7 @@ impl Protocol {
             noise_sd_m,
             fits_position_offset: false,
             source: "synthetic: full finite elements, with a sealed answer".into(),
+            control: record::Control::Force,
         }
     }
 }

@@ -3,7 +3,7 @@
 use super::Resolution;
 use super::gradient::{self, Mechanics};
 use super::network::{Network, NetworkStep};
-use super::radau::Radau;
+use super::radau::{Radau, inverted};
 use super::springpot::RateRange;
 use super::state_law::{StateStage, StateTracker};
 use crate::fe::clock::{CLOCK_ROUNDING, Grading, StepRule};
@@ -52,7 +52,7 @@ pub fn strains_and_positions(
             run.switch(switch, gap_s(time_s, &switches, i, run.rounding_s));
         }
         run.advance_to(row_s)?;
-        answers.push([run.strain_n_per_pa, run.observed_m()]);
+        answers.push([run.strain_n_per_pa, run.measured()]);
     }
     Ok(answers)
 }
@@ -135,6 +135,8 @@ struct SteppingRun<'a> {
     input: Switch,
     lagged_n: f64,
     strain_n_per_pa: f64,
+    /// Force (N) on the robot if its position is prescribed.
+    reaction_n: f64,
     /// Tracker for a state-dependent quantity, if there is one.
     state: Option<StateTracker<'a>>,
 }
@@ -176,6 +178,7 @@ impl<'a> SteppingRun<'a> {
             input: Switch::to(start_s, 0.0),
             lagged_n: 0.0,
             strain_n_per_pa: 0.0,
+            reaction_n: 0.0,
             state: None,
         })
     }
@@ -202,8 +205,11 @@ impl<'a> SteppingRun<'a> {
         Ok(())
     }
 
-    /// Observed position (m), before offset, scale and drift of the sensor.
-    fn observed_m(&self) -> f64 {
+    /// Observed position (m), or the force (N) if the position is prescribed, before offset, scale and drift of the sensor.
+    fn measured(&self) -> f64 {
+        if self.stages.is_position_controlled {
+            return self.reaction_n;
+        }
         let position_m = self.compliance_per_m * self.strain_n_per_pa;
         self.state
             .as_ref()
@@ -287,6 +293,16 @@ impl<'a> SteppingRun<'a> {
         let rate = self.stages.softening_rate_per_s.value;
         let amplified = self.radau.nodes.map(|node| (rate * (since_s + node * prepared.step_s)).exp());
         let history = network.begin(&prepared.network);
+        if self.stages.is_position_controlled {
+            // The lag follows the commanded position (m).
+            let strain = lagged_n / self.compliance_per_m;
+            let stress = inverted(prepared.network.compliance) * (strain - history);
+            network.end(&prepared.network, &stress);
+            self.lagged_n = lagged_n[2];
+            self.strain_n_per_pa = strain[2];
+            self.reaction_n = stress[2] / amplified[2];
+            return Ok(true);
+        }
         let response = prepared.network.compliance * Matrix3::from_diagonal(&amplified);
         let mechanics = Mechanics { compliance_per_m: self.compliance_per_m, response, history };
         let start_m = self.compliance_per_m * self.strain_n_per_pa;

@@ -88,7 +88,17 @@ impl<T: Real> PointNumbers<T> {
         let at_rows = !record.is_linear && load.acts_at_rows();
         let shortest_s = window.shortest_s * if at_rows { 1.0 } else { BETWEEN_ROWS };
         let window = TimeWindow { shortest_s, ..window };
-        let spectrum = match (&stages.spread, &stages.spatial) {
+        if stages.is_position_controlled {
+            let creep = Self::spectrum(stages, window)?;
+            let relaxation = RetardationSpectrum::of_dual(&creep.relaxation(window)?);
+            return Ok(Self::with_spectrum(stages, &relaxation, T::constant(1.0) / compliance_per_m, record.largest_n));
+        }
+        Ok(Self::with_spectrum(stages, &Self::spectrum(stages, window)?, compliance_per_m, record.largest_n))
+    }
+
+    /// Retardation spectrum of the gel around the robot.
+    fn spectrum<N: Real>(stages: &Stages, window: TimeWindow) -> Result<RetardationSpectrum<N>> {
+        Ok(match (&stages.spread, &stages.spatial) {
             (Some(ReducedField::Terms { beside, terms }), _) if stages.softening_rate_per_s.is_constant(0.0) => {
                 RetardationSpectrum::spread(&stages.law, beside, terms, window, Accuracy::Fast)?
             }
@@ -105,8 +115,7 @@ impl<T: Real> PointNumbers<T> {
                     "complete the stages with the compliance's terms of the field, and leave `softening` out",
                 ));
             }
-        };
-        Ok(Self::with_spectrum(stages, &spectrum, compliance_per_m, record.largest_n))
+        })
     }
 
     /// Returns the numbers of stages with a given retardation spectrum of the law, for commands up to `largest_n` (N).
@@ -131,17 +140,20 @@ impl<T: Real> PointNumbers<T> {
         let lag = load.of::<f64>().lag_rate_per_s();
         let strength_pa = load.feedback_strength_pa(compliance_per_m.value(), load.largest_n(largest_n));
         let grading = if shape.feedback { grading(spectrum, lag, strength_pa) } else { Grading::NONE };
+        let rate = T::from_dual(stages.softening_rate_per_s);
+        // A softening gel answers a prescribed position by the force of the law, times e^{−rt}.
+        let (softening, growth) = if stages.is_position_controlled { (T::constant(0.0), -rate) } else { (rate, rate) };
         let load = load.of::<T>();
         let lag_rate = load.lag_rate_per_s().unwrap_or(T::constant(0.0));
         let mut numbers = Vec::with_capacity(15 + 2 * shape.n_modes + 4 * shape.n_oscillating + 2 * shape.n_approaches);
         numbers.extend([
             compliance_per_m * spectrum.instantaneous_per_pa,
             lag_rate,
-            T::from_dual(stages.softening_rate_per_s),
+            growth,
         ]);
         numbers.extend(load.numbers());
         numbers.extend(observation.numbers().into_iter().map(T::from_dual));
-        let (real, oscillating) = modes_of(spectrum, compliance_per_m, T::from_dual(stages.softening_rate_per_s));
+        let (real, oscillating) = modes_of(spectrum, compliance_per_m, softening);
         numbers.extend(real.flat_map(|mode| [mode.gain, mode.rate]));
         numbers.extend(oscillating.flat_map(|mode| [mode.gain.re, mode.gain.im, mode.rate.re, mode.rate.im]));
         Self { shape, grading, numbers, excess_m: None }
