@@ -268,6 +268,9 @@ pub struct CornerArguments {
     /// File name of the figure without extension; FILE.svg and FILE.png are written
     #[arg(long, value_name = "FILE", default_value = "corner")]
     pub out: PathBuf,
+    /// Draw only these parameters, separated by commas, by their names in draws.csv
+    #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
+    pub parameters: Vec<String>,
     /// Mark this value of a parameter; may be repeated
     #[arg(long, value_name = "NAME=VALUE")]
     pub reference: Vec<String>,
