@@ -218,7 +218,7 @@ fn corner_figure(found: &Comparison, labels: &[ParameterLabel]) -> Result<Svg> {
     corner(&posteriors, &CornerOptions { title: "Typical specimens of every group", ..CornerOptions::default() })
 }
 
-/// Interval of the parameter values that belong to a scale.
+/// Interval of the parameter values for which a scale (logarithm or log-odds) is defined.
 fn support(scale: SizeScale) -> Support {
     match scale {
         SizeScale::Logarithm => Support { lower: 0.0, upper: f64::INFINITY },
@@ -226,8 +226,8 @@ fn support(scale: SizeScale) -> Support {
     }
 }
 
-/// Writes the draws as a NetCDF file in ArviZ's layout, with named dimensions. Coordinates are logarithms of SI values, or log-odds for parameters with
-/// two bounds. `typical` and `specimen_value` are parameter values.
+/// Writes the draws of the population as a NetCDF file in ArviZ's layout, with named dimensions. The variables `typical` and `specimen_value` are
+/// parameter values in SI units. Other variables refer to the logarithms of these values, or to log-odds for parameters with two bounds.
 ///
 /// # Errors
 /// [`Error::File`] if the file system refuses.

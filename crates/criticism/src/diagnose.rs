@@ -152,8 +152,8 @@ fn gather<'a>(
     })
 }
 
-/// Residual of a model after removal of structure that belongs to no law, with the number of positions that judge it. For a claim, it includes the error on the last
-/// held-out cycle divided by the predictive noise. The same holds for a base whose recordings cannot show slow noise.
+/// Residual of a model after removal of structure that belongs to no law, with the number of positions that it covers. A claim also has its error on the last held-out cycle
+/// divided by the predictive noise. A base whose recordings cannot show slow noise has this error divided by white noise.
 fn residual(subject: &Subject, model: &Refitted, structure: &[OutsideStructure], is_claim: bool) -> Result<Residual> {
     let n = |positions: &[Option<f64>]| positions.iter().flatten().count();
     let n_positions = if n(&subject.scored_m) > 0 { n(&subject.scored_m) } else { n(&subject.fitted_m) };

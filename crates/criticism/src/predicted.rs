@@ -37,7 +37,7 @@ pub fn error_over_predicted_noise(subject: &Subject, model: (&Candidate, &Fitted
 }
 
 /// Error of a model on the scored cycle, divided by the error expected from white noise and the uncertainty of its parameters. `sample` makes this prediction by default.
-/// The white noise is the yardstick, or the root mean square residual of the fitted cycles if that is larger. `None` if no cycle is scored.
+/// The white noise is the known or estimated noise, or the root mean square residual of the fitted cycles if that is larger. `None` if no cycle is scored.
 pub fn error_over_white_noise(subject: &Subject, model: (&Candidate, &Fitted)) -> Option<f64> {
     let (candidate, fitted) = model;
     let (error_m, left_m) = (fitted.rmse_m(&subject.scored_m)?, fitted.rmse_m(&subject.fitted_m)?);

@@ -30,7 +30,7 @@ type Visible = Vec<Option<DVector<f64>>>;
 pub struct SignatureScore {
     /// Score z: standard normal, to first order, if the effect is absent.
     pub z: f64,
-    /// ‖Pg‖ per unit of amplitude; 0 if invisible.
+    /// Norm of the whitened signature per unit of amplitude, without the part that the base absorbs; 0 if the effect is invisible.
     pub norm: f64,
 }
 
@@ -62,8 +62,8 @@ pub struct EffectProbe {
 pub struct ScoreSet {
     /// Signature scores from the fitted cycles.
     pub fitted: Vec<SignatureScore>,
-    /// Signature scores from the fitted cycles, and from all cycles. Law and noise are those of the fitted cycles. The noise's gain is at least the one that scores of
-    /// future cycles assume. `None` if no cycle is held out.
+    /// Signature scores from the fitted cycles, and from all cycles. Law and noise are those of the fitted cycles, but the standard deviation of the gain is at least that assumed
+    /// for future cycles. `None` if no cycle is held out.
     pub fitted_and_all: Option<[Vec<SignatureScore>; 2]>,
 }
 
@@ -86,7 +86,8 @@ pub struct RecordScores {
     pub effects: Vec<EffectProbe>,
     /// Signature scores of the measured positions.
     pub told: ScoreSet,
-    /// Signature scores from all cycles, from which sizes are estimated. Law and noise are those of the fitted cycles. If no cycle is held out, these are the scores from the fitted cycles.
+    /// Signature scores from all cycles, from which sizes are estimated. Law and noise are those of the fitted cycles. If no cycle is held out, these are the scores from the
+    /// fitted cycles.
     pub whole: Vec<SignatureScore>,
     /// Signature scores of every record simulated without any effect.
     pub simulated: Vec<ScoreSet>,
@@ -226,7 +227,7 @@ fn sketch_effect(subject: &Subject, base: &Refitted, slug: &'static str) -> Resu
     let Some(found) = found else { return not("its size is fixed".into()) };
     let Signature { columns_m, parameter, unit, power, reach, null, is_downwards } = found;
     if columns_m.is_empty() || !(unit > 0.0 && unit.is_finite()) {
-        return not("it has no visible response here".into());
+        return not("its response is invisible in this record".into());
     }
     let readings = 0..columns_m.len();
     Ok((EffectProbe { slug, parameter, refused: None, readings, unit, power, reach, null, is_downwards }, columns_m))

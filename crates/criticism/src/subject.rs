@@ -54,14 +54,14 @@ pub(super) struct SharedParts {
     /// The model's compliance, with a memory of trajectories for nonlinear laws.
     pub local: Compliance,
     pub response: Response,
-    /// Learnt response of the effect that is learnt for each record, or the reason why it was not learnt. A search sets it once it has decided.
+    /// Response to large displacements in this record, or the reason why it was not learnt. A search sets it once it has decided.
     pub large: LearntResponse,
 }
 
-/// Learnt response of the effect that is learnt for each record, or the reason why it was not learnt.
+/// Response to large displacements in one record, learnt by the search, or the reason why it was not learnt.
 pub(super) type LearntResponse = Arc<OnceLock<std::result::Result<SharedStepper, NotLearnt>>>;
 
-/// Reason why that effect was not learnt for the record.
+/// Reason why the response to large displacements was not learnt for a record.
 #[derive(Debug, Clone)]
 pub(super) struct NotLearnt {
     /// The reason, in words.
@@ -116,7 +116,7 @@ impl Subject {
         let large = LearntResponse::default();
         let slot = large.clone();
         let compliance = match problem.model.field() {
-            // The surrogate of the model itself is already learnt.
+            // The base model itself has large displacements, so their response is already learnt.
             Some((_, field)) if field.is_learnt_for_record() => compliance,
             _ => compliance.with_trained(move || slot.get().and_then(|found| found.clone().ok())),
         };
@@ -334,7 +334,7 @@ impl Subject {
         Ok(Candidate::new(&problem))
     }
 
-    /// Slot for the response of the effect that is learnt for each record; the search that learns it fills the slot.
+    /// Cell for the response to large displacements in this record; the search that learns the response fills it.
     pub(super) fn large(&self) -> &LearntResponse {
         &self.shared.large
     }
@@ -359,7 +359,7 @@ impl Subject {
         self.shared.own_noise.iter().any(|term| term == "gain")
     }
 
-    /// Known or estimated noise standard deviation (m), with which misfits are compared: the yardstick.
+    /// Known or estimated noise standard deviation (m), with which misfits are compared. If the noise is unknown, a fraction of the range of positions.
     pub fn yardstick_m(&self) -> f64 {
         self.shared.yardstick_m
     }
@@ -389,7 +389,7 @@ impl Subject {
         self.problem().experiment.noise_sd_m.is_some()
     }
 
-    /// Compliance that converts ∫J dF into a position, for every effect of the library.
+    /// Compliance that converts the integral of creep compliance over force changes, ∫J dF, into a position, for every effect of the library.
     pub fn compliance(&self) -> &Compliance {
         &self.shared.model.compliance
     }
@@ -457,7 +457,11 @@ impl Subject {
             return Ok(lanes.iter().map(|row| row.0[0]).collect());
         }
         Err(Error::numerical(
-            format!("{} has no model at {:?}", candidate.effects.join(" + "), candidate.parameters(theta)),
+            format!(
+                "the model with {} has no solution at {:?}",
+                candidate.effects.join(" + "),
+                candidate.parameters(theta)
+            ),
             "keep its parameters inside their supports",
         ))
     }

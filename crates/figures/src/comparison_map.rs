@@ -22,7 +22,7 @@ pub struct MapRow {
     pub label: String,
     /// True if the cycle is held out.
     pub is_heldout: bool,
-    /// Mean residual in each bin, first divided by its standard error, then in µm. `None` for bins without measurements.
+    /// Mean residual in each bin of time: in standard errors, and in µm. `None` for bins without measurements.
     pub cells: Vec<Option<(f64, f64)>>,
 }
 

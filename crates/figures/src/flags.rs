@@ -9,7 +9,7 @@ use super::svg::{Anchor, Fill, Rect, Stroke, Svg, TextStyle};
 const SIZE_PX: f64 = 10.0;
 /// Height of a row of names, in pixels.
 pub const ROW_PX: f64 = 13.0;
-/// Distance between a name and its line, and between two names in a row; in pixels.
+/// Distance between a name and its line, in pixels.
 const GAP_PX: f64 = 3.0;
 const BETWEEN_PX: f64 = 8.0;
 

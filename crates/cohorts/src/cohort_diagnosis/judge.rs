@@ -1,7 +1,7 @@
-//! Gain of a cohort by each effect, and the distribution of the largest gain by chance.
+//! Gain in log likelihood of a cohort by each effect, and the distribution of the largest gain that arises by chance.
 //!
-//! A simulated cohort has one simulated record in place of each record. The choice of simulated records is the same for all effects. A few simulated
-//! records of each record can therefore be combined to many cohorts.
+//! A simulated cohort has one simulated record in place of each record. A few simulated records of each record can be combined to many cohorts. All
+//! effects use the same combinations.
 
 use rayon::prelude::*;
 
@@ -16,22 +16,22 @@ pub const N_COHORTS: usize = 1_999;
 /// Constant that separates the random streams of the simulated cohorts from other streams.
 const COHORT_STREAMS: u64 = 0xc0_5075;
 
-/// Gain of a cohort by one effect, with the size law and shape that fit best.
+/// Gain in log likelihood of a cohort by one effect, with the best-fitting size law and values of the effect's other parameters.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EffectGain {
     /// Index of the effect in the library.
     pub effect: usize,
-    /// Gains under the best size law, on the fitted and the held-out cycles.
+    /// Gains in log likelihood under the best size law, on the fitted and the held-out cycles.
     pub best: BestGain,
-    /// p over the entire search, from the gain by which effects are ranked.
+    /// Probability that a search of a simulated cohort without any effect gains as much, on the fitted and the last cycles together.
     pub p_familywise: f64,
     /// Size law that fits best.
     pub law: SizeLaw,
-    /// Shape that fits best.
+    /// Best-fitting grid point of the effect's parameters that are unidentified at its null (shape).
     pub shape: ShapeIndex,
-    /// Gain of each record under this law (nats), in the order of the records.
+    /// Gain in log likelihood (nats) of each record under the best size law, in the order of the records.
     pub of_records: Vec<f64>,
-    /// Gain of each record (nats) with a size of its own.
+    /// Gain in log likelihood (nats) of each record if the effect has a separate size in each record.
     pub by_itself: Vec<f64>,
 }
 
@@ -39,18 +39,18 @@ pub struct EffectGain {
 pub struct Judged {
     /// Effects that at least one record can show, in the order of the library.
     pub effects: Vec<EffectGain>,
-    /// Largest ranking gain in each simulated cohort (nats), ascending.
+    /// Largest gain (nats) over all effects in each simulated cohort without an effect, on the fitted and the last cycles together. Ascending.
     pub largest_by_chance: Vec<f64>,
 }
 
 impl Judged {
-    /// Ranking gain (nats) that 95 of 100 simulated cohorts do not reach.
+    /// Gain (nats) on the fitted and the last cycles together that only 5 of 100 simulated cohorts without an effect reach.
     pub fn threshold(&self) -> f64 {
         self.largest_by_chance.get(self.largest_by_chance.len() * 95 / 100).copied().unwrap_or(f64::INFINITY)
     }
 }
 
-/// Computes the gain of each effect and compares it with the gains in simulated cohorts.
+/// Computes the gain in log likelihood by each effect, and compares the gain with those in cohorts simulated without an effect.
 pub fn search_effects(records: &[RecordScores], seed: u64, monitor: &dyn Monitor) -> Judged {
     let n_effects = records.first().map_or(0, |record| record.effects.len());
     let scans: Vec<(usize, EffectScan)> =
@@ -81,7 +81,7 @@ pub fn search_effects(records: &[RecordScores], seed: u64, monitor: &dyn Monitor
     };
     let gained = |(effect, scan): &(usize, EffectScan)| {
         let filter = found.iter().filter(|(of, ..)| of == effect);
-        // If several shapes have the largest gain, the first is chosen.
+        // If several grid points have the largest gain, the first is chosen.
         let (_, shape, best) =
             filter.reduce(|one, other| if other.2.best.gain_nats > one.2.best.gain_nats { other } else { one })?;
         Some(EffectGain {
@@ -98,7 +98,7 @@ pub fn search_effects(records: &[RecordScores], seed: u64, monitor: &dyn Monitor
     Judged { effects, largest_by_chance: largest }
 }
 
-/// For each simulated cohort, the indices of the simulated records that replace the records.
+/// For each simulated cohort, one index per record: that of the simulated record which replaces the measured record.
 fn picks(records: &[RecordScores], seed: u64) -> Vec<Vec<usize>> {
     let cohort = |number: usize| {
         let mut stream = RandomStream::new(seed ^ COHORT_STREAMS, number as u64);
@@ -108,7 +108,7 @@ fn picks(records: &[RecordScores], seed: u64) -> Vec<Vec<usize>> {
     (0..if can { N_COHORTS } else { 0 }).map(cohort).collect()
 }
 
-/// Gain and likelihood ratios of one effect at one shape.
+/// Gains of one effect in the measured and the simulated cohorts, at one grid point of its parameters that are unidentified at the null.
 struct OfShape {
     best: BestGain,
     of_records: Vec<f64>,

@@ -79,7 +79,7 @@ fn comparison_figure(subject: &Subject, outcome: &ComparisonResult, name: &str) 
     })
 }
 
-/// Number of force steps above which a row of the map shows the steps of neighbouring cycles in one direction.
+/// Number of force steps above which a row of the failure map pools the steps of neighbouring cycles that have one direction.
 const MOST_MAP_ROWS: usize = 96;
 
 /// Force steps that one row of the map shows.
@@ -91,7 +91,7 @@ struct StepGroup {
     rows: Vec<[usize; 2]>,
 }
 
-/// Returns every force step as a group of its own, or groups of the steps of successive cycles in one direction.
+/// Returns one group per force step. If the steps are too many, each group has the steps of successive cycles in one direction.
 fn step_groups(subject: &Subject) -> Vec<StepGroup> {
     let record = &subject.experiment().record;
     let steps = record.force_step_rows();
@@ -125,7 +125,7 @@ fn step_groups(subject: &Subject) -> Vec<StepGroup> {
     groups
 }
 
-/// Rows of the map: whitened residuals times the sign of the step, averaged by step and by time since it. Each cell also has the residual in µm.
+/// Rows of the failure map: whitened residuals times the sign of the force step, averaged by step and by time since the step. Each cell also has the residual in µm.
 fn map_rows(subject: &Subject, outcome: &ComparisonResult) -> Vec<MapRow> {
     let mut rows: Vec<MapRow> = Vec::new();
     for group in step_groups(subject) {

@@ -20,7 +20,7 @@ use models::effects::StateEffect;
 
 /// Prior standard deviations of the weights, in the order of their fits.
 const SPREADS: [f64; 5] = [0.3, 1.0, 3.0, 0.1, 0.03];
-/// Distance (nats) below the best evidence at which the fit under a prior is ignored.
+/// Distance (nats) below the best evidence at which a fit is left out of the average over priors.
 const LEAST_SHARE_NATS: f64 = 7.0;
 
 /// Form in which a function is fitted.
@@ -32,7 +32,7 @@ enum FunctionShape {
     Formula(&'static StateEffect),
 }
 
-/// The function fitted under one prior; `share` is its weight in the average.
+/// Function fitted under one prior; `share` is its weight in the average.
 struct BasisFunction {
     share: f64,
     shape: FunctionShape,
@@ -133,7 +133,7 @@ impl Function {
         all.map(|all| self.mixed(all.into_iter()))
     }
 
-    /// Mean and standard deviation over all priors, from those under each prior.
+    /// Mean and standard deviation over all priors, from the mean and standard deviation under each prior.
     fn mixed(&self, of_members: impl Iterator<Item = [f64; 2]>) -> [f64; 2] {
         let [mut mean, mut square] = [0.0; 2];
         for (member, [value, sd]) in self.members.iter().zip(of_members) {
@@ -240,8 +240,8 @@ impl BasisFunction {
     }
 }
 
-/// Mean and covariance of the coordinates if no weight may be negative. The linearised model absorbs the residual at some coordinates. A normal distribution about these
-/// coordinates is truncated to weights of at least 0.
+/// Mean and covariance of the coordinates if no weight may be negative. The normal distribution of the linearised model is truncated to weights of at least 0. Its centre has
+/// the coordinates at which the linearised model absorbs the residual.
 fn above_zero(tangent: &Tangent, candidate: &Candidate, fitted: &Fitted) -> Option<(Vec<f64>, DMatrix<f64>)> {
     let step = tangent.absorbing_step(tangent.residual())?;
     let centre: Vec<f64> = fitted.theta.iter().zip(step).map(|(theta, step)| theta + step).collect();

@@ -11,7 +11,7 @@ pub(super) struct SearchSetting {
     pub acting_force_n: Vec<f64>,
     /// Fitted position, in m.
     pub position_m: Vec<f64>,
-    /// Response (m) to a force proportional to the square of the force, with the force's sign and largest size.
+    /// Response (m) to a changed force: the square of the force with its sign, scaled to the largest size of the force.
     pub position_of_squares_m: Vec<f64>,
     /// Number of cycles since the record's start, including the elapsed fraction of the present one.
     pub phase: Vec<f64>,
@@ -26,6 +26,8 @@ pub(super) struct SearchSetting {
 }
 
 impl SearchSetting {
+    /// Collects the data of a subject at the fit of a candidate.
+    ///
     /// # Errors
     /// Errors of evaluating the candidate.
     pub fn new(subject: &Subject, candidate: &Candidate, fitted: &Fitted) -> Result<Self> {

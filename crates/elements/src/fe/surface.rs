@@ -29,7 +29,7 @@ struct Face {
     /// Indices, within the element, of the nodes on the face.
     nodes: Vec<usize>,
     points: Vec<FacePoint>,
-    /// Values of the functions at the nodes of the face.
+    /// Shape functions and their gradients at the nodes of the face.
     at_nodes: Vec<FacePoint>,
 }
 
@@ -128,8 +128,8 @@ pub fn for_each_surface_point(mesh: &Mesh, surface_nodes: &[u32], mut visit: imp
     });
 }
 
-/// Returns the outward normals of the robot at every node of the mesh, one per adjacent face. Nodes
-/// off the robot have none.
+/// Returns the unit normals of the robot's surface, directed into the gel, at every node of the
+/// mesh: one per adjacent face. Nodes off the robot have none.
 pub fn robot_normals(mesh: &Mesh) -> Vec<Vec<Vector3<f64>>> {
     let mut normals = vec![Vec::new(); mesh.n_nodes()];
     for_each_face(mesh, &mesh.robot_nodes, |nodes, face| {
@@ -150,7 +150,7 @@ fn for_each_face<'a>(mesh: &'a Mesh, surface_nodes: &[u32], mut visit: impl FnMu
     }
 }
 
-/// A point of an element's face, in space.
+/// Position, unit normal and area element of a point on an element's face.
 struct Placed {
     area: f64,
     normal: Vector3<f64>,
@@ -183,8 +183,9 @@ pub struct RobotSize {
 }
 
 impl RobotSize {
-    /// Computes both sizes; the volume is V = ⅓ ∮ x·n dA by the divergence theorem. Symmetry planes
-    /// contribute nothing to the integral.
+    /// Computes the surface area and the volume of a mesh's whole robot. The volume is ⅓ ∮ x·n dA
+    /// by the divergence theorem, with x the position and n the normal. Symmetry planes contribute
+    /// nothing to the integral.
     pub fn of(mesh: &Mesh) -> Self {
         let mut part = Self { surface_area_m2: 0.0, volume_m3: 0.0 };
         for_each_surface_point(mesh, &mesh.robot_nodes, |point| {

@@ -14,7 +14,7 @@ pub use study::{LadderPage, RevisionPage, StudyPage, study, study_parts};
 
 /// Maximum size of a page in bytes, so that it can be sent by mail.
 const MOST_BYTES: usize = 3_000_000;
-/// Number of these bytes that are reserved for text and tables.
+/// Number of a page's bytes that are reserved for text and tables.
 const TEXT_BYTES: usize = 400_000;
 
 /// Style sheet of all pages and of parts of pages.
@@ -23,7 +23,7 @@ pub const STYLE: &str = include_str!("style.css");
 /// Figure on a page.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Figure {
-    /// Path in the study of a file with this figure.
+    /// Path of the figure's file in the study.
     pub file: String,
     /// Drawing as SVG; `None` if it was omitted to limit the size of the page.
     pub svg: Option<String>,

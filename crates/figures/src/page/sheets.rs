@@ -147,13 +147,13 @@ pub struct PlaysPage {
     pub played: usize,
     /// Number of challenges whose diagnosis failed.
     pub failed: usize,
-    /// Table with a row for each hidden truth: its name, its number of plays, and the verdicts on it.
+    /// Table with a row for each hidden truth: its name, the number of records with it, and the verdicts on it.
     pub verdicts: Vec<Vec<String>>,
     /// Table of rates: name and value.
     pub rates: Vec<Vec<String>>,
     /// Heads of the columns of `groups`.
     pub group_heads: Vec<&'static str>,
-    /// Table of results, with a row for each combination of sort, protocol, noise and signal.
+    /// Table of results, with a row for each combination of hidden kind (such as a single effect), protocol, noise and signal.
     pub groups: Vec<Vec<String>>,
 }
 

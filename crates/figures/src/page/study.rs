@@ -243,7 +243,7 @@ fn equivalent_refits(equivalent_effects: &EquivalentEffects) -> Markup {
     let rows: Vec<Vec<String>> = equivalent_effects.refits.iter().flat_map(row).collect();
     let diagnosed = equivalent_effects.diagnosis_of.as_deref().unwrap_or("an earlier revision");
     let caption = format!(
-        "{} ({}): equivalent in the diagnosis of {diagnosed}; fitted with one of them at a time",
+        "{} ({}): effects that the diagnosis of {diagnosed} cannot distinguish; each row is from a fit with one of them",
         equivalent_effects.effects.join(" + "),
         equivalent_effects.alternative().unwrap_or_default()
     );
@@ -307,7 +307,7 @@ fn failures(content: &StudyPage) -> Markup {
                     }
                 }
                 (revision.shown("comparison_map", "Failure map: cycle against time since the last force step"))
-                (revision.folded("comparison", "Measurement and model, with residuals in µm and whitened"))
+                (revision.folded("comparison", "Measurement and model, with residuals and whitened residuals"))
                 (revision.folded("comparison_bias", "All tests: bias of the measurement against the model"))
             }
         }
@@ -408,7 +408,7 @@ fn candidate_table(diagnosis: &Diagnosis) -> Markup {
         "status",
     ];
     html! {
-        (table_that_ends_in_words("Candidate effects: gains of a refit with each", &heads, &rows))
+        (table_that_ends_in_words("Candidate effects: gain of a refit with each effect", &heads, &rows))
         @if let Some(sentence) = diagnosis.gains_without_error() { p { (sentence) } }
     }
 }

@@ -1,4 +1,4 @@
-//! Reasons why effects and laws cannot be combined with an effect on the displacement field, as messages give them.
+//! Messages that explain why an effect or a law cannot be combined with an effect on the displacement field.
 
 use super::field::SPRINGPOTS;
 use super::first_body::{body, elements_of, in_series};

@@ -10,8 +10,9 @@ use ureq::http::Uri;
 use super::endpoint::Endpoint;
 use base::error::{Error, InputPlace, Result, Setting};
 
-/// Longest wait for a connection ([`CONNECTING`]) and for a response ([`ANSWERING`]).
+/// Longest wait for a connection to the server.
 const CONNECTING: Duration = Duration::from_secs(10);
+/// Longest wait for a response of the server.
 const ANSWERING: Duration = Duration::from_secs(600);
 /// Largest size of a response in bytes, enough for ten million values.
 const MOST_BYTES: u64 = 1 << 28;
@@ -97,12 +98,12 @@ impl Client {
         })
     }
 
-    /// Error for a response with a value `found` that is no finite number.
+    /// Returns the error for a response with a value `found` that is not a finite number.
     pub fn not_finite(&self, found: &str) -> Error {
         Error::numerical(
             format!("{} responds with {found} among its positions", self.url),
             format!(
-                "let the model return a number everywhere in the prior, or narrow the prior ({}) to where it does",
+                "let the model return a number everywhere in the prior, or narrow the prior ({}) to the range in which it does",
                 Setting::Prior
             ),
         )

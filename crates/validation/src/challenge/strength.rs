@@ -17,8 +17,8 @@ pub enum Strength {
 }
 
 impl Strength {
-    /// Requested signal in standard deviations; `otherwise` if a size or the prior is requested. It serves physics outside the library and large displacements,
-    /// which have no size parameter.
+    /// Requested signal in standard deviations; `otherwise` if a size or the prior is requested. Physics outside the library and large displacements use this
+    /// function, because they have no size parameter.
     pub(super) fn sigma_or(self, otherwise: f64) -> f64 {
         match self {
             Self::Sigma(sigma) => sigma,

@@ -30,7 +30,7 @@ impl StiffnessEstimate {
     }
 }
 
-/// Tests the paper's claims, in the paper's order.
+/// Tests the paper's claims about the bodies' stiffness. Returns them with their verdicts, in the paper's order.
 pub fn claims(all: &[StiffnessEstimate]) -> Vec<Claim> {
     let mut list = Vec::new();
     let find = |rule: SizeRule, shape: BodyShape, orientation: Orientation| {
@@ -91,7 +91,7 @@ fn claim(claim: String, probability: f64, numbers: String) -> Claim {
     Claim { claim, verdict: verdict_of(probability), probability, numbers }
 }
 
-/// Probability that the first of two numbers is larger. `sd` is the standard deviation of their difference.
+/// Probability that `first` is larger than `second`, if the difference is normally distributed with standard deviation `sd`.
 pub(super) fn easier(first: f64, second: f64, sd: f64) -> f64 {
     Normal::standard().cdf((first - second) / sd.max(f64::EPSILON))
 }

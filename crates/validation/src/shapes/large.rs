@@ -22,7 +22,7 @@ const ASPECTS: [f64; 2] = [1.5, 2.0];
 /// Mobility of the Giesekus fluid with which the computation is repeated.
 pub const OTHER_MOBILITY: f64 = 0.1;
 
-/// Gel, size of the bodies, and force.
+/// Input of the computation at large strains: gel, size of the bodies, and force.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LargeShapeSetting {
     /// Diameter of the sphere whose volume or surface area the other bodies have, in m.
@@ -91,7 +91,7 @@ impl FollowedBody {
     }
 }
 
-/// Resolutions of a body's mesh: the one whose results are reported, and a coarser one that shows the error.
+/// Resolutions of a body's mesh: first a fine resolution, whose results are reported, then a coarser one, which shows the error.
 fn finenesses(shape: BodyShape) -> [Discretisation; 2] {
     let of_order = |order| Discretisation { order, ..Discretisation::ESTIMATE };
     match shape {
@@ -181,7 +181,8 @@ pub fn run(
     })
 }
 
-/// Tests whether the first body moves farther than the others at a row. A claim that holds in only one of the two fluids is undecided.
+/// Tests whether the body `first` moves farther than each body in `others` at one time of the hold (index `row`). A claim that holds in only one of the two
+/// fluids is undecided.
 fn judge(claim: String, first: &FollowedBody, others: &[&FollowedBody], row: usize, numbers: String) -> Claim {
     let sd = |other: &FollowedBody| first.error_m[row].hypot(other.error_m[row]);
     let probability: f64 = others.iter().map(|other| easier(first.at_m(row), other.at_m(row), sd(other))).product();

@@ -1,4 +1,5 @@
-//! Time steps of the finite-strain gel and of its small-strain twin. The twin takes equal steps.
+//! Time steps of the finite-strain gel and of its twin, an equal gel with small strains. The twin
+//! takes equal steps.
 
 use rayon::prelude::*;
 
@@ -10,9 +11,10 @@ use crate::fe::meridional::basis::lagrange;
 use base::error::{Error, Result};
 use laws::stages::{Load, Switch};
 
-/// Range of det F at a point within which a mesh is valid. Over the paper's four cycles, det F is
-/// 0.64 to 1.37 on the mesh of [`super::Discretisation::ESTIMATE`]. Positions then have an error of
-/// 0.3 µm. At 1.3 times the force, det F is 0.26 to 3.6 and the error is 1 µm.
+/// Range of the ratio of deformed to undeformed volume at a point within which a mesh is valid.
+/// Over the paper's four cycles, the ratio is 0.64 to 1.37 on the mesh of
+/// [`super::Discretisation::ESTIMATE`]. Positions then have an error of 0.3 µm. At 1.3 times the
+/// force, the ratio is 0.26 to 3.6 and the error is 1 µm.
 const VOLUME_RATIOS: [f64; 2] = [0.1, 10.0];
 /// Length of the first step after a force jump, divided by the shortest time of the law. Without a
 /// solvent the body itself jumps.
@@ -29,8 +31,8 @@ const N_GUESS: usize = 4;
 
 /// Result of a run. The unit of length is the body's radius.
 pub(super) struct RunHistory {
-    /// Moments between two switches, one list per interval: the start of the first step, then the
-    /// end of each step.
+    /// Recorded positions between two switches of the force, one list per interval: at the start of
+    /// the first step, then at the end of each step.
     pub(super) legs: Vec<Vec<Moment>>,
     pub(super) farthest: f64,
     pub(super) volume_ratios: [f64; 2],
@@ -40,7 +42,7 @@ pub(super) struct RunHistory {
     pub(super) stopped: Option<Error>,
 }
 
-/// Positions of the body and of its twin at a time (s).
+/// Positions of the body in the finite-strain gel and in its small-strain twin at a time (s).
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Moment {
     pub(super) time_s: f64,
@@ -52,7 +54,7 @@ pub(super) struct Moment {
 #[derive(Debug, Clone)]
 struct Twin {
     displacement: f64,
-    /// Elastic displacement e of every mode, in body radii.
+    /// Elastic displacement of every mode, in body radii.
     elastic: Vec<f64>,
 }
 
@@ -64,12 +66,13 @@ struct Walker<'a> {
     stiffness: f64,
     solver: Solver<'a>,
     x: Vec<f64>,
-    /// S by cell, point and mode.
+    /// Conformations in undeformed coordinates, by cell, point and mode.
     configurations: Vec<Vec<Symmetric>>,
-    /// Relaxed part of det F − 1, by cell, point and mode. Empty if the gel keeps its volume.
+    /// Relaxed part of the relative volume change, by cell, point and mode. Empty if the gel keeps
+    /// its volume.
     swellings: Vec<Vec<f64>>,
     twin: Twin,
-    /// Times (s) and unknowns for extrapolation. Those from before a force jump are removed.
+    /// Times (s) and unknowns since the last switch of the force, for extrapolation.
     past: Vec<(f64, Vec<f64>)>,
 }
 
@@ -276,7 +279,7 @@ impl<'a> Walker<'a> {
         Ok(all.pop().map_or(Vec::new(), |rates| rates.x))
     }
 
-    /// Returns S at a stage's end and its rate, both by cell, point and mode.
+    /// Returns the conformations at a stage's end and their rates, both by cell, point and mode.
     fn ended(
         &self,
         stage: &FieldStage,
@@ -298,8 +301,8 @@ impl<'a> Walker<'a> {
         self.mesh.cells.par_iter().zip(starts).map(of_cell).unzip()
     }
 
-    /// Returns the relaxed part of det F − 1 at a stage's end and its rate, both by cell, point and
-    /// mode.
+    /// Returns the relaxed part of the relative volume change at a stage's end and its rate, both
+    /// by cell, point and mode.
     fn swollen(&self, stage: &FieldStage, x: &[f64], starts: &[Vec<f64>]) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
         let modes = stage.law.modes;
         let of_cell = |(cell, starts): (&FieldCell, &Vec<f64>)| {
@@ -326,13 +329,14 @@ impl<'a> Walker<'a> {
     }
 }
 
-/// Sum Σ G/(1 + z) of the modes' effective moduli over a stage, in Pa.
+/// Sum of the modes' effective moduli G/(1 + z) over a stage, in Pa. `modes` holds the modulus G
+/// and z, the stage's implicit time divided by the relaxation time.
 fn stiff_pa(modes: &[(f64, f64)]) -> f64 {
     modes.iter().map(|(modulus_pa, z)| modulus_pa / (1.0 + z)).sum()
 }
 
-/// det F − 1 at zero pressure, at every point of a cell. `swellings` holds the relaxed part by
-/// point and mode.
+/// Relative volume change at zero pressure, at every point of a cell. `swellings` holds its relaxed
+/// part by point and mode.
 fn rests(modes: &[(f64, f64)], swellings: &[f64]) -> Vec<f64> {
     let weighed =
         |values: &[f64]| modes.iter().zip(values).map(|((modulus_pa, z), x)| modulus_pa / (1.0 + z) * x).sum();
