@@ -21,7 +21,7 @@ use figures::svg::{Svg, write_figure};
 const N_CORNER_DRAWS: usize = 4_000;
 
 /// Largest number of groups for which a figure's caption states the differences.
-const MOST_GROUPS_TOLD: usize = 4;
+const MOST_GROUPS_IN_CAPTION: usize = 4;
 
 /// Draws all figures as SVG and PNG files in `dir`.
 ///
@@ -44,7 +44,7 @@ pub fn write(dir: &Path, found: &Comparison, summary: &GroupsSummary) -> Result<
 
 /// Sentences with the conclusions of the comparison; empty if there are too many groups.
 fn sentence(summary: &GroupsSummary) -> String {
-    if summary.groups.len() > MOST_GROUPS_TOLD { String::new() } else { summary.sentences.join(" ") }
+    if summary.groups.len() > MOST_GROUPS_IN_CAPTION { String::new() } else { summary.sentences.join(" ") }
 }
 
 fn title(summary: &GroupsSummary, what: &str) -> String {

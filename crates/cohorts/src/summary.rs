@@ -131,7 +131,7 @@ fn group_summary(found: &Comparison, draws: &[&PopulationDraw], predicted_group:
 }
 
 /// Indices of the specimens whose first experiment belongs to the group with the index `group`.
-fn specimens_at_home(found: &Comparison, group: usize) -> Vec<usize> {
+fn specimens_first_in_group(found: &Comparison, group: usize) -> Vec<usize> {
     let design = &found.design;
     let is_home =
         |specimen: &SpecimenOfDesign| specimen.experiments.first().is_some_and(|e| design.group_of[*e] == group);
@@ -142,7 +142,7 @@ fn specimens_at_home(found: &Comparison, group: usize) -> Vec<usize> {
 /// of their mean deviation. V₂ is the mean over draws of the variance over specimens. `None` for fewer than two specimens.
 fn pooling(found: &Comparison, draws: &[&PopulationDraw], group: usize, k: usize) -> Option<f64> {
     let p = found.parameters.len();
-    let specimens = specimens_at_home(found, group);
+    let specimens = specimens_first_in_group(found, group);
     if specimens.len() < 2 {
         return None;
     }

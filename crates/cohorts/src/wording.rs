@@ -99,13 +99,13 @@ pub fn required_specimens(plan: &SampleSizePlan) -> String {
 }
 
 /// Largest residual on the held-out cycle that does not count as a misfit, in posterior standard deviations of the prediction.
-const OPEN_SDS: f64 = 3.3;
+const LARGEST_PREDICTIVE_SDS: f64 = 3.3;
 
 /// Describes the misfit of an experiment; `None` if the experiment has no misfit. A residual counts as a misfit if it exceeds 1.5 times the noise. On the
 /// held-out cycle, it must also exceed the posterior uncertainty of the prediction.
 fn misfit(experiment_summary: &ExperimentSummary) -> Option<String> {
     let bar_um = NOISE_FACTOR * experiment_summary.noise_um?;
-    let open_um = OPEN_SDS * experiment_summary.predictive_sd_heldout_um.unwrap_or(0.0);
+    let open_um = LARGEST_PREDICTIVE_SDS * experiment_summary.predictive_sd_heldout_um.unwrap_or(0.0);
     let cases = [
         ("fitted", Some(experiment_summary.rmse_fitted_um), bar_um),
         ("held-out", experiment_summary.rmse_heldout_um, bar_um.hypot(open_um)),

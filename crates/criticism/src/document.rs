@@ -370,7 +370,7 @@ impl Report<'_> {
         let noise_m = self.left.noise_m;
         let noise = match self.left.is_known {
             true => format!("the known noise of {} µm", short(1e6 * noise_m)),
-            false if noise_m > self.subject.yardstick_m() => {
+            false if noise_m > self.subject.reference_noise_m() => {
                 format!("the {} µm that do not recur in every cycle", short(1e6 * noise_m))
             }
             false => format!("the estimated noise of {} µm", short(1e6 * noise_m)),
@@ -402,7 +402,7 @@ impl Report<'_> {
         format!(
             "This experiment shows no missing effect: the model's error is {} µm on the {rows}{} (noise {}), and its residual looks like noise.{}{hint}",
             short(rmse_um),
-            without_the_cycles_own(rmse_um, 1e6 * left),
+            error_without_cycle_gains(rmse_um, 1e6 * left),
             self.noise_words(),
             self.unknown_noise(),
         )
@@ -429,7 +429,7 @@ impl DocumentSource<'_> {
 
 /// Phrase for an error (µm) after removal of each cycle's gain and offset; empty if gains and offsets add little. It tells the reader why an error far above the noise standard
 /// deviation may be acceptable: gains and offsets count as noise.
-fn without_the_cycles_own(rmse_um: f64, left_um: f64) -> String {
+fn error_without_cycle_gains(rmse_um: f64, left_um: f64) -> String {
     if rmse_um < WORTH_SAYING * left_um {
         return String::new();
     }

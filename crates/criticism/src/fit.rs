@@ -18,7 +18,7 @@ use models::model::{Lanes, N_LANES};
 use posterior::noise::NoiseScales;
 
 /// Fraction of the predicted gain of a step. If the actual gain exceeds it, no further steps are tried.
-pub(super) const KEPT_PROMISE: f64 = 0.3;
+pub(super) const SUFFICIENT_GAIN_RATIO: f64 = 0.3;
 /// Number of steps tried with Broyden's derivatives before the derivatives are computed anew.
 const N_BY_GUESS: usize = 2;
 /// Largest squared distance of two climbs that are at one optimum: the sum over fitted rows of the squared difference of their positions, in units of the noise. The second
@@ -116,7 +116,7 @@ impl FitPoint {
         self.objective = objective;
     }
 
-    fn forget_guess(&mut self) {
+    fn drop_broyden_derivatives(&mut self) {
         if self.is_guessed {
             (self.columns_m, self.is_guessed) = (None, false);
         }
@@ -149,7 +149,7 @@ impl Subject {
     pub(super) fn noise_prior(&self) -> NoisePrior {
         let scales = self.experiment().scales();
         let scales = NoiseScales {
-            noise_sd_um: 1e6 * self.yardstick_m(),
+            noise_sd_um: 1e6 * self.reference_noise_m(),
             sample_interval_s: scales.sample_interval_s,
             cycle_s: scales.cycle_s,
         };
@@ -369,7 +369,7 @@ impl Climber<'_> {
     fn is_at(&self, point: &FitPoint, other: &FitPoint) -> bool {
         let fitted = self.subject.fitted_m.iter().zip(point.position_m.iter().zip(&other.position_m));
         let squares: f64 = fitted.filter(|(y, _)| y.is_some()).map(|(_, (a, b))| (a - b).powi(2)).sum();
-        let is_near = squares < SAME_PLACE * self.subject.yardstick_m().powi(2);
+        let is_near = squares < SAME_PLACE * self.subject.reference_noise_m().powi(2);
         is_near && point.objective < other.objective + HIGHER_NATS
     }
 
@@ -387,7 +387,7 @@ impl Climber<'_> {
         for _ in 0..MOST_STEPS {
             let Some(steps) = self.steps(&mut point).filter(|steps| steps.promised > least_gain) else {
                 if point.is_guessed {
-                    point.forget_guess();
+                    point.drop_broyden_derivatives();
                     continue;
                 }
                 break;
@@ -409,13 +409,13 @@ impl Climber<'_> {
                 } else if so_far > 0.0 {
                     break;
                 }
-                if point.objective - before > KEPT_PROMISE * steps.promised {
+                if point.objective - before > SUFFICIENT_GAIN_RATIO * steps.promised {
                     break;
                 }
             }
             let gain = point.objective - before;
-            if was_guessed && gain < KEPT_PROMISE * steps.promised {
-                point.forget_guess();
+            if was_guessed && gain < SUFFICIENT_GAIN_RATIO * steps.promised {
+                point.drop_broyden_derivatives();
                 continue;
             }
             resting = if gain < least_gain { resting + 1 } else { 0 };
@@ -424,7 +424,7 @@ impl Climber<'_> {
             }
         }
         // The noise changes next: Broyden's derivatives are dropped.
-        point.forget_guess();
+        point.drop_broyden_derivatives();
         point
     }
 

@@ -65,7 +65,7 @@ pub fn find_outliers(subject: &Subject, fitted: &Fitted) -> Vec<usize> {
     let observed = subject.fitted_m.iter().zip(&subject.scored_m).map(|(fitted, scored)| fitted.or(*scored));
     let residual_m: Vec<Option<f64>> =
         observed.zip(&fitted.position_m).map(|(observed, position)| Some(observed? - position)).collect();
-    rows_of(&subject.experiment().record, &residual_m, LEAST_SCALE * subject.yardstick_m())
+    rows_of(&subject.experiment().record, &residual_m, LEAST_SCALE * subject.reference_noise_m())
 }
 
 /// Rows of outliers among residuals (m, one per row of the record). The standard deviation of departures is at least `least_scale_m`.

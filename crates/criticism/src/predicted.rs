@@ -26,7 +26,7 @@ pub fn allowed_noise_um(
     (candidate, fitted): (&Candidate, &Fitted),
     positions_m: &[Option<f64>],
 ) -> Option<f64> {
-    let given_m = if subject.is_noise_known() { subject.yardstick_m() } else { f64::INFINITY };
+    let given_m = if subject.is_noise_known() { subject.reference_noise_m() } else { f64::INFINITY };
     noise_um(subject, (candidate, fitted), positions_m, 2.0 * given_m * given_m)
 }
 
@@ -43,7 +43,7 @@ pub fn error_over_white_noise(subject: &Subject, model: (&Candidate, &Fitted)) -
     let (error_m, left_m) = (fitted.rmse_m(&subject.scored_m)?, fitted.rmse_m(&subject.fitted_m)?);
     let white = Fitted { noise: subject.noise_prior().white().map(f64::exp), ..fitted.clone() };
     let of_parameters_um = noise_um(subject, (candidate, &white), &subject.scored_m, 0.0)?;
-    Some(1e6 * error_m / of_parameters_um.hypot(1e6 * subject.yardstick_m().max(left_m)))
+    Some(1e6 * error_m / of_parameters_um.hypot(1e6 * subject.reference_noise_m().max(left_m)))
 }
 
 /// Predictive noise (µm) whose variance from row to row is limited to `most_m2` (m²).

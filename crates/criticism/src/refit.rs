@@ -78,7 +78,7 @@ impl Refitted {
             fitted,
             future: both.map(|(future_score, other)| future_score.all - other.all),
             last,
-            largest_change: largest_m / subject.yardstick_m(),
+            largest_change: largest_m / subject.reference_noise_m(),
             rank: fitted + last.unwrap_or(0.0) - penalty,
         }
     }

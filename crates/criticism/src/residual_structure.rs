@@ -30,7 +30,7 @@ const CYCLE_EDGE: f64 = 0.05;
 /// # Errors
 /// [`base::Error::Numerical`] if the model has no derivatives at its fit.
 pub fn measure_misfit(subject: &Subject, model: &Refitted, unexplained: &[OutsideStructure]) -> Result<Misfit> {
-    let (candidate, fitted) = without_shape_of_no_law(model, unexplained);
+    let (candidate, fitted) = with_structure_outside_law(model, unexplained);
     let left = |positions_m: &[Option<f64>]| -> Vec<Option<f64>> {
         positions_m.iter().zip(&fitted.position_m).map(|(y, x)| y.map(|y| y - x)).collect()
     };
@@ -45,13 +45,13 @@ pub fn measure_misfit(subject: &Subject, model: &Refitted, unexplained: &[Outsid
     let misfit = if subject.is_noise_unknown() {
         Misfit::relative_to_fitted(&remainder)
     } else {
-        Misfit::of(&remainder, subject.yardstick_m(), subject.is_noise_known())
+        Misfit::of(&remainder, subject.reference_noise_m(), subject.is_noise_known())
     };
     misfit.ok_or_else(|| Error::numerical("no position is fitted", "fit a cycle that has positions"))
 }
 
 /// Returns the candidate and fit that contain the leading structure, if that structure belongs to no law. Otherwise returns the model's own candidate and fit.
-pub(super) fn without_shape_of_no_law<'a>(
+pub(super) fn with_structure_outside_law<'a>(
     model: &'a Refitted,
     unexplained: &'a [OutsideStructure],
 ) -> (&'a Candidate, &'a Fitted) {

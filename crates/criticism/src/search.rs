@@ -288,7 +288,7 @@ fn next_larger(
 
 fn largest_change(subject: &Subject, a: &Refitted, b: &Refitted) -> f64 {
     let pairs = a.fitted.position_m.iter().zip(&b.fitted.position_m);
-    pairs.fold(0.0, |largest: f64, (x, y)| largest.max((x - y).abs())) / subject.yardstick_m()
+    pairs.fold(0.0, |largest: f64, (x, y)| largest.max((x - y).abs())) / subject.reference_noise_m()
 }
 
 /// All models with one effect of the library added to `model`.

@@ -10,7 +10,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::derivatives::columns_m;
-use super::fit::KEPT_PROMISE;
+use super::fit::SUFFICIENT_GAIN_RATIO;
 use super::steps::{Steps, damped_steps, normal_equations};
 use super::{Candidate, Fitted, Subject};
 use crate::NoiseValues;
@@ -229,7 +229,7 @@ impl<'a> RivalFit<'a> {
                 let before = least;
                 least = squares.iter().copied().fold(before, f64::min);
                 let is_past = before < point.squared && least >= before;
-                if is_past || point.squared - least > KEPT_PROMISE * 2.0 * steps.promised {
+                if is_past || point.squared - least > SUFFICIENT_GAIN_RATIO * 2.0 * steps.promised {
                     break;
                 }
             }

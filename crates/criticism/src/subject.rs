@@ -50,7 +50,7 @@ pub(super) struct SharedParts {
     pub library: Library,
     /// Names of the noise terms in the model's specification.
     pub own_noise: Vec<String>,
-    pub yardstick_m: f64,
+    pub reference_noise_m: f64,
     /// The model's compliance, with a memory of trajectories for nonlinear laws.
     pub local: Compliance,
     pub response: Response,
@@ -105,7 +105,7 @@ impl Subject {
         );
         specification.fixed.retain(|name, _| problem.model.parameters().iter().any(|p| p.name == name));
         let base = problem.with_experiment(experiment, specification, library)?;
-        let yardstick_m = problem
+        let reference_noise_m = problem
             .experiment
             .reference_noise()
             .map_or_else(|| UNKNOWN_NOISE * problem.experiment.scales().position_range_m, |yardstick| yardstick.sd_m);
@@ -122,7 +122,7 @@ impl Subject {
         };
         let local = trajectory::with_trajectory_cache(&compliance, &record.time_s, record.force());
         let model = PreparedModel::given(&base, compliance, Vec::new());
-        let shared = SharedParts { model, library, own_noise, yardstick_m, local, response, large };
+        let shared = SharedParts { model, library, own_noise, reference_noise_m, local, response, large };
         Ok(Self::of(Arc::new(shared), fitted_m, scored_m))
     }
 
@@ -142,7 +142,7 @@ impl Subject {
             model: PreparedModel { problem, ..shared.model.clone() },
             library: library.clone(),
             own_noise: shared.own_noise.clone(),
-            yardstick_m: shared.yardstick_m,
+            reference_noise_m: shared.reference_noise_m,
             local: shared.local.clone(),
             response: shared.response.clone(),
             large: shared.large.clone(),
@@ -242,7 +242,7 @@ impl Subject {
             model: PreparedModel { problem, ..shared.model.clone() },
             library: shared.library.clone(),
             own_noise: shared.own_noise.clone(),
-            yardstick_m: shared.yardstick_m,
+            reference_noise_m: shared.reference_noise_m,
             large: shared.large.clone(),
         };
         let kept = |positions: &[Option<f64>]| {
@@ -360,8 +360,8 @@ impl Subject {
     }
 
     /// Known or estimated noise standard deviation (m), with which misfits are compared. If the noise is unknown, a fraction of the range of positions.
-    pub fn yardstick_m(&self) -> f64 {
-        self.shared.yardstick_m
+    pub fn reference_noise_m(&self) -> f64 {
+        self.shared.reference_noise_m
     }
 
     /// Returns whether slow noise, and noise that differs between recordings, can be distinguished from a misfit. The model must declare such noise, or at least two

@@ -29,7 +29,7 @@ pub struct Comparison {
     /// Every test of the residuals that applies to this experiment.
     pub panels: Vec<TestEntry>,
     /// Tests of the residuals that do not apply to this experiment.
-    pub left_out: Vec<LeftOutEntry>,
+    pub left_out: Vec<InapplicableTest>,
     /// Number of simulated records from which the tests' p values are computed.
     pub simulated_records: usize,
 }
@@ -102,7 +102,7 @@ pub struct ColumnBias {
 /// A test of the residuals that does not apply to this experiment.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
-pub struct LeftOutEntry {
+pub struct InapplicableTest {
     /// Name of the test in files.
     #[serde(rename = "where")]
     pub place: String,

@@ -131,14 +131,14 @@ impl LadderSummary {
         let revisions = self.revisions.iter().enumerate();
         revisions.flat_map(move |(k, rung)| {
             let is_told =
-                move |warning: &&Warning| invalidates_figures(warning.kind) || (k == last && warning.kind.is_fatal());
+                move |warning: &&Warning| invalidates_numbers(warning.kind) || (k == last && warning.kind.is_fatal());
             rung.warnings.iter().filter(is_told).map(|warning| (rung.revision.as_str(), warning))
         })
     }
 }
 
 /// True if the warning means that figures are wrong, and not only that the model is wrong.
-fn invalidates_figures(kind: WarningKind) -> bool {
+fn invalidates_numbers(kind: WarningKind) -> bool {
     use WarningKind::*;
     matches!(kind, NotConverged | SurrogateInaccurate | MeshInaccurate | Undetermined | DrawsRefused)
 }

@@ -227,7 +227,7 @@ impl ContrastLayout {
         }
         for (row, cells) in panel.cells.iter().enumerate() {
             for (column, _) in cells.iter().enumerate().filter(|(_, cell)| cell.is_some_and(|cell| cell.is_declared)) {
-                declared_mark(svg, at(row, column));
+                draw_difference_frame(svg, at(row, column));
             }
         }
     }
@@ -302,7 +302,7 @@ fn probability_text(probability: f64) -> String {
     }
 }
 
-fn declared_mark(svg: &mut Svg, rect: Rect) {
+fn draw_difference_frame(svg: &mut Svg, rect: Rect) {
     let Rect { x, y, width, height } = rect;
     let inside = Rect { x: x + 2.5, y: y + 2.5, width: width - 5.0, height: height - 5.0 };
     svg.rect(inside, Style::from(DECLARED));
@@ -351,7 +351,7 @@ fn legend(svg: &mut Svg, data: &ContrastMatrix, layout: &ContrastLayout, (x, y):
     };
     svg.rect(sample, Fill::new(layout.scale.colour(cell.ratio[1], sign_certainty(cell.probability_greater)), 1.0));
     numbers(svg, &cell, None, sample, layout.sizes);
-    declared_mark(svg, sample);
+    draw_difference_frame(svg, sample);
     let notes = [
         "median of row's group ÷ column's group".to_owned(),
         "90 % interval".to_owned(),

@@ -95,7 +95,7 @@ struct Bars {
     /// Heading and rows of each section. The first section has no heading.
     sections: Vec<(&'static str, Vec<CandidateRow>)>,
     /// Number of leading rows in the first section whose effects are claimed or equivalent; 0 if no effect is equivalent.
-    n_in_class: usize,
+    n_equivalent_rows: usize,
     /// Smallest and largest gain of all rows, in nats.
     range_nats: [f64; 2],
 }
@@ -107,7 +107,7 @@ impl Bars {
         let gain = |c: &CandidateEntry| c.refit.as_ref().map_or(f64::NEG_INFINITY, |refit| refit.gain_nats);
         candidates.sort_by(|a, b| is_in_class(b).cmp(&is_in_class(a)).then(gain(b).total_cmp(&gain(a))));
         let has_twins = diagnosis.candidates.iter().any(|c| c.status == Status::Equivalent);
-        let n_in_class = if has_twins { candidates.iter().filter(|c| is_in_class(c)).count() } else { 0 };
+        let n_equivalent_rows = if has_twins { candidates.iter().filter(|c| is_in_class(c)).count() } else { 0 };
         let mut sections =
             vec![("", candidates.into_iter().map(|candidate| candidate_row(diagnosis, candidate)).collect())];
         sections.push(("pairs of effects", pair_rows(diagnosis)));
@@ -118,7 +118,7 @@ impl Bars {
             rows.flat_map(|row| [row.gain_nats, row.heldout_gain_nats]).flatten().filter(|gain| gain.is_finite())
         };
         let range_nats = [gains().fold(0.0, f64::min), gains().fold(10.0, f64::max)];
-        Self { sections, n_in_class, range_nats }
+        Self { sections, n_equivalent_rows, range_nats }
     }
 
     /// Draws all sections, with the upper edge at `top`. Returns the position of the lower edge.
@@ -165,8 +165,8 @@ impl Bars {
             }
         }
         axes.outline(svg);
-        if self.n_in_class > 1 {
-            let class = self.sections.iter().flat_map(|(_, rows)| rows).take(self.n_in_class);
+        if self.n_equivalent_rows > 1 {
+            let class = self.sections.iter().flat_map(|(_, rows)| rows).take(self.n_equivalent_rows);
             bracket(svg, frame.y + 5.0, frame.y + class.map(|row| row.height_px(width)).sum::<f64>() - 5.0);
         }
         frame.bottom() + 56.0

@@ -237,7 +237,7 @@ impl ForestLayout {
         };
         let flags_at = |axes: &Axes, panel: &ForestPanel| {
             let values: Vec<(&str, f64)> = panel.references.iter().map(|r| (r.label, r.value)).collect();
-            flags::place_flags(axes, &values, 0.35 * PANEL_GAP_PX)
+            flags::place_line_labels(axes, &values, 0.35 * PANEL_GAP_PX)
         };
         let heights =
             data.panels.iter().enumerate().map(|(k, panel)| flags::height_px(&flags_at(&axes_at(k, 0.0), panel)));

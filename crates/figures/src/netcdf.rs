@@ -14,7 +14,7 @@ use netcdf_writer::{DimensionId, NcFileBuilder};
 
 use super::draws::DrawTable;
 use super::netcdf_file::{NcResult, add_coordinate, add_draws, add_unit, attribute, describe, into_bytes, new_file};
-pub use super::record_netcdf::{DrawnRows, PriorDraws, RecordGroups, RowColumn};
+pub use super::record_netcdf::{DrawsByRow, PriorDraws, RecordGroups, RowColumn};
 use base::error::InputPlace;
 use base::files::write_atomically;
 use base::{Error, Result};

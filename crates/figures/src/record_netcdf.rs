@@ -18,7 +18,7 @@ pub struct RowColumn<'a> {
 
 /// A quantity with one value per draw and row.
 #[derive(Debug, Clone, PartialEq)]
-pub struct DrawnRows<'a> {
+pub struct DrawsByRow<'a> {
     /// Name of the group, such as `log_likelihood`.
     pub group: &'a str,
     /// Name of the variable, equal to the name of the observed quantity.
@@ -62,7 +62,7 @@ pub struct RecordGroups<'a> {
     /// Draws of the parameters from the prior; `None` for none.
     pub prior: Option<PriorDraws>,
     /// Log likelihoods, posterior predictions and prior predictions.
-    pub drawn: Vec<DrawnRows<'a>>,
+    pub drawn: Vec<DrawsByRow<'a>>,
 }
 
 impl RecordGroups<'_> {
@@ -124,7 +124,7 @@ fn add_columns(file: &mut NcFileBuilder, group: &str, rows: &[i64], columns: &[R
     Ok(())
 }
 
-impl DrawnRows<'_> {
+impl DrawsByRow<'_> {
     fn add_to(&self, file: &mut NcFileBuilder) -> NcResult<()> {
         let Self { group, name, unit, note, n_chains, draws, rows, values } = self;
         describe(file, group, note)?;

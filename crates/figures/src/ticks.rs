@@ -9,7 +9,7 @@ const DIGITS_OF_A_DECADE: [&[f64]; 4] = [&[1.0, 2.0, 5.0], &ALL_DIGITS, &[1.0, 3
 
 /// Fraction of a logarithmic axis's length by which wide intervals may extend the axis at each end. `STRETCH_FACTORS` limits the extension, as ratios of
 /// values.
-const STRETCH: f64 = 0.5;
+const AXIS_EXTENSION: f64 = 0.5;
 const STRETCH_FACTORS: (f64, f64) = (1.25, 5.0);
 
 /// Largest and smallest absolute value on an axis. Outside this range, ratios and powers of values leave the range of floating-point numbers.
@@ -94,7 +94,7 @@ impl AxisScale {
         if lower > upper {
             return Self::log10(1.0, 10.0);
         }
-        let stretch = (STRETCH * (upper - lower)).clamp(STRETCH_FACTORS.0.ln(), STRETCH_FACTORS.1.ln());
+        let stretch = (AXIS_EXTENSION * (upper - lower)).clamp(STRETCH_FACTORS.0.ln(), STRETCH_FACTORS.1.ln());
         let (lowest, highest) = (lower - stretch, upper + stretch);
         let near = others.filter(|value| (lowest..=highest).contains(&value.ln()));
         let (least, most) = over(&mut intervals.chain(near));

@@ -9,7 +9,7 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use figures::labels::parameter_label;
-use figures::netcdf::{DrawnRows, PriorDraws, RecordGroups, RowColumn, arrangement};
+use figures::netcdf::{DrawsByRow, PriorDraws, RecordGroups, RowColumn, arrangement};
 use models::model::{Forward, SurrogateForward};
 use posterior::likelihood::ReducedPosterior;
 use posterior::noise::{Conditional, NoiseLikelihood};
@@ -154,7 +154,7 @@ impl<'a> Predictor<'a> {
             return;
         }
         let selection = self.selection(&format!("{} of {} draws per chain, evenly spread", kept.len(), order.len()));
-        let of_group = |group, unit, note, rows, values| DrawnRows {
+        let of_group = |group, unit, note, rows, values| DrawsByRow {
             group,
             name: POSITION,
             unit,
@@ -207,7 +207,7 @@ impl<'a> Predictor<'a> {
             note: "draws at which the model has no prediction are drawn again".into(),
         });
         let selection = self.selection(&format!("{} draws", all.len()));
-        groups.drawn.push(DrawnRows {
+        groups.drawn.push(DrawsByRow {
             group: "prior_predictive",
             name: POSITION,
             unit: "µm",
@@ -283,7 +283,7 @@ mod tests {
         (problem, groups)
     }
 
-    fn group<'a>(groups: &'a RecordGroups<'static>, name: &str) -> &'a DrawnRows<'static> {
+    fn group<'a>(groups: &'a RecordGroups<'static>, name: &str) -> &'a DrawsByRow<'static> {
         groups.drawn.iter().find(|drawn_rows| drawn_rows.group == name).expect("written")
     }
 

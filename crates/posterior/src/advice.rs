@@ -116,12 +116,12 @@ pub fn surrogate_warning(
         format!(
             "the reduced model of a nonlinear law is accurate to a thousandth of the amplitude: the parameters' errors can exceed their intervals; measure at a \
              smaller amplitude; if the difference is larger, {}",
-            make_anew()
+            rebuild_instructions()
         )
     } else if model.is_external() {
         "narrow the prior, or fix a parameter that the data do not determine: the surrogate of the external program is then more accurate".into()
     } else {
-        format!("{}; if that changes nothing, narrow the prior", make_anew())
+        format!("{}; if that changes nothing, narrow the prior", rebuild_instructions())
     };
     is_inaccurate.then(|| Warning {
         kind: WarningKind::SurrogateInaccurate,
@@ -143,12 +143,12 @@ pub fn check_warning(check: &Verification) -> Option<Warning> {
             "the reduced model differs from full finite elements of this apparatus by {} % of the amplitude",
             format_significant(100.0 * check.relative_error, 2)
         ),
-        advice: make_anew(),
+        advice: rebuild_instructions(),
     })
 }
 
 /// Instruction to the user for rebuilding a reduced model.
-fn make_anew() -> String {
+fn rebuild_instructions() -> String {
     format!(
         "rebuild the reduced model: {}; delete `{SURROGATE_NAME}` in the study's revisions, too",
         cache::cache_instructions()

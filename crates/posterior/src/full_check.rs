@@ -122,7 +122,7 @@ pub fn check(prepared: &PreparedModel, draws: &[NaturalDraw]) -> Result<FullChec
     let mean_m = mean_trajectory(&trajectories_m, None);
     let (extreme_row, amplitude_m) =
         mean_m.iter().enumerate().fold((0, 0.0), |(row, a), (i, x)| if x.abs() > a { (i, x.abs()) } else { (row, a) });
-    let middle = middle_draw(&trajectories_m, extreme_row);
+    let middle = median_draw(&trajectories_m, extreme_row);
     let compared: Vec<usize> = if is_slow {
         let others = (0..draws.len()).filter(|draw| *draw != middle);
         std::iter::once(middle).chain(others).take(N_SLOW_DRAWS).collect()
@@ -198,7 +198,7 @@ fn largest_distance_m(some_m: &[Vec<f64>], others_m: &[Vec<f64>]) -> f64 {
 }
 
 /// Index of the draw whose position at this row is the median of all draws.
-fn middle_draw(trajectories_m: &[Vec<f64>], row: usize) -> usize {
+fn median_draw(trajectories_m: &[Vec<f64>], row: usize) -> usize {
     let mut order: Vec<usize> = (0..trajectories_m.len()).collect();
     order.sort_by(|a, b| trajectories_m[*a][row].total_cmp(&trajectories_m[*b][row]));
     order[order.len() / 2]

@@ -227,7 +227,7 @@ struct Recording {
 
 impl Recording {
     /// Mean square (m²) of the removed part of the residuals.
-    fn taken_m2(&self) -> f64 {
+    fn removed_mean_square_m2(&self) -> f64 {
         let taken = self.left_m.iter().zip(&self.without_gain_m).map(|(all, left)| (all - left).powi(2));
         taken.sum::<f64>() / self.left_m.len().max(1) as f64
     }
@@ -245,7 +245,7 @@ impl Residuals<'_> {
             let mut without_gain_m = left_m.clone();
             if has_own_gain {
                 let position_m: Vec<f64> = there.iter().map(|row| self.position_m[*row]).collect();
-                take_out(&mut without_gain_m, vec![vec![1.0; there.len()], position_m]);
+                project_out(&mut without_gain_m, vec![vec![1.0; there.len()], position_m]);
             }
             (!there.is_empty()).then_some(Recording { left_m, without_gain_m, has_own_gain })
         };
@@ -258,10 +258,14 @@ impl Residuals<'_> {
         if self.gains != GainKnowledge::Learnt {
             return self.gains == GainKnowledge::Declared;
         }
-        let taken_m2 = |rows: &[Option<f64>]| -> Vec<f64> {
-            self.recordings(rows).iter().filter(|recording| recording.has_own_gain).map(Recording::taken_m2).collect()
+        let removed_mean_square_m2 = |rows: &[Option<f64>]| -> Vec<f64> {
+            self.recordings(rows)
+                .iter()
+                .filter(|recording| recording.has_own_gain)
+                .map(Recording::removed_mean_square_m2)
+                .collect()
         };
-        let (fitted, heldout) = (taken_m2(self.fitted_m), taken_m2(self.heldout_m));
+        let (fitted, heldout) = (removed_mean_square_m2(self.fitted_m), removed_mean_square_m2(self.heldout_m));
         if heldout.is_empty() || fitted.len() < 2 {
             return false;
         }
@@ -371,7 +375,7 @@ impl RecurringPart {
             if remainder.gains != GainKnowledge::None {
                 nuisance.push(cycle.rows.iter().map(|row| remainder.position_m[*row]).collect());
             }
-            take_out(&mut of_cycle, nuisance);
+            project_out(&mut of_cycle, nuisance);
             squares_m2 += of_cycle.iter().map(|left| left * left).sum::<f64>();
             n_rows += of_cycle.len();
             coefficients.push(fourier(&of_cycle, &cycle.phase, n_harmonics));
@@ -457,7 +461,7 @@ fn has_same_force(record: &Record, rows: &Range<usize>, other: &Range<usize>) ->
 }
 
 /// Subtracts from `values` the least-squares combination of the columns that fits them best.
-fn take_out(values: &mut [f64], columns: Vec<Vec<f64>>) {
+fn project_out(values: &mut [f64], columns: Vec<Vec<f64>>) {
     let mut basis: Vec<Vec<f64>> = Vec::with_capacity(columns.len());
     for mut column in columns {
         let whole = dot(&column, &column);
@@ -482,7 +486,7 @@ fn take_out(values: &mut [f64], columns: Vec<Vec<f64>>) {
 fn absorb(left_m: &mut [Option<f64>], columns_m: &[Vec<f64>]) {
     let rows: Vec<usize> = (0..left_m.len()).filter(|row| left_m[*row].is_some()).collect();
     let mut values: Vec<f64> = left_m.iter().flatten().copied().collect();
-    take_out(&mut values, columns_m.iter().map(|column| rows.iter().map(|row| column[*row]).collect()).collect());
+    project_out(&mut values, columns_m.iter().map(|column| rows.iter().map(|row| column[*row]).collect()).collect());
     rows.iter().zip(values).for_each(|(row, value)| left_m[*row] = Some(value));
 }
 

@@ -180,7 +180,7 @@ impl Problem {
 
     /// Range of a parameter in which the surrogate of an external program was trained; `None` without a program or before the training.
     pub fn learnt_range(&self, name: &str) -> Option<&TrainedRange> {
-        let trained = &self.outside()?.learnt_in()?.trained;
+        let trained = &self.outside()?.trained_box()?.trained;
         trained.iter().find(|range| range.name == name && range.lower < range.upper)
     }
 
@@ -253,7 +253,7 @@ fn refuse_without_mesh(model: &Model, mechanics: &Mechanics) -> Result<()> {
     let fe = match mechanics {
         Mechanics::FiniteElements(fe) => fe,
         Mechanics::Instrument { .. } => return Ok(()),
-        Mechanics::External(outside) => return refuse_loads_unheeded(model, outside),
+        Mechanics::External(outside) => return refuse_unsupported_loads(model, outside),
     };
     match model.field().and_then(|(slug, field)| Some((slug, field.lacks(&fe.surroundings())?))) {
         None => Ok(()),
@@ -281,7 +281,7 @@ fn refuse_without_density(model: &Model, experiment: &Experiment) -> Result<()> 
 }
 
 /// Refuses effects that change the load if the external program predicts only under the record's own force.
-fn refuse_loads_unheeded(model: &Model, outside: &ExternalModel) -> Result<()> {
+fn refuse_unsupported_loads(model: &Model, outside: &ExternalModel) -> Result<()> {
     let load = model.effects().iter().find(|effect| effect.stage() == Stage::Load);
     match (load, outside.force_refusal()) {
         (Some(effect), Some(reason)) => Err(Error::input(

@@ -16,7 +16,7 @@ use super::trajectory::Trajectory;
 use base::error::{Error, InputPlace, Result};
 
 /// Fraction of the largest force above which the tip is certainly in contact. In earlier rows the tip may be free.
-const SURE_OF_CONTACT: f64 = 0.05;
+const CERTAIN_CONTACT_FRACTION: f64 = 0.05;
 /// Fraction of the rows before the certain contact from which the force on a free tip is estimated. In the rest of these rows the tip may already
 /// touch.
 const FREE_PART: f64 = 0.8;
@@ -131,7 +131,7 @@ const LOST_REMEDY: &str = "give the positions of the tip while it is pressed in"
 fn free_force(time_s: &[f64], force_n: &[f64]) -> Option<FreeForce> {
     let first_n = median(force_n.iter().take(MIN_FREE_ROWS).copied().collect())?;
     let largest_n = force_n.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    let sure = force_n.iter().position(|force| force - first_n > SURE_OF_CONTACT * (largest_n - first_n))?;
+    let sure = force_n.iter().position(|force| force - first_n > CERTAIN_CONTACT_FRACTION * (largest_n - first_n))?;
     let n_free = (FREE_PART * sure as f64) as usize;
     if n_free < MIN_FREE_ROWS {
         return None;
@@ -140,7 +140,7 @@ fn free_force(time_s: &[f64], force_n: &[f64]) -> Option<FreeForce> {
     let sd_n = SD_PER_MAD / 2.0_f64.sqrt() * median(steps)?;
     let line = MotionLine::through(time_s.iter().copied().zip(force_n.iter().copied()).take(n_free));
     let drift_n = line.slope_per_s.abs() * (time_s[sure] - time_s[0]);
-    if drift_n > FREE_DRIFT * SURE_OF_CONTACT * (largest_n - first_n) {
+    if drift_n > FREE_DRIFT * CERTAIN_CONTACT_FRACTION * (largest_n - first_n) {
         return None;
     }
     let mean_error_n = sd_n / (N_MEAN as f64).sqrt();

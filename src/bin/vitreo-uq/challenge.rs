@@ -20,7 +20,7 @@ use vitreo_uq::validation::challenge::files::{self, ChallengeCase, OpenedChallen
 use vitreo_uq::validation::challenge::play::HiddenKind;
 use vitreo_uq::validation::challenge::plays::{self, PlaysRequest};
 use vitreo_uq::validation::challenge::{
-    Bench, DisturbanceKind, HiddenThing, NoiseKind, Protocol, Strength, TruthRequest, draw_pair, hideable_effects,
+    Bench, DisturbanceKind, HiddenPhysics, NoiseKind, Protocol, Strength, TruthRequest, draw_pair, hideable_effects,
 };
 
 use crate::challenge_words::{format_new_challenges, format_plays, format_truth};
@@ -200,7 +200,7 @@ fn make(arguments: &NewArguments) -> Result<ExitCode> {
     let orders: Vec<TruthRequest> =
         (0..arguments.count).map(|number| challenge_order(arguments, seed_of(seed, number))).collect::<Result<_>>()?;
     let needed = orders.iter().flat_map(|order| match &order.hidden {
-        HiddenThing::Effects(slugs) => &slugs[..],
+        HiddenPhysics::Effects(slugs) => &slugs[..],
         _ => &[],
     });
     let needed: Vec<String> = needed.cloned().collect();
@@ -272,16 +272,16 @@ fn strength(text: Option<&str>, stream: &mut RandomStream) -> Result<Strength> {
     }
 }
 
-fn hidden(arguments: &NewArguments, protocol: Protocol, stream: &mut RandomStream) -> Result<HiddenThing> {
+fn hidden(arguments: &NewArguments, protocol: Protocol, stream: &mut RandomStream) -> Result<HiddenPhysics> {
     let suited: Vec<DisturbanceKind> = DisturbanceKind::DRAWN.into_iter().filter(|kind| kind.suits(protocol)).collect();
     let library = Library::default();
     let slugs = hideable_effects(&library);
     if let Some(slug) = &arguments.effect {
-        return Ok(HiddenThing::Effects(vec![slug.clone()]));
+        return Ok(HiddenPhysics::Effects(vec![slug.clone()]));
     }
     if !arguments.pair.is_empty() {
         return match arguments.pair.as_slice() {
-            [a, b] if a != b => Ok(HiddenThing::Effects(vec![a.clone(), b.clone()])),
+            [a, b] if a != b => Ok(HiddenPhysics::Effects(vec![a.clone(), b.clone()])),
             _ => Err(Error::input(
                 InputPlace::setting(Setting::Pair),
                 arguments.pair.join(","),
@@ -290,21 +290,21 @@ fn hidden(arguments: &NewArguments, protocol: Protocol, stream: &mut RandomStrea
         };
     }
     if let Some(Some(kind)) = &arguments.outside {
-        return Ok(HiddenThing::Outside(named("--outside", kind, &DisturbanceKind::all(), DisturbanceKind::name)?));
+        return Ok(HiddenPhysics::Outside(named("--outside", kind, &DisturbanceKind::all(), DisturbanceKind::name)?));
     }
     let choice = stream.unit();
     if arguments.none || (arguments.outside.is_none() && choice < 0.15) {
-        return Ok(HiddenThing::Nothing);
+        return Ok(HiddenPhysics::Nothing);
     }
     if arguments.outside.is_some() || choice < 0.3 {
-        return Ok(HiddenThing::Outside(suited[stream.below(suited.len())]));
+        return Ok(HiddenPhysics::Outside(suited[stream.below(suited.len())]));
     }
     if choice < 0.45 {
-        return draw_pair(&library, &slugs, stream).map(|pair| HiddenThing::Effects(pair.to_vec()));
+        return draw_pair(&library, &slugs, stream).map(|pair| HiddenPhysics::Effects(pair.to_vec()));
     }
     // The second effect is drawn but not used, so that each seed continues to give the same challenge.
     let (single, _) = stream.distinct_pair(slugs.len());
-    Ok(HiddenThing::Effects(vec![slugs[single].clone()]))
+    Ok(HiddenPhysics::Effects(vec![slugs[single].clone()]))
 }
 
 fn reveal(arguments: &RevealArguments) -> Result<ExitCode> {

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use vitreo_uq::documents::diagnosis::Diagnosis;
-use vitreo_uq::figures::page::PlaysPage;
+use vitreo_uq::figures::page::ChallengeResultsPage;
 use vitreo_uq::validation::challenge::files::OpenedChallenge;
 use vitreo_uq::validation::challenge::play::Play;
 use vitreo_uq::validation::challenge::tally::{Group, Tally};
@@ -213,11 +213,11 @@ pub fn format_plays(tally: &Tally) -> String {
 }
 
 /// The results of a run of challenges as tables for an HTML page.
-pub fn plays_page(tally: &Tally) -> PlaysPage {
+pub fn plays_page(tally: &Tally) -> ChallengeResultsPage {
     let hidden =
         verdict_rows(tally).into_iter().map(|(truth, total, said)| vec![truth.into(), total.to_string(), said]);
     let rates = rates(tally).into_iter().map(|(what, rate)| vec![what.trim().into(), rate]);
-    PlaysPage {
+    ChallengeResultsPage {
         played: tally.played,
         failed: tally.failed,
         verdicts: hidden.collect(),

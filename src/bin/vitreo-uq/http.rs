@@ -128,18 +128,18 @@ impl Connection {
     }
 
     /// Records that the complete request has arrived. The program has to act next.
-    pub fn has_whole_request(&self) {
+    pub fn mark_request_complete(&self) {
         self.state.pass_to(NextActor::Program);
     }
 
     /// Records that the response is an event stream. If there are too many streams, the oldest one ends.
-    pub fn becomes_stream(&self) {
+    pub fn mark_as_stream(&self) {
         self.state.pass_to(NextActor::Stream { since: Instant::now() });
         self.all.keep_streams();
     }
 
     /// Records that a response is complete. The peer has to read it next.
-    fn is_answered(&self) {
+    fn mark_answered(&self) {
         if self.state.turn() == NextActor::Program {
             self.give_time(NEXT_HEAD);
         }
@@ -253,7 +253,7 @@ async fn answer(stream: TcpStream, connection: Connection, app: Router) {
         let (response, connection) = (app.call(request), connection.clone());
         async move {
             let response = response.await;
-            connection.is_answered();
+            connection.mark_answered();
             response
         }
     });
@@ -281,7 +281,7 @@ pub async fn whole_body(Extension(connection): Extension<Connection>, request: R
     let (parts, body) = request.into_parts();
     match Request::from_parts(parts.clone(), body).extract::<Bytes, _>().await {
         Ok(bytes) => {
-            connection.has_whole_request();
+            connection.mark_request_complete();
             next.run(Request::from_parts(parts, Body::from(bytes))).await
         }
         Err(rejection) => rejection.into_response(),
@@ -367,7 +367,7 @@ mod tests {
         of_b.give_time(Duration::ZERO);
         let of_a: Vec<Connection> = (0..MOST_OF_PEER).map(|_| all.place_for(A).unwrap()).collect();
         of_a.iter().for_each(|connection| connection.give_time(BODY));
-        of_a[0].has_whole_request();
+        of_a[0].mark_request_complete();
         of_a[7].give_time(Duration::from_secs(1));
         assert!(all.place_for(A).is_some());
         let closed: Vec<usize> = (0..of_a.len()).filter(|index| !is_open(&of_a[*index])).collect();
@@ -378,9 +378,9 @@ mod tests {
     fn requests_that_are_being_answered_keep_their_places() {
         let all = Arc::new(Connections::default());
         let of_a: Vec<Connection> = (0..MOST_OF_PEER).map(|_| all.place_for(A).unwrap()).collect();
-        of_a.iter().for_each(Connection::has_whole_request);
+        of_a.iter().for_each(Connection::mark_request_complete);
         assert!(all.place_for(A).is_none() && all.place_for(B).is_some() && of_a.iter().all(is_open));
-        of_a[3].is_answered();
+        of_a[3].mark_answered();
         assert!(all.place_for(A).is_some() && !is_open(&of_a[3]));
     }
 
@@ -388,7 +388,7 @@ mod tests {
     fn event_streams_take_no_place_and_the_oldest_of_too_many_ends() {
         let all = Arc::new(Connections::default());
         let streams: Vec<Connection> = (0..=MOST_STREAMS).map(|_| all.place_for(A).unwrap()).collect();
-        streams.iter().for_each(Connection::becomes_stream);
+        streams.iter().for_each(Connection::mark_as_stream);
         assert!(!is_open(&streams[0]) && streams[1..].iter().all(is_open));
         let of_a: Vec<Connection> = (0..MOST_OF_PEER).map(|_| all.place_for(A).unwrap()).collect();
         assert!(of_a.iter().all(is_open) && streams[1..].iter().all(is_open));

@@ -84,7 +84,7 @@ pub fn is_signalled() -> bool {
 
 /// Sets the process group that a signal ends before it ends this program. `process` is the first process of the group. Call this function with 0 after the
 /// group has ended.
-pub fn owns_group(process: u32) {
+pub fn set_child_group(process: u32) {
     CHILDREN.store(process, Ordering::SeqCst);
 }
 

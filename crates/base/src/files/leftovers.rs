@@ -16,7 +16,7 @@ const MARK: &str = ".partial-";
 const OLD: Duration = Duration::from_secs(24 * 3600);
 
 /// Folders whose leftovers this process has already removed. Each folder is cleaned once.
-static SWEPT: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+static CLEANED_FOLDERS: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 
 /// Prefix of the hidden name under which this process writes the file `name`.
 pub(super) fn prefix(name: &str) -> String {
@@ -33,7 +33,7 @@ pub(super) fn mark_alive(file: &File) {
 /// Removes incomplete files and directories of ended processes from a folder. Failures are ignored, because leftovers are harmless.
 pub fn remove_stale_files(folder: &Path) {
     let full = folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf());
-    if !SWEPT.lock().unwrap_or_else(PoisonError::into_inner).insert(full) {
+    if !CLEANED_FOLDERS.lock().unwrap_or_else(PoisonError::into_inner).insert(full) {
         return;
     }
     let Ok(held) = enclosed::folder(folder) else { return };

@@ -5,11 +5,11 @@ use rayon::prelude::*;
 
 use super::class::rivals;
 use super::compare::{compare_groups, fine_laws};
-use super::judge::{EffectGain, Judged, search_effects};
+use super::judge::{EffectGain, EffectSearch, search_effects};
 use super::law::Nodes;
 use super::likelihood::SizeLikelihood;
 use criticism::criteria::Criteria;
-use criticism::sketch::{EffectProbe, RecordScores, ScoreSet, SignatureScore};
+use criticism::sketch::{EffectSignature, RecordScores, ScoreSet, SignatureScore};
 use documents::groups::RatioVerdict;
 use posterior::monitor::SilentMonitor;
 use sampling::ensemble::RandomStream;
@@ -63,14 +63,24 @@ fn cohort_with(last: f64, shifts: &[[f64; 2]], twin: f64, n_simulations: usize, 
     let cosines = cosines(twin);
     let root = cosines.clone().cholesky().expect("positive definite").l();
     let mut first = 0;
-    let asked: Vec<EffectProbe> = EFFECTS
+    let asked: Vec<EffectSignature> = EFFECTS
         .iter()
         .map(|(slug, n, has_both)| {
             let readings = first..first + n;
             first += n;
             let reach = [if *has_both { 1e9 } else { 0.0 }, 1e9];
             let (unit, power, null) = (1.0, 1.0, 0.0);
-            EffectProbe { slug, parameter: "x", refused: None, readings, unit, power, reach, null, is_downwards: false }
+            EffectSignature {
+                slug,
+                parameter: "x",
+                refused: None,
+                readings,
+                unit,
+                power,
+                reach,
+                null,
+                is_downwards: false,
+            }
         })
         .collect();
     let record = |(number, shifts): (usize, &[f64; 2])| {
@@ -93,7 +103,7 @@ fn cohort_with(last: f64, shifts: &[[f64; 2]], twin: f64, n_simulations: usize, 
     shifts.iter().enumerate().map(record).collect()
 }
 
-fn leading(judged: &Judged) -> usize {
+fn leading(judged: &EffectSearch) -> usize {
     let gain = |k: usize| judged.effects[k].best.gain_nats;
     (0..judged.effects.len()).max_by(|a, b| gain(*a).total_cmp(&gain(*b))).expect("effects")
 }

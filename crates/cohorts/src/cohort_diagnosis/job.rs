@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::apparatus::Apparatuses;
 use super::class::rivals;
 use super::compare::{GroupComparison, GroupSizes, compare_groups, fine_laws, group_sizes};
-use super::judge::{EffectGain, Judged, N_COHORTS, search_effects};
+use super::judge::{EffectGain, EffectSearch, N_COHORTS, search_effects};
 use super::law::{LikelihoodRatios, Nodes, Sides, SizeLawGrid};
 use super::likelihood::SizeLikelihood;
 use super::refit::{SizeFit, SizedPrediction, fit_size, gain_nats, law_of, predict_at_cohort_size};
@@ -17,7 +17,7 @@ use crate::design::Labels;
 use base::error::{Error, InputPlace, Result};
 use criticism::Subject;
 use criticism::criteria::Criteria;
-use criticism::sketch::{BaseFit, RecordScores, SignatureScore, fit_all_cycles, sketch};
+use criticism::sketch::{BaseFit, RecordScores, SignatureScore, sketch, with_all_cycles_fitted};
 use criticism::verdict::{
     Addition, ClaimProposal, EffectEvidence, Evidence, Residual, ResidualTest, Verdict, decide_verdict,
 };
@@ -135,7 +135,7 @@ struct DiagnosisState<'a> {
     request: &'a CohortRequest,
     said: &'a [RecordScores],
     based: &'a [BaseFit],
-    judged: &'a Judged,
+    judged: &'a EffectSearch,
     claim: Option<Claim>,
 }
 
@@ -167,7 +167,7 @@ impl Claim {
             predicted.map_err(|error| found.measurements[number].with_name(error))
         };
         let predicted = (0..said.len()).into_par_iter().map(predict).collect::<Result<_>>()?;
-        let all = Fits::new(found, gained, &|number| fit_all_cycles(&subject(number)?), |said| &said.whole)?;
+        let all = Fits::new(found, gained, &|number| with_all_cycles_fitted(&subject(number)?), |said| &said.whole)?;
         let groups = found.groups();
         let of_group = |(_, members): &(String, Vec<usize>)| members.iter().map(|number| &all.nodes[*number]).collect();
         let each_group: Vec<Vec<&Nodes>> = groups.iter().map(of_group).collect();

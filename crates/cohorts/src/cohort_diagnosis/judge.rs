@@ -36,14 +36,14 @@ pub struct EffectGain {
 }
 
 /// Result of the search over all effects.
-pub struct Judged {
+pub struct EffectSearch {
     /// Effects that at least one record can show, in the order of the library.
     pub effects: Vec<EffectGain>,
     /// Largest gain (nats) over all effects in each simulated cohort without an effect, on the fitted and the last cycles together. Ascending.
     pub largest_by_chance: Vec<f64>,
 }
 
-impl Judged {
+impl EffectSearch {
     /// Gain (nats) on the fitted and the last cycles together that only 5 of 100 simulated cohorts without an effect reach.
     pub fn threshold(&self) -> f64 {
         self.largest_by_chance.get(self.largest_by_chance.len() * 95 / 100).copied().unwrap_or(f64::INFINITY)
@@ -51,7 +51,7 @@ impl Judged {
 }
 
 /// Computes the gain in log likelihood by each effect, and compares the gain with those in cohorts simulated without an effect.
-pub fn search_effects(records: &[RecordScores], seed: u64, monitor: &dyn Monitor) -> Judged {
+pub fn search_effects(records: &[RecordScores], seed: u64, monitor: &dyn Monitor) -> EffectSearch {
     let n_effects = records.first().map_or(0, |record| record.effects.len());
     let scans: Vec<(usize, EffectScan)> =
         (0..n_effects).filter_map(|effect| Some((effect, EffectScan::new(records, effect)?))).collect();
@@ -64,10 +64,10 @@ pub fn search_effects(records: &[RecordScores], seed: u64, monitor: &dyn Monitor
         counter.add_one();
         (*effect, *shape, found)
     };
-    let found: Vec<(usize, ShapeIndex, OfShape)> = jobs.par_iter().map(of_job).collect();
+    let found: Vec<(usize, ShapeIndex, ShapeGains)> = jobs.par_iter().map(of_job).collect();
     let mut largest = vec![0.0_f64; picks.len()];
     for (effect, _) in &scans {
-        let of_effect: Vec<&OfShape> =
+        let of_effect: Vec<&ShapeGains> =
             found.iter().filter(|(of, ..)| of == effect).map(|(.., of_shape)| of_shape).collect();
         for (cohort, largest) in largest.iter_mut().enumerate() {
             let best = of_effect.iter().map(|of_shape| of_shape.by_chance[cohort]).reduce(BestGain::larger);
@@ -95,7 +95,7 @@ pub fn search_effects(records: &[RecordScores], seed: u64, monitor: &dyn Monitor
         })
     };
     let effects = scans.iter().filter_map(gained).collect();
-    Judged { effects, largest_by_chance: largest }
+    EffectSearch { effects, largest_by_chance: largest }
 }
 
 /// For each simulated cohort, one index per record: that of the simulated record which replaces the measured record.
@@ -109,13 +109,13 @@ fn picks(records: &[RecordScores], seed: u64) -> Vec<Vec<usize>> {
 }
 
 /// Gains of one effect in the measured and the simulated cohorts, at one grid point of its parameters that are unidentified at the null.
-struct OfShape {
+struct ShapeGains {
     best: BestGain,
     of_records: Vec<f64>,
     by_chance: Vec<BestGain>,
 }
 
-fn of_shape(records: &[RecordScores], scan: &EffectScan, shape: ShapeIndex, picks: &[Vec<usize>]) -> OfShape {
+fn of_shape(records: &[RecordScores], scan: &EffectScan, shape: ShapeIndex, picks: &[Vec<usize>]) -> ShapeGains {
     let ratios_of_records: Vec<RecordRatios> =
         records.iter().enumerate().map(|(k, record)| scan.record_ratios(k, &record.told, shape)).collect();
     let best = scan.best(&ratios_of_records.iter().collect::<Vec<_>>());
@@ -132,5 +132,5 @@ fn of_shape(records: &[RecordScores], scan: &EffectScan, shape: ShapeIndex, pick
         let taken: Vec<&RecordRatios> = picks.iter().zip(&by_chance).map(|(pick, ratios)| &ratios[*pick]).collect();
         scan.best(&taken)
     };
-    OfShape { best, of_records, by_chance: picks.par_iter().map(cohort).collect() }
+    ShapeGains { best, of_records, by_chance: picks.par_iter().map(cohort).collect() }
 }

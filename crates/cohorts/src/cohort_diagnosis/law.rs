@@ -24,7 +24,7 @@ const LONGEST_RANGE: f64 = 12.0;
 /// Largest distance of a size from the median size, in standard deviations of the size's logarithm. Sizes beyond this distance are left out.
 const REACH_SD: f64 = 2.5;
 /// Number of specimens whose likelihood factors are multiplied before a logarithm is taken, which saves time.
-const FACTORS_A_LOGARITHM: usize = 4;
+const FACTORS_PER_LOGARITHM: usize = 4;
 
 /// Side of the effect's null (where the effect vanishes) on which the sizes lie.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -297,7 +297,7 @@ fn weights(sd: f64, step: f64) -> Vec<f64> {
 /// Gain in log likelihood (nats) of a size law: the sum Σ ln(1 − π + π r) over specimens. Here r is a specimen's likelihood ratio, and π is `share`.
 fn gain(specimens: &[&LikelihoodRatios], law: usize, share: f64) -> f64 {
     let factor = |ratios: &&LikelihoodRatios| 1.0 - share + share * ratios[law];
-    specimens.chunks(FACTORS_A_LOGARITHM).map(|few| few.iter().map(factor).product::<f64>().ln()).sum()
+    specimens.chunks(FACTORS_PER_LOGARITHM).map(|few| few.iter().map(factor).product::<f64>().ln()).sum()
 }
 
 #[cfg(test)]

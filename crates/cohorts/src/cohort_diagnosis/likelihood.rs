@@ -4,7 +4,7 @@ use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
 use statrs::function::erf::erfc;
 
-use criticism::sketch::{EffectProbe, SignatureScore};
+use criticism::sketch::{EffectSignature, SignatureScore};
 
 /// Upper limit of a log likelihood ratio, with which products of several ratios stay finite. Larger values would not change a result.
 pub const LARGEST_LOG_RATIO: f64 = 170.0;
@@ -43,7 +43,7 @@ pub enum Side {
 
 impl SizeLikelihood {
     /// Makes the first-order likelihood from the score of the effect's signature in one record.
-    pub fn of(asked: &EffectProbe, reading: SignatureScore) -> Self {
+    pub fn of(asked: &EffectSignature, reading: SignatureScore) -> Self {
         let SignatureScore { z, norm } = reading;
         Self { height: 0.5 * z * z, z, norm, unit: asked.unit, power: asked.power, reach: asked.reach }
     }

@@ -4,7 +4,7 @@ use super::law::{Nodes, Place, SizeLawGrid};
 use super::likelihood::SizeLikelihood;
 use base::error::Result;
 use criticism::predicted::allowed_noise_um;
-use criticism::sketch::{BaseFit, EffectProbe};
+use criticism::sketch::{BaseFit, EffectSignature};
 use criticism::{Candidate, Fitted, Search, Subject, Tangent};
 
 /// Smallest gain in log likelihood (nats) with which a fitted size replaces the first-order likelihood. With a smaller gain, the size may be at its null,
@@ -31,7 +31,7 @@ impl BaseAndEffectFit {
     ///
     /// # Errors
     /// Errors of [`Subject::extended`].
-    fn new(subject: &Subject, record: &BaseFit, asked: &EffectProbe) -> Result<Option<Self>> {
+    fn new(subject: &Subject, record: &BaseFit, asked: &EffectSignature) -> Result<Option<Self>> {
         if asked.refused.is_some() {
             return Ok(None);
         }
@@ -53,7 +53,7 @@ impl BaseAndEffectFit {
 ///
 /// # Errors
 /// Errors of [`Subject::extended`].
-pub fn gain_nats(subject: &Subject, record: &BaseFit, asked: &EffectProbe) -> Result<Option<f64>> {
+pub fn gain_nats(subject: &Subject, record: &BaseFit, asked: &EffectSignature) -> Result<Option<f64>> {
     Ok(BaseAndEffectFit::new(subject, record, asked)?.map(|both| both.gain_nats()))
 }
 
@@ -61,7 +61,7 @@ pub fn gain_nats(subject: &Subject, record: &BaseFit, asked: &EffectProbe) -> Re
 ///
 /// # Errors
 /// Errors of building the model. It is no error if the effect cannot be added.
-pub fn fit_size(subject: &Subject, record: &BaseFit, asked: &EffectProbe) -> Result<SizeFit> {
+pub fn fit_size(subject: &Subject, record: &BaseFit, asked: &EffectSignature) -> Result<SizeFit> {
     let none = SizeFit { likelihood: None, start: None };
     let Some(both) = BaseAndEffectFit::new(subject, record, asked)? else { return Ok(none) };
     let (gain, BaseAndEffectFit { candidate, fitted, .. }) = (both.gain_nats(), both);
@@ -102,7 +102,7 @@ pub struct SizedPrediction {
 pub fn predict_at_cohort_size(
     subject: &Subject,
     record: &BaseFit,
-    (asked, sized): (&EffectProbe, &SizeFit),
+    (asked, sized): (&EffectSignature, &SizeFit),
     (laws, nodes, place): (&SizeLawGrid, &Nodes, Place),
 ) -> Result<SizedPrediction> {
     let (has, sizes) = laws.specimen_posterior(nodes, place);

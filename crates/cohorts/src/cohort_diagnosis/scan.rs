@@ -2,7 +2,7 @@
 
 use super::law::{COARSE, LikelihoodRatios, Nodes, Place, SizeLawGrid, averaged};
 use super::likelihood::SizeLikelihood;
-use criticism::sketch::{EffectProbe, RecordScores, ScoreSet, SignatureScore};
+use criticism::sketch::{EffectSignature, RecordScores, ScoreSet, SignatureScore};
 
 /// One effect in all records of a cohort, with a grid of distributions of the effect's sizes (size laws).
 pub struct EffectScan<'a> {
@@ -36,7 +36,7 @@ impl<'a> EffectScan<'a> {
     }
 
     /// Properties of the effect in one record: the indices of its signature scores, and the unit and range of its size.
-    pub fn request(&self, record: usize) -> &EffectProbe {
+    pub fn request(&self, record: usize) -> &EffectSignature {
         &self.records[record].effects[self.effect]
     }
 
@@ -126,7 +126,7 @@ impl BestGain {
 
 /// First-order likelihood of an effect's size at one grid point of its parameters that are unidentified at the null. A record without this grid point has
 /// no information.
-fn likelihood(asked: &EffectProbe, readings: &[SignatureScore], point: usize) -> SizeLikelihood {
+fn likelihood(asked: &EffectSignature, readings: &[SignatureScore], point: usize) -> SizeLikelihood {
     let place = asked.readings.start + point;
     let reading = if place < asked.readings.end { readings[place] } else { SignatureScore { z: 0.0, norm: 0.0 } };
     SizeLikelihood::of(asked, reading)

@@ -12,7 +12,7 @@ use posterior::noise::NoiseLikelihood;
 use posterior::whiteness::{ljung_box, runs};
 
 /// Largest fraction of its gain that an explained finding keeps once the bias of another finding (its source) is in the model.
-const SHARE_OF_ECHO: f64 = 0.5;
+const EXPLAINED_FRACTION: f64 = 0.5;
 /// Fraction of the largest gain above which the primary test (correlation of residuals with force changes) leads.
 const SHARE_OF_PRIMARY: f64 = 0.5;
 
@@ -63,10 +63,10 @@ pub fn order_findings(
     order.sort_by(|a, b| class(a).cmp(&class(b)).then(strength(b).total_cmp(&strength(a))));
     let (mut sources, mut echoes): (Vec<RankedFinding>, Vec<RankedFinding>) = (Vec::new(), Vec::new());
     for look in order {
-        let least = significance.critical[look].max(SHARE_OF_ECHO * gains[look]);
+        let least = significance.critical[look].max(EXPLAINED_FRACTION * gains[look]);
         let mut echo_of = None;
         for source in sources.iter().filter(|source| !is_whiteness(&source.statistic)) {
-            if shown.left_beside(look, source.statistic)? < least {
+            if shown.remaining_gain(look, source.statistic)? < least {
                 echo_of = Some(source.statistic);
                 break;
             }
@@ -80,7 +80,7 @@ pub fn order_findings(
 
 impl RecordResults<'_> {
     /// Returns the remaining gain (nats) of the test `look` once the columns of the panel `source` are in the model.
-    fn left_beside(&self, look: usize, source: usize) -> Result<f64> {
+    fn remaining_gain(&self, look: usize, source: usize) -> Result<f64> {
         let there = &self.looks.panel_fits[source];
         let Some(columns) = self.columns.get(look) else {
             let whitened = self.linear.whitened(self.likelihood, self.residual_m, there);

@@ -14,7 +14,7 @@ mod sentences;
 
 use crate::NoiseValues;
 use calibration::{Significance, TestStatistics, calibrate_significance, run_tests};
-use documents::comparison::{ColumnBias, Comparison, LeftOutEntry, TestEntry};
+use documents::comparison::{ColumnBias, Comparison, InapplicableTest, TestEntry};
 use documents::errors::ModelErrors;
 use explained_findings::RecordResults;
 use linear::Linear;
@@ -128,7 +128,7 @@ pub fn compare_model(
         panels: entries,
         left_out: left_out
             .into_iter()
-            .map(|left| LeftOutEntry { place: left.place.into(), reason: left.reason.into() })
+            .map(|left| InapplicableTest { place: left.place.into(), reason: left.reason.into() })
             .collect(),
         simulated_records: n_simulations,
     };

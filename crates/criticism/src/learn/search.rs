@@ -147,7 +147,7 @@ impl PairSearch {
         let shows = |learnt: &&PairFit| {
             let changes = learnt.fitted.position_m.iter().zip(&self.base.fitted.position_m);
             let largest_m = changes.fold(0.0_f64, |largest, (a, b)| largest.max((a - b).abs()));
-            largest_m >= SMALLEST_CHANGE * self.subject.yardstick_m()
+            largest_m >= SMALLEST_CHANGE * self.subject.reference_noise_m()
         };
         let Some(leading) = self.learnt.first() else {
             let is_outside = self.subject.problem().outside().is_some();
@@ -226,7 +226,7 @@ impl PairSearch {
     pub fn explained(&self, fitted: &Fitted) -> Option<f64> {
         let is_scored = self.subject.scored_m.iter().any(Option::is_some);
         let rows = if is_scored { &self.subject.scored_m } else { &self.subject.fitted_m };
-        let noise = self.subject.yardstick_m().powi(2);
+        let noise = self.subject.reference_noise_m().powi(2);
         let [before, after] =
             [&self.base.fitted, fitted].map(|fitted| fitted.rmse_m(rows).map(|rmse| (rmse * rmse - noise).max(0.0)));
         let (before, after) = (before?, after?);
@@ -242,7 +242,7 @@ impl PairSearch {
             return (chosen, None);
         };
         // If even the function's residual exceeds the noise, the excess is model error that is correlated between rows. Each nat then counts correspondingly less.
-        let left = (1e-6 * function.noise[0] / subject.yardstick_m()).powi(2).max(1.0);
+        let left = (1e-6 * function.noise[0] / subject.reference_noise_m()).powi(2).max(1.0);
         let gain = of_function.all - of_base.all;
         let least = of_function.all - FORMULA_LOSS_NATS * left - FORMULA_LOSS * gain;
         let is_within = |other: &&PairFit| other.evidence_nats > chosen.evidence_nats - SIMPLER_WITHIN_NATS;

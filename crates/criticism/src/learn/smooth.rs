@@ -90,7 +90,7 @@ pub struct Smooth {
     from: f64,
     width: f64,
     /// Scale s₀ of the transformation arsinh(s/s₀) of a state s; `None` if the state is not transformed.
-    bent_at: Option<f64>,
+    arsinh_scale: Option<f64>,
     /// Constant factors of the basis functions, and the functions' values at the state 0 (`at_zero`).
     sizes: [f64; MOST_WEIGHTS],
     at_zero: [f64; MOST_WEIGHTS],
@@ -98,11 +98,11 @@ pub struct Smooth {
 
 impl Smooth {
     /// Makes the function over a nonempty range of states.
-    pub fn over(range: [f64; 2], bent_at: Option<f64>, basis: Basis) -> Self {
-        let warp = |s: f64| bent_at.map_or(s, |value| (s / value).asinh());
+    pub fn over(range: [f64; 2], arsinh_scale: Option<f64>, basis: Basis) -> Self {
+        let warp = |s: f64| arsinh_scale.map_or(s, |value| (s / value).asinh());
         let [from, to] = range.map(warp);
         let none = [0.0; MOST_WEIGHTS];
-        Self { basis, from, width: to - from, bent_at, sizes: none, at_zero: none }.with(basis)
+        Self { basis, from, width: to - from, arsinh_scale, sizes: none, at_zero: none }.with(basis)
     }
 
     /// Returns the basis functions of the exponent.
@@ -132,7 +132,7 @@ impl Smooth {
 
     /// Scaled state u, from 0 to 1 over the range of states.
     fn place(&self, state: Dual) -> Dual {
-        let warped = match self.bent_at {
+        let warped = match self.arsinh_scale {
             Some(unit) => {
                 let x = state * unit.recip();
                 Dual { value: x.value.asinh(), derivative: x.derivative / (1.0 + x.value * x.value).sqrt() }
@@ -188,12 +188,12 @@ mod tests {
     /// Every basis function is 0 at the state 0. Cosines equal those of the standard library, and derivatives equal differences, with and without arsinh.
     #[test]
     fn functions_are_what_they_are_called() {
-        for bent_at in [None, Some(3e-5)] {
-            let smooth = Smooth::over([-2e-4, 6e-4], bent_at, Basis::COSINES);
+        for arsinh_scale in [None, Some(3e-5)] {
+            let smooth = Smooth::over([-2e-4, 6e-4], arsinh_scale, Basis::COSINES);
             assert!(smooth.functions(Dual::ZERO).iter().all(|function| function.value == 0.0));
             for state in [-1.5e-4, 1e-5, 4e-4] {
                 let found = smooth.functions(Dual::variable(state));
-                let warp = |s: f64| bent_at.map_or(s, |value: f64| (s / value).asinh());
+                let warp = |s: f64| arsinh_scale.map_or(s, |value: f64| (s / value).asinh());
                 let u = |s: f64| (warp(s) - warp(-2e-4)) / (warp(6e-4) - warp(-2e-4));
                 for (k, found) in found.iter().enumerate().skip(1) {
                     let cosine = |s: f64| (std::f64::consts::PI * k as f64 * u(s)).cos() * (k as f64).powf(-1.5);
@@ -210,8 +210,8 @@ mod tests {
     /// weights.
     #[test]
     fn sums_of_cosines_are_those_of_the_functions() {
-        for bent_at in [None, Some(3e-5)] {
-            let smooth = Smooth::over([-2e-4, 6e-4], bent_at, Basis::Cosines { decay: 1.0 });
+        for arsinh_scale in [None, Some(3e-5)] {
+            let smooth = Smooth::over([-2e-4, 6e-4], arsinh_scale, Basis::Cosines { decay: 1.0 });
             for n_weights in [1, 2, N_WEIGHTS, MOST_WEIGHTS] {
                 let weights: Vec<Dual> = (0..n_weights).map(|k| Dual::constant(0.7 - 0.3 * k as f64)).collect();
                 for state in [-3e-4, -2e-4, -1e-4, 0.0, 2.3e-4, 6e-4, 9e-4].map(Dual::variable) {

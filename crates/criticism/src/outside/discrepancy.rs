@@ -193,7 +193,7 @@ fn prepare(
     let fitted = Fitted { noise, ..alone };
     let tangent = Tangent::new(subject, candidate, &fitted)?;
     let visible = DMatrix::from_columns(&tangent.visible(&columns));
-    let yardstick = 1e6 * subject.yardstick_m();
+    let yardstick = 1e6 * subject.reference_noise_m();
     let mut processes = Vec::new();
     for length in LENGTHS {
         processes.extend(SIZES.map(|size| Process::new(&visible, axis, length, size * yardstick)));

@@ -22,7 +22,7 @@ pub(super) struct SearchSetting {
     pub interval_s: f64,
     pub hold_s: f64,
     pub cycle_s: f64,
-    pub yardstick_m: f64,
+    pub reference_noise_m: f64,
 }
 
 impl SearchSetting {
@@ -46,7 +46,7 @@ impl SearchSetting {
             interval_s: scales.sample_interval_s,
             hold_s: scales.hold_s,
             cycle_s: scales.cycle_s,
-            yardstick_m: subject.yardstick_m(),
+            reference_noise_m: subject.reference_noise_m(),
         })
     }
 

@@ -366,7 +366,7 @@ fn vibrations(setting: &SearchSetting) -> Vec<StructureShape> {
 /// of the known or estimated noise, because noise blurs shorter waves.
 fn position_waves(setting: &SearchSetting) -> Vec<StructureShape> {
     let range_m = range_m(setting);
-    let most = 2.0 * range_m / (4.0 * setting.yardstick_m).max(f64::MIN_POSITIVE);
+    let most = 2.0 * range_m / (4.0 * setting.reference_noise_m).max(f64::MIN_POSITIVE);
     (4..(most as usize).min(MOST_FREQUENCIES))
         .map(|k| StructureShape::PositionWave { period_m: 2.0 * range_m / k as f64 })
         .collect()
@@ -384,7 +384,7 @@ fn bumps(setting: &SearchSetting) -> Vec<StructureShape> {
 
 fn backlashes(setting: &SearchSetting) -> Vec<StructureShape> {
     let largest_m = 0.25 * setting.largest_position_m();
-    let smallest_m = 0.25 * setting.yardstick_m;
+    let smallest_m = 0.25 * setting.reference_noise_m;
     let n = (((largest_m / smallest_m).ln() / 0.4).ceil()).clamp(1.0, 30.0) as i32;
     (0..=n).map(|k| StructureShape::Backlash { half_width_m: smallest_m * (0.4 * f64::from(k)).exp() }).collect()
 }
@@ -406,7 +406,7 @@ mod tests {
             interval_s: 1.0,
             hold_s: n_rows as f64,
             cycle_s: n_rows as f64,
-            yardstick_m: 1e-6,
+            reference_noise_m: 1e-6,
         }
     }
 

@@ -123,7 +123,7 @@ fn changed(subject: &Subject, record: &Record) -> Result<Subject> {
     let places = (0..record.n_rows()).map(|row| Some(range_m * row as f64 / record.n_rows() as f64)).collect();
     let experiment = Experiment {
         record: Record { position_m: places, ..record.clone() },
-        noise_sd_m: Some(subject.yardstick_m()),
+        noise_sd_m: Some(subject.reference_noise_m()),
         ..subject.experiment().clone()
     };
     let problem = subject.problem().with_experiment(experiment, subject.specification().clone(), subject.library())?;

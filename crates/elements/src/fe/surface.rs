@@ -121,7 +121,7 @@ fn tetrahedron_faces(kind: ElementKind) -> Vec<Face> {
 pub fn for_each_surface_point(mesh: &Mesh, surface_nodes: &[u32], mut visit: impl FnMut(SurfacePoint<'_>)) {
     for_each_face(mesh, surface_nodes, |nodes, face| {
         for point in &face.points {
-            let Placed { area, normal, position_m } = place(mesh, nodes, point);
+            let FacePointGeometry { area, normal, position_m } = place(mesh, nodes, point);
             let area_m2 = point.weight * area;
             visit(SurfacePoint { area_m2, normal: normal.into(), position_m, nodes, shape: &point.shape });
         }
@@ -151,13 +151,13 @@ fn for_each_face<'a>(mesh: &'a Mesh, surface_nodes: &[u32], mut visit: impl FnMu
 }
 
 /// Position, unit normal and area element of a point on an element's face.
-struct Placed {
+struct FacePointGeometry {
     area: f64,
     normal: Vector3<f64>,
     position_m: [f64; 3],
 }
 
-fn place(mesh: &Mesh, nodes: &[u32], point: &FacePoint) -> Placed {
+fn place(mesh: &Mesh, nodes: &[u32], point: &FacePoint) -> FacePointGeometry {
     let (mut position, mut jacobian) = (Vector3::zeros(), Matrix3::zeros());
     for ((&node, n), g) in nodes.iter().zip(&point.shape).zip(&point.gradient) {
         let x = Vector3::from(mesh.node_coordinates_m[node as usize]);
@@ -170,7 +170,7 @@ fn place(mesh: &Mesh, nodes: &[u32], point: &FacePoint) -> Placed {
     // Jacobian decides, because the middle of a thin curved element may lie behind the tangent
     // plane.
     let outward = if across.dot(&(jacobian * point.inward)) > 0.0 { across } else { -across };
-    Placed { area, normal: outward / area, position_m: position.into() }
+    FacePointGeometry { area, normal: outward / area, position_m: position.into() }
 }
 
 /// Surface area and volume of a mesh's robot.

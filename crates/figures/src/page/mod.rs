@@ -9,7 +9,7 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use crate::number::format_significant;
 
-pub use sheets::{Origin, PlaysPage, groups, plays, shapes};
+pub use sheets::{ChallengeResultsPage, Origin, groups, plays, shapes};
 pub use study::{LadderPage, RevisionPage, StudyPage, study, study_parts};
 
 /// Maximum size of a page in bytes, so that it can be sent by mail.
@@ -116,7 +116,7 @@ fn table(caption: &str, heads: &[&str], rows: &[Vec<String>]) -> Markup {
 }
 
 /// Table of numbers whose last two columns are text.
-fn table_that_ends_in_words(caption: &str, heads: &[&str], rows: &[Vec<String>]) -> Markup {
+fn table_with_text_columns(caption: &str, heads: &[&str], rows: &[Vec<String>]) -> Markup {
     table_of("ends-in-words", caption, heads, rows)
 }
 

@@ -6,7 +6,7 @@ use maud::{Markup, html};
 
 use super::{
     Figure, Tone, drop_largest_figures, figure, folded, input_hash_table, interval, page, section, table,
-    table_that_ends_in_words,
+    table_with_text_columns,
 };
 use crate::labels::{model_title_with, parameter_label};
 use crate::number::{format_decimals, format_ranges, format_significant};
@@ -408,7 +408,7 @@ fn candidate_table(diagnosis: &Diagnosis) -> Markup {
         "status",
     ];
     html! {
-        (table_that_ends_in_words("Candidate effects: gain of a refit with each effect", &heads, &rows))
+        (table_with_text_columns("Candidate effects: gain of a refit with each effect", &heads, &rows))
         @if let Some(sentence) = diagnosis.gains_without_error() { p { (sentence) } }
     }
 }

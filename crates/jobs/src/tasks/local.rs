@@ -136,15 +136,15 @@ impl SharedQueue<'_> {
 
     /// Puts a failed task at the end of the queue. A task that failed too often, or for which another attempt cannot succeed, is recorded as failed
     /// instead.
-    fn failed(&self, (task, attempts): (usize, usize), why: String, may_go_better: bool) {
+    fn failed(&self, (task, attempts): (usize, usize), why: String, can_retry: bool) {
         if self.is_stopped() {
             return;
         }
         let mut queue = locked(&self.queue);
         queue.under_way -= 1;
-        queue.in_a_row += usize::from(may_go_better);
+        queue.in_a_row += usize::from(can_retry);
         locked(&self.outcome).last_failure = Some(why.clone());
-        if may_go_better && attempts + 1 < MOST_ATTEMPTS {
+        if can_retry && attempts + 1 < MOST_ATTEMPTS {
             self.monitor.warn(&format!("task {task} will be tried again: {why}"));
             queue.waiting.push_back((task, attempts + 1));
         } else {

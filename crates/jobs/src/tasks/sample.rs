@@ -92,9 +92,9 @@ pub(super) struct KeptFile {
 pub fn work(measurements: &[Measurement], sampling: &Sampling, block: usize) -> Result<Vec<TaskInput>> {
     let first = first_equal_apparatus(measurements);
     let one = |(measurement, first): (&Measurement, &usize)| -> Result<(Sampled, [String; 2])> {
-        let stands_for_its = &measurements[*first];
+        let same_apparatus = &measurements[*first];
         let path = |measurement: &Measurement| measurement.path.display().to_string();
-        Ok((sampled(measurement, stands_for_its, sampling)?, [path(measurement), path(stands_for_its)]))
+        Ok((sampled(measurement, same_apparatus, sampling)?, [path(measurement), path(same_apparatus)]))
     };
     let all = measurements.iter().zip(&first).map(one).collect::<Result<Vec<_>>>()?;
     let work = all.chunks(block.max(1)).map(|part| {
@@ -107,13 +107,13 @@ pub fn work(measurements: &[Measurement], sampling: &Sampling, block: usize) -> 
     Ok(work.collect())
 }
 
-fn sampled(measurement: &Measurement, stands_for_its: &Measurement, sampling: &Sampling) -> Result<Sampled> {
+fn sampled(measurement: &Measurement, same_apparatus: &Measurement, sampling: &Sampling) -> Result<Sampled> {
     // A list identifies the compliance by the apparatus, so making a list needs no finite-element solution. The compliance 1 is a placeholder.
     let specimen = Specimen::new(measurement, Compliance::fixed(1.0)).map_err(|error| measurement.with_name(error))?;
     Ok(Sampled {
         name: measurement.name(),
         content_sha256: specimen.built_from(&measurement.inputs_sha256, &sampling.options()),
-        apparatus_sha256: stands_for_its.inputs_sha256.clone(),
+        apparatus_sha256: same_apparatus.inputs_sha256.clone(),
     })
 }
 
@@ -140,9 +140,9 @@ impl SamplingState {
             ));
         }
         let mut files = Vec::new();
-        for (wanted, [label, stands_for_its]) in experiments.iter().zip(pairs) {
+        for (wanted, [label, same_apparatus]) in experiments.iter().zip(pairs) {
             let measurement = read(Path::new(label), &sampling, &SilentMonitor)?;
-            let (found, compliance) = self.compliance(Path::new(stands_for_its), &sampling)?;
+            let (found, compliance) = self.compliance(Path::new(same_apparatus), &sampling)?;
             let specimen = Specimen::new(&measurement, compliance).map_err(|error| measurement.with_name(error))?;
             let now =
                 Specimen::new(&measurement, Compliance::fixed(1.0)).map_err(|error| measurement.with_name(error))?;

@@ -48,7 +48,7 @@ const REACH: f64 = 20.0;
 /// has peaks that the finest step does not resolve.
 pub fn spectrum_of(network: &Element, window: TimeWindow) -> Result<RetardationSpectrum> {
     let mut leaving_one = Vec::new();
-    for_each_leaving_one(&mut network.clone(), &mut |springpot| leaving_one.push(springpot.clone()));
+    for_each_order_derivative_at_one(&mut network.clone(), &mut |springpot| leaving_one.push(springpot.clone()));
     if let [Element::Springpot { modulus_pa, time_s, order }] = leaving_one[..] {
         return derivative_at_one(network, [modulus_pa, time_s, order], window);
     }
@@ -82,7 +82,7 @@ fn derivative_at_one(
 ) -> Result<RetardationSpectrum> {
     let with = |other: Element| {
         let mut changed = network.clone();
-        for_each_leaving_one(&mut changed, &mut |springpot| *springpot = other.clone());
+        for_each_order_derivative_at_one(&mut changed, &mut |springpot| *springpot = other.clone());
         match stieltjes::spectrum_of(&changed) {
             Some(exact) => Ok(exact),
             None => spectrum_of(&changed, window),
@@ -98,11 +98,11 @@ fn derivative_at_one(
 }
 
 /// Calls `each` with every springpot of a network whose order is 1 and has a derivative.
-fn for_each_leaving_one(element: &mut Element, each: &mut dyn FnMut(&mut Element)) {
+fn for_each_order_derivative_at_one(element: &mut Element, each: &mut dyn FnMut(&mut Element)) {
     match element {
         Element::Springpot { order, .. } if order.value == 1.0 && order.derivative != 0.0 => each(element),
         Element::Series(elements) | Element::Parallel(elements) => {
-            elements.iter_mut().for_each(|part| for_each_leaving_one(part, each));
+            elements.iter_mut().for_each(|part| for_each_order_derivative_at_one(part, each));
         }
         _ => {}
     }

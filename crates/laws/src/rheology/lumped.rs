@@ -94,7 +94,7 @@ impl<T: PointScalar, N: Fn(Node<T>) -> SpectralMode<T>, C: Fn(f64) -> T> Density
         let u = (first + 0.5) * step;
         let start = Node { u, exp_u: u.exp(), power: (self.order * u).exp() };
         // Both Laplace variables s are far above the slowest and far below the fastest kept rate.
-        let mut lumps = Lumps::new([1.0 / longest_s, 1.0 / (longest_s * window.shortest_s).sqrt()], tail, self);
+        let mut lumps = TailSums::new([1.0 / longest_s, 1.0 / (longest_s * window.shortest_s).sqrt()], tail, self);
         spectrum.modes.reserve(n_kept + 1);
         let mut rising = self.walk(start, 1.0);
         for node in rising.by_ref().take(n_kept) {
@@ -130,7 +130,7 @@ impl<T: PointScalar, N: Fn(Node<T>) -> SpectralMode<T>, C: Fn(f64) -> T> Density
 /// unknown M is the fluidity plus Σ a r over the slow nodes. Both sums converge slowly. The equation T + M/s = J*(s) − Σ_kept a
 /// r/(s + r) + Σ_slow a r²/(s(s + r)) + Σ_fast a s/(s + r) has sums that converge quickly. Here J*(s) is the complex compliance.
 /// The equation at two values of s determines T and M.
-struct Lumps<T> {
+struct TailSums<T> {
     s_per_s: [f64; 2],
     right_side: [T; 2],
     tails: [T; 2],
@@ -142,7 +142,7 @@ struct Lumps<T> {
     tail: f64,
 }
 
-impl<T: PointScalar> Lumps<T> {
+impl<T: PointScalar> TailSums<T> {
     fn new<N, C: Fn(f64) -> T>(s_per_s: [f64; 2], tail: f64, density: &Density<'_, T, N, C>) -> Self {
         let right_side = s_per_s
             .map(|s| density.poles.iter().fold((density.compliance)(s), |rest, pole| rest - transform_of(pole, s)));

@@ -33,7 +33,7 @@ const KEYS: [&str; 5] = [SPRING, DASHPOT, SPRINGPOT, SERIES, PARALLEL];
 const EXAMPLE: &str = "{ spring = \"gel\" }";
 /// Largest number of elements of a network. It keeps the parameters of network, effects and noise within the 256 dimensions of
 /// the Sobol sequences.
-const MOST_BODIES: usize = 64;
+const MAX_ELEMENTS: usize = 64;
 
 /// All distinct networks that the program has read so far.
 static NETWORKS: Mutex<Vec<&'static Network>> = Mutex::new(Vec::new());
@@ -239,7 +239,7 @@ impl Reader {
     fn leaf(&mut self, table: &TomlTable<'_>, key: &str, kind: Kind) -> Result<Node> {
         let name = table.required_text(key, EXAMPLE)?;
         self.n_bodies += 1;
-        if self.n_bodies > MOST_BODIES {
+        if self.n_bodies > MAX_ELEMENTS {
             return Err(table.refuse(
                 key,
                 format!("this is body {} of the network", self.n_bodies),
@@ -445,8 +445,8 @@ mod tests {
             let bodies: Vec<String> = (0..n).map(|k| format!("{{ springpot = \"p{k}\" }}")).collect();
             read(&format!("[base.network]\nseries = [{}]\n", bodies.join(", ")))
         };
-        assert_eq!(of(MOST_BODIES).unwrap().parameters().len(), 2 * MOST_BODIES);
-        for n in [MOST_BODIES + 1, 1_000] {
+        assert_eq!(of(MAX_ELEMENTS).unwrap().parameters().len(), 2 * MAX_ELEMENTS);
+        for n in [MAX_ELEMENTS + 1, 1_000] {
             let message = of(n).unwrap_err().to_string();
             assert!(message.contains("line 2") && message.contains("at most 64 bodies"), "{message}");
         }

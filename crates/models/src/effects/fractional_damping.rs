@@ -10,7 +10,7 @@
 //! written. Its stress is s = (c/T)(T D)^α ε, with c the dashpot's viscosity and T the length of a hold. For any α, c is thus the viscosity
 //! at the time T. The effect does not apply to a law without a dashpot.
 
-use super::beside_fields::MEMORY;
+use super::field_conflicts::MEMORY;
 use super::first_body::{body, elements_of, first_body_mut, first_element_mut, is_dashpot};
 use super::hold_s;
 use super::{Effect, EffectParameter, FieldEffect, Stage, Stages};

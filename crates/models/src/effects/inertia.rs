@@ -9,7 +9,7 @@
 
 use nalgebra::DMatrix;
 
-use super::beside_fields::{memory, wave_conflict};
+use super::field_conflicts::{memory, wave_conflict};
 use super::{Effect, EffectParameter, FieldEffect, FieldSystem, LinearField, MatrixPair, Spatial, Stage, Stages};
 use base::distribution::Distribution;
 use base::error::Result;

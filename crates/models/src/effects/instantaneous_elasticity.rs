@@ -7,7 +7,7 @@
 //! the effect equals `actuator-lag` and `clock-offset` with the opposite sign, and `second-retardation` with a short time (physics §5). It
 //! applies to any law without a spring in series. It does not apply to Burgers' law, which has one.
 
-use super::beside_fields::WAVES;
+use super::field_conflicts::WAVES;
 use super::first_body::{elements_of, in_series, reference_modulus_pa};
 use super::{Effect, EffectParameter, FieldEffect, Stage, Stages};
 use base::distribution::Distribution;

@@ -30,7 +30,7 @@ use laws::rheology::AdditionalTerm;
 use record::CharacteristicSizes;
 
 /// Product of friction and the robot's radius, relative to the stiffness, above which the surface counts as sticking.
-const STUCK: f64 = 1e9;
+const STICKING_FRICTION: f64 = 1e9;
 
 /// Returns the slip compliance 1/β, in m/(Pa s), at which the slip length equals the robot's radius.
 fn scale_m_per_pa_s(scales: &CharacteristicSizes) -> f64 {
@@ -90,7 +90,7 @@ impl MatrixPair for InterfaceSlip {
         let radius_m = sizes.robot_radius_m;
         let mut snapshots: Vec<f64> = log_spaced(1e-3, 1e3, 2.0).iter().map(|x| x / radius_m).collect();
         snapshots.insert(0, 0.0);
-        snapshots.push(STUCK / radius_m);
+        snapshots.push(STICKING_FRICTION / radius_m);
         MatrixSplitting { reference: 0.0, snapshots, is_rigid_at_null: true }
     }
     fn system(&self, surroundings: &GelAndRobot<'_>, _shape: Option<f64>) -> Result<FieldSystem> {

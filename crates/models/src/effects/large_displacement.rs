@@ -5,7 +5,7 @@
 //! displacements explain the misfit. Null: g = 0, small strains. The deviation grows with g². Valid for a central sphere that stays within
 //! a few radii. Other gels with equal responses at small strains deviate differently. With a mobility α > 0 the gel is a Giesekus fluid.
 
-use super::beside_fields::memory;
+use super::field_conflicts::memory;
 use super::{Effect, EffectParameter, FieldEffect, Spatial, Stage, Stages};
 use base::distribution::Distribution;
 use base::error::{Error, Result};

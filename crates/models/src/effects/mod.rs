@@ -5,10 +5,10 @@
 //! effect.
 
 mod actuator_lag;
-mod beside_fields;
 mod clock_offset;
 mod compressibility;
 mod field;
+mod field_conflicts;
 mod first_body;
 mod force_asymmetry;
 mod force_bias;

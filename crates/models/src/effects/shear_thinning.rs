@@ -8,7 +8,7 @@
 //! give flow rates in the ratio f^{1/n} : 1 (physics §5).
 //! (physics §5).
 
-use super::beside_fields::nonlinear_conflict;
+use super::field_conflicts::nonlinear_conflict;
 use super::{Effect, EffectParameter, FieldEffect, Stage, reference_stress_pa};
 use base::distribution::Distribution;
 use base::error::Result;

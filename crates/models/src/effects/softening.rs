@@ -6,7 +6,7 @@
 //! Biomech. 41:1840), which is r of about 4·10⁻⁴ 1/s. The robot itself may break the network faster. A gel that is poured before the
 //! measurement sets instead.
 
-use super::beside_fields::AGEING;
+use super::field_conflicts::AGEING;
 use super::{Effect, EffectParameter, FieldEffect, Stage, Stages};
 use base::distribution::Distribution;
 use base::error::Result;

@@ -7,7 +7,7 @@
 //! assumes small strains. In a stretched body at rest, the equivalent stress and strain obey s = E (ε + β ε³). The body is soft at first,
 //! and at large stress ε → (s/(Eβ))^⅓.
 
-use super::beside_fields::nonlinear_conflict;
+use super::field_conflicts::nonlinear_conflict;
 use super::{Effect, EffectParameter, FieldEffect, Stage, position_range_m, robot_radius_m};
 use base::distribution::Distribution;
 use base::error::Result;

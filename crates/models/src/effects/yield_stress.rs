@@ -7,7 +7,7 @@
 //! a change of c₂ (physics §5). The bracket ⟨…⟩ is smoothed within a hundredth of s_y ([`YIELD_SMOOTHING`]). Below the yield stress the
 //! dashpot then creeps at 10⁻⁴ of its fluidity or less. Far above the yield stress nothing changes.
 
-use super::beside_fields::nonlinear_conflict;
+use super::field_conflicts::nonlinear_conflict;
 use super::{Effect, EffectParameter, FieldEffect, Stage, reference_stress_pa};
 use base::distribution::Distribution;
 use base::error::Result;

@@ -19,7 +19,7 @@ use elements::fe::spatial::{MatrixSplitting, SpatialSystem};
 const LEAST_WEIGHT: f64 = 1e-10;
 /// Tolerance of special eigenvalues. An eigenvalue below this fraction of the largest one counts as 0 if the second matrix is rigid at the
 /// effect's null. A fraction θ of the second matrix counts as 1 if it differs from 1 by less than this.
-const NO_SHARE: f64 = 1e-7;
+const EIGENVALUE_TOLERANCE: f64 = 1e-7;
 
 /// Terms to which a pair of matrices is reduced. The robot's compliance is a sum over terms of w/(1 + x μ), with x the factor of the second
 /// matrix.
@@ -88,8 +88,10 @@ impl FieldModes {
         let mut terms: Vec<(f64, f64)> = (0..r)
             .map(|k| {
                 let number = eigen.S().column_vector()[k].max(0.0);
-                let number = if splitting.reference == 1.0 && number > 1.0 - NO_SHARE { 1.0 } else { number };
-                let number = if number < NO_SHARE * largest && splitting.is_rigid_at_null { 0.0 } else { number };
+                let number =
+                    if splitting.reference == 1.0 && number > 1.0 - EIGENVALUE_TOLERANCE { 1.0 } else { number };
+                let number =
+                    if number < EIGENVALUE_TOLERANCE * largest && splitting.is_rigid_at_null { 0.0 } else { number };
                 (vectors[k][robot] * vectors[k][robot] / compliance, number)
             })
             .filter(|(weight, _)| *weight > LEAST_WEIGHT)

@@ -4,7 +4,7 @@ mod nearest;
 
 use std::sync::Arc;
 
-use super::outside::{ExternalModel, LearnedBox};
+use super::outside::{ExternalModel, TrainedBox};
 use super::problem::{Problem, TAIL_MASS};
 use crate::monitor::{Counter, Monitor};
 use base::error::{Error, Result, Setting};
@@ -64,8 +64,8 @@ pub fn learn_external(
     let yardstick = problem.experiment.reference_noise().map(|yardstick| yardstick.sd_m);
     let noise_m = yardstick.unwrap_or(UNKNOWN_NOISE * problem.experiment.scales().position_range_m);
     // All models of an experiment use the same parameter box, so that the models are comparable.
-    let (boxes, allowed): (Vec<Vec<TrainedRange>>, f64) = match (outside.learnt_in(), &free[..]) {
-        (Some(LearnedBox { trained, allowed }), _) => {
+    let (boxes, allowed): (Vec<Vec<TrainedRange>>, f64) = match (outside.trained_box(), &free[..]) {
+        (Some(TrainedBox { trained, allowed }), _) => {
             (vec![ranges.iter().zip(trained).map(|(range, kept)| within(range, kept)).collect()], *allowed)
         }
         (None, []) => (vec![ranges.clone()], EXTERNAL_TOLERANCE),
@@ -130,7 +130,7 @@ pub fn learn_external(
     let ends: Vec<(f64, f64)> = trained.iter().map(|range| (range.lower, range.upper)).collect();
     let lesson = ExternalTraining { ends: &ends, clock: &clock, time_s, force, noise_m, with_load };
     let stepper = SharedStepper(Arc::new(ExternalStepper::new(surface, &lesson)));
-    outside.keep_ground(LearnedBox { trained: trained.clone(), allowed });
+    outside.store_trained_box(TrainedBox { trained: trained.clone(), allowed });
     Ok(ExternalSurrogate { stepper, trained, over_noise })
 }
 

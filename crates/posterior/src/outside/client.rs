@@ -11,13 +11,13 @@ use super::endpoint::Endpoint;
 use base::error::{Error, InputPlace, Result, Setting};
 
 /// Longest wait for a connection to the server.
-const CONNECTING: Duration = Duration::from_secs(10);
+const CONNECT_TIMEOUT: Duration = Duration::from_secs(10);
 /// Longest wait for a response of the server.
-const ANSWERING: Duration = Duration::from_secs(600);
+const RESPONSE_TIMEOUT: Duration = Duration::from_secs(600);
 /// Largest size of a response in bytes, enough for ten million values.
 const MOST_BYTES: u64 = 1 << 28;
 /// Largest number of characters of a server's message that the program shows.
-const MOST_WORDS: usize = 300;
+const MOST_CHARACTERS: usize = 300;
 
 /// HTTP client of one server, with the server's address.
 #[derive(Debug, Clone)]
@@ -61,8 +61,8 @@ impl Client {
             .max_redirects(0)
             .max_redirects_will_error(false)
             .proxy(None)
-            .timeout_connect(Some(CONNECTING))
-            .timeout_global(Some(ANSWERING))
+            .timeout_connect(Some(CONNECT_TIMEOUT))
+            .timeout_global(Some(RESPONSE_TIMEOUT))
             .build()
             .new_agent();
         Ok(Self { url: url.trim_end_matches('/').to_string(), agent })
@@ -125,7 +125,7 @@ impl Client {
         match error {
             ureq::Error::Timeout(ureq::Timeout::Connect | ureq::Timeout::Resolve) => self.not_reached(error),
             ureq::Error::Timeout(_) => Error::numerical(
-                format!("{url} does not respond to {path} in time ({} s)", ANSWERING.as_secs()),
+                format!("{url} does not respond to {path} in time ({} s)", RESPONSE_TIMEOUT.as_secs()),
                 "check whether the server still computes; give it a coarser model, or a shorter record",
             ),
             ureq::Error::Io(error) if !is_cut(error) => self.not_reached(error),
@@ -147,7 +147,7 @@ impl Client {
 
 fn shortened(text: &str) -> String {
     let text = text.trim();
-    match text.char_indices().nth(MOST_WORDS) {
+    match text.char_indices().nth(MOST_CHARACTERS) {
         Some((end, _)) => format!("{} …", &text[..end]),
         None if text.is_empty() => "nothing".into(),
         None => text.into(),

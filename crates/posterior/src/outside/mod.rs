@@ -47,14 +47,14 @@ pub struct ExternalModel {
     /// Positions (µm) at the prior's medians. They identify the model, so that cached responses of another model are not used.
     at_medians_um: Vec<f64>,
     /// Reason why the model predicts only under the record's own force; `None` if it accepts other forces.
-    own_force_alone: Option<String>,
+    other_force_refusal: Option<String>,
     /// Parameter ranges of the surrogate. All models of the experiment share these ranges, so that the models are comparable.
-    learnt_in: OnceLock<LearnedBox>,
+    trained_box: OnceLock<TrainedBox>,
 }
 
 /// Parameter ranges in which the surrogate of an external program was trained, and the surrogate's allowed error divided by the noise.
 #[derive(Debug)]
-pub struct LearnedBox {
+pub struct TrainedBox {
     pub trained: Vec<TrainedRange>,
     pub allowed: f64,
 }
@@ -81,13 +81,13 @@ impl ExternalModel {
             law,
             takes_force: false,
             at_medians_um: Vec::new(),
-            own_force_alone: None,
-            learnt_in: OnceLock::new(),
+            other_force_refusal: None,
+            trained_box: OnceLock::new(),
         };
         let (time_s, force) = (&record.time_s[..], record.force());
         external_model.takes_force = external_model.check_sizes(time_s, force)?;
         external_model.at_medians_um = external_model.fresh_um(medians, time_s, force)?;
-        external_model.own_force_alone = external_model.own_force_alone(record, medians).err().map(|error| {
+        external_model.other_force_refusal = external_model.other_force_refusal(record, medians).err().map(|error| {
             let text = error.to_string();
             text.lines().next().unwrap_or_default().to_string()
         });
@@ -102,17 +102,17 @@ impl ExternalModel {
     /// Reason why the external model predicts only under the record's own force; `None` if it accepts other forces. If there is a reason, effects of load cannot be
     /// used.
     pub fn force_refusal(&self) -> Option<&str> {
-        self.own_force_alone.as_deref()
+        self.other_force_refusal.as_deref()
     }
 
     /// Parameter ranges in which the surrogate was trained; `None` before the training.
-    pub fn learnt_in(&self) -> Option<&LearnedBox> {
-        self.learnt_in.get()
+    pub fn trained_box(&self) -> Option<&TrainedBox> {
+        self.trained_box.get()
     }
 
     /// Stores the parameter ranges in which the surrogate was trained, unless ranges are already stored.
-    pub(super) fn keep_ground(&self, ground: LearnedBox) {
-        self.learnt_in.get_or_init(|| ground);
+    pub(super) fn store_trained_box(&self, ground: TrainedBox) {
+        self.trained_box.get_or_init(|| ground);
     }
 
     /// Position (m) at the times `time_s` under a force that holds or is linear between them. `parameters` are the values of the law's parameters, in their units. The
@@ -221,7 +221,7 @@ impl ExternalModel {
 
     /// Tests if the model accepts times between the rows and a force that differs from the record's. The error states that the model ignores the force, or gives
     /// another cause.
-    fn own_force_alone(&self, record: &Record, medians: &[f64]) -> Result<()> {
+    fn other_force_refusal(&self, record: &Record, medians: &[f64]) -> Result<()> {
         let (time_s, force) = (&record.time_s, record.force());
         let clock = Clock::finer(time_s, force);
         let stronger_n: Vec<f64> = clock.commanded_n(time_s, force).iter().map(|f| OTHER_FORCE * f).collect();

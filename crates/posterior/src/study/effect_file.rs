@@ -103,7 +103,7 @@ fn effect(table: &TomlTable<'_>) -> Result<StateEffect> {
     }
     let parameters = parameters(table, &slug)?;
     let (operation, function, equation) = function(table, state, quantity, &parameters)?;
-    nulls_leave_the_base(table, state, operation, function, &parameters)?;
+    check_vanishes_at_nulls(table, state, operation, function, &parameters)?;
     let summary = table
         .text("summary")?
         .unwrap_or_else(|| format!("{} depends on {}", quantity.name(), state.name().replace('_', " ")));
@@ -271,7 +271,7 @@ fn function(
 
 /// Checks that the effect vanishes if every parameter with a null is at its null, for any values of the other parameters. The function must then be 0 as an addend and
 /// 1 as a factor. The model with the effect thus contains the model without it.
-fn nulls_leave_the_base(
+fn check_vanishes_at_nulls(
     table: &TomlTable<'_>,
     state: State,
     operation: Operation,

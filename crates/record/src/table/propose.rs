@@ -75,16 +75,15 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
         let described = DescribedFile { file, bytes, text, lines: &lines, given, tables };
         let description = described.description(&mut Vec::new(), ask)?;
         if !described.goes_on(&description)? {
-            chosen =
-                ChosenTables::One(asked_table(file, &all, "each starts anew, so they are not one recording", ask)?);
+            chosen = ChosenTables::One(ask_table(file, &all, "each starts anew, so they are not one recording", ask)?);
         }
     }
     let tables = match chosen {
         ChosenTables::Joined(tables) => tables,
         ChosenTables::One(table) => vec![table],
     };
-    reasons.push(said_of(&tables, &lines));
-    reasons.extend(said_of_tables(&all, &tables));
+    reasons.push(describe_layout(&tables, &lines));
+    reasons.extend(describe_tables(&all, &tables));
     let described = DescribedFile { file, bytes, text, lines: &lines, given, tables: &tables };
     let mut description = described.description(&mut reasons, ask)?;
     let mut trajectory = described.completed(&mut description, &mut reasons)?;
@@ -186,7 +185,7 @@ fn chosen_tables<'a>(
         if all.iter().all(is_like) {
             return Ok(ChosenTables::Joined(all.iter().collect()));
         }
-        return asked_table(file, all, "their columns differ", ask).map(ChosenTables::One);
+        return ask_table(file, all, "their columns differ", ask).map(ChosenTables::One);
     };
     if said == "all" {
         return Ok(ChosenTables::Joined(all.iter().collect()));
@@ -208,7 +207,7 @@ fn chosen_tables<'a>(
 }
 
 /// Asks the user to choose one of several tables that cannot be read as one recording. `why` is the reason, for the error without an answer.
-fn asked_table<'a>(file: &Path, all: &'a [TableBlock], why: &str, ask: Ask<'_>) -> Result<&'a TableBlock> {
+fn ask_table<'a>(file: &Path, all: &'a [TableBlock], why: &str, ask: Ask<'_>) -> Result<&'a TableBlock> {
     let list: Vec<String> = all.iter().enumerate().map(|(place, table)| listed_table(place + 1, table)).collect();
     let question = Question {
         text: format!("which table ({})", list.join("; ")),
@@ -230,7 +229,7 @@ fn asked_table<'a>(file: &Path, all: &'a [TableBlock], why: &str, ask: Ask<'_>) 
 }
 
 /// Returns sentences that tell for each table of a file whether it is read; empty for a single table.
-fn said_of_tables(all: &[TableBlock], read: &[&TableBlock]) -> Vec<String> {
+fn describe_tables(all: &[TableBlock], read: &[&TableBlock]) -> Vec<String> {
     if all.len() == 1 {
         return Vec::new();
     }
@@ -300,7 +299,7 @@ impl DescribedFile<'_> {
             .filter(|role| said[*role as usize].is_none() && own_unit(*role).is_none() && !has_form(*role))
             .collect();
         missing.retain(|role| {
-            said[*role as usize] = role.asked_unit(ask);
+            said[*role as usize] = role.ask_unit(ask);
             said[*role as usize].is_none()
         });
         if let Some(first) = missing.first() {
@@ -653,7 +652,7 @@ pub fn inspect_table(file: &Path, bytes: &[u8]) -> Result<InspectedTable> {
     let lines: Vec<&str> = text.lines().collect();
     let all = tables_of(file, &lines)?;
     let first = &all[0];
-    let said = said_of(&[first], &lines);
+    let said = describe_layout(&[first], &lines);
     let Header { names, units, .. } = first.header.clone();
     Ok(InspectedTable { layout: written(bytes, &lines, first), columns: names, units, said })
 }
@@ -672,7 +671,7 @@ fn written(bytes: &[u8], lines: &[&str], table: &TableBlock) -> TableLayout {
     }
 }
 
-fn said_of(tables: &[&TableBlock], lines: &[&str]) -> String {
+fn describe_layout(tables: &[&TableBlock], lines: &[&str]) -> String {
     let TableBlock { layout, header, .. } = tables[0];
     let between = match layout.delimiter {
         Delimiter::Comma => "commas",

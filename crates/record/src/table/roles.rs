@@ -76,7 +76,7 @@ impl Role {
     }
 
     /// Asks the user for the unit of this role's column until the answer is such a unit. Returns `None` without an answer.
-    pub fn asked_unit(self, ask: Ask<'_>) -> Option<String> {
+    pub fn ask_unit(self, ask: Ask<'_>) -> Option<String> {
         let mut question = self.unit_question();
         loop {
             let answer = ask(&question)?;

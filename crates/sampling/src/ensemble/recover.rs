@@ -39,13 +39,13 @@ const HEAVY_SHARE: f64 = 4e-3;
 /// mass.
 ///
 /// A walker stays if its climb ends in a mode with mass and one of two conditions holds. Either the walker's log density is typical of that mode, or the
-/// mode is not the heaviest. With `only_look`, no walker is moved.
+/// mode is not the heaviest. With `is_read_only`, no walker is moved.
 pub(super) fn reseed_stranded_walkers(
     density: &dyn LogDensity,
     draws: &Draws,
     modes: &mut Modes,
     lanes: &mut [EnsembleRecord],
-    only_look: bool,
+    is_read_only: bool,
 ) -> Result<Recovery> {
     let suspects = find_suspicious_walkers(draws);
     let optima = suspects
@@ -71,7 +71,7 @@ pub(super) fn reseed_stranded_walkers(
             continue;
         }
         recovery.n_stranded += 1;
-        if !only_look && !recovery.new_heavy_mode {
+        if !is_read_only && !recovery.new_heavy_mode {
             reseed(density, modes, &mut lanes[suspect.ensemble], suspect, &suspects, floor)?;
             recovery.reseeded += 1;
         }

@@ -91,7 +91,7 @@ pub fn sample(
         let mut run = match control.resume {
             Some(bytes) => {
                 let (course, lanes) = from_bytes(&problem, options, dimension, bytes)?;
-                EnsembleRun { density, options, control, problem, course, lanes, pace: Pace::new() }
+                EnsembleRun { density, options, control, problem, course, lanes, pace: CheckpointSchedule::new() }
             }
             None => EnsembleRun::begin(density, start_points, options, control, problem)?,
         };
@@ -106,7 +106,7 @@ struct EnsembleRun<'a> {
     problem: String,
     course: AdaptationState,
     lanes: Vec<EnsembleRecord>,
-    pace: Pace,
+    pace: CheckpointSchedule,
 }
 
 impl<'a> EnsembleRun<'a> {
@@ -140,7 +140,7 @@ impl<'a> EnsembleRun<'a> {
             record: DrawRecord::new(0, options.store_every.unwrap_or(1), capacity, dimension, options.n_walkers),
         };
         let lanes = (0..options.n_ensembles).map(lane).collect();
-        let mut run = Self { density, options, control, problem, course, lanes, pace: Pace::new() };
+        let mut run = Self { density, options, control, problem, course, lanes, pace: CheckpointSchedule::new() };
         run.place_all(&counting)?;
         run.course.extra_evaluations = counting.count();
         Ok(run)
@@ -359,9 +359,10 @@ impl<'a> EnsembleRun<'a> {
     fn recover(&mut self, draws: &Draws) -> Result<Recovery> {
         let counting = CountingDensity::new(self.density);
         // During sampling the walkers are only examined, because kept draws must come from the fixed moves alone.
-        let only_look = self.course.phase == Phase::Sampling && 4 * self.course.target_step > self.options.max_steps;
-        let recovery = reseed_stranded_walkers(&counting, draws, &mut self.course.modes, &mut self.lanes, only_look)?;
-        if recovery.new_heavy_mode && !only_look {
+        let is_read_only = self.course.phase == Phase::Sampling && 4 * self.course.target_step > self.options.max_steps;
+        let recovery =
+            reseed_stranded_walkers(&counting, draws, &mut self.course.modes, &mut self.lanes, is_read_only)?;
+        if recovery.new_heavy_mode && !is_read_only {
             self.place_all(&counting)?;
         }
         self.course.walkers_reseeded += recovery.reseeded;
@@ -415,12 +416,12 @@ fn next_chunk(chunk: u64, elapsed: Duration) -> u64 {
 }
 
 /// Schedule for checkpoints at regular intervals. Saving takes at most one fiftieth of the time.
-struct Pace {
+struct CheckpointSchedule {
     last: Instant,
     cost: Duration,
 }
 
-impl Pace {
+impl CheckpointSchedule {
     fn new() -> Self {
         Self { last: Instant::now(), cost: Duration::ZERO }
     }

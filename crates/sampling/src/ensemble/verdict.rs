@@ -40,8 +40,8 @@ pub(super) fn check_convergence(draws: &Draws, demands: &ConvergenceCriteria) ->
     let mut verdict =
         ConvergenceReport { parameters, autocorrelation_time: time, unmet_criteria: Vec::new(), shortfall: 1.0 };
     verdict.demand_length(n_steps, demands);
-    verdict.demand_ess(demands);
-    verdict.demand_agreement(rhat_walkers, demands);
+    verdict.check_ess(demands);
+    verdict.check_rhat(rhat_walkers, demands);
     verdict
 }
 
@@ -64,7 +64,7 @@ impl ConvergenceReport {
         if times >= demands.autocorrelation_times {
             return;
         }
-        self.fall_short(demands.autocorrelation_times / times);
+        self.raise_shortfall(demands.autocorrelation_times / times);
         self.unmet_criteria.push(if times.is_nan() {
             format!("{n_steps} steps after the burn-in are too few to estimate the autocorrelation time")
         } else {
@@ -75,7 +75,7 @@ impl ConvergenceReport {
         });
     }
 
-    fn demand_ess(&mut self, demands: &ConvergenceCriteria) {
+    fn check_ess(&mut self, demands: &ConvergenceCriteria) {
         for (name, of) in [("bulk", (|p| p.ess_bulk) as fn(&ParameterDiagnostics) -> f64), ("tail", |p| p.ess_tail)] {
             let worst = worst(&self.parameters, |p| -of(p));
             let Some((d, ess)) = worst.map(|(d, value)| (d, -value)) else { continue };
@@ -83,7 +83,7 @@ impl ConvergenceReport {
             if ess >= demands.ess {
                 continue;
             }
-            self.fall_short(demands.ess / ess);
+            self.raise_shortfall(demands.ess / ess);
             self.unmet_criteria.push(format!(
                 "the effective sample size ({name}) of parameter {} is {ess:.0}; at least {} is required",
                 d + 1,
@@ -92,12 +92,12 @@ impl ConvergenceReport {
         }
     }
 
-    fn demand_agreement(&mut self, rhat_walkers: f64, demands: &ConvergenceCriteria) {
+    fn check_rhat(&mut self, rhat_walkers: f64, demands: &ConvergenceCriteria) {
         if let Some((d, rhat)) = worst(&self.parameters, |p| p.rhat)
             && (rhat > demands.rhat || rhat.is_nan())
         {
             // The excess of R̂ over 1 decreases in proportion to the number of steps.
-            self.fall_short(((rhat - 1.0) / (demands.rhat - 1.0)).max(1.2));
+            self.raise_shortfall(((rhat - 1.0) / (demands.rhat - 1.0)).max(1.2));
             self.unmet_criteria.push(format!(
                 "R̂ of parameter {} is {rhat:.3}; at most {} is allowed",
                 d + 1,
@@ -105,7 +105,7 @@ impl ConvergenceReport {
             ));
         }
         if rhat_walkers > demands.rhat_walkers {
-            self.fall_short(2.0);
+            self.raise_shortfall(2.0);
             self.unmet_criteria.push(format!(
                 "walkers stay in separate regions (R̂ over walkers is {rhat_walkers:.2}): the weights of the regions come from \
                  the Laplace approximations at the start, not from sampling"
@@ -113,7 +113,7 @@ impl ConvergenceReport {
         }
     }
 
-    fn fall_short(&mut self, factor: f64) {
+    fn raise_shortfall(&mut self, factor: f64) {
         self.shortfall = if factor.is_nan() { f64::INFINITY } else { self.shortfall.max(factor) };
     }
 }

@@ -60,7 +60,7 @@ impl ProposalMixture {
         stream: &mut RandomStream,
     ) -> Option<Self> {
         let one = one.map(Self::one);
-        let several = Self::parted(points, weights, modes, stream);
+        let several = Self::one_per_mode(points, weights, modes, stream);
         let described = |charts: &Self| -> f64 {
             let used = points.iter().zip(weights).filter(|(_, weight)| **weight > 0.0);
             used.map(|(point, weight)| weight * charts.ln_density(point)).sum()
@@ -72,7 +72,7 @@ impl ProposalMixture {
     }
 
     /// Fits one proposal per mode. `None` if there is only one mode, or no mode has enough draws.
-    fn parted(points: &[Vec<f64>], weights: &[f64], modes: &Modes, stream: &mut RandomStream) -> Option<Self> {
+    fn one_per_mode(points: &[Vec<f64>], weights: &[f64], modes: &Modes, stream: &mut RandomStream) -> Option<Self> {
         let dimension = points.first()?.len();
         if modes.len() < 2 {
             return None;

@@ -124,7 +124,7 @@ impl Map {
     }
 
     /// Returns the mixture's coordinates w for a point x, and the log Jacobian determinant ln |dx/dw|.
-    pub fn straightened(&self, x: &[f64]) -> (Vec<f64>, f64) {
+    pub fn to_mixture_coordinates(&self, x: &[f64]) -> (Vec<f64>, f64) {
         let mut before = Vec::with_capacity(x.len());
         let (mut w, mut ln_volume) = (Vec::with_capacity(x.len()), 0.0);
         for conditional in &self.conditionals {
@@ -225,7 +225,7 @@ impl Proposal {
     /// in a plane.
     pub fn fitted(points: &[Vec<f64>], weights: &[f64], stream: &mut RandomStream) -> Option<Self> {
         let map = Map::fitted(points, weights)?;
-        let straight: Vec<Vec<f64>> = points.iter().map(|x| map.straightened(x).0).collect();
+        let straight: Vec<Vec<f64>> = points.iter().map(|x| map.to_mixture_coordinates(x).0).collect();
         let centres: Vec<Vec<f64>> =
             resampled_indices(weights, ADDED_COMPONENTS, stream).into_iter().map(|i| straight[i].clone()).collect();
         let start = TMixture::from_moments(&straight, weights)?.with_centres(&centres);
@@ -236,7 +236,7 @@ impl Proposal {
     /// Returns the proposal with one more, wide component of weight `share`. In the mixture's coordinates, the component has the mean of the weighted
     /// points, and their standard deviations multiplied by `stretch`.
     pub fn with_background(&self, points: &[Vec<f64>], weights: &[f64], share: f64, stretch: f64) -> Self {
-        let straight: Vec<Vec<f64>> = points.iter().map(|x| self.map.straightened(x).0).collect();
+        let straight: Vec<Vec<f64>> = points.iter().map(|x| self.map.to_mixture_coordinates(x).0).collect();
         let mixture = self.mixture.with_background(&straight, weights, share, stretch);
         Self::new(self.map.clone(), mixture)
     }
@@ -253,7 +253,7 @@ impl Proposal {
 
     /// Normalised log density of the proposal at a point.
     pub fn ln_density(&self, x: &[f64]) -> f64 {
-        let (w, ln_volume) = self.map.straightened(x);
+        let (w, ln_volume) = self.map.to_mixture_coordinates(x);
         self.ln_constant + self.mixture.log_density(&w) - ln_volume
     }
 }
@@ -281,7 +281,7 @@ mod tests {
         let (points, weights) = funnel();
         let map = Map::fitted(&points, &weights).expect("spread");
         for point in points.iter().step_by(100).chain([&vec![5.0, -40.0]]) {
-            let (w, ln_volume) = map.straightened(point);
+            let (w, ln_volume) = map.to_mixture_coordinates(point);
             let (back, same) = map.point(&w);
             assert!(back.iter().zip(point).all(|(a, b)| (a - b).abs() < 1e-9 * (1.0 + b.abs())), "{back:?} {point:?}");
             assert!((ln_volume - same).abs() < 1e-9);
@@ -313,7 +313,7 @@ mod tests {
     fn a_funnel_is_made_straight() {
         let (points, weights) = funnel();
         let map = Map::fitted(&points, &weights).expect("spread");
-        let straight: Vec<Vec<f64>> = points.iter().map(|x| map.straightened(x).0).collect();
+        let straight: Vec<Vec<f64>> = points.iter().map(|x| map.to_mixture_coordinates(x).0).collect();
         let mean = |of: &dyn Fn(&[f64]) -> f64| straight.iter().map(|w| of(w)).sum::<f64>() / 5_000.0;
         for d in 0..2 {
             assert!(mean(&|w| w[d]).abs() < 0.09 && (mean(&|w| w[d] * w[d]).sqrt() - 1.0).abs() < 0.06);

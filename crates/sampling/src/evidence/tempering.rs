@@ -217,7 +217,7 @@ impl<'a> Replicate<'a> {
         let length = 2.38 / (2.0 * self.posterior.dimension() as f64).sqrt();
         let n = self.particles.len();
         let straight: Vec<Vec<f64>> =
-            self.particles.iter().map(|particle| map.straightened(&particle.point).0).collect();
+            self.particles.iter().map(|particle| map.to_mixture_coordinates(&particle.point).0).collect();
         let mut one = |i: usize| {
             let (a, b) = self.stream.distinct_pair(n - 1);
             let other = |k: usize| &straight[(i + 1 + k) % n];
@@ -225,7 +225,7 @@ impl<'a> Replicate<'a> {
             map.point(&moved.map(|((w, a), b)| w + length * (a - b)).collect::<Vec<_>>()).0
         };
         let proposals = (0..n).map(&mut one).collect();
-        self.accept(proposals, |old, new| map.straightened(new).1 - map.straightened(old).1)
+        self.accept(proposals, |old, new| map.to_mixture_coordinates(new).1 - map.to_mixture_coordinates(old).1)
     }
 
     /// Accepts or rejects one proposed point per particle by the Metropolis–Hastings rule. `ln_factor` returns the logarithm of the correction factor

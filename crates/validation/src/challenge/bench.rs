@@ -6,7 +6,7 @@ use super::large::{self, LargeGel};
 use super::motion::Motion;
 use super::protocol::WHITE_M;
 use super::strength::Strength;
-use super::{Disturbance, DisturbanceKind, HiddenEffect, HiddenThing, NamedValue, NoiseKind, Protocol, Truth};
+use super::{Disturbance, DisturbanceKind, HiddenEffect, HiddenPhysics, NamedValue, NoiseKind, Protocol, Truth};
 use base::error::{Error, InputPlace, Result, Setting};
 use criticism::Candidate;
 use criticism::Subject;
@@ -29,7 +29,7 @@ const MOST_PAIRS: usize = 1000;
 #[derive(Debug, Clone, PartialEq)]
 pub struct TruthRequest {
     /// Hidden effects or errors: effects, physics outside the library, a wrong constant of the apparatus, or nothing.
-    pub hidden: HiddenThing,
+    pub hidden: HiddenPhysics,
     /// Protocol of the experiment.
     pub protocol: Protocol,
     /// Kind of noise in the experiment's data.
@@ -148,7 +148,7 @@ impl Bench {
     /// # Errors
     /// [`Error::Input`] if an effect does not exist, or if the requested signal is out of reach.
     pub fn draw(&self, order: &TruthRequest, stream: &mut RandomStream) -> Result<Truth> {
-        if let HiddenThing::Outside(kind) = order.hidden
+        if let HiddenPhysics::Outside(kind) = order.hidden
             && !kind.suits(order.protocol)
         {
             return Err(unsuited(kind));
@@ -183,7 +183,7 @@ impl Bench {
         let motion = self.motion(truth.protocol, truth.noise, truth.law)?;
         let hidden: Vec<String> = truth.effects.iter().map(|effect| effect.slug.clone()).collect();
         let found = if let Some(mobility) = self.mobility_of(truth) {
-            let gel = LargeGel::new(self.apparatus(), &large::SIZING)?;
+            let gel = LargeGel::new(self.apparatus(), &large::SIGNAL_RESOLUTION)?;
             let position_m = gel.position_m(truth.law, mobility, motion.record())?;
             motion.ideal_class(&motion.shown(&position_m), &[], &late)
         } else {
@@ -203,11 +203,11 @@ impl Bench {
 
     /// Returns the request with its effects in the library's order, which is also the order of a model's parameters.
     fn in_order_of_application(&self, order: &TruthRequest) -> Result<TruthRequest> {
-        let HiddenThing::Effects(slugs) = &order.hidden else { return Ok(order.clone()) };
+        let HiddenPhysics::Effects(slugs) = &order.hidden else { return Ok(order.clone()) };
         refuse_unknown(&self.library, slugs)?;
         let known = self.library.effects().iter().map(|effect| effect.slug());
         let sorted: Vec<String> = known.filter(|slug| slugs.iter().any(|s| s == slug)).map(String::from).collect();
-        Ok(TruthRequest { hidden: HiddenThing::Effects(sorted), ..order.clone() })
+        Ok(TruthRequest { hidden: HiddenPhysics::Effects(sorted), ..order.clone() })
     }
 
     /// Draws a law from the prior: E (Pa), c₁ and c₂ (Pa s). Its elastic displacement, retardation time and flow differ by limited factors from those of the
@@ -285,9 +285,9 @@ impl Bench {
         law.copy_from_slice(&motion.base.parameters(&motion.theta)[..3]);
         let mut truth = Truth::of_nothing(order.protocol, order.noise, law);
         match &order.hidden {
-            HiddenThing::Nothing => {}
-            HiddenThing::Apparatus(error) => truth.apparatus = Some(*error),
-            HiddenThing::Effects(slugs) if slugs.iter().any(|slug| self.is_large(slug)) => {
+            HiddenPhysics::Nothing => {}
+            HiddenPhysics::Apparatus(error) => truth.apparatus = Some(*error),
+            HiddenPhysics::Effects(slugs) if slugs.iter().any(|slug| self.is_large(slug)) => {
                 let [slug] = &slugs[..] else { return Err(not_beside()) };
                 let effect = |signal_sigma: f64| HiddenEffect {
                     slug: slug.clone(),
@@ -297,20 +297,20 @@ impl Bench {
                 let (large, _, sigma) = self.with_large(order, motion, law, 0.0)?;
                 return Ok(Some(Truth { effects: vec![effect(sigma)], ..large }));
             }
-            HiddenThing::Effects(slugs) => {
+            HiddenPhysics::Effects(slugs) => {
                 let Some((effects, class)) = motion.with_effects(slugs, order.strength, &self.served, stream)? else {
                     return Ok(None);
                 };
                 truth.ideal_class = class;
                 truth.effects = effects;
             }
-            HiddenThing::Outside(kind @ DisturbanceKind::LargeDisplacement) => {
+            HiddenPhysics::Outside(kind @ DisturbanceKind::LargeDisplacement) => {
                 let mobility = large::mobility(stream.unit());
                 let (large, size, sigma) = self.with_large(order, motion, law, mobility)?;
                 let outside = Some(Disturbance { kind: *kind, size, shape: vec![mobility] });
                 return Ok(Some(Truth { outside, outside_sigma: Some(sigma), ..large }));
             }
-            HiddenThing::Outside(kind) => {
+            HiddenPhysics::Outside(kind) => {
                 let asked_sigma = order.strength.sigma_or(OUTSIDE_SIGMA);
                 let drawn = Disturbance::draw(*kind, stream);
                 let Some((disturbance, sigma)) = motion.with_outside(&drawn, asked_sigma)? else { return Ok(None) };
@@ -346,7 +346,7 @@ impl Bench {
         mobility: f64,
     ) -> Result<(Truth, f64, f64)> {
         let asked_sigma = order.strength.sigma_or(OUTSIDE_SIGMA);
-        let gel = LargeGel::new(self.apparatus(), &large::SIZING)?;
+        let gel = LargeGel::new(self.apparatus(), &large::SIGNAL_RESOLUTION)?;
         let (farthest_m, radius_m) = (motion.farthest_m()?, large::radius_m(self.apparatus())?);
         let at = |radii: &f64| -> Result<(f64, f64, Motion, Vec<f64>)> {
             let law = law.map(|value| value * farthest_m / (radii * radius_m));
@@ -430,8 +430,8 @@ fn unsuited(kind: DisturbanceKind) -> Error {
 
 fn out_of_reach(order: &TruthRequest) -> Error {
     let what = match &order.hidden {
-        HiddenThing::Effects(slugs) => slugs.join(" and "),
-        HiddenThing::Outside(kind) => kind.name().into(),
+        HiddenPhysics::Effects(slugs) => slugs.join(" and "),
+        HiddenPhysics::Outside(kind) => kind.name().into(),
         _ => "this".into(),
     };
     let (setting, strength) = match order.strength {

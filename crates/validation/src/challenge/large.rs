@@ -29,7 +29,7 @@ pub(super) struct Cut {
 }
 
 /// Resolution for computing the signal of a given distance.
-pub(super) const SIZING: Cut = Cut { level: 1, fineness: Discretisation::ESTIMATE };
+pub(super) const SIGNAL_RESOLUTION: Cut = Cut { level: 1, fineness: Discretisation::ESTIMATE };
 /// Resolution for the simulated data, finer than the resolution of the surrogate's training.
 pub(super) const DATA: Cut =
     Cut { level: 2, fineness: Discretisation { order: 6, n_angles: 6, layer_ratio: 2.0, steps_per_doubling: 6 } };

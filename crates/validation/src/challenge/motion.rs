@@ -1,6 +1,6 @@
 //! Adds effects or disturbances with a given signal to the motion that a law predicts.
 
-use super::strength::{Strength, scaled_to};
+use super::strength::{Strength, scale_to_signal};
 use super::{Disturbance, HiddenEffect, NamedValue, Truth};
 use base::error::Result;
 use criticism::NoiseValues;
@@ -104,7 +104,7 @@ impl Motion {
                     theta
                 };
                 let n = sizes.len();
-                match scaled_to(asked_sigma, vec![0.1; n], &vec![1.0; n], |reach| signals(&at(reach))) {
+                match scale_to_signal(asked_sigma, vec![0.1; n], &vec![1.0; n], |reach| signals(&at(reach))) {
                     Some((reach, found)) => (at(&reach), found),
                     None => return Ok(None),
                 }
@@ -160,7 +160,7 @@ impl Motion {
             let position_m = self.disturbed_m(&at(sizes)).ok()?;
             self.distance_sigma(&self.shown(&position_m), &self.base).map(|sigma| vec![sigma])
         };
-        let found = scaled_to(asked_sigma, vec![1.0], &[20.0], signals);
+        let found = scale_to_signal(asked_sigma, vec![1.0], &[20.0], signals);
         Ok(found.map(|(sizes, sigma)| (at(&sizes), sigma[0])))
     }
 

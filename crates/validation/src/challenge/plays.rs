@@ -12,7 +12,7 @@ use super::play::{HiddenKind, NamedSize, Play};
 use super::tally::{Tally, tally};
 use super::truth::joined;
 use super::{
-    ApparatusError, Bench, DisturbanceKind, HiddenThing, Noise, NoiseKind, Protocol, Strength, Truth, TruthRequest,
+    ApparatusError, Bench, DisturbanceKind, HiddenPhysics, Noise, NoiseKind, Protocol, Strength, Truth, TruthRequest,
     hideable_effects,
 };
 use base::error::{Error, InputPlace, Result, Setting};
@@ -217,7 +217,7 @@ fn draw(bench: &Bench, request: &PlaysRequest, sort: HiddenKind, number: usize) 
     let noise = noises[place / protocols.len() % noises.len()];
     let signal_sigma = signals[place / (protocols.len() * noises.len()) % signals.len()];
     let is_noise_given = request.is_noise_given;
-    let order = |hidden: HiddenThing, signal_sigma: f64| TruthRequest {
+    let order = |hidden: HiddenPhysics, signal_sigma: f64| TruthRequest {
         hidden,
         protocol,
         noise,
@@ -235,20 +235,20 @@ fn draw(bench: &Bench, request: &PlaysRequest, sort: HiddenKind, number: usize) 
     let mut refusal = None;
     for attempt in 0..32 {
         let order = match sort {
-            HiddenKind::None => order(HiddenThing::Nothing, signal_sigma),
+            HiddenKind::None => order(HiddenPhysics::Nothing, signal_sigma),
             HiddenKind::Apparatus => {
                 let errors = ApparatusError::ALL;
-                order(HiddenThing::Apparatus(errors[place / protocols.len() % errors.len()]), signal_sigma)
+                order(HiddenPhysics::Apparatus(errors[place / protocols.len() % errors.len()]), signal_sigma)
             }
             HiddenKind::Outside => {
                 let kinds: Vec<DisturbanceKind> =
                     DisturbanceKind::DRAWN.into_iter().filter(|kind| kind.suits(protocol)).collect();
-                order(HiddenThing::Outside(kinds[(spread(kinds.len()) + attempt) % kinds.len()]), signal_sigma)
+                order(HiddenPhysics::Outside(kinds[(spread(kinds.len()) + attempt) % kinds.len()]), signal_sigma)
             }
             HiddenKind::Single => {
                 let slugs = slugs(bench, request);
                 order(
-                    HiddenThing::Effects(vec![slugs[(spread(slugs.len()) + attempt) % slugs.len()].clone()]),
+                    HiddenPhysics::Effects(vec![slugs[(spread(slugs.len()) + attempt) % slugs.len()].clone()]),
                     signal_sigma,
                 )
             }
@@ -256,7 +256,7 @@ fn draw(bench: &Bench, request: &PlaysRequest, sort: HiddenKind, number: usize) 
                 let slugs = slugs(bench, request);
                 let (a, b) = stream.distinct_pair(slugs.len());
                 order(
-                    HiddenThing::Effects(vec![slugs[a].clone(), slugs[b].clone()]),
+                    HiddenPhysics::Effects(vec![slugs[a].clone(), slugs[b].clone()]),
                     signal_sigma.max(LEAST_PAIR_SIGMA),
                 )
             }

@@ -7,7 +7,7 @@ use record::{Offset, OffsetDirection, Robot};
 
 /// Effects or errors that a challenge hides from the diagnosis.
 #[derive(Debug, Clone, PartialEq)]
-pub enum HiddenThing {
+pub enum HiddenPhysics {
     /// Nothing is hidden.
     Nothing,
     /// Slugs of one or two effects of the library.

@@ -117,7 +117,7 @@ impl EccentricSphere {
     /// Parameters of the Möbius map that takes the outer sphere to itself and a concentric sphere
     /// to the rigid sphere. The first is the image of the centre, the second the radius of the
     /// concentric sphere. Both are relative to the outer radius.
-    fn concentric_picture(&self) -> [f64; 2] {
+    fn concentric_parameters(&self) -> [f64; 2] {
         let [radius, offset] = [self.radius_m, self.offset_m].map(|x| x / self.outer_radius_m);
         // The image p of the centre is the inner limiting point of the family of circles. The
         // points p and p* are inverse in both spheres: p p* = 1, (d − p)(d − p*) = R².
@@ -132,7 +132,7 @@ impl EccentricSphere {
     }
 
     fn mesh(&self) -> Mesh {
-        let [centre, before] = self.concentric_picture();
+        let [centre, before] = self.concentric_parameters();
         let squeezed = 1.0 - centre * centre;
         let first = before * squeezed / (1.0 - centre * before);
         let growth = (1.0 + centre) / first;

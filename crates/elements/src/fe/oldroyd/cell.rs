@@ -146,7 +146,7 @@ impl CellShape {
                     nominal[(k * n_points + q, component)] = weight * (stress[*c] - pressure_at[q] * cofactor[*c]);
                 }
             }
-            let given = held[q].rest - held[q].law.give_per_pa * pressure_at[q];
+            let given = held[q].rest - held[q].law.volume_compliance_per_pa * pressure_at[q];
             volume[q] = -weight * (point::determinant(&f[q]) - 1.0 - given);
         }
         let forces = product(self.operators.transpose(), nominal.as_ref());
@@ -208,12 +208,12 @@ impl CellShape {
                 matrix[(a, k)] = matrix[(k, a)];
             }
         }
-        let give_per_pa = held.first().map_or(0.0, |held| held.law.give_per_pa);
-        if give_per_pa > 0.0 {
+        let volume_compliance_per_pa = held.first().map_or(0.0, |held| held.law.volume_compliance_per_pa);
+        if volume_compliance_per_pa > 0.0 {
             let values = &reference.pressure;
             let weighted = Mat::from_fn(n_points, pressures.len(), |q, k| self.weights[q] * values[(q, k)]);
             let block = matrix.as_mut().submatrix_mut(2 * n, 2 * n, pressures.len(), pressures.len());
-            matmul(block, Accum::Replace, values.transpose(), weighted.as_ref(), -give_per_pa, Par::Seq);
+            matmul(block, Accum::Replace, values.transpose(), weighted.as_ref(), -volume_compliance_per_pa, Par::Seq);
         }
         matrix
     }

@@ -24,7 +24,7 @@ const MOST_ITERATIONS: usize = 40;
 
 /// Resistance of a compressible gel to changes of volume.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct GivingVolume {
+pub(super) struct VolumeResistance {
     /// Modulus of the resistance that depends only on the volume, divided by the shear modulus.
     pub(super) modulus_ratio: f64,
     /// True if the conformation resists changes of shape only. The volume then resists separately.
@@ -39,7 +39,7 @@ pub(super) struct FieldMesh {
     n_global: usize,
     pub(super) n_unknowns: usize,
     /// Resistance to changes of volume; `None` if the gel keeps its volume.
-    pub(super) volume: Option<GivingVolume>,
+    pub(super) volume: Option<VolumeResistance>,
     /// True for each unknown that is a pressure.
     is_pressure: Vec<bool>,
     /// Positions of the cells' entries in the matrix of the remaining unknowns.
@@ -73,7 +73,7 @@ impl FieldCell {
 impl FieldMesh {
     /// Numbers the unknowns of a mesh that has both halves of the meridian. The mesh's unit of
     /// length is the body's radius.
-    pub fn new(mesh: &Mesh, order: usize, volume: Option<GivingVolume>) -> Result<Self> {
+    pub fn new(mesh: &Mesh, order: usize, volume: Option<VolumeResistance>) -> Result<Self> {
         let reference = Reference::new(order);
         let skeleton = Skeleton::new(mesh, order);
         let mut is_pressure = vec![false];

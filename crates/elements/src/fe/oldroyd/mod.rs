@@ -53,7 +53,7 @@ use super::meridional::BodyOfRevolution;
 use super::meridional::basis::lagrange;
 use super::meridional::mesh::{Boundary, Mesh};
 use base::error::{Error, Result};
-use field::{BODY, FieldMesh, FieldStage, GivingVolume, Solver};
+use field::{BODY, FieldMesh, FieldStage, Solver, VolumeResistance};
 use laws::stages::{Load, Spatial};
 use point::{AT_REST, StageLaw};
 use record::Force;
@@ -117,7 +117,7 @@ impl VolumeRule {
         }
     }
 
-    fn giving(self) -> Result<Option<GivingVolume>> {
+    fn giving(self) -> Result<Option<VolumeResistance>> {
         let poisson_ratio = self.poisson_ratio();
         let lame_ratio = 2.0 * poisson_ratio / (1.0 - 2.0 * poisson_ratio);
         match self {
@@ -126,8 +126,10 @@ impl VolumeRule {
                 format!("the Poisson ratio of a compressible gel is {poisson_ratio}"),
                 "give a Poisson ratio between 0 and 0.5, both excluded",
             )),
-            Self::Network { .. } => Ok(Some(GivingVolume { modulus_ratio: lame_ratio, is_apart: false })),
-            Self::Decoupled { .. } => Ok(Some(GivingVolume { modulus_ratio: lame_ratio + 2.0 / 3.0, is_apart: true })),
+            Self::Network { .. } => Ok(Some(VolumeResistance { modulus_ratio: lame_ratio, is_apart: false })),
+            Self::Decoupled { .. } => {
+                Ok(Some(VolumeResistance { modulus_ratio: lame_ratio + 2.0 / 3.0, is_apart: true }))
+            }
         }
     }
 }
@@ -313,7 +315,7 @@ fn stiffness(mesh: &FieldMesh) -> Result<f64> {
             solvent_pa_s: 0.0,
             mobility: 0.0,
             modes: &[(1.0, 0.0)],
-            give_per_pa: mesh.volume.map_or(0.0, |volume| 1.0 / volume.modulus_ratio),
+            volume_compliance_per_pa: mesh.volume.map_or(0.0, |volume| 1.0 / volume.modulus_ratio),
             bulk_pa_s: 0.0,
             is_apart: mesh.volume.is_some_and(|volume| volume.is_apart),
         },

@@ -34,7 +34,7 @@ pub struct StageLaw<'a> {
     /// time.
     pub modes: &'a [(f64, f64)],
     /// Compliance of the volume ratio to a pressure, in 1/Pa. It is 0 if the gel keeps its volume.
-    pub(super) give_per_pa: f64,
+    pub(super) volume_compliance_per_pa: f64,
     /// Bulk viscosity of the solvent, in Pa·s. It is 0 if the gel keeps its volume.
     pub(super) bulk_pa_s: f64,
     /// True if a change of volume does not affect the conformation. The conformation then resists
@@ -90,7 +90,7 @@ fn inverse<N: PointScalar>(a: &Plane<N>) -> Plane<N> {
 }
 
 /// Product F S Fᵀ of a deformation gradient F and a symmetric tensor S.
-fn pushed<N: PointScalar>(f: &Gradient<N>, s: &Symmetric<N>) -> Symmetric<N> {
+fn push_forward<N: PointScalar>(f: &Gradient<N>, s: &Symmetric<N>) -> Symmetric<N> {
     let [a, b, c, d, hoop] = *f;
     let (left, right) = ([a * s[0] + b * s[1], a * s[1] + b * s[2]], [c * s[0] + d * s[1], c * s[1] + d * s[2]]);
     [left[0] * a + left[1] * b, left[0] * c + left[1] * d, right[0] * c + right[1] * d, hoop * hoop * s[3]]
@@ -151,8 +151,8 @@ pub(super) fn stress<N: PointScalar>(held: &PointConstants, f: &Gradient<N>) -> 
     let mut cauchy =
         [rate[0] * two_eta + swelling, rate[1] * two_eta, rate[3] * two_eta + swelling, hoop_rate * two_eta + swelling];
     for ((modulus_pa, z), start) in law.modes.iter().zip(held.configurations) {
-        let pushed = pushed(&shape(f, law.is_apart), &start.map(N::constant));
-        let found = relaxed(&pushed, *z, law.mobility);
+        let push_forward = push_forward(&shape(f, law.is_apart), &start.map(N::constant));
+        let found = relaxed(&push_forward, *z, law.mobility);
         let strains = found.into_iter().zip(AT_REST);
         cauchy.iter_mut().zip(strains).for_each(|(sum, (a, rest))| *sum += (a - N::constant(rest)) * *modulus_pa);
     }
@@ -168,10 +168,10 @@ pub(super) fn stress<N: PointScalar>(held: &PointConstants, f: &Gradient<N>) -> 
 /// the stage's start, `z` the stage's implicit time divided by the relaxation time.
 pub(super) fn configuration(f: &Gradient, start: &Symmetric, z: f64, mobility: f64, is_apart: bool) -> Symmetric {
     let f = &shape(f, is_apart);
-    let a = relaxed(&pushed(f, start), z, mobility);
+    let a = relaxed(&push_forward(f, start), z, mobility);
     let m = inverse(&plane(f));
     let back = [m[0], m[1], m[2], m[3], 1.0 / f[4]];
-    pushed(&back, &a)
+    push_forward(&back, &a)
 }
 
 /// Tangent in Pa: derivative of the first Piola–Kirchhoff stress (first index) with respect to the
@@ -205,7 +205,7 @@ mod tests {
                 solvent_pa_s: 0.45,
                 mobility,
                 modes: &MODES,
-                give_per_pa: 0.1,
+                volume_compliance_per_pa: 0.1,
                 bulk_pa_s: 0.8,
                 is_apart: false,
             },
@@ -221,8 +221,8 @@ mod tests {
     fn a_stage_fulfils_the_law() {
         for mobility in [0.0, 1e-9, 0.1, 0.5] {
             for (start, (_, z)) in STARTS.iter().zip(MODES) {
-                let pushed_start = pushed(&F, start);
-                let a = pushed(&F, &configuration(&F, start, z, mobility, false));
+                let pushed_start = push_forward(&F, start);
+                let a = push_forward(&F, &configuration(&F, start, z, mobility, false));
                 let b = [a[0] - 1.0, a[1], a[2] - 1.0, a[3] - 1.0];
                 let square = [b[0] * b[0] + b[1] * b[1], b[1] * (b[0] + b[2]), b[1] * b[1] + b[2] * b[2], b[3] * b[3]];
                 for k in 0..N_SYMMETRIC {

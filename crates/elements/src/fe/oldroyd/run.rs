@@ -52,7 +52,7 @@ pub(super) struct Moment {
 
 /// The body in a gel with small strains. It has equal modes and takes equal steps.
 #[derive(Debug, Clone)]
-struct Twin {
+struct SmallStrainTwin {
     displacement: f64,
     /// Elastic displacement of every mode, in body radii.
     elastic: Vec<f64>,
@@ -71,7 +71,7 @@ struct Walker<'a> {
     /// Relaxed part of the relative volume change, by cell, point and mode. Empty if the gel keeps
     /// its volume.
     swellings: Vec<Vec<f64>>,
-    twin: Twin,
+    twin: SmallStrainTwin,
     /// Times (s) and unknowns since the last switch of the force, for extrapolation.
     past: Vec<(f64, Vec<f64>)>,
 }
@@ -81,7 +81,7 @@ struct Rates {
     x: Vec<f64>,
     configurations: Vec<Vec<Symmetric>>,
     swellings: Vec<Vec<f64>>,
-    twin: Twin,
+    twin: SmallStrainTwin,
 }
 
 /// Force on the body over time.
@@ -184,7 +184,7 @@ impl<'a> Walker<'a> {
                 Some(_) => mesh.cells.iter().map(|cell| vec![0.0; cell.shape.weights.len() * n_modes]).collect(),
                 None => Vec::new(),
             },
-            twin: Twin { displacement: 0.0, elastic: vec![0.0; n_modes] },
+            twin: SmallStrainTwin { displacement: 0.0, elastic: vec![0.0; n_modes] },
             past: Vec::new(),
         }
     }
@@ -223,7 +223,7 @@ impl<'a> Walker<'a> {
             solvent_pa_s: self.law.solvent_pa_s,
             mobility: self.law.mobility,
             modes: &modes,
-            give_per_pa: volume.map_or(0.0, |volume| 1.0 / (volume.modulus_ratio * stiff_pa(&modes))),
+            volume_compliance_per_pa: volume.map_or(0.0, |volume| 1.0 / (volume.modulus_ratio * stiff_pa(&modes))),
             bulk_pa_s: volume.map_or(0.0, |volume| volume.modulus_ratio * self.law.solvent_pa_s),
             is_apart: volume.is_some_and(|volume| volume.is_apart),
         };
@@ -254,19 +254,19 @@ impl<'a> Walker<'a> {
             }
             past.push((time_s, x.clone()));
             let (ended, rates) = self.ended(&stage, &x, &configurations);
-            let (swollen, swelling_rates) = self.swollen(&stage, &x, &swellings);
+            let (relax_volumes, swelling_rates) = self.relax_volumes(&stage, &x, &swellings);
             let twin_ended = self.twin_ended(&stage, &twin);
             let rate = |to: f64, from: f64| (to - from) / stage_s;
             all.push(Rates {
                 x: (0..x.len()).map(|k| if self.mesh.is_pressure(k) { 0.0 } else { rate(x[k], start[k]) }).collect(),
                 configurations: rates,
                 swellings: swelling_rates,
-                twin: Twin {
+                twin: SmallStrainTwin {
                     displacement: rate(twin_ended.displacement, twin.displacement),
                     elastic: twin_ended.elastic.iter().zip(&twin.elastic).map(|(to, from)| rate(*to, *from)).collect(),
                 },
             });
-            last = Some((x, ended, swollen, twin_ended));
+            last = Some((x, ended, relax_volumes, twin_ended));
         }
         if let Some(last) = last {
             (self.x, self.configurations, self.swellings, self.twin) = last;
@@ -303,7 +303,7 @@ impl<'a> Walker<'a> {
 
     /// Returns the relaxed part of the relative volume change at a stage's end and its rate, both
     /// by cell, point and mode.
-    fn swollen(&self, stage: &FieldStage, x: &[f64], starts: &[Vec<f64>]) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
+    fn relax_volumes(&self, stage: &FieldStage, x: &[f64], starts: &[Vec<f64>]) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
         let modes = stage.law.modes;
         let of_cell = |(cell, starts): (&FieldCell, &Vec<f64>)| {
             let f = self.mesh.gradients(cell, x);
@@ -317,12 +317,12 @@ impl<'a> Walker<'a> {
         self.mesh.cells.iter().zip(starts).map(of_cell).unzip()
     }
 
-    fn twin_ended(&self, stage: &FieldStage, start: &Twin) -> Twin {
+    fn twin_ended(&self, stage: &FieldStage, start: &SmallStrainTwin) -> SmallStrainTwin {
         let elastic = stage.law.modes.iter().zip(&start.elastic);
         let carried: f64 = elastic.clone().map(|((modulus_pa, z), e)| modulus_pa * e / (1.0 + z)).sum();
         let stiff_pa = stage.law.solvent_pa_s * stage.law.rate_per_s + stiff_pa(stage.law.modes);
         let by = (stage.force_pa / self.stiffness - carried) / stiff_pa;
-        Twin {
+        SmallStrainTwin {
             displacement: start.displacement + by,
             elastic: elastic.map(|((_, z), e)| (e + by) / (1.0 + z)).collect(),
         }

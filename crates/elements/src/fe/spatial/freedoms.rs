@@ -12,7 +12,7 @@ use base::error::{Error, Result};
 const SAME_NORMAL: f64 = 0.94;
 /// Length below which a direction counts as zero after subtraction of its components along other
 /// directions.
-const NOTHING_LEFT: f64 = 1e-6;
+const ZERO_DIRECTION_LENGTH: f64 = 1e-6;
 
 /// Displacement of every node as a combination of unknowns. The last unknown is the robot's
 /// translation along x (physics §3.1).
@@ -199,7 +199,7 @@ impl DegreesOfFreedom {
 /// `others`. `None` if that part is zero.
 fn left_of(direction: Vector3<f64>, others: &[Vector3<f64>]) -> Option<Vector3<f64>> {
     let left = others.iter().fold(direction, |left, other| left - other * other.dot(&left));
-    (left.norm() > NOTHING_LEFT).then(|| left.normalize())
+    (left.norm() > ZERO_DIRECTION_LENGTH).then(|| left.normalize())
 }
 
 /// Distinct surface normals of the robot at every node. Normals of smoothly adjacent faces are

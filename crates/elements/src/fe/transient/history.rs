@@ -9,7 +9,7 @@ use super::stages::{DIAGONAL, N_STAGES, predict};
 /// (m) add up to the unknowns.
 pub(super) struct Chain {
     bodies: Vec<HistoryBody>,
-    turning: Vec<Turning>,
+    turning: Vec<OscillatingBody>,
 }
 
 struct HistoryBody {
@@ -19,7 +19,7 @@ struct HistoryBody {
 
 /// A body with a complex strain y that obeys y' = λ (a w − y) under the stress w. Its real strain
 /// is the real part of y.
-struct Turning {
+struct OscillatingBody {
     /// Complex compliance a of the body, in 1/Pa.
     compliance_per_pa: Complex<f64>,
     /// Complex rate λ of the body, in 1/s.
@@ -88,10 +88,10 @@ impl History {
     }
 }
 
-impl Turning {
+impl OscillatingBody {
     /// Returns λ/(1 + λ `implicit_s`) for the body's complex rate λ. At a stage, the rate of the
     /// complex strain is this factor times (compliance × stress − predicted strain).
-    fn stiff_rate(&self, implicit_s: f64) -> Complex<f64> {
+    fn implicit_rate_per_s(&self, implicit_s: f64) -> Complex<f64> {
         self.rate_per_s / (self.rate_per_s * implicit_s + 1.0)
     }
 }
@@ -131,7 +131,7 @@ impl Chain {
             .chain(spring.map(|compliance_per_pa| HistoryKind::Spring { compliance_per_pa }));
         let body = |kind| HistoryBody { kind, history: History::new(n_unknowns) };
         let complex = |[re, im]: [f64; 2]| Complex::new(re, im);
-        let turning = turning.iter().map(|mode| Turning {
+        let turning = turning.iter().map(|mode| OscillatingBody {
             compliance_per_pa: complex(mode.compliance_per_pa),
             rate_per_s: complex(mode.rate_per_s),
             histories: [History::new(n_unknowns), History::new(n_unknowns)],
@@ -144,7 +144,8 @@ impl Chain {
     pub(super) fn response(&self, step_s: f64) -> Response {
         let implicit_s = DIAGONAL * step_s;
         let of_bodies: f64 = self.bodies.iter().map(|body| body.kind.rate(implicit_s)[0]).sum();
-        let turning = self.turning.iter().map(|body| (body.stiff_rate(implicit_s) * body.compliance_per_pa).re);
+        let turning =
+            self.turning.iter().map(|body| (body.implicit_rate_per_s(implicit_s) * body.compliance_per_pa).re);
         let rate_per_pa_s = of_bodies + turning.sum::<f64>();
         Response { rate_per_pa_s, compliance_per_pa: implicit_s * rate_per_pa_s }
     }
@@ -171,7 +172,7 @@ impl Chain {
             }
         }
         for body in &mut self.turning {
-            let back = body.stiff_rate(implicit_s);
+            let back = body.implicit_rate_per_s(implicit_s);
             let kept = back / body.rate_per_s;
             body.histories.iter_mut().for_each(|history| history.predict(stage, step_s));
             let [re, im] = &body.histories;
@@ -196,7 +197,7 @@ impl Chain {
             history.end(stage, implicit_s);
         }
         for body in &mut self.turning {
-            let back = body.stiff_rate(implicit_s);
+            let back = body.implicit_rate_per_s(implicit_s);
             let response = back * body.compliance_per_pa;
             let [re, im] = &mut body.histories;
             let rates = re.rates_m_per_s[stage].iter_mut().zip(&mut im.rates_m_per_s[stage]);

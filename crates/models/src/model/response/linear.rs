@@ -165,8 +165,8 @@ struct BetweenRowsSwitch<N> {
 }
 
 /// Returns the switches between rows of all parameter points, in the order of the rows.
-fn kicks<S: Number>(record: &PreparedRows, system: &System<S>) -> Vec<BetweenRowsSwitch<S::Lane>> {
-    let mut kicks = Vec::with_capacity(S::N_POINTS * record.switches.len());
+fn between_row_switches<S: Number>(record: &PreparedRows, system: &System<S>) -> Vec<BetweenRowsSwitch<S::Lane>> {
+    let mut between_row_switches = Vec::with_capacity(S::N_POINTS * record.switches.len());
     let mut rows = [1; N_LANES];
     // The inner loop is over the points. Their delays are similar, so the switches are nearly sorted by row.
     for switch in &record.switches {
@@ -184,17 +184,17 @@ fn kicks<S: Number>(record: &PreparedRows, system: &System<S>) -> Vec<BetweenRow
             if row < record.n_rows {
                 let remaining_s = S::Lane::constant(record.time_s[row] - switch.time_s) - delay_s;
                 let (change_n, bend_n_per_s) = (change_n.lane(lane), bend_n_per_s.lane(lane));
-                kicks.push(BetweenRowsSwitch { lane, row, remaining_s, change_n, bend_n_per_s });
+                between_row_switches.push(BetweenRowsSwitch { lane, row, remaining_s, change_n, bend_n_per_s });
             }
         }
     }
-    kicks.sort_by_key(|kick| kick.row);
-    kicks
+    between_row_switches.sort_by_key(|kick| kick.row);
+    between_row_switches
 }
 
 /// Response of every mode, at the time `after_s` after a switch, to a unit change of the level and to a unit change of the
 /// level's rate.
-struct KickResponse<N> {
+struct SwitchResponse<N> {
     after_s: N,
     modes: Vec<(N, N)>,
     oscillating: Vec<(Complex<N>, Complex<N>)>,
@@ -204,7 +204,7 @@ struct KickResponse<N> {
     lag_decay: N,
 }
 
-impl<N: Real> KickResponse<N> {
+impl<N: Real> SwitchResponse<N> {
     fn new<S: Number<Lane = N>>(system: &System<S>, lane: usize, after_s: N, rises: bool) -> Self {
         let lag_rate = system.shape.lagging.then(|| system.lag_rate.lane(lane));
         let late_s = system.late_s().lane(lane);
@@ -256,9 +256,9 @@ pub fn run<S: Number>(record: &PreparedRows, system: &System<S>, position_m: &mu
         return;
     }
     sweep.change_level(system.load.start_n(), zero);
-    let kicks = kicks(record, system);
-    let mut waiting = kicks.iter().peekable();
-    let mut responses: Vec<Option<KickResponse<S::Lane>>> = (0..S::N_POINTS).map(|_| None).collect();
+    let between_row_switches = between_row_switches(record, system);
+    let mut waiting = between_row_switches.iter().peekable();
+    let mut responses: Vec<Option<SwitchResponse<S::Lane>>> = (0..S::N_POINTS).map(|_| None).collect();
     for hold in &record.holds {
         let mut row = hold.rows.start;
         while row < hold.rows.end {
@@ -342,7 +342,7 @@ impl<S: Number> LinearSweep<'_, S> {
     fn kick(
         &mut self,
         kick: &BetweenRowsSwitch<S::Lane>,
-        known: &mut Option<KickResponse<S::Lane>>,
+        known: &mut Option<SwitchResponse<S::Lane>>,
         tolerance_s: f64,
         position_m: &mut S,
     ) {
@@ -350,7 +350,7 @@ impl<S: Number> LinearSweep<'_, S> {
             *known = None;
         }
         let response =
-            known.get_or_insert_with(|| KickResponse::new(self.system, kick.lane, kick.remaining_s, self.is_linear));
+            known.get_or_insert_with(|| SwitchResponse::new(self.system, kick.lane, kick.remaining_s, self.is_linear));
         let (lane, change, bend) = (kick.lane, kick.change_n, kick.bend_n_per_s);
         // Between constant forces the change of slope is 0, and adding it leaves all bits of the result unchanged.
         let level = change + (kick.remaining_s - response.late_s) * bend;
@@ -406,7 +406,7 @@ impl<S: Number> WithSimd for LinearRows<'_, S> {
         } else {
             position_m.fill(system.instantaneous * level_n);
         }
-        let mut part = LinearPart {
+        let mut part = PendingModes {
             rows: &step.modes,
             inputs: self.input,
             oscillating_inputs: self.oscillating_input,
@@ -442,7 +442,7 @@ impl<S: Number> WithSimd for LinearRows<'_, S> {
 const WIDEST: usize = 8;
 
 /// Modes that have not been advanced through the rows yet.
-struct LinearPart<'a, S> {
+struct PendingModes<'a, S> {
     rows: &'a [LinearRow<S>],
     inputs: &'a [S],
     oscillating_inputs: &'a [Complex<S>],
@@ -453,7 +453,7 @@ struct LinearPart<'a, S> {
     lagging: bool,
 }
 
-impl<S: Number> LinearPart<'_, S> {
+impl<S: Number> PendingModes<'_, S> {
     /// Advances the first `B` real modes, and one oscillating mode if any is left, through the rows. It adds their values to the
     /// position.
     #[inline(always)]

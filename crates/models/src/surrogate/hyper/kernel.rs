@@ -17,7 +17,7 @@ pub(super) type BlockTensor<B> = [B; 6];
 
 /// Number added to the squares of deviatoric strains to prevent a division by zero. It is far below the squared strain of any
 /// moving gel.
-const STILL: f64 = 1e-60;
+const MIN_SQUARED_STRAIN: f64 = 1e-60;
 const MOST_ITERATIONS: usize = 60;
 /// Constant k of the hyperbola √(v² + k), which approximates |v| + 2 ln(1 + e^−|v|) within 0.2.
 const HYPERBOLA: f64 = 1.6;
@@ -320,7 +320,7 @@ fn deviator_norm<B: LaneBlock>(a: &BlockTensor<B>) -> B {
     for t in &a[1..5] {
         squared = squared + *t * *t;
     }
-    (squared + B::constant(splat(STILL))).sqrt()
+    (squared + B::constant(splat(MIN_SQUARED_STRAIN))).sqrt()
 }
 
 /// Law of a block of points, linearised about the strain measure a (strain plus offset by past strains).

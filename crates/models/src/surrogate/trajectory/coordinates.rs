@@ -21,7 +21,7 @@ const YIELD_UNIT: f64 = 0.003;
 pub(super) struct CoordinateKind {
     family: NonlinearFamily,
     /// Structure of the law, as the kinds of its elements in order.
-    shape: Vec<Tag>,
+    shape: Vec<LawToken>,
     /// Bits of the displacement per force, and of the nonlinear law's constant.
     constants: [u64; 2],
 }
@@ -37,7 +37,7 @@ impl CoordinateKind {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Tag {
+pub(super) enum LawToken {
     Spring,
     Dashpot,
     Series,
@@ -172,12 +172,12 @@ pub(super) fn widths(kind: &CoordinateKind) -> (Vec<f64>, [f64; 2]) {
     let (mut widths, mut number, mut is_inside) = (Vec::with_capacity(8), 0, false);
     for tag in &kind.shape {
         match tag {
-            Tag::Parallel => is_inside = true,
-            Tag::Series | Tag::End => is_inside = false,
-            Tag::Spring | Tag::Dashpot => {
+            LawToken::Parallel => is_inside = true,
+            LawToken::Series | LawToken::End => is_inside = false,
+            LawToken::Spring | LawToken::Dashpot => {
                 // A dashpot in series allows a wider box, because trajectories depend smoothly on its time, unless the gel may
                 // come to rest.
-                let is_wide = *tag == Tag::Dashpot && !is_inside && kind.family != NonlinearFamily::YieldStress;
+                let is_wide = *tag == LawToken::Dashpot && !is_inside && kind.family != NonlinearFamily::YieldStress;
                 if first != Some(number) {
                     widths.push(if is_wide { 2.0 * LN_2 } else { LN_2 });
                 }
@@ -203,21 +203,21 @@ pub(super) fn amplitude_m(stages: &Stages, sizes: CoordinateSizes) -> f64 {
     sizes.compliance_per_m * stages.law.iter().map(of).sum::<f64>()
 }
 
-pub fn read(elements: &[Element], shape: &mut Vec<Tag>, numbers: &mut Vec<Dual>) -> Option<()> {
+pub fn read(elements: &[Element], shape: &mut Vec<LawToken>, numbers: &mut Vec<Dual>) -> Option<()> {
     for element in elements {
         match element {
             Element::Spring { modulus_pa } => {
-                shape.push(Tag::Spring);
+                shape.push(LawToken::Spring);
                 numbers.push(*modulus_pa);
             }
             Element::Dashpot { viscosity_pa_s } => {
-                shape.push(Tag::Dashpot);
+                shape.push(LawToken::Dashpot);
                 numbers.push(*viscosity_pa_s);
             }
             Element::Series(parts) | Element::Parallel(parts) => {
-                shape.push(if matches!(element, Element::Series(_)) { Tag::Series } else { Tag::Parallel });
+                shape.push(if matches!(element, Element::Series(_)) { LawToken::Series } else { LawToken::Parallel });
                 read(parts, shape, numbers)?;
-                shape.push(Tag::End);
+                shape.push(LawToken::End);
             }
             _ => return None,
         }
@@ -226,14 +226,14 @@ pub fn read(elements: &[Element], shape: &mut Vec<Tag>, numbers: &mut Vec<Dual>)
 }
 
 /// Returns the index, in the list of the law's moduli and viscosities, of the first spring inside a body.
-pub(super) fn first_body(shape: &[Tag]) -> Option<usize> {
+pub(super) fn first_body(shape: &[LawToken]) -> Option<usize> {
     let (mut number, mut is_inside) = (0, false);
     for tag in shape {
         match tag {
-            Tag::Parallel => is_inside = true,
-            Tag::Spring if is_inside => return Some(number),
-            Tag::Spring | Tag::Dashpot => number += 1,
-            Tag::Series | Tag::End => {}
+            LawToken::Parallel => is_inside = true,
+            LawToken::Spring if is_inside => return Some(number),
+            LawToken::Spring | LawToken::Dashpot => number += 1,
+            LawToken::Series | LawToken::End => {}
         }
     }
     None

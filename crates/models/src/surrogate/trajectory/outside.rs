@@ -23,7 +23,7 @@ const DEGREES: [usize; 8] = [2, 3, 4, 6, 8, 10, 14, 20];
 pub const EXTERNAL_MAX_POINTS: usize = 700;
 /// Largest error, in units of the noise standard deviation, that training may be expected to reach at the highest degree. If the
 /// extrapolated error is larger, training ends early, because such a surface would support no conclusion.
-const HOPELESS: f64 = 0.5;
+const MAX_EXPECTED_ERROR: f64 = 0.5;
 /// Lowest degree at which training may end early.
 const LEAST_TRIED: usize = 6;
 /// Number of points that check a box.
@@ -116,7 +116,7 @@ impl ExternalSurface {
             // The error at the highest degree is extrapolated from the decrease between the last two degrees.
             let is_hopeless = before.is_some_and(|(other, error)| {
                 let left = (degrees[degrees.len() - 1] - degree) as f64 / (degree - other) as f64;
-                degree >= LEAST_TRIED && surface.certified * (surface.certified / error).powf(left) > HOPELESS
+                degree >= LEAST_TRIED && surface.certified * (surface.certified / error).powf(left) > MAX_EXPECTED_ERROR
             });
             before = Some((degree, surface.certified));
             if is_better {
