@@ -1,4 +1,4 @@
-//! `corner`: draws one or several posteriors into one corner plot. They come from this program, or from any program that writes CSV.
+//! `corner`: draws one or several posteriors into one corner plot. A posterior is a study of this program, or a CSV file of draws from any program.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -169,7 +169,7 @@ fn load(path: &Path) -> Result<LoadedPosterior> {
         return load_revision(path);
     }
     let label = path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
-    // A file of draws inside a revision's directory belongs to this revision.
+    // The file `draws.csv` in a revision's directory stands for the whole revision, with its priors and data.
     match path.parent() {
         Some(dir) if dir.join(POSTERIOR_NAME).is_file() && path.file_name().is_some_and(|n| n == "draws.csv") => {
             load_revision(dir)
@@ -216,7 +216,7 @@ fn load_csv(path: &Path, label: String, priors: Option<&PriorSet>) -> Result<Loa
     Ok(LoadedPosterior { label, columns: columns.collect(), data: None })
 }
 
-/// Computes each prior's density over the range of all posteriors' draws, not only over that of its own posterior.
+/// Computes the density of each prior over the range of the draws of all posteriors.
 fn draw_priors(loaded: &mut [LoadedPosterior]) {
     let mut ranges: BTreeMap<String, [f64; 2]> = BTreeMap::new();
     for column in loaded.iter().flat_map(|posterior| &posterior.columns) {

@@ -468,7 +468,7 @@ async fn table(
         Ok(Err(_)) => return refused(&format!("the table did not arrive completely, or {too_large}")),
         Err(_) => return refused("the table did not arrive within two minutes"),
     };
-    connection.has_whole_request();
+    connection.mark_request_complete();
     let number = bench.uploads.fetch_add(1, Ordering::Relaxed);
     answer(move || Ok(json!({ "upload": tables::store_upload(&bench.home, &upload.name, number, &bytes)? }))).await
 }
@@ -509,7 +509,7 @@ async fn stop(State(bench): State<SharedBench>) -> Response {
 
 /// Stream of events to the page: the current job, and a hash that changes with the folder.
 async fn events(State(bench): State<SharedBench>, Extension(connection): Extension<Connection>) -> impl IntoResponse {
-    connection.becomes_stream();
+    connection.mark_as_stream();
     let mut news = bench.news.subscribe();
     // The present state comes first, without waiting for a change.
     news.mark_changed();
