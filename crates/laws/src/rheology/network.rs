@@ -244,7 +244,7 @@ impl Reader {
                 key,
                 format!("this is body {} of the network", self.n_bodies),
                 format!(
-                    "give a network of at most {MOST_BODIES} bodies; creep measurements can distinguish only a few"
+                    "give a network of at most {MAX_ELEMENTS} bodies; creep measurements can distinguish only a few"
                 ),
             ));
         }
