@@ -264,7 +264,7 @@ test("two revisions are compared in one plot and one corner plot", async () => {
   await page.locator("#parts summary", { hasText: /^Posterior$/ }).click();
   await page.waitForSelector(".corner > svg");
   const boxes = page.locator("#parts .tools input[type=checkbox]");
-  assert.equal(await boxes.count(), 4, "three parameters of the law and one of the effect");
+  assert.equal(await boxes.count(), 5, "three parameters of the law, one of the effect, and the noise");
   const drawn = await page.locator(".corner").innerHTML();
   await boxes.nth(0).uncheck();
   await page.waitForFunction((text) => document.querySelector(".corner").innerHTML !== text, drawn);
@@ -274,6 +274,7 @@ test("two revisions are compared in one plot and one corner plot", async () => {
 });
 
 test("a drag along the values zooms them in, and a double click shows all", async () => {
+  await page.evaluate(() => scrollTo(0, 0));
   const over = page.locator("#plot-position .u-over");
   const box = await over.boundingBox();
   const ticks = () => page.locator("#plot-position canvas").evaluate((own) => own.toDataURL());
@@ -517,6 +518,7 @@ test("three hundred records are listed, sorted, filtered and marked", async () =
 
 test("a long record is drawn as bars from the lowest to the highest value of each pixel", async () => {
   const own = folder();
+  await page.setViewportSize({ width: 1440, height: 900 });
   copyRecord("porcine-01-anterior", join(own, "long"));
   // A fast oscillation: its lowest and highest values alone would look like two crossing waves.
   const rows = Array.from({ length: 60_000 }, (_, row) => `${(row / 1000).toFixed(4)},${row % 15_000 < 7_500 ? 10 : 0},${(100 + 50 * Math.sin(2.1 * row)).toFixed(3)},${1 + Math.floor(row / 15_000)}`);
@@ -536,8 +538,8 @@ test("a long record is drawn as bars from the lowest to the highest value of eac
       return ys.length / (ys[ys.length - 1] - ys[0] + 1);
     });
   });
-  assert.ok(filled.every((share) => share > 0.95), `filled shares of columns: ${filled}`);
   await picture("16-long");
+  assert.ok(filled.every((share) => share > 0.95), `filled shares of columns: ${filled}`);
   rmSync(own, { recursive: true, force: true, maxRetries: 20, retryDelay: 200 });
 });
 
