@@ -1,6 +1,7 @@
-//! What one likelihood costs with each effect and each noise: batches of 32 points around the reference, 800 regular rows, one thread.
+//! Measures the time of one likelihood with each effect and each noise model: batches of 32 points around the reference, 800 equidistant rows, one thread.
 //!
-//! Bars: with any effect at most ten times the base, twenty where it changes the field; with all noise terms at most 20 µs. Priors, stages and spectra are part of it.
+//! Limits: with any effect at most ten times the time of the base model, or twenty times if the effect changes the displacement field. With all noise terms the
+//! limit is 20 µs. Times include priors, stages and spectra.
 
 use std::collections::BTreeMap;
 use std::hint::black_box;
@@ -18,7 +19,7 @@ use vitreo_uq::sampling::ensemble::RandomStream;
 
 const N_POINTS: usize = 32;
 
-/// The replica with all its rows fitted.
+/// Returns the replica with all four cycles fitted.
 fn experiment() -> Experiment {
     let (mut experiment, _) = embedded().expect("embedded");
     experiment.calibration_cycles = vec![1, 2, 3, 4];
@@ -26,7 +27,8 @@ fn experiment() -> Experiment {
     experiment
 }
 
-/// Points around Table I and the middle of the other priors, coordinate d of point i at `d * n + i`.
+/// Returns points around the law of Table I; other parameters are near the 40 % quantiles of their priors. Coordinate d of point i is at index `d * N_POINTS +
+/// i`.
 fn batch(problem: &Problem) -> Vec<f64> {
     let reference = |name: &str| {
         let law = problem.model.base().parameters();

@@ -1,6 +1,6 @@
-//! Finite elements: assembly, analysis and factorisation of about 10,000 and 60,000 unknowns, a solve, and trajectories of 64 laws.
+//! Measures finite elements: assembly, analysis and factorisation of about 10,000 and 60,000 unknowns, a solve, and trajectories of 64 laws.
 //!
-//! Bars: assembly + factorisation of 10,000 unknowns in 0.5 s and of 60,000 in 5 s, on two cores.
+//! Limits for assembly and factorisation on two cores: 0.5 s for 10,000 unknowns, and 5 s for 60,000.
 
 use std::hint::black_box;
 use std::time::Duration;
@@ -35,7 +35,7 @@ fn factorisation(criterion: &mut Criterion, n_per_edge: usize, n_layers: usize) 
     group.finish();
 }
 
-/// What the held-out check does: the load of three cycles solved once, and a run for each of 64 draws.
+/// Measures the work of the held-out check: one solve for the load of four cycles, then one trajectory for each of 64 draws.
 fn trajectories(criterion: &mut Criterion) {
     let mesh = mesh(3, 12);
     let stiffness = Stiffness::new(&mesh).expect("a sound mesh");

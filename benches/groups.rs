@@ -1,4 +1,4 @@
-//! Sweeps of the population's sampler: 200 specimens in four groups, three parameters, draws and likelihoods.
+//! Measures sweeps of the population's sampler, for 200 specimens in four groups with three parameters. The specimens are given by draws or by likelihoods.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use vitreo_uq::cohorts::hierarchy::{
@@ -11,7 +11,7 @@ const N_SPECIMENS: usize = 200;
 const N_DRAWS: usize = 1_000;
 const N_SWEEPS: usize = 200;
 
-/// A normal likelihood, as cheap as one can be: what is measured is the sampler.
+/// A normal likelihood. It is very cheap, so the benchmark measures the sampler itself.
 struct Normal {
     archive: Vec<Vec<f64>>,
     centre: [f64; 3],
@@ -26,7 +26,7 @@ impl ExperimentDensity for Normal {
     }
 }
 
-/// Points that fill a small box about a centre evenly.
+/// Returns `n` points that fill a small box around a centre evenly.
 fn scattered(centre: [f64; 3], n: usize) -> Vec<Vec<f64>> {
     let ratios = [0.819_172_513, 0.671_043_607, 0.549_700_478];
     let coordinate = |i: usize, k: usize| centre[k] + 0.2 * ((i as f64 * ratios[k]).fract() - 0.5);

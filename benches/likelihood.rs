@@ -1,7 +1,7 @@
-//! The posterior and its sampler: one batch, one step of an ensemble, a whole run on one and two threads.
+//! Measures the posterior and its sampler: one batch of points, a hundred steps of an ensemble, and whole runs on one and two threads.
 //!
-//! Bars: 5·10⁶ log-densities/s and 150,000 ESS/s on one thread, two threads at least 1.7 × one. The table at the end gives them by wall time
-//! and by CPU time, since a machine is rarely idle.
+//! Limits: at least 5·10⁶ log densities and 150,000 effective samples per second on one thread, and 1.7 times as many on two. The table at the end gives the
+//! rates by wall time and by CPU time, because other programs may slow the machine.
 
 mod creep;
 
@@ -49,16 +49,16 @@ fn step(criterion: &mut Criterion, creep: &Creep) {
     group.finish();
 }
 
-/// How a run is timed.
+/// Setting of a timed run.
 struct Setting {
-    /// What it shows.
+    /// Name of the setting in the table.
     name: &'static str,
     max_steps: u64,
     store_every: Option<u64>,
 }
 
-/// Diagnosing a draw costs four times as much as making it (ranks, quantiles, autocovariances), so what is kept decides: the first
-/// setting is the one that both bars are read from.
+/// Settings of the timed runs. The diagnostics of a draw (ranks, quantiles, autocovariances) take four times as long as its computation, so the share of kept
+/// draws matters. Both limits apply to the first setting.
 const SETTINGS: [Setting; 3] = [
     Setting { name: "every eighth draw kept", max_steps: 40_000, store_every: Some(8) },
     Setting { name: "draws thinned as by default", max_steps: 100_000, store_every: None },
@@ -66,16 +66,16 @@ const SETTINGS: [Setting; 3] = [
 ];
 const N_RUNS: u64 = 4;
 
-/// CPU time of the process in s; NaN where the system does not tell.
+/// CPU time of the process in s; NaN if the system does not report it.
 fn cpu_s() -> f64 {
     let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
-    // Fields 14 and 15, counted from the bracket that closes the program's name; a tick is 10 ms on Linux.
+    // The CPU times are fields 14 and 15, counted from the bracket that closes the program's name. A tick is 10 ms on Linux.
     let after_name = stat.rsplit(')').next().unwrap_or_default();
     let ticks: Vec<f64> = after_name.split_whitespace().skip(11).take(2).filter_map(|t| t.parse().ok()).collect();
     if ticks.len() == 2 { 0.01 * (ticks[0] + ticks[1]) } else { f64::NAN }
 }
 
-/// One line of the table.
+/// Times one setting, and prints its line of the table.
 fn report(creep: &Creep, setting: &Setting, threads: usize) {
     let posterior = creep.posterior();
     let (mut evaluations, mut ess, mut wall, mut cpu) = (0.0, 0.0, f64::INFINITY, f64::INFINITY);
@@ -90,7 +90,7 @@ fn report(creep: &Creep, setting: &Setting, threads: usize) {
         };
         let (began, cpu_began) = (Instant::now(), cpu_s());
         let outcome = sample(&posterior, &creep.starts(16), &options, &Default::default()).expect("a sound posterior");
-        // The least disturbed run counts; all do the same work.
+        // All runs do equal work, so the fastest run is the least disturbed one.
         (wall, cpu) = (wall.min(began.elapsed().as_secs_f64()), cpu.min(cpu_s() - cpu_began));
         evaluations = outcome.likelihood_evaluations as f64;
         ess = outcome.parameters.iter().map(|p| p.ess_bulk).fold(f64::INFINITY, f64::min);

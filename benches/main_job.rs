@@ -1,6 +1,7 @@
-//! The whole main job on the embedded replica, from cold: mesh, finite elements, surrogate, posterior, full finite-element check, figures.
+//! Measures the whole main job on the embedded replica, without a stored surrogate: mesh, finite elements, surrogate, posterior, full finite-element check,
+//! figures.
 //!
-//! Bar: 5 s on two cores.
+//! Limit: 5 s on two cores.
 
 use criterion::Criterion;
 use vitreo_uq::jobs::artefacts;

@@ -1,6 +1,6 @@
-//! The noise models on a record of 800 samples: one point, and eight points a pass.
+//! Measures the noise models on a record of 800 rows, with one point or eight points per pass.
 //!
-//! Bars: all terms on at most 20 µs a point; white at most 0.3 ns a row and point in passes of eight.
+//! Limits: with all noise terms at most 20 µs per point; with white noise at most 0.3 ns per row and point, in passes of eight points.
 
 use std::hint::black_box;
 

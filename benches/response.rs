@@ -1,7 +1,8 @@
-//! The reduced kernel with each kind of effect: trajectories of eight points at once, 800 regular rows of 0.05 s, ±4.6 µN in holds of 5 s.
+//! Measures the response of the reduced model with each kind of effect: trajectories of eight points at once, 800 regular rows of 0.05 s, ±4.6 µN in holds of 5
+//! s.
 //!
-//! Bar: with any single effect at most ten times the base's likelihood, which takes 0.17 µs a point here. Times are of eight points; the
-//! throughput is that of points.
+//! Limit: with any single effect at most ten times the time of the base model's likelihood, which is 0.17 µs per point here. Times are for eight points, and
+//! the throughput counts points.
 
 use std::hint::black_box;
 
@@ -18,7 +19,7 @@ fn number(value: f64) -> Dual {
     Dual::constant(value)
 }
 
-/// A body of 1/41 of the elastic compliance and its own time, from 0.5 ms to 50,000 s.
+/// Returns Kelvin–Voigt body `index` (0 to 40) with 1/41 of the elastic compliance. Retardation times increase with the index from 0.5 ms to 50,000 s.
 fn body(index: i32) -> Element {
     let modulus_pa = 41.0 * 3.5;
     Element::kelvin_voigt(number(modulus_pa), number(modulus_pa * 5e-4 * 10.0_f64.powf(0.2 * f64::from(index))))
@@ -26,7 +27,7 @@ fn body(index: i32) -> Element {
 
 type Case = (&'static str, fn(&mut Stages, f64));
 
-/// `size` is near 1 and differs from point to point.
+/// Measured cases: name, and function that adds an effect to the stages of a model. The function's size argument is near 1 and differs between points.
 const CASES: [Case; 10] = [
     ("base", |_, _| {}),
     ("delay", |stages, size| stages.load.delay_s = number(0.063 * size)),

@@ -1,6 +1,7 @@
-//! Adds an effect from outside the crate and runs the loop on it: `cargo run --release --example custom_effect`.
+//! Defines an effect outside the library, and extends a model by it: `cargo run --release --example custom_effect`.
 //!
-//! `thermal-drift`: the stage warms up and moves the camera, x_obs = x + A (1 − e^{−t/τ}). The null is A = 0, where τ is unidentified.
+//! `thermal-drift`: the stage warms up and moves the camera. The recorded position is x + A (1 − e^{−t/τ}), with amplitude A and time constant τ. The null is A
+//! = 0, at which τ is unidentified.
 
 use vitreo_uq::Result;
 use vitreo_uq::base::distribution::Distribution;
@@ -72,6 +73,6 @@ fn main() -> Result<()> {
     let summary = extend::refit(pair, &request, &SilentMonitor)?.summary;
     println!("{}", summary.sentence);
     summary.parameters.iter().for_each(|p| println!("{} = {:.3e} ± {:.1e}", p.name, p.mean, p.sd));
-    println!("On figures the first is {}.", labels::parameter_label(PARAMETERS[0].spec.name).axis());
+    println!("Figures label the first parameter {}.", labels::parameter_label(PARAMETERS[0].spec.name).axis());
     Ok(())
 }

@@ -1,7 +1,7 @@
 //! Adds an effect that changes the displacement field: `cargo run --release --example custom_field_effect`.
 //!
-//! `stiff-rim`: the outer third of the gel has another modulus, E → (1 + a) E. The null is a = 0. The effect assembles two stiffness matrices.
-//! Full time stepping and the reduced model follow from them and are compared here.
+//! `stiff-rim`: Young's modulus is 1 + a times as large in the outer third of the gel. The null is a = 0. The effect assembles two stiffness matrices. Full
+//! time stepping and the reduced model follow from them and are compared here.
 
 use nalgebra::Vector3;
 use vitreo_uq::Result;
@@ -33,7 +33,7 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     finite_step: None,
 }];
 
-/// The element with the modulus of every spring multiplied by `factor`. Other elements are left unchanged.
+/// Returns the element with the modulus of every spring multiplied by `factor`. Other elements stay unchanged.
 fn stiffened(element: &Element, factor: Dual) -> Element {
     match element {
         Element::Spring { modulus_pa } => Element::Spring { modulus_pa: *modulus_pa * factor },
@@ -76,7 +76,7 @@ impl MatrixPair for StiffRim {
     fn words(&self) -> &'static str {
         "a stiff rim"
     }
-    /// The rim is stiffer by a factor 1 + x.
+    /// Values of the second matrix's coefficient x at which snapshots are taken. The rim is 1 + x times as stiff as the gel.
     fn splitting(&self, _sizes: &PhysicalProperties) -> MatrixSplitting {
         let snapshots = log_spaced(1.0, 1e3, 2.0).iter().map(|factor| factor - 1.0).collect();
         MatrixSplitting { reference: 1.0, snapshots, is_rigid_at_null: false }

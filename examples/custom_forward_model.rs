@@ -1,7 +1,7 @@
 //! Samples a custom forward model with the ensemble sampler: `cargo run --release --example custom_forward_model`.
 //!
-//! A cup cools, y = a e^{−t/τ}, and is measured with errors of 0.5 K. The sampler is independent of gels: it accepts any [`LogDensity`] over unbounded coordinates,
-//! here ln a and ln τ with flat priors. A quadrature over both parameters is printed for comparison.
+//! A cup cools. Its excess temperature a e^{−t/τ} is measured with errors of 0.5 K. The sampler is independent of gels: it accepts any [`LogDensity`] over
+//! unbounded coordinates, here ln a and ln τ with flat priors. A quadrature over both parameters is printed for comparison.
 
 use vitreo_uq::Result;
 use vitreo_uq::sampling::ensemble::RunControl;
@@ -25,7 +25,7 @@ impl LogDensity for Cooling {
     fn dimension(&self) -> usize {
         2
     }
-    /// Coordinate d of point i is at index d n + i.
+    /// Writes the log density of n points. Coordinate d of point i is at index d n + i.
     fn log_density(&self, points: &[f64], log_density: &mut [f64]) {
         let n = log_density.len();
         for (i, value) in log_density.iter_mut().enumerate() {

@@ -1,7 +1,7 @@
 //! Defines a law as a network of springs, dashpots and springpots: `cargo run --release --example custom_law`.
 //!
-//! It is the standard linear solid (a spring in series with a Kelvin–Voigt body) on an instrument with a known displacement per force at unit creep compliance.
-//! `model.toml` contains the same text under `[base.network]`.
+//! The law is the standard linear solid (a spring in series with a Kelvin–Voigt body) on an instrument with a known displacement per force at unit creep
+//! compliance. `model.toml` contains the same text under `[base.network]`.
 
 use vitreo_uq::Result;
 use vitreo_uq::base::error::{InputPlace, Setting};

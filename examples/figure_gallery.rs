@@ -52,7 +52,7 @@ struct Protocol {
     n_calibration: usize,
 }
 
-/// Response to the alternating force, with the time scales of physics §2 scaled to the half cycle.
+/// Draws the response to an alternating force, with the time scales of physics §2 scaled to the half cycle.
 fn write_predictive(dir: &Path, stem: &str, protocol: &Protocol, title: &str, rng: &mut ChaCha8Rng) -> Result<()> {
     let n = (2.0 * protocol.n_cycles as f64 * protocol.half_cycle_s / protocol.interval_s) as usize;
     let time_s: Vec<f64> = (0..n).map(|i| i as f64 * protocol.interval_s).collect();
@@ -93,7 +93,7 @@ fn write_predictive(dir: &Path, stem: &str, protocol: &Protocol, title: &str, rn
     write_figure(dir, stem, &figure)
 }
 
-/// Autoregressive walkers with a known autocorrelation.
+/// Draws traces of autoregressive walkers with a known autocorrelation.
 fn write_trace(dir: &Path, rng: &mut ChaCha8Rng) -> Result<()> {
     const MEMORY: f64 = 0.9;
     let (n_ensembles, n_steps) = (4, 2_000);

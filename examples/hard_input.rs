@@ -1,10 +1,11 @@
 //! Gives mutated files to every reader and counts the outcomes. It is the program of `campaigns/hard-input`.
 //!
-//! `cargo run --release --example hard_input -- variants COUNT SEED` gives COUNT valid variants to every reader that has a grammar. It ends with exit code 1 if anything panicked,
-//! took longer than ten seconds or more than a gigabyte, or if less than half were accepted.
+//! `cargo run --release --example hard_input -- variants COUNT SEED` gives COUNT valid variants to every reader that has a grammar. The exit code is 1 if a
+//! reader panicked, took longer than ten seconds or more than a gigabyte, or accepted less than half of its variants.
 //!
-//! `cargo run --release --example hard_input -- COUNT SEED [SECONDS [PROGRAM]]` gives damaged files and prints one JSON document. It ends with exit code 1 if anything panicked,
-//! took longer than a minute or was left half-written; such cases are kept in a folder that it names. One in a hundred inputs also goes through PROGRAM.
+//! `cargo run --release --example hard_input -- COUNT SEED [SECONDS [PROGRAM]]` gives damaged files and prints one JSON document. The exit code is 1 if a
+//! reader panicked or took longer than a minute, or if PROGRAM left a file half-written. Such inputs are kept in a folder that the output names. One in a
+//! hundred inputs also goes through PROGRAM.
 
 #[path = "../tests/mutators/mod.rs"]
 mod mutators;
@@ -18,9 +19,9 @@ use std::time::{Duration, Instant};
 use mutators::{Outcome, Place, Reader, input, readers, variant};
 use rayon::prelude::*;
 
-/// An input that takes longer counts as a hang.
+/// Time after which an input counts as a hang.
 const HANG: Duration = Duration::from_secs(60);
-/// Three of this many inputs go through the program.
+/// Number of successive inputs of which three go through the program.
 const EVERY: u64 = 300;
 
 fn main() -> ExitCode {

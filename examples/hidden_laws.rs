@@ -1,7 +1,7 @@
 //! Simulates records of gels in which one quantity depends on a state. It has its own stepper and shares only the paper's numbers with the library.
 //!
-//! `hidden_laws DIRECTORY COUNT SEED [none]` writes COUNT experiments, each with its `truth.json`. With `none` nothing depends on a state.
-//! The classical Runge–Kutta method steps the law in steps of a millisecond. Between them the force acts as commanded.
+//! `hidden_laws DIRECTORY COUNT SEED [none]` writes COUNT experiments, each with its `truth.json`. With `none`, no quantity depends on a state. The classical
+//! Runge–Kutta method integrates the law in steps of a millisecond, with the commanded force.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -99,7 +99,7 @@ struct Hidden<'a> {
     size: f64,
 }
 
-/// Positions (m) and states at the rows.
+/// Returns the position (m) and the state at every row.
 fn run(
     law: [f64; 3],
     drive: Drive,
@@ -110,7 +110,7 @@ fn run(
 ) -> (Vec<f64>, Vec<f64>) {
     let n_rows = (N_CYCLES as f64 * CYCLE_S / ROW_S) as usize;
     let n_steps = (ROW_S / STEP_S).round() as usize;
-    // Strains (N/Pa) of both bodies; path; largest excursion.
+    // Displacements of the law's two parts, divided by the compliance (N/Pa). Then the path length and the largest excursion of the robot (m).
     let mut y = [0.0_f64; 2];
     let (mut path, mut largest, mut step_at) = (0.0_f64, 0.0_f64, 0.0);
     let mut before_n = force_n(drive, largest_n, 0.0);
@@ -129,7 +129,7 @@ fn run(
             _ => c * if quantity == "viscosity_2_pa_s" { y[1] } else { y[0] },
         };
         let factor = |s: f64| hidden.map_or(1.0, |hidden| (hidden.strength * (hidden.shape)(s / hidden.size)).exp());
-        // Rates at a time just after `t`. If the state is the velocity, it is found by iteration.
+        // Rates of the two displacements at time `t`. If the state is the velocity, an iteration finds it.
         let rates = |y: &[f64; 2], path: f64, largest: f64, t: f64, since: f64| -> [f64; 2] {
             let f = force_n(drive, largest_n, t);
             let mut v = 0.0;
@@ -154,7 +154,7 @@ fn run(
         positions.push(c * (y[0] + y[1]));
         states.push(value(&y, path, largest, t, force_n(drive, largest_n, (t - 1e-9).max(0.0)), v, t - step_at));
         for step in 0..n_steps {
-            // Times slightly inside the step, so the force belongs to the step.
+            // Both times lie slightly inside the step, so that the force is the force of this step.
             let (from, to) = (t + step as f64 * STEP_S + 1e-9, t + (step + 1) as f64 * STEP_S - 1e-9);
             let now_n = force_n(drive, largest_n, from);
             if matches!(drive, Drive::Steps | Drive::Levels) && (now_n - before_n).abs() > threshold {
@@ -185,7 +185,8 @@ fn run(
 const SLOW_S: f64 = 1.0;
 const GAIN_SD: f64 = 0.01;
 
-/// Norm of residuals of positions (both in m) under the record's noise, in standard deviations. Slow noise and gains hide more of them than white noise of the stated size.
+/// Norm of residuals under the record's kind of noise, in standard deviations. `left_m` holds the residuals and `positions_m` the positions, in m. Slow noise
+/// and gains hide more of the residuals than white noise of the stated size.
 fn under_own_noise(noise: &str, left_m: &[f64], positions_m: &[f64], sigma_m: f64) -> f64 {
     let squares = |values: &[f64]| values.iter().map(|x| x * x).sum::<f64>() / (sigma_m * sigma_m);
     match noise {
@@ -213,7 +214,7 @@ fn under_own_noise(noise: &str, left_m: &[f64], positions_m: &[f64], sigma_m: f6
     }
 }
 
-/// Residuals of positions (m) from the best law without a hidden dependence, by the Gauss–Newton method with finite differences.
+/// Residuals (m) of the best fit of a law without a hidden dependence, by the Gauss–Newton method with finite differences.
 fn left_by_base(drive: Drive, largest_n: f64, positions: &[f64]) -> Vec<f64> {
     let mut log = LAW.map(f64::ln);
     let at = |log: &[f64; 3]| run(log.map(f64::exp), drive, largest_n, None, "position", "force").0;

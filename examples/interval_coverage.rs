@@ -16,7 +16,7 @@ const EFFECTS: [&str; 4] = ["interface-slip", "poroelasticity", "liquefied-pocke
 
 fn parsed<T: FromStr>(option: &'static str, text: &str) -> Result<T> {
     text.parse().map_err(|_| {
-        Error::input(InputPlace::default().at_key(option), format!("`{text}` is no number"), "give a number")
+        Error::input(InputPlace::default().at_key(option), format!("`{text}` is not a number"), "give a number")
     })
 }
 
@@ -35,7 +35,7 @@ fn main() -> Result<()> {
             "--effects" => request.effects = value.split(',').map(String::from).collect(),
             "--json" => json = Some(Path::new(&value).into()),
             _ => {
-                let found = format!("`{option}` is no option of this");
+                let found = format!("`{option}` is not an option of this program");
                 let remedy = "give --count, --first, --seed, --least-sigma, --effects or --json";
                 return Err(Error::input(InputPlace::default().at_key("interval_coverage"), found, remedy));
             }

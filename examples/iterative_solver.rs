@@ -1,8 +1,8 @@
-//! Measures an iterative solver on the meshes of `factorisations`: conjugate gradients with a two-grid preconditioner. The program's grid is the fine one, smoothed by Gauss–Seidel
-//! sweeps. The coarse grid keeps only the elements' corners and is solved directly.
+//! Measures an iterative solver on the meshes of `factorisations`: conjugate gradients with a two-grid preconditioner. The fine grid is that of the program,
+//! and Gauss–Seidel sweeps smooth its residual. The coarse grid keeps only the elements' corners and is solved directly.
 //!
-//! `cargo run --release --example iterative_solver -- LEVEL` handles one level and prints one line of JSON: unknowns, seconds of assembly, of the coarse grid and of a solve, its iterations,
-//! the robot's displacement (m) at unit modulus and force, and the peak memory.
+//! `cargo run --release --example iterative_solver -- LEVEL` handles one level and prints one line of JSON: unknowns, seconds of assembly, of the coarse grid
+//! and of a solve, its iterations, the robot's displacement (m) at unit modulus and force, and the peak memory.
 
 use std::time::Instant;
 
@@ -23,7 +23,7 @@ use solver_mesh::{POISSON_RATIO, asked_for, peak_mib};
 /// Ratio of residual to right-hand side at which a solve ends.
 const TOLERANCE: f64 = 1e-10;
 const MOST_ITERATIONS: usize = 1_000;
-/// The corners come first among the nodes of an element.
+/// Number of corners of an element. They come first among its nodes.
 const N_CORNERS: usize = 8;
 
 type Matrix = SparseColMat<u32, f64>;
@@ -65,7 +65,7 @@ fn refused(what: String) -> Error {
     Error::numerical(what, "take a coarser mesh, or a smaller Poisson ratio")
 }
 
-/// Full symmetric matrix from its upper triangle.
+/// Returns a full symmetric matrix, given its upper triangle.
 fn whole(upper: SparseColMatRef<'_, u32, f64>) -> Matrix {
     let n = upper.ncols();
     let mut start = vec![0_u32; n + 1];
@@ -95,7 +95,7 @@ fn whole(upper: SparseColMatRef<'_, u32, f64>) -> Matrix {
     Matrix::new(SymbolicSparseColMat::new_checked(n, n, start, None, rows), values)
 }
 
-/// Product of each column with a vector, which is the transpose times the vector; for a symmetric matrix, the matrix itself.
+/// Product of the transposed matrix with a vector. For a symmetric matrix it equals the product with the matrix itself.
 fn products(matrix: &Matrix, x: &[f64]) -> Vec<f64> {
     let of = |column: usize| {
         matrix.row_idx_of_col(column).zip(matrix.val_of_col(column)).map(|(row, value)| value * x[row]).sum()
@@ -103,7 +103,7 @@ fn products(matrix: &Matrix, x: &[f64]) -> Vec<f64> {
     (0..matrix.ncols()).map(of).collect()
 }
 
-/// One in-place Gauss–Seidel sweep towards A x = b with a symmetric A.
+/// Runs one in-place Gauss–Seidel sweep towards the solution x of A x = b, where `matrix` is the symmetric A.
 fn sweep(matrix: &Matrix, unknowns: impl Iterator<Item = usize>, b: &[f64], x: &mut [f64]) {
     for unknown in unknowns {
         let (mut sum, mut diagonal) = (b[unknown], 1.0);
@@ -169,7 +169,7 @@ struct TwoGrids<'a> {
 }
 
 impl<'a> TwoGrids<'a> {
-    /// Projects the fine matrix onto the coarse grid and factorises it.
+    /// Projects the fine matrix onto the coarse grid, and factorises the projection.
     fn new(fine: &'a Matrix, up: &'a Matrix) -> Result<Self> {
         let down = up.transpose().to_col_major().map_err(|error| refused(format!("{error:?}")))?;
         let projected = &down * &(fine * up);
@@ -184,7 +184,7 @@ impl<'a> TwoGrids<'a> {
         self.up.ncols()
     }
 
-    /// A sweep, the coarse grid's correction, and the reversed sweep: symmetric and positive definite.
+    /// Applies the preconditioner: a sweep, the coarse grid's correction, and the reversed sweep. The operation is symmetric and positive definite.
     fn apply(&self, residual: &[f64]) -> Vec<f64> {
         let n = residual.len();
         let mut x = vec![0.0; n];
@@ -199,7 +199,7 @@ impl<'a> TwoGrids<'a> {
     }
 }
 
-/// Conjugate gradients from 0. Returns the solution and the number of iterations.
+/// Solves by conjugate gradients from 0. Returns the solution and the number of iterations.
 fn solve(matrix: &Matrix, grids: &TwoGrids, force: &[f64]) -> Result<(Vec<f64>, usize)> {
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
     let mut x = vec![0.0; force.len()];

@@ -1,9 +1,10 @@
-//! Counts the loop's results for robots that move by several radii, where small-strain models fail. It is the program of `campaigns/large`.
+//! Diagnoses and extends models of robots that move by several radii, for which small-strain models fail. It is the program of `campaigns/large`.
 //!
-//! `cargo run --release --example large_displacements -- COUNT FIRST SEED` prints one JSON document. For every record it gives the truth, the result of `diagnose`, and the posterior with `large-displacement`.
+//! `cargo run --release --example large_displacements -- COUNT FIRST SEED` prints one JSON document. For every record it gives the truth, the result of
+//! `diagnose`, and the posterior with `large-displacement`.
 //!
-//! Positions are the linear response in closed form (a sphere in a sphere, compressible) plus the deviation of an Oldroyd-B fluid. The fluid's mesh and time steps are finer
-//! than those of the training. Laws are random, with times within a factor of two of Table I; the force is the paper's.
+//! Positions are the linear response in closed form (a sphere in a sphere, compressible) plus the deviation of an Oldroyd-B fluid. The fluid's mesh and time
+//! steps are finer than those of the training. Laws are random, with times within a factor of two of Table I; the force is the paper's.
 
 use rayon::prelude::*;
 use serde_json::{Value, json};
@@ -27,16 +28,16 @@ use vitreo_uq::sampling::SamplerOptions;
 use vitreo_uq::sampling::ensemble::RandomStream;
 use vitreo_uq::validation::challenge::Protocol;
 
-/// Largest distance of the robot from its start in a linear gel, in its radii.
+/// Largest distances of the robot from its start in a linear gel, in robot radii.
 const RADII: [f64; 3] = [2.0, 3.0, 3.6];
-/// Standard deviation of the white noise of one position; the records state it.
+/// Standard deviations of the white noise of one position, in m; the records state them.
 const NOISES_M: [f64; 3] = [2e-6, 4e-6, 8e-6];
 const RADIUS_M: f64 = 0.275e-3;
 const OUTER_RADIUS_M: f64 = 10e-3;
 const POISSON_RATIO: f64 = 0.48;
 /// Largest factor between the law's times and those of Table I.
 const FACTOR: f64 = 2.0;
-/// Finer resolution than in the training.
+/// Resolution of the gel in space and time, finer than in the training of the surrogate.
 const FINENESS: Discretisation = Discretisation { order: 6, n_angles: 6, layer_ratio: 2.0, steps_per_doubling: 6 };
 
 struct Hidden {

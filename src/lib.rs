@@ -31,7 +31,7 @@
 //!
 //! # Map
 //!
-//! Every crate uses only those before it.
+//! Every crate uses only crates that this list names before it.
 //!
 //! - [`base`]: errors, files, units, parameters, distributions
 //! - [`record`]: experiments and tables of measurements
@@ -63,5 +63,5 @@ pub use validation;
 
 pub use base::{Error, Result};
 
-/// Version of the program and hash of its sources. Results of tasks are joined only if this is equal.
+/// Version of the program, with a hash of its sources. The program runs and joins only task lists that contain an equal text.
 pub const PROGRAM: &str = concat!(env!("CARGO_PKG_VERSION"), "+", env!("VITREO_UQ_PROGRAM"));

@@ -1,10 +1,10 @@
-//! Properties of the project's own text: order of crates, no cycles among files, small crates, valid citations.
+//! Tests of the project's own source text: order of crates, no cycles among files, small crates, valid citations.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Pages that the code cites by section, with the word before the sign.
+/// Pages that the code cites by section, each after the word that precedes the sign § in a citation.
 const PAGES: [(&str, &str); 2] = [("physics", "docs/physics.md"), ("formats", "docs/formats.md")];
 const CITING: [&str; 10] = [
     "src",
@@ -19,7 +19,7 @@ const CITING: [&str; 10] = [
     "CONTRIBUTING.md",
 ];
 
-/// Largest library crate, in lines of code.
+/// Largest allowed size of a library crate, in lines of code.
 const MOST_LINES: usize = 12_000;
 /// Crates outside the library: a Python module and a build script's helper.
 const BESIDE: [&str; 2] = ["python", "source-hash"];
@@ -41,14 +41,14 @@ fn files(place: &Path) -> Vec<PathBuf> {
     inside.iter().flat_map(|path| files(path)).collect()
 }
 
-/// Numbers of a page's headings: "## 3 Finite elements", "### 3.1 Balance".
+/// Returns the numbers of a page's headings, such as 3.1 in "### 3.1 Balance".
 fn sections(page: &str) -> BTreeSet<String> {
     let text = fs::read_to_string(root().join(page)).expect("a page");
     let numbers = text.lines().filter(|line| line.starts_with('#')).filter_map(|line| line.split(' ').nth(1));
     numbers.filter(|word| word.starts_with(|c: char| c.is_ascii_digit())).map(String::from).collect()
 }
 
-/// Sections of a page that a line cites: "physics §4.1–§4.3, §4.8" are 4.1, 4.3 and 4.8.
+/// Returns the sections of a page that a line cites: 4.1, 4.3 and 4.8 for "physics §4.1–§4.3, §4.8".
 fn cited(line: &str, word: &str) -> Vec<String> {
     let line = line.replace('P', "p");
     let mut found = Vec::new();
@@ -190,7 +190,7 @@ fn tokens(text: &str) -> Vec<Token<'_>> {
     found
 }
 
-/// Index after the item at the start of some tokens: after its attributes, and its `;` or block.
+/// Number of tokens in the item at the start of `tokens`: its attributes, and its code up to `;` or the end of a block.
 fn item_len(tokens: &[Token]) -> usize {
     let (mut depth, mut is_attribute) = (0, false);
     for (place, token) in tokens.iter().enumerate() {
@@ -207,7 +207,7 @@ fn item_len(tokens: &[Token]) -> usize {
     tokens.len()
 }
 
-/// Tokens of the code without tests.
+/// Tokens of a source text without comments and tests.
 fn code_tokens(text: &str) -> Vec<Token<'_>> {
     let all = tokens(text);
     let (mut code, mut at) = (Vec::new(), 0);
@@ -247,12 +247,12 @@ fn sources() -> BTreeMap<String, String> {
     sources
 }
 
-/// Path that a file names.
+/// Path of an item that a source file mentions.
 struct Named<'a> {
     path: Vec<&'a str>,
-    /// Name that `use` gives it; empty in an expression.
+    /// Local name that `use` gives the item; empty in an expression.
     name: &'a str,
-    /// The path is only re-exported.
+    /// True if the file only re-exports the path.
     is_export: bool,
 }
 
@@ -324,7 +324,7 @@ fn named_paths(text: &str) -> Vec<Named<'_>> {
     named
 }
 
-/// Path from its crate on, as seen from a module; `None` if it leads out of the workspace.
+/// Resolves a path in `module` to a path that begins with its crate; `None` if it leads out of the workspace.
 fn absolute(path: &[&str], module: &str, sources: &BTreeMap<String, String>) -> Option<String> {
     let name = module.split("::").next().unwrap_or(module);
     let first = path[0];
@@ -407,7 +407,7 @@ fn cycle(uses: &Uses) -> Option<String> {
     }
 }
 
-/// The files can be ordered so that each uses only earlier ones, and a module its own content.
+/// The files can be ordered so that each file uses only earlier files. A module may also use its own content.
 #[test]
 fn no_files_form_a_cycle() {
     let texts = |b: &str| -> BTreeMap<String, String> {

@@ -1,5 +1,5 @@
-//! The posterior on which samplers are compared: base model, one cycle (+4.6 µN and −4.6 µN, 5 s each), 200 samples at 20 Hz, σ = 5 µm, the
-//! program's own log-normal priors of E, c₁, c₂ and σ.
+//! Posterior on which the benchmarks compare samplers. The record has one cycle (+4.6 µN and −4.6 µN, 5 s each) with 200 rows at 20 Hz and a noise standard
+//! deviation of 5 µm. The model is the base law with the program's log-normal priors of the law's parameters and of the noise.
 #![allow(dead_code, reason = "each benchmark uses a part")]
 
 use std::collections::BTreeMap;
@@ -11,9 +11,9 @@ use vitreo_uq::posterior::noise::NoiseModel;
 use vitreo_uq::posterior::prior::PriorSet;
 use vitreo_uq::sampling::ensemble::RandomStream;
 
-/// 1/k of physics §4.10.
+/// Displacement per force at unit creep compliance, in 1/m: the reciprocal of the stiffness in physics §4.10.
 pub const COMPLIANCE_PER_M: f64 = 1.0 / 1.820902396e-3;
-/// E (Pa), c₁ (Pa s), c₂ (Pa s), σ (µm).
+/// True parameters: Young's modulus E (Pa), viscosities c₁ and c₂ (Pa s), noise standard deviation σ (µm).
 pub const REFERENCE: [f64; 4] = [3.527, 1.402, 47.370, 5.0];
 
 /// A simulated record with its priors.
@@ -60,14 +60,14 @@ impl Creep {
         )
     }
 
-    /// A batch of points around the reference, coordinate d of point i at `d * n + i`.
+    /// Returns `n` points around [`REFERENCE`]. Coordinate d of point i is at index `d * n + i`.
     pub fn batch(&self, n: usize) -> Vec<f64> {
         let mut stream = RandomStream::new(7, 0);
         let centre = self.priors.to_unconstrained(&REFERENCE);
         centre.iter().flat_map(|z| (0..n).map(|_| z + 0.01 * stream.normal()).collect::<Vec<_>>()).collect()
     }
 
-    /// Starts drawn from the prior, in the sampler's coordinates.
+    /// Returns `n` start points drawn from the prior, in the sampler's coordinates.
     pub fn starts(&self, n: usize) -> Vec<Vec<f64>> {
         let mut stream = RandomStream::new(8, 0);
         let start =

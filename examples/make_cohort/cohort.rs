@@ -1,7 +1,7 @@
 //! A synthetic cohort: three species, three regions, differing specimens, repeats, one outlier, one missing cell.
 //!
-//! `data/cohort/README.md` gives the origin of every number. The log parameters φ = (ln E, ln c₁, ln c₂) of an experiment are
-//! those of its species and region, plus a deviation of the specimen, plus one of the experiment (location or repeat).
+//! `data/cohort/README.md` gives the origin of every number. The logarithms of an experiment's parameters E, c₁ and c₂ are sums of three parts: values for its
+//! species and region, a deviation of the specimen, and a deviation of the experiment (location or repeat).
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -78,7 +78,7 @@ pub const WITHIN_LOG_SD: [f64; 3] = [0.21; 3];
 pub const CORRELATION: f64 = 0.5;
 /// A specimen outside its population, with the factor on all its parameters.
 pub const OUTLIER: (&str, f64) = ("bovine-05", 0.2);
-/// White noise in µm; every experiment has one of these values.
+/// Standard deviations of white noise in µm; every experiment has one of these values.
 pub const NOISE_UM: [f64; 5] = [3.0, 4.0, 5.0, 6.0, 8.0];
 
 const MM_PER_M: f64 = 1e3;
@@ -125,7 +125,7 @@ pub struct Experiment {
     pub noise_um: f64,
     /// Unusual property of the experiment.
     pub note: &'static str,
-    /// Random numbers, after the parameters and the noise's size were drawn.
+    /// Random number generator after the parameters and the size of the noise were drawn.
     random: ChaCha8Rng,
     missing: Option<Missing>,
 }
@@ -182,7 +182,7 @@ pub fn experiments() -> Vec<Experiment> {
     all
 }
 
-/// Normal numbers with these standard deviations. A common part correlates any two by [`CORRELATION`].
+/// Draws three normal numbers with the standard deviations `log_sd`. A common part gives any two of them the correlation [`CORRELATION`].
 pub fn deviation(log_sd: [f64; 3], random: &mut ChaCha8Rng) -> [f64; 3] {
     let mut normal = || -> f64 { StandardNormal.sample(random) };
     let common = CORRELATION.sqrt() * normal();
@@ -190,7 +190,7 @@ pub fn deviation(log_sd: [f64; 3], random: &mut ChaCha8Rng) -> [f64; 3] {
 }
 
 impl Species {
-    /// The moving body and its surroundings.
+    /// Returns the moving body and its surroundings.
     pub fn apparatus(&self) -> (Robot, Vitreous) {
         let robot = Robot {
             shape: RobotShape::Sphere { diameter_m: ROBOT_DIAMETER_MM / MM_PER_M },

@@ -6,7 +6,7 @@ use vitreo_uq::elements::mesh::QuarterBall;
 /// Poisson ratio of the gel.
 pub const POISSON_RATIO: f64 = 0.48;
 
-/// Level named by the program's argument, and its mesh around a sphere.
+/// Returns the mesh level that the program's argument gives, and the mesh around a sphere at this level.
 pub fn asked_for() -> Result<(usize, QuarterBall)> {
     let level = std::env::args().nth(1).and_then(|text| text.parse().ok()).filter(|level| (1..=40).contains(level));
     let level: usize = level

@@ -71,9 +71,16 @@ const isIdle = () => page.waitForFunction(() => document.getElementById("job").h
 
 /** Presses a button of a job, and waits for the job's end. */
 async function run(kind) {
+  await page.evaluate(() => {
+    globalThis.times = [];
+    new MutationObserver(() => globalThis.times.push(document.getElementById("job-time").textContent)).observe(document.getElementById("job-time"), { childList: true });
+  });
   await page.locator(`#next [data-action=${kind}]`).first().click();
   await page.waitForSelector("#job:not([hidden])");
   await isIdle();
+  const times = await page.evaluate(() => globalThis.times);
+  // Other jobs end within seconds.
+  if (kind === "diagnose") assert.ok(times.some((text) => /^\d+ %/.test(text)), `no percentage in ${JSON.stringify(times)}`);
   assert.ok(await page.locator("#fault").isHidden(), await page.locator("#fault-words").textContent());
 }
 
@@ -131,6 +138,13 @@ test("a table with semicolons and decimal commas becomes an experiment", async (
   await page.setViewportSize({ width: 1280, height: 800 });
   await assertInView("#answers button");
   await page.setViewportSize({ width: 1440, height: 900 });
+  // A column is given another role, and its own again.
+  const [time, position] = [0, 2].map((place) => page.locator(".preview select").nth(place));
+  await position.selectOption("force");
+  await page.waitForFunction(() => document.querySelectorAll(".preview select")[2]?.value === "force" && /position/.test(document.getElementById("answers").textContent));
+  await position.selectOption("as recognised");
+  await page.waitForFunction(() => document.querySelectorAll(".preview select")[2]?.value === "as recognised");
+  assert.equal(await time.inputValue(), "as recognised");
   for (const [words, value] of [["diameter of the robot", "0.55"], ["diameter of the vitreous", "20"], ["poisson ratio", "0.48"]]) {
     await page.locator("#answers label", { hasText: new RegExp(words, "i") }).locator("input").fill(value);
   }
@@ -240,6 +254,43 @@ test("one screen shows the next step, the curves and the sliders", async () => {
   await assertInView("#suspects tbody button");
   await page.setViewportSize({ width: 1440, height: 900 });
   await page.selectOption("#revision", "m1");
+});
+
+test("two revisions are compared in one plot and one corner plot", async () => {
+  const ink = () => page.evaluate(() => document.querySelector("#plot-position canvas").toDataURL());
+  const before = await ink();
+  await page.selectOption("#compared", "m0");
+  await page.waitForFunction((text) => document.querySelector("#plot-position canvas").toDataURL() !== text, before);
+  await page.locator("#parts summary", { hasText: /^Posterior$/ }).click();
+  await page.waitForSelector(".corner > svg");
+  const boxes = page.locator("#parts .tools input[type=checkbox]");
+  assert.equal(await boxes.count(), 5, "three parameters of the law, one of the effect, and the noise");
+  const drawn = await page.locator(".corner").innerHTML();
+  await boxes.nth(0).uncheck();
+  await page.waitForFunction((text) => document.querySelector(".corner").innerHTML !== text, drawn);
+  await picture("9b-two-revisions");
+  await page.locator("#parts summary", { hasText: /^Posterior$/ }).click();
+  await page.selectOption("#compared", "");
+});
+
+test("a drag along the values zooms them in, and a double click shows all", async () => {
+  await page.evaluate(() => scrollTo(0, 0));
+  const over = page.locator("#plot-position .u-over");
+  const box = await over.boundingBox();
+  const ticks = () => page.locator("#plot-position canvas").evaluate((own) => own.toDataURL());
+  const before = await ticks();
+  await page.mouse.move(box.x + 200, box.y + 0.2 * box.height);
+  await page.keyboard.down("Shift");
+  await page.mouse.down();
+  await page.mouse.move(box.x + 205, box.y + 0.6 * box.height, { steps: 5 });
+  await page.mouse.up();
+  await page.keyboard.up("Shift");
+  await page.mouse.move(box.x - 40, box.y);
+  await page.waitForFunction((text) => document.querySelector("#plot-position canvas").toDataURL() !== text, before);
+  await picture("9b-values");
+  await over.dblclick();
+  await page.mouse.move(box.x - 40, box.y);
+  await page.waitForFunction((text) => document.querySelector("#plot-position canvas").toDataURL() === text, before);
 });
 
 test("the Back button leads to what was open before", async () => {
@@ -462,6 +513,33 @@ test("three hundred records are listed, sorted, filtered and marked", async () =
   assert.match(csv, /^record,species,region,revision,effects,.*median/);
   assert.equal(csv.trim().split("\r\n").filter((line) => line.includes(",m0,")).length, 2);
   await picture("15-project");
+  rmSync(own, { recursive: true, force: true, maxRetries: 20, retryDelay: 200 });
+});
+
+test("a long record is drawn as bars from the lowest to the highest value of each pixel", async () => {
+  const own = folder();
+  await page.setViewportSize({ width: 1440, height: 900 });
+  copyRecord("porcine-01-anterior", join(own, "long"));
+  // A fast oscillation: its lowest and highest values alone would look like two crossing waves.
+  const rows = Array.from({ length: 60_000 }, (_, row) => `${(row / 1000).toFixed(4)},${row % 15_000 < 7_500 ? 10 : 0},${(100 + 50 * Math.sin(2.1 * row)).toFixed(3)},${1 + Math.floor(row / 15_000)}`);
+  writeFileSync(join(own, "long", "trajectory.csv"), ["time_s,force_uN,position_um,cycle", ...rows].join("\n") + "\n");
+  await startIn(own);
+  await page.locator("#project-rows a").click();
+  await page.waitForSelector("#plot-position canvas");
+  await page.waitForFunction(() => document.getElementById("decimated").textContent.includes("lowest and highest"));
+  const filled = await page.evaluate(() => {
+    const canvas = document.querySelector("#plot-position canvas");
+    const { width, height } = canvas;
+    const { data } = canvas.getContext("2d").getImageData(0, 0, width, height);
+    const isInk = (x, y) => data[4 * (y * width + x) + 3] > 128 && data[4 * (y * width + x)] < 120;
+    return [0.4, 0.5, 0.6, 0.7].map((share) => {
+      const [x, ys] = [Math.round(share * width), []];
+      for (let y = 0; y < height; y++) if (isInk(x, y)) ys.push(y);
+      return ys.length / (ys[ys.length - 1] - ys[0] + 1);
+    });
+  });
+  await picture("16-long");
+  assert.ok(filled.every((share) => share > 0.95), `filled shares of columns: ${filled}`);
   rmSync(own, { recursive: true, force: true, maxRetries: 20, retryDelay: 200 });
 });
 

@@ -12,7 +12,7 @@ const COMPLIANCE_PER_M: f64 = 549.178;
 const ROWS_A_HOLD: usize = 25;
 const HOLD_S: f64 = 5.0;
 const N_CYCLES: usize = 4;
-/// A spring in series: each force step moves the robot by 30 µm at once, and the law can absorb nearly all of it.
+/// Compliance of a spring in series, in 1/Pa. With it each force step moves the robot by 30 µm at once, and the law can absorb nearly all of this motion.
 const SERIES_PER_PA: f64 = 0.006;
 const SIMULATIONS: [&str; 2] = ["--simulations", "39"];
 
@@ -30,7 +30,7 @@ impl Noise {
     }
 }
 
-/// The Lethersich law in series with a spring, by superposition of its steps, plus noise of 4 µm.
+/// Writes an experiment: positions of the Lethersich law in series with a spring, by superposition of the force steps, plus noise of 4 µm.
 fn write(dir: &Path, name: &str, species: &str, (law, series_per_pa): ([f64; 3], f64), seed: u64) -> PathBuf {
     let [e, c1, c2] = law;
     let creep = |t: f64| if t > 0.0 { (1.0 - (-e * t / c1).exp()) / e + t / c2 + series_per_pa } else { 0.0 };
@@ -55,7 +55,7 @@ fn write(dir: &Path, name: &str, species: &str, (law, series_per_pa): ([f64; 3],
     place
 }
 
-/// Records of two species, each with its own law.
+/// Writes `n` records of two species, each record with its own law.
 fn cohort(dir: &Path, n: usize, series_per_pa: f64, seed: u64) {
     for k in 0..n {
         let stretch = |j: usize| 1.0 + 0.25 * ((3 * k + 5 * j) % 7) as f64 / 6.0;
@@ -70,7 +70,8 @@ fn effect<'a>(document: &'a Value, slug: &str) -> &'a Value {
     effects.iter().find(|value| value["effect"] == slug).unwrap()
 }
 
-/// A spring in series in all six records is claimed, or equivalent to the claim. The document has all required keys, every file exists, and one and two threads write the same bytes.
+/// A spring in series in all six records is claimed, or equivalent to the claim. The document has all required keys, every file exists, and one and two threads
+/// write the same bytes.
 #[test]
 fn what_records_have_in_common_is_found_and_written_down() {
     let dir = tempfile::tempdir().unwrap();

@@ -24,7 +24,7 @@ fn has(value: &Value, wanted: &[&str]) {
     }
 }
 
-/// An instrument's experiment whose positions jump by `jump_um` from a row on.
+/// Writes an instrument's experiment whose positions jump by `jump_um` (µm) after row `from_row`.
 fn jumping(dir: &Path, from_row: usize, jump_um: f64) -> PathBuf {
     let experiment = dir.join("jumping");
     write_instrument_experiment(&experiment, true, 0.0);
@@ -190,8 +190,8 @@ fn what_cannot_be_asked_is_refused() {
     assert!(!dir.path().join("study").exists(), "something was written");
 }
 
-/// A misfit of 1.2 µm, fixed in the phase of every cycle, exceeds the known noise of 0.5 µm. Then `sample` does not trust its posterior, and `diagnose` does not say that
-/// nothing is missing. Without the misfit neither complains.
+/// A misfit of 1.2 µm, fixed in the phase of every cycle, exceeds the known noise of 0.5 µm. Then `sample` does not trust its posterior, and `diagnose` does
+/// not say that nothing is missing. Without the misfit neither complains.
 #[test]
 #[ignore = "thorough"]
 fn sample_and_diagnose_agree_on_what_the_known_noise_allows() {

@@ -66,7 +66,8 @@ fn custom_law() {
     }
 }
 
-/// A custom model under the sampler: its posterior agrees with quadrature within three Monte Carlo errors or a little more (sd/√400 at the fewest draws that count as converged).
+/// A custom model under the sampler: its posterior agrees with quadrature within three Monte Carlo errors or a little more (sd/√400 at the fewest draws that
+/// count as converged).
 #[test]
 #[ignore = "thorough"]
 fn custom_forward_model() {

@@ -138,7 +138,7 @@ fn corner_overlays_studies_and_csv_of_any_tool() {
     let svg = std::fs::read_to_string(place.path().join("figures/both.svg")).unwrap();
     assert!(svg.contains("c₂") && svg.contains("gain") && svg.contains("other") && svg.contains("reference"));
     // Overlaid posteriors of possibly different data are marked in the output and in the legend.
-    assert!(shown.stderr.contains("not of the same data") && shown.stderr.contains("fitted to cycle 1"), "{shown}");
+    assert!(shown.stderr.contains("fitted to different data") && shown.stderr.contains("fitted to cycle 1"), "{shown}");
     assert!(svg.contains("(fitted to cycle 1)") && svg.contains("(unknown data)"), "{svg}");
     let png = std::fs::read(place.path().join("figures/both.png")).unwrap();
     assert_eq!(&png[1..4], b"PNG");
@@ -146,7 +146,7 @@ fn corner_overlays_studies_and_csv_of_any_tool() {
     let quiet = run(&["study/m0", "study/m0/draws.csv", "--quiet"]).exits(0);
     assert_eq!((quiet.stdout.as_str(), quiet.stderr.as_str()), ("", ""));
     let same = run(&["study/m0", "study/m0/draws.csv"]).exits(0);
-    assert!(!same.stderr.contains("same data"), "{same}");
+    assert!(!same.stderr.contains("different data"), "{same}");
     assert!(place.path().join("corner.png").is_file());
 
     run(&[]).refuses(&["porcine-replica", "vitreo-uq sample"]);
@@ -183,7 +183,8 @@ fn a_mesh_that_is_not_of_the_experiment_is_used_and_doubted() {
         .refuses(&["--refine", "--mesh"]);
 }
 
-/// A surrogate under the file name of another bead is detected, named with its path and made again. The estimate equals that of an empty cache. The test takes ten seconds because it trains three surrogates.
+/// A surrogate under the file name of another bead is detected, named with its path and made again. The estimate equals that of an empty cache. The test takes
+/// ten seconds because it trains three surrogates.
 #[test]
 fn a_model_of_another_bead_is_not_taken_from_the_cache() {
     let place = place();

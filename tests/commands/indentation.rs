@@ -8,8 +8,8 @@ use program::vitreo;
 use serde_json::Value;
 use vitreo_uq::models::effects::EFFECTS;
 
-/// E = 400 Pa, c₁ = 200 Pa·s, c₂ = 3,000 Pa·s under a sphere of 5 µm, at 25 Hz: 1 s free, 1 s with the force growing to 10 nN, 3 s of hold, 0.6 s of retraction.
-/// The free tip has 11.2 nN, and a fixed recurrence makes 5 nm of noise.
+/// Writes an indentation of a gel with E = 400 Pa, c₁ = 200 Pa·s and c₂ = 3,000 Pa·s by a sphere of 5 µm radius, at 25 Hz: 1 s free, 1 s with the force growing
+/// to 10 nN, 3 s of hold, 0.6 s of retraction. The free tip shows a force of 11.2 nN, and a fixed recurrence generates noise of 5 nm.
 fn write_indentation(dir: &Path) {
     std::fs::create_dir_all(dir).unwrap();
     let toml = "[specimen]\nid = \"gel\"\n[indenter]\nexponent = 1.5\ntip_radius_um = 5\n[measurement]\nfile = \"clamp.csv\"\ndirection = \"-\"\nnoise_um = 0.005\ncycle_starts_s = [0, 4]\nsource = \"synthetic\"\n[measurement.columns]\ntime = 1\nforce = 2\nposition = 3\n[measurement.units]\ntime = \"s\"\nforce = \"nN\"\nposition = \"um\"\n";

@@ -11,8 +11,8 @@ fn number(value: &Value) -> f64 {
     value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
 }
 
-/// `extend` has fitted m0 again to three cycles and written m1, so nothing is fitted again. The parameters that the drift had biased are recovered. `--force` fits m0
-/// again, and another number of threads gives the same bytes; m1 stays unchanged.
+/// `extend` has fitted m0 again to three cycles and written m1, so nothing is fitted again. The parameters that the drift had biased are recovered. `--force`
+/// fits m0 again, and another number of threads gives the same bytes; m1 stays unchanged.
 #[test]
 #[ignore = "thorough"]
 fn the_error_falls_to_the_noise_and_nothing_is_fitted_twice() {
@@ -43,7 +43,8 @@ fn the_error_falls_to_the_noise_and_nothing_is_fitted_twice() {
     // 200 errors with the replica's noise of 4 µm: their root mean square has a standard deviation of 4/√400 µm. The test allows five.
     let rmse_um = number(&rungs[1]["rmse_heldout_um"]);
     assert!((rmse_um - 4.0).abs() < 1.0, "{rmse_um}");
-    // Density of these errors under N(0, 4²). Five parameters from 600 rows cost about ½ · 200/600 nats each, 0.8 in all, and the inferred noise changes it by as much.
+    // Density of these errors under N(0, 4²). Five parameters from 600 rows cost about ½ · 200/600 nats each, 0.8 in all, and the inferred noise changes it by
+    // as much.
     let at_truth = -200.0 * (4.0_f64.ln() + 0.5 * (2.0 * std::f64::consts::PI).ln() + 0.5 * (rmse_um / 4.0).powi(2));
     assert!((score(&rungs[1]) - at_truth).abs() < 3.0, "{} against {at_truth}", score(&rungs[1]));
     // The replica's law, Table I, is recovered within five standard deviations.
@@ -78,13 +79,13 @@ fn the_error_falls_to_the_noise_and_nothing_is_fitted_twice() {
     assert_eq!((&first["trust"]["level"], &document["trust"]["level"]), (&"untrusted".into(), &"effective".into()));
 }
 
-/// The study is made from an experiment. One revision is one rung, and the output says how to add the next.
+/// The study is made from an experiment. With one revision there is nothing to compare, and the output says how to add the next revision.
 #[test]
 fn one_revision_is_one_rung() {
     let dir = tempfile::tempdir().unwrap();
     write_instrument_experiment(&dir.path().join("gel"), true, 0.0);
     let run = vitreo(dir.path(), &["ladder", "gel", "--quiet"]).exits(0);
-    for word in ["one rung", "vitreo-uq extend --with", "vitreo-uq diagnose", "no finite elements"] {
+    for word in ["nothing to compare", "vitreo-uq extend --with", "vitreo-uq diagnose", "no finite elements"] {
         assert!(run.stdout.contains(word), "`{word}` in {run}");
     }
     assert!(dir.path().join("vitreo-uq-out/gel/ladder.svg").is_file());

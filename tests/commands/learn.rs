@@ -13,13 +13,14 @@ const NOISE_M: f64 = 1e-6;
 const ROW_S: f64 = 0.1;
 const ROWS_OF_CYCLE: usize = 80;
 
-/// An instrument's record with a dashpot whose viscosity grows as e^{bP} with the path P, in closed form: under the force F the path grows by ln(1 + b C |F| t e^{−bP₀}/c)/b. Two
-/// force levels keep path and time distinguishable.
+/// Writes an instrument's record with a dashpot whose viscosity grows exponentially with the path, at the rate `growth_per_m`. In a time t under the force F,
+/// the path grows from P₀ by ln(1 + b C |F| t e^{−bP₀}/c)/b, with growth rate b, compliance C and initial viscosity c. Several force levels keep path and time
+/// distinguishable.
 fn write_record(dir: &Path, growth_per_m: f64) -> PathBuf {
     write_numbered(dir, "hardening", 0, growth_per_m)
 }
 
-/// One of several records, each with its own errors.
+/// Writes record `number` of several records, each with its own errors.
 fn write_numbered(dir: &Path, name: &str, number: usize, growth_per_m: f64) -> PathBuf {
     let experiment = dir.join(name);
     std::fs::create_dir_all(&experiment).unwrap();
@@ -59,7 +60,8 @@ fn learned(dir: &Path, growth_per_m: f64) -> Value {
     serde_json::from_str(&run.stdout).unwrap()
 }
 
-/// The true pair is among the equivalent ones, and the error falls to the noise by the function and by its formula. `extend` accepts the written file as an effect.
+/// The true pair (quantity and state) is in the verdict or among its equivalents. The learnt function and its formula reduce the error to the noise. `extend`
+/// accepts the written file as an effect.
 #[test]
 #[ignore = "thorough"]
 fn a_law_that_no_list_holds_is_found_and_added() {

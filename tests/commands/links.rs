@@ -51,7 +51,7 @@ const NAMES: [&str; 24] = [
     "up",
 ];
 
-/// A small study with one revision, a comparison and a ladder.
+/// Makes a small study with one revision, a comparison and a ladder.
 fn put_study(place: &Path) -> PathBuf {
     write_instrument_experiment(&place.join("gel"), true, 0.0);
     let study = place.join("study");
@@ -67,7 +67,7 @@ fn put_study(place: &Path) -> PathBuf {
     study
 }
 
-/// A directory with a study that has the secret in all its texts, and other private files.
+/// Writes a directory with other private files and a study that has the secret in all its texts.
 fn put_outside(study: &Path, outside: &Path) {
     for (path, bytes) in tree(study) {
         let path = outside.join(path);

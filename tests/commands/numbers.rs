@@ -9,7 +9,8 @@ use program::{normals, vitreo};
 use serde_json::Value;
 use vitreo_uq::jobs::pages;
 
-/// Four cycles of ±1 µN for 2 s each by an instrument, with 3 µm of unstated noise and a spring in series of a twentieth of 1/E.
+/// Writes an instrument's experiment with four cycles of ±1 µN for 2 s each and 3 µm of unstated noise. A spring in series has a twentieth of the elastic
+/// compliance.
 fn write_with_spring(dir: &Path) {
     std::fs::create_dir_all(dir).unwrap();
     let toml = "[specimen]\nid = \"gel\"\n[instrument]\ncompliance_per_m = 549.0\n[measurement]\nfile = \"trajectory.csv\"\n\
@@ -36,14 +37,14 @@ fn write_with_spring(dir: &Path) {
 #[derive(Default)]
 struct Quantities(BTreeMap<(String, String), BTreeMap<String, Vec<String>>>);
 
-/// Subject of a document.
+/// Model to which the quantities in a document refer.
 #[derive(Clone)]
 struct About {
     /// Revision.
     revision: String,
     /// Cycles that the revision was fitted to.
     cycles: String,
-    /// Revision that it extends.
+    /// Revision that `revision` extends.
     from: String,
 }
 
@@ -147,7 +148,8 @@ fn numbers_before<'a>(words: &'a str, name: &str) -> Vec<&'a str> {
 }
 
 /// Errors, noise and every parameter of a revision with given fitted cycles have one value in all documents, in the output of every command, on the page and in
-/// the workbench's parts. The expected error of an effect agrees with the result of `extend` within a twentieth, because a best fit replaces the posterior.
+/// the workbench's parts. The expected error of an effect comes from a best fit instead of a posterior, so it agrees with the error after `extend` only within
+/// a twentieth.
 #[test]
 fn one_quantity_has_one_value_everywhere() {
     let dir = tempfile::tempdir().unwrap();

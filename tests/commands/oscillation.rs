@@ -7,8 +7,8 @@ use std::path::Path;
 use program::{vitreo, write_instrument_experiment};
 use serde_json::Value;
 
-/// Moduli of a gel of E = 3.5 Pa, c₁ = 1.4 Pa·s, c₂ = `c2_pa_s`, with a spring of `spring_pa` in series, at 25 frequencies from 0.02 to 20 Hz. A fixed recurrence adds 2 % of noise.
-/// The table has tabs, decimal commas, a line of units and an unused column.
+/// Writes the moduli of a gel with E = 3.5 Pa, c₁ = 1.4 Pa·s, c₂ = `c2_pa_s` and a spring of `spring_pa` in series, at 25 frequencies from 0.02 to 20 Hz. A
+/// fixed recurrence adds 2 % of noise. The table has tabs, decimal commas, a line of units and an unused column.
 fn write_table(file: &Path, c2_pa_s: f64, spring_pa: f64) {
     let mut normal = program::normals();
     let mut text = String::from(
@@ -16,7 +16,7 @@ fn write_table(file: &Path, c2_pa_s: f64, spring_pa: f64) {
     );
     for k in 0..25 {
         let omega = std::f64::consts::TAU * 0.02 * 1000f64.powf(f64::from(k) / 24.0);
-        // J = 1/(E + iωc₁) + 1/(iωc₂) + 1/E₀ by real and imaginary parts.
+        // Real and imaginary part of the compliance 1/(E + iωc₁) + 1/(iωc₂) + 1/E₀, with angular frequency ω and the spring's modulus E₀.
         let square = 3.5 * 3.5 + (1.4 * omega) * (1.4 * omega);
         let (re, im) = (3.5 / square + 1.0 / spring_pa, -1.4 * omega / square - 1.0 / (omega * c2_pa_s));
         let size = 1.0 / (3.0 * re.hypot(im));
@@ -32,7 +32,7 @@ fn median(document: &Value, name: &str) -> [f64; 3] {
     ["q05", "median", "q95"].map(|key| value[key].as_f64().unwrap())
 }
 
-/// 90 % intervals widened by half on both sides: one of three misses in 1 of 100 seeds.
+/// Asserts that the 90 % interval, widened by half on both sides, contains the truth. One of three such intervals misses the truth for 1 of 100 seeds.
 fn covers(document: &Value, name: &str, truth: f64) {
     let [lower, middle, upper] = median(document, name);
     assert!(

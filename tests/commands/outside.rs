@@ -14,7 +14,7 @@ use program::{Run, normals, tree};
 use serde_json::{Value, json};
 
 const COMPLIANCE_PER_M: f64 = 549.0;
-/// E (Pa), c₁ and c₂ (Pa s).
+/// True parameters: E (Pa), c₁ and c₂ (Pa s).
 const LAW: [f64; 3] = [3.5, 1.4, 47.0];
 const NOISE_UM: f64 = 0.5;
 /// Time limit above every test's duration.
@@ -168,7 +168,8 @@ fn commanded_n(time_s: f64) -> f64 {
     if ((time_s + 1e-9) / 2.0).floor() as i64 % 2 == 0 { 1e-6 } else { -1e-6 }
 }
 
-/// An experiment by the server's physics whose force lags by a time unknown to its description, with a prior that names the law's parameters.
+/// Writes an experiment that is simulated by the server's physics, and a prior that names the law's parameters. The force lags by `lag_s`, which the
+/// description does not state.
 fn lagging(dir: &Path, lag_s: f64) -> PathBuf {
     let experiment = dir.join("gel");
     std::fs::create_dir_all(&experiment).unwrap();
@@ -179,7 +180,7 @@ fn lagging(dir: &Path, lag_s: f64) -> PathBuf {
         ),
     )
     .unwrap();
-    // The acting force at times so fine that it may hold between them.
+    // The acting force is computed at 40 times per row, so it may be constant between these times.
     let (n_between, step_s) = (40, 0.04);
     let fine_s: Vec<f64> = (0..200 * n_between).map(|k| step_s * k as f64 / n_between as f64).collect();
     let mut acting_n = Vec::new();
@@ -223,7 +224,8 @@ fn moments(document: &Value, name: &str) -> (f64, f64) {
     (value["mean"].as_f64().unwrap(), value["sd"].as_f64().unwrap())
 }
 
-/// An external model with the built-in law's equations has the built-in law's posterior, checked by its own answers. A second run repeats no request, and the number of threads does not matter.
+/// An external model with the built-in law's equations has the built-in law's posterior, checked by its own answers. A second run repeats no request, and the
+/// number of threads does not matter.
 #[test]
 fn an_outside_model_is_sampled_as_our_own() {
     let dir = tempfile::tempdir().unwrap();
@@ -319,7 +321,7 @@ fn servers_that_do_not_do_are_refused_in_words() {
     };
     let gone = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
     fails(&format!("http://{gone}"), &["cannot be reached", "start the server"]);
-    fails(&Server::start(Kind::Short).url, &["199 positions where 200 times"]);
+    fails(&Server::start(Kind::Short).url, &["199 positions, but the request has 200 times"]);
     fails(&Server::start(Kind::Broken).url, &["NaN among its positions", "young_modulus_pa ="]);
     fails("https://127.0.0.1:1", &["encrypted", "tunnel"]);
     let server = Server::start(Kind::Sound);

@@ -109,8 +109,8 @@ fn check_heldout(heldout: &Value, n_rows: f64, noise_um: f64) {
     is_near("crps_um", noise_um / std::f64::consts::PI.sqrt(), 0.403 * noise_um);
 }
 
-/// The main job without a file. Standard output holds only JSON, `--quiet` silences standard error, and every file of the revision exists. A second run with other threads
-/// writes the same bytes and continues in the same study with its surrogate. Another seed gives other draws.
+/// The main job without a file. Standard output holds only JSON, `--quiet` silences standard error, and every file of the revision exists. A second run with
+/// other threads writes the same bytes and continues in the same study with its surrogate. Another seed gives other draws.
 #[test]
 fn the_replica_runs_without_any_file_and_gives_the_same_bytes_again() {
     let place = place();

@@ -22,7 +22,7 @@ use vitreo_uq::record::Experiment;
 pub struct Server {
     child: Child,
     pub address: SocketAddr,
-    /// Its output after the link.
+    /// Standard output of the server after its link.
     words: BufReader<ChildStdout>,
     place: tempfile::TempDir,
 }
@@ -129,7 +129,7 @@ fn closed_form_um([young_pa, viscosity_1_pa_s, viscosity_2_pa_s]: [f64; 3]) -> V
 
 const POINT: [f64; 4] = [3.3, 1.5, 44.0, 0.7];
 
-/// Asserts that numbers differ by at most this fraction of the largest one.
+/// Asserts that numbers differ by at most the fraction `part` of the largest expected number.
 fn close(values: &[f64], expected: &[f64], part: f64) {
     assert_eq!(values.len(), expected.len());
     let largest = expected.iter().fold(0.0_f64, |largest, x| largest.max(x.abs()));
@@ -171,7 +171,8 @@ fn the_trajectory_is_the_closed_form_and_its_derivatives_are_differences() {
     assert!((left / right - 1.0).abs() < 1e-11, "{left} {right}");
 }
 
-/// Compares with ln(prior × likelihood) written out: normal errors around the closed form on the first cycle's rows, and the prior's densities over the untransformed parameters.
+/// Compares with ln(prior × likelihood) written out: normal errors around the closed form on the first cycle's rows, and the prior's densities over the
+/// untransformed parameters.
 #[test]
 fn the_posterior_is_the_formula_and_its_gradient_a_difference() {
     let server = Server::of_instrument(&["--quiet"]);
@@ -295,8 +296,8 @@ fn answers_do_not_depend_on_their_order() {
     assert!(at_once.iter().all(|values| *values == one_by_one));
 }
 
-/// The replica by full finite elements and the reduced model, over HTTP. The reduced positions equal the library's bit by bit, and differ from the full ones by at most the
-/// stated error. The output gives names and units. The test takes ten seconds, mostly for meshing twice.
+/// The replica by full finite elements and the reduced model, over HTTP. The reduced positions equal the library's bit by bit, and differ from the full ones by
+/// at most the stated error. The output gives names and units. The test takes ten seconds, mostly for meshing twice.
 #[test]
 fn full_and_reduced_agree_within_what_the_reduced_model_states() {
     let mut server = Server::start(|_| {}, &[]);

@@ -82,8 +82,8 @@ fn the_papers_claims_are_judged() {
     assert!(longest.iter().all(|value| value["surrogate_relative_error"].as_f64().unwrap() < 1e-3), "{longest:?}");
 }
 
-/// Bodies along the force with large strains. For the sphere an independent program found 27 µm at the end of the first pull, with laws 1 % away from this posterior's.
-/// Blunt bodies deviate most. Meshes that fail before the end are marked.
+/// Bodies along the force with large strains. For the sphere an independent program found 27 µm at the end of the first pull, with laws 1 % away from this
+/// posterior's. Blunt bodies deviate most. Meshes that fail before the end are marked.
 fn assert_large_strains(document: &Value) {
     let large = &document["large_strains"];
     let all = large["bodies"].as_array().unwrap();

@@ -9,7 +9,7 @@ use program::vitreo;
 use serde_json::Value;
 use vitreo_uq::elements::fe::meridional::{self, BodyOfRevolution, Direction, Resolution};
 
-/// E (Pa), c₁, c₂ (Pa·s) of the made data.
+/// True parameters of the simulated data: E (Pa), c₁ and c₂ (Pa·s).
 const TRUTH: [f64; 3] = [3.527, 1.402, 47.37];
 const POISSON_RATIO: f64 = 0.48;
 

@@ -56,7 +56,7 @@ fn connect(address: SocketAddr, slow: &Slow) -> TcpStream {
     stream
 }
 
-/// Longest wait of a good client while slow ones, connected before it, go on.
+/// Returns the longest wait of a good client while slow clients, connected before it, stay connected.
 fn longest_wait(address: SocketAddr, crowd: &[Slow], good: &dyn Fn()) -> Duration {
     let is_over = &AtomicBool::new(false);
     let mut streams: Vec<(TcpStream, &Slow)> = crowd.iter().map(|slow| (connect(address, slow), slow)).collect();

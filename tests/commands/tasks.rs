@@ -237,8 +237,8 @@ fn challenges_come_in_blocks() {
     assert_eq!((of("first"), of("count")), (vec![10, 13, 16], vec![3, 3, 1]));
 }
 
-/// A calibration in several blocks by two workers equals, byte for byte, that of one task in one process. The document judges its ranks. With 30 replicates a correct program is called
-/// wrong in at most one of a hundred seeds; this seed is fixed.
+/// A calibration in several blocks by two workers equals, byte for byte, that of one task in one process. The document judges its ranks. With 30 replicates a
+/// correct program is called wrong in at most one of a hundred seeds; this seed is fixed.
 #[test]
 fn a_calibration_is_the_same_in_any_blocks() {
     let dir = tempfile::tempdir().unwrap();

@@ -18,8 +18,9 @@ fn models(cache: &Path) -> Vec<String> {
     tree(cache).keys().map(|path| path.display().to_string()).collect()
 }
 
-/// Two eyes with one apparatus and one protocol share a surrogate and a compliance. Trained without a cache and gathered into an empty one, the files equal those of `sample` and
-/// `tasks sample`. Both commands find them, add nothing, and write the same bytes. The test takes about twenty seconds: finite elements are solved five times.
+/// Two eyes with one apparatus and one protocol share a surrogate and a compliance. Trained without a cache and gathered into an empty one, the files equal
+/// those of `sample` and `tasks sample`. Both commands find them, add nothing, and write the same bytes. The test takes about twenty seconds: finite elements
+/// are solved five times.
 #[test]
 fn gathered_models_serve_as_trained_ones() {
     let dir = tempfile::tempdir().unwrap();
@@ -63,7 +64,7 @@ fn gathered_models_serve_as_trained_ones() {
     assert!(with.2 == without.2 && !with.2.is_empty());
 }
 
-/// Effects add their fields, once for all eyes, and another protocol adds another surrogate. A damaged result is not used.
+/// An effect adds one task for its field, common to all eyes. Another protocol adds another surrogate. A damaged result is not used.
 #[test]
 fn models_are_listed_by_content() {
     let dir = tempfile::tempdir().unwrap();

@@ -1,4 +1,4 @@
-//! Trust in results: every command states it first.
+//! Tests that every command first states how far its result can be trusted.
 
 use crate::program;
 
@@ -31,7 +31,7 @@ fn write(dir: &Path, rows: &[Row], is_noise_given: bool) {
     write_with_noise(dir, rows, is_noise_given.then_some(0.5), 0.5, &mut normals());
 }
 
-/// An experiment with noise of another size (µm).
+/// Writes an experiment on an instrument with noise of `noise_um` (µm); `given_um` is the stated noise, if any. The last cycle is held out.
 fn write_with_noise(dir: &Path, rows: &[Row], given_um: Option<f64>, noise_um: f64, normal: &mut impl FnMut() -> f64) {
     std::fs::create_dir_all(dir).unwrap();
     let last = rows.last().unwrap().3;
@@ -48,7 +48,8 @@ fn write_with_noise(dir: &Path, rows: &[Row], given_um: Option<f64>, noise_um: f
     std::fs::write(dir.join("trajectory.csv"), csv).unwrap();
 }
 
-/// Cycles of ±1 µN: those of the made ones that `kept` lists, renumbered.
+/// Rows of cycles of ±1 µN. Only the simulated cycles with indices in `kept` are returned, with new numbers. In the last one, displacements are smaller by the
+/// factor `stiffer`.
 fn cycles(kept: &[usize], stiffer: f64) -> Vec<Row> {
     let n_made = kept.iter().max().unwrap() + 1;
     let force_un: Vec<f64> = (0..n_made * ROWS_OF_CYCLE)
@@ -102,8 +103,8 @@ fn fit_judges_held_out_cycles_like_sample() {
     assert!(words.contains("What to do: the model does not describe this measurement"), "{words}");
 }
 
-/// Rows at logarithmic times, whose neighbours reveal little of the noise: a power law fitted by the program's law is not trusted, with or without an estimate of the noise.
-/// The program's own law stays trusted.
+/// Rows at logarithmic times, whose neighbours reveal little of the noise: a power law fitted by the program's law is not trusted, with or without an estimate
+/// of the noise. The program's own law stays trusted.
 #[test]
 fn a_wrong_law_at_logarithmic_times_is_not_trusted() {
     let dir = tempfile::tempdir().unwrap();
@@ -112,7 +113,7 @@ fn a_wrong_law_at_logarithmic_times_is_not_trusted() {
     let of_power_law = |t: f64| 100.0 * t.powf(0.35);
     for (name, position_um, code) in [("own", &of_own_law as &dyn Fn(f64) -> f64, 0), ("power", &of_power_law, 1)] {
         let first: Vec<Row> = times_s.iter().map(|t| (*t, 1.0, position_um(*t), 1)).collect();
-        // The held-out part repeats the fitted one after an interval of the same length, after a long rest.
+        // The single cycle becomes a fitted cycle, so no cycle is held out.
         write(&dir.path().join(name), &first, false);
         let toml = dir.path().join(name).join("experiment.toml");
         let text = std::fs::read_to_string(&toml).unwrap();
@@ -156,7 +157,7 @@ fn a_large_strain_makes_parameters_effective() {
     );
 }
 
-/// A diagnosis of `clock-offset` with these rivals, in the format of `diagnose`.
+/// Writes a diagnosis that claims `clock-offset` and names `rivals` as equivalent, in the format of `diagnose`.
 fn put_diagnosis(study: &Path, rivals: &[&str]) {
     let posterior: Value = serde_json::from_slice(&std::fs::read(study.join("m0/posterior.json")).unwrap()).unwrap();
     let candidate = |effect: &str, status: &str, name: &str, mean: f64| {
@@ -174,8 +175,8 @@ fn put_diagnosis(study: &Path, rivals: &[&str]) {
     std::fs::write(study.join("m0/diagnosis.json"), serde_json::to_vec(&diagnosis).unwrap()).unwrap();
 }
 
-/// Equivalent effects stay beside the name in every later revision: in the document, the output, the ladder and the page, with both tables. A later diagnosis that separates them
-/// ends this. Effects that no diagnosis claimed count as untested.
+/// Equivalent effects stay beside the name in every later revision: in the document, the output, the ladder and the page, with both tables. A later diagnosis
+/// that separates them ends this. Effects that no diagnosis claimed count as untested.
 #[test]
 fn equivalent_effects_stay_beside_the_name() {
     let dir = tempfile::tempdir().unwrap();
@@ -197,7 +198,8 @@ fn equivalent_effects_stay_beside_the_name() {
     // One more, untested effect is added: the first class stays, and the second has no test.
     let run = vitreo(dir.path(), &["extend", "study", "--with", "tracking-drift"]);
     assert!(run.code < 2, "{run}");
-    for words in ["+ clock-offset (or: actuator-lag) + tracking-drift", "The rivals of tracking-drift were not tested"]
+    for words in
+        ["+ clock-offset (or: actuator-lag) + tracking-drift", "The equivalents of tracking-drift were not tested"]
     {
         assert!(run.stdout.contains(words), "{words} in {run}");
     }
@@ -218,8 +220,8 @@ fn equivalent_effects_stay_beside_the_name() {
     assert_eq!(ladder["revisions"][1]["equivalents"][0]["rivals"], json!([]));
 }
 
-/// Four records of a force bias with a wave of 2 µm outside the library, at a known noise of 0.1 µm. The bias gains in all of them but leaves most of the misfit: it is named as helpful, and the law is called
-/// wrong. Without the wave it is missing.
+/// Four records contain a force bias and a wave of 2 µm outside the library, at a known noise of 0.1 µm. The bias gains in all records but leaves most of the
+/// misfit, so the diagnosis names the bias but its verdict is `unexplained`. Without the wave the verdict is `missing`.
 #[test]
 fn a_claim_of_a_cohort_that_leaves_most_is_unexplained() {
     let dir = tempfile::tempdir().unwrap();

@@ -85,7 +85,7 @@ impl Bench {
         (status, serde_json::from_str(&body).unwrap_or_else(|_| panic!("{status} {body}")))
     }
 
-    /// The job as stored on disk; `None` before the first.
+    /// The job as stored on disk; `None` before the first job.
     fn job(&self) -> Option<Value> {
         let bytes = std::fs::read(self.home.join(".vitreo-uq-workbench/job.json")).ok()?;
         serde_json::from_slice(&bytes).ok()

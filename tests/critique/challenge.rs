@@ -19,7 +19,7 @@ use vitreo_uq::validation::challenge::files::ChallengeCase;
 use vitreo_uq::validation::challenge::play::HiddenKind;
 use vitreo_uq::validation::challenge::plays::{PlaysRequest, judge, run};
 use vitreo_uq::validation::challenge::{
-    Bench, DisturbanceKind, HiddenThing, NoiseKind, Protocol, Strength, TruthRequest, draw_pair, files, full_order,
+    Bench, DisturbanceKind, HiddenPhysics, NoiseKind, Protocol, Strength, TruthRequest, draw_pair, files, full_order,
     hideable_effects,
 };
 
@@ -115,7 +115,7 @@ fn best_of<'a>(subject: &Subject, slugs: impl Iterator<Item = &'a str>) -> Resul
     })
 }
 
-fn order(hidden: HiddenThing, protocol: Protocol, strength_sigma: f64) -> TruthRequest {
+fn order(hidden: HiddenPhysics, protocol: Protocol, strength_sigma: f64) -> TruthRequest {
     TruthRequest {
         hidden,
         protocol,
@@ -145,7 +145,7 @@ fn assert_shown_as_asked(slugs: Vec<String>, outside: &[DisturbanceKind]) {
     let bench = &*BENCH;
     let mut truths = Vec::new();
     for (slug, protocol) in slugs.into_iter().zip(Protocol::ALL.into_iter().cycle()) {
-        let order = order(HiddenThing::Effects(vec![slug.clone()]), protocol, 10.0);
+        let order = order(HiddenPhysics::Effects(vec![slug.clone()]), protocol, 10.0);
         let clock = std::time::Instant::now();
         let truth = bench.draw(&order, &mut RandomStream::new(3, 0)).expect("in reach");
         let signal_sigma = truth.signal_sigma().expect("something is hidden");
@@ -154,12 +154,12 @@ fn assert_shown_as_asked(slugs: Vec<String>, outside: &[DisturbanceKind]) {
         assert!(truth.ideal_class.contains(&slug));
         truths.push(truth);
     }
-    let pair = HiddenThing::Effects(vec!["tracking-drift".into(), "force-bias".into()]);
+    let pair = HiddenPhysics::Effects(vec!["tracking-drift".into(), "force-bias".into()]);
     truths.push(bench.draw(&order(pair, Protocol::Levels, 15.0), &mut RandomStream::new(3, 1)).expect("in reach"));
     for &kind in outside {
         let clock = std::time::Instant::now();
         let truth =
-            bench.draw(&order(HiddenThing::Outside(kind), Protocol::Levels, 15.0), &mut RandomStream::new(3, 2));
+            bench.draw(&order(HiddenPhysics::Outside(kind), Protocol::Levels, 15.0), &mut RandomStream::new(3, 2));
         let truth = truth.unwrap_or_else(|error| panic!("{kind:?}: {error}"));
         println!("{:?} {:?} {:?}", truth.outside, truth.outside_sigma, clock.elapsed());
         truths.push(truth);
@@ -189,7 +189,7 @@ fn assert_shown_as_asked(slugs: Vec<String>, outside: &[DisturbanceKind]) {
 fn a_bench_for_one_effect_draws_what_the_whole_one_draws() {
     let slugs = vec!["interface-slip".to_string()];
     let entry = Bench::for_effects(&slugs, &SilentMonitor).expect("the reference apparatus");
-    let order = order(HiddenThing::Effects(slugs), Protocol::Paper, 12.0);
+    let order = order(HiddenPhysics::Effects(slugs), Protocol::Paper, 12.0);
     let draw = |bench: &Bench| bench.draw(&order, &mut RandomStream::new(8, 0)).expect("in reach");
     let (quick, whole) = (draw(&entry), draw(&BENCH));
     println!("{:?} {:?} {:?}", quick.ideal_class, quick.not_compared, whole.ideal_class);
@@ -216,7 +216,7 @@ fn a_bench_for_one_effect_draws_what_the_whole_one_draws() {
 #[ignore = "campaigns/long-tests"]
 fn large_displacements_leave_the_signal_that_is_stated() {
     let bench = &*BENCH;
-    let large = HiddenThing::Effects(vec!["large-displacement".into()]);
+    let large = HiddenPhysics::Effects(vec!["large-displacement".into()]);
     let truth = bench.draw(&order(large, Protocol::Paper, 4.0), &mut RandomStream::new(3, 4)).expect("in reach");
     println!("{:?} looks like {:?}", truth.effects, truth.ideal_class);
     let sigma = truth.effects[0].signal_sigma;
@@ -287,7 +287,7 @@ fn a_sealed_challenge_is_an_experiment_that_does_not_tell_its_answer() {
     let bench = &*BENCH;
     let folder = tempfile::tempdir().expect("a temporary directory");
     let dir = folder.path().join("case");
-    let order = order(HiddenThing::Effects(vec!["softening".into()]), Protocol::Paper, 20.0);
+    let order = order(HiddenPhysics::Effects(vec!["softening".into()]), Protocol::Paper, 20.0);
     let case = |name: &str, seed: u64| ChallengeCase { dir: folder.path().join(name), order: order.clone(), seed };
     let commitment = files::make(&[case("case", 11)], bench, &SilentMonitor).expect("made").remove(0);
     // The challenge is identical, to the byte, when made together with others.
@@ -327,13 +327,13 @@ fn what_cannot_be_hidden_is_refused() {
     let bench = &*BENCH;
     let refused =
         |order: &TruthRequest| bench.draw(order, &mut RandomStream::new(1, 0)).expect_err("refused").to_string();
-    let unknown = order(HiddenThing::Effects(vec!["ghost".into()]), Protocol::Paper, 10.0);
+    let unknown = order(HiddenPhysics::Effects(vec!["ghost".into()]), Protocol::Paper, 10.0);
     assert!(refused(&unknown).contains("there is no effect `ghost`"));
-    let hidden = order(HiddenThing::Effects(vec!["compressibility".into()]), Protocol::Paper, 10.0);
+    let hidden = order(HiddenPhysics::Effects(vec!["compressibility".into()]), Protocol::Paper, 10.0);
     assert!(refused(&hidden).contains("compressibility is out of reach at a signal of 10 standard deviations"));
-    let pair = HiddenThing::Effects(vec!["large-displacement".into(), "force-bias".into()]);
+    let pair = HiddenPhysics::Effects(vec!["large-displacement".into(), "force-bias".into()]);
     assert!(refused(&order(pair, Protocol::Paper, 6.0)).contains("cannot be hidden together with another effect"));
-    let delay = order(HiddenThing::Outside(DisturbanceKind::Backlash), Protocol::Paper, 10.0);
+    let delay = order(HiddenPhysics::Outside(DisturbanceKind::Backlash), Protocol::Paper, 10.0);
     assert!(refused(&delay).contains("`backlash` is not outside the library"));
 }
 
@@ -410,7 +410,7 @@ fn controls_hold_nothing_but_the_law() {
     let bench = &*BENCH;
     for (number, protocol) in (0..2).zip(Protocol::ALL.into_iter().cycle()) {
         let truth = bench
-            .draw(&order(HiddenThing::Nothing, protocol, 10.0), &mut RandomStream::new(1, (1 << 33) + number))
+            .draw(&order(HiddenPhysics::Nothing, protocol, 10.0), &mut RandomStream::new(1, (1 << 33) + number))
             .expect("a law");
         let position_m =
             full_order::trajectories_m(bench, &[truth], None, &SilentMonitor).expect("the model runs").remove(0);

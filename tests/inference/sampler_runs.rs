@@ -273,12 +273,16 @@ fn walkers_left_behind_to_the_end_are_said_and_not_called_converged() {
     for seed in 1..=8 {
         let short = unknown_bump(seed, 14.0, 400, true);
         if short.modes.len() == 1 {
-            assert!(short.messages.iter().all(|message| !message.contains("left behind")), "{:?}", short.messages);
+            assert!(
+                short.messages.iter().all(|message| !message.contains("not joined the others")),
+                "{:?}",
+                short.messages
+            );
             continue;
         }
         n_found += 1;
         assert!(!short.converged, "seed {seed}");
-        assert!(short.messages.iter().all(|message| message.contains("left behind")), "{:?}", short.messages);
+        assert!(short.messages.iter().all(|message| message.contains("not joined the others")), "{:?}", short.messages);
         assert_eq!(short.messages.len(), 1);
         let long = unknown_bump(seed, 14.0, 20_000, true);
         assert!(long.converged && long.messages.is_empty(), "{:?}", long.messages);
@@ -295,7 +299,7 @@ fn a_mode_found_after_the_last_freeze_moves_nobody() {
         let outcome = unknown_bump(seed, 16.0, 3_000, false);
         let most = most_walkers_that_leap(&outcome);
         assert!(most < 48, "seed {seed}: {most} walkers changed bumps at once");
-        let is_said = outcome.messages.iter().any(|message| message.contains("left behind"));
+        let is_said = outcome.messages.iter().any(|message| message.contains("not joined the others"));
         if is_said {
             assert!(outcome.modes.len() == 2 && most > 0, "seed {seed}: {:?}", outcome.messages);
             n_late += 1;

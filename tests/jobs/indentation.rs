@@ -281,7 +281,7 @@ fn cycles_start_where_they_are_said_to() {
     refused("cycle_starts_s = [0, \"x\"]", &csv, &["cycle_starts_s", "numbers"]);
     let with_cycles = "time_s,force_uN,position_um,cycle\n".to_string()
         + &(0..20).map(|i| format!("{i},1,{i},1\n")).collect::<String>();
-    refused("cycle_starts_s = [0]", &with_cycles, &["also has a `cycle` column", "keep one"]);
+    refused("cycle_starts_s = [0]", &with_cycles, &["also has a `cycle` column", "remove `cycle_starts_s`"]);
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! hammer-and-sample on the same posterior, with a scalar log-density written for it.
+//! Runs the sampler hammer-and-sample on the posterior of [`Creep`], with a scalar log density written for this sampler.
 
 use std::time::Instant;
 
@@ -9,7 +9,7 @@ use rand_pcg::Pcg64;
 use super::creep::{COMPLIANCE_PER_M, Creep};
 use super::{Chain, DIMENSION, Failure, N_WALKERS, log_normals};
 
-/// One recursion a sample and one exponential a point, since the samples are equally spaced.
+/// Scalar form of the posterior. Because rows are equidistant, it needs one recursion per row and one exponential per point.
 struct Posterior<'a> {
     creep: &'a Creep,
     priors: Vec<(f64, f64)>,
@@ -37,7 +37,7 @@ impl Model for Posterior<'_> {
     }
 }
 
-/// Runs the stretch move for `n_steps` of every walker, after checking the log-density against the library's.
+/// Checks the scalar log density against the library's values, then runs the stretch move for `n_steps` steps of every walker.
 pub fn run(
     creep: &Creep,
     starts: &[[f64; DIMENSION]],

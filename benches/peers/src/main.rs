@@ -1,7 +1,8 @@
-//! emcee, hammer-and-sample and vitreo-uq on one posterior, one thread each; every effective sample size by `vitreo_uq::sampling::diagnostics`.
+//! Compares the samplers emcee, hammer-and-sample and vitreo-uq on one posterior, with one thread each. `vitreo_uq::sampling::diagnostics` computes the
+//! effective sample sizes of all three.
 //!
-//! `peers prepare DIR` writes the record, the starts and log-densities to check against; `peers compare DIR` reads what emcee made of them,
-//! runs the other two and prints the table. `compare.sh` does all of it.
+//! `peers prepare DIR` writes the record, and the start points with their log densities. `peers compare DIR` reads the chains of emcee, runs the other two
+//! samplers and prints the table. `compare.sh` runs all steps.
 
 #[path = "../../creep/mod.rs"]
 mod creep;
@@ -19,13 +20,13 @@ use vitreo_uq::sampling::{LogDensity, SamplerOptions, sample};
 
 const N_WALKERS: usize = 32;
 const N_STEPS: usize = 5_000;
-/// Steps that are discarded of those who do not find their own burn-in.
+/// Number of first steps that are discarded, for samplers that do not determine their burn-in.
 const N_BURN_IN: usize = 500;
 const DIMENSION: usize = 4;
 
 type Failure = Box<dyn std::error::Error>;
 
-/// A run: coordinate d of walker w at step s at `values[(s * n_walkers + w) * 4 + d]`, burn-in included.
+/// Result of one sampler's run, burn-in included. Coordinate d of walker w at step s is at `values[(s * n_walkers + w) * 4 + d]`.
 struct Chain {
     name: String,
     wall_s: f64,
@@ -43,7 +44,7 @@ fn main() -> Result<(), Failure> {
     }
 }
 
-/// Starts of all walkers: a ball of 1 % around the reference, from which no ensemble leaves walkers behind.
+/// Returns the start points of all walkers: a ball of 1 % around the reference, so small that no walker stays far from the posterior.
 fn starts(creep: &Creep) -> Vec<[f64; DIMENSION]> {
     let batch = creep.batch(N_WALKERS);
     (0..N_WALKERS).map(|w| std::array::from_fn(|d| batch[d * N_WALKERS + w])).collect()
@@ -55,7 +56,7 @@ fn log_densities(creep: &Creep) -> Vec<f64> {
     values
 }
 
-/// Median and log_sd of each parameter's log-normal prior.
+/// Returns median and `log_sd` of each parameter's log-normal prior.
 fn log_normals(creep: &Creep) -> Result<Vec<(f64, f64)>, Failure> {
     let pair = |distribution| match distribution {
         Distribution::LogNormal { median, log_sd } => Ok((median, log_sd)),
@@ -96,12 +97,12 @@ fn compare(creep: &Creep, folder: &Path) -> Result<(), Failure> {
     ours(creep)
 }
 
-/// What the Python side wrote: `NAME.csv` with wall time and evaluations, `NAME.f64` with the values.
+/// Reads the chain that the Python program wrote: `NAME.csv` with wall time and number of evaluations, `NAME.f64` with the values.
 fn read_chain(folder: &Path, name: &str) -> Result<Chain, Failure> {
     let text = std::fs::read_to_string(folder.join(format!("{name}.csv")))?;
     let numbers: Vec<f64> =
         text.lines().nth(1).unwrap_or_default().split(',').map(str::parse).collect::<Result<_, _>>()?;
-    let [wall_s, n_evaluations] = numbers[..] else { return Err(format!("{name}.csv has not two numbers").into()) };
+    let [wall_s, n_evaluations] = numbers[..] else { return Err(format!("{name}.csv needs two numbers").into()) };
     let bytes = std::fs::read(folder.join(format!("{name}.f64")))?;
     let values = bytes.as_chunks::<8>().0.iter().map(|b| f64::from_le_bytes(*b)).collect();
     Ok(Chain { name: name.into(), wall_s, n_evaluations, values })
@@ -125,7 +126,8 @@ fn print_numbers(name: &str, wall_s: f64, n_evaluations: f64, ess: f64, sd: f64)
     println!("| {name} | {wall_s:.3} | {:.2e} | {:.0} | {sd:.3e} |", n_evaluations / wall_s, ess / wall_s);
 }
 
-/// Four ensembles from starts all over the prior; the time includes finding the mode, burning in and the diagnostics.
+/// Runs this program's sampler: four ensembles from start points spread over the prior. The time includes the search for the mode, the burn-in and the
+/// diagnostics.
 fn ours(creep: &Creep) -> Result<(), Failure> {
     let posterior = creep.posterior();
     for (name, max_steps, store_every) in

@@ -1,7 +1,8 @@
 //! Univariate prior distributions of a parameter x, and their densities in an unconstrained coordinate z.
 //!
-//! The sampler moves in z. It is ln x if x is only bounded below by 0, x itself without bounds, and a scaled logit of x with two bounds.
-//! `ln_pdf_unconstrained` is the log-density of z; it includes the Jacobian.
+//! The sampler moves in z. For a parameter that is only bounded below by 0, z is ln x. For an unbounded parameter, z is x itself. For two
+//! bounds, z is a logit of the place of x (or of ln x) between the bounds.
+//! `ln_pdf_unconstrained` is the log-density of z and includes the Jacobian.
 
 use std::f64::consts::PI;
 
@@ -16,46 +17,46 @@ use crate::elementary;
 pub enum Distribution {
     /// Log-normal distribution: ln x is normal; median > 0, log_sd > 0.
     LogNormal {
-        /// Median of x.
+        /// Median of the parameter x.
         median: f64,
         /// Standard deviation of ln x.
         log_sd: f64,
     },
     /// Normal distribution; sd > 0.
     Normal {
-        /// Mean of x.
+        /// Mean of the parameter.
         mean: f64,
-        /// Standard deviation of x.
+        /// Standard deviation of the parameter.
         sd: f64,
     },
     /// Distribution of the absolute value of a normal variable with mean 0; sd > 0.
     HalfNormal {
-        /// Standard deviation of that normal variable.
+        /// Standard deviation of the normal variable whose absolute value is the parameter.
         sd: f64,
     },
     /// Uniform distribution; lower < upper.
     Uniform {
-        /// Lower end of x.
+        /// Lower bound of the parameter.
         lower: f64,
-        /// Upper end of x.
+        /// Upper bound of the parameter.
         upper: f64,
     },
     /// Log-uniform distribution: ln x is uniform; 0 < lower < upper.
     LogUniform {
-        /// Lower end of x.
+        /// Lower bound of the parameter.
         lower: f64,
-        /// Upper end of x.
+        /// Upper bound of the parameter.
         upper: f64,
     },
     /// Beta distribution, scaled to [lower, upper]; alpha > 0, beta > 0, lower < upper.
     Beta {
-        /// First shape α.
+        /// First shape parameter α of the beta distribution.
         alpha: f64,
-        /// Second shape β.
+        /// Second shape parameter β of the beta distribution.
         beta: f64,
-        /// Lower end of x.
+        /// Lower bound of the parameter.
         lower: f64,
-        /// Upper end of x.
+        /// Upper bound of the parameter.
         upper: f64,
     },
 }
@@ -88,13 +89,13 @@ fn normal_log_scale(sd: f64) -> f64 {
 }
 
 impl Distribution {
-    /// Log-normal distribution whose x has the given mean > 0 and standard deviation > 0.
+    /// Log-normal distribution of a parameter with this mean > 0 and standard deviation > 0.
     pub fn log_normal_from_moments(mean: f64, sd: f64) -> Self {
         let log_variance = (sd / mean).powi(2).ln_1p();
         LogNormal { median: mean * (-0.5 * log_variance).exp(), log_sd: log_variance.sqrt() }
     }
 
-    /// Lower and upper end of x; −∞ or +∞ if that side is unbounded.
+    /// Lower and upper bound of the parameter; −∞ or +∞ if the parameter is unbounded on that side.
     pub fn support(&self) -> (f64, f64) {
         match *self {
             Normal { .. } => (f64::NEG_INFINITY, f64::INFINITY),
@@ -120,7 +121,7 @@ impl Distribution {
             LogUniform { lower, upper } => -x.ln() - (upper / lower).ln().ln(),
             Beta { alpha, beta, lower, upper } => {
                 let width = upper - lower;
-                // 0·ln 0 counts as 0, because the density at the end is finite for α = 1.
+                // For a shape parameter of 1, 0·ln 0 counts as 0, because the density at this end of the support is finite.
                 let power = |exponent: f64, base: f64| if exponent == 0.0 { 0.0 } else { exponent * base.ln() };
                 power(alpha - 1.0, (x - lower) / width) + power(beta - 1.0, (upper - x) / width)
                     - ln_beta(alpha, beta)
@@ -141,7 +142,7 @@ impl Distribution {
             Uniform { .. } => 0.0,
             LogUniform { .. } => -1.0 / x,
             Beta { alpha, beta, lower, upper } => {
-                // 0/0 counts as 0, because the slope at the end is 0 for α = 1.
+                // For a shape parameter of 1, 0/0 counts as 0, because this factor of the density is constant.
                 let power = |exponent: f64, base: f64| if exponent == 0.0 { 0.0 } else { exponent / base };
                 power(alpha - 1.0, x - lower) - power(beta - 1.0, upper - x)
             }
@@ -169,7 +170,7 @@ impl Distribution {
         }
     }
 
-    /// Value that the parameter stays below with probability `p`. For p ≤ 0 and p ≥ 1 it is the end of the support.
+    /// Quantile of the parameter for the probability `p`. For p ≤ 0 it is the lower end of the support, and for p ≥ 1 the upper end.
     pub fn quantile(&self, p: f64) -> f64 {
         let (low, high) = self.support();
         if p <= 0.0 {
@@ -202,12 +203,12 @@ impl Distribution {
 
     /// Draws one value: the quantile of a uniform random number from `rng`.
     pub fn draw(&self, rng: &mut (impl Rng + ?Sized)) -> f64 {
-        // The 53 random bits select one of 2⁵³ cells of (0, 1). Its midpoint is never 0 or 1.
+        // The 53 random bits select one of 2⁵³ cells of (0, 1). The midpoint of a cell is never 0 or 1.
         let cell = rng.random::<u64>() >> 11;
         self.quantile((cell as f64 + 0.5) / (1_u64 << 53) as f64)
     }
 
-    /// Coordinate z at x; ±∞ at an end of the support, NaN outside.
+    /// Unconstrained coordinate z of the parameter value x. It is ±∞ at an end of the support and NaN outside.
     pub fn to_unconstrained(&self, x: f64) -> f64 {
         match *self {
             Normal { .. } => x,
@@ -217,7 +218,7 @@ impl Distribution {
         }
     }
 
-    /// Value x at the coordinate z. It lies inside the support or, for extreme z, at an end.
+    /// Parameter value x at the unconstrained coordinate z. It lies inside the support or, for extreme z, at an end.
     pub fn from_unconstrained(&self, z: f64) -> f64 {
         match *self {
             Normal { .. } => z,
@@ -231,7 +232,7 @@ impl Distribution {
         }
     }
 
-    /// Fills `x[i]` with the value at `z[i]`. The slices have equal length. Exponentials use vector instructions.
+    /// Fills `x[i]` with the parameter value at the coordinate `z[i]`. The slices have equal length. Exponentials use vector instructions.
     pub fn fill_from_unconstrained(&self, z: &[f64], x: &mut [f64]) {
         match *self {
             LogNormal { .. } | HalfNormal { .. } => {
@@ -242,7 +243,7 @@ impl Distribution {
         }
     }
 
-    /// Log-density of z at z. It includes the Jacobian ln|dx/dz|.
+    /// Log-density of the unconstrained coordinate at the value z. It includes the Jacobian ln|dx/dz| of the parameter x.
     pub fn ln_pdf_unconstrained(&self, z: f64) -> f64 {
         let mut out = [0.0];
         self.unconstrained().add_ln_pdf(&[z], &mut out);
@@ -270,38 +271,38 @@ impl Distribution {
         }
     }
 
-    /// Adds the log-density of each `z[i]` to `out[i]`; see [`UnconstrainedDensity::add_ln_pdf`].
+    /// Adds the log-density at each coordinate `z[i]` to `out[i]`; see [`UnconstrainedDensity::add_ln_pdf`].
     pub fn add_ln_pdf_unconstrained(&self, z: &[f64], out: &mut [f64]) {
         self.unconstrained().add_ln_pdf(z, out);
     }
 }
 
-/// Density of one parameter's coordinate z, with the Jacobian and precomputed constants.
+/// Probability density of a parameter's unconstrained coordinate z, with precomputed constants. It includes the Jacobian.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum UnconstrainedDensity {
     /// ln density = constant − half_precision (z − mean)², for normal and log-normal priors.
     Gaussian {
-        /// −ln(sd √(2π)).
+        /// Constant term −ln(sd √(2π)), with sd the standard deviation of the coordinate z.
         constant: f64,
-        /// Mean of z.
+        /// Mean of the coordinate z.
         mean: f64,
         /// 1/(2 sd²), where sd is the standard deviation of z.
         half_precision: f64,
     },
     /// ln density = constant + z − half_precision e²ᶻ, for half-normal priors.
     HalfNormal {
-        /// ln 2 − ln(sd √(2π)).
+        /// Constant term ln 2 − ln(sd √(2π)), with sd the standard deviation of the normal variable whose absolute value is the parameter.
         constant: f64,
-        /// 1/(2 sd²), where sd is the standard deviation of x's normal.
+        /// 1/(2 sd²), with sd the standard deviation of the normal variable whose absolute value is the parameter.
         half_precision: f64,
     },
     /// ln density = constant + α ln u + β ln(1 − u), where u = 1/(1 + e⁻ᶻ) has the distribution Beta(α, β).
     Logistic {
-        /// −ln B(α, β), where B is the beta function.
+        /// Constant term −ln B(α, β), with B the beta function.
         constant: f64,
-        /// First shape α.
+        /// First shape parameter α of the beta distribution.
         alpha: f64,
-        /// Second shape β.
+        /// Second shape parameter β of the beta distribution.
         beta: f64,
     },
 }

@@ -1,13 +1,13 @@
 //! Exponentials and logarithms of slices of numbers, by vector instructions.
 //!
-//! The code has no branches and no fused multiply-add. The result of a number therefore depends neither on the other numbers nor on the processor. Errors
-//! are below two units in the last place.
+//! The code has no branches and no fused multiply-add. The result for a number therefore depends neither on the other numbers of the slice
+//! nor on the processor. Errors are below two units in the last place.
 
 use pulp::{Arch, Simd, WithSimd};
 
-/// 1.5·2⁵². Adding it to a small number x rounds x to an integer, which is then in the lowest bits of the sum.
+/// Number 1.5·2⁵². Its sum with a small number x holds x, rounded to an integer, in the lowest bits.
 const ROUNDING: f64 = 6_755_399_441_055_744.0;
-/// ln 2 as a sum of two constants. The first one's last bits are zero, so its product with a small integer is exact.
+/// ln 2 as the sum of `LN_2_HIGH` and `LN_2_LOW`. The last bits of `LN_2_HIGH` are zero, so its product with a small integer is exact.
 const LN_2_HIGH: f64 = 6.931_471_803_691_238e-1;
 const LN_2_LOW: f64 = 1.908_214_929_270_587_7e-10;
 const EXPONENT_BIAS: u64 = 1023;
@@ -15,7 +15,7 @@ const MANTISSA_BITS: u32 = 52;
 /// Bounds of x within which eˣ is a normal floating-point number.
 const LARGEST_EXPONENT: f64 = 709.0;
 const SMALLEST_EXPONENT: f64 = -708.0;
-/// 2⁵⁴. A subnormal number multiplied by it is a normal number.
+/// Factor 2⁵⁴, which turns every subnormal number into a normal number.
 const SCALE_OF_SUBNORMAL: f64 = 18_014_398_509_481_984.0;
 const BITS_OF_SCALE: f64 = 54.0;
 
@@ -84,7 +84,7 @@ pub fn exp(x: f64) -> f64 {
     if x < SMALLEST_EXPONENT { 0.0 } else { value }
 }
 
-/// Returns 2ᵏ and eʳ − 1, where eˣ = 2ᵏ eʳ and |r| ≤ ln 2/2.
+/// Returns 2ᵏ and eʳ − 1, where eˣ = 2ᵏ eʳ with an integer k and |r| ≤ ln 2/2.
 #[inline(always)]
 fn parts(x: f64) -> (f64, f64) {
     let inside = if x > LARGEST_EXPONENT { LARGEST_EXPONENT } else { x };
@@ -140,7 +140,7 @@ pub fn ln(x: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Compares with the standard library over numbers of all magnitudes and at the ends of the range.
+    /// Compares exponentials and logarithms with the standard library, over numbers of all magnitudes and at the ends of the range.
     #[test]
     fn agree_with_the_standard_library() {
         let mut largest = [0.0_f64; 2];

@@ -23,7 +23,7 @@ pub enum Error {
     /// The operating system refused an operation on a file or directory.
     #[error("cannot {action} {}: {source}\n  what to do: {remedy}", path.display())]
     File {
-        /// "read", "write", "create", …
+        /// Verb for the refused operation, such as "read", "write" or "create".
         action: &'static str,
         /// File or directory of the failed operation.
         path: PathBuf,
@@ -102,13 +102,13 @@ settings! {
     Fixed "fixed"
     /// Address of the server of an external model.
     Forward "forward"
-    /// Name of a model on that server.
+    /// Name of a model on the server of an external model.
     ForwardModel "forward_model"
     /// Mesh file.
     Mesh "mesh"
     /// Unit of the mesh file's coordinates.
     MeshUnit "mesh_unit"
-    /// Revision of a study.
+    /// Revision of a study: one of its models with its results.
     Revision "revision"
     /// Number of walkers of the sampler.
     Chains "chains"
@@ -116,7 +116,7 @@ settings! {
     Steps "steps"
     /// Request to continue an interrupted run from its checkpoint.
     Resume "resume"
-    /// Number of threads.
+    /// Number of threads that a computation uses.
     Threads "threads"
     /// Directory of the results.
     Out "out"
@@ -156,7 +156,7 @@ settings! {
     TrackColumn "track_column"
     /// Identifier of the track to read.
     Track "track"
-    /// Value that a blank force cell stands for.
+    /// Force that an empty force cell stands for.
     BlankForce "blank_force"
     /// Character that separates thousands in numbers.
     Thousands "thousands"
@@ -170,7 +170,7 @@ settings! {
     ForceUnit "unit_force"
     /// Unit of the position in a table.
     PositionUnit "unit_position"
-    /// Number of a task in a list of tasks.
+    /// Number of the task to run in a list of tasks.
     Task "task"
     /// Number of the part of a task list to run.
     Part "part"
@@ -188,7 +188,7 @@ settings! {
     HiddenEffect "effect"
     /// Pair of effects to hide in a challenge.
     Pair "pair"
-    /// Physics to hide in a challenge that is not in the library of effects.
+    /// Physical mechanism outside the library of effects, to hide in a challenge.
     Outside "outside"
     /// Size of a challenge's hidden effect, in standard deviations of the data.
     Strength "strength"
@@ -202,7 +202,7 @@ settings! {
     Cache "cache"
 }
 
-/// Source and names of settings in errors, set by [`rename_settings`].
+/// Origin and names of the settings, as errors show them. [`rename_settings`] sets both.
 struct Naming {
     source: &'static str,
     name: fn(Setting) -> &'static str,
@@ -210,10 +210,10 @@ struct Naming {
 
 static NAMING: OnceLock<Naming> = OnceLock::new();
 
-/// Sets the names by which all later errors of this process refer to settings. `source` is where the settings come from, such as "command line". Only the
-/// first call has an effect.
+/// Sets the names by which all later errors of this process refer to settings. `source` names the origin of the settings, such as "command
+/// line". Only the first call has an effect.
 ///
-/// A program calls this before anything else. Otherwise errors use the plain names.
+/// A program should call this function before anything else. Without a call, errors use the plain names.
 pub fn rename_settings(source: &'static str, name: fn(Setting) -> &'static str) {
     NAMING.get_or_init(|| Naming { source, name });
 }
@@ -286,7 +286,7 @@ impl Error {
     pub fn numerical(what: impl Into<String>, remedy: impl Into<String>) -> Self {
         Self::Numerical { what: what.into(), remedy: remedy.into() }
     }
-    /// Exit code of the program: 2 for errors of usage or input, 130 after an interruption (such as Ctrl-C), 1 for all other errors.
+    /// Exit code of the program: 2 for errors of usage, input or files, 130 after an interruption (such as Ctrl-C), 1 for all other errors.
     pub fn exit_code(&self) -> u8 {
         match self {
             Self::Input { .. } | Self::File { .. } => 2,

@@ -3,7 +3,8 @@
 /// Name, symbol, unit and allowed range of one parameter of a law, an effect or a noise term.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ParameterSpec {
-    /// Unique name: for laws and noise it ends in the unit, as in `ou_time_s`; for an effect it is `slug.name`.
+    /// Unique name. Names of a law's or the noise's parameters end in the unit, as in `ou_time_s`. Names of an effect's parameters are
+    /// `slug.name`.
     pub name: &'static str,
     /// Symbol in equations and figures. It is empty for parameters of a neural network; figures then show the name.
     pub symbol: &'static str,
@@ -13,22 +14,22 @@ pub struct ParameterSpec {
     pub support: Support,
     /// `true` if the model's response near the null is proportional to the parameter's square. Searches then use the square as coordinate.
     pub enters_as_square: bool,
-    /// `true` if the parameter keeps its null value unless the user sets or frees it.
+    /// `true` if the parameter keeps its null value unless the user sets its value or lets it be fitted.
     pub is_optional: bool,
 }
 
 impl ParameterSpec {
-    /// Makes a parameter that is neither squared nor optional.
+    /// Makes the description of a parameter that is not optional and does not enter as a square.
     pub const fn new(name: &'static str, symbol: &'static str, unit: &'static str, support: Support) -> Self {
         Self { name, symbol, unit, support, enters_as_square: false, is_optional: false }
     }
 
-    /// Sets [`ParameterSpec::enters_as_square`].
+    /// Returns this description with [`ParameterSpec::enters_as_square`] set to `true`.
     pub const fn squared(self) -> Self {
         Self { enters_as_square: true, ..self }
     }
 
-    /// Sets [`ParameterSpec::is_optional`].
+    /// Returns this description with [`ParameterSpec::is_optional`] set to `true`.
     pub const fn optional(self) -> Self {
         Self { is_optional: true, ..self }
     }
@@ -60,14 +61,16 @@ pub const SLOW_NOISE_TIME: ParameterSpec = ParameterSpec::positive("ou_time_s", 
 pub const GAIN_SD: ParameterSpec = ParameterSpec::positive("gain_sd", "sd of gain", "1");
 /// Standard deviation of the random offset that is added to the positions of each cycle.
 pub const OFFSET_SD: ParameterSpec = ParameterSpec::positive("offset_sd_um", "sd of offset", "um");
-/// Degrees of freedom of Student's t distribution of the measurement errors. They exceed 2, because otherwise the errors have no variance.
+/// Degrees of freedom of Student's t distribution of the measurement errors. Their lower limit is 2, below which the errors have no
+/// variance.
 pub const STUDENT_DOF: ParameterSpec =
     ParameterSpec::new("student_dof", "degrees of freedom", "1", Support { lower: 2.0, upper: f64::INFINITY });
 
-/// Standard deviation of the errors of an oscillation's two values per row: relative to |G*| for moduli, in rad for a phase.
+/// Standard deviation of the measurement errors of an oscillation's two values per row. It is relative to the absolute complex modulus |G*|
+/// for moduli, and in rad for a phase.
 pub const RELATIVE_NOISE: ParameterSpec = ParameterSpec::positive("noise_relative", "relative error", "1");
 
-/// Finds a parameter of laws or noise by its name; `None` if there is none.
+/// Finds a parameter of laws or noise by its name; `None` for an unknown name.
 pub fn named(name: &str) -> Option<&'static ParameterSpec> {
     const NAMED: &[ParameterSpec] = &[
         YOUNG_MODULUS,

@@ -2,12 +2,12 @@
 
 pub use hmac_sha256::Hash;
 
-/// Bytes in lower-case hexadecimal.
+/// Returns bytes as text in lower-case hexadecimal.
 pub fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// SHA-256 of some bytes, in lower-case hexadecimal.
+/// Returns the SHA-256 hash of some bytes, in lower-case hexadecimal.
 pub fn sha256_hex(bytes: &[u8]) -> String {
     hex(&Hash::hash(bytes))
 }
@@ -16,7 +16,7 @@ pub fn sha256_hex(bytes: &[u8]) -> String {
 mod tests {
     use super::*;
 
-    /// Compares with the example values of FIPS 180-4.
+    /// Compares hashes with the example values of FIPS 180-4.
     #[test]
     fn hashes_are_sha256() {
         assert_eq!(sha256_hex(b"abc"), "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");

@@ -119,12 +119,12 @@ impl<'a> TomlTable<'a> {
         self.table.iter().find(|(name, _)| name.get_ref() == key).map(|(name, value)| (name.span(), value))
     }
 
-    /// Keys in alphabetical order.
+    /// Returns the table's keys in alphabetical order.
     pub fn keys(&self) -> impl Iterator<Item = &'a str> + use<'a> {
         self.table.keys().map(|key| key.get_ref().as_ref())
     }
 
-    /// Keys in the order of the file.
+    /// Returns the table's keys in the order of the file.
     pub fn keys_in_order(&self) -> Vec<&'a str> {
         let mut keys: Vec<(usize, &'a str)> =
             self.table.iter().map(|(key, _)| (key.span().start, key.get_ref().as_ref())).collect();
@@ -143,12 +143,12 @@ impl<'a> TomlTable<'a> {
         InputPlace::file(&self.document.file).at_line(line).at_key(self.full_key(key))
     }
 
-    /// Makes an error about the value of a key. `found` is the content, `remedy` what the user can do.
+    /// Makes an error about the value of a key. `found` describes the fault, and `remedy` tells the user what to do.
     pub fn refuse(&self, key: &str, found: impl Into<String>, remedy: impl Into<String>) -> Error {
         Error::input(self.place(key), found, remedy)
     }
 
-    /// Makes an error about this table instead of one of its keys.
+    /// Makes an error about this whole table instead of one of its keys.
     pub fn refuse_whole(&self, found: impl Into<String>, remedy: impl Into<String>) -> Error {
         Error::input(InputPlace::file(&self.document.file).at_line(self.line).at_key(self.path()), found, remedy)
     }
@@ -179,7 +179,7 @@ impl<'a> TomlTable<'a> {
         self.refuse(key, format!("expected {wanted}, found {}", value.type_str()), format!("write `{example}`"))
     }
 
-    /// Text of a key; `None` if the key is absent.
+    /// Returns the text of a key; `None` if the key is absent.
     pub fn text(&self, key: &str) -> Result<Option<String>> {
         let Some((_, value)) = self.entry(key) else { return Ok(None) };
         match value.get_ref().as_str() {
@@ -189,7 +189,7 @@ impl<'a> TomlTable<'a> {
         }
     }
 
-    /// Text of a key that must be present. `example` is a line that would be accepted.
+    /// Returns the text of a key that must be present. `example` is a line that would be accepted.
     pub fn required_text(&self, key: &str, example: &str) -> Result<String> {
         self.text(key)?.ok_or_else(|| self.missing(key, example))
     }
@@ -199,7 +199,7 @@ impl<'a> TomlTable<'a> {
         self.entry(key).is_some_and(|(_, value)| matches!(value.get_ref(), DeValue::Float(_) | DeValue::Integer(_)))
     }
 
-    /// Finite number, written as an integer or a float; `None` if the key is absent.
+    /// Returns the finite number of a key, written as an integer or a float; `None` if the key is absent.
     pub fn number(&self, key: &str) -> Result<Option<f64>> {
         let Some((_, value)) = self.entry(key) else { return Ok(None) };
         if value.get_ref().as_str() == Some(UNKNOWN) {
@@ -217,29 +217,30 @@ impl<'a> TomlTable<'a> {
         }
     }
 
-    /// Finite number of a key that must be present. `example` is a line that would be accepted.
+    /// Returns the finite number of a key that must be present. `example` is a line that would be accepted.
     pub fn required_number(&self, key: &str, example: &str) -> Result<f64> {
         self.number(key)?.ok_or_else(|| self.missing(key, example))
     }
 
-    /// Number above zero of a key that must be present. `example` is a line that would be accepted.
+    /// Returns the number above zero of a key that must be present. `example` is a line that would be accepted.
     pub fn required_positive(&self, key: &str, example: &str) -> Result<f64> {
         let value = self.required_number(key, example)?;
         self.check_positive(key, value, example)
     }
 
-    /// Number above zero; `None` if the key is absent.
+    /// Returns the number above zero of a key; `None` if the key is absent.
     pub fn positive(&self, key: &str, example: &str) -> Result<Option<f64>> {
         self.number(key)?.map(|value| self.check_positive(key, value, example)).transpose()
     }
 
-    /// Number above zero of a key that must be present. It must lie between `sizes[0]` and `sizes[1]`.
+    /// Returns the number above zero of a key that must be present. The number must lie between `sizes[0]` and `sizes[1]`.
     pub fn required_within(&self, key: &str, example: &str, sizes: [f64; 2]) -> Result<f64> {
         let value = self.required_positive(key, example)?;
         self.require_range(key, value, sizes)
     }
 
-    /// Returns `value`, or an error if it lies outside the range. Such a value is probably a typing error, and the computation could not handle it.
+    /// Returns `value`, or an error if it lies outside the given range. Such a value is probably a typing error, and the computation could
+    /// not handle it.
     pub fn require_range(&self, key: &str, value: f64, [smallest, largest]: [f64; 2]) -> Result<f64> {
         if (smallest..=largest).contains(&value) {
             return Ok(value);
@@ -262,7 +263,7 @@ impl<'a> TomlTable<'a> {
         ))
     }
 
-    /// List of finite numbers; `None` if the key is absent.
+    /// Returns the list of finite numbers of a key; `None` if the key is absent.
     pub fn numbers(&self, key: &str) -> Result<Option<Vec<f64>>> {
         let example = format!("{key} = [0.0, 5.0]");
         let Some(values) = self.array(key, "a list of numbers", &example)? else { return Ok(None) };
@@ -272,7 +273,7 @@ impl<'a> TomlTable<'a> {
         found.collect::<Result<_>>().map(Some)
     }
 
-    /// List of intervals `[start, end]` with start < end; `None` if the key is absent.
+    /// Returns the list of intervals `[start, end]` of a key, with start ≤ end; `None` if the key is absent.
     pub fn intervals(&self, key: &str) -> Result<Option<Vec<[f64; 2]>>> {
         let example = format!("{key} = [[1.0, 2.5], [30.0, 31.0]]");
         let Some(values) = self.array(key, "a list of pairs of numbers", &example)? else { return Ok(None) };
@@ -293,7 +294,7 @@ impl<'a> TomlTable<'a> {
         found.collect::<Result<_>>().map(Some)
     }
 
-    /// List of integers of at least 1; `None` if the key is absent.
+    /// Returns the list of integers of at least 1 of a key; `None` if the key is absent.
     pub fn counts(&self, key: &str) -> Result<Option<Vec<u32>>> {
         let example = format!("{key} = [1, 2]");
         let Some(values) = self.array(key, "a list of cycle numbers", &example)? else { return Ok(None) };
@@ -314,7 +315,7 @@ impl<'a> TomlTable<'a> {
             .map(Some)
     }
 
-    /// List of texts; `None` if the key is absent.
+    /// Returns the list of texts of a key; `None` if the key is absent.
     pub fn texts(&self, key: &str) -> Result<Option<Vec<String>>> {
         let example = format!("{key} = [\"…\"]");
         let Some(values) = self.array(key, "a list of texts", &example)? else { return Ok(None) };
@@ -336,7 +337,7 @@ impl<'a> TomlTable<'a> {
         }
     }
 
-    /// Tables of a list that must be present. `example` is a line that would be accepted.
+    /// Returns the tables in the list of a key that must be present. `example` is a line that would be accepted.
     pub fn tables(&self, key: &str, example: &str) -> Result<Vec<TomlTable<'a>>> {
         let Some(values) = self.array(key, "a list of tables", example)? else {
             return Err(self.missing(key, example));
@@ -349,7 +350,7 @@ impl<'a> TomlTable<'a> {
         values.iter().map(table).collect()
     }
 
-    /// Nested table; `None` if the key is absent.
+    /// Returns the nested table of a key; `None` if the key is absent.
     pub fn table(&self, key: &str) -> Result<Option<TomlTable<'a>>> {
         let Some((span, value)) = self.entry(key) else { return Ok(None) };
         match value.get_ref().as_table() {
@@ -361,7 +362,7 @@ impl<'a> TomlTable<'a> {
         }
     }
 
-    /// Nested table that must be present.
+    /// Returns the nested table of a key that must be present.
     pub fn required_table(&self, key: &str) -> Result<TomlTable<'a>> {
         self.table(key)?.ok_or_else(|| self.missing(key, &format!("[{}]", self.full_key(key))))
     }

@@ -1,6 +1,6 @@
-//! Unit suffixes of columns and keys. Input is converted to SI units once, when it is read; all internal values are SI.
+//! Unit suffixes of columns and keys. Input is converted to SI units once, when it is read. All internal values are in SI units.
 //!
-//! A column name such as `force_uN` consists of a quantity and a unit, separated by the last underscore (formats §1).
+//! A column name such as `force_uN` consists of a quantity and a unit, separated by the last underscore (`docs/formats.md` §1).
 
 /// Physical dimension of a quantity in a column or key.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -34,7 +34,7 @@ pub struct Unit {
     pub per_si_unit: f64,
 }
 
-/// All accepted units (formats §1). Listing, parsing and error messages read this slice.
+/// All units that input may use (`docs/formats.md` §1). Listing, parsing and error messages read this slice.
 pub const UNITS: &[Unit] = &[
     Unit { suffix: "s", dimension: Dimension::Time, per_si_unit: 1.0 },
     Unit { suffix: "ms", dimension: Dimension::Time, per_si_unit: 1e3 },
@@ -82,7 +82,8 @@ impl Dimension {
 
 /// Returns the candidate most similar to a misspelt name; `None` if none is similar enough.
 ///
-/// Similarity is measured by the case-insensitive Levenshtein distance. It may be at most a third of the longer name's length, or 2 if that is larger.
+/// Similarity is measured by the case-insensitive Levenshtein distance. The distance may be at most a third of the longer name's length, or
+/// 2 if this is larger. It must also be less than the candidate's length.
 pub fn nearest_name<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     candidates
         .into_iter()

@@ -9,14 +9,14 @@ use figures::density::{quantile_of_sorted, sorted};
 
 /// Number of simulated values of a specimen's coordinate.
 const N_DRAWS: usize = 4_000;
-/// Random stream of the simulated values. It differs from the streams of the population and its predictions.
+/// Number of the random stream of the simulated values. The population and its predictions use other streams.
 const STREAM: u64 = 1 << 40;
 
-/// Computes the 5 %, 50 % and 95 % quantiles of a specimen's coordinate `k` of `p`, from the draws of its experiments.
+/// Computes the 5 %, 50 % and 95 % quantiles of a specimen's coordinate `k`, from the draws of its experiments. Each draw has `p` coordinates.
 ///
-/// Because of the scatter of repeats, an experiment differs from its specimen; `within` holds draws of the variance W of this scatter. To simulate a
-/// value of the specimen, one draw of each of its n experiments is taken. Their mean plus a normal number of variance W/n is the value. If `within` is
-/// empty, the cohort has no repeats, and the experiment's draws are used directly.
+/// An experiment differs from its specimen by the scatter of repeats; `within` holds draws of the variance W of this scatter. A simulated value of the
+/// specimen is the mean of one draw from each of its n experiments, plus a normal number of variance W/n. If the cohort has no repeats, `within` is empty,
+/// and the draws of the single experiment are used directly.
 pub fn unpooled_quantiles(experiments: &[&InterimDraws], within: &[f64], k: usize, p: usize, seed: u64) -> [f64; 3] {
     let of_values = |values: &[f64]| {
         let ascending = sorted(values);
@@ -43,7 +43,8 @@ mod tests {
     use super::*;
 
     /// Each of 400 specimens has 3 repeats, which are known to 0.001 and scatter by 0.1. The 90 % intervals must contain the true value of 335 to 385
-    /// specimens, which correct intervals do with a probability above 1 − 1e-4. Intervals without the scatter would contain 1 in 60.
+    /// specimens, which correct intervals do with a probability above 1 − 1e-4. Intervals without the scatter would contain the true value of only 1 in 60
+    /// specimens.
     #[test]
     fn intervals_hold_as_many_specimens_as_they_say() {
         const SCATTER: f64 = 0.1;

@@ -19,14 +19,14 @@ use posterior::prepared::PreparedModel;
 use posterior::problem::Problem;
 use record::Apparatus;
 
-/// Compliance that is stored between commands. It depends on the apparatus alone.
+/// Compliance of an apparatus, as stored between commands. It depends on the apparatus alone.
 #[derive(Serialize, Deserialize)]
 struct KeptCompliance {
     compliance_per_m: f64,
 }
 
-/// For each measurement, the index of the first measurement with an equal apparatus and equal other inputs of the compliance. The compliance of that
-/// measurement is used for all of them.
+/// For each measurement, the index of the first measurement whose compliance has equal inputs, such as the apparatus. The compliance is computed only for
+/// this first measurement.
 pub fn first_equal_apparatus(measurements: &[Measurement]) -> Vec<usize> {
     let library = Library::default();
     let mut first: BTreeMap<String, usize> = BTreeMap::new();
@@ -40,7 +40,7 @@ pub fn first_equal_apparatus(measurements: &[Measurement]) -> Vec<usize> {
 /// Describes all inputs of a measurement's compliance as text: the sizes of the apparatus, and the model with its effects. If an effect is learnt for
 /// each record, the record's hash is added.
 pub(super) fn compliance_key(measurement: &Measurement, library: &Library) -> String {
-    // Effects can need other Poisson's ratios, in the range of their priors.
+    // The model matters only if it has effects, which can need Poisson's ratios other than that of the apparatus.
     let model = if measurement.specification.effects.is_empty() {
         String::new()
     } else {
@@ -106,7 +106,7 @@ pub fn compliance(measurement: &Measurement, monitor: &dyn Monitor) -> Result<Co
     }
 }
 
-/// Inputs from which the compliance of an apparatus is computed; their hash identifies it.
+/// Inputs from which the compliance of an apparatus is computed. Their hash identifies the stored compliance.
 fn compliance_built_from(apparatus: &Apparatus) -> ModelInputs {
     ModelInputs::new("compliance").with("mesh level", MODEL_LEVEL).with("apparatus", apparatus)
 }

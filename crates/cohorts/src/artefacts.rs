@@ -1,4 +1,4 @@
-//! Files of a comparison in `<out>/<keys>/`, written completely or not at all. The draws of single experiments are beside it in `<out>/experiments/`.
+//! Files of a comparison of groups in `<out>/<keys>/`, written completely or not at all. The draws of single experiments are in `<out>/experiments/`.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -16,7 +16,7 @@ pub const EXPERIMENTS: &str = "experiments";
 /// File name of the comparison's document.
 const DOCUMENT: &str = "groups.json";
 
-/// Name of the folder for a comparison by these keys, such as `species-region`.
+/// Name of the folder for a comparison of groups that `keys` define, such as `species-region`.
 pub fn folder_name(keys: &[Key]) -> String {
     keys.iter().map(|key| key.name()).collect::<Vec<&str>>().join("-")
 }
@@ -26,7 +26,7 @@ pub fn provenance(measurements: &[Measurement], seed: u64) -> Provenance {
     provenance_of("groups", measurements, seed)
 }
 
-/// Makes the header of a document of this kind, with the hash of each experiment.
+/// Makes the header of a document of the given kind, with the hash of each experiment.
 pub(super) fn provenance_of(kind: &str, measurements: &[Measurement], seed: u64) -> Provenance {
     let inputs: BTreeMap<String, String> = measurements
         .iter()
@@ -49,7 +49,7 @@ pub fn check_place(out: &Path, keys: &[Key], provenance: &Provenance, force: boo
     refuse_other(out.join(folder_name(keys)).join(DOCUMENT), provenance, force, (found, &remedy))
 }
 
-/// Refuses a document `file` about other experiments. The caller gives the error's texts `found` and `remedy`.
+/// Refuses to replace the document `file` if it is about other experiments. The caller gives the error's texts `found` and `remedy`.
 ///
 /// # Errors
 /// [`Error::Input`] unless `force` is set.
@@ -62,7 +62,7 @@ pub(super) fn refuse_other(
     if force || is_free(&file, provenance) { Ok(()) } else { Err(Error::input(InputPlace::file(file), found, remedy)) }
 }
 
-/// Returns `true` if the document does not exist, or is about the same experiments. Their paths may have changed.
+/// Returns `true` if the document does not exist, or if its experiments have the hashes in `provenance`. Paths of experiments may have changed.
 fn is_free(file: &Path, provenance: &Provenance) -> bool {
     let Some(bytes) = read_if_there(file, Content::Document) else { return true };
     let before: Option<Provenance> = serde_json::from_slice(&bytes).ok();

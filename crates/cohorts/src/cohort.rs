@@ -29,7 +29,7 @@ impl Key {
         }
     }
 
-    /// Finds the key with this name; `None` if there is none.
+    /// Finds the key called `name`; `None` if no key has this name.
     pub fn named(name: &str) -> Option<Self> {
         [Self::Species, Self::Region].into_iter().find(|key| key.name() == name)
     }
@@ -80,7 +80,7 @@ impl Measurement {
         is_path_called(&self.path, name) || self.experiment.specimen_id == name
     }
 
-    /// Labels of the experiment: the specimen (id and species), and the level of each key.
+    /// Labels of the experiment: the specimen (id and species), and the level of each key, such as `bovine` for the species.
     fn labels(&self, keys: &[Key]) -> Result<Labels> {
         let level = |key: &Key| {
             key.level(&self.experiment).map(String::from).ok_or_else(|| {
@@ -106,7 +106,7 @@ impl Measurement {
     }
 }
 
-/// Labels of all experiments: the specimen, and the level of each key. If one id occurs in two species, it means two specimens.
+/// Labels of all experiments: the specimen, and the level of each key, such as `bovine` for the species. One id in two species means two specimens.
 ///
 /// # Errors
 /// [`Error::Input`] if a key is missing in an experiment.
@@ -142,8 +142,8 @@ fn is_path_called(path: &Path, name: &str) -> bool {
 /// name or specimen.
 ///
 /// # Errors
-/// [`Error::Input`] if a path contains no experiment, a name in `leave_out` matches nothing, an experiment occurs twice, or one cannot be read. In the
-/// last case it is the experiment's own error, with the option by which it can be left out.
+/// [`Error::Input`] if a path contains no experiment, a name in `leave_out` matches nothing, an experiment occurs twice, or one cannot be read. For an
+/// unreadable experiment, the remedy of the reader's error is extended by the option to leave the experiment out.
 pub fn read(
     paths: &[PathBuf],
     leave_out: &[String],
@@ -204,7 +204,7 @@ pub fn read(
 /// Largest number of experiments that a note lists by name.
 const MOST_NAMED: usize = 3;
 
-/// Notes of the reader. Each note occurs once, with the names of the experiments to which it applies.
+/// Notes that arise when experiments are read. Each note occurs once, with the names of the experiments to which it applies.
 #[derive(Default)]
 struct Notes {
     texts: Vec<String>,
@@ -245,7 +245,7 @@ fn find(path: &Path, places: &mut Vec<PathBuf>) -> Result<()> {
     for entry in std::fs::read_dir(path).map_err(refused)? {
         let entry = entry.map_err(refused)?;
         if entry.path().is_dir() && !entry.file_name().to_string_lossy().starts_with('.') {
-            // Links are skipped, because they can form a loop or lead to an unrelated folder.
+            // Links are refused, because they can form a loop or lead to an unrelated folder.
             if entry.file_type().map_err(refused)?.is_symlink() {
                 return Err(Error::input(
                     InputPlace::file(entry.path()),
@@ -295,7 +295,7 @@ fn hash_of(files: &ExperimentFiles) -> String {
     hex(&hash.finalize())
 }
 
-/// If experiments cannot be read, returns the first one's error with the names of the others.
+/// Returns an error if some experiments could not be read: the error of the first such experiment, with the names of the others.
 fn refuse_broken(mut broken: Vec<(PathBuf, Error)>) -> Result<()> {
     if broken.is_empty() {
         return Ok(());
@@ -314,7 +314,7 @@ fn refuse_broken(mut broken: Vec<(PathBuf, Error)>) -> Result<()> {
     })
 }
 
-/// Refuses a measurement that occurs twice. It would count as two specimens that agree.
+/// Refuses a measurement that occurs twice, because it would count as two measurements that agree.
 fn refuse_twice(measurements: &[Measurement]) -> Result<()> {
     for (index, entry) in measurements.iter().enumerate() {
         if let Some(other) = measurements[..index].iter().find(|other| other.inputs_sha256 == entry.inputs_sha256) {

@@ -1,4 +1,4 @@
-//! Ratios between groups: their size, probability and practical relevance.
+//! Ratios of a parameter between groups: their size, probability and practical relevance.
 
 use super::design::Design;
 use super::hierarchy::PopulationDraw;
@@ -8,8 +8,8 @@ use figures::density::{quantile_of_sorted, sorted};
 
 /// Smallest posterior probability with which a ratio counts as outside the margin, or inside it.
 pub const CERTAINTY: f64 = 0.95;
-/// Smallest posterior probability that all stated signs are correct together. With this value, a sign is stated in fewer than 5 of 100 cohorts whose
-/// groups are equal.
+/// Smallest posterior probability that all stated signs of differences are correct together. With this value, a sign is stated in fewer than 5 of 100
+/// cohorts whose groups are equal.
 pub const SIGN_CERTAINTY: f64 = 0.997;
 
 /// Posterior of the ratio between the typical specimens of two groups.
@@ -17,11 +17,12 @@ pub const SIGN_CERTAINTY: f64 = 0.997;
 pub struct Contrast {
     /// Index of the compared parameter.
     pub parameter: usize,
-    /// Indices of the two groups. The ratio is the value of the first divided by that of the second.
+    /// Indices of the two groups. The ratio is the value in the first group divided by the value in the second.
     pub groups: [usize; 2],
     /// Logarithm of the ratio, one value per draw.
     pub log_ratio: Vec<f64>,
-    /// `true` if the sign is stated. All stated signs of a comparison are correct together with probability [`SIGN_CERTAINTY`].
+    /// `true` if the sign of the logarithm is stated as a result. All stated signs of a comparison are correct together with a probability of at least
+    /// [`SIGN_CERTAINTY`].
     pub is_declared: bool,
 }
 
@@ -54,9 +55,10 @@ impl Contrast {
     }
 }
 
-/// Ratios between every pair of groups, for each parameter. The signs that can be stated are marked.
+/// Ratios between every pair of groups, for each parameter. `is_declared` marks the ratios whose sign can be stated.
 ///
-/// Signs are stated in the order of their probability. This ends when they are no longer all correct together in [`SIGN_CERTAINTY`] of the draws.
+/// Signs are stated in the order of their probability, as long as all stated signs are correct together in at least a fraction [`SIGN_CERTAINTY`] of the
+/// draws.
 pub fn contrasts(design: &Design, draws: &[&PopulationDraw], scales: &[SizeScale]) -> Vec<Contrast> {
     let (n_groups, n_parameters) = (design.groups.len(), scales.len());
     let mut all = Vec::new();

@@ -19,7 +19,7 @@ const P: usize = 3;
 /// Standard deviation between specimens of each parameter, from the literature.
 const BETWEEN_SD: [f64; P] = [0.31, 0.29, 0.35];
 const CORRELATION: f64 = 0.5;
-/// Standard deviation of their measurement.
+/// Standard deviation of the measurement error of each parameter.
 const MEASUREMENT_SD: f64 = 0.1;
 /// Prior standard deviation for single experiments and for the overall mean.
 const PRIOR_SD: f64 = 1.25;
@@ -28,8 +28,8 @@ fn normal(rng: &mut impl Rng) -> f64 {
     StandardNormal.sample(rng)
 }
 
-/// Simulates groups with these means and numbers of specimens. Each specimen is measured with a normal error. Returns the design and draws with the
-/// interim prior.
+/// Simulates groups with the given means and numbers of specimens. Each specimen is measured with a normal error. Returns the design, and draws of each
+/// specimen under the interim prior.
 fn cohort(means: &[[f64; P]], sizes: &[usize], rng: &mut ChaCha8Rng) -> (Design, Vec<InterimDraws>) {
     let covariance =
         DMatrix::from_fn(P, P, |i, j| BETWEEN_SD[i] * BETWEEN_SD[j] * if i == j { 1.0 } else { CORRELATION });
@@ -109,8 +109,8 @@ fn intervals_of_ratios_cover_the_truth() {
     assert_covered(24, 15..=24, 7);
 }
 
-/// With a coverage of 90 %, the number of intervals that contain the truth is outside 159 to 199 with a probability below 1e-6. The limit of 25 cohorts
-/// with a wrong sign is that of `no_difference_is_stated_where_there_is_none_in_many_cohorts`.
+/// With a coverage of 90 %, the number of intervals that contain the truth is outside 159 to 199 with a probability below 1e-6. At most 25 cohorts may
+/// have a wrong sign, as in `no_difference_is_stated_where_there_is_none_in_many_cohorts`.
 #[test]
 #[ignore = "campaigns/long-tests"]
 fn intervals_of_ratios_cover_the_truth_in_many_cohorts() {
@@ -143,7 +143,7 @@ fn no_difference_is_stated_where_there_is_none_in_many_cohorts() {
 
 /// Compares the predicted probability that more specimens settle a question with the observed frequency. A cohort is analysed, new specimens are drawn
 /// from its posterior, and the larger cohort is analysed again. The frequency has a standard error below 0.5/√n for n repetitions. The prediction (from
-/// 200 truths) has one below 0.036. Five joint standard errors are exceeded with a probability below 1e-6.
+/// 200 truths) has a standard error below 0.036. Five joint standard errors are exceeded with a probability below 1e-6.
 fn assert_promise_is_kept(n_repetitions: u64) {
     let mut rng = ChaCha8Rng::seed_from_u64(23);
     let (sizes, n_more, margin) = ([6, 6], 10, 0.2);
@@ -202,7 +202,7 @@ fn label(group: usize, specimen: usize) -> Labels {
     Labels { specimen: format!("{group}-{specimen:03}"), levels: vec![format!("g{group}")] }
 }
 
-/// Simulates draws with the interim prior from the measurement of a specimen.
+/// Simulates the measurement of a specimen, and draws its parameters from the posterior under the interim prior.
 fn measured(value: &[f64], rng: &mut ChaCha8Rng) -> InterimDraws {
     let seen: Vec<f64> = value.iter().map(|x| x + MEASUREMENT_SD * normal(rng)).collect();
     let precision = MEASUREMENT_SD.powi(-2) + PRIOR_SD.powi(-2);

@@ -7,16 +7,16 @@ use std::collections::BTreeMap;
 pub struct Labels {
     /// Name of the specimen. Several experiments of one specimen are repeats.
     pub specimen: String,
-    /// Value (level) of each key for this experiment, in the order of the keys.
+    /// Level of each key for this experiment, such as `bovine` for the species, in the order of the keys.
     pub levels: Vec<String>,
 }
 
-/// Group of experiments that have the same level of each key.
+/// Group of experiments that have equal levels of each key, such as equal species and region.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Group {
     /// Name of the group: its levels, joined by commas.
     pub name: String,
-    /// Index of the group's level for each key.
+    /// Index of the group's level among all levels of a key, one for each key.
     pub levels: Vec<usize>,
     /// Index of the group's stratum. Groups that have specimens in common form a stratum with one spread between specimens.
     pub stratum: usize,
@@ -27,7 +27,7 @@ pub struct Group {
 pub struct Specimen {
     /// Name of the specimen.
     pub name: String,
-    /// Index of the stratum of the specimen's groups.
+    /// Index of the stratum to which all groups of the specimen belong.
     pub stratum: usize,
     /// Indices of the specimen's experiments.
     pub experiments: Vec<usize>,
@@ -44,7 +44,7 @@ pub struct Design {
     pub specimens: Vec<Specimen>,
     /// Index of the group of each experiment.
     pub group_of: Vec<usize>,
-    /// Number of strata.
+    /// Number of strata, which are sets of groups with specimens in common.
     pub n_strata: usize,
 }
 

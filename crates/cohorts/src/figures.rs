@@ -21,7 +21,7 @@ use figures::svg::{Svg, write_figure};
 const N_CORNER_DRAWS: usize = 4_000;
 
 /// Largest number of groups for which a figure's caption states the differences.
-const MOST_GROUPS_TOLD: usize = 4;
+const MOST_GROUPS_IN_CAPTION: usize = 4;
 
 /// Draws all figures as SVG and PNG files in `dir`.
 ///
@@ -44,7 +44,7 @@ pub fn write(dir: &Path, found: &Comparison, summary: &GroupsSummary) -> Result<
 
 /// Sentences with the conclusions of the comparison; empty if there are too many groups.
 fn sentence(summary: &GroupsSummary) -> String {
-    if summary.groups.len() > MOST_GROUPS_TOLD { String::new() } else { summary.sentences.join(" ") }
+    if summary.groups.len() > MOST_GROUPS_IN_CAPTION { String::new() } else { summary.sentences.join(" ") }
 }
 
 fn title(summary: &GroupsSummary, what: &str) -> String {
@@ -218,7 +218,7 @@ fn corner_figure(found: &Comparison, labels: &[ParameterLabel]) -> Result<Svg> {
     corner(&posteriors, &CornerOptions { title: "Typical specimens of every group", ..CornerOptions::default() })
 }
 
-/// Interval of the parameter values that belong to a scale.
+/// Interval of the parameter values for which a scale (logarithm or log-odds) is defined.
 fn support(scale: SizeScale) -> Support {
     match scale {
         SizeScale::Logarithm => Support { lower: 0.0, upper: f64::INFINITY },
@@ -226,8 +226,8 @@ fn support(scale: SizeScale) -> Support {
     }
 }
 
-/// Writes the draws as a NetCDF file in ArviZ's layout, with named dimensions. Coordinates are logarithms of SI values, or log-odds for parameters with
-/// two bounds. `typical` and `specimen_value` are parameter values.
+/// Writes the draws of the population as a NetCDF file in ArviZ's layout, with named dimensions. The variables `typical` and `specimen_value` are
+/// parameter values in SI units. Other variables refer to the logarithms of these values, or to log-odds for parameters with two bounds.
 ///
 /// # Errors
 /// [`Error::File`] if the file system refuses.

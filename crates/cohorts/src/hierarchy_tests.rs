@@ -77,9 +77,9 @@ fn labels(list: &[(&str, &[&str])]) -> Vec<Labels> {
     list.iter().map(function).collect()
 }
 
-/// Compares with numerical integration, for two groups, one parameter and normal measurements. Given the spreads, the difference of the groups is normal
-/// in closed form. The posterior of the spreads is summed on a grid of their three logarithms. The strata's scale is integrated out in closed form, and κ
-/// is summed. The densities do not use the sampler's code.
+/// Compares the sampler with numerical integration, for two groups, one parameter and normal measurements. Given the standard deviations, the difference
+/// of the groups is normal in closed form. The posterior of the three standard deviations is summed on a grid of their logarithms. The strata's scale is
+/// integrated out in closed form, and the similarity κ of the strata is summed over its values. The densities do not use the sampler's code.
 #[test]
 fn two_groups_agree_with_quadrature() {
     let values = [[0.3, 0.9, 0.5, 0.1], [-0.2, -0.6, 0.2, -0.5]];
@@ -104,12 +104,13 @@ fn two_groups_agree_with_quadrature() {
     let grid: Vec<f64> = (0..60).map(|i| (-5.0 + 8.0 * i as f64 / 59.0_f64).exp()).collect();
     let (mut total, mut first, mut second) = (0.0, 0.0, 0.0);
     for &tau in &grid {
-        // Prior density p(τ) τ of ln τ, over which the grid is evenly spaced.
+        // Prior density p(τ) τ of the logarithm of the standard deviation τ between groups. The grid is evenly spaced in this logarithm.
         let of_tau = (-0.5 * (options.level_scale / tau).powi(2)).exp() / tau;
         for &one in &grid {
             for &two in &grid {
-                // Prior density p(σ²) σ² of both variances, for each κ. Each is inverse-gamma(κ/2, κ/α). With α inverse-gamma(½, 1/A²) integrated out it is κ^κ Γ(κ +
-                // ½)/Γ(κ/2)² Π σ^{-κ} / rate^{κ + ½}.
+                // Joint prior density of the logarithms of both variances σ² between specimens, for each similarity κ. Each variance is inverse-gamma(κ/2,
+                // κ/α). After the common scale α, which is inverse-gamma(½, 1/A²), is integrated out, the density is κ^κ Γ(κ + ½)/Γ(κ/2)² Π σ^{-κ} /
+                // rate^{κ + ½}.
                 let of_likeness = |kappa: &f64| {
                     let rate = kappa * (one.powi(-2) + two.powi(-2)) + sigma_scale.powi(-2);
                     let constant = kappa * kappa.ln() + ln_gamma(kappa + 0.5) - 2.0 * ln_gamma(0.5 * kappa);
@@ -145,7 +146,7 @@ fn two_groups_agree_with_quadrature() {
     assert!((spread / exact_sd - 1.0).abs() < 0.1, "{spread} {exact_sd}");
 }
 
-/// True parameter values that are drawn from the hierarchy's own prior.
+/// True parameter values, drawn from the prior of the hierarchy.
 struct Truth {
     group_mean: Vec<Vec<f64>>,
     between: Vec<DMatrix<f64>>,
@@ -157,8 +158,8 @@ fn inverse_gamma(shape: f64, rate: f64, rng: &mut impl Rng) -> f64 {
     1.0 / rand_distr::Gamma::new(shape, 1.0 / rate).unwrap().sample(rng)
 }
 
-/// Draws a covariance matrix of two parameters from the hierarchical inverse-Wishart distribution. It is the inverse of a sum of squares of κ + p − 1
-/// normals.
+/// Draws a covariance matrix of p = 2 parameters from the hierarchical inverse-Wishart distribution. The matrix is the inverse of a sum of outer products
+/// of κ + p − 1 normal vectors, where κ is `likeness`.
 fn covariance(scales: &[f64], likeness: f64, rng: &mut impl Rng) -> DMatrix<f64> {
     let mut precision = DMatrix::zeros(2, 2);
     for _ in 0..likeness as usize + 1 {
@@ -239,7 +240,7 @@ fn ranks(design: &Design, options: &HierarchyOptions, sd: f64, rng: &mut ChaCha8
     out
 }
 
-/// χ² of a histogram of the ranks with `n_bins` bins of equal width.
+/// χ² statistic of uniformity for a histogram of the ranks with `n_bins` bins of equal width.
 fn chi_square(ranks: &[f64], n_bins: usize) -> f64 {
     let mut counts = vec![0.0; n_bins];
     ranks.iter().for_each(|rank| counts[((n_bins as f64 * rank) as usize).min(n_bins - 1)] += 1.0);
@@ -247,7 +248,7 @@ fn chi_square(ranks: &[f64], n_bins: usize) -> f64 {
     counts.iter().map(|count: &f64| (count - expected).powi(2) / expected).sum()
 }
 
-/// Number of simulated cohorts, number of bins, and the value that χ² exceeds with a probability of 1e-6.
+/// Extent of a simulation-based calibration: number of simulated cohorts, number of bins, and the value that χ² exceeds with a probability of 1e-6.
 struct Calibration {
     n_runs: u64,
     n_bins: usize,
@@ -323,7 +324,7 @@ fn two_keys_with_repeats_and_student_t_specimens_are_calibrated_in_many_runs() {
     assert_calibrated(&two_keys(), Some(4.0), &LONG, 12);
 }
 
-/// The posterior from re-weighted draws agrees with that from exact likelihoods.
+/// The posterior from re-weighted draws agrees with the posterior from exact likelihoods.
 #[test]
 fn draws_agree_with_likelihoods() {
     let names: Vec<String> = (0..12).map(|i| format!("s{i}")).collect();

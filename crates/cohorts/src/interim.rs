@@ -1,4 +1,4 @@
-//! Draws of one experiment's parameters, sampled alone with an interim prior. They are stored under the hash of their inputs.
+//! Draws of one experiment's parameters, sampled alone with an interim prior. The draws are stored under the hash of their inputs.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -32,13 +32,13 @@ const N_DRAWS: usize = 1_000;
 /// Number of stored draws from which the mean trajectory is computed and compared with the measurement.
 const N_TRAJECTORIES: usize = 32;
 
-/// Experiment with its model and the compliance of its apparatus. It needs no finite elements.
+/// Experiment with its model and the compliance of its apparatus. The compliance replaces the finite elements.
 pub struct Specimen {
-    /// Model of the experiment. As in comparisons of revisions, it is fitted to all cycles except the last held-out one.
+    /// Model of the experiment, fitted to all cycles except the last held-out cycle, as in comparisons of revisions.
     pub model: PreparedModel,
 }
 
-/// Stored result of sampling an experiment alone.
+/// Result of sampling an experiment alone with the interim prior, as stored on disk.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct InterimResult {
     /// SHA-256 of all inputs that determine the draws.
@@ -55,7 +55,8 @@ pub struct InterimResult {
     pub rmse_fitted_um: f64,
     /// Root mean square residual on the held-out cycle, in µm, for the mean trajectory; `None` if no cycle is held out.
     pub rmse_heldout_um: Option<f64>,
-    /// Posterior standard deviation of the predicted positions on the held-out cycle, as root mean square over the rows, in µm.
+    /// Posterior standard deviation of the predicted positions on the held-out cycle: root mean square over the rows, in µm. `None` if no cycle is held
+    /// out.
     pub predictive_sd_heldout_um: Option<f64>,
     /// Noise standard deviation with which residuals are compared, in µm; `None` if it is unknown.
     pub noise_um: Option<f64>,
@@ -75,18 +76,18 @@ impl Specimen {
         Ok(Self { model: PreparedModel::given(&problem, compliance, trained) })
     }
 
-    /// Log posterior density with the interim prior.
+    /// Log posterior density of the experiment alone, with the interim prior.
     pub fn posterior(&self) -> ReducedPosterior<'_> {
         self.model.posterior()
     }
 
-    /// Names of the base law's sampled parameters. These are the pooled parameters, in which groups are compared.
+    /// Names of the base law's sampled parameters, which are pooled over the cohort and compared between groups.
     pub fn pooled(&self) -> Vec<&'static str> {
         let law = self.model.problem.model.base().parameters().iter().map(|spec| spec.name);
         law.filter(|name| self.model.problem.priors.get(name).is_some()).collect()
     }
 
-    /// Scale of each pooled parameter in the population.
+    /// Scale (logarithm or log-odds) on which each pooled parameter varies in the population.
     pub fn scales(&self) -> Vec<SizeScale> {
         self.pooled_parameters().into_iter().map(|pooled_parameter| pooled_parameter.scale).collect()
     }
@@ -104,7 +105,8 @@ impl Specimen {
         hex(&hash.finalize())
     }
 
-    /// Reads the stored draws of this experiment from `folder`. If there are none for these inputs, samples them and stores them there.
+    /// Reads the stored draws of this experiment from `folder`. If there are no draws for these inputs, samples the experiment and stores its draws in
+    /// `folder`.
     ///
     /// # Errors
     /// [`base::Error::Interrupted`] if stopped; errors of the sampler and the file system.
@@ -208,7 +210,7 @@ impl Specimen {
         posterior.natural(point)[..self.model.problem.model.parameters().len()].to_vec()
     }
 
-    /// Converts stored draws to the population's coordinates, for the hierarchy.
+    /// Converts stored draws to the coordinates of the population (logarithms or log-odds), for the hierarchy.
     pub fn draws(&self, interim: &InterimResult) -> InterimDraws {
         let pooled = self.pooled_parameters();
         let mut coordinates = Vec::new();
@@ -237,7 +239,7 @@ impl Specimen {
     }
 }
 
-/// Parameter that the population describes.
+/// Pooled parameter of an experiment: one whose distribution over specimens the population describes.
 struct Pooled<'a> {
     /// Index of the parameter among the sampler's coordinates.
     place: usize,
@@ -246,28 +248,28 @@ struct Pooled<'a> {
 }
 
 impl Pooled<'_> {
-    /// Log density of the interim prior as a density over the population's coordinate.
+    /// Logarithm of the interim prior's density over the population's coordinate (logarithm or log-odds) of the parameter.
     fn ln_prior_of_coordinate(&self, coordinate: f64) -> f64 {
         self.prior.distribution.ln_pdf(self.scale.value(coordinate)) + self.scale.ln_slope(coordinate)
     }
 }
 
-/// The mean trajectory (m), restricted to rows with an observed position; `None` at the other rows.
+/// Mean trajectory (m), restricted to the rows with an observed position; `None` at all other rows.
 fn about(mean_m: &[f64], observed_m: &[Option<f64>]) -> Vec<Option<f64>> {
     mean_m.iter().zip(observed_m).map(|(mean, observed)| observed.map(|_| *mean)).collect()
 }
 
-/// Likelihood of an experiment. The hierarchy can use it instead of draws.
+/// Exact likelihood of an experiment, which the hierarchy can use instead of draws.
 pub struct SpecimenDensity<'a> {
     posterior: ReducedPosterior<'a>,
-    /// Pooled parameters. The field `others` holds the indices of the unpooled parameters among the sampler's coordinates.
+    /// Parameters that are pooled over the cohort. The field `others` holds the indices of the unpooled parameters among the sampler's coordinates.
     pooled: Vec<Pooled<'a>>,
     others: Vec<usize>,
     archive: Vec<Vec<f64>>,
 }
 
 impl<'a> SpecimenDensity<'a> {
-    /// Makes the likelihood. The interim draws are its archive, from which steps are proposed.
+    /// Makes the exact likelihood of an experiment. The draws in `interim` become the archive, from which Monte Carlo steps are proposed.
     pub fn new(specimen: &'a Specimen, interim: &InterimResult) -> Self {
         let n = interim.parameters.len();
         let pooled = specimen.pooled_parameters();
@@ -289,12 +291,13 @@ impl ExperimentDensity for SpecimenDensity<'_> {
         let mut ln_priors = 0.0;
         for (Pooled { place, prior, scale }, coordinate) in self.pooled.iter().zip(point) {
             let coordinate_value = prior.distribution.to_unconstrained(scale.value(*coordinate));
-            // The interim prior may end before the parameter's support does. The model is not evaluated beyond it, so the likelihood there is unknown.
+            // The range of the interim prior may be narrower than the parameter's support. The model is not evaluated outside this range, so the
+            // likelihood there is unknown.
             if !coordinate_value.is_finite() {
                 return f64::NEG_INFINITY;
             }
             coordinates[*place] = coordinate_value;
-            // This is the prior density over the sampler's coordinate, as in the posterior.
+            // The interim prior is taken as a density over the sampler's coordinate, as in the posterior density.
             ln_priors += prior.distribution.ln_pdf_unconstrained(coordinate_value);
         }
         for (place, value) in self.others.iter().zip(&point[self.pooled.len()..]) {

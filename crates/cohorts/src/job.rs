@@ -21,24 +21,24 @@ use nalgebra::DMatrix;
 use posterior::monitor::{Counter, Monitor};
 use sampling::SamplerOptions;
 
-/// Scale of the prior for the standard deviation between species, or between regions, in the logarithm or the log-odds. A standard deviation below 0.4 (a
-/// factor of 1.5) has a prior probability of 1 %.
+/// Scale of the prior for the standard deviation between species, or between regions. It refers to the logarithm or the log-odds of a parameter. A
+/// standard deviation below 0.4 (a factor of 1.5) has a prior probability of 1 %.
 pub const LEVEL_SCALE: f64 = 1.0;
 /// Scales of three half-t priors for standard deviations: between groups in addition to species and region, between specimens, and between repeats. For
-/// logarithms they are factors of 1.35, 1.6 and 1.35 in the parameter. For log-odds, which parameters with two bounds have, they are the same factors in
+/// logarithms, the scales mean factors of 1.35, 1.6 and 1.35 in the parameter. For the log-odds of parameters with two bounds, they mean these factors in
 /// the odds.
 pub const SPREAD_SCALES: [f64; 3] = [0.3, 0.5, 0.3];
 /// Degrees of freedom of the Student-t distribution if specimens are heavy-tailed.
 pub const HEAVY_TAILED_DOF: f64 = 4.0;
-/// Smallest effective number of an experiment's draws in the hierarchy. With fewer, the hierarchy uses the likelihood.
+/// Smallest effective number of draws with which the hierarchy represents an experiment by its draws. With fewer draws, it uses the exact likelihood.
 const FEWEST_EFFECTIVE: f64 = 100.0;
 /// Number of first sweeps per chain that are dropped, and number of further sweeps until convergence is first tested.
 pub const FIRST_SWEEPS: [usize; 2] = [1_000, 4_000];
-/// Interval between kept sweeps. Neighbouring sweeps are nearly equal.
+/// Initial interval between kept sweeps of the population's sampler. Neighbouring sweeps are nearly equal, so not all are kept.
 const KEEP_EVERY: usize = 4;
 /// Number of chains of the pilot run, which estimates the effective numbers of draws.
 const PILOT_CHAINS: usize = 2;
-/// Numbers of sweeps of the pilot run: discarded and kept.
+/// Two numbers of sweeps in the pilot run: discarded sweeps and kept sweeps.
 const PILOT_SWEEPS: [usize; 2] = [300, 300];
 
 /// Settings of a comparison of groups.
@@ -70,7 +70,7 @@ impl GroupsRequest<'_> {
 /// Form in which an experiment enters the hierarchy: draws or exact likelihood.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ExperimentForm {
-    /// Effective number of the experiment's draws when they are weighted to the population.
+    /// Effective number of the experiment's draws after they are re-weighted from the interim prior to the population.
     pub effective_draws: f64,
     /// `true` if the exact likelihood is used instead of draws.
     pub is_exact: bool,
@@ -84,13 +84,13 @@ pub struct Comparison {
     pub law: BaseLaw,
     /// Names of the compared parameters.
     pub parameters: Vec<&'static str>,
-    /// Scale of each parameter in the population.
+    /// Scale (logarithm or log-odds) on which each parameter varies in the population.
     pub scales: Vec<SizeScale>,
     /// Each experiment joined with its model.
     pub specimens: Vec<Specimen>,
     /// Result of sampling each experiment alone.
     pub interims: Vec<InterimResult>,
-    /// Draws of each experiment in the population's coordinates.
+    /// Draws of each experiment in the coordinates of the population (logarithms or log-odds).
     pub draws: Vec<InterimDraws>,
     /// Form in which each experiment entered the hierarchy.
     pub entries: Vec<ExperimentForm>,
@@ -98,7 +98,7 @@ pub struct Comparison {
     pub population: Population,
     /// Groups of the design, then groups without measurements that are predicted.
     pub groups: Vec<PredictedGroup>,
-    /// Ratios between every pair of groups, for each parameter.
+    /// Ratios of each parameter between every pair of groups.
     pub contrasts: Vec<Contrast>,
 }
 
@@ -139,7 +139,7 @@ pub fn run_with(
     let draws: Vec<InterimDraws> =
         specimens.iter().zip(&interims).map(|(specimen, interim)| specimen.draws(interim)).collect();
 
-    monitor.stage("weighing the draws of single experiments by the population");
+    monitor.stage("weighting the draws of single experiments by the population");
     let scales = specimens.first().map_or_else(Vec::new, Specimen::scales);
     let main = options(&specimens, &parameters, &scales, request);
     let [_, n_pilot] = PILOT_SWEEPS;
@@ -187,7 +187,7 @@ pub fn run_with(
     })
 }
 
-/// Returns the law and the pooled parameters, which must be equal in all experiments.
+/// Returns the law and the names of its compared parameters. Refuses experiments whose law or compared parameters differ.
 fn common_parameters(measurements: &[Measurement], specimens: &[Specimen]) -> Result<(BaseLaw, Vec<&'static str>)> {
     let of = |specimen: &Specimen| (specimen.model.problem.model.base(), specimen.pooled());
     let Some(first) = specimens.first() else {
@@ -203,7 +203,7 @@ fn common_parameters(measurements: &[Measurement], specimens: &[Specimen]) -> Re
             return Err(Error::input(
                 InputPlace::file(&measurement.path),
                 format!(
-                    "its model compares other parameters ({}: {}) than the model of {} ({}: {})",
+                    "the model of this experiment compares other parameters ({}: {}) than the model of {} ({}: {})",
                     specimen.model.problem.model.base().name(),
                     specimen.pooled().join(", "),
                     measurements[0].name(),
@@ -211,7 +211,7 @@ fn common_parameters(measurements: &[Measurement], specimens: &[Specimen]) -> Re
                     parameters.join(", ")
                 ),
                 format!(
-                    "give all experiments the same base law ({}) and fix the same parameters ({}), or leave it out ({} {})",
+                    "give all experiments the same base law ({}) and fix the same parameters ({}), or leave this experiment out ({} {})",
                     Setting::Base,
                     Setting::Fixed,
                     Setting::LeaveOut,
@@ -224,7 +224,7 @@ fn common_parameters(measurements: &[Measurement], specimens: &[Specimen]) -> Re
         return Err(Error::input(
             InputPlace::setting(Setting::Fixed),
             "every parameter of the law is fixed, so nothing can be compared",
-            "leave at least one free",
+            "leave at least one parameter free",
         ));
     }
     Ok((law, parameters))
@@ -254,8 +254,8 @@ fn interims(
     over_threads(specimens.len(), |index| one((&specimens[index], &measurements[index])))
 }
 
-/// Runs independent jobs that use thread pools of their own. As many run at once as there are threads. They run in plain threads. In a thread pool, a
-/// waiting job would start another job on its stack, which can nest hundreds deep.
+/// Runs independent jobs in plain threads, as many at once as the thread pool has threads. Each job has its own thread pool. In the common pool, a waiting
+/// job would start another job on its own stack, which could nest hundreds deep.
 fn over_threads<T: Send>(n: usize, job: impl Fn(usize) -> Result<T> + Sync) -> Result<Vec<T>> {
     let next = AtomicUsize::new(0);
     let work = || -> Result<Vec<(usize, T)>> {
@@ -284,7 +284,7 @@ fn over_threads<T: Send>(n: usize, job: impl Fn(usize) -> Result<T> + Sync) -> R
     Ok(all.into_iter().map(|(_, result)| result).collect())
 }
 
-/// Options of the hierarchy. For each parameter, the prior of the overall mean is the widest prior among the single experiments.
+/// Options of the hierarchy. The prior of the overall mean has the average median and the largest width of the priors of the single experiments.
 fn options(
     specimens: &[Specimen],
     parameters: &[&str],
@@ -319,7 +319,7 @@ fn options(
     }
 }
 
-/// Chooses the form of each experiment. It is the draws, or the likelihood if too few draws are where the population needs them.
+/// Chooses the form in which each experiment enters the hierarchy: its draws, or its exact likelihood if too few draws agree with the population.
 fn entries(
     design: &Design,
     draws: &[InterimDraws],

@@ -1,8 +1,8 @@
 //! Learns a correction of the law from half of a cohort's records, and confirms it on the other half, which the learning does not use.
 //!
 //! Every second record is used for learning. A correction is a function of a state that changes a quantity of the law. Each pair of quantity and state is
-//! scored by the sum of its gains over the learning records, with a separate function for each record. The formula is the simplest one that predicts
-//! unseen cycles of these records nearly as well.
+//! scored by the sum of its gains over the learning records, with a separate function for each record. The formula is the simplest formula that predicts
+//! unseen cycles of these records nearly as well as the separate functions.
 //!
 //! The last cycle of each other record is then predicted from the cycles before it, with and without the formula. Both predictions are probability
 //! densities of the same data. For records without the effect, a gain of G nats or more therefore has a probability of at most e^−G (Markov's inequality
@@ -29,16 +29,16 @@ use figures::number::format_significant;
 use posterior::monitor::{Counter, Monitor};
 use posterior::study::{Provenance, RevisionWriter, WithProvenance};
 
-/// Gain in nats that each parameter of a formula beyond the first must bring per record.
+/// Gain in log likelihood (nats) per record that each further parameter of a formula must bring.
 const NATS_PER_PARAMETER: f64 = 1.0;
 /// Folder of the results, inside the output directory.
 const FOLDER: &str = "learned";
 /// File name of the document in this folder.
 const DOCUMENT: &str = "learned-cohort.json";
 
-/// Learned law with the file of its formula.
+/// Learned correction of the law, with the file of its formula.
 pub struct Outcome {
-    /// Document of the learned law and its confirmation.
+    /// Document of the learned correction and its confirmation.
     pub learned: LearnedCohort,
     /// Text of the effect's file; `None` if nothing was learned.
     pub file: Option<String>,
@@ -52,7 +52,7 @@ pub fn run(measurements: &[Measurement], is_monotone: bool, monitor: &dyn Monito
     if measurements.len() < 2 * FEWEST_RECORDS {
         return Err(Error::input(
             InputPlace::default(),
-            format!("{} records are too few: one half is learnt from and the other half confirms", measurements.len()),
+            format!("{} records are too few: one half is for learning, the other for confirming", measurements.len()),
             format!("give at least {} records, or learn from a single record", 2 * FEWEST_RECORDS),
         ));
     }
@@ -94,9 +94,9 @@ pub fn run(measurements: &[Measurement], is_monotone: bool, monitor: &dyn Monito
 /// Records from which the correction is learned.
 struct LearningRecords<'a> {
     records: Vec<(&'a Measurement, LearningRecord)>,
-    /// Gains of all pairs of quantity and state, one list per record.
+    /// Gains of all pairs of a law's quantity and a state on which it may depend, one list per record.
     told: Vec<Vec<PairGain>>,
-    /// Pairs that all records have, largest gain first.
+    /// Pairs of quantity and state that all records have, largest gain first.
     pairs: Vec<(&'static str, CohortPair)>,
 }
 
@@ -120,7 +120,8 @@ impl<'a> LearningRecords<'a> {
         Self { records, told, pairs }
     }
 
-    /// Index of the best pair that predicts unseen cycles. `None` if no pair does, or if its evidence is too small or far below the largest.
+    /// Index of the pair of quantity and state with the largest gain among those that predict unseen cycles. `None` if no pair predicts them, or if its
+    /// gain is too small or far below the largest gain.
     fn leading(&self) -> Option<usize> {
         let best = self.pairs.first()?.1.evidence_nats;
         let place = self.pairs.iter().position(|(_, pair)| pair.heldout_gain_nats > LEAST_FUTURE_NATS)?;
@@ -128,8 +129,8 @@ impl<'a> LearningRecords<'a> {
         (cohort_pair.evidence_nats >= LEAST_EVIDENCE_NATS.max(best - EQUAL_NATS)).then_some(place)
     }
 
-    /// Finds the simplest formula that predicts unseen cycles nearly as well as the separate functions. If there is none, it is the formula with the best
-    /// prediction. Returns it with its gain in nats.
+    /// Finds the simplest formula that predicts unseen cycles nearly as well as separate functions for each record. If no formula does, finds the formula
+    /// with the best prediction. Returns the formula with its gain (nats) on unseen cycles.
     fn formula(&self, leading: usize, monitor: &dyn Monitor) -> Result<Option<(Formula, f64)>> {
         let slug = self.pairs[leading].0;
         let ranges: Option<Vec<_>> = self.records.iter().map(|(_, record)| record.range(slug)).collect();
@@ -275,19 +276,19 @@ pub fn provenance(measurements: &[Measurement], seed: u64) -> Provenance {
     provenance_of("learned-cohort", measurements, seed)
 }
 
-/// Refuses an output folder with a law that was learned from other records.
+/// Refuses an output folder that holds a correction learned from other records.
 ///
 /// # Errors
 /// [`Error::Input`] unless `force` is set.
 pub fn check_place(out: &Path, provenance: &Provenance, force: bool) -> Result<()> {
     let (found, remedy) = (
-        "this was learnt from other records",
+        "this correction was learned from other records",
         format!("choose another directory with `{}`, or replace it with `{}`", Setting::Out, Setting::Force),
     );
     refuse_other(out.join(FOLDER).join(DOCUMENT), provenance, force, (found, &remedy))
 }
 
-/// Writes the document and the formula's file, completely or not at all. Returns their folder.
+/// Writes the document of the correction and the file of its formula, completely or not at all. Returns the folder of both.
 ///
 /// # Errors
 /// [`Error::File`] if the file system refuses.

@@ -2,12 +2,12 @@
 //!
 //! Comparison of groups: [`cohort::read`] reads experiments and studies with their labels. [`apparatus`] solves one finite-element problem for each
 //! apparatus, which suffices for quasi-static linear laws. [`interim`] samples each experiment alone and stores the draws under the hash of their inputs.
-//! [`job::run`] samples the population. A pilot run shows which experiments have too few draws; their likelihoods are used instead. [`hierarchy`] sees an
-//! experiment only as draws or as a likelihood.
+//! [`job::run`] samples the population. A pilot run shows which experiments have too few draws; their exact likelihoods are used instead. [`hierarchy`]
+//! represents each experiment by draws or by its likelihood.
 //!
-//! Diagnosis of a cohort ([`cohort_diagnosis`]): `criticism::sketch` converts each record to scores of the effects, cosines between their signatures, and scores
-//! of simulated records. A common distribution of an effect's sizes joins the records. Gains are tested against simulated cohorts. After the conversion,
-//! only the refits of a claim need the records.
+//! Diagnosis of a cohort ([`cohort_diagnosis`]): `criticism::sketch` converts each record to scores of the effects, cosines between their signatures, and
+//! scores of simulated records. The sizes of an effect in all records have a common distribution. Gains are tested against simulated cohorts. After the
+//! conversion to scores, only fits of single effects need the records.
 
 pub mod alone;
 pub mod apparatus;

@@ -1,8 +1,8 @@
 //! Estimates by simulation how many further specimens would settle a question, such as whether two groups differ.
 //!
-//! A true ratio is drawn from the posterior. The mean of n new specimens per group varies around it, with the spreads of that draw and the measurement
-//! error. All posterior draws are then weighted by the probability with which each, with its own spreads, predicts that mean. The weighted draws show
-//! whether the question is settled.
+//! A true ratio of two groups is drawn from the posterior. The ratio measured with n new specimens per group varies around the true ratio, with the
+//! spreads of the draw and the measurement error. Each posterior draw is then weighted by the probability with which it predicts the measured ratio. The
+//! weighted draws show whether the question is settled.
 
 use documents::groups::SampleSizePlan;
 use rand::SeedableRng;
@@ -17,14 +17,15 @@ const NUMBERS: [u32; 18] = [1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 1
 const WANTED_CHANCE: f64 = 0.8;
 /// Number of simulated true ratios.
 const N_TRUTHS: usize = 200;
-/// Number of draws that are weighted for each true ratio.
+/// Number of posterior draws that are weighted for each true ratio.
 const N_WEIGHTED: usize = 1_000;
 
-/// Posterior of a ratio between groups, and of the variance of new specimens; one value per draw.
+/// Question whether two groups differ: posterior draws of the ratio between the groups, and of the variance of new specimens.
 pub struct RatioQuestion<'a> {
     /// Logarithm of the ratio, one value per draw.
     pub log_ratio: &'a [f64],
-    /// Variance of the log ratio between one new specimen of each group. It includes the spreads and the measurement error.
+    /// Variance of the logarithm of the ratio between one new specimen of each group, one value per draw. It includes the spreads and the measurement
+    /// error.
     pub variance_of_pair: &'a [f64],
     /// Margin of practical equivalence: ratios from 1/(1 + margin) to 1 + margin count as no difference.
     pub margin: f64,

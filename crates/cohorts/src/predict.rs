@@ -18,17 +18,17 @@ use laws::rheology::{BaseLaw, RetardationSpectrum, TimeWindow};
 const N_CURVES: usize = 1_000;
 /// Number of times at which creep is computed.
 const N_TIMES: usize = 41;
-/// Random stream of the first group's predictions. Each further group has the next stream.
+/// Number of the random stream for the first group's predictions. Each further group has the next stream.
 const STREAM: u64 = 1 << 32;
 
-/// Group, as the population predicts it. Vectors hold one draw after another, with one value per parameter.
+/// Prediction of a group by the population. Each vector holds one draw after another, with one value per parameter.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PredictedGroup {
     /// Name of the group.
     pub name: String,
-    /// Coordinates of the parameters of the group's typical specimen.
+    /// Coordinates (logarithms or log-odds) of the parameters of the group's typical specimen.
     pub typical: Vec<f64>,
-    /// Coordinates of the parameters of a new specimen, as the mean over its repeats.
+    /// Coordinates (logarithms or log-odds) of the parameters of a new specimen, as the mean over its repeats.
     pub new_specimen: Vec<f64>,
     /// Standard deviations between specimens, in the coordinates.
     pub between_sd: Vec<f64>,
@@ -38,8 +38,8 @@ pub struct PredictedGroup {
 
 /// Predicts all groups of the design. If the design has two keys, combinations of levels without measurements follow.
 ///
-/// For such a combination, the group's own term is drawn from its distribution. The spread of its specimens is that of the group with the most levels in
-/// common.
+/// For a combination without measurements, the group's own term is drawn from its distribution. Its specimens have the spread of the measured group with
+/// the most levels in common.
 pub fn predicted_groups(
     design: &Design,
     draws: &[&PopulationDraw],
@@ -88,7 +88,7 @@ pub fn predicted_groups(
     all
 }
 
-/// Combinations of levels for which there is no experiment.
+/// Combinations of the two keys' levels for which there is no experiment; empty unless the design has two keys.
 fn missing(design: &Design) -> Vec<Vec<usize>> {
     let [first, second] = &design.keys[..] else { return Vec::new() };
     let all = (0..first.len()).flat_map(|a| (0..second.len()).map(move |b| vec![a, b]));
@@ -127,7 +127,7 @@ pub fn creep_times_s(window: TimeWindow) -> Vec<f64> {
     (0..N_TIMES).map(|i| (first + (last - first) * i as f64 / (N_TIMES - 1) as f64).exp()).collect()
 }
 
-/// Predicts the creep compliance of a group, for a law whose parameters are all pooled.
+/// Predicts the creep compliance of a group's typical specimen and of a new specimen. All parameters of the law must be compared between groups.
 ///
 /// # Errors
 /// [`base::Error::Numerical`] if creep cannot be computed for any draw.

@@ -14,7 +14,7 @@ const PUBLICATIONS: [(&str, &str, &str); 6] = [
     ("aboulatta-2021", "Aboulatta 2021", "porcine"),
 ];
 
-/// Published values of the named parameters, from the embedded priors of publications. Values that a prior only assumes are left out.
+/// Published values of the named parameters, from the embedded priors of publications. Values that a prior assumes without publication are left out.
 pub fn published_values(parameters: &[&str]) -> Vec<Published> {
     let mut all = Vec::new();
     for (name, source, species) in PUBLICATIONS {
@@ -38,7 +38,8 @@ pub fn published_values(parameters: &[&str]) -> Vec<Published> {
 mod tests {
     use super::*;
 
-    /// Compares with Table I of the paper and its two columns of other values. For other publications, only measured parameters are listed.
+    /// Compares the values with Table I of the paper and its two columns of values from other publications. Further publications list only parameters that
+    /// they measured.
     #[test]
     fn values_are_the_published_ones() {
         let all = published_values(&["young_modulus_pa", "viscosity_1_pa_s", "viscosity_2_pa_s"]);
@@ -48,7 +49,7 @@ mod tests {
         assert_eq!(values("Wang 2013"), [3.527, 1.402, 47.37]);
         assert_eq!(values("Sharif-Kashani 2011"), [1.66, 2.4, 70.0]);
         assert_eq!(values("Lee 1994"), [0.937, 0.599, 8.402]);
-        // Young's modulus is G' times 2 (1 + 0.48).
+        // Young's modulus is the published shear modulus times 2 (1 + 0.48).
         let expected = [2.96 * 2.8, 2.96 * 7.0];
         let found = values("Nickerson 2008");
         assert!(found.len() == 2 && found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 0.01), "{found:?}");

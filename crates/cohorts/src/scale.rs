@@ -4,15 +4,15 @@ use documents::groups::ScaleName;
 
 use base::parameter::Support;
 
-/// Largest log-odds. Beyond it, a value equals a bound to the last bit.
+/// Largest log-odds. Beyond this limit, a value equals a bound to the last bit.
 const LARGEST_LOG_ODDS: f64 = 36.0;
 
-/// Transformation of a positive parameter x to an unbounded coordinate φ.
+/// Transformation of a positive parameter to an unbounded coordinate, in which the parameter varies over the population.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum SizeScale {
-    /// φ = ln x, for x above 0.
+    /// Logarithm: the coordinate is ln x, for a parameter x above 0.
     Logarithm,
-    /// φ = ln((x − a)/(b − x)), for x between a ≥ 0 and b.
+    /// Log-odds: the coordinate is ln((x − a)/(b − x)), for a parameter x between the bounds a ≥ 0 and b.
     LogOdds {
         /// Lower bound a.
         lower: f64,
@@ -39,7 +39,7 @@ impl SizeScale {
         }
     }
 
-    /// Coordinate φ of a value x. It is finite at the bounds, too.
+    /// Coordinate of a parameter value. The coordinate is finite at the bounds of the parameter, too.
     pub fn coordinate(self, value: f64) -> f64 {
         match self {
             Self::Logarithm => value.max(f64::MIN_POSITIVE).ln(),
@@ -49,7 +49,7 @@ impl SizeScale {
         }
     }
 
-    /// Value x at a coordinate φ. It is inside the support.
+    /// Parameter value at a coordinate. The value is inside the parameter's support.
     pub fn value(self, coordinate: f64) -> f64 {
         match self {
             Self::Logarithm => coordinate.exp(),
@@ -62,7 +62,7 @@ impl SizeScale {
         }
     }
 
-    /// Logarithm of the value, ln x, at a coordinate φ.
+    /// Logarithm of the parameter value at a coordinate.
     pub fn ln_value(self, coordinate: f64) -> f64 {
         match self {
             Self::Logarithm => coordinate,
@@ -70,7 +70,7 @@ impl SizeScale {
         }
     }
 
-    /// Logarithm of the slope, ln dx/dφ, at a coordinate φ.
+    /// Logarithm of the slope dx/dφ of the parameter value x with the coordinate φ, at `coordinate`.
     pub fn ln_slope(self, coordinate: f64) -> f64 {
         match self {
             Self::Logarithm => coordinate,
@@ -80,7 +80,8 @@ impl SizeScale {
         }
     }
 
-    /// Relative slope d ln x/dφ at a coordinate φ. It converts a small standard deviation of φ into that of ln x.
+    /// Slope d ln x/dφ of the logarithm of the parameter value x with the coordinate φ. The slope converts a small standard deviation of the coordinate
+    /// into a standard deviation of the logarithm.
     pub fn relative_slope(self, coordinate: f64) -> f64 {
         (self.ln_slope(coordinate) - self.ln_value(coordinate)).exp()
     }

@@ -6,12 +6,12 @@ use sampling::diagnostics::ranks::median;
 
 /// Approximate probability that at least one specimen is marked in a cohort without outlying specimens. A mark only leads to a remark.
 const FALSE_ALARM: f64 = 0.1;
-/// Degrees of freedom per specimen in addition to one per group. The ratio of a deviation to the median absolute deviation has the tails of a Student-t
-/// distribution with these degrees of freedom. The value is from simulations; it approaches 0.37 for many specimens.
+/// Degrees of freedom per specimen, where one specimen of each group does not count. The ratio of a deviation to the median absolute deviation has the
+/// tails of a Student-t distribution with these degrees of freedom. The value comes from simulations; it approaches 0.37 for many specimens.
 const DEGREES: f64 = 0.3;
 /// Median absolute deviation of a normal distribution, in standard deviations.
 const NORMAL_MAD: f64 = 0.674_489_750_196_081_7;
-/// Smallest number of specimens for which the spread is known well enough.
+/// Smallest number of specimens from which the spread is estimated well enough to mark outlying specimens.
 const FEWEST: usize = 6;
 
 /// Unbiased sample variance.
@@ -21,10 +21,10 @@ pub fn variance(values: &[f64]) -> f64 {
     values.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (n - 1.0)
 }
 
-/// Marks specimens that are far from the median of their group. Deviations are divided by the median absolute deviation of all groups together. Rows of
-/// `values` are specimens, and columns are parameters. In groups of fewer than three specimens, none is marked.
+/// Returns `true` for each specimen that is far from the median of its group. Deviations are divided by the median absolute deviation of all groups
+/// together. Rows of `values` are specimens, and columns are parameters. In groups of fewer than three specimens, none is marked.
 ///
-/// The method is the modified z-score of Iglewicz & Hoaglin (1993, How to Detect and Handle Outliers). It has one threshold for all specimens and
+/// The method is the modified z-score of Iglewicz & Hoaglin (1993, How to Detect and Handle Outliers). One threshold applies to all specimens and
 /// parameters together.
 pub fn outlying(values: &[Vec<f64>], group_of: &[usize]) -> Vec<bool> {
     let n = values.len();
@@ -71,8 +71,9 @@ mod tests {
         assert!((variance(&[1.0, 2.0, 3.0, 4.0]) - 5.0 / 3.0).abs() < 1e-15);
     }
 
-    /// Simulates 1,000 normal cohorts with three groups of seven specimens and three parameters. About 100 of them give a false alarm by design. At a rate of
-    /// 10 %, more than 148 have a probability below 1e-6. At a rate below 2 %, from a threshold far too high, fewer than 30 have a probability of 0.99.
+    /// Simulates 1,000 normal cohorts with three groups of seven specimens and three parameters. About 100 of them give a false alarm by design. At a rate
+    /// of 10 %, more than 148 false alarms have a probability below 1e-6. At a rate below 2 %, which a far too high threshold causes, fewer than 30 false
+    /// alarms have a probability of 0.99.
     #[test]
     fn cohorts_without_outlying_specimens_have_few() {
         use rand::SeedableRng;

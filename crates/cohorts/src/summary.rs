@@ -130,19 +130,19 @@ fn group_summary(found: &Comparison, draws: &[&PopulationDraw], predicted_group:
     }
 }
 
-/// Indices of the specimens whose first experiment belongs to a group.
-fn specimens_at_home(found: &Comparison, group: usize) -> Vec<usize> {
+/// Indices of the specimens whose first experiment belongs to the group with the index `group`.
+fn specimens_first_in_group(found: &Comparison, group: usize) -> Vec<usize> {
     let design = &found.design;
     let is_home =
         |specimen: &SpecimenOfDesign| specimen.experiments.first().is_some_and(|e| design.group_of[*e] == group);
     design.specimens.iter().enumerate().filter(|(_, specimen)| is_home(specimen)).map(|(index, _)| index).collect()
 }
 
-/// Pooling factor of parameter `k` in a group, computed from the specimens' deviations from the group's mean. It is 1 − V₁/V₂. V₁ is the variance over
-/// specimens of their mean deviation. V₂ is the mean over draws of the variance over specimens. `None` for fewer than two specimens.
+/// Pooling factor of parameter `k` in a group: 1 − V₁/V₂, computed from the specimens' deviations from the group's mean. V₁ is the variance over specimens
+/// of their mean deviation. V₂ is the mean over draws of the variance over specimens. `None` for fewer than two specimens.
 fn pooling(found: &Comparison, draws: &[&PopulationDraw], group: usize, k: usize) -> Option<f64> {
     let p = found.parameters.len();
-    let specimens = specimens_at_home(found, group);
+    let specimens = specimens_first_in_group(found, group);
     if specimens.len() < 2 {
         return None;
     }
@@ -188,8 +188,8 @@ fn contrast_summary(
     }
 }
 
-/// Variance of the log ratio between one new specimen of each of two groups, one value per draw. Spreads in log-odds are converted to those of logarithms
-/// by the slope at the group's typical specimen. If the groups share specimens, both measurements are made on one specimen, so that its own deviation
+/// Variance of the log ratio between one new specimen of each of two groups, one value per draw. Spreads in log-odds are converted to spreads in
+/// logarithms by the slope at the group's typical specimen. If the groups share specimens, both measurements are made on one specimen, whose deviation
 /// cancels.
 fn variance_of_pair(
     found: &Comparison,

@@ -13,7 +13,7 @@ const MOST_PAIRS: usize = 3;
 /// Largest number of names in a sentence.
 const MOST_NAMES: usize = 8;
 
-/// Heading of one line: specimens, groups and model of the comparison.
+/// One line of heading: numbers of specimens and groups, and the model of the comparison.
 pub fn heading(summary: &GroupsSummary) -> String {
     let measured: Vec<&GroupSummary> = summary.groups.iter().filter(|group| group.specimens > 0).collect();
     let model = match summary.effects.len() {
@@ -75,7 +75,7 @@ pub fn conclusions(summary: &GroupsSummary) -> Vec<String> {
     names.iter().map(|name| of_parameter_named(&name.name)).collect()
 }
 
-/// Describes a difference with the greater group first, such as "bovine above porcine (2.4 ×)".
+/// Describes a ratio between two groups with the greater group first, such as "bovine above porcine (2.4 ×)".
 fn as_greater(contrast_summary: &ContrastSummary) -> String {
     let (greater, less, ratio) = if contrast_summary.ratio_median >= 1.0 {
         (&contrast_summary.a, &contrast_summary.b, contrast_summary.ratio_median)
@@ -99,13 +99,13 @@ pub fn required_specimens(plan: &SampleSizePlan) -> String {
 }
 
 /// Largest residual on the held-out cycle that does not count as a misfit, in posterior standard deviations of the prediction.
-const OPEN_SDS: f64 = 3.3;
+const LARGEST_PREDICTIVE_SDS: f64 = 3.3;
 
-/// Describes the misfit of an experiment; `None` if there is none. The residual of a misfit exceeds 1.5 × the noise. On the held-out cycle, it must also
-/// exceed the posterior uncertainty of the prediction.
+/// Describes the misfit of an experiment; `None` if the experiment has no misfit. A residual counts as a misfit if it exceeds 1.5 times the noise. On the
+/// held-out cycle, it must also exceed the posterior uncertainty of the prediction.
 fn misfit(experiment_summary: &ExperimentSummary) -> Option<String> {
     let bar_um = NOISE_FACTOR * experiment_summary.noise_um?;
-    let open_um = OPEN_SDS * experiment_summary.predictive_sd_heldout_um.unwrap_or(0.0);
+    let open_um = LARGEST_PREDICTIVE_SDS * experiment_summary.predictive_sd_heldout_um.unwrap_or(0.0);
     let cases = [
         ("fitted", Some(experiment_summary.rmse_fitted_um), bar_um),
         ("held-out", experiment_summary.rmse_heldout_um, bar_um.hypot(open_um)),
@@ -118,12 +118,12 @@ fn misfit(experiment_summary: &ExperimentSummary) -> Option<String> {
     (!parts.is_empty()).then(|| parts.join(" and "))
 }
 
-/// Joins the first names, and adds the number of the others.
+/// Joins at most [`MOST_NAMES`] names, and adds the number of the remaining names.
 fn join_names(names: &[&str]) -> String {
     at_most(MOST_NAMES, names)
 }
 
-/// Joins at most `most` entries of a list, and adds the number of the others.
+/// Joins at most `most` entries of a list, and adds the number of the remaining entries.
 fn at_most(most: usize, names: &[impl AsRef<str>]) -> String {
     let shown: Vec<&str> = names.iter().take(most).map(AsRef::as_ref).collect();
     let more = if names.len() > most { format!(" and {} more", names.len() - most) } else { String::new() };
@@ -175,7 +175,7 @@ pub fn warnings(summary: &GroupsSummary) -> Vec<Warning> {
     }
     let unknown = names(&|experiment_summary| experiment_summary.noise_um.is_none());
     if !unknown.is_empty() {
-        let text = format!("the noise of {} is neither given nor can it be estimated", join_names(&unknown));
+        let text = format!("the noise of {} is unknown: it is not given and cannot be estimated", join_names(&unknown));
         add(WarningKind::ResidualsUntested, text, "give `noise_um` in [measurement]");
     }
     let alone: Vec<&str> = summary
@@ -189,7 +189,7 @@ pub fn warnings(summary: &GroupsSummary) -> Vec<Warning> {
         add(
             WarningKind::GroupOfOne,
             text,
-            "its spread comes from the prior and the other groups; measure more specimens before you interpret its differences",
+            "the group's spread comes from the prior and the other groups; measure more specimens before you interpret the group's differences",
         );
     }
     let predicted: Vec<&str> = summary
@@ -203,7 +203,7 @@ pub fn warnings(summary: &GroupsSummary) -> Vec<Warning> {
         add(
             WarningKind::GroupPredicted,
             text,
-            "its values are predicted from the other groups; it has no differences to other groups",
+            "the group's values are predicted from the other groups, so the group is not compared with them",
         );
     }
     let mut outlying: Vec<&str> = summary
@@ -217,8 +217,8 @@ pub fn warnings(summary: &GroupsSummary) -> Vec<Warning> {
     if !outlying.is_empty() {
         let text = format!("{} lies far from its group", join_names(&outlying));
         let advice = match summary.student_dof {
-            Some(_) => "heavy tails keep it from widening its group; check its measurement",
-            None => "check its measurement; with --heavy-tails it does not widen its group",
+            Some(_) => "check its measurement; heavy tails keep it from widening the spread of its group",
+            None => "check its measurement; with --heavy-tails it does not widen the spread of its group",
         };
         add(WarningKind::OutlyingSpecimen, text, advice);
     }

@@ -1,8 +1,8 @@
-//! Bayes factors of effects: computed for the leading ones, bounded for the others.
+//! Bayes factors of effects over the base model: values for the leading effects, upper bounds for all other effects.
 //!
-//! An evidence takes tens of thousands of trajectories. It is therefore computed only for the claim, or else for the leading effect, and for effects whose Bayes factor
-//! may come near it. The gain of every other effect bounds its Bayes factor B. Evidence is the mean of the likelihood over the prior. So ln B is at most the gain of the
-//! best fit plus the possible widening of the posterior of law and noise.
+//! The evidence of one model takes tens of thousands of trajectories. So it is computed only for the claimed effects (or else the leading effect) and for effects whose
+//! Bayes factor may come near theirs. The gain of every other effect bounds its Bayes factor. Evidence is the mean of the likelihood over the prior. The log Bayes factor
+//! is therefore at most the gain of the best fit plus the possible widening of the posterior of law and noise.
 
 use std::collections::BTreeMap;
 
@@ -18,12 +18,12 @@ use base::error::{Error, Result};
 use documents::diagnosis::{PosteriorMode, RefitParameter};
 use posterior::monitor::{Counter, Monitor};
 
-/// An evidence is not computed if the upper bound of its ln B lies more than this many nats below the best ln B.
+/// Margin (nats) below the best log Bayes factor: no evidence is computed for an effect whose upper bound lies lower.
 const REACH_NATS: f64 = 10.0;
-/// Largest increase (nats) of ln B because an effect widens the posterior of law and noise: ln B is at most the gain plus this value.
+/// Largest increase (nats) of a log Bayes factor because an effect widens the posterior of law and noise. The upper bound of the log Bayes factor is the gain plus this value.
 const WIDENING_NATS: f64 = 5.0;
 
-/// Logarithm (nats) of an effect's Bayes factor over the base, or a bound of it.
+/// Logarithm (nats) of an effect's Bayes factor over the base model, or an upper bound of it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum BayesFactor {
     /// Computed value.
@@ -47,11 +47,11 @@ impl From<ModelEvidence> for Parameters {
     }
 }
 
-/// Computed log evidences of the base and of effects, with bounds for other effects.
+/// Log evidences of the base model and of the leading effects, with bounds for other effects.
 pub(super) struct EvidenceSet {
     ln_base: f64,
     singles: BTreeMap<&'static str, ModelEvidence>,
-    /// Upper bounds (nats) of ln B, by slug, for effects whose evidence was not computed.
+    /// Upper bounds (nats) of the log Bayes factor, by slug, for effects whose evidence was not computed.
     bounds: BTreeMap<&'static str, f64>,
     /// Parameters of the model with all claimed effects, if several are claimed; else `None`.
     of_claim: Option<Parameters>,
@@ -64,12 +64,12 @@ enum EvidenceOutcome {
     By(Result<ModelEvidence>),
     /// Not computed: the effect's gain bounds its Bayes factor far below the best one.
     Far,
-    /// Not computed: the effect is a nonlinear law beside a claim or leading effect, and would take too long.
+    /// Not computed: the effect makes the model nonlinear, and its evidence would take too long. The effect is neither claimed nor leading.
     Slow,
 }
 
 impl EvidenceSet {
-    /// Computes the evidence of a claim and, if the request is in full, of all effects that may come near it.
+    /// Computes the evidence of the claimed effects. If the request is in full, also computes that of every effect whose Bayes factor may come near the best one.
     pub fn new(
         subject: &Subject,
         request: &DiagnosisRequest,
@@ -94,7 +94,7 @@ impl EvidenceSet {
                 claimed.contains(&single.slug) || (request.in_full && gain(single) > request.criteria.least_gain_nats)
             })
             .collect();
-        // The claim comes first, then effects by gain: the best known evidence decides which others are worth computing.
+        // The claimed effects come first, then effects by gain: the best known evidence decides which others are worth computing.
         worth.sort_by(|a, b| {
             let is_claimed = |single: &Single| claimed.contains(&single.slug);
             is_claimed(b).cmp(&is_claimed(a)).then(gain(b).total_cmp(&gain(a)))
@@ -147,13 +147,13 @@ impl EvidenceSet {
         }));
         evidence_set.remarks.extend((!slow.is_empty()).then(|| {
             format!(
-                "the Bayes factors of {} are not computed, since such nonlinear laws take long: the document gives bounds, and intervals by a normal approximation around the fit",
+                "the Bayes factors of {} are not computed, because nonlinear laws take long: the document gives upper bounds, and intervals by a normal approximation around the fit",
                 slow.join(", ")
             )
         }));
         evidence_set.remarks.extend((!failed.is_empty()).then(|| {
             format!(
-                "the evidence of {} takes too long: the document gives bounds of their Bayes factors, and intervals by a normal approximation around the fit",
+                "the evidence of {} could not be computed: the document gives upper bounds of their Bayes factors, and intervals by a normal approximation around the fit",
                 failed.join(", ")
             )
         }));

@@ -18,11 +18,11 @@ pub struct Bootstrap {
 
 /// Number of simulations per batch. It is fixed, so that the total number does not depend on the number of threads.
 const BATCH: usize = 10;
-/// Number of simulations that must reach the gain before the simulation stops: p is then known well enough (Besag & Clifford, Biometrika 78, 301, 1991).
+/// Number of simulated searches that must reach the measured gain before the simulation stops: p is then known well enough (Besag & Clifford, Biometrika 78, 301, 1991).
 const ENOUGH_EXCEEDANCES: usize = 10;
 /// Least number of simulated searches from which a 95 % quantile of the largest gain is reported.
 const ENOUGH_FOR_QUANTILE: usize = 40;
-/// Ratio of a gain to the largest simulated gain above which the gain is out of the simulations' reach.
+/// Ratio of the measured gain to the largest simulated gain above which a decision needs no further simulations.
 const OUT_OF_REACH: f64 = 2.0;
 
 /// Rules for the number of searches to simulate.
@@ -30,8 +30,8 @@ const OUT_OF_REACH: f64 = 2.0;
 pub struct Simulations {
     /// Largest number of simulated searches.
     pub most: usize,
-    /// Threshold of p if only the decision matters; `None` to compute p itself. With a threshold, the simulations stop early if their number suffices for a p below it
-    /// and the gain is out of their reach.
+    /// Threshold of p if only a decision is needed; `None` to compute p itself. With a threshold, the simulations may stop early. Their number must then allow a p below the
+    /// threshold, and the measured gain must exceed twice the largest simulated gain.
     pub only_for: Option<f64>,
 }
 
@@ -46,8 +46,8 @@ impl Simulations {
 }
 
 impl Bootstrap {
-    /// Simulates data from the reference. Refits the reference and every candidate that may gain most. Stops after all simulations, or earlier if `gain` proves common or
-    /// as [`Simulations`] allows.
+    /// Simulates data from the reference model. Refits the reference and every candidate that may have the largest gain. Stops after all simulations, or earlier if many of
+    /// them reach the measured `gain` or if [`Simulations`] allows it.
     pub fn run(
         subject: &Subject,
         reference: &Refitted,
@@ -58,7 +58,7 @@ impl Bootstrap {
         monitor: &dyn Monitor,
     ) -> Self {
         let counter = Counter::new(monitor, simulations.most);
-        // Without first-order bounds every candidate is refitted.
+        // If first-order bounds of the gains cannot be computed, every candidate is refitted.
         let screen = Screen::new(subject, reference, candidates).ok();
         let simulate = |number: usize| {
             let gain = largest_gain(subject, reference, (candidates, screen.as_ref()), seed, number);
@@ -68,8 +68,8 @@ impl Bootstrap {
         Self::of(gain, simulations, simulate)
     }
 
-    /// Collects the largest gains of simulated searches. `search` returns the largest gain (nats) of the simulation with a given number; `gain` is that of the measured
-    /// data.
+    /// Collects the largest gains of simulated searches. `search` returns the largest gain (nats) of the simulation with a given number. `gain` is the largest gain of the
+    /// measured data.
     pub fn of(gain: f64, simulations: Simulations, search: impl Fn(usize) -> f64 + Sync) -> Self {
         let mut largest: Vec<f64> = Vec::new();
         while !simulations.are_enough(&largest, gain) {
@@ -206,9 +206,9 @@ mod tests {
         (0..n_models).into_par_iter().map(p_of).collect()
     }
 
-    /// If the gain and the simulated gains have one distribution, p ≤ 1/20 occurs once in twenty trials, also if simulations stop early. Over 20,000 trials, the fraction
-    /// with p ≤ 1/20 has a standard error of 0.0015, that with p ≤ 1/2 one of 0.0035. The test allows five standard errors, which are exceeded once in 10⁶. Early
-    /// stopping misses some exceedances, which adds 10⁻⁴. Stopping at common gains overstates p and never understates it.
+    /// If the gain and the simulated gains have one distribution, p ≤ 1/20 occurs once in twenty trials, also if simulations stop early. Over 20,000 trials, the standard error
+    /// of the fraction is 0.0015 for p ≤ 1/20 and 0.0035 for p ≤ 1/2. The test allows five standard errors, which are exceeded once in 10⁶. Early stopping misses some
+    /// exceedances, which adds 10⁻⁴. Stopping at common gains overstates p and never understates it.
     #[test]
     fn p_is_uniform_under_exchange_and_conservative_where_it_stops_early() {
         const N: u64 = 20_000;
@@ -254,8 +254,8 @@ mod tests {
         }
     }
 
-    /// The largest gain of a simulation equals that of wide fits to its data with the noise estimated anew for every model. Fits of a single candidate, or with a fixed
-    /// noise, give other values.
+    /// The largest gain of a simulated search equals that of wide fits to the simulated data. The noise is estimated anew for every model. Fits of a single candidate, or with
+    /// a fixed noise, give other values.
     #[test]
     #[ignore = "thorough"]
     fn a_simulated_search_fits_mean_and_noise_of_every_model() {

@@ -21,7 +21,7 @@ const N_OF_MORE: usize = 2048;
 const LEAST_SLOPE: f64 = 1e-9;
 const MOST_STEPS: usize = 60;
 
-/// Returns ln P(lower ≤ x ≤ upper) of a normal vector x with mean 0. Ends may be infinite. Returns −∞ if the matrix is not a covariance.
+/// Returns the log probability ln P(lower ≤ x ≤ upper) of a normal vector x with mean 0. Ends may be infinite. Returns −∞ if the matrix is not a covariance.
 pub(super) fn ln_box_probability(covariance: &DMatrix<f64>, lower: &[f64], upper: &[f64]) -> f64 {
     let mut left: Vec<usize> = (0..lower.len()).collect();
     let mut sum = 0.0;
@@ -47,10 +47,10 @@ pub(super) fn ln_box_probability(covariance: &DMatrix<f64>, lower: &[f64], upper
     sum
 }
 
-/// Returns ln P of the box for correlated coordinates with variance 1.
+/// Returns the log probability of the box for correlated coordinates with variance 1.
 fn ln_of_correlated(correlation: &DMatrix<f64>, lower: &[f64], upper: &[f64]) -> f64 {
     let n = lower.len();
-    // Only coordinates with an end near their mean are drawn. The other coordinates may push a mean to another `place`.
+    // Only coordinates with an end near their mean are drawn. Conditioning on them shifts the means of the other coordinates; `place` holds the shifted means.
     let mut place = DVector::zeros(n);
     let mut near: Vec<usize> = Vec::new();
     let mut tilted: Option<Tilted> = None;
@@ -73,14 +73,14 @@ fn ln_of_correlated(correlation: &DMatrix<f64>, lower: &[f64], upper: &[f64]) ->
     }
 }
 
-/// ln P(lower ≤ x ≤ upper) of a standard normal x.
+/// Log probability that a standard normal variable lies between `lower` and `upper`.
 pub(super) fn ln_within(lower: f64, upper: f64) -> f64 {
     TruncatedNormal::new(lower, upper).ln_p
 }
 
 /// A standard normal variable that is truncated to an interval.
 struct TruncatedNormal {
-    /// ln of the probability between the ends.
+    /// Log probability of the standard normal variable between the ends.
     ln_p: f64,
     /// Density at the lower and at the upper end, divided by the probability between the ends.
     at_lower: f64,
@@ -210,7 +210,7 @@ impl Tilted {
         [self.lower[k] - moved, self.upper[k] - moved]
     }
 
-    /// Logarithm of the weight of a point x: ψ(x; μ) = Σ [μ²/2 − xμ + ln P(ends given x, less μ)], summed over coordinates.
+    /// Logarithm of the weight of a point x, for the shifts μ: ψ(x; μ) = Σ [μ²/2 − xμ + ln P(ends given x, less μ)], summed over coordinates.
     fn ln_weight(&self, x: &[f64]) -> f64 {
         let of_coordinate = |k: usize| {
             let [lower, upper] = self.ends(k, x, self.shift[k]);
@@ -219,7 +219,7 @@ impl Tilted {
         (0..self.n()).map(of_coordinate).sum()
     }
 
-    /// Derivatives ∂ψ/∂x and ∂ψ/∂μ of [`Self::ln_weight`] for all coordinates but the last, and the matrix of second derivatives.
+    /// Derivatives of the log weight ([`Self::ln_weight`]) with respect to the coordinates x and then the shifts, without the last coordinate. Also the second derivatives.
     fn slopes(&self, x: &[f64], shift: &[f64]) -> (DVector<f64>, DMatrix<f64>) {
         let (n, m) = (self.n(), self.n() - 1);
         let (mut slope, mut curvature) = (vec![0.0; n], vec![0.0; n]);

@@ -56,7 +56,7 @@ impl Coordinate {
 pub struct Free {
     /// Index in the model's list of parameters.
     pub index: usize,
-    /// Name with unit.
+    /// Name of the parameter, including its unit.
     pub name: &'static str,
     /// Coordinate in which a fit varies the parameter.
     pub coordinate: Coordinate,
@@ -119,7 +119,7 @@ pub struct Candidate {
 
 /// Probability that a normal variable lies more than one standard deviation below its mean.
 const ONE_SD: f64 = 0.158_655_253_931_457;
-/// Prior probability beyond either end of the interquartile range, the scale of a coordinate.
+/// Prior probability beyond either end of the interquartile range, by which coordinates are scaled.
 const SPREAD_TAIL: f64 = 0.25;
 
 impl Candidate {
@@ -157,7 +157,7 @@ impl Candidate {
         Self { columns: [self.columns.clone(), columns].concat(), ..self.clone() }
     }
 
-    /// Returns the candidate with the free parameters that `is_held` accepts fixed at the coordinates `theta`.
+    /// Returns the candidate with some free parameters fixed at the coordinates `theta`: those that `is_held` accepts.
     pub fn held(&self, theta: &[f64], is_held: impl Fn(&Free) -> bool) -> Self {
         let mut held = self.clone();
         for (free, theta) in self.free.iter().zip(theta).filter(|(free, _)| is_held(free)) {

@@ -8,8 +8,8 @@ use super::separation::distance;
 use super::verdict::Rival;
 use base::error::{Error, Result};
 
-/// Fits the rivals of a claim and returns them with their models. Each rival has its rank deficit (nats). If the deficit is within reach of the data, it also has its
-/// distance (σ) from the claim.
+/// Fits the rivals of a claim and returns them with their models. A rival's deficit (nats) is the claim's rank less its own rank. A rival with a small enough deficit also
+/// gets its distance from the claim, in standard deviations of the noise.
 pub(super) fn fit_rivals(
     subject: &Subject,
     criteria: &Criteria,

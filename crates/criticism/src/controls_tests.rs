@@ -22,8 +22,8 @@ const QUICK: [&str; 6] =
 /// Effects for tests whose verdict does not depend on the selection.
 const FEW: [&str; 3] = ["clock-offset", "force-bias", "instantaneous-elasticity"];
 
-/// Noise of a control: σ (µm), σ_ou (µm), τ (s), s_g and s_o (µm). `off` is the fraction of rows moved by 12 σ, `lost` that of rows without a position. The last field
-/// tells whether σ is given.
+/// Noise of a control. `parameters` are white and slow standard deviation (µm), correlation time (s), gain, and offset (µm). `off` is the fraction of rows moved by 12
+/// standard deviations of a row, `lost` that of rows without a position. `is_given` tells whether the white noise is given.
 #[derive(Clone, Copy)]
 struct Noise {
     parameters: NoiseValues,

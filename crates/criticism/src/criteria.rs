@@ -1,7 +1,7 @@
 //! The thresholds of all verdicts, in one place, with their reasons.
 //!
-//! [`Criteria::RECORD`] is for one creep record, [`Criteria::SWEEP`] for one oscillation, [`Criteria::COHORT`] for many records. The comment on a field names in brackets
-//! the campaign (`campaigns/`) that counts how often verdicts with its value are right. No campaign varies a single threshold. Other commands share two further rules:
+//! [`Criteria::RECORD`] is for one creep record, [`Criteria::SWEEP`] for one oscillation, [`Criteria::COHORT`] for many records. The comment on a field names the campaign in
+//! `campaigns/` that counts how often verdicts with its value are right. No campaign varies a single threshold. Other commands share two further rules:
 //! [`posterior::misfit`] decides when a residual exceeds the noise, and [`SEPARATED_SIGMA`] when an experiment separates two models. Tolerances and budgets of
 //! computations decide no verdict. They are defined beside their use.
 
@@ -10,72 +10,72 @@ use super::separation::SEPARATED_SIGMA;
 /// Decision thresholds. Gains are in nats of log likelihood; every model's noise is estimated anew.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Criteria {
-    /// Largest p, over the whole search, at which an effect may be claimed. Each further round of additions uses half of the previous threshold. Record: 0.05. It claims
-    /// an effect in only 10 of 2,800 records without a hidden effect, since future cycles must agree (controls). Sweep: 0.01, since held-out frequencies need not gain
-    /// (sweeps). Cohort: 0.01 (cohorts).
+    /// Largest p, over the whole search, at which an effect may be claimed. Each further round of additions uses half of the previous threshold. Record: 0.05. Only 10 of 2,800
+    /// records without a hidden effect then get a claim, because future cycles must agree (campaign `controls`). Sweep: 0.01, because held-out frequencies need not gain
+    /// (campaign `sweeps`). Cohort: 0.01 (campaign `cohorts`).
     pub largest_p: f64,
-    /// Gain (nats) in the log score of future cycles that a claim has to exceed; `None` if fitted data alone may support a claim. Record and cohort: 2 nats (controls,
-    /// cohorts). Sweep: none, since an effect need not show in the held-out frequencies (sweeps).
+    /// Gain (nats) in the log score of future cycles that a claim has to exceed; `None` if fitted data alone may support a claim. Record and cohort: 2 nats (campaigns `controls`,
+    /// `cohorts`). Sweep: none, because an effect need not show in the held-out frequencies (campaign `sweeps`).
     pub least_future_nats: Option<f64>,
-    /// Largest loss (nats) of a claim in the log score of the last cycle, or of held-out frequencies. An effect that does not show there hardly changes that score. In
-    /// six of eight records with a false claim and no hidden effect, the gain was on earlier cycles alone (controls).
+    /// Largest loss (nats) of a claim in the log score of the last cycle, or of held-out frequencies. An effect that is invisible there hardly changes that score. In six of eight
+    /// records with a false claim and no hidden effect, all gain was on earlier cycles (campaign `controls`).
     pub largest_loss_nats: f64,
     /// Smallest change of a predicted position that a claim must make, divided by the noise (`--smallest`). A smaller change has no practical use. Sweeps and cohorts do
     /// not use this threshold.
     pub smallest_change: f64,
-    /// Largest number of effects in a claim. Campaigns hide at most two (pairs).
+    /// Largest number of effects in a claim. Simulated records hide at most two effects (campaign `pairs`).
     pub most_effects: usize,
-    /// A model with more effects is preferred only if its rank is at least `larger_factor` times the smaller model's rank plus `larger_nats` (pairs).
+    /// Factor in the rule that prefers a model with more effects: its rank must be at least this factor times the smaller model's rank, plus `larger_nats` (campaign `pairs`).
     pub larger_factor: f64,
-    /// Nats in the rule of `larger_factor`. Structure may also replace a claim although it gains less than the claim, by up to this many nats for each claimed effect
-    /// beyond the first.
+    /// Addition (nats) in the rule of `larger_factor`. It also helps structure outside the library to replace a claim: for each claimed effect beyond the first, the structure may
+    /// gain less than the claim by this many nats.
     pub larger_nats: f64,
-    /// An effect of a larger claim is dropped if its removal costs fewer nats than this and the remaining model passes by itself (pairs).
+    /// Cost (nats) of removing an effect from a larger claim below which the effect is dropped. The remaining model must pass by itself (campaign `pairs`).
     pub least_removal_nats: f64,
 
-    /// Largest p of structure outside the library, from 199 simulated residuals. Structure that passes is then confirmed by simulated records (controls, outside).
+    /// Largest p of structure outside the library, from 199 simulated residuals. Simulated records then confirm structure that passes (campaigns `controls`, `outside`).
     pub largest_structure_p: f64,
-    /// Least gain (nats) of structure outside the library, less the gain of its family by chance (controls, outside).
+    /// Least gain (nats) of structure outside the library, less the gain of its family by chance (campaigns `controls`, `outside`).
     pub least_structure_nats: f64,
-    /// Gain (nats) of the library's best effect by chance. Structure that would replace an effect gets the same allowance.
+    /// Gain (nats) of the library's best effect by chance. It is subtracted from a claim's gain before structure outside the library is compared with the claim.
     pub chance_nats: f64,
-    /// Lead (nats) over a claim that structure needs to replace it, if the claim's own residual shows no structure (outside).
+    /// Lead (nats) over a claim that structure outside the library needs to replace it, if the claim's own residual shows no structure (campaign `outside`).
     pub structure_lead_nats: f64,
-    /// Least ratio of the gain of structure in a claim's residual to the claim's gain at which the structure counts. The same fraction of the claim's gain is added to
-    /// `structure_lead_nats` (outside).
+    /// Least gain of structure in a claim's residual, as a fraction of the claim's gain, at which the structure counts. This fraction of the claim's gain is also added to
+    /// `structure_lead_nats` (campaign `outside`).
     pub least_structure_share: f64,
-    /// Cosine above which structure and an effect of the library count as alike. For example, backlash resembles a delay on a square wave (outside).
+    /// Cosine above which structure and an effect of the library count as alike. For example, backlash resembles a delay on a square wave (campaign `outside`).
     pub least_similar_cosine: f64,
-    /// Largest p at which a Gaussian process is reported beside a known structure.
+    /// Largest p at which a Gaussian process is reported in addition to structure of a known shape.
     pub largest_process_p: f64,
 
-    /// Probability of a sweep's residual under noise, over all tests, below which the residual exceeds the noise. `sample` uses the same value (sweeps).
+    /// Probability of a sweep's residual under noise, over all tests, below which the residual exceeds the noise. `sample` uses the same value (campaign `sweeps`).
     pub least_noise_p: f64,
     /// Largest ratio of a claim's error on held-out cycles to its predictive noise. Above it the cause is unexplained, as with a misfit in [`posterior::misfit`]. If the
-    /// model lacks further effects, its noise estimate contains them (pairs, cohorts).
+    /// model lacks further effects, its noise estimate contains them (campaigns `pairs`, `cohorts`).
     pub claim_factor: f64,
-    /// Ratio to the known noise above which a residual without a claim is not reported as noise: slow noise may have caused it (controls).
+    /// Ratio of a residual to the known noise above which a record without a claim is doubtful: slow noise may have caused the residual (campaign `controls`).
     pub doubtful_factor: f64,
     /// Probability under white noise of the known size below which a residual above `doubtful_factor` is doubtful: one in a thousand, as in [`posterior::misfit`].
     pub doubtful_p: f64,
 
-    /// A rival is equivalent to the claim if its rank is within this many nats of the claim's. Record: 6, and the experiment must not separate the two (singles, fields).
-    /// Sweep: 2, in fitted and in held-out frequencies, with no other test (sweeps). Cohort: infinite, since simulated cohorts decide (cohorts).
+    /// Difference of ranks (nats) below which a rival is equivalent to the claim. Record: 6, and the experiment must not separate the two (campaigns `singles`, `fields`).
+    /// Sweep: 2, in fitted and in held-out frequencies, with no other test (campaign `sweeps`). Cohort: infinite, because simulated cohorts decide (campaign `cohorts`).
     pub equivalent_nats: f64,
-    /// Distance in σ from which the experiment separates a rival from the claim.
+    /// Distance, in standard deviations of the noise, from which the experiment separates a rival from the claim.
     pub separated_sigma: f64,
     /// Smallest fraction of cohorts simulated from a rival in which the claim leads by at least as much as in the data. A rival with a smaller fraction is excluded. The
-    /// truth is excluded in at most 2 of 100 cohorts (cohorts).
+    /// true effect is excluded in at most 2 of 100 cohorts (campaign `cohorts`).
     pub least_rival_p: f64,
-    /// Fraction of the largest rank. Before a cohort claims an effect, all effects whose rank reaches it are fitted to every record. In one cohort with a hidden pocket
-    /// (field 3 of cohorts), first-order ranks were 62 nats for the pocket and 68 for fractional damping. With full fits they were 82 and 79.
+    /// Least rank of an effect that is fitted to every record before a cohort claims any effect, as a fraction of the largest rank. In one cohort with a hidden pocket (field 3 of
+    /// campaign `cohorts`), first-order ranks were 62 nats for the pocket and 68 for fractional damping. With full fits they were 82 and 79.
     pub near_rank: f64,
-    /// Fraction of the claim's gain below which a cohort's rival is not tested: no equivalent effect gains so little (cohorts).
+    /// Fraction of the claim's gain below which a cohort's rival is not tested: no equivalent effect gains so little (campaign `cohorts`).
     pub least_rival_share: f64,
 
     /// Least gain (nats) of an effect that is reported as suggestive or gets a Bayes factor.
     pub least_gain_nats: f64,
-    /// Largest p of a suggestive effect. Records use the threshold of gain only, cohorts also this one.
+    /// Largest p of a suggestive effect. For records it is 1, so that only `least_gain_nats` decides.
     pub suggestive_p: f64,
     /// Least fraction of an effect's signature that the base cannot absorb. An effect with a smaller fraction is invisible.
     pub least_visible: f64,

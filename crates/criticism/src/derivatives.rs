@@ -1,4 +1,4 @@
-//! Derivatives of a candidate's position. They are exact for the parameters of a function of a state, and finite differences for all others.
+//! Derivatives of a candidate's position with respect to its coordinates. They are exact for the parameters of a function of a state, and otherwise finite differences.
 
 use super::candidate::Coordinate;
 use super::{Candidate, Subject};
@@ -21,7 +21,7 @@ pub fn columns_m(subject: &Subject, candidate: &Candidate, theta: &[f64]) -> Res
     derivatives_m(subject, candidate, theta, None).ok_or_else(none)
 }
 
-/// Returns the derivative with respect to one coordinate, as in [`columns_m`], at a point whose position (m) is known.
+/// Returns the derivative of the position with respect to one coordinate (m per unit, one value per row). `known_m` is the position (m) at the point `theta`.
 pub(super) fn column_m(
     subject: &Subject,
     candidate: &Candidate,
@@ -34,8 +34,8 @@ pub(super) fn column_m(
         .or_else(|_| difference_m(subject, candidate, (theta, known_m), (coordinate, -step)))
 }
 
-/// Step of a finite difference, negative if a positive step would leave the search. [`derivatives_m`] takes the opposite step if the model has no solution there, for
-/// example because a force gradient pulls the robot away.
+/// Step of a finite difference, negative if a positive step would leave the range of the search. The callers reverse the step if the model has no solution there. An example
+/// is a force gradient that pulls the robot away.
 fn difference_step(candidate: &Candidate, theta: &[f64], coordinate: usize) -> f64 {
     let [_, upper] = candidate.ends(coordinate);
     if theta[coordinate] + DIFFERENCE > upper { -DIFFERENCE } else { DIFFERENCE }
@@ -54,7 +54,8 @@ fn difference_m(
     Ok(moved_m.iter().zip(known_m).map(|(moved, known)| (moved - known) / step).collect())
 }
 
-/// Derivatives with respect to all coordinates at the point `theta`; `None` if the model has none there. `known_m` is the position (m) at that point, if known.
+/// Derivatives of the position (m per unit of the coordinate) at the point `theta`, one column per coordinate; `None` if the model has none there. `known_m` is the position
+/// (m) at that point, if known.
 pub(super) fn derivatives_m(
     subject: &Subject,
     candidate: &Candidate,
@@ -100,7 +101,8 @@ pub(super) fn derivatives_m(
     Some(columns)
 }
 
-/// Derivatives with respect to the parameters of a function of a state: the index of each coordinate and its column (m per unit of the coordinate).
+/// Exact derivatives with respect to the parameters of a function of a state (such as position or velocity): the index of each coordinate and its column (m per unit of the
+/// coordinate).
 fn by_function_m(subject: &Subject, candidate: &Candidate, theta: &[f64]) -> Result<Vec<(usize, Vec<f64>)>> {
     let Some(effect) = candidate.model.effects().iter().find(|effect| effect.depends_on_state()) else {
         return Ok(Vec::new());

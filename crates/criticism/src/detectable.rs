@@ -14,15 +14,15 @@ use base::error::{Error, Result};
 const RANGE_TAIL: f64 = 0.005;
 /// Number of sizes tested to first order, each half of the previous one.
 const N_HALVINGS: i32 = 16;
-/// Number of halvings of the largest size after which a signature counts as that at the null.
+/// Number of halvings of the largest size after which an effect's signature counts as its signature at the null.
 const SMALL: usize = 5;
 /// Largest number of search directions (each a sign and a grid point) whose smallest visible sizes are computed by refits.
 const MOST_WAYS: usize = 3;
 const MOST_REFITS: usize = 12;
 /// Relative accuracy of the smallest size: its distance exceeds the threshold by at most this fraction.
 const TOLERANCE: f64 = 0.01;
-/// An experiment is blind to an effect that is visible at no size if its largest distance (σ) is below this value. It is also blind if the visible fraction is below
-/// `BLIND_FRACTION`.
+/// Limit of a blind spot's largest distance, in standard deviations of the noise. An effect without a visible size is a blind spot if its largest distance is below this limit,
+/// or if its visible fraction is below `BLIND_FRACTION`.
 const BLIND_SIGMA: f64 = 1.0;
 const BLIND_FRACTION: f64 = 1e-3;
 
@@ -35,7 +35,7 @@ pub struct Detectability {
     pub smallest: Option<f64>,
     /// Distance (σ) of the base model's best fit from data with the largest size in the prior's range.
     pub largest_distance: f64,
-    /// Fraction ‖Pg‖²/‖g‖² of the effect's whitened signature g that the base model cannot absorb, at small sizes. It is the largest over signs and grid points.
+    /// Fraction of the effect's whitened signature, in squared norm, that the base model cannot absorb at small sizes. It is the largest over signs and grid points.
     pub visible_fraction: f64,
 }
 

@@ -8,7 +8,7 @@ use super::predicted::{error_over_predicted_noise, error_over_white_noise};
 use super::refit::Refitted;
 pub use super::request::DiagnosisRequest;
 use super::residual_structure::{
-    UnexplainedResidual, event_in_any_cycle, is_gain_of_a_cycle, measure_misfit, without_shape_of_no_law,
+    UnexplainedResidual, event_in_any_cycle, is_gain_of_a_cycle, measure_misfit, with_structure_outside_law,
 };
 use super::search::{SearchResult, SearchStep, search};
 use super::verdict::{Evidence, Residual, ResidualTest, decide_verdict};
@@ -152,12 +152,12 @@ fn gather<'a>(
     })
 }
 
-/// Residual of a model after removal of structure that belongs to no law, with the number of positions that judge it. For a claim, it includes the error on the last
-/// held-out cycle divided by the predictive noise. The same holds for a base whose recordings cannot show slow noise.
+/// Residual of a model after removal of structure that belongs to no law, with the number of positions that it covers. A claim also has its error on the last held-out cycle
+/// divided by the predictive noise. A base whose recordings cannot show slow noise has this error divided by white noise.
 fn residual(subject: &Subject, model: &Refitted, structure: &[OutsideStructure], is_claim: bool) -> Result<Residual> {
     let n = |positions: &[Option<f64>]| positions.iter().flatten().count();
     let n_positions = if n(&subject.scored_m) > 0 { n(&subject.scored_m) } else { n(&subject.fitted_m) };
-    let without_shape = without_shape_of_no_law(model, structure);
+    let without_shape = with_structure_outside_law(model, structure);
     let over_predicted = match is_claim {
         true => error_over_predicted_noise(subject, without_shape),
         false if subject.can_show_slow_noise() => None,

@@ -37,7 +37,7 @@ pub(super) struct Report<'a> {
     pub request: &'a DiagnosisRequest,
     pub found: &'a SearchResult,
     pub verdict: &'a Verdict,
-    /// Model of the verdict's effects; `None` if it names none.
+    /// Model of the verdict's effects; `None` if the verdict names none.
     pub model: Option<&'a Refitted>,
     /// Structure outside the library, the leading one first.
     pub unexplained: &'a [OutsideStructure],
@@ -154,7 +154,7 @@ impl Report<'_> {
         (2.0 * self.found.bootstrap.threshold().max(self.request.criteria.least_gain_nats)).sqrt() + 1.0
     }
 
-    /// Describes the change of the protocol that would separate the claim from its equivalent effects; empty if there are none.
+    /// Describes the change of the protocol that would separate the claim from its equivalent effects; empty if the claim has none.
     fn separating_protocol(&self) -> Result<String> {
         let Some(claimed) = self.model.filter(|_| !self.equivalent.is_empty()) else { return Ok(String::new()) };
         let models = std::iter::once(claimed).chain(self.equivalent);
@@ -252,7 +252,7 @@ impl Report<'_> {
         list.extend(self.found.bootstrap.sentence());
         if let Some(n) = self.unexplained.iter().find_map(|outside| outside.cut_short_after) {
             list.push(format!(
-                "this model takes long to fit, so the test of structure outside the library stopped after {n} simulated records: none contains structure of such a gain, so p is at most 1 in {}",
+                "this model takes long to fit, so the test of structure outside the library stopped after {n} simulated records: none contains structure with such a gain, so p is at most 1 in {}",
                 n + 1
             ));
         }
@@ -285,7 +285,7 @@ impl Report<'_> {
         self.subject.noise().row_sd_um(&model.fitted.noise)
     }
 
-    /// Noise standard deviation of one position in µm; if it was not given, also the learnt value.
+    /// Phrase for the noise standard deviation (µm) of one position. If the noise was not given, the phrase also has the learnt value.
     fn noise_words(&self) -> String {
         let Some(noise_um) = self.subject.noise_um() else { return "unknown".into() };
         let noise = short(noise_um);
@@ -329,7 +329,7 @@ impl Report<'_> {
         )
     }
 
-    /// Describes the unexplained residual; `None` if there is none. If the request is not in full, a residual that only its size reveals also has no description.
+    /// Describes the unexplained residual; `None` if there is none. Without `in_full` of the request, a residual that only its size reveals has no description either.
     fn what_remains(&self) -> Option<String> {
         let first = || self.unexplained.first().map(|first| first.sentence.clone());
         self.leftover.as_ref().map(|leftover| leftover.entry.sentence.clone()).or_else(first)
@@ -355,7 +355,7 @@ impl Report<'_> {
         )
     }
 
-    /// Writes the ratio of the residual to the noise, and where it occurs.
+    /// Phrase for the ratio of the residual to the noise, and for the cycles where it occurs.
     fn excess_words(&self) -> String {
         if let (false, Some(factor)) = (self.left.is_too_large(), self.over_predicted) {
             let noise = match (self.model, self.left.is_known) {
@@ -370,7 +370,7 @@ impl Report<'_> {
         let noise_m = self.left.noise_m;
         let noise = match self.left.is_known {
             true => format!("the known noise of {} µm", short(1e6 * noise_m)),
-            false if noise_m > self.subject.yardstick_m() => {
+            false if noise_m > self.subject.reference_noise_m() => {
                 format!("the {} µm that do not recur in every cycle", short(1e6 * noise_m))
             }
             false => format!("the estimated noise of {} µm", short(1e6 * noise_m)),
@@ -395,14 +395,14 @@ impl Report<'_> {
         let left = self.left.heldout.unwrap_or(self.left.fitted).rms_m;
         if self.verdict.is_doubtful {
             return format!(
-                "An effect may be missing: the model's residual is {} times the given noise on the {rows}. No effect of the library explains it, and slow noise beside the given one would look alike.{hint}",
+                "An effect may be missing: the model's residual is {} times the given noise on the {rows}. No effect of the library explains it, and slow noise in addition to the given noise would look the same.{hint}",
                 short(left / self.left.noise_m),
             );
         }
         format!(
             "This experiment shows no missing effect: the model's error is {} µm on the {rows}{} (noise {}), and its residual looks like noise.{}{hint}",
             short(rmse_um),
-            without_the_cycles_own(rmse_um, 1e6 * left),
+            error_without_cycle_gains(rmse_um, 1e6 * left),
             self.noise_words(),
             self.unknown_noise(),
         )
@@ -416,7 +416,7 @@ struct DocumentSource<'a> {
 }
 
 impl DocumentSource<'_> {
-    /// Describes the change of the error from the base to the model that is claimed or helps; empty if there is none.
+    /// Describes the change of the error from the base to the model with the verdict's effects; empty if the verdict names none.
     fn change_in_words(&self) -> String {
         let Some(after) = self.extended else { return String::new() };
         let (which, was, is) = match (self.base.rmse_heldout_um, after.rmse_heldout_um) {
@@ -427,9 +427,9 @@ impl DocumentSource<'_> {
     }
 }
 
-/// Phrase for an error (µm) after removal of each cycle's gain and offset; empty if gains and offsets add little. They are part of the noise. Only this phrase explains
-/// why an error far above the noise is acceptable.
-fn without_the_cycles_own(rmse_um: f64, left_um: f64) -> String {
+/// Phrase for an error (µm) after removal of each cycle's gain and offset; empty if gains and offsets add little. It tells the reader why an error far above the noise standard
+/// deviation may be acceptable: gains and offsets count as noise.
+fn error_without_cycle_gains(rmse_um: f64, left_um: f64) -> String {
     if rmse_um < WORTH_SAYING * left_um {
         return String::new();
     }

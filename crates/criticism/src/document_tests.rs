@@ -340,7 +340,7 @@ fn a_law_that_is_not_linear_is_not_weighed_beside_a_claim() {
     assert!(matches!(weighing.factor("force-bias"), BayesFactor::Known(_)));
     assert_eq!(weighing.factor("strain-stiffening"), BayesFactor::AtMost(1005.0));
     let [remark] = &weighing.remarks[..] else { panic!("{:?}", weighing.remarks) };
-    assert!(remark.contains("strain-stiffening") && remark.contains("such nonlinear laws take long"), "{remark}");
+    assert!(remark.contains("strain-stiffening") && remark.contains("because nonlinear laws take long"), "{remark}");
 }
 
 /// Two modes are reported with their probabilities; a single mode is not mentioned.

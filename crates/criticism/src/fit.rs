@@ -17,12 +17,12 @@ use base::error::{Error, Result};
 use models::model::{Lanes, N_LANES};
 use posterior::noise::NoiseScales;
 
-/// Fraction of the predicted gain above which a step's gain ends the trials of further steps.
-pub(super) const KEPT_PROMISE: f64 = 0.3;
+/// Fraction of the predicted gain of a step. If the actual gain exceeds it, no further steps are tried.
+pub(super) const SUFFICIENT_GAIN_RATIO: f64 = 0.3;
 /// Number of steps tried with Broyden's derivatives before the derivatives are computed anew.
 const N_BY_GUESS: usize = 2;
-/// Two climbs are at one optimum if the sum of squares of their positions' difference, in units of the noise, is below this value. The second climb ends there, unless
-/// its objective is higher by more than [`HIGHER_NATS`].
+/// Largest squared distance of two climbs that are at one optimum: the sum over fitted rows of the squared difference of their positions, in units of the noise. The second
+/// climb then ends, unless its objective is higher by more than [`HIGHER_NATS`].
 const SAME_PLACE: f64 = 0.1;
 const HIGHER_NATS: f64 = 0.01;
 /// Starting sizes, besides the null, of effects whose response begins with the square of their size.
@@ -116,7 +116,7 @@ impl FitPoint {
         self.objective = objective;
     }
 
-    fn forget_guess(&mut self) {
+    fn drop_broyden_derivatives(&mut self) {
         if self.is_guessed {
             (self.columns_m, self.is_guessed) = (None, false);
         }
@@ -149,7 +149,7 @@ impl Subject {
     pub(super) fn noise_prior(&self) -> NoisePrior {
         let scales = self.experiment().scales();
         let scales = NoiseScales {
-            noise_sd_um: 1e6 * self.yardstick_m(),
+            noise_sd_um: 1e6 * self.reference_noise_m(),
             sample_interval_s: scales.sample_interval_s,
             cycle_s: scales.cycle_s,
         };
@@ -268,7 +268,7 @@ impl Climber<'_> {
         let grid: &[f64] =
             if self.search == Search::Wide { &[0.05, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95] } else { &[0.15, 0.5, 0.85] };
         for (k, free) in self.candidate.free.iter().enumerate() {
-            // A parameter of an effect that the other fit has keeps the value of that fit.
+            // If the other fit already has the effect, the parameter keeps the fitted value.
             let is_off = free.effect.is_some_and(|effect| self.is_off(effect, theta));
             if free.is_unidentified_at_null() && is_off {
                 let on_grid = |start: &Vec<f64>| -> Vec<Vec<f64>> {
@@ -282,7 +282,7 @@ impl Climber<'_> {
                 list = list.iter().flat_map(on_grid).collect();
             }
         }
-        // At the null, these grid points describe one model: a small step into the effect separates them.
+        // At the null, these grid points describe one model: a small step away from the null separates them.
         for start in &mut list {
             for (k, free) in self.candidate.free.iter().enumerate() {
                 if let (Some(null), Some(effect)) = (free.null, free.effect)
@@ -369,7 +369,7 @@ impl Climber<'_> {
     fn is_at(&self, point: &FitPoint, other: &FitPoint) -> bool {
         let fitted = self.subject.fitted_m.iter().zip(point.position_m.iter().zip(&other.position_m));
         let squares: f64 = fitted.filter(|(y, _)| y.is_some()).map(|(_, (a, b))| (a - b).powi(2)).sum();
-        let is_near = squares < SAME_PLACE * self.subject.yardstick_m().powi(2);
+        let is_near = squares < SAME_PLACE * self.subject.reference_noise_m().powi(2);
         is_near && point.objective < other.objective + HIGHER_NATS
     }
 
@@ -387,7 +387,7 @@ impl Climber<'_> {
         for _ in 0..MOST_STEPS {
             let Some(steps) = self.steps(&mut point).filter(|steps| steps.promised > least_gain) else {
                 if point.is_guessed {
-                    point.forget_guess();
+                    point.drop_broyden_derivatives();
                     continue;
                 }
                 break;
@@ -409,13 +409,13 @@ impl Climber<'_> {
                 } else if so_far > 0.0 {
                     break;
                 }
-                if point.objective - before > KEPT_PROMISE * steps.promised {
+                if point.objective - before > SUFFICIENT_GAIN_RATIO * steps.promised {
                     break;
                 }
             }
             let gain = point.objective - before;
-            if was_guessed && gain < KEPT_PROMISE * steps.promised {
-                point.forget_guess();
+            if was_guessed && gain < SUFFICIENT_GAIN_RATIO * steps.promised {
+                point.drop_broyden_derivatives();
                 continue;
             }
             resting = if gain < least_gain { resting + 1 } else { 0 };
@@ -424,7 +424,7 @@ impl Climber<'_> {
             }
         }
         // The noise changes next: Broyden's derivatives are dropped.
-        point.forget_guess();
+        point.drop_broyden_derivatives();
         point
     }
 

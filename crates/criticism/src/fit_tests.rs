@@ -162,7 +162,7 @@ fn guessed_derivatives_agree_with_the_last_move() {
     }
     assert_eq!(guessed[2], columns[2]);
     assert!((guessed[0][0] - columns[0][0]).abs() > 0.1);
-    point.forget_guess();
+    point.drop_broyden_derivatives();
     assert!(point.columns_m.is_none() && !point.is_guessed);
     let mut fast = start;
     fast.move_to(&to, position(&to), 1.0, 0);

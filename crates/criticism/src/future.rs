@@ -31,14 +31,14 @@ pub struct FutureScore {
     pub last: f64,
 }
 
-/// Information of the narrowest prior of an effect's size, in units of the average information of a cycle.
+/// Information of the narrowest prior of an effect's size, as a fraction of the average information of one cycle.
 const PRIOR_CYCLES: f64 = 0.2;
 /// Number of priors in the mixture for an effect's size; their precisions form a geometric progression.
 const N_SCALES: usize = 5;
 /// Standard deviation of the vague prior of a column's amplitude, in m.
 const AMPLITUDE_SD_M: f64 = 1e-3;
 
-/// Log scores of a candidate at its fit; `None` when no cycle is held out.
+/// Log scores of a candidate's predictions of future cycles; `None` if no cycle is held out.
 ///
 /// # Errors
 /// [`base::Error::Numerical`] if the candidate has no derivatives.

@@ -94,7 +94,7 @@ fn promised(subject: &Subject, base: &Refitted, law: &[f64]) -> Result<FirstOrde
     let most_m = deviation_m.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
     let score = Score {
         z,
-        // The deviation begins with the square of the amplitude.
+        // For small amplitudes the deviation grows with the square of the amplitude.
         expected_parameter: (z / norm).max(0.0).sqrt(),
         visible_fraction: left.norm_squared() / whole.norm_squared().max(f64::MIN_POSITIVE),
         signature_per_unit: norm,

@@ -26,8 +26,8 @@ pub(super) struct NoisePrior {
 pub(super) const GAIN_FLOOR: f64 = 0.01;
 
 impl NoisePrior {
-    /// Uses the priors of `sample` with two exceptions. The standard deviation of white errors is close to the yardstick. If the noise is estimated, the slow process has
-    /// a wider prior, since the estimate does not show it.
+    /// Makes the priors of the command `sample`, with two exceptions. The standard deviation of white errors is close to the reference noise (given or estimated). If the noise is
+    /// estimated, the slow process has a wider prior, because the estimate does not show it.
     pub fn new(model: NoiseModel, scales: &NoiseScales, is_known: bool) -> Self {
         let learning = model.learning(scales, is_known);
         Self { is_absent: vec![false; learning.parameters.len()], learning }
@@ -41,8 +41,8 @@ impl NoisePrior {
         Self { is_absent: is_absent.collect(), ..self }
     }
 
-    /// Returns the log prior density, up to a constant. It is a density of logarithms for σ, σ_ou and τ. It is a density of values for the gain s_g and the offset s_o,
-    /// which may vanish.
+    /// Returns the log prior density, up to a constant. For the standard deviations of white and slow noise and the correlation time, it is a density of logarithms. For the
+    /// standard deviations of gain and offset, which may vanish, it is a density of values.
     pub fn ln_density(&self, noise: &LogNoise) -> f64 {
         let parts = self.learning.parameters.iter().zip(noise.iter());
         parts
@@ -80,7 +80,7 @@ impl NoisePrior {
         noise
     }
 
-    /// Returns nearly pure white noise of the yardstick's size, which weights all rows equally.
+    /// Returns nearly pure white noise of the size of the reference noise (given or estimated). It weights all rows equally.
     pub fn white(&self) -> LogNoise {
         self.clamped(self.learning.parameters.iter().map(|parameter| parameter.ln_white).collect())
     }
@@ -120,7 +120,7 @@ fn shared(position_m: &[f64]) -> Vec<SharedPosition> {
     position_m.iter().copied().map(SharedPosition).collect()
 }
 
-/// Log posterior of the noise at each point. One pass over the rows takes hardly longer for all neighbours of a point than for eight points, and less for few points.
+/// Log posterior of the noise at each point. One pass over the rows evaluates up to sixteen points in hardly more time than eight; a chunk of at most eight takes less.
 fn evaluate_at(
     likelihood: &NoiseLikelihood,
     prior: &NoisePrior,

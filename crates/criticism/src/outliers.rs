@@ -17,7 +17,7 @@ use base::error::Result;
 use record::Record;
 use record::noise::SD_PER_MAD;
 
-/// Number of rows on either side whose median a row is compared with: two bad rows among them do no harm.
+/// Number of neighbours on each side of a row. The row is compared with the median of each side, which two bad rows do not affect.
 const N_NEIGHBOURS: usize = 5;
 /// Least number of neighbours on one side. If one side has fewer, as at the record's ends, only the other side counts. The departure from that side is multiplied by `ONE_SIDE`.
 const FEWEST_NEIGHBOURS: usize = 2;
@@ -26,14 +26,14 @@ const ONE_SIDE: f64 = 2.0 / 3.0;
 const REACH_INTERVALS: f64 = 10.0;
 /// Least departure of an outlier, in robust standard deviations of the departures of all rows.
 const THRESHOLD: f64 = 5.0;
-/// Least jump between an outlier and the next rows, in the unit of `THRESHOLD`.
+/// Least jump between an outlier and the next rows, in robust standard deviations of the departures of all rows.
 const EDGE: f64 = 3.5;
-/// Largest difference at which departures after two force steps count as equal, in the unit of `THRESHOLD`.
+/// Largest difference at which departures after two force steps count as equal, in robust standard deviations of the departures of all rows.
 const SAME: f64 = 4.0;
 /// Relative difference up to which departures after two force steps count as equal.
 const SAME_FRACTION: f64 = 0.33;
 const LONGEST_BURST: usize = 3;
-/// Largest ratio of the heights of two force steps that are compared; larger ratios are used only if there are no others.
+/// Largest ratio of the heights of two force steps that are compared. Steps with larger ratios are compared only if there are no others.
 const LARGEST_RATIO: f64 = 1.25;
 /// Number of force steps above which only every second, third, … step is compared. So many steps still show a departure that occurs after a third of all steps, and the
 /// cost stays linear in the number of steps.
@@ -42,7 +42,7 @@ const MOST_COMPARED: usize = 512;
 const UNJUDGED_ROWS: usize = 10;
 /// Largest difference at which the times after two force steps count as equal, in sample intervals.
 const SAME_TIME_INTERVALS: f64 = 0.1;
-/// Least standard deviation of departures, as a fraction of the yardstick: positions rounded to pixels may not differ at all.
+/// Least standard deviation of departures, as a fraction of the known or estimated noise: positions rounded to pixels may not differ at all.
 const LEAST_SCALE: f64 = 0.25;
 
 /// Returns an experiment without its outliers, the fit of a model to it, and the excluded rows.
@@ -65,7 +65,7 @@ pub fn find_outliers(subject: &Subject, fitted: &Fitted) -> Vec<usize> {
     let observed = subject.fitted_m.iter().zip(&subject.scored_m).map(|(fitted, scored)| fitted.or(*scored));
     let residual_m: Vec<Option<f64>> =
         observed.zip(&fitted.position_m).map(|(observed, position)| Some(observed? - position)).collect();
-    rows_of(&subject.experiment().record, &residual_m, LEAST_SCALE * subject.yardstick_m())
+    rows_of(&subject.experiment().record, &residual_m, LEAST_SCALE * subject.reference_noise_m())
 }
 
 /// Rows of outliers among residuals (m, one per row of the record). The standard deviation of departures is at least `least_scale_m`.
@@ -93,7 +93,7 @@ fn rows_of(record: &Record, residual_m: &[Option<f64>], least_scale_m: f64) -> V
         .collect()
 }
 
-/// Departure of a position from those around it.
+/// Departure of a position from its neighbours in time.
 struct Departure {
     /// Departure from the mean of the medians on both sides, in m, with its sign.
     from_both_m: f64,
@@ -117,7 +117,7 @@ fn departure(time_s: &[f64], residual_m: &[f64], place: usize, reach_s: f64) -> 
     Some(Departure { from_both_m: 0.5 * (before_m + after_m), one_sided_m: standing_out_m })
 }
 
-/// Groups places into runs of successive places, and drops runs longer than [`LONGEST_BURST`].
+/// Groups indices of positions into runs of successive indices, and drops runs longer than [`LONGEST_BURST`].
 fn bursts(places: &[usize]) -> Vec<Range<usize>> {
     let runs = places.chunk_by(|a, b| a + 1 == *b).map(|run| run[0]..run[0] + run.len());
     runs.filter(|run| run.len() <= LONGEST_BURST).collect()

@@ -1,4 +1,4 @@
-//! Errors of a model as `extend` and `ladder` show them. The fit uses the noise terms of the specification, and the errors cover every position.
+//! Errors of a model as the commands `extend` and `ladder` show them. The fit uses the noise terms of the specification, and the errors cover every position.
 
 use base::error::Result;
 use documents::errors::ModelErrors;
@@ -6,8 +6,8 @@ use documents::errors::ModelErrors;
 use super::refit::Refitted;
 use super::{Search, Subject};
 
-/// Returns the errors (µm) of a model's best fit with only the noise terms of the base's specification. The fit starts from that of a search. The errors of the model's
-/// posterior mean are close to these. `subject` has every position, also those that a search excludes as outliers.
+/// Returns the errors (µm) of a model's best fit with only the noise terms of the base's specification. The fit starts from the model's fit in a search. The errors are close to
+/// those of the model's posterior mean. `subject` has every position, also those that a search excludes as outliers.
 ///
 /// # Errors
 /// Errors of [`Subject::fit`].

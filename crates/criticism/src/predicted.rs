@@ -26,7 +26,7 @@ pub fn allowed_noise_um(
     (candidate, fitted): (&Candidate, &Fitted),
     positions_m: &[Option<f64>],
 ) -> Option<f64> {
-    let given_m = if subject.is_noise_known() { subject.yardstick_m() } else { f64::INFINITY };
+    let given_m = if subject.is_noise_known() { subject.reference_noise_m() } else { f64::INFINITY };
     noise_um(subject, (candidate, fitted), positions_m, 2.0 * given_m * given_m)
 }
 
@@ -37,13 +37,13 @@ pub fn error_over_predicted_noise(subject: &Subject, model: (&Candidate, &Fitted
 }
 
 /// Error of a model on the scored cycle, divided by the error expected from white noise and the uncertainty of its parameters. `sample` makes this prediction by default.
-/// The white noise is the yardstick, or the root mean square residual of the fitted cycles if that is larger. `None` if no cycle is scored.
+/// The white noise is the known or estimated noise, or the root mean square residual of the fitted cycles if that is larger. `None` if no cycle is scored.
 pub fn error_over_white_noise(subject: &Subject, model: (&Candidate, &Fitted)) -> Option<f64> {
     let (candidate, fitted) = model;
     let (error_m, left_m) = (fitted.rmse_m(&subject.scored_m)?, fitted.rmse_m(&subject.fitted_m)?);
     let white = Fitted { noise: subject.noise_prior().white().map(f64::exp), ..fitted.clone() };
     let of_parameters_um = noise_um(subject, (candidate, &white), &subject.scored_m, 0.0)?;
-    Some(1e6 * error_m / of_parameters_um.hypot(1e6 * subject.yardstick_m().max(left_m)))
+    Some(1e6 * error_m / of_parameters_um.hypot(1e6 * subject.reference_noise_m().max(left_m)))
 }
 
 /// Predictive noise (µm) whose variance from row to row is limited to `most_m2` (m²).

@@ -2,9 +2,9 @@
 //!
 //! The score of effect k is z_k = g_kᵀPr/‖Pg_k‖, averaged over draws of the base model's parameters. Here g_k is the effect's whitened signature at the null, r the
 //! whitened residual and P the projection of [`Tangent`]. The score is one-sided if the effect has one sign. If a parameter is unidentified at the null, the largest
-//! score over a grid counts. To first order, some effects equal a change of the law's parameters. Their signature is the residual of the base's best fit to an effect of
-//! finite size ([`models::effects::Effect::signature_size`]), at the base's own fit. A ranking orders the refits and explains them. It excludes no effect, since a large
-//! effect may lie far from its tangent.
+//! score over a grid counts. To first order, some effects equal a change of the law's parameters. The signature of such an effect is the residual of the base's best fit to the
+//! effect at a finite size ([`models::effects::Effect::signature_size`]). A ranking orders the refits and explains them. It excludes no effect, because a large effect may lie
+//! far from its tangent.
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -21,7 +21,7 @@ use sampling::ensemble::RandomStream;
 const N_DRAWS: usize = 64;
 /// Prior quantiles for parameters that are unidentified at the null.
 const GRID: [f64; 7] = [0.05, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95];
-/// Absolute cosine of two visible signatures above which effects are called twins.
+/// Absolute cosine of two visible signatures above which two effects count as twins (of nearly the same shape).
 const TWIN_COSINE: f64 = 0.99;
 /// Visible fraction below which a signature comes from rounding and curvature, so that its direction is meaningless.
 const LEAST_VISIBLE: f64 = 1e-6;
@@ -76,7 +76,7 @@ pub fn scores(
         let (z, free) = (mean(best), first_free(base, candidates[number]));
         let unit = free.map_or(1.0, |free| free.coordinate.unit(free.null.unwrap_or(0.0)));
         let norm = visible[best].norm();
-        // A finite signature grows with the square of the size, which may be the coordinate itself.
+        // The response of an effect with a finite signature grows with the square of its size. The coordinate may already be this square.
         let is_squared = free.is_some_and(|free| matches!(free.coordinate, Coordinate::Square { .. }));
         let expected = match finite {
             Some(finite) if !is_squared => {
@@ -183,7 +183,7 @@ pub(super) fn signature(
     let is_squared = matches!(free.coordinate, Coordinate::Square { .. });
     let value = |theta: f64| free.coordinate.value(theta);
     let at_null = value(null);
-    // A finite signature grows with the square of the step, unless the coordinate is a square.
+    // The response of an effect with a finite signature grows with the square of the step, unless the coordinate is a square.
     let (unit, power) = match &finite {
         Some(finite) if !is_squared => ((value(null + finite.step.abs().sqrt()) - at_null).abs(), 2.0),
         _ => ((value(null + 1.0) - at_null).abs(), if is_squared { 2.0 } else { 1.0 }),
@@ -239,9 +239,9 @@ fn points_at_null(base: &Candidate, fitted: &Fitted, candidate: &Candidate) -> O
     Some((place, grid.iter().map(at).collect()))
 }
 
-/// Response to an effect of finite size, per unit of its first parameter's coordinate, one column per grid point.
+/// Response to an effect of finite size, per unit of its first parameter's coordinate. There is one column per grid point of the parameters unidentified at the null.
 struct Finite {
-    /// Size, as a step of the coordinate from the null.
+    /// Size of the effect, as a step of its parameter's coordinate from the null.
     step: f64,
     /// Response relative to the base's fit (m per unit of the coordinate).
     whole_m: Vec<Vec<f64>>,
@@ -327,7 +327,7 @@ pub fn largest_score_threshold(scores: &[Score], cosines: &DMatrix<f64>, seed: u
     sample[N_LARGEST * 95 / 100]
 }
 
-/// Grouped score of two effects, zᵀC⁻¹z, in the units of a squared score: twice the gain of the pair.
+/// Joint squared score of two effects, zᵀC⁻¹z with their scores z and the matrix C of their cosines. It is twice the first-order gain (nats) of the pair.
 pub fn pair_score(a: &Score, b: &Score) -> f64 {
     let cosine = match (&a.direction, &b.direction) {
         (Some(x), Some(y)) => x.dot(y),

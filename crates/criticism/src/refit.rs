@@ -19,7 +19,7 @@ pub struct Refitted {
     pub future: Option<FutureScore>,
 }
 
-/// Gain of a model over another one.
+/// Gains of a model over another one that it is compared with.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Gain {
     /// Gain over the smaller model, in log likelihood of the fitted cycles with the noise estimated anew, in nats.
@@ -28,17 +28,17 @@ pub struct Gain {
     pub future: Option<f64>,
     /// Gain in the log score of the last cycle, in nats; `None` when no cycle is held out.
     pub last: Option<f64>,
-    /// Largest change of a predicted position, divided by the yardstick.
+    /// Largest change of a predicted position, divided by the known or estimated noise standard deviation.
     pub largest_change: f64,
     /// Value by which candidates are ranked: fitted plus last-cycle gain, less two nats for each parameter beyond one per effect.
     pub rank: f64,
 }
 
-/// Least gain, in nats, for each parameter beyond one per effect.
+/// Penalty of the rank, in nats, for each parameter beyond one per effect.
 const NATS_PER_PARAMETER: f64 = 2.0;
 
 impl Refitted {
-    /// Fits a model; the starts include the fits of the models in `contained`, which it contains. `search` sets the thoroughness.
+    /// Fits a model from the search's own starts and from the fits of the smaller models in `contained`. `search` sets the thoroughness.
     ///
     /// # Errors
     /// [`base::Error::Numerical`] if the model has no solution at any start.
@@ -78,13 +78,13 @@ impl Refitted {
             fitted,
             future: both.map(|(future_score, other)| future_score.all - other.all),
             last,
-            largest_change: largest_m / subject.yardstick_m(),
+            largest_change: largest_m / subject.reference_noise_m(),
             rank: fitted + last.unwrap_or(0.0) - penalty,
         }
     }
 }
 
-/// Refits models, each from the fits of the models in `contained` that it contains. The result is `None` for a model that cannot be evaluated.
+/// Refits models. The starts of each model include the fits of those models in `contained` that it contains. The result is `None` for a model that cannot be evaluated.
 pub fn refit_all(
     subject: &Subject,
     candidates: &[Candidate],

@@ -12,7 +12,7 @@ pub struct DiagnosisRequest {
     pub n_simulations: usize,
     /// Seed of all random numbers.
     pub seed: u64,
-    /// True to compute every p and the results that only the text needs: evidence of all candidates, protocols and smallest sizes. `challenge run` leaves them out.
+    /// True to compute every p, and the results that only the document's text needs: evidence of all candidates, protocols and smallest sizes. `challenge run` leaves them out.
     pub in_full: bool,
     /// Errors of the base model's posterior on these cycles, if it was sampled; else the document shows the errors of its best fit.
     pub base_errors: Option<ModelErrors>,

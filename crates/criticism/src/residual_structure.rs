@@ -21,8 +21,8 @@ use figures::number::format_significant;
 use figures::svg::Svg;
 use posterior::misfit::{GainKnowledge, Misfit, Residuals};
 
-/// A change of gain counts as one between cycles if it lies within this fraction of a cycle's length from the cycle's start. Positions near zero do not show the exact
-/// time.
+/// Largest distance of a gain change from a cycle's start, as a fraction of the cycle's length, at which the change counts as one between cycles. Positions near zero do not
+/// show the exact time.
 const CYCLE_EDGE: f64 = 0.05;
 
 /// Misfit of a model: its residual compared with the noise, without structure that belongs to no law, such as a slip.
@@ -30,7 +30,7 @@ const CYCLE_EDGE: f64 = 0.05;
 /// # Errors
 /// [`base::Error::Numerical`] if the model has no derivatives at its fit.
 pub fn measure_misfit(subject: &Subject, model: &Refitted, unexplained: &[OutsideStructure]) -> Result<Misfit> {
-    let (candidate, fitted) = without_shape_of_no_law(model, unexplained);
+    let (candidate, fitted) = with_structure_outside_law(model, unexplained);
     let left = |positions_m: &[Option<f64>]| -> Vec<Option<f64>> {
         positions_m.iter().zip(&fitted.position_m).map(|(y, x)| y.map(|y| y - x)).collect()
     };
@@ -45,13 +45,13 @@ pub fn measure_misfit(subject: &Subject, model: &Refitted, unexplained: &[Outsid
     let misfit = if subject.is_noise_unknown() {
         Misfit::relative_to_fitted(&remainder)
     } else {
-        Misfit::of(&remainder, subject.yardstick_m(), subject.is_noise_known())
+        Misfit::of(&remainder, subject.reference_noise_m(), subject.is_noise_known())
     };
     misfit.ok_or_else(|| Error::numerical("no position is fitted", "fit a cycle that has positions"))
 }
 
-/// Returns the candidate and fit with the leading structure if that belongs to no law, else those of the model alone.
-pub(super) fn without_shape_of_no_law<'a>(
+/// Returns the candidate and fit that contain the leading structure, if that structure belongs to no law. Otherwise returns the model's own candidate and fit.
+pub(super) fn with_structure_outside_law<'a>(
     model: &'a Refitted,
     unexplained: &'a [OutsideStructure],
 ) -> (&'a Candidate, &'a Fitted) {
@@ -195,7 +195,7 @@ pub(super) fn event_remark(subject: &Subject, event: &OutsideStructure) -> Strin
     }
 }
 
-/// Returns the candidate and fit with a structure in the mean, or of the model alone if `shape` is `None`.
+/// Returns the candidate and fit that contain the structure `shape`, or those of the model alone if `shape` is `None`.
 fn with_shape<'a>(model: &'a Refitted, shape: Option<&'a OutsideStructure>) -> (&'a Candidate, &'a Fitted) {
     shape.map_or((&model.candidate, &model.fitted), |shape| (&shape.candidate, &shape.fitted))
 }
@@ -285,7 +285,7 @@ fn panel_of_process(process: &Discrepancy, rows: &[usize]) -> DiscrepancyPanel {
 fn panel_of_shape(subject: &Subject, shape: &OutsideStructure, rows: &[usize]) -> DiscrepancyPanel {
     let record = &subject.experiment().record;
     let of = |value: &dyn Fn(usize) -> f64| rows.iter().map(|row| value(*row)).collect();
-    // Position of the model without the structure. The model's parameters have absorbed what they can of it.
+    // Position of the model without the structure. The model's parameters have absorbed their part of the structure.
     let model_m = |row: usize| shape.fitted.position_m[row] - shape.discrepancy_m[row];
     let left_um = |row: usize| subject.fitted_m[row].map_or(f64::NAN, |y| 1e6 * (y - model_m(row)));
     let since_cycle_s = |row: usize| {

@@ -11,7 +11,7 @@ use super::refit::Refitted;
 use super::{Candidate, Subject, Tangent};
 use base::error::Result;
 
-/// Factor by which a refit's gain may exceed its first-order value, with `NATS` added. The noise is estimated anew, and large sizes leave the tangent.
+/// Factor by which a refit's gain may exceed its first-order value, with `NATS` added. The noise is estimated anew, and large effects deviate from the tangent.
 const FACTOR: f64 = 1.5;
 const NATS: f64 = 1.0;
 

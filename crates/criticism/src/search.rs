@@ -14,7 +14,7 @@ use crate::NoiseValues;
 use base::error::Result;
 use posterior::monitor::Monitor;
 
-/// Number of pairs that are refitted because of their grouped score. All pairs with the best single effect are candidates as well.
+/// Number of pairs that are refitted because of their joint first-order score. All pairs with the best single effect are candidates as well.
 const N_LEADING_PAIRS: usize = 10;
 /// Least first-order bound ([`Screen`]) of a second effect that is refitted, in nats. An effect below it gains too little for a larger model under
 /// [`Criteria::larger_nats`].
@@ -140,7 +140,7 @@ fn extend_base(subject: &Subject, slug: &str) -> std::result::Result<Candidate, 
     })
 }
 
-/// Refits the base from the noises of larger models and returns the fit if it is better. The search for a noise must not favour larger models.
+/// Refits the base from the noises of larger models and returns the fit if it is better. Otherwise a larger model could gain only by a better search for its noise.
 fn base_from(subject: &Subject, base: &Refitted, larger: &[Option<Refitted>]) -> Option<Refitted> {
     let noises = larger.iter().flatten().map(|model| (base.fitted.theta.clone(), model.fitted.noise));
     let starts: Vec<(Vec<f64>, NoiseValues)> = noises.collect();
@@ -152,7 +152,7 @@ fn base_from(subject: &Subject, base: &Refitted, larger: &[Option<Refitted>]) ->
     Some(Refitted { candidate: base.candidate.clone(), fitted, future })
 }
 
-/// Pairs with the best grouped scores, and pairs of the best single effect with every effect that gains beside it to first order.
+/// Returns the pairs with the best joint scores, and the pairs of the best single effect with promising other effects ([`select_promising`]). The best pair comes first.
 fn pairs(subject: &Subject, criteria: &Criteria, found: &SearchResult, monitor: &dyn Monitor) -> Vec<(Refitted, Gain)> {
     let usable: Vec<&Single> = found.singles.iter().filter(|single| single.refitted.is_some()).collect();
     let mut scored: Vec<(f64, [&str; 2])> = Vec::new();
@@ -252,8 +252,8 @@ fn rounds(subject: &Subject, request: &DiagnosisRequest, found: &mut SearchResul
     found.largest = found.largest.take().map(|largest| remove_needless_effects(subject, criteria, found, largest));
 }
 
-/// Best model with one effect more than `current`, and its gain over `current`. The second round accepts any pair, even without the best
-/// single effect, which may have replaced two others.
+/// Best model with one effect more than `current`, and its gain over `current`. The second round accepts any pair, even without the best single effect: that effect may only
+/// have stood in for two others.
 fn next_larger(
     subject: &Subject,
     found: &SearchResult,
@@ -288,7 +288,7 @@ fn next_larger(
 
 fn largest_change(subject: &Subject, a: &Refitted, b: &Refitted) -> f64 {
     let pairs = a.fitted.position_m.iter().zip(&b.fitted.position_m);
-    pairs.fold(0.0, |largest: f64, (x, y)| largest.max((x - y).abs())) / subject.yardstick_m()
+    pairs.fold(0.0, |largest: f64, (x, y)| largest.max((x - y).abs())) / subject.reference_noise_m()
 }
 
 /// All models with one effect of the library added to `model`.

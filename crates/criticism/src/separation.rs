@@ -10,7 +10,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::derivatives::columns_m;
-use super::fit::KEPT_PROMISE;
+use super::fit::SUFFICIENT_GAIN_RATIO;
 use super::steps::{Steps, damped_steps, normal_equations};
 use super::{Candidate, Fitted, Subject};
 use crate::NoiseValues;
@@ -22,7 +22,7 @@ pub const SEPARATED_SIGMA: f64 = 4.0;
 
 /// Starting steps from an effect's null, in units of its search coordinate.
 const SIZES: [f64; 8] = [0.003, 0.01, 0.03, 0.1, 0.3, 0.7, 1.5, 3.0];
-/// Prior quantiles at which parameters unidentified at the null start.
+/// Prior quantiles at which fits start, for parameters that are unidentified at the null.
 const GRID: [f64; 7] = [0.05, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95];
 /// Number of starts followed to the end, besides the null.
 const N_FOLLOWED: usize = 3;
@@ -32,7 +32,7 @@ const LEAST_PART: f64 = 1e-3;
 /// Squared distance below which a fit counts as perfect.
 const NOTHING: f64 = 1e-6;
 
-/// Returns the distance (σ) of the best fit of `other` from noise-free data of the truth at its fit. The noise is the truth's.
+/// Returns the distance (σ) of the best fit of `other` from noise-free data of the truth at its fit, in units of the truth's noise.
 ///
 /// # Errors
 /// [`Error::Numerical`] if the other model cannot be evaluated at any start.
@@ -62,17 +62,17 @@ pub struct RivalPoint {
     pub theta: Vec<f64>,
 }
 
-/// Fits a model to a truth and returns the model's closest point.
+/// Fits a model to the noise-free data of a truth, and returns the model's closest point.
 pub fn fit_rival(subject: &Subject, other: &Candidate, truth: &RivalTruth) -> Result<RivalPoint> {
     RivalFit::new(subject, other, truth).best(&other.embed(truth.candidate, truth.theta))
 }
 
-/// Fits a model to a truth without priors: the distance follows from the protocol's geometry alone.
+/// Fits a model to the noise-free data of a truth, without priors: the distance follows from the protocol alone.
 pub(super) fn closest_without_priors(subject: &Subject, other: &Candidate, truth: &RivalTruth) -> Result<RivalPoint> {
     RivalFit::new(subject, other, truth).without_priors().best(&other.embed(truth.candidate, truth.theta))
 }
 
-/// A rival fit: a model that is fitted to a truth, or compared with it.
+/// A rival fit: one model is fitted to the noise-free data of another model (the truth), or compared with them.
 pub(super) struct RivalFit<'a> {
     subject: &'a Subject,
     other: &'a Candidate,
@@ -93,9 +93,9 @@ struct Point {
 struct AbsorbingCoordinates {
     /// Indices of the coordinates that may move.
     active: Vec<usize>,
-    /// Whitened derivatives with respect to those coordinates.
+    /// Whitened derivatives of the position with respect to the active coordinates.
     columns: Vec<Vec<f64>>,
-    /// Inverse of the matrix AᵀA of those columns, with the prior precisions added.
+    /// Inverse of the matrix of inner products of `columns`, with the prior precisions added.
     inverse: DMatrix<f64>,
 }
 
@@ -109,9 +109,9 @@ impl AbsorbingCoordinates {
 /// First-order distance of a point from the truth.
 #[derive(Debug, Clone)]
 pub(super) struct FirstOrderResidual {
-    /// Squared distance in σ².
+    /// Squared distance in σ², after the absorbing coordinates have moved.
     pub squared: f64,
-    /// Squared distance before absorption, in σ².
+    /// Squared distance in σ², before the absorbing coordinates move.
     pub whole: f64,
     /// Point after the absorbing coordinates have moved.
     pub theta: Vec<f64>,
@@ -139,8 +139,8 @@ impl<'a> RivalFit<'a> {
         Self { priors: vec![None; self.other.free.len()], ..self }
     }
 
-    /// Returns the whitened residual of a point after absorption, to first order, and the remaining fraction of its square. The coordinates of the law, and of effects
-    /// that are on at `null`, absorb their part.
+    /// Returns the whitened residual of a point after absorption, to first order, and the remaining fraction of its square. The absorbing coordinates are those of the law, and of
+    /// effects that are away from their nulls at the point `null`.
     pub fn left(&self, null: &[f64], point: &[f64]) -> Option<(DVector<f64>, f64)> {
         let absorbing = self.absorbing(null)?;
         let white = self.differences(&[point.to_vec()]).swap_remove(0)?;
@@ -229,7 +229,7 @@ impl<'a> RivalFit<'a> {
                 let before = least;
                 least = squares.iter().copied().fold(before, f64::min);
                 let is_past = before < point.squared && least >= before;
-                if is_past || point.squared - least > KEPT_PROMISE * 2.0 * steps.promised {
+                if is_past || point.squared - least > SUFFICIENT_GAIN_RATIO * 2.0 * steps.promised {
                     break;
                 }
             }
@@ -260,7 +260,7 @@ impl<'a> RivalFit<'a> {
         damped_steps(self.other, theta, &normal, &slope)
     }
 
-    /// Returns the best few starts to first order. Each has one effect away from its null and the other coordinates at their absorbing values.
+    /// Returns the best few starts to first order. Each start has one effect away from its null, and the other coordinates where they absorb most of that effect.
     fn promising(&self, null: &[f64]) -> Vec<Vec<f64>> {
         let starts = away_from_null(self.other, null);
         let mut ranked: Vec<FirstOrderResidual> = self.seen(null, &starts).into_iter().flatten().collect();
@@ -285,7 +285,8 @@ impl<'a> RivalFit<'a> {
         Some(AbsorbingCoordinates { active, columns, inverse: normal.try_inverse()? })
     }
 
-    /// First-order distances of points, after the law and the effects that are on at `null` have absorbed their part; `None` if the model has no solution.
+    /// First-order distances of points from the truth; `None` if the model has no solution. The law absorbs its part first, and so do effects that are away from their nulls at
+    /// `null`.
     pub fn seen(&self, null: &[f64], points: &[Vec<f64>]) -> Vec<Option<FirstOrderResidual>> {
         let absorbing = if points.is_empty() { None } else { self.absorbing(null) };
         let Some(absorbing) = absorbing else { return vec![None; points.len()] };
@@ -311,7 +312,7 @@ pub(super) fn is_off(candidate: &Candidate, effect: usize, theta: &[f64]) -> boo
     candidate.free.iter().zip(theta).any(|(free, theta)| free.effect == Some(effect) && free.null == Some(*theta))
 }
 
-/// Points with one effect, off at `null`, moved to several sizes on both sides and to grid points of its unidentified parameters.
+/// Points in which one effect that is at its null in `null` takes several sizes on both sides, and grid points of its unidentified parameters.
 fn away_from_null(candidate: &Candidate, null: &[f64]) -> Vec<Vec<f64>> {
     let mut starts = Vec::new();
     for (k, free) in candidate.free.iter().enumerate() {

@@ -30,13 +30,13 @@ type Visible = Vec<Option<DVector<f64>>>;
 pub struct SignatureScore {
     /// Score z: standard normal, to first order, if the effect is absent.
     pub z: f64,
-    /// ‖Pg‖ per unit of amplitude; 0 if invisible.
+    /// Norm of the whitened signature per unit of amplitude, without the part that the base absorbs; 0 if the effect is invisible.
     pub norm: f64,
 }
 
 /// Signature of one effect in a record: the indices of its scores and the scale of its size.
 #[derive(Debug, Clone, PartialEq)]
-pub struct EffectProbe {
+pub struct EffectSignature {
     /// Slug of the effect.
     pub slug: &'static str,
     /// Name of the parameter that measures the effect's size; empty if the effect is not tested.
@@ -62,8 +62,8 @@ pub struct EffectProbe {
 pub struct ScoreSet {
     /// Signature scores from the fitted cycles.
     pub fitted: Vec<SignatureScore>,
-    /// Signature scores from the fitted cycles, and from all cycles. Law and noise are those of the fitted cycles. The noise's gain is at least the one that scores of
-    /// future cycles assume. `None` if no cycle is held out.
+    /// Signature scores from the fitted cycles, and from all cycles. Law and noise are those of the fitted cycles, but the standard deviation of the gain is at least that assumed
+    /// for future cycles. `None` if no cycle is held out.
     pub fitted_and_all: Option<[Vec<SignatureScore>; 2]>,
 }
 
@@ -83,10 +83,11 @@ impl ScoreSet {
 #[derive(Debug, Clone, PartialEq)]
 pub struct RecordScores {
     /// Every effect of the library, in its order.
-    pub effects: Vec<EffectProbe>,
+    pub effects: Vec<EffectSignature>,
     /// Signature scores of the measured positions.
     pub told: ScoreSet,
-    /// Signature scores from all cycles, from which sizes are estimated. Law and noise are those of the fitted cycles. If no cycle is held out, these are the scores from the fitted cycles.
+    /// Signature scores from all cycles, from which sizes are estimated. Law and noise are those of the fitted cycles. If no cycle is held out, these are the scores from the
+    /// fitted cycles.
     pub whole: Vec<SignatureScore>,
     /// Signature scores of every record simulated without any effect.
     pub simulated: Vec<ScoreSet>,
@@ -114,16 +115,16 @@ pub fn sketch(subject: &Subject, n_simulations: usize, seed: u64) -> Result<(Rec
     let (subject, fitted, outlier_rows) = outliers::exclude_outliers(subject, &subject.base())?;
     let base = Refitted { candidate: subject.base(), fitted, future: None };
     let of = |effect: &&'static dyn models::effects::Effect| sketch_effect(&subject, &base, effect.slug());
-    let found: Vec<(EffectProbe, Vec<Vec<f64>>)> =
+    let found: Vec<(EffectSignature, Vec<Vec<f64>>)> =
         subject.library().effects().par_iter().map(of).collect::<Result<_>>()?;
     let (mut effects, mut columns_m) = (Vec::new(), Vec::new());
     for (asked, columns) in found {
         let first = columns_m.len();
         columns_m.extend(columns);
-        effects.push(EffectProbe { readings: first..columns_m.len(), ..asked });
+        effects.push(EffectSignature { readings: first..columns_m.len(), ..asked });
     }
     let is_scored = subject.scored_m.iter().any(Option::is_some);
-    let whole = is_scored.then(|| fit_all_cycles(&subject)).transpose()?;
+    let whole = is_scored.then(|| with_all_cycles_fitted(&subject)).transpose()?;
     let (told, directions) = read_sets(&subject, whole.as_ref(), (&base.candidate, &base.fitted), &columns_m)?;
     let of_whole = match &whole {
         Some(whole) => read(whole, &base.candidate, &base.fitted, &columns_m)?.0,
@@ -188,7 +189,7 @@ fn cosines(directions: &Visible) -> DMatrix<f64> {
 }
 
 /// Returns the subject with the scored cycles among the fitted ones; outliers stay excluded.
-pub fn fit_all_cycles(subject: &Subject) -> Result<Subject> {
+pub fn with_all_cycles_fitted(subject: &Subject) -> Result<Subject> {
     let experiment = subject.experiment();
     let cycles: Vec<u32> = experiment.calibration_cycles.iter().chain(&experiment.heldout_cycles).copied().collect();
     let left_out: Vec<usize> = (0..subject.fitted_m.len())
@@ -198,9 +199,9 @@ pub fn fit_all_cycles(subject: &Subject) -> Result<Subject> {
 }
 
 /// Returns an effect's entry and the columns of its response (m). An effect that is not tested has no columns.
-fn sketch_effect(subject: &Subject, base: &Refitted, slug: &'static str) -> Result<(EffectProbe, Vec<Vec<f64>>)> {
+fn sketch_effect(subject: &Subject, base: &Refitted, slug: &'static str) -> Result<(EffectSignature, Vec<Vec<f64>>)> {
     let not = |why: String| {
-        let asked = EffectProbe {
+        let asked = EffectSignature {
             slug,
             parameter: "",
             refused: Some(why),
@@ -226,10 +227,13 @@ fn sketch_effect(subject: &Subject, base: &Refitted, slug: &'static str) -> Resu
     let Some(found) = found else { return not("its size is fixed".into()) };
     let Signature { columns_m, parameter, unit, power, reach, null, is_downwards } = found;
     if columns_m.is_empty() || !(unit > 0.0 && unit.is_finite()) {
-        return not("it has no visible response here".into());
+        return not("its response is invisible in this record".into());
     }
     let readings = 0..columns_m.len();
-    Ok((EffectProbe { slug, parameter, refused: None, readings, unit, power, reach, null, is_downwards }, columns_m))
+    Ok((
+        EffectSignature { slug, parameter, refused: None, readings, unit, power, reach, null, is_downwards },
+        columns_m,
+    ))
 }
 
 /// Returns the scores of columns (m, one value per row of the record) at a fit, over the fitted cycles, and their unit directions.

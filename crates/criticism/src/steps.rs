@@ -9,7 +9,7 @@ use models::model::N_LANES;
 const DAMPINGS: [f64; N_LANES - 1] = [0.1, 1e-2, 1.0, 1e-4, 10.0, 100.0, 1e4];
 /// Dampings for candidates whose trajectories are computed one by one and whose steps are tried one after another.
 const SLOW_DAMPINGS: [f64; 5] = [1e-4, 1e-2, 0.1, 1.0, 100.0];
-/// Fractions of the undamped step. They are tried first, since narrow valleys bend.
+/// Fractions of the undamped step. They are tried first, because narrow valleys of the objective bend.
 const PARTS: [f64; 3] = [1.0, 0.5, 0.25];
 /// Largest change of a coordinate in one step, in the coordinate's unit.
 const LONGEST_STEP: f64 = 3.0;
@@ -34,7 +34,7 @@ pub(super) fn normal_equations(columns_and_residual: &[Vec<f64>]) -> (DMatrix<f6
 pub(super) struct Steps {
     /// End points of the steps.
     pub trials: Vec<Vec<f64>>,
-    /// Predicted gain of the full undamped step if the curvature is constant, in the unit of ½‖r − Ax‖².
+    /// Predicted decrease of half the sum of squared residuals by the full undamped step, if the curvature is constant.
     pub promised: f64,
 }
 

@@ -50,18 +50,18 @@ pub(super) struct SharedParts {
     pub library: Library,
     /// Names of the noise terms in the model's specification.
     pub own_noise: Vec<String>,
-    pub yardstick_m: f64,
+    pub reference_noise_m: f64,
     /// The model's compliance, with a memory of trajectories for nonlinear laws.
     pub local: Compliance,
     pub response: Response,
-    /// Learnt response of the effect that is learnt for each record, or the reason why it was not learnt. A search sets it once it has decided.
+    /// Response to large displacements in this record, or the reason why it was not learnt. A search sets it once it has decided.
     pub large: LearntResponse,
 }
 
-/// Learnt response of the effect that is learnt for each record, or the reason why it was not learnt.
+/// Response to large displacements in one record, learnt by the search, or the reason why it was not learnt.
 pub(super) type LearntResponse = Arc<OnceLock<std::result::Result<SharedStepper, NotLearnt>>>;
 
-/// Reason why that effect was not learnt for the record.
+/// Reason why the response to large displacements was not learnt for a record.
 #[derive(Debug, Clone)]
 pub(super) struct NotLearnt {
     /// The reason, in words.
@@ -105,7 +105,7 @@ impl Subject {
         );
         specification.fixed.retain(|name, _| problem.model.parameters().iter().any(|p| p.name == name));
         let base = problem.with_experiment(experiment, specification, library)?;
-        let yardstick_m = problem
+        let reference_noise_m = problem
             .experiment
             .reference_noise()
             .map_or_else(|| UNKNOWN_NOISE * problem.experiment.scales().position_range_m, |yardstick| yardstick.sd_m);
@@ -116,13 +116,13 @@ impl Subject {
         let large = LearntResponse::default();
         let slot = large.clone();
         let compliance = match problem.model.field() {
-            // The surrogate of the model itself is already learnt.
+            // The base model itself has large displacements, so their response is already learnt.
             Some((_, field)) if field.is_learnt_for_record() => compliance,
             _ => compliance.with_trained(move || slot.get().and_then(|found| found.clone().ok())),
         };
         let local = trajectory::with_trajectory_cache(&compliance, &record.time_s, record.force());
         let model = PreparedModel::given(&base, compliance, Vec::new());
-        let shared = SharedParts { model, library, own_noise, yardstick_m, local, response, large };
+        let shared = SharedParts { model, library, own_noise, reference_noise_m, local, response, large };
         Ok(Self::of(Arc::new(shared), fitted_m, scored_m))
     }
 
@@ -142,7 +142,7 @@ impl Subject {
             model: PreparedModel { problem, ..shared.model.clone() },
             library: library.clone(),
             own_noise: shared.own_noise.clone(),
-            yardstick_m: shared.yardstick_m,
+            reference_noise_m: shared.reference_noise_m,
             local: shared.local.clone(),
             response: shared.response.clone(),
             large: shared.large.clone(),
@@ -242,7 +242,7 @@ impl Subject {
             model: PreparedModel { problem, ..shared.model.clone() },
             library: shared.library.clone(),
             own_noise: shared.own_noise.clone(),
-            yardstick_m: shared.yardstick_m,
+            reference_noise_m: shared.reference_noise_m,
             large: shared.large.clone(),
         };
         let kept = |positions: &[Option<f64>]| {
@@ -334,7 +334,7 @@ impl Subject {
         Ok(Candidate::new(&problem))
     }
 
-    /// Slot for the response of the effect that is learnt for each record; the search that learns it fills the slot.
+    /// Cell for the response to large displacements in this record; the search that learns the response fills it.
     pub(super) fn large(&self) -> &LearntResponse {
         &self.shared.large
     }
@@ -359,9 +359,9 @@ impl Subject {
         self.shared.own_noise.iter().any(|term| term == "gain")
     }
 
-    /// Known or estimated noise standard deviation (m), with which misfits are compared: the yardstick.
-    pub fn yardstick_m(&self) -> f64 {
-        self.shared.yardstick_m
+    /// Known or estimated noise standard deviation (m), with which misfits are compared. If the noise is unknown, a fraction of the range of positions.
+    pub fn reference_noise_m(&self) -> f64 {
+        self.shared.reference_noise_m
     }
 
     /// Returns whether slow noise, and noise that differs between recordings, can be distinguished from a misfit. The model must declare such noise, or at least two
@@ -389,7 +389,7 @@ impl Subject {
         self.problem().experiment.noise_sd_m.is_some()
     }
 
-    /// Compliance that converts ∫J dF into a position, for every effect of the library.
+    /// Compliance that converts the integral of creep compliance over force changes, ∫J dF, into a position, for every effect of the library.
     pub fn compliance(&self) -> &Compliance {
         &self.shared.model.compliance
     }
@@ -457,7 +457,11 @@ impl Subject {
             return Ok(lanes.iter().map(|row| row.0[0]).collect());
         }
         Err(Error::numerical(
-            format!("{} has no model at {:?}", candidate.effects.join(" + "), candidate.parameters(theta)),
+            format!(
+                "the model with {} has no solution at {:?}",
+                candidate.effects.join(" + "),
+                candidate.parameters(theta)
+            ),
             "keep its parameters inside their supports",
         ))
     }

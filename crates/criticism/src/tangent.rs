@@ -12,9 +12,9 @@ use posterior::noise::Whitening;
 /// L⁻¹ whitens the noise of the positions y, and f are the model's positions. Then r = L⁻¹(y − f), A = L⁻¹∂f/∂θ with one more row per prior, and P = I − AA⁺.
 pub struct Tangent {
     whitening: Whitening,
-    /// Orthonormal basis Q of the columns of A: one row per whitened row, prior rows last; one column per free coordinate.
+    /// Orthonormal basis of the whitened derivatives: one row per whitened row, prior rows last; one column per free coordinate.
     absorbed: DMatrix<f64>,
-    /// Factor R of A = QR after division of A's columns by `norms`. R and `norms` convert Qᵀx into coordinates.
+    /// Triangular factor of the QR decomposition of the whitened derivatives, whose columns are first divided by `norms`. Both convert products with `absorbed` into coordinates.
     triangle: DMatrix<f64>,
     norms: Vec<f64>,
     /// Whitened residuals, prior rows last.
@@ -63,7 +63,7 @@ impl Tangent {
         Ok(Self { whitening, absorbed, triangle, norms, residual })
     }
 
-    /// Number of rows of A and of the whitened residuals, prior rows included.
+    /// Number of rows of the whitened residuals and derivatives, prior rows included.
     pub fn n_rows(&self) -> usize {
         self.residual.len()
     }
@@ -73,12 +73,12 @@ impl Tangent {
         &self.residual
     }
 
-    /// Projected residuals Pr.
+    /// Whitened residuals without the part that the model's parameters absorb.
     pub fn projected_residual(&self) -> DVector<f64> {
         self.project(self.residual.clone())
     }
 
-    /// Applies L⁻¹ to columns (m, one value per row of the record); prior rows are 0.
+    /// Whitens columns (m, one value per row of the record) by the noise of the fit; prior rows are 0.
     pub fn whiten(&self, columns_m: &[Vec<f64>]) -> Vec<DVector<f64>> {
         let white = self.whitening.whiten(columns_m);
         let padded = |column: &Vec<f64>| {
@@ -89,7 +89,7 @@ impl Tangent {
         white.iter().map(padded).collect()
     }
 
-    /// Applies L⁻¹ to columns (m) that begin at a row of the record and are 0 before, like [`Whitening::whiten_from`].
+    /// Whitens columns (m) that begin at a row of the record and are 0 before, like [`Whitening::whiten_from`].
     pub fn whiten_from(&self, columns_m: &[Vec<f64>], first_row: usize) -> (usize, Vec<Vec<f64>>) {
         self.whitening.whiten_from(columns_m, first_row)
     }
@@ -99,24 +99,24 @@ impl Tangent {
         &self.absorbed
     }
 
-    /// Applies the projection P to a whitened vector.
+    /// Returns a whitened vector without the part that the model's parameters absorb.
     pub fn project(&self, whitened: DVector<f64>) -> DVector<f64> {
         let inside = self.absorbed.tr_mul(&whitened);
         whitened - &self.absorbed * inside
     }
 
-    /// Returns the projected signatures Pg of columns (m, one value per row of the record).
+    /// Returns whitened columns without the part that the model's parameters absorb. The columns are in m, with one value per row of the record.
     pub fn visible(&self, columns_m: &[Vec<f64>]) -> Vec<DVector<f64>> {
         self.whiten(columns_m).into_iter().map(|white| self.project(white)).collect()
     }
 
-    /// Returns the change A⁺x of the candidate's coordinates that absorbs a whitened vector x.
+    /// Returns the change of the candidate's coordinates that absorbs a whitened vector as far as possible.
     pub fn absorbing_step(&self, whitened: &DVector<f64>) -> Option<Vec<f64>> {
         let solved = self.triangle.solve_upper_triangular(&self.absorbed.tr_mul(whitened))?;
         Some(solved.iter().zip(&self.norms).map(|(x, norm)| x / norm).collect())
     }
 
-    /// ln det AᵀA, the log determinant of the precision of the candidate's coordinates.
+    /// Log determinant of the precision matrix of the candidate's coordinates.
     pub fn ln_det_precision(&self) -> f64 {
         let diagonal = self.triangle.diagonal();
         2.0 * (diagonal.iter().map(|r| r.abs().ln()).sum::<f64>()
@@ -153,7 +153,7 @@ impl Tangent {
         Ok((0..fitted.position_m.len()).map(variance).collect())
     }
 
-    /// Returns a deviation of the candidate's coordinates from the fit. If `standard` has independent standard normals, the deviation has the distribution N(0, (AᵀA)⁻¹).
+    /// Converts independent standard normal numbers into a deviation of the candidate's coordinates from the fit, with mean 0 and the covariance of the coordinates.
     pub fn coordinates_of(&self, standard: &DVector<f64>) -> Option<Vec<f64>> {
         let solved = self.triangle.solve_upper_triangular(standard)?;
         Some(solved.iter().zip(&self.norms).map(|(x, norm)| x / norm).collect())
@@ -166,7 +166,7 @@ mod tests {
     use crate::NoiseValues;
     use crate::test_replica::{base_fit, replica};
 
-    /// The tangent agrees with dense algebra. That whitens by the Cholesky factor of the full covariance, and projects by the normal equations with prior rows.
+    /// The tangent agrees with dense algebra, which uses the full covariance of the noise and normal equations with prior rows.
     #[test]
     fn projection_and_steps_are_those_of_dense_algebra() {
         let (base, fitted) = base_fit();

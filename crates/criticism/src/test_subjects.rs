@@ -81,7 +81,7 @@ pub fn random_sizes(subject: &Subject, effect: &str, seed: u64) -> Vec<f64> {
     of_effect.map(|free| free.coordinate.value(free.quantile(0.02 + 0.96 * stream.unit()))).collect()
 }
 
-/// Simulated noise (m) around positions (m). The parameters are σ (µm), σ_ou (µm), τ (s), s_g and s_o (µm).
+/// Simulated noise (m) around positions (m). `noise` has white and slow standard deviation (µm), correlation time (s), gain, and offset (µm).
 pub fn noise_of(subject: &Subject, position_m: &[f64], noise: &NoiseValues, seed: u64) -> Vec<f64> {
     let record = &subject.experiment().record;
     let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);

@@ -6,7 +6,7 @@
 //! 3. the residual of the leading effect alone, if structure of the law replaces it ([`Evidence::is_replaced_by_law`]);
 //! 4. the rivals of a claim ([`Evidence::claim`]).
 //!
-//! A record, a sweep and a cohort fill in the evidence that they have. This module neither fits nor reads nor simulates.
+//! A record, a sweep and a cohort fill in the evidence that they have. This module makes no fits and no simulations.
 
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
@@ -45,11 +45,11 @@ impl Addition {
 /// Structure outside the library in a residual.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Structure {
-    /// Gain (nats) of the refit with it, less its family's gain by chance.
+    /// Gain (nats) of the refit with the structure, less the gain of the structure's family by chance.
     pub gain_nats: f64,
     /// p corrected for all families of structure.
     pub p_familywise: f64,
-    /// True if it may belong to a law; a slip or a vibration cannot.
+    /// True if the structure may belong to a law, unlike a slip or a vibration.
     pub is_of_law: bool,
     /// Slugs of library effects with nearly the same shape, and the cosine of each.
     pub twins: Vec<(String, f64)>,
@@ -64,8 +64,8 @@ pub enum Residual {
         misfit: Misfit,
         /// Number of held-out positions, or of fitted ones if no cycle is held out.
         n_positions: usize,
-        /// Error on the last held-out cycle, divided by the predictive noise. It judges a claim. It also judges a base whose fitted recordings cannot show slow noise or
-        /// a different gain of each recording. `None` for any other base, and if no cycle is held out.
+        /// Error on the last held-out cycle, divided by the predictive noise. It is known for a claim, and for a base whose fitted recordings cannot show slow noise or a different
+        /// gain of each recording. `None` for any other base, and if no cycle is held out.
         over_predicted: Option<f64>,
     },
     /// Probability that noise causes at least this large a residual of a sweep; NaN if the model cannot be evaluated.
@@ -126,20 +126,20 @@ impl From<Addition> for ClaimProposal {
     }
 }
 
-/// An effect that may replace one of the claim.
+/// An effect that may replace an effect of the claim.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rival {
     /// Slug of the effect.
     pub effect: String,
     /// Rank of the claim less rank of the rival, in nats.
     pub deficit_nats: f64,
-    /// Distance (σ) between the two models; `None` except for one record.
+    /// Distance (σ) between the models of claim and rival; known only for a single record, and `None` for a sweep or a cohort.
     pub separation_sigma: Option<f64>,
-    /// Fraction of cohorts simulated from the rival in which the claim leads by at least as much as in the data; `None` except for a cohort.
+    /// Fraction of cohorts simulated from the rival in which the claim leads by at least as much as in the data; known only for a cohort.
     pub lead_p: Option<f64>,
 }
 
-/// Evidence for one effect by itself, from which its status follows.
+/// Evidence for one effect alone, from which its status in the document follows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EffectEvidence<'a> {
     /// Slug of the effect.
@@ -153,7 +153,7 @@ pub struct EffectEvidence<'a> {
 }
 
 impl Criteria {
-    /// Returns whether an addition may be claimed. An addition to an unclaimed model must also predict better than the base.
+    /// Returns whether an addition may be claimed. It must predict better than the model that it extends, and better than the base.
     pub fn passes(&self, addition: &Addition) -> bool {
         addition.p <= self.p_of_round(addition.round)
             && addition.gain.largest_change >= self.smallest_change
@@ -161,7 +161,7 @@ impl Criteria {
             && self.predicts(&addition.over_base)
     }
 
-    /// Returns whether a model predicts future cycles better, and the last cycle, which no fit has seen, no worse.
+    /// Returns whether a model predicts future cycles better than another model, without predicting the last cycle worse.
     fn predicts(&self, gain: &Gain) -> bool {
         let is_better = |least: f64| gain.future.is_some_and(|future| future > least);
         let is_kept = |last: f64| last > -self.largest_loss_nats;
@@ -226,7 +226,7 @@ pub struct Verdict {
     pub residual: Option<Residual>,
     /// True if that residual exceeds the noise or was not tested.
     pub exceeds_noise: bool,
-    /// True if there is structure outside the library.
+    /// True if the residual test found structure outside the library.
     pub has_structure: bool,
     /// True if there is no claim although the residual does not look like the known noise.
     pub is_doubtful: bool,

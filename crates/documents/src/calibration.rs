@@ -1,48 +1,48 @@
-//! Document of a simulation-based calibration (`vitreo-uq/calibration/1`). It tests if posteriors of simulated records contain the true values as often as
-//! their intervals state.
+//! Document of a simulation-based calibration (`vitreo-uq/calibration/1`). The calibration tests if intervals of simulated records' posteriors contain the true
+//! values as often as they should.
 
 use serde::{Deserialize, Serialize};
 
 use super::posterior::ModelSummary;
 
-/// Body of `vitreo-uq/calibration/1`.
+/// Result of a simulation-based calibration: body of the JSON document `vitreo-uq/calibration/1`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Calibration {
-    /// Specimen of the experiment.
+    /// Specimen identifier of the experiment whose protocol is simulated.
     pub experiment: String,
-    /// Model whose prior is drawn from, and that simulates and samples the records.
+    /// Model of the calibration. Its prior supplies the true values, and its posteriors are tested.
     pub model: ModelSummary,
-    /// Model that simulated the records.
+    /// Form of the model that simulated the records.
     pub simulated_by: Simulator,
     /// Number of simulated records.
     pub replicates: usize,
-    /// Replicates whose true values are ranked: sampled and converged.
+    /// Number of replicates (simulated records) that were sampled and converged. Only their true values are ranked.
     pub ranked: usize,
-    /// Replicates that were sampled but did not converge. They are not counted.
+    /// Number of replicates that were sampled but did not converge. The calibration does not count them.
     pub not_converged: usize,
-    /// Replicates whose sampling failed.
+    /// Number of replicates whose sampling failed.
     pub failed: usize,
-    /// Prior draws that the model refused and that were drawn again. The remaining draws define the prior.
+    /// Number of prior draws that the model could not simulate. New draws replaced them, so they do not belong to the tested prior.
     pub redrawn: usize,
-    /// Number of posterior draws that each true value is ranked among.
+    /// Number of posterior draws among which each true value is ranked.
     pub draws: usize,
-    /// Fewest and most ranks in a bin of a histogram. A calibrated bin lies between them with probability 99 %.
+    /// Smallest and largest number of ranks in a bin of the histogram that a calibrated posterior gives with probability 99 %.
     pub bin_interval_99: [usize; 2],
-    /// Sampled parameters in their order, then the posterior's log density.
+    /// Results for the sampled parameters in their order, then for the log density of the posterior.
     pub quantities: Vec<CalibratedQuantity>,
     /// Verdict on the calibration.
     pub verdict: CalibrationVerdict,
 }
 
-/// Model that simulated the records.
+/// Forms of the model that can simulate the records.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Simulator {
-    /// The full finite-element model. The test includes the surrogate's error.
+    /// The full finite-element model. The calibration then includes the surrogate's error.
     FullFiniteElements,
-    /// The exact closed form of an instrument.
+    /// The exact closed form for an instrument, which has no finite elements.
     ClosedForm,
 }
 
@@ -52,35 +52,36 @@ pub enum Simulator {
 pub struct CalibratedQuantity {
     /// Name of the parameter with its unit, or `log_density`.
     pub name: String,
-    /// Ranks in bins of equal width, from the lowest to the highest.
+    /// Number of ranks in each bin of the histogram, from the lowest rank to the highest. All bins are equally wide.
     pub counts: Vec<usize>,
-    /// χ² of the bins, with one degree of freedom fewer than there are bins; `null` if too few replicates are ranked.
+    /// χ² statistic of the histogram, with one degree of freedom fewer than there are bins; `null` if too few replicates are ranked.
     pub chi_square: Option<f64>,
-    /// Mean rank, in standard errors; negative if the posteriors lie too high.
+    /// Deviation of the mean rank from its expectation, in standard errors; negative if the posteriors lie too high.
     pub place: Option<f64>,
-    /// Mean squared distance of the ranks from the middle, in standard errors; positive if the posteriors are too narrow.
+    /// Deviation of the ranks' spread about the middle from its expectation, in standard errors; positive if the posteriors are too narrow.
     pub spread: Option<f64>,
-    /// p of χ².
+    /// Probability that chance alone gives as large a χ².
     pub p_chi_square: Option<f64>,
-    /// Smallest p of χ², place and spread, corrected for the tests of all quantities (Holm).
+    /// Smallest p of the tests of χ², place and spread, corrected for the tests of all quantities (Holm).
     pub p_holm: Option<f64>,
-    /// Mean of (true value − posterior mean)/posterior standard deviation, in the sampler's coordinates; `null` for the log density.
+    /// Mean of the posteriors' standardised errors, (true value − posterior mean)/posterior standard deviation, in the sampler's coordinates; `null` for the
+    /// log density.
     pub z_mean: Option<f64>,
-    /// Standard deviation of (true value − posterior mean)/posterior standard deviation; `null` for the log density.
+    /// Standard deviation of the posteriors' standardised errors, (true value − posterior mean)/posterior standard deviation; `null` for the log density.
     pub z_sd: Option<f64>,
-    /// Coverage of the central 50 % intervals.
+    /// Share of true values inside the central 50 % intervals.
     pub coverage_50: Coverage,
-    /// Coverage of the central 90 % intervals.
+    /// Share of true values inside the central 90 % intervals.
     pub coverage_90: Coverage,
 }
 
-/// Share of true values that lie inside their intervals.
+/// Share of true values inside posterior intervals of one probability.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Coverage {
-    /// Share of true values inside; `null` if no replicate is ranked.
+    /// Share of true values inside their intervals; `null` if no replicate is ranked.
     pub share: Option<f64>,
-    /// Exact 95 % interval of the share's probability (Clopper and Pearson).
+    /// Exact 95 % confidence interval of the probability that an interval contains the true value (Clopper and Pearson).
     pub interval_95: [f64; 2],
 }
 
@@ -88,7 +89,7 @@ pub struct Coverage {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct CalibrationVerdict {
-    /// Kind of verdict.
+    /// Kind of verdict: calibrated, miscalibrated or undecided.
     pub kind: CalibrationKind,
     /// Verdict as a sentence.
     pub sentence: String,
@@ -99,10 +100,10 @@ pub struct CalibrationVerdict {
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum CalibrationKind {
-    /// No test speaks against the posteriors.
+    /// No test contradicts the posteriors.
     Calibrated,
-    /// True values do not lie where the posteriors predict them.
+    /// True values lie outside the posterior intervals more or less often than they should.
     Miscalibrated,
-    /// Too few replicates to decide.
+    /// The replicates are too few for a decision.
     Undecided,
 }

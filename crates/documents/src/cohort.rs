@@ -5,32 +5,34 @@ use serde::{Deserialize, Serialize};
 use super::diagnosis::{Status, VerdictKind};
 use super::groups::RatioVerdict;
 
-/// Body of `vitreo-uq/cohort-diagnosis/1`. Gains are in nats of log likelihood over the model without the effect. Sizes are distances from the null of the
-/// effect's first parameter, in that parameter's unit.
+/// Result of `diagnose` on several records: body of the JSON document `vitreo-uq/cohort-diagnosis/1`.
+///
+/// Gains are increases of the log likelihood over the model without the effect, in nats. The size of an effect is the distance of its first parameter from its
+/// null, in that parameter's unit.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct CohortDiagnosis {
     /// Verdict on the cohort.
     pub verdict: CohortVerdict,
-    /// Every effect of the library, in the library's order.
+    /// Results for every effect of the library, in the library's order.
     pub effects: Vec<CohortEffect>,
-    /// Every record.
+    /// Results for every record.
     pub specimens: Vec<CohortSpecimen>,
-    /// Keys that define the groups; empty without groups.
+    /// Keys of the specimens' descriptions that define the groups; empty without groups.
     pub by: Vec<String>,
-    /// Margin of practical equivalence: ratios within 1 + margin of 1 count as no difference.
+    /// Margin of practical equivalence: a ratio between 1/(1 + margin) and 1 + margin counts as no difference.
     pub margin: f64,
-    /// Sizes of the claimed effect and of its equivalent effects, for each group. A single entry covers all records if there is only one group.
+    /// Sizes of the claimed effect and of its equivalent effects, in each group. Without groups, a single entry for each effect covers all records.
     pub groups: Vec<CohortGroup>,
     /// Comparisons of the claimed effect's mean size between all pairs of groups.
     pub contrasts: Vec<CohortContrast>,
     /// The law's parameters before and after adding the claimed effect; empty without a claim.
     pub law: Vec<CohortLaw>,
-    /// Errors of the study's model without the claimed effect.
+    /// Errors of the model without the claimed effect.
     pub base: CohortErrors,
-    /// Errors with the claimed effect, with each record's size predicted by the cohort's size distribution; `None` without a claim.
+    /// Errors of the model with the claimed effect; `None` without a claim. The cohort's size distribution predicts the effect's size in each record.
     pub extended: Option<CohortErrors>,
-    /// Numbers of simulated records and simulated cohorts.
+    /// Numbers of simulated records and simulated cohorts that the p values come from.
     pub simulations: CohortSimulations,
     /// Remarks for the reader.
     pub remarks: Vec<String>,
@@ -40,11 +42,11 @@ pub struct CohortDiagnosis {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct CohortVerdict {
-    /// `missing`, `none`, or `unexplained` if records have a misfit and no effect is claimed.
+    /// Kind of verdict: `missing`, `none`, or `unexplained` if records have a misfit and no effect is claimed.
     pub kind: VerdictKind,
-    /// Claimed effects. If the verdict is `unexplained`: effects that help most without being sufficient.
+    /// Claimed effects. If the verdict is `unexplained`: the effects that help most but do not suffice.
     pub effects: Vec<String>,
-    /// Effects that the cohort cannot distinguish from the claimed ones.
+    /// Effects that the cohort cannot distinguish from the claimed effects.
     pub equivalent: Vec<String>,
     /// Verdict as a sentence.
     pub sentence: String,
@@ -54,54 +56,54 @@ pub struct CohortVerdict {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct CohortEffect {
-    /// Slug of the effect.
+    /// Name of the effect in commands and files.
     pub effect: String,
     /// Name of the parameter that measures the effect's size; `None` if the effect is not searched for.
     pub parameter: Option<String>,
     /// Status of the effect.
     pub status: Status,
-    /// Summed gain of all records under the best common size distribution.
+    /// Gain of all records together under the best common size distribution, in nats.
     pub gain_nats: f64,
-    /// p of the gain on fitted and last cycles together, over the whole search, from simulated cohorts.
+    /// Probability that chance alone gives as large a gain on fitted and last cycles together, corrected for the whole search. It comes from simulated cohorts.
     pub p_familywise: f64,
-    /// Gain in the log score of the last cycles under the best size distribution; `None` if no cycle is held out.
+    /// Gain in the log score of the last cycles under the best size distribution, in nats; `None` if no cycle is held out.
     pub heldout_gain_nats: Option<f64>,
-    /// Best size distribution; `None` if no distribution gains likelihood.
+    /// Best distribution of the effect's size over the records; `None` if no distribution gains likelihood.
     pub law: Option<SizeDistribution>,
-    /// Number of records that can show the effect.
+    /// Number of records to whose model the effect can be added.
     pub records: usize,
-    /// Reason why no record is searched for the effect; `None` if it is searched for.
+    /// Reason why the effect cannot be added to the model of any record; `None` if it can.
     pub refused: Option<String>,
 }
 
-/// Best common distribution of an effect's size over the records.
+/// Best common distribution of an effect's size over the records: log-normal in a share of the records, and 0 in the others.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct SizeDistribution {
     /// Median size in the records that have the effect.
     pub median: f64,
-    /// Standard deviation of ln size between records that have the effect.
+    /// Standard deviation of the logarithm of the size between records that have the effect.
     pub between_specimen_log_sd: f64,
     /// Share of records that have the effect.
     pub share: f64,
-    /// Side of the null on which sizes lie.
+    /// Side of the null on which the parameter lies in the records.
     pub sides: NullSide,
 }
 
-/// Side of an effect's null on which its sizes lie.
+/// Side of an effect's null (the value at which it vanishes) on which its parameter lies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum NullSide {
-    /// Above the null.
+    /// The parameter lies above the null.
     Above,
-    /// Below the null.
+    /// The parameter lies below the null.
     Below,
-    /// Above in some records and below in others.
+    /// The parameter lies above the null in some records and below it in others.
     Either,
 }
 
-/// Result of one record.
+/// Result for one record of the cohort.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct CohortSpecimen {
@@ -111,93 +113,93 @@ pub struct CohortSpecimen {
     pub experiment: String,
     /// Group of the record; `None` without groups.
     pub group: Option<String>,
-    /// Gains by every effect that is searched for.
+    /// Gain of this record by every effect that is searched for.
     pub gains: Vec<CohortGain>,
     /// Probability that the record has the claimed effect; `None` without a claim.
     pub probability: Option<f64>,
-    /// First parameter of the claimed effect: mean over its whole posterior, including the probability of no effect; `None` without a claim.
+    /// Posterior mean of the claimed effect's first parameter, including the probability that the record lacks the effect; `None` without a claim.
     pub value: Option<f64>,
-    /// True if the residual exceeds the noise.
+    /// True if the residuals of the model without the effect exceed the noise.
     pub leaves_too_much: bool,
-    /// Number of positions left out as tracker errors.
+    /// Number of positions left out as outliers.
     pub outliers: usize,
 }
 
-/// Gain of one record by one effect.
+/// Gain in log likelihood of one record by one effect.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct CohortGain {
-    /// Slug of the effect.
+    /// Name of the effect in commands and files.
     pub effect: String,
-    /// Gain under the cohort's common size distribution; negative if the record speaks against the effect. The sum over records is the cohort's gain.
+    /// Gain under the cohort's common size distribution, in nats; negative if the record contradicts the effect. The sum over the records is the cohort's gain.
     pub gain_nats: f64,
-    /// Gain of the record alone, at its best size.
+    /// Gain of the record alone, at the effect's best size in this record, in nats.
     pub own_gain_nats: f64,
 }
 
-/// Sizes of an effect in a group.
+/// Sizes of one effect in one group.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct CohortGroup {
     /// Name of the group; `all` without groups.
     pub name: String,
-    /// Number of records.
+    /// Number of records in the group.
     pub records: usize,
-    /// Slug of the effect.
+    /// Name of the effect in commands and files.
     pub effect: String,
-    /// Name of the parameter.
+    /// Name of the parameter that measures the effect's size.
     pub parameter: String,
-    /// Median size in the records that have the effect.
+    /// Posterior median of the median size in the records that have the effect.
     pub median: f64,
-    /// 5 % quantile.
+    /// 5 % quantile of the median size.
     pub q05: f64,
-    /// 95 % quantile.
+    /// 95 % quantile of the median size.
     pub q95: f64,
-    /// Standard deviation of ln size between records that have the effect, posterior median.
+    /// Posterior median of the standard deviation of the logarithm of the size between records that have the effect.
     pub between_specimen_log_sd: f64,
-    /// Share of records that have the effect, posterior median.
+    /// Posterior median of the share of records that have the effect.
     pub share: f64,
-    /// 5 % quantile of the share.
+    /// 5 % quantile of the share of records that have the effect.
     pub share_q05: f64,
-    /// 95 % quantile of the share.
+    /// 95 % quantile of the share of records that have the effect.
     pub share_q95: f64,
     /// Mean size over all records of the group, with size 0 for records without the effect: 5 %, 50 % and 95 % quantiles.
     pub mean: [f64; 3],
-    /// Most probable side of the null on which sizes lie.
+    /// Most probable side of the null on which the parameter lies.
     pub sides: NullSide,
-    /// Gain of the group by its best size distribution.
+    /// Gain of the group's records under the group's best size distribution, in nats.
     pub gain_nats: f64,
 }
 
-/// Ratio of two groups' mean sizes.
+/// Comparison of an effect's mean size between two groups, as a ratio.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct CohortContrast {
-    /// Slug of the effect.
+    /// Name of the effect in commands and files.
     pub effect: String,
-    /// Name of the parameter.
+    /// Name of the parameter that measures the effect's size.
     pub parameter: String,
-    /// Group in the numerator.
+    /// Name of the group in the numerator.
     pub a: String,
-    /// Group in the denominator.
+    /// Name of the group in the denominator.
     pub b: String,
-    /// Median of the ratio of a to b.
+    /// Posterior median of the ratio of the mean sizes in groups `a` and `b`.
     pub ratio_median: f64,
-    /// 5 % quantile.
+    /// 5 % quantile of the ratio.
     pub q05: f64,
-    /// 95 % quantile.
+    /// 95 % quantile of the ratio.
     pub q95: f64,
-    /// Probability that a is greater than b.
+    /// Probability that the ratio is greater than 1.
     pub probability_greater: f64,
-    /// Probability that a is greater than b by more than the margin.
+    /// Probability that the ratio is greater than 1 + margin.
     pub probability_beyond_margin: f64,
-    /// Probability that a is smaller than b by more than the margin.
+    /// Probability that the ratio is smaller than 1/(1 + margin).
     pub probability_below_margin: f64,
-    /// True if a difference is declared.
+    /// True if the program states a difference between the groups.
     pub is_declared: bool,
-    /// Verdict on the ratio, given the margin.
+    /// Verdict on the ratio: greater, less, equivalent or undecided.
     pub verdict: RatioVerdict,
-    /// Comparison as a sentence.
+    /// The comparison as a sentence.
     pub sentence: String,
 }
 
@@ -207,30 +209,30 @@ pub struct CohortContrast {
 pub struct CohortLaw {
     /// Name of the group.
     pub group: String,
-    /// Name of the parameter.
+    /// Name of the law's parameter.
     pub parameter: String,
-    /// Geometric mean of the records' fits without the effect.
+    /// Geometric mean of the parameter's fits in the group's records without the effect.
     pub before: f64,
-    /// Geometric mean of the records' fits with the effect.
+    /// Geometric mean of the parameter's fits in the group's records with the effect.
     pub after: f64,
 }
 
-/// Errors over all records.
+/// Errors of a model over all records of the cohort.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct CohortErrors {
-    /// Root mean square error over the held-out cycles of all records, in µm; `None` if no cycle is held out.
+    /// Root mean square residual of the last held-out cycles of all records, in µm; `None` if no cycle is held out.
     pub rmse_heldout_um: Option<f64>,
 }
 
-/// Numbers of simulations that p is computed from, and the gain that chance rarely exceeds in them.
+/// Simulations from which p values are computed, with the gain that 95 % of them stay below.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct CohortSimulations {
-    /// Number of simulations of each record.
+    /// Number of simulations for each record.
     pub of_each_record: usize,
     /// Number of cohorts composed of simulated records.
     pub cohorts: usize,
-    /// Gain on fitted and last cycles together, in nats, that 95 % of the simulated cohorts stay below; `None` without simulations.
+    /// Gain on fitted and last cycles together that 95 % of the simulated cohorts stay below, in nats; `None` without simulations.
     pub threshold_nats: Option<f64>,
 }

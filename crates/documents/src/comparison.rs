@@ -2,35 +2,35 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Body of `vitreo-uq/comparison/1`.
+/// Result of `compare`, which looks for misfits of a model: body of the JSON document `vitreo-uq/comparison/1`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Comparison {
     /// Specimen identifier.
     pub experiment: String,
-    /// Effects of the compared model.
+    /// Effects that the compared model contains.
     pub effects: Vec<String>,
     /// Cycles that the model was fitted to.
     pub fitted_cycles: Vec<u32>,
-    /// The scored held-out cycle; empty if no cycle is held out.
+    /// The scored cycle, which is the last held-out one; empty if no cycle is held out.
     pub heldout_cycles: Vec<u32>,
-    /// Rows (from 0) left out as outliers.
+    /// Numbers (from 0) of the rows left out as outliers.
     pub outlier_rows: Vec<usize>,
-    /// Root mean square error of the fitted cycles, in µm, for the model's posterior as in `extend` and `ladder`.
+    /// Root mean square residual of the fitted cycles, in µm, for the model's posterior as in `extend` and `ladder`.
     pub rmse_fitted_um: f64,
-    /// Root mean square error of the scored cycle, in µm.
+    /// Root mean square residual of the scored cycle, in µm; `None` if no cycle is held out.
     pub rmse_heldout_um: Option<f64>,
-    /// Known or estimated noise that errors are compared with, in µm; `None` if it is unknown.
+    /// Noise standard deviation, known or estimated, that errors are compared with, in µm; `None` if it is unknown.
     pub noise_um: Option<f64>,
-    /// Summary as a sentence.
+    /// Summary of the findings as a sentence.
     pub sentence: String,
-    /// Findings, clearest first. Explained findings come last.
+    /// Misfits that the tests have found, clearest first. Findings that another one explains come last.
     pub findings: Vec<Finding>,
-    /// Every test.
+    /// Every test of the residuals that applies to this experiment.
     pub panels: Vec<TestEntry>,
-    /// Tests that do not apply to this experiment.
-    pub left_out: Vec<LeftOutEntry>,
-    /// Number of simulated records that correct the tests' p values jointly.
+    /// Tests of the residuals that do not apply to this experiment.
+    pub left_out: Vec<InapplicableTest>,
+    /// Number of simulated records from which the tests' p values are computed.
     pub simulated_records: usize,
 }
 
@@ -38,58 +38,59 @@ pub struct Comparison {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Finding {
-    /// Stable name of the test.
+    /// Name of the test in files.
     #[serde(rename = "where")]
     pub place: String,
-    /// Finding as a sentence.
+    /// The finding as a sentence.
     pub sentence: String,
-    /// Size of the fitted bias where it is clearest, in µm; its root mean square if no single column is clear. `None` for `runs` and `autocorrelation`, which
-    /// have no bias.
+    /// Largest clear bias of the test's columns, in µm; the root mean square of all biases if no single column is clear. `None` for `runs` and
+    /// `autocorrelation`, which have no bias.
     pub size_um: Option<f64>,
     /// Standard error of the size, in µm; `None` for a root mean square.
     pub size_sd_um: Option<f64>,
-    /// The finding that explains this one. After correction for its bias, little of this finding remains: both show the same misfit.
+    /// Test whose finding explains this one: after correction for its bias, little of this finding remains. `None` if no other finding does.
     pub echo_of: Option<String>,
-    /// p corrected for all tests.
+    /// Probability that chance alone gives as large a gain, corrected for all tests.
     pub p_familywise: f64,
 }
 
-/// One test.
+/// A test of the residuals, with the bias in each of its columns.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct TestEntry {
-    /// Stable name of the test.
+    /// Name of the test in files.
     #[serde(rename = "where")]
     pub place: String,
-    /// Title of the test's axis.
+    /// Title of the test's horizontal axis.
     pub title: String,
-    /// True if positive biases point along the force or motion instead of along the axis.
+    /// True if positive biases point along the force or the motion; false if they point along the axis of the positions.
     pub is_along_force: bool,
-    /// Gain in log likelihood by the test's columns, with noise estimated anew. For `runs` and `autocorrelation`: half of their χ² statistic.
+    /// Gain in log likelihood by a bias in each of the test's columns, in nats, with the noise estimated anew. For `runs` and `autocorrelation`: half of their
+    /// χ² statistic.
     pub gain_nats: f64,
-    /// Mean gain by noise alone.
+    /// Mean gain of simulated records that contain noise only, in nats.
     pub gain_by_chance_nats: f64,
-    /// Root mean square of the columns' bias over the fitted rows, in µm; `None` for `runs` and `autocorrelation`.
+    /// Root mean square of the bias over the fitted rows, in µm; `None` for `runs` and `autocorrelation`.
     pub rms_um: Option<f64>,
-    /// p of this test alone.
+    /// Probability that chance alone gives as large a gain in this test.
     pub p: f64,
-    /// p corrected for all tests.
+    /// Probability that chance alone gives as large a gain, corrected for all tests.
     pub p_familywise: f64,
-    /// Biases, in µm. For `runs`: a standard score; for `autocorrelation`: correlations.
+    /// Bias of each column, in µm. For `runs`: one standard score. For `autocorrelation`: correlations.
     pub bars: Vec<ColumnBias>,
 }
 
-/// Bias in one column of a test.
+/// Mean residual in one column of a test. A column is a group of rows, such as a range of times since a force step.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct ColumnBias {
-    /// Short name.
+    /// Short name of the column, for the axis of the figure.
     pub label: String,
-    /// Place of the column, as the end of a sentence.
+    /// Description of the column, as the end of a sentence.
     pub phrase: String,
-    /// Start and end of the column, in s after a force step; `None` if the test is not about time since a force step.
+    /// Start and end of the column, in s after a force step; `None` if the test does not group rows by the time since a force step.
     pub lag_s: Option<[f64; 2]>,
-    /// Starts and ends, in s, of the times to which the column applies; empty if there are more than 400, or if the test does not divide the record.
+    /// Stretches of time that belong to the column, each with start and end in s; empty if there are more than 400, or if the test does not divide the record.
     #[serde(default)]
     pub stretches_s: Vec<[f64; 2]>,
     /// Measurement minus model, in µm, at the column's largest value.
@@ -98,13 +99,13 @@ pub struct ColumnBias {
     pub sd_um: f64,
 }
 
-/// A test that was left out.
+/// A test of the residuals that does not apply to this experiment.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
-pub struct LeftOutEntry {
-    /// Stable name of the test.
+pub struct InapplicableTest {
+    /// Name of the test in files.
     #[serde(rename = "where")]
     pub place: String,
-    /// Reason why it was left out.
+    /// Reason why the test does not apply.
     pub reason: String,
 }

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::posterior::ModelSummary;
 
-/// Body of `vitreo-uq/effects/1`.
+/// Result of `effects`: body of the JSON document `vitreo-uq/effects/1`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct EffectsSummary {
@@ -12,35 +12,35 @@ pub struct EffectsSummary {
     pub experiment: String,
     /// The model that effects would be added to.
     pub model: ModelSummary,
-    /// Noise standard deviation at which detectability is computed, in µm.
+    /// Noise standard deviation for which the detectability of effects is computed, in µm.
     pub noise_um: f64,
     /// Every effect of the library.
     pub effects: Vec<EffectEntry>,
 }
 
-/// One effect.
+/// An effect of the library, with its detectability in one experiment.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct EffectEntry {
-    /// Name in commands and files.
+    /// Name of the effect in commands and files.
     pub slug: String,
-    /// `load`, `mechanics` or `observation`.
+    /// Stage of the model that the effect changes: `load`, `mechanics` or `observation`.
     pub stage: String,
-    /// The mechanism that the effect adds.
+    /// The mechanism that the effect adds, in words.
     pub summary: String,
     /// Equation of the effect.
     pub equation: String,
     /// Parameters of the effect.
     pub parameters: Vec<ParameterEntry>,
-    /// Share of the effect's signature that neither the base model nor the other noise terms can absorb, in squared units of the white noise. It is the largest
-    /// over parameters that are unidentified at the null; `None` if the effect cannot be added.
+    /// Share (0 to 1) of the effect's squared signature that neither the base model nor the other noise terms can absorb, in units of the white noise. It is
+    /// the largest share over the values of parameters that are unidentified at the null. `None` if the effect cannot be added.
     pub visible_fraction: Option<f64>,
-    /// Standard error of the first parameter near its null in this experiment, in that parameter's unit.
+    /// Standard error of the effect's first parameter close to its null, in that parameter's unit; `None` if the data do not determine it.
     pub standard_error: Option<f64>,
-    /// Effects whose signatures have nearly the same visible part, up to sign and size. To first order, only the sign that a one-sided parameter allows
-    /// distinguishes them.
+    /// Other effects whose detectable signature is nearly proportional to that of this effect. The record distinguishes such effects at best by the sign that a
+    /// parameter allows.
     pub twins: Vec<String>,
-    /// Reason why the effect cannot be added here; `None` if it can.
+    /// Reason why the effect cannot be added to the model; `None` if it can.
     pub refused: Option<String>,
 }
 
@@ -48,16 +48,16 @@ pub struct EffectEntry {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct ParameterEntry {
-    /// Name `slug.name`.
+    /// Name of the parameter, preceded by the effect's name: `slug.name`.
     pub name: String,
-    /// Symbol in the equation.
+    /// Symbol of the parameter in the effect's equation.
     pub symbol: String,
-    /// Unit.
+    /// Unit of the parameter.
     pub unit: String,
-    /// Lower and upper end of the support; `None` for an infinite end.
+    /// Lower and upper end of the parameter's support; `None` for an infinite end.
     pub support: [Option<f64>; 2],
-    /// Value at which the effect vanishes; `None` if the parameter is unidentified at the null.
+    /// Null, the value at which the effect vanishes; `None` if the parameter has no such value.
     pub null: Option<f64>,
-    /// Default prior for this experiment.
+    /// Default prior of the parameter for this experiment.
     pub prior: String,
 }

@@ -1,16 +1,15 @@
-//! Errors of a model, shared by several documents.
+//! Errors of a model's predicted positions, shared by several documents.
 
 use serde::{Deserialize, Serialize};
 
-/// Root mean square distance (µm) of a model's prediction from the positions.
+/// Root mean square residuals of a model, in µm.
 ///
-/// The prediction of a sampled revision is the posterior mean of the full-order model. The prediction of a model that is not sampled is its best fit (formats
-/// §4).
+/// The prediction of a sampled model is its posterior mean, computed with the full-order model. The prediction of any other model is its best fit (formats §4).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct ModelErrors {
-    /// Error on the fitted cycles, in µm.
+    /// Root mean square residual of the fitted cycles, in µm.
     pub rmse_fitted_um: f64,
-    /// Error on the last held-out cycle, which no fit uses, in µm; `None` if no cycle is held out.
+    /// Root mean square residual of the last held-out cycle, which no fit uses, in µm; `None` if no cycle is held out.
     pub rmse_heldout_um: Option<f64>,
 }

@@ -4,48 +4,49 @@ use serde::{Deserialize, Serialize};
 
 use super::posterior::Warning;
 
-/// Body of `vitreo-uq/groups/1`. Ratios compare the groups' typical (median) specimens.
+/// Result of `groups`, which compares groups of specimens: body of the JSON document `vitreo-uq/groups/1`. Ratios compare the groups' typical (median)
+/// specimens.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct GroupsSummary {
-    /// Keys that define the groups.
+    /// Keys of the specimens' descriptions that define the groups, such as the species.
     pub by: Vec<String>,
-    /// Margin of practical equivalence: ratios within 1 + margin of 1 count as no difference.
+    /// Margin of practical equivalence: a ratio between 1/(1 + margin) and 1 + margin counts as no difference.
     pub margin: f64,
-    /// The base law whose parameters are compared.
+    /// Name of the law whose parameters are compared.
     pub law: String,
-    /// Effects that occur in any specimen's model.
+    /// Effects that occur in the model of at least one specimen.
     pub effects: Vec<String>,
-    /// Degrees of freedom of the specimens' Student t distribution; `None` for a normal distribution.
+    /// Degrees of freedom of the Student t distribution of the specimens within a group; `None` for a normal distribution.
     pub student_dof: Option<f64>,
     /// Sentences on differences, equivalences and open questions, one for each parameter.
     pub sentences: Vec<String>,
-    /// Every group. Groups without specimens are predicted from the other groups.
+    /// Results for every group. Parameters of groups without specimens are predicted from the other groups.
     pub groups: Vec<GroupSummary>,
     /// Comparisons of all pairs of measured groups in every parameter.
     pub contrasts: Vec<ContrastSummary>,
-    /// Every specimen in each group in which it was measured.
+    /// Results for every specimen, in each group in which it was measured.
     pub specimens: Vec<SpecimenSummary>,
     /// Number of distinct specimens.
     pub n_specimens: usize,
-    /// Every experiment.
+    /// Results for every experiment on its own.
     pub experiments: Vec<ExperimentSummary>,
-    /// Standard deviation between repeats of one specimen, in the logarithm or log-odds, for each parameter; `None` without repeats.
+    /// Standard deviation between repeated measurements of one specimen, for each parameter in its logarithm or log-odds; `None` without repeats.
     pub within_specimen_log_sd: Option<Vec<IntervalSummary>>,
-    /// Predicted creep compliance; `None` unless all of the law's parameters are compared.
+    /// Predicted creep compliance of every group; `None` if the comparison lacks a parameter of the law.
     pub creep: Option<CreepSummary>,
     /// Published values for comparison. They are not used as data.
     pub published: Vec<Published>,
-    /// Statistics of the population's sampler.
+    /// Statistics of the sampler for the population of specimens.
     pub sampler: PopulationSampler,
     /// True if the draws have converged.
     pub converged: bool,
-    /// Warnings for the user.
+    /// Warnings about the result, for the user.
     pub warnings: Vec<Warning>,
 }
 
 impl GroupsSummary {
-    /// True if the result is sound (exit code 0).
+    /// True if the draws have converged and no warning makes the result untrusted. The program exits with code 0 for such results.
     pub fn is_sound(&self) -> bool {
         self.converged && !self.warnings.iter().any(|warning| warning.kind.is_fatal())
     }
@@ -55,93 +56,96 @@ impl GroupsSummary {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct IntervalSummary {
-    /// Parameter that the quantity belongs to.
+    /// Name of the parameter that the quantity describes.
     pub name: String,
-    /// Median.
+    /// Posterior median of the quantity.
     pub median: f64,
-    /// 5 % quantile.
+    /// 5 % quantile of the quantity's posterior.
     pub q05: f64,
-    /// 95 % quantile.
+    /// 95 % quantile of the quantity's posterior.
     pub q95: f64,
 }
 
-/// A group.
+/// Parameters of one group and their variation between its specimens.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct GroupSummary {
-    /// Levels of the keys, joined by a comma.
+    /// Name of the group: its values of the keys, joined by a comma.
     pub name: String,
-    /// Number of measured specimens.
+    /// Number of the group's measured specimens.
     pub specimens: usize,
-    /// Number of experiments.
+    /// Number of the group's experiments.
     pub experiments: usize,
     /// Parameters of the group's typical specimen and their variation between specimens.
     pub parameters: Vec<GroupParameter>,
-    /// Correlation matrix of the parameters between specimens, on the parameters' scales, row by row: posterior median. `None` if nothing was measured.
+    /// Posterior median of the correlation matrix of the parameters between specimens, row by row, in logarithms or log-odds. `None` if no specimen was
+    /// measured.
     pub correlation: Option<Vec<Vec<f64>>>,
 }
 
-/// A parameter of a group.
+/// Posterior of one parameter of a group.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct GroupParameter {
-    /// Name.
+    /// Name of the parameter.
     pub name: String,
-    /// Median of the typical specimen's value.
+    /// Posterior median of the typical specimen's value.
     pub median: f64,
-    /// 5 % quantile.
+    /// 5 % quantile of the typical specimen's value.
     pub q05: f64,
-    /// 95 % quantile.
+    /// 95 % quantile of the typical specimen's value.
     pub q95: f64,
     /// Scale of the variation between specimens: logarithm, or log-odds for a parameter with two ends.
     pub scale: ScaleName,
-    /// Standard deviation between specimens on this parameter's scale, posterior median; the scale parameter if tails are heavy.
+    /// Posterior median of the standard deviation between specimens, on the scale given by `scale`. For a Student t distribution, it is the scale parameter.
     pub between_specimen_log_sd: f64,
     /// 5 % and 95 % quantiles of the standard deviation between specimens.
     pub between_specimen_log_sd_90: [f64; 2],
     /// Central 90 % interval of a new specimen's value.
     pub new_specimen_90: [f64; 2],
-    /// Pooling factor: 0 if specimens are not drawn together, 1 if all are drawn to the typical one (Gelman & Pardoe 2006, Technometrics 48:241, eq. 2).
+    /// Pooling factor: 0 if the data of each specimen determine its value, 1 if all specimens are pooled to the typical one (Gelman & Pardoe 2006,
+    /// Technometrics 48:241, eq. 2).
     pub pooling: Option<f64>,
 }
 
-/// Ratio of two groups in one parameter.
+/// Comparison of two groups in one parameter, as a ratio.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct ContrastSummary {
     /// Name of the parameter.
     pub parameter: String,
-    /// Group in the numerator.
+    /// Name of the group in the numerator.
     pub a: String,
-    /// Group in the denominator.
+    /// Name of the group in the denominator.
     pub b: String,
-    /// Median of the ratio of a to b.
+    /// Posterior median of the parameter's ratio between groups `a` and `b`.
     pub ratio_median: f64,
-    /// 5 % quantile.
+    /// 5 % quantile of the ratio.
     pub q05: f64,
-    /// 95 % quantile.
+    /// 95 % quantile of the ratio.
     pub q95: f64,
-    /// Probability that a is greater than b.
+    /// Probability that the ratio is greater than 1.
     pub probability_greater: f64,
-    /// Probability that a is greater than b by more than the margin.
+    /// Probability that the ratio is greater than 1 + margin.
     pub probability_beyond_margin: f64,
-    /// Probability that a is smaller than b by more than the margin.
+    /// Probability that the ratio is smaller than 1/(1 + margin).
     pub probability_below_margin: f64,
-    /// True if a difference is declared: its sign (with probability 99.7 % all declared signs are right), or its excess over the margin (95 %).
+    /// True if the program states a difference between the groups. It states a sign if all stated signs are right with probability 99.7 %, and a ratio outside
+    /// the margin with probability 95 %.
     pub is_declared: bool,
-    /// Verdict on the ratio, given the margin.
+    /// Verdict on the ratio: greater, less, equivalent or undecided.
     pub verdict: RatioVerdict,
-    /// Number of specimens that would settle the question; `None` if it is settled.
+    /// Number of further specimens that would settle the verdict; `None` if it is settled.
     pub more: Option<SampleSizePlan>,
 }
 
-/// Result of a specimen in a group.
+/// Parameters of one specimen in one of its groups.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct SpecimenSummary {
     /// Name of the specimen.
     pub name: String,
-    /// Name of the group.
+    /// Name of the group in which the specimen was measured.
     pub group: String,
     /// Parameters of the specimen in this group.
     pub parameters: Vec<SpecimenParameter>,
@@ -149,19 +153,19 @@ pub struct SpecimenSummary {
     pub is_outlying: bool,
 }
 
-/// A parameter of a specimen.
+/// Quantiles of one parameter of a specimen, with and without the information of other specimens.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct SpecimenParameter {
     /// Name of the parameter.
     pub name: String,
-    /// Quantiles from the specimen's own measurements and the variation of repeats in this cohort: 5 %, 50 %, 95 %.
+    /// Quantiles from the specimen's own measurements and the variation of repeats in this cohort: 5 %, 50 % and 95 %.
     pub alone: [f64; 3],
-    /// Quantiles after pooling with the population: 5 %, 50 %, 95 %.
+    /// Quantiles from the measurements of all specimens: 5 %, 50 % and 95 %. They are closer to the typical specimen.
     pub pooled: [f64; 3],
 }
 
-/// Result of an experiment.
+/// Posterior and errors of one experiment on its own.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct ExperimentSummary {
@@ -171,78 +175,78 @@ pub struct ExperimentSummary {
     pub specimen: String,
     /// Name of the group.
     pub group: String,
-    /// Quantiles of each parameter from this experiment alone: 5 %, 50 %, 95 %.
+    /// Quantiles of each parameter from this experiment alone: 5 %, 50 % and 95 %.
     pub alone: Vec<[f64; 3]>,
     /// Root mean square residual on the fitted cycles, in µm.
     pub rmse_fitted_um: f64,
     /// Root mean square residual on the held-out cycle, in µm.
     pub rmse_heldout_um: Option<f64>,
-    /// Standard deviation of the predicted positions on the held-out cycle, root mean square over rows, in µm.
+    /// Standard deviation of the predicted positions of the held-out cycle, as a root mean square over its rows, in µm.
     pub predictive_sd_heldout_um: Option<f64>,
-    /// Noise that residuals are compared with, in µm.
+    /// Noise standard deviation that residuals are compared with, in µm; `None` if it is unknown.
     pub noise_um: Option<f64>,
-    /// True if the experiment's own draws have converged.
+    /// True if the draws of this experiment's posterior have converged.
     pub converged: bool,
-    /// Effective number of the experiment's draws after weighting to the population.
+    /// Effective number of this experiment's draws after they are reweighted with the population's distribution.
     pub effective_draws: f64,
-    /// True if the experiment's likelihood was evaluated directly instead of reweighting its draws.
+    /// True if the population's sampler evaluated the experiment's likelihood directly. Otherwise it reweighted the experiment's draws.
     pub is_exact: bool,
 }
 
-/// Predicted creep compliance of all groups.
+/// Creep compliance that is predicted for every group, as a function of time.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct CreepSummary {
-    /// Times, in s.
+    /// Times of the predictions, in s.
     pub time_s: Vec<f64>,
     /// Predictions for each group, in the groups' order.
     pub groups: Vec<CreepPrediction>,
 }
 
-/// Statistics of the population's sampler.
+/// Statistics of the sampler for the population of specimens.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct PopulationSampler {
-    /// Number of chains.
+    /// Number of Markov chains.
     pub chains: usize,
     /// Number of sweeps of each chain after warm-up.
     pub sweeps: usize,
-    /// Largest rank-normalised split R̂ of a group's mean or spread.
+    /// Largest convergence diagnostic R̂, rank-normalised and split, of a group's mean or spread.
     pub rhat: f64,
-    /// Smallest effective number of draws of a group's mean or spread, bulk or tail.
+    /// Smallest effective sample size, bulk or tail, of a group's mean or spread.
     pub ess: f64,
 }
 
-/// Verdict on a ratio, given the margin.
+/// Verdicts on the ratio of two groups. The margin of practical equivalence decides.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum RatioVerdict {
-    /// Above 1 + margin with probability 95 %.
+    /// The ratio is above 1 + margin with probability 95 %.
     Greater,
-    /// Below 1/(1 + margin) with probability 95 %.
+    /// The ratio is below 1/(1 + margin) with probability 95 %.
     Less,
-    /// Between 1/(1 + margin) and 1 + margin with probability 95 %.
+    /// The ratio is between 1/(1 + margin) and 1 + margin with probability 95 %.
     Equivalent,
-    /// None of the other verdicts reaches 95 %.
+    /// None of the other verdicts has a probability of 95 %.
     Undecided,
 }
 
-/// Expected benefit of measuring more specimens.
+/// Number of further specimens that a comparison of two groups needs.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct SampleSizePlan {
-    /// Smallest number of new specimens in each group that settles the question with probability 80 %; `None` if 512 are too few.
+    /// Smallest number of new specimens in each group that settles the verdict with probability 80 %; `None` if 512 are too few.
     pub specimens_per_group: Option<u32>,
-    /// Probability of settling the question with `specimens_per_group` specimens, or with 512.
+    /// Probability that `specimens_per_group` specimens, or 512, settle the verdict.
     pub chance: f64,
 }
 
-/// Creep compliance of a group at each time: median and 90 % interval of the typical specimen, and 90 % interval of a new specimen.
+/// Predicted creep compliance of one group at each time, for its typical specimen and for a new specimen.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct CreepPrediction {
-    /// Median of the typical specimen's creep compliance, in 1/Pa.
+    /// Posterior median of the typical specimen's creep compliance, in 1/Pa.
     pub median_per_pa: Vec<f64>,
     /// 5 % quantile of the typical specimen's creep compliance, in 1/Pa.
     pub typical_q05_per_pa: Vec<f64>,
@@ -252,34 +256,34 @@ pub struct CreepPrediction {
     pub new_specimen_q05_per_pa: Vec<f64>,
     /// 95 % quantile of a new specimen's creep compliance, in 1/Pa.
     pub new_specimen_q95_per_pa: Vec<f64>,
-    /// Share of draws left out because the law's creep compliance cannot be computed, for example if a springpot's order is 0 within rounding.
+    /// Share of posterior draws that the prediction omits because the law's creep compliance cannot be computed, for example if a springpot's order is 0 within rounding.
     #[serde(default)]
     pub share_left_out: f64,
 }
 
-/// A published value.
+/// A value from the literature, for comparison.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Published {
     /// Name of the parameter.
     pub parameter: String,
-    /// Author and year.
+    /// Author and year of the publication.
     pub source: String,
-    /// Species.
+    /// Species of the published specimens.
     pub species: String,
     /// Value in SI units.
     pub value: f64,
-    /// Statement of the published quantity and of derived or assumed parts.
+    /// Statement of the measured quantity, and of the parts of the value that are derived or assumed.
     pub statement: String,
 }
 
-/// Name of a scale in documents.
+/// Scales on which a parameter's variation between specimens is described.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum ScaleName {
-    /// ln x.
+    /// Logarithm of the parameter: ln x.
     Logarithm,
-    /// ln((x − a)/(b − x)) between the ends a and b of the parameter's support.
+    /// Log-odds of a parameter x with support from a to b: ln((x − a)/(b − x)).
     LogOdds,
 }

@@ -2,24 +2,24 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Body of `vitreo-uq/init/1`.
+/// Result of `init`: body of the JSON document `vitreo-uq/init/1`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct InitSummary {
-    /// The new directory.
+    /// Directory that `init` has created for the experiment or cohort.
     pub directory: String,
-    /// Directories of the experiments, one for each track, if a table of several tracks became a cohort; otherwise empty.
+    /// Directories of the cohort's experiments, one for each track in the table; empty for a table with a single track.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub experiments: Vec<String>,
-    /// Name of the table in the directory.
+    /// Name of the table's file in the new directory.
     pub file: String,
-    /// Decisions on the table's content, one sentence each.
+    /// Sentences on the program's decisions about the table's content.
     pub reasons: Vec<String>,
-    /// Columns of time, force, position (or x and y) and, if present, cycle. For an oscillation: columns of frequency and moduli.
+    /// Columns that the program uses: time, force, position (or x and y) and, if present, cycle. For an oscillation: frequency and moduli.
     pub columns: Vec<InitColumn>,
-    /// Other columns. They stay in the file and are not read.
+    /// Names of the columns that the program does not use. They stay in the file.
     pub others: Vec<String>,
-    /// Number of rows.
+    /// Number of rows in the table.
     pub rows: usize,
     /// Number of rows without a position.
     pub rows_without_position: usize,
@@ -27,22 +27,22 @@ pub struct InitSummary {
     pub unknown: Vec<String>,
 }
 
-/// One column.
+/// A column of the user's table and the program's use of it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct InitColumn {
-    /// Role of the column: time, force, position, position_x, position_y or cycle; frequency, storage, loss, modulus or phase.
+    /// Quantity in the column: time, force, position, position_x, position_y or cycle; for an oscillation frequency, storage, loss, modulus or phase.
     pub role: String,
-    /// Name in the header, or `column N`.
+    /// Name of the column in the table's header, or `column N`.
     pub name: String,
-    /// Unit, or format of the times; empty for cycles.
+    /// Unit of the column, or the format of its times; empty for cycles.
     pub unit: String,
-    /// Smallest and largest value, in s, µN or µm. `None` for cycles, for oscillations, and for x and y, which become one position.
+    /// Smallest and largest value in the column, in s, µN or µm. `None` for cycles, oscillations, and the coordinates x and y.
     pub range: Option<[f64; 2]>,
 }
 
 impl InitSummary {
-    /// True if the experiment can be read without further input.
+    /// True if the user need not fill in any key before the experiment can be read.
     pub fn is_complete(&self) -> bool {
         self.unknown.is_empty()
     }

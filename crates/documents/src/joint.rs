@@ -4,19 +4,19 @@ use serde::{Deserialize, Serialize};
 
 use super::posterior::{ModelSummary, ParameterSummary, SamplerSummary, Warning};
 
-/// Body of `vitreo-uq/joint/1`.
+/// Result of `sample` on several records of one specimen: body of the JSON document `vitreo-uq/joint/1`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct JointSummary {
     /// The model, with the noise terms of every record.
     pub model: ModelSummary,
-    /// Parameters of the law, shared by all records, then each record's own parameters, named `record 1: …`.
+    /// Posteriors of all parameters: first those of the law, shared by all records, then those of each record, named `record 1: …`.
     pub parameters: Vec<ParameterSummary>,
     /// Statistics of the sampler.
     pub sampler: SamplerSummary,
-    /// The records, each with the law fitted to it alone.
+    /// The records, each with the law that is fitted to it alone.
     pub records: Vec<JointRecord>,
-    /// Test of the records' agreement.
+    /// Test whether one law describes all records.
     pub agreement: Agreement,
     /// True if the draws have converged.
     pub converged: bool,
@@ -25,46 +25,46 @@ pub struct JointSummary {
 }
 
 impl JointSummary {
-    /// True if the result is sound (exit code 0).
+    /// True if no warning makes the result untrusted. The program exits with code 0 for such results.
     pub fn is_sound(&self) -> bool {
         !self.warnings.iter().any(|warning| warning.kind.is_fatal())
     }
 }
 
-/// One record.
+/// One of the records, with the law that is fitted to it alone.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct JointRecord {
     /// Specimen identifier.
     pub id: String,
-    /// `creep` or `oscillation`.
+    /// Kind of record: `creep` or `oscillation`.
     pub kind: String,
-    /// Parameters of the law at this record's best fit.
+    /// Parameters of the law at the best fit to this record alone.
     pub law: Vec<LawEstimate>,
 }
 
-/// A parameter of the law at one record's best fit.
+/// A parameter of the law at the best fit to one record, with its interval of one standard deviation either way.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct LawEstimate {
-    /// Name, with unit.
+    /// Name of the parameter, with its unit.
     pub name: String,
-    /// Value.
+    /// Estimate, in the unit of the parameter's name.
     pub value: f64,
-    /// Value one standard deviation below, computed in the unbounded coordinate.
+    /// Lower end of the interval: one standard deviation below the estimate in the sampler's unbounded coordinate.
     pub lower: f64,
-    /// Value one standard deviation above, computed in the unbounded coordinate.
+    /// Upper end of the interval: one standard deviation above the estimate in the sampler's unbounded coordinate.
     pub upper: f64,
 }
 
-/// Likelihood-ratio test of one law for each record against one law for all.
+/// Likelihood-ratio test of separate laws for the records against one common law.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Agreement {
-    /// Twice the difference of the log likelihoods.
+    /// Twice the difference of the log likelihoods of separate laws and of one common law.
     pub statistic: f64,
-    /// Number of additional parameters of the separate laws.
+    /// Number of parameters that separate laws have in addition to one common law.
     pub degrees_of_freedom: usize,
-    /// Probability of a difference at least as large under one common law, from χ² with that many degrees of freedom (S. S. Wilks 1938).
+    /// Probability of a statistic at least as large under one common law, from the χ² distribution with `degrees_of_freedom` (S. S. Wilks 1938).
     pub p: f64,
 }

@@ -4,135 +4,135 @@ use serde::{Deserialize, Serialize};
 
 use super::errors::ModelErrors;
 
-/// Body of `vitreo-uq/learned/1`.
+/// Result of `learn`: body of the JSON document `vitreo-uq/learned/1`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Learned {
     /// Specimen identifier.
     pub experiment: String,
-    /// Verdict of the search.
+    /// Verdict of the search for a dependence of one quantity on a state.
     pub verdict: LearnedVerdict,
     /// Cycles that every model was fitted to.
     pub fitted_cycles: Vec<u32>,
-    /// The scored held-out cycle; empty if no cycle is held out.
+    /// The scored cycle, which is the last held-out one; empty if no cycle is held out.
     pub heldout_cycles: Vec<u32>,
-    /// True if functions had to be monotone.
+    /// True if the user requested monotone functions only.
     #[serde(default)]
     pub monotone: bool,
     /// The learnt function; `None` if nothing was learnt, or retardations were learnt instead.
     pub function: Option<LearnedFunction>,
-    /// Formula that reproduces the function; `None` if no formula does.
+    /// Formula that replaces the learnt function; `None` if no formula predicts as well.
     pub formula: Option<LearnedFormula>,
-    /// Learnt retardations; empty if a function was learnt instead.
+    /// Learnt retardations, which extend the law's creep compliance; empty if a function was learnt instead.
     pub memory: Vec<Retardation>,
-    /// Errors of the model without the learnt part. They come from its posterior, as in `extend` and `ladder`, where the last cycle is scored.
+    /// Errors of the posterior of the model without the learnt part, as in `extend` and `ladder`.
     pub base: ModelErrors,
-    /// Errors with the learnt part, for the best fit with the study's own noise terms; `None` if nothing was learnt.
+    /// Errors of the best fit with the learnt part and the study's own noise terms; `None` if nothing was learnt.
     pub learned: Option<ModelErrors>,
-    /// Errors with the formula, for the best fit with the study's own noise terms; `None` without a formula.
+    /// Errors of the best fit with the formula and the study's own noise terms; `None` without a formula.
     pub with_formula: Option<ModelErrors>,
-    /// Known or estimated noise that errors are compared with, in µm; `None` if it is unknown.
+    /// Noise standard deviation, known or estimated, that errors are compared with, in µm; `None` if it is unknown.
     pub noise_um: Option<f64>,
-    /// p of the best pair's gain, corrected for the whole search.
+    /// Probability that chance alone gives as large a gain as the best pair's, corrected for the whole search.
     pub p_familywise: f64,
-    /// Explained share of the squared error above the noise, on the held-out cycle; on the fitted cycles if none is held out.
+    /// Explained share of the squared error in excess of the noise, on the last held-out cycle; on the fitted cycles if none is held out.
     pub explained_fraction: Option<f64>,
-    /// Every pair that was tried, best first.
+    /// Every pair of quantity and state that the search has tried, best first.
     pub pairs: Vec<LearnedPair>,
 }
 
-/// Verdict of the search.
+/// Verdict of the search for a dependence of one quantity on a state.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct LearnedVerdict {
-    /// Kind of verdict.
+    /// Kind of verdict: learnt or not.
     pub kind: LearnedKind,
-    /// The dependent quantity; empty if nothing was learnt.
+    /// Quantity that depends on the state, such as a parameter of the law; empty if nothing was learnt.
     pub quantity: String,
-    /// The state on which the quantity depends; empty if nothing was learnt.
+    /// State on which the quantity depends, such as the position; empty if nothing was learnt.
     pub state: String,
-    /// Pairs that this experiment cannot distinguish from this one.
+    /// Pairs of quantity and state that this experiment cannot distinguish from the verdict's pair.
     pub equivalent: Vec<EquivalentPair>,
-    /// Effects of the library that fit equally well and are preferable.
+    /// Effects of the library that fit as well as the learnt function, and are therefore preferred to it.
     pub library: Vec<String>,
     /// Verdict as a sentence.
     pub sentence: String,
 }
 
-/// Kinds of verdicts.
+/// Kinds of verdicts of the search for a dependence.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum LearnedKind {
-    /// A dependence was learnt.
+    /// A dependence of a quantity on a state was learnt.
     Learned,
     /// Nothing was learnt.
     Nothing,
 }
 
-/// A pair of a quantity and a state.
+/// A pair of a quantity and a state that it may depend on.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct EquivalentPair {
-    /// The dependent quantity.
+    /// Quantity that depends on the state, such as a parameter of the law.
     pub quantity: String,
-    /// The state on which the quantity depends.
+    /// State on which the quantity depends, such as the position.
     pub state: String,
 }
 
-/// A learnt function.
+/// A learnt function of a state: the factor by which a quantity changes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct LearnedFunction {
     /// Unit of the state.
     pub state_unit: String,
-    /// Lowest and highest state in the fitted rows.
+    /// Lowest and highest value of the state in the fitted rows.
     pub visited: [f64; 2],
-    /// State at which the factors are 1. It is the state of the fitted rows at which the function is best known.
+    /// Value of the state at which the factor is 1. Of the states in the fitted rows, the function is best known there.
     pub reference_state: f64,
-    /// The quantity at the reference state; absent if it is no parameter of the law.
+    /// Posterior of the quantity at the reference state; absent if the quantity is no parameter of the law.
     pub at_reference: Option<QuantityAtReference>,
     /// Points of the function.
     pub points: Vec<LearnedPoint>,
 }
 
-/// The dependent quantity at the reference state, in its parameter's unit.
+/// Posterior of the dependent quantity at the reference state, in the unit of its parameter.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct QuantityAtReference {
-    /// Median.
+    /// Posterior median of the quantity.
     pub value: f64,
-    /// 5 % quantile.
+    /// 5 % quantile of the quantity's posterior.
     pub q05: f64,
-    /// 95 % quantile.
+    /// 95 % quantile of the quantity's posterior.
     pub q95: f64,
 }
 
-/// A point of the function: ratio of the quantity to its value at the reference state.
+/// A point of the learnt function: a state and the factor of the quantity there.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct LearnedPoint {
-    /// State.
+    /// Value of the state.
     pub state: f64,
     /// Ratio of the quantity to its value at the reference state.
     pub factor: f64,
-    /// 5 % quantile.
+    /// 5 % quantile of the factor.
     pub q05: f64,
-    /// 95 % quantile.
+    /// 95 % quantile of the factor.
     pub q95: f64,
 }
 
-/// A learnt formula.
+/// A learnt formula, which replaces the learnt function.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct LearnedFormula {
-    /// Formula in the state and the parameters.
+    /// Formula for the factor, in terms of the state and the formula's parameters.
     pub text: String,
     /// Parameters of the formula.
     pub parameters: Vec<FormulaParameter>,
-    /// File beside this document that `extend --with` reads.
+    /// Name of the formula's file beside this document. `extend --with` reads it.
     pub file: String,
-    /// Factors at the states of the function's points, relative to the reference state.
+    /// Factors by the formula at the states of the learnt function's points, relative to the reference state.
     pub factors: Vec<f64>,
 }
 
@@ -156,15 +156,15 @@ impl LearnedFormula {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct FormulaParameter {
-    /// Name.
+    /// Name of the parameter in the formula.
     pub name: String,
-    /// Unit.
+    /// Unit of the parameter.
     pub unit: String,
-    /// Fitted value.
+    /// Fitted value of the parameter.
     pub value: f64,
-    /// 5 % quantile.
+    /// 5 % quantile of the parameter's posterior.
     pub q05: f64,
-    /// 95 % quantile.
+    /// 95 % quantile of the parameter's posterior.
     pub q95: f64,
 }
 
@@ -178,21 +178,21 @@ pub struct Retardation {
     pub share: f64,
 }
 
-/// Result for one pair of quantity and state.
+/// Result of the search for one pair of a quantity and a state.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct LearnedPair {
-    /// The dependent quantity.
+    /// Quantity that depends on the state, such as a parameter of the law.
     pub quantity: String,
-    /// The state on which the quantity depends.
+    /// State on which the quantity depends, such as the position.
     pub state: String,
-    /// Gain in ln evidence over the model without the dependence.
+    /// Gain in log evidence over the model without the dependence, in nats.
     pub evidence_nats: f64,
-    /// Gain in the log score of cycles, each predicted from the cycles before it.
+    /// Gain in the log score of later cycles, each predicted from the cycles before it, in nats; `None` if no cycle is held out.
     pub heldout_gain_nats: Option<f64>,
-    /// Part of the log score gain that comes from the last cycle.
+    /// Part of the gain in log score that comes from the last cycle, in nats; `None` if no cycle is held out.
     pub last_cycle_gain_nats: Option<f64>,
-    /// Error of the search on the scored cycle, in µm, from a fit with every kind of noise.
+    /// Root mean square residual of the last held-out cycle, in µm, from a fit with all noise terms; `None` if no cycle is held out.
     pub rmse_heldout_um: Option<f64>,
 }
 

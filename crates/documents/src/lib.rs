@@ -1,4 +1,4 @@
-//! Documents that commands write (formats §5): plain types with a few queries for their readers. Jobs create them; figures and the terminal show them.
+//! Types of the JSON documents that commands write (formats §5), with a few queries for readers. Jobs create them; figures and the terminal show them.
 
 pub mod calibration;
 pub mod check;

@@ -5,23 +5,23 @@ use serde::{Deserialize, Serialize};
 use super::diagnosis::Verdict;
 use super::posterior::{ModelSummary, ParameterSummary, SamplerSummary, Warning};
 
-/// Body of `vitreo-uq/oscillation/1`.
+/// Result of `sample` on an oscillation: body of the JSON document `vitreo-uq/oscillation/1`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct OscillationSummary {
     /// Specimen identifier.
     pub experiment: String,
-    /// The model. Its noise term is `known` or `relative`.
+    /// The sampled model. Its noise term is `known` or `relative`.
     pub model: ModelSummary,
-    /// Sampled parameters.
+    /// Posteriors of all sampled parameters.
     pub parameters: Vec<ParameterSummary>,
     /// Statistics of the sampler.
     pub sampler: SamplerSummary,
-    /// Measured frequencies.
+    /// Number and range of the measured frequencies.
     pub frequencies: Frequencies,
-    /// Poisson ratio ν. Shear moduli are Young's moduli divided by 2 + 2ν.
+    /// Poisson's ratio of the gel. It converts Young's moduli of the law into the measured shear moduli.
     pub poisson_ratio: f64,
-    /// Residuals of the posterior mean.
+    /// Residuals of the posterior mean prediction.
     pub misfit: OscillationMisfit,
     /// True if the draws have converged.
     pub converged: bool,
@@ -30,13 +30,13 @@ pub struct OscillationSummary {
 }
 
 impl OscillationSummary {
-    /// True if the result is sound (exit code 0).
+    /// True if no warning makes the result untrusted. The program exits with code 0 for such results.
     pub fn is_sound(&self) -> bool {
         !self.warnings.iter().any(|warning| warning.kind.is_fatal())
     }
 }
 
-/// The frequencies of an oscillation.
+/// Number and range of the frequencies of an oscillation.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Frequencies {
@@ -50,71 +50,73 @@ pub struct Frequencies {
     pub highest_hz: f64,
 }
 
-/// Residuals of a model on an oscillation.
+/// Residuals of a model on an oscillation, a table of storage and loss moduli against frequency.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct OscillationMisfit {
-    /// Root mean square distance of G′ and G″ from the model, divided by |G*|, over the fitted frequencies.
+    /// Root mean square residual of the storage and loss moduli, relative to the modulus of the complex modulus, over the fitted frequencies.
     pub relative_fitted: f64,
-    /// Root mean square distance of G′ and G″ from the model, divided by |G*|, over the held-out frequencies.
+    /// Root mean square residual of the storage and loss moduli, relative to the modulus of the complex modulus, over the held-out frequencies; `None` if there
+    /// are none.
     pub relative_heldout: Option<f64>,
-    /// Root mean square distance of G′ and G″ in standard deviations, over the held-out frequencies; 1 if the model is right.
+    /// Root mean square residual over the held-out frequencies, in standard deviations of the measurement error; 1 if the model is right. `None` without
+    /// held-out frequencies.
     pub heldout_over_error: Option<f64>,
-    /// Median of the learnt relative error, or root mean square of the table's own errors divided by |G*|.
+    /// Root mean square of the standard deviations of the measurement error, learnt or stated in the table, relative to the modulus of the complex modulus.
     pub error_relative: f64,
-    /// True if the table states its errors.
+    /// True if the table states the errors of its moduli.
     pub errors_known: bool,
-    /// Smallest of the tests' p values, multiplied by their number. The tests are the agreement of neighbouring residuals, the held-out distance and, with
-    /// known errors, the fitted distance. The p values come from simulated oscillations that are fitted again.
+    /// Smallest p of the tests of the residuals, multiplied by the number of tests. The tests compare neighbouring residuals, the size of held-out residuals
+    /// and, for known errors, the size of fitted residuals. The p values come from simulated and refitted oscillations.
     pub p: f64,
 }
 
-/// Body of `vitreo-uq/oscillation-diagnosis/1`.
+/// Result of `diagnose` on an oscillation: body of the JSON document `vitreo-uq/oscillation-diagnosis/1`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct OscillationDiagnosis {
     /// Specimen identifier.
     pub experiment: String,
-    /// The model without further effects.
+    /// The base model, to which the diagnosis adds effects.
     pub model: ModelSummary,
     /// Verdict of the diagnosis.
     pub verdict: Verdict,
-    /// Residuals of the model.
+    /// Residuals of the base model's best fit.
     pub base: OscillationMisfit,
-    /// Residuals with the verdict's effects; `None` if the verdict names none.
+    /// Residuals of the best fit with the verdict's effects; `None` if the verdict names no effect.
     pub extended: Option<OscillationMisfit>,
-    /// Candidate effects that change the law, largest gain first.
+    /// Results for all effects that change the law, largest gain first.
     pub candidates: Vec<OscillationCandidate>,
-    /// Number of simulated searches that gains are compared with.
+    /// Number of simulated searches that the gains are compared with.
     pub searches: usize,
 }
 
-/// A candidate effect.
+/// Result for one candidate effect of the diagnosis of an oscillation.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct OscillationCandidate {
-    /// Slug of the effect.
+    /// Name of the effect in commands and files.
     pub effect: String,
     /// Gain in log likelihood of the fitted frequencies, in nats.
     pub gain_nats: f64,
     /// Gain in log likelihood of the held-out frequencies, in nats.
     pub heldout_gain_nats: Option<f64>,
-    /// Share of simulated searches without any effect whose largest gain is at least as large.
+    /// Share of simulated searches without any effect whose largest gain reaches this effect's gain.
     pub p_familywise: f64,
-    /// Fitted parameters of the effect, each with its range of one standard deviation either way.
+    /// Estimates of the effect's parameters.
     pub parameters: Vec<OscillationEstimate>,
 }
 
-/// A fitted parameter.
+/// Estimate of one parameter, with an interval of one standard deviation either way.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct OscillationEstimate {
-    /// Name, with unit.
+    /// Name of the parameter, with its unit.
     pub name: String,
-    /// Value.
+    /// Estimate, in the unit of the parameter's name.
     pub value: f64,
-    /// Value one standard deviation below, computed in the unbounded coordinate.
+    /// Lower end of the interval: one standard deviation below the estimate in the sampler's unbounded coordinate.
     pub lower: f64,
-    /// Value one standard deviation above, computed in the unbounded coordinate.
+    /// Upper end of the interval: one standard deviation above the estimate in the sampler's unbounded coordinate.
     pub upper: f64,
 }

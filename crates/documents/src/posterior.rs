@@ -5,58 +5,59 @@ use serde::{Deserialize, Serialize};
 
 use super::trust::{Trust, TrustLevel};
 
-/// Body of `vitreo-uq/posterior/1`. Inapplicable figures are `null`; for example, an instrument has no finite elements.
+/// Result of `sample`: body of the JSON document `vitreo-uq/posterior/1`. Figures that do not apply are `null`, such as those of finite elements for an
+/// instrument.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct PosteriorSummary {
     /// Specimen identifier.
     pub experiment: String,
-    /// The model.
+    /// The sampled model.
     pub model: ModelSummary,
-    /// Sampled parameters.
+    /// Posteriors of all sampled parameters.
     pub parameters: Vec<ParameterSummary>,
     /// Statistics of the sampler.
     pub sampler: SamplerSummary,
-    /// Accuracy of the surrogate.
+    /// Accuracy of the surrogate that replaces the full-order model in the likelihood.
     pub surrogate: SurrogateSummary,
     /// Prediction of the held-out cycles.
     pub heldout: HeldoutSummary,
-    /// Error budget of a predicted position, in µm.
+    /// Error budget of a predicted position: sizes of its sources of error, in µm.
     pub error_budget_um: ErrorBudget,
-    /// Largest absolute principal strain at the largest displacement.
+    /// Largest absolute principal strain of the gel at the largest displacement.
     pub largest_strain: Option<f64>,
-    /// Influence of large displacements on the result; `null` if it was not simulated.
+    /// Effect of large displacements on positions and parameters; `null` if it was not simulated.
     pub large_displacement: Option<LargeDisplacement>,
-    /// Parameters whose draws accumulate at an end of the prior, which is the surrogate's trained range.
+    /// Parameters whose draws accumulate at an end of the prior. The surrogate is trained for the prior's range only.
     pub at_edge_of_range: Vec<String>,
     /// True if the draws have converged.
     pub converged: bool,
     /// Trust in the result, with the reason.
     #[serde(default)]
     pub trust: Trust,
-    /// Warnings for the user.
+    /// Warnings about the result, for the user.
     pub warnings: Vec<Warning>,
 }
 
-/// Deviation of a gel with large strains from the linear model, under the posterior's law (physics §7.6).
+/// Difference between a gel with large strains and the linear model, computed for parameters of the posterior (physics §7.6).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct LargeDisplacement {
-    /// Largest distance of the robot from its start in the fitted cycles, in robot radii.
+    /// Largest distance of the robot from its starting point in the fitted cycles, divided by the robot's radius.
     pub farthest_radii: f64,
-    /// Root mean square of the deviation over the fitted rows, in µm; `null` if it could not be computed.
+    /// Root mean square difference of the positions from the linear model over the fitted rows, in µm; `null` if it could not be computed.
     pub deviation_rms_um: Option<f64>,
-    /// Largest absolute deviation, in µm.
+    /// Largest absolute difference of the positions from the linear model, in µm; `null` if it could not be computed.
     pub deviation_most_um: Option<f64>,
-    /// First-order shifts of the law's parameters by the deviation, assuming white noise; only parameters known to within a tenth.
+    /// First-order biases of the law's parameters by the difference, if the noise is white. The list contains only parameters that are known to within a tenth.
     pub shifts: Vec<ParameterShift>,
 }
 
-/// Bias of an estimated parameter against the gel's true value.
+/// Bias of an estimated parameter, because the linear model neglects large displacements.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct ParameterShift {
-    /// Name, with unit.
+    /// Name of the parameter, with its unit.
     pub name: String,
     /// Estimate minus the gel's true value, divided by the estimate.
     pub relative: f64,
@@ -64,33 +65,33 @@ pub struct ParameterShift {
     pub standard_deviations: f64,
 }
 
-/// The fitted model.
+/// A model: its law, effects and noise terms.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct ModelSummary {
-    /// Base law.
+    /// Name of the law.
     pub base: String,
-    /// Effects.
+    /// Names of the effects.
     pub effects: Vec<String>,
-    /// Noise terms.
+    /// Names of the noise terms.
     pub noise: Vec<String>,
 }
 
 impl ModelSummary {
-    /// True if another program computes the law.
+    /// True if another program computes the response of the law.
     pub fn is_external(&self) -> bool {
         self.base == EXTERNAL
     }
 
-    /// Name of the model that the surrogate replaces and is tested against.
+    /// Name, for people, of the model that the surrogate replaces and is tested against.
     pub fn full_model(&self) -> &'static str {
         if self.is_external() { "the other program itself" } else { "full finite elements" }
     }
 
-    /// Text for `n` runs of the full-order model, or of the other program.
+    /// Text for people: `n` runs of the full-order model, or `n` responses of the other program.
     pub fn full_runs(&self, n: usize) -> String {
         if self.is_external() {
-            format!("{n} answers of the other program")
+            format!("{n} responses of the other program")
         } else {
             format!("{n} full finite-element runs")
         }
@@ -101,33 +102,33 @@ impl ModelSummary {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct ParameterSummary {
-    /// Name, with unit.
+    /// Name of the parameter, with its unit.
     pub name: String,
     /// Posterior mean.
     pub mean: f64,
     /// Posterior standard deviation.
     pub sd: f64,
-    /// 5 % quantile.
+    /// 5 % quantile of the posterior.
     pub q05: f64,
-    /// Median.
+    /// Posterior median.
     pub median: f64,
-    /// 95 % quantile.
+    /// 95 % quantile of the posterior.
     pub q95: f64,
-    /// Effective number of draws for the location.
+    /// Effective sample size for the centre of the posterior.
     pub ess_bulk: f64,
-    /// Effective number of draws for the 5 % and 95 % quantiles.
+    /// Effective sample size for the tails of the posterior: the smaller one of the 5 % and the 95 % quantile.
     pub ess_tail: f64,
-    /// Rank-normalised split R̂, with one chain for each ensemble.
+    /// Convergence diagnostic R̂, rank-normalised and split, with each ensemble as one chain; 1 if the ensembles agree perfectly.
     pub rhat: f64,
-    /// Monte Carlo standard error of the mean.
+    /// Monte Carlo standard error of the posterior mean.
     pub mcse_mean: f64,
-    /// Shift of the mean by the surrogate's error, in posterior standard deviations. Importance weights from the full-order model estimate it.
+    /// Shift of the posterior mean by the surrogate's error, in posterior standard deviations, estimated by importance weights from the full-order model.
     pub surrogate_bias_sd: Option<f64>,
-    /// Shift of the mean by the mesh's error, in posterior standard deviations, estimated from two meshes.
+    /// Shift of the posterior mean by the mesh's error, in posterior standard deviations, estimated from two meshes.
     pub discretisation_bias_sd: Option<f64>,
 }
 
-/// Statistics of the sampler.
+/// Settings and statistics of the ensemble sampler.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct SamplerSummary {
@@ -137,9 +138,9 @@ pub struct SamplerSummary {
     pub ensembles: usize,
     /// Number of steps of each walker, including burn-in.
     pub steps: u64,
-    /// Fraction of accepted proposals.
+    /// Fraction of proposals that the sampler accepted.
     pub acceptance: f64,
-    /// Longest integrated autocorrelation time, in steps.
+    /// Longest integrated autocorrelation time of a parameter, in steps.
     pub autocorrelation_time: f64,
     /// Number of evaluations of the log density.
     pub likelihood_evaluations: u64,
@@ -147,21 +148,21 @@ pub struct SamplerSummary {
     pub walkers_reseeded: u64,
 }
 
-/// Accuracy of the surrogate.
+/// Size and accuracy of the surrogate that replaces the full-order model.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct SurrogateSummary {
-    /// Number of retained modes of the reduced basis.
+    /// Number of modes (displacement fields) that the surrogate combines.
     pub modes: Option<usize>,
-    /// Largest distance from the full-order model in the verification runs, relative to the amplitude.
+    /// Largest distance of the surrogate from the full-order model in the verification runs, relative to the amplitude.
     pub max_relative_error: Option<f64>,
     /// Number of unknowns of the full-order model.
     pub fe_unknowns: Option<usize>,
-    /// Number of full-order training runs.
+    /// Number of runs of the full-order model from which the surrogate was built.
     pub snapshot_runs: Option<usize>,
-    /// Singular values relative to the largest, down to rounding error.
+    /// Singular values of the snapshots, divided by the largest, down to rounding error.
     pub singular_values: Option<Vec<f64>>,
-    /// Largest relative energy-norm distance of verification fields from the span of the modes.
+    /// Largest relative distance, in the energy norm, of a displacement field of the verification runs from the span of the surrogate's modes.
     pub max_projection_error: Option<f64>,
 }
 
@@ -169,53 +170,55 @@ pub struct SurrogateSummary {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct HeldoutSummary {
-    /// Fitted cycles.
+    /// Cycles that the model was fitted to.
     pub fitted_cycles: Vec<u32>,
-    /// Held-out cycles.
+    /// Cycles that the fit did not use.
     pub cycles: Vec<u32>,
-    /// Number of full-order runs, one for each posterior draw used.
+    /// Number of full-order runs, one for each posterior draw that the prediction uses.
     pub fe_runs: Option<usize>,
-    /// Root mean square distance of the posterior mean trajectory from the held-out positions, in µm.
+    /// Root mean square residual of the held-out positions, predicted by the posterior mean trajectory, in µm.
     pub rmse_um: Option<f64>,
-    /// Root mean square distance of the posterior mean trajectory from the fitted positions, in µm.
+    /// Root mean square residual of the fitted positions, predicted by the posterior mean trajectory, in µm.
     pub rmse_fitted_um: f64,
-    /// Noise that residuals are compared with, in µm.
+    /// Noise standard deviation that residuals are compared with, in µm; `null` if it is unknown.
     pub noise_um: Option<f64>,
-    /// Source of the noise value.
+    /// Source of the noise standard deviation, in words.
     pub noise_origin: String,
-    /// Fraction of held-out positions inside the central 50 % band.
+    /// Fraction of held-out positions inside the central 50 % band of the prediction.
     pub coverage_50: Option<f64>,
-    /// Fraction of held-out positions inside the central 90 % band.
+    /// Fraction of held-out positions inside the central 90 % band of the prediction.
     pub coverage_90: Option<f64>,
-    /// Range of the 50 % coverage in 99 % of simulated measurements.
+    /// Range of `coverage_50` in 99 % of simulated measurements.
     pub coverage_50_expected: Option<[f64; 2]>,
-    /// Range of the 90 % coverage in 99 % of simulated measurements.
+    /// Range of `coverage_90` in 99 % of simulated measurements.
     pub coverage_90_expected: Option<[f64; 2]>,
-    /// Probability of a misfit at least as large, by joint predictive simulation. It is twice the smaller p of largest and mean square residual.
+    /// Probability of a misfit of the held-out positions at least as large, from simulated measurements. It is twice the smaller p of two statistics: the
+    /// largest residual and the mean square residual.
     pub joint_p: Option<f64>,
-    /// Mean continuous ranked probability score, in µm.
+    /// Continuous ranked probability score of the held-out positions, averaged over rows, in µm.
     pub crps_um: Option<f64>,
-    /// ln p(held-out positions | fitted positions), averaged over draws, in nats for positions in µm.
+    /// Log posterior predictive density of the held-out positions given the fitted ones, in nats for positions in µm.
     pub log_score_nats: Option<f64>,
-    /// Monte Carlo standard error of the log score.
+    /// Monte Carlo standard error of the log score, in nats.
     pub log_score_mcse_nats: Option<f64>,
-    /// Largest distance of the surrogate from the full-order model over all draws and rows, in µm.
+    /// Largest distance of the surrogate from the full-order model over all posterior draws and rows, in µm.
     pub surrogate_vs_fe_max_um: Option<f64>,
-    /// Pareto k̂ of the importance weights from the full-order model; 0 if all weights are equal.
+    /// Pareto shape diagnostic k̂ of the importance weights from the surrogate to the full-order model; 0 if all weights are equal.
     pub pareto_k: Option<f64>,
 }
 
-/// Error budget of a predicted position, in µm.
+/// Error budget of a predicted position: sizes of its sources of error, in µm.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct ErrorBudget {
-    /// Learnt noise from row to row, posterior median.
+    /// Posterior median of the standard deviation of the learnt white noise.
     pub noise: f64,
-    /// Largest difference from the next coarser mesh. For an imported mesh around a sphere: largest difference from the exact solution.
+    /// Error due to the mesh: largest difference from the next coarser mesh. For an imported mesh around a sphere, it is the largest difference from the exact
+    /// solution.
     pub fe_discretisation: Option<f64>,
-    /// Largest difference between surrogate and full-order model.
+    /// Largest difference between the surrogate and the full-order model.
     pub surrogate: Option<f64>,
-    /// Monte Carlo error of the posterior mean trajectory.
+    /// Monte Carlo error of the posterior mean trajectory, due to the finite number of draws.
     pub monte_carlo: f64,
 }
 
@@ -223,11 +226,11 @@ pub struct ErrorBudget {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Warning {
-    /// Kind of warning.
+    /// Kind of warning, which determines the level of trust.
     pub kind: WarningKind,
-    /// Description of the problem.
+    /// Sentence that describes the problem.
     pub text: String,
-    /// Advice to the user.
+    /// Advice on how to solve the problem.
     pub advice: String,
 }
 
@@ -245,17 +248,17 @@ pub enum WarningKind {
     Undetermined,
     /// The surrogate differs too much from the full-order model.
     SurrogateInaccurate,
-    /// The user's imported mesh is doubtful.
+    /// The mesh that the user imported is doubtful.
     Mesh,
-    /// The mesh is too coarse for the noise.
+    /// The error due to the mesh is large compared with the noise.
     MeshTooCoarse,
-    /// The held-out cycles lie outside the joint predictive band.
+    /// The held-out cycles lie outside the joint band of the prediction.
     HeldoutOutsideBand,
-    /// Fitted or held-out misfit is above the known noise.
+    /// The residual of fitted or held-out cycles is above the known noise.
     MisfitAboveNoise,
     /// The learnt noise is above the known noise.
     LearntNoiseAboveKnown,
-    /// Strains exceed the gel's proven linear range.
+    /// Strains exceed the range in which the gel is known to be linear.
     LargeStrain,
     /// Displacements are so large that a gel of this law would deviate from the linear model.
     LargeDisplacement,
@@ -275,19 +278,19 @@ pub enum WarningKind {
     EdgeOfRange,
     /// No cycle is held out.
     NothingHeldOut,
-    /// The estimate of an effect is consistent with its null.
+    /// The estimate of an effect is consistent with its null, at which the effect vanishes.
     AtNull,
-    /// The model fails for some posterior draws on the whole record.
+    /// The model cannot be computed for some posterior draws on the whole record.
     DrawsRefused,
-    /// The apparatus is an instrument. Parts that need finite elements are left out.
+    /// The experiment describes an instrument by its compliance, so that results of finite elements are left out.
     NoFiniteElements,
     /// Only one specimen of a group was measured.
     GroupOfOne,
-    /// No specimen of a group was measured.
+    /// No specimen of a group was measured. Its parameters are predicted from other groups.
     GroupPredicted,
     /// A specimen lies far from its group.
     OutlyingSpecimen,
-    /// The positions range over more than the gel's size.
+    /// The positions range over more than the diameter of the gel.
     ImpossiblePositions,
 }
 
@@ -330,7 +333,7 @@ impl WarningKind {
 }
 
 impl PosteriorSummary {
-    /// True if the result is sound (exit code 0).
+    /// True unless the result is untrusted. The program exits with code 0 for such results.
     pub fn is_sound(&self) -> bool {
         self.trust.is_sound()
     }

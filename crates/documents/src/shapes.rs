@@ -4,84 +4,84 @@ use serde::{Deserialize, Serialize};
 
 use super::posterior::Warning;
 
-/// Body of `vitreo-uq/shapes/1`.
+/// Result of `shapes`, which compares bodies of several shapes: body of the JSON document `vitreo-uq/shapes/1`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct ShapesSummary {
-    /// Poisson ratio of the gel.
+    /// Poisson's ratio of the gel.
     pub poisson_ratio: f64,
     /// Diameter of the gel, in mm.
     pub vitreous_diameter_mm: f64,
-    /// Ratio of length to diameter.
+    /// Ratio of length to diameter of the ellipsoids and cylinders.
     pub aspect: f64,
     /// Amplitude of the force, in µN.
     #[serde(rename = "force_uN")]
     pub force_un: f64,
     /// Length of a hold, in s.
     pub hold_s: f64,
-    /// Ten bodies, five under each size rule.
+    /// Ten bodies: five that have the sphere's volume, and five that have its surface.
     pub bodies: Vec<BodySummary>,
     /// Body of the user's own mesh; `None` if no mesh was given.
     pub own_body: Option<UserBody>,
     /// Results for every combination of aspect ratio, Poisson ratio and force; empty unless several were requested.
     pub sweep: Vec<SweepSummary>,
-    /// Tests of the paper's claims.
+    /// Tests of the paper's claims about shapes.
     pub claims: Vec<Claim>,
-    /// Differences of elastic robots from the rigid ones above.
+    /// Differences between elastic robots and the rigid robots of `bodies`.
     pub elastic_robot: Vec<ElasticRobotResult>,
-    /// Predictors of the stiffness beyond volume and surface, best first.
+    /// Accuracy of simple predictors of the stiffness, best first.
     pub predictors: Vec<PredictorAccuracy>,
-    /// Required displacement of the longest robot within a hold, in mm.
+    /// Displacement within a hold that the longest robot must reach, in mm.
     pub wanted_displacement_mm: f64,
-    /// Longest robots that reach this displacement with probability 95 %, at the sphere's volume.
+    /// Longest robot of each shape that reaches `wanted_displacement_mm` with probability 95 %, at the sphere's volume.
     pub longest: Vec<LongestRobot>,
-    /// Bodies along the force in a gel with large strains; absent if the law has no large-strain form.
+    /// Bodies that are pulled along their axis in a gel with large strains; absent if the law has no form for large strains.
     pub large_strains: Option<LargeStrains>,
     /// Warnings on the user's mesh.
     pub warnings: Vec<Warning>,
 }
 
-/// One body.
+/// Stiffness and displacement of one body.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct BodySummary {
     /// Shape of the body.
     pub shape: BodyShape,
-    /// Axis of the body relative to the force, `horizontal` or `vertical`; `None` for a sphere.
+    /// Orientation of the body's axis: `horizontal` (along the force) or `vertical` (across it); `None` for a sphere.
     pub orientation: Option<String>,
-    /// Rule that sets the body's size.
+    /// Quantity that the body shares with the sphere: volume or surface.
     pub size_rule: SizeRule,
-    /// Length along its axis, in mm.
+    /// Length of the body along its axis, in mm.
     pub length_mm: f64,
-    /// Diameter across it, in mm.
+    /// Diameter of the body across its axis, in mm.
     pub diameter_mm: f64,
-    /// Force per displacement per Pa of Young's modulus, whole body, in m.
+    /// Stiffness of the whole body: force per displacement, divided by Young's modulus, in m.
     pub stiffness_m: f64,
     /// Estimated relative error of the stiffness.
     pub relative_error: f64,
     /// Relative difference of the three-dimensional finite-element stiffness from `stiffness_m`.
     pub relative_difference_3d: f64,
-    /// Mesh of the three-dimensional finite elements.
+    /// Mesh of the three-dimensional finite-element model.
     pub mesh_3d: MeshSummary,
-    /// Stiffness divided by that of the sphere of this size rule.
+    /// Stiffness divided by the stiffness of the sphere with equal volume or surface, according to `size_rule`.
     pub ratio_to_sphere: f64,
-    /// Surface divided by that of the sphere of this size rule.
+    /// Surface of the body divided by the surface of the sphere.
     pub surface_ratio: f64,
-    /// Volume divided by that of the sphere of this size rule.
+    /// Volume of the body divided by the volume of the sphere.
     pub volume_ratio: f64,
     /// Displacement at the end of the first hold, in µm.
     pub displacement_5s_um: Displacement,
 }
 
-/// A three-dimensional mesh.
+/// Size and quality of a three-dimensional mesh.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct MeshSummary {
-    /// Unknowns of the quarter model.
+    /// Number of unknowns of the finite-element model, which covers a quarter of the gel.
     pub unknowns: usize,
     /// Smallest scaled Jacobian of the elements: 1 for bricks, 0 for flat elements.
     pub smallest_scaled_jacobian: f64,
-    /// Largest ratio of longest to shortest side among the elements.
+    /// Largest ratio of an element's longest to its shortest side.
     pub largest_aspect: f64,
 }
 
@@ -89,32 +89,32 @@ pub struct MeshSummary {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct SweepSummary {
-    /// Ratio of length to diameter.
+    /// Ratio of length to diameter of the ellipsoids and cylinders.
     pub aspect: f64,
-    /// Poisson ratio of the gel.
+    /// Poisson's ratio of the gel.
     pub poisson_ratio: f64,
     /// Amplitude of the force, in µN.
     #[serde(rename = "force_uN")]
     pub force_un: f64,
-    /// Ten bodies, five under each size rule.
+    /// Ten bodies: five that have the sphere's volume, and five that have its surface.
     pub bodies: Vec<BodySummary>,
-    /// Body of the user's own mesh.
+    /// Body of the user's own mesh; `None` if no mesh was given.
     pub own_body: Option<UserBody>,
-    /// Tests of the paper's claims.
+    /// Tests of the paper's claims about shapes.
     pub claims: Vec<Claim>,
 }
 
-/// Body of the user's own mesh.
+/// Stiffness and displacement of the body in the user's own mesh.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct UserBody {
-    /// Surface of the body inside the mesh, in mm².
+    /// Surface of the body, in mm².
     pub surface_area_mm2: f64,
     /// Volume of the body, in mm³.
     pub volume_mm3: f64,
-    /// The mesh.
+    /// Size and quality of the user's mesh.
     pub mesh: MeshSummary,
-    /// Force per displacement per Pa of Young's modulus, for the whole body, in m, from finite elements on that mesh.
+    /// Stiffness of the whole body: force per displacement, divided by Young's modulus, in m, from finite elements on the user's mesh.
     pub stiffness_m: f64,
     /// Stiffness divided by that of the sphere of equal volume.
     pub ratio_to_sphere_of_equal_volume: f64,
@@ -124,15 +124,15 @@ pub struct UserBody {
     pub displacement_5s_um: Displacement,
 }
 
-/// Posterior of a displacement, in µm.
+/// Posterior of a body's displacement, in µm.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Displacement {
-    /// Median.
+    /// Posterior median.
     pub median: f64,
-    /// 5 % quantile.
+    /// 5 % quantile of the posterior.
     pub q05: f64,
-    /// 95 % quantile.
+    /// 95 % quantile of the posterior.
     pub q95: f64,
 }
 
@@ -141,9 +141,9 @@ pub struct Displacement {
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum SizeRule {
-    /// Equal volume (Fig. 7).
+    /// Volume equal to the sphere's (Fig. 7 of the paper).
     EqualVolume,
-    /// Equal surface area (Fig. 8).
+    /// Surface area equal to the sphere's (Fig. 8 of the paper).
     EqualSurface,
 }
 
@@ -165,9 +165,9 @@ impl SizeRule {
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum BodyShape {
-    /// Sphere, the reference.
+    /// Sphere, which is the reference for the other shapes.
     Sphere,
-    /// Prolate spheroid.
+    /// Prolate ellipsoid of revolution.
     Ellipsoid,
     /// Right circular cylinder with sharp rims.
     Cylinder,
@@ -192,13 +192,13 @@ pub struct Claim {
     pub claim: String,
     /// Verdict on the claim.
     pub verdict: ClaimVerdict,
-    /// Probability of the claim, given the errors of the stiffnesses. The gel's parameters affect all bodies alike and cancel.
+    /// Probability that the claim is true, given the numerical errors of the stiffnesses. The gel's parameters affect all bodies alike and cancel.
     pub probability: f64,
-    /// Numbers behind the verdict.
+    /// Stiffness ratios or displacements behind the verdict, in words.
     pub numbers: String,
 }
 
-/// Verdict on a claim.
+/// Verdict on a claim about shapes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub enum ClaimVerdict {
@@ -213,84 +213,85 @@ pub enum ClaimVerdict {
     TooClose,
 }
 
-/// Longest robot of a shape, at the volume of the sphere and under the sphere's force.
+/// Longest robot of one shape and orientation that moves far enough, at the sphere's volume and force.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct LongestRobot {
     /// Shape of the robot.
     pub shape: BodyShape,
-    /// Orientation in words.
+    /// Orientation of the robot's axis, in words.
     pub orientation: String,
-    /// Ratio of length to diameter; `None` if even the shortest robot moves too little.
+    /// Ratio of length to diameter; `None` if even the shortest robot does not move far enough.
     pub aspect: Option<f64>,
-    /// Length in m.
+    /// Length of the robot, in m; `None` if even the shortest robot does not move far enough.
     pub length_m: Option<f64>,
-    /// True if longer robots would also move far enough. The surrogate's range ends here.
+    /// True if longer robots would also move far enough, but lie outside the range of the surrogate.
     pub is_limit_of_range: bool,
-    /// Largest relative error of the surrogate at points between its training points.
+    /// Largest relative error of the surrogate of the stiffness, tested between its training points.
     pub surrogate_relative_error: f64,
 }
 
-/// Bodies along the force over one hold in two large-strain fluids: Oldroyd-B, and Giesekus with one mobility.
+/// Motion over one hold of bodies that are pulled along their axis in two large-strain fluids: Oldroyd-B, and Giesekus with one mobility.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct LargeStrains {
     /// Mobility of the Giesekus fluid.
     pub other_mobility: f64,
-    /// The sphere, then ellipsoid and cylinder under each size rule.
+    /// The sphere, then the ellipsoids and cylinders.
     pub bodies: Vec<LargeShape>,
-    /// Tests of the small-strain orderings at large strains.
+    /// Tests whether the order of the shapes at small strains also holds at large strains.
     pub claims: Vec<Claim>,
 }
 
-/// A body along the force, up to the time that the mesh can follow.
+/// Motion of a body that is pulled along its axis, up to the last time at which its mesh is not too distorted.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct LargeShape {
     /// Shape of the body.
     pub shape: BodyShape,
-    /// Rule that sets the body's size.
+    /// Quantity that the body shares with the sphere: volume or surface.
     pub size_rule: SizeRule,
-    /// Ratio of length to diameter.
+    /// Ratio of the body's length to its diameter.
     pub aspect: f64,
-    /// Last time that the mesh can follow, in s.
+    /// Last time that the computation reaches before the mesh is too distorted, in s.
     pub followed_s: f64,
     /// True if `followed_s` is the end of the hold.
     pub is_whole: bool,
-    /// Small-strain displacement at `followed_s`, in µm, for the posterior's median.
+    /// Displacement at `followed_s` according to the small-strain model, in µm, for the posterior's median.
     pub small_strains_um: f64,
-    /// Excess of the displacement in the Oldroyd-B fluid over the small-strain displacement at `followed_s`, in µm.
+    /// Displacement in the Oldroyd-B fluid minus the small-strain displacement at `followed_s`, in µm.
     pub deviation_um: f64,
-    /// Difference of the excess displacement from that of a coarser mesh, in µm.
+    /// Error of `deviation_um` due to the mesh: its difference from a coarser mesh, in µm.
     pub error_um: f64,
-    /// Excess of the displacement in the Giesekus fluid at `followed_s`, in µm; absent if the body was not followed to the end.
+    /// Displacement in the Giesekus fluid minus the small-strain displacement at `followed_s`, in µm; absent if the mesh could not follow the body to the end
+    /// of the hold.
     pub deviation_with_mobility_um: Option<f64>,
-    /// Displacement in the Oldroyd-B fluid divided by the body's radius across the force.
+    /// Displacement in the Oldroyd-B fluid at `followed_s`, divided by the body's radius across the force.
     pub radii_moved: f64,
-    /// Displacement in the Oldroyd-B fluid divided by the body's length.
+    /// Displacement in the Oldroyd-B fluid at `followed_s`, divided by the body's length.
     pub lengths_moved: f64,
 }
 
-/// Results of elastic robots of one modulus.
+/// Influence of the robot's elasticity on its stiffness in the gel, for one Young's modulus of the robot.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct ElasticRobotResult {
     /// Ratio of the robot's Young's modulus to the gel's.
     pub modulus_ratio: f64,
-    /// Largest relative deficit of a body's stiffness against a rigid one.
+    /// Largest decrease of the stiffness among the bodies, relative to a rigid robot.
     pub largest_relative_difference: f64,
 }
 
-/// Accuracy of one predictor over the sweep.
+/// Accuracy of one predictor of the stiffness, tested over many aspect ratios.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct PredictorAccuracy {
     /// Name of the predictor in words.
     pub predictor: String,
-    /// Root mean square of the relative error of the predicted ratio to the sphere.
+    /// Root mean square relative error of the predicted stiffness over all bodies.
     pub rms_relative_error: f64,
-    /// Largest relative error, with its sign.
+    /// Relative error of the predicted stiffness that is largest in size, with its sign.
     pub largest_relative_error: f64,
-    /// Body with the largest error.
+    /// Body whose predicted stiffness has the largest error, in words.
     pub worst: String,
 }

@@ -2,20 +2,20 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Kinds of tasks in a list.
+/// Kinds of tasks that a list for many computers can have.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum TaskKind {
-    /// Sampling of a cohort's experiments, each on its own as `groups` needs them.
+    /// Sampling of a cohort's experiments one by one, as `groups` needs them.
     Sample,
-    /// Challenges, played as by `challenge run`.
+    /// Challenges (records with a hidden effect), diagnosed as by `challenge run`.
     Challenge,
     /// Records simulated from the prior of one experiment's model, each sampled as by `sample`.
     Calibration,
-    /// Surrogates that experiments need, trained on the full-order model.
+    /// Training of the surrogates that experiments need, on the full-order model.
     Models,
-    /// Commands of a text file, whose output is kept.
+    /// Execution of a text file's commands, whose output is kept.
     Commands,
 }
 
@@ -32,71 +32,71 @@ impl TaskKind {
     }
 }
 
-/// Body of `vitreo-uq/tasks/1`: the head of a list.
+/// Head of a list of tasks: body of the JSON document `vitreo-uq/tasks/1`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct TaskList {
     /// Kind of the tasks.
     pub kind: TaskKind,
-    /// Version and source hash of the program that made the list. Other programs do not run its tasks.
+    /// Version and source hash of the program that made the list. A program with another hash refuses to run its tasks.
     pub program: String,
-    /// Directory in which the list was made. Relative paths in the list start here.
+    /// Directory in which the list was made. Relative paths in the list start there.
     pub directory: String,
-    /// Number of tasks.
+    /// Number of tasks in the list.
     pub tasks: usize,
     /// SHA-256 of `tasks.jsonl`, which has one line for each task.
     pub lines_sha256: String,
 }
 
-/// Body of `vitreo-uq/gathered/1`: state of a list's results.
+/// State of a task list's results: body of the JSON document `vitreo-uq/gathered/1`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Gathered {
     /// Kind of the tasks.
     pub kind: TaskKind,
-    /// Version and source hash of the program.
+    /// Version and source hash of the program that made the list.
     pub program: String,
-    /// Number of tasks.
+    /// Number of tasks in the list.
     pub tasks: usize,
-    /// Number of sound results.
+    /// Number of tasks with an accepted result.
     pub results: usize,
-    /// Tasks without a sound result.
+    /// Tasks without an accepted result.
     pub missing: Vec<MissingResult>,
     /// Files among the results that belong to no task of the list.
     pub foreign: Vec<String>,
 }
 
-/// A task without a sound result.
+/// A task without an accepted result.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct MissingResult {
-    /// Number of the task, from 0.
+    /// Number of the task in its list, from 0.
     pub task: usize,
-    /// Name of the file that should hold its result.
+    /// Name of the file that should hold the task's result.
     pub file: String,
-    /// Reason why the result is not accepted.
+    /// Reason why the program does not accept the result.
     pub fault: Fault,
 }
 
-/// Reasons why a result is not accepted.
+/// Reasons why the program does not accept a task's result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Fault {
-    /// The file does not exist.
+    /// The result's file does not exist.
     Absent,
-    /// The file ends too early or cannot be read.
+    /// The result's file ends too early or cannot be read.
     Truncated,
-    /// The content differs from the result that was written.
+    /// The content of the file has changed since it was written.
     Damaged,
     /// The file is the result of another task, of other input, or of another kind.
     OtherTask,
-    /// Another program wrote the file.
+    /// A program with another version or source hash wrote the file.
     OtherProgram,
 }
 
 impl Fault {
-    /// The fault in words.
+    /// The fault in words, for people.
     pub fn words(self) -> &'static str {
         match self {
             Self::Absent => "absent",
@@ -109,7 +109,7 @@ impl Fault {
 }
 
 impl Gathered {
-    /// True if every task has its result.
+    /// True if every task has an accepted result.
     pub fn is_whole(&self) -> bool {
         self.missing.is_empty() && self.results == self.tasks
     }

@@ -9,14 +9,14 @@ use serde::{Deserialize, Serialize};
 pub enum TrustLevel {
     /// Parameters can be trusted.
     Trusted,
-    /// Predictions can be trusted. Parameters are effective values at this amplitude.
+    /// Predictions can be trusted. Parameters are effective values that hold only at the amplitude of this record.
     Effective,
     /// Neither parameters nor predictions can be trusted.
     Untrusted,
 }
 
 impl TrustLevel {
-    /// The level in words.
+    /// The level of trust in words, for people.
     pub fn words(self) -> &'static str {
         match self {
             Self::Trusted => "Parameters can be trusted",
@@ -26,25 +26,25 @@ impl TrustLevel {
     }
 }
 
-/// A level with its reason.
+/// A level of trust with its reason.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Trust {
-    /// The level.
+    /// The level of trust.
     pub level: TrustLevel,
     /// Reason for the level, in plain words.
     pub reason: String,
 }
 
 impl Default for Trust {
-    /// Level of a document that states none: untrusted.
+    /// Trust in a result of an earlier version that states no level: untrusted.
     fn default() -> Self {
         Self { level: TrustLevel::Untrusted, reason: "an earlier version made this result and did not judge it".into() }
     }
 }
 
 impl Trust {
-    /// True if the result is sound (exit code 0).
+    /// True unless the level is untrusted. The program exits with code 0 for such results.
     pub fn is_sound(&self) -> bool {
         self.level != TrustLevel::Untrusted
     }

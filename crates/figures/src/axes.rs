@@ -1,4 +1,4 @@
-//! A pair of axes. It draws data inside a frame, and ticks and labels along the frame.
+//! A pair of axes that draws data inside a frame, and ticks and labels along the frame.
 
 use super::font::{fitting_size_px, shorten, text_width_px, wrapped};
 use super::palette::{AXIS, Colour, GRID, INK, MUTED};
@@ -12,7 +12,7 @@ pub const LABEL_SIZE_PX: f64 = 13.0;
 /// Smallest font size to which a label shrinks. A label that is still too wide is cut.
 const SMALLEST_PX: f64 = 9.0;
 const TICK_LENGTH_PX: f64 = 5.0;
-/// Width of a column in which a curve's points are thinned. It suits pictures enlarged to twice their size.
+/// Width in pixels of the columns in which a curve's points are thinned. Half a pixel suits pictures that are enlarged to twice their size.
 const COLUMN_PX: f64 = 0.5;
 /// Curves with fewer points per column than this number are not thinned.
 const POINTS_OF_COLUMN: f64 = 8.0;
@@ -229,8 +229,8 @@ impl Axes {
     }
 }
 
-/// Removes points of a curve that a picture cannot show. The curve must run from left to right. In each column of pixels the first, lowest, highest and last
-/// points are kept, so the curve's envelope is exact.
+/// Removes points of a curve that are too close together to be visible. The curve must run from left to right. In each column of pixels the function keeps the
+/// first, lowest, highest and last points, so the curve's envelope is exact.
 fn thin_curve(run: &[Point]) -> Vec<Point> {
     let width_px = run.first().zip(run.last()).map_or(0.0, |(first, last)| last.0 - first.0);
     let is_sparse = (run.len() as f64) < POINTS_OF_COLUMN * (1.0 + width_px / COLUMN_PX);
@@ -253,7 +253,7 @@ fn thin_curve(run: &[Point]) -> Vec<Point> {
     kept
 }
 
-/// Lines of an axis label, and their font size. The label has one line. If one line would shrink too much, quantity and unit have a line each.
+/// Returns the lines of an axis label and their font size. If a single line would be too small, the quantity and the unit have a line each.
 fn label_lines(label: &str, room_px: f64) -> (Vec<String>, f64) {
     let whole = fitting_size_px(label, LABEL_SIZE_PX, SMALLEST_PX, room_px);
     if text_width_px(label, whole) <= room_px {

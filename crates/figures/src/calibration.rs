@@ -32,7 +32,7 @@ pub fn rank_histograms(found: &Calibration) -> Svg {
     let area = |colour, opacity| Mark::Area(Style { fill: Some(Fill::new(colour, opacity)), stroke: None });
     let entries = [
         Entry::new(area(BLUE, 0.8), "true values with this rank"),
-        Entry::new(area(GREEN, BAND_OPACITY), "99 % of all bins, if ranks are uniform"),
+        Entry::new(area(GREEN, BAND_OPACITY), "range of 99 % of bins if ranks are uniform"),
         Entry::new(Mark::Line(Stroke::solid(MUTED, 1.3).dashed(6.0, 4.0)), "expected mean"),
     ];
     legend::row(&mut svg, &entries, (16.0, 50.0), WIDTH_PX - 32.0);

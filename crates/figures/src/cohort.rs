@@ -22,7 +22,7 @@ const RIGHT_PX: f64 = 96.0;
 const FULL_NATS: f64 = 6.0;
 /// Gain (nats) above which the number is written into the cell.
 const WRITTEN_NATS: f64 = 1.0;
-/// Largest number of records and height of a row (pixels): for few records, for many, and for so many that the rows have no names.
+/// Largest number of records for which rows are high, and the height of such a row in pixels.
 const FEW: (usize, f64) = (30, 22.0);
 const MANY: (usize, f64) = (90, 14.0);
 const CROWD_PX: f64 = 4.0;

@@ -1,4 +1,4 @@
-//! Figure of a comparison: measured positions over predictive bands, and below them the residuals in µm and the whitened residuals.
+//! Figure of a model's comparison with the measurement: positions over predictive bands, then residuals in µm, then whitened residuals.
 
 use super::axes::{Axes, AxisStyle, title, widest_y_number_px};
 use super::legend::{self, Entry, Mark};
@@ -25,11 +25,11 @@ pub struct ComparisonData<'a> {
     pub time_s: &'a [f64],
     /// Measured position of each row, in µm; `None` for rows without a position.
     pub position_um: &'a [Option<f64>],
-    /// Position of each row that the model predicts, in µm.
+    /// Predicted position of each row, in µm.
     pub model_um: &'a [f64],
     /// Standard deviation of each prediction, including noise, in µm.
     pub sd_um: &'a [f64],
-    /// Whitened residual of each row; `None` for rows that are not compared.
+    /// Residual of each row without the noise's correlation, in standard deviations; `None` for rows that are not compared.
     pub whitened: &'a [Option<f64>],
     /// Time (s) and position (µm) of each outlier.
     pub outliers: Vec<(f64, f64)>,

@@ -1,4 +1,4 @@
-//! Sheet with one panel per test: bars show the bias in each bin with its error. Panels of findings are highlighted.
+//! Sheet with one panel per test: bars show the bias in each bin with its error. Panels of tests that found a misfit are highlighted.
 
 use super::axes::{Axes, AxisStyle, LABEL_SIZE_PX, TICK_SIZE_PX, title};
 use super::font::{shorten, text_width_px};
@@ -34,7 +34,7 @@ pub struct BarPanel {
 pub fn bias_sheet(heading: &str, panels: &[BarPanel]) -> Svg {
     let n_rows = panels.len().div_ceil(N_COLUMNS).max(1);
     let height = 48.0 + PITCH_PX * n_rows as f64;
-    let mut svg = Svg::new(WIDTH_PX, height, "Bias of the measurement against the model, by place");
+    let mut svg = Svg::new(WIDTH_PX, height, "Bias of the measurement against the model, by test");
     title(&mut svg, heading, (16.0, 26.0), WIDTH_PX - 32.0);
     let pitch = WIDTH_PX / N_COLUMNS as f64;
     for (place, panel) in panels.iter().enumerate() {

@@ -17,18 +17,18 @@ const MARKED: f64 = 3.0;
 
 /// One row of the map: a cycle, limited to its force steps in one direction.
 #[derive(Debug, Clone, PartialEq)]
-pub struct MapRow {
+pub struct FailureMapRow {
     /// Name of the row, such as "cycle 2 ↑".
     pub label: String,
     /// True if the cycle is held out.
     pub is_heldout: bool,
-    /// Mean residual in each bin, first divided by its standard error, then in µm. `None` for bins without measurements.
+    /// Mean residual in each bin of time: in standard errors, and in µm. `None` for bins without measurements.
     pub cells: Vec<Option<(f64, f64)>>,
 }
 
 /// Content of the failure map: title, bins of time, and rows.
 #[derive(Debug, Clone, Copy)]
-pub struct MapData<'a> {
+pub struct FailureMapData<'a> {
     /// Title of the map.
     pub title: &'a str,
     /// End of each bin of time since the last force step, in s.
@@ -36,7 +36,7 @@ pub struct MapData<'a> {
     /// Start of the first bin: shortest time since a force step, in s.
     pub shortest_s: f64,
     /// Rows of the map, from top to bottom.
-    pub rows: &'a [MapRow],
+    pub rows: &'a [FailureMapRow],
 }
 
 /// Colour of a mean residual divided by its standard error: white at 0, blue for positive, vermillion for negative values.
@@ -48,7 +48,7 @@ fn colour(score: f64) -> Colour {
 }
 
 /// Draws the failure map.
-pub fn failure_map(data: &MapData) -> Svg {
+pub fn failure_map(data: &FailureMapData) -> Svg {
     let row_height = if data.rows.len() > 24 { 16.0 } else { 30.0 };
     let widest = data.rows.iter().map(|row| text_width_px(&label(row), TICK_SIZE_PX)).fold(40.0, f64::max);
     let left = widest + 20.0;
@@ -74,11 +74,11 @@ pub fn failure_map(data: &MapData) -> Svg {
 }
 
 /// Name of a row, with an asterisk if its cycle is held out.
-fn label(row: &MapRow) -> String {
+fn label(row: &FailureMapRow) -> String {
     if row.is_heldout { format!("{} *", row.label) } else { row.label.clone() }
 }
 
-fn draw_row(svg: &mut Svg, axes: &Axes, data: &MapData, row: &MapRow, strip: Rect) {
+fn draw_row(svg: &mut Svg, axes: &Axes, data: &FailureMapData, row: &FailureMapRow, strip: Rect) {
     let middle = strip.y + 0.5 * strip.height + 0.36 * TICK_SIZE_PX;
     svg.text(&label(row), (strip.x - 8.0, middle), TextStyle::new(TICK_SIZE_PX, Anchor::End));
     for (k, cell) in row.cells.iter().enumerate() {
@@ -106,7 +106,7 @@ fn draw_row(svg: &mut Svg, axes: &Axes, data: &MapData, row: &MapRow, strip: Rec
 }
 
 /// Draws a frame around each group of adjacent held-out rows.
-fn frame_heldout(svg: &mut Svg, rows: &[MapRow], frame: Rect, row_height: f64) {
+fn frame_heldout(svg: &mut Svg, rows: &[FailureMapRow], frame: Rect, row_height: f64) {
     let mut first = 0;
     for group in rows.chunk_by(|a, b| a.is_heldout == b.is_heldout) {
         if group[0].is_heldout {

@@ -17,7 +17,7 @@ const NAME_SIZE_PX: f64 = 11.5;
 const NAME_LINE_PX: f64 = 13.5;
 /// Maximum width of a group's name beside a row, and maximum height of a name that is written upwards above a column; in pixels.
 const MOST_NAME_PX: f64 = 118.0;
-/// Opacity of the strongest colour. It is low enough for legible text in the cell.
+/// Opacity of a cell's strongest colour. It is low enough for legible text in the cell.
 const STRONGEST: f64 = 0.72;
 const DECLARED: Stroke = Stroke { colour: INK, width_px: 3.0, opacity: 1.0, dash: None };
 /// Possible ends of the colour scale, as ratios of two groups.
@@ -43,7 +43,7 @@ pub struct ContrastPanel<'a> {
     pub label: String,
     /// Names of the groups, at least two.
     pub groups: Vec<&'a str>,
-    /// Contrast at `[row][column]`: row's group divided by column's group. `None` on the diagonal, and if it is unknown.
+    /// Ratio of the row's group to the column's group, at `[row][column]`; `None` on the diagonal and for unknown ratios.
     pub cells: Vec<Vec<Option<ContrastCell>>>,
 }
 
@@ -96,7 +96,10 @@ fn check(data: &ContrastMatrix) -> Result<()> {
             return refuse(format!("{label}: {n} groups"), "compare at least two groups");
         }
         if panel.cells.len() != n || panel.cells.iter().any(|row| row.len() != n) {
-            return refuse(format!("{label}: the cells are not a square of {n}"), "give each group a row and a column");
+            return refuse(
+                format!("{label}: the cells do not form a square of {n} rows"),
+                "give each group a row and a column",
+            );
         }
         for (row, cells) in panel.cells.iter().enumerate() {
             for (column, cell) in cells.iter().enumerate() {
@@ -224,7 +227,7 @@ impl ContrastLayout {
         }
         for (row, cells) in panel.cells.iter().enumerate() {
             for (column, _) in cells.iter().enumerate().filter(|(_, cell)| cell.is_some_and(|cell| cell.is_declared)) {
-                declared_mark(svg, at(row, column));
+                draw_difference_frame(svg, at(row, column));
             }
         }
     }
@@ -278,7 +281,7 @@ fn ratio_text(ratio: f64) -> String {
     if (0.0995..9.995).contains(&ratio) { format_decimals(ratio, 2) } else { format_significant(ratio, 2) }
 }
 
-/// Text of two probabilities: that the difference has the median's direction, and that it exceeds the margin in this direction.
+/// Text of two probabilities: that the ratio lies on the median's side of 1, and that it does so by more than the margin.
 fn probabilities_text(cell: &ContrastCell, inverse: Option<&ContrastCell>) -> String {
     let (direction, beyond) = if cell.ratio[1] >= 1.0 {
         (cell.probability_greater, Some(cell.probability_beyond_margin))
@@ -299,7 +302,7 @@ fn probability_text(probability: f64) -> String {
     }
 }
 
-fn declared_mark(svg: &mut Svg, rect: Rect) {
+fn draw_difference_frame(svg: &mut Svg, rect: Rect) {
     let Rect { x, y, width, height } = rect;
     let inside = Rect { x: x + 2.5, y: y + 2.5, width: width - 5.0, height: height - 5.0 };
     svg.rect(inside, Style::from(DECLARED));
@@ -313,7 +316,7 @@ fn sign_certainty(probability_greater: f64) -> f64 {
 /// Colour scale of ratios: blue (row smaller) over white to vermillion (row greater). Colours are paler if the sign is uncertain.
 #[derive(Debug, Clone, Copy)]
 struct ColourScale {
-    /// Ratio at the strong end of the scale.
+    /// Ratio at which the colour is strongest.
     end: f64,
 }
 
@@ -326,7 +329,7 @@ impl ColourScale {
 
     fn colour(&self, ratio: f64, sureness: f64) -> Colour {
         let strength = (ratio.ln().abs() / self.end.ln()).min(1.0);
-        // The square root makes small differences visible. The power makes cells pale if their sign is nearly random.
+        // The power 0.6 makes small differences visible. The power 1.5 makes cells pale if their sign is nearly random.
         let share = STRONGEST * strength.powf(0.6) * sureness.powf(1.5);
         let towards = if ratio < 1.0 { BLUE } else { VERMILLION };
         let mix = |white: u8, colour: u8| (f64::from(white) + share * (f64::from(colour) - f64::from(white))).round();
@@ -348,12 +351,12 @@ fn legend(svg: &mut Svg, data: &ContrastMatrix, layout: &ContrastLayout, (x, y):
     };
     svg.rect(sample, Fill::new(layout.scale.colour(cell.ratio[1], sign_certainty(cell.probability_greater)), 1.0));
     numbers(svg, &cell, None, sample, layout.sizes);
-    declared_mark(svg, sample);
+    draw_difference_frame(svg, sample);
     let notes = [
-        "row's group ÷ column's: median".to_owned(),
+        "median of row's group ÷ column's group".to_owned(),
         "90 % interval".to_owned(),
         format!("probability of this direction · of more than {percent} %"),
-        "framed: the direction is declared".to_owned(),
+        "framed: the program states a difference".to_owned(),
     ];
     let left = sample.right() + 12.0;
     for (i, note) in notes.iter().enumerate() {

@@ -14,9 +14,10 @@ use base::error::InputPlace;
 use base::{Error, Result};
 
 const MOST_PARAMETERS: usize = 12;
-/// Draws farther from the central 99.8 % interval than this fraction of its length are outliers. They do not lengthen the axis.
+/// Distance beyond which a draw is an outlier: a fraction of the length of the central 99.8 % interval, measured from its ends. Outliers do not lengthen the
+/// axis.
 const OUTLIER_DISTANCE: f64 = 0.12;
-/// Maximum length of an axis that includes a reference value, in ranges of the posterior. A reference value that is farther away is only named in a note.
+/// Maximum length of an axis that includes a reference value, divided by its length without that value. A note names a reference value that is farther away.
 const REFERENCE_REACH: f64 = 2.0;
 
 /// Draws the corner plot.
@@ -74,7 +75,7 @@ fn check(posteriors: &[Posterior], options: &CornerOptions) -> Result<()> {
     Ok(())
 }
 
-/// All parameters in the order of first appearance. Each has one scale for all posteriors.
+/// Collects the parameters of all posteriors in the order of their first appearance. Each parameter has one scale for all posteriors.
 fn slots<'a>(posteriors: &'a [Posterior<'a>], ascending: &[Vec<Vec<f64>>]) -> Vec<Slot<'a>> {
     let mut names: Vec<&str> = Vec::new();
     let mut slots = Vec::new();

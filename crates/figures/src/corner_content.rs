@@ -12,7 +12,7 @@ pub const FEWEST_DRAWS_FOR_CONTOURS: usize = 50;
 pub struct PriorCurve<'a> {
     /// Parameter values on the grid, ascending.
     pub x: &'a [f64],
-    /// Prior density at these values, in the inverse unit of `x`. Its integral is 1.
+    /// Prior density at the values `x`, in the inverse unit of `x`. Its integral is 1.
     pub density: &'a [f64],
 }
 
@@ -25,7 +25,7 @@ pub struct ParameterColumn<'a> {
     pub symbol: &'a str,
     /// Unit of the parameter, such as `Pa`; empty or `–` for none.
     pub unit: &'a str,
-    /// Values of the draws. All parameters of a posterior have equally many.
+    /// Values of the draws. All parameters of a posterior have the same number of draws.
     pub draws: &'a [f64],
     /// Hard limits of the parameter's values.
     pub support: Support,
@@ -38,7 +38,7 @@ pub struct ParameterColumn<'a> {
 /// One posterior of a corner plot.
 #[derive(Debug, Clone)]
 pub struct Posterior<'a> {
-    /// Text for the legend.
+    /// Name of the posterior in the legend.
     pub label: &'a str,
     /// Colour of the posterior; see [`super::palette::series`].
     pub colour: Colour,

@@ -99,7 +99,7 @@ pub(super) fn panel(svg: &mut Svg, layout: &CornerLayout, content: &Content, row
     axes.outline(svg);
 }
 
-/// Posteriors that contain a parameter, each with this parameter's draws.
+/// Returns the posteriors that contain the parameter of `slot`, each with its index and the parameter's draws.
 fn posteriors_with_parameter<'a, 'b>(
     posteriors: &'a [Posterior<'b>],
     slot: &'a Slot,
@@ -364,8 +364,8 @@ fn value_with_errors(
 pub(super) fn legend(svg: &mut Svg, layout: &CornerLayout, content: &Content) {
     let Content { posteriors, slots, options, .. } = content;
     let entries = entries(posteriors, slots, options);
-    let shade = if posteriors.len() == 1 { "quantiles (darker on the diagonal)" } else { "quantiles" };
-    let notes = ["Titles: median, distances to the 16 % and 84 %", shade];
+    let shade = if posteriors.len() == 1 { "Darker area on the diagonal: 68 %" } else { "" };
+    let notes = ["Titles: median and 68 % interval", shade];
     let last = layout.frame(0, layout.n - 1);
     let needed = legend::column_height_px(&entries, LEGEND_SIZE_PX) + 18.0 + notes.len() as f64 * 15.0;
     let titles = 1.6 * layout.title_size_px * posteriors.len() as f64 + 8.0;

@@ -99,7 +99,10 @@ fn check(data: &CreepBands) -> Result<()> {
     }
     let usable = |value: &f64| value.is_finite() && *value > 0.0;
     if !data.time_s.iter().all(usable) || !data.time_s.is_sorted_by(|a, b| a < b) {
-        return refuse("the times are not positive and increasing".into(), "remove 0 s, and sort the times");
+        return refuse(
+            "the times are not positive and increasing".into(),
+            "remove 0 s, and sort the times in ascending order",
+        );
     }
     for group in &data.groups {
         let [lower, upper] = &group.typical_90_per_pa;
@@ -189,7 +192,7 @@ fn name(svg: &mut Svg, lines: &[String], (left, middle): Point) {
     }
 }
 
-/// Centres of blocks that must not overlap. They keep the order of the wanted centres and are close to them. They lie within the two limits if there is enough
+/// Returns the centres of blocks that must not overlap, close to the wanted centres and in their order. The blocks lie within the two limits if there is enough
 /// room.
 fn separate_blocks(wanted: &[f64], heights: &[f64], (upper, lower): (f64, f64)) -> Vec<f64> {
     let mut order: Vec<usize> = (0..wanted.len()).collect();
@@ -261,8 +264,8 @@ fn entries(data: &CreepBands) -> Vec<Entry> {
     let typical = 1.0 - (1.0 - TYPICAL_OPACITY) * (1.0 - NEW_OPACITY);
     let mark = Mark::LineOnArea(Stroke::solid(colour, MEDIAN_PX), Fill::new(colour, typical));
     let mut entries = vec![
-        Entry::new(mark, "typical specimen: median and 90 %"),
-        Entry::new(Mark::Area(Fill::new(colour, NEW_OPACITY).into()), "90 % of new specimens"),
+        Entry::new(mark, "typical specimen: median and 90 % interval"),
+        Entry::new(Mark::Area(Fill::new(colour, NEW_OPACITY).into()), "90 % interval of a new specimen"),
     ];
     if data.groups.len() > MOST_TOGETHER {
         entries.push(Entry::new(Mark::Line(OTHERS), "medians of the other groups"));

@@ -1,4 +1,4 @@
-//! Kernel density estimates from draws, on grids. The bandwidths keep separate modes separate.
+//! Kernel density estimates from draws, on grids. The bandwidths are small enough to keep the peaks of a density separate.
 
 use super::contour::Grid;
 pub use base::parameter::Support;
@@ -11,10 +11,11 @@ const CELLS_2D: usize = 192;
 const CELLS_BANDWIDTH: usize = 512;
 /// Half-width of the Gaussian kernel, in bandwidths. Beyond it the kernel is zero.
 const KERNEL_REACH: f64 = 4.5;
-/// Absolute correlation above which a joint density is estimated in coordinates along the diagonals.
+/// Absolute correlation above which a joint density is estimated in coordinates that are rotated by 45°.
 const STRONG_CORRELATION: f64 = 0.5;
 
-/// Estimates the range of possible values from ascending draws. It starts at zero if all draws are non-negative and many are close to zero.
+/// Estimates the range of possible values from ascending draws. The range starts at zero if all draws are non-negative and many are close to zero. Otherwise it
+/// is unbounded.
 pub fn estimate_support(sorted: &[f64]) -> Support {
     let (least, low, middle) =
         (quantile_of_sorted(sorted, 0.0), quantile_of_sorted(sorted, 0.05), quantile_of_sorted(sorted, 0.5));
@@ -38,12 +39,12 @@ pub fn sorted(values: &[f64]) -> Vec<f64> {
     sorted
 }
 
-/// Bandwidth of a Gaussian kernel for ascending draws, between those of two rules. The diffusion estimator (Botev, Grotowski and Kroese, Ann. Stat. 38:2916,
-/// 2010) keeps modes separate, but follows the noise of correlated draws. The normal-reference rule is robust, but merges modes. On a logarithmic scale, the
-/// result lies a quarter of the way from the first to the second.
+/// Bandwidth of a Gaussian kernel for ascending draws: a weighted geometric mean of the bandwidths by two rules. The diffusion estimator has the weight 3/4
+/// (Botev, Grotowski and Kroese, Ann. Stat. 38:2916, 2010). It keeps modes separate, but follows the noise of correlated draws. The normal-reference rule has
+/// the weight 1/4. It is robust, but merges modes.
 ///
-/// Repeated values count once, because a sampler repeats a value when it rejects a step. If many draws lie at a hard limit, they are mirrored there. Otherwise
-/// the density's jump at the limit would reduce the bandwidth. The bandwidth is zero if all values are equal.
+/// Repeated values count once, because a sampler repeats a value when it rejects a step. If many draws lie near a hard limit, the draws are mirrored at the
+/// limit. Otherwise the density's jump at the limit would reduce the bandwidth. The bandwidth is zero if all values are equal.
 pub fn bandwidth(sorted: &[f64], support: Support) -> f64 {
     let distinct = 1 + sorted.windows(2).filter(|pair| pair[0] != pair[1]).count();
     let quantile = |p| quantile_of_sorted(sorted, p);
@@ -74,7 +75,7 @@ fn unbounded_bandwidth(sorted: &[f64], distinct: usize) -> f64 {
         .map_or(normal_reference, |diffusion| normal_reference.powf(0.25) * diffusion.min(normal_reference).powf(0.75))
 }
 
-/// Bandwidth of Botev's diffusion estimator for `n` draws; `None` if its fixed point is not bracketed.
+/// Bandwidth of Botev's diffusion estimator for `n` distinct draws; `None` if the search interval does not contain its fixed point.
 fn diffusion_bandwidth(sorted: &[f64], n: f64) -> Option<f64> {
     let (lower, upper) = (sorted.first()?, sorted.last()?);
     let margin = 0.1 * (upper - lower);
@@ -108,7 +109,8 @@ fn squared_cosine_coefficients(histogram: &[f64]) -> Vec<f64> {
     (1..n).map(|k| coefficient(k).powi(2)).collect()
 }
 
-/// Optimal diffusion time that follows from a pilot time `t`, by five stages of plug-in estimates of ‖f⁽ˢ⁾‖².
+/// Optimal diffusion time (squared bandwidth divided by the squared range) that follows from a pilot time `t`. Five stages of plug-in estimates give the
+/// squared norms of the density's derivatives.
 fn diffusion_time(t: f64, n: f64, squares: &[f64]) -> f64 {
     use std::f64::consts::PI;
     let squared_norm = |s: i32, time: f64| {
@@ -134,7 +136,7 @@ fn diffusion_time(t: f64, n: f64, squares: &[f64]) -> f64 {
 pub struct Marginal {
     /// Parameter values, equidistant and ascending.
     pub x: Vec<f64>,
-    /// Density at these values, in the inverse unit of `x`. Its integral is 1.
+    /// Density at the values `x`, in the inverse unit of `x`. Its integral is 1.
     pub density: Vec<f64>,
 }
 
@@ -159,7 +161,7 @@ pub fn marginal(sorted: &[f64], support: Support) -> Option<Marginal> {
     Some(Marginal { x: (0..axis.cells).map(|i| axis.centre(i)).collect(), density })
 }
 
-/// Joint density of two parameters. Its grid is in coordinates without strong correlation.
+/// Kernel estimate of the joint density of two parameters, on a grid in coordinates without strong correlation.
 #[derive(Debug, Clone)]
 pub struct JointDensity {
     grid: Grid,
@@ -204,8 +206,8 @@ impl JointDensity {
         Some(Self { grid, frame, horizontal, vertical, at_draws })
     }
 
-    /// Density that the fraction `mass` of the draws exceeds (Hyndman, Am. Stat. 50:120, 1996). It is computed from the density at the draws, so smoothing does
-    /// not change the fraction inside a contour.
+    /// Density level that the fraction `mass` of the draws exceeds (Hyndman, Am. Stat. 50:120, 1996). It is computed from the density at the draws, so
+    /// smoothing does not change the fraction inside a contour.
     pub fn threshold(&self, mass: f64) -> f64 {
         quantile_of_sorted(&self.at_draws, 1.0 - mass)
     }
@@ -258,7 +260,7 @@ impl Frame {
         (self.mean.0 + u * self.sd.0, self.mean.1 + v * self.sd.1)
     }
 
-    /// Hard limits in these coordinates. Limits that are oblique after the rotation are omitted here, and the drawing is clipped instead.
+    /// Hard limits of both parameters in the frame's coordinates; none after a rotation, which makes the limits oblique. The drawing is then clipped instead.
     fn supports(&self, x: Support, y: Support) -> (Support, Support) {
         if self.turned {
             return (Support::default(), Support::default());

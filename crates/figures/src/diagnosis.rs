@@ -24,7 +24,7 @@ const SECTION_PX: f64 = 26.0;
 const CLAIM_NATS: f64 = 2.0;
 const CLAIM: Stroke = Stroke { colour: INK, width_px: 1.2, opacity: 0.7, dash: Some((5.0, 4.0)) };
 const NOISE: Stroke = Stroke { colour: VERMILLION, width_px: 1.8, opacity: 1.0, dash: Some((6.0, 4.0)) };
-/// Maximum number of pairs of effects that are shown, and of unexplained findings.
+/// Maximum number of pairs of effects in the figure, and of unexplained misfits.
 const MOST_OTHERS: usize = 3;
 
 /// Draws the figure of a diagnosis.
@@ -94,8 +94,8 @@ struct CandidateRow {
 struct Bars {
     /// Heading and rows of each section. The first section has no heading.
     sections: Vec<(&'static str, Vec<CandidateRow>)>,
-    /// Number of equivalent effects. They are the first rows of the first section.
-    n_in_class: usize,
+    /// Number of leading rows in the first section whose effects are claimed or equivalent; 0 if no effect is equivalent.
+    n_equivalent_rows: usize,
     /// Smallest and largest gain of all rows, in nats.
     range_nats: [f64; 2],
 }
@@ -107,7 +107,7 @@ impl Bars {
         let gain = |c: &CandidateEntry| c.refit.as_ref().map_or(f64::NEG_INFINITY, |refit| refit.gain_nats);
         candidates.sort_by(|a, b| is_in_class(b).cmp(&is_in_class(a)).then(gain(b).total_cmp(&gain(a))));
         let has_twins = diagnosis.candidates.iter().any(|c| c.status == Status::Equivalent);
-        let n_in_class = if has_twins { candidates.iter().filter(|c| is_in_class(c)).count() } else { 0 };
+        let n_equivalent_rows = if has_twins { candidates.iter().filter(|c| is_in_class(c)).count() } else { 0 };
         let mut sections =
             vec![("", candidates.into_iter().map(|candidate| candidate_row(diagnosis, candidate)).collect())];
         sections.push(("pairs of effects", pair_rows(diagnosis)));
@@ -118,7 +118,7 @@ impl Bars {
             rows.flat_map(|row| [row.gain_nats, row.heldout_gain_nats]).flatten().filter(|gain| gain.is_finite())
         };
         let range_nats = [gains().fold(0.0, f64::min), gains().fold(10.0, f64::max)];
-        Self { sections, n_in_class, range_nats }
+        Self { sections, n_equivalent_rows, range_nats }
     }
 
     /// Draws all sections, with the upper edge at `top`. Returns the position of the lower edge.
@@ -165,8 +165,8 @@ impl Bars {
             }
         }
         axes.outline(svg);
-        if self.n_in_class > 1 {
-            let class = self.sections.iter().flat_map(|(_, rows)| rows).take(self.n_in_class);
+        if self.n_equivalent_rows > 1 {
+            let class = self.sections.iter().flat_map(|(_, rows)| rows).take(self.n_equivalent_rows);
             bracket(svg, frame.y + 5.0, frame.y + class.map(|row| row.height_px(width)).sum::<f64>() - 5.0);
         }
         frame.bottom() + 56.0
@@ -216,7 +216,7 @@ fn gain_axis(svg: &mut Svg, axes: &Axes, [least, largest]: [f64; 2]) {
     svg.text(label, at, TextStyle::new(13.0, Anchor::Middle));
 }
 
-/// Font size and line spacing of the texts below a label and below a bar, in pixels.
+/// Font size of the texts below a label and below a bar, in pixels.
 const SMALL_PX: f64 = 10.0;
 const SMALL_PITCH_PX: f64 = 12.5;
 
@@ -236,7 +236,7 @@ impl CandidateRow {
         ROW_PX.max(below(details, 18.0)).max(below(notes, FIT_BAR_PX + 10.0))
     }
 
-    /// Height in pixels of the texts below the thick bar.
+    /// Height in pixels below the thick bar: that of the note, or of the thin held-out bar if there is no note.
     fn room_below_px(&self, width_px: f64) -> f64 {
         match self.notes(width_px).len() {
             0 => HELDOUT_BAR_PX + 2.0,
@@ -244,7 +244,7 @@ impl CandidateRow {
         }
     }
 
-    /// Writes the note below the bar. It covers the lines that cross the frame.
+    /// Writes the note below the bar, on a white ground that covers the lines behind it.
     fn draw_notes(&self, svg: &mut Svg, row: Rect) {
         let top = row.y + 0.5 * (row.height - FIT_BAR_PX - self.room_below_px(row.width)) + FIT_BAR_PX;
         for (k, line) in (1..).zip(&self.notes(row.width)) {

@@ -1,4 +1,5 @@
-//! Figure of a model's discrepancy as a function of coordinates such as time: one panel for each term of the discrepancy, with a 90 % band.
+//! Figure of a model's discrepancy, which is the part of the residuals that no effect explains. There is one panel with a 90 % band for each term of the
+//! discrepancy, such as a function of time.
 
 use super::axes::{Axes, AxisStyle, title_with_text, widest_y_number_px};
 use super::legend::{self, Entry, Mark};
@@ -117,7 +118,7 @@ fn points(rows: &DiscrepancyPanel) -> Result<Vec<BandPoint>> {
     if shown.is_empty() || highest <= lowest {
         return refuse(
             format!("the {} rows do not have two different values of the axis", shown.len()),
-            "give at least two values",
+            "give rows with at least two different values",
         );
     }
     let bin = |row: usize| (((along(row) - lowest) / (highest - lowest)) * (MOST_POINTS - 1) as f64).round() as usize;

@@ -94,10 +94,16 @@ impl DrawTable {
             ("units", self.units.len(), n_parameters),
         ];
         if let Some((what, found, expected)) = sizes.into_iter().find(|(_, found, expected)| found != expected) {
-            return Err(refuse(format!("{what} has {found} entries instead of {expected}"), "fill every draw"));
+            return Err(refuse(
+                format!("{what} has {found} entries instead of {expected}"),
+                "give one entry for every draw",
+            ));
         }
         if n_draws == 0 || n_parameters == 0 {
-            return Err(refuse(format!("{n_draws} draws of {n_parameters} parameters"), "keep at least one step"));
+            return Err(refuse(
+                format!("{n_draws} draws of {n_parameters} parameters"),
+                "give at least one draw of one parameter",
+            ));
         }
         for (i, name) in self.parameter_names.iter().enumerate() {
             let taken = INDEX_COLUMNS.contains(&name.as_str())
@@ -106,7 +112,7 @@ impl DrawTable {
             if taken || name.is_empty() {
                 return Err(refuse(
                     format!("a parameter has the name `{name}`, which is empty, repeated or reserved"),
-                    "give every parameter a name of its own",
+                    "give every parameter a different name",
                 ));
             }
         }
@@ -228,7 +234,7 @@ fn table_from_rows(path: &Path, header: &[String], rows: &[Vec<f64>]) -> Result<
             return Err(Error::input(
                 place().at_line(i + 2),
                 found,
-                "keep one line per draw, and name the three index columns",
+                "keep one line per draw; the index columns are ensemble, walker and step",
             ));
         }
     }

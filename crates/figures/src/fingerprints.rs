@@ -15,7 +15,7 @@ const MARGIN_PX: f64 = 20.0;
 const PANEL_PX: f64 = 120.0;
 const GAP_PX: f64 = 44.0;
 const LEFT_PX: f64 = 64.0;
-/// Number of panels side by side, and maximum number of panels.
+/// Number of panels side by side.
 const COLUMNS: usize = 2;
 const MOST_PANELS: usize = 6;
 const LINE: Stroke = Stroke { colour: VERMILLION, width_px: 1.8, opacity: 1.0, dash: None };
@@ -28,14 +28,14 @@ pub struct Fingerprints {
     pub time_s: Vec<f64>,
     /// Residual, in µm; `None` for rows without a measurement.
     pub residual_um: Vec<Option<f64>>,
-    /// Name of each effect, and the change of the fitted curve (µm) when the model is refitted with it; in order of decreasing gain.
+    /// Name of each effect, and the change of the fitted curve (µm) by a refit with this effect; largest gain first.
     pub effects: Vec<(String, Vec<f64>)>,
 }
 
 /// Writes the fingerprints as a table with one column per effect.
 ///
 /// # Errors
-/// [`Error::File`] if the operating system refuses.
+/// [`Error::File`] if the file cannot be written.
 pub fn write_fingerprints(path: &Path, fingerprints: &Fingerprints) -> Result<()> {
     stream_atomically(path, |out| {
         // Names of effects contain only letters and hyphens, so they need no quotation marks.

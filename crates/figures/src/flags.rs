@@ -9,7 +9,7 @@ use super::svg::{Anchor, Fill, Rect, Stroke, Svg, TextStyle};
 const SIZE_PX: f64 = 10.0;
 /// Height of a row of names, in pixels.
 pub const ROW_PX: f64 = 13.0;
-/// Distance between a name and its line, and between two names in a row; in pixels.
+/// Distance between a name and its line, in pixels.
 const GAP_PX: f64 = 3.0;
 const BETWEEN_PX: f64 = 8.0;
 
@@ -28,7 +28,7 @@ pub struct Flag {
 
 /// Places names above `axes`, at the positions of their values. Names may extend beyond the axes by `overhang_px` on both sides. If a value lies beyond an end
 /// of the axis, its name is at that end, with an arrow.
-pub fn place_flags(axes: &Axes, values: &[(&str, f64)], overhang_px: f64) -> Vec<Flag> {
+pub fn place_line_labels(axes: &Axes, values: &[(&str, f64)], overhang_px: f64) -> Vec<Flag> {
     let frame = axes.frame;
     let (left, right) = (frame.x - overhang_px, frame.right() + overhang_px);
     let mut ascending: Vec<(&str, f64)> = values.to_vec();
@@ -118,7 +118,7 @@ mod tests {
     fn names_of_close_values_do_not_meet() {
         let values: Vec<(&str, f64)> = (0..7).map(|k| ("Sharif-Kashani 2011", 1.0 + 0.5 * f64::from(k))).collect();
         let values: Vec<(&str, f64)> = values.into_iter().chain([("a far one", 99.0)]).collect();
-        let flags = place_flags(&axes(), &values, 10.0);
+        let flags = place_line_labels(&axes(), &values, 10.0);
         assert_eq!(flags.len(), 8);
         for (i, flag) in flags.iter().enumerate() {
             assert!(flag.left_px >= 90.0 && flag.left_px + flag.width_px <= 410.0, "{flag:?}");
@@ -132,7 +132,7 @@ mod tests {
 
     #[test]
     fn values_beyond_the_axis_are_named_at_its_end() {
-        let flags = place_flags(&axes(), &[("small", 1e-3), ("large", 1e9)], 0.0);
+        let flags = place_line_labels(&axes(), &[("small", 1e-3), ("large", 1e9)], 0.0);
         assert!(flags.iter().all(|flag| flag.line_px.is_none() && flag.row == 0));
         assert_eq!((flags[0].text.as_str(), flags[1].text.as_str()), ("large →", "← small"));
         assert_eq!(height_px(&flags), ROW_PX);
@@ -141,7 +141,7 @@ mod tests {
     #[test]
     fn a_name_as_wide_as_the_frame_is_placed_all_the_same() {
         let long = "published by several groups over many years in journals of ophthalmology and of rheology alike";
-        let flags = place_flags(&axes(), &[(long, 3.0), (long, 30.0), (long, 31.0)], 0.0);
+        let flags = place_line_labels(&axes(), &[(long, 3.0), (long, 30.0), (long, 31.0)], 0.0);
         assert_eq!(flags.len(), 3);
         assert!(flags[0].row != flags[1].row && flags[1].row != flags[2].row && flags[0].row != flags[2].row);
     }

@@ -15,7 +15,7 @@ use base::{Error, Result};
 const MARGIN_PX: f64 = 20.0;
 const PANEL_GAP_PX: f64 = 26.0;
 const FOOT_PX: f64 = 48.0;
-/// Sizes in pixels: font size and line height of a group's name, and height of its summary.
+/// Font size of a group's name, in pixels.
 const NAME_SIZE_PX: f64 = 13.0;
 const NAME_LINE_PX: f64 = 15.0;
 const SUMMARY_PX: f64 = 38.0;
@@ -23,7 +23,7 @@ const SUMMARY_PX: f64 = 38.0;
 const SUMMARY_BAR_PX: f64 = 25.0;
 /// Maximum number of specimens in a group with one row each. The specimens of a larger group are drawn as a cloud of marks.
 const MOST_ROWS: usize = 12;
-/// Maximum number of rows in the figure that are high enough for names of specimens.
+/// Maximum number of specimens in the figure whose names are written beside their rows.
 const MOST_NAMES: usize = 42;
 const NAMED_ROW_PX: f64 = 13.0;
 const UNNAMED_ROW_PX: f64 = 7.5;
@@ -33,7 +33,8 @@ const BELOW_PX: f64 = 9.0;
 const MOST_NUMBERS: usize = 5;
 const TYPICAL_BAR_PX: f64 = 12.0;
 const NEW_BAR_PX: f64 = 3.0;
-/// Vertical distance from the middle of the row, in row heights: the specimen's own estimate is above it, the pooled estimate below.
+/// Distance of a specimen's two estimates from the middle of its row, in row heights. The estimate from the specimen's own data is above, the pooled estimate
+/// below.
 const ROW_HALF: f64 = 0.22;
 const OWN_LINE_PX: f64 = 1.1;
 const OWN_OPACITY: f64 = 0.5;
@@ -96,7 +97,7 @@ pub struct SpecimenMark<'a> {
 /// Published value of a parameter.
 #[derive(Debug, Clone)]
 pub struct ForestReference<'a> {
-    /// Source of the value, for the figure.
+    /// Source of the value, as the figure names it.
     pub label: &'a str,
     /// Value in the panel's unit.
     pub value: f64,
@@ -165,7 +166,7 @@ fn ascending(values: &[f64]) -> bool {
     values.iter().all(|value| value.is_finite() && *value > 0.0) && values.is_sorted()
 }
 
-/// Layout of the specimens of a group.
+/// Form in which the specimens of a group are drawn.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Specimens {
     /// One row for each specimen, with its intervals. `named` is true if rows are high enough for names.
@@ -178,9 +179,9 @@ enum Specimens {
 #[derive(Debug, Clone)]
 struct ForestBlock {
     specimens: Specimens,
-    /// Group's name, in lines.
+    /// Lines of the group's name.
     name: Vec<String>,
-    /// Names of outlying specimens, in lines, if the rows have no names.
+    /// Lines with the names of outlying specimens; empty if the rows themselves have names.
     outlying: Vec<String>,
     summary_px: f64,
     specimens_px: f64,
@@ -236,7 +237,7 @@ impl ForestLayout {
         };
         let flags_at = |axes: &Axes, panel: &ForestPanel| {
             let values: Vec<(&str, f64)> = panel.references.iter().map(|r| (r.label, r.value)).collect();
-            flags::place_flags(axes, &values, 0.35 * PANEL_GAP_PX)
+            flags::place_line_labels(axes, &values, 0.35 * PANEL_GAP_PX)
         };
         let heights =
             data.panels.iter().enumerate().map(|(k, panel)| flags::height_px(&flags_at(&axes_at(k, 0.0), panel)));
@@ -499,9 +500,9 @@ fn entries(data: &Forest, layout: &ForestLayout) -> Vec<Entry> {
                 let x = r.x + r.width / 2.0;
                 svg.line((x, bar.y - 1.5), (x, bar.bottom() + 1.5), Stroke::solid(INK, 2.0));
             }),
-            "typical specimen: median and 90 %",
+            "typical specimen: median and 90 % interval",
         ),
-        Entry::new(Mark::Line(Stroke::solid(MUTED, NEW_BAR_PX)), "90 % of new specimens"),
+        Entry::new(Mark::Line(Stroke::solid(MUTED, NEW_BAR_PX)), "90 % interval of a new specimen"),
     ];
     if rows().any(|row| !row.specimens.is_empty()) {
         let has_rows = layout.blocks.iter().any(|block| block.specimens != Specimens::Cloud);
@@ -520,7 +521,7 @@ fn entries(data: &Forest, layout: &ForestLayout) -> Vec<Entry> {
                 let y = r.y + r.height / 2.0;
                 svg.line((r.x, y), (r.x + r.width, y), Stroke::solid(MUTED, 0.8).opacity(0.6));
             };
-            entries.push(Entry::new(Mark::Drawn(mark), "from own data to pooled"));
+            entries.push(Entry::new(Mark::Drawn(mark), "change by pooling"));
         }
     }
     if rows().any(|row| row.specimens.iter().any(|specimen| specimen.is_outlying)) {

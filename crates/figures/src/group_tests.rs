@@ -217,7 +217,10 @@ fn contrasts_of_nothing_and_odd_numbers_are_refused() {
     assert!(message(f64::NAN, &|_| {}).contains("a margin of NaN"));
     assert!(message(0.1, &|panels| panels.clear()).contains("no parameters"));
     assert!(message(0.1, &|panels| panels[0].groups.truncate(1)).contains("1 groups"));
-    assert!(message(0.1, &|panels| drop(panels[1].cells.pop())).contains("c₁ (Pa·s): the cells are not a square of 3"));
+    assert!(
+        message(0.1, &|panels| drop(panels[1].cells.pop()))
+            .contains("c₁ (Pa·s): the cells do not form a square of 3 rows")
+    );
     let nan = message(0.1, &|panels| of(panels, &|cell| cell.ratio[2] = f64::NAN));
     assert!(nan.contains("c₁ (Pa·s), porcine over bovine: the quantiles"), "{nan}");
     assert!(message(0.1, &|panels| of(panels, &|cell| cell.ratio = [2.0, 1.0, 3.0])).contains("the quantiles"));

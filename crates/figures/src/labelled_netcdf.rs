@@ -20,7 +20,7 @@ const RESERVED: [&str; 2] = ["chain", "draw"];
 pub struct Dimension<'a> {
     /// Name of the dimension, such as `group`.
     pub name: &'a str,
-    /// Labels of the positions; all are different.
+    /// Label of each position along the dimension; all labels are different.
     pub labels: Vec<String>,
 }
 
@@ -103,7 +103,7 @@ fn check_labels(dimension: &Dimension) -> Result<()> {
     if let Some(twice) = sorted.windows(2).find(|pair| pair[0] == pair[1]) {
         return refuse(
             format!("dimension `{name}` has the label `{}` twice", twice[0]),
-            "give every position its own label",
+            "give every position a different label",
         );
     }
     if let Some(label) = labels.iter().find(|label| label.is_empty() || label.contains('\0')) {
@@ -139,7 +139,7 @@ fn check_values(variable: &Variable, n_draws: usize, dimensions: &[Dimension]) -
     if let Some(at) = variable.values.iter().position(|value| !value.is_finite()) {
         let draw = at / (expected / n_draws);
         let found = format!("`{name}` is {} in draw {draw}, counted over all chains from 0", variable.values[at]);
-        return refuse(found, "find the cause in the sampler");
+        return refuse(found, "give finite values; the sampler has failed in this draw");
     }
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! Symbols and units of parameters for figures. They come from the model, or for a network's parameters from the name (formats §5).
+//! Symbols and units of parameters for figures. They come from the law or effect with this parameter, otherwise from the parameter's name (formats §5).
 
 use base::parameter::named;
 use documents::extension::EquivalentEffects;

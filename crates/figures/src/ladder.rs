@@ -1,4 +1,5 @@
-//! Figure of a ladder: fitted and held-out errors of all revisions beside the noise, and the posterior of every parameter in each revision.
+//! Figure of a ladder, which compares the revisions of a study: fitted and held-out errors beside the noise, and the posterior of every parameter in each
+//! revision.
 
 use super::axes::{Axes, AxisStyle, TICK_SIZE_PX, title_with_text};
 use super::font::{shorten, wrapped};
@@ -16,13 +17,13 @@ use documents::ladder::{LadderParameter, LadderRow, LadderSummary};
 const WIDTH_PX: f64 = 960.0;
 const MARGIN_PX: f64 = 20.0;
 const LABEL_PX: f64 = 200.0;
-/// Heads of the columns of numbers beside the bars, and width of a column in pixels.
+/// Heads of the columns of numbers beside the bars.
 const NUMBERS: [&str; 3] = ["held out (µm)", "fitted (µm)", "log score (nats)"];
 const NUMBER_PX: f64 = 104.0;
 const ROW_PX: f64 = 64.0;
 const HELDOUT_BAR_PX: f64 = 20.0;
 const FITTED_BAR_PX: f64 = 10.0;
-/// Number of parameter panels side by side, and the gap between them in pixels.
+/// Maximum number of parameter panels side by side.
 const PANELS: usize = 3;
 const PANEL_GAP_PX: f64 = 62.0;
 const PANEL_ROW_PX: f64 = 24.0;
@@ -31,7 +32,7 @@ const PANEL_FOOT_PX: f64 = 58.0;
 const NOISE: Stroke = Stroke { colour: VERMILLION, width_px: 1.8, opacity: 1.0, dash: Some((6.0, 4.0)) };
 const FITTED: Colour = SKY;
 const HELDOUT: Colour = BLUE;
-/// Fill of the area by which a revision's error is smaller than that of the revision that it extends.
+/// Fill of the area that shows by how much a revision's error is smaller than the error of the revision it extends.
 const REMOVED: Fill = Fill { colour: GRID, opacity: 1.0 };
 
 /// Draws the figure of a ladder.

@@ -6,20 +6,20 @@ use super::palette::Colour;
 use super::svg::{Anchor, Fill, Point, Rect, Stroke, Style, Svg, TextStyle};
 
 const MARK_WIDTH_PX: f64 = 22.0;
-/// Distance in pixels from the left edge of a sample to its text.
+/// Distance in pixels from the left edge of a legend's sample to its text.
 pub const MARK_ADVANCE_PX: f64 = MARK_WIDTH_PX + 6.0;
 const LINE_HEIGHT_PX: f64 = 1.6;
 
 /// Sample of a line, area or dot in a legend.
 #[derive(Debug, Clone, Copy)]
 pub enum Mark {
-    /// A line.
+    /// Sample of a line.
     Line(Stroke),
-    /// A filled area, with an outline if the style has one.
+    /// Sample of a filled area, with an outline if the style has one.
     Area(Style),
-    /// A dot, with its diameter in pixels.
+    /// Sample of a dot, with its diameter in pixels.
     Dot(Colour, f64),
-    /// A line across a filled area.
+    /// Sample of a line across a filled area.
     LineOnArea(Stroke, Fill),
     /// A sample that a function draws into a rectangle.
     Drawn(fn(&mut Svg, Rect)),
@@ -28,9 +28,9 @@ pub enum Mark {
 /// Entry of a legend: a sample with a text.
 #[derive(Debug, Clone)]
 pub struct Entry {
-    /// Sample of the entry.
+    /// Sample of the line, area or dot that the entry explains.
     pub mark: Mark,
-    /// Text beside the sample. It says what the sample means.
+    /// Text that explains the sample.
     pub text: String,
 }
 
@@ -61,7 +61,7 @@ impl Entry {
     }
 }
 
-/// Draws entries below each other. Returns their height in pixels.
+/// Draws a legend whose entries are below each other. Returns its height in pixels.
 pub fn column(svg: &mut Svg, entries: &[Entry], at: Point, size_px: f64, width_px: f64) -> f64 {
     for (i, entry) in entries.iter().enumerate() {
         let baseline = at.1 + size_px + i as f64 * LINE_HEIGHT_PX * size_px;
@@ -75,7 +75,7 @@ pub fn column_height_px(entries: &[Entry], size_px: f64) -> f64 {
     entries.len() as f64 * LINE_HEIGHT_PX * size_px
 }
 
-/// Draws entries side by side, in as many lines as the width requires. Returns their height in pixels.
+/// Draws a legend whose entries are side by side, in as many lines as the width requires. Returns its height in pixels.
 pub fn row(svg: &mut Svg, entries: &[Entry], at: Point, width_px: f64) -> f64 {
     let size = TICK_SIZE_PX + 1.0;
     let (mut x, mut lines) = (0.0, 0);

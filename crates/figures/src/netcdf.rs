@@ -14,12 +14,13 @@ use netcdf_writer::{DimensionId, NcFileBuilder};
 
 use super::draws::DrawTable;
 use super::netcdf_file::{NcResult, add_coordinate, add_draws, add_unit, attribute, describe, into_bytes, new_file};
-pub use super::record_netcdf::{DrawnRows, PriorDraws, RecordGroups, RowColumn};
+pub use super::record_netcdf::{DrawsByRow, PriorDraws, RecordGroups, RowColumn};
 use base::error::InputPlace;
 use base::files::write_atomically;
 use base::{Error, Result};
 
-const ARRANGEMENT: &str = "each chain is an ensemble; draws: the first half of the steps walker by walker, then the second half walker by walker";
+const ARRANGEMENT: &str =
+    "Each chain is an ensemble. Its draws are ordered by half of the steps, then by walker, then by step.";
 
 /// Writes the draws of a table, and the groups for the rows of a record.
 ///
@@ -38,7 +39,7 @@ pub fn write_draws_netcdf(path: &Path, table: &DrawTable, record: &RecordGroups)
 }
 
 fn refused(found: String) -> Error {
-    Error::input(InputPlace::default().at_key("NetCDF"), found, "use the CSV, or rename the parameter")
+    Error::input(InputPlace::default().at_key("NetCDF"), found, "write the draws as CSV, or rename the parameter")
 }
 
 /// Walker and step of every draw of a chain, in the order in which the draws are written.
@@ -86,7 +87,7 @@ impl<'a> Group<'a> {
         Ok(Self { name, table, order, dimensions })
     }
 
-    /// Adds a variable. `values` has the order of the table and is rearranged.
+    /// Adds a variable. The values are given in the order of the table and written in the order of the group.
     fn add_variable(&self, file: &mut NcFileBuilder, name: &str, unit: &str, values: &[f64]) -> NcResult<()> {
         let variable = file.add_variable_path::<f64>(format!("{}/{name}", self.name), &self.dimensions)?;
         add_unit(file, variable, unit)?;

@@ -16,28 +16,28 @@ pub const INK: Colour = Colour(0x1f, 0x23, 0x28);
 pub const AXIS: Colour = Colour(0x4a, 0x50, 0x57);
 /// Colour of secondary text.
 pub const MUTED: Colour = Colour(0x6b, 0x72, 0x7a);
-/// Colour of what is hardly there.
+/// Colour of effects that an experiment cannot detect, paler than secondary text.
 pub const PALE: Colour = Colour(0xb9, 0xc0, 0xc7);
 /// Colour of grid lines.
 pub const GRID: Colour = Colour(0xe4, 0xe7, 0xea);
 /// Colour of the background.
 pub const WHITE: Colour = Colour(0xff, 0xff, 0xff);
-/// Colour of the first series.
+/// Colour of the first data series.
 pub const BLUE: Colour = Colour(0x00, 0x72, 0xb2);
-/// Colour of the second series, and of reference values.
+/// Colour of the second data series, and of reference values.
 pub const VERMILLION: Colour = Colour(0xd5, 0x5e, 0x00);
-/// Colour of the third series.
+/// Colour of the third data series.
 pub const GREEN: Colour = Colour(0x00, 0x9e, 0x73);
-/// Colour of the fourth series.
+/// Colour of the fourth data series.
 pub const PURPLE: Colour = Colour(0xcc, 0x79, 0xa7);
-/// Colour of the fifth series.
+/// Colour of the fifth data series.
 pub const ORANGE: Colour = Colour(0xe6, 0x9f, 0x00);
-/// Colour of the sixth series.
+/// Colour of the sixth data series.
 pub const SKY: Colour = Colour(0x56, 0xb4, 0xe9);
 
 const SERIES: [Colour; 6] = [BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY];
 
-/// Colour of the series `index`, counted from 0. Colours repeat after six series.
+/// Colour of the data series `index`, counted from 0. Colours repeat after six series.
 pub fn series(index: usize) -> Colour {
     SERIES[index % SERIES.len()]
 }

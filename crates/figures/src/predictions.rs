@@ -20,7 +20,7 @@ pub struct Predictions {
 /// Writes predictions as a CSV file.
 ///
 /// # Errors
-/// [`Error::File`] if the operating system refuses.
+/// [`Error::File`] if the file cannot be written.
 pub fn write_predictions(path: &Path, predictions: &Predictions) -> Result<()> {
     stream_atomically(path, |out| {
         writeln!(out, "time_s,{}", QUANTILES.join(","))?;
@@ -41,7 +41,7 @@ pub fn write_predictions(path: &Path, predictions: &Predictions) -> Result<()> {
 /// # Errors
 /// [`Error::Input`] with the line that is not a valid row.
 pub fn read_predictions(path: &Path) -> Result<Predictions> {
-    let again = "run again the command that wrote it";
+    let again = "run the command again that wrote the file";
     let bytes = files::read(path, Content::Table, again)?;
     let refused =
         |line: usize| Error::input(InputPlace::file(path).at_line(line), "this is not a row of predictions", again);

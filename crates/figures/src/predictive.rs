@@ -21,7 +21,7 @@ const NORMAL_90: f64 = 1.6449;
 /// Lines are interrupted at gaps between rows that are longer than this number of usual intervals.
 const GAP_INTERVALS: f64 = 8.0;
 
-/// Use of a cycle.
+/// Use of a cycle by the fit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum CycleKind {
     /// The cycle is fitted.
@@ -212,7 +212,7 @@ fn cycle_shading(svg: &mut Svg, cycles: &[CycleSpan], axes: &Axes) {
     }
 }
 
-/// Form of the cycles' names above the force.
+/// Forms of the cycles' names in the strip above the force, from the longest to the shortest.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum CycleNames {
     NumberAndKind,
@@ -222,7 +222,7 @@ enum CycleNames {
 }
 
 impl CycleNames {
-    /// Longest kind of name that fits into the narrowest cycle.
+    /// Longest form of names that fits into the narrowest cycle.
     fn fitting(cycles: &[CycleSpan], time: &AxisScale, width_px: f64) -> Self {
         let span_px = |c: &CycleSpan| (time.fraction(c.end_s) - time.fraction(c.start_s)) * width_px;
         let narrowest = cycles.iter().map(span_px).fold(f64::INFINITY, f64::min);
@@ -258,7 +258,7 @@ fn cycle_strip(svg: &mut Svg, cycles: &[CycleSpan], axes: &Axes, strip: Rect, na
     }
 }
 
-/// Times and values of curves, interrupted at every gap between rows.
+/// Points of curves over time: row numbers with their times. NaN and `None` interrupt the curves at every gap between rows.
 struct Lines {
     time_s: Vec<f64>,
     rows: Vec<Option<usize>>,

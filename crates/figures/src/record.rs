@@ -79,7 +79,11 @@ fn check(record: &RawRecord) -> Result<()> {
         return Ok(());
     }
     let place = InputPlace::default().at_key("record");
-    Err(Error::input(place, "no rows, or columns of different lengths", "give every row all of its values"))
+    Err(Error::input(
+        place,
+        "there are no rows, or columns of different lengths",
+        "give every row a value in each column",
+    ))
 }
 
 /// Times (s) and forces (µN) at the corners of the line that shows the force.

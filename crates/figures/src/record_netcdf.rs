@@ -5,7 +5,7 @@ use netcdf_writer::NcFileBuilder;
 
 use super::netcdf_file::{NcResult, add_coordinate, add_draws, add_unit, attribute, describe};
 
-/// A quantity with one value per row.
+/// A quantity with one value for each row of a record.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RowColumn<'a> {
     /// Name of the variable, such as `position_um`.
@@ -18,10 +18,10 @@ pub struct RowColumn<'a> {
 
 /// A quantity with one value per draw and row.
 #[derive(Debug, Clone, PartialEq)]
-pub struct DrawnRows<'a> {
+pub struct DrawsByRow<'a> {
     /// Name of the group, such as `log_likelihood`.
     pub group: &'a str,
-    /// Name of the variable. It equals that of the observed data.
+    /// Name of the variable, equal to the name of the observed quantity.
     pub name: &'a str,
     /// Unit of the values; empty for none.
     pub unit: &'a str,
@@ -57,16 +57,16 @@ pub struct RecordGroups<'a> {
     pub constant: Vec<RowColumn<'a>>,
     /// Indices of the rows with a measured position, from 0.
     pub observed_rows: Vec<i64>,
-    /// Measurements at these rows.
+    /// Measurements at the rows `observed_rows`, such as the position.
     pub observed: Vec<RowColumn<'a>>,
     /// Draws of the parameters from the prior; `None` for none.
     pub prior: Option<PriorDraws>,
     /// Log likelihoods, posterior predictions and prior predictions.
-    pub drawn: Vec<DrawnRows<'a>>,
+    pub drawn: Vec<DrawsByRow<'a>>,
 }
 
 impl RecordGroups<'_> {
-    /// Checks that all lengths agree. The error says which lengths do not.
+    /// Checks that all lengths agree. The error message names lengths that differ.
     pub(super) fn check(&self) -> Result<(), String> {
         let n_rows = self.constant.first().map_or(0, |row_column| row_column.values.len());
         let uneven = |list: &[RowColumn], n: usize| list.iter().any(|row_column| row_column.values.len() != n);
@@ -124,7 +124,7 @@ fn add_columns(file: &mut NcFileBuilder, group: &str, rows: &[i64], columns: &[R
     Ok(())
 }
 
-impl DrawnRows<'_> {
+impl DrawsByRow<'_> {
     fn add_to(&self, file: &mut NcFileBuilder) -> NcResult<()> {
         let Self { group, name, unit, note, n_chains, draws, rows, values } = self;
         describe(file, group, note)?;

@@ -53,10 +53,10 @@ pub struct ShapeCurve {
     pub outline: Outline,
 }
 
-/// Panel with the bodies that one size rule defines.
+/// Panel with the bodies of one size rule, such as equal volume.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ShapesPanel {
-    /// Name of the size rule.
+    /// Name of the size rule, such as equal volume.
     pub title: String,
     /// Trajectories of the bodies.
     pub curves: Vec<ShapeCurve>,
@@ -118,7 +118,7 @@ fn check(data: &ShapesFigure) -> Result<()> {
     for shape_curve in data.panels.iter().flat_map(|panel| &panel.curves) {
         for values in [&shape_curve.lower_um, &shape_curve.median_um, &shape_curve.upper_um] {
             if values.len() != data.time_s.len() || values.iter().any(|x| !x.is_finite()) {
-                return refuse(&format!("{}: a value is not finite, or a time lacks its value", shape_curve.label));
+                return refuse(&format!("{}: a value is not finite, or a time has no value", shape_curve.label));
             }
         }
     }

@@ -15,7 +15,7 @@ const HEIGHT_PX: f64 = 380.0;
 const FLOOR: f64 = 1e-17;
 const MOST_MODES: usize = 60;
 
-/// Singular values of one family of snapshots.
+/// Singular values of one family of snapshots, which are displacement fields of full-order runs.
 #[derive(Debug, Clone, Copy)]
 pub struct Family<'a> {
     /// Name of the family, such as `base model` or `Poisson ratio`.
@@ -26,7 +26,7 @@ pub struct Family<'a> {
     pub n_chosen: usize,
 }
 
-/// Draws the singular values of one or several families, each divided by its first. The dots of kept modes are filled.
+/// Draws the singular values of one or several families of snapshots, divided by the first value of each family. The dots of kept modes are filled.
 ///
 /// # Errors
 /// [`Error::Input`] for no families, a family without a positive first value, or a tolerance outside (0, 1).
@@ -67,7 +67,7 @@ fn check(families: &[Family], tolerance: f64) -> Result<()> {
         return refuse("no snapshots".to_owned(), "compute snapshots first");
     }
     if !(tolerance > 0.0 && tolerance < 1.0) {
-        return refuse(format!("a tolerance of {tolerance}"), "give one between 0 and 1");
+        return refuse(format!("a tolerance of {tolerance}"), "give a tolerance between 0 and 1");
     }
     for family in families {
         let usable = family.singular_values.first().is_some_and(|first| *first > 0.0 && first.is_finite());

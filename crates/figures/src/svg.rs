@@ -1,4 +1,4 @@
-//! A small SVG canvas. Figures are written as SVG and PNG.
+//! Canvas for figures, which are written as SVG and PNG.
 
 use std::fmt::Write as _;
 use std::path::{Path as FilePath, PathBuf};
@@ -19,13 +19,13 @@ pub type Point = (f64, f64);
 /// Rectangle in pixels with sides along x and y.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rect {
-    /// Position of the left edge.
+    /// Horizontal position of the left edge, in pixels.
     pub x: f64,
-    /// Position of the upper edge.
+    /// Vertical position of the upper edge, in pixels.
     pub y: f64,
-    /// Width.
+    /// Width in pixels.
     pub width: f64,
-    /// Height.
+    /// Height in pixels.
     pub height: f64,
 }
 
@@ -49,11 +49,11 @@ impl Rect {
 /// Style of a line: colour, width, opacity and dashes.
 #[derive(Debug, Clone, Copy)]
 pub struct Stroke {
-    /// Colour.
+    /// Colour of the line.
     pub colour: Colour,
     /// Width in pixels.
     pub width_px: f64,
-    /// Opacity from 0 to 1.
+    /// Opacity of the line, from 0 (invisible) to 1.
     pub opacity: f64,
     /// Lengths of dash and gap in pixels; `None` for a solid line.
     pub dash: Option<(f64, f64)>,
@@ -77,9 +77,9 @@ impl Stroke {
 /// Style of an area: colour and opacity.
 #[derive(Debug, Clone, Copy)]
 pub struct Fill {
-    /// Colour.
+    /// Colour of the area.
     pub colour: Colour,
-    /// Opacity from 0 to 1.
+    /// Opacity of the area, from 0 (invisible) to 1.
     pub opacity: f64,
 }
 
@@ -93,9 +93,9 @@ impl Fill {
 /// Fill and outline of a shape.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Style {
-    /// Fill; `None` for none.
+    /// Fill of the shape; `None` for a shape that is not filled.
     pub fill: Option<Fill>,
-    /// Outline; `None` for none.
+    /// Outline of the shape; `None` for a shape without an outline.
     pub stroke: Option<Stroke>,
 }
 
@@ -110,14 +110,14 @@ impl From<Fill> for Style {
     }
 }
 
-/// Point of a text that lies at its given position.
+/// Part of a text that is placed at the text's position.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Anchor {
-    /// The left end.
+    /// Left end of the text.
     Start,
-    /// The middle.
+    /// Middle of the text.
     Middle,
-    /// The right end.
+    /// Right end of the text.
     End,
 }
 
@@ -126,9 +126,9 @@ pub enum Anchor {
 pub struct TextStyle {
     /// Font size in pixels.
     pub size_px: f64,
-    /// Colour.
+    /// Colour of the text.
     pub colour: Colour,
-    /// Point of the baseline that lies at the text's position.
+    /// Part of the text that is placed at the text's position.
     pub anchor: Anchor,
     /// True for text that runs upwards, false for text that runs to the right.
     pub upwards: bool,
@@ -149,7 +149,7 @@ impl TextStyle {
     }
 }
 
-/// Path that is being built. It consists of any number of open or closed lines.
+/// Path of any number of open or closed lines, built step by step.
 #[derive(Debug, Clone, Default)]
 pub struct Path {
     text: String,
@@ -162,7 +162,7 @@ impl Path {
         let _ = write!(self.text, "M{} {}", Px(at.0), Px(at.1));
         self.outline.move_to(Px(at.0).shown(), Px(at.1).shown());
     }
-    /// Continues the current line to `at`, straight.
+    /// Adds a straight segment from the end of the current line to `at`.
     pub fn line_to(&mut self, at: Point) {
         let _ = write!(self.text, "L{} {}", Px(at.0), Px(at.1));
         self.outline.line_to(Px(at.0).shown(), Px(at.1).shown());
@@ -200,7 +200,8 @@ impl Path {
     }
 }
 
-/// A drawing. Its text is deterministic. Coordinates have at most two decimals. There are no identifiers, so several drawings fit into one HTML page.
+/// A drawing that can be written as SVG and PNG. Equal drawings give equal text, with at most two decimals for coordinates. The text has no identifiers, so
+/// several drawings fit into one HTML page.
 #[derive(Debug, Clone)]
 pub struct Svg {
     width_px: f64,
@@ -333,7 +334,7 @@ impl Svg {
             "<text x=\"{x}\" y=\"{y}\" font-size=\"{size}\" fill=\"{colour}\"{anchor}{turn}>{text}</text>"
         );
     }
-    /// Draws with the function `draw`, clipped to `window`. In the SVG a nested viewport clips, which needs no identifier.
+    /// Calls `draw` and clips its shapes to `window`. In the SVG a nested viewport clips them, because a clip path would need an identifier.
     pub fn clipped(&mut self, window: Rect, draw: impl FnOnce(&mut Self)) {
         let (x, y, width, height) = (Px(window.x), Px(window.y), Px(window.width), Px(window.height));
         if window.width <= 0.0 || window.height <= 0.0 {
@@ -432,11 +433,11 @@ struct Px(f64);
 const FARTHEST_PX: f64 = 20_000.0;
 
 impl Px {
-    /// Coordinate to draw: limited to the largest one, and 0 for NaN.
+    /// Coordinate that can be drawn: limited to ±`FARTHEST_PX`, and 0 for NaN.
     fn drawable(self) -> f64 {
         if self.0.is_nan() { 0.0 } else { self.0.clamp(-FARTHEST_PX, FARTHEST_PX) }
     }
-    /// Coordinate as it is printed, for the rasteriser.
+    /// Coordinate for the rasteriser, rounded to the two decimals that the SVG prints.
     fn shown(self) -> f32 {
         ((self.drawable() * 100.0).round() / 100.0) as f32
     }

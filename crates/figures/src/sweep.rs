@@ -1,4 +1,4 @@
-//! Figure of an oscillation: both moduli against frequency over the predictive band, and the residuals below.
+//! Figure of an oscillation: storage and loss modulus against frequency over the predictive band, and the residuals below.
 
 use super::axes::{Axes, AxisStyle, title};
 use super::legend::{self, Entry, Mark};
@@ -22,17 +22,17 @@ const NORMAL_95: f64 = 1.96;
 pub struct OscillationFigure<'a> {
     /// Frequency of each row, in Hz.
     pub frequency_hz: &'a [f64],
-    /// Measured G′ and G″ of each row, in Pa.
+    /// Measured storage and loss modulus of each row, in Pa.
     pub moduli_pa: &'a [[f64; 2]],
     /// True for held-out rows.
     pub is_heldout: &'a [bool],
     /// Frequencies of the predictions, in Hz; empty without a model.
     pub curve_hz: &'a [f64],
-    /// 5 %, 50 % and 95 % quantiles of the predicted G′ and G″ in Pa, at each frequency in `curve_hz`. Measurement errors are not included.
+    /// 5 %, 50 % and 95 % quantiles of the predicted storage and loss modulus in Pa, at each frequency in `curve_hz`. Measurement errors are not included.
     pub bands_pa: &'a [[[f64; 3]; 2]],
     /// Residuals of both measured quantities at each row, divided by their standard deviations; empty without a model.
     pub residuals: &'a [[f64; 2]],
-    /// Names of both measured quantities.
+    /// Names of the two measured quantities in each row, for the legend.
     pub names: [&'a str; 2],
 }
 
@@ -48,8 +48,8 @@ pub fn oscillation(data: &OscillationFigure, heading: &str) -> Result<Svg> {
         let place = InputPlace::default().at_key("sweep");
         return Err(Error::input(
             place,
-            "no rows, or columns of different lengths",
-            "give every row all of its values",
+            "there are no rows, or columns of different lengths",
+            "give every row a value in each column",
         ));
     }
     let has_model = !data.residuals.is_empty();

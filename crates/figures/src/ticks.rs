@@ -7,8 +7,9 @@ const ALL_DIGITS: [f64; 9] = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0];
 /// Choices of digits that are labelled in each decade if there are few decades. The first choice with a suitable number of labels is used.
 const DIGITS_OF_A_DECADE: [&[f64]; 4] = [&[1.0, 2.0, 5.0], &ALL_DIGITS, &[1.0, 3.0], &[1.0]];
 
-/// Intervals may extend a logarithmic axis at each side by the fraction `STRETCH` of its length. The extension is a factor within `STRETCH_FACTORS`.
-const STRETCH: f64 = 0.5;
+/// Fraction of a logarithmic axis's length by which wide intervals may extend the axis at each end. `STRETCH_FACTORS` limits the extension, as ratios of
+/// values.
+const AXIS_EXTENSION: f64 = 0.5;
 const STRETCH_FACTORS: (f64, f64) = (1.25, 5.0);
 
 /// Largest and smallest absolute value on an axis. Outside this range, ratios and powers of values leave the range of floating-point numbers.
@@ -40,7 +41,7 @@ pub struct AxisScale {
 /// Marks of an axis with their labels.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Ticks {
-    /// Marks with a label: value and text. The text may be empty.
+    /// Value and label of each labelled mark. A label may be empty.
     pub major: Vec<(f64, String)>,
     /// Values of the marks without a label.
     pub minor: Vec<f64>,
@@ -80,7 +81,7 @@ impl AxisScale {
     }
 
     /// Logarithmic scale that includes all positive `estimates`. It extends towards the ends of `intervals` only up to a limit, because a single wide interval
-    /// would compress all others. The scale also includes those of the `others` that are near enough.
+    /// would compress all others. It also includes `others` that are near enough.
     pub fn log10_around(
         estimates: impl Iterator<Item = f64>,
         intervals: impl Iterator<Item = f64>,
@@ -93,7 +94,7 @@ impl AxisScale {
         if lower > upper {
             return Self::log10(1.0, 10.0);
         }
-        let stretch = (STRETCH * (upper - lower)).clamp(STRETCH_FACTORS.0.ln(), STRETCH_FACTORS.1.ln());
+        let stretch = (AXIS_EXTENSION * (upper - lower)).clamp(STRETCH_FACTORS.0.ln(), STRETCH_FACTORS.1.ln());
         let (lowest, highest) = (lower - stretch, upper + stretch);
         let near = others.filter(|value| (lowest..=highest).contains(&value.ln()));
         let (least, most) = over(&mut intervals.chain(near));

@@ -15,7 +15,7 @@ const ROW_GAP_PX: f64 = 16.0;
 /// Fraction of the figure's width for the autocorrelation.
 const AUTOCORRELATION_SHARE: f64 = 0.29;
 
-/// Run of one parameter in one ensemble. All slices have one value per step.
+/// Values of one parameter over the steps of one ensemble of walkers. All slices have one value per step.
 #[derive(Debug, Clone)]
 pub struct EnsembleTrace<'a> {
     /// Mean over the walkers at each step.
@@ -33,9 +33,9 @@ pub struct EnsembleTrace<'a> {
 pub struct ParameterTrace<'a> {
     /// Axis label, such as `E (Pa)`.
     pub label: &'a str,
-    /// Run of the parameter in each ensemble.
+    /// Values of the parameter in each ensemble.
     pub ensembles: Vec<EnsembleTrace<'a>>,
-    /// Autocorrelation of each ensemble's run. The index is the lag in steps, from 0.
+    /// Autocorrelation of the parameter in each ensemble. The index is the lag in steps, from 0.
     pub autocorrelation: Vec<&'a [f64]>,
     /// Estimated integrated autocorrelation time, in steps; `None` if it is unknown.
     pub autocorrelation_time_steps: Option<f64>,
@@ -106,7 +106,7 @@ fn value_scale(parameter: &ParameterTrace) -> AxisScale {
     AxisScale::over(parameter.ensembles.iter().flat_map(of_ensemble), 0.06)
 }
 
-/// Scale of lags, up to five autocorrelation times. Beyond, an estimated autocorrelation is only noise.
+/// Scale of lags in steps, up to five autocorrelation times. At longer lags, an estimated autocorrelation is only noise.
 fn lag_scale(parameters: &[ParameterTrace]) -> AxisScale {
     let longest = parameters.iter().flat_map(|p| &p.autocorrelation).map(|a| a.len()).max().unwrap_or(0);
     let slowest =
@@ -141,7 +141,7 @@ fn trace_panel(svg: &mut Svg, axes: &Axes, parameter: &ParameterTrace, n_discard
     axes.outline(svg);
 }
 
-/// Number of successive values, of `n`, that are drawn in one column of 1.5 pixels.
+/// Number of successive values that share one column of 1.5 pixels, if the axes show `n` values.
 fn columns(axes: &Axes, n: usize) -> usize {
     let n_columns = (axes.frame.width / 1.5) as usize;
     n.div_ceil(n_columns.max(1)).max(1)

@@ -34,20 +34,20 @@ use sampling::diagnostics::autocovariance::autocovariance;
 use sampling::diagnostics::ensembles::walker_averages;
 use sampling::ensemble::SampleOutcome;
 
-/// Subdirectory of a revision that holds copies of effects from files. It is separate, because an effect may have the name of another file, such as
-/// `prior`.
+/// Subdirectory of a revision that holds copies of the effects that come from files. A separate directory prevents name clashes: an effect may be called
+/// `prior`, for example.
 const EFFECT_COPIES: &str = "effects";
 
 /// Path of an effect's copy, relative to the revision's directory.
 pub(super) fn effect_copy(slug: &str) -> String {
     format!("{EFFECT_COPIES}/{slug}.toml")
 }
-/// Name under which the inputs in a header list an imported mesh with its unit.
+/// Key of an imported mesh in the list of inputs (`inputs_sha256`) of a document's header. The hash covers the mesh file and its unit of length.
 pub const MESH_INPUT: &str = "mesh";
 /// Number of points on the curve of a prior's density.
 const PRIOR_POINTS: usize = 400;
 
-/// Writes all files of a revision into `dir`. `header` makes the header of a JSON document of a given kind.
+/// Writes all files of a revision into `dir`. `header` returns the header of a JSON document, given the kind of document.
 pub fn write(dir: &Path, result: &SampleResult, header: &dyn Fn(&str) -> Provenance) -> Result<()> {
     let problem = &result.model.problem;
     write_model(dir, &problem.specification, &problem.priors)?;
@@ -99,12 +99,12 @@ pub fn with_prior(header: Provenance, priors: &PriorSet) -> Provenance {
     header.with_input(name, priors.text().as_bytes())
 }
 
-/// Returns `true` if an input with this name in a header is a file of the experiment.
+/// Returns `true` if the input called `name` in a document's header is a file of the experiment, not a prior or a mesh.
 pub fn is_measurement_file(name: &str) -> bool {
     name != PRIOR_COPY && name != MESH_INPUT && !name.starts_with("prior ")
 }
 
-/// Writes wall-clock times in seconds. They have a separate file, because they differ from run to run.
+/// Writes the wall-clock time of each stage, in seconds, into `timing.json`. The file is separate because the times differ from run to run.
 pub fn write_timing(dir: &Path, timing_s: &[(&'static str, f64)], provenance: Provenance) -> Result<()> {
     let stages: std::collections::BTreeMap<&str, f64> = timing_s.iter().copied().collect();
     write_document(&dir.join("timing.json"), provenance, &serde_json::json!({ "wall_s": stages }))
@@ -114,7 +114,7 @@ pub(crate) fn write_document(path: &Path, provenance: Provenance, body: &impl se
     write_json_atomically(path, &WithProvenance { provenance, body })
 }
 
-/// Arranges the draws as a table with names and units, from which the exchange files are written.
+/// Arranges the posterior draws as a table with parameter names and units. The files for other programs (CSV, NetCDF) are written from this table.
 pub(crate) fn arrange_draws(priors: &PriorSet, outcome: &SampleOutcome, columns: &[DrawColumn]) -> DrawTable {
     let draws = &outcome.draws;
     let mut values = Vec::with_capacity(draws.len() * columns.len());
@@ -145,7 +145,7 @@ fn make_folder(dir: &Path) -> Result<()> {
         .map_err(|source| Error::at_path("create", dir, source, "make the study directory writable"))
 }
 
-/// Predicted positions at every row, in µm, with noise.
+/// Quantiles of the predicted position at every row of the record, in µm, noise included.
 fn predictions(time_s: &[f64], result: &SampleResult) -> Predictions {
     let quantile = |k: usize| result.bands_m.iter().map(|row| 1e6 * row[k]).collect::<Vec<f64>>();
     let quantiles_um = std::array::from_fn::<_, { BAND_PROBABILITIES.len() }, _>(quantile);
@@ -185,7 +185,8 @@ fn draw_record_corner(problem: &Problem, result: &SampleResult) -> Result<Svg> {
     draw_corner(id, &result.summary.model, &problem.priors, &result.columns, &reference)
 }
 
-/// Draws the corner plot of the draws in natural units. It includes the priors, and reference values where `reference` returns one.
+/// Draws the corner plot of the posterior draws, in the parameters' natural units. The plot shows the priors, and a reference value of each parameter for
+/// which `reference` returns one.
 pub(crate) fn draw_corner(
     id: &str,
     model: &ModelSummary,
@@ -276,7 +277,7 @@ fn predictive_figure(
     })
 }
 
-/// Draws the figure of the draws against the step (trace).
+/// Draws the trace plot: the draws of each parameter against the sampler's step.
 pub(crate) fn draw_trace(id: &str, priors: &PriorSet, outcome: &SampleOutcome, columns: &[DrawColumn]) -> Result<Svg> {
     let table = arrange_draws(priors, outcome, columns);
     let labels: Vec<String> = priors.names().map(|name| parameter_label(name).axis()).collect();
@@ -307,7 +308,7 @@ pub(crate) fn draw_trace(id: &str, priors: &PriorSet, outcome: &SampleOutcome, c
     trace(&parameters, 0, &heading)
 }
 
-/// Autocorrelation of each ensemble's average over walkers, one vector over the lags per ensemble.
+/// Autocorrelation of each ensemble's average over its walkers. The result has one vector per ensemble, with one value per lag.
 fn autocorrelation(column: &DrawColumn) -> Vec<Vec<f64>> {
     let averages = walker_averages(column, &column.values);
     averages

@@ -11,9 +11,9 @@ use crate::target::Target;
 
 /// Settings of `compare` that the caller chooses.
 pub struct CompareRequest {
-    /// Number of simulated records, from which p is corrected for the number of tests; `None` for the default number.
+    /// Number of simulated records that serve to correct the p-values for the number of tests. `None` selects the default number.
     pub simulations: Option<usize>,
-    /// Sampler settings for making a first revision. The comparison uses their seed.
+    /// Sampler settings for posteriors that the study still lacks. The comparison's simulations use the seed of these settings.
     pub sampler: SamplerOptions,
 }
 

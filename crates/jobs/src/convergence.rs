@@ -1,4 +1,4 @@
-//! Mesh convergence of the stiffness: a table over refinement levels of the built-in meshes.
+//! Mesh convergence of the bead's stiffness in the gel: a table over refinement levels of the built-in meshes.
 
 use documents::simulation::MeshLevel;
 use std::time::Instant;
@@ -10,7 +10,7 @@ use posterior::mechanics::{exact_stiffness_m, robot_mesh};
 use posterior::monitor::Monitor;
 use record::{Apparatus, OffsetDirection, Robot, RobotShape};
 
-/// Finest refinement level that a table may have. A finer level would take minutes and several gigabytes to factorise.
+/// Finest mesh refinement level that a convergence table may have. A finer level would take minutes and several gigabytes to factorise.
 pub fn max_refinement_level(apparatus: &Apparatus) -> usize {
     match apparatus {
         Apparatus::Robot { robot: Robot { shape: RobotShape::Sphere { .. }, offset, .. }, .. }
@@ -23,7 +23,8 @@ pub fn max_refinement_level(apparatus: &Apparatus) -> usize {
     }
 }
 
-/// Computes one row for each level from 1 to `levels`; none for an instrument. Adds the wall-clock seconds of each level to `timing_s`.
+/// Computes the convergence table, with one row for each refinement level from 1 to `levels`. The table is empty for an instrument. Adds the wall-clock
+/// seconds of each level to `timing_s`.
 ///
 /// # Errors
 /// The errors of meshing and factorisation.
@@ -66,7 +67,8 @@ fn order_of_errors(before: &MeshLevel, last: &MeshLevel) -> Option<f64> {
     Some(ratio.abs().ln() / (last.level as f64 / before.level as f64).ln())
 }
 
-/// Estimates the order p of convergence for errors proportional to level⁻ᵖ. `None` unless the differences between levels decrease and have equal signs.
+/// Estimates the order p of convergence for errors proportional to level⁻ᵖ. Returns `None` unless the differences between successive levels decrease and
+/// have equal signs.
 fn order_of_differences(levels: [&MeshLevel; 3]) -> Option<f64> {
     const HIGHEST: f64 = 20.0;
     let ratio = |value: &dyn Fn(&MeshLevel) -> f64| {
@@ -91,7 +93,7 @@ fn order_of_differences(levels: [&MeshLevel; 3]) -> Option<f64> {
 mod tests {
     use super::*;
 
-    /// Values that converge with a known order yield this order. Values that oscillate or diverge have none.
+    /// Values that converge with a known order yield this order. Values that oscillate or diverge have no order.
     #[test]
     fn order_of_three_levels() {
         let level = |level: usize, stiffness_m: f64| MeshLevel {

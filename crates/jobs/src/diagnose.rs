@@ -33,13 +33,13 @@ pub const COHORT_OUT: &str = "vitreo-uq-out/cohort";
 
 /// Settings of `diagnose` that the caller chooses.
 pub struct DiagnoseRequest {
-    /// Smallest change of a predicted position, in noise standard deviations, that can support a claim.
+    /// Smallest change of a predicted position, in noise standard deviations, with which an effect can be claimed as missing.
     pub smallest: f64,
-    /// Largest number of searches in simulated data. For a cohort, it is the number of simulated records for each record.
+    /// Largest number of searches in simulated data. For a cohort, `simulations` is the number of simulated records per record.
     pub simulations: usize,
-    /// Sampler settings for making a first revision. The diagnosis uses their seed.
+    /// Sampler settings for posteriors that the study still lacks. The diagnosis uses the seed of these settings.
     pub sampler: SamplerOptions,
-    /// Keys that define the groups of a cohort. If it is empty, the key is species, provided that there are several. Unused for other targets.
+    /// Keys that define the groups of a cohort. An empty list selects the key species, if the cohort has several species. Unused for other targets.
     pub keys: Vec<Key>,
     /// Margin for comparing effect sizes in a cohort's groups. A ratio within 1 + margin of 1 counts as no practical difference.
     pub margin: f64,
@@ -85,7 +85,7 @@ fn of_creep(
     let of_search = DiagnosisRequest { criteria, n_simulations: request.simulations, seed, base_errors, ..default };
     let mut found = diagnose(&revision.subject_for_effects(monitor)?, &of_search, monitor)?;
     if found.diagnosis.verdict.kind == VerdictKind::Unexplained {
-        // If no effect explains the residuals, a correction of the law may, so one is tried.
+        // No effect explains the residuals, so a learned correction of the law is tried.
         found.diagnosis.remarks.extend(preview_learning(&found.subject, &found.found.base, monitor)?);
     }
     monitor.stage("writing results and figures");

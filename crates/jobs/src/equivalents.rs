@@ -15,7 +15,7 @@ use serde::de::DeserializeOwned;
 /// [`base::Error::Input`] if the study has no such revision.
 pub fn revision_equivalents(study: &Study, revision: &str) -> Result<Vec<EquivalentEffects>> {
     let extension: Option<ExtensionSummary> = document(study, revision, EXTENSION_NAME)?;
-    // A revision can only extend an earlier one. If an extension document names a later one, it is ignored.
+    // A revision can only extend an earlier revision. An extension document that names a later revision is ignored.
     let number = |name: &str| name.get(1..).and_then(|digits| digits.parse::<u32>().ok());
     let Some(extension) = extension.filter(|extension_summary| number(&extension_summary.from) < number(revision))
     else {
@@ -48,7 +48,8 @@ pub fn extension_equivalents(
     Ok(list)
 }
 
-/// Equivalents of added effects according to a diagnosis. There is one entry for the effects that it claims, and one for the others.
+/// Equivalents of added effects according to a diagnosis. The list has one entry for the added effects that the diagnosis claims, and one for the other
+/// added effects.
 fn added_equivalents(
     diagnosis: Option<&Diagnosis>,
     from: &str,
@@ -80,17 +81,17 @@ fn added_equivalents(
     tested.into_iter().chain(untested).collect()
 }
 
-/// Effects that a diagnosis claims, and effects that it cannot distinguish from them.
+/// Effects that a diagnosis claims as missing, and equivalent effects, which the diagnosis cannot distinguish from the claimed effects.
 #[derive(Default)]
 struct EquivalenceClass {
     claimed: Vec<String>,
     equivalent: Vec<String>,
-    /// `true` if the claim is a single effect. Each member of the class can then replace it.
+    /// `true` if the diagnosis claims a single effect. Each equivalent effect can then replace the claimed effect.
     is_single: bool,
 }
 
 impl EquivalenceClass {
-    /// Effects that could replace the added effects, which belong to this class.
+    /// Effects of this class that could replace the effects in `added`, which belong to this class too.
     fn rivals(&self, added: &[&String]) -> Vec<String> {
         if added.is_empty() {
             return Vec::new();
@@ -100,7 +101,8 @@ impl EquivalenceClass {
     }
 }
 
-/// Class of the effects in a diagnosis. A single claim and its equivalents form one class, in which each effect can be replaced by each other one.
+/// Claimed effects of a diagnosis and their equivalents. A single claimed effect and its equivalents form one class, in which each effect can replace each
+/// other effect.
 fn equivalence_class(diagnosis: &Diagnosis) -> EquivalenceClass {
     let verdict = &diagnosis.verdict;
     let is_single = verdict.effects.len() == 1;
@@ -204,7 +206,7 @@ mod tests {
         assert!(equivalent_effects.sentence().expect("a rival").contains("cannot tell clock-offset from actuator-lag"));
     }
 
-    /// If the equivalent is added instead of the claim, the claim is listed as its equivalent.
+    /// If an equivalent effect is added instead of the claimed effect, the claimed effect is listed as its equivalent.
     #[test]
     fn a_rival_that_is_added_has_the_claim_for_a_rival() {
         let found = added(Some(&diagnosis(&["clock-offset"], &["actuator-lag"])), &["actuator-lag"]);

@@ -1,4 +1,5 @@
-//! Groups of an exchange file with one value per row of the record: data, log-likelihood of each position, posterior predictions and prior predictions.
+//! Groups of the file `posterior.nc` that have one value per row of the record: data, log-likelihood of each position, posterior predictions and prior
+//! predictions.
 //!
 //! The predictions come from the reduced model, for a few hundred draws spread evenly over all chains. Only some rows are predicted for long records, to
 //! keep the files small.
@@ -8,7 +9,7 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use figures::labels::parameter_label;
-use figures::netcdf::{DrawnRows, PriorDraws, RecordGroups, RowColumn, arrangement};
+use figures::netcdf::{DrawsByRow, PriorDraws, RecordGroups, RowColumn, arrangement};
 use models::model::{Forward, SurrogateForward};
 use posterior::likelihood::ReducedPosterior;
 use posterior::noise::{Conditional, NoiseLikelihood};
@@ -22,11 +23,11 @@ const MOST_DRAWS: usize = 500;
 const FEWEST_DRAWS: usize = 100;
 /// Largest number of values in one variable (4 MB). For longer records, only every k-th row is predicted.
 const MOST_VALUES: usize = 500_000;
-/// Random stream of the noise that is added to predictions of posterior draws.
+/// Number of the first random stream for the noise that is added to predictions of posterior draws. Each draw has its own stream.
 const POSTERIOR_STREAM: u64 = 1 << 50;
-/// Random stream of the prior draws.
+/// Number of the first random stream for the prior draws. Each draw has its own stream.
 const PRIOR_STREAM: u64 = 1 << 51;
-/// Largest number of draws from the prior until the model has a prediction for one of them.
+/// Largest number of attempts to draw prior parameters for which the model has a prediction.
 const MOST_TRIES: usize = 100;
 /// ln 10⁶, the logarithm of the number of µm per m. Subtracting it converts a log-density per metre to one per µm.
 const LN_UM_PER_M: f64 = 13.815_510_557_964_274;
@@ -34,7 +35,7 @@ const LN_UM_PER_M: f64 = 13.815_510_557_964_274;
 /// Name of the variable that holds positions, in every group.
 const POSITION: &str = "position_um";
 
-/// Makes all groups with one value per row: from the model, the posterior draws and the seed of the prediction noise.
+/// Makes all groups of `posterior.nc` that have one value per row of the record. `seed` is the seed of the simulated noise and of the prior draws.
 pub fn record_groups(model: &PreparedModel, draws: &Draws, seed: u64) -> RecordGroups<'static> {
     let problem = &model.problem;
     let record = &problem.experiment.record;
@@ -76,7 +77,7 @@ struct Predictor<'a> {
     /// Predicted rows: every `stride`-th row that has a position.
     rows: Vec<usize>,
     stride: usize,
-    /// Predicted rows that were also fitted: index in the likelihood, and row.
+    /// Predicted rows that were also fitted: index among the fitted rows of the likelihood, and index in the record.
     fitted: Vec<(usize, usize)>,
     n_chains: usize,
     /// Number of predicted draws per chain.
@@ -153,7 +154,7 @@ impl<'a> Predictor<'a> {
             return;
         }
         let selection = self.selection(&format!("{} of {} draws per chain, evenly spread", kept.len(), order.len()));
-        let of_group = |group, unit, note, rows, values| DrawnRows {
+        let of_group = |group, unit, note, rows, values| DrawsByRow {
             group,
             name: POSITION,
             unit,
@@ -206,7 +207,7 @@ impl<'a> Predictor<'a> {
             note: "draws at which the model has no prediction are drawn again".into(),
         });
         let selection = self.selection(&format!("{} draws", all.len()));
-        groups.drawn.push(DrawnRows {
+        groups.drawn.push(DrawsByRow {
             group: "prior_predictive",
             name: POSITION,
             unit: "µm",
@@ -282,7 +283,7 @@ mod tests {
         (problem, groups)
     }
 
-    fn group<'a>(groups: &'a RecordGroups<'static>, name: &str) -> &'a DrawnRows<'static> {
+    fn group<'a>(groups: &'a RecordGroups<'static>, name: &str) -> &'a DrawsByRow<'static> {
         groups.drawn.iter().find(|drawn_rows| drawn_rows.group == name).expect("written")
     }
 

@@ -1,5 +1,5 @@
-//! `extend`: adds an effect to a study's model as the next revision. The models before and after are fitted to all cycles except the last, and the last
-//! scores them (formats §4).
+//! `extend`: adds an effect to a study's model as the next revision. The models before and after the extension are fitted to all cycles except the last,
+//! and compared by their errors on the last cycle (formats §4).
 
 use std::path::{Path, PathBuf};
 
@@ -34,7 +34,8 @@ const COHORT_OUT: &str = "vitreo-uq-out/cohort-studies";
 pub struct ExtendRequest {
     /// Names (slugs) of the effects to add.
     pub effects: Vec<String>,
-    /// Parameters to fix or free, as `name=value` or `name=free`. Each applies to the models before and after, if they have the parameter.
+    /// Parameters to fix or free, as `name=value` or `name=free`. Each setting applies to both models, before and after the extension, if they have the
+    /// parameter.
     pub set: Vec<String>,
     /// Settings of the sampler.
     pub sampler: SamplerOptions,
@@ -66,7 +67,8 @@ pub struct ExtendedRecord {
     pub extension: Option<ExtensionSummary>,
 }
 
-/// Adds effects to a target's named revision, or to the last, and writes the result as the next revision. A cohort is extended record by record.
+/// Adds effects to the revision that the target names, or to its last revision, and writes the result as the next revision. A cohort is extended record by
+/// record.
 ///
 /// # Errors
 /// [`Error::Input`] if effects or values are refused, for an oscillation and for several records of one specimen; otherwise the errors of sampling and
@@ -195,13 +197,13 @@ fn study_directories(measurements: &[Measurement], out: &Path) -> Result<Vec<Pat
         Some(second) => Err(Error::input(
             InputPlace::file(&measurements[second].path),
             format!("another record's directory is also called {}", measurements[second].name()),
-            format!("give them different names, or extend one of them by itself with `{}`", Setting::Out),
+            format!("give the directories different names, or extend one record by itself with `{}`", Setting::Out),
         )),
         None => Ok(places),
     }
 }
 
-/// Name of the study's last revision, if an earlier run of this command gave it these effects; otherwise `None`.
+/// Name of the study's last revision if its model already has all the effects; otherwise `None`.
 fn find_revision_with_effects(place: &Path, effects: &[String]) -> Result<Option<String>> {
     if !Study::is_study(place) {
         return Ok(None);
@@ -212,7 +214,7 @@ fn find_revision_with_effects(place: &Path, effects: &[String]) -> Result<Option
     Ok(effects.iter().all(|slug| model.effects.contains(slug)).then_some(last))
 }
 
-/// Options for extending a model and comparing it with the model before.
+/// Options for extending a model and comparing the extended model with the model before.
 pub struct ExtensionRequest<'a> {
     /// Name of the revision that is extended.
     pub from: &'a str,
@@ -220,7 +222,7 @@ pub struct ExtensionRequest<'a> {
     pub revision: &'a str,
     /// Names (slugs) of the effects to add.
     pub effects: &'a [String],
-    /// Parameters to fix at a value or to free. Each applies to the models before and after, if they have the parameter.
+    /// Parameters to fix at a value or to free. Each setting applies to both models, before and after the extension, if they have the parameter.
     pub values: Assignments,
     /// Number of earlier extensions that were scored on the last cycle.
     pub earlier: usize,
@@ -236,7 +238,7 @@ impl Default for ExtensionRequest<'_> {
     }
 }
 
-/// Extended model with its posterior, and the comparison with the model before.
+/// Extended model with its posterior, and the comparison with the model before the extension.
 pub struct Extension {
     /// Document of the result, for people and scripts.
     pub summary: ExtensionSummary,
@@ -261,7 +263,7 @@ pub fn add_effects(
     if effects.is_empty() {
         return refuse(
             "no effect is named".into(),
-            format!("name one or more, as in `{} clock-offset`", Setting::Effects),
+            format!("name one or more effects, as in `{} clock-offset`", Setting::Effects),
         );
     }
     for (index, slug) in effects.iter().enumerate() {
@@ -278,7 +280,7 @@ pub fn add_effects(
             );
         }
         if model.effects.contains(slug) {
-            let remedy = format!("leave it out, or extend an earlier revision with `{}`", Setting::Revision);
+            let remedy = format!("leave this effect out, or extend an earlier revision with `{}`", Setting::Revision);
             return refuse(format!("the model has `{slug}` already"), remedy);
         }
         model.effects.push(slug.clone());
@@ -292,15 +294,15 @@ pub struct ModelPair {
     pub base: Problem,
     /// Model after the extension.
     pub after: Problem,
-    /// `true` if the model before is that of the stored revision, with no parameter fixed or freed.
+    /// `true` if the model before the extension equals that of the stored revision: the request fixes or frees none of its parameters.
     pub is_before_as_stored: bool,
-    /// Stored posterior of the model before on these cycles; `None` if there is none.
+    /// Stored posterior of the model before the extension, fitted to all cycles except the last; `None` if none is stored.
     pub posterior_before: Option<PosteriorSummary>,
-    /// Stored surrogate that may be usable for both models.
+    /// Surrogate that an earlier run stored, and that may be usable for both models.
     pub kept_surrogate: Option<KeptSurrogate>,
 }
 
-/// Prepares the models before and after an extension for their comparison. `before` is the model to extend with the entire experiment.
+/// Prepares the models before and after an extension for their comparison. `before` is the model to extend, joined with the entire experiment.
 ///
 /// # Errors
 /// As [`add_effects`]; [`Error::Input`] for effects that cannot be combined.
@@ -322,7 +324,7 @@ pub fn prepare_comparison(before: &Problem, request: &ExtensionRequest, library:
     })
 }
 
-/// Samples the models before and after on the same cycles, and compares their errors on the last cycle.
+/// Samples the models before and after an extension on equal cycles, and compares their errors on the last cycle.
 ///
 /// # Errors
 /// As [`sample::run`].
@@ -388,12 +390,12 @@ fn trust(base: &PosteriorSummary, after: &PosteriorSummary) -> Trust {
     Trust { level: TrustLevel::Untrusted, reason }
 }
 
-/// Number of draws in which separate modes are searched. They are spread evenly over all draws.
+/// Number of posterior draws that the search for separate modes uses, spread evenly over all draws.
 const N_DRAWS_FOR_MODES: usize = 2_000;
 const GOLDEN: f64 = 0.618_033_988_749_894_9;
 
-/// Finds the first parameter of the added effects whose posterior has two modes. Returns both modes, or none. The search uses the coordinate in which the
-/// parameter's prior is standard normal.
+/// Finds the first parameter of the added effects whose posterior has two modes. Returns both modes, or an empty list. The search uses the coordinate in
+/// which the parameter's prior is standard normal.
 fn split_modes(problem: &Problem, effects: &[String], columns: &[DrawColumn]) -> Vec<ExtensionMode> {
     let is_added = |name: &str| {
         effects.iter().any(|slug| name.strip_prefix(slug.as_str()).is_some_and(|rest| rest.starts_with('.')))
@@ -440,7 +442,7 @@ fn modes_in_words(answers: &[ExtensionMode]) -> String {
     if each.is_empty() { String::new() } else { format!(" The posterior has two modes: {}.", each.join(", or ")) }
 }
 
-/// Noise and counts by which a change of the error is judged.
+/// Noise and counts that decide whether a change of the held-out error is significant.
 struct Scoring {
     noise_um: Option<f64>,
     n_scored: usize,
@@ -460,7 +462,7 @@ impl Scoring {
 /// 1/√(2n).
 const CHANGE_IN_ERRORS: f64 = 2.0;
 
-/// Sentence on the change of the errors by the extension.
+/// Sentence that tells how the extension changes the held-out error.
 fn sentence(effects: &str, before: ModelErrors, after: ModelErrors, scoring: &Scoring) -> String {
     let noise = scoring.noise_um.map_or(String::new(), |noise| format!(" (noise {noise:.3} µm)"));
     let (Some(was), Some(is)) = (before.rmse_heldout_um, after.rmse_heldout_um) else {

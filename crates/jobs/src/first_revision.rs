@@ -50,18 +50,19 @@ pub fn make_first_revision(
     Ok((result, written))
 }
 
-/// Selects the cycles to which a revision is fitted. For `m0` and for `None` they are the calibration cycles. For later revisions they are all cycles
-/// except the last held-out one, as in `extend`.
+/// Selects the cycles to which a revision is fitted: the calibration cycles for `m0` and for `None`. Later revisions are fitted to all cycles except the
+/// last held-out cycle, as in `extend`.
 pub fn with_fitted_cycles_of(experiment: Experiment, revision: Option<&str>) -> Experiment {
     if revision.is_none_or(|name| name == FIRST_REVISION) { experiment } else { experiment.for_comparison() }
 }
 
-/// Surrogate that an earlier run stored in the study; `None` if it is not readable. The caller compares its hash with the model before it is used.
+/// Surrogate that an earlier run stored in the study; `None` if it is missing or unreadable. The caller must compare its hash with that of the model
+/// before using it.
 pub fn kept_surrogate(study: &Study, monitor: &dyn Monitor) -> Option<KeptSurrogate> {
     KeptSurrogate::read(&study.revision_dir(FIRST_REVISION).ok()?, monitor)
 }
 
-/// Refuses to overwrite `m0` if it has another model, unless `force` is set.
+/// Refuses to overwrite the study's first revision `m0` by a revision of another model, unless `force` is set.
 ///
 /// # Errors
 /// [`Error::Input`] if `m0` has another model and `force` is not set.
@@ -73,7 +74,7 @@ pub fn refuse_other_model(study: &Study, specification: &ModelSpecification, for
     }
     Err(Error::input(
         InputPlace::file(path),
-        "the study's m0 is of another model, and `sample` writes only m0",
+        "the study's m0 has another model, and `sample` writes only m0",
         format!(
             "choose another directory with `{}`, replace m0 with `{}`, or add effects with `extend`",
             Setting::Out,

@@ -21,13 +21,13 @@ use record::{Direction, OscillationRecord, Zero, sweep_columns};
 pub struct InitRequest {
     /// Path of the table.
     pub file: PathBuf,
-    /// Directory to write. By default it has the table's name without its extension.
+    /// Directory of the new experiment. By default it has the table's name without its extension.
     pub out: Option<PathBuf>,
     /// Properties of the table's columns that the caller knows.
     pub known_columns: TableSettings,
     /// Specimen identifier.
     pub id: Option<String>,
-    /// Species, then region of the eye.
+    /// Species of the specimen and region of the eye, in this order. Cohorts form groups by them.
     pub groups: [Option<String>; 2],
     /// Diameter of a spherical robot (mm), diameter of the vitreous (mm) and Poisson's ratio.
     pub sizes: [Option<f64>; 3],
@@ -101,7 +101,7 @@ pub fn run(request: &InitRequest, ask: Ask<'_>) -> Result<(InitSummary, String)>
 /// Value of the track setting that selects all tracks of a table.
 const ALL_TRACKS: &str = "all";
 
-/// Writes one experiment for each track, in a directory of its own inside `out`.
+/// Writes one experiment for each track (trajectory of one bead) in the table. Each experiment has its own directory inside `out`.
 fn cohort(request: &InitRequest, bytes: &[u8], stem: &str, out: &Path, ask: Ask<'_>) -> Result<(InitSummary, String)> {
     let mut made = None;
     let mut experiments = Vec::new();
@@ -119,7 +119,7 @@ fn cohort(request: &InitRequest, bytes: &[u8], stem: &str, out: &Path, ask: Ask<
         made.get_or_insert((summary, sha256));
     }
     let (first, sha256) = made.ok_or_else(|| {
-        let remedy = format!("name it with `{}`", Setting::TrackColumn);
+        let remedy = format!("name the column of tracks with `{}`", Setting::TrackColumn);
         Error::input(InputPlace::file(&request.file), "the table has no column of tracks", remedy)
     })?;
     Ok((InitSummary { directory: out.display().to_string(), experiments, ..first }, sha256))
@@ -150,7 +150,7 @@ fn oscillation(request: &InitRequest, name: &str, bytes: &[u8], out: &Path) -> R
     }))
 }
 
-/// Remark that the sizes which the user gave are not used, because a rheometer has no robot; `None` if no sizes were given.
+/// Remark that the given sizes of robot and vitreous are ignored, because a rheometer has neither. `None` if no sizes were given.
 fn unused_sizes_remark(request: &InitRequest) -> Option<String> {
     let is_given = request.sizes[..2].iter().chain([&request.robot_density_kg_m3]).any(Option::is_some);
     is_given.then(|| "the sizes of robot and vitreous are ignored: a rheometer has neither".into())
@@ -186,7 +186,7 @@ const SIZES: [PromptedSize; 3] = [
     },
 ];
 
-/// Asks until the answer is an allowed value. `None` if the user does not know the value or cannot be asked.
+/// Asks the user for a size until the answer is an allowed value. `None` if the user does not know the value or cannot be asked.
 fn prompt_size(size: &PromptedSize, ask: Ask<'_>) -> Option<f64> {
     let mut text = size.what.to_string();
     loop {
@@ -200,7 +200,7 @@ fn prompt_size(size: &PromptedSize, ask: Ask<'_>) -> Option<f64> {
             Ok(_) => format!("`{answer}`: {}; {}", size.allowed_in_words, size.what),
             Err(_) => format!("`{answer}` is not a number; {}", size.what),
         };
-        // A program that answers may repeat one wrong answer forever. It is asked only twice.
+        // A program may give the same wrong answer forever. The loop ends when a wrong answer is repeated.
         if text == question.text {
             return None;
         }
@@ -276,10 +276,10 @@ fn column_name(column: &ColumnName) -> String {
     }
 }
 
-/// Largest delay between the start of a rheometer's load step and the first row, divided by the record's duration.
+/// Largest time of the first loaded row at which a rheometer's load still counts as begun at time 0, divided by the record's duration.
 const FIRST_ROW: f64 = 0.01;
 
-/// Time at which a rheometer's load begins, in s of the table's clock. It is 0 if the first row follows soon after; otherwise `None`.
+/// Time at which a rheometer's load begins, in s of the table's clock: 0 if the first loaded row follows soon after time 0, otherwise `None`.
 fn load_start_s(proposal: &TableProposal, creep: Option<&RheometerCreep>) -> Option<f64> {
     let first_s = proposal.loaded_from_s.filter(|_| creep.is_some())?;
     (first_s > 0.0 && first_s <= FIRST_ROW * proposal.duration_s).then_some(0.0)
@@ -298,9 +298,9 @@ fn experiment_toml(
     let [diameter, vitreous, poisson] =
         request.sizes.map(|size| size.map_or_else(|| quoted(UNKNOWN), |size| format!("{size:?}")));
     let mut lines = String::from(
-        "# Description of the experiment. Replace each \"?\" by a number; the file cannot be read before.\n",
+        "# Description of the experiment. Replace each \"?\" by a number: the program needs all of them to read the file.\n",
     );
-    // TOML assigns a key after a table's header to this table, so such a key is written under its own header.
+    // TOML assigns a key to the nearest table header above it. A `key` that begins a new table therefore contains the header and a line break.
     let mut line = |key: &str, value: String, comment: &str| {
         let (head, key) = key.rsplit_once('\n').map_or(("", key), |(head, key)| (head, key));
         let end = if head.is_empty() { "" } else { "\n" };
@@ -309,36 +309,36 @@ fn experiment_toml(
     line(
         "\n[specimen]\nid",
         quoted(request.id.as_deref().unwrap_or(&stem)),
-        "its name; repeats of one specimen share it",
+        "name of the specimen; repeats of one specimen share it",
     );
     let [species, region] = &request.groups;
     match species {
-        Some(species) => line("species", quoted(species), "groups are formed by it"),
-        None => line("# species", quoted("porcine"), "free text; groups are formed by it"),
+        Some(species) => line("species", quoted(species), "cohorts can be grouped by species"),
+        None => line("# species", quoted("porcine"), "free text; cohorts can be grouped by species"),
     }
     match region {
-        Some(region) => line("region", quoted(region), "groups are formed by it"),
-        None => line("# region", quoted("central"), "free text; groups are formed by it"),
+        Some(region) => line("region", quoted(region), "cohorts can be grouped by region"),
+        None => line("# region", quoted("central"), "free text; cohorts can be grouped by region"),
     }
     if let Some(RheometerCreep { compliance, .. }) = creep {
         let value = format!("{compliance:?}");
-        line("\n[instrument]\ncompliance_per_m", value, "2 + 2ν: shear strain over shear stress of a law in E");
+        line("\n[instrument]\ncompliance_per_m", value, "2 + 2ν: Young's modulus over shear modulus");
     } else {
         line("\n[robot]\nshape", quoted("sphere"), "or \"ellipsoid\", \"cylinder\" with `length_mm` and `orientation`");
         line("diameter_mm", diameter, "of the moving body");
         match request.robot_density_kg_m3 {
-            Some(density) => line("density_kg_m3", format!("{density:?}"), "of the moving body; only inertia needs it"),
-            None => line("# density_kg_m3", "7500.0".into(), "of the moving body; only inertia needs it"),
+            Some(density) => line("density_kg_m3", format!("{density:?}"), "of the moving body; used only for inertia"),
+            None => line("# density_kg_m3", "7500.0".into(), "of the moving body; used only for inertia"),
         }
-        line("\n[vitreous]\ndiameter_mm", vitreous, "of the gel around it, whose outer surface is fixed");
+        line("\n[vitreous]\ndiameter_mm", vitreous, "of the gel around the robot; the gel's outer surface is fixed");
         line("poisson_ratio", poisson, "0.48 to 0.499 for a gel that is nearly incompressible");
-        line("density_kg_m3", "1000.0".into(), "of water, as a default");
+        line("density_kg_m3", "1000.0".into(), "density of water, as a default");
     }
     line("\n[measurement]\nfile", quoted(file), "unchanged copy of the table");
-    line("source", quoted("not stated"), "where it comes from; synthetic or measured");
+    line("source", quoted("not stated"), "origin of the table; synthetic or measured");
     match request.noise_um {
         Some(noise_um) => line("noise_um", format!("{noise_um:?}"), "known noise of the tracker"),
-        None => line("# noise_um", "4.0".into(), "known noise of the tracker, if it is known"),
+        None => line("# noise_um", "4.0".into(), "noise of the tracker, if it is known"),
     }
     line("# calibration_cycles", "[1]".into(), "cycles that are fitted; the others are held out");
     line("delimiter", quoted(layout.delimiter.name()), "between cells");
@@ -347,8 +347,8 @@ fn experiment_toml(
         line("encoding", quoted(encoding.name()), "of the text: utf-8, utf-16-le, utf-16-be or latin-1");
     }
     match &layout.comment {
-        Some(sign) => line("comment", quoted(sign), "lines that begin with it are skipped"),
-        None => line("# comment", quoted("#"), "lines that begin with it are skipped; default: #, % and //"),
+        Some(sign) => line("comment", quoted(sign), "lines that begin with this sign are skipped"),
+        None => line("# comment", quoted("#"), "lines that begin with this sign are skipped; default: #, % and //"),
     }
     if let Some(header) = layout.header_line {
         line("header_line", header.to_string(), "line of the columns' names");
@@ -423,7 +423,7 @@ fn experiment_toml(
         None => {}
     }
     if let Some(cycle) = &table.cycle {
-        line("cycle", column_name(cycle), "without it, cycles are found from the force");
+        line("cycle", column_name(cycle), "without this column, cycles are found from the force");
     }
     if let Some((track, _)) = &table.track {
         line("track", column_name(track), "number or name of each row's track");

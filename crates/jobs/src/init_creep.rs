@@ -8,9 +8,9 @@ use record::table::{InspectedTable, TableSettings};
 const STRESS: [&str; 3] = ["stress", "spannung", "contrainte"];
 /// Words by which the strain column is recognised.
 const STRAIN: [&str; 4] = ["strain", "deformation", "dehnung", "déformation"];
-/// Word that excludes a column.
+/// Word that excludes a column: a column of rates is neither stress nor strain.
 const RATE: &str = "rate";
-/// Poisson's ratio of a specimen that consists nearly of water only.
+/// Poisson's ratio of a specimen that is nearly all water.
 const OF_WATER: f64 = 0.5;
 
 /// Creep test of a rheometer in shear.
@@ -18,7 +18,7 @@ const OF_WATER: f64 = 0.5;
 pub(super) struct RheometerCreep {
     /// Columns to read, with units. A stress of 1 Pa is read as a force of 1 N, and a strain of 1 as a position of 1 m.
     pub given: TableSettings,
-    /// Strain divided by stress for a creep compliance of 1, which is 2 + 2ν for Poisson's ratio ν.
+    /// Shear strain divided by shear stress at a creep compliance of 1/Pa: 2 + 2ν, where ν is Poisson's ratio.
     pub compliance: f64,
 }
 

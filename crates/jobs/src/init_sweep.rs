@@ -10,7 +10,7 @@ use documents::init::{InitColumn, InitSummary};
 use record::table::{InspectedTable, ParsedUnit};
 use record::{OSCILLATION, SweepColumn};
 
-/// Unit of a column, from the table. If the table states none, the error asks the user to write it into the column's name.
+/// Unit of a column, as the table states it. If the table states no unit, the error asks the user to write the unit into the column's name.
 fn unit_of(looked: &InspectedTable, column: SweepColumn, place: usize) -> Result<ParsedUnit> {
     if let Some(parsed_unit) = &looked.units[place] {
         return Ok(parsed_unit.clone());
@@ -24,7 +24,7 @@ fn unit_of(looked: &InspectedTable, column: SweepColumn, place: usize) -> Result
     Err(Error::input(
         InputPlace::default().at_key(name.as_str()),
         format!("the table does not say the unit of the {}", column.key()),
-        format!("write it into the column's name, {what}, as in `{name} [{}]`", what.split(' ').next().unwrap_or("Pa")),
+        format!("add the unit to the column name, {what}, as in `{name} [{}]`", what.split(' ').next().unwrap_or("Pa")),
     ))
 }
 
@@ -45,12 +45,12 @@ pub(super) fn describe_sweep(
         let end = if head.is_empty() { "" } else { "\n" };
         let _ = writeln!(lines, "{head}{end}{:<36} # {comment}", format!("{key} = {value}"));
     };
-    line("\n[specimen]\nid", quoted(id.unwrap_or(&stem)), "its name");
+    line("\n[specimen]\nid", quoted(id.unwrap_or(&stem)), "name of the specimen");
     let poisson = poisson_ratio.unwrap_or(0.5);
     line("\n[rheometer]\npoisson_ratio", format!("{poisson:?}"), "of the specimen; 0.5 if it is nearly all water");
     line("\n[measurement]\nkind", quoted(OSCILLATION), "moduli over frequency");
     line("file", quoted(file), "unchanged copy of the table");
-    line("source", quoted("not stated"), "where it comes from; synthetic or measured");
+    line("source", quoted("not stated"), "origin of the table; synthetic or measured");
     line("# heldout_hz", "[1.0]".into(), "frequencies that are not fitted; default: every third");
     let layout = &looked.layout;
     line("delimiter", quoted(layout.delimiter.name()), "between cells");

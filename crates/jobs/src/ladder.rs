@@ -2,7 +2,7 @@
 //! the last cycle (formats §4).
 //!
 //! Revisions made by `extend` are fitted in this way, so their stored posteriors are used. Other revisions are fitted again, unless an earlier command
-//! did so. The most frequent example is m0, which is fitted to the calibration cycles only.
+//! stored this fit. An example is m0, which `sample` fits to the calibration cycles only.
 
 use base::error::{Error, InputPlace, Result};
 use base::files::{self, Content};
@@ -30,7 +30,8 @@ pub struct LadderRequest {
     pub up_to: Option<String>,
     /// Sampler settings for revisions that must be fitted.
     pub options: SamplerOptions,
-    /// `true` fits again, even where an earlier command stored a suitable posterior. Revisions' own posteriors are never fitted again.
+    /// `true` repeats the fits that earlier commands made only for this comparison. A revision's own posterior is used unchanged if it was fitted to the
+    /// compared cycles.
     pub refit: bool,
 }
 
@@ -68,7 +69,7 @@ fn provenance(study: &Study, summary: &LadderSummary, seed: u64) -> Result<Prove
 
 /// Compares the revisions of a study.
 ///
-/// `first` is any problem of the study on the entire experiment. Its mesh and matrices are reused.
+/// `first` is any model of the study, joined with the entire experiment. All revisions use its mesh and matrices.
 ///
 /// # Errors
 /// [`Error::Input`] if the study has no revision, or if one uses another mesh; otherwise as [`sample::run`].
@@ -131,7 +132,7 @@ fn rung(revision: &str, from: Option<String>, posterior: PosteriorSummary) -> La
     }
 }
 
-/// Effects that a revision adds to the revision that it extends. For the first revision, all its effects.
+/// Effects that a revision adds to the revision that it extends; all its effects if it extends none.
 fn added(rung: &LadderRow, effects_of: &[(String, Vec<String>)]) -> Vec<String> {
     let of = |name: &String| effects_of.iter().find(|(revision, _)| revision == name).map(|(_, effects)| effects);
     let before = rung.from.as_ref().and_then(of);
@@ -190,7 +191,7 @@ const NOISE_FLOOR_IN_ERRORS: f64 = 3.0;
 /// Sentence on the change of the held-out error from the first to the last revision.
 fn sentence(rungs: &[LadderRow], noise_um: Option<f64>, n_scored: usize) -> String {
     let [first, .., last] = rungs else {
-        return "The study has one revision, so the ladder has one rung.".into();
+        return "The study has one revision, so there is nothing to compare.".into();
     };
     let added: Vec<&str> =
         last.effects.iter().filter(|slug| !first.effects.contains(slug)).map(String::as_str).collect();

@@ -12,7 +12,8 @@ fn sentences_claim_what_was_scored() {
         let rungs = [make_rung("m0", None, &[], Some(was)), make_rung("m1", Some("m0"), &["clock-offset"], Some(is))];
         sentence(&rungs, Some(4.0), 200)
     };
-    // With 200 positions, an error is known to 5 %. An error of up to 4.6 µm therefore counts as equal to a noise of 4 µm.
+    // A root mean square over 200 positions has a standard error of 5 %. An error of up to three standard errors above a noise of 4 µm (4.6 µm) counts as
+    // equal to the noise.
     let fallen = say(12.0, 4.5);
     assert!(
         fallen.contains("clock-offset") && fallen.contains("falls: from 12.000 to 4.500 µm, the noise"),
@@ -23,7 +24,7 @@ fn sentences_claim_what_was_scored() {
     assert!(say(4.0, 12.0).contains("rises") && say(4.3, 4.0).contains("within its uncertainty"));
     let unscored = [make_rung("m0", None, &[], None), make_rung("m1", Some("m0"), &["clock-offset"], None)];
     assert!(sentence(&unscored, None, 0).contains("at most suggestive"));
-    assert!(sentence(&unscored[..1], None, 0).contains("one rung"));
+    assert!(sentence(&unscored[..1], None, 0).contains("nothing to compare"));
 }
 
 /// If m2 extends m0 instead of m1, its added effects are those that m0 lacks.
@@ -40,7 +41,7 @@ fn branches_are_compared_with_what_they_extend() {
     assert_eq!(added, [vec![], vec!["a".to_string()], vec!["b".into()], vec!["c".into()]]);
 }
 
-/// E changes from 3.9 ± 0.1 to 3.4, which is a shift of 5 standard deviations, or 14.7 %.
+/// Young's modulus changes from 3.9 ± 0.1 to 3.4 Pa, which is a shift of 5 standard deviations, or 14.7 %.
 #[test]
 fn shifts_are_counted_in_what_the_first_revision_claimed() {
     let rungs = [make_rung("m0", None, &[], Some(9.0)), make_rung("m1", Some("m0"), &["a"], Some(4.0))];

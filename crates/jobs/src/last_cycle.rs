@@ -14,7 +14,7 @@ use sampling::SamplerOptions;
 use crate::artefacts::{MESH_INPUT, with_inputs};
 use crate::first_revision::kept_surrogate;
 
-/// File name of this posterior's document. It exists only in revisions whose own posterior is fitted to other cycles.
+/// File name of the posterior that is fitted to all cycles except the last. Only revisions whose own posterior is fitted to other cycles have this file.
 const LAST_CYCLE_NAME: &str = "last_cycle.json";
 
 /// Revision with its experiment, prepared for comparing revisions: all cycles except the last are fitted, and the last is scored.
@@ -27,7 +27,7 @@ pub struct LastCycleFit<'a> {
 }
 
 impl<'a> LastCycleFit<'a> {
-    /// Prepares a revision. `of_study` is any problem of the study; its mesh and matrices are reused.
+    /// Prepares the revision called `name`. `of_study` is any model of the study, joined with the experiment; its mesh and matrices are reused.
     ///
     /// # Errors
     /// [`Error::Input`] for a revision that does not exist or uses another mesh.
@@ -53,8 +53,9 @@ impl<'a> LastCycleFit<'a> {
         with_inputs(self.study.provenance("posterior", 1, seed), &self.problem)
     }
 
-    /// Returns the posterior for these cycles: the revision's own, or one that an earlier command stored. If there is none, or if `anew` is set, the
-    /// posterior is sampled and written into the revision.
+    /// Returns the revision's posterior, fitted to all cycles except the last. The revision's own posterior is used if it was fitted to these cycles.
+    /// Otherwise a posterior that an earlier command stored is used, unless `anew` is set. If neither exists, the posterior is sampled and written into
+    /// the revision.
     ///
     /// # Errors
     /// The errors of sampling and writing.
@@ -68,7 +69,7 @@ impl<'a> LastCycleFit<'a> {
         let request = SampleRequest { options: options.clone(), kept_surrogate, checkpoint: None, resume: false };
         let body = sample::run(&self.problem, &request, monitor)?.summary;
         if !body.converged {
-            monitor.warn(&format!("{}: its draws have not converged, so its errors are uncertain", self.name));
+            monitor.warn(&format!("{}: the draws have not converged, so the errors are uncertain", self.name));
         }
         let document = WithProvenance { provenance: self.provenance(options.seed), body };
         self.study.amend_revision(&self.name)?.publish(LAST_CYCLE_NAME, &document, |_| Ok(()))?;
@@ -100,7 +101,7 @@ pub fn errors(posterior: &PosteriorSummary) -> ModelErrors {
     ModelErrors { rmse_fitted_um: posterior.heldout.rmse_fitted_um, rmse_heldout_um: posterior.heldout.rmse_um }
 }
 
-/// Reads a document; `None` if it is unreadable. The caller then computes it again.
+/// Reads a JSON document with its provenance; `None` if the file is missing or unreadable. The caller then computes the content again.
 pub fn read_document<T: serde::de::DeserializeOwned>(path: &std::path::Path) -> Option<WithProvenance<T>> {
     serde_json::from_slice(&read_if_there(path, Content::Document)?).ok()
 }

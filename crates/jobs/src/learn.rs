@@ -19,18 +19,18 @@ use crate::diagnose::COHORT_OUT;
 use crate::outcome::Outcome;
 use crate::target::{CohortTarget, CreepTarget, Target, unsupported_target};
 
-/// File name, without extension, of the figure.
+/// File name, without extension, of the figure that shows the learned correction.
 const FIGURE: &str = "learned";
 
 /// Settings of `learn` that the caller chooses.
 pub struct LearnRequest {
-    /// Largest number of searches in simulated data, which test the gain.
+    /// Largest number of searches in simulated data. They show how large a gain in log likelihood chance alone can cause.
     pub simulations: usize,
     /// Number of first cycles from which the correction is learned; all later cycles are scored. With `None`, only the last held-out cycle is scored.
     pub first_cycles: Option<u32>,
     /// `true` restricts the correction to monotone functions of the state.
     pub is_monotone: bool,
-    /// Sampler settings for making a first revision. Learning uses their seed.
+    /// Sampler settings for posteriors that the study still lacks. Learning uses the seed of these settings.
     pub sampler: SamplerOptions,
 }
 
@@ -81,7 +81,7 @@ fn of_creep(creep: &CreepTarget, request: &LearnRequest, monitor: &dyn Monitor) 
     })
 }
 
-/// If `first` is given, makes the subject fit this number of first cycles and score the later ones. Otherwise returns it unchanged.
+/// Makes the subject fit the cycles up to number `first` and score all later cycles. Returns the subject unchanged if `first` is `None`.
 fn of_first_cycles(subject: Subject, first: Option<u32>) -> Result<Subject> {
     let Some(first) = first else { return Ok(subject) };
     let experiment = subject.experiment();

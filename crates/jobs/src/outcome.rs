@@ -12,7 +12,7 @@ pub struct Outcome<D> {
     pub is_sound: bool,
     /// Directory or file that the command wrote.
     pub written: PathBuf,
-    /// Study that the command changed. Its page must be written again. `None` if there is no page.
+    /// Study that the command changed, so that its page must be written again. `None` if the study has no page.
     pub study: Option<Study>,
 }
 

@@ -25,9 +25,10 @@ use posterior::study::{
 };
 use record::Experiment;
 
-const RERUN_REMEDY: &str = "run again the command that wrote it";
+const RERUN_REMEDY: &str = "run the command that wrote this file again";
 
-/// Writes the HTML page of a study, or of the results of `groups` or `shapes`. The page goes to `out` or beside the results. Returns the page's path.
+/// Writes the HTML page of a study, or of the results of `groups` or `shapes`. The page goes to `out`, or beside the results if `out` is `None`. Returns
+/// the page's path.
 ///
 /// # Errors
 /// [`Error::Input`] if there is nothing to show or a document is unreadable; [`Error::File`] if the operating system refuses.
@@ -47,7 +48,7 @@ pub fn write(dir: &Path, out: Option<&Path>) -> Result<PathBuf> {
     Ok(place)
 }
 
-/// Sections of a study's page, each as a name and HTML. They show the revisions up to `revision`.
+/// Sections of a study's page, each with its name and its HTML text. The sections show the revisions up to `revision`.
 ///
 /// # Errors
 /// As [`write()`].
@@ -64,7 +65,7 @@ fn origin(provenance: Provenance) -> Origin {
     Origin { version, seed, inputs_sha256 }
 }
 
-/// Reads all figures of a result, sorted by name. They are beside the document or in the folder `figures`.
+/// Reads all figures of a result, sorted by name. The figures are in the folder `figures`, or beside the document if there is no such folder.
 fn read_figures(dir: &Path) -> Result<Vec<Figure>> {
     let folder = if is_folder(&dir.join("figures")) { "figures/" } else { "" };
     let names = entries(&dir.join(folder), "make the directory readable")?.into_iter();
@@ -100,7 +101,7 @@ fn content(study: &Study) -> Result<StudyPage> {
         return Err(Error::input(
             InputPlace::file(study.dir()),
             "the study has no revision yet",
-            "run `vitreo-uq sample` on it first",
+            "run `vitreo-uq sample` on the study first",
         ));
     }
     // A comparison that was made from other posteriors is out of date, so the page does not show it.
@@ -118,7 +119,7 @@ fn content(study: &Study) -> Result<StudyPage> {
     Ok(content)
 }
 
-/// Revision, as stored on disk.
+/// Documents of one revision, as read from disk.
 struct StoredRevision {
     dir: PathBuf,
     posterior: WithProvenance<PosteriorSummary>,
@@ -145,7 +146,7 @@ impl StoredRevision {
         })
     }
 
-    /// Commands that reproduce the revision and its further documents.
+    /// Command lines that reproduce the revision, its comparison, its diagnosis and its learned correction.
     fn commands(&self, study: &Study, name: &str, experiment: &Experiment) -> Result<Vec<String>> {
         let Self { posterior, comparison, diagnosis, learned, extension, .. } = self;
         let library = Library::default();
@@ -221,7 +222,7 @@ impl StoredRevision {
     }
 }
 
-/// Arguments of `--with` that name the effects. An effect from a file is named by the path of its copy in the revision.
+/// Value of the option `--with` that names the effects, separated by commas. An effect from a file is named by the path of its copy in the revision.
 fn named(effects: &[String], revision: &str) -> String {
     let name = |slug: &String| match effect_file::definition(slug) {
         Some(_) => format!("{revision}/{}", effect_copy(slug)),
@@ -230,7 +231,7 @@ fn named(effects: &[String], revision: &str) -> String {
     effects.iter().map(name).collect::<Vec<_>>().join(",")
 }
 
-/// Options that turn the model `before` into the model `now`. Effects are left out.
+/// Command-line options that turn the model `before` into the model `now`. The option for effects is not included.
 fn options(before: &ModelSpecification, now: &ModelSpecification, name: &str) -> String {
     let mut text = String::new();
     if now.base != before.base {

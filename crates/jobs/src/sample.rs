@@ -88,7 +88,7 @@ fn of_creep(target: &CreepTarget, request: &SampleRequest, monitor: &dyn Monitor
     Ok(Outcome { document, is_sound, written, study: Some(study) })
 }
 
-/// Refuses to overwrite a revision that uses another mesh, unless `force` is set.
+/// Refuses to overwrite the study's first revision if it uses another mesh, unless `force` is set.
 fn refuse_other_mesh(study: &Study, problem: &Problem, force: bool) -> Result<()> {
     let Ok(dir) = study.revision_dir(FIRST_REVISION) else { return Ok(()) };
     let path = dir.join(POSTERIOR_NAME);
@@ -132,7 +132,7 @@ fn of_oscillation(
     Ok(Outcome { document, is_sound, written, study: None })
 }
 
-/// Record of a joint posterior with the law, ready for evaluating its log-density.
+/// One record of a joint posterior, joined with the law and ready for evaluating the record's log-density.
 enum PreparedRecord {
     Creep(Box<PreparedModel>),
     Oscillation(Box<SweepProblem>),

@@ -1,4 +1,4 @@
-//! `simulate`: steps the full finite-element model through the experiment's protocol and computes its internal fields.
+//! `simulate`: steps the full finite-element model through the experiment's protocol and computes the displacement fields.
 
 use documents::simulation::{SimulationParameter, SimulationSummary};
 use std::collections::BTreeMap;
@@ -30,9 +30,9 @@ const MOST_STEPS: usize = 20_000_000;
 pub struct SimulationRequest {
     /// Values of all parameters, each with its origin.
     pub parameters: Vec<SimulationParameter>,
-    /// Time integration scheme, for a law without effects. `None` chooses `radau`, which also handles effects and springpots.
+    /// Time integration scheme for a law of springs and dashpots without effects. `None` selects `radau`, which also handles effects and springpots.
     pub scheme: Option<TimeScheme>,
-    /// Longest time step in s. `None` makes one step from each row to the next.
+    /// Longest time step in s. `None` selects one step per interval between rows.
     pub time_step_s: Option<f64>,
     /// Finest level of a mesh convergence table over the built-in meshes; `None` for no table.
     pub refine: Option<usize>,
@@ -65,7 +65,7 @@ pub fn parameters(
         return Err(Error::input(
             InputPlace::setting(Setting::Fixed),
             format!("{} is given, but a simulation has no noise", noise.name),
-            "leave it out; add noise to the trajectory afterwards if you need it",
+            "leave this parameter out; add noise to the trajectory afterwards if you need it",
         ));
     }
     let value = |name: &str| -> Result<(f64, String)> {
@@ -85,7 +85,7 @@ pub fn parameters(
             Error::input(
                 InputPlace::setting(Setting::Fixed),
                 format!("{name} has no value"),
-                format!("give one with `{} {name}=VALUE`", Setting::Fixed),
+                format!("give a value with `{} {name}=VALUE`", Setting::Fixed),
             )
         })
     };
@@ -99,8 +99,10 @@ pub fn parameters(
 /// Checks a request before anything is computed.
 ///
 /// # Errors
-/// [`Error::Input`] for an instrument. Also for a time step that is not positive, too small, or given to the exact scheme. Also for a convergence table
-/// that is too fine, or on a mesh that cannot be refined.
+/// [`Error::Input`] in these cases:
+/// - The experiment has no finite elements, or the scheme cannot handle the model.
+/// - The time step is not positive, is too small, or is given to a scheme that chooses its own steps.
+/// - The convergence table has too many levels, or the mesh comes from a file.
 pub fn check_request(problem: &Problem, request: &SimulationRequest, has_mesh_file: bool) -> Result<()> {
     finite_elements(problem)?;
     let refuse =
@@ -120,7 +122,7 @@ pub fn check_request(problem: &Problem, request: &SimulationRequest, has_mesh_fi
             return refuse(
                 Setting::TimeStep,
                 format!("the {} scheme chooses its own steps", scheme_name(request.scheme)),
-                &format!("leave it out, or choose `{} midpoint`", Setting::Scheme),
+                &format!("leave out the time step, or choose `{} midpoint`", Setting::Scheme),
             );
         }
         if !(step_s.is_finite() && step_s > 0.0) {
@@ -253,7 +255,8 @@ struct FullOrderRun {
     extreme_row: usize,
 }
 
-/// Returns the rows whose fields are needed, and the row of the largest displacement. The former are `written_rows` and the latter row.
+/// Returns two results: the rows whose fields must be computed, and the row of the largest displacement. The rows to compute are `written_rows` and the
+/// row of the largest displacement.
 fn rows_with_extreme(written_rows: &[usize], position_m: &[f64]) -> (Vec<usize>, usize) {
     let extreme_row =
         (0..position_m.len()).fold(0, |a, b| if position_m[b].abs() > position_m[a].abs() { b } else { a });
@@ -298,8 +301,9 @@ fn run_all_stages(
     Ok(FullOrderRun { rows, position_m, fields, mesh, compliance_per_m, extreme_row })
 }
 
-/// Reference trajectory (m), which gives the error of the time integration. For a linear law it is the closed form with the run's own compliance. For
-/// other laws it is the full-order trajectory with time steps twice as long. The difference is then several times the error.
+/// Reference trajectory (m), from which the time integration error of a run is estimated. For linear models, the reference is the closed form with the
+/// elastic compliance of the run. For nonlinear models, it is the full-order trajectory with time steps twice as long. The difference from the run is then
+/// several times the run's error.
 fn reference_trajectory_m(
     problem: &Problem,
     fe: &FiniteElements,
@@ -329,7 +333,7 @@ struct TimeGrid {
     place_of_row: Vec<usize>,
 }
 
-/// Number of steps in an interval. It is a floating-point number, because it may exceed the range of integers.
+/// Number of time steps into which an interval is divided. It is a floating-point number, because it may exceed the range of integers.
 fn n_parts(interval_s: f64, longest_s: Option<f64>) -> f64 {
     // The factor avoids an extra step, due to rounding, if the interval is a multiple of the longest step.
     longest_s.map_or(1.0, |longest_s| (interval_s / longest_s * (1.0 - 1e-9)).ceil().max(1.0))
@@ -356,7 +360,7 @@ impl TimeGrid {
     }
 }
 
-/// Rows at which fields are written: the ends of force holds, and the last row. If there are too many, they are thinned evenly.
+/// Rows at which displacement fields are written: the ends of force holds, and the last row. Too many rows are thinned evenly.
 fn field_rows(record: &Record) -> Vec<usize> {
     let mut rows: Vec<usize> = record.force_step_rows().into_iter().filter(|&row| row > 0).collect();
     if record.n_rows() > 0 {

@@ -73,7 +73,7 @@ fn fields_stand_at_the_ends_of_holds_and_are_not_too_many() {
     assert_eq!(rows[MOST_FIELDS - 1], 799);
 }
 
-/// The directory that a simulation writes can be read as an experiment. It has the simulated positions and an equal robot.
+/// The directory that a simulation writes can be read as an experiment. This experiment has the simulated positions and an equal apparatus.
 #[test]
 fn the_directory_is_itself_an_experiment() {
     let problem = problem();
@@ -101,8 +101,8 @@ fn the_directory_is_itself_an_experiment() {
     assert!(written && !dir.path().join("fields_09.vtu").exists());
 }
 
-/// Compares with the exact stiffness (physics §4.2). The errors decrease, the differences agree with the column of the table, and the order of
-/// convergence is above 3.
+/// Compares the stiffness of each mesh level with the exact value (physics §4.2). The errors decrease, the differences agree with the table's column of
+/// differences, and the order of convergence is above 3.
 #[test]
 fn convergence_table_converges_to_the_exact_value() {
     let problem = problem();

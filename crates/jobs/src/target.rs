@@ -27,7 +27,7 @@ use crate::sweep::problem::{DEFAULT_PRIOR, SweepProblem};
 /// Names and options from which a [`Target`] is opened: records, output directory and model.
 #[derive(Clone, Default)]
 pub struct TargetRequest {
-    /// Paths of experiments or studies, or of a directory that contains them. Empty selects the embedded replica.
+    /// Paths of experiments or studies, or of a directory that contains them. An empty list selects the embedded replica.
     pub paths: Vec<PathBuf>,
     /// Directory of the results; `None` for the default.
     pub out: Option<PathBuf>,
@@ -72,7 +72,7 @@ impl ModelRequest {
         model.with_options(self.law(), &self.with, &self.noise, self.prior.as_deref(), &self.set)
     }
 
-    /// First option that is given and changes the model itself. Options that select the revision or the mesh do not count.
+    /// First option given by the user that changes the model itself. Options that select the revision or the mesh do not count.
     fn changing_setting(&self) -> Option<Setting> {
         first_given(&[
             (Setting::Base, self.base.is_some()),
@@ -85,7 +85,7 @@ impl ModelRequest {
     }
 }
 
-/// Kind of target. Every command accepts a creep record; it states which other kinds it accepts.
+/// Kind of target, which is the input of a command. Every command accepts a creep record, and some commands accept other kinds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TargetKind {
     /// One creep record, or a study of it.
@@ -99,8 +99,8 @@ pub enum TargetKind {
 }
 
 impl TargetKind {
-    /// Determines the kind of target that the paths name. `taken` lists the kinds that the command accepts; the first that fits is returned. If none fits,
-    /// the result is `Creep`.
+    /// Determines the kind of target that the paths name. `taken` lists the kinds that the command accepts; the first kind that fits the paths is
+    /// returned. If no kind fits, the result is `Creep`.
     pub fn of(paths: &[PathBuf], taken: &[Self]) -> Self {
         let is_folder = |path: &PathBuf| {
             path.is_dir()
@@ -130,8 +130,8 @@ pub enum Target {
 }
 
 impl Target {
-    /// Reads the target, and reports notes of the reader to `monitor`. The model is that of the revision `default_revision`, unless the options name another
-    /// revision.
+    /// Reads the target, and reports the reader's notes to `monitor`. The model is that of the revision `default_revision`, unless the options name
+    /// another revision.
     ///
     /// # Errors
     /// The errors of reading; [`Error::Input`] if the output directory or the model is refused.
@@ -231,7 +231,7 @@ impl CreepTarget {
         Ok(Self { place, experiment, understood, specification, request: model, force })
     }
 
-    /// Compares the record with its description. Certain contradictions are refused; possible ones are reported to `monitor`. It runs before any fit.
+    /// Compares the record with its description, before any fit. Refuses certain contradictions, and reports possible contradictions to `monitor`.
     ///
     /// # Errors
     /// As [`check::refuse_contradictions`].
@@ -289,7 +289,7 @@ impl CreepTarget {
                 InputPlace::setting(option),
                 "the study has revisions, and this option would change them",
                 format!(
-                    "leave out the option, choose a revision with `{}`, or make the next one with `vitreo-uq extend {} EFFECT`",
+                    "leave out the option, choose a revision with `{}`, or make the next revision with `vitreo-uq extend {} EFFECT`",
                     Setting::Revision,
                     Setting::Effects
                 ),
@@ -329,8 +329,8 @@ impl Revision {
         Subject::with_compliance(&self.problem, &Library::default(), compliance)
     }
 
-    /// Splits the experiment into fitted and scored cycles, for fits of the model with each effect. The surrogate may cover a wider range than that of the
-    /// revision.
+    /// Splits the experiment into fitted and scored cycles, for fits of the model with each effect. Its surrogate may cover wider parameter ranges than
+    /// the revision's surrogate.
     ///
     /// # Errors
     /// As [`Subject::new`].
@@ -379,7 +379,7 @@ impl StudyPlace {
     }
 }
 
-/// Opens the study in `dir`, if there is one. It must be of the same experiment files. A study of another input is refused, unless `force` is set.
+/// Opens the study in `dir`, or selects `dir` for a new study. Refuses an existing study of other experiment files, unless `force` is set.
 fn place_of(dir: PathBuf, files: ExperimentFiles, force: bool) -> Result<StudyPlace> {
     if Study::is_study(&dir) {
         match Study::open_or_create(&dir, &files, false) {
@@ -561,7 +561,7 @@ impl JointTarget {
     }
 }
 
-/// Refuses options that apply only to a single record. Each entry is a setting, and a flag which tells that the user gave it.
+/// Refuses options that apply only to a single record. Each entry is a setting, with a flag that is `true` if the user gave the setting.
 pub(crate) fn refuse_options_of_one(options: &[(Setting, bool)]) -> Result<()> {
     match first_given(options) {
         Some(option) => Err(Error::input(
@@ -594,7 +594,7 @@ impl CohortTarget {
         self.request.out.as_deref().unwrap_or(Path::new(default))
     }
 
-    /// Refuses options that apply only to a single record: those of the model, and the settings in `more`. A flag in `more` tells that the user gave the
+    /// Refuses options that apply only to a single record: those of the model, and the settings in `more`. A flag in `more` is `true` if the user gave the
     /// setting. `command` is the verb in the error's remedy.
     ///
     /// # Errors

@@ -1,15 +1,15 @@
 //! Computes how well an experiment can detect each effect: the fraction of the effect's signature that the base model's parameters cannot absorb.
 //!
 //! The base model is calibrated first. L⁻¹ is the matrix that whitens the noise, x the positions and θ the sampled base parameters. The signature of an
-//! effect's parameter ε at its null is g = L⁻¹∂x/∂ε. The matrix A = L⁻¹∂x/∂θ has one column per base parameter and one extra row per prior. P = I − AA⁺
-//! projects onto the changes that θ cannot absorb. The visible fraction is ‖Pg‖², divided by ‖g‖² under white noise alone. The standard error of ε is
-//! 1/‖Pg‖. L also contains the noise's random effects (correlated errors, gains, offsets), which reduce the visible fraction.
+//! effect's parameter ε at its null is g = L⁻¹∂x/∂ε. The matrix A = L⁻¹∂x/∂θ has one column per base parameter and one extra row per prior. P = I − AA⁺,
+//! with the pseudoinverse A⁺, projects onto the changes that θ cannot absorb. The visible fraction is ‖Pg‖², divided by ‖g‖² under white noise alone. The
+//! standard error of ε is 1/‖Pg‖. L also contains the noise's random effects (correlated errors, gains, offsets), which reduce the visible fraction.
 //!
 //! Some effects are, to first order, equivalent to a change of the law's parameters. Such an effect is evaluated at a finite size
 //! ([`Effect::signature_size`]). Then g is the change of the positions at this size. Pg is the remainder after the law's parameters have absorbed as much
-//! as possible. It grows with the square of the size, so the standard error is the size at which ‖Pg‖ is 1.
+//! as possible. The remainder grows with the square of the size, so the standard error is the size at which ‖Pg‖ is 1.
 //!
-//! Effects whose vectors Pg are parallel or antiparallel are twins (physics §5).
+//! Effects whose vectors Pg are parallel or antiparallel are twins: this experiment cannot distinguish them (physics §5).
 
 use documents::effects::{EffectEntry, EffectsSummary, ParameterEntry};
 use nalgebra::{DMatrix, DVector};
@@ -29,7 +29,7 @@ use posterior::noise::NoiseLikelihood;
 use posterior::prepared::{KeptSurrogate, PreparedModel};
 use posterior::problem::Problem;
 
-/// Prior quantiles at which parameters that are unidentified at the null are set.
+/// Prior quantiles that serve as values of parameters which are unidentified at the null, where the effect vanishes.
 const GRID: [f64; 9] = [0.02, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.98];
 
 /// Computes the detectability of every effect of the library in an experiment.
@@ -63,7 +63,7 @@ struct Base {
     noise: NoiseLikelihood,
     noise_parameters: Vec<f64>,
     observed_rows: Vec<usize>,
-    /// Orthonormal basis of the columns of A. The rows of the priors come last.
+    /// Orthonormal basis of the whitened changes that the base parameters can absorb. The rows of the priors come last.
     absorbed: DMatrix<f64>,
     kept: Option<KeptSurrogate>,
 }
@@ -86,7 +86,8 @@ impl Base {
         }
         let white = noise.whiten(&columns, &position_m, &noise_parameters);
         let (n_rows, n_columns) = (noise.n_observed(), columns.len());
-        // The columns are scaled to unit length, because E and c₂ differ by orders of magnitude. Otherwise rounding errors would dominate one of them.
+        // The columns are scaled to unit length, because the values of Young's modulus and flow viscosity differ by orders of magnitude. Otherwise
+        // rounding errors would dominate one column.
         let jacobian = DMatrix::from_fn(n_rows + n_columns, n_columns, |i, j| match i.checked_sub(n_rows) {
             None => white[j][i],
             Some(row) => f64::from(u8::from(row == j)) * prior_rows[j],
@@ -98,7 +99,7 @@ impl Base {
         Ok(Self { parameters, sampled, position_m, noise, noise_parameters, observed_rows, absorbed, kept })
     }
 
-    /// Computes the component of a signature that the base cannot absorb.
+    /// Computes the component of an effect's signature that the base model's parameters cannot absorb.
     fn visible(&self, Signature { whole_m, remainder_m: left_m, size }: Signature) -> VisiblePart {
         let noise_sd_m = 1e-6 * self.noise_parameters[0];
         let observed = self.observed_rows.iter().map(|row| whole_m[*row] / noise_sd_m);
@@ -118,9 +119,9 @@ impl Base {
 
 /// Change of the positions that an effect causes, one value per row.
 struct Signature {
-    /// Change in m. For a derivative, it is per unit of the parameter; otherwise it is the change at `size`.
+    /// Change of the positions in m: per unit of the effect's parameter for a derivative, otherwise at the parameter value `size`.
     whole_m: Vec<f64>,
-    /// Change in m that remains after the law's parameters have absorbed as much as possible. For a derivative, it equals `whole_m`.
+    /// Change of the positions in m that remains after the law's parameters have absorbed as much as possible. For a derivative, it equals `whole_m`.
     remainder_m: Vec<f64>,
     /// Value of the effect's parameter at which the change is computed; `None` for a derivative.
     size: Option<f64>,
@@ -132,21 +133,22 @@ impl Signature {
     }
 }
 
-/// Component of a signature that the base cannot absorb.
+/// Visible part of an effect's signature (position changes per unit of the effect): the part that the base model's parameters cannot absorb.
 struct VisiblePart {
     fraction: f64,
-    /// The component Pg itself, whitened.
+    /// Part of the whitened signature that the base model's parameters cannot absorb, called Pg in the module's documentation.
     rest: DVector<f64>,
     /// Standard error of the effect's first parameter.
     standard_error: f64,
 }
 
-/// Two effects are twins if the absolute cosine of the angle between their vectors Pg exceeds this.
+/// Absolute cosine between the visible components of two effects' signatures above which the effects count as twins: equivalent to each other.
 const TWIN_COSINE: f64 = 0.99;
-/// Smallest meaningful visible fraction. Smaller ones result from rounding and curvature, so their vectors Pg are meaningless.
+/// Smallest meaningful visible fraction of a signature. A smaller fraction results from rounding and curvature, so the direction of the visible component
+/// is meaningless.
 const LEAST_VISIBLE: f64 = 1e-6;
 
-/// Adds to each effect's entry the effects that are its twins.
+/// Adds to each effect's entry its twins, which are the effects that this experiment cannot distinguish from it.
 fn with_twins(list: Vec<(EffectEntry, Option<VisiblePart>)>) -> Vec<EffectEntry> {
     let direction = |visible: &Option<VisiblePart>| {
         visible.as_ref().filter(|v| v.fraction > LEAST_VISIBLE).map(|v| v.rest.normalize())
@@ -164,15 +166,16 @@ fn with_twins(list: Vec<(EffectEntry, Option<VisiblePart>)>) -> Vec<EffectEntry>
     list.into_iter().zip(twins).map(|((entry, _), twins)| EffectEntry { twins, ..entry }).collect()
 }
 
-/// Values of the noise parameters. The first is the known noise standard deviation, or else the root mean square residual of the calibrated base. The
-/// others are prior medians.
+/// Values of the noise parameters. The noise standard deviation (µm) is the known value, or else the root mean square residual of the calibrated base
+/// model. The other parameters are prior medians.
 fn noise_parameters(problem: &Problem, rmse_um: f64) -> Vec<f64> {
     let known = problem.experiment.reference_noise().map_or(rmse_um, |yardstick| 1e6 * yardstick.sd_m);
     let value = |name: &str| problem.range_of(name, 0.5).lower;
     problem.noise.parameters().iter().map(|p| if p.name == NOISE_SD.name { known } else { value(p.name) }).collect()
 }
 
-/// Prior standard deviation of a parameter near `value`. For priors of the logarithm it is the standard deviation of the logarithm times the value.
+/// Prior standard deviation of a parameter near `value`. For a prior of the parameter's logarithm, it is `value` times the standard deviation of the
+/// logarithm.
 fn local_prior_sd(distribution: &Distribution, value: f64) -> f64 {
     match *distribution {
         Distribution::LogNormal { log_sd, .. } => log_sd * value,
@@ -209,7 +212,7 @@ fn entry(
     };
     let mut specification = problem.specification.clone();
     if specification.effects.iter().any(|slug| slug == effect.slug()) {
-        entry.refused = Some("the model already has it".into());
+        entry.refused = Some("the model already has this effect".into());
         return Ok((entry, None));
     }
     specification.effects.push(effect.slug().into());
@@ -260,8 +263,8 @@ fn entry(
     Ok((entry, best))
 }
 
-/// Signatures of an effect's first parameter. If other parameters of the effect are unidentified at the null, there is one signature for each value in
-/// [`GRID`].
+/// Signatures of an effect: the position changes that its first parameter causes near the null, where the effect vanishes. If other parameters of the
+/// effect are unidentified at the null, there is one signature for each prior quantile in [`GRID`].
 fn signatures(effect: &dyn Effect, forward: &SurrogateForward, base: &Base) -> Result<Vec<Signature>> {
     let (model, scales) = (forward.model, forward.model.scales());
     let effect_parameters = effect.parameters();
@@ -294,8 +297,8 @@ fn signatures(effect: &dyn Effect, forward: &SurrogateForward, base: &Base) -> R
 /// Number of Gauss–Newton steps in which the law's parameters absorb an effect of finite size.
 const ABSORBING_STEPS: usize = 8;
 
-/// Signature of an effect of finite size. The law's parameters are fitted so that the extended model is as close to the base as possible. The remaining
-/// difference is the remainder.
+/// Signature of an effect at a finite size. The law's parameters are fitted so that the extended model is as close to the base model as possible. The
+/// difference that remains is the remainder.
 fn finite(
     forward: &SurrogateForward,
     base: &Base,
@@ -307,7 +310,8 @@ fn finite(
     let difference = |there: &[f64]| -> Vec<f64> { there.iter().zip(&base.position_m).map(|(a, b)| a - b).collect() };
     let whole_m = difference(&forward.trajectory_m(&parameters)?);
     let mut left_m = whole_m.clone();
-    // Only the law's parameters are fitted here, because they are positive. The projection P handles parameters of other effects.
+    // Only the law's parameters are fitted here, because they are positive. The linear projection in `Base::visible` accounts for the parameters of other
+    // effects.
     let n_law = forward.model.base().parameters().len();
     let free: Vec<usize> = base.sampled.iter().copied().filter(|k| *k < n_law).collect();
     for _ in 0..ABSORBING_STEPS {

@@ -8,26 +8,26 @@ use figures::number::format_significant;
 use models::effects::Library;
 use record::{Apparatus, Experiment};
 
-/// Smallest ratio of known to learnt noise that causes a warning. A tracker cannot have so little noise.
+/// Smallest ratio of known to learnt noise that causes a warning: the measurement cannot be so much more precise than its known noise.
 const LOW_NOISE_FACTOR: f64 = 3.0;
 /// Largest error of the reduced model without a warning, in noise standard deviations.
 const SURROGATE_SHARE: f64 = 0.1;
-/// Largest error of the reduced model without a warning in a check at prior points, as a fraction of the amplitude there. This amplitude can be many times that of the
-/// record.
+/// Largest relative error of the reduced model without a warning, in a check at parameter values of the prior. It is relative to the largest displacement at these
+/// values, which can be many times the record's.
 const SURROGATE_PART: f64 = 0.01;
 /// Largest discretisation error without a warning, in noise standard deviations.
 const MESH_SHARE: f64 = 0.25;
-/// Largest Pareto k at which importance weights can be trusted.
+/// Largest Pareto k̂ (tail index of importance weights) at which the weights can be trusted.
 const PARETO_LIMIT: f64 = 0.7;
 /// Strain up to which the gel is known to be linear (below 1 %, by the literature).
 const LINEAR_STRAIN: f64 = 0.01;
-/// Strain that only a wrong unit explains. The bead of the paper strains its gel by 2.6.
+/// Strain above which a wrong unit is the only explanation. For comparison, the bead of the paper strains its gel by 2.6.
 const IMPOSSIBLE_STRAIN: f64 = 20.0;
-/// First advice if values are impossible.
+/// Advice that precedes all other advice if a strain, a position or a parameter has an implausible value.
 const UNITS_FIRST: &str =
-    "check the units of force, position and sizes first: other values show that one of them is wrong";
+    "check the units of force, position and sizes first: implausible values show that one of them is wrong";
 
-/// Results of a posterior from which the warnings follow.
+/// Input of [`warnings`]: results of a sampled posterior.
 pub struct WarningInputs<'a> {
     /// Summary of the posterior, whose list of warnings is still empty.
     pub summary: &'a PosteriorSummary,
@@ -39,7 +39,7 @@ pub struct WarningInputs<'a> {
     pub impossible_positions: Option<Warning>,
 }
 
-/// All warnings that apply, most serious first.
+/// Lists all warnings that apply to a posterior, most serious first.
 pub fn warnings(findings: &WarningInputs) -> Vec<Warning> {
     let mut list = Vec::new();
     let mut add = |kind, text: String, advice: &str| list.push(Warning { kind, text, advice: advice.into() });
@@ -93,7 +93,7 @@ pub fn warnings(findings: &WarningInputs) -> Vec<Warning> {
     list
 }
 
-/// Warning that no cycle tests the predictions.
+/// Warning that no cycle is held out, so that no data test the predictions.
 pub fn nothing_held_out_warning() -> Warning {
     Warning {
         kind: WarningKind::NothingHeldOut,
@@ -115,13 +115,13 @@ pub fn surrogate_warning(
     let advice = if Library::default().any_nonlinear(model.effects.iter().map(String::as_str)) {
         format!(
             "the reduced model of a nonlinear law is accurate to a thousandth of the amplitude: the parameters' errors can exceed their intervals; measure at a \
-             smaller amplitude; if it is off by more, {}",
-            make_anew()
+             smaller amplitude; if the difference is larger, {}",
+            rebuild_instructions()
         )
     } else if model.is_external() {
         "narrow the prior, or fix a parameter that the data do not determine: the surrogate of the external program is then more accurate".into()
     } else {
-        format!("{}; if that changes nothing, narrow the prior", make_anew())
+        format!("{}; if that changes nothing, narrow the prior", rebuild_instructions())
     };
     is_inaccurate.then(|| Warning {
         kind: WarningKind::SurrogateInaccurate,
@@ -143,12 +143,12 @@ pub fn check_warning(check: &Verification) -> Option<Warning> {
             "the reduced model differs from full finite elements of this apparatus by {} % of the amplitude",
             format_significant(100.0 * check.relative_error, 2)
         ),
-        advice: make_anew(),
+        advice: rebuild_instructions(),
     })
 }
 
-/// Text that tells how to rebuild a reduced model.
-fn make_anew() -> String {
+/// Instruction to the user for rebuilding a reduced model.
+fn rebuild_instructions() -> String {
     format!(
         "rebuild the reduced model: {}; delete `{SURROGATE_NAME}` in the study's revisions, too",
         cache::cache_instructions()
@@ -367,7 +367,7 @@ mod tests {
         (summary.warnings.iter().map(|warning| warning.kind).collect(), summary.is_sound())
     }
 
-    /// Checks each rule of formats §4 on both sides of its limit.
+    /// Checks each rule for a warning (docs/formats.md §4) on both sides of its limit.
     #[test]
     fn every_rule_speaks_on_its_side_of_the_limit_only() {
         let none: (Vec<WarningKind>, bool) = (vec![], true);

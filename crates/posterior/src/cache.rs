@@ -4,7 +4,7 @@
 //! model.
 //!
 //! Models of displacement fields depend only on the apparatus, so one model serves every experiment with this apparatus. The surrogate of the law also depends on the
-//! record's times and forces. It serves every command on that record. A model that cannot be read is built again, and a failure to write a model is ignored.
+//! record's times and forces. All commands on this record share it. A model that cannot be read is built again, and a failure to write a model is ignored.
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;
@@ -136,7 +136,7 @@ pub fn read<T: Serialize + DeserializeOwned>(built_from: &ModelInputs, monitor: 
 }
 
 impl ModelInputs {
-    /// Describes the first difference between these inputs and the requested ones, for a warning.
+    /// Describes a difference between these inputs and the inputs `asked_for`, for a warning.
     fn difference(&self, asked_for: &Self) -> String {
         let parts = |model_inputs: &Self| {
             let fixed = [
@@ -188,7 +188,8 @@ pub fn file_of(built_from: &ModelInputs, model: &impl Serialize) -> Result<(Stri
     Ok((name, bytes))
 }
 
-/// Adds a file from another cache to this one, completely or not at all. An existing file with equal bytes is not written again. Returns true if the file was added.
+/// Adds a file from another computer's cache to the local cache, completely or not at all. Returns true if the file was added, and false if an equal file was already
+/// there.
 ///
 /// # Errors
 /// [`base::Error::Input`] if there is no cache; [`base::Error::File`] if the file system refuses.

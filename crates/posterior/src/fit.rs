@@ -27,7 +27,7 @@ use models::effects::EffectParameter;
 use models::model::{Forward, SurrogateForward, TrainedRange};
 use sampling::least_squares::{Fit, LeastSquaresProblem, Tolerances, fit};
 
-/// Number of starts at quantiles of the prior, besides the start at its medians.
+/// Number of starts of the search at quantiles of the prior, besides the start at the medians.
 const N_QUANTILE_STARTS: u32 = 15;
 /// Probability of the smallest prior quantile among the starts. The largest quantile has one minus this probability.
 const START_TAIL: f64 = 0.02;
@@ -43,7 +43,7 @@ const FINITE_STEP: f64 = 1e-4;
 const AT_LINEAR_END: f64 = 1e-6;
 /// Largest number of rows for which all derivatives are kept in memory. They take a gigabyte.
 const MOST_ROWS_OF_COLUMNS: usize = 10_000_000;
-/// Largest number of effects that are fixed at their nulls in every combination. Further effects stay free.
+/// Largest number of effects for which every combination of free effects and effects fixed at the null is tried. Further effects stay free.
 const MOST_HELD: usize = 4;
 
 /// Result of a fit, with the prepared model for further computations.
@@ -97,9 +97,9 @@ struct Searched<'a> {
     searches: Vec<Fit>,
 }
 
-/// Finds the best fit over the `free` parameters. Effects whose null is an end of the support are tried both free and fixed at the null, in every combination. This is
-/// necessary because a search that reaches a bound stops before the other parameters are at their best values. A model could then fit worse than a model that it
-/// contains.
+/// Finds the best fit over the `free` parameters. Effects whose null (the value without the effect) is an end of the support are tried both free and fixed at the null,
+/// in every combination. Without this, a search that reaches a bound stops before the other parameters are at their best values. A model could then fit worse than its
+/// special case without the effect.
 fn best_support<'a>(prepared: &'a PreparedModel, free: &[usize], rows: &FittedRows) -> Result<Searched<'a>> {
     let problem = &prepared.problem;
     let search = |held: &BTreeMap<usize, f64>| -> Result<Searched<'a>> {
@@ -139,8 +139,8 @@ fn best_support<'a>(prepared: &'a PreparedModel, free: &[usize], rows: &FittedRo
     Ok(best)
 }
 
-/// Effects whose null is an end of their support and whose parameters are all free. Each entry maps the indices of an effect's parameters to their null values. A
-/// parameter without a null has the median of its prior.
+/// Effects whose parameters are all free and whose null (the value without the effect) is an end of the support. Each entry maps the indices of an effect's parameters
+/// to their null values. A parameter without a null has the median of its prior.
 fn effects_with_null_at_end(problem: &Problem, free: &[usize]) -> Vec<BTreeMap<usize, f64>> {
     let (scales, mut first) = (problem.model.scales(), problem.model.n_before_effects());
     let mut list = Vec::new();
@@ -161,10 +161,10 @@ fn effects_with_null_at_end(problem: &Problem, free: &[usize]) -> Vec<BTreeMap<u
     list
 }
 
-/// Coordinate of a parameter in the search.
+/// Coordinate in which the search varies a parameter.
 #[derive(Debug, Clone, Copy)]
 enum Coordinate {
-    /// Logarithm of the parameter.
+    /// Logarithm of the parameter, for positive parameters of the law.
     Logarithm,
     /// The parameter itself, in units of its prior's width `scale`.
     Linear { scale: f64 },
@@ -203,7 +203,7 @@ struct CreepResiduals<'a> {
     free: Vec<(usize, Coordinate)>,
     /// Range of each model parameter in the search. Without a range, a long step could end where the data contain no information.
     ranges: Vec<TrainedRange>,
-    /// Row and position (m) of each fitted position.
+    /// Row index and measured value (m) of each fitted position.
     observed: Vec<(usize, f64)>,
 }
 
@@ -306,8 +306,8 @@ impl<'a> CreepResiduals<'a> {
         Some(here.iter().zip(&there).map(|(a, b)| (b - a) / step).collect())
     }
 
-    /// Derivatives (m) of the position at every row by the free coordinates, one column per coordinate. Coordinates without a derivative have no column. Empty for
-    /// records that are too long for the memory.
+    /// Derivatives (m) of the position at every row by the free parameters' search coordinates, one column per coordinate. Coordinates without a derivative have no
+    /// column. The result is empty for records that are too long for the memory.
     fn columns_m(&self, prepared: &PreparedModel, theta: &[f64]) -> Vec<Vec<f64>> {
         if prepared.problem.experiment.record.n_rows() > MOST_ROWS_OF_COLUMNS {
             return Vec::new();
@@ -323,7 +323,8 @@ impl<'a> CreepResiduals<'a> {
         self.free.iter().filter_map(|&free| whole.column_m(&parameters, free)).collect()
     }
 
-    /// Searches from every start and returns the results. Starts at which the model cannot be evaluated are skipped. If all are, their first error is returned.
+    /// Searches from every start and returns the results. Starts at which the model cannot be evaluated are skipped. If every start is skipped, the first error is
+    /// returned.
     fn search(&self, starts: &[Vec<f64>]) -> Result<Vec<Fit>> {
         let tolerances = Tolerances::default();
         let found: Vec<Result<Fit>> = starts.par_iter().map(|start| fit(self, start, &tolerances)).collect();
@@ -361,7 +362,7 @@ impl LeastSquaresProblem for CreepResiduals<'_> {
     }
 }
 
-/// Search with the lowest objective. If several have found this minimum, a converged one is preferred.
+/// Search with the lowest objective. If several searches have found this minimum, a converged search is preferred.
 fn best_of(searches: &[Fit]) -> &Fit {
     let lower = |a: &Fit, b: &Fit| {
         if is_same_minimum(a, b) && a.converged != b.converged { a.converged } else { a.objective < b.objective }
@@ -369,7 +370,7 @@ fn best_of(searches: &[Fit]) -> &Fit {
     searches.iter().fold(&searches[0], |best, next| if lower(next, best) { next } else { best })
 }
 
-/// Search range of a parameter: the range of its prior, or the box in which an external program was learnt.
+/// Search range of a parameter: the range of its prior, or the range in which the surrogate of an external program was trained.
 fn range_of(prepared: &PreparedModel, name: &str) -> TrainedRange {
     let problem = &prepared.problem;
     let learnt = prepared.trained.iter().find(|range| range.name == name && problem.outside().is_some());
@@ -494,7 +495,7 @@ fn warnings(
     if !at_end.is_empty() {
         list.push(Warning {
             kind: WarningKind::NotConverged,
-            text: format!("the search ended at the end of the prior's range of {}", at_end.join(", ")),
+            text: format!("the search stopped at an end of the range that the prior allows for {}", at_end.join(", ")),
             advice:
                 "check the units of force and position first; the data may not determine the parameter: fix it (--set), or give a wider prior (--prior)"
                     .into(),

@@ -78,9 +78,9 @@ fn table_i_lies_within_the_joint_error_on_the_replica() {
 }
 
 /// Fits 400 noisy replicates of closed-form data. The sum of each parameter's squared z-scores has a χ² distribution with 400 degrees of freedom. The sum of the
-/// squared Mahalanobis distances has one with 1,200. The test fails if all standard errors are wrong by a fifth. Each of the four sums lies beyond either bound with a
-/// probability of 10⁻⁶. The test thus fails by chance with a probability of 10⁻⁵. The noise variance is estimated with 197 degrees of freedom. This makes the sums 1 %
-/// larger on average, which is less than a tenth of the distance to a bound.
+/// squared Mahalanobis distances has 1,200 degrees of freedom. The test fails if all standard errors are wrong by a fifth. Each of the four sums lies beyond either
+/// bound with a probability of 10⁻⁶. The test thus fails by chance with a probability of 10⁻⁵. The noise variance is estimated with 197 degrees of freedom. This makes
+/// the sums 1 % larger on average, which is less than a tenth of the distance to a bound.
 #[test]
 fn standard_errors_are_calibrated() {
     let mut rng = ChaCha8Rng::seed_from_u64(20);
@@ -148,8 +148,8 @@ fn an_estimate_at_the_end_of_the_range_is_not_converged() {
     assert!(warning.kind == WarningKind::NotConverged && warning.text.contains("viscosity_2_pa_s"), "{warning:?}");
 }
 
-/// Models with one or two effects are fitted to data without effects. A model must not fit worse than a model that it contains. An estimate at the null equals the null
-/// exactly. Any other estimate fits better and lies within five standard errors of the null, with one false failure in 10⁶.
+/// Models with one or two effects are fitted to data without effects. A model with effects must not fit worse than its special case without effects. An estimate at the
+/// null equals the null exactly. Any other estimate fits better and lies within five standard errors of the null, with one false failure in 10⁶.
 #[test]
 fn effects_that_are_not_there_are_estimated_at_their_null() {
     let mut rng = ChaCha8Rng::seed_from_u64(24);
@@ -192,7 +192,7 @@ fn effects_that_are_not_there_are_estimated_at_their_null() {
 }
 
 /// The replica has one retardation time, so that the time of a second retardation drifts to an end of its range. A search that stopped there would leave the other
-/// parameters near their starts. Of 16 searches, only one then found the minimum. If the search continues along the end of the range, nine find it.
+/// parameters near their starts. Of 16 searches, only one then found the minimum. If the search continues along the end of the range, nine searches find the minimum.
 #[test]
 fn a_parameter_at_the_end_of_its_range_does_not_stop_the_others() {
     let base = problem(embedded().unwrap().0, &[]);
@@ -212,7 +212,7 @@ fn an_effect_that_is_there_is_found() {
     let [young_modulus_pa, viscosity_1_pa_s, viscosity_2_pa_s] = TABLE_I;
     let (lag_s, mode_s) = (0.05, viscosity_1_pa_s / young_modulus_pa);
     let noise = Normal::new(0.0, 4e-6).unwrap();
-    // This is the response to a unit force that rises as 1 − e^{−t/τ}, with the lag τ.
+    // Response to a unit force that rises as 1 − e^{−t/τ} with time t and lag τ.
     let rise = |t: f64| {
         let mode = 1.0 - (mode_s * (-t / mode_s).exp() - lag_s * (-t / lag_s).exp()) / (mode_s - lag_s);
         mode / young_modulus_pa + (t - lag_s * (1.0 - (-t / lag_s).exp())) / viscosity_2_pa_s

@@ -7,9 +7,10 @@ use models::model::Response;
 use record::OwnedForce;
 use sampling::least_squares::{Fit, LeastSquaresProblem, Tolerances, fit};
 
-/// Largest number of positions in the search from all starts. For a record with more positions, the best minima are then refined with all of them.
+/// Largest number of positions in the search from all starts. For a longer record, the search uses a selection of the positions, and the best minima are refined with
+/// all of them.
 pub(super) const MOST_SEARCHED: usize = 20_000;
-/// Largest number of minima that are refined.
+/// Largest number of minima that are refined with all positions.
 const MOST_FINISHED: usize = 3;
 /// Relative difference of objectives below which two searches have found the same minimum.
 pub(super) const SAME_MINIMUM: f64 = 1e-6;
@@ -18,7 +19,7 @@ pub(super) const SAME_MINIMUM: f64 = 1e-6;
 pub(super) struct FittedRows {
     time_s: Vec<f64>,
     force: OwnedForce,
-    /// Row and position (m) of each fitted position.
+    /// Row index among the selected rows, and measured value (m), of each fitted position.
     pub observed: Vec<(usize, f64)>,
 }
 
@@ -53,7 +54,7 @@ impl FittedRows {
         thinned
     }
 
-    /// Response at these rows, as input of the reduced model.
+    /// Response operator for the selected rows, as input of the reduced model.
     pub fn response(&self) -> Response {
         Response::new(&self.time_s, self.force.get(), self.time_s.len())
     }
@@ -92,7 +93,8 @@ mod tests {
     use models::effects::Stages;
     use record::ForceRule;
 
-    /// 3000 rows at irregular times, with a force that changes at some of them. One of 40 positions remains. Its value and the trajectory at its row do not change.
+    /// Thins 3000 rows at irregular times with a switched force to one of 40 positions. Checks that the remaining positions and the trajectory at their rows do not
+    /// change.
     #[test]
     fn few_rows_show_the_same_motion() {
         let n = 3000;

@@ -15,7 +15,7 @@ use sampling::pareto::pareto_k;
 pub const N_CHECK_DRAWS: usize = 128;
 /// Number of posterior draws that are run in full finite elements if each run takes minutes.
 const N_SLOW_DRAWS: usize = 2;
-/// Largest percentage of refused draws that causes no warning. A draw is refused if it has no model on the whole record.
+/// Largest percentage of refused draws that causes no warning. A draw is refused if the model fails for it on the whole record.
 const LARGEST_REFUSED_PERCENT: usize = 5;
 /// Number of normal distributions whose mixture approximates a Student-t distribution.
 const STUDENT_COMPONENTS: usize = 8;
@@ -25,14 +25,14 @@ pub type NaturalDraw = Vec<f64>;
 
 /// Predictions of posterior draws by full finite elements, with measures of the reduced model's error.
 pub struct FullCheck {
-    /// Draws with a model on the whole record.
+    /// Draws for which the model could be computed on the whole record.
     pub draws: Vec<NaturalDraw>,
-    /// Number of draws without a model on the whole record, if this number is worth a warning; otherwise `None`.
+    /// Number of draws for which the model failed, if there are enough of them for a warning; otherwise `None`.
     pub n_refused: Option<usize>,
-    /// Predicted position (m) of each draw at every row, by the full-order model. An external program predicts it itself. For an instrument, and if full runs are slow,
-    /// the reduced model does.
+    /// Predicted position (m) of each draw at every row, by the full-order model or the external program. For an instrument, and if full runs are slow, the reduced
+    /// model predicts it.
     pub trajectories_m: Vec<Vec<f64>>,
-    /// Noise of each draw.
+    /// Noise model and noise parameters of each draw.
     pub noise: DrawnNoise,
     /// Largest distance between a reduced and a full-order trajectory, in m; `None` without a full-order model.
     pub surrogate_vs_full_max_m: Option<f64>,
@@ -122,7 +122,7 @@ pub fn check(prepared: &PreparedModel, draws: &[NaturalDraw]) -> Result<FullChec
     let mean_m = mean_trajectory(&trajectories_m, None);
     let (extreme_row, amplitude_m) =
         mean_m.iter().enumerate().fold((0, 0.0), |(row, a), (i, x)| if x.abs() > a { (i, x.abs()) } else { (row, a) });
-    let middle = middle_draw(&trajectories_m, extreme_row);
+    let middle = median_draw(&trajectories_m, extreme_row);
     let compared: Vec<usize> = if is_slow {
         let others = (0..draws.len()).filter(|draw| *draw != middle);
         std::iter::once(middle).chain(others).take(N_SLOW_DRAWS).collect()
@@ -162,7 +162,7 @@ pub fn check(prepared: &PreparedModel, draws: &[NaturalDraw]) -> Result<FullChec
     })
 }
 
-/// Draws that were predicted, with their trajectories.
+/// Draws for which the model could be computed, with their trajectories.
 struct Runs {
     draws: Vec<NaturalDraw>,
     trajectories_m: Vec<Vec<f64>>,
@@ -198,16 +198,16 @@ fn largest_distance_m(some_m: &[Vec<f64>], others_m: &[Vec<f64>]) -> f64 {
 }
 
 /// Index of the draw whose position at this row is the median of all draws.
-fn middle_draw(trajectories_m: &[Vec<f64>], row: usize) -> usize {
+fn median_draw(trajectories_m: &[Vec<f64>], row: usize) -> usize {
     let mut order: Vec<usize> = (0..trajectories_m.len()).collect();
     order.sort_by(|a, b| trajectories_m[*a][row].total_cmp(&trajectories_m[*b][row]));
     order[order.len() / 2]
 }
 
-/// Largest absolute principal strain of a run's first field. `None` without a field, or if the model itself has large strains.
+/// Largest absolute principal strain of a full-order run, in its first displacement field. `None` without a field, or if the model itself has large strains.
 pub(crate) fn largest_strain(problem: &Problem, run: &FullRun) -> Result<Option<f64>> {
     let Some(fe) = problem.finite_elements() else { return Ok(None) };
-    // Stored fields belong to the model of small strains, so they say nothing about large ones.
+    // The displacement fields of a run belong to the model of small strains, so they do not give large strains.
     if problem.model.field().is_some_and(|(_, field)| field.is_learnt_for_record()) {
         return Ok(None);
     }
@@ -258,8 +258,8 @@ mod tests {
     use super::*;
     use crate::mixture::Mixture;
 
-    /// Compares quantiles of the eight-component mixture with those of statrs' Student-t distribution, at the ends of the 50 % and the 90 % band. They agree within
-    /// 4 %.
+    /// Compares quantiles of the eight-component mixture with those of statrs' Student-t distribution, at the ends of the 50 % and the 90 % band. The quantiles agree
+    /// within 4 %.
     #[test]
     fn normal_components_stand_for_a_student_t() {
         for dof in [2.5, 4.0, 30.0] {

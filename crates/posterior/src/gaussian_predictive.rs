@@ -1,8 +1,9 @@
 //! Predictive distributions that are nearly normal, described by their moments. They occur in long records, whose draws differ by less than the noise.
 //!
-//! A mixture is a normal distribution with small corrections if its components' means and variances are close together relative to the variance. Its Gram–Charlier
-//! series is Φ(t) − φ(t) [γ₁/6 (t² − 1) + γ₂/24 (t³ − 3t)]. Quantiles and scores then have closed forms, which take a few operations per draw. The mixture itself needs
-//! an error function per draw.
+//! A mixture is a normal distribution with small corrections if its components' means and variances are close together relative to the variance. The Gram–Charlier
+//! series approximates its distribution function by Φ(t) − φ(t) [γ₁/6 (t² − 1) + γ₂/24 (t³ − 3t)]. Here t is the standardised position, Φ and φ are the distribution
+//! function and density of the standard normal, γ₁ is the skewness and γ₂ the excess kurtosis. Quantiles and scores then have closed forms, which take a few operations
+//! per draw. The mixture itself needs an error function per draw.
 
 use statrs::distribution::{Continuous, ContinuousCDF, Normal};
 
@@ -11,8 +12,8 @@ use super::full_check::FullCheck;
 /// Probabilities of the quantiles that bound the predictive bands, and of the median.
 pub const BAND_PROBABILITIES: [f64; 5] = [0.05, 0.25, 0.5, 0.75, 0.95];
 
-/// Largest relative distance of a component from the mixture at which the series replaces the mixture. The distance of means is in standard deviations of the mixture,
-/// that of variances in its variance. The neglected terms are then below 10⁻⁵ of a standard deviation.
+/// Largest distance of a draw's normal distribution from the mean of all draws at which the series replaces the mixture. Differences of means are divided by the root
+/// of the draws' mean variance, differences of variances by this mean variance. The neglected terms are then below 10⁻⁵ of a standard deviation.
 const LARGEST_DISTANCE: f64 = 0.12;
 
 /// Mean, standard deviation, skewness and excess kurtosis of one position's predictive distribution.
@@ -24,12 +25,12 @@ pub(super) struct NearNormal {
     excess: f64,
 }
 
-/// Sums over the draws, for each row of a block.
+/// Moments of means and variances over the draws, for each row of a block.
 struct Sums {
     mean_m: Vec<f64>,
     variance_m2: Vec<f64>,
-    /// Means of d², d³, d⁴, d w, d² w and w², then the largest |d| and |w|. The symbol d is the difference between a component's mean and the mixture's mean. The
-    /// symbol w is that of the variances.
+    /// Means over the draws of d², d³, d⁴, d w, d² w and w², then the largest |d| and |w|. Here d is a draw's mean minus the mixture's mean, and w is the draw's
+    /// variance minus the mean variance.
     d2: Vec<f64>,
     d3: Vec<f64>,
     d4: Vec<f64>,
@@ -125,7 +126,7 @@ impl NearNormal {
         self.mean_m + self.sd_m * (z + shift)
     }
 
-    /// Continuous ranked probability score (m) of an observation: E|X − y| − E|X − X′|/2, where X and X′ have the distribution of the series.
+    /// Continuous ranked probability score (m) of an observation y: E|X − y| − E|X − X′|/2. X and X′ are independent and have the distribution of the series.
     pub fn crps_m(&self, observed_m: f64) -> f64 {
         let standard = Normal::standard();
         let t = (observed_m - self.mean_m) / self.sd_m;

@@ -10,7 +10,8 @@ use super::{BAND_PROBABILITIES, band_normals, near_normals};
 use crate::noise::NoiseModel;
 use record::Record;
 
-/// Returns 24 draws around a noise of 4 µm. Their positions deviate by up to 2 × `reach` times the noise, and their relative noise by up to half of `reach`.
+/// Returns 24 draws with a noise of about 4 µm. Their positions deviate by up to 2 × `reach` times the noise. Their noise deviates by up to half of `reach`, relative
+/// to 4 µm.
 fn varied_check(n_rows: usize, reach: f64) -> FullCheck {
     let draws = 24;
     let part = |k: usize, seed: f64| reach * (seed * k as f64).sin();
@@ -50,7 +51,7 @@ fn nearly_normal_predictions_are_the_mixtures() {
             let error = (near.quantile_m(z) - exact.quantile(probability)) / exact.sd();
             assert!(error.abs() < 2e-5, "{row} {probability}: {error}");
         }
-        // The mixture's score uses only some pairs of draws, that of the series all of them.
+        // The mixture's score uses only some pairs of draws. The score of the series uses all pairs.
         for y in [-2.5, -0.3, 0.0, 1.2, 4.0] {
             let y = exact.mean() + y * exact.sd();
             assert!((near.crps_m(y) - exact.crps(y)).abs() < 2e-3 * exact.sd(), "{row}");

@@ -9,7 +9,7 @@ use models::model::{Forward, SurrogateForward};
 /// Gradient of [`super::likelihood::ReducedPosterior::log_density_natural`]. It combines exact sensitivities of the reduced model's trajectory, finite differences of the
 /// noise filter, and closed forms of the priors.
 pub struct PosteriorGradient<'a> {
-    /// Reduced forward model up to the last compared row.
+    /// Reduced forward model up to the last row with a fitted position.
     forward: SurrogateForward<'a>,
     noise: NoiseLikelihood,
     priors: &'a PriorSet,

@@ -14,13 +14,14 @@ use record::Record;
 
 /// Number of simulated measurements from which the distributions of misfit and coverage are estimated.
 const N_SIMULATIONS: usize = 8_000;
-/// Largest total number of simulated positions. It limits the number of simulations for long records, but not below [`FEWEST_SIMULATIONS`], which the 99.9 % band
-/// needs. If that is too much work and the errors are independent and normal, closed forms replace the simulation.
+/// Largest total number of simulated positions, which limits the number of simulations of a long record. If [`FEWEST_SIMULATIONS`] exceed it and the errors are
+/// independent and normal, closed forms replace the simulation.
 const SIMULATED_POSITIONS: usize = 40_000_000;
+/// Smallest number of simulations, which the 99.9 % band needs.
 const FEWEST_SIMULATIONS: usize = 4_000;
 /// Number of rows in a block whose predictions are computed together.
 const ROWS_OF_BLOCK: usize = 1024;
-/// Number of the first random stream of the simulations. The sampler uses other streams.
+/// Number of the random stream of the first simulation. The next simulations use the streams below it; the sampler uses other streams.
 const SIMULATION_STREAM: u64 = u64::MAX;
 
 /// Predictive quantiles (m) of the position at every row, in the order of `BAND_PROBABILITIES`.
@@ -66,7 +67,7 @@ pub(super) fn mixture(check: &FullCheck, row: usize) -> Mixture {
     mixture
 }
 
-/// Scores of the predictions of the held-out positions.
+/// Scores of the predictions at the held-out positions: errors, coverage of the bands, and joint probability.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Score {
     /// Root mean square distance between the posterior mean and the positions, in m.
@@ -75,8 +76,8 @@ pub struct Score {
     pub coverage: [f64; 2],
     /// For each band, the range that contains the coverage of 99 % of simulated measurements.
     pub coverage_expected: [[f64; 2]; 2],
-    /// Probability of a misfit at least as large as the observed one, by joint simulation. It is twice the smaller of two probabilities, at most 1. One belongs to the
-    /// largest standardised deviation, the other to the mean square.
+    /// Probability of a misfit at least as large as the observed one, by joint simulation. It is twice the smaller of two p values, at most 1: the p value of the
+    /// largest standardised deviation, and the p value of the mean square deviation.
     pub joint_p: f64,
     /// Mean continuous ranked probability score of the positions, in m.
     pub crps_m: f64,

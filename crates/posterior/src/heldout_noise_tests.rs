@@ -14,7 +14,7 @@ use models::model::convolve_m;
 use record::Apparatus;
 
 const COMPLIANCE_PER_M: f64 = 549.0;
-/// Noise parameters: σ (µm), σ_ou (µm), τ (s), s_g and s_o (µm).
+/// Noise parameters: white noise (µm), slow noise (µm) and its correlation time (s), gain and offset (µm) per cycle; all but the time are standard deviations.
 const NOISE: [f64; 5] = [4.0, 3.0, 0.7, 0.03, 5.0];
 
 /// Problem with the replica's protocol, an instrument in place of the bead, and all Gaussian noise terms.
@@ -74,11 +74,12 @@ fn noise_m(record: &Record, position_m: &[f64], rng: &mut ChaCha8Rng) -> Vec<f64
         .collect()
 }
 
-/// Scores 40 measurements that are simulated term by term. Each coverage lies outside its 99 % range with a probability of 1 %. More than 7 of 40 outside thus have a
-/// probability of 10⁻⁷ for each band. If the ranges were computed for independent errors, they would be so narrow that many more coverages lie outside.
+/// Scores 40 measurements that are simulated term by term. Each coverage lies outside its 99 % range with a probability of 1 %. For each band, more than 7 of 40
+/// coverages thus lie outside with a probability of 10⁻⁷. If the ranges were computed for independent errors, they would be so narrow that many more coverages lie
+/// outside.
 ///
-/// The joint probability of a misfit is twice the smaller of two probabilities, at most 1. It is 1 if both exceed one half, which happens in at least a quarter of the
-/// measurements. That it happens in none of 40 has a probability of 10⁻⁵.
+/// The joint probability of a misfit is twice the smaller of two probabilities, at most 1. The joint probability is 1 if both exceed one half. This happens in at least
+/// a quarter of the measurements. The probability that it happens in none of 40 measurements is 10⁻⁵.
 #[test]
 fn the_coverage_s_range_is_that_of_gains_and_offsets_shared_by_a_cycle() {
     let problem = problem();

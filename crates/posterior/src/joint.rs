@@ -1,5 +1,5 @@
-//! Joint probabilities of a measurement's statistics in closed form. They serve long records with independent normal errors, because thousands of simulations of such a
-//! record would take minutes.
+//! Joint probabilities of a measurement's statistics in closed form. They replace thousands of simulations, which would take minutes, for long records with independent
+//! normal errors.
 //!
 //! For one draw, rows are independent. The distribution function of the largest deviation is thus a product over rows. The mean square and the coverage are sums over
 //! thousands of rows, whose moments are known. The resulting probabilities are averaged over draws.
@@ -10,18 +10,18 @@ use statrs::distribution::{ContinuousCDF, Normal};
 use super::full_check::FullCheck;
 use super::mixture::Mixture;
 
-/// Number of rows at which slowly varying probabilities are evaluated. The golden ratio distributes them over the record, so that they do not follow a period of the
-/// protocol.
+/// Number of rows at which slowly varying probabilities are evaluated. Multiples of the golden ratio spread these rows over the record, so that they do not follow a
+/// period of the protocol.
 const N_EVALUATED: usize = 4096;
 /// Probability below the expected range of a coverage, and also above it.
 const TAIL: f64 = 0.005;
 
-/// Scored rows with the predictions of all draws.
+/// Held-out rows to score, with the predictions of all draws.
 pub(super) struct Predicted<'a> {
     pub check: &'a FullCheck,
-    /// Index of each row in the record.
+    /// Index in the record of each scored row.
     pub rows: &'a [usize],
-    /// Mean and standard deviation (m) of each row's prediction.
+    /// Mean and standard deviation (m) of the prediction at each scored row.
     pub centre: &'a [(f64, f64)],
     /// Predictive quantiles (m) of every row of the record.
     pub bands_m: &'a [[f64; 5]],
@@ -66,8 +66,8 @@ fn of_draw(predicted: &Predicted, draw: usize, largest: f64, square: f64) -> Dra
     let Predicted { check, rows, centre, bands_m } = predicted;
     let (x, sd) = (&check.trajectories_m[draw], &check.noise.sd_m[draw]);
     let n = rows.len() as f64;
-    // These are the first three cumulants of Σ (δ + r ε)² over the rows, where ε is standard normal. Here δ is the draw's distance from the mean prediction, and r its
-    // noise. Both are in standard deviations of the prediction.
+    // First three cumulants of the sum of squared deviations Σ (δ + r ε)² over the rows, where ε is standard normal. δ is the draw's position minus the mean
+    // prediction, and r is the draw's noise. Both are in standard deviations of the prediction.
     let mut cumulants = [0.0; 3];
     for (row, (mean, spread)) in rows.iter().zip(centre.iter()) {
         let inverse = 1.0 / spread;
@@ -106,7 +106,7 @@ fn of_draw(predicted: &Predicted, draw: usize, largest: f64, square: f64) -> Dra
 }
 
 /// Probability that a sum of squares with the given first three cumulants exceeds `value`. A shifted gamma distribution with these cumulants approximates the sum
-/// (Pearson 1959). Wilson and Hilferty's cube root makes it normal.
+/// (Pearson 1959). The cube-root transformation of Wilson and Hilferty makes this distribution nearly normal.
 fn exceeds(value: f64, [first, second, third]: [f64; 3]) -> f64 {
     let shape = 4.0 * second.powi(3) / (third * third);
     let scale = third / (2.0 * second);

@@ -1,4 +1,4 @@
-//! Judgement of a model's residuals by the rule that `fit`, `sample`, `extend` and `ladder` share (docs/diagnosis.md).
+//! Judgement of a model's residuals: does the model describe the record? The commands `fit`, `sample`, `extend` and `ladder` share its rule (docs/diagnosis.md).
 //!
 //! If the noise is given or estimated, residuals are compared with it ([`Misfit`]). If it is unknown, the held-out residuals are compared with the fitted ones, and the
 //! residuals are tested for patterns ([`SystematicTest`]). If posterior draws predict the held-out cycles, the joint predictive band is a further test.
@@ -20,7 +20,7 @@ const ROUNDING: f64 = 1e-6;
 pub struct Prediction<'a> {
     /// Predicted position (m) at every row.
     pub position_m: &'a [f64],
-    /// Columns (m, one value per row) along which the parameters can move the prediction.
+    /// Directions in which the parameters can move the prediction: one column per direction, with one value (m) per row.
     pub columns_m: &'a [Vec<f64>],
     /// Fitted noise model and the values of its parameters, in their units.
     pub noise: (NoiseModel, &'a [f64]),
@@ -88,7 +88,7 @@ impl Judgement {
         self.joint_p.is_some_and(|p| p < OUTSIDE_BAND)
     }
 
-    /// Warnings of the judgement, most serious first.
+    /// Lists the warnings that follow from the judgement, most serious first.
     pub fn warnings(&self) -> Vec<Warning> {
         let mut list: Vec<Warning> = self.misfit.iter().flat_map(|misfit| self.of_misfit(misfit)).collect();
         list.extend(self.of_unknown_noise());
@@ -133,7 +133,7 @@ impl Judgement {
                 warning.text +=
                     &format!(", and {} µm of it recur in every cycle", format_significant(1e6 * returning_m, 3));
             }
-            // A learnt noise that is not too large and has no gain cannot hide a misfit inside the joint band. Only the parameters' uncertainty can.
+            // A learnt noise that is not too large and has no gain cannot hide a misfit inside the joint band. Only the uncertainty of the parameters can hide it.
             let is_covered = !is_learnt_too_large && !self.has_gain && self.joint_p.is_some_and(|p| p >= OUTSIDE_BAND);
             if !left.fitted.is_too_large && is_covered {
                 warning.text +=

@@ -24,8 +24,8 @@ use super::full_check::{FullCheck, mean_trajectory, rmse_m};
 use super::learnt_displacement::{MOST_SWITCHES, n_switches};
 use super::problem::Problem;
 
-/// Smallest displacement, in bead radii, for which the estimate runs. The deviation that is neglected below it is cubic in the displacement. At this value, it is a
-/// ten-thousandth of the displacement.
+/// Smallest displacement, in bead radii, for which the estimate runs. For smaller displacements, the deviation from small strains is below a ten-thousandth of the
+/// displacement.
 pub const LEAST_RADII: f64 = 0.2;
 /// Smallest root mean square deviation, as a fraction of the noise, that causes a warning.
 const LEAST_RELEVANT: f64 = 0.1;
@@ -107,7 +107,7 @@ fn shifts(
     let variance_m2 = check.noise.sd_m.iter().map(variance_m2).sum::<f64>() / n_checked as f64;
     let overlap = |x: &Vec<f64>| rows.iter().map(|row| x[*row] * deviation_m[*row]).sum::<f64>() / variance_m2;
     let overlaps = DVector::from_iterator(n_checked, check.trajectories_m.iter().map(overlap));
-    // The first column is a constant. The others are the parameters' distances from their means, in standard deviations.
+    // The first column of the design matrix is constant. Each other column is a parameter's distance from its mean, in standard deviations.
     let design = DMatrix::from_fn(n_checked, free.len() + 1, |draw, a| match a.checked_sub(1) {
         None => 1.0,
         Some(a) => (check.draws[draw][free[a].0] - means[a]) / sd(a),
@@ -191,8 +191,8 @@ fn warning(found: &LargeDisplacement, noise_um: Option<f64>) -> Option<Warning> 
     Some(Warning { kind, text, advice })
 }
 
-/// Interpretation of a fitted amplitude. The arguments are its mean and 5 % and 95 % quantiles. The value 1 means the exact geometry of an Oldroyd-B fluid, or of a
-/// Giesekus fluid with the fitted mobility.
+/// Interpretation of a fitted amplitude of large displacements. The arguments are its mean and its 5 % and 95 % quantiles. The value 1 means the exact geometry of an
+/// Oldroyd-B fluid, or of a Giesekus fluid with the fitted mobility.
 pub fn interpretation([mean, q05, q95]: [f64; 3], has_mobility: bool) -> String {
     let digits = |x: f64| format_significant(x, 3);
     let found = format!(

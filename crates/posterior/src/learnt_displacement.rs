@@ -20,7 +20,8 @@ use models::surrogate::trajectory::{LargeScope, LargeStepper, LargeSurface, Mobi
 use record::Record;
 use sampling::least_squares::{LeastSquaresProblem, Tolerances, fit};
 
-/// Largest number of force changes in a full run. Each change takes a fraction of a second. A force that is linear between rows changes at every row.
+/// Largest number of force changes in a full run for large displacements. Each change costs a fraction of a second. A force that is linear between rows changes at
+/// every row.
 pub(crate) const MOST_SWITCHES: usize = 64;
 /// Number of starts at quantiles of the prior, besides the start at its medians.
 const N_STARTS: u32 = 7;
@@ -45,8 +46,8 @@ fn refuse_many_switches(record: &Record) -> Result<()> {
     ))
 }
 
-/// Learns a stepper for large displacements in the problem's record, around the law's parameters `law` (SI, in the order of the base law). Also returns the stepper's
-/// largest error relative to the displacement. Set `with_load` if effects can change the commanded force.
+/// Trains a surrogate of large displacements for the problem's record, around the law's parameters `law` (SI, in the order of the base law). Returns a stepper, which
+/// evaluates the surrogate, and its largest error relative to the displacement. Set `with_load` if effects can change the commanded force.
 ///
 /// # Errors
 /// [`Error::Numerical`] if there is no sphere at the centre, and errors of [`LargeSurface::learn`].
@@ -62,7 +63,8 @@ pub fn learn_displacements(
     Ok((SharedStepper(Arc::new(stepper)), error))
 }
 
-/// Returns the learnt surface from which [`learn_displacements`] creates its stepper, with the surface's inputs. The surface is read from the cache or learnt.
+/// Reads the surrogate of large displacements from the cache, or trains it. Returns it with its inputs, which identify it in the cache. [`learn_displacements`] creates
+/// its stepper from it.
 ///
 /// # Errors
 /// Errors of [`learn_displacements`].
@@ -77,14 +79,14 @@ pub fn surface(
     let record = &problem.experiment.record;
     refuse_many_switches(record)?;
     let radii_m = [ball.robot_radius_m, ball.outer_radius_m];
-    // A model without the effect keeps its mobility at the null.
+    // If the mobility is neither fixed nor free, it has its null value, which belongs to an Oldroyd-B fluid.
     let is_free = problem.specification.freed.iter().any(|name| name == MOBILITY);
     let mobilities = match problem.specification.fixed.get(MOBILITY) {
         Some(mobility) => MobilityRange::Held(*mobility),
         None if is_free => MobilityRange::Free,
         None => MobilityRange::OLDROYD_B,
     };
-    // A surface that was learnt with changed loads also serves models without them.
+    // A surrogate that was trained for changed loads also serves models whose load is the commanded force.
     let scopes = [true, false].map(|with_load| LargeScope { mobilities, with_load });
     let suited = scopes.into_iter().filter(|scope| scope.with_load || !with_load);
     let input_of = |scope| built_from(radii_m, (&elements, scope), record);
@@ -184,7 +186,7 @@ pub fn fit_base_law(problem: &Problem, compliance: &Compliance) -> Result<Vec<f6
     match (best, refusal) {
         (Some((_, theta)), _) => Ok(residuals.parameters(&theta)[..n_law].to_vec()),
         (None, Some(error)) => Err(error),
-        (None, None) => Err(Error::numerical("no start led to a fit of the law", "give positions")),
+        (None, None) => Err(Error::numerical("the fit of the base law has no start", "give fitted positions")),
     }
 }
 

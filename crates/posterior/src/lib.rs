@@ -9,8 +9,9 @@
 //!
 //! Every computation's cost grows at most in proportion to the number of rows:
 //!
-//! - Under white noise, the residual sum of squares of the Lethersich law consists of inner products that depend only on the rate E/c₁.
-//!   `models::model::ResidualSumOfSquares` tabulates them over this rate. One evaluation thus takes as long with 200 rows as with 200,000.
+//! - Under white noise, the residual sum of squares of the Lethersich law consists of inner products that depend only on the retardation rate E/c₁ (Young's modulus
+//!   divided by retardation viscosity). `models::model::ResidualSumOfSquares` tabulates them over this rate. One evaluation thus takes as long with 200 rows as with
+//!   200,000.
 //! - The prediction of a position is nearly normal if the draws differ by less than the noise. It is then computed as a normal distribution with small corrections
 //!   ([`gaussian_predictive`]).
 //! - The joint probability of more than 10,000 held-out positions has a closed form if their errors are independent and normal. For all other records it is simulated.
@@ -18,9 +19,9 @@
 //!
 //! # Model of an external program
 //!
-//! [`outside`] requests trajectories from an external program by the UM-Bridge protocol. They replace the base law. [`learnt_outside`] finds the parameters that fit
-//! the data and learns a surrogate of the trajectories around them. The model's stages treat the surrogate as a `FieldStepper` without finite elements. Effects of load
-//! and observation therefore work as with any law.
+//! [`outside`] requests trajectories from an external program by the UM-Bridge protocol. These trajectories replace the base law. [`learnt_outside`] finds the
+//! parameters that fit the data and learns a surrogate of the trajectories around them. The model's stages treat the surrogate as a `FieldStepper` without finite
+//! elements. Effects of load and observation therefore work as with any law.
 
 pub mod advice;
 pub mod cache;

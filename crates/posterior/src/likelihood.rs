@@ -18,10 +18,10 @@ use models::model::{
 use record::Force;
 use sampling::LogDensity;
 
-/// Source from which a parameter gets its value.
+/// Source of a parameter's value: the sampler, or the table of fixed values.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum ParameterSource {
-    /// The sampler's coordinate with this index.
+    /// The value follows from the sampler's coordinate with this index.
     Sampled(usize),
     /// Fixed value from the table `[fixed]` of `model.toml`, in the parameter's unit.
     Fixed(f64),
@@ -44,11 +44,11 @@ pub fn sources(
 
 /// Model, noise, mechanics, priors and fixed values of a posterior.
 pub struct PosteriorParts<'a> {
-    /// Law and effects.
+    /// Law and effects of the posterior's model.
     pub model: &'a Model,
-    /// Noise model.
+    /// Noise model, which determines the likelihood of the residuals.
     pub noise: NoiseModel,
-    /// Factor, in 1/m, that converts ∫J dF (creep compliance times force increments) into a position.
+    /// Factor, in 1/m, that converts the integral ∫J dF of creep compliance J over force increments dF into a position.
     pub compliance: Compliance,
     /// Ranges of the law's parameters in which the reduced model is valid; empty if it is valid everywhere.
     pub trained: &'a [TrainedRange],
@@ -58,10 +58,10 @@ pub struct PosteriorParts<'a> {
     pub fixed: &'a BTreeMap<String, f64>,
 }
 
-/// Prior probability beyond either end of a parameter's range, from which the tabulated rates follow if the surrogate has no trained range.
+/// Prior probability beyond either end of a parameter's range. If the surrogate has no trained range, these ranges determine the tabulated rates.
 const TABLE_TAIL: f64 = 1e-9;
 
-/// Logarithms of the slowest and the fastest rate E/c₁ (1/s) that the ranges of E and c₁ allow.
+/// Logarithms of the slowest and the fastest retardation rate E/c₁ (1/s) within the ranges of Young's modulus E and retardation viscosity c₁.
 fn ln_rates(parts: &PosteriorParts<'_>) -> (f64, f64) {
     let ends = |name: &str| {
         let trained = parts.trained.iter().find(|range| range.name == name).map(|range| (range.lower, range.upper));
@@ -79,20 +79,20 @@ fn ln_rates(parts: &PosteriorParts<'_>) -> (f64, f64) {
 /// Record that a posterior is conditioned on. All slices have one entry per row.
 #[derive(Debug, Clone, Copy)]
 pub struct FittedRecord<'a> {
-    /// Times in s.
+    /// Time of each row in s.
     pub time_s: &'a [f64],
-    /// Commanded force in N.
+    /// Commanded force (N) at each row, with the rule for the force between rows.
     pub force: Force<'a>,
     /// Number of the recording to which each row belongs ([`super::recordings`]).
     pub recording: &'a [u32],
-    /// Compared positions (m); `None` at rows without one.
+    /// Measured positions (m) that the likelihood compares with the model; `None` at all other rows.
     pub observed_m: &'a [Option<f64>],
 }
 
 /// Log posterior density by the reduced model: sum of log prior and log likelihood of the compared positions.
 ///
 /// A point outside the surrogate's trained range has log density −∞. This truncates the prior. The lost probability is at most the tail mass with which the range was
-/// chosen. The log density is also −∞ at a point at which an effect has no model.
+/// chosen. The log density is also −∞ at a point at which an effect cannot be computed.
 pub struct ReducedPosterior<'a> {
     parts: PosteriorParts<'a>,
     /// Source of every parameter: the model's parameters in order, then the noise parameters.
@@ -103,12 +103,12 @@ pub struct ReducedPosterior<'a> {
 enum Kernel {
     /// Kernel for the Lethersich law without effects, under white noise and a force that holds between rows.
     Squares(ResidualSumOfSquares),
-    /// Any model that [`Self::Squares`] does not cover.
+    /// General kernel for all models that [`Self::Squares`] does not cover.
     Stages { response: Response, noise: NoiseLikelihood },
 }
 
 impl<'a> ReducedPosterior<'a> {
-    /// Prepares the record for the kernel that suits the model.
+    /// Creates the posterior of a model for a record, with the likelihood kernel that suits the model.
     pub fn new(parts: PosteriorParts<'a>, record: FittedRecord<'_>) -> Self {
         let PosteriorParts { model, noise, priors, fixed, .. } = parts;
         let FittedRecord { time_s, force, recording, observed_m } = record;
@@ -179,7 +179,7 @@ impl<'a> ReducedPosterior<'a> {
         (self.parts.compliance.experiment_per_m(), self.parts.trained)
     }
 
-    /// Number of compared positions.
+    /// Number of measured positions that the likelihood compares with the model.
     pub fn n_observed(&self) -> usize {
         match &self.kernel {
             Kernel::Squares(data) => data.n_observed(),
@@ -288,7 +288,7 @@ impl<'a> ReducedPosterior<'a> {
                 }
                 Err(_) => {
                     log_density[point] = f64::NEG_INFINITY;
-                    // The point has no model, so no later point may reuse a trajectory.
+                    // The model cannot be computed at this point, so no later point may reuse its trajectory.
                     scratch.parameters.clear();
                 }
             }
@@ -323,7 +323,7 @@ impl<'a> ReducedPosterior<'a> {
     }
 }
 
-/// Buffers for the points of one pass.
+/// Buffers for the at most eight points whose likelihood is computed together.
 #[derive(Default)]
 struct Scratch {
     parameters: Vec<Dual>,
@@ -344,9 +344,9 @@ impl Scratch {
     }
 }
 
-/// Log likelihood −n ln σ − S/(2σ²) − (n/2) ln 2π of n positions with residual sum of squares S (m²) under white noise σ (m).
+/// Log likelihood −n ln σ − S/(2σ²) − (n/2) ln 2π of n positions with residual sum of squares S (m²) under white noise of standard deviation σ (m).
 fn ln_gaussian(n_observed: usize, sum_m2: f64, noise_sd_m: f64, ln_noise_sd_m: f64) -> f64 {
-    /// ln(2π)/2.
+    /// Constant ln(2π)/2 of the normal log density.
     const HALF_LN_TAU: f64 = 0.918_938_533_204_672_7;
     -(n_observed as f64) * (ln_noise_sd_m + HALF_LN_TAU) - 0.5 * sum_m2 / (noise_sd_m * noise_sd_m)
 }

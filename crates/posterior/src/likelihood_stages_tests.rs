@@ -1,5 +1,5 @@
-//! Tests of the likelihood kernel for models with stages. The model has a force gradient, a second retardation and correlated noise. It cannot be evaluated at some
-//! points.
+//! Tests of the likelihood kernel for models with stages (load, mechanics, observation). The test model has a force gradient, a second retardation and correlated
+//! noise. It cannot be evaluated at some parameter points.
 
 use super::*;
 use crate::prior::Prior;
@@ -12,7 +12,8 @@ use record::CharacteristicSizes;
 const COMPLIANCE_PER_M: f64 = 549.0;
 const INTERVAL_S: f64 = 0.05;
 const N_ROWS: usize = 90;
-/// Parameter values E, c₁, c₂, force gradient g, ratio a and time τ₂ of the second retardation, σ, σ_ou and τ, in their units.
+/// Parameter values in their units: three parameters of the Lethersich law, force gradient, compliance ratio and time of the second retardation, white noise, slow
+/// noise and its correlation time.
 const POINT: [f64; 9] = [3.5, 1.4, 47.0, 40.0, 0.3, 1.1, 4.0, 2.5, 0.4];
 const GRADIENT: usize = 3;
 const TIME: usize = 5;
@@ -97,7 +98,8 @@ impl Case {
     }
 }
 
-/// Positions (m) at every row by 20 fourth-order Runge–Kutta steps per row. Two Kelvin–Voigt bodies and a dashpot in series move under the force F e^{gx}.
+/// Positions (m) at every row by 20 fourth-order Runge–Kutta steps per row. Two Kelvin–Voigt bodies and a dashpot in series move under the force F e^{gx}, where F is
+/// the command, x the position and g the force gradient.
 fn stepped_m(point: &[f64], force_n: &[f64]) -> Vec<f64> {
     let [young, c1, c2, gradient, ratio, time_2] = std::array::from_fn(|i| point[i]);
     let slope = |y: [f64; 3], command_n: f64| {
@@ -128,7 +130,7 @@ fn with(index: usize, value: f64) -> Vec<f64> {
     natural
 }
 
-/// Force gradient g at which the largest |g x| up to the last compared row is `size`. Bisection finds it from the positions of `stepped_m`.
+/// Finds the force gradient g at which the largest |g x| up to the last observed row is `size`, by bisection. The positions x come from `stepped_m`.
 fn gradient_of_size(case: &Case, size: f64) -> f64 {
     let last = case.observed_m.iter().rposition(Option::is_some).unwrap();
     let largest = |gradient: f64| {
@@ -145,12 +147,13 @@ fn gradient_of_size(case: &Case, size: f64) -> f64 {
     lower
 }
 
-/// Smallest force gradient at which force and position grow without bound before the last compared row. |g x| then exceeds any size.
+/// Smallest force gradient at which force and position grow without bound before the last observed row.
 fn runaway_gradient(case: &Case) -> f64 {
     gradient_of_size(case, 100.0)
 }
 
-/// Returns 17 points, which take three passes: points with different model parameters, points without a model, and points with unbounded growth.
+/// Returns 17 parameter points, which take three passes: points with different model parameters, points at which the model cannot be evaluated, and points with
+/// unbounded growth.
 fn mixed(case: &Case) -> Vec<Vec<f64>> {
     let strong = 1.5 * runaway_gradient(case);
     (0..17)
@@ -172,6 +175,7 @@ fn mixed(case: &Case) -> Vec<Vec<f64>> {
         .collect()
 }
 
+/// Indices of the points of [`mixed`] at which the model cannot be evaluated.
 const WITHOUT_MODEL: [usize; 5] = [2, 4, 8, 9, 16];
 
 #[test]
@@ -190,7 +194,7 @@ fn the_kernel_of_stages_equals_prior_plus_scalar_likelihood() {
 }
 
 /// Neighbouring points that differ only in their noise share a trajectory. Points that differ in a model parameter have separate trajectories, even next to points
-/// without one. The value of each point is bitwise the same as if it were computed alone.
+/// without a trajectory. The value of each point is bitwise the same as if it were computed alone.
 #[test]
 fn points_that_differ_in_their_noise_alone_share_a_trajectory() {
     let case = Case::new();
@@ -211,7 +215,7 @@ fn points_that_differ_in_their_noise_alone_share_a_trajectory() {
     assert_eq!(together, alone);
 }
 
-/// Compares with the likelihood of the trajectory from `stepped_m`, whose relative error is below 10⁻⁸.
+/// Compares the kernel's log density with the likelihood of the trajectory from `stepped_m`, whose relative error is below 10⁻⁸.
 #[test]
 fn the_kernel_of_stages_is_that_of_the_equations() {
     let case = Case::new();
@@ -240,7 +244,7 @@ fn points_without_a_model_are_impossible_and_their_neighbours_are_not() {
     assert!(case.log_density(&points)[2..4].iter().all(|value| *value == f64::NEG_INFINITY));
 }
 
-/// All points of a pass or a batch have no model. The effect, the feedback of the position on the force, or the law refuses them.
+/// The model cannot be evaluated at any point of the batch, because the effect, the feedback of the position on the force, or the law fails.
 #[test]
 fn batches_of_points_without_a_model_are_impossible() {
     let mut case = Case::new();

@@ -57,8 +57,8 @@ mod tests {
         -0.5 * (y.dot(&cholesky.solve(y)) + ln_det + y.len() as f64 * (2.0 * std::f64::consts::PI).ln())
     }
 
-    /// Two draws with Ornstein–Uhlenbeck noise, whose last cycle is correlated with the one before. The expected score is the conditional normal density, by dense algebra
-    /// in µm.
+    /// Compares the score of two draws with the conditional normal density by dense algebra in µm. The draws have Ornstein–Uhlenbeck noise, so the last cycle is
+    /// correlated with the cycle before it.
     #[test]
     fn scores_are_those_of_the_conditional_normal() {
         let (experiment, _) = replica::embedded().expect("embedded");

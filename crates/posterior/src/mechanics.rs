@@ -1,4 +1,4 @@
-//! Mechanics of the apparatus, which convert a force into a position. They are finite elements for a robot, a known compliance for another instrument, or an external
+//! Mechanical models of the apparatus, which convert a force into a position: finite elements for a robot, a known compliance for another instrument, or an external
 //! program.
 
 use std::path::PathBuf;
@@ -18,7 +18,7 @@ use elements::mesh::gmsh::read_gmsh;
 use elements::mesh::{Cylinder, Mesh, OffCentre, QuarterBall, Spheroid};
 use record::{Apparatus, Offset, OffsetDirection, Robot, RobotShape, Vitreous};
 
-/// Level of the built-in mesh with which models are fitted.
+/// Refinement level of the built-in mesh with which models are fitted.
 pub const MODEL_LEVEL: usize = 3;
 
 /// Mesh file that the user provides for the gel.
@@ -30,13 +30,14 @@ pub struct MeshFile {
     pub metres_per_unit: f64,
 }
 
-/// Mechanics of the apparatus, which convert a force into a position.
+/// Mechanical model of the apparatus, which converts a force into a position.
 pub enum Mechanics {
     /// Finite elements of the vitreous around a robot.
     FiniteElements(Box<FiniteElements>),
     /// Instrument other than a robot, with a known compliance.
     Instrument {
-        /// Displacement per force at unit creep compliance, in 1/m. For an indenter it is depth^p per force, in m^(p−2).
+        /// Displacement per force at unit creep compliance, in 1/m. For an indenter, whose force is proportional to a power p of its depth: depth^p per force, in
+        /// m^(p−2).
         compliance_per_m: f64,
     },
     /// External program that predicts positions from force and parameters.
@@ -53,8 +54,8 @@ pub enum Comparison {
 }
 
 impl Comparison {
-    /// Signed relative error of a mesh's compliance (1/m). With an exact reference it is exact. With a coarser mesh it is the coarser mesh's relative difference from
-    /// this mesh. The error of this mesh has the same sign and is a fraction of it.
+    /// Signed relative error of a mesh's compliance (1/m). With an exact reference, the error is exact. With a coarser mesh, the result is the relative difference
+    /// between the two meshes. The true error then has the same sign and is a fraction of the result.
     pub fn relative_error(self, compliance_per_m: f64) -> f64 {
         match self {
             Self::CoarserMesh(coarse) => coarse / compliance_per_m - 1.0,
@@ -82,7 +83,7 @@ pub struct FiniteElements {
 }
 
 impl FiniteElements {
-    /// Mesh, stiffness and sizes, as input of effects that change the displacement field.
+    /// Returns mesh, stiffness and sizes, as input of effects that change the displacement field.
     pub fn surroundings(&self) -> GelAndRobot<'_> {
         GelAndRobot {
             mesh: &self.mesh,
@@ -93,10 +94,10 @@ impl FiniteElements {
     }
 }
 
-/// Density of water in kg/m³, which replaces a missing density.
+/// Density of water in kg/m³, which replaces a missing density of gel or robot.
 const WATER_KG_M3: f64 = 1000.0;
 
-/// Sizes, densities and masses of gel and robot. `level` is the level of the built-in mesh, or `None` for an imported mesh.
+/// Sizes, densities and masses of gel and robot. `level` is the refinement level of the built-in mesh, or `None` for an imported mesh.
 pub fn sizes_of(robot: &Robot, vitreous: &Vitreous, level: Option<usize>) -> PhysicalProperties {
     let ball = |diameter_m: f64| level.map(|level| ball(diameter_m, 0.5 * vitreous.diameter_m, level));
     PhysicalProperties {
@@ -117,11 +118,12 @@ fn ball(diameter_m: f64, outer_radius_m: f64, level: usize) -> QuarterBall {
     QuarterBall { robot_radius_m: 0.5 * diameter_m, outer_radius_m, n_per_edge: level, n_layers: 4 * level }
 }
 
-/// Creates the built-in mesh of a level 1, 2, 3, …. The element size is inversely proportional to the level. Around a sphere, the mesh has `level` elements along an
-/// octant's edge and 4·`level` elements along the radius. A robot off the centre across the force needs a half model with twice as many elements.
+/// Creates the built-in mesh of refinement level `level` (1, 2, 3, …). The element size is inversely proportional to the level. Around a sphere, the mesh has `level`
+/// elements along an octant's edge and 4·`level` elements along the radius. A robot off the centre across the force needs a half model with twice as many elements.
 ///
 /// # Errors
-/// [`Error::Input`] for a robot without a built-in mesh. It is too slender, too flat, too near the outer surface, or so far off the centre that elements are inverted.
+/// [`Error::Input`] for a robot without a built-in mesh. The robot is too slender, too flat, too near the outer surface, or so far off the centre that elements are
+/// inverted.
 pub fn robot_mesh(robot: &Robot, vitreous: &Vitreous, level: usize) -> Result<Mesh> {
     let off_centre = robot.offset.map(|offset| OffCentre { outer_radius_m: 0.5 * vitreous.diameter_m, offset });
     let outer_radius_m = off_centre.map_or(0.5 * vitreous.diameter_m, |place| place.centred_outer_radius_m());
@@ -162,7 +164,8 @@ fn moved(place: &OffCentre, centred: Mesh) -> Result<Mesh> {
     Ok(mesh)
 }
 
-/// Exact stiffness of a sphere in the middle: force per displacement and per Young's modulus, in m. `None` for other shapes and for a sphere off the centre.
+/// Exact stiffness of a sphere in the middle of its container: force per displacement and per Young's modulus, in m. `None` for other shapes and for a sphere off the
+/// centre.
 pub fn exact_stiffness_m(robot: &Robot, vitreous: &Vitreous) -> Option<f64> {
     let (RobotShape::Sphere { diameter_m }, None) = (robot.shape, robot.offset) else { return None };
     let exact = SphereInContainer::new(vitreous.poisson_ratio, 0.5 * diameter_m, 0.5 * vitreous.diameter_m);

@@ -1,4 +1,4 @@
-//! Test for residuals that exceed the noise: one rule, which `sample` and `diagnose` share (docs/diagnosis.md).
+//! Test for residuals that exceed the noise. The commands `sample` and `diagnose` share this test (docs/diagnosis.md).
 //!
 //! Slow noise and a misfit look alike in one cycle. Two properties distinguish them.
 //!
@@ -16,9 +16,9 @@
 //! residuals that does not recur. The test needs neither the size nor the correlation time of slow noise. The removal of offset and slope makes harmonics of very slow
 //! noise depend on each other. S then exceeds its point in up to 1.5 of a thousand records of pure noise.
 //!
-//! *Size in the held-out cycles*, for given or unknown noise. Noise is as large there as in the fitted cycles. The test compares the mean square V of both, each with
-//! its number ν of independent values. A ratio V_held-out / V_fitted above 1.5² and above the 99.9 % point of F(ν_held-out, ν_fitted) is a misfit that the fitted
-//! cycles do not show. V_fitted is corrected for the fitted parameters and is at least the square of the noise.
+//! *Size in the held-out cycles*, for given or unknown noise. Pure noise is as large in the held-out cycles as in the fitted cycles. The test compares the mean squares
+//! V of both, each with its number ν of independent values. A ratio V_held-out / V_fitted above 1.5² and above the 99.9 % point of F(ν_held-out, ν_fitted) is a misfit
+//! that the fitted cycles do not show. V_fitted is corrected for the fitted parameters and is at least the square of the noise.
 //!
 //! *Gain and offset.* If the noise has a gain and an offset, both are removed from every recording ([`super::recordings`]) before its size is tested. They are removed
 //! from held-out recordings only if the model declares them, or if they are no larger than those of at least two fitted recordings. An F test compares the mean squares
@@ -40,18 +40,19 @@ pub const NOISE_FACTOR: f64 = 1.5;
 pub const FALSE_ALARM: f64 = 0.001;
 /// Joint probability of the held-out cycles below which they lie outside the 99.9 % band.
 pub const OUTSIDE_BAND: f64 = 0.001;
-/// Largest p of residuals that recur. About one in a thousand records of pure noise has a smaller p, because its harmonics depend on each other. This holds for any
-/// correlation time.
+/// Largest p value at which residuals count as recurring. About one in a thousand records of pure noise has a smaller p value, because the harmonics of slow noise
+/// depend on each other. This holds for any correlation time.
 const RETURN_P: f64 = 1e-4;
-/// Factor on the number of independent values when fitted and held-out cycles are compared. It is below 1, because autocorrelations that are estimated from few values
-/// are too small. For four cycles of ten seconds and slow noise with a correlation time of one cycle, five of a thousand records then show a misfit.
+/// Factor on the number of independent values in the comparison of fitted and held-out cycles. The factor is below 1, because autocorrelations that are estimated from
+/// few values are too small. For four cycles of ten seconds and slow noise with a correlation time of one cycle, five of a thousand records then show a misfit.
 const SHARE_OF_NUMBERS: f64 = 0.5;
-/// Largest number of harmonics of the cycle, and smallest number of rows per harmonic.
+/// Largest number of harmonics of the cycle that the test for recurrence uses.
 const MOST_HARMONICS: usize = 8;
+/// Smallest number of rows of a cycle per harmonic that the test for recurrence uses.
 const ROWS_PER_HARMONIC: usize = 6;
-/// Largest force difference between two cycles with the same command, as a fraction of the force range. [`OTHER_ROWS`] is the largest fraction of rows that may differ
-/// by more.
+/// Largest force difference between two cycles with the same command, as a fraction of the force range.
 const SAME_FORCE: f64 = 0.05;
+/// Largest fraction of rows at which the forces of two cycles with the same command may differ by more than [`SAME_FORCE`].
 const OTHER_ROWS: f64 = 0.03;
 /// Largest relative difference of the durations of two cycles with the same command.
 const SAME_DURATION: f64 = 0.05;
@@ -68,8 +69,8 @@ pub struct Residuals<'a> {
     pub heldout_m: &'a [Option<f64>],
     /// The model's position (m) at every row.
     pub position_m: &'a [f64],
-    /// Columns (m, one value per row) along which the parameters can move the model's position. Residuals that are combinations of these columns are no misfit, even if
-    /// they recur.
+    /// Directions in which the parameters can move the model's position: one column per direction, with one value (m) per row. Residuals that are combinations of these
+    /// columns are no misfit, even if they recur.
     pub absorbed_m: &'a [Vec<f64>],
     /// Knowledge about a gain and an offset of each recording.
     pub gains: GainKnowledge,
@@ -78,15 +79,15 @@ pub struct Residuals<'a> {
 /// Knowledge about a gain and an offset of each recording.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum GainKnowledge {
-    /// The noise has neither a gain nor an offset.
+    /// The noise of the model has neither a gain nor an offset.
     None,
-    /// The model has the noise term `gain`.
+    /// The model has the noise term `gain`, so every recording has a gain and an offset.
     Declared,
-    /// A search learns both with every model. They count in held-out recordings only if they are no larger than in fitted ones.
+    /// A search learns a gain and an offset with every model. They are removed from held-out recordings only if they are no larger than in fitted recordings.
     Learnt,
 }
 
-/// Root mean square residual, compared with the noise.
+/// Root mean square residual of some cycles, with the result of its comparison with the noise.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ResidualSize {
     /// Root mean square residual in m, after removal of each recording's gain and offset if the noise has them.
@@ -176,15 +177,15 @@ impl Misfit {
             && (self.returning_m.is_some() || self.learnt_degrees > 0.0 && is_beyond())
     }
 
-    /// Largest root mean square residual that is too large for noise, in m; 0 if none is.
+    /// Largest root mean square residual (m) among the fitted and the held-out cycles that is too large for noise; 0 if neither is too large.
     pub fn largest_m(&self) -> f64 {
         let sizes = [Some(self.fitted), self.heldout];
         sizes.iter().flatten().filter(|size| size.is_too_large).map(|size| size.rms_m).fold(0.0, f64::max)
     }
 }
 
-/// Orthonormal directions in which posterior draws differ most from their mean. `draws_m` holds each draw's position (m) at every row, `mean_m` their mean. Returns at
-/// most `n` directions with one value per row, and fewer if the draws differ in fewer.
+/// Orthonormal directions in which posterior draws differ most from their mean. `draws_m` holds each draw's position (m) at every row, and `mean_m` the mean position.
+/// Returns at most `n` directions with one value per row, and fewer if the draws span fewer directions.
 pub fn directions_of_spread(draws_m: &[Vec<f64>], mean_m: &[f64], n: usize) -> Vec<Vec<f64>> {
     let mut left: Vec<Vec<f64>> =
         draws_m.iter().map(|draw_m| draw_m.iter().zip(mean_m).map(|(x, mean)| x - mean).collect()).collect();
@@ -208,8 +209,8 @@ pub fn directions_of_spread(draws_m: &[Vec<f64>], mean_m: &[f64], n: usize) -> V
     directions
 }
 
-/// Returns true if noise explains so large a mean square with a probability below 0.001. The noise is the known one plus slow noise of equal size, with `degrees`
-/// independent values.
+/// Returns true if noise has so large a mean square with a probability below 0.001. The noise is the sum of the known noise and of slow noise of equal size, with
+/// `degrees` independent values.
 fn is_beyond_slow_noise(mean_square_m2: f64, noise_m: f64, degrees: f64) -> bool {
     let slow = mean_square_m2 / (noise_m * noise_m) - 1.0;
     slow > 0.0 && ChiSquared::new(degrees.max(1.0)).is_ok_and(|chi| chi.sf(degrees.max(1.0) * slow) < FALSE_ALARM)
@@ -220,13 +221,13 @@ struct Recording {
     left_m: Vec<f64>,
     /// Residuals after removal of a gain and an offset. They equal `left_m` if fitted rows of the same recording determine gain and offset.
     without_gain_m: Vec<f64>,
-    /// True if a gain and an offset were removed.
+    /// True if a gain and an offset of this recording were removed.
     has_own_gain: bool,
 }
 
 impl Recording {
     /// Mean square (m²) of the removed part of the residuals.
-    fn taken_m2(&self) -> f64 {
+    fn removed_mean_square_m2(&self) -> f64 {
         let taken = self.left_m.iter().zip(&self.without_gain_m).map(|(all, left)| (all - left).powi(2));
         taken.sum::<f64>() / self.left_m.len().max(1) as f64
     }
@@ -244,28 +245,32 @@ impl Residuals<'_> {
             let mut without_gain_m = left_m.clone();
             if has_own_gain {
                 let position_m: Vec<f64> = there.iter().map(|row| self.position_m[*row]).collect();
-                take_out(&mut without_gain_m, vec![vec![1.0; there.len()], position_m]);
+                project_out(&mut without_gain_m, vec![vec![1.0; there.len()], position_m]);
             }
             (!there.is_empty()).then_some(Recording { left_m, without_gain_m, has_own_gain })
         };
         numbers.chunk_by(|a, b| a == b).scan(0, next_range).filter_map(of_rows).collect()
     }
 
-    /// Returns true if a gain and an offset may be removed from held-out recordings. This holds if the model declares them, or if they are no larger than in the fitted
-    /// recordings.
+    /// Returns true if a gain and an offset may be removed from held-out recordings. This is allowed if the model declares them, or if they are no larger than in the
+    /// fitted recordings.
     fn shows_gains(&self) -> bool {
         if self.gains != GainKnowledge::Learnt {
             return self.gains == GainKnowledge::Declared;
         }
-        let taken_m2 = |rows: &[Option<f64>]| -> Vec<f64> {
-            self.recordings(rows).iter().filter(|recording| recording.has_own_gain).map(Recording::taken_m2).collect()
+        let removed_mean_square_m2 = |rows: &[Option<f64>]| -> Vec<f64> {
+            self.recordings(rows)
+                .iter()
+                .filter(|recording| recording.has_own_gain)
+                .map(Recording::removed_mean_square_m2)
+                .collect()
         };
-        let (fitted, heldout) = (taken_m2(self.fitted_m), taken_m2(self.heldout_m));
+        let (fitted, heldout) = (removed_mean_square_m2(self.fitted_m), removed_mean_square_m2(self.heldout_m));
         if heldout.is_empty() || fitted.len() < 2 {
             return false;
         }
         let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
-        // The law absorbs the mean gain and offset of the fitted recordings, so the degrees of freedom are those of one recording fewer.
+        // The law absorbs the mean gain and offset of the fitted recordings. The degrees of freedom are therefore counted with one recording fewer.
         let (of_heldout, of_fitted) = (2.0 * heldout.len() as f64, 2.0 * (fitted.len() - 1) as f64);
         let ratio = mean(&heldout) / (mean(&fitted) * fitted.len() as f64 / (fitted.len() - 1) as f64);
         FisherSnedecor::new(of_heldout, of_fitted).is_ok_and(|f| !ratio.is_finite() || f.sf(ratio) >= FALSE_ALARM)
@@ -295,8 +300,8 @@ impl Series {
         self.mean_square_m2 * n as f64 / n.saturating_sub(n_parameters).max(1) as f64
     }
 
-    /// Returns true if the mean square is too large compared with that of the fitted cycles. Their ratio then exceeds 1.5², and equal noise in both explains it with a
-    /// probability below 0.001.
+    /// Returns true if the mean square is too large compared with the mean square of the fitted cycles. The ratio of the two then exceeds 1.5², and equal noise in both
+    /// has so large a ratio with a probability below 0.001.
     fn is_beyond(&self, fitted: &Self, n_parameters: usize, noise_m: f64) -> bool {
         let expected_m2 = fitted.corrected_m2(n_parameters).max(noise_m * noise_m);
         let ratio = self.mean_square_m2 / expected_m2;
@@ -307,7 +312,7 @@ impl Series {
     }
 
     /// Degrees of freedom of the mean square: the number of independent values, reduced if a few outliers dominate. The mean square of n values with kurtosis κ
-    /// scatters as much as that of 2n/(κ − 1) normal values.
+    /// scatters as much as the mean square of 2n/(κ − 1) normal values.
     fn degrees_of_square(&self) -> f64 {
         let n = self.left_m.len().max(1) as f64;
         let fourth_m4 = self.left_m.iter().map(|left| left.powi(4)).sum::<f64>() / n;
@@ -316,8 +321,8 @@ impl Series {
         SHARE_OF_NUMBERS * share * self.degrees(0.0)
     }
 
-    /// Number of independent values to which the slow part is equivalent: n/(1 + 2Σρ²), where ρ is its autocorrelation. The sum ends at the first lag whose
-    /// autocorrelation is below its standard error 1/√n. Long lags are sampled, and each represents its neighbours.
+    /// Number of independent values to which the slow part of the n residuals is equivalent: n/(1 + 2Σρ²), where ρ is the autocorrelation of the slow part. The sum
+    /// ends at the first lag whose autocorrelation is below its standard error 1/√n. Long lags are sampled, and each represents its neighbours.
     fn degrees(&self, noise_m: f64) -> f64 {
         let n = self.left_m.len();
         let slow_m2 = self.mean_square_m2 - noise_m * noise_m;
@@ -341,10 +346,11 @@ impl Series {
 
 /// Part of the residuals that recurs in every cycle of the same command.
 struct RecurringPart {
-    /// Probability that pure noise recurs as strongly.
+    /// Probability that pure noise recurs in every cycle as strongly as the residuals.
     p: f64,
-    /// Mean squares of the recurring part and of the other part, in m².
+    /// Mean square of the recurring part, in m².
     returning_m2: f64,
+    /// Mean square of the part of the residuals that does not recur, in m².
     noise_m2: f64,
 }
 
@@ -369,7 +375,7 @@ impl RecurringPart {
             if remainder.gains != GainKnowledge::None {
                 nuisance.push(cycle.rows.iter().map(|row| remainder.position_m[*row]).collect());
             }
-            take_out(&mut of_cycle, nuisance);
+            project_out(&mut of_cycle, nuisance);
             squares_m2 += of_cycle.iter().map(|left| left * left).sum::<f64>();
             n_rows += of_cycle.len();
             coefficients.push(fourier(&of_cycle, &cycle.phase, n_harmonics));
@@ -387,7 +393,7 @@ impl RecurringPart {
                 let coherence = (of_sum / (n_cycles * each)).min(1.0 - f64::EPSILON);
                 statistic -= (n_cycles - 1.0) * (-coherence).ln_1p();
             }
-            // This adds half the inner product of two cycles' coefficients, averaged over all pairs of different cycles. Noise adds 0 on average.
+            // The added term is half the inner product of two cycles' coefficients, averaged over all pairs of different cycles. Its mean is 0 for pure noise.
             returning_m2 += 0.5 * (of_sum - each) / (n_cycles * (n_cycles - 1.0));
         }
         let p = Gamma::new(n_harmonics as f64, 1.0).ok()?.sf(statistic);
@@ -401,7 +407,7 @@ fn cycles_of(record: &Record) -> impl Iterator<Item = Range<usize>> {
     record.cycle.chunk_by(|a, b| a == b).scan(0, next_range)
 }
 
-/// Index range of the next chunk. `start` moves to its end.
+/// Index range of the next chunk. `start` is the beginning of this range and is moved to its end.
 #[expect(clippy::unnecessary_wraps, reason = "`scan` expects an `Option`")]
 fn next_range(start: &mut usize, chunk: &[u32]) -> Option<Range<usize>> {
     let range = *start..*start + chunk.len();
@@ -415,7 +421,7 @@ struct Cycle {
     phase: Vec<f64>,
 }
 
-/// Largest set of cycles that have the same command and enough residuals.
+/// Finds the largest set of cycles that have the same commanded force and enough residuals.
 fn same_command(record: &Record, left_m: &[Option<f64>]) -> Vec<Cycle> {
     let interval_s = record.median_interval_s().unwrap_or(0.0);
     let duration_s = |rows: &Range<usize>| record.time_s[rows.end - 1] - record.time_s[rows.start] + interval_s;
@@ -454,12 +460,12 @@ fn has_same_force(record: &Record, rows: &Range<usize>, other: &Range<usize>) ->
     rows.clone().filter(differs).count() as f64 <= OTHER_ROWS * rows.len() as f64
 }
 
-/// Subtracts the least-squares combination of the columns from `values`.
-fn take_out(values: &mut [f64], columns: Vec<Vec<f64>>) {
+/// Subtracts from `values` the least-squares combination of the columns that fits them best.
+fn project_out(values: &mut [f64], columns: Vec<Vec<f64>>) {
     let mut basis: Vec<Vec<f64>> = Vec::with_capacity(columns.len());
     for mut column in columns {
         let whole = dot(&column, &column);
-        // Two passes give orthogonality to rounding.
+        // Two passes make the columns orthogonal up to rounding errors.
         for _ in 0..2 {
             for values in &basis {
                 let along = dot(values, &column);
@@ -480,7 +486,7 @@ fn take_out(values: &mut [f64], columns: Vec<Vec<f64>>) {
 fn absorb(left_m: &mut [Option<f64>], columns_m: &[Vec<f64>]) {
     let rows: Vec<usize> = (0..left_m.len()).filter(|row| left_m[*row].is_some()).collect();
     let mut values: Vec<f64> = left_m.iter().flatten().copied().collect();
-    take_out(&mut values, columns_m.iter().map(|column| rows.iter().map(|row| column[*row]).collect()).collect());
+    project_out(&mut values, columns_m.iter().map(|column| rows.iter().map(|row| column[*row]).collect()).collect());
     rows.iter().zip(values).for_each(|(row, value)| left_m[*row] = Some(value));
 }
 

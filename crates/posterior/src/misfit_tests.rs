@@ -31,8 +31,8 @@ fn record() -> (Record, Vec<f64>) {
     (record, position_m)
 }
 
-/// Kind of noise. `noise` holds σ (µm), σ_ou (µm), τ (s), s_g and s_o (µm). `lost` is the fraction of lost rows, and `off` the fraction of rows with an additional
-/// error of 12 standard deviations.
+/// Kind of noise. `noise` holds the white noise (µm), the slow noise (µm), its correlation time (s), the gain and the offset (µm). `lost` is the fraction of lost rows,
+/// and `off` the fraction of rows with an additional error of 12 standard deviations.
 struct Kind {
     noise: [f64; 5],
     lost: f64,
@@ -191,8 +191,8 @@ fn directions_are_those_in_which_draws_spread() {
     assert!(directions.iter().all(|direction| direction[2] == 0.0 && (dot(direction, direction) - 1.0).abs() < 1e-12));
 }
 
-/// Held-out residuals of five times the fitted ones are too large in all of 100 records, for any noise and without recurrence. This also holds for unknown noise. The
-/// residuals of the fitted cycles are not called too large.
+/// Held-out residuals of five times the fitted residuals are too large in all of 100 records, although they do not recur. This holds for estimated and for unknown
+/// noise. The residuals of the fitted cycles are not called too large.
 #[test]
 fn noise_is_as_large_in_held_out_cycles_as_in_fitted_ones() {
     let (record, position_m) = record();
@@ -221,8 +221,9 @@ fn noise_is_as_large_in_held_out_cycles_as_in_fitted_ones() {
     assert_eq!((0..100_u64).into_par_iter().filter(is_found).count(), 100);
 }
 
-/// The held-out cycle has a gain of 3 % and an offset, with 4 µm of known noise. They are a misfit if the fitted cycles have none. They are noise if the fitted cycles
-/// have as large ones, or if the model declares them. With gains of 3 % in all cycles, the test gives a false alarm in one record of a thousand.
+/// The held-out cycle has a gain of 3 % and an offset, with 4 µm of known noise. Gain and offset are a misfit if the fitted cycles have none. They are noise if the
+/// fitted cycles have equally large gains and offsets, or if the model declares them. With gains of 3 % in all cycles, the test gives a false alarm in one record of a
+/// thousand.
 #[test]
 fn a_held_out_gain_needs_fitted_ones() {
     let (record, position_m) = record();
@@ -255,7 +256,7 @@ fn a_held_out_gain_needs_fitted_ones() {
     let with_gains = [4.0, 0.01, 1.0, 0.03, 1e-6];
     assert_eq!(count(white, 0.15, GainKnowledge::Learnt), 100);
     assert_eq!(count(white, 0.15, GainKnowledge::Declared), 0);
-    // In 100 records 0.1 false alarms are expected. 4 or more have a probability below 1e-5.
+    // In 100 records, 0.1 false alarms are expected. The probability of 4 or more is below 1e-5.
     assert!(count(with_gains, 0.0, GainKnowledge::Learnt) < 4);
 }
 

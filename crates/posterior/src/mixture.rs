@@ -2,7 +2,8 @@
 
 use statrs::distribution::{Continuous, ContinuousCDF, Normal};
 
-/// Largest number of cyclic distances between components. The score's mean distance is averaged over the pairs at these distances.
+/// Largest number of cyclic distances between the indices of two components. The mean distance of components in the score is averaged over pairs at these index
+/// distances.
 const PAIR_DISTANCES: usize = 8;
 
 /// Predictive distribution of one position: a mixture of Gaussians with equal weights, one or several per draw.
@@ -48,7 +49,7 @@ impl Mixture {
                 upper = x
             }
             let newton = x - (cdf - probability) / pdf;
-            // The error of the next Newton step would be of the order of this step's square.
+            // The error after this step is of the order of the square of the step.
             if (newton - x).abs() <= 1e-5 * sd {
                 return newton;
             }
@@ -85,8 +86,8 @@ impl Mixture {
     }
 }
 
-/// Cyclic distances of the pairs of components. With few components, all distances are used. Otherwise the golden ratio selects some, so that neighbours, which belong
-/// to one draw, are not over-represented.
+/// Cyclic distances between the indices of paired components. With few components, all distances are used. Otherwise the golden ratio selects some distances, so that
+/// neighbours, which belong to one draw, are not over-represented.
 fn pair_distances(n: usize) -> Vec<usize> {
     if n <= PAIR_DISTANCES + 1 {
         return (1..n).collect();
@@ -99,8 +100,8 @@ fn pair_distances(n: usize) -> Vec<usize> {
 mod tests {
     use super::*;
 
-    /// Draws are far apart and have eight components each, as for a Student-t distribution. The score from selected pairs must contain the distance between draws. The
-    /// exact value uses all pairs.
+    /// Compares the score from selected pairs with the exact score from all pairs. The draws are far apart and have eight components each, as for a Student-t
+    /// distribution.
     #[test]
     fn pairs_are_not_of_one_draw() {
         let n = 1024;
@@ -118,7 +119,8 @@ mod tests {
         assert!((mixture.crps(40.0) / exact - 1.0).abs() < 0.05, "{} {exact}", mixture.crps(40.0));
     }
 
-    /// A mixture of one component is a Gaussian with known quantiles and score: CRPS(N(0,1), y) = y(2Φ(y)−1) + 2φ(y) − 1/√π.
+    /// A mixture of one component is a Gaussian with known quantiles and score. The continuous ranked probability score of an observation y is y(2Φ(y)−1) + 2φ(y) −
+    /// 1/√π for the standard normal.
     #[test]
     fn one_component_has_the_gaussian_closed_forms() {
         let mixture = Mixture { mean_m: vec![2.0], sd_m: vec![3.0] };
@@ -131,7 +133,8 @@ mod tests {
         assert!((mixture.crps(2.0 + 3.0 * y) / 3.0 - exact).abs() < 1e-12);
     }
 
-    /// Compares the CRPS of a two-component mixture with ∫ (F(x) − 1{x ≥ y})² dx.
+    /// Compares the continuous ranked probability score of a two-component mixture with its integral ∫ (F(x) − 1{x ≥ y})² dx, where F is the distribution function and
+    /// y the observation.
     #[test]
     fn mixture_score_equals_its_integral() {
         let mixture = Mixture { mean_m: vec![-1.0, 2.0], sd_m: vec![0.5, 1.5] };

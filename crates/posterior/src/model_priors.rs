@@ -1,5 +1,5 @@
-//! Priors of a model's parameters. The prior file provides them. For parameters without a table in it, the law, the effect or the noise has a default, which may depend
-//! on the experiment.
+//! Priors of a model's parameters, read from the prior file. A parameter without a table in this file has a default from its law, effect or noise, which may depend on
+//! the experiment.
 
 use crate::noise::{NoiseModel, NoiseScales};
 use crate::prior::{Prior, PriorSet};
@@ -9,7 +9,7 @@ use laws::rheology::BaseLaw;
 use models::effects::{Effect, Library, NUISANCES, Stage};
 use models::model::Model;
 
-/// Reads priors of all parameters of a model from the built-in prior or the file with this name.
+/// Reads the priors of all parameters of a model. `name_or_file` names a built-in prior or a prior file.
 pub(super) fn read_priors(name_or_file: &str, model: &Model, noise: NoiseModel, library: &Library) -> Result<PriorSet> {
     let scales = model.scales();
     let of_noise = |spec: &ParameterSpec, median_of: &dyn Fn(&str) -> f64| {
@@ -26,7 +26,7 @@ pub(super) fn read_priors(name_or_file: &str, model: &Model, noise: NoiseModel, 
 /// Function that returns the default prior of a noise parameter. Its second argument returns the prior median of an earlier parameter, by name.
 pub(crate) type ErrorPrior<'a> = &'a dyn Fn(&ParameterSpec, &dyn Fn(&str) -> f64) -> Option<Prior>;
 
-/// Reads priors of all parameters of a model whose measurement errors have other parameters than the noise of a record.
+/// Reads the priors of all parameters of a model, with the parameters `of_errors` of its measurement errors. These need not belong to a [`NoiseModel`].
 pub fn read_priors_with(
     name_or_file: &str,
     model: &Model,
@@ -68,7 +68,7 @@ pub fn read_priors_with(
         prior_of_error(spec, &median_of)
     };
     let priors = PriorSet::read_for(name_or_file, &wanted, &others, &default)?;
-    // An effect of the mechanics may act on only one of several equal elements of the law. They are then not interchangeable.
+    // An effect of the mechanics may act on only one of several equal elements of the law. The elements are then not interchangeable.
     let is_of_law = |effect: &&dyn Effect| effect.stage() == Stage::Mechanics;
     let changes_law = model.effects().iter().any(is_of_law);
     Ok(if changes_law { priors } else { priors.with_order(model.base().interchangeable_parts()) })

@@ -20,7 +20,7 @@ fn median(priors: &PriorSet, name: &str) -> f64 {
     priors.get(name).unwrap().distribution.quantile(0.5)
 }
 
-/// The median of the white noise is 4 µm in the porcine prior and 1 µm in the generic one. The process's standard deviation has half of this median.
+/// The median of the white noise is 4 µm in the porcine prior and 1 µm in the generic prior. The process's standard deviation has half of this median.
 #[test]
 fn the_noise_s_priors_follow_the_white_noise_s_and_the_record() {
     for (name, noise_um) in [("porcine", 4.0), ("generic", 1.0)] {

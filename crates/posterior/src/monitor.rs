@@ -8,13 +8,13 @@ use sampling::ensemble::Progress;
 
 /// Receiver of a job's progress and warnings, such as the terminal.
 pub trait Monitor: Sync {
-    /// Announces the beginning of a stage.
+    /// Announces the beginning of a stage of the job, such as "sampling the posterior".
     fn stage(&self, text: &str);
     /// Reports the progress of the sampler, a few times a second.
     fn sampling(&self, progress: &Progress);
     /// Reports that `done` of at most `most` units of the stage's work are finished. Any thread may call this function.
     fn progress(&self, done: usize, most: usize);
-    /// Reports a warning to the user.
+    /// Receives a warning for the user.
     fn warn(&self, text: &str);
     /// Flag that stops the job at the next safe point when it is set to true; `None` if the job cannot be stopped.
     fn stop(&self) -> Option<&AtomicBool>;
@@ -45,7 +45,7 @@ pub fn refuse_if_stopped(monitor: &dyn Monitor, kept: &str) -> Result<()> {
     Ok(())
 }
 
-/// Monitor that ignores all reports, but passes on the flag that stops the job. It serves a task among many parallel ones.
+/// Monitor that ignores all reports, but passes on the flag that stops the job. It serves one of many parallel tasks.
 pub struct StoppableMonitor<'a>(pub Option<&'a AtomicBool>);
 
 impl Monitor for StoppableMonitor<'_> {

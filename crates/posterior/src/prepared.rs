@@ -29,7 +29,7 @@ use record::{Experiment, Force, Record};
 pub const SURROGATE_NAME: &str = "surrogate.json";
 /// Smallest singular value, relative to the largest, of a mode that the surrogate keeps.
 const POD_TOLERANCE: f64 = 1e-6;
-/// Number of full-order runs that verify a model with effects.
+/// Number of full-order runs that verify the reduced model if the model has effects.
 const VERIFICATION_RUNS: u32 = 8;
 /// Number of full-order runs that verify a model whose effects solve for a field. Each run takes about ten seconds.
 const SLOW_VERIFICATION_RUNS: u32 = 2;
@@ -45,7 +45,7 @@ pub struct PreparedModel {
     pub problem: Problem,
     /// Surrogate; `None` for an instrument, whose compliance is given.
     pub surrogate: Option<Surrogate>,
-    /// Reduced models of the effects that change the displacement field; empty without such effects.
+    /// Field models: reduced models of the effects that change the displacement field. Empty without such effects.
     pub fields: FieldModels,
     /// Displacement per force at unit creep compliance, in 1/m.
     pub compliance: Compliance,
@@ -53,17 +53,17 @@ pub struct PreparedModel {
     pub trained: Vec<TrainedRange>,
     /// Largest distance between reduced and full-order trajectories outside the training set, divided by their amplitude; `None` for an instrument.
     pub max_relative_error: Option<f64>,
-    /// Largest error of a learnt model; `None` without one. For an effect that is learnt for the record, it is divided by the displacement. For an external program, it
-    /// is divided by the noise standard deviation.
+    /// Largest error of a surrogate that was trained for this record; `None` without such a surrogate. For large displacements, the error is divided by the
+    /// displacement. For an external program, it is divided by the noise standard deviation.
     pub learnt_error: Option<f64>,
 }
 
-/// Content of the file [`SURROGATE_NAME`]: a surrogate, its field models, and the hashes of their inputs.
+/// Content of the file [`SURROGATE_NAME`]: the surrogate of the law, the field models of effects, and the hashes of their inputs.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct KeptSurrogate {
-    /// SHA-256 of all inputs of the surrogate.
+    /// SHA-256 of all inputs from which the surrogate was built.
     pub built_from_sha256: String,
-    /// SHA-256 of all inputs of the field models.
+    /// SHA-256 of all inputs that the field models share.
     #[serde(default)]
     pub fields_built_from_sha256: String,
     /// Reduced models of the effects that change the displacement field.
@@ -75,7 +75,7 @@ pub struct KeptSurrogate {
 }
 
 impl KeptSurrogate {
-    /// Reads the surrogate that an earlier run left in a revision; `None` if there is none or its file was changed. A changed file causes a warning to `monitor`. The
+    /// Reads the surrogate that an earlier run wrote to a revision; `None` if the file is absent or was changed. A changed file causes a warning to `monitor`. The
     /// inputs are compared later, when the surrogate is used.
     pub fn read(revision_dir: &Path, monitor: &dyn Monitor) -> Option<Self> {
         let path = revision_dir.join(SURROGATE_NAME);
@@ -94,8 +94,8 @@ impl KeptSurrogate {
 }
 
 impl PreparedModel {
-    /// Prepares a model. It uses the surrogate `kept` if that has the inputs of this problem, and trains a new one otherwise. A model with effects is verified by
-    /// separate full-order runs. A nonlinear law needs no such runs, each of which would take minutes, because its reduced model was verified when it was built.
+    /// Prepares a model. It uses the surrogate `kept` if this was built from the problem's inputs; otherwise it trains a new surrogate. Separate full-order runs verify
+    /// a model with effects. A nonlinear law needs no such runs, because its reduced model was verified when it was built. Each run would take minutes.
     pub fn new(problem: &Problem, kept: Option<KeptSurrogate>, monitor: &dyn Monitor) -> Result<Self> {
         let mut prepared = Self::unverified(problem, kept, monitor)?;
         if let (Some(fe), false) = (problem.finite_elements(), problem.is_exponential()) {
@@ -118,8 +118,8 @@ impl PreparedModel {
         Ok(prepared)
     }
 
-    /// Compares two trajectories of this reduced model with full finite elements of the apparatus. It thus tests a kept model now, whose stored error dates from its
-    /// construction. Returns `None` without finite elements.
+    /// Compares two trajectories of this reduced model with full finite elements of the apparatus. This tests a model from the cache again, because its stored error
+    /// dates from its construction. Returns `None` without finite elements.
     ///
     /// # Errors
     /// Errors of the full-order model.
@@ -175,7 +175,7 @@ impl PreparedModel {
         }
     }
 
-    /// Learns the surrogate of an external program. It serves every model whose effects are among `effects`.
+    /// Trains the surrogate of an external program. The surrogate serves every model whose effects are among `effects`.
     pub fn for_external(
         problem: &Problem,
         external_model: &ExternalModel,
@@ -215,7 +215,7 @@ impl PreparedModel {
         Ok(Self { compliance: with_fields(widest.compliance.clone(), &fields), problem: problem.clone(), ..widest })
     }
 
-    /// Surrogate and field models with the hashes of their inputs, to be written to a revision; `None` without a surrogate.
+    /// Returns the surrogate and the field models with the hashes of their inputs, for a file in a revision; `None` without a surrogate.
     pub fn to_keep(&self) -> Result<Option<KeptSurrogate>> {
         let problem = &self.problem;
         let (Some(fe), Some(surrogate)) = (problem.finite_elements(), self.surrogate.clone()) else { return Ok(None) };
@@ -225,7 +225,8 @@ impl PreparedModel {
     }
 }
 
-/// Returns the surrogate of the law with its inputs. A surrogate from the study (`kept`) or the cache is used if its inputs are equal; otherwise a new one is trained.
+/// Returns the surrogate of the law with its inputs. A surrogate from the study (`kept`) or the cache is used if its inputs are equal; otherwise a new surrogate is
+/// trained.
 pub fn surrogate(
     problem: &Problem,
     fe: &FiniteElements,
@@ -259,7 +260,8 @@ pub fn surrogate_built_from(problem: &Problem, fe: &FiniteElements) -> Result<Mo
     Ok(built_from(fe, &training(problem, fe, law, &parameters)?))
 }
 
-/// Returns the field models that the effects need. Field models from the study (`kept`) or the cache are used if their inputs are equal; others are built.
+/// Returns the field models (reduced models of displacement fields) that the effects need. Field models from the study (`kept`) or the cache are used if their inputs
+/// are equal; others are built.
 pub fn field_models(
     fe: &FiniteElements,
     kept: Option<&KeptSurrogate>,
@@ -278,7 +280,7 @@ pub fn field_models(
     Ok(fields)
 }
 
-/// Returns the field model of one effect, from the cache if its inputs are equal, otherwise newly built.
+/// Returns the field model of one effect (its reduced displacement fields), from the cache or newly built.
 pub fn field_model(fe: &FiniteElements, effect: &'static dyn Effect, monitor: &dyn Monitor) -> Result<FieldModels> {
     let built_from = field_built_from(fe, effect.slug());
     let cached = cache::read::<FieldModels>(&built_from, monitor);
@@ -293,12 +295,12 @@ pub fn field_model(fe: &FiniteElements, effect: &'static dyn Effect, monitor: &d
     Ok(built)
 }
 
-/// Inputs of an effect's field model, which depend only on the apparatus.
+/// Inputs of an effect's field model (its reduced displacement fields), which depend only on the apparatus.
 pub fn field_built_from(fe: &FiniteElements, slug: &str) -> ModelInputs {
     fields_built_from(fe).with("effect", slug)
 }
 
-/// Adds the contributions of the field models to a compliance.
+/// Adds the contributions of the field models (reduced displacement fields of effects) to a compliance.
 pub fn with_fields(compliance: Compliance, fields: &FieldModels) -> Compliance {
     let fields = Arc::new(fields.clone());
     compliance.with_spread(move |stages| fields.spread(stages))
@@ -348,8 +350,8 @@ impl PreparedModel {
     }
 }
 
-/// Requirements of `effects` from a library that the problem lacks. The first value is the problem extended by an effect that needs a wider range of Poisson ratios;
-/// `None` if no effect does. The second value lists the problem's effects, then all further effects that suit it.
+/// Requirements of further `effects` of a library. The first value is the problem extended by an effect that needs a wider range of Poisson ratios; `None` if no effect
+/// needs one. The second value lists the problem's effects, then all further effects that suit the problem.
 ///
 /// # Errors
 /// Errors of a model's stages.
@@ -371,7 +373,7 @@ pub fn effect_requirements(
         wanted.push(*effect);
         let asked = extended.poisson_ratios(fe)?;
         if asked[0] < values[0] || asked[1] > values[1] {
-            // At most one effect of the library needs another Poisson ratio.
+            // At most one effect of the library needs another Poisson ratio, so a later effect does not overwrite this value.
             widest = Some(extended);
         }
     }
@@ -405,7 +407,7 @@ fn training<'a>(
     Ok(Training { law, parameters, poisson_ratio, time_s, force, tolerance: POD_TOLERANCE })
 }
 
-/// Times (s) and forces up to the last fitted row.
+/// Times (s) and commanded forces up to the last fitted row, with which the surrogate is trained.
 pub fn training_load(problem: &Problem) -> (&[f64], Force<'_>) {
     let Experiment { record, calibration_cycles, .. } = &problem.experiment;
     let n_rows = record.cycle.iter().rposition(|cycle| calibration_cycles.contains(cycle)).map_or(0, |last| last + 1);
@@ -415,14 +417,14 @@ pub fn training_load(problem: &Problem) -> (&[f64], Force<'_>) {
 /// Result of a comparison of the reduced model with full finite elements.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Verification {
-    /// Number of full-order runs.
+    /// Number of full-order runs in the comparison.
     pub n_runs: usize,
     /// Largest distance between a reduced and a full-order trajectory, divided by the amplitude of the full-order trajectory.
     pub relative_error: f64,
 }
 
-/// Compares the reduced model, including effects, with the full-order model at `n_runs` Sobol points of the priors. Points at which an effect has no model are left
-/// out.
+/// Compares the reduced model, including effects, with the full-order model at `n_runs` Sobol points of the priors. Points at which an effect cannot be computed are
+/// left out.
 fn verify(problem: &Problem, fe: &FiniteElements, compliance: &Compliance, n_runs: u32) -> Result<Verification> {
     let (time_s, force) = training_load(problem);
     let model = &problem.model;
@@ -447,7 +449,7 @@ fn verify(problem: &Problem, fe: &FiniteElements, compliance: &Compliance, n_run
     Ok(Verification { n_runs: errors.len(), relative_error: errors.into_iter().fold(0.0, f64::max) })
 }
 
-/// Inputs that all field models have: mesh, Poisson ratio, sizes and weights.
+/// Inputs that all field models (reduced displacement fields of effects) share: mesh, Poisson ratio, sizes and masses.
 fn fields_built_from(fe: &FiniteElements) -> ModelInputs {
     ModelInputs::new("displacement field")
         .with_mesh(&fe.mesh)

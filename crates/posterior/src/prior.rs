@@ -11,7 +11,8 @@ use base::parameter::{NOISE_SD, ParameterSpec};
 use base::toml_input::{TomlInput, TomlTable, text_of};
 use laws::rheology::{InterchangeableParts, LETHERSICH};
 
-/// Parameters of the Lethersich law (physics §2): E, c₁ and c₂, then the standard deviation of the white noise. All modules use this order.
+/// Young's modulus, retardation viscosity and flow viscosity of the Lethersich law (physics §2), then the standard deviation of the white noise. All modules use this
+/// order.
 pub const BASE_PARAMETERS: &[ParameterSpec] = &[LETHERSICH[0], LETHERSICH[1], LETHERSICH[2], NOISE_SD];
 
 /// Name and TOML text of each built-in prior.
@@ -29,18 +30,18 @@ const EMBEDDED: &[(&str, &str)] = &[
 /// Prior of one parameter, with its unit and source.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Prior {
-    /// Parameter name.
+    /// Name of the parameter, as in the prior file.
     pub name: String,
     /// Distribution of the parameter's value in `unit`.
     pub distribution: Distribution,
-    /// Unit of the parameter.
+    /// Unit of the parameter, in which the prior's numbers are given.
     pub unit: String,
-    /// Publication or reason that the distribution comes from.
+    /// Publication from which the distribution comes, or the reason for its choice.
     pub source: String,
 }
 
-/// Function that gives the default prior of a parameter without a table in the file. The second argument holds the priors of all parameters before it. `None` means
-/// that the file must have a table.
+/// Function that gives the default prior of a parameter without a table in the prior file. The second argument holds the priors of all earlier parameters. `None` means
+/// that the file must have a table for the parameter.
 pub type DefaultPrior<'a> = dyn Fn(&ParameterSpec, &[Prior]) -> Option<Prior> + 'a;
 
 fn no_default(_: &ParameterSpec, _: &[Prior]) -> Option<Prior> {
@@ -74,7 +75,7 @@ impl PriorSet {
         if Self::builtin_names().any(|known| known == name) { Self::read(name) } else { Err(unknown_name(name)) }
     }
 
-    /// Reads priors of [`BASE_PARAMETERS`] from the built-in prior or the file with this name.
+    /// Reads the priors of [`BASE_PARAMETERS`]. `name_or_file` names a built-in prior or a prior file.
     ///
     /// # Errors
     /// [`Error::Input`] for an unknown name or a file with invalid content; [`Error::File`] for a file that cannot be read.
@@ -82,8 +83,8 @@ impl PriorSet {
         Self::read_for(name_or_file, BASE_PARAMETERS, &[], &no_default)
     }
 
-    /// Reads priors of the `wanted` parameters from the built-in prior or the file with this name. The file may also hold priors of the parameters `others`. `default`
-    /// gives the priors of wanted parameters that the file lacks.
+    /// Reads the priors of the `wanted` parameters. `name_or_file` names a built-in prior or a prior file. The file may also hold priors of the parameters `others`.
+    /// `default` gives the priors of wanted parameters that the file lacks.
     ///
     /// # Errors
     /// Errors of [`PriorSet::read`].
@@ -400,7 +401,7 @@ fn distribution_from(table: TomlTable<'_>, kind: &str) -> Result<Distribution> {
     })
 }
 
-/// Smallest and largest allowed magnitude of a value in a prior, in any unit. A value beyond them is a mistake, and its powers or ratios could overflow.
+/// Smallest and largest allowed magnitude of a number in a prior, in any unit. A number outside this range is a mistake, and its powers or ratios could overflow.
 const SIZES: [f64; 2] = [1e-30, 1e15];
 /// Allowed range of each dimensionless parameter of a distribution, by its key.
 const SHAPES: [(&str, [f64; 2]); 3] = [("log_sd", [1e-6, 20.0]), ("alpha", [1e-3, 1e6]), ("beta", [1e-3, 1e6])];

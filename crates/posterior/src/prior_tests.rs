@@ -53,7 +53,7 @@ fn every_prior_file_is_embedded_and_documented() {
     assert!(names.iter().all(|name| documentation.contains(&format!("`{name}`"))), "docs/experiment.md misses one");
 }
 
-/// Published values of E, c₁ and c₂ are those of Wang 2013 Table I, Sharif-Kashani 2011 and Lee 1994.
+/// The published values of the three parameters come from Wang 2013 (Table I), Sharif-Kashani 2011 and Lee 1994.
 #[test]
 fn published_values_lie_well_inside_the_porcine_prior() {
     let set = PriorSet::named("porcine").unwrap();
@@ -81,7 +81,7 @@ fn published_moments_are_those_of_the_literature() {
         ("lee-1994", "viscosity_1_pa_s", 0.599, 0.30 * 0.599),
         ("lee-1994", "viscosity_2_pa_s", 8.402, 0.36 * 8.402),
         ("sharif-kashani-2011", "young_modulus_pa", 1.66, 0.96),
-        // The factor 2.96 = 2 (1 + ν) converts G′ of Nickerson et al. 2008 into E.
+        // The factor 2.96 = 2 (1 + ν), with Poisson's ratio ν, converts the storage modulus of Nickerson et al. 2008 into Young's modulus.
         ("nickerson-2008-porcine", "young_modulus_pa", 2.96 * 2.8, 2.96 * 0.9),
         ("nickerson-2008-bovine", "young_modulus_pa", 2.96 * 7.0, 2.96 * 2.0),
     ];
@@ -91,7 +91,7 @@ fn published_moments_are_those_of_the_literature() {
     }
 }
 
-/// Wang 2013 publishes all values, and Sharif-Kashani 2011 those of c₁ and c₂, without a standard deviation.
+/// Wang 2013 publishes all values without a standard deviation, and Sharif-Kashani 2011 both viscosities.
 #[test]
 fn values_published_without_spread_are_medians() {
     let is_median = |prior: &str, parameter: &str, value: f64| {
@@ -131,7 +131,7 @@ fn the_aboulatta_prior_creeps_as_the_published_relaxation() {
     let (c1, c1_sd) = moments(&set, "viscosity_1_pa_s");
     for s in [0.0, 0.05, 0.3, 1.0, 7.0, 400.0] {
         let relaxation = g_inf + (g0 - g_inf) * s / (s + decay);
-        // 2 (1 + ν) = 2.96 converts the compliance under uniaxial stress into that under shear.
+        // The factor 2 (1 + ν) = 2.96, with Poisson's ratio ν, converts the compliance under uniaxial stress into the compliance under shear.
         let creep = 1.0 / g0 + 2.96 / (e + c1 * s);
         assert!((relaxation * creep - 1.0).abs() < 1e-9, "s = {s}");
     }

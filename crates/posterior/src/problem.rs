@@ -1,4 +1,4 @@
-//! Problem of inference: an experiment joined with law, effects, priors, noise and mechanics.
+//! Inference problem: an experiment joined with law, effects, priors, noise and mechanics.
 
 use std::sync::Arc;
 
@@ -28,9 +28,9 @@ pub struct Problem {
     pub experiment: Experiment,
     /// Model as specified in `model.toml`, with optional parameters fixed at their nulls.
     pub specification: ModelSpecification,
-    /// Law and effects.
+    /// Law and effects of the problem.
     pub model: Model,
-    /// Noise model.
+    /// Noise model of the measured positions.
     pub noise: NoiseModel,
     /// Priors of the sampled parameters.
     pub priors: PriorSet,
@@ -97,7 +97,7 @@ impl Problem {
         Ok(Self { experiment, specification, model, noise, priors, mechanics })
     }
 
-    /// Joins another model with this experiment and these mechanics.
+    /// Returns the problem of another model with this experiment and its mechanics.
     ///
     /// # Errors
     /// [`Error::Input`] if the model does not suit the experiment.
@@ -105,7 +105,7 @@ impl Problem {
         self.with_experiment(self.experiment.clone(), specification, library)
     }
 
-    /// Joins another model and another record of the same apparatus with these mechanics.
+    /// Returns the problem of another model and another record of this apparatus, with the existing mechanics.
     ///
     /// # Errors
     /// [`Error::Input`] if the model does not suit the experiment.
@@ -178,13 +178,14 @@ impl Problem {
         TrainedRange { name: name.to_string(), lower, upper }
     }
 
-    /// Range of a parameter in which the surrogate of an external program was learnt; `None` before that.
+    /// Range of a parameter in which the surrogate of an external program was trained; `None` without a program or before the training.
     pub fn learnt_range(&self, name: &str) -> Option<&TrainedRange> {
-        let trained = &self.outside()?.learnt_in()?.trained;
+        let trained = &self.outside()?.trained_box()?.trained;
         trained.iter().find(|range| range.name == name && range.lower < range.upper)
     }
 
-    /// Distribution from which starts of a parameter are drawn: its prior, or the range in which an external program was learnt. `None` for a fixed parameter.
+    /// Distribution from which starts of a parameter are drawn: its prior, or the range in which the surrogate of an external program was trained. `None` for a fixed
+    /// parameter.
     pub fn starts_of(&self, name: &str) -> Option<Distribution> {
         let prior = self.priors.get(name)?.distribution;
         let learnt = self.learnt_range(name);
@@ -206,7 +207,7 @@ impl Problem {
             for end in [range.lower, range.upper] {
                 let mut parameters = middle.clone();
                 parameters[index] = end.into();
-                // An effect without a model at these parameters needs no ratio.
+                // An effect that cannot be computed at these parameters needs no Poisson ratio.
                 let asked = self.model.stages(&parameters).ok().and_then(|stages| stages.poisson_ratio);
                 if let Some(ratio) = asked {
                     ratios = [ratios[0].min(ratio.value), ratios[1].max(ratio.value)];
@@ -247,12 +248,12 @@ impl Problem {
     }
 }
 
-/// Refuses an effect whose requirements the mesh does not meet.
+/// Refuses an effect that the robot, the mesh or the external program does not support.
 fn refuse_without_mesh(model: &Model, mechanics: &Mechanics) -> Result<()> {
     let fe = match mechanics {
         Mechanics::FiniteElements(fe) => fe,
         Mechanics::Instrument { .. } => return Ok(()),
-        Mechanics::External(outside) => return refuse_loads_unheeded(model, outside),
+        Mechanics::External(outside) => return refuse_unsupported_loads(model, outside),
     };
     match model.field().and_then(|(slug, field)| Some((slug, field.lacks(&fe.surroundings())?))) {
         None => Ok(()),
@@ -280,7 +281,7 @@ fn refuse_without_density(model: &Model, experiment: &Experiment) -> Result<()> 
 }
 
 /// Refuses effects that change the load if the external program predicts only under the record's own force.
-fn refuse_loads_unheeded(model: &Model, outside: &ExternalModel) -> Result<()> {
+fn refuse_unsupported_loads(model: &Model, outside: &ExternalModel) -> Result<()> {
     let load = model.effects().iter().find(|effect| effect.stage() == Stage::Load);
     match (load, outside.force_refusal()) {
         (Some(effect), Some(reason)) => Err(Error::input(

@@ -7,8 +7,8 @@ const GAP: f64 = 3.0;
 /// Largest difference between forces that count as equal, as a fraction of the force range.
 const SAME_FORCE: f64 = 1e-9;
 
-/// Recording number of each row, from 1. A cycle begins a new recording only if the force changes or a gap in time precedes it. A cycle that begins within a continuous
-/// hold continues the recording.
+/// Recording number of each row, from 1. A cycle begins a new recording only if the force changes at its first row or a gap in time precedes it. A cycle that begins
+/// within a continuous hold continues the recording.
 pub fn recordings(record: &Record) -> Vec<u32> {
     let tolerance_n = SAME_FORCE * record.force_range_n();
     let interval_s = |row: usize| row.checked_sub(1).map(|before| record.time_s[row] - record.time_s[before]);

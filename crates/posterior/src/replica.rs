@@ -1,4 +1,4 @@
-//! Built-in experiment: a labelled synthetic replica of the paper's measurement, whose raw data are not public.
+//! Built-in experiment: a synthetic replica of the paper's measurement, labelled as synthetic. The raw data of the paper are not public.
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -14,10 +14,10 @@ use record::{Apparatus, Experiment, ExperimentFiles};
 const TOML: &str = include_str!("../../../data/porcine-replica/experiment.toml");
 const CSV: &str = include_str!("../../../data/porcine-replica/trajectory.csv");
 
-/// Table I of the paper: E (Pa), c₁ (Pa·s), c₂ (Pa·s).
+/// Parameters in Table I of the paper: Young's modulus (Pa), retardation viscosity and flow viscosity (Pa·s).
 pub const TABLE_I: [f64; 3] = [3.527, 1.402, 47.370];
 
-/// Mesh level with which the data are generated, one above the level of the fitted model.
+/// Refinement level of the mesh that generates the data, one above the level of the fitted model.
 const MESH_LEVEL: usize = 4;
 const N_CYCLES: usize = 4;
 const HOLD_S: f64 = 5.0;
@@ -38,8 +38,8 @@ pub fn embedded() -> Result<(Experiment, ExperimentFiles)> {
     )
 }
 
-/// Generates the replica's `trajectory.csv` by full finite elements with the parameters of Table I, and adds white noise. The mesh and the time step are finer than
-/// those of the fitted model, and the integrator differs.
+/// Generates the replica's `trajectory.csv` by full finite elements with the parameters of Table I, and adds white noise. Mesh and time step are finer than in the
+/// fitted model, and the integrator differs.
 pub fn trajectory_csv() -> Result<String> {
     let Apparatus::Robot { robot, vitreous } =
         Experiment::from_texts("experiment.toml", TOML, "trajectory.csv", CSV)?.0.apparatus

@@ -34,13 +34,14 @@ use sampling::{SamplerOptions, sample as sample_density};
 
 /// Number of starts of the search for posterior modes if the model is the Lethersich law alone. The starts are drawn from the prior.
 const N_STARTS: usize = 16;
-/// Number of starts for all other models. Similar elements of a model can exchange their roles, which gives several modes. Few starts may lead to one of these modes.
+/// Number of starts of the search for posterior modes for all other models. Similar elements of a model can exchange their roles, which gives several modes. Only few
+/// of the starts may lead to the highest mode.
 const N_STARTS_OF_LARGER: usize = 96;
 /// Number of the random stream that draws the starts. The sampler uses other streams.
 const START_STREAM: u64 = u64::MAX / 2;
 /// Largest number of rows at which posterior draws are predicted. A million rows take 3.4 GB of memory.
 const MOST_ROWS: usize = 1_200_000;
-/// Time between two writings of the checkpoint.
+/// Time between two writes of the checkpoint file.
 const CHECKPOINT_INTERVAL: std::time::Duration = std::time::Duration::from_secs(10);
 
 /// Request for sampling a posterior.
@@ -58,13 +59,13 @@ pub struct SampleRequest<'a> {
 
 /// Result of sampling a posterior.
 pub struct SampleResult {
-    /// Summary document.
+    /// Summary of the posterior, as written to `posterior.json`.
     pub summary: PosteriorSummary,
     /// Model that was sampled, with its surrogate.
     pub model: PreparedModel,
     /// Draws with the sampler's diagnostics.
     pub outcome: SampleOutcome,
-    /// One column per sampled parameter, in the parameter's unit.
+    /// Draws in the parameters' units: one column per sampled parameter.
     pub columns: Vec<DrawColumn>,
     /// Predictive quantiles (m) of the position at every row, for the probabilities in [`crate::gaussian_predictive::BAND_PROBABILITIES`].
     pub bands_m: Vec<[f64; 5]>,
@@ -158,7 +159,7 @@ pub fn sample(
     monitor.stage("sampling the posterior");
     if problem.specification.noise.iter().any(|n| n == "gain") && problem.experiment.calibration_cycles.len() < 2 {
         monitor.warn(
-            "gain and offset differ from cycle to cycle, but only one cycle is fitted: their spread will be the prior's",
+            "gain and offset differ from cycle to cycle, but only one cycle is fitted: the prior alone determines their spread",
         );
     }
     let mut rng = ChaCha8Rng::seed_from_u64(request.options.seed);
@@ -196,7 +197,8 @@ pub fn sample(
     Ok(outcome)
 }
 
-/// Text of all inputs of the log density. The sampler stores its hash in the checkpoint, so that a run with other inputs does not resume from it.
+/// Text of all inputs of the log density. The sampler stores the hash of this text in the checkpoint, so that a run with other inputs does not resume from the
+/// checkpoint.
 fn fingerprint(problem: &Problem, posterior: &ReducedPosterior) -> String {
     let Problem { experiment, specification, priors, .. } = problem;
     let version = env!("CARGO_PKG_VERSION");
@@ -327,8 +329,8 @@ fn median_noise(check: &FullCheck) -> Vec<f64> {
     (0..draws.first().map_or(0, Vec::len)).map(median).collect()
 }
 
-/// Names of the sampled law parameters that crowd at an end of the trained range. A parameter crowds if more than 5 % of its draws lie in the outermost 0.1 % of the
-/// range, on a logarithmic scale. A prior of the usual shape has almost no draws there.
+/// Names of the sampled law parameters whose draws accumulate at an end of the trained range: more than 5 % of them lie in the outermost 0.1 % of the range, on a
+/// logarithmic scale. A prior of the usual shape has almost no draws there.
 fn at_edge_of_range(prepared: &PreparedModel, columns: &[DrawColumn]) -> Vec<String> {
     let crowds = |(name, column): (&str, &DrawColumn)| {
         let range = prepared.trained.iter().find(|range| range.name == name)?;
@@ -340,8 +342,8 @@ fn at_edge_of_range(prepared: &PreparedModel, columns: &[DrawColumn]) -> Vec<Str
     prepared.problem.priors.names().zip(columns).filter_map(crowds).collect()
 }
 
-/// Warning about an external program's parameters that crowd at an end of the learnt box. A parameter crowds if more than 1 % of its draws lie in the outermost 5 % of
-/// the box, on a logarithmic scale. Only ends inside the prior's range count.
+/// Warning about an external program's parameters whose draws accumulate at an end of the surrogate's trained range: more than 1 % of them lie in the outermost 5 % of
+/// the range, on a logarithmic scale. Only ends inside the prior's range count.
 fn at_edge_of_box(prepared: &PreparedModel, columns: &[DrawColumn]) -> Option<Warning> {
     let problem = &prepared.problem;
     let outside = problem.outside()?;
@@ -359,11 +361,11 @@ fn at_edge_of_box(prepared: &PreparedModel, columns: &[DrawColumn]) -> Option<Wa
     (!names.is_empty()).then(|| Warning {
         kind: WarningKind::EdgeOfRange,
         text: format!(
-            "the posterior of {} reaches the end of the box in which {} was learnt: its interval is cut off",
+            "the posterior of {} reaches an end of the parameter range in which the surrogate of {} was trained: its interval is cut off",
             names.join(", "),
             outside.title()
         ),
-        advice: "the box lies around the best fit of the base law alone, far from the posterior with effects: give a prior whose medians lie nearer to this posterior \
+        advice: "this range lies around the best fit of the base law alone, far from the posterior with effects: give a prior whose medians lie nearer to this posterior \
             (--prior), or a known noise (noise_um)".into(),
     })
 }
@@ -388,13 +390,13 @@ pub fn noise_origin_text(origin: NoiseOrigin) -> &'static str {
     }
 }
 
-/// Leading singular values, up to and including the first one that is a rounding error (at most 1e-14).
+/// Leading singular values, up to and including the first value that is a rounding error (at most 1e-14).
 fn above_rounding(singular_values: &[f64]) -> Vec<f64> {
     let kept = singular_values.iter().take_while(|s| **s > 1e-14).count();
     singular_values[..(kept + 1).min(singular_values.len())].to_vec()
 }
 
-/// Summary of a parameter's draws, without the biases that surrogate and mesh cause.
+/// Summary of a parameter's draws. The biases due to surrogate and mesh are left empty.
 pub fn parameter_summary(name: &str, d: &ParameterDiagnostics) -> ParameterSummary {
     ParameterSummary {
         name: name.into(),
@@ -442,8 +444,8 @@ fn parameter_summaries(prepared: &PreparedModel, columns: &[DrawColumn], check: 
             let equal = 1.0 / draws.len() as f64;
             weights.iter().zip(draws).map(|(w, draw)| (w - equal) * draw[place]).sum::<f64>() / d.sd
         });
-        // The trajectory depends on the compliance divided by a modulus or a viscosity. A relative error of the compliance thus causes an equal one of these
-        // parameters, and none of the others.
+        // The trajectory depends on the compliance divided by a modulus or a viscosity. A relative error of the compliance thus causes an equal relative error of
+        // moduli and viscosities. It does not affect other parameters.
         let is_stress = law.get(place).is_some_and(|spec| spec.unit.starts_with("Pa"));
         let discretisation_bias_sd = relative_mesh_error.map(|e| if is_stress { e * d.mean / d.sd } else { 0.0 });
         ParameterSummary { surrogate_bias_sd, discretisation_bias_sd, ..parameter_summary(&prior.name, &d) }
@@ -451,12 +453,12 @@ fn parameter_summaries(prepared: &PreparedModel, columns: &[DrawColumn], check: 
     problem.priors.priors().iter().zip(columns).map(summary).collect()
 }
 
-/// Warning about draws that have a model on the fitted rows but not on the whole record.
+/// Warning about draws for which the model can be computed on the fitted rows, but not on the whole record.
 fn refused_warning(n_refused: usize) -> Warning {
     Warning {
         kind: WarningKind::DrawsRefused,
         text: format!(
-            "{n_refused} posterior draws have no model on the whole record: an effect exceeds its range of validity there"
+            "the model cannot be computed on the whole record for {n_refused} posterior draws: an effect exceeds its range of validity"
         ),
         advice: "give the effect a narrower prior, or leave it out".into(),
     }

@@ -1,8 +1,8 @@
 //! Test of a fit's residuals for patterns that does not depend on the noise level.
 //!
 //! The test uses two statistics of the fitted rows' whitened residuals ([`whiteness`](super::whiteness)). They are the number of runs of one sign, and the
-//! autocorrelation up to lag 10. Neither depends on the noise level. Both are compared with those of simulated noise, from which the fitted parameters' columns are
-//! removed as well.
+//! autocorrelation up to lag 10. Neither depends on the noise level. The test compares them with their values in simulated noise, from which the columns of the fitted
+//! parameters are removed, too.
 
 use nalgebra::DVector;
 use rayon::prelude::*;
@@ -13,7 +13,7 @@ use super::whiteness::{N_LAGS, autocorrelation, ljung_box, runs_score};
 
 /// False-alarm probability: fraction of records of pure noise whose residuals are called systematic.
 const FALSE_ALARM: f64 = 0.001;
-/// Number of simulated records. The smallest p that they resolve is half of [`FALSE_ALARM`].
+/// Number of simulated records. With this number, the smallest possible p value is half of [`FALSE_ALARM`].
 const N_SIMULATIONS: usize = 3_999;
 /// Largest number of residuals for which records are simulated. For more residuals, the fitted parameters have a negligible influence, and closed forms replace the
 /// simulation.
@@ -23,10 +23,10 @@ const LEAST_DEGREES: usize = 2 * N_LAGS;
 /// Seed of the simulated records. It is fixed, because the records are part of the method.
 const SEED: u64 = 0x5157;
 
-/// Result of the test for one record.
+/// Result of the test for patterns in the residuals of one record.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SystematicTest {
-    /// Probability that pure noise deviates as much from whiteness in at least one of the two statistics.
+    /// Probability that pure noise deviates from whiteness as much as the residuals, in at least one of the two statistics.
     pub p: f64,
     /// Autocorrelation of the residuals at lag 1.
     pub first_autocorrelation: f64,
@@ -53,13 +53,14 @@ impl SystematicTest {
         })
     }
 
-    /// Returns true if the residuals are systematic.
+    /// Returns true if chance explains the pattern in the residuals with a probability of at most 0.001.
     pub fn is_systematic(&self) -> bool {
         self.p <= FALSE_ALARM
     }
 }
 
-/// Returns the statistic of Ljung and Box, and minus the standard score of the number of runs. Both are large for a misfit. Many short runs are no misfit of a law.
+/// Returns the Ljung–Box statistic, and the negative standard score of the number of runs. Both are large for a misfit. The score is negative for many short runs,
+/// which do not indicate a misfit.
 fn statistics(residuals: &[f64]) -> [f64; 2] {
     [ljung_box(residuals), -runs_score(residuals)]
 }
@@ -92,7 +93,7 @@ fn orthonormal(columns: &[Vec<f64>]) -> Vec<DVector<f64>> {
     for column in columns {
         let mut matrix = DVector::from_column_slice(column);
         let whole = matrix.norm();
-        // Two passes give orthogonality to rounding.
+        // Two passes make the columns orthogonal up to rounding errors.
         for _ in 0..2 {
             for direction in &basis {
                 let along = direction.dot(&matrix);

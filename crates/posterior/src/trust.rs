@@ -1,16 +1,16 @@
-//! Trust level of a result, as a pure function of its warnings (formats §4).
+//! Trust level of a result, which depends only on its warnings (formats §4).
 
 use documents::posterior::{Warning, WarningKind};
 use documents::trust::{Trust, TrustLevel};
 
-/// Trust level of a result with these warnings: the lowest level that any of them allows. The reasons are the findings of the warnings that determine the level.
+/// Trust level of a result with these warnings: the lowest level that any warning allows. The reasons are the texts of the warnings that determine the level.
 pub fn trust<'a>(warnings: impl IntoIterator<Item = &'a Warning>) -> Trust {
     let warnings: Vec<&Warning> = warnings.into_iter().collect();
     let level = warnings.iter().map(|warning| warning.kind.level()).max().unwrap_or(TrustLevel::Trusted);
     if level > TrustLevel::Trusted {
         let mut reasons: Vec<&str> = Vec::new();
         for warning in warnings.iter().filter(|warning| warning.kind.level() == level) {
-            // Text after a colon explains the finding. Only the warning itself contains it.
+            // Text after a colon explains the warning and is left out of the reason.
             let finding = warning.text.split_once(": ").map_or(warning.text.as_str(), |(finding, _)| finding);
             if !reasons.contains(&finding) {
                 reasons.push(finding);

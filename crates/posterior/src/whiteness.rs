@@ -12,7 +12,7 @@ pub fn autocorrelation(residuals: &[f64]) -> Vec<f64> {
     (1..=N_LAGS).map(|lag| if square > 0.0 { at(lag) / square } else { 0.0 }).collect()
 }
 
-/// Half the statistic of Ljung and Box (1978) over [`N_LAGS`] lags. The half is a gain in nats.
+/// Half the Ljung–Box statistic (1978) over [`N_LAGS`] lags, which is a gain of the log likelihood in nats.
 pub fn ljung_box(residuals: &[f64]) -> f64 {
     let n = residuals.len() as f64;
     let of_lag = |(rho, lag): (&f64, usize)| if n > lag as f64 { rho * rho / (n - lag as f64) } else { 0.0 };
@@ -31,7 +31,7 @@ pub fn runs_score(residuals: &[f64]) -> f64 {
     if variance > 0.0 { (n_runs - mean) / variance.sqrt() } else { 0.0 }
 }
 
-/// Half the square of [`runs_score`], which is a gain in nats.
+/// Half the square of [`runs_score`], which is a gain of the log likelihood in nats.
 pub fn runs(residuals: &[f64]) -> f64 {
     0.5 * runs_score(residuals).powi(2)
 }

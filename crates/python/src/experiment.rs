@@ -1,4 +1,4 @@
-//! `Experiment`: a measurement as arrays.
+//! Python class `Experiment`: a measurement as arrays.
 
 use std::path::PathBuf;
 
@@ -14,9 +14,9 @@ use crate::errors::raised;
 pub struct Experiment {
     pub experiment: record::Experiment,
     pub understood: Interpretation,
-    /// Remarks of the reader.
+    /// Remarks from reading the files, for example on how cycles were found.
     notes: Vec<String>,
-    /// `None` for the embedded replica.
+    /// Path that the experiment was read from; `None` for the embedded replica.
     path: Option<PathBuf>,
 }
 
@@ -67,7 +67,7 @@ impl Experiment {
         self.experiment.region.as_deref()
     }
 
-    /// Origin of the data.
+    /// Origin of the data, as the experiment states it.
     #[getter]
     fn source(&self) -> &str {
         &self.experiment.source
@@ -116,7 +116,7 @@ impl Experiment {
         self.experiment.noise_sd_m.map(|sd_m| 1e6 * sd_m)
     }
 
-    /// Remarks of the reader, for example about how cycles were found or positions that are missing.
+    /// Remarks from reading the files, for example on how cycles were found or which positions are missing.
     #[getter]
     fn notes(&self) -> Vec<String> {
         self.notes.clone()

@@ -1,5 +1,5 @@
-//! Compiled part of the Python module: experiments and reduced models. Work that takes minutes is done by the program,
-//! which the wheel also contains (`python/vitreo_uq/program.py`).
+//! Compiled part of the Python module: experiments and reduced models. The program, which the wheel also contains, does the work that takes minutes
+//! (`python/vitreo_uq/program.py`).
 
 mod errors;
 mod experiment;

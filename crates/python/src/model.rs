@@ -1,4 +1,4 @@
-//! `ReducedModel`: the trajectory and posterior of `serve`, for arrays of points.
+//! Python class `ReducedModel`: evaluates the trajectory and posterior that the command `serve` offers, for arrays of points.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -29,12 +29,12 @@ use crate::experiment::Experiment;
 
 /// Number of points between two checks for Ctrl-C.
 const BLOCK: usize = 256;
-/// Number of points per work item of a core. Vector registers hold eight.
+/// Number of points that a thread evaluates in one call: a multiple of the eight numbers in a vector register.
 const PIECE: usize = 16;
 /// Time between two checks for Ctrl-C while a model is built.
 const LOOK: Duration = Duration::from_millis(50);
 
-// The models borrow the prepared model.
+// `BridgeModels` borrows from `PreparedModel`, so one struct owns both.
 self_cell!(
     struct OwnedModels {
         owner: PreparedModel,
@@ -43,7 +43,7 @@ self_cell!(
     }
 );
 
-/// Keeps warnings for Python, and stops when Python is interrupted.
+/// Monitor that collects warnings for Python, and stops the computation when Python is interrupted.
 #[derive(Default)]
 struct PythonMonitor {
     warnings: Mutex<Vec<String>>,
@@ -64,14 +64,14 @@ impl Monitor for PythonMonitor {
     }
 }
 
-/// Input of the models.
+/// Argument `target` of `ReducedModel`: an `Experiment`, or the path of an experiment or study.
 #[derive(FromPyObject)]
 enum Target<'py> {
     Experiment(Bound<'py, Experiment>),
     Path(PathBuf),
 }
 
-/// Input after reading.
+/// Experiment that the argument `target` gives, with its study if there is one.
 struct TargetInput {
     experiment: record::Experiment,
     understood: Interpretation,
@@ -94,7 +94,7 @@ impl TargetInput {
         })
     }
 
-    /// Named revision, or the last.
+    /// Returns the revision `named`. Without a name, returns the last revision of the study, if there is a study.
     fn revision(&self, named: Option<String>) -> Result<Option<String>> {
         match (named, &self.study) {
             (None, Some(study)) => Ok(study.revisions()?.pop()),
@@ -102,7 +102,7 @@ impl TargetInput {
         }
     }
 
-    /// Model of a revision.
+    /// Returns the model of the given revision; the default model if there is no study or no revision.
     fn specification(&self, revision: Option<&str>) -> Result<ModelSpecification> {
         match (&self.study, revision) {
             (Some(study), Some(name)) => {
@@ -113,7 +113,7 @@ impl TargetInput {
     }
 }
 
-/// Arguments of `ReducedModel`, as the program's options.
+/// Arguments of `ReducedModel`, in the form of the program's options.
 struct Asked {
     base: Option<String>,
     effects: Vec<String>,
@@ -137,7 +137,7 @@ fn built(subject: TargetInput, asked: Asked, watcher: &PythonMonitor) -> Result<
 
 /// Reduced model of an experiment or of a study's revision: trajectories, log-densities and their gradients at arrays of points, on all cores.
 ///
-/// Parameters have the order and units of the documents: the model's, then the noise's, without fixed ones.
+/// Parameters have the order and units of the JSON documents: first the parameters of the model, then those of the noise. Fixed parameters are omitted.
 #[pyclass(frozen, module = "vitreo_uq")]
 pub struct ReducedModel {
     owned: OwnedModels,
@@ -160,7 +160,7 @@ impl ReducedModel {
         revision: Option<String>,
     ) -> PyResult<Self> {
         let assigned = |(name, value): (String, Option<f64>)| match value {
-            // This format reads back as the same number.
+            // This format writes enough digits to restore the exact number.
             Some(value) => format!("{name}={value:?}"),
             None => format!("{name}=free"),
         };
@@ -214,14 +214,14 @@ impl ReducedModel {
         self.with_models(|models| models.inputs()).into_iter().map(|input| input.prior.name).collect()
     }
 
-    /// Medians of the priors, shape (parameters,): a start inside the range.
+    /// Medians of the priors, shape (parameters,). They lie inside the parameters' ranges, so they can serve as a start point.
     #[getter]
     fn prior_median<'py>(&self, py: Python<'py>) -> Bound<'py, numpy::PyArray1<f64>> {
         let inputs = self.with_models(|models| models.inputs());
         inputs.iter().map(|input| input.prior.distribution.quantile(0.5)).collect::<Vec<f64>>().into_pyarray(py)
     }
 
-    /// Number of parameters that `trajectory` takes: the first ones of `names`, without the noise's.
+    /// Number of parameters that `trajectory` takes: the first names in `names`, without the parameters of the noise.
     #[getter]
     fn n_trajectory_parameters(&self) -> usize {
         self.with_models(|models| models.n_trajectory_inputs())
@@ -233,8 +233,8 @@ impl ReducedModel {
         self.max_relative_error
     }
 
-    /// Positions in µm at the rows of the record. Points of shape (n, d) give (n, rows), one point of shape (d,) gives (rows,). `d` is the number of
-    /// model parameters, without the noise's. Raises `InputError` if a point lies outside a parameter's range.
+    /// Positions in µm at the rows of the record. Points of shape (n, d) give (n, rows), one point of shape (d,) gives (rows,). `d` is the number of model
+    /// parameters, without those of the noise. Raises `InputError` if a point lies outside a parameter's range.
     fn trajectory<'py>(&self, py: Python<'py>, points: PointArray<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         let n_rows = self.with_models(|models| models.n_rows());
         let points = points.of_length(self.n_trajectory_parameters())?;
@@ -291,7 +291,7 @@ impl ReducedModel {
         self.owned.with_dependent(|_, models| ask(models))
     }
 
-    /// One result per point, computed on all cores without Python's lock. Ctrl-C is checked between blocks.
+    /// Returns one result per point. All cores compute without Python's lock, and Ctrl-C is checked between blocks of points.
     fn of_each<T: Send>(
         &self,
         py: Python<'_>,
@@ -376,7 +376,7 @@ impl FlatPoints {
         self.values.len() / self.length
     }
 
-    /// Values of all points as an array: (points, width) or (points,). A single point drops the first axis.
+    /// Returns the values of all points as an array of shape (points, width), or (points,) without `width`. The first axis is omitted for a single point.
     fn shaped<'py>(
         &self,
         py: Python<'py>,

@@ -1,4 +1,4 @@
-//! Reads a separate force log (formats §1). Its times differ from the camera's, and it may contain a coil current instead of a force.
+//! Separate log of the force (formats §1). Its times differ from the camera's, and it may contain a coil current instead of a force.
 
 use std::path::Path;
 
@@ -15,18 +15,18 @@ pub(super) struct Actuation {
     /// Path of the log file, relative to the TOML file's directory.
     pub file: String,
     description: TableDescription,
-    /// Coefficients aᵢ that convert a current to a force: F = Σ aᵢ Iⁱ, with F in N and I in A. Empty if the log contains the force itself.
+    /// Coefficients aᵢ that convert a current I (A) to a force F (N): F = Σ aᵢ Iⁱ. Empty if the log contains the force itself.
     calibration: Vec<f64>,
     /// Rule for the force between the log's rows.
     pub rule: ForceRule,
     pub rule_given: bool,
 }
 
-/// Two times count as equal if they differ by less than this fraction of the record's duration.
+/// Largest difference of two times that count as equal, as a fraction of the record's duration.
 const SAME_TIME: f64 = 1e-12;
 
 impl Actuation {
-    /// Reads the table `[actuation]`. The function `file` checks the path of the log and returns it.
+    /// Reads the table `[actuation]`. The function `file` checks and returns the path of the log.
     pub fn read(actuation: TomlTable<'_>, file: impl Fn(TomlTable<'_>) -> Result<String>) -> Result<Self> {
         actuation.only(&[&["file", "force", "calibration"], &KEYS[..]].concat())?;
         let description = TableDescription::read_log(actuation)?;
@@ -52,9 +52,8 @@ impl Actuation {
         })
     }
 
-    /// Merges the camera's trajectory with the force log. Returns the trajectory with the log's force, and the indices of the added rows. A row is added
-    /// wherever the force changes between two camera rows. Time 0 is the camera's first time or the first
-    /// change of the force, whichever is earlier.
+    /// Returns the camera's trajectory with the force of the log, and the indices of added rows. A row is added wherever the force changes between
+    /// two camera rows. Time 0 is the camera's first time or the first change of the force, whichever is earlier.
     pub(super) fn merged(&self, file: &Path, bytes: &[u8], trajectory: Trajectory) -> Result<(Trajectory, Vec<usize>)> {
         let log = self.log(file, bytes, &trajectory)?;
         let force = Force { at_rows_n: &log.force_n, rule: self.rule };
@@ -82,7 +81,7 @@ impl Actuation {
                 force_rows.push(made.time_s.len());
                 made.push_from(&trajectory, row, change_s + shift_s, force.at_n(&log.time_s, change_s), false);
             }
-            // If a camera row coincides with a force change, within rounding, it becomes the row of that change.
+            // If a camera row coincides with a change of the force, within rounding, no row is added for the change.
             let at_s = coming.next_if(|change_s| *change_s < time_s + same_s).unwrap_or(time_s);
             made.push_from(&trajectory, row, time_s + shift_s, force.at_n(&log.time_s, at_s), true);
         }

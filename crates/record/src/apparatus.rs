@@ -1,4 +1,4 @@
-//! The apparatus and its tables in `experiment.toml`: a bead or robot in the vitreous, an indenter, or another instrument.
+//! Apparatus of an experiment and its tables in `experiment.toml`: a bead or robot in the vitreous, an indenter, or another instrument.
 
 use std::f64::consts::PI;
 
@@ -11,46 +11,47 @@ use base::toml_input::TomlTable;
 pub enum Apparatus {
     /// A bead or robot inside the vitreous, computed with the finite-element model.
     Robot {
-        /// The body that the force moves.
+        /// Bead or robot that the force moves.
         robot: Robot,
-        /// The gel around the robot.
+        /// Ball of gel around the robot.
         vitreous: Vitreous,
     },
-    /// Another instrument that responds linearly: position = compliance × ∫J dF, with the creep compliance J and the force F.
+    /// Another instrument that responds linearly: position = compliance × ∫J dF, with J the creep compliance and F the force.
     Instrument {
-        /// Compliance of the instrument, in 1/m: position per force, divided by the creep compliance J (1/Pa).
+        /// Compliance of the instrument in 1/m: its position per force, divided by the creep compliance (1/Pa).
         compliance_per_m: f64,
     },
-    /// A tip that is pressed into a half-space: depth^p = compliance × ∫J dF, with the exponent p of the tip's shape.
+    /// Tip that is pressed into a half-space: depth^p = compliance × ∫J dF. p is the exponent of the tip's shape, J the creep compliance and F the
+    /// force.
     Indenter(Indenter),
 }
 
-/// The body that the force moves: a bead or a microrobot.
+/// Bead or microrobot that the force moves.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Robot {
     /// Shape and sizes of the robot.
     pub shape: RobotShape,
     /// Density in kg/m³, used for inertia only; `None` if it is not given.
     pub density_kg_m3: Option<f64>,
-    /// Offset of the robot's centre; `None` in the middle of the vitreous.
+    /// Offset of the robot's centre from the vitreous's centre; `None` for a robot in the middle.
     pub offset: Option<Offset>,
 }
 
 /// Offset of the robot's centre from the vitreous's centre.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Offset {
-    /// Distance of the centres, in m; above 0.
+    /// Distance between the two centres in m, above 0.
     pub distance_m: f64,
-    /// Direction relative to the force.
+    /// Direction of the offset relative to the force.
     pub direction: OffsetDirection,
 }
 
 /// Direction of a robot's offset relative to the force.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum OffsetDirection {
-    /// Along the force, x.
+    /// Along the force, which is the x axis.
     Along,
-    /// Across the force along y, which is also the long axis of a vertical robot.
+    /// Across the force, along the y axis, which is also the long axis of a vertical robot.
     Across,
 }
 
@@ -100,16 +101,16 @@ pub enum RobotShape {
     },
 }
 
-/// Direction of the long axis relative to the force.
+/// Direction of a robot's long axis relative to the force.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Orientation {
-    /// Along the force.
+    /// Long axis along the force.
     Horizontal,
-    /// Across the force.
+    /// Long axis across the force.
     Vertical,
 }
 
-/// The ball of gel around the robot. Its outer surface is fixed.
+/// Ball of gel around the robot, with a fixed outer surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Vitreous {
     /// Diameter in m.
@@ -120,7 +121,7 @@ pub struct Vitreous {
     pub density_kg_m3: Option<f64>,
 }
 
-/// Returns the line of `experiment.toml` for a density (kg/m³), or an empty string for `None`.
+/// Returns the line `density_kg_m3 = …` of `experiment.toml` for a density, or an empty string for `None`.
 pub fn density_toml(density_kg_m3: Option<f64>) -> String {
     density_kg_m3.map_or(String::new(), |density| format!("density_kg_m3 = {density}\n"))
 }
@@ -135,7 +136,7 @@ impl RobotShape {
         }
     }
 
-    /// Radius of a sphere, in m. For another shape: radius of the sphere of equal volume.
+    /// Radius in m of the sphere that has the robot's volume.
     pub fn equivalent_radius_m(&self) -> f64 {
         match *self {
             Self::Sphere { diameter_m } => 0.5 * diameter_m,
@@ -176,7 +177,8 @@ impl Robot {
             RobotShape::Cylinder { length_m, diameter_m, .. } => (distance_m + 0.5 * diameter_m).hypot(0.5 * length_m),
             RobotShape::Ellipsoid { length_m, orientation, .. } if is_along(orientation) => distance_m + 0.5 * length_m,
             RobotShape::Ellipsoid { length_m, diameter_m, .. } => {
-                // The ellipsoid is offset by d across its long axis. The squared distance of its surface point at the angle t is (d + b cos t)² + (a sin t)².
+                // The ellipsoid has the half-axes a and b and is offset by d across its long axis a. The squared distance of its surface point at the
+                // angle t is (d + b cos t)² + (a sin t)².
                 let (a, b) = (0.5 * length_m, 0.5 * diameter_m);
                 let spread = a * a - b * b;
                 let cos = if distance_m * b < spread { distance_m * b / spread } else { 1.0 };
@@ -189,11 +191,11 @@ impl Robot {
 const MM_PER_M: f64 = 1e3;
 /// Allowed sizes of bodies in mm: from a nanometre to ten metres.
 const SIZES_MM: [f64; 2] = [1e-6, 1e4];
-/// Allowed densities: from below any gas to far above any metal.
+/// Allowed densities in kg/m³, from thin gases to far above any metal.
 const DENSITIES_KG_M3: [f64; 2] = [1e-3, 1e6];
-/// Allowed compliances of instruments, in 1/m. Their inverses are lengths from a femtometre to a thousand kilometres.
+/// Allowed compliances of instruments, in 1/m. The inverses are lengths from a femtometre to a thousand kilometres.
 const COMPLIANCES_PER_M: [f64; 2] = [1e-6, 1e15];
-/// Largest ratio of the vitreous's diameter to the robot's smallest size. A larger ratio only adds elements whose displacement is negligible.
+/// Largest ratio of the vitreous's diameter to the robot's smallest size. Larger ratios only add elements with negligible displacements.
 const LARGEST_RATIO: f64 = 1e4;
 
 impl Apparatus {
@@ -204,7 +206,7 @@ impl Apparatus {
                 return Err(root.refuse(
                     other,
                     format!("both [indenter] and [{other}] are given"),
-                    "keep only [indenter] for a tip that is pressed into a gel, or remove it",
+                    "keep only [indenter] for a tip that is pressed into a gel, or remove [indenter]",
                 ));
             }
             return Ok(Self::Indenter(Indenter::from_table(indenter)?));
@@ -244,7 +246,7 @@ impl Apparatus {
             return Err(robot_table.refuse(
                 "offset_mm",
                 format!(
-                    "the robot's centre is {:.4} mm off the vitreous's; the robot reaches {:.4} mm from that centre, but the vitreous's radius is {:.4} mm; the gap is {:.4} mm",
+                    "the robot's centre is {:.4} mm from the vitreous's centre; the robot's surface reaches {:.4} mm from the vitreous's centre, but the vitreous's radius is {:.4} mm; the gap is {:.4} mm",
                     to_mm(offset.distance_m),
                     to_mm(farthest_m),
                     to_mm(vitreous.diameter_m / 2.0),
@@ -313,7 +315,7 @@ fn robot_from(table: TomlTable<'_>) -> Result<Robot> {
     Ok(Robot { shape, density_kg_m3, offset })
 }
 
-/// Reads the robot's offset. Returns `None` if it is missing or 0, because the robot is then in the middle.
+/// Reads the robot's offset from the vitreous's centre; `None` if the offset is missing or 0.
 fn offset_from(table: TomlTable<'_>) -> Result<Option<Offset>> {
     let distance_mm = table.number("offset_mm")?.unwrap_or(0.0);
     if !(distance_mm >= 0.0 && distance_mm.is_finite()) {
@@ -444,7 +446,7 @@ mod tests {
         );
     }
 
-    /// The formula agrees with the largest distance of many points on the bodies' surfaces.
+    /// Compares the farthest point of each robot with the largest distance of many points on its surface.
     #[test]
     fn the_farthest_point_is_the_farthest() {
         let (length_m, diameter_m) = (3.0_f64, 1.0_f64);

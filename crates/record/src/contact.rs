@@ -1,8 +1,8 @@
-//! Finds the time interval in which an indenter's tip is in growing contact, and keeps only these rows (physics §5.1). It also subtracts the force before
-//! contact.
+//! Reduction of an indenter's record to the rows with growing contact, and subtraction of the force before contact (physics §5.1).
 //!
-//! The law of Lee and Radok requires a growing contact. Before contact no load acts on the gel; while the depth decreases, another law holds. The record
-//! therefore starts at the last row at which the tip is still free. It ends at the largest depth before the depth decreases.
+//! The law of Lee and Radok, depth^p ∝ ∫J dF for a tip of exponent p, requires a growing contact. Before contact no load acts on the gel; while the
+//! depth decreases, another law holds. The record therefore starts at the last row at which the tip is still free, and ends at the largest depth
+//! before the depth decreases.
 
 use std::ops::Range;
 use std::path::Path;
@@ -15,23 +15,26 @@ use super::robust::median;
 use super::trajectory::Trajectory;
 use base::error::{Error, InputPlace, Result};
 
-/// Fraction of the largest force above which the tip is certainly in contact. Earlier rows may belong to a free tip.
-const SURE_OF_CONTACT: f64 = 0.05;
-/// Fraction of the rows below `SURE_OF_CONTACT` that the free force is estimated from. The last of these rows may already be in contact.
+/// Fraction of the largest force above which the tip is certainly in contact. In earlier rows the tip may be free.
+const CERTAIN_CONTACT_FRACTION: f64 = 0.05;
+/// Fraction of the rows before the certain contact from which the force on a free tip is estimated. In the rest of these rows the tip may already
+/// touch.
 const FREE_PART: f64 = 0.8;
-/// Smallest number of rows from which a free force is estimated.
+/// Smallest number of rows from which the force on a free tip is estimated.
 const MIN_FREE_ROWS: usize = 16;
-/// Largest drift of the free force before contact, as a fraction of the force at `SURE_OF_CONTACT`. If the force grows by more, the tip presses from the first
-/// row on.
+/// Largest drift of the force on a free tip, as a fraction of the force at which contact is certain. If the force grows by more, the tip presses from
+/// the first row on.
 const FREE_DRIFT: f64 = 0.3;
-/// Positions are not compared below this fraction of the largest force, because the onset of contact follows another law.
+/// Fraction of the largest force below which positions are not compared with the model, because the onset of contact follows another law.
 const TOUCHING: f64 = 0.02;
-/// Positions are not compared below this multiple of the force's noise standard deviation.
+/// Multiple of the force's noise standard deviation below which positions are not compared with the model.
 const TOUCHING_SD: f64 = 10.0;
-/// The mean force of `N_MEAN` neighbouring rows differs from the free force if it exceeds it by `FREE_SD` standard errors.
+/// Number of neighbouring rows, and number of standard errors. The tip touches if the mean force of `N_MEAN` rows exceeds the force on a free tip by
+/// `FREE_SD` standard errors.
 const N_MEAN: usize = 5;
 const FREE_SD: f64 = 3.0;
-/// The record ends if the depth falls by the fraction `FALL` of its range for `N_FALLING` consecutive rows.
+/// Fraction of the depth's range, and number of rows. The record ends before the depth is below its maximum by the fraction `FALL` for `N_FALLING`
+/// consecutive rows.
 const FALL: f64 = 0.01;
 const N_FALLING: usize = 5;
 
@@ -39,7 +42,7 @@ const N_FALLING: usize = 5;
 struct FreeForce {
     /// Force at the row where contact begins, in N.
     force_n: f64,
-    /// Error of `force_n`, in N: its difference from the mean force in the last quarter of the rows with a free tip.
+    /// Error of `force_n` in N: its difference from the mean force in the last quarter of the rows from which it is estimated.
     error_n: f64,
     /// Standard deviation of the force's noise, in N.
     sd_n: f64,
@@ -47,8 +50,8 @@ struct FreeForce {
     last_row: usize,
 }
 
-/// Reduces the record to the rows with a growing contact. The free tip's force is subtracted from the forces, and positions are measured from the onset of
-/// contact.
+/// Reduces a trajectory to the rows with a growing contact, and returns a note on them. The force on the free tip is subtracted from the forces, and
+/// positions count from the start of the reduced record.
 ///
 /// # Errors
 /// [`Error::Input`] if the tip is not pressed in, if the position does not follow the force, or if too few rows remain.
@@ -123,12 +126,12 @@ pub(super) fn trim_to_contact(file: &Path, trajectory: &mut Trajectory, indenter
 
 const LOST_REMEDY: &str = "give the positions of the tip while it is pressed in";
 
-/// Fits the force of a free tip by a straight line through the rows before contact, because optical levers drift. Returns the line's value at the last of these
-/// rows. Returns `None` if the record begins in contact; its forces are then used unchanged.
+/// Estimates the force on a free tip as a straight line through the rows before contact, because optical levers drift. The result holds the line's
+/// value at the last row with a free tip. It is `None` if the record begins in contact; the forces are then used unchanged.
 fn free_force(time_s: &[f64], force_n: &[f64]) -> Option<FreeForce> {
     let first_n = median(force_n.iter().take(MIN_FREE_ROWS).copied().collect())?;
     let largest_n = force_n.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    let sure = force_n.iter().position(|force| force - first_n > SURE_OF_CONTACT * (largest_n - first_n))?;
+    let sure = force_n.iter().position(|force| force - first_n > CERTAIN_CONTACT_FRACTION * (largest_n - first_n))?;
     let n_free = (FREE_PART * sure as f64) as usize;
     if n_free < MIN_FREE_ROWS {
         return None;
@@ -137,11 +140,11 @@ fn free_force(time_s: &[f64], force_n: &[f64]) -> Option<FreeForce> {
     let sd_n = SD_PER_MAD / 2.0_f64.sqrt() * median(steps)?;
     let line = MotionLine::through(time_s.iter().copied().zip(force_n.iter().copied()).take(n_free));
     let drift_n = line.slope_per_s.abs() * (time_s[sure] - time_s[0]);
-    if drift_n > FREE_DRIFT * SURE_OF_CONTACT * (largest_n - first_n) {
+    if drift_n > FREE_DRIFT * CERTAIN_CONTACT_FRACTION * (largest_n - first_n) {
         return None;
     }
     let mean_error_n = sd_n / (N_MEAN as f64).sqrt();
-    // The search for the contact stops at the last row that may be free.
+    // The last row at which the tip is free is searched backwards from the first row with certain contact.
     let is_free = |row: &usize| {
         let window = row.saturating_sub(N_MEAN / 2)..(row + N_MEAN / 2 + 1).min(force_n.len());
         let excess_n = window.clone().map(|row| force_n[row] - line.at(time_s[row])).sum::<f64>() / window.len() as f64;
@@ -154,7 +157,7 @@ fn free_force(time_s: &[f64], force_n: &[f64]) -> Option<FreeForce> {
     Some(FreeForce { force_n: at_contact_n, error_n: (at_contact_n - late_n).abs(), sd_n, last_row })
 }
 
-/// Index of the row after the last one at which the depth grows. The search starts at row `from`.
+/// Returns the index of the row after the largest depth before the depth decreases. The search starts at row `from`.
 fn end_of_growth(tip_m: &[Option<f64>], from: usize) -> usize {
     let depths = || tip_m.iter().enumerate().skip(from).filter_map(|(row, x)| Some((row, (*x)?)));
     let (lowest_m, highest_m) =

@@ -14,8 +14,8 @@ const CONTACT: usize = 150;
 const HOLD: usize = 300;
 const RETRACT: usize = 500;
 
-/// A record of a tip that approaches at 10 µm/s and touches at row 150. It holds at 10 nN from row 300 to 500, and is then withdrawn. During loading the force is 10 nN
-/// (depth/15 µm)^1.5.
+/// Returns the record of a tip that approaches at 10 µm/s and touches at row 150. The tip holds at 10 nN from row 300 to 500, and is then withdrawn.
+/// During loading the force is 10 nN (depth/15 µm)^1.5.
 fn indentation(drift_n_per_s: f64, seed: u64) -> Trajectory {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let noise = Normal::new(0.0, FORCE_SD_N).unwrap();
@@ -43,8 +43,9 @@ fn settle(trajectory: &mut Trajectory, indenter: &Indenter) -> Result<Note> {
     trim_to_contact(Path::new("t.csv"), trajectory, indenter)
 }
 
-/// The free force is found within 5 standard errors of a line through 120 rows that is extrapolated by 30 rows (0.3 σ). For 100 records this fails once in 10⁶.
-/// Contact is found within 10 rows, because there the mean force of five rows reaches 17 σ. No row of the retraction remains.
+/// Checks the force on the free tip, the contact and the end of the record. The force is found within 5 standard errors of a line through 120 rows
+/// that is extrapolated by 30 rows; for 100 records this fails once in 10⁶. Contact is found within 10 rows, after which the mean force of five rows
+/// reaches 17 noise standard deviations. No row of the retraction remains.
 #[test]
 fn what_is_left_is_the_growing_contact() {
     for seed in 0..50 {
@@ -72,7 +73,8 @@ fn what_is_left_is_the_growing_contact() {
     }
 }
 
-/// The spring that carries the tip deflects by F/κ, and the deflection is subtracted from the position. A force of 10 nN at κ = 0.05 N/m gives 0.2 µm.
+/// Checks that the deflection of the spring that carries the tip is subtracted from the position. A force of 10 nN at a stiffness of 0.05 N/m gives a
+/// deflection of 0.2 µm.
 #[test]
 fn the_deflection_of_the_spring_is_taken_off() {
     let (mut stiff, mut soft) = (indentation(0.0, 1), indentation(0.0, 1));

@@ -1,23 +1,24 @@
-//! Finds cycles from the force's repetition, for records without a `cycle` column.
+//! Search for cycles in the force's repetition, for records without a `cycle` column.
 //!
-//! Force steps are changes above 20 % of the force's range. They divide the record into *holds*; smaller changes do not. A cycle is the shortest sequence of
-//! holds that repeats in level, direction and duration. If the levels drift too much, only direction and duration must repeat. If the holds do not repeat, the
-//! force is compared with itself at increasing lags instead. Examples are a sine, a slow ramp up and down, and changes so close to 20 % that only some of them
-//! count as steps.
+//! Force steps are changes above 20 % of the force's range. They divide the record into *holds*. A cycle is the shortest sequence of holds that
+//! repeats in level, direction and duration. If the levels drift too much, only direction and duration must repeat. If the holds do not repeat, the
+//! force is compared with itself at increasing lags instead. Examples are a sine, a slow ramp up and down, and changes so close to 20 % that only
+//! some of them count as steps.
 
 use super::notes::Note;
 use super::record::Record;
 use super::robust::median;
 
-/// Levels that differ by less than this fraction of the force's range count as equal, because smaller changes are not steps.
+/// Largest difference of the levels of two holds that count as equal, as a fraction of the force's range. Larger changes are force steps.
 const LEVEL_TOLERANCE: f64 = 0.2;
-/// Durations of holds count as equal if they differ by less than this fraction of the longer one. The row spacing at both ends is added to the tolerance.
+/// Largest difference of the durations of two holds that count as equal, as a fraction of the longer duration. The row spacing at both ends of the
+/// holds is added to it.
 const DURATION_TOLERANCE: f64 = 0.15;
-/// A hold counts as a rest if its force is below this fraction of the force's range.
+/// Largest force of a hold that counts as a rest, as a fraction of the force's range.
 const REST_TOLERANCE: f64 = 0.05;
-/// Number of points at which a force without repeating holds is compared with itself.
+/// Number of points in time at which a force without repeating holds is compared with itself.
 const LAG_GRID: usize = 2000;
-/// The force repeats at a lag if its mean squared difference is below this fraction of twice its variance.
+/// Largest mean squared difference of the force from itself at a lag at which it repeats, as a fraction of twice its variance.
 const LAG_TOLERANCE: f64 = 0.05;
 
 /// Cycle numbers of a record's rows, with a description of the repetition.
@@ -29,14 +30,14 @@ pub(super) struct DetectedCycles {
 }
 
 impl DetectedCycles {
-    /// Note to the user on the cycles found.
+    /// Returns the note to the user on the cycles that were found.
     pub(super) fn note(&self) -> Note {
         let n_cycles = self.cycle.last().copied().unwrap_or(1);
         Note::CyclesFound { n_cycles, period_s: self.period_s, text: self.text.clone() }
     }
 }
 
-/// The force between two steps.
+/// Stretch of the record between two force steps, with its level and duration.
 struct Hold {
     first_row: usize,
     duration_s: f64,
@@ -47,14 +48,14 @@ struct Hold {
     open_s: f64,
 }
 
-/// A repetition of holds: from index `first` on, every `length` consecutive holds form one cycle.
+/// Repetition of holds: from index `first` on, every `length` consecutive holds form one cycle.
 struct Repetition {
     first: usize,
     length: usize,
     levels_agree: bool,
 }
 
-/// Finds the cycles of `record` from its force. Existing cycle numbers are ignored.
+/// Finds the cycles of a record from its force. Existing cycle numbers are ignored.
 pub(super) fn find_cycles(record: &Record) -> DetectedCycles {
     let holds = holds_of(record);
     if let Some(repetition) = find_repetition(&holds, record.force_range_n()) {
@@ -105,7 +106,8 @@ fn holds_of(record: &Record) -> Vec<Hold> {
         .collect()
 }
 
-/// Finds the shortest repetition. Repetitions with equal levels are preferred. A rest at the beginning or end of the record may be excluded.
+/// Finds the shortest repetition of holds; `None` if they do not repeat. Repetitions with equal levels are preferred. A rest at the beginning or end
+/// of the record may be excluded.
 fn find_repetition(holds: &[Hold], range_n: f64) -> Option<Repetition> {
     let is_rest = |hold: &Hold| hold.level_n.abs() <= REST_TOLERANCE * range_n;
     let n_lead = usize::from(holds.first().is_some_and(is_rest));
@@ -156,7 +158,7 @@ fn from_repetition(record: &Record, holds: &[Hold], repetition: &Repetition) -> 
     let n_hold_groups = (holds.len() - repetition.first).div_ceil(repetition.length);
     let mut starts: Vec<usize> =
         (0..n_hold_groups).map(|group| holds[repetition.first + group * repetition.length].first_row).collect();
-    // If one rest remains after the last complete cycle, and the repetition contains no rest, it belongs to that cycle.
+    // If a single rest remains after the last complete cycle, the rest belongs to that cycle.
     let n_left = (holds.len() - repetition.first) % repetition.length;
     let last_is_rest =
         n_left == 1 && holds.last().is_some_and(|hold| hold.level_n.abs() <= REST_TOLERANCE * record.force_range_n());
@@ -200,7 +202,7 @@ fn number_rows(record: &Record, starts: &[usize]) -> Vec<u32> {
     cycle
 }
 
-/// Shortest lag (s) at which the force approximately repeats; `None` if there is none. It is used if the holds do not repeat.
+/// Returns the shortest lag (s) at which the force approximately repeats; `None` if there is none. This search follows if the holds do not repeat.
 fn repeating_lag_s(record: &Record) -> Option<f64> {
     let (start_s, end_s) = (*record.time_s.first()?, *record.time_s.last()?);
     let spacing_s = (end_s - start_s) / LAG_GRID as f64;
@@ -230,14 +232,15 @@ fn repeating_lag_s(record: &Record) -> Option<f64> {
     Some((enter + lowest) as f64 * spacing_s)
 }
 
-/// Divides the record into cycles of length `period_s`. Each begins at the force step nearest to its expected start, if there is a step nearby.
+/// Divides the record into cycles of length `period_s`. A cycle begins at the force step nearest to its expected start, if there is a step nearby.
 fn from_period(record: &Record, period_s: f64) -> DetectedCycles {
     let step_rows = record.force_step_rows();
     let mut starts = vec![0];
     let mut due_s = record.time_s[0] + period_s;
     // Up to a tenth of a period that remains at the end is not a cycle of its own.
     let last_s = record.time_s[record.n_rows() - 1];
-    // No period is shorter than one step of the lag grid, so there are at most `LAG_GRID` cycles. The bound also ends the loop if a period is lost in rounding.
+    // A period is at least one step of the lag grid, so there are at most `LAG_GRID` cycles. The bound also ends the loop if a period is lost in
+    // rounding.
     for _ in 0..LAG_GRID {
         if due_s + 0.1 * period_s >= last_s {
             break;

@@ -1,6 +1,6 @@
 use super::*;
 
-/// Record of holds, each given by its duration (s) and force. It is sampled every `interval_s`, without the end point.
+/// Returns a record of holds, each given by its duration (s) and force. The record is sampled every `interval_s`, without the end point.
 fn record(holds: &[(f64, f64)], interval_s: f64) -> Record {
     let mut record = Record::default();
     let mut start_s = 0.0;
@@ -15,7 +15,7 @@ fn record(holds: &[(f64, f64)], interval_s: f64) -> Record {
     record
 }
 
-/// Start times (s) of the cycles found.
+/// Returns the start times (s) of the cycles that [`find_cycles`] finds.
 fn starts_s(record: &Record) -> Vec<f64> {
     let cycle = find_cycles(record).cycle;
     assert_eq!(cycle[0], 1);
@@ -156,8 +156,8 @@ fn steps_at_the_very_threshold_do_not_hide_the_repetition() {
     assert!(starts.iter().enumerate().all(|(i, start_s)| (start_s - 34.7 * i as f64).abs() < 0.35), "{starts:?}");
 }
 
-/// A record of `n_cycles` repetitions of `pattern`, whose holds are given by duration (s) and level. The force ripples, and drifts from cycle to cycle. Samples
-/// are irregular, and one in ten is lost. The last cycle lacks the fraction `cut` of its rows.
+/// Returns a record of `n_cycles` repetitions of `pattern`, whose holds are given by duration (s) and level. The force ripples, and drifts from cycle
+/// to cycle. Sample times are irregular, and one sample in ten is lost. The last cycle lacks the fraction `cut` of its rows.
 fn random_record(rng: &mut rand_chacha::ChaCha8Rng, pattern: &[(f64, f64)], n_cycles: u32, cut: f64) -> Record {
     use rand::RngExt;
     let drift = rng.random_range(-0.012..0.012);
@@ -187,8 +187,9 @@ fn random_record(rng: &mut rand_chacha::ChaCha8Rng, pattern: &[(f64, f64)], n_cy
     record
 }
 
-/// Tests 2,000 random protocols of two to eight cycles. Each has one or two levels, and returns to zero or reverses the force after each level. Some are cut
-/// short. All changes of force exceed 20 % of the range. The true cycles are therefore unique, and the cycle of every row must be right.
+/// Tests 2,000 random protocols of two to eight cycles. Each protocol has one or two levels, and returns to zero or reverses the force after each
+/// level. Some records are cut short. All changes of force exceed 20 % of the range. The true cycles are therefore unique, and the cycle of every row
+/// must be right.
 #[test]
 fn random_protocols_are_found_row_for_row() {
     use rand::{RngExt, SeedableRng};

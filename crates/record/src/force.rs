@@ -1,8 +1,8 @@
-//! The commanded force as a function of time. Rules define it between the rows.
+//! Commanded force as a function of time, given by its values at the rows and a rule between the rows.
 
 use super::robust::{SD_PER_MAD, median};
 
-/// A change of the force counts as a step above this fraction of the force's range (formats §1).
+/// Fraction of the force's range above which a change of the force counts as a step (formats §1).
 const STEP_FRACTION: f64 = 0.2;
 
 /// Rule for the force between two rows (formats §1).
@@ -16,7 +16,7 @@ pub enum ForceRule {
 }
 
 impl ForceRule {
-    /// Both rules.
+    /// Both rules, in the order in which messages list them.
     pub const ALL: [Self; 2] = [Self::Hold, Self::Linear];
 
     /// Name of the rule in `experiment.toml`.
@@ -28,7 +28,7 @@ impl ForceRule {
     }
 }
 
-/// A commanded force over time, borrowed: its values at the rows, and the rule between them. A slice of numbers converts to a force with the rule
+/// Commanded force over time, borrowed: its values at the rows, and the rule between the rows. A slice of numbers converts to a force with the rule
 /// [`ForceRule::Hold`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Force<'a> {
@@ -38,7 +38,7 @@ pub struct Force<'a> {
     pub rule: ForceRule,
 }
 
-/// A [`Force`] that owns its values.
+/// Commanded force over time that owns its values, unlike [`Force`].
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct OwnedForce {
     /// Force at every row, in N.
@@ -48,7 +48,7 @@ pub struct OwnedForce {
 }
 
 impl OwnedForce {
-    /// Returns the borrowed [`Force`].
+    /// Borrows the force as a [`Force`].
     pub fn get(&self) -> Force<'_> {
         Force { at_rows_n: &self.at_rows_n, rule: self.rule }
     }
@@ -85,7 +85,8 @@ impl<'a> Force<'a> {
         }
     }
 
-    /// True if the mean force between `row` and the next row is positive. If a linear force crosses zero, the sign of the longer interval decides.
+    /// True if the mean force between `row` and the next row is positive. If a linear force crosses zero in between, the sign of the longer part
+    /// decides.
     pub fn is_positive(self, row: usize) -> bool {
         let here_n = self.at_rows_n[row];
         match (self.rule, self.at_rows_n.get(row + 1)) {
@@ -94,7 +95,7 @@ impl<'a> Force<'a> {
         }
     }
 
-    /// Largest minus smallest force, in N; the absolute force if it is constant.
+    /// Largest minus smallest force, in N; the absolute force if the force is constant.
     pub fn range_n(self) -> f64 {
         let largest = self.at_rows_n.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let smallest = self.at_rows_n.iter().copied().fold(f64::INFINITY, f64::min);
@@ -110,7 +111,7 @@ impl<'a> Force<'a> {
         steps.filter(|(_, (before, after))| (*after - *before).abs() > threshold_n).map(|(row, _)| row).collect()
     }
 
-    /// True if the force changes at `row`. Removing all other rows leaves the force unchanged.
+    /// True if the force changes at `row`. The rows with a change define the whole force.
     pub fn changes_at(self, row: usize) -> bool {
         let force_n = self.at_rows_n;
         row == 0
@@ -118,7 +119,7 @@ impl<'a> Force<'a> {
             || (self.is_linear() && force_n.get(row + 1).is_some_and(|next| *next != force_n[row]))
     }
 
-    /// Row ranges of the holds: from one force step to the next. The first range begins at row 0.
+    /// Row ranges of the holds, each from one force step to the next. The first range begins at row 0.
     pub fn holds(self) -> Vec<std::ops::Range<usize>> {
         let mut starts = self.step_rows();
         if starts.first() != Some(&0) {
@@ -128,7 +129,7 @@ impl<'a> Force<'a> {
         starts.iter().zip(ends).map(|(start, end)| *start..end).collect()
     }
 
-    /// Force at the time `at_s` (s), in N. At a jump it is the value after the jump; before the first row it is 0. `time_s` holds the time of every row.
+    /// Force in N at the time `at_s` (s): at a jump the value after the jump, and before the first row 0. `time_s` holds the time of every row, in s.
     pub fn at_n(self, time_s: &[f64], at_s: f64) -> f64 {
         let Some(row) = time_s.partition_point(|&row_s| row_s <= at_s).checked_sub(1) else { return 0.0 };
         let slope = self.slope_n_per_s(time_s, row);
@@ -146,19 +147,20 @@ impl<'a> Force<'a> {
     }
 }
 
-/// Smallest number of rows from which a hold's level is determined.
+/// Smallest number of rows of a hold whose level is determined.
 const LEVEL_ROWS: usize = 3;
-/// A force counts as noisy if it changes at more than this fraction of the rows.
+/// Fraction of rows at which the force must change to count as noisy.
 const CHANGES: f64 = 0.5;
-/// Largest noise standard deviation about a level, as a fraction of the force's range.
+/// Largest noise standard deviation of the force about the level of a hold, as a fraction of the force's range.
 const NOISE_SHARE: f64 = 0.05;
-/// Largest distance of a row from the level of its hold, in standard deviations.
+/// Largest distance of a row's force from the level of its hold, in noise standard deviations.
 const FARTHEST: f64 = 6.0;
-/// Largest difference between the medians of a hold's two halves, in standard errors. A level within as many standard errors of 0 is set to 0.
+/// Largest difference between the medians of a hold's two halves, in standard errors. A level whose distance from 0 is at most this number of
+/// standard errors is set to 0.
 const ERRORS: f64 = 4.0;
 
-/// Returns the force without the sensor's noise: at each row the median of its hold. A median that equals 0 within its error becomes 0. Returns `None` if the
-/// force is not constant within its holds, apart from noise.
+/// Returns the force (N) without the sensor's noise: at each row the median of the row's hold. A median that equals 0 within its error becomes 0. The
+/// result is `None` if the force is not constant within its holds, apart from noise.
 pub(super) fn levels(force_n: &[f64]) -> Option<Vec<f64>> {
     let force = Force::from(&force_n);
     let n_changes = force_n.windows(2).filter(|pair| pair[0] != pair[1]).count();
@@ -191,7 +193,7 @@ pub(super) fn levels(force_n: &[f64]) -> Option<Vec<f64>> {
     Some(made)
 }
 
-/// True if the force is constant in every hold, apart from a sensor's noise.
+/// True if the force (N) is constant in every hold, apart from a sensor's noise.
 pub fn has_noisy_levels(force_n: &[f64]) -> bool {
     levels(force_n).is_some()
 }

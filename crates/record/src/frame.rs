@@ -1,4 +1,4 @@
-//! Zero and direction of positions (formats §1): converts coordinates as written in the table to positions along the force.
+//! Zero and direction of positions (formats §1), and the conversion of coordinates in the table to positions along the force.
 
 use std::path::Path;
 
@@ -11,38 +11,38 @@ use base::toml_input::TomlTable;
 /// Rule for the position that counts as 0.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Zero {
-    /// The zero of the table: positions are used as written.
+    /// Zero of the table: positions are used as written.
     #[default]
     AsWritten,
     /// The first position.
     First,
     /// The median position before the force first acts.
     Rest,
-    /// No zero is known. Positions count from the first one, and the remaining offset is fitted.
+    /// Unknown zero: positions count from the first position, and the remaining offset is fitted.
     Fit,
-    /// This position, in the column's unit.
+    /// Given position, in the column's unit.
     Value(f64),
 }
 
-/// Rule for the direction that counts as forward.
+/// Rule for the direction in which positions count as positive.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Direction {
-    /// Direction in which the numbers grow; for several coordinates, the direction of x.
+    /// Direction in which the numbers in the table grow; for several coordinates, the direction of x.
     Forward,
-    /// The direction in which the numbers fall.
+    /// Direction in which the numbers in the table fall; for several coordinates, the opposite of x.
     Backward,
-    /// This angle in degrees, measured from x towards y.
+    /// Direction at the given angle in degrees, measured from x towards y.
     Degrees(f64),
-    /// The line along which the bead moves most, with the sign of the motion that the force causes.
+    /// Line along which the bead moves most, with the sign of the motion that the force causes.
     Fit,
 }
 
-/// Zero and direction of positions.
+/// Rules for the zero and the direction of positions.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Frame {
-    /// Zero of the positions.
+    /// Rule for the position that counts as 0.
     pub zero: Zero,
-    /// Forward direction.
+    /// Rule for the direction in which positions count as positive.
     pub direction: Direction,
 }
 
@@ -55,7 +55,7 @@ impl Default for Frame {
 /// Conversion that was applied to the coordinates to get positions along the force.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct AppliedFrame {
-    /// Position that was subtracted, in m, for each coordinate.
+    /// Position that was subtracted from each coordinate, in m.
     pub zero_m: Vec<f64>,
     /// True if the sign of a single coordinate was reversed.
     pub is_reversed: bool,
@@ -68,8 +68,8 @@ pub struct AppliedFrame {
 pub struct Projection {
     /// Unit vector of the line, with one component for each coordinate.
     pub axis: Vec<f64>,
-    /// Position across the line in m, for each row; `None` if tracking was lost. In three dimensions it is measured along the direction of largest motion
-    /// across the line.
+    /// Position across the line in m, for each row; `None` if tracking was lost. In three dimensions, it is the position along the direction of
+    /// largest motion across the line.
     pub across_m: Vec<Option<f64>>,
     /// Root mean square motion across the line about its median, in m.
     pub across_rms_m: f64,
@@ -88,24 +88,24 @@ impl std::fmt::Display for Projection {
     }
 }
 
-/// Number of passes of the line fit. Each pass excludes the rows far from the line of the previous pass.
+/// Number of passes of the fit of a line of motion. Each pass excludes the rows far from the line of the previous pass.
 const PASSES: usize = 4;
-/// The line fit excludes rows whose distance from the line exceeds this multiple of the median distance. For normal errors it is six standard deviations.
+/// Multiple of the median distance from the line of motion above which the fit excludes a row. For normal errors, it is six standard deviations.
 const FAR: f64 = 9.0;
-/// Number of squarings of a covariance matrix. They raise its eigenvalues to the power 2⁴⁰, so only nearly equal eigenvalues remain indistinguishable.
+/// Number of squarings of a covariance matrix. They raise its eigenvalues to the power 2⁴⁰, which separates all but nearly equal eigenvalues.
 const SQUARINGS: usize = 40;
-/// Largest delay of the position behind a force log that is tried, in rows.
+/// Largest shift between positions and force that is tried, in rows.
 const MOST_LAGS: usize = 200;
-/// Motion counts as against the force if its negative work exceeds this fraction of the sum of absolute work over all rows.
+/// Fraction of the summed absolute work that the negative work must exceed for a motion against the force.
 const CLEARLY: f64 = 0.2;
 
 impl Frame {
-    /// Reads the frame from `[measurement]`. `n_axes` is the number of coordinates in the table.
+    /// Reads the keys `zero` and `direction` from `[measurement]`. `n_axes` is the number of coordinates in the table.
     pub fn read(measurement: TomlTable<'_>, n_axes: usize) -> Result<Self> {
         Ok(Self { zero: zero(measurement, n_axes)?, direction: direction(measurement, n_axes)? })
     }
 
-    /// Converts a trajectory's coordinates to positions along the force, in place. Returns the applied conversion. Errors name `file`.
+    /// Converts a trajectory's coordinates to positions along the force, in place, and returns the applied conversion. Errors name `file`.
     ///
     /// # Errors
     /// [`Error::Input`] if the frame needs a position that the table lacks.
@@ -154,7 +154,7 @@ impl Frame {
             _ => normal(line_of_motion(&points.iter().map(|point| point.map(off_line)).collect::<Vec<_>>()), axis),
         };
         let across_m = along(first_across);
-        // The third direction, normal to the other two. It exists only for three coordinates.
+        // Direction normal to the line and to `first_across`, which exists only for three coordinates.
         let last_across = [
             axis[1] * first_across[2] - axis[2] * first_across[1],
             axis[2] * first_across[0] - axis[0] * first_across[2],
@@ -182,7 +182,7 @@ impl Frame {
         let at_row = |row: usize| coordinates().map(|positions| positions[row].unwrap_or(0.0)).collect::<Vec<f64>>();
         match self.zero {
             Zero::AsWritten => Ok(vec![0.0; coordinates().count()]),
-            // The first position is close enough to the zero as the centre of a prior. The remaining offset is fitted.
+            // The first position only serves as the centre of a prior, because the remaining offset is fitted.
             Zero::Fit => Ok(at_row(trajectory.position_m.iter().position(Option::is_some).unwrap_or(0))),
             Zero::Value(value) => Ok(vec![trajectory.position_unit_m * value]),
             Zero::First if trajectory.position_m.first().copied().flatten().is_some() => Ok(at_row(0)),
@@ -203,40 +203,41 @@ impl Frame {
     }
 }
 
-/// x, y and z of a row; coordinates that the table lacks are 0.
+/// Coordinates x, y and z of a row; coordinates that the table lacks are 0.
 type SpacePoint = [f64; 3];
 
 fn dot(a: SpacePoint, b: SpacePoint) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// Part of the vector `point` that is normal to the unit vector `axis`.
+/// Component of the vector `point` that is normal to the unit vector `axis`.
 fn without(point: SpacePoint, axis: SpacePoint) -> SpacePoint {
     let along = dot(point, axis);
     [0, 1, 2].map(|k| point[k] - along * axis[k])
 }
 
-/// Median position (m) before the force first acts, in the table's coordinates; `None` if the force acts from the first row on.
+/// Returns the median position (m) before the force first acts, in the table's coordinates; `None` if no row with a position precedes the force.
 pub(super) fn rest_m(force_n: &[f64], position_m: &[Option<f64>]) -> Option<f64> {
     let n_rest = force_n.iter().take_while(|force| **force == 0.0).count();
-    // If the force rises linearly, the bead has already moved at the first row with a force.
+    // The first row with a force does not count, because the bead has already moved there if the force rises linearly.
     median(position_m.iter().take(n_rest).copied().flatten().collect())
 }
 
-/// Work of the force summed over all steps from row to row, and the sum of the absolute work of these steps.
+/// Returns the work of the force summed over all steps from row to row, and the sum of the absolute work of these steps.
 fn work_and_size(force_n: &[f64], position_m: &[Option<f64>]) -> (f64, f64) {
     let moved = position_m.windows(2).zip(force_n).filter_map(|(pair, force)| Some((pair[1]? - pair[0]?, *force)));
     moved.fold((0.0, 0.0), |(work, size), (way, force)| (work + way * force, size + (way * force).abs()))
 }
 
-/// True if the total work of the force is negative and large. Its absolute value must exceed the fraction `share` of the summed absolute work of all rows.
+/// True if the total work of the force is negative, and its absolute value exceeds the fraction `share` of the summed absolute work of all rows.
 pub fn is_work_negative(force_n: &[f64], position_m: &[Option<f64>], share: f64) -> bool {
     let (work, size) = work_and_size(force_n, position_m);
     work < -share * size && work < 0.0
 }
 
-/// True if positions clearly grow against the force, which is impossible for a passive body. The force is first delayed by the lag with the largest absolute
-/// work, up to the largest allowed lag. Without this lag the work would not reveal the sign of a delayed force.
+/// True if positions clearly grow against the force, which is impossible for a passive body. Each step of the position is paired with the force some
+/// rows later, by the shift with the largest absolute work. Without a shift, the work does not show the sign of the motion if force and positions are
+/// not synchronous.
 pub(super) fn moves_against_force(force_n: &[f64], position_m: &[Option<f64>]) -> bool {
     let steps = Force::from(force_n).step_rows();
     let shortest = steps.windows(2).map(|pair| pair[1] - pair[0]).min().unwrap_or(0);
@@ -249,7 +250,7 @@ pub(super) fn moves_against_force(force_n: &[f64], position_m: &[Option<f64>]) -
     best.is_some_and(|share| share < -CLEARLY)
 }
 
-/// Unit vector normal to `axis`, as near to `direction` as possible. If `direction` lies along the axis, any normal vector is returned.
+/// Returns the unit vector normal to `axis` that is nearest to `direction`. If `direction` lies along the axis, any normal unit vector is returned.
 fn normal(direction: SpacePoint, axis: SpacePoint) -> SpacePoint {
     let smallest = (0..3).min_by(|a, b| axis[*a].abs().total_cmp(&axis[*b].abs())).unwrap_or(0);
     let across = without(direction, axis);
@@ -262,7 +263,7 @@ fn normal(direction: SpacePoint, axis: SpacePoint) -> SpacePoint {
     across.map(|x| x / length)
 }
 
-/// Unit vector of the line along which a motion is largest. Rows far from the line do not affect it.
+/// Returns the unit vector of the line along which a motion is largest. Rows far from the line have no influence.
 fn line_of_motion(points: &[Option<SpacePoint>]) -> SpacePoint {
     let mut kept: Vec<SpacePoint> = points.iter().flatten().copied().collect();
     let mut axis = [1.0, 0.0, 0.0];
@@ -291,7 +292,7 @@ fn line_of_motion(points: &[Option<SpacePoint>]) -> SpacePoint {
     axis
 }
 
-/// Unit eigenvector of a symmetric matrix for the largest eigenvalue, by repeated squaring; `None` for a zero matrix.
+/// Returns the unit eigenvector of a symmetric matrix for the largest eigenvalue, by repeated squaring; `None` for a zero matrix.
 fn largest_direction(matrix: [[f64; 3]; 3]) -> Option<SpacePoint> {
     let mut power = matrix;
     for _ in 0..SQUARINGS {
@@ -332,7 +333,7 @@ fn zero(measurement: TomlTable<'_>, n_axes: usize) -> Result<Zero> {
     }
 }
 
-/// Allowed directions, in degrees.
+/// Allowed angles of a direction, in degrees.
 const DEGREES: std::ops::RangeInclusive<f64> = -360.0..=360.0;
 
 fn direction(measurement: TomlTable<'_>, n_axes: usize) -> Result<Direction> {
@@ -367,8 +368,8 @@ fn direction(measurement: TomlTable<'_>, n_axes: usize) -> Result<Direction> {
 mod tests {
     use super::*;
 
-    /// A pull along 30° in the direction of falling coordinates. The bead starts at (2500, 800) µm and oscillates across the pull by 0.5 µm. One row in twenty
-    /// is an outlier across the pull.
+    /// Returns the trajectory of a pull along a line at 30°, in the direction of falling coordinates, and its true positions. The bead starts at
+    /// (2500, 800) µm and oscillates across the pull by 0.5 µm. One row in twenty is an outlier across the pull.
     fn plane() -> (Trajectory, Vec<f64>) {
         let mut trajectory = Trajectory::empty(false, "F", "x");
         let (mut truth, mut y_m) = (Vec::new(), Vec::new());
@@ -392,8 +393,8 @@ mod tests {
         projection.axis[1].atan2(projection.axis[0]).to_degrees()
     }
 
-    /// A pull along (2, −1, 2)/3. The bead oscillates by 0.5 µm along (1, 2, 0)/√5 and by 0.2 µm along (4, −2, −5)/√45. All three directions are normal to each
-    /// other.
+    /// Checks the line of a pull along (2, −1, 2)/3. The bead also oscillates by 0.5 µm along (1, 2, 0)/√5 and by 0.2 µm along (4, −2, −5)/√45. All
+    /// three directions are normal to each other.
     #[test]
     fn a_motion_in_space_becomes_one_along_the_force() {
         let mut trajectory = Trajectory::empty(false, "F", "x");

@@ -1,37 +1,37 @@
-//! Reads `[indenter]`: a tip that is pressed into a viscoelastic half-space. It gives the compliance that converts force to depth (physics §5.1).
+//! Indenter: a tip that is pressed into a viscoelastic half-space, and the compliance that converts its force to depth (physics §5.1).
 
 use std::f64::consts::PI;
 
 use base::error::Result;
 use base::toml_input::TomlTable;
 
-/// A tip that is pressed into a half-space: δ^p = k ∫J dF while the contact grows. Here δ is the depth below the contact point, J the creep compliance and F the
-/// force.
+/// Tip that is pressed into a half-space: δ^p = k ∫J dF while the contact grows. Here δ is the depth below the contact point, p the exponent and k
+/// the compliance of the tip, J the creep compliance and F the force.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Indenter {
-    /// Shape of the tip. It determines the exponent p.
+    /// Shape of the tip, which determines the exponent p.
     pub tip: Tip,
     /// Size of the tip: a sphere's radius in m, a cone's half-angle in rad or a punch's radius in m; `None` if unknown.
     pub size: Option<f64>,
     /// Poisson ratio of the half-space, in (−1, 0.5].
     pub poisson_ratio: f64,
-    /// Stiffness in N/m of the spring that carries the tip. The recorded position minus the spring's deflection is the tip's position. `None` if the record
-    /// gives the tip's position itself.
+    /// Stiffness in N/m of the spring that carries the tip. The tip's position is the recorded position minus the spring's deflection. `None` if the
+    /// record gives the tip's position itself.
     pub cantilever_n_per_m: Option<f64>,
 }
 
 /// Shape of the tip.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Tip {
-    /// A sphere that is much larger than the depth, with p = 3/2.
+    /// Sphere that is much larger than the depth, with the exponent 3/2.
     Sphere,
-    /// A cone, with p = 2.
+    /// Cone, with the exponent 2.
     Cone,
-    /// A flat-ended cylinder, with p = 1.
+    /// Flat-ended cylinder, with the exponent 1.
     Punch,
 }
 
-/// Nominal size of a tip whose size is unknown; moduli are then nominal too.
+/// Radius in m that is assumed for a sphere or punch of unknown size. Moduli then contain an unknown factor.
 const NOMINAL_RADIUS_M: f64 = 1e-6;
 const NOMINAL_HALF_ANGLE_RAD: f64 = 0.25 * PI;
 /// Allowed radii of tips in m: from a nanometre to a metre.
@@ -40,7 +40,7 @@ const RADII_M: [f64; 2] = [1e-9, 1.0];
 const HALF_ANGLES_DEG: [f64; 2] = [1.0, 89.0];
 /// Allowed stiffnesses of springs in N/m: from an optical trap to a testing machine.
 const STIFFNESSES_N_PER_M: [f64; 2] = [1e-9, 1e12];
-/// Default Poisson ratio: that of gels and soft tissue, which keep their volume.
+/// Default Poisson ratio, that of gels and soft tissue, which keep their volume.
 const INCOMPRESSIBLE: f64 = 0.5;
 
 const KEYS: [&str; 7] = [
@@ -54,10 +54,10 @@ const KEYS: [&str; 7] = [
 ];
 
 impl Tip {
-    /// All shapes.
+    /// All shapes of tips.
     pub const ALL: [Self; 3] = [Self::Sphere, Self::Cone, Self::Punch];
 
-    /// Exponent p of δ^p = k ∫J dF.
+    /// Exponent p of the tip: the depth to the power p is proportional to the force in an elastic half-space.
     pub fn exponent(self) -> f64 {
         match self {
             Self::Sphere => 1.5,
@@ -75,7 +75,7 @@ impl Tip {
         }
     }
 
-    /// Keys of `[indenter]` that may give the size of this shape.
+    /// Keys of `[indenter]` that may give the size of a tip of this shape.
     fn size_keys(self) -> &'static [&'static str] {
         match self {
             Self::Sphere => &["tip_radius_um", "tip_radius_mm"],
@@ -84,7 +84,7 @@ impl Tip {
         }
     }
 
-    /// Converts the value of a size key to SI units: a radius in m, or a half-angle in rad.
+    /// Converts the value of the size key `key` to SI units: a radius in m, or a half-angle in rad.
     fn size_from(self, table: TomlTable<'_>, key: &str, value: f64) -> Result<f64> {
         match self {
             Self::Cone => Ok(table.require_range(key, value, HALF_ANGLES_DEG)?.to_radians()),
@@ -121,7 +121,7 @@ impl Indenter {
                 ));
             }
             if size.replace(tip.size_from(table, key, value)?).is_some() {
-                return Err(table.refuse(key, "the tip's size is given twice, by two keys", "keep one of them"));
+                return Err(table.refuse(key, "the tip's size is given twice, by two keys", "keep only one key"));
             }
         }
         let poisson_ratio = table.number("poisson_ratio")?.unwrap_or(INCOMPRESSIBLE);
@@ -139,13 +139,14 @@ impl Indenter {
         Ok(Self { tip, size, poisson_ratio, cantilever_n_per_m })
     }
 
-    /// Exponent p of δ^p = k ∫J dF.
+    /// Exponent p of the tip: the depth to the power p is proportional to the force in an elastic half-space.
     pub fn exponent(&self) -> f64 {
         self.tip.exponent()
     }
 
-    /// Compliance k of δ^p = k ∫J dF in m^(p−2), with J in 1/Pa and F in N. It is Hertz's 3(1−ν²)/(4√R) for a sphere, Sneddon's π(1−ν²)/(2 tan α) for a cone
-    /// and (1−ν²)/(2a) for a punch (Sneddon 1965, doi:10.1016/0020-7225(65)90019-4). An unknown size is replaced by a radius of 1 µm or a half-angle of 45°.
+    /// Compliance k of the tip in m^(p−2), defined by δ^p = k ∫J dF with the depth δ, the exponent p, the creep compliance J and the force F. For the
+    /// Poisson ratio ν, k is 3(1−ν²)/(4√R) for a sphere of radius R (Hertz), π(1−ν²)/(2 tan α) for a cone of half-angle α and (1−ν²)/(2a) for a punch
+    /// of radius a (Sneddon 1965, doi:10.1016/0020-7225(65)90019-4). An unknown size is replaced by a radius of 1 µm or a half-angle of 45°.
     pub fn compliance(&self) -> f64 {
         let plane = 1.0 - self.poisson_ratio * self.poisson_ratio;
         let radius_m = self.size.unwrap_or(NOMINAL_RADIUS_M);
@@ -169,7 +170,7 @@ impl Indenter {
         lines.join("\n") + "\n"
     }
 
-    /// Text of the nominal size for messages, if the size is unknown; `None` if the size is known.
+    /// Text that names the assumed size of a tip of unknown size, for messages; `None` if the size is known.
     pub(super) fn nominal_size(&self) -> Option<&'static str> {
         match (self.size, self.tip) {
             (Some(_), _) => None,
@@ -190,8 +191,8 @@ mod tests {
         Indenter::from_table(document.root().required_table("indenter").unwrap())
     }
 
-    /// The formulas of Hertz (sphere), Sneddon (cone) and the punch, written by hand as force over depth. For J = 1/E, the model must return the depth that
-    /// each force was computed from.
+    /// Compares depths with the formulas of Hertz (sphere) and Sneddon (cone and punch), written by hand as force over depth. For an elastic
+    /// half-space, the indenter must return the depth from which each force was computed.
     #[test]
     fn closed_forms_give_the_depth() {
         let depth_m = |lines: &str, young_pa: f64, force_n: f64| {

@@ -1,4 +1,4 @@
-//! Reads the files of an experiment, for a creep record or an oscillation.
+//! Reading of an experiment's files, for a creep record or an oscillation.
 
 use std::path::{Path, PathBuf};
 
@@ -9,14 +9,14 @@ use base::error::Result;
 use base::files::{self, Content};
 use base::toml_input::TomlTable;
 
-/// Value of `kind` for an oscillation.
+/// Value of the key `kind` for an oscillation.
 pub const OSCILLATION: &str = "oscillation";
-/// Value of `kind` for creep and every other record of force and position. It is the default.
+/// Value of the key `kind` for creep and every other record of force and position, which is the default.
 const CREEP: &str = "creep";
 /// Value of `kind` for a record with a commanded position and a measured force.
 pub const RELAXATION: &str = "relaxation";
 
-/// Files of an experiment as unchanged bytes, with the reader's notes and interpretation.
+/// Files of an experiment as unchanged bytes, with the notes and the interpretation of the program that read them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ExperimentFiles {
     /// File name of the TOML, usually `experiment.toml`.
@@ -29,26 +29,26 @@ pub struct ExperimentFiles {
     pub csv_bytes: Vec<u8>,
     /// Path and bytes of the separate force log; `None` without a log, or if the log is in the CSV.
     pub log_file: Option<(String, Vec<u8>)>,
-    /// Notes to the user on how the data were read.
+    /// Notes to the user on the data and on how they were read.
     pub notes: Vec<Note>,
-    /// Reader's interpretation of the description in the TOML file.
+    /// Choices that the reader made from the description in the TOML file.
     pub interpretation: Interpretation,
 }
 
-/// Reader's interpretation of an experiment's description. Checks compare it with the rows.
+/// Choices that the reader made from an experiment's description. Checks compare them with the rows.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Interpretation {
     /// True if `force` in `[measurement]` or `[actuation]` gives the rule for the force between rows.
     pub force_rule_given: bool,
-    /// Conversion from the table's coordinates to positions along the force.
+    /// Conversion of the table's coordinates to positions along the force.
     pub settled: AppliedFrame,
     /// Number of positions excluded by the key `left_out_s`.
     pub n_left_out: usize,
-    /// Columns that no key names, but whose values follow the position.
+    /// Columns that no key names, but whose values are correlated with the position.
     pub unread: Vec<UnreadColumn>,
 }
 
-/// Name of a directory with an experiment, for messages.
+/// Description of a directory with an experiment, for messages.
 const WHAT: &str = "an experiment";
 
 /// Returns the path and bytes of an experiment's TOML file. `path` is the experiment's directory or the TOML file itself.
@@ -61,7 +61,7 @@ pub(super) fn read_toml(path: &Path) -> Result<(PathBuf, Vec<u8>)> {
     Ok((path.join(name), files::read_inside(path, name, WHAT, Content::Settings, remedy)?))
 }
 
-/// Reads the bytes of a table that the TOML file names. The table must lie in the TOML file's directory, also after symbolic links are resolved.
+/// Reads the bytes of a table that the TOML file names. After symbolic links are resolved, the table must lie in the TOML file's directory.
 pub(super) fn read_table(toml_path: &Path, name: &str, remedy: &str) -> Result<Vec<u8>> {
     files::read_inside(files::folder_of(toml_path), name, WHAT, Content::Table, remedy)
 }
@@ -95,7 +95,7 @@ pub(super) fn measurement_kind(root: TomlTable<'_>, measurement: TomlTable<'_>) 
     Ok(found)
 }
 
-/// Reads the path of a table, and checks that it stays inside the TOML file's directory. A study copies both files into one directory.
+/// Reads the path of a table, and checks that it stays inside the TOML file's directory, because a study copies both files into one directory.
 pub(super) fn plain_path(table: TomlTable<'_>, example: &str) -> Result<String> {
     let name = table.required_text("file", &format!("file = \"{example}\""))?;
     let inside = Path::new(&name).components().all(|part| matches!(part, std::path::Component::Normal(_)));

@@ -1,6 +1,6 @@
-//! The measurement: apparatus, commanded force, positions and cycles (formats §1).
+//! Measured data of an experiment: apparatus, commanded force, positions and cycles (formats §1).
 //!
-//! [`Experiment::read`] reads and checks an experiment. Its data are complete and in SI units.
+//! [`Experiment::read`] reads and checks an experiment, whose data are then complete and in SI units.
 
 mod actuation;
 mod apparatus;
@@ -44,22 +44,22 @@ pub use times::TimeRules;
 pub struct Experiment {
     /// Specimen identifier, `[specimen] id`.
     pub specimen_id: String,
-    /// Species as free text. It can define groups.
+    /// Species of the specimen, as free text. It can define the groups of a cohort.
     pub species: Option<String>,
-    /// Region of the eye as free text. It can define groups.
+    /// Region of the eye, as free text. It can define the groups of a cohort.
     pub region: Option<String>,
     /// Apparatus on which the force acts and whose position is measured.
     pub apparatus: Apparatus,
     /// Record of the commanded force and the measured position over time.
     pub record: Record,
-    /// Cycles that the base model is fitted to.
+    /// Cycles from which the parameters of the base model are estimated.
     pub calibration_cycles: Vec<u32>,
     /// Held-out cycles, which no fit of the base model uses.
     pub heldout_cycles: Vec<u32>,
     /// Known noise standard deviation of the measured position, in m; `None` if it is not given.
     pub noise_sd_m: Option<f64>,
-    /// True if the recorded position has an unknown offset. Every model of the experiment then has it as a nuisance parameter. For an indenter it is the
-    /// contact point.
+    /// True if the recorded position has an unknown offset, which every model of the experiment then has as a nuisance parameter. For an indenter the
+    /// offset is the contact point.
     pub fits_position_offset: bool,
     /// Source of the data: synthetic or measured.
     pub source: String,
@@ -68,8 +68,8 @@ pub struct Experiment {
 }
 
 impl Experiment {
-    /// Returns the experiment with other cycles, for comparing revisions (formats §4). Only the last held-out cycle is scored, and all other cycles are fitted.
-    /// If no cycle is held out, all are fitted and none is scored.
+    /// Returns the experiment with the cycles for the comparison of revisions (formats §4). Only the last held-out cycle is scored, and all other
+    /// cycles are fitted. If no cycle is held out, all cycles are fitted and none is scored.
     pub fn for_comparison(&self) -> Self {
         let scored = self.heldout_cycles.iter().copied().max();
         let all = self.calibration_cycles.iter().chain(&self.heldout_cycles).copied();

@@ -1,18 +1,18 @@
 //! Least-squares fit of a straight line.
 
-/// A straight line fitted to values x over times t: x = mean + slope (t − mean time).
+/// Least-squares line through values x over times t: x = mean + slope (t − mean time).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MotionLine {
     mean_s: f64,
     mean: f64,
-    /// Slope of the line, in units of x per second.
+    /// Slope of the line, in units of the values per second.
     pub slope_per_s: f64,
-    /// Σ (t − mean time)² in s². The variance of the slope is the variance of one x divided by this sum.
+    /// Sum Σ (t − mean time)² over the points' times t, in s². The variance of the slope is the variance of one value, divided by this sum.
     pub spread_s2: f64,
 }
 
 impl MotionLine {
-    /// Fits a line to points (time in s, value in any unit). At least two times must differ.
+    /// Fits a line to points, each a time in s and a value in any unit. At least two times must differ.
     pub fn through(points: impl Iterator<Item = (f64, f64)> + Clone) -> Self {
         let n = points.clone().count() as f64;
         let mean_s = points.clone().map(|(t, _)| t).sum::<f64>() / n;
@@ -27,7 +27,7 @@ impl MotionLine {
         self.mean + self.slope_per_s * (time_s - self.mean_s)
     }
 
-    /// Difference between a value and the line at its time. The argument is a point (time in s, value).
+    /// Residual of a point: its value minus the line at its time. The point is a time in s and a value.
     pub fn excess(&self, (time_s, value): (f64, f64)) -> f64 {
         value - self.mean - self.slope_per_s * (time_s - self.mean_s)
     }
@@ -37,7 +37,7 @@ impl MotionLine {
 mod tests {
     use super::*;
 
-    /// Normal equations solved by hand: t = 0, 1, 3 and x = 1, 2, 6 give x = 5/7 + 12/7 t.
+    /// Compares a line with normal equations solved by hand: t = 0, 1, 3 and x = 1, 2, 6 give x = 5/7 + 12/7 t.
     #[test]
     fn the_normal_equations_hold() {
         let points = [(0.0, 1.0), (1.0, 2.0), (3.0, 6.0)];

@@ -1,22 +1,24 @@
-//! Finds values that a tracker writes for lost positions, such as −9999 or 0. Such a value repeats, far from the positions in the rows around it.
+//! Search for values that a tracker writes for lost positions, such as −9999 or 0. Such a value repeats, far from the positions in the rows around
+//! it.
 
 use std::collections::HashMap;
 
 use super::robust::median;
 
-/// A value counts as a lost position if enough of its rows are far from their neighbours: at least `FEWEST`, and at least the fraction `MOSTLY`.
+/// Thresholds for a value to count as a lost position. At least `FEWEST` of its rows, and at least the fraction `MOSTLY`, must be far from the
+/// neighbouring rows.
 const FEWEST: usize = 3;
 const MOSTLY: f64 = 0.5;
-/// Smallest distance of a lost position from its neighbouring rows. It is `STEPS` median steps between rows, `DIGITS` steps of the last written digit, or
-/// `FLOWS` times the distance between these rows, whichever is largest.
+/// Factors for the smallest distance of a lost position from its neighbouring rows. It is the largest of three distances: `STEPS` median steps
+/// between rows, `DIGITS` steps of the last written digit, and `FLOWS` times the distance between the neighbouring rows.
 const STEPS: f64 = 20.0;
 const DIGITS: f64 = 20.0;
 const FLOWS: f64 = 5.0;
-/// Largest number of consecutive rows in which a lost position may repeat. In longer runs the body is at rest there. The exception is a value that lies outside
-/// all others by more than their range.
+/// Largest number of consecutive rows in which a lost position may repeat. In longer runs the body is at rest, unless the value lies outside all
+/// other values by more than their range.
 const LONGEST: usize = 10;
 
-/// Returns the values that repeat and are mostly far from the rows before and after. They are in the unit of the positions, in ascending order.
+/// Returns the values that repeat and are mostly far from the rows before and after, in ascending order and in the unit of the positions.
 pub fn repeated_outliers(positions: &[Option<f64>]) -> Vec<f64> {
     let known: Vec<f64> = positions.iter().flatten().copied().collect();
     let mut rows: HashMap<u64, Vec<usize>> = HashMap::new();
@@ -70,7 +72,7 @@ mod tests {
         if row % 400 < 200 { 700.0 * (1.0 - (-t / 20.0).exp()) } else { 700.0 * (-t / 20.0).exp() }
     }
 
-    /// Deterministic noise between −1 and 1: multiples of an irrational number, modulo 1, are uniformly distributed.
+    /// Returns deterministic noise between −1 and 1: multiples of an irrational number, modulo 1, are uniformly distributed.
     fn noise(row: usize) -> f64 {
         2.0 * (row as f64 * 0.754_877_666).fract() - 1.0
     }
@@ -84,7 +86,7 @@ mod tests {
         }
     }
 
-    /// A value beyond all others counts as a lost position, however many consecutive rows contain it. Here runs have 30 rows.
+    /// Checks that a value far outside all others counts as a lost position in runs of any length, here 30 rows.
     #[test]
     fn long_bursts_of_a_value_beyond_all_others_are_found() {
         let positions: Vec<Option<f64>> =
@@ -92,12 +94,12 @@ mod tests {
         assert_eq!(repeated_outliers(&positions), [-9999.0]);
     }
 
-    /// A body rests at exactly 0 in half of the rows, and tracking is lost in a few other rows. Then 0 counts as a position.
+    /// Checks that 0 counts as a position if a body rests at exactly 0 in half of the rows, and tracking is lost in a few other rows.
     #[test]
     fn a_value_that_is_mostly_a_position_is_kept() {
         let phase = |row: usize| (row % 100) as f64 / 100.0;
         let rises = |row: usize| 300.0 + 400.0 * (1.0 - (-5.0 * phase(row)).exp());
-        // The motion ends where it began, so a rest resembles a run of lost rows.
+        // The motion ends at its first position, so a rest resembles a run of lost rows.
         let returns = |row: usize| 300.0 + 400.0 * (std::f64::consts::PI * phase(row)).sin();
         for pulled in [&rises as &dyn Fn(usize) -> f64, &returns] {
             let at = |row: usize| if row % 200 < 100 { 0.0 } else { pulled(row) + noise(row) };

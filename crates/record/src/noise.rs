@@ -1,82 +1,86 @@
-//! Noise standard deviation that residuals are compared with (formats §4). It is given by the user, or estimated from rests or from neighbouring rows.
+//! Noise standard deviation with which residuals are compared (formats §4). It is given by the user, or estimated from rests or from neighbouring
+//! rows.
 
 use super::Experiment;
 use super::line::MotionLine;
 use super::record::Record;
 use super::robust::median;
 
-/// Noise standard deviation that residuals are compared with, and its source.
+/// Noise standard deviation with which residuals are compared, and its source.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ReferenceNoise {
     /// Standard deviation of a single position's error, in m.
     pub sd_m: f64,
-    /// Source of `sd_m`.
+    /// Source of the standard deviation.
     pub origin: NoiseOrigin,
 }
 
-/// Source of a [`ReferenceNoise`].
+/// Source of the noise standard deviation in a [`ReferenceNoise`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum NoiseOrigin {
     /// Given by the user as `measurement.noise_um`.
     Known,
-    /// Estimated from positions at rest: before the first force, and about a straight line late in long rests.
+    /// Estimated from positions at rest: before the first force, and late in long rests, where residuals from a straight line count.
     ///
-    /// This estimate is preferred because it includes slow noise with correlation times up to the length of a window. If the bead's recovery is still curved,
-    /// the estimate is too large.
+    /// This estimate is preferred because it includes slow noise with correlation times up to the length of a rest. If the bead's recovery is still
+    /// curved, the estimate is too large.
     Rest {
         /// Number of positions used.
         n_positions: usize,
-        /// Number of windows of rows that contain these positions.
+        /// Number of rests that contain these positions.
         n_windows: usize,
-        /// Estimate from neighbouring rows for comparison, in m. If it is much smaller, the noise is correlated in time.
+        /// Noise standard deviation estimated from neighbouring rows, for comparison, in m. If it is much smaller than the estimate from rests, the
+        /// noise is correlated in time.
         short_lag_sd_m: Option<f64>,
     },
-    /// Estimated from neighbouring rows: the scaled median absolute deviation of each position from a polynomial through its neighbours. Only rows late in each
-    /// hold count. The polynomial is a line, unless a higher order leaves clearly smaller deviations.
+    /// Estimated from neighbouring rows: the scaled median absolute deviation of positions from polynomials through their neighbours. Only rows late
+    /// in each hold count, if there are enough. The polynomial is a line, unless a higher order gives clearly smaller deviations.
     ///
     /// The estimate assumes independent Gaussian errors. If the errors have correlations r₁, r₂ at one and two samples, the estimate is multiplied by √(1 −
     /// 4r₁/3 + r₂/3). Smooth noise is therefore underestimated. Curvature of the true motion increases the estimate.
     ShortLag {
-        /// Number of deviations that the median is taken over.
+        /// Number of deviations whose median is used.
         n_differences: usize,
     },
 }
 
 pub use super::robust::SD_PER_MAD;
-/// Fraction of each hold's duration after which the motion is assumed to be smooth.
+/// Fraction of a hold's duration after which the motion is assumed to be smooth.
 const EARLY_FRACTION: f64 = 0.5;
 /// Fraction of a rest's duration after which the bead is assumed to be at rest.
 pub const RECOVERY_FRACTION: f64 = 0.75;
-/// A gap separates two neighbouring rows if their time difference exceeds this multiple of the median interval.
+/// Multiple of the median interval between rows above which an interval counts as a gap.
 const GAP_INTERVALS: f64 = 2.5;
-/// Number of neighbours that define a line. A position's deviation is measured from this line.
+/// Number of neighbours that define a line, from which a position's deviation is measured.
 const LINE: usize = 2;
-/// Largest number of neighbours that define a polynomial. A position's deviation is measured from this polynomial.
+/// Largest number of neighbours that define a polynomial, from which a position's deviation is measured.
 const MOST_ORDER: usize = 5;
-/// Deviations count as noise only if more than this fraction of neighbouring deviations have opposite signs.
+/// Fraction of neighbouring deviations that must have opposite signs for the deviations to count as noise.
 const TURNS: f64 = 0.5;
-/// Deviations count as noise only if their standard deviation exceeds this fraction of the positions' range.
+/// Fraction of the positions' range that the standard deviation of deviations must exceed to count as noise.
 const NOISELESS: f64 = 1e-7;
-/// Largest ratio of the longest to the shortest interval between rows in one window.
+/// Largest ratio of the longest to the shortest interval between the rows of one polynomial.
 const UNEVEN: f64 = 4.0;
-/// Standard error of a scaled median absolute deviation of n correlated deviations, relative and times √n. A polynomial order is rejected if its deviation
-/// exceeds that of the next order by `ORDER_ERRORS` standard errors.
+/// Relative standard error of a scaled median absolute deviation of n correlated deviations, multiplied by √n. A polynomial order is rejected if its
+/// deviation exceeds that of the next order by `ORDER_ERRORS` standard errors.
 const MAD_ERROR: f64 = 1.65;
 const ORDER_ERRORS: f64 = 3.0;
-/// Criteria for the digital step between written positions. There must be at least `FEWEST_GAPS` gaps between unequal positions in ascending order. The
-/// smallest gap is divided by integers up to `WIDEST_GAP`. Gaps must be multiples of the step, within the fraction `DIVISIBLE` of it. For positions without a
-/// step, 8 gaps pass one of 1,000 trials with probability 1000 (2·10⁻³)⁷.
+/// Criteria for the digital step between written positions. At least `FEWEST_GAPS` gaps must lie between unequal positions in ascending order. Trial
+/// steps are the smallest gap divided by integers up to `WIDEST_GAP`. All gaps must be multiples of the step, within the fraction `DIVISIBLE` of a
+/// step. For positions without a step, 8 gaps pass one of 1,000 trials with probability 1000 (2·10⁻³)⁷.
 const FEWEST_GAPS: usize = 8;
 const WIDEST_GAP: u32 = 1_000;
 const DIVISIBLE: f64 = 1e-3;
-/// Standard deviations beyond which a position at rest is an outlier. For normal errors the probability is 2·10⁻⁹.
+/// Number of standard deviations beyond which a position at rest is an outlier. For normal errors the probability is 2·10⁻⁹.
 const FAR_SDS: f64 = 6.0;
 /// Number of passes that exclude outliers at rest.
 const PASSES: usize = 6;
-/// A position is an outlier if it exceeds both limits: `OUTLIER_SDS` standard deviations, and `OUTLIER_FLOWS` times the distance between its neighbouring rows.
+/// Factors for the distance at which a position is an outlier. The distance must exceed `OUTLIER_SDS` standard deviations, and `OUTLIER_FLOWS` times
+/// the distance between the neighbouring rows.
 const OUTLIER_SDS: f64 = 20.0;
 const OUTLIER_FLOWS: f64 = 3.0;
-/// Around an outlier the force must be steady: over `AROUND` rows before and after, it changes by at most the fraction `STEADY` of its range.
+/// Conditions for a steady force around an outlier. Over `AROUND` rows before and after it, the force changes by at most the fraction `STEADY` of its
+/// range.
 const AROUND: usize = 3;
 const STEADY: f64 = 0.05;
 pub const MIN_DIFFERENCES: usize = 8;
@@ -86,8 +90,8 @@ pub const MIN_REST_POSITIONS: usize = 20;
 pub const NO_FORCE_FRACTION: f64 = 0.01;
 
 impl Experiment {
-    /// Returns the noise that residuals are compared with. It is `noise_um` if given, otherwise the estimate from rests, otherwise the estimate from
-    /// neighbouring rows. `None` if the record has too few positions.
+    /// Returns the noise standard deviation with which residuals are compared, and its source. It is `noise_um` if given, otherwise the estimate from
+    /// rests, otherwise the estimate from neighbouring rows. `None` if the record has too few positions.
     pub fn reference_noise(&self) -> Option<ReferenceNoise> {
         match self.noise_sd_m {
             Some(sd_m) => Some(ReferenceNoise { sd_m, origin: NoiseOrigin::Known }),
@@ -112,7 +116,7 @@ impl std::fmt::Display for ReferenceNoise {
 }
 
 fn estimate(record: &Record) -> Option<ReferenceNoise> {
-    // Rounded positions of a smooth motion may lie on lines to the last digit. Their rounding errors still count as noise.
+    // Rounded positions of a smooth motion may lie exactly on lines. Their rounding errors still count as noise.
     let rounding_sd_m = written_step_m(record).map_or(0.0, |step_m| step_m / 12_f64.sqrt());
     let short_lag = short_lag(record).map(|(sd_m, n_differences)| (sd_m.max(rounding_sd_m), n_differences));
     let rest = rest_residuals(record);
@@ -126,8 +130,8 @@ fn estimate(record: &Record) -> Option<ReferenceNoise> {
     Some(ReferenceNoise { sd_m, origin: NoiseOrigin::ShortLag { n_differences } })
 }
 
-/// Estimates the noise from neighbouring rows. Returns its standard deviation (m) and the number of deviations used. Only rows late in each hold count, unless
-/// these are too few.
+/// Estimates the noise from neighbouring rows. Returns the noise standard deviation (m) and the number of deviations used. Only rows late in each
+/// hold count, unless they are too few.
 fn short_lag(record: &Record) -> Option<(f64, usize)> {
     let ends = record.position_m.iter().flatten();
     let [low_m, high_m] = ends.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(*x), high.max(*x)]);
@@ -147,19 +151,20 @@ fn short_lag(record: &Record) -> Option<(f64, usize)> {
         let mut best = line;
         for order in LINE + 1..=MOST_ORDER {
             let Some(next) = found(order) else { break };
-            // The next order also removes the curvature of the motion that the deviations of this order still contain.
+            // A higher order is chosen only if its deviations are clearly smaller, because the deviations of this order then still contain curvature
+            // of the motion.
             if best.0 <= next.0 * (1.0 + ORDER_ERRORS * MAD_ERROR / (next.1 as f64).sqrt()) {
                 break;
             }
             best = next;
         }
-        // A motion that is smooth to the last digit has no detectable noise.
+        // If the motion is smooth to the last digit, the best order's deviations are no noise, and the line's deviations are used.
         let (sd_m, n_deviations, _) = if best.2 { best } else { line };
         Some((sd_m, n_deviations))
     })
 }
 
-/// Digital step (m) between written positions: the largest number that divides all their differences. `None` without such a step.
+/// Returns the digital step (m) between written positions: the largest number that divides all their differences. `None` without such a step.
 fn written_step_m(record: &Record) -> Option<f64> {
     let mut sorted: Vec<f64> = record.position_m.iter().flatten().copied().collect();
     sorted.sort_unstable_by(f64::total_cmp);
@@ -179,19 +184,19 @@ fn written_step_m(record: &Record) -> Option<f64> {
     };
     // The smallest gap between positions may be several steps wide.
     let steps = (1..=WIDEST_GAP).map(|parts| smallest / f64::from(parts));
-    // Below this size, every number is a multiple of the step within rounding.
+    // Trial steps end where rounding errors make every number a multiple of the step.
     let step = steps.take_while(|step| rounding < DIVISIBLE * step).find(|step| is_step(*step))?;
     // The mean over the whole range has the smallest rounding error.
     let n_steps: f64 = gaps.iter().map(|gap| (gap / step).round()).sum();
     Some(gaps.iter().sum::<f64>() / n_steps)
 }
 
-/// Row ranges of the holds between force steps.
+/// Row ranges of the record's holds, each from one force step to the next.
 pub fn holds(record: &Record) -> Vec<std::ops::Range<usize>> {
     record.force().holds()
 }
 
-/// Rows of a hold that have a position and come after the fraction `fraction` of the hold's duration.
+/// Indices of the rows of a hold that have a position and come after the fraction `fraction` of the hold's duration.
 pub fn late_rows(record: &Record, hold: &std::ops::Range<usize>, fraction: f64) -> Vec<usize> {
     let (start_s, end_s) = (record.time_s[hold.start], record.time_s[hold.end - 1]);
     let late = |row: &usize| record.time_s[*row] >= start_s + fraction * (end_s - start_s);
@@ -202,7 +207,8 @@ fn points(record: &Record, rows: &[usize]) -> Vec<(f64, f64)> {
     rows.iter().filter_map(|row| Some((record.time_s[*row], record.position_m[*row]?))).collect()
 }
 
-/// Deviation of each position from the line through its two neighbours, late in each hold. It is scaled to the standard deviation of one position.
+/// Deviations (m) of positions from the line through their two neighbours, late in each hold. They are scaled to the standard deviation of one
+/// position.
 pub fn second_differences(record: &Record) -> Vec<f64> {
     let longest_s = GAP_INTERVALS * record.median_interval_s().unwrap_or(0.0);
     let mut differences = Vec::new();
@@ -220,8 +226,8 @@ pub fn second_differences(record: &Record) -> Vec<f64> {
     differences
 }
 
-/// Deviation of each position from a polynomial through its `order` neighbours. It is a divided difference, scaled to the standard deviation of one position.
-/// Only rows after the fraction `fraction` of each hold count. The row spacing may vary slowly.
+/// Deviations (m) of positions from the polynomial through their `order` neighbours. They are divided differences, scaled to the standard deviation
+/// of one position. Only rows after the fraction `fraction` of each hold count. The row spacing may vary slowly.
 fn local_deviations(record: &Record, order: usize, fraction: f64) -> Vec<f64> {
     let mut deviations = Vec::new();
     for hold in holds(record) {
@@ -247,21 +253,21 @@ fn local_deviations(record: &Record, order: usize, fraction: f64) -> Vec<f64> {
     deviations
 }
 
-/// A single position that is far from the positions in its neighbouring rows.
+/// Single position that is far from the positions in its neighbouring rows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Outlier {
     /// Index of the row, from 0.
     pub row: usize,
-    /// Distance of the position from the line through the neighbouring rows, in m.
+    /// Signed distance of the position from the line through the neighbouring rows, in m.
     pub distance_m: f64,
 }
 
-/// Returns single positions that lie many standard deviations from their neighbouring rows, and farther than the motion explains.
+/// Returns the single positions that are many noise standard deviations from their neighbouring rows, and farther than the motion explains.
 pub fn outliers(record: &Record) -> Vec<Outlier> {
     let Some((sd_m, _)) = short_lag(record) else { return Vec::new() };
     let rows: Vec<usize> = (0..record.n_rows()).filter(|row| record.position_m[*row].is_some()).collect();
     let at = |place: usize| (record.time_s[rows[place]], record.position_m[rows[place]].unwrap_or(0.0));
-    // Distance from the line through rows `a` and `b`. At an end of the record the line is extrapolated.
+    // This function returns the distance from the line through rows `a` and `b`, which is extrapolated at an end of the record.
     let distance = |place: usize, a: usize, b: usize| {
         let ((t, x), (ta, xa), (tb, xb)) = (at(place), at(a), at(b));
         let weight = (t - ta) / (tb - ta);
@@ -322,7 +328,8 @@ fn rest_residuals(record: &Record) -> RestResiduals {
     rest
 }
 
-/// Sum of squared residuals about the least-squares line, and the number of points that are not outliers. Points are (time, position); outliers do not count.
+/// Returns the sum of squared residuals about the least-squares line without outliers, and the number of points that are not outliers. Each point is
+/// a time and a position.
 fn squares_about_line(points: &[(f64, f64)]) -> (f64, usize) {
     let mut kept = points.to_vec();
     for _ in 0..PASSES {
@@ -347,14 +354,14 @@ mod tests {
 
     const NOISE_M: f64 = 4e-6;
 
-    /// Displacement (m) under a constant force after the time `t_s`. It has the porcine time scales (physics §2), an amplitude of 0.7 mm and a flow rate of
-    /// 0.05 mm/s.
+    /// Returns the displacement (m) under a constant force after the time `t_s`, with the time scales of a porcine gel (physics §2), an amplitude of
+    /// 0.7 mm and a flow rate of 0.05 mm/s.
     fn creep_m(t_s: f64) -> f64 {
         if t_s <= 0.0 { 0.0 } else { 0.7e-3 * (1.0 - (-t_s / 0.4).exp()) + 0.05e-3 * t_s }
     }
 
-    /// Record of holds given by (duration, force), sampled at 20 Hz at irregular times with lost positions. Its positions are superposed creep plus white
-    /// noise.
+    /// Returns a record of holds given by duration and force, sampled at 20 Hz at irregular times with lost positions. The positions are superposed
+    /// creep plus white noise.
     fn noisy(holds: &[(f64, f64)], seed: u64) -> Record {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
         let noise = Normal::new(0.0, NOISE_M).unwrap();
@@ -377,8 +384,9 @@ mod tests {
         record
     }
 
-    /// Four cycles give 400 deviations late in their holds. The median absolute deviation has a standard error near 6 %, because three neighbouring deviations
-    /// are correlated. The creep's curvature adds a few per cent. Limits of ±30 % are five standard errors, so false failures are below 1e-6.
+    /// Checks the estimate from neighbouring rows. Four cycles give 400 deviations late in their holds. The median absolute deviation has a standard
+    /// error near 6 %, because three neighbouring deviations are correlated. The creep's curvature adds a few per cent. Limits of ±30 % are five
+    /// standard errors, so false failures are below 1e-6.
     #[test]
     fn short_lags_find_the_noise_under_creep() {
         let found = estimate(&noisy(&[(5.0, 1.0), (5.0, -1.0)].repeat(4), 11)).unwrap();
@@ -386,7 +394,8 @@ mod tests {
         assert!((found.sd_m / NOISE_M - 1.0).abs() < 0.3, "{found}");
     }
 
-    /// About 190 positions before the force give a standard error of 5 %. Limits of ±26 % fail falsely below 1e-6.
+    /// Checks the estimate from the rest before the force. About 190 positions give a standard error of 5 %. Limits of ±26 % fail falsely with a
+    /// probability below 1e-6.
     #[test]
     fn a_rest_before_the_first_force_finds_the_noise() {
         let found = estimate(&noisy(&[(10.0, 0.0), (5.0, 1.0), (5.0, -1.0)], 12)).unwrap();
@@ -394,7 +403,7 @@ mod tests {
         assert!((found.sd_m / NOISE_M - 1.0).abs() < 0.26, "{found}");
     }
 
-    /// The last quarters of three rests of 20 s have 280 positions and give a standard error of 4.3 %.
+    /// Checks the estimate from rests between loads. The last quarters of three rests of 20 s have 280 positions and give a standard error of 4.3 %.
     #[test]
     fn late_rests_find_the_noise_after_recovery() {
         let found = estimate(&noisy(&[(5.0, 1.0), (20.0, 0.0)].repeat(3), 13)).unwrap();
@@ -402,8 +411,8 @@ mod tests {
         assert!((found.sd_m / NOISE_M - 1.0).abs() < 0.25, "{found}");
     }
 
-    /// Positions of a motion without noise are rounded to 0.1 µm; the zero is no multiple of the step. The estimate must be the rounding error. Positions with
-    /// digits finer than the noise, or with all digits, must give an unchanged estimate.
+    /// Checks that the estimate for a motion without noise is the rounding error. Positions are rounded to 0.1 µm, and the zero is no multiple of
+    /// this step. Positions with digits finer than the noise, or with all digits, must give an unchanged estimate.
     #[test]
     fn rounding_is_noise() {
         let smooth = |written: &dyn Fn(f64) -> f64| {
@@ -427,8 +436,8 @@ mod tests {
         assert!((after.sd_m / before.sd_m - 1.0).abs() < 1e-2, "{before} {after}");
     }
 
-    /// Digital steps are found over 12 decades of scale; the zero is no multiple of the step. Examples are pixels of 13 µm, and digits of 0.1 nm in a motion of
-    /// 1 µm.
+    /// Checks that digital steps are found over 12 decades of scale. The zero is no multiple of the step. Examples are pixels of 13 µm, and digits of
+    /// 0.1 nm in a motion of 1 µm.
     #[test]
     fn the_step_between_positions_is_found_at_any_scale() {
         let creep = noisy(&[(5.0, 1.0), (5.0, -1.0)].repeat(2), 16);
@@ -447,8 +456,8 @@ mod tests {
         }
     }
 
-    /// A power law with 200 rows evenly spaced in log time and noise of 0.5 % of the motion's range. The standard error is near 9 %, so limits of ±50 % fail
-    /// falsely below 1e-6.
+    /// Checks the noise estimate for a power-law creep with 200 rows evenly spaced in log time. The noise is 0.5 % of the motion's range. The
+    /// standard error is near 9 %, so limits of ±50 % fail falsely with a probability below 1e-6.
     #[test]
     fn rows_spaced_in_log_time_show_the_noise() {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(17);
@@ -465,7 +474,7 @@ mod tests {
         assert!((found.sd_m / sd_m - 1.0).abs() < 0.5, "{found}");
     }
 
-    /// Two outliers of 100 standard deviations: one at rest, and one in the last row. Both are found, and they do not change the estimate.
+    /// Checks that two outliers of 100 standard deviations, one at rest and one in the last row, are found and do not change the estimate.
     #[test]
     fn outliers_do_not_inflate_the_noise_and_are_named() {
         let clean = noisy(&[(10.0, 0.0), (5.0, 1.0), (5.0, -1.0)], 12);

@@ -1,17 +1,17 @@
-//! Notes to the user on how the data were read.
+//! Notes to the user on the data and on how they were read.
 
 const UM_PER_M: f64 = 1e6;
 const NN_PER_N: f64 = 1e9;
 
-/// An observation of the reader for the user that is not an error.
+/// Remark to the user on the data or on how they were read, which is not an error.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum Note {
-    /// Cycles were found from the force's repetition.
+    /// The record has no cycle column, and cycles were found from the force's repetition.
     CyclesFound {
         /// Number of cycles, including an incomplete last one.
         n_cycles: u32,
-        /// Median time in s between the starts of successive cycles; `None` for a single cycle.
+        /// Median time in s between the starts of successive cycles; `None` if the force does not repeat.
         period_s: Option<f64>,
         /// Description of the repetition and its irregularities.
         text: String,
@@ -23,7 +23,7 @@ pub enum Note {
         /// Total number of rows.
         n_rows: usize,
     },
-    /// The description excludes some positions.
+    /// The key `left_out_s` of the description excludes some positions.
     PositionsLeftOut {
         /// Number of positions excluded.
         n_left_out: usize,
@@ -37,10 +37,10 @@ pub enum Note {
     },
     /// The first position is far from 0, although the record should start there.
     FirstPositionNotZero {
-        /// The first position in m.
+        /// First position of the record, in m.
         position_m: f64,
     },
-    /// Coordinates were projected onto a line, and the bead also moved across this line.
+    /// Coordinates were projected onto a line. The note also tells how far the bead moved across this line.
     MovesAcross {
         /// Text that names the coordinates and the direction of their line.
         line: String,
@@ -49,13 +49,13 @@ pub enum Note {
         /// Largest minus smallest position along the line, in m.
         range_m: f64,
     },
-    /// An indenter's record was reduced to the rows with growing contact, and the free tip's force was subtracted.
+    /// An indenter's record was reduced to the rows with growing contact, and the force on the free tip was subtracted.
     Contact {
-        /// Time in s of the last row with a free tip, where the used record starts.
+        /// Time in s at which the used record starts, at the last row with a free tip.
         from_s: f64,
-        /// Time in s of the last row with growing depth, where the used record ends.
+        /// Time in s at which the used record ends, at the last row with growing depth.
         to_s: f64,
-        /// Time of the first row whose position is compared, in s.
+        /// Time in s of the first row whose position is compared with the model.
         compared_from_s: f64,
         /// Number of rows excluded before the used record.
         n_before: usize,
@@ -66,7 +66,7 @@ pub enum Note {
     },
     /// The size of an indenter's tip is unknown.
     TipUnknown {
-        /// Nominal size that is used instead.
+        /// Nominal size that is assumed, as a text.
         nominal: &'static str,
     },
     /// The zero of the positions is unknown and is fitted.
@@ -82,7 +82,7 @@ impl std::fmt::Display for Note {
             Self::PositionsMissing { n_missing, n_rows } => {
                 write!(
                     f,
-                    "{n_missing} of {n_rows} rows have no position; their forces act, but there is nothing to compare"
+                    "{n_missing} of {n_rows} rows have no position; their forces act, but the model is not compared with them"
                 )
             }
             Self::PositionsLeftOut { n_left_out, n_rows } => write!(
@@ -97,7 +97,7 @@ impl std::fmt::Display for Note {
             ),
             Self::MovesAcross { line, rms_m, range_m } => write!(
                 f,
-                "positions are {line}; they range over {:.4} µm along it and vary by {:.4} µm (root mean square) across it, which no model uses",
+                "positions are {line}; they range over {:.4} µm along the line and vary by {:.4} µm (root mean square) across the line; no model uses the motion across the line",
                 range_m * UM_PER_M,
                 rms_m * UM_PER_M
             ),

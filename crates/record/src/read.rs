@@ -17,15 +17,15 @@ use super::{Apparatus, Control, Experiment};
 use base::error::{Error, InputPlace, Result};
 use base::toml_input::{TomlInput, TomlTable, text_of};
 
-/// Smallest number of positions in a calibration cycle: twice the number of parameters of the default law with its noise.
+/// Smallest number of positions in a calibration cycle, twice the number of parameters of the default law and its noise.
 const MIN_POSITIONS: usize = 8;
-/// Value of the key `force` for a sensor's force that is constant in every hold, apart from noise.
+/// Value of the key `force` for a force that is constant in every hold, apart from a sensor's noise.
 const LEVELS: &str = "levels";
 /// Allowed noise standard deviations of the position, in µm.
 const NOISES_UM: [f64; 2] = [1e-9, 1e9];
 
 impl Experiment {
-    /// Reads an experiment. `path` is its directory, which contains `experiment.toml`, or the path of the TOML file.
+    /// Reads an experiment. `path` is the directory that contains `experiment.toml`, or the path of the TOML file.
     ///
     /// # Errors
     /// [`Error::File`] if a file cannot be read, [`Error::Input`] for input that formats §1 refuses.
@@ -38,10 +38,10 @@ impl Experiment {
         specification.complete(&toml_path, &toml_bytes, &csv_path, &csv_bytes)
     }
 
-    /// Reads an experiment from texts in memory. The paths of the TOML and CSV file only occur in errors.
+    /// Reads an experiment from the texts of its TOML and CSV file. The paths `toml_place` and `csv_place` only occur in errors.
     ///
     /// # Errors
-    /// As [`Experiment::read`].
+    /// [`Error::File`] if a separate force log cannot be read, [`Error::Input`] for input that formats §1 refuses.
     pub fn from_texts(
         toml_place: impl Into<PathBuf>,
         toml_text: impl AsRef<[u8]>,
@@ -67,9 +67,9 @@ struct Specification {
     frame: Frame,
     force_rule: ForceRule,
     force_rule_given: bool,
-    /// Place of the line `force = "levels"`, which removes a sensor's noise from each hold. `None` for another rule.
+    /// Place of the line `force = "levels"`, which removes a sensor's noise from each hold; `None` for another rule.
     levels: Option<InputPlace>,
-    /// Time in s of the table's clock at which the first row's force began to act, with the place of its key.
+    /// Time in s, on the table's clock, at which the first row's force began to act, after the place of its key.
     load_start: Option<(InputPlace, f64)>,
     /// True if the zero of the positions is fitted.
     fits_position_offset: bool,
@@ -114,7 +114,7 @@ fn noise_sd(measurement: TomlTable<'_>, control: Control, is_instrument: bool) -
     Ok(noise.map(|noise| noise * unit))
 }
 
-/// A list of cycles in the TOML file, with its place.
+/// List of cycles in the TOML file, with its place for errors.
 struct CycleList {
     place: InputPlace,
     cycles: Option<Vec<u32>>,
@@ -147,7 +147,7 @@ impl CycleList {
     }
 }
 
-/// Time intervals in which positions are excluded, with the place of the list.
+/// Time intervals in which positions are excluded, with the place of their list for errors.
 struct LeftOut {
     place: InputPlace,
     /// Start and end of each interval in s; both ends are included.
@@ -160,7 +160,7 @@ impl LeftOut {
         Ok(Self { place: measurement.place(key), intervals_s: measurement.intervals(key)?.unwrap_or_default() })
     }
 
-    /// Removes the positions in these intervals from the record, and returns their number.
+    /// Removes the positions in the intervals from the record, and returns the number of removed positions.
     fn leave_out(&self, record: &mut Record) -> Result<usize> {
         let mut n_left_out = 0;
         for [from_s, to_s] in &self.intervals_s {
@@ -180,7 +180,7 @@ impl LeftOut {
     }
 }
 
-/// Start times of cycles on the table's clock, with the place of the list.
+/// Start times of cycles on the table's clock, with the place of their list for errors.
 struct CycleStarts {
     place: InputPlace,
     starts_s: Vec<f64>,
@@ -201,7 +201,7 @@ impl CycleStarts {
     fn number(&self, trajectory: &mut Trajectory) -> Result<()> {
         let refuse = |found: String, remedy: &str| Err(Error::input(self.place.clone(), found, remedy));
         if trajectory.cycle.is_some() {
-            return refuse("the table also has a `cycle` column".into(), "keep one of them");
+            return refuse("the table also has a `cycle` column".into(), "remove `cycle_starts_s` or this column");
         }
         let cycle_of = |time_s: &f64| self.starts_s[1..].partition_point(|start_s| start_s <= time_s) as u32 + 1;
         let cycle: Vec<u32> = trajectory.time_s.iter().map(cycle_of).collect();
@@ -227,8 +227,7 @@ impl Specification {
         let measurement = root.required_table("measurement")?;
         let kind = measurement_kind(root, measurement)?;
         if kind == MeasurementKind::Oscillation {
-            let remedy =
-                "give a record of force and position over time; `check`, `sample` and `diagnose` accept oscillations";
+            let remedy = "give a record of force and position over time; only `check`, `sample` and `diagnose` take oscillations";
             return Err(measurement.refuse("kind", "this is an oscillation, not a record over time", remedy));
         }
         root.only(&["kind", "specimen", "robot", "vitreous", "instrument", "indenter", "measurement", "actuation"])?;
@@ -441,8 +440,8 @@ impl Specification {
     }
 }
 
-/// Returns the record with its cycles, and the line number of each row. Rows are added where a linearly varying force crosses zero, because some effects act on
-/// one sign of the force only.
+/// Makes the record, with its cycles, from a trajectory. Returns the record and the line number of each row. Rows are added where a linearly varying
+/// force crosses zero, because some effects act on only one sign of the force.
 fn record_from(
     trajectory: Trajectory,
     lines: Vec<usize>,
@@ -462,7 +461,7 @@ fn record_from(
     record.with_force_rows(lines)
 }
 
-/// Checks that the first cycle lasts until contact. A cycle that ends before contact would have no rows.
+/// Checks that the first cycle lasts until an indenter's contact. A cycle that ends before contact would have no rows.
 fn check_first_cycle(csv_place: &Path, trajectory: &Trajectory) -> Result<()> {
     match trajectory.cycle.as_ref().and_then(|cycle| cycle.first()) {
         Some(first) if *first != 1 => Err(Error::input(
@@ -474,7 +473,7 @@ fn check_first_cycle(csv_place: &Path, trajectory: &Trajectory) -> Result<()> {
     }
 }
 
-/// Checks that a force acts at all. Without a force nothing can be estimated, and scales derived from the force would be zero.
+/// Checks that the force is not zero in all rows. Without a force no parameter can be estimated.
 fn check_driven(csv_place: &Path, trajectory: &Trajectory) -> Result<()> {
     if trajectory.force_n.iter().any(|force_n| *force_n != 0.0) {
         return Ok(());
@@ -514,7 +513,7 @@ fn range_m(record: &Record) -> f64 {
 
 fn note_data(record: &Record, heldout_cycles: &[u32], source_missing: bool, notes: &mut Vec<Note>) {
     let n_missing = record.position_m.iter().filter(|position| position.is_none()).count() - record.force_rows.len();
-    // Positions at the onset of contact are excluded, not missing. The note on contact mentions them.
+    // Positions at the onset of contact are excluded, not missing; the note on contact mentions them.
     let touches = notes.iter().any(|note| matches!(note, Note::Contact { .. }));
     let n_touching = record.position_m.iter().take_while(|position| touches && position.is_none()).count();
     let left_out =

@@ -1,10 +1,10 @@
-//! The rows of a trajectory and quantities derived from them.
+//! Rows of a record: times, forces and positions, and quantities derived from them.
 
 use super::force::{Force, ForceRule};
 use super::robust::median;
 use base::sha256::{Hash, hex};
 
-/// Rows of the trajectory in SI units. The vectors with one value per row have equal lengths.
+/// Record of force and position over time, row by row in SI units. The vectors with one value per row have equal lengths.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Record {
     /// Times in s, strictly increasing.
@@ -41,7 +41,7 @@ impl Record {
         hex(&hash.finalize())
     }
 
-    /// The commanded force over time.
+    /// Returns the commanded force over time.
     pub fn force(&self) -> Force<'_> {
         Force { at_rows_n: &self.force_n, rule: self.force_rule }
     }
@@ -56,13 +56,13 @@ impl Record {
         if row > 0 && self.force().is_linear() { self.force_n[row] } else { self.previous_force_n(row) }
     }
 
-    /// Highest cycle number, 0 for an empty record.
+    /// Number of cycles; 0 for an empty record.
     pub fn n_cycles(&self) -> u32 {
         self.cycle.last().copied().unwrap_or(0)
     }
 
-    /// Returns a function that tests whether a cycle is in `cycles`. Its cost does not grow with their number, because records may have a hundred thousand
-    /// cycles.
+    /// Returns a function that tests whether a cycle number is in `cycles`. The cost of a test does not depend on the number of cycles, because
+    /// records may have a hundred thousand.
     pub fn cycle_filter(&self, cycles: &[u32]) -> impl Fn(u32) -> bool + use<> {
         let mut is_wanted = vec![false; self.largest_cycle() + 1];
         for cycle in cycles {
@@ -73,7 +73,7 @@ impl Record {
         move |cycle| is_wanted.get(cycle as usize).copied().unwrap_or(false)
     }
 
-    /// Number of positions in each cycle; the index is the cycle number. Index 0 is unused and holds 0.
+    /// Number of positions in each cycle. The index is the cycle number; index 0 is unused and holds 0.
     pub fn n_positions(&self) -> Vec<usize> {
         let mut counts = vec![0; self.largest_cycle() + 1];
         for (cycle, _) in self.cycle.iter().zip(&self.position_m).filter(|(_, position)| position.is_some()) {
@@ -82,7 +82,7 @@ impl Record {
         counts
     }
 
-    /// Largest cycle number. It equals the number of cycles because they count from 1 without gaps.
+    /// Largest cycle number, which equals the number of cycles because cycles count from 1 without gaps.
     fn largest_cycle(&self) -> usize {
         self.cycle.iter().copied().max().unwrap_or(0) as usize
     }
@@ -97,8 +97,8 @@ impl Record {
         self.force().step_rows()
     }
 
-    /// Adds a row without a position wherever a linearly varying force crosses zero. `lines` holds the line number of each existing row. Returns the record and
-    /// the line number of each row; an added row has the line number of the row before it.
+    /// Returns the record with additional rows where a linearly varying force crosses zero, and the line number of each row. Additional rows have no
+    /// position. `lines` holds the line number of each existing row. An additional row gets the line number of the row before it.
     pub(super) fn with_force_rows(self, lines: Vec<usize>) -> (Self, Vec<usize>) {
         let crossing_s = |row: usize| {
             let (from_n, to_n) = (self.force_n[row], *self.force_n.get(row + 1)?);
@@ -130,7 +130,7 @@ impl Record {
         (made, lines_made)
     }
 
-    /// Number of rows with a sampled position, including lost ones.
+    /// Number of sampled rows, including rows with a lost position.
     pub fn n_samples(&self) -> usize {
         self.n_rows() - self.force_rows.len()
     }
@@ -160,7 +160,7 @@ mod tests {
 
     #[test]
     fn steps_are_changes_above_a_fifth_of_the_range() {
-        // The force's range is 10. A change of 2.0 is exactly a fifth of it and is not a step, but a change of 2.1 is one.
+        // The force's range is 10. A change of 2.0 is exactly a fifth of the range and not a step, but a change of 2.1 is a step.
         let steps = record(&[0.0, 2.0, 0.0, 2.1, 10.0, 9.0, 0.0, 0.0]).force_step_rows();
         assert_eq!(steps, [3, 4, 6]);
     }

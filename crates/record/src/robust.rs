@@ -1,4 +1,4 @@
-//! Robust statistics, insensitive to a few wrong values.
+//! Robust statistics, which a few wrong values hardly change.
 
 /// Ratio of the standard deviation of a normal distribution to its median absolute deviation.
 pub const SD_PER_MAD: f64 = 1.482_602_218_505_602;

@@ -1,4 +1,4 @@
-//! Characteristic sizes of an experiment. They scale the default priors of effects (physics §5).
+//! Characteristic sizes of an experiment, which scale the default priors of effects (physics §5).
 
 use super::{Apparatus, Control, Experiment};
 
@@ -23,16 +23,17 @@ pub struct CharacteristicSizes {
     pub robot_radius_m: Option<f64>,
     /// Radius of the vitreous, in m; `None` for an instrument.
     pub outer_radius_m: Option<f64>,
-    /// Exponent p of an indenter, whose depth to the power p responds linearly to the force. `None` for other apparatus, whose position responds linearly.
+    /// Exponent p of an indenter, whose depth to the power p responds linearly to the force. `None` for other apparatus, whose position itself
+    /// responds linearly.
     pub depth_exponent: Option<f64>,
-    /// True if the recorded position has an unknown offset, which is fitted.
+    /// True if the recorded position has an unknown offset, which models fit.
     pub fits_position_offset: bool,
     /// True if the position is commanded and the force is measured.
     pub is_position_controlled: bool,
 }
 
 impl Experiment {
-    /// Returns the experiment's characteristic sizes.
+    /// Computes the characteristic forces, times and lengths of the experiment.
     pub fn scales(&self) -> CharacteristicSizes {
         let record = &self.record;
         let positions = || record.position_m.iter().flatten().copied();

@@ -1,6 +1,6 @@
-//! An oscillation measured with a rheometer: a table of moduli against frequency (formats §1.2).
+//! Oscillation measured with a rheometer: a table of moduli against frequency (formats §1.2).
 //!
-//! [`OscillationRecord::read`] reads and checks the record. Its data are complete and in SI units.
+//! [`OscillationRecord::read`] reads and checks such a table, whose data are then complete and in SI units.
 
 use std::path::Path;
 
@@ -14,27 +14,27 @@ use base::files::refuse_long_lines;
 use base::toml_input::{TomlInput, TomlTable, text_of};
 use base::units::Dimension;
 
-/// Smallest number of rows that must remain for the fit.
+/// Smallest number of rows that are not held out.
 const FEWEST_FITTED: usize = 4;
-/// By default rows are held out only if there are at least this many frequencies.
+/// Smallest number of frequencies at which rows are held out by default.
 const FEWEST_TO_HOLD_OUT: usize = 9;
 /// Two frequencies count as equal if their relative difference is below this value.
 const SAME_FREQUENCY: f64 = 1e-6;
 const FREQUENCIES_HZ: [f64; 2] = [1e-9, 1e9];
-/// Default Poisson ratio: that of a sheared gel, which consists almost entirely of water.
+/// Default Poisson ratio, that of a gel, which consists almost entirely of water and keeps its volume.
 const INCOMPRESSIBLE: f64 = 0.5;
 
-/// The two quantities that are measured at each frequency.
+/// Pair of quantities that a rheometer measures at each frequency.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SweepForm {
-    /// Storage and loss modulus, G′ and G″, in Pa.
+    /// Storage modulus G′ and loss modulus G″, in Pa.
     StorageAndLoss,
-    /// Modulus |G*| in Pa, and the phase in rad by which strain lags behind stress.
+    /// Absolute value |G*| of the complex modulus in Pa, and the phase δ in rad by which strain lags behind stress.
     ModulusAndPhase,
 }
 
 impl SweepForm {
-    /// Converts a complex shear modulus G′ + iG″ (Pa) to the two quantities of this form.
+    /// Converts storage modulus and loss modulus (Pa) to the two quantities of this form.
     pub fn of_moduli(self, storage_pa: f64, loss_pa: f64) -> [f64; 2] {
         match self {
             Self::StorageAndLoss => [storage_pa, loss_pa],
@@ -42,7 +42,7 @@ impl SweepForm {
         }
     }
 
-    /// Converts the two quantities of this form to G′ and G″ in Pa.
+    /// Converts the two quantities of this form to storage modulus and loss modulus in Pa.
     pub fn moduli(self, pair: [f64; 2]) -> [f64; 2] {
         match self {
             Self::StorageAndLoss => pair,
@@ -50,7 +50,7 @@ impl SweepForm {
         }
     }
 
-    /// Symbols of the two quantities.
+    /// Symbols of the two quantities, for tables and figures.
     pub fn names(self) -> [&'static str; 2] {
         match self {
             Self::StorageAndLoss => ["G′", "G″"],
@@ -59,7 +59,7 @@ impl SweepForm {
     }
 }
 
-/// Measurement at one frequency.
+/// Measurement of a rheometer at one frequency.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SweepRow {
     /// Frequency in Hz.
@@ -72,16 +72,16 @@ pub struct SweepRow {
     pub is_heldout: bool,
 }
 
-/// A checked oscillation in SI units. Rows are in order of ascending frequency.
+/// Checked oscillation in SI units, with rows in order of ascending frequency.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OscillationRecord {
     /// Specimen identifier, `[specimen] id`.
     pub specimen_id: String,
-    /// Poisson ratio ν of the specimen. It converts Young's moduli to shear moduli: G = E/(2 + 2ν).
+    /// Poisson ratio ν of the specimen, which converts Young's moduli E to shear moduli E/(2 + 2ν).
     pub poisson_ratio: f64,
-    /// The two quantities that each row contains.
+    /// Pair of quantities that each row contains.
     pub form: SweepForm,
-    /// The rows.
+    /// Measurements, one for each frequency.
     pub rows: Vec<SweepRow>,
     /// Number of table rows that were skipped because a number is missing.
     pub n_incomplete: usize,
@@ -89,10 +89,10 @@ pub struct OscillationRecord {
     pub source: String,
 }
 
-/// Content of a column of a sweep.
+/// Quantity that a column of a rheometer's table contains.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SweepColumn {
-    /// Frequency.
+    /// Frequency of the oscillation.
     Frequency,
     /// Storage modulus G′.
     Storage,
@@ -100,20 +100,20 @@ pub enum SweepColumn {
     Loss,
     /// Absolute value |G*| of the complex modulus.
     Modulus,
-    /// Phase δ.
+    /// Phase δ by which strain lags behind stress.
     Phase,
-    /// Standard deviation of G′.
+    /// Standard deviation of the storage modulus G′.
     StorageSd,
-    /// Standard deviation of G″.
+    /// Standard deviation of the loss modulus G″.
     LossSd,
-    /// Standard deviation of |G*|.
+    /// Standard deviation of the absolute value |G*| of the complex modulus.
     ModulusSd,
-    /// Standard deviation of δ.
+    /// Standard deviation of the phase δ.
     PhaseSd,
 }
 
 impl SweepColumn {
-    /// All column types.
+    /// All quantities that a column may contain.
     pub const ALL: [Self; 9] = [
         Self::Frequency,
         Self::Storage,
@@ -126,7 +126,7 @@ impl SweepColumn {
         Self::PhaseSd,
     ];
 
-    /// Key in `[measurement.columns]`, which is also the name in a header without the unit.
+    /// Key of the quantity in `[measurement.columns]`, which is also the name of its column without the unit.
     pub fn key(self) -> &'static str {
         match self {
             Self::Frequency => "frequency",
@@ -141,7 +141,7 @@ impl SweepColumn {
         }
     }
 
-    /// Dimension of the column's unit.
+    /// Physical dimension of the quantity's unit.
     pub fn dimension(self) -> Dimension {
         match self {
             Self::Frequency => Dimension::Frequency,
@@ -150,7 +150,8 @@ impl SweepColumn {
         }
     }
 
-    /// Column type for a column name of a rheometer's program; `None` for unknown names. Columns of standard deviations are not recognised by name.
+    /// Returns the quantity of a column from its name in the export of a rheometer's program; `None` for unknown names. Columns of standard
+    /// deviations are not recognised by name.
     fn from_name(name: &str, unit: Option<&ParsedUnit>) -> Option<Self> {
         let stem = split_unit(name).0.to_lowercase();
         let plain: String = stem.chars().filter(|c| !c.is_whitespace() && !"_-|*.()".contains(*c)).collect();
@@ -170,7 +171,8 @@ impl SweepColumn {
     }
 }
 
-/// Recognised columns of a sweep, each with its index, in the order of [`SweepColumn::ALL`]; `None` if the table is not a sweep.
+/// Returns the columns of a rheometer's table with their indices: frequency, then the two measured quantities. `None` if the table is not a
+/// rheometer's.
 pub fn sweep_columns(looked: &InspectedTable) -> Option<Vec<(SweepColumn, usize)>> {
     let called = |column: SweepColumn| {
         let mut places = looked.columns.iter().zip(&looked.units).enumerate();
@@ -185,8 +187,8 @@ pub fn sweep_columns(looked: &InspectedTable) -> Option<Vec<(SweepColumn, usize)
 }
 
 impl OscillationRecord {
-    /// True if the experiment's description at `path` says that it is an oscillation. False if the description cannot be read; the reader then reports the
-    /// error.
+    /// True if the description of the experiment at `path` declares an oscillation. False if the description cannot be read; the reader then reports
+    /// the error.
     pub fn is_described_in(path: &Path) -> bool {
         let Ok((toml_path, bytes)) = read_toml(path) else { return false };
         let found =
@@ -197,7 +199,7 @@ impl OscillationRecord {
         found.is_ok_and(|kind| kind == MeasurementKind::Oscillation)
     }
 
-    /// Reads an oscillation. `path` is its directory, which contains `experiment.toml`, or the path of the TOML file.
+    /// Reads an oscillation. `path` is the directory that contains `experiment.toml`, or the path of the TOML file.
     ///
     /// # Errors
     /// [`Error::File`] if a file cannot be read, [`Error::Input`] for input that formats §1.2 refuses.
@@ -252,7 +254,7 @@ impl OscillationRecord {
         Ok((sweep, files))
     }
 
-    /// True if the standard deviations of every row are known.
+    /// True if every row has standard deviations.
     pub fn has_errors(&self) -> bool {
         self.rows.iter().all(|row| row.sd.is_some())
     }
@@ -264,7 +266,7 @@ impl OscillationRecord {
     }
 }
 
-/// Poisson ratio from `[rheometer]`, otherwise from `[vitreous]`, otherwise 0.5.
+/// Reads the Poisson ratio from `[rheometer]`, otherwise from `[vitreous]`. The default is 0.5.
 fn poisson_ratio(root: TomlTable<'_>) -> Result<f64> {
     for name in ["rheometer", "vitreous"] {
         let Some(table) = root.table(name)? else { continue };
@@ -339,7 +341,7 @@ impl Columns {
         }
     }
 
-    /// Reads the table. Returns the complete rows, and the number of rows that lack a number.
+    /// Reads the table's rows. Returns the complete rows, and the number of rows that lack a number.
     fn rows(&self, file: &Path, text: &str, layout: &TableLayout) -> Result<(Vec<SweepRow>, usize)> {
         let (mut rows, mut n_incomplete) = (Vec::new(), 0);
         let lines = text.lines().enumerate().skip(layout.first_row_line - 1);
@@ -385,7 +387,7 @@ impl Columns {
     }
 }
 
-/// Marks rows as held out: those with the frequencies in `heldout_hz`, or by default every third row starting with the second.
+/// Marks rows as held out: the rows with the frequencies in `heldout_hz`, or by default every third row starting with the second.
 fn hold_out(measurement: TomlTable<'_>, rows: &mut [SweepRow]) -> Result<()> {
     let Some(wanted_hz) = measurement.numbers("heldout_hz")? else {
         if rows.len() >= FEWEST_TO_HOLD_OUT {

@@ -54,7 +54,7 @@ fn every_third_frequency_is_held_out_or_those_that_are_named() {
     assert_eq!(heldout("heldout_hz = []\n"), [0.0; 0]);
 }
 
-/// Every faulty input is refused, with a message that contains the listed words.
+/// Checks that every faulty input is refused with a message that contains the listed words.
 #[test]
 fn what_is_no_sweep_is_refused_with_its_place() {
     for (table, measurement, found) in [

@@ -1,15 +1,17 @@
-//! Makes the times of a table ascend. It joins the runs of a clock that restarts, and spreads the rows that share one time of a coarse clock.
+//! Repair of times that do not ascend. The runs of a clock that restarts are joined, and rows that share one time of a coarse clock are spread.
 
 use super::robust::median;
 use base::error::{Error, InputPlace, Result, Setting};
 
-/// A table begins at the previous table's last row if its first time is within this fraction of the last interval from it.
+/// Largest time from the last row of a table to the first row of the next table for which the next table begins at that row. The unit is the last
+/// interval between rows.
 const BEGAN_BEFORE: f64 = 0.5;
-/// If two tables share a time, the previous table's last row is moved back by this fraction of an interval.
+/// Fraction of an interval by which the last row of a table is moved back if the next table begins at an equal time.
 const JUST_BEFORE: f64 = 1e-6;
-/// A clock counts as coarse if at least this fraction of the rows repeats the previous row's time.
+/// Smallest fraction of rows that repeat the previous row's time for which the clock counts as coarse.
 const COARSE: f64 = 0.2;
-/// Rows alternate between several tracks if neighbouring rows are farther apart than the rows within one track by at least this factor.
+/// Smallest ratio of two distances at which rows alternate between several tracks: the distance of neighbouring rows, and the distance of rows at
+/// neighbouring times.
 const TRACKS: f64 = 3.0;
 
 /// Changes that were made to the times of a table.
@@ -24,30 +26,30 @@ pub(crate) struct TimeChanges {
 }
 
 impl TimeChanges {
-    /// True if the clock is coarser than the row spacing and the rows belong to a single track.
+    /// True if the clock is coarser than the row spacing and all rows belong to one track.
     pub fn is_coarse(&self, n_rows: usize) -> bool {
         !self.are_tracks && self.n_ties as f64 >= COARSE * n_rows as f64
     }
 }
 
-/// Times, forces and positions of the rows whose times are made to ascend.
+/// Times, forces and positions of the rows whose times [`order_times`] makes ascend.
 pub(super) struct TimeRows<'a> {
     pub time_s: &'a mut [f64],
     pub force_n: &'a mut [f64],
     pub position_m: &'a [Option<f64>],
 }
 
-/// Rules of a table's description for times that do not ascend.
+/// Rules for times that do not ascend, from a table's description.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct TimeRules {
-    /// True if times that fall back to the start continue from the previous row.
+    /// True if the times of a clock that restarts continue from the previous row.
     pub joins_restarts: bool,
-    /// True if equal times of a coarse clock are spread evenly.
+    /// True if rows with equal times of a coarse clock are spread evenly.
     pub spreads_ties: bool,
 }
 
-/// Makes the times (s) ascend according to the rules. `starts` holds the index of each table's first row. If a table begins at the previous table's last row,
-/// its first force replaces the force of that row.
+/// Changes the times (s) according to the rules so that they ascend, and returns the changes. `starts` holds the index of each table's first row. If
+/// a table begins at the previous table's last row, its first force replaces the force of that row.
 ///
 /// # Errors
 /// [`Error::Input`] at the first time that does not ascend, with the cause that the rows suggest.
@@ -80,7 +82,7 @@ pub(super) fn order_times(
     }
 }
 
-/// Makes the times (s) of a clock that restarts continue, and returns the first row of each new run.
+/// Joins the runs of a clock that restarts by shifting their times (s). Returns the index of the first row of each new run.
 ///
 /// A run that begins with time 0 starts one interval after the previous row. A run that begins later starts at the time of the previous row plus its first
 /// time.
@@ -106,7 +108,7 @@ fn is_restart(time_s: f64, before_s: f64, first_s: f64) -> bool {
     time_s < before_s && time_s - first_s <= 0.1 * (before_s - first_s)
 }
 
-/// Spreads the rows of each repeated time evenly over the clock's step. Returns the number of rows that repeat the previous time.
+/// Spreads the rows of each repeated time (s) evenly over the clock's step. Returns the number of rows that repeat the previous time.
 fn spread_ties(time_s: &mut [f64]) -> usize {
     let mut runs: Vec<(usize, f64)> = Vec::new();
     for time in time_s.iter() {
@@ -123,7 +125,8 @@ fn spread_ties(time_s: &mut [f64]) -> usize {
     let usual = median(runs[1..runs.len() - 1].iter().map(|(count, _)| *count as f64).collect()).unwrap_or(1.0);
     let mut row = 0;
     for (place, (count, value)) in runs.iter().enumerate() {
-        // The first step of the clock may have begun before the record, and the last may end after it. Both therefore count as steps of usual length.
+        // The first step of the clock may have begun before the record, and the last step may end after the record. Both therefore count as steps of
+        // usual length.
         let rows_a_step = if place == 0 || place + 1 == runs.len() { usual.max(*count as f64) } else { *count as f64 };
         let left_out = if place == 0 { rows_a_step - *count as f64 } else { 0.0 };
         for k in 0..*count {
@@ -134,7 +137,7 @@ fn spread_ties(time_s: &mut [f64]) -> usize {
     n_ties
 }
 
-/// Error for a time that is not later than the previous one. It names the cause that the rows suggest, and the remedy.
+/// Returns the error for a time that is not later than the previous time. The error names the cause that the rows suggest, and the remedy.
 fn refused(place: InputPlace, row: usize, time_s: &[f64], position_m: &[Option<f64>]) -> Error {
     let (time, before) = (time_s[row], time_s[row - 1]);
     let n_ties = time_s.windows(2).filter(|pair| pair[1] == pair[0]).count();
@@ -177,7 +180,7 @@ fn refused(place: InputPlace, row: usize, time_s: &[f64], position_m: &[Option<f
     Error::input(place, found, remedy)
 }
 
-/// True if neighbouring rows are much farther apart than rows of neighbouring times. They then belong to several tracks.
+/// True if the rows belong to several tracks, because the positions of neighbouring rows differ much more than those of rows at neighbouring times.
 fn alternate(time_s: &[f64], position_m: &[Option<f64>]) -> bool {
     let together = time_s.iter().take_while(|time| **time == time_s[0]).count();
     let apart = |step: usize| {
@@ -193,7 +196,7 @@ mod tests {
 
     #[test]
     fn a_clock_that_begins_again_goes_on() {
-        // In the first case the rows are at the start of each interval, in the second case at its end.
+        // In the first case a table's rows are at the start of each interval, in the second case at the end.
         for (first_s, expected) in [(0.0, [0.0, 0.5, 1.0, 1.5]), (0.5, [0.5, 1.0, 1.5, 2.0])] {
             let mut time_s = [first_s, first_s + 0.5, first_s, first_s + 0.5];
             assert_eq!(join_restarts(&mut time_s), [2]);
@@ -203,7 +206,8 @@ mod tests {
         assert!(join_restarts(&mut unsorted).is_empty());
     }
 
-    /// The next table starts just after the first table's last row, as a rheometer logs it. The other two cases are a later start and an equal time.
+    /// Checks the times of a second table that starts just after the first table's last row, as rheometers log it. The other two cases are a later
+    /// start and an equal time.
     #[test]
     fn a_table_that_begins_with_the_last_row_of_another_switches_there() {
         let place = |row: usize| InputPlace::file("t.csv").at_line(row + 2);
@@ -222,7 +226,7 @@ mod tests {
         }
     }
 
-    /// Rows at 4 Hz, with a clock that only shows whole seconds. The first second has two rows, and the last has one.
+    /// Checks rows at 4 Hz with a clock that shows only whole seconds. The first second has two rows, and the last second has one.
     #[test]
     fn rows_of_a_coarse_clock_are_spread() {
         let truth: Vec<f64> = (2..13).map(|row| 0.25 * f64::from(row)).collect();

@@ -1,4 +1,4 @@
-//! Reads `trajectory.csv`: a header with units, then rows. Every error names its line.
+//! Reader of `trajectory.csv`, a table in the program's own format: a header with units, then rows. Every error names its line.
 
 use std::path::Path;
 
@@ -12,9 +12,9 @@ use base::units::{Dimension, UNITS, Unit, nearest_name};
 pub(super) struct Trajectory {
     pub time_s: Vec<f64>,
     pub force_n: Vec<f64>,
-    /// Position as written, in m; the coordinate x if the table has several coordinates.
+    /// Position as written, in m. If the table has several coordinates, it is the coordinate x.
     pub position_m: Vec<Option<f64>>,
-    /// Coordinate y, or y and z, as written, in m; one list for each coordinate. Empty for a single position column.
+    /// Coordinates y, or y and z, as written, in m, with one list for each coordinate. Empty for a single position column.
     pub others_m: Vec<Vec<Option<f64>>>,
     /// Metres per unit of the position column.
     pub position_unit_m: f64,
@@ -24,10 +24,10 @@ pub(super) struct Trajectory {
     pub cycle: Option<Vec<u32>>,
     /// Line number of each row in the file, from 1.
     pub lines: Vec<usize>,
-    /// Names of the force and position columns in the header.
+    /// Name of the force column in the header; empty if another table contains the force.
     pub force_column: String,
     pub position_column: String,
-    /// Changes that were made to the times.
+    /// Changes that were made to the times so that they ascend.
     pub ordered: TimeChanges,
 }
 
@@ -46,7 +46,7 @@ enum Column {
     Cycle,
 }
 
-/// Name, dimension and example of each quantity, for messages. The index is that of the column.
+/// Name, dimension and example column of each quantity, for messages. The indices are [`TIME`], [`FORCE`] and [`POSITION`].
 const QUANTITIES: [(&str, Dimension, &str); 3] = [
     ("time", Dimension::Time, "time_s"),
     ("force", Dimension::Force, "force_uN"),
@@ -55,10 +55,10 @@ const QUANTITIES: [(&str, Dimension, &str); 3] = [
 pub(super) const TIME: usize = 0;
 pub(super) const FORCE: usize = 1;
 pub(super) const POSITION: usize = 2;
-/// Index of the cycle column, which follows the quantities.
+/// Index of the cycle, which follows the quantities, in places for errors.
 pub(super) const CYCLE: usize = 3;
 
-/// Largest number of rows of a record. Reading needs about a hundred bytes for each row.
+/// Largest number of rows of a record. The reader needs about a hundred bytes of memory for each row.
 const MOST_ROWS: usize = 20_000_000;
 
 /// Words that mean a lost position, in addition to an empty cell.
@@ -69,7 +69,7 @@ pub(super) fn is_lost(cell: &str) -> bool {
     cell.is_empty() || LOST.iter().any(|lost| cell.eq_ignore_ascii_case(lost))
 }
 
-/// Column index and unit of each quantity, and column index of the cycle.
+/// Header of the table: all column names, column index and unit of each quantity, and column index of the cycle.
 struct Header {
     names: Vec<String>,
     time: (usize, Unit),
@@ -79,7 +79,7 @@ struct Header {
     cycle: Option<usize>,
 }
 
-/// Parses the text of a trajectory. Errors name `file`. `is_driven_elsewhere` is true if another file contains the force.
+/// Parses the text of `trajectory.csv`. Errors name `file`. `is_driven_elsewhere` is true if another file contains the force.
 pub(super) fn read_trajectory(file: &Path, text: &str, is_driven_elsewhere: bool) -> Result<Trajectory> {
     refuse_long_lines(file, text.as_bytes())?;
     let mut rows = TableRows::new(file, text);
@@ -122,7 +122,7 @@ impl<'a> TableRows<'a> {
         Self { file, text: text.as_bytes(), reader, record: csv::StringRecord::new(), counted_bytes: 0, line: 1 }
     }
 
-    /// Reads the next row into `record` and returns its line number; `None` at the end.
+    /// Reads the next row into `record` and returns the row's line number; `None` at the end of the table.
     fn next_row(&mut self) -> Result<Option<usize>> {
         let start = usize::try_from(self.reader.position().byte()).unwrap_or(usize::MAX);
         let more = self.reader.read_record(&mut self.record).map_err(|error| {
@@ -138,7 +138,7 @@ impl<'a> TableRows<'a> {
         Ok(Some(self.line_of_row_from(start)))
     }
 
-    /// Line number of the row that the reader began to read at byte `start`. Blank lines before the row are counted.
+    /// Returns the line number of the row that the reader began to read at byte `start`. Blank lines before the row are counted.
     fn line_of_row_from(&mut self, start: usize) -> usize {
         let mut end = start.min(self.text.len());
         while self.text.get(end).is_some_and(|byte| matches!(byte, b'\n' | b'\r')) {
@@ -190,8 +190,8 @@ impl Header {
         if let (true, Some((index, _))) = (is_driven_elsewhere, quantities[FORCE]) {
             return Err(Error::input(
                 place.clone().at_key(cells[index].as_str()),
-                "both this column and [actuation] contain the force",
-                "remove one of them",
+                "both this column and the log in [actuation] contain the force",
+                "remove this column, or the table [actuation]",
             ));
         }
         let force = if is_driven_elsewhere { None } else { Some(require(FORCE)?) };
@@ -243,7 +243,7 @@ impl Column {
 }
 
 impl Trajectory {
-    /// Adds a row of the CSV. `place` gives the place for errors; it is only called for them, because files have millions of rows.
+    /// Adds a row of the CSV. `place` returns the row's place for errors; it is called only for an error, because files have millions of rows.
     fn push(&mut self, header: &Header, place: &dyn Fn() -> InputPlace, cells: &csv::StringRecord) -> Result<()> {
         if cells.len() != header.names.len() {
             return Err(Error::input(
@@ -314,7 +314,7 @@ impl Trajectory {
         Ok(())
     }
 
-    /// Returns an empty trajectory with the same columns.
+    /// Returns a trajectory without rows that has the columns, unit and clock of `self`.
     pub(super) fn without_rows(&self) -> Self {
         let mut emptied = Self::empty(self.cycle.is_some(), &self.force_column, &self.position_column);
         (emptied.position_unit_m, emptied.clock_zero_s) = (self.position_unit_m, self.clock_zero_s);
@@ -322,8 +322,8 @@ impl Trajectory {
         emptied
     }
 
-    /// Adds row `row` of the trajectory `other`, at the time `time_s` with the force `force_n`. If `is_sample` is false, the row only marks a force change and
-    /// has no position.
+    /// Adds a copy of row `row` of the trajectory `other`, with the time `time_s` and the force `force_n`. If `is_sample` is false, the row only
+    /// marks a change of the force and has no position.
     pub(super) fn push_from(&mut self, other: &Self, row: usize, time_s: f64, force_n: f64, is_sample: bool) {
         let kept = |position: Option<f64>| position.filter(|_| is_sample);
         self.time_s.push(time_s);
@@ -338,8 +338,8 @@ impl Trajectory {
         self.lines.push(other.lines[row]);
     }
 
-    /// Inserts a row without a position before the first row, for a record that started under load. The first row's force acts from `start_s` (s) on, which
-    /// becomes time 0.
+    /// Inserts a row without a position before the first row, for a record that started under load. The first row's force acts from the time
+    /// `start_s` (s) on, which becomes time 0.
     pub(super) fn start_under_load(&mut self, place: &InputPlace, start_s: f64) -> Result<()> {
         let first_s = self.time_s.first().copied().unwrap_or(0.0);
         if start_s >= first_s || (first_s - start_s).abs() > TIMES_S[1] {
@@ -414,7 +414,8 @@ fn finite(place: &dyn Fn() -> InputPlace, text: &str, remedy: &str) -> Result<f6
     Err(Error::input(place(), found, remedy))
 }
 
-/// Allowed times, forces and positions in SI units. Values outside have wrong units, and would later exceed the range of floating-point numbers.
+/// Allowed absolute values of times, forces and positions in SI units. Larger or smaller values have wrong units, and would later exceed the range of
+/// floating-point numbers.
 const TIMES_S: [f64; 2] = [1e-12, 1e12];
 const FORCES_N: [f64; 2] = [1e-24, 1e12];
 const POSITIONS_M: [f64; 2] = [0.0, 1e6];
@@ -430,13 +431,13 @@ fn plausible(place: &dyn Fn() -> InputPlace, value: f64, [smallest, largest]: [f
     ))
 }
 
-/// Parses the cycle of a row, and checks that cycles are counted from 1 without gaps. `before` is the previous row's cycle.
+/// Parses the cycle number of a row, and checks that cycles are counted from 1 without gaps. `before` is the previous row's cycle.
 fn next_cycle(place: &dyn Fn() -> InputPlace, text: &str, before: Option<u32>) -> Result<u32> {
     let cycle = text.parse::<u32>().ok().filter(|cycle| *cycle >= 1).ok_or_else(|| {
         Error::input(
             place(),
             format!("`{text}` is not a cycle number"),
-            "number the cycles 1, 2, 3, …, or remove the `cycle` column so that they are found from the force",
+            "number the cycles 1, 2, 3, …, or remove the `cycle` column; the force then determines the cycles",
         )
     })?;
     let allowed = before.map_or(cycle == 1, |before| cycle == before || cycle - 1 == before);
@@ -447,7 +448,7 @@ fn next_cycle(place: &dyn Fn() -> InputPlace, text: &str, before: Option<u32>) -
     Err(Error::input(
         place(),
         format!("cycle {cycle} follows {before}"),
-        "number the cycles 1, 2, 3, … in the order of time, or remove the `cycle` column so that they are found from the force",
+        "number the cycles 1, 2, 3, … in the order of time, or remove the `cycle` column; the force then determines the cycles",
     ))
 }
 

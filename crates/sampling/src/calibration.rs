@@ -7,7 +7,7 @@ use statrs::distribution::{Binomial, ChiSquared, ContinuousCDF, DiscreteCDF, Nor
 
 use super::ensemble::Draws;
 
-/// Selects `n` nearly independent draws, each as `[ensemble, kept step, walker]`. Returns fewer if fewer draws were kept.
+/// Selects `n` nearly independent draws and returns their indices `[ensemble, kept step, walker]`. The result is shorter if fewer draws were kept.
 ///
 /// In a stationary ensemble, different walkers at one step are independent. All draws of the last step are therefore used first. If they are too few,
 /// further steps are used; the steps are as far apart as possible.
@@ -27,12 +27,12 @@ pub fn rank(value: f64, draws: impl IntoIterator<Item = f64>) -> usize {
     draws.into_iter().filter(|draw| *draw < value).count()
 }
 
-/// Ranks of one quantity among posterior draws.
+/// Ranks of the true values of one quantity among posterior draws, over many simulated data sets.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Ranks {
-    /// Rank of each replicate's true value, from 0 to `n_draws`.
+    /// Rank of the true value in each simulated data set, from 0 to `n_draws`.
     pub ranks: Vec<usize>,
-    /// Number of draws that each true value is compared with.
+    /// Number of posterior draws with which each true value is compared.
     pub n_draws: usize,
 }
 
@@ -44,28 +44,31 @@ impl Ranks {
         counts
     }
 
-    /// Converts each rank r to u = (r + ½)/(n + 1) − ½ for n draws. For uniform ranks, u has mean 0 and variance 1/12, up to terms of order 1/n².
+    /// Returns the ranks rescaled to (−½, ½): u = (r + ½)/(n + 1) − ½ for a rank r among n draws. For uniform ranks, u has mean 0 and variance 1/12,
+    /// up to terms of order 1/n².
     fn offsets(&self) -> impl Iterator<Item = f64> {
         let scale = 1.0 / (self.n_draws as f64 + 1.0);
         self.ranks.iter().map(move |rank| scale * (*rank as f64 + 0.5) - 0.5)
     }
 
-    /// Standardised mean rank, standard normal for uniform ranks. It is negative if the posteriors are too high, positive if they are too low.
+    /// Standardised mean rank, which is standard normal for uniform ranks. It is negative if the posteriors are too high, and positive if the
+    /// posteriors are too low.
     pub fn location_score(&self) -> f64 {
         let n = self.ranks.len() as f64;
         self.offsets().sum::<f64>() / n / (1.0 / 12.0 / n).sqrt()
     }
 
-    /// Standardised mean squared distance of ranks from the middle, standard normal for uniform ranks. It is positive if the posteriors are too narrow,
-    /// negative if they are too wide.
+    /// Standardised mean squared distance of the ranks from the middle, which is standard normal for uniform ranks. It is positive if the posteriors
+    /// are too narrow, and negative if the posteriors are too wide.
     ///
-    /// For uniform u on (−½, ½), u² has mean 1/12 and variance 1/180.
+    /// The standardisation uses that u² has mean 1/12 and variance 1/180 for a uniform u on (−½, ½).
     pub fn dispersion_score(&self) -> f64 {
         let n = self.ranks.len() as f64;
         (self.offsets().map(|u| u * u).sum::<f64>() / n - 1.0 / 12.0) / (1.0 / 180.0 / n).sqrt()
     }
 
-    /// Number of true values inside the central posterior interval of probability `share`. The draws limit the resolution of the interval's ends.
+    /// Number of true values inside the central posterior interval of probability `share`. The ends of the interval are ranks, so their resolution is
+    /// one draw.
     pub fn n_inside(&self, share: f64) -> usize {
         let left_out = 0.5 * (1.0 - share) * (self.n_draws as f64 + 1.0);
         let lowest = (left_out + 1e-9).floor() as usize;
@@ -73,7 +76,8 @@ impl Ranks {
     }
 }
 
-/// χ² of a histogram whose bins have equal expected counts. For uniform ranks, its degrees of freedom are the number of bins minus one.
+/// Returns the χ² statistic of a histogram whose bins have equal expected counts. For uniform ranks, its degrees of freedom are the number of bins
+/// minus one.
 pub fn chi_square(counts: &[usize]) -> f64 {
     let expected = counts.iter().sum::<usize>() as f64 / counts.len() as f64;
     counts.iter().map(|count| (*count as f64 - expected).powi(2) / expected).sum()
@@ -89,8 +93,8 @@ pub fn p_of_score(score: f64) -> f64 {
     2.0 * Normal::standard().sf(score.abs())
 }
 
-/// Corrects p-values for the number of tests by Holm's step-down method (1979). The order of the tests is kept. If all null hypotheses are true, the
-/// probability that any corrected p is below a level is at most this level. The tests may depend on each other.
+/// Returns the p-values of several tests, corrected for the number of tests by Holm's step-down method (1979). The order of the tests is kept. If all
+/// null hypotheses are true, any corrected p is below a level with at most the probability of that level. The tests may depend on each other.
 pub fn holm(p: &[f64]) -> Vec<f64> {
     let mut order: Vec<usize> = (0..p.len()).collect();
     order.sort_by(|a, b| p[*a].total_cmp(&p[*b]));
@@ -103,14 +107,14 @@ pub fn holm(p: &[f64]) -> Vec<f64> {
     corrected
 }
 
-/// Central interval of a binomial count with `n` trials. The probability beyond each end is at most (1 − `level`)/2.
+/// Returns the central interval of a binomial count with `n` trials. The probability beyond each end is at most (1 − `level`)/2.
 pub fn count_interval(n: usize, probability: f64, level: f64) -> [usize; 2] {
     let Ok(binomial) = Binomial::new(probability, n as u64) else { return [0, n] };
     let tail = 0.5 * (1.0 - level);
     [binomial.inverse_cdf(tail), binomial.inverse_cdf(1.0 - tail)].map(|count| (count as usize).min(n))
 }
 
-/// Clopper and Pearson's interval (1934) of a binomial probability, for `count` successes in `n` trials.
+/// Returns Clopper and Pearson's confidence interval (1934) of a binomial probability, for `count` successes in `n` trials.
 pub fn probability_interval(count: usize, n: usize, level: f64) -> [f64; 2] {
     let tail = 0.5 * (1.0 - level);
     let at_least = |probability: f64| match (count, Binomial::new(probability, n as u64)) {
@@ -161,8 +165,8 @@ mod tests {
         assert!(independent_draw_indices(&draws(0), 99).is_empty());
     }
 
-    /// Compares with known results: Holm's correction of four p-values computed by hand, and binomial counts. Clopper and Pearson's 95 % interval of 8
-    /// successes in 10 trials is from tables (0.4439 to 0.9748).
+    /// Compares corrections and intervals with known results. Holm's correction of four p-values is computed by hand. Clopper and Pearson's 95 %
+    /// interval of 8 successes in 10 trials is from tables (0.4439 to 0.9748).
     #[test]
     fn corrections_and_intervals_are_those_of_tables() {
         let found = holm(&[0.01, 0.04, 0.03, 0.005]);
@@ -180,7 +184,8 @@ mod tests {
         assert!((p_of_chi_square(16.919, 10) - 0.05).abs() < 1e-4 && (p_of_score(-1.959_964) - 0.05).abs() < 1e-6);
     }
 
-    /// Each of 100 possible ranks occurs once. Then 20 bins hold equally many ranks, and the intervals of 50 % and 90 % hold exactly these fractions.
+    /// Checks ranks of which each of 100 possible values occurs once. 20 bins then hold equally many ranks, and the intervals of 50 % and 90 % hold
+    /// exactly these fractions.
     #[test]
     fn shares_of_uniform_ranks_are_exact() {
         let ranks = Ranks { ranks: (0..100).collect(), n_draws: 99 };
@@ -193,8 +198,8 @@ mod tests {
         );
     }
 
-    /// Computes scores of 2,000 replicates for a correct posterior, and for posteriors that are too high, too narrow or too wide by known factors. The scores
-    /// of the correct one exceed 5.2 with a probability of 1 in 5·10⁶. The expected scores of the others exceed 20.
+    /// Computes scores of 2,000 replicates for a correct posterior, and for posteriors that are too high, too narrow or too wide by known factors.
+    /// The scores of the correct posterior exceed 5.2 with a probability of 1 in 5·10⁶. The expected scores of the wrong posteriors exceed 20.
     #[test]
     fn scores_say_what_is_wrong() {
         let normal = Normal::standard();

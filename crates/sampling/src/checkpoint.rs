@@ -1,4 +1,4 @@
-//! Reads and writes checkpoint data of a run. Damaged data and data of another problem are refused.
+//! Checkpoint data of a sampling run: packing into bytes, and unpacking with checks for damage and for the right problem.
 
 use base::error::{InputPlace, Setting};
 use base::files::{self, Content};
@@ -9,7 +9,7 @@ use std::path::Path;
 const MAGIC: &[u8; 24] = b"vitreo-uq checkpoint 1\n\0";
 const DIGEST_LENGTH: usize = 32;
 
-/// Reads a saved state; `None` if the file does not exist.
+/// Reads the bytes of a checkpoint file; `None` if the file does not exist.
 ///
 /// # Errors
 /// [`Error::File`] if the file cannot be read.
@@ -21,7 +21,8 @@ pub fn read(path: &Path) -> Result<Option<Vec<u8>>> {
     }
 }
 
-/// Joins a header and numbers into one block of bytes with a checksum. Its order: file signature, hash of the problem, lengths, contents, SHA-256.
+/// Joins a header and numbers into one block of bytes with a checksum. The block holds the file signature, the hash of the problem, the lengths, the
+/// contents and the SHA-256, in this order.
 pub(super) fn pack(problem: &str, header: &str, numbers: &[&[f64]]) -> Vec<u8> {
     let count: usize = numbers.iter().map(|part| part.len()).sum();
     let mut bytes = Vec::with_capacity(MAGIC.len() + 3 * DIGEST_LENGTH + header.len() + 8 * count);
@@ -36,7 +37,7 @@ pub(super) fn pack(problem: &str, header: &str, numbers: &[&[f64]]) -> Vec<u8> {
     bytes
 }
 
-/// Splits a block that [`pack`] made into its header and its numbers.
+/// Splits a block of bytes from [`pack`] into its header and its numbers.
 ///
 /// # Errors
 /// [`Error::Input`] if the bytes are damaged or belong to another problem.
@@ -70,7 +71,7 @@ pub(super) fn unpack(problem: &str, bytes: &[u8]) -> Result<(String, Vec<f64>)> 
     Ok((header, numbers.iter().map(|chunk| f64::from_le_bytes(*chunk)).collect()))
 }
 
-/// Makes the error for an unusable checkpoint.
+/// Returns the error for an unusable checkpoint, with the fault and the remedy.
 pub(super) fn refuse(found: &str, remedy: &str) -> Error {
     Error::input(InputPlace::setting(Setting::Resume), found, remedy)
 }

@@ -1,8 +1,9 @@
-//! Nonlinear least squares by the method of Levenberg and Marquardt, which gives the paper's point estimate.
+//! Nonlinear least squares by the method of Levenberg and Marquardt.
 //!
-//! The sum of squares S(θ) = Σ rᵢ(θ)² of the residuals rᵢ is minimised over the parameters θ. Each iteration solves (JᵀJ + λ diag JᵀJ) δ = −Jᵀr for the
-//! step δ, where J = ∂r/∂θ (Marquardt 1963, doi:10.1137/0111030). The damping λ is controlled by the gain ratio (Nielsen 1999). The search ends when an
-//! accepted step changes S by less than 10⁻⁹ of its value and every coordinate by less than 10⁻⁶ (the paper's tolerances).
+//! The sum of squares S(θ) = Σ rᵢ(θ)² of the residuals rᵢ is minimised over the parameters θ. Each iteration solves (JᵀJ + λ diag JᵀJ) δ = −Jᵀr for
+//! the step δ, where J = ∂r/∂θ (Marquardt 1963, doi:10.1137/0111030). The damping λ depends on the gain ratio, the actual decrease of S divided by
+//! the predicted decrease (Nielsen 1999). By default the search ends when an accepted step changes S by less than 10⁻⁹ of its value and every
+//! coordinate by less than 10⁻⁶. These are the tolerances of the paper (Wang et al. 2013).
 //!
 //! Steps are projected onto the bounds of coordinates (Kanzow, Yamashita & Fukushima 2004, doi:10.1016/j.cam.2004.02.013). While S decreases beyond a
 //! bound, the coordinate stays at the bound and the other coordinates continue.
@@ -13,11 +14,11 @@ use nalgebra::{DMatrix, DVector};
 /// Tolerances and iteration limit that end the search.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tolerances {
-    /// Change of the objective S, relative to its value.
+    /// Largest change of the sum of squares in the last step, relative to its value.
     pub objective: f64,
-    /// Change of each coordinate θ, relative to 1 + |θ|.
+    /// Largest change of each coordinate θ in the last step, relative to 1 + |θ|.
     pub parameters: f64,
-    /// Largest number of iterations. The search then ends without convergence.
+    /// Number of iterations after which the search ends without convergence.
     pub max_iterations: usize,
 }
 
@@ -29,13 +30,14 @@ impl Default for Tolerances {
 
 /// Least-squares problem: its residuals, their derivatives (if known) and the bounds of the coordinates.
 pub trait LeastSquaresProblem {
-    /// Residual vector at θ; `None` if the model cannot be evaluated there.
+    /// Returns the residuals at the coordinates `theta`; `None` if the model cannot be evaluated there.
     fn residuals(&self, theta: &[f64]) -> Option<DVector<f64>>;
 
-    /// Derivatives ∂rᵢ/∂θⱼ: row i per residual, column j per coordinate. `None` requests central differences.
+    /// Returns the derivatives of the residuals at the coordinates `theta`, with one row per residual and one column per coordinate. `None` requests
+    /// central differences.
     fn jacobian(&self, theta: &[f64]) -> Option<DMatrix<f64>>;
 
-    /// Lower and upper bound of a coordinate, which may reach both. By default there are no bounds.
+    /// Returns the lower and upper bound of a coordinate, both included. By default there are no bounds.
     fn bounds(&self, _coordinate: usize) -> (f64, f64) {
         (f64::NEG_INFINITY, f64::INFINITY)
     }
@@ -44,26 +46,27 @@ pub trait LeastSquaresProblem {
 /// Least-squares estimate with its uncertainty.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fit {
-    /// Estimate θ̂.
+    /// Estimated coordinates, at which the sum of squares is smallest.
     pub theta: Vec<f64>,
-    /// Covariance matrix s²(JᵀJ)⁻¹, row by row, with s² = S/(n − p) for n residuals and p coordinates. NaN if n ≤ p or the rank of J is less than p.
+    /// Covariance matrix s²(JᵀJ)⁻¹ of the estimate, row by row. J is the Jacobian, and s² is the sum of squares divided by n − p, for n residuals and
+    /// p coordinates. All entries are NaN if n ≤ p or the rank of J is less than p.
     pub covariance: Vec<f64>,
-    /// Standard errors: square roots of the covariance's diagonal.
+    /// Standard error of each coordinate, the square root of its variance in `covariance`.
     pub standard_errors: Vec<f64>,
-    /// Sum of squares S at the estimate, in the squared unit of the residuals.
+    /// Sum of squared residuals at the estimate, in the squared unit of the residuals.
     pub objective: f64,
     /// Residuals at the estimate, in the order of the problem.
     pub residuals: Vec<f64>,
     /// Number of steps that were tried.
     pub iterations: usize,
-    /// `true` if both tolerances were met.
+    /// `true` if the search met the tolerances of the objective and of the coordinates.
     pub converged: bool,
 }
 
-/// Minimises the sum of squares, starting from `start`.
+/// Minimises the sum of squared residuals, starting from the coordinates `start`.
 ///
 /// # Errors
-/// [`Error::Numerical`] if there are no residuals, or if they or their derivatives are not finite at the start.
+/// [`Error::Numerical`] if there are no residuals, or if the residuals or their derivatives are not finite at the start.
 pub fn fit(problem: &dyn LeastSquaresProblem, start: &[f64], tolerances: &Tolerances) -> Result<Fit> {
     let bounds: Vec<(f64, f64)> = (0..start.len()).map(|j| problem.bounds(j)).collect();
     let mut point = TrustPoint::at(problem, within(&bounds, start.to_vec())).ok_or_else(|| {
@@ -87,7 +90,7 @@ pub fn fit(problem: &dyn LeastSquaresProblem, start: &[f64], tolerances: &Tolera
         let step = DVector::from_iterator(theta.len(), theta.iter().zip(&point.theta).map(|(new, old)| new - old));
         let small = step.iter().zip(&point.theta).all(|(s, t)| s.abs() <= tolerances.parameters * (1.0 + t.abs()));
         let promised = point.promised(&step);
-        // Near the rounding error no step decreases S any further. A very small predicted decrease therefore also ends the search.
+        // Near the rounding error no step decreases the sum of squares any further. A very small predicted decrease therefore also ends the search.
         if small && promised <= tolerances.objective * point.objective {
             converged = damping.lambda <= 1.0;
         }
@@ -114,7 +117,7 @@ fn within(bounds: &[(f64, f64)], mut theta: Vec<f64>) -> Vec<f64> {
     theta
 }
 
-/// Damping λ, changed by Nielsen's rule.
+/// Damping λ of the Levenberg–Marquardt steps, changed by Nielsen's rule.
 struct Damping {
     lambda: f64,
     growth: f64,
@@ -130,7 +133,7 @@ impl Damping {
         self.growth = 2.0;
     }
 
-    /// Increases λ after a rejected step. Returns `false` if further steps cannot help.
+    /// Increases the damping after a rejected step. Returns `false` if the damping is so large that further steps cannot help.
     fn refuse(&mut self) -> bool {
         self.lambda *= self.growth;
         self.growth *= 2.0;
@@ -141,7 +144,7 @@ impl Damping {
 struct TrustPoint {
     theta: Vec<f64>,
     residuals: DVector<f64>,
-    /// Matrix JᵀJ.
+    /// Matrix JᵀJ, with the Jacobian J.
     normal: DMatrix<f64>,
     jacobian: DMatrix<f64>,
     objective: f64,
@@ -165,7 +168,7 @@ impl TrustPoint {
         Some(Self { theta, residuals, normal, jacobian, objective })
     }
 
-    /// Indices of the coordinates at a bound beyond which S decreases.
+    /// Indices of the coordinates that are held at a bound, because the sum of squares decreases beyond the bound.
     fn held(&self, bounds: &[(f64, f64)]) -> Vec<usize> {
         let downhill = -self.jacobian.tr_mul(&self.residuals);
         let is_held = |&j: &usize| {
@@ -175,8 +178,8 @@ impl TrustPoint {
         (0..self.theta.len()).filter(is_held).collect()
     }
 
-    /// Computes the step from the QR factors of J stacked on √(λ diag JᵀJ). This avoids squaring the condition number. Coordinates held at `bounds` do not
-    /// move.
+    /// Computes the damped step; `None` if it is not finite. The step follows from the QR factors of the Jacobian J stacked on √(λ diag JᵀJ), which
+    /// avoids squaring the condition number. Coordinates that are held at a bound do not move.
     fn step(&self, lambda: f64, bounds: &[(f64, f64)]) -> Option<DVector<f64>> {
         let (n, p) = self.jacobian.shape();
         let largest = (0..p).map(|j| self.normal[(j, j)]).fold(0.0, f64::max);
@@ -197,7 +200,7 @@ impl TrustPoint {
         step.iter().all(|s| s.is_finite()).then_some(step)
     }
 
-    /// Decrease of S that the linear model predicts for a step.
+    /// Decrease of the sum of squares that the linearised residuals predict for a step.
     fn promised(&self, step: &DVector<f64>) -> f64 {
         let linear = &self.residuals + &self.jacobian * step;
         (self.objective - linear.norm_squared()).max(0.0)
@@ -222,7 +225,7 @@ impl TrustPoint {
     }
 }
 
-/// Computes (JᵀJ)⁻¹ from the QR factors of J; `None` if J does not have full rank numerically.
+/// Computes (JᵀJ)⁻¹ from the QR factors of the Jacobian J; `None` if J does not have full rank numerically.
 fn inverse_normal(jacobian: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     let p = jacobian.ncols();
     if jacobian.nrows() < p {
@@ -276,7 +279,7 @@ mod tests {
         }
     }
 
-    /// For the line y = a + b x, textbook formulas give the slope, the intercept and their standard errors.
+    /// Compares the fit of a line with the textbook formulas for the slope, the intercept and their standard errors.
     #[test]
     fn straight_line_has_the_textbook_estimate_and_errors() {
         let data: Vec<(f64, f64)> =
@@ -300,7 +303,8 @@ mod tests {
         assert!((found.objective / rss - 1.0).abs() < 1e-12);
     }
 
-    /// Compares with the certified values and standard deviations of NIST StRD Misra1a, y = b₁(1 − exp(−b₂x)), from the start that is farther away.
+    /// Compares a fit with the certified values and standard deviations of NIST StRD Misra1a, y = b₁(1 − exp(−b₂x)). The fit starts from NIST's more
+    /// distant starting point.
     #[test]
     fn misra1a_is_certified() {
         let y = [10.07, 14.73, 17.94, 23.93, 29.61, 35.18, 40.02, 44.82, 50.76, 55.05, 61.01, 66.40, 75.47, 81.78];
@@ -334,8 +338,8 @@ mod tests {
         assert!(found.theta.iter().zip(truth).all(|(a, b)| (a - b).abs() < 1e-6), "{:?}", found.theta);
     }
 
-    /// Fits an exponential plus a constant, from a start at which the first steps exceed the bound of the rate. The search moves along the bound and returns
-    /// to the true values. If the true rate is beyond the bound, the search ends on the bound, at the best values of the other coordinates.
+    /// Fits an exponential plus a constant, from a start at which the first steps exceed the bound of the rate. The search moves along the bound and
+    /// then to the true values. If the true rate is beyond the bound, the search ends on the bound, at the best values of the other coordinates.
     #[test]
     fn bounds_do_not_stop_the_other_coordinates() {
         struct Bounded<F>(QuadraticModel<F>, Vec<(f64, f64)>);

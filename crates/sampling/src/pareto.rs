@@ -1,10 +1,10 @@
-//! Pareto k̂ of importance weights. It tells whether an estimate with these weights is reliable.
+//! Tail shape k̂ of importance weights, which tells whether an estimate with these weights is reliable.
 
-/// Range of ln w up to which the weights w count as equal. Log likelihoods have rounding errors of this size.
+/// Largest range of the logarithms of weights that count as equal. Log likelihoods have rounding errors of this size.
 const EQUAL_LN_WEIGHTS: f64 = 1e-4;
 
-/// Tail shape k̂ of importance weights, from the weights' logarithms (Vehtari, Simpson, Gelman, Yao, Gabry 2024, "Pareto smoothed importance sampling",
-/// JMLR 25:72). The fit follows Zhang and Stephens 2009, doi:10.1198/tech.2009.08017.
+/// Returns the tail shape k̂ of importance weights, given the weights' logarithms (Vehtari, Simpson, Gelman, Yao, Gabry 2024, "Pareto smoothed
+/// importance sampling", JMLR 25:72). The fit follows Zhang and Stephens 2009, doi:10.1198/tech.2009.08017.
 ///
 /// Importance sampling is reliable if k̂ is below 0.7. The result is 0 if the logarithms differ by less than 1e-4, because the tail's shape is then due
 /// to rounding errors. The result is infinite if the tail has fewer than five weights.
@@ -23,7 +23,8 @@ pub fn pareto_k(ln_weights: &[f64]) -> f64 {
     if excesses.len() < 5 { f64::INFINITY } else { generalised_pareto_shape(&excesses) }
 }
 
-/// Shape of a generalised Pareto distribution, fitted to positive excesses in ascending order. The quasi-Bayesian estimate has a weak prior at 0.5.
+/// Returns the shape of a generalised Pareto distribution that is fitted to positive excesses in ascending order. The quasi-Bayesian estimate has a
+/// weak prior at 0.5.
 fn generalised_pareto_shape(ascending: &[f64]) -> f64 {
     const PRIOR_SCALE: f64 = 3.0;
     const PRIOR_WEIGHT: f64 = 10.0;
@@ -61,7 +62,7 @@ mod tests {
         assert_eq!(pareto_k(&[1.0, 2.0, 3.0]), f64::INFINITY);
     }
 
-    /// Tests weights whose range of ln w is slightly smaller and slightly larger than [`EQUAL_LN_WEIGHTS`].
+    /// Tests weights whose logarithms have a range slightly smaller and slightly larger than [`EQUAL_LN_WEIGHTS`].
     #[test]
     fn weights_equal_up_to_rounding_have_no_tail() {
         let within = |range: f64| -> Vec<f64> { (0..100).map(|i| -700.0 + range * f64::from(i) / 99.0).collect() };
@@ -91,8 +92,9 @@ mod tests {
         }
     }
 
-    /// Weights with a Pareto tail of index α have k = 1/α. The tail of 200,000 weights contains about 1,340 weights. The standard deviation of k̂ is then
-    /// (1 + k)/√1340 ≈ 0.04. The tolerance of ±0.2 is five standard deviations (false failure below 1e-6 for each α).
+    /// Checks k̂ of weights with a Pareto tail of index α, for which the true shape is k = 1/α. The tail of 200,000 weights contains about 1,340
+    /// weights. The standard deviation of k̂ is then (1 + k)/√1340 ≈ 0.04. The tolerance of ±0.2 is five standard deviations (false failure below
+    /// 1e-6 for each α).
     #[test]
     fn pareto_tails_are_recognised() {
         for (seed, alpha) in [(1, 5.0), (2, 2.0), (3, 1.0)] {

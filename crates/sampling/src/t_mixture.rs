@@ -1,9 +1,10 @@
-//! Mixtures of multivariate t distributions that approximate a posterior. Points can be drawn from them, and their tails are at least as heavy as the
-//! posterior's.
+//! Mixtures of multivariate t distributions that approximate a posterior and from which points can be drawn. Their heavy tails cover errors of the
+//! approximation.
 //!
-//! The density is q(y) = Σ w_k t₆(y; m_k, S_k), with weight w_k, location m_k and scale matrix S_k of component k. At first there is one component per
-//! mode. A refit to weighted draws is one step of expectation and maximisation. It reduces the Kullback–Leibler distance from the density that the
-//! weighted draws represent (Cappé et al. 2008, doi:10.1007/s11222-008-9059-x, §3.2).
+//! The density is q(y) = Σ w_k t₆(y; m_k, S_k), with weight w_k, location m_k and scale matrix S_k of component k, and t₆ the t density with six
+//! degrees of freedom. At first there is one component per mode. A refit to weighted draws is one step of expectation and maximisation. The refit
+//! reduces the Kullback–Leibler divergence from the density that the weighted draws represent (Cappé et al. 2008, doi:10.1007/s11222-008-9059-x,
+//! §3.2).
 
 use crate::ensemble::RandomStream;
 use crate::optimum::{Mode, Modes};
@@ -13,19 +14,19 @@ use pulp::{Arch, Simd, WithSimd};
 use serde::{Deserialize, Serialize};
 use statrs::function::gamma::ln_gamma;
 
-/// Degrees of freedom ν of each component. With six, the tails are heavy enough to cover the error of a Laplace approximation. The number is even, so
-/// that χ² can be drawn as −2 ln Π u from uniform numbers u.
+/// Degrees of freedom of each component. With six, the tails are heavy enough to cover the error of a Laplace approximation. The number is even, so
+/// that a χ² number can be drawn as −2 ln Π u from uniform numbers u.
 const DEGREES_OF_FREEDOM: f64 = 6.0;
 /// Smallest probability of drawing from a component, even if its weight is smaller.
 const SMALLEST_WEIGHT: f64 = 0.02;
-/// Number of draws per coordinate that are needed to fit the shape of a component.
+/// Number of draws per coordinate that [`TMixture::fitted`] needs to fit the shape of a component.
 const DRAWS_PER_COORDINATE: usize = 100;
 /// Largest number of modes that get a component, largest mass first. Each component adds cost to every proposal.
 const MAX_COMPONENTS: usize = 8;
-/// Number of draws per coordinate below which a refit drops a component. The former shape counts as this number of draws.
+/// Number of draws per coordinate below which a refit drops a component. In a refit the component's former shape counts as this number of draws.
 const FEWEST_DRAWS_PER_COORDINATE: f64 = 2.0;
 
-/// Number of points that are processed together.
+/// Number of points that one pass of vector instructions processes together.
 const BLOCK: usize = 16;
 
 /// Mixture of multivariate t distributions with six degrees of freedom.
@@ -38,18 +39,18 @@ pub struct TMixture {
 /// One t distribution of a mixture, ready for evaluation.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct Component {
-    /// Cumulative weight up to this component, in [0, 1]. A uniform number below it and above that of the previous component chooses this one.
+    /// Sum of the weights up to and including this component, in [0, 1]. A uniform number chooses the first component whose sum exceeds it.
     upper: f64,
     location: Vec<f64>,
-    /// Lower triangular matrix L with S = L Lᵀ, row by row, where S is the scale matrix.
+    /// Lower triangular Cholesky factor L of the scale matrix L Lᵀ, row by row.
     spread: Vec<f64>,
-    /// Inverse L⁻¹, row by row.
+    /// Inverse L⁻¹ of the Cholesky factor in `spread`, row by row.
     whiten: Vec<f64>,
-    /// ln(w / det L) with the weight w. The constant that all components share is left out.
+    /// Logarithm of the component's weight divided by the determinant of `spread`. It omits the constant that all components share.
     log_weight: f64,
 }
 
-/// Weight, location and scale matrix of a component, from which its factors are computed.
+/// Weight, location and scale matrix of a component, from which [`component`] computes the factors for evaluation.
 struct ComponentShape {
     weight: f64,
     location: Vec<f64>,
@@ -57,13 +58,13 @@ struct ComponentShape {
 }
 
 impl TMixture {
-    /// Builds the mixture from the modes' Laplace approximations. `None` if no mode has a usable curvature.
+    /// Builds a mixture with one component per mode from the modes' Laplace approximations. `None` if no mode has a usable curvature.
     pub fn from_modes(modes: &Modes, dimension: usize) -> Option<Self> {
         Self::new(Self::laplace_shapes(modes, dimension), dimension)
     }
 
-    /// Builds the mixture from the modes. A component's location and shape are fitted to the draws nearest to its mode, if there are enough. Each entry of
-    /// `points` is one draw.
+    /// Builds a mixture with one component per mode. A component's location and shape are fitted to the draws nearest to its mode, if there are
+    /// enough of them. Each entry of `points` is one draw.
     pub fn fitted(modes: &Modes, dimension: usize, points: &[Vec<f64>]) -> Option<Self> {
         let mut shapes = Self::laplace_shapes(modes, dimension);
         let mut members: Vec<Vec<&Vec<f64>>> = vec![Vec::new(); modes.len()];
@@ -107,12 +108,13 @@ impl TMixture {
         (!components.is_empty()).then_some(Self { dimension, components })
     }
 
-    /// Builds a mixture of one component with the mean and covariance of weighted points. The weights add up to one. `None` if the points lie in a plane.
+    /// Builds a mixture of one component with the mean and covariance of weighted points. The weights add up to one. `None` if the covariance is
+    /// singular.
     pub fn from_moments(points: &[Vec<f64>], weights: &[f64]) -> Option<Self> {
         Self::new(vec![moments_of(points, weights)?], points.first()?.len())
     }
 
-    /// Returns this mixture with further components at `centres`. Together they get half of the total weight. Their covariance is that of the heaviest
+    /// Returns the mixture with further components at `centres`, which share half of the total weight. They have the covariance of the heaviest
     /// component.
     pub fn with_centres(&self, centres: &[Vec<f64>]) -> Self {
         let mut shapes = self.shapes();
@@ -129,8 +131,8 @@ impl TMixture {
         Self::new(shapes, self.dimension).unwrap_or_else(|| self.clone())
     }
 
-    /// Returns this mixture with one wide component of weight `share`. It has the mean of the weighted points, and their standard deviations multiplied by
-    /// `stretch`.
+    /// Returns the mixture with one more, wide component of weight `share`. The component has the mean of the weighted points, and their standard
+    /// deviations multiplied by `stretch`.
     pub fn with_background(&self, points: &[Vec<f64>], weights: &[f64], share: f64, stretch: f64) -> Self {
         let Some(ComponentShape { location, covariance, .. }) = moments_of(points, weights) else {
             return self.clone();
@@ -141,15 +143,15 @@ impl TMixture {
         Self::new(shapes, self.dimension).unwrap_or_else(|| self.clone())
     }
 
-    /// Returns this mixture with the standard deviations of every component multiplied by `stretch`.
+    /// Returns the mixture with the standard deviations of every component multiplied by `stretch`.
     pub fn stretched(&self, stretch: f64) -> Self {
         let mut shapes = self.shapes();
         shapes.iter_mut().for_each(|shape| shape.covariance *= stretch * stretch);
         Self::new(shapes, self.dimension).unwrap_or_else(|| self.clone())
     }
 
-    /// Refits the mixture to weighted points by one step of expectation and maximisation. The weights add up to one. A component with almost no points is
-    /// dropped. A component with few points keeps part of its former shape.
+    /// Returns the mixture refitted to weighted points by one step of expectation and maximisation. The weights add up to one. A component with
+    /// almost no points is dropped. A component with few points keeps part of its former shape.
     pub fn refitted(&self, points: &[Vec<f64>], weights: &[f64]) -> Self {
         let mut sums: Vec<WeightedSums> = self.components.iter().map(|_| WeightedSums::new(self.dimension)).collect();
         let mut terms = vec![0.0; self.components.len()];
@@ -197,12 +199,12 @@ impl TMixture {
         self.components.len()
     }
 
-    /// ln q at a point, normalised.
+    /// Normalised log density of the mixture at a point.
     pub fn ln_density(&self, point: &[f64]) -> f64 {
         self.ln_constant() + self.log_density(point)
     }
 
-    /// Constant by which [`Self::ln_density`] exceeds [`Self::log_density`].
+    /// Normalisation constant: the difference of [`Self::ln_density`] and [`Self::log_density`].
     pub(super) fn ln_constant(&self) -> f64 {
         let n = self.dimension as f64;
         ln_gamma(0.5 * (DEGREES_OF_FREEDOM + n))
@@ -215,7 +217,7 @@ impl TMixture {
         if let [only] = &self.components[..] { Some(only) } else { None }
     }
 
-    /// ln q at a point without the constant, which depends only on the dimension.
+    /// Log density of the mixture at a point, without the normalisation constant [`Self::ln_constant`].
     pub(super) fn log_density(&self, point: &[f64]) -> f64 {
         let term =
             |component: &Component| component.log_weight + self.exponent() * growth(component.distance2(point)).ln();
@@ -224,12 +226,14 @@ impl TMixture {
         top + terms.iter().map(|term| (term - top).exp()).sum::<f64>().ln()
     }
 
-    /// Exponent of 1 + r²/ν in the density, where r is the distance |L⁻¹(y − m)|.
+    /// Exponent −(ν + n)/2 of the factor 1 + r²/ν in a component's density. ν are the degrees of freedom, n the dimension and r the scaled distance
+    /// from the location.
     pub(super) fn exponent(&self) -> f64 {
         -0.5 * (DEGREES_OF_FREEDOM + self.dimension as f64)
     }
 
-    /// Draws a point. Afterwards `noise` holds L⁻¹(y − m), the draw's position in its component. The slices have equal length.
+    /// Draws a point from the mixture into `point`. Afterwards `noise` holds the point's position in its component, L⁻¹(y − m) for the point y, the
+    /// location m and the Cholesky factor L. The slices have equal length.
     pub fn draw(&self, stream: &mut RandomStream, point: &mut [f64], noise: &mut [f64]) {
         let u = stream.unit();
         let chosen = self.components.iter().position(|component| u < component.upper);
@@ -239,21 +243,21 @@ impl TMixture {
     }
 }
 
-/// Returns 1 + r²/ν, given the squared distance r².
+/// Returns the factor 1 + r²/ν of a component's density, given the squared scaled distance r² from its location. ν are the degrees of freedom.
 #[inline(always)]
 pub(super) fn growth(distance2: f64) -> f64 {
     1.0 + distance2 / DEGREES_OF_FREEDOM
 }
 
-/// Input and output of drawing one point per stream from a single component. Coordinate d of point i is at `d * n + i`. Each stream is read like in
-/// [`TMixture::draw`].
+/// Input and output of drawing one point per random stream from a single component. Coordinate d of point i is at `d * n + i`, for n streams.
+/// [`Jumps::draw`] reads each stream in the order of [`TMixture::draw`].
 pub(super) struct Jumps<'a> {
     pub component: &'a Component,
-    /// Factor that multiplies ln(1 + r²/ν) in ln q.
+    /// Exponent of the density ([`TMixture::exponent`]).
     pub exponent: f64,
     pub points: &'a [f64],
     pub draws: &'a mut [f64],
-    /// Results ln q(point) − ln q(draw), one per point.
+    /// Result for each point: its log density under the component minus the log density of its draw.
     pub log_factors: &'a mut [f64],
 }
 
@@ -288,7 +292,7 @@ impl WithSimd for JumpsOfNoise<'_> {
     fn with_simd<S: Simd>(self, _simd: S) {
         let Self { jumps: Jumps { component, exponent, points, draws, log_factors }, noise, products, n } = self;
         let dimension = component.location.len();
-        // The squared distances of the draws overwrite the products. The squared distances of the points go into the factors.
+        // The squared distances of the draws overwrite `products`. The squared distances of the points are stored in `log_factors`.
         for product in products.iter_mut() {
             *product = (DEGREES_OF_FREEDOM / (-2.0 * elementary::ln(*product))).sqrt();
         }
@@ -302,7 +306,8 @@ impl WithSimd for JumpsOfNoise<'_> {
         for d in 0..dimension {
             let draws = &mut draws[d * n..(d + 1) * n];
             let (spread, whiten) = (&component.spread[d * dimension..], &component.whiten[d * dimension..]);
-            // Each pass computes two sums in blocks that stay in registers: the draw's coordinate, and the point's position L⁻¹(y − m).
+            // Each pass computes two sums in blocks that stay in registers: the draw's coordinate, and the point's position L⁻¹(y − m) for the point
+            // y, location m and factor L.
             let mut first = 0;
             while first < n {
                 let width = if n - first < BLOCK { n - first } else { BLOCK };
@@ -341,7 +346,7 @@ impl Component {
         }
     }
 
-    /// Squared distance |L⁻¹(y − m)|² of a point y from the location m.
+    /// Squared scaled distance |L⁻¹(y − m)|² of a point y from the component's location m, with the Cholesky factor L of the scale matrix.
     pub(super) fn distance2(&self, point: &[f64]) -> f64 {
         let n = point.len();
         let row = |i: usize| -> f64 {
@@ -368,7 +373,8 @@ fn component(shape: ComponentShape, dimension: usize) -> Option<Component> {
     })
 }
 
-/// Mean and covariance matrix of weighted points, whose weights add up to one. `None` if the points lie in a plane.
+/// Returns the mean and covariance matrix of weighted points as a component of weight 1. The weights add up to one. `None` if there are no points, or
+/// if they lie in a plane.
 fn moments_of(points: &[Vec<f64>], weights: &[f64]) -> Option<ComponentShape> {
     let mut sums = WeightedSums::new(points.first()?.len());
     points
@@ -380,20 +386,20 @@ fn moments_of(points: &[Vec<f64>], weights: &[f64]) -> Option<ComponentShape> {
     Some(ComponentShape { weight: 1.0, location, covariance })
 }
 
-/// Sums over weighted points from which a component is fitted. Each point counts with its weight × (ν + n)/(ν + r²), its *pull*, where n is the
-/// dimension. Distant points therefore count less.
+/// Sums over weighted points from which a component is fitted. Each point has a *pull*: its weight × (ν + n)/(ν + r²), with ν the degrees of freedom,
+/// n the dimension and r the scaled distance. Distant points therefore count less.
 struct WeightedSums {
-    /// Σ weight over the points.
+    /// Sum of the weights.
     total: f64,
-    /// Σ weight² over the points.
+    /// Sum of the squared weights.
     squares: f64,
-    /// Σ pull over the points.
+    /// Sum of the pulls, the reduced weights of the points.
     pull: f64,
-    /// Σ pull · (x − origin) over the points x.
+    /// Sum of pull · (x − origin) over the points x.
     first: Vec<f64>,
-    /// Σ pull · (x − origin)(x − origin)ᵀ over the points x; only the lower triangle is set.
+    /// Sum of pull · (x − origin)(x − origin)ᵀ over the points x; only the lower triangle is set.
     second: DMatrix<f64>,
-    /// First point. Sums of differences from it lose no significant digits.
+    /// First point, which is subtracted from all points so that the sums lose no significant digits.
     origin: Vec<f64>,
 }
 
@@ -423,7 +429,8 @@ impl WeightedSums {
         if self.squares > 0.0 { self.total * self.total / self.squares } else { 0.0 }
     }
 
-    /// Location and scale matrix from the sums. `None` if the scale matrix is not positive definite (points in a plane, overflow).
+    /// Computes the location and the scale matrix of a component from the sums. `None` if the scale matrix is not positive definite, because points
+    /// lie in a plane or sums overflow.
     fn moments(&self) -> Option<(Vec<f64>, DMatrix<f64>)> {
         let n = self.first.len();
         let mean: Vec<f64> = self.first.iter().map(|sum| sum / self.pull).collect();
@@ -449,7 +456,7 @@ fn moments(points: &[&Vec<f64>], dimension: usize) -> Option<(Vec<f64>, DMatrix<
         }
     }
     covariance.fill_upper_triangle_with_lower_triangle();
-    // If the covariance is not positive definite (points in a plane, overflow), the component keeps the Laplace approximation.
+    // If the covariance is not positive definite, the component keeps the Laplace approximation. The cause is points in a plane or overflow.
     covariance.clone().cholesky().map(|_| (mean, covariance))
 }
 
@@ -471,8 +478,8 @@ mod tests {
         modes
     }
 
-    /// The density belongs to the draws: for a normalised Gaussian inside either component, importance weights of the draws average to one. The tolerance is
-    /// six standard errors, estimated from the weights.
+    /// Checks that draws follow the density: for a normalised Gaussian inside either component, importance weights of the draws average to one. The
+    /// tolerance is six standard errors, estimated from the weights.
     #[test]
     fn density_belongs_to_the_draws() {
         let q = TMixture::from_modes(&two_modes(), 2).unwrap();

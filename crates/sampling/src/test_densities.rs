@@ -10,8 +10,8 @@ fn each_point(dimension: usize, points: &[f64], out: &mut [f64], f: impl Fn(&dyn
     }
 }
 
-/// Correlated Gaussian with means d + 1 for coordinate d. In coordinates scaled by 10^d, the precision matrix is tridiagonal, with 2 on the diagonal and
-/// −0.95 beside it.
+/// Correlated Gaussian whose coordinate d has the mean d + 1. In coordinates scaled by 10^d, the precision matrix is tridiagonal, with 2 on the
+/// diagonal and −0.95 beside it.
 pub struct Correlated {
     dimension: usize,
 }

@@ -64,7 +64,7 @@ pub fn code(text: &str) -> String {
     kept
 }
 
-/// Returns `true` if the next character continues a name, so an `r` there does not begin a raw string.
+/// Returns `true` if the kept code ends inside a name. An `r` that follows then belongs to the name and does not begin a raw string.
 fn ends_in_word(kept: &str) -> bool {
     kept.chars().next_back().is_some_and(|last| last.is_alphanumeric() || last == '_')
 }

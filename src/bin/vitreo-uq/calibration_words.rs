@@ -3,7 +3,7 @@
 use vitreo_uq::documents::calibration::{CalibratedQuantity, Calibration, Coverage};
 use vitreo_uq::figures::number::format_significant;
 
-/// Returns the verdict of a calibration, and the table that it is based on.
+/// Returns the text of a calibration: its verdict, then a table with one row for each quantity.
 pub fn format_calibration(found: &Calibration) -> String {
     let mut lines = vec![
         format!("{}: {}", found.experiment, found.verdict.sentence),
@@ -15,7 +15,7 @@ pub fn format_calibration(found: &Calibration) -> String {
     ];
     lines.extend(found.quantities.iter().map(row));
     lines.push("  (location: negative if the posteriors are too high; spread: positive if they are too narrow; both in standard errors.".into());
-    lines.push("  z: mean ± sd of true value minus posterior mean, in posterior standard deviations. Intervals: share that contain the true value, with its 95 % interval)".into());
+    lines.push("  z: mean ± sd of true value minus posterior mean, in posterior standard deviations. Intervals: share of them that contains the true value, with the 95 % interval of this share)".into());
     lines.join("\n") + "\n\n"
 }
 

@@ -20,7 +20,7 @@ use vitreo_uq::validation::challenge::files::{self, ChallengeCase, OpenedChallen
 use vitreo_uq::validation::challenge::play::HiddenKind;
 use vitreo_uq::validation::challenge::plays::{self, PlaysRequest};
 use vitreo_uq::validation::challenge::{
-    Bench, DisturbanceKind, HiddenThing, NoiseKind, Protocol, Strength, TruthRequest, draw_pair, hideable_effects,
+    Bench, DisturbanceKind, HiddenPhysics, NoiseKind, Protocol, Strength, TruthRequest, draw_pair, hideable_effects,
 };
 
 use crate::challenge_words::{format_new_challenges, format_plays, format_truth};
@@ -61,13 +61,13 @@ struct NewArguments {
     /// Hide nothing
     #[arg(long, conflicts_with = "outside")]
     none: bool,
-    /// Hide a disturbance that is not in the library: this kind, or a random one
+    /// Hide a disturbance outside the library: of this kind, or without KIND of a random kind
     #[arg(long, value_name = "KIND")]
     outside: Option<Option<String>>,
-    /// Signal in noise standard deviations, or `prior` to draw the size from the effect's prior [default: random from 10 to 40]
+    /// Signal of the hidden effect in noise standard deviations, or `prior` to draw the effect's size from its prior [default: random from 10 to 40]
     #[arg(long, value_name = "SIGMA|prior")]
     strength: Option<String>,
-    /// Size of the hidden effect, in place of the signal: distance of its first parameter from its null, in the unit that `effects` lists
+    /// Size of the hidden effect, in place of its signal: distance between its first parameter and the null, in the unit that `effects` lists
     #[arg(long, value_name = "VALUE", requires = "effect", conflicts_with = "strength", allow_negative_numbers = true)]
     size: Option<f64>,
     /// Protocol: paper (±F, 5 s each) or levels (three force levels and rests)
@@ -76,7 +76,7 @@ struct NewArguments {
     /// Noise: white; white with slow noise (ou), random gains (gain), outliers, or lost rows (lost); slow noise alone (ou-alone) or with outliers (ou-outliers)
     #[arg(long, value_name = "KIND", default_value = "white")]
     noise_kind: String,
-    /// State the noise in the experiment; with `no` it must be estimated
+    /// Write the noise standard deviation into the experiment; with `no`, the diagnosis must estimate it
     #[arg(long, value_name = "yes|no", default_value = "yes", action = ArgAction::Set, value_parser = BoolishValueParser::new())]
     noise_known: bool,
     /// Seed of all random numbers; it determines the answer [default: from the operating system]
@@ -92,7 +92,7 @@ struct RevealArguments {
     /// Directory that `challenge new` created
     #[arg(value_name = "DIR")]
     dir: PathBuf,
-    /// Study of that experiment [default: vitreo-uq-out/<specimen id>, if it exists]
+    /// Study of the challenge's experiment [default: vitreo-uq-out/<specimen id>, if it exists]
     #[arg(long, value_name = "STUDY")]
     study: Option<PathBuf>,
     /// Write the result as one JSON document to a file, or with `-` to standard output in place of the text
@@ -121,7 +121,7 @@ struct RunArguments {
     quiet: bool,
 }
 
-/// Challenges to play, here or as tasks.
+/// Options of `challenge run` and `tasks challenge`: the challenges to play.
 #[derive(Args)]
 pub struct PlaysArguments {
     /// Number of challenges
@@ -130,7 +130,7 @@ pub struct PlaysArguments {
     /// Number of the first challenge, from 0, so that a long run can be played in parts
     #[arg(long, value_name = "N", default_value_t = 0)]
     first: usize,
-    /// Signals in noise standard deviations, separated by commas
+    /// Signals of the hidden effects in noise standard deviations, separated by commas
     #[arg(long, value_name = "SIGMA", value_delimiter = ',', default_values_t = [5.0, 10.0, 20.0, 40.0])]
     signal: Vec<f64>,
     /// Play only challenges with this sort of hidden disturbance [default: a mixture of all sorts]
@@ -145,7 +145,7 @@ pub struct PlaysArguments {
     /// Noises, separated by commas; `challenge new --help` explains their names: white, ou, gain, outliers, ou-alone, ou-outliers, lost [default: the first four]
     #[arg(long, value_name = "KIND", value_delimiter = ',')]
     noise_kind: Vec<String>,
-    /// State the noise in the experiments; with `no` it must be estimated
+    /// Write the noise standard deviation into the experiments; with `no`, each diagnosis must estimate it
     #[arg(long, value_name = "yes|no", default_value = "yes", action = ArgAction::Set, value_parser = BoolishValueParser::new())]
     noise_known: bool,
     /// Seed of all random numbers
@@ -153,7 +153,7 @@ pub struct PlaysArguments {
     seed: u64,
 }
 
-/// Sorts of hidden disturbances.
+/// Sort of hidden disturbance to which `--only` restricts a run.
 #[derive(Clone, Copy, ValueEnum)]
 enum OnlySort {
     /// Nothing
@@ -200,7 +200,7 @@ fn make(arguments: &NewArguments) -> Result<ExitCode> {
     let orders: Vec<TruthRequest> =
         (0..arguments.count).map(|number| challenge_order(arguments, seed_of(seed, number))).collect::<Result<_>>()?;
     let needed = orders.iter().flat_map(|order| match &order.hidden {
-        HiddenThing::Effects(slugs) => &slugs[..],
+        HiddenPhysics::Effects(slugs) => &slugs[..],
         _ => &[],
     });
     let needed: Vec<String> = needed.cloned().collect();
@@ -226,11 +226,11 @@ fn seed_of(seed: u64, number: usize) -> u64 {
     seed.wrapping_add(number as u64)
 }
 
-/// Returns the truth to draw for one challenge. It follows from the arguments, and from the seed where they leave a choice.
+/// Returns the request for the hidden truth of one challenge. Options that the user omits are drawn at random, with `seed`.
 fn challenge_order(arguments: &NewArguments, seed: u64) -> Result<TruthRequest> {
     let protocol = named("--protocol", &arguments.protocol, &Protocol::ALL, Protocol::name)?;
     let noise = named("--noise-kind", &arguments.noise_kind, &NoiseKind::ALL, NoiseKind::name)?;
-    // Random streams 0 to 2 generate the data, so stream 3 makes the choices.
+    // Random streams 0 to 2 generate the data, so stream 3 draws the omitted options.
     let mut stream = RandomStream::new(seed, 3);
     let strength = match arguments.size {
         Some(size) => Strength::Size(size),
@@ -272,16 +272,16 @@ fn strength(text: Option<&str>, stream: &mut RandomStream) -> Result<Strength> {
     }
 }
 
-fn hidden(arguments: &NewArguments, protocol: Protocol, stream: &mut RandomStream) -> Result<HiddenThing> {
+fn hidden(arguments: &NewArguments, protocol: Protocol, stream: &mut RandomStream) -> Result<HiddenPhysics> {
     let suited: Vec<DisturbanceKind> = DisturbanceKind::DRAWN.into_iter().filter(|kind| kind.suits(protocol)).collect();
     let library = Library::default();
     let slugs = hideable_effects(&library);
     if let Some(slug) = &arguments.effect {
-        return Ok(HiddenThing::Effects(vec![slug.clone()]));
+        return Ok(HiddenPhysics::Effects(vec![slug.clone()]));
     }
     if !arguments.pair.is_empty() {
         return match arguments.pair.as_slice() {
-            [a, b] if a != b => Ok(HiddenThing::Effects(vec![a.clone(), b.clone()])),
+            [a, b] if a != b => Ok(HiddenPhysics::Effects(vec![a.clone(), b.clone()])),
             _ => Err(Error::input(
                 InputPlace::setting(Setting::Pair),
                 arguments.pair.join(","),
@@ -290,21 +290,21 @@ fn hidden(arguments: &NewArguments, protocol: Protocol, stream: &mut RandomStrea
         };
     }
     if let Some(Some(kind)) = &arguments.outside {
-        return Ok(HiddenThing::Outside(named("--outside", kind, &DisturbanceKind::all(), DisturbanceKind::name)?));
+        return Ok(HiddenPhysics::Outside(named("--outside", kind, &DisturbanceKind::all(), DisturbanceKind::name)?));
     }
     let choice = stream.unit();
     if arguments.none || (arguments.outside.is_none() && choice < 0.15) {
-        return Ok(HiddenThing::Nothing);
+        return Ok(HiddenPhysics::Nothing);
     }
     if arguments.outside.is_some() || choice < 0.3 {
-        return Ok(HiddenThing::Outside(suited[stream.below(suited.len())]));
+        return Ok(HiddenPhysics::Outside(suited[stream.below(suited.len())]));
     }
     if choice < 0.45 {
-        return draw_pair(&library, &slugs, stream).map(|pair| HiddenThing::Effects(pair.to_vec()));
+        return draw_pair(&library, &slugs, stream).map(|pair| HiddenPhysics::Effects(pair.to_vec()));
     }
     // The second effect is drawn but not used, so that each seed continues to give the same challenge.
     let (single, _) = stream.distinct_pair(slugs.len());
-    Ok(HiddenThing::Effects(vec![slugs[single].clone()]))
+    Ok(HiddenPhysics::Effects(vec![slugs[single].clone()]))
 }
 
 fn reveal(arguments: &RevealArguments) -> Result<ExitCode> {
@@ -373,10 +373,10 @@ fn diagnosis_of(opened: &OpenedChallenge, challenge_dir: &Path, study: Option<&P
     Ok(None)
 }
 
-/// Largest difference of values that are the same in other units and with other separators, as a fraction of the largest value.
+/// Largest difference between two tables' values that counts as rounding, as a fraction of the largest value. A conversion of units rounds.
 const ROUNDING: f64 = 1e-9;
 
-/// Whether a study has the rows of the challenge in `dir`, perhaps from a table in another layout.
+/// Returns whether a study has the rows of the challenge in `dir`. The layout and the units of its table may differ.
 fn has_rows_of(study: &Study, dir: &Path) -> Result<bool> {
     let (ours, _) = Experiment::read(dir)?;
     let (theirs, _) = study.read_experiment()?;
@@ -384,7 +384,7 @@ fn has_rows_of(study: &Study, dir: &Path) -> Result<bool> {
         let largest = a.iter().fold(0.0_f64, |largest, value| largest.max(value.abs()));
         a.len() == b.len() && a.iter().zip(b).all(|(a, b)| (a - b).abs() <= ROUNDING * largest)
     };
-    // A study may leave positions out, but most of them have to be there.
+    // A study may omit positions, but it must contain more than half of them.
     let both = ours.record.position_m.iter().zip(&theirs.record.position_m);
     let (a, b): (Vec<f64>, Vec<f64>) = both.filter_map(|(ours, theirs)| Some(((*ours)?, (*theirs)?))).unzip();
     Ok(2 * a.len() > ours.record.n_rows()
@@ -401,7 +401,7 @@ impl PlaysArguments {
             return Err(Error::input(
                 InputPlace::setting(Setting::Count),
                 found,
-                format!("play at most {MOST_PLAYS} at a time"),
+                format!("play at most {MOST_PLAYS} challenges in one run"),
             ));
         }
         if self.first > MOST_PLAYS {
@@ -409,7 +409,7 @@ impl PlaysArguments {
             return Err(Error::input(
                 InputPlace::default().at_key("--first"),
                 found,
-                format!("begin at {MOST_PLAYS} or less"),
+                format!("give a number of at most {MOST_PLAYS}"),
             ));
         }
         let many = |texts: &[String], all: Vec<String>| if texts.is_empty() { all } else { texts.to_vec() };

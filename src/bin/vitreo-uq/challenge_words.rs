@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use vitreo_uq::documents::diagnosis::Diagnosis;
-use vitreo_uq::figures::page::PlaysPage;
+use vitreo_uq::figures::page::ChallengeResultsPage;
 use vitreo_uq::validation::challenge::files::OpenedChallenge;
 use vitreo_uq::validation::challenge::play::Play;
 use vitreo_uq::validation::challenge::tally::{Group, Tally};
@@ -34,7 +34,8 @@ pub fn format_new_challenges(out: &Path, commitments: &[String]) -> String {
     )
 }
 
-/// Text of one challenge's answer. It also judges the diagnosis, if the study in the directory `looked_in` contains one.
+/// Text of a challenge's answer, followed by the judgement of its diagnosis. Without a diagnosis, the text says that the study in the directory `looked_in`
+/// contains none.
 pub fn format_truth(
     opened: &OpenedChallenge,
     judged: Option<&(Play, Diagnosis)>,
@@ -104,8 +105,8 @@ pub fn format_truth(
     lines.join("\n") + "\n"
 }
 
-/// Text of the error on the last held-out cycle. It is compared with the added noise, and with the noise that the diagnosis predicts. `None` if no cycle is
-/// held out.
+/// Sentence that compares the error on the last held-out cycle with the added noise, and with the noise that the diagnosis predicts. `None` if no cycle is held
+/// out.
 fn error_of(play: &Play) -> Option<String> {
     let what = if play.class.is_empty() { "without an added effect" } else { "with the claimed effects" };
     let error = format!("The error on the last held-out cycle, {what}, is {} µm", significant(play.rmse_heldout_um?));
@@ -136,7 +137,7 @@ fn size_of(outside: &Disturbance) -> String {
     }
 }
 
-/// One row for each hidden truth: its name, its number of plays, and the verdicts with their counts.
+/// One row for each hidden truth: its name, the number of challenges with it, and the verdicts with their counts.
 fn verdict_rows(tally: &Tally) -> Vec<(&str, usize, String)> {
     let mut rows: BTreeMap<&str, Vec<(&str, usize)>> = BTreeMap::new();
     for entry in &tally.confusion {
@@ -156,11 +157,11 @@ fn rates(tally: &Tally) -> Vec<(&'static str, String)> {
     let percent = |value: f64| format!("{:.1} %", 100.0 * value);
     let rates = [
         ("one hidden effect: claimed, or equivalent to the claim", tally.class_coverage),
-        ("one hidden effect: first, apart from equivalent effects", tally.first_place_separated),
+        ("one hidden effect: first in rank, or equivalent to the first", tally.first_place_separated),
         ("one hidden effect: true size in the 90 % interval", tally.interval_coverage_90),
         ("two hidden effects: both claimed, or equivalent to a claim", tally.pair_coverage),
-        ("right claims: held-out error within 1.1 of the true noise", tally.heldout_at_true_noise),
-        ("right claims: held-out error within 1.1 of the predicted noise", tally.heldout_at_predictive_noise),
+        ("right claims: held-out error at most 1.1 × true noise", tally.heldout_at_true_noise),
+        ("right claims: held-out error at most 1.1 × predicted noise", tally.heldout_at_predictive_noise),
         ("nothing hidden: an effect claimed", tally.false_claims),
         ("nothing hidden: verdict unexplained", tally.false_unexplained),
         ("outside the library: verdict unexplained", tally.unexplained_called),
@@ -169,14 +170,14 @@ fn rates(tally: &Tally) -> Vec<(&'static str, String)> {
     let mut rates: Vec<_> = rates.into_iter().filter_map(|(what, rate)| Some((what, percent(rate?)))).collect();
     if let (Some(size), Some(ideal)) = (tally.mean_class_size, tally.ideal_class_size) {
         rates.push(("mean number of claimed effects, equivalent ones included", format!("{size:.2}")));
-        rates.push(("  smallest number that this experiment allows", format!("{ideal:.2}")));
+        rates.push(("  smallest number that these experiments allow", format!("{ideal:.2}")));
     }
     rates
 }
 
 const GROUP_HEADS: [&str; 7] = ["sort", "protocol", "noise", "signal", "played", "right", "claimed"];
 
-/// One row for each combination of sort, protocol, noise and signal. It also contains the numbers of plays, right diagnoses and claims.
+/// One row for each combination of hidden sort, protocol, noise and signal, with the numbers of challenges, right diagnoses and claims.
 fn groups(tally: &Tally) -> Vec<[String; 7]> {
     let row = |group: &Group| {
         [
@@ -212,11 +213,11 @@ pub fn format_plays(tally: &Tally) -> String {
 }
 
 /// The results of a run of challenges as tables for an HTML page.
-pub fn plays_page(tally: &Tally) -> PlaysPage {
+pub fn plays_page(tally: &Tally) -> ChallengeResultsPage {
     let hidden =
         verdict_rows(tally).into_iter().map(|(truth, total, said)| vec![truth.into(), total.to_string(), said]);
     let rates = rates(tally).into_iter().map(|(what, rate)| vec![what.trim().into(), rate]);
-    PlaysPage {
+    ChallengeResultsPage {
         played: tally.played,
         failed: tally.failed,
         verdicts: hidden.collect(),

@@ -66,7 +66,7 @@ fn draw(arguments: &CheckArguments, experiment: &Experiment, files: &ExperimentF
     if settled.is_reversed {
         text.push("The sign of the positions is reversed.".into());
     }
-    // Rows that only mark a force change have no coordinates.
+    // Rows that only mark a change of the force have no lateral position. A record with such rows is drawn without lateral positions.
     let across_m = settled.projection.as_ref().map_or(&[][..], |projection| &projection.across_m);
     let across_m = if across_m.len() == record.n_rows() { across_m } else { &[] };
     let raw = RawRecord {

@@ -16,7 +16,7 @@ pub fn words(diagnosis: &CohortDiagnosis) -> String {
         String::new(),
         format!(
             "  {:<26}{:>9}{:>10}{:>9}{:>8}   {:<34}{}",
-            "effect", "gain", "held-out", "p", "share", "size", "standing"
+            "effect", "gain", "held-out", "p", "share", "size", "status"
         ),
     ];
     let mut effects: Vec<&CohortEffect> = diagnosis.effects.iter().collect();
@@ -33,7 +33,7 @@ pub fn words(diagnosis: &CohortDiagnosis) -> String {
     if !nothing.is_empty() {
         lines.push(format!("  no gain from any common distribution of sizes: {}", nothing.join(", ")));
     }
-    lines.push("  (gain: nats over all records, with the best common distribution of sizes; p: of the search)".into());
+    lines.push("  (gain: nats over all records, by the best common distribution of sizes; p: of the search)".into());
     lines.extend(groups(diagnosis));
     if let Some(extended) = diagnosis.extended
         && let (Some(before), Some(after)) = (diagnosis.base.rmse_heldout_um, extended.rmse_heldout_um)

@@ -1,4 +1,4 @@
-//! `corner`: draws one or several posteriors into one corner plot. They come from this program, or from any program that writes CSV.
+//! `corner`: draws one or several posteriors into one corner plot. A posterior is a study of this program, or a CSV file of draws from any program.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -12,7 +12,7 @@ use vitreo_uq::figures::density::{Support, estimate_support, sorted};
 use vitreo_uq::figures::draws::read_draws_csv;
 use vitreo_uq::figures::labels::{ParameterLabel, parameter_label};
 use vitreo_uq::figures::palette::series;
-use vitreo_uq::figures::svg::write_figure;
+use vitreo_uq::figures::svg::{Svg, write_figure};
 use vitreo_uq::jobs::artefacts;
 use vitreo_uq::models::effects::Library;
 use vitreo_uq::posterior::monitor::Monitor;
@@ -56,10 +56,9 @@ pub fn run(arguments: &CornerArguments) -> Result<ExitCode> {
         [] => vec![Study::default_dir(&replica::embedded()?.0.specimen_id)],
         paths => paths.to_vec(),
     };
-    let mut loaded = paths.iter().map(|path| load(path)).collect::<Result<Vec<_>>>()?;
+    let mut loaded = load_all(&paths, &arguments.parameters)?;
     make_labels_unique(&mut loaded, &paths);
-    draw_priors(&mut loaded);
-    refuse_unknown_references(&references, &loaded)?;
+    refuse_unknown("--reference", references.keys(), &loaded)?;
     let names: Vec<&str> = loaded.iter().map(|posterior| posterior.label.as_str()).collect();
     let data: Vec<Option<FittedData>> = loaded.iter().map(|posterior| posterior.data.clone()).collect();
     let (legend, note) = match describe_data_differences(&names, &data) {
@@ -71,17 +70,7 @@ pub fn run(arguments: &CornerArguments) -> Result<ExitCode> {
     if let Some(note) = &note {
         Terminal::new(arguments.quiet).warn(note);
     }
-    let posteriors: Vec<Posterior> = loaded
-        .iter()
-        .zip(&legend)
-        .enumerate()
-        .map(|(i, (posterior, label))| Posterior {
-            label,
-            colour: series(i),
-            parameters: posterior.columns.iter().map(|column| parameter(column, &references)).collect(),
-        })
-        .collect();
-    let figure = corner(&posteriors, &CornerOptions::default())?;
+    let figure = draw(&loaded, &legend, &references, "")?;
     let (dir, stem) = figure_path(&arguments.out)?;
     std::fs::create_dir_all(&dir)
         .map_err(|source| Error::at_path("create", &dir, source, "choose a writable place with `--out`"))?;
@@ -96,6 +85,37 @@ pub fn run(arguments: &CornerArguments) -> Result<ExitCode> {
     };
     output::show(arguments.json.as_deref(), &document, &words)?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// Corner plot of a study's revisions, with the chosen parameters; with all if none is chosen. `name` names the study in the title.
+pub fn of_revisions(study: &Path, revisions: &[String], chosen: &[String], name: &str) -> Result<Svg> {
+    let paths: Vec<PathBuf> = revisions.iter().map(|revision| study.join(revision)).collect();
+    draw(&load_all(&paths, chosen)?, revisions, &BTreeMap::new(), name)
+}
+
+fn draw(loaded: &[LoadedPosterior], legend: &[String], references: &BTreeMap<String, f64>, title: &str) -> Result<Svg> {
+    let posteriors: Vec<Posterior> = loaded
+        .iter()
+        .zip(legend)
+        .enumerate()
+        .map(|(i, (posterior, label))| Posterior {
+            label,
+            colour: series(i),
+            parameters: posterior.columns.iter().map(|column| parameter(column, references)).collect(),
+        })
+        .collect();
+    corner(&posteriors, &CornerOptions { title, ..CornerOptions::default() })
+}
+
+/// Loads posteriors with the chosen parameters, and with their prior densities. No choice means all parameters.
+fn load_all(paths: &[PathBuf], chosen: &[String]) -> Result<Vec<LoadedPosterior>> {
+    let mut loaded = paths.iter().map(|path| load(path)).collect::<Result<Vec<_>>>()?;
+    refuse_unknown("--parameters", chosen.iter(), &loaded)?;
+    if !chosen.is_empty() {
+        loaded.iter_mut().for_each(|posterior| posterior.columns.retain(|column| chosen.contains(&column.name)));
+    }
+    draw_priors(&mut loaded);
+    Ok(loaded)
 }
 
 /// Parses reference values of the form `NAME=VALUE`.
@@ -118,15 +138,19 @@ fn references(texts: &[String]) -> Result<BTreeMap<String, f64>> {
     Ok(references)
 }
 
-/// Refuses a reference value whose name is not a parameter, because it is probably a typing error.
-fn refuse_unknown_references(references: &BTreeMap<String, f64>, loaded: &[LoadedPosterior]) -> Result<()> {
+/// Refuses a name in an option that is not a parameter, because it is probably a typing error.
+fn refuse_unknown<'a>(
+    option: &str,
+    mut names: impl Iterator<Item = &'a String>,
+    loaded: &[LoadedPosterior],
+) -> Result<()> {
     let mut known: Vec<&str> =
         loaded.iter().flat_map(|p| p.columns.iter().map(|column| column.name.as_str())).collect();
     known.sort_unstable();
     known.dedup();
-    match references.keys().find(|name| !known.contains(&name.as_str())) {
+    match names.find(|name| !known.contains(&name.as_str())) {
         Some(unknown) => Err(Error::input(
-            InputPlace::default().at_key("--reference"),
+            InputPlace::default().at_key(option),
             format!("no posterior has the parameter `{unknown}`"),
             format!("use one of {}", known.join(", ")),
         )),
@@ -145,7 +169,7 @@ fn load(path: &Path) -> Result<LoadedPosterior> {
         return load_revision(path);
     }
     let label = path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
-    // A file of draws inside a revision's directory belongs to this revision.
+    // The file `draws.csv` in a revision's directory stands for the whole revision, with its priors and data.
     match path.parent() {
         Some(dir) if dir.join(POSTERIOR_NAME).is_file() && path.file_name().is_some_and(|n| n == "draws.csv") => {
             load_revision(dir)
@@ -192,7 +216,7 @@ fn load_csv(path: &Path, label: String, priors: Option<&PriorSet>) -> Result<Loa
     Ok(LoadedPosterior { label, columns: columns.collect(), data: None })
 }
 
-/// Computes each prior's density over the range of all posteriors' draws, not only over that of its own posterior.
+/// Computes the density of each prior over the range of the draws of all posteriors.
 fn draw_priors(loaded: &mut [LoadedPosterior]) {
     let mut ranges: BTreeMap<String, [f64; 2]> = BTreeMap::new();
     for column in loaded.iter().flat_map(|posterior| &posterior.columns) {

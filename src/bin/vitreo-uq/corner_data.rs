@@ -1,4 +1,4 @@
-//! The data that the posteriors of a corner plot were fitted to. Posteriors that were fitted to different data differ for that reason, whatever their models.
+//! Compares the data that the posteriors of a corner plot were fitted to. Posteriors of different data differ even if their models are equal.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -29,7 +29,7 @@ struct OfHeldout {
 }
 
 impl FittedData {
-    /// Reads the data of a revision's posterior. Returns `None` if its document does not list them.
+    /// Reads the data of a revision's posterior. Returns `None` if the posterior's document does not list its data.
     pub fn of_revision(dir: &Path) -> Option<Self> {
         let bytes = read_if_there(&dir.join(POSTERIOR_NAME), Content::Document)?;
         let document: WithProvenance<PosteriorData> = serde_json::from_slice(&bytes).ok()?;
@@ -82,7 +82,7 @@ pub fn describe_data_differences(names: &[&str], data: &[Option<FittedData>]) ->
         ""
     };
     let text = format!(
-        "these posteriors are not of the same data, so the model is not their only difference: {}{advice}",
+        "these posteriors were fitted to different data, so the model is not their only difference: {}{advice}",
         each.join("; ")
     );
     Some((data.iter().map(words).collect(), text))

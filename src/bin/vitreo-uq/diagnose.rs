@@ -15,7 +15,7 @@ use crate::text::{outliers_left_out, significant};
 
 /// Smallest number of simulated records. The first round of the search requires p < 0.05, and each further round half of the previous limit.
 const FEWEST_SIMULATIONS: usize = 99;
-/// Smallest number of simulated records for each record of a cohort. Fewer do not resolve the tail of their distribution.
+/// Smallest number of simulated records for each record of a cohort. Fewer do not resolve the tail of the distribution of simulated gains.
 const FEWEST_SIMULATIONS_OF_EACH: usize = 19;
 /// Minimum and maximum number of candidate effects in the brief table. Effects that the verdict names and their equivalents are always in it.
 const MIN_ROWS: usize = 3;
@@ -132,7 +132,7 @@ fn candidate_lines(diagnosis: &Diagnosis, details: Details) -> Vec<String> {
     }
     let error = diagnosis.base.rmse_heldout_um.map_or(String::new(), |um| {
         format!(
-            " expected: error in µm on cycle {}, {} without an effect;",
+            " expected: error in µm on cycle {} ({} without an effect);",
             format_ranges(&diagnosis.heldout_cycles),
             significant(um)
         )
@@ -148,7 +148,7 @@ fn candidate_lines(diagnosis: &Diagnosis, details: Details) -> Vec<String> {
         );
     }
     if let Some(pair) = diagnosis.pairs.first() {
-        lines.push(format!("  best pair: {} with {:.1} nats", pair.effects.join(" + "), pair.gain_nats));
+        lines.push(format!("  best pair of effects: {}, gain {:.1} nats", pair.effects.join(" + "), pair.gain_nats));
     }
     lines
 }
@@ -241,7 +241,7 @@ fn row(diagnosis: &Diagnosis, candidate: &CandidateEntry) -> String {
 mod tests {
     use super::*;
 
-    /// An effect that the verdict names is in the brief table at any rank, as the weaker effect of a claimed pair. Of the others, those beyond chance are in it.
+    /// The brief table lists every effect that the verdict names, at any rank. Another effect needs a high rank, or a gain that chance does not explain.
     #[test]
     fn the_brief_table_has_every_named_effect() {
         let candidate = |status: &str, p: f64| -> CandidateEntry {

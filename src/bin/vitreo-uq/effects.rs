@@ -80,7 +80,7 @@ fn unit(unit: &str) -> &str {
 fn parameter(parameter: &ParameterEntry) -> String {
     let [lower, upper] = parameter.support;
     let end = |end: Option<f64>, infinite: &str| end.map_or(infinite.to_string(), |end| end.to_string());
-    let null = parameter.null.map_or("none (unidentified there)".into(), |null| null.to_string());
+    let null = parameter.null.map_or("none (unidentified without the effect)".into(), |null| null.to_string());
     let unit = if parameter.unit == "1" { "no unit".into() } else { format!("in {}", parameter.unit) };
     format!(
         "  {} ({}), {unit}, between {} and {}, null {null}; prior {}",

@@ -21,7 +21,7 @@ pub fn run(arguments: &ExtendArguments) -> Result<ExitCode> {
     let taken = [TargetKind::Cohort];
     let is_cohort = session.kind(&arguments.others, &taken) == TargetKind::Cohort;
     if is_cohort && arguments.common.json.is_some() {
-        let found = "`--json` takes one document, and every record of a cohort has its own";
+        let found = "`--json` writes one document, but each record of a cohort has a separate document";
         return Err(Error::input(InputPlace::default().at_key("--json"), found, "omit --json, or extend one record"));
     }
     let request = ExtendRequest {
@@ -73,7 +73,7 @@ fn words(summary: &ExtensionSummary) -> String {
     lines.join("\n") + "\n"
 }
 
-/// Lines of a table of parameters: for each equivalent effect, those of the model refitted with this effect.
+/// Lines of a table of parameters. For each equivalent effect, the table has the parameters of the model refitted with this effect.
 fn equivalents(equivalent_effects: &EquivalentEffects) -> Vec<String> {
     let heading = format!(
         "  {} ({})",

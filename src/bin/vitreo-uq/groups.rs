@@ -29,7 +29,7 @@ pub struct GroupsArguments {
     /// Keys that define the groups: species, region, or both
     #[arg(long, value_name = "KEYS", value_delimiter = ',', default_value = "species")]
     by: Vec<String>,
-    /// Ratios within 1 + MARGIN of 1 count as no difference in practice
+    /// Ratios from 1/(1 + MARGIN) to 1 + MARGIN count as no difference in practice
     #[arg(long, value_name = "MARGIN", default_value_t = 0.2, allow_negative_numbers = true)]
     margin: f64,
     /// Let specimens scatter by a Student-t distribution, so that an outlying specimen does not widen its group
@@ -58,7 +58,7 @@ pub struct GroupsArguments {
     force: bool,
 }
 
-/// Experiments of a cohort, and the settings that sample each on its own, here or as tasks.
+/// Options of `groups` and `tasks sample`: the experiments of a cohort, and the settings for sampling each of them alone.
 #[derive(Args)]
 pub struct CohortArguments {
     /// Experiments, studies (the model of their last revision is used), or directories that contain them
@@ -71,7 +71,7 @@ pub struct CohortArguments {
     sampling: SamplingArguments,
 }
 
-/// Model of every experiment.
+/// Options that choose the model of every experiment in a cohort.
 #[derive(Args)]
 pub struct ModelArguments {
     /// Base law of every experiment: lethersich, burgers, two-element, or a TOML file with a [base.network]
@@ -83,7 +83,7 @@ pub struct ModelArguments {
     /// Noise terms, separated by commas: white, ou, gain, student
     #[arg(long, value_name = "TERM", value_delimiter = ',')]
     noise: Vec<String>,
-    /// Prior of single experiments, which the comparison divides out, and of the overall mean: a name or a file
+    /// Prior (a name or a file) of each experiment's parameters and of the overall mean; the comparison divides it out of the experiments' posteriors
     #[arg(long, value_name = "NAME|FILE")]
     prior: Option<String>,
     /// Fix a parameter in every model; may be repeated
@@ -92,7 +92,7 @@ pub struct ModelArguments {
 }
 
 impl ModelArguments {
-    /// Settings for sampling an experiment with this model, and default sampler options.
+    /// Settings for sampling an experiment: this model, with the default options of the sampler.
     pub fn sampling(&self) -> Sampling {
         let SamplerOptions { n_walkers, max_steps, seed, .. } = SamplerOptions::default();
         Sampling {
@@ -108,7 +108,7 @@ impl ModelArguments {
     }
 }
 
-/// Model and sampler settings of every experiment.
+/// Options for the model and the sampler of every experiment.
 #[derive(Args)]
 pub struct SamplingArguments {
     #[command(flatten)]
@@ -311,6 +311,6 @@ fn ratios(summary: &GroupsSummary) -> Vec<String> {
             contrast.probability_below_margin
         )
     }));
-    rows.push("  * declared: the groups differ (all such signs are right with a probability of 99.7 %), or by more than the margin (95 %).".into());
+    rows.push("  * declared difference: its sign is certain (99.7 % probability that all declared signs are right), or it exceeds the margin (95 %).".into());
     rows
 }

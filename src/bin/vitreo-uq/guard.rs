@@ -1,4 +1,4 @@
-//! Access rule of a local server: only programs and the server's own page may send requests, and only to one of the server's own names.
+//! Access rule of a local server. Only programs and the server's own page may send requests, and every request must use one of the server's names.
 
 use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
@@ -8,7 +8,7 @@ use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 
-/// Content security policy of the page. It may load its own files, and images.
+/// Content security policy of the server's page. The page may load files of this server, and images that are embedded as data.
 const POLICY: &str = "default-src 'self'; img-src 'self' data:; style-src 'self' 'unsafe-inline'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'";
 
 /// Text of the response to a request that is refused.

@@ -1,4 +1,4 @@
-//! Functions that all local servers of the program use: they listen, and keep connections from blocking each other.
+//! Accepts connections for all local servers of the program, and prevents slow clients from blocking others.
 //!
 //! At any time, either the peer or the program has to act on a connection. The peer sends a request or reads a response, and has a limited time for each step.
 //! The program computes a response. If the maximum number of connections is reached, the connection whose peer has the least time left is closed. Any number of
@@ -30,7 +30,7 @@ use vitreo_uq::base::error::{Error, InputPlace, Result};
 const MOST_CONNECTIONS: usize = 512;
 const MOST_OF_PEER: usize = 256;
 const MOST_STREAMS: usize = 64;
-/// Maximum time to send the head of a connection's first request, and of each further request.
+/// Maximum time to send the head of a connection's first request, and (`NEXT_HEAD`) of each further request.
 const HEAD: Duration = Duration::from_secs(10);
 const NEXT_HEAD: Duration = Duration::from_secs(30);
 /// Maximum time to send the body of a request.
@@ -39,7 +39,7 @@ const BODY: Duration = Duration::from_secs(30);
 const ANSWER: Duration = Duration::from_secs(30);
 /// Maximum size of a request's head, in bytes.
 const MOST_HEAD_BYTES: usize = 1 << 15;
-/// Response to a peer for which no other connection can be closed.
+/// Response to a new peer if the server has too many connections and can close none of them.
 const BUSY: &[u8] =
     b"HTTP/1.1 503 Service Unavailable\r\nRetry-After: 1\r\nContent-Length: 0\r\nConnection: close\r\n\r\n";
 
@@ -77,7 +77,7 @@ pub fn serve(listener: TcpListener, router: impl FnOnce() -> Router) -> std::io:
     })
 }
 
-/// Who has to act next on a connection.
+/// Side of a connection that has to act next: the peer or the program.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum NextActor {
     /// The peer has to act, until this time.
@@ -111,7 +111,7 @@ impl ConnectionState {
     }
 }
 
-/// Locks a mutex, also after a panic. A panic cannot leave these data invalid.
+/// Locks a mutex, even if another thread panicked while it held the lock. The state of connections stays valid then.
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -122,24 +122,24 @@ impl Connection {
         Self { state: Arc::new(ConnectionState { peer, turn, is_closed: Notify::new() }), all: Arc::clone(all) }
     }
 
-    /// Gives the peer this much time for its next step.
+    /// Gives the peer the duration `time` for its next step.
     pub fn give_time(&self, time: Duration) {
         self.state.pass_to(NextActor::Peer { until: Instant::now() + time });
     }
 
     /// Records that the complete request has arrived. The program has to act next.
-    pub fn has_whole_request(&self) {
+    pub fn mark_request_complete(&self) {
         self.state.pass_to(NextActor::Program);
     }
 
     /// Records that the response is an event stream. If there are too many streams, the oldest one ends.
-    pub fn becomes_stream(&self) {
+    pub fn mark_as_stream(&self) {
         self.state.pass_to(NextActor::Stream { since: Instant::now() });
         self.all.keep_streams();
     }
 
     /// Records that a response is complete. The peer has to read it next.
-    fn is_answered(&self) {
+    fn mark_answered(&self) {
         if self.state.turn() == NextActor::Program {
             self.give_time(NEXT_HEAD);
         }
@@ -174,8 +174,8 @@ impl Connection {
 struct Connections(Mutex<Vec<Arc<ConnectionState>>>);
 
 impl Connections {
-    /// Registers a new connection from `peer`. If a maximum number is reached, another connection that waits for its peer is closed. Returns `None` if no
-    /// connection waits for its peer.
+    /// Registers a new connection from `peer`. If a maximum number is reached, it closes another connection that waits for its peer. Returns `None` if there is
+    /// no such connection.
     fn place_for(self: &Arc<Self>, peer: IpAddr) -> Option<Connection> {
         let mut all = lock(&self.0);
         let of_peer = |state: &ConnectionState| state.peer == peer;
@@ -216,7 +216,7 @@ impl Connections {
     }
 }
 
-/// Among the connections that `is_meant` selects, closes the one whose peer has the least time left. Returns whether there was one.
+/// Closes the connection whose peer has the least time left, among the connections that `is_meant` selects. Returns false if none of them waits for its peer.
 fn close_latest(all: &mut Vec<Arc<ConnectionState>>, is_meant: &dyn Fn(&ConnectionState) -> bool) -> bool {
     let until = |(index, state): (usize, &Arc<ConnectionState>)| match state.turn() {
         NextActor::Peer { until } if is_meant(state) => Some((until, index)),
@@ -253,7 +253,7 @@ async fn answer(stream: TcpStream, connection: Connection, app: Router) {
         let (response, connection) = (app.call(request), connection.clone());
         async move {
             let response = response.await;
-            connection.is_answered();
+            connection.mark_answered();
             response
         }
     });
@@ -281,7 +281,7 @@ pub async fn whole_body(Extension(connection): Extension<Connection>, request: R
     let (parts, body) = request.into_parts();
     match Request::from_parts(parts.clone(), body).extract::<Bytes, _>().await {
         Ok(bytes) => {
-            connection.has_whole_request();
+            connection.mark_request_complete();
             next.run(Request::from_parts(parts, Body::from(bytes))).await
         }
         Err(rejection) => rejection.into_response(),
@@ -367,7 +367,7 @@ mod tests {
         of_b.give_time(Duration::ZERO);
         let of_a: Vec<Connection> = (0..MOST_OF_PEER).map(|_| all.place_for(A).unwrap()).collect();
         of_a.iter().for_each(|connection| connection.give_time(BODY));
-        of_a[0].has_whole_request();
+        of_a[0].mark_request_complete();
         of_a[7].give_time(Duration::from_secs(1));
         assert!(all.place_for(A).is_some());
         let closed: Vec<usize> = (0..of_a.len()).filter(|index| !is_open(&of_a[*index])).collect();
@@ -378,9 +378,9 @@ mod tests {
     fn requests_that_are_being_answered_keep_their_places() {
         let all = Arc::new(Connections::default());
         let of_a: Vec<Connection> = (0..MOST_OF_PEER).map(|_| all.place_for(A).unwrap()).collect();
-        of_a.iter().for_each(Connection::has_whole_request);
+        of_a.iter().for_each(Connection::mark_request_complete);
         assert!(all.place_for(A).is_none() && all.place_for(B).is_some() && of_a.iter().all(is_open));
-        of_a[3].is_answered();
+        of_a[3].mark_answered();
         assert!(all.place_for(A).is_some() && !is_open(&of_a[3]));
     }
 
@@ -388,7 +388,7 @@ mod tests {
     fn event_streams_take_no_place_and_the_oldest_of_too_many_ends() {
         let all = Arc::new(Connections::default());
         let streams: Vec<Connection> = (0..=MOST_STREAMS).map(|_| all.place_for(A).unwrap()).collect();
-        streams.iter().for_each(Connection::becomes_stream);
+        streams.iter().for_each(Connection::mark_as_stream);
         assert!(!is_open(&streams[0]) && streams[1..].iter().all(is_open));
         let of_a: Vec<Connection> = (0..MOST_OF_PEER).map(|_| all.place_for(A).unwrap()).collect();
         assert!(of_a.iter().all(is_open) && streams[1..].iter().all(is_open));

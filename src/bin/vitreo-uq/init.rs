@@ -32,13 +32,13 @@ pub struct InitArguments {
     /// Column of the position along the force
     #[arg(long, value_name = "COLUMN")]
     position: Option<String>,
-    /// Column of x, if the position is not in one column; needs `--y`
+    /// Column of the x coordinate, if the position is not in one column; needs `--y`
     #[arg(long, value_name = "COLUMN")]
     x: Option<String>,
-    /// Column of y
+    /// Column of the y coordinate
     #[arg(long, value_name = "COLUMN")]
     y: Option<String>,
-    /// Column of z
+    /// Column of the z coordinate
     #[arg(long, value_name = "COLUMN")]
     z: Option<String>,
     /// Tables to read from a file with several tables: numbers such as 1 or 1,2 (joined in time), or all
@@ -47,7 +47,7 @@ pub struct InitArguments {
     /// Track to read from a table of several tracks, or all for one experiment per track
     #[arg(long, value_name = "TRACK")]
     track: Option<String>,
-    /// Column of the track
+    /// Column with the number or name of the track, in a table of several tracks
     #[arg(long, value_name = "COLUMN")]
     track_column: Option<String>,
     /// Force of rows with an empty force: above (the force of the row above) or zero
@@ -56,13 +56,13 @@ pub struct InitArguments {
     /// Thousands separator: `.`, `,` or none
     #[arg(long, value_name = "SIGN")]
     thousands: Option<String>,
-    /// join: if times start again, continue from the row before
+    /// Treatment of times that start again. join: continue from the time of the row before
     #[arg(long, value_name = "join")]
     time_restarts: Option<String>,
-    /// spread: distribute equal times of a coarse clock evenly
+    /// Treatment of equal times of a coarse clock. spread: distribute them evenly
     #[arg(long, value_name = "spread")]
     time_ties: Option<String>,
-    /// Column of the cycle
+    /// Column with the number of the cycle
     #[arg(long, value_name = "COLUMN")]
     cycle: Option<String>,
     /// Unit of the time: s, ms, min, h, clock (hh:mm:ss), iso, day-first or month-first (dates), or a multiple such as "0.05 s" per frame

@@ -1,8 +1,8 @@
 //! Handles signals. Every command ends within a second after a signal, leaves no file half-written, and prints how to continue.
 //!
 //! The first signal asks the job to stop. The sampler stops at its next step and saves its state. A job inside a long operation, such as a factorisation,
-//! cannot react. After a moment the program ends without waiting for it. All files are written through [`vitreo_uq::base::files`], which leaves either the old
-//! content or the new.
+//! cannot react, so the program ends after half a second without waiting for it. All files are written through [`vitreo_uq::base::files`], which leaves either
+//! the old content or the new.
 
 use std::io::Write;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicUsize, Ordering};
@@ -15,8 +15,8 @@ use vitreo_uq::base::files::stop_writing;
 
 /// Time between two checks whether a signal has arrived.
 const LOOK: Duration = Duration::from_millis(20);
-/// Times for three successive steps, together less than a second. In the first the job stops by itself. In the second, groups of files that belong together are
-/// finished. In the third the terminal prints the last message.
+/// Times for three successive steps, together less than a second. During `GRACE` the job stops by itself. During `LAST_STEPS` the program completes groups of
+/// files that belong together. During `LAST_WORD` the terminal prints the last message.
 const GRACE: Duration = Duration::from_millis(500);
 const LAST_STEPS: Duration = Duration::from_millis(250);
 const LAST_WORD: Duration = Duration::from_millis(100);
@@ -33,7 +33,7 @@ static CHILDREN: AtomicU32 = AtomicU32::new(0);
 static BAR: OnceLock<ProgressBar> = OnceLock::new();
 static SIGNAL: OnceLock<Arc<AtomicUsize>> = OnceLock::new();
 
-/// Starts a thread that watches for Ctrl-C, termination and a closed terminal. If one of them ends the program, it prints `how_to_go_on`.
+/// Starts a thread that watches for Ctrl-C, termination and a closed terminal. If one of them ends the program, the thread prints `how_to_go_on`.
 pub fn watch(how_to_go_on: &'static str) {
     let signal = SIGNAL.get_or_init(Arc::default);
     let watched = signals().into_iter().filter(|signal_number| {
@@ -69,7 +69,8 @@ pub fn watch(how_to_go_on: &'static str) {
     });
 }
 
-/// If a signal is ending the program, blocks for ever. A job that fails in this state fails because its files are removed, so its error must not be reported.
+/// Blocks for ever if a signal is ending the program; otherwise returns at once. The ending removes temporary files, so a job's error at this time is
+/// misleading and must not be reported.
 pub fn block_while_ending() {
     while ENDING.load(Ordering::SeqCst) {
         std::thread::park();
@@ -81,9 +82,9 @@ pub fn is_signalled() -> bool {
     signal() != 0
 }
 
-/// Sets the process group that a signal ends before it ends this program. `process` is the first process of the group. Set it to 0 when the end of the group is
-/// recorded.
-pub fn owns_group(process: u32) {
+/// Sets the process group that a signal ends before it ends this program. `process` is the first process of the group. Call this function with 0 after the
+/// group has ended.
+pub fn set_child_group(process: u32) {
     CHILDREN.store(process, Ordering::SeqCst);
 }
 

@@ -19,7 +19,7 @@ use crate::text::significant;
 const FEWEST_SIMULATIONS: usize = 49;
 /// Number of pairs (corrected quantity and state variable) in the table.
 const N_SHOWN: usize = 12;
-/// Number of these pairs in the table of a cohort.
+/// Number of pairs (corrected quantity and state variable) in the table of a cohort.
 const N_SHOWN_OF_COHORT: usize = 6;
 
 pub fn run(arguments: &LearnArguments) -> Result<ExitCode> {
@@ -83,7 +83,7 @@ fn words(learned: &Learned, revision: &str) -> String {
     }
     lines.extend(learned.memory.iter().filter(|retardation| retardation.share > 1e-3).map(|entry| {
         format!(
-            "  retardation of {} s: {} of the law's compliance",
+            "  retardation time {} s: share {} of the law's compliance",
             significant(entry.time_s),
             significant(entry.share)
         )

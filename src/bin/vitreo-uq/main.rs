@@ -68,7 +68,7 @@ struct Program {
     command: Command,
 }
 
-/// One variant for each command.
+/// Command of the program, with its arguments.
 #[derive(Subcommand)]
 enum Command {
     /// Convert a table of numbers in any layout to an experiment
@@ -119,7 +119,7 @@ enum Command {
 
 fn main() -> ExitCode {
     rename_settings("command line", settings::option);
-    // Commands that a workbench starts obey the workbench's rule for its folder.
+    // A command that a workbench starts follows no symbolic links in the workbench's folder.
     if let Some(folder) = std::env::var_os(workbench::FOLDER_VARIABLE) {
         forbid_links_in_user_folder(Path::new(&folder), "a workbench's folder");
     }

@@ -9,7 +9,7 @@ use vitreo_uq::sampling::SamplerOptions;
 
 use crate::report::PageArguments;
 
-/// Options of every command.
+/// Options that most commands share.
 #[derive(Args, Clone)]
 pub struct Common {
     /// Experiment (a directory with experiment.toml, or that file) or study [default: the embedded porcine replica]
@@ -35,13 +35,13 @@ pub struct Common {
     pub force: bool,
 }
 
-/// Options of the model.
+/// Options that choose the model of an experiment.
 #[derive(Args, Clone)]
 pub struct ModelOptions {
     /// Base law: lethersich, burgers, two-element, or a TOML file with a [base.network]
     #[arg(long, value_name = "LAW|FILE.toml")]
     pub base: Option<String>,
-    /// Use the model of another program: the address of a UM-Bridge server, whose parameters the prior names
+    /// Use the model of another program: the address of a UM-Bridge server; the prior names the parameters of its model
     #[arg(long, value_name = "http://HOST:PORT", conflicts_with = "base")]
     pub forward: Option<String>,
     /// Name of the server's model [default: `forward`, or its only model]
@@ -64,7 +64,7 @@ pub struct ModelOptions {
     /// Gmsh 4.1 mesh of the quarter model, in place of the built-in mesh
     #[arg(long, value_name = "FILE.msh")]
     pub mesh: Option<PathBuf>,
-    /// Length unit of that mesh, in m
+    /// Length unit of the mesh in `--mesh`, in m
     #[arg(long, value_name = "METRES", default_value_t = 1e-3)]
     pub mesh_unit: f64,
 }
@@ -75,7 +75,7 @@ fn prior_help() -> String {
 }
 
 impl ModelOptions {
-    /// Base law as given: a name or file, or another program's address with `#` and the model's name.
+    /// Returns the base law as the user gives it: a name or file, or the address of another program's server with `#` and the name of its model.
     pub fn law(&self) -> Option<String> {
         let model = self.forward_model.as_ref().map_or(String::new(), |name| format!("#{name}"));
         self.forward.as_ref().map(|url| format!("{url}{model}")).or_else(|| self.base.clone())
@@ -171,7 +171,7 @@ pub struct CompareArguments {
 pub struct DiagnoseArguments {
     #[command(flatten)]
     pub common: Common,
-    /// More experiments or studies, or one directory of them in place of the first: find the effects that these specimens lack in common
+    /// More experiments or studies (or give only one directory that contains them): find the effects that all these specimens lack
     #[arg(value_name = "DIR")]
     pub others: Vec<PathBuf>,
     #[command(flatten)]
@@ -181,13 +181,13 @@ pub struct DiagnoseArguments {
     /// Smallest change of a predicted position that counts as an effect, in noise standard deviations
     #[arg(long, value_name = "SIZE", default_value_t = 0.25, allow_negative_numbers = true)]
     pub smallest: f64,
-    /// Maximum number of simulated searches that give the p of a gain; for a cohort, the number of simulated records for each record
+    /// Maximum number of simulated searches from which the p of a gain is computed; for a cohort, the number of simulated records for each record
     #[arg(long, value_name = "N", default_value_t = 99)]
     pub simulations: usize,
     /// Cohorts only: keys that define the groups: species, region, or both [default: species, if there are several]
     #[arg(long, value_name = "KEYS", value_delimiter = ',')]
     pub by: Vec<String>,
-    /// Cohorts only: ratios of sizes within 1 + MARGIN of 1 count as no difference in practice
+    /// Cohorts only: ratios of sizes from 1/(1 + MARGIN) to 1 + MARGIN count as no difference in practice
     #[arg(long, value_name = "MARGIN", default_value_t = 0.2, allow_negative_numbers = true)]
     pub margin: f64,
     /// Cohorts only: leave out a record (its directory or the directory's name) or a specimen (its id); may be repeated
@@ -203,14 +203,14 @@ pub struct DiagnoseArguments {
 pub struct LearnArguments {
     #[command(flatten)]
     pub common: Common,
-    /// More experiments or studies, or one directory of them in place of the first: learn from half of them, and confirm on the others
+    /// More experiments or studies (or give only one directory that contains them): learn from half of the records, and confirm on the other half
     #[arg(value_name = "DIR")]
     pub others: Vec<PathBuf>,
     #[command(flatten)]
     pub model: ModelOptions,
     #[command(flatten)]
     pub page: PageArguments,
-    /// Maximum number of simulated searches that give the p of a gain
+    /// Maximum number of simulated searches from which the p of a gain is computed
     #[arg(long, value_name = "N", default_value_t = 99)]
     pub simulations: usize,
     /// Learn from the first N cycles and score all later ones [default: score the last held-out cycle and learn from all others]
@@ -226,7 +226,7 @@ pub struct LearnArguments {
 pub struct ExtendArguments {
     #[command(flatten)]
     pub common: Common,
-    /// More experiments or studies, or one directory of them in place of the first: extend each in the same way
+    /// More experiments or studies (or give only one directory that contains them): extend every record in the same way
     #[arg(value_name = "DIR")]
     pub others: Vec<PathBuf>,
     #[command(flatten)]
@@ -268,6 +268,9 @@ pub struct CornerArguments {
     /// File name of the figure without extension; FILE.svg and FILE.png are written
     #[arg(long, value_name = "FILE", default_value = "corner")]
     pub out: PathBuf,
+    /// Draw only these parameters, separated by commas, by their names in draws.csv
+    #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
+    pub parameters: Vec<String>,
     /// Mark this value of a parameter; may be repeated
     #[arg(long, value_name = "NAME=VALUE")]
     pub reference: Vec<String>,
@@ -279,20 +282,20 @@ pub struct CornerArguments {
     pub quiet: bool,
 }
 
-/// Sampler settings from the options; `threads` is the result of [`use_threads`].
+/// Sampler settings for commands with options for chains and steps; `threads` is the result of [`use_threads`].
 pub fn sampler(chains: usize, steps: u64, seed: u64, threads: usize) -> SamplerOptions {
     SamplerOptions { n_walkers: chains, max_steps: steps, seed, threads, ..SamplerOptions::default() }
 }
 
-/// Sampler settings of commands that have no options for them.
+/// Sampler settings for commands without options for chains and steps.
 pub fn default_sampler(seed: u64, threads: usize) -> SamplerOptions {
     SamplerOptions { seed, threads, ..SamplerOptions::default() }
 }
 
-/// Maximum number of simulations. They determine a probability of 0.001 to within a tenth of its value.
+/// Maximum number of simulations. With this number, a probability of 0.001 has a relative error of a tenth.
 const MOST_SIMULATIONS: usize = 100_000;
 
-/// Refuses too few simulations for the smallest p of a command, and more simulations than are useful.
+/// Refuses a number of simulations that is below `fewest`, which the command needs to resolve its required p, or that is larger than useful.
 pub fn check_simulations(simulations: usize, fewest: usize) -> vitreo_uq::Result<()> {
     let (found, remedy) = if simulations < fewest {
         (
@@ -307,8 +310,8 @@ pub fn check_simulations(simulations: usize, fewest: usize) -> vitreo_uq::Result
     Err(Error::input(InputPlace::default().at_key("--simulations"), found, remedy))
 }
 
-/// Sets the number of threads and returns it; 0 means the environment's number, or all cores. The number is at most that of the cores, because more would
-/// only slow each other down.
+/// Sets the number of threads and returns it. The number 0 means the number in the environment variable `RAYON_NUM_THREADS`, or else all cores. More threads
+/// than cores are never used.
 pub fn use_threads(threads: usize) -> vitreo_uq::Result<usize> {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let asked = match threads {

@@ -8,7 +8,7 @@ use serde::Serialize;
 use vitreo_uq::base::error::{Error, InputPlace, Result};
 use vitreo_uq::base::files::write_json_atomically;
 
-/// Checks that the path of the JSON document can be written. It is called before hours of work.
+/// Checks that the JSON document can be written to its path. Commands call this function before they start long computations.
 pub fn check(json: Option<&Path>) -> Result<()> {
     let Some(path) = json.filter(|path| *path != Path::new("-")) else { return Ok(()) };
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));

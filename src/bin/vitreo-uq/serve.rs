@@ -45,7 +45,7 @@ pub struct ServeArguments {
     /// Address to listen on, if other machines need the models; the protocol has no password
     #[arg(long, value_name = "ADDRESS", default_value_t = IpAddr::V4(Ipv4Addr::LOCALHOST))]
     host: IpAddr,
-    /// Further host name that requests may use, besides addresses, localhost and this machine's name; may be repeated
+    /// Additional host name that requests may use, besides addresses, localhost and this machine's name; may be repeated
     #[arg(long, value_name = "NAME")]
     allow_host: Vec<String>,
     /// Number of requests to process at once; 0 for as many as there are cores
@@ -180,9 +180,9 @@ fn words(model: &PreparedModel, models: &BridgeModels, check: Option<Verificatio
                 .into(),
         );
         lines.push(match n_runs {
-            0 => "  the two could not be compared: the model has no trajectory at the points tried.".into(),
+            0 => "  surrogate and full finite elements could not be compared: the model has no trajectory at the points tried.".into(),
             _ => format!(
-                "  the two differ by up to {relative_error:.0e} of the amplitude, measured at {n_runs} points of the prior."
+                "  surrogate and full finite elements differ by up to {relative_error:.0e} of the amplitude, measured at {n_runs} points of the prior."
             ),
         });
     }
@@ -194,7 +194,6 @@ fn words(model: &PreparedModel, models: &BridgeModels, check: Option<Verificatio
     lines.push(format!(
         "  {NEGATIVE_INFINITY_SUBSTITUTE:e} means −∞: outside the range of an input, or where an effect has no model."
     ));
-    lines
-        .push("Gradient and ApplyJacobian work for both, through the surrogate; ApplyHessian is not supported.".into());
+    lines.push("Gradient and ApplyJacobian work for both models, by surrogate; ApplyHessian is not supported.".into());
     lines.join("\n") + "\n"
 }

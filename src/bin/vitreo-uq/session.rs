@@ -1,4 +1,4 @@
-//! Beginning and end of every command. It sets up threads, terminal and target from the arguments, and writes the results.
+//! Begins and ends a command: sets up threads, terminal and target from the arguments, and prints or writes the result.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -45,7 +45,7 @@ impl<'a> Session<'a> {
         Target::open(target_request(self.common, model, others), taken, None, &self.terminal)
     }
 
-    /// Opens the target of `sample`. Its revision m0 is made anew with this model.
+    /// Opens the target of `sample`, which creates the first revision (m0) anew with this model.
     pub fn open_first(&self, model: &ModelOptions, others: &[PathBuf], taken: &[TargetKind]) -> Result<Target> {
         Target::open(target_request(self.common, model, others), taken, Some(FIRST_REVISION), &self.terminal)
     }
@@ -91,10 +91,10 @@ impl<'a> Session<'a> {
     }
 }
 
-/// Word that is printed before the path of a revision's directory.
+/// Words that are printed before the path of a revision's directory.
 pub const RESULTS: &str = "Results and figures";
 
-/// Describes the target that the user gives by the arguments.
+/// Returns the request for the target that the command-line arguments describe.
 pub fn target_request(common: &Common, model: &ModelOptions, others: &[PathBuf]) -> TargetRequest {
     TargetRequest {
         paths: paths(common, others),

@@ -101,7 +101,7 @@ pub fn run(arguments: &ShapesArguments) -> Result<ExitCode> {
     check(arguments)?;
     let session = Session::begin(common)?;
     let terminal = &session.terminal;
-    // The mesh option gives an additional body. The experiment's gel is modelled with the experiment's robot.
+    // The option `--mesh` gives an additional body of the study. The revision of the experiment is made with the experiment's own robot.
     let model = ModelOptions { mesh: None, ..arguments.model.clone() };
     let revision = session.open(&model, &[], &[])?.creep()?.revision(session.default_sampler(), terminal)?;
     let (request, warnings) = request(arguments, &revision)?;
@@ -125,16 +125,16 @@ fn check(arguments: &ShapesArguments) -> Result<()> {
         Err(Error::input(InputPlace::default().at_key(option), found, remedy))
     };
     if let Some(aspect) = arguments.aspect.iter().find(|value| !(1.0..=20.0).contains(*value)) {
-        return refuse("--aspect", format!("an aspect ratio of {aspect}"), "give one between 1 and 20");
+        return refuse("--aspect", format!("an aspect ratio of {aspect}"), "give a ratio between 1 and 20");
     }
     if let Some(poisson) = arguments.poisson.iter().find(|value| !(0.0..=0.4999).contains(*value)) {
-        return refuse("--poisson", format!("a Poisson ratio of {poisson}"), "give one between 0 and 0.4999");
+        return refuse("--poisson", format!("a Poisson ratio of {poisson}"), "give a ratio between 0 and 0.4999");
     }
     if let Some(force) = arguments.force_un.iter().find(|value| !(**value > 0.0 && value.is_finite())) {
-        return refuse("--force-un", format!("a force of {force} µN"), "give a positive one");
+        return refuse("--force-un", format!("a force of {force} µN"), "give a positive force");
     }
     if !(arguments.distance > 0.0 && arguments.distance.is_finite()) {
-        return refuse("--distance", format!("a distance of {} mm", arguments.distance), "give a positive one");
+        return refuse("--distance", format!("a distance of {} mm", arguments.distance), "give a positive distance");
     }
     Ok(())
 }
@@ -182,7 +182,7 @@ fn request(arguments: &ShapesArguments, revision: &Revision) -> Result<(ShapesRe
     Ok((request, warnings))
 }
 
-/// Forces for which the results are given, in N.
+/// Force amplitudes for which displacements are reported, in N.
 fn forces_n(arguments: &ShapesArguments, request: &ShapesRequest) -> Vec<f64> {
     match &arguments.force_un[..] {
         [] => vec![request.force_n],

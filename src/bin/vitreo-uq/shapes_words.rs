@@ -195,7 +195,7 @@ fn changing_claims(all: &[SweepSummary]) -> Vec<String> {
 
 fn large_strains(large: &LargeStrains, hold_s: f64) -> Vec<String> {
     let mut lines = vec![
-        "The same bodies along the force, with large strains, as long as the mesh bonded to them stays valid:".into(),
+        "Bodies along the force at large strains, up to the time at which their bonded mesh becomes invalid:".into(),
         format!(
             "  {:<22}{:>8}{:>11}{:>14}{:>14}{:>8}{:>20}{:>8}{:>10}",
             "body",
@@ -247,7 +247,7 @@ fn elastic(summary: &ShapesSummary) -> Vec<String> {
         })
         .collect();
     vec![format!(
-        "Relative loss of stiffness of an elastic robot, tied point to point, against a rigid one: {} the gel's modulus; metals are at 10¹⁰ ×",
+        "Relative loss of stiffness of an elastic robot, bonded to the gel, against a rigid one: {} the gel's modulus (metals: 10¹⁰ ×)",
         differences.join(", ")
     )]
 }

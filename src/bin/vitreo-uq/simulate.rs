@@ -80,7 +80,8 @@ fn scheme(asked: Option<Scheme>, problem: &Problem) -> Option<TimeScheme> {
     }
 }
 
-/// Posterior of the revision that the user names, or of the last revision; `None` if it has none for this model.
+/// Returns the name and the posterior of the revision `from`, or of the last revision. `None` if there is no revision, or if its law or effects differ from
+/// `specification`.
 fn posterior(
     study: &Study,
     from: Option<&str>,

@@ -1,4 +1,4 @@
-//! Formats the results of `sample` and `diagnose` for an oscillation as text. Also contains `check` for such a record.
+//! Formats the results of `sample` and `diagnose` for an oscillation as text, and runs `check` for such a record.
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;

@@ -99,17 +99,17 @@ struct CommandsTasks {
     list: PlaceArguments,
 }
 
-/// Options of lists with a choosable task size.
+/// Options of task lists whose number of items per task the user can choose.
 #[derive(Args)]
 struct ListArguments {
-    /// Number of experiments, cases or simulated records per task
+    /// Number of experiments, challenges or simulated records per task
     #[arg(long, value_name = "N", default_value_t = 1)]
     block: usize,
     #[command(flatten)]
     place: PlaceArguments,
 }
 
-/// Options of every kind of list.
+/// Options of every task list: its directory, replacement and output.
 #[derive(Args)]
 struct PlaceArguments {
     /// Directory of the list and its results; on a cluster, one that all machines can read
@@ -131,31 +131,31 @@ struct RunTasks {
     /// Directory that `tasks KIND --out DIR` created
     #[arg(value_name = "DIR")]
     dir: PathBuf,
-    /// Run one task, in this process
+    /// Run one task (by number, from 0) in this process
     #[arg(long, value_name = "N", conflicts_with_all = ["part", "engine", "jobs", "serve"])]
     task: Option<usize>,
     /// Run one part of the list, counted from 0: `3/100`
     #[arg(long, value_name = "I/N", conflicts_with = "serve")]
     part: Option<String>,
-    /// Engine that starts the workers: local runs them immediately, the others get a script to submit
+    /// Engine that starts the workers: local runs them immediately; for hq and slurm the command writes a script to submit
     #[arg(long, value_name = "ENGINE", value_enum, default_value = "local")]
     engine: EngineName,
-    /// local: number of worker processes [default: as many as there are cores]
+    /// Engine local only: number of worker processes [default: as many as there are cores]
     #[arg(long, value_name = "J")]
     jobs: Option<usize>,
     /// Threads of each worker; 0 for as many as there are cores [default: 1, and 0 with `--task`]
     #[arg(long, value_name = "N")]
     threads: Option<usize>,
-    /// hq, slurm: number of parts that the list is split into [default: one per task, at most 1000]
+    /// Engines hq and slurm only: number of parts that the list is split into [default: one per task, at most 1000]
     #[arg(long, value_name = "N", conflicts_with = "part")]
     parts: Option<usize>,
-    /// hq, slurm: cores of a part, each with its own worker
+    /// Engines hq and slurm only: cores of a part, each with its own worker
     #[arg(long, value_name = "N", default_value_t = 1)]
     cores: usize,
-    /// hq, slurm: maximum minutes of a part
+    /// Engines hq and slurm only: time limit of a part, in minutes
     #[arg(long, value_name = "MINUTES", default_value_t = 240)]
     minutes: u64,
-    /// hq, slurm: memory of a part, in MiB
+    /// Engines hq and slurm only: memory of a part, in MiB
     #[arg(long, value_name = "MIB", default_value_t = 2_000)]
     memory_mib: u64,
     /// Run the tasks whose numbers arrive on standard input
@@ -179,7 +179,7 @@ enum EngineName {
 /// Maximum number of failed tasks that are printed. `gather --json` lists all.
 const MAX_PRINTED_FAILURES: usize = 10;
 
-/// Makes a list of tasks, or runs one. `refuse_line` returns an error for command lines that no task may run.
+/// Makes a list of tasks, or runs the tasks of a list. `refuse_line` returns an error for command lines that no task may run.
 pub fn run(arguments: &TasksArguments, refuse_line: impl Fn(&Path, &CommandLine) -> Result<()>) -> Result<ExitCode> {
     match &arguments.action {
         Action::Sample(arguments) => {
@@ -300,7 +300,7 @@ fn run_tasks(arguments: &RunTasks, refuse_line: &dyn Fn(&Path, &CommandLine) -> 
     run_here(arguments, &list, &terminal)
 }
 
-/// Changes to the directory in which the list was made. Relative paths in its commands start there.
+/// Changes to the directory in which the list was made, because relative paths in its commands start there. Lists of challenges contain no paths.
 fn enter_list_directory(list: &List) -> Result<()> {
     let directory = Path::new(&list.head().directory);
     if list.head().kind == TaskKind::Challenge {
@@ -399,7 +399,7 @@ fn summary(outcome: &local::LocalOutcome, n_before: usize, dir: &Path) -> String
     text + &next
 }
 
-/// Writes the script with which an engine runs the tasks.
+/// Writes the script by which an engine (HyperQueue or Slurm) runs the tasks.
 fn submit(arguments: &RunTasks, list: &List, engine: Engine) -> Result<ExitCode> {
     if let Some(option) = [("--part", arguments.part.is_some()), ("--jobs", arguments.jobs.is_some())]
         .iter()

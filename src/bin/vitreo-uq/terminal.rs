@@ -11,16 +11,17 @@ use vitreo_uq::sampling::ensemble::{Phase, Progress};
 
 use crate::interrupt::{self, print_message};
 
-/// Time between two lines on the sampler's progress if standard error is not a terminal.
+/// Time between two lines on the sampler's progress if standard error is not a terminal, in s.
 const LINE_INTERVAL_S: f64 = 5.0;
 /// Time between two redraws of the bar. The bar's clock then advances even in stages without a count.
 const TICK: Duration = Duration::from_millis(120);
 
-/// Environment variable. If a program sets it to [`PROGRESS_IN_LINES`], progress is written as lines that begin with [`PROGRESS`], for the program to read.
+/// Environment variable by which another program requests readable progress. If it is [`PROGRESS_IN_LINES`], progress is written as lines that begin with
+/// [`PROGRESS`].
 pub const PROGRESS_VARIABLE: &str = "VITREO_UQ_PROGRESS";
 pub const PROGRESS_IN_LINES: &str = "lines";
 pub const PROGRESS: &str = "progress: ";
-/// Time between two lines for a program.
+/// Time between two lines of progress that another program reads, in s.
 const PROGRESS_INTERVAL_S: f64 = 0.2;
 
 /// Progress display of a command.
@@ -63,7 +64,7 @@ impl Terminal {
         }
     }
 
-    /// Returns whether `interval_s` (s) has passed since the last repeated line. With `--quiet` the result is false.
+    /// Returns whether `interval_s` (s) has passed since the last line of progress, and restarts the interval if so. With `--quiet` the result is false.
     fn is_line_due(&self, interval_s: f64) -> bool {
         let Ok(mut last) = self.last_line.lock() else { return false };
         let is_due = !self.quiet && last.elapsed().as_secs_f64() > interval_s;

@@ -34,7 +34,7 @@ impl TemporaryDirectory {
         Ok(Self { directory, _alive: alive, _under_way: under_way })
     }
 
-    /// Path of the directory.
+    /// Path of the hidden directory.
     pub fn path(&self) -> &Path {
         self.directory.path()
     }
@@ -44,8 +44,9 @@ impl TemporaryDirectory {
         self.directory.keep()
     }
 
-    /// Moves the directory to `target`, in one step if nothing exists there. If `target` is an empty directory, it is filled instead, because it may be
-    /// someone's working directory. In that case the entry `last` is moved last. Readers treat a directory without this entry as unfinished.
+    /// Moves the directory to `target`, in one step if nothing exists there. An existing directory at `target` stays, because it may be
+    /// someone's working directory. The entries are then moved into it one by one, and the entry `last` comes last. Readers treat a
+    /// directory without this entry as unfinished.
     pub fn move_to(self, target: &Path, last: &str, remedy: &str) -> Result<()> {
         let refused = |action, source| Error::at_path(action, target, source, remedy);
         let _uninterrupted = hold_gate();

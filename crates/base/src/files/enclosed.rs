@@ -24,16 +24,18 @@ struct Enclosed {
     root: PathBuf,
     /// Description of the directory in messages, such as "a study".
     what: &'static str,
-    /// `true` for a user's folder. Other programs' hidden directories in it, such as caches, are exempt from the rule.
+    /// `true` for a user's folder. Links in other programs' hidden directories inside such a folder, such as caches, may be followed.
     is_folder_of_user: bool,
 }
 
-/// Declares that a directory may come from another person. No link inside it is followed from now on. `what` describes it in messages ("a study").
+/// Declares that a directory may come from another person. From now on, no link inside it is followed. `what` describes the directory in
+/// messages ("a study").
 pub fn forbid_links(root: &Path, what: &'static str) {
     add(root, what, false);
 }
 
-/// Like [`forbid_links`] for a user's folder of experiments and studies. Hidden directories of other programs in it are exempt.
+/// Forbids links inside a user's folder of experiments and studies, like [`forbid_links`]. Hidden directories of other programs in the
+/// folder are exempt.
 pub fn forbid_links_in_user_folder(root: &Path, what: &'static str) {
     add(root, what, true);
 }
@@ -70,7 +72,7 @@ impl From<io::Error> for Refusal {
 }
 
 impl Refusal {
-    /// Converts the reason to an error. `action` is what was tried at the path, such as "read".
+    /// Converts the refusal to an error. `action` is the verb for the operation that was tried at the path, such as "read".
     pub fn error(self, action: &'static str, path: &Path, remedy: &str) -> Error {
         match self {
             Self::Link { path, what } => Error::input(
@@ -90,7 +92,8 @@ impl Refusal {
 
 type Opened<T> = std::result::Result<T, Refusal>;
 
-/// Finds the outermost enclosed directory that contains a path. Returns it with the names that lead from it to the path; `None` if there is none.
+/// Finds the outermost directory that contains a path and in which links are forbidden. Returns the directory and the names that lead from
+/// it to the path; `None` outside all such directories.
 fn placed(path: &Path) -> Opened<Option<(Enclosed, Vec<OsString>)>> {
     let full = std::path::absolute(path)?;
     let all = ENCLOSED.read().unwrap_or_else(PoisonError::into_inner);
@@ -108,12 +111,12 @@ fn placed(path: &Path) -> Opened<Option<(Enclosed, Vec<OsString>)>> {
     }
 }
 
-/// Returns `true` if a path lies inside an enclosed directory.
+/// Returns `true` if a path lies inside a directory in which links are forbidden.
 pub(super) fn is_enclosed(path: &Path) -> bool {
     !matches!(placed(path), Ok(None))
 }
 
-/// Opens the subdirectory `name` of `folder`. If it is a link, the error names it by `path`.
+/// Opens the subdirectory `name` of `folder`. If the entry is a link, the error shows the path `path`.
 fn step(folder: &Folder, name: &OsStr, path: &Path, what: &'static str) -> Opened<Folder> {
     folder.inside(name).map_err(|error| match folder.kind(name) {
         Ok(FileKind::Link) => Refusal::Link { path: path.to_path_buf(), what },
@@ -121,7 +124,7 @@ fn step(folder: &Folder, name: &OsStr, path: &Path, what: &'static str) -> Opene
     })
 }
 
-/// Opens the directory that is reached from an enclosed directory through the subdirectories `names`.
+/// Opens the directory that is reached from `enclosed` through the subdirectories `names`, without following links.
 fn walk(enclosed: &Enclosed, names: &[OsString]) -> Opened<Folder> {
     let (mut folder, mut place) = (Folder::open(&enclosed.root)?, enclosed.root.clone());
     for name in names {
@@ -131,7 +134,7 @@ fn walk(enclosed: &Enclosed, names: &[OsString]) -> Opened<Folder> {
     Ok(folder)
 }
 
-/// Opens a directory. Links are refused inside an enclosed directory and followed elsewhere.
+/// Opens a directory. Links are refused inside directories in which they are forbidden, and followed elsewhere.
 pub(super) fn folder(path: &Path) -> Opened<Folder> {
     match placed(path)? {
         Some((enclosed, names)) => walk(&enclosed, &names),
@@ -145,14 +148,14 @@ pub(super) fn parent(path: &Path) -> Opened<(Folder, OsString)> {
     Ok((folder(folder_of(path))?, name.to_os_string()))
 }
 
-/// Makes the refusal of a link at a path.
+/// Returns the refusal for a link at a path.
 fn link(path: &Path) -> Refusal {
     let what = placed(path).ok().flatten().map_or("this directory", |(enclosed, _)| enclosed.what);
     Refusal::Link { path: path.to_path_buf(), what }
 }
 
-/// Kind of the entry at a path. A link inside an enclosed directory is reported as a link; elsewhere it is followed. `None` if there is no accessible
-/// entry.
+/// Kind of the entry at a path; `None` if there is no accessible entry. A link is reported as a link where links are forbidden
+/// ([`forbid_links`]), and followed elsewhere.
 pub fn kind(path: &Path) -> Option<FileKind> {
     found(path).ok()
 }
@@ -186,7 +189,7 @@ pub fn is_folder(path: &Path) -> bool {
     kind(path) == Some(FileKind::Folder)
 }
 
-/// Refuses a path inside an enclosed directory if it is a link or leads through one. A missing path is accepted.
+/// Returns an error if a path is a link, or leads through a link, where links are forbidden ([`forbid_links`]). A missing path is accepted.
 ///
 /// # Errors
 /// [`Error::Input`] that names the link.
@@ -201,7 +204,7 @@ pub fn refuse_link(path: &Path) -> Result<()> {
 /// Lists the entries of a directory: name and kind, sorted by name.
 ///
 /// # Errors
-/// [`Error::File`] with `remedy` if the operating system refuses, [`Error::Input`] for a link in the part of the path inside an enclosed directory.
+/// [`Error::File`] with `remedy` if the operating system refuses, [`Error::Input`] for a link where links are forbidden.
 pub fn entries(path: &Path, remedy: &str) -> Result<Vec<(OsString, FileKind)>> {
     let list = || -> Opened<Vec<(OsString, FileKind)>> {
         let mut all = folder(path)?.entries()?;
@@ -228,7 +231,7 @@ pub(super) fn open(path: &Path) -> Opened<std::result::Result<File, FileKind>> {
     }
 }
 
-/// Opens the file `root/inside` for reading, and treats `root` as an enclosed directory. `what` describes `root` in messages.
+/// Opens the file `root/inside` for reading, without following links below `root`. `what` describes `root` in messages.
 pub(super) fn open_inside(
     root: &Path,
     inside: &Path,
@@ -243,7 +246,7 @@ pub(super) fn open_inside(
     }
 }
 
-/// Splits a relative path into its names; `None` if it contains anything else, such as `..`.
+/// Splits a relative path into its names; `None` if the path has any other part, such as `..`.
 fn names_of(inside: &Path) -> Option<Vec<OsString>> {
     let name = |part| match part {
         Component::Normal(name) => Some(name.to_os_string()),
@@ -264,10 +267,11 @@ fn open_beneath(enclosed: &Enclosed, names: &[OsString]) -> Opened<std::result::
     }
 }
 
-/// Opens a regular file, for callers that do not read all of it.
+/// Opens a regular file for reading. This function suits callers that read only part of the file.
 ///
 /// # Errors
-/// [`Error::File`] if the operating system refuses, [`Error::Input`] for a link inside an enclosed directory and for anything but a regular file.
+/// [`Error::File`] if the operating system refuses, [`Error::Input`] for a link where links are forbidden and for anything but a regular
+/// file.
 pub fn open_file(path: &Path) -> Result<File> {
     match open(path).map_err(|refusal| refusal.error("read", path, REMEDY))? {
         Ok(file) => Ok(file),
@@ -296,7 +300,7 @@ pub fn open_lock(path: &Path) -> Result<File> {
 /// Creates an empty file for writing. An existing file is replaced.
 ///
 /// # Errors
-/// [`Error::File`] with `remedy` if the operating system refuses, [`Error::Input`] for a link in the part of the path inside an enclosed directory.
+/// [`Error::File`] with `remedy` if the operating system refuses, [`Error::Input`] for a link where links are forbidden.
 pub fn create_or_replace(path: &Path, remedy: &str) -> Result<File> {
     let create = || -> Opened<File> {
         let (folder, name) = parent(path)?;
@@ -312,7 +316,7 @@ pub fn create_or_replace(path: &Path, remedy: &str) -> Result<File> {
 /// Copies a regular file. An existing file at the target is replaced.
 ///
 /// # Errors
-/// As [`super::read`] and [`create_or_replace`].
+/// Errors of [`super::read`] and [`create_or_replace`].
 pub fn copy(from: &Path, to: &Path) -> Result<()> {
     let mut file = open_file(from)?;
     let mut copy = create_or_replace(to, REMEDY)?;
@@ -323,7 +327,7 @@ pub fn copy(from: &Path, to: &Path) -> Result<()> {
 /// Creates a directory and its missing parents.
 ///
 /// # Errors
-/// [`Error::File`] with `remedy` if the operating system refuses, [`Error::Input`] for a link in the part of the path inside an enclosed directory.
+/// [`Error::File`] with `remedy` if the operating system refuses, [`Error::Input`] for a link where links are forbidden.
 pub fn create_folders(path: &Path, remedy: &str) -> Result<()> {
     let create = || -> Opened<()> {
         let Some((Enclosed { root, what, .. }, names)) = placed(path)? else {
@@ -346,7 +350,7 @@ pub fn create_folders(path: &Path, remedy: &str) -> Result<()> {
 /// Removes a file, a link, or a directory with its content. The target of a link stays. A missing entry is accepted.
 ///
 /// # Errors
-/// [`Error::File`] if the operating system refuses, [`Error::Input`] for a link in the part of the path inside an enclosed directory.
+/// [`Error::File`] if the operating system refuses, [`Error::Input`] for a link where links are forbidden.
 pub fn remove_all(path: &Path) -> Result<()> {
     let remove = || -> Opened<()> {
         let (folder, name) = parent(path)?;
@@ -361,7 +365,7 @@ pub fn remove_all(path: &Path) -> Result<()> {
 /// Renames the entry at a path to an unused path.
 ///
 /// # Errors
-/// As [`remove_all`].
+/// Errors of [`remove_all`].
 pub fn rename(from: &Path, to: &Path) -> Result<()> {
     change(from, to, Folder::rename)
 }
@@ -369,7 +373,7 @@ pub fn rename(from: &Path, to: &Path) -> Result<()> {
 /// Exchanges the entries at two paths in one atomic step. Some systems do not support this and return an error.
 ///
 /// # Errors
-/// As [`remove_all`].
+/// Errors of [`remove_all`].
 pub fn exchange(a: &Path, b: &Path) -> Result<()> {
     change(a, b, Folder::exchange)
 }

@@ -21,7 +21,7 @@ pub enum FileKind {
 pub(super) use system::Folder;
 
 impl Folder {
-    /// Removes the entry `name`; a directory with its content, a link without its target.
+    /// Removes the entry `name`. A directory is removed with its content, and a link without its target.
     pub fn remove_all(&self, name: &OsStr) -> Result<()> {
         if self.kind(name)? != FileKind::Folder {
             return self.remove_file(name);

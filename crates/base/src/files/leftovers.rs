@@ -1,4 +1,5 @@
-//! Removes files that killed programs left behind. Their hidden names contain the process number. The next program that uses the folder removes them.
+//! Removal of incomplete files that killed processes left behind. The hidden name of such a file contains the process number. The next
+//! process of this program that uses the folder removes the file.
 
 use std::collections::BTreeSet;
 use std::fs::{File, TryLockError};
@@ -11,11 +12,11 @@ use super::folder::FileKind;
 
 /// Text in the hidden name of every file or directory that is being written.
 const MARK: &str = ".partial-";
-/// Age above which leftovers are removed on a file system without locks. Younger ones may belong to a program on another machine.
+/// Age above which leftovers are removed on a file system without locks. Younger leftovers may belong to a program on another machine.
 const OLD: Duration = Duration::from_secs(24 * 3600);
 
 /// Folders whose leftovers this process has already removed. Each folder is cleaned once.
-static SWEPT: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+static CLEANED_FOLDERS: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 
 /// Prefix of the hidden name under which this process writes the file `name`.
 pub(super) fn prefix(name: &str) -> String {
@@ -23,16 +24,16 @@ pub(super) fn prefix(name: &str) -> String {
     if name.is_empty() { format!("{MARK}{process}-") } else { format!(".{name}{MARK}{process}-") }
 }
 
-/// Locks a file that is being written. The lock ends with the process. Other machines and containers see the lock, whereas a process number is unknown to
-/// them. A failure on a file system without locks is ignored.
+/// Locks a file that is being written. The lock ends with the process. Other machines and containers cannot check a process number, but
+/// they see the lock. A failure on a file system without locks is ignored.
 pub(super) fn mark_alive(file: &File) {
     let _ = file.try_lock();
 }
 
-/// Removes the leftovers of dead processes from a folder. Failures are ignored, because leftovers are harmless.
+/// Removes incomplete files and directories of ended processes from a folder. Failures are ignored, because leftovers are harmless.
 pub fn remove_stale_files(folder: &Path) {
     let full = folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf());
-    if !SWEPT.lock().unwrap_or_else(PoisonError::into_inner).insert(full) {
+    if !CLEANED_FOLDERS.lock().unwrap_or_else(PoisonError::into_inner).insert(full) {
         return;
     }
     let Ok(held) = enclosed::folder(folder) else { return };
@@ -46,13 +47,13 @@ pub fn remove_stale_files(folder: &Path) {
     }
 }
 
-/// Reads the process number from a hidden name; `None` if the name is not one of a file being written.
+/// Reads the process number from the hidden name of an incomplete file; `None` for all other names.
 fn process_of(name: &str) -> Option<u32> {
     let (_, rest) = name.strip_prefix('.').and_then(|_| name.split_once(MARK))?;
     rest.split_once('-')?.0.parse().ok()
 }
 
-/// Returns `true` if no process holds the lock of [`mark_alive`].
+/// Returns `true` if no process holds the lock of [`mark_alive`], or if the file system has no locks and the file is older than [`OLD`].
 fn is_given_up(file: &File) -> bool {
     match file.try_lock() {
         Ok(()) => true,

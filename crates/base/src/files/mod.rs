@@ -39,12 +39,14 @@ use crate::error::{Error, Result};
 
 const REMEDY: &str = "check that the directory exists, is writable and has room";
 
-/// Returns a converter from the operating system's error to an [`Error::File`]. `action` is what was tried at `path`, such as "read".
+/// Returns a converter from the operating system's error to an [`Error::File`]. `action` is the verb for the operation that was tried at
+/// `path`, such as "read".
 pub fn file_error(action: &'static str, path: &Path) -> impl Fn(std::io::Error) -> Error {
     move |source| Error::at_path(action, path, source, REMEDY)
 }
 
-/// Writes a file completely or not at all. The content first goes to a hidden file in the same directory. It is flushed to the disk and then renamed.
+/// Writes a file completely or not at all. The content goes to a hidden file in the same directory, which is flushed to the disk and then
+/// renamed.
 ///
 /// # Errors
 /// [`Error::File`] if the operating system refuses. An existing file then stays unchanged.
@@ -63,10 +65,11 @@ pub fn remove_if_there(path: &Path) -> Result<()> {
     }
 }
 
-/// Like [`write_atomically`], for content that is too large for the memory. `write` writes it piece by piece.
+/// Writes a file completely or not at all, like [`write_atomically`], if its content is too large for the memory. `write` writes the
+/// content piece by piece.
 ///
 /// # Errors
-/// As [`write_atomically`].
+/// Errors of [`write_atomically`].
 pub fn stream_atomically(path: &Path, write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<()> {
     PreparedWrite::new(path, write)?.publish()?;
     sync_directory(folder_of(path))
@@ -75,7 +78,7 @@ pub fn stream_atomically(path: &Path, write: impl FnOnce(&mut dyn Write) -> std:
 /// Writes several files that belong together. If one of them cannot be written, none is replaced. A signal takes effect only after the last file.
 ///
 /// # Errors
-/// As [`write_atomically`].
+/// Errors of [`write_atomically`].
 pub fn write_together(files: &[(&Path, &[u8])]) -> Result<()> {
     let prepared = files.iter().map(|(path, bytes)| PreparedWrite::new(path, |file| file.write_all(bytes)));
     let prepared: Vec<PreparedWrite<'_>> = prepared.collect::<Result<_>>()?;
@@ -141,7 +144,7 @@ pub fn to_json(path: &Path, value: &impl Serialize) -> Result<Vec<u8>> {
 /// Writes a value as indented JSON with a final newline, completely or not at all.
 ///
 /// # Errors
-/// [`Error::File`] as [`write_atomically`]; [`Error::Numerical`] if the value cannot be written as JSON.
+/// Errors of [`write_atomically`]. [`Error::Numerical`] if the value cannot be written as JSON.
 pub fn write_json_atomically(path: &Path, value: &impl Serialize) -> Result<()> {
     write_atomically(path, &to_json(path, value)?)
 }

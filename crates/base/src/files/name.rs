@@ -2,9 +2,9 @@
 
 /// Largest length of a name in bytes. File systems limit names by bytes, and temporary names add a prefix and a suffix.
 const LONGEST_BYTES: usize = 80;
-/// Device names on Windows. They are reserved with and without an extension.
+/// Device names on Windows, which are reserved with and without an extension.
 const DEVICES: [&str; 4] = ["con", "prn", "aux", "nul"];
-/// Prefixes of device names on Windows. They are reserved if a digit follows.
+/// Prefixes of numbered device names on Windows, such as `com1`. A name is reserved if exactly one digit follows the prefix.
 const PORTS: [&str; 2] = ["com", "lpt"];
 
 /// Converts text to a name that every file system accepts. No program takes it for an option, a hidden file or another directory. Letters, digits, `-`,

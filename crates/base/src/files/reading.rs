@@ -62,7 +62,7 @@ pub fn read(path: &Path, content: Content, remedy: &str) -> Result<Vec<u8>> {
 /// `what` describes the directory in messages ("an experiment").
 ///
 /// # Errors
-/// As [`read`]; also [`Error::Input`] for a link, and for a path that leads out of the directory.
+/// Errors of [`read`]. [`Error::Input`] for a link, and for a path that leads out of the directory.
 pub fn read_inside(folder: &Path, inside: &str, what: &'static str, content: Content, remedy: &str) -> Result<Vec<u8>> {
     let path = folder.join(inside);
     content_of(enclosed::open_inside(folder, Path::new(inside), what), &path, content, remedy)
@@ -98,7 +98,7 @@ fn content_of(
     Ok(bytes)
 }
 
-/// Reads a file that the program itself wrote. `None` if it is missing or unreadable; the caller then computes its content again.
+/// Reads a file that the program itself wrote. `None` if the file is missing or unreadable; the caller then computes the content again.
 pub fn read_if_there(path: &Path, content: Content) -> Option<Vec<u8>> {
     read(path, content, "").ok()
 }
@@ -115,7 +115,7 @@ fn too_large(path: &Path, content: Content) -> Error {
     )
 }
 
-/// Largest length of a line in a table. A file without line ends is not a table, and its single cell would fill the memory.
+/// Largest length of a line in a table, in bytes. A file without line ends is not a table, and its single cell would fill the memory.
 const LONGEST_LINE_BYTES: usize = 1 << 20;
 
 /// Refuses a table if one of its lines is too long. `path` appears only in the error.

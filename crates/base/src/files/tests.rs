@@ -84,7 +84,7 @@ fn what_is_too_large_is_refused_without_being_read() {
     assert_eq!(read(&path, Content::Settings, "").unwrap().len() as u64, Content::Settings.max_bytes());
 }
 
-/// Returns an enclosed directory `in/`, reached by a link, and a secret file outside it.
+/// Makes a directory `in/` in which links are forbidden, and a secret file outside it. Returns the parent directory and a link to `in/`.
 #[cfg(any(target_os = "linux", target_vendor = "apple"))]
 fn enclosed_place() -> (tempfile::TempDir, std::path::PathBuf) {
     let place = tempfile::tempdir().unwrap();
@@ -122,7 +122,7 @@ fn no_link_beneath_an_enclosed_directory_is_followed() {
         ("dangling", "dangling"),
         ("folder", "folder"),
     ] {
-        // The path that the user gives, and the path without links.
+        // Both the path through the link that the user gives and the path without links are tested.
         for root in [named.clone(), place.path().canonicalize().unwrap().join("in")] {
             let path = root.join(path);
             let error = read(&path, Content::Table, "").unwrap_err();

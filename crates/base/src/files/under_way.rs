@@ -1,7 +1,8 @@
 //! Registers the files that this program is writing, so that no incomplete file remains if the program ends.
 //!
-//! The register lists the hidden paths of files and directories that are being written. [`stop_writing`] removes them when the program ends. Steps that
-//! belong together hold a gate ([`hold_gate`]), which [`stop_writing`] must close first. It therefore never interrupts them.
+//! The register lists the hidden paths of files and directories that are being written. [`stop_writing`] removes them when the program
+//! ends. Steps that belong together hold a gate ([`hold_gate`]). [`stop_writing`] must close the gate first, so it never interrupts such
+//! steps.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -15,13 +16,13 @@ const LOOK: Duration = Duration::from_millis(2);
 /// Number of attempts to remove a directory into which a thread may still write.
 const MOST_TRIES: usize = 5;
 
-/// Hidden path that is being written; [`stop_writing`] removes it.
+/// Registered hidden path of a file or directory that is being written. [`stop_writing`] removes this file or directory.
 #[derive(Debug)]
 pub(crate) struct HiddenPath(PathBuf);
 
 impl HiddenPath {
-    /// Calls `create` to make a file or directory at a hidden path, and registers the path that `path_of` returns. [`stop_writing`] cannot run between these
-    /// two actions.
+    /// Makes a file or directory at a hidden path by `create`, and registers the path that `path_of` returns. [`stop_writing`] cannot run
+    /// between these two actions.
     pub fn begin<T>(
         create: impl FnOnce() -> std::io::Result<T>,
         path_of: impl FnOnce(&T) -> PathBuf,
@@ -44,13 +45,14 @@ fn hidden_paths() -> std::sync::MutexGuard<'static, BTreeSet<PathBuf>> {
     HIDDEN_PATHS.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Makes [`stop_writing`] wait until the returned guard is dropped. Use it for quick steps that leave files consistent only when all of them are done.
+/// Makes [`stop_writing`] wait until the returned guard is dropped. Hold the guard during quick steps that leave files consistent only
+/// together.
 pub fn hold_gate() -> RwLockReadGuard<'static, ()> {
     GATE.read().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Stops all writing; call it right before the program ends. It waits at most `patience` for steps that hold the gate, and lets no further steps begin.
-/// It then removes incomplete files. Any later attempt to write waits forever.
+/// Stops all writing. Call this function right before the program ends. It waits at most `patience` for steps that hold the gate
+/// ([`hold_gate`]), and lets no further steps begin. It then removes incomplete files. A later attempt to write waits forever.
 pub fn stop_writing(patience: Duration) {
     let began = Instant::now();
     loop {
@@ -59,7 +61,7 @@ pub fn stop_writing(patience: Duration) {
                 std::mem::forget(closed);
                 break;
             }
-            // The remaining time is over. A rename is a single step of the operating system, so it stays complete even now.
+            // The time limit has passed. A rename is a single step of the operating system, so it stays complete even now.
             Err(_) if began.elapsed() >= patience => break,
             Err(_) => std::thread::sleep(LOOK),
         }

@@ -1,6 +1,6 @@
 //! Escaping of text for XML.
 
-/// Escapes text for XML elements and attributes. Characters that XML forbids are replaced.
+/// Escapes text for XML elements and attributes. Characters that XML forbids become U+FFFD, the replacement character.
 pub fn xml_text(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for character in text.chars() {

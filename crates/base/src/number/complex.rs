@@ -25,7 +25,7 @@ impl<N: Scalar> Complex<N> {
         Self { re: self.re * factor, im: self.im * factor }
     }
 
-    /// Returns 1/z.
+    /// Returns the reciprocal 1/z of this number z.
     pub fn reciprocal(self) -> Self {
         let square = self.re * self.re + self.im * self.im;
         Self { re: self.re / square, im: -self.im / square }
@@ -33,7 +33,7 @@ impl<N: Scalar> Complex<N> {
 }
 
 impl<N: PointScalar> Complex<N> {
-    /// Returns eᶻ.
+    /// Returns the exponential eᶻ of this number z.
     pub fn exp(self) -> Self {
         let (size, sin, cos) = (self.re.exp(), self.im.sin(), self.im.cos());
         Self { re: size * cos, im: size * sin }

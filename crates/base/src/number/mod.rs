@@ -1,7 +1,8 @@
 //! Number types of the numerical kernels: plain `f64`, and [`Dual`] numbers that carry a derivative.
 //!
-//! A model computes the stages of its response in [`Dual`] numbers. The kernel that turns stages into a trajectory is generic over [`Scalar`]. On `f64`
-//! it yields the trajectory. On [`Dual`] it also yields the exact derivative in one direction (forward mode).
+//! A model computes the stages of its response (force, mechanics, observation) in [`Dual`] numbers. The kernel that turns stages into a
+//! trajectory is generic over [`Scalar`]. On `f64` it yields the trajectory. On [`Dual`] it also yields the exact derivative in one
+//! direction (forward mode).
 
 mod complex;
 
@@ -30,7 +31,7 @@ pub trait Scalar:
 
 /// Number type with the further operations that are needed to compute a law's spectrum at one point.
 pub trait PointScalar: Scalar {
-    /// Converts from a dual number. `f64` drops the derivative.
+    /// Converts a dual number to this type. For `f64` the derivative is dropped.
     fn from_dual(number: Dual) -> Self;
     /// Value without the derivative, for comparisons.
     fn value(self) -> f64;
@@ -66,7 +67,7 @@ impl Dual {
         Self { value, derivative: 0.0 }
     }
 
-    /// Number with derivative 1. Derivatives of later results are taken with respect to it.
+    /// Number with derivative 1. Derivatives of later results are taken with respect to this number.
     pub const fn variable(value: f64) -> Self {
         Self { value, derivative: 1.0 }
     }
@@ -282,7 +283,7 @@ impl PointScalar for Dual {
 mod tests {
     use super::*;
 
-    /// Compares every operation with a central difference, whose error is about 1e-10 here.
+    /// Compares every operation with a central difference, whose error is about 1e-10.
     #[test]
     fn derivatives_equal_central_differences() {
         let function = |x: Dual| {

@@ -21,7 +21,7 @@ pub struct Apparatuses {
 }
 
 impl Apparatuses {
-    /// Meshes each apparatus and builds its models. The apparatus follow one another, because each build uses all threads.
+    /// Meshes each apparatus and builds its reduced models. One apparatus is built after another, because each build uses all threads.
     ///
     /// # Errors
     /// Errors of meshing, assembly or the models.

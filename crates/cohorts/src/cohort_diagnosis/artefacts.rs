@@ -15,7 +15,7 @@ use posterior::study::{Provenance, RevisionWriter, WithProvenance};
 const FOLDER: &str = "diagnosis";
 /// File name of the document in this folder.
 const DOCUMENT: &str = "cohort-diagnosis.json";
-/// File name of the table that lists the gain of each record by each effect.
+/// File name of the table that lists the gain in log likelihood of each record by each effect.
 const TABLE: &str = "gains.csv";
 /// File name of the figure, without extension.
 const FIGURE: &str = "cohort";
@@ -57,7 +57,7 @@ pub fn write(out: &Path, diagnosis: &CohortDiagnosis, provenance: Provenance) ->
     writer.commit()
 }
 
-/// Makes the table of gains as CSV, one row for each record and effect.
+/// Makes the CSV table of gains in log likelihood, with one row for each record and effect.
 fn gains_csv(diagnosis: &CohortDiagnosis) -> Result<Vec<u8>> {
     let refused = |error: csv::Error| Error::numerical(format!("a table cannot be written: {error}"), "use the JSON");
     let mut writer = csv::Writer::from_writer(Vec::new());

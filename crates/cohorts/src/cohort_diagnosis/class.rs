@@ -1,12 +1,12 @@
 //! Finds rivals of a cohort's claim: effects that the data cannot distinguish from the claimed effect.
 //!
-//! A rival is assumed to be true, and cohorts are simulated with it. Each simulated record has the rival with a probability and a size that follow from
-//! the rival's size law and the record's own data. Its noise is that of a simulated record. The rival may be the truth if, in these cohorts, the claim's
-//! gain exceeds the rival's by as much as in the data (Cox, J. R. Stat. Soc. B 24:406, 1962).
+//! To test a rival, cohorts are simulated in which the rival is the true effect. Each simulated record has the rival with a probability and a size that
+//! follow from the rival's size law and the record's own data. The noise is that of a record simulated without effects. The rival is excluded if the
+//! claim's gain exceeds the rival's gain by as much as in the data in almost none of these cohorts (Cox, J. R. Stat. Soc. B 24:406, 1962).
 //!
-//! This lead of the claim is tested twice: with common size laws, and with a separate size in each record. To exclude the rival, both leads must be too
-//! large for chance. The reason is that two effects with equal signatures differ only in the similarity of their sizes across specimens, about which
-//! nothing is known beforehand.
+//! This lead of the claim over the rival is tested twice: with common size laws, and with a separate size in each record. The rival is excluded only if
+//! both leads are too large for chance. With common size laws alone, effects with equal signatures could be distinguished by how similar their sizes are
+//! across specimens. Nothing is known beforehand about this similarity.
 
 use rayon::prelude::*;
 
@@ -17,12 +17,12 @@ use criticism::sketch::{RecordScores, ScoreSet};
 use criticism::verdict::Rival;
 use sampling::ensemble::RandomStream;
 
-/// Number of cohorts that are simulated for each rival.
+/// Number of cohorts that are simulated with each rival of the claimed effect.
 const N_COHORTS: usize = 199;
 const RIVAL_STREAMS: u64 = 0xc1a55;
 
-/// Lists the effects that the data may not distinguish from the claim. Each has the fraction of simulated cohorts in which the claim leads by at least as
-/// much as in the data.
+/// Lists the effects that the data may not distinguish from the claimed effect. Each entry has a p-value: the fraction of cohorts simulated with the rival
+/// in which the claim's gain leads by at least as much as in the data.
 pub fn rivals(
     records: &[RecordScores],
     criteria: &Criteria,
@@ -47,8 +47,8 @@ pub fn rivals(
     others.into_par_iter().filter_map(rival).collect()
 }
 
-/// Fraction of the cohorts simulated with the rival in which the claim leads by at least as much as in the data. It is the larger of two fractions: with
-/// common size laws, and with a separate size in each record. `None` if an effect cannot be evaluated.
+/// Fraction of the cohorts simulated with the rival in which the claim's gain exceeds the rival's gain by at least as much as in the data. The result is
+/// the larger of two fractions: with common size laws, and with a separate size in each record. `None` if an effect cannot be evaluated.
 fn lead_p(records: &[RecordScores], claim: &EffectGain, rival: &EffectGain, seed: u64) -> Option<f64> {
     let (of_claim, of_rival) = (EffectScan::new(records, claim.effect)?, EffectScan::new(records, rival.effect)?);
     let by_itself = |scan: &EffectScan, cohort: &[&ScoreSet]| -> f64 {
@@ -77,7 +77,8 @@ fn lead_p(records: &[RecordScores], claim: &EffectGain, rival: &EffectGain, seed
     Some(p(0).max(p(1)))
 }
 
-/// Gain of a cohort (nats) on the fitted and the last cycles together. The shape and the size law are those that fit the fitted cycles best.
+/// Gain in log likelihood of a cohort (nats) by an effect, on the fitted and the last cycles together. The values of the effect's parameters that are
+/// unidentified at its null, and the size law, are those that fit the fitted cycles best.
 fn rank_nats(scan: &EffectScan, cohort: &[&ScoreSet]) -> f64 {
     let of = |shape| {
         let weighed: Vec<RecordRatios> =
@@ -87,10 +88,10 @@ fn rank_nats(scan: &EffectScan, cohort: &[&ScoreSet]) -> f64 {
     scan.shapes().map(of).reduce(BestGain::larger).map_or(0.0, |best| best.rank_nats())
 }
 
-/// Distribution from which a rival is simulated in one record: the probability that the record has it, and its possible grid points and sizes.
+/// Distribution from which a rival effect is simulated in one record: the probability that the record has the rival, and the rival's possible sizes.
 struct RivalSimulator {
     has: f64,
-    /// Possible grid points and sizes: index of the signature score, amplitude of the size, and relative probability of both.
+    /// Possible sizes of the rival: index of the signature score that the size shifts, amplitude of the shift, and relative probability.
     ways: Vec<(usize, f64, f64)>,
 }
 
@@ -121,7 +122,7 @@ impl RivalSimulator {
         Self { has: if has.is_finite() { has } else { 0.0 }, ways }
     }
 
-    /// Draws the scores of a simulated record, which may or may not have the rival.
+    /// Draws the signature scores of a simulated record, which has the rival effect with a certain probability.
     fn draw(&self, record: &RecordScores, stream: &mut RandomStream) -> ScoreSet {
         let mut told = record.simulated[stream.below(record.simulated.len())].clone();
         let (whether, which) = (stream.unit(), stream.unit());

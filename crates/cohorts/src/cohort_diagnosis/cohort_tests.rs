@@ -5,23 +5,24 @@ use rayon::prelude::*;
 
 use super::class::rivals;
 use super::compare::{compare_groups, fine_laws};
-use super::judge::{EffectGain, Judged, search_effects};
+use super::judge::{EffectGain, EffectSearch, search_effects};
 use super::law::Nodes;
 use super::likelihood::SizeLikelihood;
 use criticism::criteria::Criteria;
-use criticism::sketch::{EffectProbe, RecordScores, ScoreSet, SignatureScore};
+use criticism::sketch::{EffectSignature, RecordScores, ScoreSet, SignatureScore};
 use documents::groups::RatioVerdict;
 use posterior::monitor::SilentMonitor;
 use sampling::ensemble::RandomStream;
 
-/// Invented effects: name, number of grid points, and `true` if sizes may have either sign.
+/// Invented effects: name, number of grid points of parameters that are unidentified at the null, and `true` if sizes may have either sign.
 const EFFECTS: [(&str, usize, bool); 4] =
     [("one", 1, false), ("two", 3, false), ("three", 1, true), ("twin of one", 1, false)];
 const N_READINGS: usize = 6;
 /// Inverse of the standard deviation of an amplitude.
 const NORM: f64 = 2.0;
 
-/// Cosines between the signatures. Grid points of one effect have similar signatures. `twin` is the cosine between the twin and the first effect.
+/// Cosines between the signatures (whitened position changes) of all effects and grid points. Grid points of one effect have similar signatures. `twin` is
+/// the cosine between the twin and the first effect.
 fn cosines(twin: f64) -> DMatrix<f64> {
     DMatrix::from_fn(N_READINGS, N_READINGS, |i, j| match (i.min(j), i.max(j)) {
         (a, b) if a == b => 1.0,
@@ -31,7 +32,8 @@ fn cosines(twin: f64) -> DMatrix<f64> {
     })
 }
 
-/// Draws signature scores whose means are shifted for the first and the third effect. `root` is a square root of the matrix `cosines`.
+/// Draws signature scores (normal numbers, one per grid point of an effect). `shifts` are the mean scores of the first and the third effect. `root` is a
+/// square root of the matrix `cosines`.
 fn readings(
     root: &DMatrix<f64>,
     cosines: &DMatrix<f64>,
@@ -44,31 +46,41 @@ fn readings(
     (0..N_READINGS).map(|k| SignatureScore { z: shifted(k), norm: NORM }).collect()
 }
 
-/// Names of the effects that the cohort cannot distinguish from a claim.
+/// Names of the effects that the cohort cannot distinguish from a claimed effect.
 fn class_of(records: &[RecordScores], gained: &[EffectGain], claimed: usize, seed: u64) -> Vec<String> {
     let rivals = rivals(records, &Criteria::COHORT, gained, claimed, seed).into_iter();
     rivals.filter(|rival| Criteria::COHORT.is_equivalent(rival)).map(|rival| rival.effect).collect()
 }
 
-/// Simulates a cohort whose records have these shifts, with `n_simulations` simulated records each. The last cycles have a third of the information of
-/// the fitted ones.
+/// Simulates a cohort whose records show the first and the third effect with the mean scores in `shifts`, with `n_simulations` simulated records each. The
+/// last cycles have a third of the fitted cycles' information.
 fn cohort(shifts: &[[f64; 2]], twin: f64, n_simulations: usize, seed: u64) -> Vec<RecordScores> {
     cohort_with(1.0 / 3.0, shifts, twin, n_simulations, seed)
 }
 
-/// Simulates a cohort whose last cycles have `last` times the information of the fitted ones.
+/// Simulates a cohort whose last cycles have `last` times the information of the fitted cycles.
 fn cohort_with(last: f64, shifts: &[[f64; 2]], twin: f64, n_simulations: usize, seed: u64) -> Vec<RecordScores> {
     let cosines = cosines(twin);
     let root = cosines.clone().cholesky().expect("positive definite").l();
     let mut first = 0;
-    let asked: Vec<EffectProbe> = EFFECTS
+    let asked: Vec<EffectSignature> = EFFECTS
         .iter()
         .map(|(slug, n, has_both)| {
             let readings = first..first + n;
             first += n;
             let reach = [if *has_both { 1e9 } else { 0.0 }, 1e9];
             let (unit, power, null) = (1.0, 1.0, 0.0);
-            EffectProbe { slug, parameter: "x", refused: None, readings, unit, power, reach, null, is_downwards: false }
+            EffectSignature {
+                slug,
+                parameter: "x",
+                refused: None,
+                readings,
+                unit,
+                power,
+                reach,
+                null,
+                is_downwards: false,
+            }
         })
         .collect();
     let record = |(number, shifts): (usize, &[f64; 2])| {
@@ -91,7 +103,7 @@ fn cohort_with(last: f64, shifts: &[[f64; 2]], twin: f64, n_simulations: usize, 
     shifts.iter().enumerate().map(record).collect()
 }
 
-fn leading(judged: &Judged) -> usize {
+fn leading(judged: &EffectSearch) -> usize {
     let gain = |k: usize| judged.effects[k].best.gain_nats;
     (0..judged.effects.len()).max_by(|a, b| gain(*a).total_cmp(&gain(*b))).expect("effects")
 }
@@ -117,13 +129,13 @@ fn p_is_uniform_where_nothing_is_missing() {
     assert!(found.iter().map(|(_, heldout)| heldout).sum::<f64>() < 0.0);
 }
 
-/// Each of 20 records shows the effect at two standard deviations. Half the sum of squares is 40 ± 9 nats, minus the cost of the size law's parameters. A
-/// single record gains only 2 ± 2 nats, which no search would claim. Held-out cycles with a third of the information gain a third. The other effects are
-/// distinguished.
+/// Each of 20 records shows the effect at two standard deviations. The gain in log likelihood is half the sum of squares, 40 ± 9 nats, minus the cost of
+/// the size law's parameters. A single record gains only 2 ± 2 nats, with which no search would claim an effect. Held-out cycles with a third of the
+/// information gain a third. The diagnosis distinguishes the other effects.
 ///
-/// The twin has a cosine of 0.99 with the first effect. If the first effect is true, the twin leads by −1.1 ± 1.5 nats on the fitted and last cycles
-/// together. If the twin is true, it leads by +1.1 nats. A lead of 2 nats excludes it in one cohort of four. Fewer than 4 of 16 cohorts keep the twin in
-/// 1 of 10⁵ runs. The truth is excluded in at most 2 of 100 cohorts. It is excluded in more than 5 of 16 cohorts in 5 of 10⁷ runs.
+/// The twin has a cosine of 0.99 with the first effect. The first effect is true, and leads by 1.1 ± 1.5 nats on the fitted and last cycles together. If
+/// the twin were true, the twin would lead by 1.1 nats. A lead of 2 nats excludes the twin, which happens in one cohort of four. Fewer than 4 of 16
+/// cohorts keep the twin in 1 of 10⁵ runs. The true effect is excluded in at most 2 of 100 cohorts, and in more than 5 of 16 cohorts in 5 of 10⁷ runs.
 #[test]
 fn weak_effects_add_up_and_twins_stay() {
     let (mut n_twins, mut n_true, mut heldout_nats) = (0, 0, 0.0);
@@ -153,11 +165,11 @@ fn weak_effects_add_up_and_twins_stay() {
 }
 
 /// Each of 20 records shows the effect at 0.7 standard deviations in its fitted cycles, and at 2.1 in all cycles. The mean score in the fitted cycles is
-/// 0.7 ± 0.22, which alone gains 4.9 ± 3.1 nats. Chance gains 7.5 nats in one cohort of a thousand. The fitted cycles alone reach this with a probability
-/// of 0.22. They reach it in 7 or 8 of 8 cohorts in 2 of 10⁴ runs.
+/// 0.7 ± 0.22, which alone gains 4.9 ± 3.1 nats. Chance gains 7.5 nats in one cohort of a thousand. The fitted cycles alone gain 7.5 nats with a
+/// probability of 0.22, and in 7 or 8 of 8 cohorts in 2 of 10⁴ runs.
 ///
-/// With the last cycles all cohorts reach it, unless the mean score in the fitted ones is negative or above 1.4. That has a probability below 0.005, and
-/// occurs in 3 of 8 cohorts in 1 of 10⁵ runs.
+/// With the last cycles, all cohorts gain 7.5 nats, unless the mean score in the fitted cycles is negative or above 1.4. Such a mean score has a
+/// probability below 0.005, and occurs in 3 of 8 cohorts in 1 of 10⁵ runs.
 #[test]
 fn last_cycles_count_for_p() {
     let is_rare = |said: &[RecordScores], seed: u64| {
@@ -176,8 +188,8 @@ fn last_cycles_count_for_p() {
     assert!(n_with >= 6 && n_without < 7, "{n_with} {n_without}");
 }
 
-/// Two effects with equal signatures are not distinguished by how similar their sizes are across specimens. Here the twin has equal sizes in all records.
-/// The first effect is 16 times as large in every second record.
+/// The diagnosis does not distinguish two effects with equal signatures by how similar their sizes are across specimens. Here one effect has equal sizes
+/// in all records. The sizes of the other effect differ by a factor of 16 between neighbouring records.
 #[test]
 fn like_sizes_are_no_proof() {
     let mut said = cohort(&[[4.0, 0.0]; 20], 0.999_999, 60, 57);
@@ -195,7 +207,7 @@ fn like_sizes_are_no_proof() {
     assert_eq!(class_of(&said, &judged.effects, best, 3), ["one"]);
 }
 
-/// Effects whose sign differs between records add up as well, and the size law states either sign.
+/// Gains of records add up even if the effect's sign differs between records. The best size law then allows both signs.
 #[test]
 fn either_sign_is_found() {
     let shifts: Vec<[f64; 2]> = (0..20).map(|k| [0.0, if k % 2 == 0 { 2.5 } else { -2.5 }]).collect();
@@ -206,9 +218,9 @@ fn either_sign_is_found() {
     assert!(effect_gain.p_familywise <= 0.001 && effect_gain.law.sides == super::law::Sides::Both, "{effect_gain:?}");
 }
 
-/// Ten records per group give the means and standard deviations of sizes. A factor of two between the sizes is stated; equal sizes are not. A group
-/// without the effect gains 4 nats by chance in one of a hundred cohorts. This happens in four of ten cohorts in 2 of 10⁶ runs. The fraction of specimens
-/// with the effect is not tested there, because sizes that no record can show may be in all records.
+/// Ten records per group give the means and standard deviations of sizes. A factor of two between the sizes is declared as a difference; equal sizes are
+/// not. A group without the effect gains 4 nats by chance in one of a hundred cohorts. This happens in four of ten cohorts in 2 of 10⁶ runs. The fraction
+/// of specimens with the effect is not tested there, because sizes that no record can show may be in all records.
 #[test]
 fn groups_are_compared() {
     let mut stream = RandomStream::new(11, 0);

@@ -1,17 +1,17 @@
 //! Sizes of an effect in groups of records, and their ratios between groups.
 //!
-//! The posterior probability of each size law on a grid is proportional to its likelihood. All medians, spreads, sides and fractions of the grid are
-//! equally probable a priori. Each group has its own median and its own fraction of specimens with the effect. The spread and the side of the null are
-//! common to all groups.
+//! A size law is a distribution of the effect's sizes over specimens: median, spread, side of the null, and fraction of specimens with the effect. All
+//! size laws of a grid are equally probable a priori, so their posterior probabilities are proportional to their likelihoods. Each group has its own
+//! median and its own fraction of specimens with the effect. The spread and the side of the null are common to all groups.
 //!
-//! Groups are compared by the mean size over all specimens, in which specimens without the effect count as 0. This needs no decision which specimens have
-//! the effect.
+//! Groups are compared by the mean size over all specimens, in which specimens without the effect count as 0. The comparison therefore needs no decision
+//! which specimens have the effect.
 
 use super::law::{FINE, LikelihoodRatios, Nodes, Sides, SizeLawGrid};
 use crate::contrast::{CERTAINTY, SIGN_CERTAINTY};
 use documents::groups::RatioVerdict;
 
-/// Width in ln size of the cells on which the distributions of means are computed.
+/// Width, in the logarithm of the size, of the cells on which the distributions of mean sizes are computed.
 const CELL: f64 = 0.02;
 
 /// 5 %, 50 % and 95 % quantile of a quantity.
@@ -22,22 +22,22 @@ pub type Quantiles = [f64; 3];
 pub struct GroupSizes {
     /// Median size of the specimens with the effect.
     pub median: Quantiles,
-    /// Standard deviation of ln size between the specimens with the effect.
+    /// Standard deviation of the logarithm of the size between the specimens with the effect.
     pub log_sd: Quantiles,
     /// Fraction of specimens with the effect.
     pub share: Quantiles,
     /// Mean size over all specimens of the group. Specimens without the effect count as 0.
     pub mean: Quantiles,
-    /// Probabilities that the sizes are above the null, below it, or on either side.
+    /// Probabilities that the effect's sizes are above its null, below its null, or on either side of its null.
     pub sides: [f64; 3],
-    /// Gain of the group (nats) under its best size law.
+    /// Gain in log likelihood of the group (nats) by the effect, under the size law that fits the group best.
     pub gain_nats: f64,
 }
 
 /// Posterior of the ratio between two groups' mean sizes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ratio {
-    /// Mean size in the first group divided by that in the second.
+    /// Mean size of the effect in the first group, divided by the mean size in the second group.
     pub ratio: Quantiles,
     /// Three probabilities: the first group's mean is larger, larger by more than the margin, and smaller by more than the margin.
     pub probabilities: [f64; 3],
@@ -58,7 +58,7 @@ impl Ratio {
         }
     }
 
-    /// Returns `true` if a difference is stated: a sign, or a ratio outside the margin.
+    /// Returns `true` if a difference between the groups is declared: by its sign, or by a ratio outside the margin.
     pub fn is_declared(&self) -> bool {
         let [greater, ..] = self.probabilities;
         greater.max(1.0 - greater) >= SIGN_CERTAINTY
@@ -70,17 +70,17 @@ impl Ratio {
 pub struct GroupComparison {
     /// Sizes in each group, in the order of the input.
     pub groups: Vec<GroupSizes>,
-    /// Ratio for each pair of groups, with the indices of the groups. The first index is smaller.
+    /// Ratio of the mean sizes for each pair of groups, with the indices of the two groups. The first index is smaller than the second.
     pub ratios: Vec<([usize; 2], Ratio)>,
 }
 
-/// Fine grid of size laws for a claimed effect, from the likelihoods of its size in all records.
+/// Fine grid of size laws for a claimed effect, from the likelihoods of the effect's size in all records. `None` if no record has information on the size.
 pub fn fine_laws(likelihoods: &[super::likelihood::SizeLikelihood]) -> Option<SizeLawGrid> {
     SizeLawGrid::new(likelihoods, FINE)
 }
 
-/// Posterior weights of the size laws for the records of a group, divided by the largest weight. Also returns the gain (nats) under the law with the
-/// largest weight.
+/// Posterior weights of the size laws for the records of a group, divided by the largest weight. Also returns the gain in log likelihood (nats) under the
+/// law with the largest weight.
 fn weights(laws: &SizeLawGrid, nodes: &[&Nodes]) -> (Vec<f64>, f64) {
     let ratios: Vec<LikelihoodRatios> = nodes.iter().map(|nodes| laws.ratios(nodes)).collect();
     let lns = laws.ln_likelihoods(&ratios.iter().collect::<Vec<_>>());
@@ -88,7 +88,7 @@ fn weights(laws: &SizeLawGrid, nodes: &[&Nodes]) -> (Vec<f64>, f64) {
     (lns.into_iter().map(|ln| (ln - largest).exp()).collect(), largest.max(0.0))
 }
 
-/// Sizes in one group, from the records of this group alone.
+/// Posterior of an effect's sizes in one group, from the records of this group alone.
 pub fn group_sizes(laws: &SizeLawGrid, nodes: &[&Nodes]) -> GroupSizes {
     let (weights, gain_nats) = weights(laws, nodes);
     summarised(laws, &weights, gain_nats)
@@ -128,7 +128,7 @@ fn weighted_quantiles(values: &[(f64, f64)]) -> Quantiles {
     })
 }
 
-/// Compares groups of records. Each group lists its records' likelihood ratios of all sizes.
+/// Compares an effect's sizes between groups of records. Each group lists the likelihood ratios of all sizes for each of its records.
 pub fn compare_groups(laws: &SizeLawGrid, groups: &[Vec<&Nodes>], margin: f64) -> GroupComparison {
     let of: Vec<(Vec<f64>, f64)> = groups.iter().map(|nodes| weights(laws, nodes)).collect();
     let all: Vec<super::law::SizeLaw> = laws.all().collect();
@@ -144,7 +144,7 @@ pub fn compare_groups(laws: &SizeLawGrid, groups: &[Vec<&Nodes>], margin: f64) -
     let evidence = |group: usize, places: &[usize]| places.iter().map(|place| of[group].0[*place]).sum::<f64>();
     let mut together: Vec<f64> =
         blocks.iter().map(|(_, places)| (0..groups.len()).map(|group| evidence(group, places)).product()).collect();
-    // In double precision, the weights of all blocks can be zero for the groups together. The groups are then treated separately.
+    // In double precision, the joint weights of all blocks can underflow to zero. All blocks then get equal weight.
     if together.iter().all(|weight| *weight <= 0.0) {
         together.fill(1.0);
     }

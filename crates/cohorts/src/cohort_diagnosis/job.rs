@@ -1,11 +1,12 @@
-//! Diagnosis of a cohort: reads each record, searches for the missing effect, finds rivals of the claim, and compares the claim's sizes between groups.
+//! Diagnosis of a cohort: reads each record, searches for the missing effect, finds effects that could replace it (rivals), and compares the effect's
+//! sizes between groups.
 
 use rayon::prelude::*;
 
 use super::apparatus::Apparatuses;
 use super::class::rivals;
 use super::compare::{GroupComparison, GroupSizes, compare_groups, fine_laws, group_sizes};
-use super::judge::{EffectGain, Judged, N_COHORTS, search_effects};
+use super::judge::{EffectGain, EffectSearch, N_COHORTS, search_effects};
 use super::law::{LikelihoodRatios, Nodes, Sides, SizeLawGrid};
 use super::likelihood::SizeLikelihood;
 use super::refit::{SizeFit, SizedPrediction, fit_size, gain_nats, law_of, predict_at_cohort_size};
@@ -16,7 +17,7 @@ use crate::design::Labels;
 use base::error::{Error, InputPlace, Result};
 use criticism::Subject;
 use criticism::criteria::Criteria;
-use criticism::sketch::{BaseFit, RecordScores, SignatureScore, fit_all_cycles, sketch};
+use criticism::sketch::{BaseFit, RecordScores, SignatureScore, sketch, with_all_cycles_fitted};
 use criticism::verdict::{
     Addition, ClaimProposal, EffectEvidence, Evidence, Residual, ResidualTest, Verdict, decide_verdict,
 };
@@ -45,7 +46,7 @@ const RECORD_STREAMS: u64 = 0x5eed_c040;
 const STREAM_OF_RECORD: u32 = 24;
 /// Smallest number of records that make a cohort.
 pub const FEWEST_RECORDS: usize = 2;
-const KEPT: &str = "nothing was written; the models of apparatus that were built are kept";
+const KEPT: &str = "no result was written; finished reduced models are kept";
 
 /// Diagnoses a cohort.
 ///
@@ -107,8 +108,8 @@ pub fn check_interrupt(monitor: &dyn Monitor) -> Result<()> {
     }
 }
 
-/// Computes the scores of each record and its fit without any effect. Records follow one another: each is released before the next, and its simulations
-/// use all threads.
+/// Computes the signature scores of each record, and the record's fit without any effect. Records are processed one after another, because the simulations
+/// of one record use all threads.
 fn read(
     measurements: &[Measurement],
     apparatuses: &Apparatuses,
@@ -134,7 +135,7 @@ struct DiagnosisState<'a> {
     request: &'a CohortRequest,
     said: &'a [RecordScores],
     based: &'a [BaseFit],
-    judged: &'a Judged,
+    judged: &'a EffectSearch,
     claim: Option<Claim>,
 }
 
@@ -142,11 +143,11 @@ struct DiagnosisState<'a> {
 struct Claim {
     /// Index of the claimed effect among the searched effects.
     claimed: usize,
-    /// Results for each record, with the effect at the size that the cohort predicts for it.
+    /// Results for each record, with the effect at the size that the cohort predicts for the record.
     predicted: Vec<SizedPrediction>,
     /// Sizes of the effect over all records.
     all: GroupSizes,
-    /// Sizes of the effect in each group, and their ratios; `None` unless there are several groups.
+    /// Sizes of the effect in each group, and their ratios between groups; `None` unless there are several groups.
     compared: Option<GroupComparison>,
 }
 
@@ -166,7 +167,7 @@ impl Claim {
             predicted.map_err(|error| found.measurements[number].with_name(error))
         };
         let predicted = (0..said.len()).into_par_iter().map(predict).collect::<Result<_>>()?;
-        let all = Fits::new(found, gained, &|number| fit_all_cycles(&subject(number)?), |said| &said.whole)?;
+        let all = Fits::new(found, gained, &|number| with_all_cycles_fitted(&subject(number)?), |said| &said.whole)?;
         let groups = found.groups();
         let of_group = |(_, members): &(String, Vec<usize>)| members.iter().map(|number| &all.nodes[*number]).collect();
         let each_group: Vec<Vec<&Nodes>> = groups.iter().map(of_group).collect();
@@ -175,7 +176,8 @@ impl Claim {
         Ok(Self { claimed, predicted, all, compared })
     }
 
-    /// Held-out error with the effect, divided by the error that the predictive noise allows; both over all records. `None` if no cycle is held out.
+    /// Held-out error with the effect, divided by the held-out error that the predictive noise allows. Both errors are over all records. `None` if no
+    /// cycle is held out.
     fn error_ratio(&self) -> Option<f64> {
         let rows = |sized_prediction: &SizedPrediction| sized_prediction.heldout.map(|(_, n)| n);
         let allowed = root_mean_square(
@@ -190,7 +192,7 @@ impl Claim {
     }
 }
 
-/// Fits of the claimed effect's size in each record, to some of the cycles.
+/// Fits of the claimed effect's size in each record, and the size laws that follow from these fits.
 struct Fits {
     sized: Vec<SizeFit>,
     laws: SizeLawGrid,
@@ -198,7 +200,8 @@ struct Fits {
 }
 
 impl Fits {
-    /// Fits the claimed effect to the fitted cycles of each `subject`. `readings` must return the signature scores of the same cycles.
+    /// Fits the claimed effect to the fitted cycles of each record; `subject` returns a record by its number. `readings` must return the record's
+    /// signature scores from the same cycles.
     fn new(
         found: &DiagnosisState,
         gained: &EffectGain,
@@ -213,7 +216,7 @@ impl Fits {
             sized.map_err(|error| found.measurements[number].with_name(error))
         };
         let sized: Vec<SizeFit> = (0..said.len()).into_par_iter().map(fit).collect::<Result<_>>()?;
-        // The record's first-order likelihoods at the grid points of the shape that was found.
+        // First-order likelihoods of the size in one record, at the grid points of the effect's other parameters that the search found.
         let points = |number: usize| -> Vec<SizeLikelihood> {
             let n = asked(number).readings.len();
             let points = gained.shape.map_or(0..n, |point| point..(point + 1).min(n));
@@ -238,7 +241,7 @@ fn nothing_shows(found: &DiagnosisState, gained: &EffectGain) -> Error {
     Error::numerical(format!("no record shows {slug} when the effect is fitted"), "diagnose the records one by one")
 }
 
-/// Likelihood ratio of each size for a record. Without information, all sizes are as likely as no effect.
+/// Likelihood ratio of each size for one record. For a record without information, all sizes are as likely as no effect.
 fn nodes_of(laws: &SizeLawGrid, likelihoods: &[SizeLikelihood]) -> Nodes {
     let of: Vec<Nodes> = likelihoods.iter().map(|likelihood| laws.nodes(likelihood)).collect();
     if of.is_empty() {
@@ -258,7 +261,7 @@ impl DiagnosisState<'_> {
         names.into_iter().find(|name| !name.is_empty()).unwrap_or("")
     }
 
-    /// Index of the effect with the largest gain on the fitted and the held-out cycles together.
+    /// Index of the effect with the largest gain in log likelihood on the fitted and the held-out cycles together; `None` if no effect has a gain.
     fn leading(&self) -> Option<usize> {
         let rank = |k: usize| self.judged.effects[k].best.rank_nats();
         let effects = &self.judged.effects;
@@ -266,8 +269,8 @@ impl DiagnosisState<'_> {
         (0..effects.len()).filter(|k| effects[*k].best.gain_nats > 0.0).reduce(of)
     }
 
-    /// Finds the leading effect by full fits. Effects that rank nearly as high as `leading` are fitted to each record. The gains of these fits replace the
-    /// first-order gains, which are wrong at sizes for which an effect is not linear.
+    /// Finds the effect with the largest gain by full fits. Effects with nearly the gain of `leading` are fitted to each record. The gains of these fits
+    /// replace the first-order gains, which are wrong at sizes for which an effect is not linear.
     fn leading_after_fits(&self, leading: usize, apparatuses: &Apparatuses, monitor: &dyn Monitor) -> Result<usize> {
         let effects = &self.judged.effects;
         let rank = |place: usize| effects[place].best.rank_nats();
@@ -279,7 +282,7 @@ impl DiagnosisState<'_> {
         }
         let scans: Vec<Option<EffectScan>> =
             near.iter().map(|place| EffectScan::new(self.said, effects[*place].effect)).collect();
-        monitor.stage("fitting effects that rank nearly alike to every record");
+        monitor.stage("fitting the effects with nearly the largest gain to every record");
         let counter = Counter::new(monitor, self.said.len());
         let more = |number: usize| -> Result<Vec<f64>> {
             let subject = self.subject(number, apparatuses, &counter, monitor)?;
@@ -317,8 +320,8 @@ impl DiagnosisState<'_> {
         Ok(if rows.is_empty() { subject } else { subject.without_rows(rows) })
     }
 
-    /// Evidence for the verdict: the leading effect, and the residuals of all records without it. Only the leading effect can be claimed; its residuals are
-    /// tested after its fit.
+    /// Evidence for the verdict: the leading effect, and the residuals of all records without this effect. Only the leading effect can be claimed. The
+    /// residuals with this effect are tested after its fit.
     fn evidence(&self, leading: Option<usize>) -> Evidence {
         let proposal = |place: usize| {
             let gained = &self.judged.effects[place];
@@ -332,7 +335,7 @@ impl DiagnosisState<'_> {
         Evidence { proposals: leading.map(proposal).into_iter().collect(), base: Some(base), rivals: Vec::new() }
     }
 
-    /// Groups in the order of their names, each with the indices of its records; empty without keys.
+    /// Groups in the order of their names, each with the indices of its records. Empty if no keys define groups.
     fn groups(&self) -> Vec<(String, Vec<usize>)> {
         let mut groups: Vec<(String, Vec<usize>)> = Vec::new();
         if self.request.keys.is_empty() {

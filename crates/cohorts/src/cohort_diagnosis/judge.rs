@@ -1,7 +1,7 @@
-//! Gain of a cohort by each effect, and the distribution of the largest gain by chance.
+//! Gain in log likelihood of a cohort by each effect, and the distribution of the largest gain that arises by chance.
 //!
-//! A simulated cohort has one simulated record in place of each record. The choice of simulated records is the same for all effects. A few simulated
-//! records of each record can therefore be combined to many cohorts.
+//! A simulated cohort has one simulated record in place of each record. A few simulated records of each record can be combined to many cohorts. All
+//! effects use the same combinations.
 
 use rayon::prelude::*;
 
@@ -16,42 +16,42 @@ pub const N_COHORTS: usize = 1_999;
 /// Constant that separates the random streams of the simulated cohorts from other streams.
 const COHORT_STREAMS: u64 = 0xc0_5075;
 
-/// Gain of a cohort by one effect, with the size law and shape that fit best.
+/// Gain in log likelihood of a cohort by one effect, with the best-fitting size law and values of the effect's other parameters.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EffectGain {
     /// Index of the effect in the library.
     pub effect: usize,
-    /// Gains under the best size law, on the fitted and the held-out cycles.
+    /// Gains in log likelihood under the best size law, on the fitted and the held-out cycles.
     pub best: BestGain,
-    /// p over the entire search, from the gain by which effects are ranked.
+    /// Probability that a search of a simulated cohort without any effect gains as much, on the fitted and the last cycles together.
     pub p_familywise: f64,
     /// Size law that fits best.
     pub law: SizeLaw,
-    /// Shape that fits best.
+    /// Best-fitting grid point of the effect's parameters that are unidentified at its null (shape).
     pub shape: ShapeIndex,
-    /// Gain of each record under this law (nats), in the order of the records.
+    /// Gain in log likelihood (nats) of each record under the best size law, in the order of the records.
     pub of_records: Vec<f64>,
-    /// Gain of each record (nats) with a size of its own.
+    /// Gain in log likelihood (nats) of each record if the effect has a separate size in each record.
     pub by_itself: Vec<f64>,
 }
 
 /// Result of the search over all effects.
-pub struct Judged {
+pub struct EffectSearch {
     /// Effects that at least one record can show, in the order of the library.
     pub effects: Vec<EffectGain>,
-    /// Largest ranking gain in each simulated cohort (nats), ascending.
+    /// Largest gain (nats) over all effects in each simulated cohort without an effect, on the fitted and the last cycles together. Ascending.
     pub largest_by_chance: Vec<f64>,
 }
 
-impl Judged {
-    /// Ranking gain (nats) that 95 of 100 simulated cohorts do not reach.
+impl EffectSearch {
+    /// Gain (nats) on the fitted and the last cycles together that only 5 of 100 simulated cohorts without an effect reach.
     pub fn threshold(&self) -> f64 {
         self.largest_by_chance.get(self.largest_by_chance.len() * 95 / 100).copied().unwrap_or(f64::INFINITY)
     }
 }
 
-/// Computes the gain of each effect and compares it with the gains in simulated cohorts.
-pub fn search_effects(records: &[RecordScores], seed: u64, monitor: &dyn Monitor) -> Judged {
+/// Computes the gain in log likelihood by each effect, and compares the gain with those in cohorts simulated without an effect.
+pub fn search_effects(records: &[RecordScores], seed: u64, monitor: &dyn Monitor) -> EffectSearch {
     let n_effects = records.first().map_or(0, |record| record.effects.len());
     let scans: Vec<(usize, EffectScan)> =
         (0..n_effects).filter_map(|effect| Some((effect, EffectScan::new(records, effect)?))).collect();
@@ -64,10 +64,10 @@ pub fn search_effects(records: &[RecordScores], seed: u64, monitor: &dyn Monitor
         counter.add_one();
         (*effect, *shape, found)
     };
-    let found: Vec<(usize, ShapeIndex, OfShape)> = jobs.par_iter().map(of_job).collect();
+    let found: Vec<(usize, ShapeIndex, ShapeGains)> = jobs.par_iter().map(of_job).collect();
     let mut largest = vec![0.0_f64; picks.len()];
     for (effect, _) in &scans {
-        let of_effect: Vec<&OfShape> =
+        let of_effect: Vec<&ShapeGains> =
             found.iter().filter(|(of, ..)| of == effect).map(|(.., of_shape)| of_shape).collect();
         for (cohort, largest) in largest.iter_mut().enumerate() {
             let best = of_effect.iter().map(|of_shape| of_shape.by_chance[cohort]).reduce(BestGain::larger);
@@ -81,7 +81,7 @@ pub fn search_effects(records: &[RecordScores], seed: u64, monitor: &dyn Monitor
     };
     let gained = |(effect, scan): &(usize, EffectScan)| {
         let filter = found.iter().filter(|(of, ..)| of == effect);
-        // If several shapes have the largest gain, the first is chosen.
+        // If several grid points have the largest gain, the first is chosen.
         let (_, shape, best) =
             filter.reduce(|one, other| if other.2.best.gain_nats > one.2.best.gain_nats { other } else { one })?;
         Some(EffectGain {
@@ -95,10 +95,10 @@ pub fn search_effects(records: &[RecordScores], seed: u64, monitor: &dyn Monitor
         })
     };
     let effects = scans.iter().filter_map(gained).collect();
-    Judged { effects, largest_by_chance: largest }
+    EffectSearch { effects, largest_by_chance: largest }
 }
 
-/// For each simulated cohort, the indices of the simulated records that replace the records.
+/// For each simulated cohort, one index per record: that of the simulated record which replaces the measured record.
 fn picks(records: &[RecordScores], seed: u64) -> Vec<Vec<usize>> {
     let cohort = |number: usize| {
         let mut stream = RandomStream::new(seed ^ COHORT_STREAMS, number as u64);
@@ -108,14 +108,14 @@ fn picks(records: &[RecordScores], seed: u64) -> Vec<Vec<usize>> {
     (0..if can { N_COHORTS } else { 0 }).map(cohort).collect()
 }
 
-/// Gain and likelihood ratios of one effect at one shape.
-struct OfShape {
+/// Gains of one effect in the measured and the simulated cohorts, at one grid point of its parameters that are unidentified at the null.
+struct ShapeGains {
     best: BestGain,
     of_records: Vec<f64>,
     by_chance: Vec<BestGain>,
 }
 
-fn of_shape(records: &[RecordScores], scan: &EffectScan, shape: ShapeIndex, picks: &[Vec<usize>]) -> OfShape {
+fn of_shape(records: &[RecordScores], scan: &EffectScan, shape: ShapeIndex, picks: &[Vec<usize>]) -> ShapeGains {
     let ratios_of_records: Vec<RecordRatios> =
         records.iter().enumerate().map(|(k, record)| scan.record_ratios(k, &record.told, shape)).collect();
     let best = scan.best(&ratios_of_records.iter().collect::<Vec<_>>());
@@ -132,5 +132,5 @@ fn of_shape(records: &[RecordScores], scan: &EffectScan, shape: ShapeIndex, pick
         let taken: Vec<&RecordRatios> = picks.iter().zip(&by_chance).map(|(pick, ratios)| &ratios[*pick]).collect();
         scan.best(&taken)
     };
-    OfShape { best, of_records, by_chance: picks.par_iter().map(cohort).collect() }
+    ShapeGains { best, of_records, by_chance: picks.par_iter().map(cohort).collect() }
 }

@@ -1,72 +1,74 @@
 //! Size law: the common distribution of an effect's sizes in a cohort. It consists of the fraction of specimens with the effect, the distribution of
 //! their sizes, and the side of the null.
 //!
-//! A specimen has the effect with probability π, the fraction of specimens with the effect (share). Their sizes are log-normal, with median m and a
-//! logarithm of standard deviation s. They are above the null, below it, or on either side with equal probability. Let r_i be the likelihood of specimen
-//! i, averaged over this distribution and divided by its likelihood without the effect. Then
+//! A specimen has the effect with probability π, the fraction of specimens with the effect (share). The sizes of the effect are log-normal, with median m
+//! and standard deviation s of the logarithm. The sizes are above the effect's null, below it, or on either side with equal probability. Let r_i be the
+//! likelihood of specimen i, averaged over this distribution and divided by the specimen's likelihood without the effect. The log likelihood ratio of a
+//! size law is then
 //!
 //! ```text
 //! ln L(m, s, side, π) − ln L(none) = Σ_i ln(1 − π + π r_i(m, s, side))
 //! ```
 //!
-//! Sizes form a logarithmic grid. The likelihood is averaged over each cell of the grid, so that a narrow peak between two nodes is not missed.
+//! Sizes form a logarithmic grid. The likelihood is averaged over the cell around each node of the grid, so that a narrow peak between two nodes is not
+//! missed.
 
 use super::likelihood::{Side, SizeLikelihood};
 use statrs::function::erf::erf;
 
-/// Range of the medians on the grid. At the smallest median, the most informative specimen shows an amplitude of the first value in standard deviations.
-/// At the largest median, half of the specimens show the second value.
+/// Range of the median sizes on the grid, as amplitudes in standard deviations of a specimen. At the smallest median, the most informative specimen shows
+/// the first value. At the largest median, half of the specimens show at least the second value.
 const SIGMA_RANGE: [f64; 2] = [0.3, 30.0];
-/// Largest range of the grid, in ln size.
+/// Largest range of the grid of median sizes, in the natural logarithm of the size.
 const LONGEST_RANGE: f64 = 12.0;
-/// Largest distance of a size from the median, in standard deviations of ln size. Sizes beyond it are left out.
+/// Largest distance of a size from the median size, in standard deviations of the size's logarithm. Sizes beyond this distance are left out.
 const REACH_SD: f64 = 2.5;
-/// Number of factors 1 − π + π r that are multiplied before a logarithm is taken.
-const FACTORS_A_LOGARITHM: usize = 4;
+/// Number of specimens whose likelihood factors are multiplied before a logarithm is taken, which saves time.
+const FACTORS_PER_LOGARITHM: usize = 4;
 
-/// Side of the null on which the sizes are.
+/// Side of the effect's null (where the effect vanishes) on which the sizes lie.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Sides {
-    /// Sizes above the null.
+    /// Sizes above the effect's null, the parameter value at which the effect vanishes.
     Above,
-    /// Sizes below the null.
+    /// Sizes below the effect's null, the parameter value at which the effect vanishes.
     Below,
-    /// Sizes on either side of the null, with equal probability.
+    /// Sizes on either side of the effect's null, with equal probability.
     Both,
 }
 
-/// Grid of size laws: medians, spreads, sides and fractions of specimens with the effect.
+/// Grid of size laws, which describe an effect's sizes over specimens: medians, spreads, sides of the null and fractions of specimens with the effect.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SizeLawGrid {
-    /// Distance in ln size between neighbouring nodes.
+    /// Distance between neighbouring nodes of the size grid, in the logarithm of the size.
     step: f64,
-    /// ln size of the first node.
+    /// Logarithm of the size at the first node.
     first: f64,
     n_nodes: usize,
     n_medians: usize,
-    /// Number of nodes below the first median.
+    /// Number of nodes of the size grid below the first median size.
     margin: usize,
-    /// Standard deviations of ln size, each with the weights of the nodes around the median.
+    /// Standard deviations of the size's logarithm, each with the weights of the nodes around the median.
     spreads: Vec<(f64, Vec<f64>)>,
     sides: Vec<Sides>,
     shares: Vec<f64>,
 }
 
-/// Resolution of a grid of size laws.
+/// Resolution of a grid of size laws, which are distributions of an effect's sizes over specimens.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fineness {
-    /// Distance in ln size between neighbouring medians.
+    /// Distance between neighbouring median sizes, in the logarithm of the size.
     pub step: f64,
-    /// Standard deviations of ln size between specimens with the effect.
+    /// Standard deviations of the size's logarithm between specimens with the effect.
     pub spreads: &'static [f64],
     /// Fractions of specimens with the effect.
     pub shares: &'static [f64],
 }
 
-/// Grid for the search, which is repeated for simulated records.
+/// Coarse grid of size laws for the search, which is repeated for many simulated records.
 pub const COARSE: Fineness =
     Fineness { step: 0.35, spreads: &[0.1, 0.5, 1.0], shares: &[0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 1.0] };
-/// Grid for the sizes of a claimed effect.
+/// Fine grid of size laws for the sizes of a claimed effect.
 pub const FINE: Fineness = Fineness {
     step: 0.1,
     spreads: &[0.05, 0.2, 0.4, 0.6, 0.8, 1.0],
@@ -76,33 +78,33 @@ pub const FINE: Fineness = Fineness {
     ],
 };
 
-/// One size law of the grid.
+/// Size law: the distribution of an effect's sizes over the specimens of a cohort.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SizeLaw {
     /// Logarithm of the median size.
     pub ln_median: f64,
-    /// Standard deviation of ln size between specimens with the effect.
+    /// Standard deviation of the size's logarithm between specimens with the effect.
     pub log_sd: f64,
-    /// Side of the null on which the sizes are.
+    /// Side of the effect's null (where the effect vanishes) on which the sizes lie.
     pub sides: Sides,
     /// Fraction of specimens with the effect.
     pub share: f64,
 }
 
 impl SizeLaw {
-    /// Mean size over all specimens, in which those without the effect count as 0. It depends on the fraction, the median and the spread.
+    /// Mean size of the effect over all specimens, in which specimens without the effect count as 0.
     pub fn mean_size(&self) -> f64 {
         self.share * (self.ln_median + 0.5 * self.log_sd * self.log_sd).exp()
     }
 }
 
-/// Position of a law in the grid: index of median, spread and side together, then index of the fraction.
+/// Position of a size law in its grid: joint index of median, spread and side, then index of the fraction of specimens with the effect.
 pub type Place = (usize, usize);
 
-/// Likelihood ratios r of one specimen, one for each combination of median, spread and side.
+/// Likelihood ratios of one specimen with and without the effect, one for each combination of median size, spread and side of the null.
 pub type LikelihoodRatios = Vec<f64>;
 
-/// Likelihood ratios of one specimen at each node of the size grid, for both sides of the null.
+/// Likelihood ratios of one specimen with and without the effect, one for each node of the size grid and each side of the null.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Nodes {
     below: Vec<f64>,
@@ -110,7 +112,7 @@ pub struct Nodes {
 }
 
 impl SizeLawGrid {
-    /// Makes a grid for all sizes that the specimens can show; `None` if they can show none.
+    /// Makes a grid of size laws for all sizes that the specimens can show; `None` if no specimen has information on the effect.
     pub fn new(likelihoods: &[SizeLikelihood], fineness: Fineness) -> Option<Self> {
         let told: Vec<&SizeLikelihood> = likelihoods.iter().filter(|likelihood| likelihood.norm > 0.0).collect();
         let mut lowest: Vec<f64> =
@@ -151,7 +153,7 @@ impl SizeLawGrid {
         self.first + self.step * place as f64
     }
 
-    /// Computes the likelihood ratios of a specimen at each node.
+    /// Computes the likelihood ratios of a specimen at each node of the size grid.
     pub fn nodes(&self, likelihood: &SizeLikelihood) -> Nodes {
         let of = |side: Side| -> Vec<f64> {
             let is_out = match side {
@@ -202,11 +204,13 @@ impl SizeLawGrid {
         }
     }
 
-    /// Finds the law with the largest gain over all specimens. Returns the gain (nats, at least 0) and the law's position.
+    /// Finds the size law with the largest gain in log likelihood over all specimens. Returns this gain (nats, at least 0) and the law's position in the
+    /// grid.
     pub fn best(&self, specimens: &[&LikelihoodRatios]) -> (f64, Place) {
         let mut best = (0.0, (0, 0));
         for law in 0..self.n_laws() {
-            // The gain is a concave function of the fraction, and it is 0 at fraction 0. If its slope there is not positive, the gain is nowhere positive.
+            // The gain is a concave function of the fraction of specimens with the effect, and is 0 at fraction 0. If the slope at 0 is not positive, the
+            // gain is nowhere positive.
             let slope: f64 = specimens.iter().map(|ratios| ratios[law] - 1.0).sum();
             // A slope of NaN is skipped as well.
             if slope.is_nan() || slope <= 0.0 {
@@ -222,13 +226,13 @@ impl SizeLawGrid {
         best
     }
 
-    /// Gain of one specimen under a law (nats). It is negative if the specimen contradicts the law.
+    /// Gain in log likelihood (nats) of one specimen under a size law. The gain is negative if the specimen contradicts the law.
     pub fn gain(&self, ratios: &LikelihoodRatios, (law, share): Place) -> f64 {
         let share = self.shares[share];
         (1.0 - share + share * ratios[law]).ln()
     }
 
-    /// Log likelihood ratio between each law and no effect. The index of the fraction changes fastest.
+    /// Log likelihood ratio between each size law of the grid and no effect. The index of the fraction of specimens with the effect changes fastest.
     pub fn ln_likelihoods(&self, specimens: &[&LikelihoodRatios]) -> Vec<f64> {
         let of_law = |law: usize| self.shares.iter().map(move |share| gain(specimens, law, *share));
         (0..self.n_laws()).flat_map(of_law).collect()
@@ -239,7 +243,8 @@ impl SizeLawGrid {
         (0..self.n_laws()).flat_map(move |law| (0..self.shares.len()).map(move |share| self.law((law, share))))
     }
 
-    /// Probability that a specimen has the effect under a law. Also returns its possible signed sizes, with their probabilities if it has the effect.
+    /// Probability that a specimen has the effect, given a size law. Also returns the possible signed sizes, with their probabilities in a specimen with
+    /// the effect.
     pub fn specimen_posterior(&self, nodes: &Nodes, place: Place) -> (f64, Vec<(f64, f64)>) {
         let law = self.law(place);
         let (median, rest) = (place.0 % self.n_medians, place.0 / self.n_medians);
@@ -268,7 +273,8 @@ impl SizeLawGrid {
     }
 }
 
-/// Mean of likelihood ratios over the grid points of a parameter that is unidentified at the null. All points are equally probable in each specimen.
+/// Mean of likelihood ratios over the grid points of an effect's parameters that are unidentified at its null. All grid points are equally probable in
+/// each specimen.
 pub fn averaged(points: &[Nodes]) -> Nodes {
     let n = points.len().max(1) as f64;
     let mean = |of: &dyn Fn(&Nodes) -> &Vec<f64>| -> Vec<f64> {
@@ -278,7 +284,7 @@ pub fn averaged(points: &[Nodes]) -> Nodes {
     Nodes { below: mean(&|nodes| &nodes.below), above: mean(&|nodes| &nodes.above) }
 }
 
-/// Weights of the nodes around a median, from a normal distribution of ln size with standard deviation `sd`. Nodes are `step` apart.
+/// Weights of the nodes around a median size, from a normal distribution of the size's logarithm with standard deviation `sd`. Nodes are `step` apart.
 fn weights(sd: f64, step: f64) -> Vec<f64> {
     let reach = (REACH_SD * sd / step).ceil() as i64;
     let below = |x: f64| 0.5 * (1.0 + erf(x / (sd * std::f64::consts::SQRT_2)));
@@ -288,10 +294,10 @@ fn weights(sd: f64, step: f64) -> Vec<f64> {
     all.into_iter().map(|weight| weight / sum).collect()
 }
 
-/// Sum Σ ln(1 − π + π r) over specimens, where π is `share`.
+/// Gain in log likelihood (nats) of a size law: the sum Σ ln(1 − π + π r) over specimens. Here r is a specimen's likelihood ratio, and π is `share`.
 fn gain(specimens: &[&LikelihoodRatios], law: usize, share: f64) -> f64 {
     let factor = |ratios: &&LikelihoodRatios| 1.0 - share + share * ratios[law];
-    specimens.chunks(FACTORS_A_LOGARITHM).map(|few| few.iter().map(factor).product::<f64>().ln()).sum()
+    specimens.chunks(FACTORS_PER_LOGARITHM).map(|few| few.iter().map(factor).product::<f64>().ln()).sum()
 }
 
 #[cfg(test)]
@@ -303,7 +309,7 @@ mod tests {
         SizeLikelihood { height: 0.5 * z * z, z, norm, unit: 1.0, power: 1.0, reach }
     }
 
-    /// Compares r with a sum over 40,000 sizes of the log-normal distribution, and the total gain with the product over specimens.
+    /// Compares the gain of size laws with likelihoods that are averaged over 40,000 sizes of the log-normal distribution.
     #[test]
     fn a_law_weighs_as_quadrature_does() {
         let specimens: Vec<SizeLikelihood> =
@@ -339,8 +345,8 @@ mod tests {
                 (1.0 - law.share + law.share * sum / whole).ln()
             };
             let exact: f64 = specimens.iter().map(of).sum();
-            // Cells are 0.1 wide in ln size. The distribution of sizes is truncated, and its end may be inside a cell in which a specimen's likelihood is large. The
-            // error is about 0.01 per specimen.
+            // Cells are 0.1 wide in the logarithm of the size. The truncated distribution of sizes may end inside a cell in which a specimen's likelihood
+            // is large. The error is about 0.01 per specimen.
             assert!((lns[index] - exact).abs() < 0.05 + 0.02 * exact.abs(), "{law:?}: {} {exact}", lns[index]);
         }
         assert!(n_compared > 10, "{n_compared}");
@@ -377,8 +383,8 @@ mod tests {
         }
     }
 
-    /// The probability that a specimen has the effect follows Bayes' rule: π r/(1 − π + π r). The mean of its possible sizes is between its most likely
-    /// size and the law's median.
+    /// The probability that a specimen has the effect follows Bayes' rule: π r/(1 − π + π r), with the prior probability π and the likelihood ratio r. The
+    /// mean of its possible sizes is between its most likely size and the law's median.
     #[test]
     fn specimens_are_drawn_to_the_law() {
         let specimens = [told(6.0, 1.0, [0.0, 1e9]), told(0.0, 1.0, [0.0, 1e9])];

@@ -4,34 +4,35 @@ use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
 use statrs::function::erf::erfc;
 
-use criticism::sketch::{EffectProbe, SignatureScore};
+use criticism::sketch::{EffectSignature, SignatureScore};
 
-/// Largest log likelihood ratio. Larger values would not change a result. With this limit, products of several ratios stay finite.
+/// Upper limit of a log likelihood ratio, with which products of several ratios stay finite. Larger values would not change a result.
 pub const LARGEST_LOG_RATIO: f64 = 170.0;
 /// Width of a cell, in standard deviations, below which the cell is treated as a point.
 const NARROW: f64 = 0.05;
 /// Distance in standard deviations beyond which the tail of a normal distribution is treated as exponential.
 const FAR: f64 = 8.0;
 
-/// Log likelihood ratio of a size: ln L(size)/L(0) = `height` − ½(`norm`·a − `z`)². A size is the distance from the effect's null. Its amplitude is a =
-/// ±(size/`unit`)^`power`, positive above the null and negative below it.
+/// Likelihood ratio between an effect of a given size and no effect, for one specimen. A size is the distance of the effect's parameter from its null. The
+/// amplitude of a size is a = ±(size/`unit`)^`power`, positive above the null and negative below it. The log likelihood ratio is `height` − ½(`norm`·a −
+/// `z`)².
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SizeLikelihood {
-    /// Log likelihood ratio at the most likely amplitude. To first order it is ½z².
+    /// Log likelihood ratio at the most likely amplitude. To first order, it is half the square of `z`.
     pub height: f64,
     /// Most likely amplitude, divided by its standard deviation.
     pub z: f64,
     /// Inverse of the amplitude's standard deviation. It is 0 if the specimen has no information on the effect.
     pub norm: f64,
-    /// Size for which the amplitude is 1.
+    /// Size at which the amplitude of the effect is 1.
     pub unit: f64,
-    /// Exponent of the size in the amplitude: 2 if the leading term of the effect is quadratic, otherwise 1.
+    /// Exponent of the size in the amplitude: 2 if the response to the effect begins with the square of its size, otherwise 1.
     pub power: f64,
-    /// Largest possible size below the null, then above it.
+    /// Largest possible sizes: below the null, then above it. A size of 0 excludes the side.
     pub reach: [f64; 2],
 }
 
-/// Side of an effect's null.
+/// Side of an effect's null, which is the parameter value at which the effect vanishes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Side {
     /// Below the null.
@@ -41,24 +42,25 @@ pub enum Side {
 }
 
 impl SizeLikelihood {
-    /// Makes the first-order likelihood from a signature score.
-    pub fn of(asked: &EffectProbe, reading: SignatureScore) -> Self {
+    /// Makes the first-order likelihood from the score of the effect's signature in one record.
+    pub fn of(asked: &EffectSignature, reading: SignatureScore) -> Self {
         let SignatureScore { z, norm } = reading;
         Self { height: 0.5 * z * z, z, norm, unit: asked.unit, power: asked.power, reach: asked.reach }
     }
 
-    /// Makes the likelihood from a fit: the size as distance from the null, its standard deviation, its gain (nats), and the largest sizes.
+    /// Makes the likelihood from a fit of the effect. `size` is the fitted distance from the null, `sd` its standard deviation, and `gain` the gain in log
+    /// likelihood (nats).
     pub fn fitted(size: f64, sd: f64, gain: f64, reach: [f64; 2]) -> Self {
         Self { height: gain, z: size / sd, norm: 1.0 / sd, unit: 1.0, power: 1.0, reach }
     }
 
-    /// Size for which the amplitude is `sigma` standard deviations from 0. It is infinite if the specimen has no information.
+    /// Size at which the amplitude is `sigma` standard deviations from 0. The result is infinite if the specimen has no information on the effect.
     pub fn size_at(&self, sigma: f64) -> f64 {
         self.unit * (sigma / self.norm).powf(1.0 / self.power)
     }
 
-    /// Logarithm of the mean likelihood ratio over the amplitudes between two sizes on one side. It is −∞ beyond the largest size, and at most
-    /// [`LARGEST_LOG_RATIO`].
+    /// Logarithm of the mean likelihood ratio over the amplitudes between two sizes on one side of the null. The result is −∞ beyond the largest possible
+    /// size, and at most [`LARGEST_LOG_RATIO`].
     pub fn ln_mean(&self, side: Side, [from, to]: [f64; 2]) -> f64 {
         let (reach, sign) = match side {
             Side::Below => (self.reach[0], -1.0),
@@ -84,7 +86,7 @@ fn ln_mean_normal(low: f64, high: f64) -> f64 {
         let middle = 0.5 * (low + high);
         return -0.5 * middle * middle;
     }
-    // `near` is the distance from 0 of the nearer end.
+    // `near` is the distance from 0 to the nearest point of the interval.
     let near = if low > 0.0 {
         low
     } else if high < 0.0 {
@@ -106,8 +108,8 @@ fn ln_mean_normal(low: f64, high: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Compares the means with sums over 20,000 points, on both sides of the null. Amplitudes are proportional to the size or to its square. The cells are
-    /// near the peak and 30 standard deviations from it.
+    /// Compares the mean likelihood ratios over cells with sums over 20,000 points, on both sides of the null. Amplitudes are proportional to the size or
+    /// to its square. The cells are near the peak and 30 standard deviations from it.
     #[test]
     fn means_over_cells_are_those_of_sums() {
         for (z, norm, power) in [(2.0, 3.0, 1.0), (-1.5, 0.7, 1.0), (25.0, 4.0, 2.0), (0.0, 1.0, 2.0), (30.0, 1.0, 1.0)]

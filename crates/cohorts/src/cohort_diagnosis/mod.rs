@@ -1,12 +1,13 @@
 //! Diagnosis of a cohort: finds the effect that the models of all its specimens lack.
 //!
 //! If each record shows an effect at only two standard deviations, twenty records together prove or refute it. [`criticism::sketch`] reads each record
-//! once. It computes first-order scores of each effect, and scores of simulated records, which arise by chance. All further steps use only these scores:
+//! once. It computes first-order scores of each effect in the record, and in records simulated without effects. The simulated scores show which scores
+//! arise by chance. The search uses only these scores; fits of the claimed effect use the records again:
 //!
 //! 1. [`likelihood`]: likelihood of an effect's size in one record
 //! 2. [`law`]: common distribution of an effect's sizes (size law)
-//! 3. [`scan`]: likelihood ratios of one effect over the cohort
-//! 4. [`judge`]: gains of all effects, and p from simulated cohorts
+//! 3. [`scan`]: likelihood ratios of one effect in all records of the cohort
+//! 4. [`judge`]: gains in log likelihood by all effects, and their p-values from simulated cohorts
 //! 5. [`class`]: rivals of the claimed effect
 //! 6. [`refit`]: fits of the claimed effect to each record
 //! 7. [`compare`]: sizes of the claimed effect in groups

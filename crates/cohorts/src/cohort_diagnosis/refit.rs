@@ -1,21 +1,21 @@
-//! Fits of the claimed effect to each record, together with law and noise. They give its size, gain and held-out error.
+//! Fits of the claimed effect to each record, together with law and noise. The fits give the effect's size, gain and held-out error.
 
 use super::law::{Nodes, Place, SizeLawGrid};
 use super::likelihood::SizeLikelihood;
 use base::error::Result;
 use criticism::predicted::allowed_noise_um;
-use criticism::sketch::{BaseFit, EffectProbe};
+use criticism::sketch::{BaseFit, EffectSignature};
 use criticism::{Candidate, Fitted, Search, Subject, Tangent};
 
-/// Smallest gain (nats) with which a fitted size replaces the first-order likelihood. With a smaller gain, the size may be at its null, and the first
-/// order suffices.
+/// Smallest gain in log likelihood (nats) with which a fitted size replaces the first-order likelihood. With a smaller gain, the size may be at its null,
+/// and the first-order likelihood suffices.
 const LEAST_NATS: f64 = 4.5;
 
-/// Fit of the effect to one record.
+/// Fit of a cohort's claimed effect to one record.
 pub struct SizeFit {
     /// Likelihood of the size; `None` if the first-order likelihood should be used instead.
     pub likelihood: Option<SizeLikelihood>,
-    /// Coordinates and noise of this fit, from which fits at other sizes start.
+    /// Coordinates and noise of this fit, from which fits with a given size of the effect start. `None` if the effect cannot be fitted.
     start: Option<Fitted>,
 }
 
@@ -31,7 +31,7 @@ impl BaseAndEffectFit {
     ///
     /// # Errors
     /// Errors of [`Subject::extended`].
-    fn new(subject: &Subject, record: &BaseFit, asked: &EffectProbe) -> Result<Option<Self>> {
+    fn new(subject: &Subject, record: &BaseFit, asked: &EffectSignature) -> Result<Option<Self>> {
         if asked.refused.is_some() {
             return Ok(None);
         }
@@ -49,19 +49,19 @@ impl BaseAndEffectFit {
     }
 }
 
-/// Fits the effect to the fitted cycles of a record and returns its gain (nats); `None` if it cannot be fitted.
+/// Fits an effect to the fitted cycles of a record, and returns the gain in log likelihood (nats). `None` if the effect cannot be fitted.
 ///
 /// # Errors
 /// Errors of [`Subject::extended`].
-pub fn gain_nats(subject: &Subject, record: &BaseFit, asked: &EffectProbe) -> Result<Option<f64>> {
+pub fn gain_nats(subject: &Subject, record: &BaseFit, asked: &EffectSignature) -> Result<Option<f64>> {
     Ok(BaseAndEffectFit::new(subject, record, asked)?.map(|both| both.gain_nats()))
 }
 
-/// Fits the effect to the cycles that `subject` defines as fitted.
+/// Fits an effect to the cycles that `subject` defines as fitted, and returns the likelihood of its size.
 ///
 /// # Errors
 /// Errors of building the model. It is no error if the effect cannot be added.
-pub fn fit_size(subject: &Subject, record: &BaseFit, asked: &EffectProbe) -> Result<SizeFit> {
+pub fn fit_size(subject: &Subject, record: &BaseFit, asked: &EffectSignature) -> Result<SizeFit> {
     let none = SizeFit { likelihood: None, start: None };
     let Some(both) = BaseAndEffectFit::new(subject, record, asked)? else { return Ok(none) };
     let (gain, BaseAndEffectFit { candidate, fitted, .. }) = (both.gain_nats(), both);
@@ -81,7 +81,7 @@ pub fn fit_size(subject: &Subject, record: &BaseFit, asked: &EffectProbe) -> Res
     Ok(SizeFit { likelihood, start: Some(fitted) })
 }
 
-/// Fit of a record with the effect held at the size that the cohort's size law predicts for it.
+/// Fit of a record with the effect held at the size that the cohort's size law predicts for this record.
 pub struct SizedPrediction {
     /// Probability that the record has the effect.
     pub has: f64,
@@ -89,20 +89,20 @@ pub struct SizedPrediction {
     pub value: f64,
     /// Parameters of the base law, in the order of the base model.
     pub law: Vec<f64>,
-    /// Root mean square error (µm) on the scored cycle, and the number of positions in it. `None` if no cycle is held out.
+    /// Root mean square error (µm) on the scored cycle, and the number of positions in this cycle. `None` if no cycle is held out.
     pub heldout: Option<(f64, usize)>,
     /// Root mean square error (µm) on the scored cycle that the predictive noise allows. `None` if no cycle is held out.
     pub allowed_um: Option<f64>,
 }
 
-/// Sets the effect to the size that the cohort's size law predicts for a record, and fits law and noise.
+/// Holds the effect at the size that the cohort's size law predicts for a record, and fits the law and the noise.
 ///
 /// # Errors
 /// Errors of building the model.
 pub fn predict_at_cohort_size(
     subject: &Subject,
     record: &BaseFit,
-    (asked, sized): (&EffectProbe, &SizeFit),
+    (asked, sized): (&EffectSignature, &SizeFit),
     (laws, nodes, place): (&SizeLawGrid, &Nodes, Place),
 ) -> Result<SizedPrediction> {
     let (has, sizes) = laws.specimen_posterior(nodes, place);
@@ -137,7 +137,7 @@ pub fn law_of(record: &BaseFit, theta: &[f64]) -> Vec<f64> {
     candidate.parameters(theta)[..candidate.model.base().parameters().len()].to_vec()
 }
 
-/// Root mean square error (µm) of a fit on the scored cycle, and the number of positions in it. `None` if no cycle is held out.
+/// Root mean square error (µm) of a fit on the scored cycle, and the number of positions in this cycle. `None` if no cycle is held out.
 pub fn heldout_um(subject: &Subject, fitted: &Fitted) -> Option<(f64, usize)> {
     let n = subject.scored_m.iter().flatten().count();
     fitted.rmse_m(&subject.scored_m).map(|rmse_m| (1e6 * rmse_m, n))

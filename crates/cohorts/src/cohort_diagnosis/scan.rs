@@ -1,24 +1,24 @@
-//! One effect over a cohort: likelihood ratios of each record under each size law of a grid.
+//! Evaluates one effect in all records of a cohort: likelihood ratios of each record under each size law of a grid.
 
 use super::law::{COARSE, LikelihoodRatios, Nodes, Place, SizeLawGrid, averaged};
 use super::likelihood::SizeLikelihood;
-use criticism::sketch::{EffectProbe, RecordScores, ScoreSet, SignatureScore};
+use criticism::sketch::{EffectSignature, RecordScores, ScoreSet, SignatureScore};
 
-/// Effect with its grid of size laws and the records of the cohort.
+/// One effect in all records of a cohort, with a grid of distributions of the effect's sizes (size laws).
 pub struct EffectScan<'a> {
     records: &'a [RecordScores],
     effect: usize,
-    /// Grid of size laws.
+    /// Grid of size laws: distributions of the effect's sizes over specimens.
     pub laws: SizeLawGrid,
     n_points: usize,
 }
 
-/// Shape of an effect: the values of its parameters that are unidentified at the null. `Some` holds the index of one grid point for all records. With
-/// `None`, every grid point is possible in each record.
+/// Shape of an effect: the values of its parameters that are unidentified at its null, on a grid. `Some` holds the index of one grid point for all
+/// records. With `None`, every grid point is possible in each record.
 pub type ShapeIndex = Option<usize>;
 
 impl<'a> EffectScan<'a> {
-    /// Prepares the effect at this index of the library; `None` if no record can show the effect.
+    /// Prepares the effect with the index `effect` in the library; `None` if no record can show this effect.
     pub fn new(records: &'a [RecordScores], effect: usize) -> Option<Self> {
         let of = |record: &RecordScores| record.effects[effect].readings.len();
         let n_points = records.iter().map(of).max()?;
@@ -30,22 +30,22 @@ impl<'a> EffectScan<'a> {
         Some(Self { records, effect, laws, n_points })
     }
 
-    /// All shapes that are searched.
+    /// All shapes of the effect that are searched: each grid point of its parameters that are unidentified at the null, then all points together.
     pub fn shapes(&self) -> impl Iterator<Item = ShapeIndex> + use<> {
         (0..self.n_points).map(Some).chain((self.n_points > 1).then_some(None))
     }
 
-    /// Definition of the effect's probe in one record: its signature scores and range of sizes.
-    pub fn request(&self, record: usize) -> &EffectProbe {
+    /// Properties of the effect in one record: the indices of its signature scores, and the unit and range of its size.
+    pub fn request(&self, record: usize) -> &EffectSignature {
         &self.records[record].effects[self.effect]
     }
 
-    /// Likelihood of the effect's size at one grid point, from the signature scores of a record.
+    /// Likelihood of the effect's size in a record, from the record's signature scores at the grid point `point` of the effect's other parameters.
     pub fn likelihood(&self, record: usize, readings: &[SignatureScore], point: usize) -> SizeLikelihood {
         likelihood(self.request(record), readings, point)
     }
 
-    /// Likelihood ratio of each size, from the signature scores of a record and for one shape.
+    /// Likelihood ratio of each size on the grid, from the signature scores of a record and for one shape of the effect.
     pub fn nodes(&self, record: usize, readings: &[SignatureScore], shape: ShapeIndex) -> Nodes {
         let of = |point: usize| self.laws.nodes(&self.likelihood(record, readings, point));
         match shape {
@@ -54,7 +54,7 @@ impl<'a> EffectScan<'a> {
         }
     }
 
-    /// Likelihood ratios of a record under each size law, for one shape.
+    /// Likelihood ratios of a record under each size law, for one shape of the effect.
     pub fn record_ratios(&self, record: usize, told: &ScoreSet, shape: ShapeIndex) -> RecordRatios {
         let of = |readings: &Vec<SignatureScore>| self.laws.ratios(&self.nodes(record, readings, shape));
         RecordRatios {
@@ -63,12 +63,12 @@ impl<'a> EffectScan<'a> {
         }
     }
 
-    /// Finds the size law that fits the fitted cycles of a cohort best. Returns the gains under this law.
+    /// Finds the distribution of the effect's sizes (size law) that fits the fitted cycles of a cohort best. Returns the gains in log likelihood under
+    /// this law.
     pub fn best(&self, cohort: &[&RecordRatios]) -> BestGain {
         let fitted: Vec<&LikelihoodRatios> = cohort.iter().map(|record_ratios| &record_ratios.fitted).collect();
         let (gain_nats, place) = self.laws.best(&fitted);
-        // Each record contributes the log of its likelihood ratio from all cycles minus that from the fitted cycles, ln[1 − π + π r(all)] − ln[1 − π + π
-        // r(fitted)].
+        // Each record contributes its gain in log likelihood from all cycles, minus its gain from the fitted cycles.
         let of = |record_ratios: &&RecordRatios| {
             let [before, after] = record_ratios.before_and_after.as_ref()?;
             Some(self.laws.gain(after, place) - self.laws.gain(before, place))
@@ -78,7 +78,7 @@ impl<'a> EffectScan<'a> {
         BestGain { gain_nats, heldout_nats, place }
     }
 
-    /// Gain of one record (nats) with the best size and shape for this record alone.
+    /// Gain in log likelihood (nats) of one record, with the size and the shape of the effect that fit this record best.
     pub fn own_gain(&self, record: usize, readings: &[SignatureScore]) -> f64 {
         let asked = self.request(record);
         let gain = |place: usize| {
@@ -90,40 +90,43 @@ impl<'a> EffectScan<'a> {
     }
 }
 
-/// Likelihood ratios of one record under each size law.
+/// Likelihood ratios of one record with and without the effect, under each distribution of the effect's sizes (size law).
 pub struct RecordRatios {
     /// Likelihood ratios from the fitted cycles.
     pub fitted: LikelihoodRatios,
-    /// Likelihood ratios from the fitted cycles and from all cycles, computed as for the score of future cycles. `None` if no cycle is held out.
+    /// Likelihood ratios from the fitted cycles, and from all cycles, with the noise that predictions of future cycles assume. `None` if no cycle is held
+    /// out.
     before_and_after: Option<[LikelihoodRatios; 2]>,
 }
 
-/// Gains of a cohort under the best size law.
+/// Gains in log likelihood of a cohort by an effect, under the best-fitting distribution of the effect's sizes (size law).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BestGain {
-    /// Gain of log likelihood on the fitted cycles (nats).
+    /// Gain in log likelihood on the fitted cycles (nats).
     pub gain_nats: f64,
-    /// Gain of the log score on the last cycles (nats) under that law. Each last cycle is predicted from the earlier cycles of its record. `None` if no cycle
-    /// is held out.
+    /// Gain of the log score on the last cycles (nats) under the best size law. Each last cycle is predicted from the earlier cycles of its record. `None`
+    /// if no cycle is held out.
     pub heldout_nats: Option<f64>,
-    /// Position of the best law in the grid.
+    /// Position of the best size law in its grid.
     pub place: Place,
 }
 
 impl BestGain {
-    /// Gain on the fitted and the last cycles together (nats), by which effects are ranked. It is 0 if there is no gain on the fitted cycles.
+    /// Gain on the fitted and the last cycles together (nats), by which effects are ranked. The result is 0 if the effect has no gain on the fitted
+    /// cycles.
     pub fn rank_nats(&self) -> f64 {
         if self.gain_nats > 0.0 { self.gain_nats + self.heldout_nats.unwrap_or(0.0) } else { 0.0 }
     }
 
-    /// Returns the larger of the gains of two shapes; the first if they are equal.
+    /// Returns the gain of the shape that gains more on the fitted cycles, or `self` if both gain equally.
     pub fn larger(self, other: Self) -> Self {
         if other.gain_nats > self.gain_nats { other } else { self }
     }
 }
 
-/// First-order likelihood at one grid point. A record without this point has no information about it.
-fn likelihood(asked: &EffectProbe, readings: &[SignatureScore], point: usize) -> SizeLikelihood {
+/// First-order likelihood of an effect's size at one grid point of its parameters that are unidentified at the null. A record without this grid point has
+/// no information.
+fn likelihood(asked: &EffectSignature, readings: &[SignatureScore], point: usize) -> SizeLikelihood {
     let place = asked.readings.start + point;
     let reading = if place < asked.readings.end { readings[place] } else { SignatureScore { z: 0.0, norm: 0.0 } };
     SizeLikelihood::of(asked, reading)

@@ -8,16 +8,16 @@ use figures::number::format_significant;
 
 /// Largest number of names that a sentence lists.
 const MOST_NAMES: usize = 8;
-/// Largest fraction of specimens with the effect in a group that shows no sign of it.
+/// Largest fraction of specimens with the effect in a group that shows no sign of this effect.
 const SMALL_SHARE: f64 = 0.35;
-/// Largest gain (nats) from the records of such a group.
+/// Largest gain in log likelihood (nats) of a group that shows no sign of the effect.
 const NOTHING_NATS: f64 = 1.0;
 
 fn percent(share: f64) -> String {
     format!("{:.0} %", 100.0 * share)
 }
 
-/// Joins the first names, and adds the number of the others.
+/// Joins at most [`MOST_NAMES`] names, and adds the number of the remaining names.
 fn listed(names: &[&str]) -> String {
     let more = names.len().saturating_sub(MOST_NAMES);
     let shown = names.iter().take(MOST_NAMES).copied().collect::<Vec<_>>().join(", ");
@@ -44,8 +44,8 @@ pub fn sizes(group: &CohortGroup) -> String {
     )
 }
 
-/// Sentence that states the verdict. `left` holds the error with the claimed effect (µm) on all held-out cycles, and the ratio of this error to the
-/// predictive noise.
+/// Sentence that states the verdict. `left` holds the error with the leading effect (µm) on all held-out cycles, and the ratio of this error to the error
+/// that the predictive noise allows.
 pub fn verdict(
     (kind, leading, equivalent): (VerdictKind, Option<&CohortEffect>, &[String]),
     (pooled, groups, specimens): (Option<&CohortGroup>, &[CohortGroup], &[CohortSpecimen]),
@@ -121,7 +121,7 @@ fn too_much(specimens: &[CohortSpecimen]) -> Vec<&str> {
         .collect()
 }
 
-/// Sentence that compares the sizes in two groups.
+/// Sentence that compares the sizes of an effect in two groups.
 pub fn contrast(cohort_contrast: &CohortContrast, [a, b]: [&CohortGroup; 2], margin: f64) -> String {
     let (more, less, ratio) = if cohort_contrast.ratio_median >= 1.0 {
         (a, b, [cohort_contrast.ratio_median, cohort_contrast.q05, cohort_contrast.q95])

@@ -1,4 +1,4 @@
-//! What one experiment contributes to the hierarchy: draws of its parameters under an interim prior, or its likelihood.
+//! Contribution of one experiment to the hierarchy: draws of its parameters under an interim prior, or its likelihood.
 
 use nalgebra::{Cholesky, DMatrix, Dyn};
 use rand::{Rng, RngExt};
@@ -12,14 +12,15 @@ use super::random::normals;
 pub struct InterimDraws {
     /// Coordinates, draw after draw, `n_parameters` values per draw.
     pub coordinates: Vec<f64>,
-    /// Log density of the interim prior, as a density over the coordinates; one value per draw.
+    /// Logarithm of the interim prior's density over the coordinates, one value per draw.
     pub log_prior: Vec<f64>,
-    /// Distribution from which draws are proposed, proportional to the inverse interim prior. `None` if there are no draws.
+    /// Distribution that proposes the index of a draw, with weights proportional to the inverse of the interim prior's density. `None` if there are no
+    /// draws.
     proposal: Option<WeightedAliasIndex<f64>>,
 }
 
 impl InterimDraws {
-    /// Makes draws from their coordinates and the interim prior's log density at each draw.
+    /// Joins the coordinates of draws with the log density of the interim prior at each draw.
     pub fn new(coordinates: Vec<f64>, log_prior: Vec<f64>) -> Self {
         let least = log_prior.iter().copied().fold(f64::INFINITY, f64::min);
         let inverse = log_prior.iter().map(|log_prior| (least - log_prior).exp()).collect();
@@ -46,7 +47,8 @@ impl InterimDraws {
         self.proposal.as_ref().map_or(0, |proposal| proposal.sample(rng))
     }
 
-    /// Effective number of draws, 1/Σw² (Kish), if they are weighted to a normal population with this mean and precision matrix.
+    /// Effective number of the draws (Kish) if they are re-weighted to a normal population with the given mean and precision matrix: 1/Σw² for weights w
+    /// with the sum 1.
     pub fn effective_number(&self, mean: &[f64], precision: &DMatrix<f64>) -> f64 {
         let logs: Vec<f64> = (0..self.len())
             .map(|n| -0.5 * squared_distance(self.get(n), mean, precision) - self.log_prior[n])
@@ -62,7 +64,7 @@ impl InterimDraws {
     }
 }
 
-/// Squared distance (x − m)ᵀ P (x − m) of a point x from the mean m, with the precision matrix P.
+/// Squared Mahalanobis distance (x − m)ᵀ P (x − m) of a point x from the mean m, with the precision matrix P.
 pub(super) fn squared_distance(x: &[f64], mean: &[f64], precision: &DMatrix<f64>) -> f64 {
     let columns = precision.as_slice().chunks_exact(x.len());
     let mut sum = 0.0;
@@ -73,13 +75,13 @@ pub(super) fn squared_distance(x: &[f64], mean: &[f64], precision: &DMatrix<f64>
     sum
 }
 
-/// Likelihood of an experiment. A point holds the coordinates of the pooled parameters, which the population describes. The other parameters of the
-/// experiment's model follow.
+/// Exact likelihood of an experiment. A point first holds the coordinates of the pooled parameters, which the population describes. The other parameters
+/// of the experiment's model follow.
 pub trait ExperimentDensity: Sync {
-    /// Log likelihood at a point. It includes the priors of the unpooled parameters, but *not* the interim prior of the pooled ones. It is −∞ outside the
-    /// support.
+    /// Log likelihood at a point. It includes the priors of the unpooled parameters, but *not* the interim prior of the pooled parameters. The value is −∞
+    /// outside the support.
     fn ln_density(&self, point: &[f64]) -> f64;
-    /// Draws under the interim prior. Differences between them are proposed as steps.
+    /// Draws of the experiment's parameters under the interim prior. Differences between these draws are proposed as Monte Carlo steps.
     fn archive(&self) -> &[Vec<f64>];
 }
 
@@ -91,32 +93,32 @@ pub enum ExperimentMember<'a> {
     Exact(&'a dyn ExperimentDensity),
 }
 
-/// State of one experiment in a chain.
+/// State of one experiment in a chain of the Gibbs sampler.
 pub(super) struct ChainState {
-    /// Coordinates of the experiment's pooled parameters.
+    /// Coordinates of the experiment's pooled parameters, which the population describes.
     pub coordinates: Vec<f64>,
     index: usize,
     point: Vec<f64>,
     ln_density: f64,
-    /// Number of trials per sweep. The next two fields count the trials made and accepted so far.
+    /// Number of Monte Carlo trials per sweep. The next two fields count the trials made and accepted so far.
     n_trials: usize,
     tried: usize,
     accepted: usize,
 }
 
 impl ChainState {
-    /// Ends the counting of trials, and fixes their number per sweep so that about two are accepted. The number never increases.
+    /// Fixes the number of Monte Carlo trials per sweep so that about two trials are accepted, as far as counted. The number never increases.
     pub(super) fn freeze(&mut self) {
         let wanted = (WANTED_ACCEPTANCES * self.tried).div_ceil(self.accepted.max(1));
         self.n_trials = wanted.clamp(1, self.n_trials);
     }
 }
 
-/// Number of trials per sweep while accepted trials are counted.
+/// Number of Monte Carlo trials per sweep in the first sweeps, which count the accepted trials.
 const N_TRIALS: usize = 8;
 /// Number of accepted trials per sweep for which [`ChainState::freeze`] aims.
 const WANTED_ACCEPTANCES: usize = 2;
-/// Fraction of the archive steps that use the full difference of two draws. They can lead from mode to mode.
+/// Fraction of the steps along archived draws that use the full difference of two draws. Such steps can lead from one posterior mode to another.
 const WHOLE_STEPS: f64 = 0.1;
 
 impl ExperimentMember<'_> {
@@ -146,7 +148,8 @@ impl ExperimentMember<'_> {
         }
     }
 
-    /// Makes Monte Carlo steps of the experiment's parameters. They leave the conditional distribution invariant, given the population's mean and precision.
+    /// Makes Monte Carlo steps of the experiment's parameters. The steps leave their distribution invariant, given the population's mean and precision
+    /// matrix.
     pub(super) fn step(&self, place: &mut ChainState, mean: &[f64], precision: &DMatrix<f64>, rng: &mut impl Rng) {
         let mut distance = squared_distance(&place.coordinates, mean, precision);
         place.tried += place.n_trials;
@@ -178,13 +181,13 @@ impl ExperimentMember<'_> {
     }
 }
 
-/// Proposals for an experiment with an exact likelihood. Differences between archived draws suit parameters that the experiment determines. Draws from
-/// the population suit parameters that only the population determines.
+/// Proposes Monte Carlo steps for an experiment with an exact likelihood. Differences between archived draws suit parameters that the experiment
+/// determines. Draws from the population suit parameters that only the population determines.
 struct ExactSteps<'a> {
     density: &'a dyn ExperimentDensity,
     mean: &'a [f64],
     precision: &'a DMatrix<f64>,
-    /// Cholesky factor of the population's precision matrix; `None` if it has none.
+    /// Cholesky factor of the population's precision matrix; `None` if the matrix is not positive definite.
     factor: Option<Cholesky<f64, Dyn>>,
 }
 
@@ -193,7 +196,7 @@ impl<'a> ExactSteps<'a> {
         Self { density, mean, precision, factor: Cholesky::new(precision.clone()) }
     }
 
-    /// Proposes a point. Also returns the population's contribution to the log acceptance ratio.
+    /// Proposes a new point of the experiment's parameters. Also returns the population's contribution to the log acceptance ratio.
     fn propose(&self, place: &ChainState, rng: &mut impl Rng) -> (Vec<f64>, f64) {
         match &self.factor {
             Some(factor) if rng.random::<bool>() => (self.by_population(place, factor, rng), 0.0),

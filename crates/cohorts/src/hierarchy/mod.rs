@@ -9,21 +9,22 @@
 //! μ_g  = m + Σ_k a_k,level(g)   a_k ~ N(0, diag τ_k²)  one term for each grouping key k, and one for the group itself
 //! ```
 //!
-//! Here μ_g is the mean of the group, u_s the deviation of the specimen, w_e that of the experiment and m the overall mean. N is a normal distribution.
+//! Here μ_g is the mean of the group, u_s the deviation of the specimen, w_e the deviation of the experiment and m the overall mean. N is a normal
+//! distribution.
 //!
-//! Groups that have specimens in common form a stratum and have one Σ. The covariances Σ_h of several strata are partially pooled: Σ_h ~
-//! inverse-Wishart(κ + p − 1, 2κ diag(1/α)). The strata share the scales α. κ measures the similarity of their covariances, from slight (2) to nearly
-//! equal (32). α and κ are both sampled.
+//! Groups that have specimens in common form a stratum and have one Σ. The covariances Σ_h of several strata are partially pooled: Σ_h ~ inverse-Wishart(κ
+//! + p − 1, 2κ diag(1/α)). The strata share the scales α. The parameter κ measures the similarity of their covariances, from slight (2) to nearly equal
+//! (32). Both α and κ are sampled.
 //!
 //! A single Σ has the prior of Huang & Wand (2013, Bayesian Anal. 8:439, doi:10.1214/13-BA815): half-t(κ) standard deviations, and uniform correlations
 //! for κ = 2. W has this prior with κ = 2.
 //!
-//! The standard deviations τ between a key's levels have the prior 1/τ² ~ Gamma(½, s²/2). Then 1/τ is half-normal, and small τ are improbable. A few
-//! levels are therefore hardly shrunk together, and intervals of their differences keep their nominal coverage of a fixed truth. The τ of the groups' own
-//! terms are half-t(2).
+//! The standard deviations τ between a key's levels have the prior 1/τ² ~ Gamma(½, s²/2). Then 1/τ is half-normal, and small τ are improbable. The means
+//! of a few levels are therefore hardly shrunk together, and intervals of their differences keep their nominal coverage of a fixed truth. The standard
+//! deviations of the groups' own terms have half-t(2) priors.
 //!
-//! Every update is a draw from a full conditional distribution, except that of the experiments' parameters. (m, a) are drawn with all u integrated out.
-//! The time of a sweep is proportional to the number of experiments.
+//! Every update is a draw from a full conditional distribution, except the update of the experiments' parameters. The terms m and a are drawn with all
+//! deviations u integrated out. The time of a sweep is proportional to the number of experiments.
 
 mod members;
 mod random;
@@ -49,7 +50,7 @@ use sampling::diagnostics::{DrawColumn, diagnose};
 
 /// Largest R̂ with which draws count as converged.
 pub const LARGEST_RHAT: f64 = 1.01;
-/// Smallest effective number of draws with which they count as converged, for every mean and spread (Vehtari et al. 2021, Bayesian Anal. 16:667).
+/// Smallest effective number of draws, over all means and spreads, with which the draws count as converged (Vehtari et al. 2021, Bayesian Anal. 16:667).
 pub const FEWEST_EFFECTIVE_DRAWS: f64 = 400.0;
 /// Message on the results that are kept if the user stops a run.
 pub(super) const INTERRUPTED_MESSAGE: &str = "finished experiments are kept; repeat the command to continue from them";
@@ -57,60 +58,62 @@ pub(super) const INTERRUPTED_MESSAGE: &str = "finished experiments are kept; rep
 const SWEEPS_PER_CHECK: usize = 100;
 /// Degrees of freedom of the half-t priors of standard deviations.
 const HALF_T_DEGREES: f64 = 2.0;
-/// Values of κ, the similarity of the strata's covariances. They are equally probable a priori.
+/// Possible values of κ, the similarity of the strata's covariance matrices. All values are equally probable a priori.
 pub const SIMILARITIES: [f64; 5] = [2.0, 4.0, 8.0, 16.0, 32.0];
 
 /// Priors of the hierarchy, and settings of its sampler.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HierarchyOptions {
-    /// Prior mean of the overall mean m, one coordinate per parameter.
+    /// Prior mean of the overall mean of all groups, one coordinate per parameter.
     pub overall_mean: Vec<f64>,
-    /// Prior standard deviation of the overall mean m, one coordinate per parameter.
+    /// Prior standard deviation of the overall mean of all groups, one coordinate per parameter.
     pub overall_sd: Vec<f64>,
-    /// Scale s of the prior for the standard deviation between the levels of a key, in the coordinate.
+    /// Scale of the prior for the standard deviation between the levels of a key, such as species. It refers to the coordinate (logarithm or log-odds).
     pub level_scale: f64,
-    /// Scales of three half-t priors for standard deviations, in the coordinate: between groups in addition to the keys, between specimens, and between
+    /// Scales of three half-t priors for standard deviations of the coordinates: between groups in addition to the keys, between specimens, and between
     /// repeats.
     pub scales: [f64; 3],
     /// Degrees of freedom of the Student-t distribution of specimens; `None` for a normal distribution.
     pub student_dof: Option<f64>,
     /// Number of independent chains.
     pub n_chains: usize,
-    /// Number of first sweeps that are dropped, and number of further sweeps until convergence is first tested; both per chain.
+    /// Two numbers of sweeps per chain: first sweeps, which are dropped, and further sweeps until convergence is first tested.
     pub n_sweeps: [usize; 2],
-    /// Largest number of sweeps per chain after the dropped ones. Until the draws have converged, the number of sweeps doubles.
+    /// Largest number of sweeps per chain after the dropped sweeps. The number of sweeps doubles until the draws have converged.
     pub max_sweeps: usize,
-    /// Interval between kept sweeps at first. It doubles each time that the number of sweeps doubles.
+    /// Initial interval between kept sweeps. The interval doubles each time that the number of sweeps doubles.
     pub keep_every: usize,
     /// Seed of all random numbers.
     pub seed: u64,
 }
 
-/// One draw of the population, for p parameters.
+/// One posterior draw of the population: distribution of p parameters over specimens and groups.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PopulationDraw {
     /// Mean coordinates of each group, p values per group.
     pub group_mean: Vec<f64>,
-    /// Covariance matrix between specimens of each stratum, p² values per stratum.
+    /// Covariance matrix between specimens of each stratum (groups with specimens in common), p² values per stratum.
     pub between_specimens: Vec<f64>,
     /// Covariance matrix between repeats, p² values; empty if no specimen has repeats.
     pub within_specimens: Vec<f64>,
-    /// Standard deviations between the levels of each key, p values per key. The last p values are those between groups in addition to the keys.
+    /// Standard deviations between the levels of each key, p values per key. If there are several keys, p standard deviations between groups in addition
+    /// to the keys follow.
     pub between_groups_sd: Vec<f64>,
     /// Mean coordinates of each specimen, p values per specimen. If a specimen has several groups, the values are for the group of its first experiment.
     pub specimen_mean: Vec<f64>,
-    /// Weight λ of each specimen.
+    /// Weight λ of each specimen. A Student-t specimen far from its group has a small weight.
     pub specimen_weight: Vec<f64>,
-    /// Overall mean m and the terms a of the keys' levels, in the order of [`ShareLayout`]; p values each.
+    /// Overall mean, and the terms of the keys' levels and groups that add up to the groups' means. Each term has p values; [`ShareLayout`] defines their
+    /// order.
     pub shares: Vec<f64>,
 }
 
 /// Order of the terms (shares) that add up to the groups' means.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ShareLayout {
-    /// Number of terms, including the overall mean.
+    /// Number of terms (shares) that add up to the groups' means, including the overall mean.
     pub n_shares: usize,
-    /// Range of the terms of each factor. The keys come first. With several keys, the groups' own terms follow.
+    /// Range of the indices of each factor's terms. The factors are the keys and, if there are several keys, the groups in addition to the keys.
     pub factors: Vec<Range<usize>>,
     /// Indices of the terms that add up to each group's mean. The overall mean comes first.
     pub of_group: Vec<Vec<usize>>,
@@ -138,7 +141,7 @@ impl ShareLayout {
     }
 }
 
-/// Draws of the population from all chains.
+/// Posterior draws of the population from all chains, with their convergence diagnostics.
 pub struct Population {
     /// Kept draws of each chain.
     pub chains: Vec<Vec<PopulationDraw>>,
@@ -148,20 +151,20 @@ pub struct Population {
     pub n_sweeps: usize,
     /// Largest rank-normalised split R̂ of all groups' means and spreads.
     pub rhat: f64,
-    /// Smallest effective number of draws of these quantities, for the bulk or the tails.
+    /// Smallest effective number of draws of all groups' means and spreads, for the bulk or the tails.
     pub ess: f64,
     /// `true` if R̂ and the effective number of draws meet their thresholds.
     pub has_converged: bool,
 }
 
 impl Population {
-    /// Draws of all chains, one chain after the other.
+    /// All kept draws of the population, one chain after the other.
     pub fn draws(&self) -> impl Iterator<Item = &PopulationDraw> {
         self.chains.iter().flatten()
     }
 }
 
-/// Samples the population. `members` has one entry for each experiment of the design.
+/// Samples the distribution of the parameters over specimens and groups (the population). `members` has one entry for each experiment of the design.
 ///
 /// # Errors
 /// [`base::Error::Numerical`] if an experiment has no draws or a covariance cannot be factored, [`base::Error::Interrupted`] if stopped.
@@ -172,7 +175,7 @@ pub fn sample_population(
     monitor: &dyn Monitor,
 ) -> Result<Population> {
     if members.iter().any(ExperimentMember::is_empty) {
-        return Err(Error::numerical("an experiment has no draws", format!("sample it longer ({})", Setting::Steps)));
+        return Err(Error::numerical("an experiment has no draws", format!("sample longer ({})", Setting::Steps)));
     }
     let start = |number: usize| {
         let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
@@ -234,7 +237,7 @@ fn run_sweeps(runs: &mut [HierarchyRun], n_sweeps: usize, keep_every: usize, mon
     runs.par_iter_mut().map(one).collect()
 }
 
-/// Returns the largest R̂ and the smallest effective number of draws. Both are over the groups' means and the logarithms of the spreads.
+/// Returns the largest R̂ and the smallest effective number of draws, over the groups' means and the logarithms of the spreads.
 fn diagnostics(design: &Design, runs: &[HierarchyRun], p: usize) -> (f64, f64) {
     let n_kept = runs.first().map_or(0, |run| run.kept.len());
     let blom = BlomScores::new(runs.len() * n_kept);
@@ -257,7 +260,7 @@ fn diagnostics(design: &Design, runs: &[HierarchyRun], p: usize) -> (f64, f64) {
     (rhat, ess)
 }
 
-/// Sum Σ λ x xᵀ over deviations x with a common covariance and weights λ, and the number of deviations.
+/// Scatter matrix Σ λ x xᵀ of deviations x that have a common covariance and the weights λ, with the number of deviations.
 struct Scatter {
     sum: DMatrix<f64>,
     count: usize,
@@ -274,8 +277,8 @@ impl Scatter {
     }
 }
 
-/// Draws inverse covariances, given the sums of squares of the deviations (scatters). Then draws the scales that the covariances share (Huang & Wand,
-/// with one scale for several covariances).
+/// Draws inverse covariance matrices, given the scatter matrices of the deviations. Then draws the scales that the covariances share (Huang & Wand, with
+/// common scales for several covariances).
 fn draw_covariances(
     scatters: Vec<Scatter>,
     scales: &mut [f64],
@@ -297,7 +300,7 @@ fn draw_covariances(
     Ok(precisions)
 }
 
-/// Draws κ, given the inverse covariances of the strata and their scales.
+/// Draws κ, the similarity of the strata's covariances, given the inverse covariances and their scales.
 fn draw_likeness(precisions: &[DMatrix<f64>], scales: &[f64], rng: &mut ChaCha8Rng) -> f64 {
     let p = scales.len();
     let ln_densities = SIMILARITIES.map(|likeness| {
@@ -336,17 +339,18 @@ struct Chain<'a, 'm> {
     places: Vec<ChainState>,
     shares: DVector<f64>,
     group_mean: Vec<DVector<f64>>,
-    /// Deviation of each specimen. Without repeats, it is the deviation of the experiment from the group's mean.
+    /// Deviation of each specimen from the mean of its group. Without repeats, it is the deviation of the specimen's single experiment.
     deviation: Vec<DVector<f64>>,
     weight: Vec<f64>,
-    /// Precision matrix Σ⁻¹ of each stratum. The next field holds the scales α that the strata share.
+    /// Precision matrix between specimens of each stratum. The next field holds the prior scales that the strata share.
     precision: Vec<DMatrix<f64>>,
     scale: Vec<f64>,
     likeness: f64,
-    /// Precision matrix W⁻¹ of repeats. The next field holds its scales.
+    /// Precision matrix between repeats of a specimen. The next field holds its prior scales.
     repeat_precision: DMatrix<f64>,
     repeat_scale: Vec<f64>,
-    /// Variance τ² of each factor and parameter. The next field holds the scales of their priors.
+    /// Variance between the terms of each factor (key, or groups in addition to the keys), one value per parameter. The next field holds the scales of the
+    /// priors.
     factor_variance: Vec<Vec<f64>>,
     factor_scale: Vec<Vec<f64>>,
 }
@@ -367,7 +371,7 @@ impl<'a, 'm> Chain<'a, 'm> {
         }
         let of_sd = |sd: f64| DMatrix::from_diagonal_element(p, p, 1.0 / (sd * sd));
         let n_factors = layout.factors.len();
-        // Start values of the spreads differ between chains by a factor of about e in either direction.
+        // Start values of the spreads vary between chains, typically by a factor of 2.7 in either direction.
         let mut spread = |scale: f64| scale * (normals(1, rng)[0]).exp();
         Self {
             precision: (0..design.n_strata).map(|_| of_sd(spread(0.5 * options.scales[1]))).collect(),
@@ -411,7 +415,7 @@ impl<'a, 'm> Chain<'a, 'm> {
         DVector::from_fn(self.p, |k, _| self.places[experiment].coordinates[k] - mean[k])
     }
 
-    /// Draws (m, a) given the experiments' parameters, with the specimens' deviations integrated out.
+    /// Draws the overall mean and the terms of the keys' levels, given the experiments' parameters. The specimens' deviations are integrated out.
     fn draw_shares(&mut self, rng: &mut ChaCha8Rng) -> Result<()> {
         let (p, design) = (self.p, self.design);
         let n = p * self.layout.n_shares;
@@ -530,7 +534,7 @@ impl<'a, 'm> Chain<'a, 'm> {
         }
     }
 
-    /// Draws the precision matrix W⁻¹ and its scales, given all repeats.
+    /// Draws the precision matrix between repeats and its prior scales, given all repeats.
     fn draw_repeat_precision(&mut self, rng: &mut ChaCha8Rng) -> Result<()> {
         let mut scatter = Scatter::new(self.p);
         for e in 0..self.design.n_experiments() {
@@ -550,7 +554,8 @@ impl<'a, 'm> Chain<'a, 'm> {
         }
     }
 
-    /// Draws the precision matrix Σ⁻¹ of each stratum, given its specimens. Then draws the scales and κ, which the strata share.
+    /// Draws the precision matrix between specimens of each stratum, given the stratum's specimens. Then draws the prior scales and the similarity κ that
+    /// the strata share.
     fn draw_precisions(&mut self, rng: &mut ChaCha8Rng) -> Result<()> {
         let mut scatters: Vec<Scatter> = (0..self.design.n_strata).map(|_| Scatter::new(self.p)).collect();
         for (index, specimen) in self.design.specimens.iter().enumerate() {

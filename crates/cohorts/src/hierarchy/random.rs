@@ -27,7 +27,7 @@ pub(super) fn normals(n: usize, rng: &mut impl Rng) -> DVector<f64> {
     DVector::from_fn(n, |_, _| StandardNormal.sample(rng))
 }
 
-/// Draws x from the normal distribution with density proportional to exp(−½ xᵀPx + hᵀx), where P is `precision` and h is `information`.
+/// Draws a vector x from the normal distribution with density proportional to exp(−½ xᵀPx + hᵀx), where P is `precision` and h is `information`.
 pub(super) fn normal_of_information(
     precision: DMatrix<f64>,
     information: DVector<f64>,
@@ -40,7 +40,7 @@ pub(super) fn normal_of_information(
     Ok(mean + noise)
 }
 
-/// Draws from the gamma distribution with this shape and rate.
+/// Draws a number from the gamma distribution with the given shape and rate.
 pub(super) fn gamma(shape: f64, rate: f64, rng: &mut impl Rng) -> f64 {
     Gamma::new(shape, 1.0 / rate).map_or(f64::NAN, |gamma| gamma.sample(rng))
 }

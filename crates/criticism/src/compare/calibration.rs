@@ -1,9 +1,9 @@
 //! Significance of panels' gains, calibrated by simulated records of noise.
 //!
-//! Records are simulated from the fitted model with noise parameters drawn from their posterior. If noise is slow, the best-fit noise alone is too small and would raise
-//! false alarms. White errors are drawn from the whitened residuals, so they may have any distribution. Each simulated record goes through the same fits as the measured
-//! one. A panel's p follows from a gamma distribution with the mean and variance of its simulated gains. The smallest p of each simulated record corrects the panel's p
-//! for all panels.
+//! Each record is simulated from the fitted model, with noise parameters drawn from their posterior. If noise is slow, the best-fit noise is too small and would raise false
+//! alarms. White errors are drawn from the whitened residuals, so they may have any distribution. Each simulated record goes through the same fits as the measured record. A
+//! panel's p follows from a gamma distribution with the mean and variance of its simulated gains. The smallest p of each simulated record corrects the panel's p for all
+//! panels.
 
 use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, Gamma};
@@ -23,7 +23,7 @@ use sampling::ensemble::RandomStream;
 pub struct TestStatistics {
     /// Fit of the model alone.
     pub base: LinearFit,
-    /// Fits with the columns of each panel.
+    /// Fits of the model with the columns of each panel (test).
     pub panel_fits: Vec<LinearFit>,
     /// Whitened residuals of the model alone.
     pub whitened: Vec<f64>,
@@ -31,7 +31,7 @@ pub struct TestStatistics {
     pub statistics: Vec<f64>,
 }
 
-/// p values of all statistics of one record, with their means and critical values by chance.
+/// p values of all statistics of one record, with their means and critical values from simulated records.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Significance {
     /// p of each statistic, not corrected for the others.
@@ -44,7 +44,7 @@ pub struct Significance {
     pub critical: Vec<f64>,
 }
 
-/// Tests one record: fits the model alone and with each panel, and computes all statistics. `residual_m` are the residuals y − f̂ in m, one value per row.
+/// Tests one record: fits the model alone and with each panel, and computes all statistics. `residual_m` holds measured minus predicted positions (m), one value per row.
 ///
 /// # Errors
 /// [`base::Error::Numerical`] if a fit has no solution.
@@ -63,7 +63,7 @@ pub fn run_tests(
     Ok(TestStatistics { base, panel_fits: with, whitened, statistics })
 }
 
-/// Simulates noise (m) at every row of a subject's record: white errors drawn from `pool`, plus the other terms of the noise.
+/// Simulates noise (m) at every row of a subject's record: white errors drawn from `pool` (whitened residuals of mean square 1), plus the other terms of the noise.
 fn simulated_noise_m(
     subject: &Subject,
     position_m: &[f64],
@@ -167,8 +167,8 @@ mod tests {
         statistics
     }
 
-    /// 5 % of 600 records of noise, 30, may have a finding. The limit is six standard deviations higher, which fails falsely below 1e-6. These standard deviations
-    /// include the scatter of the 999 simulated records that all share.
+    /// In 600 records of noise, 5 % (30 records) may have a finding. The allowed deviation is six standard deviations (false failures below 1e-6). The standard deviation includes
+    /// the scatter of the 999 simulated records, which all 600 records share.
     #[test]
     fn records_of_noise_show_something_as_often_as_they_may() {
         let simulated: Vec<Vec<f64>> = (0..999).map(record).collect();

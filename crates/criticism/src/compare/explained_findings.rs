@@ -2,7 +2,7 @@
 //!
 //! One missing effect makes a model deviate in several tests at once: time since a step, velocity, position and more. The finding with the largest gain, relative to its
 //! mean in noise, leads. The primary test leads instead if it gains at least half of the largest gain, because it shows the time course. The leading finding is a source.
-//! It explains another finding if that one, with the source's bias in the model, keeps less than half of its gain or is no longer significant.
+//! A source explains another finding if its bias, once in the model, removes more than half of that finding's gain or makes that finding insignificant.
 
 use super::calibration::{Significance, TestStatistics};
 use super::linear::Linear;
@@ -11,12 +11,12 @@ use base::error::Result;
 use posterior::noise::NoiseLikelihood;
 use posterior::whiteness::{ljung_box, runs};
 
-/// Largest fraction of its gain that an explained finding keeps beside its source.
-const SHARE_OF_ECHO: f64 = 0.5;
-/// Fraction of the largest gain above which the primary test leads.
+/// Largest fraction of its gain that an explained finding keeps once the bias of another finding (its source) is in the model.
+const EXPLAINED_FRACTION: f64 = 0.5;
+/// Fraction of the largest gain above which the primary test (correlation of residuals with force changes) leads.
 const SHARE_OF_PRIMARY: f64 = 0.5;
 
-/// A finding, by the index of its statistic, and the finding that explains it.
+/// A finding and the finding that explains it, each given by the index of its statistic.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct RankedFinding {
     /// Index of the statistic in [`TestStatistics::statistics`].
@@ -31,13 +31,13 @@ pub struct RecordResults<'a> {
     pub linear: &'a Linear,
     /// Likelihood of the record.
     pub likelihood: &'a NoiseLikelihood,
-    /// Positions less the model's positions f̂, in m, one value per row.
+    /// Measured minus predicted positions (m), one value per row.
     pub residual_m: &'a [f64],
     /// Columns of each panel.
     pub columns: &'a [Columns],
     /// Index of the primary test, the correlation of residuals with force changes.
     pub primary: Option<usize>,
-    /// Results of all tests.
+    /// Statistics and fits of all tests.
     pub looks: &'a TestStatistics,
 }
 
@@ -52,7 +52,7 @@ pub fn order_findings(
     significance: &Significance,
 ) -> Result<Vec<RankedFinding>> {
     let gains = &shown.looks.statistics;
-    // Tests of whiteness show no place: they come after all panels.
+    // Tests of whiteness concern no particular place in the record. They come after all panels.
     let is_whiteness = |look: &usize| *look >= shown.columns.len();
     let largest =
         significant.iter().filter(|look| !is_whiteness(look)).fold(0.0, |most: f64, look| most.max(gains[*look]));
@@ -63,10 +63,10 @@ pub fn order_findings(
     order.sort_by(|a, b| class(a).cmp(&class(b)).then(strength(b).total_cmp(&strength(a))));
     let (mut sources, mut echoes): (Vec<RankedFinding>, Vec<RankedFinding>) = (Vec::new(), Vec::new());
     for look in order {
-        let least = significance.critical[look].max(SHARE_OF_ECHO * gains[look]);
+        let least = significance.critical[look].max(EXPLAINED_FRACTION * gains[look]);
         let mut echo_of = None;
         for source in sources.iter().filter(|source| !is_whiteness(&source.statistic)) {
-            if shown.left_beside(look, source.statistic)? < least {
+            if shown.remaining_gain(look, source.statistic)? < least {
                 echo_of = Some(source.statistic);
                 break;
             }
@@ -79,8 +79,8 @@ pub fn order_findings(
 }
 
 impl RecordResults<'_> {
-    /// Returns the remaining gain of a test once another panel's columns are in the model.
-    fn left_beside(&self, look: usize, source: usize) -> Result<f64> {
+    /// Returns the remaining gain (nats) of the test `look` once the columns of the panel `source` are in the model.
+    fn remaining_gain(&self, look: usize, source: usize) -> Result<f64> {
         let there = &self.looks.panel_fits[source];
         let Some(columns) = self.columns.get(look) else {
             let whitened = self.linear.whitened(self.likelihood, self.residual_m, there);

@@ -9,7 +9,7 @@ use base::error::Result;
 use documents::comparison::TestEntry;
 use figures::comparison::{ComparisonData, comparison};
 use figures::comparison_bars::{BarPanel, bias_sheet};
-use figures::comparison_map::{MapData, MapRow, failure_map};
+use figures::comparison_map::{FailureMapData, FailureMapRow, failure_map};
 use figures::svg::write_figure;
 use posterior::sample::noise_origin_text;
 
@@ -25,8 +25,12 @@ pub fn write(dir: &Path, outcome: &ComparisonResult) -> Result<()> {
     let shortest_s = outcome.time_since_step_s.iter().flatten().fold(f64::INFINITY, |least, lag| least.min(*lag));
     if !rows.is_empty() {
         let heading = format!("{name}: where the model fails");
-        let data =
-            MapData { title: &heading, lag_ends_s: &outcome.lag_ends_s, shortest_s: 0.6 * shortest_s, rows: &rows };
+        let data = FailureMapData {
+            title: &heading,
+            lag_ends_s: &outcome.lag_ends_s,
+            shortest_s: 0.6 * shortest_s,
+            rows: &rows,
+        };
         write_figure(dir, "comparison_map", &failure_map(&data))?;
     }
     let is_echo = |entry: &TestEntry| {
@@ -79,7 +83,7 @@ fn comparison_figure(subject: &Subject, outcome: &ComparisonResult, name: &str) 
     })
 }
 
-/// Number of force steps above which a row of the map shows the steps of neighbouring cycles in one direction.
+/// Number of force steps above which a row of the failure map pools the steps of neighbouring cycles that have one direction.
 const MOST_MAP_ROWS: usize = 96;
 
 /// Force steps that one row of the map shows.
@@ -91,7 +95,7 @@ struct StepGroup {
     rows: Vec<[usize; 2]>,
 }
 
-/// Returns every force step as a group of its own, or groups of the steps of successive cycles in one direction.
+/// Returns one group per force step. If the steps are too many, each group has the steps of successive cycles in one direction.
 fn step_groups(subject: &Subject) -> Vec<StepGroup> {
     let record = &subject.experiment().record;
     let steps = record.force_step_rows();
@@ -125,9 +129,9 @@ fn step_groups(subject: &Subject) -> Vec<StepGroup> {
     groups
 }
 
-/// Rows of the map: whitened residuals times the sign of the step, averaged by step and by time since it. Each cell also has the residual in µm.
-fn map_rows(subject: &Subject, outcome: &ComparisonResult) -> Vec<MapRow> {
-    let mut rows: Vec<MapRow> = Vec::new();
+/// Rows of the failure map: whitened residuals times the sign of the force step, averaged by step and by time since the step. Each cell also has the residual in µm.
+fn map_rows(subject: &Subject, outcome: &ComparisonResult) -> Vec<FailureMapRow> {
+    let mut rows: Vec<FailureMapRow> = Vec::new();
     for group in step_groups(subject) {
         let mut cells = vec![(0.0, 0.0, 0_usize); outcome.lag_ends_s.len()];
         for row in group.rows.iter().flat_map(|[first, last]| *first..=*last) {
@@ -147,7 +151,7 @@ fn map_rows(subject: &Subject, outcome: &ComparisonResult) -> Vec<MapRow> {
             (*n > 0).then(|| (white / count.sqrt(), residual_um / count))
         };
         let cells = cells.iter().map(of_cell).collect();
-        rows.push(MapRow { label: group.label, is_heldout: group.is_heldout, cells });
+        rows.push(FailureMapRow { label: group.label, is_heldout: group.is_heldout, cells });
     }
     rows
 }

@@ -1,8 +1,8 @@
-//! Fits of columns at a fit of a model, with the noise estimated anew for each.
+//! Linear fits of bias columns around a model's fit, each with its own estimate of the noise.
 //!
-//! Near its fit a model is linear, f̂ + A δ, with its derivatives A and changes δ of its coordinates. Columns C with amplitudes a add to it: f̂ + A δ + C a. Noise
-//! estimated from residuals that contain the bias described by C would absorb that bias. So δ, a and the noise are fitted together, and the gain of C is a likelihood
-//! ratio.
+//! Near its fit, a model's predicted positions f̂ change linearly to f̂ + A δ: A has the derivatives, δ the changes of the coordinates. Columns C with amplitudes a are added:
+//! f̂ + A δ + C a. Noise estimated from residuals that contain the bias described by C would absorb that bias. So δ, a and the noise are fitted together, and the gain of C is
+//! a likelihood ratio.
 
 use nalgebra::DVector;
 
@@ -19,32 +19,32 @@ use sampling::ensemble::RandomStream;
 /// A model linearised around its fit.
 pub struct Linear {
     noise_prior: NoisePrior,
-    /// Model positions f̂ (m), one value per row of the record.
+    /// Predicted positions (m) at the fit, one value per row of the record.
     position_m: Vec<f64>,
-    /// Derivatives A of the position (m per unit of the coordinate): one column per coordinate.
+    /// Derivatives of the predicted position (m per unit of the coordinate): one column per coordinate.
     derivatives_m: Vec<Vec<f64>>,
     /// For each coordinate's prior: 1/sd, and (mean − fit)/sd; zeros if there is no prior.
     priors: Vec<(f64, f64)>,
     base_noise: LogNoise,
 }
 
-/// Best mean and noise of the model with some columns.
+/// Joint fit of the model's coordinates, of the amplitudes of additional columns, and of the noise.
 #[derive(Debug, Clone)]
 pub struct LinearFit {
     /// Log posterior in nats, up to a constant that all fits of one record share.
     pub objective: f64,
-    /// Correction A δ + C a (m), one value per row of the record.
+    /// Correction (m) of the predicted positions by the fitted coordinates and columns, one value per row of the record.
     pub correction_m: Vec<f64>,
     /// Noise parameters in their units.
     pub noise: NoiseValues,
     log_noise: LogNoise,
 }
 
-/// Best mean of the model with some columns under one noise.
+/// Best coordinates and column amplitudes of a model at given noise parameters.
 struct Mean {
     solved: NormalSolution,
     log_noise: LogNoise,
-    /// Log posterior in nats, as in [`LinearFit`].
+    /// Log posterior in nats, up to the constant of [`LinearFit::objective`].
     objective: f64,
 }
 
@@ -69,12 +69,12 @@ impl Linear {
         })
     }
 
-    /// f̂ (m) at every row of the record.
+    /// Predicted positions (m) of the model at its fit, one value per row of the record.
     pub fn position_m(&self) -> &[f64] {
         &self.position_m
     }
 
-    /// Fits the model alone. `residual_m` are the positions less f̂ (m, one value per row).
+    /// Fits the model without additional columns. `residual_m` holds measured minus predicted positions (m), one value per row.
     ///
     /// # Errors
     /// [`Error::Numerical`] if the normal equations have no solution.
@@ -84,7 +84,7 @@ impl Linear {
         fits.pop().ok_or_else(|| no_solution("no start"))
     }
 
-    /// Fits the model with the columns of each test. The fits start from the noise of a fit without columns and from white noise of the yardstick's size.
+    /// Fits the model with the columns of each test. The fits start from the noise of a fit without columns, and from white noise of the known or estimated size.
     ///
     /// # Errors
     /// Errors of [`Linear::fit_base`].
@@ -98,8 +98,8 @@ impl Linear {
         self.best(likelihood, residual_m, looks, &[base.log_noise, self.noise_prior.white()])
     }
 
-    /// Fits each test from the better of the given starts: first the mean, then the noise, then the mean again. The fit need not converge, because the calibration takes
-    /// exactly the same steps.
+    /// Fits each test from the better of the given starts: first the mean position, then the noise, then the mean position again. The fit need not converge, because the
+    /// calibration takes exactly the same steps.
     fn best(
         &self,
         likelihood: &NoiseLikelihood,
@@ -136,7 +136,7 @@ impl Linear {
         Ok(fits)
     }
 
-    /// Best noise for each mean; `None` if the noise is unchanged. Means with equal initial noise are treated together.
+    /// Re-estimates the noise for each fitted mean position; `None` if the noise does not change. Means with equal initial noise are treated together.
     fn settle(
         &self,
         likelihood: &NoiseLikelihood,
@@ -157,12 +157,12 @@ impl Linear {
         noises
     }
 
-    /// Returns the predicted positions (m) f̂ plus a correction, around which the noise is fitted.
+    /// Returns predicted positions (m) at the model's fit plus a correction. The noise is fitted around them.
     fn moved_m(&self, correction_m: &[f64]) -> Vec<f64> {
         self.position_m.iter().zip(correction_m).map(|(f, correction)| f + correction).collect()
     }
 
-    /// Correction A δ + C a (m), one value per row of the record.
+    /// Correction (m) of the predicted positions by the solved amplitudes of derivatives and columns, one value per row of the record.
     fn correction_m(&self, columns: &Columns, solved: &NormalSolution) -> Vec<f64> {
         let mut correction_m = columns.by_cycle.as_ref().map_or_else(
             || vec![0.0; self.position_m.len()],
@@ -185,7 +185,7 @@ impl Linear {
         means.pop().ok_or_else(|| no_solution("the test has no columns"))
     }
 
-    /// Best mean of each test under one noise, by generalised least squares.
+    /// Best coordinates and column amplitudes of each test at given noise parameters, by generalised least squares.
     fn means(
         &self,
         likelihood: &NoiseLikelihood,
@@ -230,7 +230,7 @@ impl Linear {
         Ok(means)
     }
 
-    /// Returns weighted means w·(A δ + C a) of the correction, in m, with their standard errors, under the noise of a fit.
+    /// Returns weighted sums (m) of the correction to the predicted positions, with standard errors, under the noise of a fit. Each vector in `weights` has one weight per row.
     ///
     /// # Errors
     /// Errors of [`Linear::fit_base`].
@@ -251,7 +251,7 @@ impl Linear {
         Ok(weights.iter().map(of_weights).collect())
     }
 
-    /// Returns the mean correction (m) over the fitted rows of each cycle that has a column.
+    /// Returns the mean correction (m) over the fitted rows of each cycle that has a column, with its standard error.
     ///
     /// # Errors
     /// Errors of [`Linear::fit_base`].
@@ -279,7 +279,7 @@ impl Linear {
         Ok(with_column.map(mean).collect())
     }
 
-    /// Returns the whitened residuals L⁻¹ (y − f̂ − A δ) at the fitted rows, in order.
+    /// Returns the residuals of a fit at the fitted rows, in order, whitened by the fit's noise.
     pub fn whitened(&self, likelihood: &NoiseLikelihood, residual_m: &[f64], fit: &LinearFit) -> Vec<f64> {
         let left_m: Vec<f64> = residual_m.iter().zip(&fit.correction_m).map(|(r, c)| r - c).collect();
         likelihood.whiten(&[left_m], &self.position_m, &fit.noise).concat()
@@ -309,7 +309,7 @@ impl Linear {
     }
 }
 
-/// Returns the different noises among some means.
+/// Returns the distinct noise parameters among the given fits.
 fn distinct(means: &[Mean]) -> Vec<LogNoise> {
     let mut noises: Vec<LogNoise> = Vec::new();
     for mean in means {

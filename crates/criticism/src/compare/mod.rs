@@ -1,7 +1,7 @@
 //! Comparison of a model with a record: many tests of its misfit, corrected together.
 //!
-//! Every test ([`panels`]) is a set of columns added to the model. The gain of these columns is a likelihood ratio with the noise estimated anew ([`linear`]). It is
-//! judged by records simulated from the model and its fitted noise ([`calibration`]).
+//! Every test ([`panels`]) is a set of columns added to the model. The gain of these columns is a likelihood ratio with the noise estimated anew ([`linear`]). Records
+//! simulated from the model and its fitted noise decide whether the gain is significant ([`calibration`]).
 
 pub mod calibration;
 mod explained_findings;
@@ -14,7 +14,7 @@ mod sentences;
 
 use crate::NoiseValues;
 use calibration::{Significance, TestStatistics, calibrate_significance, run_tests};
-use documents::comparison::{ColumnBias, Comparison, LeftOutEntry, TestEntry};
+use documents::comparison::{ColumnBias, Comparison, InapplicableTest, TestEntry};
 use documents::errors::ModelErrors;
 use explained_findings::RecordResults;
 use linear::Linear;
@@ -30,7 +30,7 @@ use posterior::whiteness;
 
 /// Family-wise probability below which a test's result is a finding.
 pub const SIGNIFICANT: f64 = 0.05;
-/// Number of simulated records, and the least number for long records. With the latter, p over all tests comes in steps of a sixtieth.
+/// Largest and smallest default number of simulated records; long records get the smallest. The p over all tests then comes in steps of 1/60.
 const N_SIMULATIONS: (usize, usize) = (199, 59);
 /// Total number of fitted rows in all simulated records above which fewer records are simulated.
 const SIMULATED_ROWS: usize = 3_000_000;
@@ -50,8 +50,8 @@ pub struct ComparisonResult {
     pub fitted: Fitted,
     /// Standard deviation (m) of the model's position due to its parameters' uncertainty, one value per row.
     pub position_sd_m: Vec<f64>,
-    /// Residuals divided by their conditional standard deviation given the earlier residuals, one entry per row, the scored cycle included. The noise is estimated
-    /// together with the leading finding, since the fit's own noise has absorbed part of the misfit.
+    /// Whitened residuals, one entry per row, the scored cycle included: residuals divided by their standard deviation given the earlier residuals. The noise is estimated
+    /// together with the leading finding, because the fit's own noise has absorbed part of the misfit.
     pub whitened: Vec<Option<f64>>,
     /// Time (s) since the last force step before each row.
     pub time_since_step_s: Vec<Option<f64>>,
@@ -59,11 +59,11 @@ pub struct ComparisonResult {
     pub lag_ends_s: Vec<f64>,
 }
 
-/// Compares a candidate with the record: fits it and tests where it fails. `errors` are those of its posterior on the same cycles, if it was sampled; else the document
-/// shows those of its best fit.
+/// Compares a candidate with the record: fits it and tests where it fails. `errors` are the errors of its sampled posterior on the same cycles. With `None`, the document shows
+/// the errors of the best fit.
 ///
 /// # Errors
-/// [`base::Error::Numerical`] if it cannot be fitted or has no derivatives.
+/// [`base::Error::Numerical`] if the candidate cannot be fitted or has no derivatives.
 pub fn compare_model(
     subject: &Subject,
     candidate: &Candidate,
@@ -128,7 +128,7 @@ pub fn compare_model(
         panels: entries,
         left_out: left_out
             .into_iter()
-            .map(|left| LeftOutEntry { place: left.place.into(), reason: left.reason.into() })
+            .map(|left| InapplicableTest { place: left.place.into(), reason: left.reason.into() })
             .collect(),
         simulated_records: n_simulations,
     };
@@ -203,10 +203,10 @@ fn bars(
     Ok(if panel.place == "harmonics" { amplitudes(bars) } else { bars })
 }
 
-/// Largest number of stretches of one column that a document lists.
+/// Largest number of stretches of time of one column that a document lists. If a column has more, the document lists none.
 const MOST_STRETCHES: usize = 400;
 
-/// Starts and ends (s) of the stretches of rows in which a column is not zero. A position belongs to the time since the row before.
+/// Starts and ends (s) of the stretches of rows in which a column is not zero. Each row counts from the time of the previous row to its own.
 fn stretches_s(time_s: &[f64], values: &[f64]) -> Vec<[f64; 2]> {
     let rows: Vec<usize> = (0..values.len()).filter(|row| values[*row] != 0.0).collect();
     let stretch = |rows: &[usize]| Some([time_s[rows.first()?.saturating_sub(1)], time_s[*rows.last()?]]);
@@ -214,7 +214,7 @@ fn stretches_s(time_s: &[f64], values: &[f64]) -> Vec<[f64; 2]> {
     if stretches.len() > MOST_STRETCHES { Vec::new() } else { stretches }
 }
 
-/// Combines the cosine and the sine of each harmonic, which are neighbours, into one amplitude.
+/// Combines the cosine and sine columns of each harmonic, which are neighbours, into one amplitude.
 fn amplitudes(bars: Vec<ColumnBias>) -> Vec<ColumnBias> {
     let amplitude = |pair: &[ColumnBias]| {
         let size_um = pair.iter().map(|bar| bar.bias_um.powi(2)).sum::<f64>().sqrt();

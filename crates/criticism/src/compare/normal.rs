@@ -1,4 +1,4 @@
-//! Normal equations of columns. Each cycle may have a column of its own; the cost is linear in the number of cycles.
+//! Normal equations for the amplitudes of columns. Each cycle may have a column of its own; the cost is linear in the number of cycles.
 //!
 //! Whitened columns of different cycles overlap only through the noise process, of which one number s passes from each cycle to the next. So the cycles' amplitudes a are
 //! eliminated from the last to the first. For a given s at a cycle's start, the optimum over this and all later cycles is ½ K s² − s G. K is a number. G has one entry
@@ -8,8 +8,8 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use posterior::noise::CycleProducts;
 
-/// Ridge that is added to the diagonal of the normal equations, relative to the squared lengths of the columns. Directions that the model or other columns contain thus
-/// get no amplitude.
+/// Ridge that is added to the diagonal of the normal equations, relative to the squared lengths of the columns. A linear combination of columns that vanishes thus gets no
+/// amplitude.
 const RIDGE: f64 = 1e-7;
 
 /// Inner products of columns and residuals, whitened by one set of noise parameters.
@@ -20,11 +20,11 @@ pub(super) struct Normal {
     pub cycles: Vec<CycleProducts>,
     /// Marks the cycles that have a column.
     pub has_column: Vec<bool>,
-    /// Priors of the first columns: 1/sd, and (mean − fit)/sd.
+    /// Prior of each of the first columns: 1/sd, and (mean − fit)/sd, with the prior's mean and standard deviation sd.
     pub priors: Vec<(f64, f64)>,
 }
 
-/// Best amplitudes with their covariance.
+/// Best amplitudes of all columns, with their covariance.
 pub(super) struct NormalSolution {
     /// Amplitudes of the columns.
     pub amplitudes: DVector<f64>,
@@ -38,7 +38,7 @@ pub(super) struct NormalSolution {
     links: Vec<[f64; 2]>,
 }
 
-/// Dependence of the amplitude of a cycle's column on those of the other columns.
+/// Dependence of the amplitude of a cycle's column on the amplitudes of the other columns.
 pub(super) struct CycleAmplitude {
     /// Derivative of the cycle's amplitude with respect to the columns' amplitudes, with the opposite sign.
     following: DVector<f64>,
@@ -51,7 +51,7 @@ pub(super) struct CycleAmplitude {
 struct Elimination {
     h: f64,
     c: f64,
-    /// One entry per column and, last, one for the residuals.
+    /// Coefficients of the columns' amplitudes, one per column and, last, one for the residuals.
     b: DVector<f64>,
 }
 
@@ -88,11 +88,11 @@ impl Normal {
         Some(NormalSolution { amplitudes, of_cycles, left, covariance, steps, links })
     }
 
-    /// Eliminates cycles from the last to the first; `None` for a cycle without a column.
+    /// Eliminates the amplitudes of the cycles' columns, from the last cycle to the first; `None` for a cycle without a column.
     fn eliminate(&self) -> Vec<Option<Elimination>> {
         let n = self.products.nrows();
         let (mut k, mut g) = (0.0, DVector::zeros(n));
-        // Squared norm over later cycles of the noise process if it enters them with the value 1. The length of a cycle's column includes it.
+        // Squared norm of the whitened noise process over all later cycles, if it enters them with the value 1. The length of a cycle's column includes this norm.
         let mut seen_later = 0.0;
         let mut steps = Vec::with_capacity(self.cycles.len());
         for (cycle, has_column) in self.cycles.iter().zip(&self.has_column).rev() {
@@ -117,7 +117,7 @@ impl Normal {
         steps
     }
 
-    /// Amplitudes of the cycles' columns for given amplitudes of the other columns, followed by that of the residuals.
+    /// Amplitudes of the cycles' columns. `sizes` has the amplitudes of the other columns with the opposite sign, followed by 1 for the residuals.
     fn amplitudes_of_cycles(&self, steps: &[Option<Elimination>], sizes: &DVector<f64>) -> Vec<f64> {
         let mut s = 0.0;
         let of_cycle = |(cycle, step): (&CycleProducts, &Option<Elimination>)| {
@@ -148,7 +148,7 @@ impl NormalSolution {
         (weights.dot(&self.amplitudes), weights.dot(&(&self.covariance * weights)).max(0.0).sqrt())
     }
 
-    /// Returns the dependence of every cycle's amplitude on those of the columns.
+    /// Returns, for every cycle, the dependence of its column's amplitude on the amplitudes of the other columns.
     pub fn in_cycles(&self) -> Vec<CycleAmplitude> {
         let n = self.amplitudes.len();
         let (mut s, mut variance) = (DVector::zeros(n), 0.0);

@@ -57,7 +57,7 @@ type TestPanel = (&'static str, Result<Panel, &'static str>);
 fn panel(place: &'static str, title: &'static str, is_along_force: bool, columns: Vec<Column>) -> TestPanel {
     let is_empty = columns.is_empty();
     let panel = Panel { place, title, is_along_force, columns, by_cycle: None };
-    (place, if is_empty { Err("too few positions for it") } else { Ok(panel) })
+    (place, if is_empty { Err("too few fitted positions for this test") } else { Ok(panel) })
 }
 
 /// Returns every panel that is meaningful in the experiment, and the omitted tests.
@@ -126,8 +126,8 @@ fn input_correlation(rows: &TestRows) -> TestPanel {
     panel("input_correlation", "lag behind force changes (s)", true, rows.kept(columns))
 }
 
-/// Returns one list per bin of lags. It has the sum of the changes (times in s, and sizes) that precede each time in `time_s` by a lag in the bin. Both ends of a bin
-/// move with the times, so that every change enters and leaves each bin once.
+/// Returns, for each bin of lags, the sum of earlier changes at each time in `time_s`. A change (time in s, size) counts if it precedes that time by a lag in the bin. Both ends
+/// of a bin move with the times, so that every change enters and leaves each bin once.
 fn summed_by_lag(time_s: &[f64], changes: &[(f64, f64)], ends: &[f64]) -> Vec<Vec<f64>> {
     let sums: Vec<f64> = std::iter::once(0.0)
         .chain(changes.iter().scan(0.0, |sum, change| {
@@ -204,7 +204,7 @@ fn force_sign(rows: &TestRows) -> TestPanel {
     panel("force_sign", "sign of the force", false, rows.kept(there.iter().map(of).collect()))
 }
 
-/// Ends of groups of force levels, as fractions of the largest force, without forces that count as none.
+/// Lower and upper ends of the groups of force levels, as fractions of the largest force. Forces below [`LEVEL_TOLERANCE`] are left out.
 fn levels(rows: &TestRows) -> Vec<[f64; 2]> {
     let mut sizes: Vec<f64> = rows
         .fitted_rows()
@@ -322,7 +322,7 @@ fn reversal(rows: &TestRows) -> TestPanel {
 fn trend(rows: &TestRows) -> TestPanel {
     let times: Vec<f64> = rows.fitted_rows().map(|row| rows.record.time_s[row]).collect();
     let (Some(first), Some(last)) = (times.first(), times.last()) else {
-        return ("trend", Err("nothing is fitted"));
+        return ("trend", Err("no position is fitted"));
     };
     let middle = 0.5 * (first + last);
     let unit = |row: usize| (rows.record.time_s[row] - middle) / (last - middle);
@@ -376,7 +376,7 @@ mod tests {
     use super::*;
     use sampling::ensemble::RandomStream;
 
-    /// The result equals the sum over all pairs of a time and a change. The times are uneven, and two changes occur at one of them.
+    /// The result equals the sum over all pairs of a time and a change. The times are uneven, and two of three have a change.
     #[test]
     fn sums_by_lag_are_those_over_all_pairs() {
         let mut stream = RandomStream::new(9, 1);

@@ -3,7 +3,7 @@
 use posterior::recordings::recordings;
 use record::Record;
 
-/// Least number of fitted rows in which a column differs from 0.
+/// Least number of fitted rows in which a column must differ from 0; columns with fewer such rows are dropped.
 const FEWEST_ROWS: usize = 3;
 const N_QUANTILE_BINS: usize = 5;
 
@@ -39,17 +39,17 @@ pub struct Columns {
 }
 
 impl Columns {
-    /// Returns the columns of both. At most one of them may have columns of cycles.
+    /// Returns the columns of `self` and `other` together. At most one of them may have columns of cycles.
     pub fn and(&self, other: &Self) -> Self {
         let dense = self.dense.iter().chain(&other.dense).cloned().collect();
         Self { dense, by_cycle: self.by_cycle.clone().or_else(|| other.by_cycle.clone()) }
     }
 }
 
-/// Rows of a record from which panels are made, with forces, times and the model's positions.
+/// Rows of a record, with the forces, times and predicted positions from which panels are made.
 pub struct TestRows<'a> {
     pub(super) record: &'a Record,
-    /// Model's position (m).
+    /// Position (m) predicted by the model, one value per row.
     pub(super) position_m: &'a [f64],
     is_fitted: Vec<bool>,
     /// Force (N) that acts until each row.
@@ -146,7 +146,7 @@ impl<'a> TestRows<'a> {
         (cycles, ByCycle { place, has_column })
     }
 
-    /// Keeps the columns with enough fitted rows, scaled to a largest size of 1 there.
+    /// Keeps the columns that differ from 0 in enough fitted rows, scaled so that their largest size in these rows is 1.
     pub(super) fn kept(&self, columns: Vec<Column>) -> Vec<Column> {
         let scaled = |mut column: Column| {
             let largest = self.fitted_rows().fold(0.0_f64, |largest, row| largest.max(column.values[row].abs()));
@@ -157,7 +157,7 @@ impl<'a> TestRows<'a> {
         columns.into_iter().filter_map(scaled).collect()
     }
 
-    /// Returns columns for bins of the values `of`. The bins have equal numbers of fitted rows.
+    /// Returns one column per bin of the values `of`: 1 in the bin and 0 elsewhere. The bins have equal numbers of fitted rows. `say` returns the label and the phrase of a bin.
     pub(super) fn quantile_bins(&self, of: &[f64], say: impl Fn(f64, f64) -> (String, String)) -> Vec<Column> {
         let mut sorted: Vec<f64> = self.fitted_rows().map(|row| of[row]).collect();
         sorted.sort_by(f64::total_cmp);

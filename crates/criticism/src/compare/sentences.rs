@@ -5,11 +5,11 @@ use documents::comparison::{ColumnBias, Comparison, Finding, TestEntry};
 use figures::number::format_significant;
 use posterior::misfit::{Misfit, NOISE_FACTOR};
 
-/// Neighbouring bars of one sign are described together if each exceeds this fraction of the largest.
+/// Fraction of the largest bar (bias of one column) that its neighbours in time must exceed to be described together with it.
 const SHARE_OF_LARGEST: f64 = 0.5;
 /// Least distance of a bar from zero, in standard errors, at which a sentence names its place.
 const CLEAR: f64 = 3.0;
-/// Least size of such a bar, as a fraction of the root mean square bias.
+/// Least size of a bar whose place a sentence names, as a fraction of the root mean square bias.
 const LEAST_SHARE: f64 = 0.5;
 
 /// Describes a significant test as a finding. `echo_of` is the test that explains it, if any.

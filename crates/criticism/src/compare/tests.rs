@@ -6,7 +6,7 @@ use crate::NoiseValues;
 use documents::comparison::Finding;
 use sampling::ensemble::RandomStream;
 
-/// Parameters σ (µm), σ_ou (µm), τ (s), s_g and s_o (µm) of three noises: white, slow, and with a gain that changes by 1 %.
+/// Parameters of three noises: white, slow, and with a gain that changes by 1 %. In order: white and slow standard deviation (µm), correlation time (s), gain, offset (µm).
 const NOISES: [NoiseValues; 3] = [
     NoiseValues::new([4.0, 1e-6, 1.0, 1e-9, 1e-6]),
     NoiseValues::new([4.0, 4.0, 1.0, 1e-9, 1e-6]),

@@ -1,6 +1,6 @@
 //! Evidence of a candidate: the probability of the fitted positions, averaged over the priors of all of its parameters.
 //!
-//! Every parameter has a proper prior, also those of the effects and of the noise: the default one, or that of the prior file. Parameters that two candidates share have
+//! Every parameter of the law, the effects and the noise has a proper prior: the default one, or the one in the prior file. Parameters that two candidates share have
 //! equal priors, so differences of log evidences are logarithms of Bayes factors. The priors of the law and of the noise are those of `sample`. They are stricter than
 //! those of [`Subject::fit`], which only has to find an optimum.
 //!
@@ -42,7 +42,7 @@ pub struct ModelEvidence {
     pub ln_evidence: f64,
     /// Standard error of the log evidence. If importance weights were unreliable, it is at least the difference between the two methods.
     pub standard_error: f64,
-    /// Pareto k̂ of the importance weights; `None` if another method was used.
+    /// Shape k̂ of a Pareto distribution fitted to the largest importance weights; `None` if another method was used.
     pub pareto_k: Option<f64>,
     /// Method that computed the evidence.
     pub method: EvidenceMethod,
@@ -99,7 +99,7 @@ impl<'a> CandidatePosterior<'a> {
         self.density_by(self.subject.compliance())
     }
 
-    /// Log density for many draws: nonlinear laws remember their trajectories.
+    /// Log density for many draws. Trajectories of nonlinear laws are remembered.
     fn density_of_draws(&self) -> ReducedPosterior<'_> {
         self.density_by(self.subject.memory_compliance())
     }
@@ -176,7 +176,7 @@ impl<'a> CandidatePosterior<'a> {
             Ok(estimate) if importance::is_reliable(&estimate) => Ok((estimate, EvidenceMethod::ImportanceSampling)),
             Ok(_) | Err(Error::Numerical { .. }) if !self.is_slow() && self.care == EvidenceBudget::Full => {
                 let mut tempered = self.by_tempering(&modes, seed)?;
-                // Independent runs cannot reveal a region of the posterior that all of them miss. Importance weights that reach it do.
+                // Independent runs may all miss a region of the posterior, without any sign of it. Importance weights that reach the region reveal it.
                 if let Ok(weighted) = weighted {
                     let apart = (tempered.ln_evidence - weighted.ln_evidence).abs();
                     tempered.standard_error = tempered.standard_error.max(apart);
@@ -203,7 +203,7 @@ pub fn evidence(subject: &Subject, candidate: &Candidate, fitted: &Fitted, seed:
     evidence_with(subject, candidate, fitted, (EvidenceBudget::Full, seed))
 }
 
-/// [`evidence`] with a given effort.
+/// Computes [`evidence`] with a given effort.
 ///
 /// # Errors
 /// Errors of [`evidence`].

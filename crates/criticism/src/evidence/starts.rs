@@ -1,4 +1,4 @@
-//! Starting points for computing an evidence: the fit, other maxima within reach of it, and ridges beside them.
+//! Starting points for computing an evidence: the fit, other maxima of nearly equal height, and ridges beside them.
 
 use rayon::prelude::*;
 
@@ -8,18 +8,18 @@ use posterior::prior::Prior;
 
 /// Prior quantile at which a climb starts if the fit is at an end of the support.
 const START_QUANTILE: f64 = 0.05;
-/// Prior probability beyond a fit below which the fit counts as being at an end of the support.
+/// Prior probability beyond a fitted value. Below this limit, the value counts as lying at the end of the support.
 const FARTHEST_TAIL: f64 = 1e-6;
 /// Number of design points in the effects' parameters. They are a Sobol sequence over the priors with the seed `START_SEED`; the design is part of the method.
 const EFFECT_STARTS: u32 = 12;
 const START_SEED: u32 = 11;
-/// Distance (nats) below the best maximum at which another maximum of any width has no weight.
+/// Distance (nats) below the best maximum at which another maximum, however wide, has negligible weight.
 const TOP_REACH_NATS: f64 = 20.0;
 /// Largest distance of two maxima that count as one, in each search coordinate; their heights must also differ by less than `SAME_TOP_NATS`.
 const SAME_TOP: f64 = 0.03;
 const SAME_TOP_NATS: f64 = 0.1;
 const MOST_TOPS: usize = 6;
-/// Distance (nats) below the best maximum at which a point of a ridge has no weight. A ridge is at most a few times as wide as a maximum.
+/// Distance (nats) below the best maximum at which a point of a ridge has negligible weight. A ridge is at most a few times as wide as a maximum.
 const RIDGE_REACH_NATS: f64 = 8.0;
 
 /// Keeps the local maxima of a profile along one coordinate, and their neighbours. Climbs from other points would lead to the same maxima.
@@ -76,8 +76,8 @@ impl CandidatePosterior<'_> {
         self.priors().ordered(self.priors().priors().iter().map(inside).collect())
     }
 
-    /// Finds maxima of the fit's objective within reach of the best one, and ridges. The search starts from a design in the effects' parameters. At each design point the
-    /// law and the noise are fitted first. Then all but one of the effects' parameters are released, and then all.
+    /// Finds ridges, and maxima of the fit's objective that are high enough to have weight. The search starts from a design in the effects' parameters. At each design point the
+    /// law and the noise are fitted first. Then all but one of the effects' parameters are also fitted, and finally all.
     fn tops_and_ridges(&self, candidate: &Candidate, fitted: &Fitted) -> (Vec<Fitted>, Vec<Fitted>) {
         let of_effects: Vec<usize> =
             (0..candidate.free.len()).filter(|k| candidate.free[*k].effect.is_some()).collect();

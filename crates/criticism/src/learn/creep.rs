@@ -16,7 +16,7 @@ use record::CharacteristicSizes;
 const TIMES_PER_DECADE: f64 = 1.5;
 const MOST_TIMES: usize = 8;
 
-/// Addition to the creep compliance, J += (1/E) Σ aₖ (1 − e^{−t/τₖ}) with aₖ ≥ 0. Here 1/E is the law's compliance at the time of a hold.
+/// Addition to the creep compliance, J += (1/E) Σ aₖ (1 − e^{−t/τₖ}) with amplitudes aₖ ≥ 0 and retardation times τₖ. Here 1/E is the law's compliance at the time of a hold.
 #[derive(Debug)]
 pub struct Creep {
     /// Retardation times τₖ in s.
@@ -24,7 +24,7 @@ pub struct Creep {
     parameters: &'static [EffectParameter],
 }
 
-/// Returns the memory that an experiment can resolve: times from three sample intervals to the record's longest hold; `None` if this range is too short.
+/// Returns the memory that an experiment can resolve, with retardation times from three sample intervals to the hold or cycle; `None` if this range is too short.
 pub fn creep(subject: &Subject) -> Option<&'static Creep> {
     let scales = subject.experiment().scales();
     let (shortest_s, longest_s) = (3.0 * scales.sample_interval_s, scales.hold_s.max(scales.cycle_s));

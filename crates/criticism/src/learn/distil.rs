@@ -32,7 +32,7 @@ pub struct FittedFormula {
 }
 
 impl FittedFormula {
-    /// Entry of the document. It has the formula's factors at the states of a function, relative to that function's reference state.
+    /// Returns the formula's entry of the document. Its factors are at the tabulated states of `function`, relative to the reference state of `function`.
     pub fn document(&self, function: &LearnedFunction) -> LearnedFormula {
         let states: Vec<f64> = function.points.iter().map(|point| point.state).collect();
         LearnedFormula {
@@ -45,7 +45,7 @@ impl FittedFormula {
 }
 
 /// Finds the formula with the fewest parameters, at most `most_parameters`, that predicts unseen cycles with a log score of at least `least_score` nats. Of several such
-/// formulas, the best predictor wins. `None` if there is none.
+/// formulas, the best predictor wins. Returns `None` if no formula reaches the score.
 pub fn find_simplest_formula(
     subject: &Subject,
     base: &Refitted,
@@ -96,7 +96,7 @@ pub fn find_simplest_formula(
     })
 }
 
-/// Makes an effect of a formula for a pair, and returns the text of its file and the effect; `None` if the text is not valid.
+/// Makes an effect of a formula for a pair (quantity and state). Returns the text of its file and the effect; `None` if the text is not valid.
 pub fn as_effect(written: &FormulaText, pair: &Pair) -> Option<(String, &'static StateEffect)> {
     let slug = format!("learned-{}-by-{}", pair.quantity, pair.state).replace('_', "-");
     let summary = format!("{} depends on {}", pair.quantity, pair.state.replace('_', " "));
@@ -141,7 +141,7 @@ fn parameters(
 /// Half width of a 90 % interval, in standard deviations.
 pub const NORMAL_90: f64 = 1.645;
 
-/// Factors that a fitted formula gives at states, relative to its factor at a reference state.
+/// Factors of a fitted formula at given states, relative to its factor at a reference state.
 fn factors(refitted: &Refitted, effect: &StateEffect, states: &[f64], reference: f64) -> Vec<f64> {
     let all = refitted.candidate.parameters(&refitted.fitted.theta);
     let named = refitted.candidate.model.parameters();

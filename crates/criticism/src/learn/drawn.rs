@@ -8,7 +8,7 @@ use documents::learned::{LearnedFunction, LearnedPoint, QuantityAtReference};
 
 /// Number of states at which the function is tabulated.
 const N_POINTS: usize = 61;
-/// Largest extrapolation beyond the states of fitted rows, as a fraction of their range; used if the record goes there.
+/// Largest extrapolation of the table beyond the states of fitted rows, as a fraction of their range. The table never goes beyond the states of the record.
 const BEYOND: f64 = 0.15;
 
 /// Number of quantiles of the fitted states among which the reference is chosen.

@@ -1,4 +1,4 @@
-//! Fits of pairs, with their evidence.
+//! Fits of pairs (a quantity as a function of a state), with their evidence.
 //!
 //! All weights of a pair have a normal prior about 0 with one standard deviation τ, which is chosen by the evidence Z. Z follows from the maximum of the posterior
 //! density and the curvature H there (Laplace). For n weights, ln Z = ln L + ln p(θ) − n ln τ − ½ ln det H. The gain is ln Z less that of the model without the pair.
@@ -14,16 +14,16 @@ use crate::refit::Refitted;
 use crate::{Candidate, Fitted, NoiseValues, Search, Subject, Tangent};
 use base::error::Result;
 
-/// Standard deviations τ of the weights that are tried, in order. A weight of 1 changes its quantity by a factor of e over the range of states.
+/// Prior standard deviations of the weights that are tried, in order. A weight of 1 changes its quantity by a factor of e over the range of states.
 const SPREADS: [f64; 4] = [0.3, 1.0, 3.0, 0.08];
 
-/// A pair with its fitted model.
+/// A pair (a quantity as a function of a state) with its fitted model.
 pub struct PairFit {
     /// Index of the pair in the list of pairs.
     pub pair: usize,
     /// The base model with the pair; the weights have their prior.
     pub candidate: Candidate,
-    /// Best fit of that model.
+    /// Best fit of `candidate`.
     pub fitted: Fitted,
     /// Gain in ln evidence over the model without the pair, in nats.
     pub evidence_nats: f64,
@@ -31,7 +31,7 @@ pub struct PairFit {
     pub future: Option<FutureScore>,
 }
 
-/// Returns the indices of a pair's weights among the coordinates. They are the parameters of the last effect.
+/// Returns the indices of the learnt function's weights among the coordinates. The weights are the parameters of the candidate's last effect.
 pub fn weights(candidate: &Candidate) -> Vec<usize> {
     let last = candidate.effects.len().checked_sub(1);
     (0..candidate.free.len()).filter(|k| candidate.free[*k].effect == last && last.is_some()).collect()
@@ -82,7 +82,7 @@ fn with_spread(candidate: &Candidate, spread: f64) -> Candidate {
     entry
 }
 
-/// ln Z (nats), up to a constant that all models share.
+/// Log evidence (nats) of a model by Laplace's approximation, up to a constant that all models share.
 fn ln_evidence(subject: &Subject, candidate: &Candidate, fitted: &Fitted) -> Result<f64> {
     let tangent = Tangent::new(subject, candidate, fitted)?;
     let of_weights = weights(candidate).into_iter().filter_map(|k| candidate.free[k].prior);
@@ -90,7 +90,7 @@ fn ln_evidence(subject: &Subject, candidate: &Candidate, fitted: &Fitted) -> Res
     Ok(fitted.objective - ln_priors - 0.5 * tangent.ln_det_precision())
 }
 
-/// The base model without a pair, with its ln evidence.
+/// The base model without a learnt function, with its log evidence.
 pub struct PairlessModel<'a> {
     /// The model at its fit.
     pub refitted: &'a Refitted,
@@ -98,6 +98,8 @@ pub struct PairlessModel<'a> {
 }
 
 impl<'a> PairlessModel<'a> {
+    /// Computes the log evidence of a model at its fit.
+    ///
     /// # Errors
     /// Errors of computing derivatives at the fit.
     pub fn new(subject: &Subject, refitted: &'a Refitted) -> Result<Self> {
@@ -106,7 +108,7 @@ impl<'a> PairlessModel<'a> {
     }
 }
 
-/// Fits a pair's model with the prior standard deviation of the highest evidence; `None` if the model cannot be fitted.
+/// Fits a pair's model with each prior standard deviation in `spreads` and keeps the fit with the highest evidence; `None` if the model cannot be fitted.
 fn fit(
     subject: &Subject,
     (base, ln_evidence_of_base): (&(Vec<f64>, NoiseValues), f64),
@@ -129,10 +131,10 @@ fn fit(
     best
 }
 
-/// A pair's model, its fit in the search, and its gain in ln evidence (nats).
+/// Model of a pair (a quantity as a function of a state), its fit in the search, and its gain in log evidence (nats).
 pub type SearchedFit = (Candidate, Fitted, f64);
 
-/// Fits all pairs, each added to the base; `None` for a pair without a model.
+/// Adds each pair of a quantity and a state to the base model and fits it; `None` for a pair without a model.
 pub fn search_all(
     subject: &Subject,
     base: &PairlessModel<'_>,
@@ -148,7 +150,7 @@ pub fn search_all(
     (0..pairs.len()).into_par_iter().map(of).collect()
 }
 
-/// Refits pairs to all positions if the search used few of them; pairs without a fit are left out.
+/// Refits pairs to all positions if the search used only some of them. Pairs without a fit are left out.
 pub fn finish_all(
     subject: &Subject,
     base: &PairlessModel<'_>,
@@ -170,7 +172,7 @@ pub fn finish_all(
     sought.into_par_iter().enumerate().filter_map(of).collect()
 }
 
-/// Fits a pair with the noise of another subject, and scores it in that subject; `None` if it has no fit or no cycle is held out.
+/// Fits a pair's model to a subject with another noise model, and scores it there; `None` if it has no fit or no cycle is held out.
 pub fn fit_under(subject: &Subject, learnt: &PairFit) -> Option<(Fitted, FutureScore)> {
     let start = (learnt.fitted.theta.clone(), learnt.fitted.noise);
     let fitted = subject.fit(&learnt.candidate, &[start], Search::Local).ok()?;
@@ -185,16 +187,18 @@ fn future(subject: &Subject, candidate: &Candidate, fitted: &Fitted) -> Result<O
     future_score(subject, &entry, fitted)
 }
 
-/// First-order gains of pairs in data without any pair. They select the pairs that are worth fitting.
+/// First-order gains of pairs (quantity and state) in data without any such dependence. They select the pairs that are worth fitting.
 pub struct Screen {
     tangent: Tangent,
     position_m: Vec<f64>,
-    /// Visible whitened directions of each candidate's weights, one column per weight; `None` if it has no derivatives.
+    /// For each candidate, whitened directions of its weights without the part that the base absorbs, one column per weight; `None` if it has no derivatives.
     directions: Vec<Option<DMatrix<f64>>>,
     units: Vec<Vec<f64>>,
 }
 
 impl Screen {
+    /// Computes the whitened directions of every candidate's weights at the fit of the base.
+    ///
     /// # Errors
     /// Errors of computing the base's derivatives at its fit.
     pub fn new(subject: &Subject, base: &Refitted, candidates: &[Option<Candidate>]) -> Result<Self> {
@@ -217,7 +221,7 @@ impl Screen {
         Ok(Self { tangent, position_m: base.fitted.position_m.clone(), directions, units })
     }
 
-    /// Returns the first-order gains in ln evidence (nats) of all pairs, for other positions at the same rows; −∞ for a pair without directions.
+    /// Returns the first-order gains in log evidence (nats) of all pairs, for other positions at the same rows; −∞ for a pair without directions.
     fn gains_nats(&self, data: &Subject) -> Vec<f64> {
         let left_m = data.fitted_m.iter().zip(&self.position_m).map(|(y, x)| y.map_or(0.0, |y| y - x)).collect();
         let residual = self.tangent.project(self.tangent.whiten(&[left_m]).swap_remove(0));
@@ -242,7 +246,7 @@ impl Screen {
 /// Number of pairs fitted in simulated data: those with the largest first-order gains.
 const N_REFITTED: usize = 2;
 
-/// Returns the largest gain in ln evidence (nats) that a search finds in data without any pair.
+/// Returns the largest gain in log evidence (nats) that a search finds in data in which no quantity depends on a state.
 pub fn largest_gain(data: &Subject, base: &Refitted, screen: &Screen, candidates: &[Option<Candidate>]) -> f64 {
     let start = (base.fitted.theta.clone(), base.fitted.noise);
     let Ok(fitted) = data.fit(&base.candidate, &[start], Search::Local) else { return f64::INFINITY };

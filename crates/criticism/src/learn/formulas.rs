@@ -24,11 +24,12 @@ pub struct Parameter {
     pub is_positive: bool,
 }
 
-/// Returns all formulas for a state between `low` ≤ 0 and `high` ≥ 0: linear, exponential, quadratic, power, saturating, threshold, two states, and sum of two.
+/// Returns all formulas for a state between `low` ≤ 0 and `high` ≥ 0: linear, exponential, saturating, threshold, step, bump, quadratic and power. Signed states also have a
+/// sigmoid.
 pub fn formulas(state: State, [low, high]: [f64; 2]) -> Vec<FormulaText> {
     let (s, size) = (state.name(), high.max(-low));
     let of_size = if state.has_sign() { format!("abs({s})") } else { s.to_string() };
-    // If only positive states occur, a function of the state's size is identical.
+    // If only positive states occur, a function of the state's absolute value is identical.
     let states = if low < 0.0 { vec![s.to_string(), of_size.clone()] } else { vec![s.to_string()] };
     let unit = state.unit();
     let (per, square) = (inverse(unit), inverse(&square(unit)));

@@ -20,7 +20,7 @@ use models::effects::StateEffect;
 
 /// Prior standard deviations of the weights, in the order of their fits.
 const SPREADS: [f64; 5] = [0.3, 1.0, 3.0, 0.1, 0.03];
-/// Distance (nats) below the best evidence at which the fit under a prior is ignored.
+/// Distance (nats) below the best evidence at which a fit is left out of the average over priors.
 const LEAST_SHARE_NATS: f64 = 7.0;
 
 /// Form in which a function is fitted.
@@ -32,8 +32,8 @@ enum FunctionShape {
     Formula(&'static StateEffect),
 }
 
-/// The function fitted under one prior; `share` is its weight in the average.
-struct BasisFunction {
+/// Function fitted under one prior; `share` is its weight in the average.
+struct FunctionFit {
     share: f64,
     shape: FunctionShape,
     candidate: Candidate,
@@ -46,7 +46,7 @@ struct BasisFunction {
 pub struct Function {
     quantity: &'static str,
     /// Function under each prior, the likeliest first.
-    members: Vec<BasisFunction>,
+    members: Vec<FunctionFit>,
 }
 
 impl Function {
@@ -57,7 +57,7 @@ impl Function {
     pub fn of_search(subject: &Subject, learnt: &PairFit, pair: &Pair) -> Result<Option<Self>> {
         let StateKind::Function { smooth, .. } = &pair.kind else { return Ok(None) };
         let only =
-            BasisFunction::at(subject, FunctionShape::Smooth(smooth), learnt.candidate.clone(), learnt.fitted.clone())?;
+            FunctionFit::at(subject, FunctionShape::Smooth(smooth), learnt.candidate.clone(), learnt.fitted.clone())?;
         Ok(Some(Self { quantity: pair.quantity, members: vec![only] }))
     }
 
@@ -74,7 +74,7 @@ impl Function {
             let candidate = subject.extended(&[effect.slug()]).ok()?;
             Some(members(&subject, learnt, &candidate, smooth))
         };
-        let mut members: Vec<(BasisFunction, f64)> = finer.par_iter().filter_map(of_basis).flatten().collect();
+        let mut members: Vec<(FunctionFit, f64)> = finer.par_iter().filter_map(of_basis).flatten().collect();
         members.extend(by_formulas(&subject, learnt, pair));
         members.sort_by(|a, b| b.1.total_cmp(&a.1));
         let Some(best) = members.first().map(|(_, ln_evidence)| *ln_evidence) else {
@@ -84,7 +84,7 @@ impl Function {
         let whole: f64 = members.iter().map(|(_, ln_evidence)| (ln_evidence - best).exp()).sum();
         let members = members.into_iter().map(|(member, ln_evidence)| {
             let share = (ln_evidence - best).exp() / whole;
-            BasisFunction { share, ..member }
+            FunctionFit { share, ..member }
         });
         Ok(Some(Self { quantity: pair.quantity, members: members.collect() }))
     }
@@ -98,7 +98,7 @@ impl Function {
     ///
     /// A factor that all states share is a change of the quantity itself, so only ratios describe the function. [`Self::best_known`] finds the best reference for them.
     pub fn curve(&self, states: &[f64], reference: f64) -> Vec<[f64; 2]> {
-        let of = |member: &BasisFunction| {
+        let of = |member: &FunctionFit| {
             let (at_reference, slopes_there) = member.ln_factor(reference);
             let at = |state: &f64| {
                 let (value, slopes) = member.ln_factor(*state);
@@ -123,7 +123,7 @@ impl Function {
     /// observed position.
     pub fn ln_quantity(&self, state: f64) -> Option<[f64; 2]> {
         let is_quantity = |free: &Free| free.name == self.quantity && matches!(free.coordinate, Coordinate::Logarithm);
-        let of = |member: &BasisFunction| {
+        let of = |member: &FunctionFit| {
             let (ln_factor, mut all) = member.ln_factor(state);
             let place = member.candidate.free.iter().position(is_quantity)?;
             all.push((place, 1.0));
@@ -133,7 +133,7 @@ impl Function {
         all.map(|all| self.mixed(all.into_iter()))
     }
 
-    /// Mean and standard deviation over all priors, from those under each prior.
+    /// Mean and standard deviation over all priors, from the mean and standard deviation under each prior.
     fn mixed(&self, of_members: impl Iterator<Item = [f64; 2]>) -> [f64; 2] {
         let [mut mean, mut square] = [0.0; 2];
         for (member, [value, sd]) in self.members.iter().zip(of_members) {
@@ -151,7 +151,7 @@ fn members(
     learnt: &PairFit,
     candidate: &Candidate,
     smooth: &'static Smooth,
-) -> Vec<(BasisFunction, f64)> {
+) -> Vec<(FunctionFit, f64)> {
     let mut start = (candidate.embed(&learnt.candidate, &learnt.fitted.theta), learnt.fitted.noise);
     let mut all = Vec::new();
     for spread in SPREADS {
@@ -159,7 +159,7 @@ fn members(
             continue;
         };
         start = (fitted.theta.clone(), fitted.noise);
-        let Ok(member) = BasisFunction::at(subject, FunctionShape::Smooth(smooth), candidate, fitted) else { continue };
+        let Ok(member) = FunctionFit::at(subject, FunctionShape::Smooth(smooth), candidate, fitted) else { continue };
         all.push((member, ln_evidence));
     }
     all
@@ -167,7 +167,7 @@ fn members(
 
 /// Fits every formula and returns the fits with their ln evidence; the parameters have their own priors. Empty for monotone functions, since formulas need not be
 /// monotone.
-fn by_formulas(subject: &Subject, learnt: &PairFit, pair: &Pair) -> Vec<(BasisFunction, f64)> {
+fn by_formulas(subject: &Subject, learnt: &PairFit, pair: &Pair) -> Vec<(FunctionFit, f64)> {
     let StateKind::Function { smooth, state, visited, .. } = &pair.kind else { return Vec::new() };
     if matches!(smooth.basis(), Basis::Ramps { .. }) {
         return Vec::new();
@@ -179,13 +179,13 @@ fn by_formulas(subject: &Subject, learnt: &PairFit, pair: &Pair) -> Vec<(BasisFu
         let candidate = subject.extended(&[effect.slug]).ok()?;
         let start = (candidate.embed(&learnt.candidate, &learnt.fitted.theta), learnt.fitted.noise);
         let (candidate, fitted, ln_evidence) = fit_own_priors(&subject, &candidate, start)?;
-        let member = BasisFunction::at(&subject, FunctionShape::Formula(effect), candidate, fitted).ok()?;
+        let member = FunctionFit::at(&subject, FunctionShape::Formula(effect), candidate, fitted).ok()?;
         Some((member, ln_evidence))
     };
     formulas(*state, range).par_iter().filter_map(of).collect()
 }
 
-impl BasisFunction {
+impl FunctionFit {
     fn at(subject: &Subject, shape: FunctionShape, candidate: Candidate, fitted: Fitted) -> Result<Self> {
         let tangent = Tangent::new(subject, &candidate, &fitted)?;
         let is_one_way =
@@ -240,8 +240,8 @@ impl BasisFunction {
     }
 }
 
-/// Mean and covariance of the coordinates if no weight may be negative. The linearised model absorbs the residual at some coordinates. A normal distribution about these
-/// coordinates is truncated to weights of at least 0.
+/// Mean and covariance of the coordinates if no weight may be negative. The normal distribution of the linearised model is truncated to weights of at least 0. Its centre has
+/// the coordinates at which the linearised model absorbs the residual.
 fn above_zero(tangent: &Tangent, candidate: &Candidate, fitted: &Fitted) -> Option<(Vec<f64>, DMatrix<f64>)> {
     let step = tangent.absorbing_step(tangent.residual())?;
     let centre: Vec<f64> = fitted.theta.iter().zip(step).map(|(theta, step)| theta + step).collect();

@@ -88,7 +88,7 @@ fn bands_are_as_wide_as_what_is_learnt_scatters() {
     }
 }
 
-fn slopes_are_differences(member: &mut BasisFunction, state: f64) {
+fn slopes_are_differences(member: &mut FunctionFit, state: f64) {
     if matches!(member.shape, FunctionShape::Smooth(_)) {
         return;
     }

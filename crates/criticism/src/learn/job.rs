@@ -1,4 +1,4 @@
-//! The job of `learn`: fits every pair, judges the leading one, tabulates its function and replaces it by a formula.
+//! Steps of the command `learn`: fits every pair of a quantity and a state, judges the leading pair, tabulates its function and replaces it by a formula.
 
 use super::distil::FittedFormula;
 use super::drawn::tabulate_function;
@@ -50,8 +50,8 @@ pub fn learn(subject: &Subject, request: &Request, monitor: &dyn Monitor) -> Res
     found.learned(chosen, distilled, function.as_ref(), (p, preferred), &errors)
 }
 
-/// Returns a sentence on the pair that `learn` would choose for a model's residual; `None` if no pair helps. `subject` has no outliers, and no simulated searches confirm
-/// the pair.
+/// Returns a sentence on the quantity and the state that `learn` would choose for a model's residual; `None` if no pair helps. `subject` has no outliers. No simulated searches
+/// confirm the choice.
 ///
 /// # Errors
 /// Errors of [`learn`].
@@ -75,7 +75,7 @@ pub fn preview_learning(subject: &Subject, base: &Refitted, monitor: &dyn Monito
 struct Errors<'a> {
     /// The record with its outliers.
     whole: &'a Subject,
-    /// Errors of the base model, which lacks the pair.
+    /// Errors of the base model, which lacks the learnt dependence.
     base: ModelErrors,
 }
 

@@ -13,7 +13,7 @@ use models::effects::{Effect, EffectParameter, QuantityName, StateEffect};
 use models::model::Response;
 use posterior::study::effect_file::leak;
 
-/// A pair of a quantity and a state, or a free memory.
+/// A pair of a quantity and a state on which it depends, or a free memory (additional retardation times).
 pub struct Pair {
     /// Name of the quantity; `creep` for a free memory.
     pub quantity: &'static str,
@@ -47,12 +47,12 @@ const LEAST_DISTINCT: usize = 3;
 /// Scale on which velocities and times since a step are resolved near 0, as a fraction of their range: most changes occur near 0.
 const BENT_AT: f64 = 0.03;
 
-/// Bases of a search without monotonicity.
+/// Basis functions of a search for functions that need not be monotone.
 const FREE: [Basis; 1] = [Basis::COSINES];
-/// Bases of a search for monotone functions.
+/// Basis functions of a search for monotone functions.
 const MONOTONE: [Basis; 2] = [Basis::Ramps { n: N_WEIGHTS, falls: false }, Basis::Ramps { n: N_WEIGHTS, falls: true }];
 
-/// Returns all pairs that make sense for a model. In a search for monotone functions each pair occurs twice, rising and falling.
+/// Returns all meaningful pairs of a quantity and a state for a model. In a search for monotone functions each pair occurs twice, rising and falling.
 ///
 /// # Errors
 /// Errors if the model has no stages at its fit.
@@ -117,7 +117,7 @@ pub fn state_range(visited: &[f64]) -> [f64; 2] {
 /// Decays of cosines over which a function is averaged: with 1 it may have kinks and near jumps, with 2 only bends.
 const DECAYS: [f64; 3] = [1.0, 1.5, 2.0];
 
-/// Returns finer functions for a pair, with the largest number of weights; none for a free memory.
+/// Returns functions with the largest number of weights for a pair, as effects; empty for a free memory.
 pub fn finer_functions(pair: &Pair) -> Vec<(&'static dyn Effect, &'static Smooth)> {
     let StateKind::Function { smooth, quantity, state, .. } = &pair.kind else { return Vec::new() };
     let bases = match smooth.basis() {
@@ -131,7 +131,7 @@ pub fn finer_functions(pair: &Pair) -> Vec<(&'static dyn Effect, &'static Smooth
     bases.iter().enumerate().map(of).collect()
 }
 
-/// Makes a function static, since effects live until the program ends.
+/// Makes a function static, because effects live until the program ends.
 fn leak_function(smooth: Smooth) -> &'static Smooth {
     Box::leak(Box::new(smooth))
 }

@@ -14,14 +14,14 @@ use laws::stages::State;
 use models::effects::StateEffect;
 use posterior::monitor::Monitor;
 
-/// A record with every pair fitted. Its cycles are scored under the noise of the model's specification.
+/// A record to which every pair (a quantity as a function of a state) is fitted. Its cycles are scored under the noise of the model's specification.
 pub struct LearningRecord {
     found: PairSearch,
     subject: Subject,
     base: Refitted,
 }
 
-/// Result of one pair in a record.
+/// Gains of one pair (a quantity as a function of a state) in a record.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PairGain {
     /// Name of the pair, equal in all records.
@@ -45,7 +45,7 @@ pub struct Formula {
     effect: &'static StateEffect,
 }
 
-/// Result of a formula in one record.
+/// Result of testing a formula in a record from which it was not learnt.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FormulaTest {
     /// Gain in the log score of the last cycle, which no fit has seen, in nats.

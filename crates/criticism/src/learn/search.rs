@@ -1,4 +1,4 @@
-//! Search among pairs: fits of every pair added to a record's model, and the criteria for the leading pair.
+//! Search among pairs of a quantity and a state: fits of every pair added to a record's model, and the criteria for the leading pair.
 
 use super::distil::{FittedFormula, find_simplest_formula};
 use super::fit::{PairFit, PairlessModel, Screen, finish_all, fit_under, largest_gain, search_all};
@@ -11,34 +11,34 @@ use base::error::Result;
 use documents::errors::ModelErrors;
 use posterior::monitor::{Counter, Monitor};
 
-/// Largest p at which a pair may be learnt.
+/// Largest p at which a pair (a quantity as a function of a state) may be learnt.
 pub const LARGEST_P: f64 = 0.02;
-/// Least gain in ln evidence (nats) of a learnt pair: e⁵ is 150 to 1.
+/// Least gain in log evidence (nats) of a learnt pair: e⁵ is 150 to 1.
 pub const LEAST_EVIDENCE_NATS: f64 = 5.0;
 /// Least gain (nats) of a learnt pair in the log score of unseen cycles.
 pub const LEAST_FUTURE_NATS: f64 = 3.0;
-/// Largest loss (nats) of a learnt pair in the log score of the last unseen cycle.
+/// Largest loss (nats) of a learnt pair (quantity and state) in the log score of the last unseen cycle.
 const LARGEST_LOSS_NATS: f64 = 0.1;
 /// Least change of a position by a learnt pair, divided by the noise.
 const SMALLEST_CHANGE: f64 = 0.25;
-/// Difference in ln evidence (nats) below which pairs count as equal: e⁶ is 400 to 1.
+/// Difference in log evidence (nats) below which pairs count as equal: e⁶ is 400 to 1.
 pub const EQUAL_NATS: f64 = 6.0;
 /// Largest loss (nats) of a formula against the function's log score of unseen cycles. `FORMULA_LOSS` times the function's gain is added to it.
 pub const FORMULA_LOSS_NATS: f64 = 3.0;
 pub const FORMULA_LOSS: f64 = 0.05;
-/// Difference in ln evidence (nats) up to which another pair may give a simpler formula that predicts as well.
+/// Difference in log evidence (nats) up to which another pair may give a simpler formula that predicts as well.
 const SIMPLER_WITHIN_NATS: f64 = 40.0;
-/// A library effect is preferred to the function if its log score of unseen cycles is at most this many nats lower. `LIBRARY_SHARE` times the function's gain is added to
-/// this loss. A library effect has a few parameters, the function eight.
+/// Largest deficit (nats) of a library effect, in the log score of unseen cycles, at which it is preferred to the learnt function. `LIBRARY_SHARE` times the function's gain is
+/// added to the deficit. A library effect has a few parameters, the function eight.
 const LIBRARY_NATS: f64 = 4.0;
 const LIBRARY_SHARE: f64 = 0.02;
 /// Number of positions in the search of nonlinear models.
 const MOST_SEARCHED_SLOWLY: usize = 200;
-/// Fraction of the function's gain below which a model's first-order bound is too small, so that the model is not fitted.
+/// Least first-order bound of a nonlinear model's gain, as a fraction of the function's gain, at which the model is fitted.
 const WITHIN_REACH: f64 = 0.5;
-/// Number of positions in the search of pairs. If there are more, each pair's fit is then continued with all positions.
+/// Largest number of positions in the search of pairs. If the record has more, each pair's fit is then continued with all positions.
 const MOST_SEARCHED: usize = 800;
-/// Random stream of the simulated searches, separate from others of the seed.
+/// Random stream of the simulated searches, separate from other streams of the seed.
 const STREAM: u64 = 0x1ea4;
 
 /// Settings of `learn`.
@@ -78,7 +78,7 @@ pub struct PairSearch {
     searched: SearchedPositions,
 }
 
-/// Positions that the search uses, all or a selection, with the base's fit to them and the largest gain in ln evidence (nats).
+/// Positions that the search uses, all or a selection, with the base's fit to them and the search's largest gain in log evidence (nats).
 struct SearchedPositions {
     subject: Subject,
     base: Refitted,
@@ -118,7 +118,7 @@ impl PairSearch {
 }
 
 impl PairSearch {
-    /// Returns p of the largest gain, from searches in data simulated from the base.
+    /// Returns p of the search's largest gain, from searches in data simulated from the base model.
     pub fn p(&self, request: &Request, monitor: &dyn Monitor) -> Result<f64> {
         let SearchedPositions { subject, base, gain_nats } = &self.searched;
         let screen = Screen::new(subject, base, &self.candidates)?;
@@ -147,11 +147,15 @@ impl PairSearch {
         let shows = |learnt: &&PairFit| {
             let changes = learnt.fitted.position_m.iter().zip(&self.base.fitted.position_m);
             let largest_m = changes.fold(0.0_f64, |largest, (a, b)| largest.max((a - b).abs()));
-            largest_m >= SMALLEST_CHANGE * self.subject.yardstick_m()
+            largest_m >= SMALLEST_CHANGE * self.subject.reference_noise_m()
         };
         let Some(leading) = self.learnt.first() else {
             let is_outside = self.subject.problem().outside().is_some();
-            let why = if is_outside { "another program computes the law" } else { "no pair has a model here" };
+            let why = if is_outside {
+                "another program computes the law"
+            } else {
+                "no function of a state can be fitted to this record"
+            };
             return Err(why.into());
         };
         if p > LARGEST_P {
@@ -159,11 +163,11 @@ impl PairSearch {
         }
         let is_near = |pair_fit: &&PairFit| leading.evidence_nats - pair_fit.evidence_nats <= EQUAL_NATS;
         let Some(chosen) = self.learnt.iter().filter(is_near).filter(predicts).find(shows) else {
-            return Err("no pair predicts unseen cycles".into());
+            return Err("none predicts unseen cycles".into());
         };
         if chosen.evidence_nats < LEAST_EVIDENCE_NATS {
             return Err(format!(
-                "{:.1} nats of evidence, where {LEAST_EVIDENCE_NATS:.0} are required",
+                "the evidence is {:.1} nats, but {LEAST_EVIDENCE_NATS:.0} are required",
                 chosen.evidence_nats
             ));
         }
@@ -222,15 +226,15 @@ impl PairSearch {
     pub fn explained(&self, fitted: &Fitted) -> Option<f64> {
         let is_scored = self.subject.scored_m.iter().any(Option::is_some);
         let rows = if is_scored { &self.subject.scored_m } else { &self.subject.fitted_m };
-        let noise = self.subject.yardstick_m().powi(2);
+        let noise = self.subject.reference_noise_m().powi(2);
         let [before, after] =
             [&self.base.fitted, fitted].map(|fitted| fitted.rmse_m(rows).map(|rmse| (rmse * rmse - noise).max(0.0)));
         let (before, after) = (before?, after?);
         (before > 0.0).then(|| (1.0 - after / before).clamp(-1.0, 1.0))
     }
 
-    /// Finds the simplest formula that predicts unseen cycles nearly as well as the function. It belongs to the leading pair, or has one parameter and belongs to another
-    /// pair within reach. A function with eight weights may hide that a line in another state does as well. All fits use the noise of the model's specification, since
+    /// Finds the simplest formula that predicts unseen cycles nearly as well as the function. Formulas of the leading pair may have any number of parameters, formulas of other
+    /// pairs within reach only one. A function with eight weights may hide that a line in another state does as well. All fits use the noise of the model's specification, because
     /// the formula is added to that model. Slow noise, which only the search allows, would absorb levels and leave only increments to the formula.
     pub fn write_formula<'a>(&'a self, chosen: &'a PairFit) -> (&'a PairFit, Option<FittedFormula>) {
         let Ok((subject, base)) = with_own_noise(&self.subject, &self.base) else { return (chosen, None) };
@@ -238,7 +242,7 @@ impl PairSearch {
             return (chosen, None);
         };
         // If even the function's residual exceeds the noise, the excess is model error that is correlated between rows. Each nat then counts correspondingly less.
-        let left = (1e-6 * function.noise[0] / subject.yardstick_m()).powi(2).max(1.0);
+        let left = (1e-6 * function.noise[0] / subject.reference_noise_m()).powi(2).max(1.0);
         let gain = of_function.all - of_base.all;
         let least = of_function.all - FORMULA_LOSS_NATS * left - FORMULA_LOSS * gain;
         let is_within = |other: &&PairFit| other.evidence_nats > chosen.evidence_nats - SIMPLER_WITHIN_NATS;

@@ -8,10 +8,10 @@ pub const N_WEIGHTS: usize = 8;
 /// Largest number of weights of a function.
 pub const MOST_WEIGHTS: usize = 16;
 
-/// Basis functions of u in [0, 1]. Their weighted sum is the exponent g of [`Smooth`].
+/// Basis functions of the scaled state u in [0, 1]. Their weighted sum is the exponent g of the factor [`Smooth`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Basis {
-    /// A trend u, and cosines cos(πku)/k^p. A larger decay p makes g smoother before any data.
+    /// A linear trend u, and cosines cos(πku)/k^p for k = 1, 2, …. A larger decay p makes the prior functions smoother.
     Cosines {
         /// Decay p of the cosines.
         decay: f64,
@@ -20,13 +20,13 @@ pub enum Basis {
     Ramps {
         /// Number of hats, at most [`MOST_WEIGHTS`].
         n: usize,
-        /// True if g falls, false if it rises.
+        /// True if the functions fall with the state, false if they rise.
         falls: bool,
     },
 }
 
 impl Basis {
-    /// Basis of a search. Its functions bend but have no kinks.
+    /// Basis functions of a search: a trend and cosines whose sums bend but have no kinks.
     pub const COSINES: Self = Self::Cosines { decay: 1.5 };
 
     /// Constant factor of each basis function.
@@ -86,11 +86,11 @@ impl Basis {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Smooth {
     basis: Basis,
-    /// u at the state s is (w(s) − `from`)/`width`.
+    /// Offset and `width` that scale the (perhaps transformed) state to u = (state − `from`)/`width`, from 0 to 1 over the range of states.
     from: f64,
     width: f64,
-    /// Scale s₀ if w(s) is arsinh(s/s₀); `None` if w(s) is s.
-    bent_at: Option<f64>,
+    /// Scale s₀ of the transformation arsinh(s/s₀) of a state s; `None` if the state is not transformed.
+    arsinh_scale: Option<f64>,
     /// Constant factors of the basis functions, and the functions' values at the state 0 (`at_zero`).
     sizes: [f64; MOST_WEIGHTS],
     at_zero: [f64; MOST_WEIGHTS],
@@ -98,14 +98,14 @@ pub struct Smooth {
 
 impl Smooth {
     /// Makes the function over a nonempty range of states.
-    pub fn over(range: [f64; 2], bent_at: Option<f64>, basis: Basis) -> Self {
-        let warp = |s: f64| bent_at.map_or(s, |value| (s / value).asinh());
+    pub fn over(range: [f64; 2], arsinh_scale: Option<f64>, basis: Basis) -> Self {
+        let warp = |s: f64| arsinh_scale.map_or(s, |value| (s / value).asinh());
         let [from, to] = range.map(warp);
         let none = [0.0; MOST_WEIGHTS];
-        Self { basis, from, width: to - from, bent_at, sizes: none, at_zero: none }.with(basis)
+        Self { basis, from, width: to - from, arsinh_scale, sizes: none, at_zero: none }.with(basis)
     }
 
-    /// Basis of g.
+    /// Returns the basis functions of the exponent.
     pub fn basis(&self) -> Basis {
         self.basis
     }
@@ -117,12 +117,12 @@ impl Smooth {
         smooth
     }
 
-    /// Returns the basis functions at a state, minus their values at the state 0. Their weighted sum is g.
+    /// Returns the basis functions at a state, minus their values at the state 0. Their weighted sum is the exponent g.
     pub fn functions(&self, state: Dual) -> [Dual; MOST_WEIGHTS] {
         self.first(MOST_WEIGHTS, state)
     }
 
-    /// Returns the first `n_weights` of these basis functions; the others are 0.
+    /// Returns the first `n_weights` basis functions of [`Self::functions`]; the others are 0.
     fn first(&self, n_weights: usize, state: Dual) -> [Dual; MOST_WEIGHTS] {
         let mut functions = self.basis.at(self.place(state), &self.sizes, n_weights);
         let each = functions.iter_mut().zip(self.at_zero).take(n_weights);
@@ -130,9 +130,9 @@ impl Smooth {
         functions
     }
 
-    /// Value of u at a state.
+    /// Scaled state u, from 0 to 1 over the range of states.
     fn place(&self, state: Dual) -> Dual {
-        let warped = match self.bent_at {
+        let warped = match self.arsinh_scale {
             Some(unit) => {
                 let x = state * unit.recip();
                 Dual { value: x.value.asinh(), derivative: x.derivative / (1.0 + x.value * x.value).sqrt() }
@@ -142,7 +142,7 @@ impl Smooth {
         (warped - self.from) * self.width.recip()
     }
 
-    /// Returns g of a cosine basis with constant weights, by Clenshaw's recurrence. It takes a fifth of the time of separate functions, which are the main cost of fits.
+    /// Returns the exponent g of a cosine basis with constant weights, by Clenshaw's recurrence. It takes a fifth of the time of separate functions, the main cost of fits.
     fn sum_of_cosines(&self, state: Dual, weights: &[Dual]) -> Dual {
         let u = self.place(state);
         let is_inside = (0.0..=1.0).contains(&u.value);
@@ -188,12 +188,12 @@ mod tests {
     /// Every basis function is 0 at the state 0. Cosines equal those of the standard library, and derivatives equal differences, with and without arsinh.
     #[test]
     fn functions_are_what_they_are_called() {
-        for bent_at in [None, Some(3e-5)] {
-            let smooth = Smooth::over([-2e-4, 6e-4], bent_at, Basis::COSINES);
+        for arsinh_scale in [None, Some(3e-5)] {
+            let smooth = Smooth::over([-2e-4, 6e-4], arsinh_scale, Basis::COSINES);
             assert!(smooth.functions(Dual::ZERO).iter().all(|function| function.value == 0.0));
             for state in [-1.5e-4, 1e-5, 4e-4] {
                 let found = smooth.functions(Dual::variable(state));
-                let warp = |s: f64| bent_at.map_or(s, |value: f64| (s / value).asinh());
+                let warp = |s: f64| arsinh_scale.map_or(s, |value: f64| (s / value).asinh());
                 let u = |s: f64| (warp(s) - warp(-2e-4)) / (warp(6e-4) - warp(-2e-4));
                 for (k, found) in found.iter().enumerate().skip(1) {
                     let cosine = |s: f64| (std::f64::consts::PI * k as f64 * u(s)).cos() * (k as f64).powf(-1.5);
@@ -210,8 +210,8 @@ mod tests {
     /// weights.
     #[test]
     fn sums_of_cosines_are_those_of_the_functions() {
-        for bent_at in [None, Some(3e-5)] {
-            let smooth = Smooth::over([-2e-4, 6e-4], bent_at, Basis::Cosines { decay: 1.0 });
+        for arsinh_scale in [None, Some(3e-5)] {
+            let smooth = Smooth::over([-2e-4, 6e-4], arsinh_scale, Basis::Cosines { decay: 1.0 });
             for n_weights in [1, 2, N_WEIGHTS, MOST_WEIGHTS] {
                 let weights: Vec<Dual> = (0..n_weights).map(|k| Dual::constant(0.7 - 0.3 * k as f64)).collect();
                 for state in [-3e-4, -2e-4, -1e-4, 0.0, 2.3e-4, 6e-4, 9e-4].map(Dual::variable) {

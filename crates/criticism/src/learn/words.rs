@@ -11,7 +11,7 @@ use documents::errors::ModelErrors;
 use documents::learned::{LearnedFormula, LearnedFunction, LearnedPoint};
 use figures::number::format_significant;
 
-/// Fraction of held-out rows beyond the fitted states above which the verdict mentions them.
+/// Fraction of held-out rows whose state lies beyond the fitted states, above which the verdict mentions them.
 const MOST_BEYOND: f64 = 0.1;
 
 impl PairSearch {
@@ -51,7 +51,7 @@ impl PairSearch {
                 sentence +=
                     &format!(" As a formula: {}, {} µm.", formula.product(pair.quantity), format_significant(left, 3));
                 if is_outside_band(&formula.factors, &drawn.points) {
-                    sentence += " It lies outside the function's band: the formula is fitted with the noise of the study's model, the function with every kind of noise.";
+                    sentence += " The formula lies outside the function's band: it is fitted with the noise of the study's model, but the function with every kind of noise.";
                 }
             }
             None if matches!(pair.kind, StateKind::Function { .. }) => {
@@ -90,7 +90,7 @@ impl PairSearch {
         let ahead_nats = leading.evidence_nats - chosen.evidence_nats;
         if ahead_nats > EQUAL_NATS {
             sentence += &format!(
-                " Evidence alone prefers {}, by {ahead_nats:.0} nats, but no formula of equal length predicts better for it.",
+                " Evidence alone prefers {} by {ahead_nats:.0} nats, but none of its formulas of equal length predicts better.",
                 named(leading)
             );
         }
@@ -105,7 +105,7 @@ impl PairSearch {
     }
 }
 
-/// Phrase for a quantity.
+/// Phrase for the quantity that a learnt function multiplies.
 pub fn quantity_words(quantity: &str) -> String {
     match quantity {
         "force" => "the force".into(),

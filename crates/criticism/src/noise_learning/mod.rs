@@ -1,6 +1,6 @@
-//! Noise learnt in several ways, each blind to a different part of it. A disagreement between them is a finding.
+//! Noise estimated by several methods, each of which misses a different part of the noise. A disagreement between methods is a finding.
 //!
-//! | source | method | does not see |
+//! | source | method | misses |
 //! |---|---|---|
 //! | rest records | scatter about a line without force | noise slower than a rest; gain |
 //! | short-lag differences | second differences late in holds | slow noise, gain, offset |
@@ -70,11 +70,11 @@ pub struct NoiseEstimates {
     pub cycles: Option<CycleSpread>,
     /// Estimate by restricted maximum likelihood.
     pub restricted: RestrictedSpread,
-    /// Root mean square residual of the fit, in m.
+    /// Root mean square residual of the fit, in m, at the fitted rows.
     pub left_m: f64,
 }
 
-/// Least difference of two estimates, in standard errors, at which they disagree. They must also differ by the fraction `LEAST_FRACTION`.
+/// Least difference of two estimates, in standard errors, at which they disagree. The difference must also exceed the fraction `LEAST_FRACTION` of the smaller estimate.
 const LEAST_ERRORS: f64 = 3.5;
 const LEAST_FRACTION: f64 = 0.2;
 /// Ratio of a fit's residual to the noise above which the residual is a misfit.
@@ -156,7 +156,7 @@ impl NoiseEstimates {
             && exceeds(rest, neighbours)
         {
             found.push(format!(
-                "At rest, positions scatter by {}, neighbouring ones by {}: the noise is slow, or the bead still moves at rest.",
+                "At rest, positions scatter by {}, but neighbouring positions by {}: the noise is slow, or the bead still moves at rest.",
                 short_um(rest.sd_m),
                 short_um(neighbours.sd_m)
             ));
@@ -197,7 +197,7 @@ impl CycleSpread {
         self.gain_score > LEAST_GAIN_SCORE && self.whole.sd_m > (1.0 + LEAST_GAIN_SHARE) * self.within.sd_m
     }
 
-    /// Standard deviation of one position, gains and offsets included. Its error assumes a constant gain, as a test of constancy requires.
+    /// Standard deviation of one position, gains and offsets included. Its error assumes that the gain is constant, because it serves to test whether the gain changes.
     fn whole_by_chance(&self) -> NoiseEstimateSd {
         NoiseEstimateSd { standard_error_m: self.within.standard_error_m, ..self.whole }
     }

@@ -49,9 +49,9 @@ pub(super) fn of_neighbours(record: &Record) -> Option<NoiseEstimateSd> {
     (sd_m > 0.0).then(|| NoiseEstimateSd { sd_m, standard_error_m: sd_m * MAD_ERROR / (sizes.len() as f64).sqrt() })
 }
 
-/// Noise from successive cycles: the scatter of the differences between a fit's residuals at equal times in both cycles. `fitted_m` are the fit's positions. Only rows
-/// whose last force step was equal in both cycles are used, because the true motions differ after different steps. The record's first step, which starts without force,
-/// often differs from all later ones.
+/// Noise from successive cycles: the scatter of the differences between a fit's residuals at equal times in both cycles. `fitted_m` are the fit's positions (m). A row counts
+/// only if its last force step was equal in both cycles, because the true motions differ after different steps. The record's first step, which starts without force, often
+/// differs from all later ones.
 pub(super) fn of_cycles(record: &Record, fitted_m: &[f64]) -> Option<CycleSpread> {
     let steps = record.force_step_rows();
     let same = MatchTolerance {

@@ -39,7 +39,7 @@ impl<'a> Absorbed<'a> {
         Ok(Self { subject, position_m: &fitted.position_m, columns_m, prior })
     }
 
-    /// Change of the log likelihood at the fit because the mean's parameters are integrated out. The noise parameters are in their units.
+    /// Change of the log likelihood (nats) at the fit because the mean's parameters are integrated out. The noise parameters are in their units.
     pub fn correction(&self, noise: &NoiseValues) -> f64 {
         let white = self.subject.fitted.whiten(&self.columns_m, self.position_m, noise);
         let Some((residual, columns)) = white.split_last() else { return 0.0 };
@@ -89,8 +89,8 @@ pub(super) fn learn(subject: &Subject, candidate: &Candidate, fitted: &Fitted) -
     })
 }
 
-/// Standard error of a function of noise parameters. Its slopes are with respect to the logarithms of parameters, given by index. The covariance follows from the
-/// curvature of the objective at its maximum.
+/// Standard error of a function of the noise parameters. `slopes` has, for each parameter's index, the function's slope with respect to the parameter's logarithm. The
+/// covariance follows from the curvature of the objective at its maximum `top`.
 fn relative_error(objective: &dyn Fn(&[LogNoise]) -> Vec<f64>, top: &LogNoise, slopes: &[(usize, f64)]) -> f64 {
     let n = slopes.len();
     let moved = |steps: &[(usize, f64)]| {

@@ -49,8 +49,8 @@ impl Axis {
         }
     }
 
-    /// Prior covariance of the basis functions' amplitudes, as a fraction of the process's variance. It is that of a squared exponential kernel with a length of `length`
-    /// knots, or of 1/`length` waves.
+    /// Prior covariance of the basis functions' amplitudes, as a fraction of the process's variance: that of a squared exponential kernel. The kernel's length is `length` knots,
+    /// or 1/`length` waves.
     fn covariance(self, n: usize, length: f64) -> DMatrix<f64> {
         let kernel = |distance: f64| (-0.5 * distance * distance).exp();
         DMatrix::from_fn(n, n, |i, j| match self {
@@ -70,7 +70,7 @@ pub struct Discrepancy {
     pub axis: Axis,
     /// Gain in log evidence by the process, at the best size and smoothness, in nats.
     pub gain_nats: f64,
-    /// p of that gain, from simulations, corrected for all axes.
+    /// p of `gain_nats`, from simulations, corrected for all axes.
     pub p_familywise: f64,
     /// Root mean square (µm) of the process's mean over the fitted rows.
     pub size_um: f64,
@@ -84,22 +84,23 @@ pub struct Discrepancy {
     pub sd_m: Vec<f64>,
     /// Residual (m) of the model without the process, after the model's parameters have absorbed their part, at the fitted rows; `None` in other rows.
     pub residual_m: Vec<Option<f64>>,
-    /// Fit of the model without the process, with the noise that was estimated together with it.
+    /// Fit of the model without the process. The noise was estimated together with the process.
     pub fitted: Fitted,
 }
 
-/// Standard deviations of the process that are tried, as multiples of the yardstick.
+/// Standard deviations of the process that are tried, as multiples of the known or estimated noise standard deviation.
 const SIZES: [f64; 9] = [0.06, 0.12, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0];
-/// Smoothnesses that are tried: correlation lengths, in knots or reciprocal waves.
+/// Smoothness of the processes that are tried: the correlation length in knots, or the number of waves beyond which amplitudes become small.
 const LENGTHS: [f64; 4] = [1.0, 2.0, 4.0, 8.0];
 
-/// A process of one axis, size and smoothness. In its own coordinates the whitened data are independent, each with the distribution N(0, 1 + dᵢ).
+/// A process of one axis, size and smoothness. In the process's own coordinates the whitened data are independent and normal, each with a variance of 1 plus its entry of
+/// `variances`.
 struct Process {
     /// Matrix that converts the process's own coordinates into amplitudes of the basis functions.
     to_amplitudes: DMatrix<f64>,
-    /// Prior variances d of the process's own coordinates, in the whitened data.
+    /// Prior variances of the process's own coordinates, in the whitened data.
     variances: DVector<f64>,
-    /// Whitened directions of the process's own coordinates, one column each, of length √d.
+    /// Whitened directions of the process's own coordinates, one column each; their squared lengths are `variances`.
     directions: DMatrix<f64>,
 }
 
@@ -192,7 +193,7 @@ fn prepare(
     let fitted = Fitted { noise, ..alone };
     let tangent = Tangent::new(subject, candidate, &fitted)?;
     let visible = DMatrix::from_columns(&tangent.visible(&columns));
-    let yardstick = 1e6 * subject.yardstick_m();
+    let yardstick = 1e6 * subject.reference_noise_m();
     let mut processes = Vec::new();
     for length in LENGTHS {
         processes.extend(SIZES.map(|size| Process::new(&visible, axis, length, size * yardstick)));
@@ -224,7 +225,7 @@ impl PreparedDiscrepancy {
         let mean = &basis * amplitudes;
         let spread = basis * root;
         let squares: f64 = setting.rows.iter().map(|row| mean[*row].powi(2)).sum();
-        // With this noise the parameters absorb slightly more.
+        // The fit used another noise. With this noise the parameters absorb slightly more of the residual.
         let steps = self.tangent.absorbing_step(self.tangent.residual()).unwrap_or_default();
         let absorbed_m =
             |row: usize| parameter_columns_m.iter().zip(&steps).map(|(column, step)| step * column[row]).sum::<f64>();

@@ -17,9 +17,9 @@ use base::error::Result;
 const NOMINATED: usize = 2;
 /// Distance (nats) below the best gain beyond which a family is not refined.
 const REFINED_WITHIN: f64 = 12.0;
-/// Least gain of a returned finding beyond its gain by chance, in nats.
+/// Least gain of a returned finding, in nats, after subtraction of its gain by chance.
 const LEAST_PENALISED: f64 = 0.0;
-/// Standard deviation of the relative gain in the noise `clean`, which is not estimated from the residuals.
+/// Standard deviation of the relative gain in the noise `clean`, which is assumed instead of estimated from the residuals.
 const CLEAN_GAIN_SD: f64 = 0.005;
 /// Cosine above which an effect is reported as similar to a shape.
 const TWIN_COSINE: f64 = 0.9;
@@ -27,7 +27,7 @@ const TWIN_COSINE: f64 = 0.9;
 /// Least penalty per free amplitude, in nats. A flexible curve must gain more than a fixed shape.
 const NATS_A_DEGREE: f64 = 1.5;
 
-/// Gains that a search reaches by chance.
+/// Gains that a search for structure outside the library reaches by chance.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OutsideNull {
     /// Penalty of each family, in nats.
@@ -60,8 +60,8 @@ impl OutsideNull {
         Self { penalties, excesses }
     }
 
-    /// Simulates the gains that a search over all kinds reaches by chance in residuals of a fit. They depend on the protocol and the noise more than on the positions. So
-    /// one null serves many simulated data sets of an experiment.
+    /// Simulates the gains that a search over all kinds of structure reaches by chance in residuals of a fit. The gains depend on the protocol and the noise more than on the
+    /// positions. So one result serves many simulated data sets of an experiment.
     ///
     /// # Errors
     /// Errors of [`Tangent::new`].
@@ -92,9 +92,9 @@ struct OutsideSearch<'a> {
     subject: Subject,
     candidate: &'a Candidate,
     base: Fitted,
-    /// Tangent at the fit `base`.
+    /// Linearisation of the model at the fit `base`.
     entry: Tangent,
-    /// White noise of the yardstick's size, with a small gain.
+    /// White noise of the known or estimated size, with a small gain.
     clean: NoiseValues,
     setting: SearchSetting,
     families: Vec<Vec<StructureShape>>,
@@ -116,7 +116,7 @@ pub fn search(
 
 /// Finds events (slips, drifts, changes of gain, disturbances) in *all* cycles, including the scored one, which no other fit uses.
 ///
-/// The model is refitted to all cycles. A finding here explains why the prediction of the scored cycle may fail, and predicts nothing. The field `fitted` of a finding
+/// The model is refitted to all cycles. A finding explains why the prediction of the scored cycle may fail; it does not improve the prediction. The field `fitted` of a finding
 /// has used every cycle, so it must not be scored.
 ///
 /// # Errors
@@ -135,7 +135,7 @@ pub fn events_over_all_cycles(
     looking.outsides(request)
 }
 
-/// Returns the largest penalised gain (nats) of any kind, with the penalties of an existing null. It is cheap enough for every data set of a bootstrap.
+/// Returns the largest penalised gain (nats) of any kind, with the penalties of an existing `null`. It is quick enough for every data set of a bootstrap.
 ///
 /// # Errors
 /// Errors of [`search`].
@@ -163,7 +163,7 @@ impl<'a> OutsideSearch<'a> {
         let subject = subject.without_rows(&outliers::find_outliers(subject, fitted));
         let mut clean = natural(&subject.noise_prior().white());
         clean[3] = CLEAN_GAIN_SD;
-        // The gain must not come from another optimum of the noise of the model alone.
+        // The base is fitted from both noises. Otherwise a shape could seem to gain only because the base's noise was at a worse optimum.
         let base = subject.fit(candidate, &starts(fitted.theta.clone(), fitted, clean), Search::Local)?;
         let setting = SearchSetting::new(&subject, candidate, &base)?;
         let families = families(&setting).into_iter();
@@ -344,8 +344,8 @@ impl<'a> OutsideSearch<'a> {
         twins
     }
 
-    /// Derivatives (m) of the position with respect to the first parameter of an effect that the model lacks. There is one column per grid point of the parameters
-    /// unidentified at the effect's null.
+    /// Derivatives (m per unit of the coordinate) of the position with respect to the first parameter of an effect that the model lacks. There is one column per grid point of the
+    /// parameters unidentified at the effect's null.
     fn signatures(&self, fitted: &Fitted, slug: &str) -> Vec<Vec<f64>> {
         let base = self.subject.base();
         let added = self.candidate.effects.iter().filter(|effect| !base.effects.contains(effect)).map(String::as_str);

@@ -6,9 +6,9 @@
 //!
 //! # Search
 //! Thousands of shapes are scored linearly, by ½‖Qᵀr‖² with the whitened residuals r. Q is an orthonormal basis of the part of a shape's whitened columns that the model
-//! cannot absorb. Shapes are scored once with the fit's noise and once with white noise of the yardstick's size. The second score is needed because a noise estimated
-//! from residuals with the structure hides it. The leading shapes of each family are refitted. Then their times, frequencies and widths are refined, and the shapes are
-//! refitted again.
+//! cannot absorb. Shapes are scored once with the fit's noise and once with white noise of the known or estimated size. The second score is needed because noise estimated
+//! from residuals with the structure hides the structure. The leading shapes of each family are refitted. Then their times, frequencies and widths are refined, and the shapes
+//! are refitted again.
 //!
 //! # Free curves
 //! Free curves depend on the phase, the time since the step, absolute time or the position, and approximate a Gaussian process of that quantity. They use a smooth basis
@@ -19,7 +19,7 @@
 //! its best gain in them, or 1.5 nats per amplitude if that is more. It is subtracted from the family's gain (`penalised_gain_nats`). This makes families of any size and
 //! number of amplitudes comparable. The family-wise p is the fraction of simulations in which any family gains as much.
 //!
-//! Single rows that are far off are outliers and are excluded before: no shape is narrower than a few rows.
+//! Single rows that are far off are outliers. They are excluded before the search: no shape is narrower than a few rows.
 
 mod discrepancy;
 mod look;
@@ -129,9 +129,9 @@ pub struct OutsideStructure {
     pub degrees: usize,
     /// Fraction of simulated residuals in which any family gains as much.
     pub p_familywise: f64,
-    /// Root mean square (µm), over the fitted rows, of the part that the model's parameters cannot absorb.
+    /// Root mean square (µm), over the fitted rows, of the part of the structure that the model's parameters cannot absorb.
     pub size_um: f64,
-    /// Number of simulated data sets if the budget ended their search early; none of them showed as large a gain. `None` if the budget sufficed.
+    /// Number of simulated data sets that tested the structure, if the budget ended the test early; no set showed as large a gain. `None` if the budget sufficed.
     pub cut_short_after: Option<usize>,
     /// Time (s) of an event; `None` for other structure.
     pub event_time_s: Option<f64>,
@@ -141,7 +141,7 @@ pub struct OutsideStructure {
     pub twins: Vec<(String, f64)>,
     /// The model with the structure's columns.
     pub candidate: Candidate,
-    /// Fit of that model, without outliers.
+    /// Fit of `candidate`, without outliers.
     pub fitted: Fitted,
     /// Part of the structure (m) that the model's parameters cannot absorb, one value per row of the record.
     pub discrepancy_m: Vec<f64>,

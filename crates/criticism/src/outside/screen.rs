@@ -16,7 +16,7 @@ use sampling::ensemble::RandomStream;
 pub(super) struct Scored {
     pub family: usize,
     pub shape: StructureShape,
-    /// Score ½‖Qᵀr‖², in nats.
+    /// First-order gain, in nats: half the squared norm of the residual's projection onto the shape's columns, after the model has absorbed its part of them.
     pub gain_nats: f64,
     /// Number of independent columns that the model cannot absorb.
     pub degrees: usize,
@@ -31,7 +31,7 @@ pub(super) struct Screened {
 /// Number of shapes whitened together. It is smaller (`LOCAL_CHUNK`) for shapes that are 0 in most rows, since a chunk covers the rows of all its shapes.
 const CHUNK: usize = 48;
 const LOCAL_CHUNK: usize = 16;
-/// Least visible fraction of a whitened column. A smaller one comes from curvature and rounding.
+/// Least fraction of a whitened column that the model must not absorb. A smaller remainder comes from curvature and rounding.
 const LEAST_VISIBLE: f64 = 1e-3;
 
 /// Scores every shape of every family against the residuals of a tangent and against `n_simulations` residuals of white noise.
@@ -142,7 +142,7 @@ pub(super) fn kept(tangent: &Tangent, columns_m: &[Vec<f64>]) -> Vec<usize> {
     Factor::new(&white, &absorbed).kept
 }
 
-/// Cholesky factor of XᵀPX for the whitened columns X of a shape. Columns that the model or earlier columns absorb are left out.
+/// Cholesky factor of the inner products of a shape's whitened columns, without the part that the model absorbs. Columns that the model or earlier columns absorb are left out.
 struct Factor {
     /// Rows of the factor, one per column that is kept.
     rows: Vec<Vec<f64>>,
@@ -150,7 +150,7 @@ struct Factor {
 }
 
 impl Factor {
-    /// Factorises XᵀPX. `absorbed` has, for each column, a row of its products with the basis of the absorbed directions.
+    /// Factorises the inner products of whitened columns. `absorbed` has, for each column, a row of its products with the basis of the directions that the model absorbs.
     fn new(white: &[Vec<f64>], absorbed: &DMatrix<f64>) -> Self {
         let (mut rows, mut kept): (Vec<Vec<f64>>, Vec<usize>) = (Vec::new(), Vec::new());
         for (k, column) in white.iter().enumerate() {
@@ -170,7 +170,7 @@ impl Factor {
         Self { rows, kept }
     }
 
-    /// Returns ½‖Qᵀr‖² of each residual r. `products` has the products of residuals (columns) with the shape's columns.
+    /// Returns the first-order gain (nats) of the shape for each residual. `products` has the inner products of residuals (columns) with the shape's columns (rows).
     fn gains(&self, products: &DMatrix<f64>) -> Vec<f64> {
         let gain = |column: usize| {
             let mut along: Vec<f64> = Vec::with_capacity(self.kept.len());
@@ -194,7 +194,7 @@ mod tests {
     use crate::outside::shape::families;
     use crate::test_replica::{base_fit, replica};
 
-    /// Score ½‖Qᵀr‖² by Gram–Schmidt over all rows, applied twice, and the number of remaining columns.
+    /// Score by Gram–Schmidt over all rows, applied twice, and the number of remaining columns.
     fn by_projection(tangent: &Tangent, columns_m: &[Vec<f64>], residual: &DVector<f64>) -> (f64, usize) {
         let mut basis: Vec<DVector<f64>> = Vec::new();
         for white in tangent.whiten(columns_m) {

@@ -3,7 +3,7 @@
 use super::setting::SearchSetting;
 use super::shape::{Side, StructureShape};
 
-/// Sentence on a finding, with its time and period if it has them.
+/// Sentence on a finding, with its time and period (s) if it has them.
 pub(super) struct FindingText {
     pub sentence: String,
     pub event_time_s: Option<f64>,

@@ -11,7 +11,7 @@ pub(super) struct SearchSetting {
     pub acting_force_n: Vec<f64>,
     /// Fitted position, in m.
     pub position_m: Vec<f64>,
-    /// Response (m) to a force proportional to the square of the force, with the force's sign and largest size.
+    /// Response (m) to a changed force: the square of the force with its sign, scaled to the largest size of the force.
     pub position_of_squares_m: Vec<f64>,
     /// Number of cycles since the record's start, including the elapsed fraction of the present one.
     pub phase: Vec<f64>,
@@ -22,10 +22,12 @@ pub(super) struct SearchSetting {
     pub interval_s: f64,
     pub hold_s: f64,
     pub cycle_s: f64,
-    pub yardstick_m: f64,
+    pub reference_noise_m: f64,
 }
 
 impl SearchSetting {
+    /// Collects the data of a subject at the fit of a candidate.
+    ///
     /// # Errors
     /// Errors of evaluating the candidate.
     pub fn new(subject: &Subject, candidate: &Candidate, fitted: &Fitted) -> Result<Self> {
@@ -44,7 +46,7 @@ impl SearchSetting {
             interval_s: scales.sample_interval_s,
             hold_s: scales.hold_s,
             cycle_s: scales.cycle_s,
-            yardstick_m: subject.yardstick_m(),
+            reference_noise_m: subject.reference_noise_m(),
         })
     }
 

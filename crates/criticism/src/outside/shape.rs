@@ -54,13 +54,13 @@ pub(super) enum Side {
     Both,
 }
 
-/// Difference of forces, as a fraction of the largest force, below which they belong to one level.
+/// Largest difference of forces that belong to one level, as a fraction of the largest force.
 const LEVEL_TOLERANCE: f64 = 0.05;
 /// Largest number of levels with a shift each; more levels are described by powers of the force.
 const MOST_LEVELS: usize = 8;
 /// Distance from a bell's centre, in widths, beyond which it counts as 0: it is e⁻³² of its height there.
 const WIDEST: f64 = 8.0;
-/// Least number of rows on either side of an event: an event with fewer rows counts as outliers.
+/// Least number of rows before and after an event. Events with fewer rows on one side count as outliers.
 const LEAST_ROWS: usize = 4;
 const MOST_FREQUENCIES: usize = 1200;
 /// Largest number of trial times of a ramp, and of trial rows of a step.
@@ -200,7 +200,7 @@ impl StructureShape {
     }
 }
 
-/// A bell of height 1; 0 beyond [`WIDEST`].
+/// Gaussian curve in time with height 1; 0 beyond [`WIDEST`] widths from its centre.
 fn bell(time_s: f64, centre_s: f64, width_s: f64) -> f64 {
     let widths = (time_s - centre_s) / width_s;
     if widths.abs() > WIDEST { 0.0 } else { (-0.5 * widths * widths).exp() }
@@ -362,11 +362,11 @@ fn vibrations(setting: &SearchSetting) -> Vec<StructureShape> {
         .collect()
 }
 
-/// Waves along the position, in steps of half the wavenumber resolution. Their periods range from half the range of the fitted positions down to four yardsticks, since
-/// noise blurs shorter ones.
+/// Waves along the position, in steps of half the wavenumber resolution. The longest period is half the range of the fitted positions. The shortest is four standard deviations
+/// of the known or estimated noise, because noise blurs shorter waves.
 fn position_waves(setting: &SearchSetting) -> Vec<StructureShape> {
     let range_m = range_m(setting);
-    let most = 2.0 * range_m / (4.0 * setting.yardstick_m).max(f64::MIN_POSITIVE);
+    let most = 2.0 * range_m / (4.0 * setting.reference_noise_m).max(f64::MIN_POSITIVE);
     (4..(most as usize).min(MOST_FREQUENCIES))
         .map(|k| StructureShape::PositionWave { period_m: 2.0 * range_m / k as f64 })
         .collect()
@@ -384,7 +384,7 @@ fn bumps(setting: &SearchSetting) -> Vec<StructureShape> {
 
 fn backlashes(setting: &SearchSetting) -> Vec<StructureShape> {
     let largest_m = 0.25 * setting.largest_position_m();
-    let smallest_m = 0.25 * setting.yardstick_m;
+    let smallest_m = 0.25 * setting.reference_noise_m;
     let n = (((largest_m / smallest_m).ln() / 0.4).ceil()).clamp(1.0, 30.0) as i32;
     (0..=n).map(|k| StructureShape::Backlash { half_width_m: smallest_m * (0.4 * f64::from(k)).exp() }).collect()
 }
@@ -406,7 +406,7 @@ mod tests {
             interval_s: 1.0,
             hold_s: n_rows as f64,
             cycle_s: n_rows as f64,
-            yardstick_m: 1e-6,
+            reference_noise_m: 1e-6,
         }
     }
 

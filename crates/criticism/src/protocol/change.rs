@@ -1,4 +1,4 @@
-//! Changed protocols derived from the user's own: with equal length, an equal number of cycles, and no larger force.
+//! Changed protocols derived from the user's own protocol, with equal length, an equal number of cycles, and no larger force.
 
 use record::{ForceRule, Record};
 
@@ -21,7 +21,7 @@ const NO_FORCE: f64 = 0.01;
 /// A time in the record, with its cycle.
 struct CycleTime {
     time_s: f64,
-    /// Index of its cycle in the record, from 0.
+    /// Index of the time's cycle in the record, from 0.
     cycle: usize,
     /// Start of the cycle, in s.
     start_s: f64,
@@ -29,7 +29,7 @@ struct CycleTime {
 }
 
 impl CycleTime {
-    /// Time of a cycle that runs `factor` times as fast and repeats until the end of the original cycle.
+    /// Returns the time (s) at which the force is read. The cycle runs `factor` times as fast and repeats until the end of the original cycle.
     fn faster(&self, factor: f64) -> f64 {
         self.start_s + (factor * (self.time_s - self.start_s)).rem_euclid(self.length_s)
     }
@@ -63,7 +63,7 @@ impl Protocol<'_> {
         self.record.time_s.partition_point(|t| *t <= time_s + tolerance_s).saturating_sub(1)
     }
 
-    /// Returns a record with evenly sampled rows. `force` gives each row's factor of the force, and the time at which the force is read from the current protocol.
+    /// Returns a record with evenly sampled rows. For each row, `force` returns the factor of the force and the time at which the force is read from the current protocol.
     fn altered(&self, interval_s: f64, force: impl Fn(&CycleTime) -> (f64, f64)) -> Record {
         let begin_s = self.record.time_s.first().copied().unwrap_or(0.0);
         let n_rows = ((self.end_s() - begin_s) / interval_s).round() as usize;

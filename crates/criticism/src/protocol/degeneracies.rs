@@ -13,11 +13,11 @@ use base::error::{Error, Result};
 const SAME_COSINE: f64 = 1.0 - 1e-6;
 /// Distance (σ) below which two models are equal.
 const SAME_SIGMA: f64 = 0.1;
-/// Fraction of a signature's norm below which it is invisible.
+/// Fraction of a signature's squared norm that the law leaves unabsorbed, below which the signature is invisible.
 const LEAST_VISIBLE: f64 = 1e-7;
 /// Step from the null, in search coordinates, at which signatures are computed.
 const SIGNATURE_STEP: f64 = 0.02;
-/// Step from the null at which two effects are compared, in the unit of [`SIGNATURE_STEP`].
+/// Step from the null at which two effects are compared, in search coordinates.
 const COMPARED_STEP: f64 = 0.3;
 
 /// Effects that a protocol cannot distinguish at any size, or a single effect that the law's parameters absorb.
@@ -37,7 +37,7 @@ struct Added {
     /// Index of the effect's size among the coordinates, and the sign of its step.
     place: usize,
     sign: f64,
-    /// Visible signature Pg; `None` if the law absorbs all of it.
+    /// Whitened signature of the effect without the part that the law absorbs; `None` if the law absorbs all of it.
     visible: Option<DVector<f64>>,
 }
 
@@ -49,7 +49,7 @@ impl Added {
     }
 }
 
-/// Finds exact degeneracies of a subject's protocol: at the middle of the priors, with white noise of the yardstick's size and without priors.
+/// Finds effects that a subject's protocol cannot distinguish, at the middle of the law's priors. The noise is white, of the known or estimated size; no prior contributes.
 ///
 /// Degenerate effects fulfil two numerical conditions. Their signatures are parallel once the law has absorbed its part. Their models fit each other's noise-free data to
 /// a tenth of a standard deviation, in both directions.
@@ -81,7 +81,7 @@ pub fn exact_degeneracies(subject: &Subject) -> Result<Vec<Degeneracy>> {
     Ok(list)
 }
 
-/// Groups of effects, in each of which every effect equals an earlier one.
+/// Groups of effects that the protocol cannot distinguish: every effect of a group equals at least one other effect of it.
 fn classes(subject: &Subject, effects: &[Added], noise: NoiseValues) -> Vec<Degeneracy> {
     let pairs: Vec<(usize, usize)> =
         (0..effects.len()).flat_map(|i| (i + 1..effects.len()).map(move |j| (i, j))).collect();

@@ -1,7 +1,7 @@
 //! Changes of the protocol that would separate models that an experiment cannot distinguish.
 //!
-//! Changed protocols come from the user's own protocol ([`changes`]). In each, the reduced model computes the noise-free data of every model at its fitted size. The
-//! other models are fitted to these data ([`super::separation`]). Refits of simulated, noisy repetitions confirm the protocol with the largest separation.
+//! Changed protocols come from the user's own protocol ([`changes`]). For each changed protocol, the reduced model computes the noise-free data of every model at its fitted
+//! size. The other models are fitted to these data ([`super::separation`]). Refits of simulated, noisy repetitions confirm the protocol with the largest separation.
 
 mod change;
 mod degeneracies;
@@ -25,7 +25,7 @@ const REJECTED_NATS: f64 = 4.0;
 /// Advice on a change of the protocol.
 #[derive(Debug, Clone)]
 pub struct Advice {
-    /// Change that separates the models best, of all tried ones.
+    /// Change that separates the models best among all tried changes.
     pub change: Change,
     /// Slugs of the two closest models under the changed protocol.
     pub closest: [String; 2],
@@ -48,7 +48,7 @@ impl Advice {
     }
 }
 
-/// Models of the mean with their fits, the leading one first. All are without columns.
+/// Models of the mean position with their fits, the leading model first. No model has columns of free amplitude.
 pub type Members<'a> = [(&'a Candidate, &'a Fitted)];
 
 /// Finds the change of the protocol that best separates the first model from the others, at their fitted sizes and with the first model's noise. The change is confirmed
@@ -116,21 +116,21 @@ fn sentence(advice: &Advice, n_tried: usize) -> String {
     }
 }
 
-/// Returns the subject of a changed protocol. Apparatus, noise, and fitted and scored cycles are those of `subject`.
+/// Returns the subject of a changed protocol. Apparatus, noise, and the choice of fitted and scored cycles are those of `subject`.
 fn changed(subject: &Subject, record: &Record) -> Result<Subject> {
     let range_m = subject.experiment().scales().position_range_m;
     // Placeholder positions cover the measured range, which scales priors of effects.
     let places = (0..record.n_rows()).map(|row| Some(range_m * row as f64 / record.n_rows() as f64)).collect();
     let experiment = Experiment {
         record: Record { position_m: places, ..record.clone() },
-        noise_sd_m: Some(subject.yardstick_m()),
+        noise_sd_m: Some(subject.reference_noise_m()),
         ..subject.experiment().clone()
     };
     let problem = subject.problem().with_experiment(experiment, subject.specification().clone(), subject.library())?;
     Subject::with_compliance(&problem, subject.library(), subject.compliance().clone())
 }
 
-/// Smallest distance (σ) between the first of several models and another one, with either as the truth.
+/// Smallest distance (σ) between the first of several models and any other model, with either of the two as the truth.
 struct Separation {
     distance: f64,
     /// Index of the closest other model.

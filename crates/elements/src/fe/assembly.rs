@@ -8,7 +8,7 @@ use super::element::{ElementStiffness, TabulatedElement};
 use crate::mesh::Mesh;
 use base::error::{Error, Result};
 
-/// Number of elements whose matrices are stored at once. It permits parallel assembly within little
+/// Number of element matrices that are computed in parallel and stored at a time, to limit the
 /// memory.
 const CHUNK: usize = 256;
 
@@ -19,10 +19,10 @@ const FIXED: u32 = u32::MAX;
 /// its translation along x, which comes last.
 #[derive(Debug, Clone)]
 pub struct Unknowns {
-    /// Index of each node's group. All nodes of the robot form the last group; every other node is
-    /// a group.
+    /// Index of each node's group: nodes that share their unknowns. All nodes of the robot form the
+    /// last group; every other node is a group of its own.
     group: Vec<u32>,
-    /// Index of the unknown of each component (x, y, z) of each group, or [`FIXED`].
+    /// Index of the unknown of each component (x, y, z) of each group of nodes, or [`FIXED`].
     unknown: Vec<[u32; 3]>,
     count: usize,
     share: f64,
@@ -94,7 +94,7 @@ impl Unknowns {
         self.count - 1
     }
 
-    /// Elimination order of the unknowns that follows from an order of the nodes. The robot's
+    /// Elimination order of the unknowns for an elimination order of the nodes. The robot's
     /// translation is last.
     pub fn elimination_order(&self, node_order: &[usize]) -> Vec<usize> {
         let robot_group = self.unknown.len() - 1;
@@ -112,8 +112,9 @@ impl Unknowns {
         self.group.iter().map(|&g| self.unknown[g as usize].map(component)).collect()
     }
 
-    /// Adds a force (N) on a node to the right-hand side f of K̂ u = f. Force components along
-    /// fixed displacements are dropped. Forces on the robot's nodes add up along x.
+    /// Adds a force (N) on a node to the right-hand side of the equilibrium equations. Force
+    /// components along fixed displacements are dropped. Forces on the robot's nodes add up along
+    /// x.
     pub fn add_nodal_force(&self, node: usize, force_n: [f64; 3], right_hand_side: &mut [f64]) {
         for (unknown, component) in self.unknown[self.group[node] as usize].into_iter().zip(force_n) {
             if unknown != FIXED {
@@ -129,11 +130,12 @@ impl Unknowns {
     }
 }
 
-/// The unit stiffness matrix K̂ = 2μ̂ K_dev + κ̂ K_vol, stored as its two parts. Both have one
-/// sparsity pattern (upper triangle, compressed columns).
+/// Stiffness matrix at unit Young's modulus, stored as a deviatoric and a volumetric part. The
+/// matrix is the sum of both, weighted by [`unit_moduli`]. Both have one sparsity pattern (upper
+/// triangle, compressed columns).
 #[derive(Debug, Clone)]
 pub struct Assembly {
-    /// Numbering of the rows and columns of the matrices.
+    /// Numbering of the displacement unknowns: the rows and columns of the matrices.
     pub unknowns: Unknowns,
     pattern: SymbolicSparseColMat<u32>,
     deviatoric: Vec<f64>,
@@ -178,7 +180,7 @@ impl Assembly {
         Ok(Self { unknowns, pattern, deviatoric, volumetric })
     }
 
-    /// Upper triangle of K̂(ν) for unit Young's modulus and Poisson ratio ν, in m.
+    /// Upper triangle of the stiffness matrix (m) for unit Young's modulus.
     pub fn unit_stiffness(&self, poisson_ratio: f64) -> SparseColMat<u32, f64> {
         let [two_mu, kappa] = unit_moduli(poisson_ratio);
         let combine = |(d, v): (&f64, &f64)| two_mu * d + kappa * v;
@@ -186,25 +188,26 @@ impl Assembly {
         SparseColMat::new(self.pattern.clone(), values)
     }
 
-    /// Upper triangle of K_dev = ∫ dev ε : dev ε dV, in m.
+    /// Upper triangle of the deviatoric part (m): the integral of dev ε : dev ε, with dev ε the
+    /// deviator of the strain.
     pub fn deviatoric(&self) -> SparseColMatRef<'_, u32, f64> {
         SparseColMatRef::new(self.pattern.as_ref(), &self.deviatoric)
     }
 
-    /// Upper triangle of K_vol = ∫ (Π div u)² dV, in m, with Π the projection on the elements'
-    /// pressures.
+    /// Upper triangle of the volumetric part (m): the integral of (Π div u)². div u is the volume
+    /// strain, and Π the projection on the elements' pressure functions.
     pub fn volumetric(&self) -> SparseColMatRef<'_, u32, f64> {
         SparseColMatRef::new(self.pattern.as_ref(), &self.volumetric)
     }
 }
 
-/// Returns 2μ̂ and κ̂: twice the shear modulus, and the bulk modulus, for unit Young's modulus.
+/// Returns twice the shear modulus, and the bulk modulus, for unit Young's modulus.
 pub fn unit_moduli(poisson_ratio: f64) -> [f64; 2] {
     [1.0 / (1.0 + poisson_ratio), 1.0 / (3.0 * (1.0 - 2.0 * poisson_ratio))]
 }
 
-/// Returns, for each group, the sorted groups that share an element with it and have no larger
-/// index. The group itself is included.
+/// Returns, for each group of nodes, the sorted groups that share an element with it and have no
+/// larger index. The group itself is included.
 fn group_neighbours(mesh: &Mesh, unknowns: &Unknowns) -> Vec<Vec<u32>> {
     let mut neighbours: Vec<Vec<u32>> = vec![Vec::new(); unknowns.unknown.len()];
     for nodes in mesh.elements() {
@@ -223,12 +226,12 @@ fn group_neighbours(mesh: &Mesh, unknowns: &Unknowns) -> Vec<Vec<u32>> {
 }
 
 /// Sparsity pattern of the upper triangle in compressed columns. It also stores where the rows of
-/// each group start in a column.
+/// each group of nodes start in a column.
 struct Pattern {
     column_start: Vec<u32>,
     row_idx: Vec<u32>,
-    /// Number of rows in a column of group g that precede the rows of its k-th neighbour:
-    /// `rows_before[g][k]`.
+    /// Number of rows in a column of node group g that precede the rows of its k-th neighbour
+    /// group: `rows_before[g][k]`.
     rows_before: Vec<Vec<u32>>,
 }
 

@@ -25,12 +25,13 @@ pub trait Element: Sync {
     fn quadrature(&self) -> Vec<([f64; 3], f64)>;
 }
 
-/// 27-node hexahedron with four discontinuous pressure functions: 1, ξ, η and ζ.
+/// 27-node hexahedron with four discontinuous pressure functions: 1 and the reference coordinates
+/// ξ, η and ζ.
 struct Hexahedron27;
 /// 10-node tetrahedron with displacements only (physics §3.5).
 struct Tetrahedron10;
-/// 4-node tetrahedron with displacements only. It is far too stiff near ν = ½, or *locks* (physics
-/// §3.4).
+/// 4-node tetrahedron with displacements only. It *locks* (is far too stiff) at Poisson ratios near
+/// 0.5 (physics §3.4).
 struct Tetrahedron4;
 
 /// Returns the element type that `kind` names.
@@ -42,8 +43,8 @@ pub(super) fn element_of(kind: ElementKind) -> &'static dyn Element {
     }
 }
 
-/// Value and derivative, at x, of a quadratic Lagrange polynomial. It is 1 at `node` and 0 at the
-/// two other points of {−1, 0, 1}.
+/// Value and derivative, at `x`, of the quadratic Lagrange polynomial that is 1 at `node` and 0 at
+/// the two other points of {−1, 0, 1}.
 fn lagrange(node: f64, x: f64) -> (f64, f64) {
     if node == 0.0 { (1.0 - x * x, -2.0 * x) } else { (0.5 * x * (x + node), x + 0.5 * node) }
 }
@@ -158,13 +159,13 @@ pub struct PhysicalPoint<'a> {
     pub pressure: &'a [f64],
 }
 
-/// The two unit stiffness matrices of one element, in m. Row and column 3a + i belong to node a and
-/// component i.
+/// Deviatoric and volumetric stiffness matrices (m) of one element, for unit moduli. Row and column
+/// 3a + i belong to node a and component i.
 pub struct ElementStiffness {
-    /// ∫ dev ε : dev ε dV.
+    /// Integral of dev ε : dev ε over the element, with dev ε the deviator of the strain.
     pub deviatoric: DMatrix<f64>,
-    /// ∫ (Π div u)² dV, with Π the projection on the element's pressures. Π is the identity if the
-    /// element has none.
+    /// Integral of (Π div u)² over the element, with div u the volume strain. Π is the projection
+    /// on the element's pressure functions, or the identity if there are none.
     pub volumetric: DMatrix<f64>,
 }
 
@@ -175,7 +176,7 @@ impl TabulatedElement {
         TABLES[kind as usize].get_or_init(|| Self::new(element_of(kind)))
     }
 
-    /// Tabulates an element type.
+    /// Tabulates the shape and pressure functions of an element type at its quadrature points.
     pub fn new(element: &dyn Element) -> Self {
         let n_nodes = element.n_nodes();
         let tabulate = |(point, weight)| {
@@ -187,14 +188,14 @@ impl TabulatedElement {
         Self { n_nodes, points: element.quadrature().into_iter().map(tabulate).collect() }
     }
 
-    /// Iterates over the quadrature points: gradients of the shape functions in reference
-    /// coordinates, and values of the pressure functions.
+    /// Iterates over the quadrature points. Each item holds the gradients of the shape functions in
+    /// reference coordinates, and the values of the pressure functions.
     pub(super) fn reference_points(&self) -> impl Iterator<Item = (&[[f64; 3]], &[f64])> {
         self.points.iter().map(|point| (point.gradient.as_slice(), point.pressure.as_slice()))
     }
 
-    /// Iterates over the quadrature points: Jacobian ∂x/∂ξ (m) of an element whose nodes lie at
-    /// `coordinates_m` (m).
+    /// Iterates over the Jacobians (m) at the quadrature points: derivatives of position with
+    /// respect to reference coordinates. The element's nodes lie at `coordinates_m` (m).
     pub fn jacobians<'a>(&'a self, coordinates_m: &'a [[f64; 3]]) -> impl Iterator<Item = Matrix3<f64>> + 'a {
         self.points.iter().map(|point| {
             let mut jacobian = Matrix3::zeros();
@@ -235,11 +236,13 @@ impl TabulatedElement {
         Ok(())
     }
 
-    /// Computes the unit stiffness of an element whose nodes lie at `coordinates_m` (m).
+    /// Computes the deviatoric and volumetric stiffness matrices of an element whose nodes lie at
+    /// `coordinates_m` (m).
     pub fn stiffness(&self, coordinates_m: &[[f64; 3]]) -> Result<ElementStiffness> {
         let n = self.n_nodes;
         let n_pressures = self.points[0].pressure.len();
-        // Every entry of both matrices is a sum of entries of ∫ ∇φₐ ⊗ ∇φ_b, a ≤ b.
+        // Entries of both matrices are sums of entries of ∫ ∇φₐ ⊗ ∇φ_b, with φₐ the shape function
+        // of node a ≤ b.
         let mut products = vec![[0.0_f64; 9]; n * (n + 1) / 2];
         let mut divergence = DMatrix::<f64>::zeros(3 * n, n_pressures);
         let mut pressure_mass = DMatrix::<f64>::zeros(n_pressures, n_pressures);
@@ -283,7 +286,8 @@ impl TabulatedElement {
     }
 }
 
-/// Calls `visit` with (a, b, ∫ ∇φₐ ⊗ ∇φ_b) for every pair of nodes a ≤ b.
+/// Calls `visit` with (a, b, ∫ ∇φₐ ⊗ ∇φ_b) for every pair of nodes a ≤ b. φₐ is the shape function
+/// of node a.
 fn for_each_pair(n: usize, products: &[[f64; 9]], mut visit: impl FnMut(usize, usize, &[f64; 9])) {
     let mut pairs = products.iter();
     for a in 0..n {
@@ -295,8 +299,9 @@ fn for_each_pair(n: usize, products: &[[f64; 9]], mut visit: impl FnMut(usize, u
     }
 }
 
-/// Computes ∫ dev ε : dev ε from dev ε(φₐ eᵢ) : dev ε(φ_b eⱼ) = ½ (∇φₐ·∇φ_b δᵢⱼ + ∂ⱼφₐ ∂ᵢφ_b) − ⅓
-/// ∂ᵢφₐ ∂ⱼφ_b.
+/// Computes the deviatoric stiffness matrix of an element of `n` nodes. Its entries integrate dev
+/// ε(φₐ eᵢ) : dev ε(φ_b eⱼ) = ½ (∇φₐ·∇φ_b δᵢⱼ + ∂ⱼφₐ ∂ᵢφ_b) − ⅓ ∂ᵢφₐ ∂ⱼφ_b. φₐ is the shape
+/// function of node a, and eᵢ the unit vector of axis i.
 fn deviatoric(n: usize, products: &[[f64; 9]]) -> DMatrix<f64> {
     let mut k = DMatrix::<f64>::zeros(3 * n, 3 * n);
     for_each_pair(n, products, |a, b, g| {
@@ -313,7 +318,8 @@ fn deviatoric(n: usize, products: &[[f64; 9]]) -> DMatrix<f64> {
     k
 }
 
-/// Computes ∫ div(φₐ eᵢ) div(φ_b eⱼ), without projection on the pressures.
+/// Computes the volumetric stiffness matrix of an element of `n` nodes without pressure functions.
+/// Its entries integrate the product of the divergences of two shape functions.
 fn full_volumetric(n: usize, products: &[[f64; 9]]) -> DMatrix<f64> {
     let mut k = DMatrix::<f64>::zeros(3 * n, 3 * n);
     for_each_pair(n, products, |a, b, g| {

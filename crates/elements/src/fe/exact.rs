@@ -1,16 +1,16 @@
-//! Exact stiffnesses for the verification of the finite elements (physics §4). Each is the force on
-//! the whole body divided by its displacement.
+//! Exact stiffnesses of a rigid sphere for the verification of the finite elements (physics §4). A
+//! stiffness is the force on the whole sphere divided by its displacement.
 
 use nalgebra::{Matrix4, Vector4};
 
-/// Stiffness F/u (N/m) of a rigid sphere in an infinite medium (physics §4.1).
+/// Stiffness (force / displacement, N/m) of a rigid sphere in an infinite medium (physics §4.1).
 pub fn sphere_in_infinite_medium_n_per_m(young_modulus_pa: f64, poisson_ratio: f64, radius_m: f64) -> f64 {
     let shear_modulus_pa = young_modulus_pa / (2.0 * (1.0 + poisson_ratio));
     24.0 * std::f64::consts::PI * shear_modulus_pa * radius_m * (1.0 - poisson_ratio) / (5.0 - 6.0 * poisson_ratio)
 }
 
-/// Solution for a rigid sphere at the centre of a rigid spherical container. It holds the
-/// amplitudes of the four modes of physics §4.2 for unit displacement of the sphere.
+/// Solution for a rigid sphere at the centre of a rigid spherical container. It is a combination of
+/// the four displacement modes of physics §4.2, for unit displacement of the sphere.
 #[derive(Debug, Clone, Copy)]
 pub struct SphereInContainer {
     poisson_ratio: f64,
@@ -19,8 +19,8 @@ pub struct SphereInContainer {
 }
 
 impl SphereInContainer {
-    /// Solves for the amplitudes: A = 1, B = 0 on the sphere and A = B = 0 on the container. Radii
-    /// are in m, with 0 < `radius_m` < `outer_radius_m`.
+    /// Computes the amplitudes of the four modes from the displacement's boundary values: 1 along x
+    /// on the sphere, 0 on the container. Radii are in m, with 0 < `radius_m` < `outer_radius_m`.
     pub fn new(poisson_ratio: f64, radius_m: f64, outer_radius_m: f64) -> Self {
         // Lengths in units of the sphere's radius keep the system well conditioned.
         let (inner, outer) = (modes(poisson_ratio, 1.0), modes(poisson_ratio, outer_radius_m / radius_m));
@@ -29,7 +29,7 @@ impl SphereInContainer {
         Self { poisson_ratio, radius_m, amplitudes }
     }
 
-    /// Stiffness F/u (N/m) of the sphere: 16πμ(1−ν) a₁.
+    /// Stiffness (force / displacement, N/m) of the sphere.
     pub fn stiffness_n_per_m(&self, young_modulus_pa: f64) -> f64 {
         let shear_modulus_pa = young_modulus_pa / (2.0 * (1.0 + self.poisson_ratio));
         16.0 * std::f64::consts::PI * shear_modulus_pa * (1.0 - self.poisson_ratio) * self.amplitudes[1] * self.radius_m
@@ -46,7 +46,8 @@ impl SphereInContainer {
     }
 }
 
-/// (A, B) of each of the four modes u = A e_x + B (e_x·n) n, at radius r.
+/// Coefficients (A, B) of the four displacement modes A e_x + B (e_x·n) n at a distance `r` from
+/// the centre, in sphere radii. e_x is the direction of the force, n the direction from the centre.
 fn modes(nu: f64, r: f64) -> [(f64, f64); 4] {
     [
         (1.0, 0.0),

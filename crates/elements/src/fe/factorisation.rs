@@ -1,4 +1,4 @@
-//! Sparse Cholesky factor of the unit stiffness matrix, for solutions and products.
+//! Sparse Cholesky factorisation of the stiffness matrix at unit Young's modulus.
 
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt::factor::LltRegularization;
@@ -11,11 +11,11 @@ use super::ordering::nested_dissection;
 use crate::mesh::Mesh;
 use base::error::{Error, Result};
 
-/// The stiffness matrix of a mesh, with its symbolic Cholesky factor. All Poisson ratios share the
-/// symbolic factor.
+/// Stiffness matrix of a mesh for unit Young's modulus, with its symbolic Cholesky factor. All
+/// Poisson ratios share the symbolic factor.
 #[derive(Debug)]
 pub struct Stiffness {
-    /// The two parts of the matrix, and the numbering of the unknowns.
+    /// Deviatoric and volumetric parts of the matrix, and the numbering of the unknowns.
     pub assembly: Assembly,
     symbolic: SymbolicCholesky<u32>,
 }
@@ -38,7 +38,8 @@ impl Stiffness {
         self.assembly.unknowns.count()
     }
 
-    /// Computes the numeric factor of K̂(ν), for unit Young's modulus.
+    /// Computes the stiffness matrix at a Poisson ratio, for unit Young's modulus, and its Cholesky
+    /// factor.
     pub fn factor(&self, poisson_ratio: f64) -> Result<Factor<'_>> {
         let matrix = self.assembly.unit_stiffness(poisson_ratio);
         let values = factorised(&self.symbolic, matrix.as_ref()).ok_or_else(|| {
@@ -71,7 +72,7 @@ pub(crate) fn analysed(
     )
     .map_err(|e| {
         Error::numerical(
-            format!("the factor of {} unknowns cannot be analysed: {e:?}", forward.len()),
+            format!("the symbolic Cholesky factorisation of {} unknowns failed: {e:?}", forward.len()),
             "use a coarser mesh",
         )
     })
@@ -94,8 +95,8 @@ pub(crate) fn factorised(symbolic: &SymbolicCholesky<u32>, upper: SparseColMatRe
     outcome.is_ok().then_some(values)
 }
 
-/// Solves A x = b for every column b and replaces b by x. `columns` holds one value per unknown,
-/// one column after the other.
+/// Solves A x = b for every column b of `columns` and replaces b by x. `symbolic` and `values` are
+/// the Cholesky factor of A. `columns` holds one value per unknown, column after column.
 pub(crate) fn solve_in_place(symbolic: &SymbolicCholesky<u32>, values: &[f64], columns: &mut [f64]) {
     let n = symbolic.nrows();
     let n_columns = columns.len() / n;
@@ -109,11 +110,11 @@ pub(crate) fn solve_in_place(symbolic: &SymbolicCholesky<u32>, values: &[f64], c
     );
 }
 
-/// The factorisation uses one thread, because the last bits of a parallel factor depend on the
-/// number of threads.
+/// Number of threads of the factorisation: one, because the last bits of a parallel factor depend
+/// on the number of threads.
 const PARALLELISM: Par = Par::Seq;
 
-/// Cholesky factor of K̂(ν), together with K̂(ν).
+/// Stiffness matrix at one Poisson ratio, for unit Young's modulus, with its Cholesky factor.
 pub struct Factor<'a> {
     matrix: SparseColMat<u32, f64>,
     symbolic: &'a SymbolicCholesky<u32>,
@@ -126,20 +127,20 @@ impl Factor<'_> {
         self.matrix.nrows()
     }
 
-    /// Upper triangle of K̂(ν).
+    /// Upper triangle of the stiffness matrix for unit Young's modulus.
     pub fn matrix(&self) -> SparseColMatRef<'_, u32, f64> {
         self.matrix.as_ref()
     }
 
-    /// Replaces every column b of `columns` by K̂⁻¹ b. `columns` holds `n_unknowns` values per
-    /// column, one column after the other.
+    /// Replaces every column of forces in `columns` by the displacements that they cause at unit
+    /// Young's modulus. `columns` holds `n_unknowns` values per column, column after column.
     pub fn solve_in_place(&self, columns: &mut [f64]) {
         solve_in_place(self.symbolic, &self.values, columns);
     }
 
-    /// Returns K̂⁻¹ f for unit force on the robot in the mesh: displacements (m) at unit Young's
-    /// modulus. If the mesh has symmetry planes, its robot bears only the fraction [`Mesh::share`]
-    /// of the force on the whole body.
+    /// Displacements (m) at unit Young's modulus for a unit force on the part of the robot in the
+    /// mesh. In a mesh with symmetry planes, this part bears only the fraction [`Mesh::share`] of
+    /// the force on the whole robot.
     pub fn unit_response(&self) -> Vec<f64> {
         let mut field = vec![0.0; self.n_unknowns()];
         if let Some(last) = field.last_mut() {
@@ -150,7 +151,7 @@ impl Factor<'_> {
     }
 }
 
-/// Adds A x to `result`, with A symmetric and given by its upper triangle.
+/// Adds the product A x to `result`. `upper` is the upper triangle of the symmetric matrix A.
 pub fn add_symmetric_product(upper: SparseColMatRef<'_, u32, f64>, x: &[f64], result: &mut [f64]) {
     let (column_start, row_idx, values) = (upper.col_ptr(), upper.row_idx(), upper.val());
     for column in 0..upper.ncols() {

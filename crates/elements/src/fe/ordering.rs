@@ -3,22 +3,23 @@
 //! The elements are halved recursively. The nodes that both halves share are the separator. They
 //! are eliminated after all other nodes of either half.
 //!
-//! Two stages find a small separator. The first sweeps the elements along geometric keys: planes,
-//! spheres and cones that graded meshes around a body follow. The second moves single elements
-//! across the cut while they shrink it (Fiduccia and Mattheyses, DAC 1982). On three-dimensional
-//! meshes the order beats minimum-degree orders, whose fill grows faster with size.
+//! Two stages find a small separator. The first sorts the elements along geometric coordinates and
+//! cuts the sorted list. The cuts are planes, spheres and cones, as graded meshes around a body
+//! have them. The second stage moves single elements across the cut while the separator shrinks
+//! (Fiduccia and Mattheyses, DAC 1982). On three-dimensional meshes the order beats minimum-degree
+//! orders, whose fill grows faster with size.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
 /// Smallest fraction of the elements on one side of a cut.
 const SMALLEST_PART: f64 = 0.3;
-/// Weight of imbalance relative to separator size. A cut into equal halves wins over a slightly
-/// smaller unequal one.
+/// Weight of the penalty for unequal halves in a cut's score. It prefers equal halves to a slightly
+/// smaller separator.
 const UNBALANCE_WEIGHT: f64 = 1.0;
 /// Largest number of refinement passes for one cut.
 const REFINEMENT_PASSES: usize = 3;
-/// Number of successive moves without a better cut, after which a pass ends.
+/// Number of successive element moves without a better cut after which a refinement pass ends.
 const FRUITLESS_MOVES: usize = 40;
 /// Value that marks a node or an element outside the current subset.
 const ABSENT: u32 = u32::MAX;
@@ -48,13 +49,13 @@ pub fn nested_dissection(
     order
 }
 
-/// A cut of a list of elements in two: the first `n_left` elements, and the others.
+/// A cut of a sorted list of elements in two: the first `n_left` elements, and the rest.
 struct Cut {
     score: f64,
     n_left: usize,
 }
 
-/// The elements as a hypergraph of nodes, and work arrays that the recursion reuses.
+/// The elements of a mesh as a hypergraph of nodes, with work arrays that the recursion reuses.
 struct Dissection<'a> {
     elements: &'a [u32],
     nodes_per_element: usize,
@@ -66,7 +67,7 @@ struct Dissection<'a> {
     /// True for nodes that already have a position in the order.
     placed: Vec<bool>,
     /// Number of elements of each node on the left and on the right side of the current cut. Valid
-    /// only for nodes without a position.
+    /// only for nodes that have no position in the order yet.
     counts: Vec<[u32; 2]>,
     /// Side of each element in the current cut, or `ABSENT` for elements outside the subset.
     side: Vec<u32>,
@@ -120,8 +121,8 @@ impl<'a> Dissection<'a> {
         &self.elements[start..start + self.nodes_per_element]
     }
 
-    /// Appends the nodes of `subset` that have no position yet. Their order is left half, right
-    /// half, separator.
+    /// Appends the nodes of the elements in `subset` to `order`, unless they have a position
+    /// already: first the left half, then the right half, then the separator.
     fn dissect(&mut self, subset: &mut [u32], order: &mut Vec<usize>) {
         if subset.len() < 2 {
             for &element in subset.iter() {
@@ -140,7 +141,7 @@ impl<'a> Dissection<'a> {
         order.extend(separator.iter().map(|&node| node as usize));
     }
 
-    /// Appends those of `nodes` that have no position yet.
+    /// Appends `nodes` to `order`, except nodes that have a position already.
     fn place(&mut self, nodes: &[u32], order: &mut Vec<usize>) {
         for &node in nodes {
             if !std::mem::replace(&mut self.placed[node as usize], true) {
@@ -149,8 +150,8 @@ impl<'a> Dissection<'a> {
         }
     }
 
-    /// Returns the separator: nodes without a position that belong to an element of `left` and to
-    /// one of `right`.
+    /// Returns the separator: the nodes that belong to elements on both sides, `left` and `right`,
+    /// and have no position in the order yet.
     fn separator(&mut self, left: &[u32], right: &[u32]) -> Vec<u32> {
         for &element in left {
             for &node in self.nodes_of(element) {
@@ -350,7 +351,8 @@ impl<'a> Dissection<'a> {
         size
     }
 
-    /// Number of nodes that the separator loses if `element` changes sides.
+    /// Number of nodes by which the separator shrinks if `element` changes sides. Negative if it
+    /// grows.
     fn gain(&self, element: u32) -> i64 {
         let side = self.side[element as usize] as usize;
         let mut gain = 0;
@@ -387,15 +389,15 @@ fn score(separator: i64, n_left: usize, n_elements: usize) -> f64 {
     (separator as f64 + 0.5) * (1.0 + UNBALANCE_WEIGHT * unbalance * unbalance)
 }
 
-/// Number of geometric keys along which elements are swept.
+/// Number of geometric coordinates along which elements are sorted ([`sweep_key`]).
 const N_KEYS: usize = 13;
-/// Subsets of fewer elements are swept along the first keys only. This saves time and does not
-/// increase the fill.
+/// Number of elements below which a subset is sorted along the first coordinates only. This saves
+/// time and does not increase the fill.
 const FEW_ELEMENTS: usize = 32;
-/// Number of keys for subsets of fewer than [`FEW_ELEMENTS`] elements.
+/// Number of sort coordinates for subsets of fewer than [`FEW_ELEMENTS`] elements.
 const N_KEYS_FOR_FEW: usize = 7;
 
-/// Coordinate of an element's centroid for sweep `key`. Its level surfaces are parallel planes,
+/// Sort coordinate number `key` at an element's centroid. Its level surfaces are parallel planes,
 /// concentric spheres, or cones around an axis through the origin.
 fn sweep_key(key: usize, [x, y, z]: [f64; 3]) -> f64 {
     let r = (x * x + y * y + z * z).sqrt().max(f64::MIN_POSITIVE);

@@ -11,8 +11,8 @@ pub(super) fn line() -> [(f64, f64); 4] {
     [(-outer, w_outer), (-inner, w_inner), (inner, w_inner), (outer, w_outer)]
 }
 
-/// Gauss–Legendre product rule on {−1, 1}³ with four points per direction, exact to degree 7 in
-/// each coordinate.
+/// Gauss–Legendre product rule on the cube [−1, 1]³ with four points per direction, exact to degree
+/// 7 in each coordinate.
 ///
 /// Three points per direction suffice on straight elements. The fourth preserves the convergence
 /// order on curved ones.

@@ -20,7 +20,7 @@ pub struct MeshQuality {
 }
 
 impl MeshQuality {
-    /// Measures every element of a mesh.
+    /// Measures the shape quality of every element of a mesh.
     pub fn of(mesh: &Mesh) -> Self {
         let table = TabulatedElement::of(mesh.element_kind);
         let mut quality = Self { n_inverted: 0, smallest_scaled_jacobian: 1.0, largest_aspect: 1.0 };

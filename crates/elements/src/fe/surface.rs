@@ -29,7 +29,7 @@ struct Face {
     /// Indices, within the element, of the nodes on the face.
     nodes: Vec<usize>,
     points: Vec<FacePoint>,
-    /// Values of the functions at the nodes of the face.
+    /// Shape functions and their gradients at the nodes of the face.
     at_nodes: Vec<FacePoint>,
 }
 
@@ -121,15 +121,15 @@ fn tetrahedron_faces(kind: ElementKind) -> Vec<Face> {
 pub fn for_each_surface_point(mesh: &Mesh, surface_nodes: &[u32], mut visit: impl FnMut(SurfacePoint<'_>)) {
     for_each_face(mesh, surface_nodes, |nodes, face| {
         for point in &face.points {
-            let Placed { area, normal, position_m } = place(mesh, nodes, point);
+            let FacePointGeometry { area, normal, position_m } = place(mesh, nodes, point);
             let area_m2 = point.weight * area;
             visit(SurfacePoint { area_m2, normal: normal.into(), position_m, nodes, shape: &point.shape });
         }
     });
 }
 
-/// Returns the outward normals of the robot at every node of the mesh, one per adjacent face. Nodes
-/// off the robot have none.
+/// Returns the unit normals of the robot's surface, directed into the gel, at every node of the
+/// mesh: one per adjacent face. Nodes off the robot have none.
 pub fn robot_normals(mesh: &Mesh) -> Vec<Vec<Vector3<f64>>> {
     let mut normals = vec![Vec::new(); mesh.n_nodes()];
     for_each_face(mesh, &mesh.robot_nodes, |nodes, face| {
@@ -150,14 +150,14 @@ fn for_each_face<'a>(mesh: &'a Mesh, surface_nodes: &[u32], mut visit: impl FnMu
     }
 }
 
-/// A point of an element's face, in space.
-struct Placed {
+/// Position, unit normal and area element of a point on an element's face.
+struct FacePointGeometry {
     area: f64,
     normal: Vector3<f64>,
     position_m: [f64; 3],
 }
 
-fn place(mesh: &Mesh, nodes: &[u32], point: &FacePoint) -> Placed {
+fn place(mesh: &Mesh, nodes: &[u32], point: &FacePoint) -> FacePointGeometry {
     let (mut position, mut jacobian) = (Vector3::zeros(), Matrix3::zeros());
     for ((&node, n), g) in nodes.iter().zip(&point.shape).zip(&point.gradient) {
         let x = Vector3::from(mesh.node_coordinates_m[node as usize]);
@@ -170,7 +170,7 @@ fn place(mesh: &Mesh, nodes: &[u32], point: &FacePoint) -> Placed {
     // Jacobian decides, because the middle of a thin curved element may lie behind the tangent
     // plane.
     let outward = if across.dot(&(jacobian * point.inward)) > 0.0 { across } else { -across };
-    Placed { area, normal: outward / area, position_m: position.into() }
+    FacePointGeometry { area, normal: outward / area, position_m: position.into() }
 }
 
 /// Surface area and volume of a mesh's robot.
@@ -183,8 +183,9 @@ pub struct RobotSize {
 }
 
 impl RobotSize {
-    /// Computes both sizes; the volume is V = ⅓ ∮ x·n dA by the divergence theorem. Symmetry planes
-    /// contribute nothing to the integral.
+    /// Computes the surface area and the volume of a mesh's whole robot. The volume is ⅓ ∮ x·n dA
+    /// by the divergence theorem, with x the position and n the normal. Symmetry planes contribute
+    /// nothing to the integral.
     pub fn of(mesh: &Mesh) -> Self {
         let mut part = Self { surface_area_m2: 0.0, volume_m3: 0.0 };
         for_each_surface_point(mesh, &mesh.robot_nodes, |point| {

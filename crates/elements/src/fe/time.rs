@@ -1,9 +1,11 @@
 //! Time stepping of the full-order model for linear laws, with internal fields (physics §3.2).
 //!
 //! The law consists of branches: Kelvin–Voigt bodies, and dashpots. Every branch has a nodal
-//! displacement field. All branches carry one stress D̂ε(w), where K̂ w = f. A step from t to
-//! t + Δt therefore reads u = h + j w. The history h decays, and w follows the force. If the force
-//! is constant or linear in time, so is w. A step of the exponential scheme is then exact.
+//! displacement field, and all branches bear the same stress. This stress follows from the elastic
+//! displacement w = K̂⁻¹ f, for the force f and the stiffness matrix K̂ at unit Young's modulus.
+//! After a time step a branch's displacement is h + j w. The history h decays with time, and j is
+//! the compliance gained. If the force is constant or linear in time, so is w. A step of the
+//! exponential scheme is then exact.
 
 use super::factorisation::{Factor, Stiffness};
 use base::error::Result;
@@ -13,7 +15,7 @@ use record::Force;
 /// Scheme that advances a branch over a step in which the stress is constant or linear in time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum TimeScheme {
-    /// Exact solution between the rows.
+    /// Exact solution from row to row, with exponential functions of the step length.
     #[default]
     Exponential,
     /// Implicit midpoint rule, of second order. It is an independent check of the exponential
@@ -37,18 +39,19 @@ impl TimeScheme {
 pub struct FullOrderModel<'a> {
     factor: Factor<'a>,
     robot: usize,
-    /// K̂⁻¹ f for 1 N on the whole robot, in 1/m: one value per unknown, at unit Young's modulus.
-    /// It is solved once for all runs.
+    /// Displacement of every unknown for 1 N on the whole robot, at unit Young's modulus (in 1/m,
+    /// as displacement × modulus / force). Computed once for all runs.
     field_per_n: Vec<f64>,
 }
 
 /// A commanded force, with the displacement field for 1 N.
 ///
-/// All forces act on the robot along x. A single field, scaled, therefore serves every switch.
+/// All forces act on the robot along x. Multiples of one displacement field therefore serve all
+/// forces.
 pub struct SolvedLoad<'a> {
     time_s: &'a [f64],
     force: Force<'a>,
-    /// K̂⁻¹ f for 1 N on the whole robot, in 1/m: one value per unknown.
+    /// Displacement of every unknown for 1 N on the whole robot, at unit Young's modulus, in 1/m.
     field_per_n: Vec<f64>,
 }
 
@@ -66,21 +69,21 @@ impl<'a> FullOrderModel<'a> {
         SolvedLoad { time_s, force: force.into(), field_per_n: self.field_per_n.clone() }
     }
 
-    /// K̂⁻¹ f for 1 N on the whole robot, in 1/m: one value per unknown, at unit Young's modulus.
+    /// Displacement of every unknown for 1 N on the whole robot, at unit Young's modulus, in 1/m.
     pub(super) fn field_per_n(&self) -> &[f64] {
         &self.field_per_n
     }
 
-    /// Displacement of the robot for 1 N at unit Young's modulus, in 1/m. The position is this
-    /// compliance × ∫ J dF.
+    /// Displacement of the robot for 1 N at unit Young's modulus, in 1/m. The robot's position is
+    /// this value times the superposition of creep responses to all changes of the force.
     pub fn compliance_per_m(&self) -> f64 {
         self.field_per_n[self.robot]
     }
 
-    /// Returns the robot's position (m) at every row, as the limit from the left.
+    /// Returns the robot's position (m) at every row, just before any force step at the row.
     ///
-    /// In a homogeneous gel each unknown evolves independently. Only the robot's is therefore
-    /// stepped.
+    /// In a homogeneous gel each unknown evolves independently. This function therefore computes
+    /// only the robot's unknown.
     pub fn trajectory(&self, load: &SolvedLoad, law: &CreepCompliance, scheme: TimeScheme) -> Vec<f64> {
         let mut position_m = Vec::with_capacity(load.time_s.len());
         let robot = &load.field_per_n[self.robot..=self.robot];
@@ -88,12 +91,14 @@ impl<'a> FullOrderModel<'a> {
         position_m
     }
 
-    /// Returns all unknowns (m) at the rows with the indices `rows`, one vector per row.
+    /// Returns the values (m) of all unknowns at the rows with the indices `rows`, one vector per
+    /// row.
     pub fn fields(&self, load: &SolvedLoad, law: &CreepCompliance, rows: &[usize]) -> Vec<Vec<f64>> {
         self.fields_with_scheme(load, law, rows, TimeScheme::Exponential)
     }
 
-    /// [`Self::fields`] with a choice of the time integrator.
+    /// Returns the values (m) of all unknowns at the rows with the indices `rows`, for a choice of
+    /// the time integrator.
     pub fn fields_with_scheme(
         &self,
         load: &SolvedLoad,
@@ -112,8 +117,8 @@ impl<'a> FullOrderModel<'a> {
     }
 }
 
-/// Steps unknowns through the load, and passes the state at every row to `at_row`. `field_per_n` is
-/// the response of these unknowns to 1 N.
+/// Advances unknowns through all rows of a load, and passes the state at every row to `at_row`.
+/// `field_per_n` is the response of these unknowns to 1 N.
 fn run(
     load: &SolvedLoad,
     field_per_n: &[f64],
@@ -133,14 +138,15 @@ fn run(
     }
 }
 
-/// State of one run. Within a hold the field of a branch is decay·(field at the start) + gain·w,
-/// with scalar decay and gain. The fields are therefore updated only at switches.
+/// State of the time integration of a set of unknowns. In a hold (constant or linear force), a
+/// branch's displacement field is its field at the start times a scalar decay, plus scalar gains
+/// times `field_per_n`. The fields are therefore updated only at switches.
 struct TimeRun<'a> {
     law: &'a CreepCompliance,
     branches: Vec<Branch>,
     /// Field of each branch at the start of the hold, in m.
     fields: Vec<Vec<f64>>,
-    /// w for 1 N: one value per unknown.
+    /// Displacement of every unknown for 1 N, at unit Young's modulus, in 1/m.
     field_per_n: &'a [f64],
     /// Force at the start of the hold, in N.
     force_n: f64,
@@ -150,19 +156,20 @@ struct TimeRun<'a> {
     since_s: f64,
 }
 
-/// Scalar decay and gains of one branch since the start of the hold.
+/// Decay factor and gains of one branch of the law since the start of the hold.
 #[derive(Clone, Copy)]
 struct Branch {
     decay: f64,
     gain_per_pa: f64,
-    /// Gain for a force that rises linearly, in s/Pa.
+    /// Gain for the slope of a force that changes linearly, in s/Pa.
     ramp_s_per_pa: f64,
 }
 
 const UNMOVED: Branch = Branch { decay: 1.0, gain_per_pa: 0.0, ramp_s_per_pa: 0.0 };
 
 impl Branch {
-    /// Increment of the branch's field, per unit of w for 1 N, due to a force and its slope.
+    /// Contribution of a force and its slope to the branch's displacement since the start of the
+    /// hold.
     fn moved(self, force: f64, slope_per_s: f64) -> f64 {
         self.gain_per_pa * force + self.ramp_s_per_pa * slope_per_s
     }

@@ -103,9 +103,9 @@ pub(super) fn long_axis(orientation: Orientation) -> usize {
     }
 }
 
-/// Number of layers that one refinement level adds, with layers in geometric progression. `ratio`
-/// is the outer radius divided by the body's size. The number is at least four. At level 1, ln r
-/// grows by at most `largest_step` per layer.
+/// Number of layers per refinement level for layers in geometric progression, at least four.
+/// `ratio` is the outer radius divided by the body's size. At level 1, the natural logarithm of the
+/// radius grows by at most `largest_step` per layer.
 pub(super) fn layers_per_level(ratio: f64, largest_step: f64) -> usize {
     (ratio.ln() / largest_step).ceil().max(4.0) as usize
 }

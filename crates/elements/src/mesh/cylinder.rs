@@ -5,10 +5,10 @@
 //! surface. They fan out at the rim. Sheets surround the body. Near it, they are cylinders at a
 //! constant distance, with a sharp rim. Farther out, they become spheres.
 //!
-//! The stress is singular at the rim. The displacement varies with the distance to the power 0.54
-//! at ν = ½ (0.6 at 0.3). Elements of equal size would have errors of several per cent. The
-//! elements therefore shrink towards the rim along the cap, along the mantle and across the sheets.
-//! Node positions follow the power [`GRADING`] of the element number.
+//! The stress is singular at the rim. The displacement varies with the distance from the rim to the
+//! power 0.54 at a Poisson's ratio of 0.5 (0.6 at 0.3). Elements of equal size would have errors of
+//! several per cent. The elements therefore shrink towards the rim along the cap, along the mantle
+//! and across the sheets. Node positions follow the power [`GRADING`] of the element number.
 
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 use std::ops::RangeInclusive;
@@ -18,18 +18,18 @@ use super::box_surface::{BoxSurface, layers_per_level, long_axis};
 use base::error::{Error, Result, Setting};
 use record::Orientation;
 
-/// Power that grades the positions of nodes. The error of an element at the rim in the energy
-/// varies with the element's size to the power 2 · 0.54. From a grading power of 3.7 on, this error
-/// is smaller than that of fourth-order elements elsewhere.
+/// Exponent of the grading: an element's position varies with its number to this power. The energy
+/// error of the element at the rim varies with its size to the power 2 · 0.54. From an exponent of
+/// 3.7 on, this error is smaller than that of fourth-order elements elsewhere.
 const GRADING: f64 = 4.0;
-/// Smallest relative position of an element's middle node between the ends. Near ¼ the element
-/// becomes singular. At ½ it does not follow the grading. At 0.35 and at ½ the stiffness error is
-/// several times larger than here.
+/// Smallest position of an element's middle node, as a fraction of the element's length. Near 0.25
+/// the element becomes singular, and at 0.5 it does not follow the grading. The stiffness error is
+/// several times larger at 0.35 or 0.5 than at this value.
 const LEAST_MIDDLE: f64 = 0.45;
-/// Thickness of all graded layers around the cylinder, relative to the smaller of radius and half
-/// length.
+/// Thickness of all graded layers around the cylinder together, divided by the smaller of the
+/// cylinder's radius and half length.
 const NEAR: f64 = 0.4;
-/// Largest step of ln r in the layers farther out, at level 1.
+/// Largest increase of the radius's natural logarithm per ungraded layer, at refinement level 1.
 const FAR_STEP: f64 = 0.9;
 /// Radius of the ungraded middle part of the end cap, divided by the cap's radius. On the outer
 /// sphere, the middle part takes an equal fraction of the angle up to the rim.
@@ -49,17 +49,17 @@ pub struct Cylinder {
     pub orientation: Orientation,
     /// Radius of the fixed outer surface in m.
     pub outer_radius_m: f64,
-    /// Refinement level 1, 2, 3, …. It is the number of elements from the cap's middle part to the
-    /// rim, and the number of layers graded towards the surface. Half the mantle has twice as many
-    /// elements. The layers farther out are at least four times as many.
+    /// Refinement level 1, 2, 3, …: the number of elements from the cap's middle part to the rim, and
+    /// the number of layers graded towards the surface. Half the mantle has twice as many elements.
+    /// There are at least four times as many ungraded layers farther out.
     pub level: usize,
 }
 
 impl Cylinder {
     /// Permitted range of length divided by diameter.
     pub const ASPECTS: RangeInclusive<f64> = 0.1..=30.0;
-    /// Largest distance of the rim from the centre, divided by the outer radius. Farther out,
-    /// elements would be flat.
+    /// Largest distance of the rim from the centre, divided by the outer radius. Beyond it,
+    /// elements would be nearly flat.
     pub const LARGEST_REACH: f64 = 0.8;
 
     /// Builds the mesh. Returns [`Error::Numerical`] if no mesh fits the sizes.
@@ -113,7 +113,8 @@ impl Cylinder {
     }
 }
 
-/// The mesh in a half plane through the axis. Its nodes are the crossings of lines and sheets.
+/// The mesh in a half plane through the axis. Its nodes are the crossings of lines (from the body
+/// to the outer sphere) and sheets (around the body).
 struct Section {
     half_length_m: f64,
     radius_m: f64,
@@ -122,10 +123,10 @@ struct Section {
     n_cap: usize,
     /// Number of elements along half the mantle.
     n_mantle: usize,
-    /// Distance of each line's start from the rim on the cap, relative to the cap's width outside
-    /// its middle part. The next field is the distance along the mantle, relative to the half
-    /// length.
+    /// Distance of the start of each line on the cap from the rim, divided by the cap's width
+    /// outside its middle part.
     cap: Vec<f64>,
+    /// Distance of the start of each line on the mantle from the rim, divided by the half length.
     mantle: Vec<f64>,
     /// Angle from the axis (rad) at which the line from the rim meets the outer sphere.
     rim_angle: f64,
@@ -135,11 +136,11 @@ struct Section {
 
 /// A line from the body to the outer sphere.
 struct MeridianLine {
-    /// Start of the line: a point on the edge of the unit square. The coordinates are distances
-    /// along the axis / half length and from the axis / radius.
+    /// Start of the line on the body: its distance along the axis divided by the half length, and
+    /// its distance from the axis divided by the radius.
     start: [f64; 2],
-    /// Factors on a sheet's distances from the body along the axis and from the axis. They are (1,
-    /// 1) at the rim, so that the lines fan out there.
+    /// Factors by which the line follows a sheet's growth, along the axis and across it. Both are 1
+    /// at the rim, so that the lines fan out there.
     spread: [f64; 2],
     /// Angle from the axis (rad) at which the line meets the outer sphere.
     angle: f64,
@@ -161,8 +162,8 @@ impl Section {
         let far = (1..=last).map(|i| (small_m + near_m) * far_ratio.powf(i as f64 / last as f64) - small_m);
         let mut progress: Vec<f64> = near.chain(far).map(|offset_m| offset_m / (outer_radius_m - small_m)).collect();
         progress[2 * (n_near + n_far)] = 1.0;
-        // The angle is 45° for a distant outer sphere. For a near one it is that of the rim, as
-        // seen from the centre.
+        // The angle is 45° for a distant outer sphere. For a near outer sphere it approaches the
+        // rim's angle as seen from the centre.
         let reach = half_length_m.hypot(radius_m) / outer_radius_m;
         let rim_angle = (radius_m / half_length_m).powf(reach).atan();
         Self {
@@ -182,8 +183,7 @@ impl Section {
         self.progress.len() / 2
     }
 
-    /// Coordinates (m), along the axis first, of the node for a point of the box's surface and a
-    /// sheet.
+    /// Node coordinates (m), along the axis first, for a point of the box's surface and a sheet.
     fn place_m(&self, point: [i32; 3], half_width: [i32; 3], sheet: usize) -> [f64; 3] {
         let across = [1, 2].map(|k| f64::from(point[k].abs()) / f64::from(half_width[k]));
         let core = rounded_square(across);
@@ -196,10 +196,10 @@ impl Section {
         [signed(axial_m, 0), signed(radial_m * towards[0], 1), signed(radial_m * towards[1], 2)]
     }
 
-    /// Line number `i`, counted from the edge of the cap's middle part. Lines within the middle
-    /// part have number 0 and differ by `core_radius`. This is their distance from the axis divided
-    /// by the middle part's radius. The edge of the middle part is not quite a circle. The lines up
-    /// to the rim compensate for this.
+    /// Returns line number `i`, counted from the edge of the cap's middle part towards the rim.
+    /// Lines within the middle part have number 0. Their `core_radius` is their distance from the
+    /// axis divided by the middle part's radius. The middle part's edge is not quite a circle. The
+    /// lines up to the rim compensate for this.
     fn line(&self, i: usize, core_radius: f64) -> MeridianLine {
         let (n_cap, n_mantle) = (2 * self.n_cap, 2 * self.n_mantle);
         let edge = CORE * core_radius;
@@ -249,8 +249,8 @@ fn graded(n: usize) -> Vec<f64> {
         if i.is_multiple_of(2) {
             return lower;
         }
-        // The geometric mean of the ends follows the grading. It is limited to what one element can
-        // represent.
+        // The geometric mean of the ends follows the grading. The lower limit keeps the element
+        // regular.
         let middle = ((lower * upper).sqrt() - lower) / (upper - lower);
         lower + middle.max(LEAST_MIDDLE) * (upper - lower)
     };

@@ -39,8 +39,8 @@ impl ElementKind {
 }
 
 /// A mesh of the quarter model (y ≥ 0, z ≥ 0; physics §3.1) or of the half model (z ≥ 0), which has
-/// no symmetry about y = 0. Coordinates are in m. The robot's centre is at the origin, wherever it
-/// is in the vitreous.
+/// no symmetry about y = 0. Coordinates are in m. Their origin is the robot's centre, also if the
+/// robot is not at the vitreous's centre.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mesh {
     /// Node coordinates in m.
@@ -61,8 +61,8 @@ pub struct Mesh {
 }
 
 impl Mesh {
-    /// Fraction of the whole robot, and of the force on it, that the mesh contains. Each symmetry
-    /// plane halves it: it is a quarter or a half.
+    /// Fraction of the whole robot, and of the force on it, that the mesh contains: a quarter with
+    /// two symmetry planes, a half with one.
     pub fn share(&self) -> f64 {
         [&self.symmetry_y_nodes, &self.symmetry_z_nodes]
             .iter()
@@ -78,7 +78,7 @@ impl Mesh {
     pub fn n_elements(&self) -> usize {
         self.connectivity.len() / self.element_kind.n_nodes()
     }
-    /// Iterates over the elements: node indices of each.
+    /// Iterates over the elements. Each item holds the node indices of one element.
     pub fn elements(&self) -> impl ExactSizeIterator<Item = &[u32]> {
         self.connectivity.chunks_exact(self.element_kind.n_nodes())
     }

@@ -1,11 +1,11 @@
-//! Built-in meshes of a robot away from the vitreous's centre. A conformal map moves a centred
-//! mesh. If the offset breaks a symmetry, the mirror image is added.
+//! Built-in meshes of a robot away from the vitreous's centre. A conformal map displaces the robot
+//! of a centred mesh. If the offset breaks a symmetry, the mirror image is added.
 //!
 //! The map is the Möbius map of a ball onto itself that moves the centre to the robot's position.
 //! It maps spheres to spheres and keeps angles. Elements are therefore as well shaped as in the
-//! centred mesh, and small where the gap to the outer surface is small. At the robot the map is a
-//! shift up to terms of second order. These terms fade out towards the robot, so that its surface
-//! keeps its shape to the last bit.
+//! centred mesh, and small where the gap to the outer surface is small. Near the robot the map is a
+//! translation plus terms of second order. These terms are reduced to zero at the robot, so that
+//! its surface keeps its shape exactly.
 
 use super::{ElementKind, HEXAHEDRON27_REFERENCE_NODES, Mesh};
 use base::error::{Error, Result};
@@ -26,20 +26,20 @@ impl OffCentre {
         self.offset.distance_m / self.outer_radius_m
     }
 
-    /// Outer radius (m) that the centred mesh must have. The map keeps the robot's size and maps
-    /// this radius to the real one.
+    /// Outer radius (m) that the centred mesh must have. The map moves the sphere of this radius to
+    /// the real outer surface and keeps the robot's size.
     pub fn centred_outer_radius_m(&self) -> f64 {
         self.outer_radius_m * (1.0 - self.share() * self.share())
     }
 
-    /// Moves a centred mesh of hexahedra whose outer radius is [`Self::centred_outer_radius_m`].
-    /// Its nodes are ordered in sheets from the robot outwards. The robot's centre stays at the
-    /// origin. The result is a quarter model for an offset along the force, and a half model for
-    /// one across it.
+    /// Displaces the robot of a centred mesh of hexahedra whose outer radius is
+    /// [`Self::centred_outer_radius_m`]. The nodes must be ordered in sheets from the robot
+    /// outwards. The robot's centre stays at the origin. The result is a quarter model if the
+    /// offset is along the force, and a half model if it is across the force.
     ///
     /// # Errors
-    /// [`Error::Numerical`] if the robot does not fit into the smaller ball, or if the mesh has no
-    /// such sheets.
+    /// [`Error::Numerical`] if the offset is not smaller than the outer radius, or if the mesh does
+    /// not consist of sheets of hexahedra.
     pub fn displace_mesh(&self, centred: Mesh) -> Result<Mesh> {
         let n_sheet = centred.robot_nodes.len();
         let is_layered = centred.element_kind == ElementKind::Hexahedron27
@@ -71,9 +71,9 @@ impl OffCentre {
         Ok(mesh)
     }
 
-    /// Applies the Möbius map ((1 + 2a·u + u²)a + (1 − a²)u)/(1 + 2a·u + a²u²) − a. u is the
-    /// position and a the offset, both relative to the outer radius. u is scaled by 1/(1 − a²), so
-    /// that the derivative at the origin is 1.
+    /// Applies the Möbius map R [((1 + 2a·u + u²)a + (1 − a²)u)/(1 + 2a·u + a²u²) − a] to a
+    /// position. R is the outer radius, a the offset divided by R, and u the position divided by
+    /// [`Self::centred_outer_radius_m`]. The derivative at the origin is 1.
     fn mapped_m(&self, place_m: [f64; 3]) -> [f64; 3] {
         let (a, axis) = (self.share(), self.offset.direction.axis());
         let u = place_m.map(|x| x / self.centred_outer_radius_m());
@@ -88,9 +88,9 @@ impl OffCentre {
     }
 }
 
-/// Weight of the map's second-order terms for each sheet: 0 at the robot, 1 at the outer surface.
-/// In between it is a function of the logarithm of the sheet's size, with zero slope at the outer
-/// end.
+/// Weight of the map's second-order terms on each sheet of nodes: 0 at the robot, 1 at the outer
+/// surface. Between them, the weight is a function of the logarithm of the sheet's size. Its slope
+/// is zero at the outer surface.
 fn sheet_weights(mesh: &Mesh, n_sheet: usize) -> Vec<f64> {
     let radius_m = |x: &[f64; 3]| x.iter().map(|c| c * c).sum::<f64>().sqrt();
     let sizes_m: Vec<f64> = mesh
@@ -121,8 +121,8 @@ fn mirrored(mesh: &mut Mesh) -> Vec<u32> {
         let [x, y, z] = mesh.node_coordinates_m[node as usize];
         mesh.node_coordinates_m.push([x, -y, z]);
     }
-    // The elements of a mirror image are inverted until one of their reference directions is
-    // reversed.
+    // Mirroring inverts the elements. Reversing one reference direction makes their Jacobians
+    // positive again.
     let turned: Vec<usize> = HEXAHEDRON27_REFERENCE_NODES
         .iter()
         .map(|[u, v, w]| HEXAHEDRON27_REFERENCE_NODES.iter().position(|other| other == &[-u, *v, *w]).unwrap_or(0))

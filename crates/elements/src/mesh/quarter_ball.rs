@@ -14,7 +14,7 @@ pub struct QuarterBall {
     pub robot_radius_m: f64,
     /// Radius of the fixed outer surface in m.
     pub outer_radius_m: f64,
-    /// Number of elements along the edge of an octant's patch (45° of arc).
+    /// Number of elements along 45° of arc on the robot's surface.
     pub n_per_edge: usize,
     /// Number of element layers between robot and outer surface.
     pub n_layers: usize,
@@ -68,9 +68,9 @@ impl QuarterBall {
 
     /// Radii (m) of the 2·layers + 1 spherical sheets of nodes, in geometric progression.
     ///
-    /// The sheets inside an element follow the progression, too. With middle nodes at √(r₁r₂) the
-    /// quadratic map stretches like ln r, which fits the field's 1/r decay. Middle nodes midway
-    /// between the faces would make the stiffness error 30 times larger.
+    /// The progression includes the middle nodes of the elements. The position in an element then
+    /// varies with the logarithm of the radius, which suits displacements that decay with 1/radius.
+    /// Middle nodes midway between the faces would make the stiffness error 30 times larger.
     fn node_radii_m(&self) -> Vec<f64> {
         let last = 2 * self.n_layers;
         let ratio = self.outer_radius_m / self.robot_radius_m;

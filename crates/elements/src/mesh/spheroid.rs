@@ -12,7 +12,7 @@ use super::box_surface::{BoxSurface, equiangular_direction, layers_per_level, lo
 use base::error::{Error, Result, Setting};
 use record::Orientation;
 
-/// Largest step of ln r from layer to layer at level 1.
+/// Largest increase of the radius's natural logarithm per layer, at refinement level 1.
 const LAYER_STEP: f64 = 1.1;
 
 /// Prolate spheroid in a sphere of gel: sizes, orientation and refinement of the mesh.
@@ -26,14 +26,14 @@ pub struct Spheroid {
     pub orientation: Orientation,
     /// Radius of the fixed outer surface in m.
     pub outer_radius_m: f64,
-    /// Refinement level 1, 2, 3, …. It is the number of elements along the edge of an octant's
-    /// patch. Each level has four layers, or more for a distant outer surface.
+    /// Refinement level 1, 2, 3, …: the number of elements along 45° of arc of the cube-sphere.
+    /// Each level has four layers, or more for a distant outer surface.
     pub level: usize,
 }
 
 impl Spheroid {
-    /// Permitted range of length divided by diameter. At the slender end the smallest scaled
-    /// Jacobian is 0.07.
+    /// Permitted range of length divided by diameter. At the upper limit the smallest scaled
+    /// Jacobian of the mesh is 0.07.
     pub const ASPECTS: RangeInclusive<f64> = 1.0..=30.0;
 
     /// Builds the mesh. Returns [`Error::Numerical`] if no mesh fits the sizes.
@@ -75,11 +75,11 @@ impl Spheroid {
         Ok(())
     }
 
-    /// Semi-axes (A, B) in m of the 2·layers + 1 sheets of nodes. B is in geometric progression, as
-    /// are the radii of the quarter ball, because the field decays like 1/r. A² − B² is the square
-    /// of the focal distance. It falls linearly in B² and is 0 at the outer sphere. If the outer
-    /// sphere is distant, the sheets are confocal near the body. If it is near, the sheets approach
-    /// its shape evenly.
+    /// Semi-axes (A, B) in m of the 2·layers + 1 spheroidal sheets of nodes: A along the long axis,
+    /// B across it. B is in geometric progression, because displacements decay with 1/B. A² − B²,
+    /// the square of the focal distance, falls linearly in B² and is 0 at the outer sphere. If the
+    /// outer sphere is distant, the sheets are confocal near the body. If it is near, the sheets
+    /// approach its shape evenly.
     fn semi_axes_m(&self, n_layers: usize) -> Vec<[f64; 2]> {
         let (a, b, outer) = (0.5 * self.length_m, 0.5 * self.diameter_m, self.outer_radius_m);
         let last = 2 * n_layers;

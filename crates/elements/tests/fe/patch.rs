@@ -124,8 +124,8 @@ fn energy_density(gradient: Matrix3<f64>, poisson_ratio: f64) -> f64 {
     0.5 * (two_mu * deviator.norm_squared() + kappa * strain.trace().powi(2))
 }
 
-/// Checks that forces at interior nodes are negligible relative to those at the boundary, and that
-/// the energy is the closed form's. `volume_m3` is given if it is known.
+/// Checks that forces at interior nodes are negligible relative to forces at the boundary, and that
+/// the energy has its closed form. `volume_m3` is given if it is known.
 fn assert_patch(name: &str, mesh: &Mesh, interior: &[usize], volume_m3: Option<f64>) {
     assert!(interior.len() > 5, "{name} has an interior");
     let assembly = Assembly::new(mesh).expect("no element is inverted");

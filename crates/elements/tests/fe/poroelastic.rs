@@ -28,7 +28,8 @@ fn ball(outer_radius_m: f64, n_per_edge: usize, n_layers: usize) -> Mesh {
     ball.mesh().expect("the radii are in order")
 }
 
-/// 2μ̂ and κ̂ at the drained Poisson ratio, for unit Young's modulus at the undrained ratio.
+/// Twice the shear modulus, and the bulk modulus, at the drained Poisson ratio, for unit Young's
+/// modulus at the undrained ratio.
 fn moduli(undrained: f64, drained: f64) -> [f64; 2] {
     let two_mu = 1.0 / (1.0 + undrained);
     [two_mu, two_mu * (1.0 + drained) / (3.0 * (1.0 - 2.0 * drained))]

@@ -2,7 +2,7 @@
 
 use elements::fe::exact::{SphereInContainer, sphere_in_infinite_medium_n_per_m};
 
-/// Stiffness F/u (N/m) of a rigid body of revolution, for the whole body.
+/// Stiffness (force / displacement, N/m) of a rigid body of revolution, for the whole body.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AxialAndTransverse {
     /// Stiffness for a force along the axis of revolution.

@@ -9,12 +9,12 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use crate::number::format_significant;
 
-pub use sheets::{Origin, PlaysPage, groups, plays, shapes};
+pub use sheets::{ChallengeResultsPage, Origin, groups, plays, shapes};
 pub use study::{LadderPage, RevisionPage, StudyPage, study, study_parts};
 
 /// Maximum size of a page in bytes, so that it can be sent by mail.
 const MOST_BYTES: usize = 3_000_000;
-/// Number of these bytes that are reserved for text and tables.
+/// Number of a page's bytes that are reserved for text and tables.
 const TEXT_BYTES: usize = 400_000;
 
 /// Style sheet of all pages and of parts of pages.
@@ -23,7 +23,7 @@ pub const STYLE: &str = include_str!("style.css");
 /// Figure on a page.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Figure {
-    /// Path in the study of a file with this figure.
+    /// Path of the figure's file in the study.
     pub file: String,
     /// Drawing as SVG; `None` if it was omitted to limit the size of the page.
     pub svg: Option<String>,
@@ -116,7 +116,7 @@ fn table(caption: &str, heads: &[&str], rows: &[Vec<String>]) -> Markup {
 }
 
 /// Table of numbers whose last two columns are text.
-fn table_that_ends_in_words(caption: &str, heads: &[&str], rows: &[Vec<String>]) -> Markup {
+fn table_with_text_columns(caption: &str, heads: &[&str], rows: &[Vec<String>]) -> Markup {
     table_of("ends-in-words", caption, heads, rows)
 }
 

@@ -6,7 +6,7 @@ use maud::{Markup, html};
 
 use super::{
     Figure, Tone, drop_largest_figures, figure, input_hash_table, interval, page, section, table,
-    table_that_ends_in_words,
+    table_with_text_columns,
 };
 use crate::labels::parameter_label;
 use crate::number::format_significant;
@@ -83,7 +83,7 @@ pub fn groups(summary: &GroupsSummary, figures: Vec<Figure>, origin: &Origin) ->
             p.lead { "Exit code " (u8::from(!summary.is_sound())) ". " (summary.n_specimens) " specimens in " (summary.experiments.len()) " experiments." }
         }
         (table("Typical specimen of each group: median and 90 % interval", &heads, &typical.collect::<Vec<_>>()))
-        (table_that_ends_in_words(
+        (table_with_text_columns(
             &format!("Ratios of typical specimens; specimens within a factor of {} count as equal", format_significant(1.0 + summary.margin, 2)),
             &["ratio", "median", "90 % interval", "", "to decide it"],
             &ratios.collect::<Vec<_>>(),
@@ -134,7 +134,7 @@ pub fn shapes(summary: &ShapesSummary, figures: Vec<Figure>, origin: &Origin) ->
         format_significant(summary.aspect, 3)
     );
     let body = html! {
-        (table_that_ends_in_words("Claims of the paper", &["claim", "probability", "verdict", "numbers"], &claims.collect::<Vec<_>>()))
+        (table_with_text_columns("Claims of the paper", &["claim", "probability", "verdict", "numbers"], &claims.collect::<Vec<_>>()))
         (table(&caption, &heads, &bodies.collect::<Vec<_>>()))
     };
     document_page("Comparison of robot shapes", &body, figures, &summary.warnings, origin)
@@ -142,28 +142,28 @@ pub fn shapes(summary: &ShapesSummary, figures: Vec<Figure>, origin: &Origin) ->
 
 /// Results of a run of challenges, as tables of text.
 #[derive(Debug)]
-pub struct PlaysPage {
+pub struct ChallengeResultsPage {
     /// Number of challenges that were played.
     pub played: usize,
     /// Number of challenges whose diagnosis failed.
     pub failed: usize,
-    /// Table with a row for each hidden truth: its name, its number of plays, and the verdicts on it.
+    /// Table with a row for each hidden truth: its name, the number of records with it, and the verdicts on it.
     pub verdicts: Vec<Vec<String>>,
     /// Table of rates: name and value.
     pub rates: Vec<Vec<String>>,
     /// Heads of the columns of `groups`.
     pub group_heads: Vec<&'static str>,
-    /// Table of results, with a row for each combination of sort, protocol, noise and signal.
+    /// Table of results, with a row for each combination of hidden kind (such as a single effect), protocol, noise and signal.
     pub groups: Vec<Vec<String>>,
 }
 
 /// HTML page of the results of `challenge run`.
-pub fn plays(content: &PlaysPage, origin: &Origin) -> String {
+pub fn plays(content: &ChallengeResultsPage, origin: &Origin) -> String {
     let body = html! {
         p.lead { (content.played) @if content.played == 1 { " record" } @else { " records" } " with hidden effects or none, diagnosed and compared with the truth."
             @if content.failed > 0 { " In " (content.failed) " of them the diagnosis failed." } }
         (table("Rates", &["", "share"], &content.rates))
-        (table_that_ends_in_words("Verdicts", &["hidden", "played", "verdicts"], &content.verdicts))
+        (table_with_text_columns("Verdicts", &["hidden", "played", "verdicts"], &content.verdicts))
         (table("Results by sort, protocol, noise and signal (σ)", &content.group_heads, &content.groups))
     };
     document_page("Results of challenges", &body, Vec::new(), &[], origin)

@@ -6,7 +6,7 @@ use maud::{Markup, html};
 
 use super::{
     Figure, Tone, drop_largest_figures, figure, folded, input_hash_table, interval, page, section, table,
-    table_that_ends_in_words,
+    table_with_text_columns,
 };
 use crate::labels::{model_title_with, parameter_label};
 use crate::number::{format_decimals, format_ranges, format_significant};
@@ -243,7 +243,7 @@ fn equivalent_refits(equivalent_effects: &EquivalentEffects) -> Markup {
     let rows: Vec<Vec<String>> = equivalent_effects.refits.iter().flat_map(row).collect();
     let diagnosed = equivalent_effects.diagnosis_of.as_deref().unwrap_or("an earlier revision");
     let caption = format!(
-        "{} ({}): equivalent in the diagnosis of {diagnosed}; fitted with one of them at a time",
+        "{} ({}): effects that the diagnosis of {diagnosed} cannot distinguish; each row is from a fit with one of them",
         equivalent_effects.effects.join(" + "),
         equivalent_effects.alternative().unwrap_or_default()
     );
@@ -307,7 +307,7 @@ fn failures(content: &StudyPage) -> Markup {
                     }
                 }
                 (revision.shown("comparison_map", "Failure map: cycle against time since the last force step"))
-                (revision.folded("comparison", "Measurement and model, with residuals in µm and whitened"))
+                (revision.folded("comparison", "Measurement and model, with residuals and whitened residuals"))
                 (revision.folded("comparison_bias", "All tests: bias of the measurement against the model"))
             }
         }
@@ -408,7 +408,7 @@ fn candidate_table(diagnosis: &Diagnosis) -> Markup {
         "status",
     ];
     html! {
-        (table_that_ends_in_words("Candidate effects: gains of a refit with each", &heads, &rows))
+        (table_with_text_columns("Candidate effects: gain of a refit with each effect", &heads, &rows))
         @if let Some(sentence) = diagnosis.gains_without_error() { p { (sentence) } }
     }
 }

@@ -1,5 +1,5 @@
-//! Model `posterior` for other programs. It maps the parameters of model and noise to ln(prior × likelihood), as a density over the untransformed
-//! parameters.
+//! Model `posterior`, which other programs can call. It maps the parameters of model and noise to the log posterior density, ln(prior × likelihood). The
+//! density is over the untransformed parameters.
 
 use serde::Deserialize;
 use serde_json::Value;
@@ -102,7 +102,7 @@ impl<'a> Posterior<'a> {
         if log_density == f64::NEG_INFINITY { Ok(vec![0.0; point.len()]) } else { self.gradient.gradient(point) }
     }
 
-    /// Log-densities for an answer of the protocol. NaN is reported as a fault of the model.
+    /// Log posterior densities of several points, for a response of the protocol. A density of NaN is reported as a fault of the model.
     fn served_log_densities(&self, points: &[f64]) -> BridgeOutcome<Vec<f64>> {
         self.log_densities(points).map_err(|error| Refusal::InvalidOutput(error.to_string()))
     }

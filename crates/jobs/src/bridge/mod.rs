@@ -23,7 +23,7 @@ pub struct BridgeModels<'a> {
     posterior: Posterior<'a>,
 }
 
-/// Input parameter of a model, described for people.
+/// Input parameter of one of the models that other programs can call.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BridgeInput {
     /// Prior of the parameter, with its name and unit.
@@ -63,7 +63,7 @@ impl<'a> BridgeModels<'a> {
         protocol::answer(&[&self.trajectory as &dyn ServedModel, &self.posterior], endpoint, body)
     }
 
-    /// Size limit of a request in bytes. Each number may take 24 characters, a comma and a space.
+    /// Largest accepted size of a request, in bytes. The limit allows 32 bytes per number, which is more than the longest number takes.
     pub fn max_request_bytes(&self) -> usize {
         const FRAME: usize = 1 << 16;
         const NUMBER: usize = 32;
@@ -76,7 +76,7 @@ impl<'a> BridgeModels<'a> {
         self.posterior.inputs()
     }
 
-    /// Number of inputs of `trajectory`. They are all parameters that are not fixed, except those of the noise.
+    /// Number of inputs of `trajectory`, which are all parameters that are not fixed, except those of the noise.
     pub fn n_trajectory_inputs(&self) -> usize {
         self.trajectory.n_inputs()
     }

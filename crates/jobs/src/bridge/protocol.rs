@@ -8,7 +8,8 @@ use serde_json::{Map, Value, json};
 use base::error::Error;
 use posterior::outside::Endpoint;
 
-/// Number that replaces −∞, which JSON cannot express. It is the lowest finite number, so samplers refuse such a point even after they add other terms.
+/// Number that replaces a log-density of −∞, which JSON cannot express. The lowest finite number makes samplers refuse such a point, even after they add
+/// other terms.
 pub const NEGATIVE_INFINITY_SUBSTITUTE: f64 = f64::MIN;
 
 /// Version of UM-Bridge.
@@ -49,7 +50,7 @@ impl Refusal {
     }
 }
 
-/// Errors at a point for which the model has no prediction are faults of the request.
+/// Converts an error of the model into a fault of the request, which asked for a point without a prediction.
 impl From<Error> for Refusal {
     fn from(error: Error) -> Self {
         Self::InvalidInput(error.to_string())
@@ -65,13 +66,13 @@ pub(super) struct InterfaceSizes {
     pub outputs: usize,
 }
 
-/// Model with one input vector and one output vector. Their lengths are those that `sizes` returns. `config` comes from the request, or is
-/// [`Value::Null`].
+/// Model with one input vector and one output vector, whose lengths `sizes` returns. `config` holds the settings in the request, or is [`Value::Null`] if
+/// the request has none.
 pub(super) trait ServedModel: Sync {
     fn name(&self) -> &'static str;
     fn sizes(&self, config: &Value) -> BridgeOutcome<InterfaceSizes>;
     fn evaluate(&self, config: &Value, point: &[f64]) -> BridgeOutcome<Vec<f64>>;
-    /// Gradient of Σ sensitivityᵢ · outputᵢ over the outputs i, one number per input.
+    /// Gradient of the sum of all outputs, each weighted by its entry in `sensitivity`. The result has one number per input.
     fn gradient(&self, config: &Value, point: &[f64], sensitivity: &[f64]) -> BridgeOutcome<Vec<f64>>;
     /// Derivative of each output when the inputs move along `direction`.
     fn apply_jacobian(&self, config: &Value, point: &[f64], direction: &[f64]) -> BridgeOutcome<Vec<f64>>;
@@ -135,7 +136,8 @@ fn respond(models: &[&dyn ServedModel], endpoint: Endpoint, body: &[u8]) -> Brid
     }
 }
 
-/// Reads the input vector from a request. `inWrt` and `outWrt` are optional. They must be 0, because there is only one vector.
+/// Reads the input vector from a request. The indices `inWrt` and `outWrt` of input and output vector are optional. They must be 0, because a model has
+/// only one vector of each kind.
 fn point(request: &Map<String, Value>, sizes: InterfaceSizes) -> BridgeOutcome<Vec<f64>> {
     for key in ["outWrt", "inWrt"] {
         match request.get(key) {
@@ -172,7 +174,7 @@ fn numbers(value: &Value, key: &str, length: usize) -> BridgeOutcome<Vec<f64>> {
     values.iter().enumerate().map(number).collect()
 }
 
-/// Returns the values if all are finite. Others are refused, because JSON cannot express them.
+/// Returns the values if all are finite. Otherwise refuses them, because JSON cannot express infinite values or NaN.
 fn finite(values: Vec<f64>) -> BridgeOutcome<Vec<f64>> {
     match values.iter().position(|value| !value.is_finite()) {
         None => Ok(values),

@@ -1,4 +1,5 @@
-//! Model `trajectory` for other programs. It maps the model's parameters to positions (µm) at the record's rows, by the reduced or the full-order model.
+//! Model `trajectory`, which other programs can call. It maps the model's parameters to positions (µm) at the record's rows, by the reduced or the
+//! full-order model.
 
 use std::sync::OnceLock;
 
@@ -34,7 +35,7 @@ struct Config {
 pub struct Trajectory<'a> {
     problem: &'a Problem,
     reduced: SurrogateForward<'a>,
-    /// Full-order model, prepared when it is first used; `None` for an instrument.
+    /// Full-order model, prepared when a request first needs it. `None` for an experiment without finite elements, such as an instrument.
     full: OnceLock<Option<FullOrderForward<'a>>>,
     /// Source of each model parameter: an input or a fixed value.
     sources: Vec<ParameterSource>,
@@ -70,7 +71,7 @@ impl<'a> Trajectory<'a> {
         Ok(self.full.get_or_init(|| full).as_ref())
     }
 
-    /// Values of all model parameters at a point, fixed ones included. Values outside a parameter's support are refused.
+    /// Values of all model parameters at a point, including the fixed parameters. Values outside a parameter's support are refused.
     fn parameters(&self, point: &[f64]) -> Result<Vec<f64>> {
         let value = |source: &ParameterSource| match *source {
             // The model's parameters come before those of the noise, so the index of a prior is also the index of the input.
@@ -83,7 +84,7 @@ impl<'a> Trajectory<'a> {
             None => Ok(parameters),
             Some((spec, value)) => {
                 let what = format!("{} = {value} {} lies outside {}", spec.name, spec.unit, spec.support);
-                Err(Error::numerical(what, "give a value inside"))
+                Err(Error::numerical(what, "give a value inside this range"))
             }
         }
     }
@@ -131,7 +132,7 @@ impl ServedModel for Trajectory<'_> {
             ModelChoice::Reduced => &self.reduced,
             ModelChoice::Full => self.full()?.ok_or_else(|| {
                 Refusal::input(match self.problem.outside() {
-                    Some(outside) => format!("the full model is {}: send the request there", outside.title()),
+                    Some(outside) => format!("the full model is the program {}: send requests to it", outside.title()),
                     None => "an instrument has a given compliance and no full model: leave `config` out".into(),
                 })
             })?,

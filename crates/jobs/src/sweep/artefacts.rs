@@ -16,10 +16,10 @@ use record::{OscillationRecord, SweepRow};
 
 /// Number of points on each predicted curve.
 const N_CURVE: usize = 160;
-/// Factor by which the curves extend beyond the measured frequency range.
+/// Factor by which the predicted curves extend beyond either end of the measured frequency range.
 const BEYOND: f64 = 1.15;
 
-/// Writes all files of a revision into `dir`. `header` makes the header of a JSON document of a given kind.
+/// Writes all files of an oscillation's revision into `dir`. `header` returns the header of a JSON document, given the kind of document.
 ///
 /// # Errors
 /// [`base::Error::File`] if the operating system refuses.
@@ -64,7 +64,7 @@ fn moduli_figure(problem: &SweepProblem, result: &SweepResult) -> Result<Svg> {
     draw(sweep, &curve_hz, &bands_pa, &residuals, &format!("{}: measured moduli and posterior", sweep.specimen_id))
 }
 
-/// Figure of the measured moduli alone, without a model.
+/// Figure of the measured moduli without a model.
 ///
 /// # Errors
 /// The errors of the figure.

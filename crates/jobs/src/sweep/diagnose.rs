@@ -1,7 +1,9 @@
 //! `diagnose` for an oscillation: finds the effect that the law lacks.
 //!
-//! Every effect that changes only the law is fitted. A claim must meet three conditions. Few searches in simulated data without an effect reach its gain.
-//! The held-out frequencies do not contradict it. The remaining residuals are consistent with noise, by the test that `sample` uses.
+//! Every effect that changes only the law is fitted. A claimed effect must meet three conditions:
+//! - Few searches in simulated data without an effect reach the gain of the claimed effect.
+//! - The held-out frequencies do not contradict the effect.
+//! - The remaining residuals are consistent with noise, by the test that `sample` uses.
 
 use rayon::prelude::*;
 
@@ -18,18 +20,19 @@ use posterior::monitor::{Counter, Monitor};
 use posterior::study::ModelSpecification;
 use sampling::ensemble::RandomStream;
 
-/// Number of searches in simulated data.
+/// Number of simulated data sets without an effect. Each is searched for the effect with the largest gain.
 const N_SEARCHES: usize = 199;
-/// Random stream of the first simulation. It differs from the other streams that use this seed.
+/// Number of the random stream of the first simulation. Other uses of the seed have other stream numbers.
 const STREAM: u64 = 1 << 41;
-/// Number of starting points for a fit with an effect that do not use the fit without it.
+/// Number of starting points, for a fit with an effect, that are drawn from the prior.
 const N_WIDE_STARTS: usize = 24;
-/// Number of starting points that use the fit without the effect. They take the law's parameters from it and draw the effect's parameters from its prior.
+/// Number of starting points, for a fit with an effect, that take the law's parameters from the fit without the effect. The effect's parameters are drawn
+/// from its prior.
 const N_STARTS: usize = 6;
 
 const CRITERIA: Criteria = Criteria::SWEEP;
 
-/// Candidate effect with the fit of the law extended by it.
+/// Candidate effect with the best fit of the law that is extended by the effect.
 struct CandidateFit {
     effect: &'static dyn Effect,
     problem: SweepProblem,
@@ -90,7 +93,7 @@ pub fn run(
     })
 }
 
-/// Returns the problem with the effect added to the model. `None` if it cannot be added, or if an oscillation cannot show it.
+/// Returns the problem with the effect added to the model. `None` if the effect cannot be added, or if an oscillation cannot show it.
 fn extended(problem: &SweepProblem, effect: &dyn Effect, library: &Library) -> Option<SweepProblem> {
     let slug = effect.slug().to_string();
     if problem.specification.effects.contains(&slug) {
@@ -101,8 +104,8 @@ fn extended(problem: &SweepProblem, effect: &dyn Effect, library: &Library) -> O
     SweepProblem::new(problem.sweep.clone(), specification, library).ok()
 }
 
-/// Best fit with an effect, as near as possible to the fit without it. If the law has two bodies, they may exchange roles with an equal fit. Choosing the
-/// nearer fit keeps the law's parameters comparable.
+/// Best fit with an effect. Among fits of nearly equal posterior density, the fit nearest to the fit without the effect is chosen. The law's parameters
+/// then stay comparable even if two retarding bodies of the law can exchange their roles.
 fn fit_near_base(problem: &SweepProblem, base: &SweepFit, with: &SweepProblem, seed: u64) -> Result<Option<SweepFit>> {
     let starts = [with.starts(seed, N_WIDE_STARTS), starts_from_base(problem, base, with, seed)].concat();
     let mut fits = with.maxima(&starts)?;
@@ -130,8 +133,8 @@ fn starts_from_base(base: &SweepProblem, fit: &SweepFit, with: &SweepProblem, se
     with.starts(seed, N_STARTS).into_iter().map(join).collect()
 }
 
-/// Largest gain of each search in simulated data. The data are simulated from the fit without an effect. Every effect is then fitted, starting from its
-/// fit to the measurement.
+/// Largest gain in log likelihood (nats) over all effects, for each simulated data set. The data are simulated from the fit without an effect. The fit of
+/// each effect to the simulated data starts from its fit to the measurement.
 fn searches(
     problem: &SweepProblem,
     base: &SweepFit,
@@ -201,7 +204,8 @@ fn test(left: Option<&ResidualPValues>) -> ResidualTest {
     ResidualTest { residual, ..ResidualTest::default() }
 }
 
-/// Effects other than the best. Each has its deficit to the best effect, in the fitted or the held-out frequencies.
+/// Effects other than the best, each with its deficit in log likelihood (nats). The deficit is the larger of two: on the fitted and on the held-out
+/// frequencies.
 fn rivals(candidates: &[OscillationCandidate], best: usize) -> Vec<Rival> {
     let heldout = |oscillation_candidate: &OscillationCandidate| oscillation_candidate.heldout_gain_nats.unwrap_or(0.0);
     let best = &candidates[best];

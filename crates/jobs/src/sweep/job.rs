@@ -16,7 +16,7 @@ use sampling::{SamplerOptions, sample as sample_density};
 
 /// Number of draws from which the posterior's predictions are computed.
 const N_DRAWS: usize = 400;
-/// Ratio of the 95 % to the 5 % quantile. Above it, the data do not determine the law's parameter.
+/// Ratio of a parameter's 95 % to its 5 % posterior quantile above which the data count as not determining the parameter.
 const UNDETERMINED: f64 = 30.0;
 /// Number of starting points for the sampler's search for modes.
 const N_STARTS: usize = 96;
@@ -179,7 +179,7 @@ fn warnings(
     }
     if summary.frequencies.heldout == 0 {
         let text = "no frequency is held out, so nothing checks the law's predictions".into();
-        warn(WarningKind::NothingHeldOut, text, "hold some out with `heldout_hz` in [measurement]");
+        warn(WarningKind::NothingHeldOut, text, "hold frequencies out with `heldout_hz` in [measurement]");
     }
     if problem.sweep.n_incomplete > 0 {
         let text = format!("{} rows lack a number and are ignored", problem.sweep.n_incomplete);

@@ -1,9 +1,8 @@
-//! Joint posterior of a specimen that was measured several times. All records share the law's parameters, and each record has noise parameters of its
-//! own.
+//! Joint posterior of a specimen that was measured several times. All records share the law's parameters, but each record has its own noise parameters.
 //!
-//! Records are creep experiments and oscillations. The log-density of each record depends on the law's coordinates and on those of the record alone. It
-//! includes their priors. The joint log-density is the sum over the records, in which the law's prior counts once. A likelihood ratio test shows whether
-//! the records agree: it compares a separate law for each record with a common law.
+//! Records are creep experiments and oscillations. The log-density of a record depends on the law's parameters and on the record's own noise parameters,
+//! and includes the priors of both. The joint log-density is the sum over all records, but counts the law's prior only once. A likelihood ratio test shows
+//! whether the records agree: it compares a separate law for each record with a common law.
 
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
@@ -24,18 +23,18 @@ use sampling::{LogDensity, SamplerOptions, sample as sample_density};
 
 /// Number of starting points of each search, drawn from the prior.
 const N_STARTS: usize = 48;
-/// Probability of the agreement test below which the records disagree.
+/// p of the agreement test below which the records count as disagreeing.
 const LEAST_P: f64 = 0.01;
 /// Largest number of records in a joint posterior.
 pub const MOST_RECORDS: usize = 20;
 
-/// One record of a joint posterior. Its coordinates begin with those of the law.
+/// One record of a joint posterior. The first coordinates of the record are the law's parameters; its noise parameters follow.
 pub struct JointMember<'a> {
     /// Specimen identifier.
     pub id: String,
     /// Kind of the record, `creep` or `oscillation`.
     pub kind: &'static str,
-    /// Log-density over the record's coordinates. It includes their priors.
+    /// Log posterior density over the record's coordinates, including their priors.
     pub density: &'a dyn LogDensity,
     /// Priors of the record's coordinates, in their order.
     pub priors: &'a PriorSet,
@@ -46,7 +45,8 @@ pub struct Joint<'a> {
     members: Vec<JointMember<'a>>,
     /// Priors of the law's parameters.
     law: PriorSet,
-    /// Priors of all parameters: those of the law, then the noise parameters of each record. The names of the latter begin with the record's number.
+    /// Priors of all parameters: those of the law, then the noise parameters of each record. The name of a noise parameter begins with the record's
+    /// number.
     pub priors: PriorSet,
 }
 
@@ -61,7 +61,7 @@ pub struct JointResult {
 }
 
 impl<'a> Joint<'a> {
-    /// Joins records. The first coordinates of each must be those of `law`.
+    /// Joins records to a joint posterior. The first coordinates of each record must be the parameters of `law`.
     ///
     /// # Errors
     /// [`Error::Input`] for fewer than two records, for too many, or if the priors of their laws differ.
@@ -78,7 +78,7 @@ impl<'a> Joint<'a> {
         let names: Vec<&str> = first.names().filter(|name| !is_of_law(name)).collect();
         let of_law = first.without(&names);
         if of_law.priors().is_empty() {
-            return refuse("every parameter of the law is fixed".into(), "leave at least one free");
+            return refuse("every parameter of the law is fixed".into(), "leave at least one parameter free");
         }
         let n_law = of_law.priors().len();
         if members.iter().any(|member| member.priors.priors()[..n_law] != *of_law.priors()) {
@@ -97,7 +97,7 @@ impl<'a> Joint<'a> {
         Ok(Self { members, law: of_law, priors })
     }
 
-    /// Index of each of the record's coordinates in the joint point.
+    /// Index of each coordinate of one record in a point of the joint posterior.
     fn places(&self, record: usize) -> Vec<usize> {
         let n_law = self.law.priors().len();
         let n_own = |member: &JointMember<'_>| member.priors.priors().len() - n_law;

@@ -12,7 +12,7 @@ use sampling::ensemble::RandomStream;
 const N_SIMULATED: usize = 499;
 /// Joint probability of all tests below which residuals do not count as noise.
 pub const LEAST_P: f64 = Criteria::SWEEP.least_noise_p;
-/// Random stream of the first simulation. It differs from the other streams that use this seed.
+/// Number of the random stream of the first simulation. Other uses of the seed have other stream numbers.
 const STREAM: u64 = 1 << 40;
 
 /// p of each residual test: the probability that noise alone gives residuals at least as extreme.
@@ -39,8 +39,8 @@ impl ResidualPValues {
     }
 }
 
-/// Computes three test statistics. The first is the sum of products of neighbouring residuals, divided by the sum of squares. The others are the sums of
-/// squares of the fitted and of the held-out rows. `None` if the model has no prediction.
+/// Computes three test statistics. The first is the sum of products of neighbouring residuals, divided by the sum of squares. The second and third are the
+/// sums of squared residuals of the fitted and of the held-out rows. `None` if the model has no prediction.
 fn test_statistics(problem: &SweepProblem, fit: &SweepFit) -> Option<[f64; 3]> {
     let predicted = problem.predict(&fit.values)?;
     let residuals = problem.residuals(&predicted, &fit.values);
@@ -51,12 +51,12 @@ fn test_statistics(problem: &SweepProblem, fit: &SweepFit) -> Option<[f64; 3]> {
     let squares = |rows: &[[f64; 2]]| rows.iter().flatten().map(|r| r * r).sum::<f64>();
     let fitted = part(false);
     let neighbours: f64 = fitted.windows(2).map(|pair| pair[0][0] * pair[1][0] + pair[0][1] * pair[1][1]).sum();
-    // The division by the sum of squares removes the dependence on the size, which has a test of its own.
+    // The division by the sum of squares makes the first statistic independent of the residuals' size, which the second statistic tests.
     Some([neighbours / squares(&fitted), squares(&fitted), squares(&part(true))])
 }
 
-/// Tests the residuals of a fit. Oscillations are simulated from the fit and refitted in the same way. p is the fraction of them whose statistic is at
-/// least as extreme. `None` if the model has no prediction.
+/// Tests the residuals of a fit. Oscillations are simulated from the fit and fitted again. The p-value of a test is the fraction of simulated oscillations
+/// whose test statistic is at least as large. `None` if the model has no prediction.
 ///
 /// # Errors
 /// The errors of fitting.

@@ -20,7 +20,7 @@ use sampling::optimum::{Mode, find_modes};
 
 /// Name of the default prior for oscillations. It is wide, because rheometers measure gels of any kind.
 pub const DEFAULT_PRIOR: &str = "generic";
-/// Prior of the relative error. Its median is 2 %; one standard deviation is a factor of three.
+/// Prior of the relative measurement error of the moduli. The median is 2 %, and one standard deviation is a factor of three.
 const NOISE_PRIOR: Distribution = Distribution::LogNormal { median: 0.02, log_sd: 1.2 };
 const NOISE_PRIOR_SOURCE: &str =
     "chosen: rheometers repeat to a few per cent, a factor of three for one standard deviation";
@@ -28,10 +28,10 @@ const NOISE_PRIOR_SOURCE: &str =
 const MOST_ROWS: usize = 10_000;
 /// Number of starting points for a fit, drawn from the prior.
 const N_STARTS: usize = 24;
-/// Random stream from which the starting points are drawn.
+/// Number of the random stream that draws the starting points of searches.
 const START_STREAM: u64 = u64::MAX / 3;
 
-/// Oscillation with the model and the priors by which it is explained.
+/// Measured oscillation, joined with the model and the priors for its inference.
 #[derive(Debug, Clone)]
 pub struct SweepProblem {
     /// Measured oscillation: frequencies with two values each.
@@ -78,7 +78,7 @@ fn scales(sweep: &OscillationRecord) -> CharacteristicSizes {
 }
 
 impl SweepProblem {
-    /// Checks that the model suits the oscillation, and joins the two.
+    /// Joins the oscillation with a model, after checking that the model suits it.
     ///
     /// # Errors
     /// [`Error::Input`] for effects that an oscillation cannot show, noise terms, unknown parameters, and unsuitable priors.
@@ -94,7 +94,7 @@ impl SweepProblem {
             return Err(Error::input(
                 InputPlace::setting(Setting::Forward),
                 format!("{} returns positions over time, but this is an oscillation", law.url()),
-                "leave it out: oscillations take laws of springs, dashpots and springpots",
+                "leave out the external model: oscillations take laws of springs, dashpots and springpots",
             ));
         }
         if specification.noise != ModelSpecification::default().noise {
@@ -129,14 +129,14 @@ impl SweepProblem {
         Ok(problem)
     }
 
-    /// Returns the problem with other measured values at the present frequencies.
+    /// Returns the problem with other rows, each a frequency with its two values.
     pub fn with_rows(&self, rows: Vec<SweepRow>) -> Self {
         Self { sweep: OscillationRecord { rows, ..self.sweep.clone() }, ..self.clone() }
     }
 
     /// Refuses effects that change more than the relation of stress and strain, because a stationary oscillation does not show them.
     fn refuse_invisible_effects(&self, all: &PriorSet) -> Result<()> {
-        // Parameters are set to the 0.8 quantile of their priors, because a prior's median may be the effect's null.
+        // Parameters are set to the 0.8 quantile of their priors, because a prior's median may be the null, at which the effect vanishes.
         let aside: Vec<Dual> = self
             .model
             .parameters()
@@ -154,7 +154,7 @@ impl SweepProblem {
         Err(Error::input(
             InputPlace::setting(Setting::Effects),
             format!("{}: an oscillation shows only effects that change the law", slugs.join(", ")),
-            "leave it out, or measure a creep record",
+            "leave the effect out, or measure a creep record",
         ))
     }
 
@@ -174,7 +174,7 @@ impl SweepProblem {
         self.parameters().into_iter().map(value).collect()
     }
 
-    /// Predicted pair of values at each frequency: G′ and G″, or modulus and phase. `None` if the model has no prediction.
+    /// Predicted pair of values at each frequency: storage and loss modulus (Pa), or modulus (Pa) and phase (rad). `None` if the model has no prediction.
     pub fn predict(&self, values: &[f64]) -> Option<Vec<[f64; 2]>> {
         let n = self.model.parameters().len();
         let parameters: Vec<Dual> = values[..n].iter().map(|value| (*value).into()).collect();
@@ -188,7 +188,7 @@ impl SweepProblem {
         self.sweep.rows.iter().map(at).collect()
     }
 
-    /// Standard deviations of both measured values of a row, given the predicted `pair`.
+    /// Standard deviations of the measurement errors of both values of a row, given the predicted `pair` of values.
     pub fn sd(&self, row: &SweepRow, pair: [f64; 2], values: &[f64]) -> [f64; 2] {
         row.sd.unwrap_or_else(|| {
             let relative = values.last().copied().unwrap_or(f64::NAN);
@@ -200,7 +200,7 @@ impl SweepProblem {
         })
     }
 
-    /// Residuals of both values of each row, divided by their standard deviations.
+    /// Residuals of both values of each row, divided by the standard deviations of the measurement errors.
     pub fn residuals(&self, predicted: &[[f64; 2]], values: &[f64]) -> Vec<[f64; 2]> {
         let of_row = |(row, pair): (&SweepRow, &[f64; 2])| {
             let sd = self.sd(row, *pair, values);
@@ -222,7 +222,7 @@ impl SweepProblem {
         if sum.is_nan() { f64::NEG_INFINITY } else { sum }
     }
 
-    /// Draws n starting points for a search from the prior.
+    /// Draws `n` points from the prior, at which searches for the maximum of the posterior density start.
     pub fn starts(&self, seed: u64, n: usize) -> Vec<Vec<f64>> {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(START_STREAM);
@@ -245,7 +245,7 @@ impl SweepProblem {
         Ok(self.maxima(starts)?.into_iter().next())
     }
 
-    /// Finds all maxima of the posterior density that are reached from `starts`, highest first. End points of searches that did not converge come last.
+    /// Finds all maxima of the posterior density that searches from `starts` reach, highest first. End points of searches that did not converge come last.
     ///
     /// # Errors
     /// Those of [`find_modes`].
@@ -272,7 +272,7 @@ impl SweepProblem {
         }
     }
 
-    /// Simulates measured rows: adds noise to the prediction. `values` holds all parameters.
+    /// Simulates measured rows by adding noise to the predicted values. `values` holds all parameters, from which the noise follows.
     pub fn simulate_rows(&self, predicted: &[[f64; 2]], values: &[f64], stream: &mut RandomStream) -> Vec<SweepRow> {
         let row = |(row, pair): (&SweepRow, &[f64; 2])| {
             let sd = self.sd(row, *pair, values);

@@ -1,4 +1,4 @@
-//! Tests of oscillations against an independent formula. It computes creep compliances with the complex numbers of another library.
+//! Tests of oscillations against an independent formula, which computes complex moduli with the complex numbers of another library.
 
 use nalgebra::Complex;
 use rand::SeedableRng;
@@ -22,11 +22,11 @@ const ERROR: f64 = 0.03;
 #[derive(Clone, Copy, PartialEq)]
 enum Beside {
     Nothing,
-    /// Spring in series, E₀ = 30 Pa.
+    /// Spring of 30 Pa in series.
     Spring,
-    /// Second Kelvin–Voigt body in series, 8 Pa and 80 Pa·s.
+    /// Second Kelvin–Voigt body in series, with a spring of 8 Pa and a dashpot of 80 Pa·s.
     Body,
-    /// Inertia of the rheometer, −0.002 ω² Pa. No effect of the library describes it.
+    /// Inertia of the rheometer, which adds −0.002 ω² Pa to the modulus at the angular frequency ω. No effect of the library describes it.
     Inertia,
 }
 
@@ -43,8 +43,8 @@ fn shear_modulus(omega: f64, beside: Beside) -> Complex<f64> {
     compliance.inv() / (2.0 + 2.0 * POISSON) - inertia
 }
 
-/// Simulates an oscillation with 31 frequencies from 0.01 to 30 Hz. The errors are 3 % of |G*|, and the table states them times `said`; with `None` it
-/// states none. Every third row is held out.
+/// Simulates an oscillation with 31 frequencies from 0.01 to 30 Hz. The errors are 3 % of the modulus. The table states them multiplied by `said`, or
+/// states no errors if `said` is `None`. Every third row is held out.
 fn sweep(beside: Beside, form: SweepForm, said: Option<f64>, seed: u64) -> OscillationRecord {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
@@ -95,24 +95,24 @@ fn assert_covered(n_sweeps: u64, fewest: usize) {
     }
 }
 
-/// If intervals are correct, one parameter fails by chance with a probability of 1 in 1,000 (binomial). At least one of the six parameters fails with a
-/// probability of 1 in 170.
+/// If the intervals are correct, the test fails for one parameter by chance with a probability of 1 in 1,000 (binomial). At least one of the six
+/// parameters fails with a probability of 1 in 170.
 #[test]
 #[ignore = "thorough"]
 fn intervals_cover_what_an_independent_formula_was_given() {
     assert_covered(50, 38);
 }
 
-/// Correct intervals fail as rarely as in `intervals_cover_what_an_independent_formula_was_given`. Intervals that contain the truth of a parameter in
-/// only 80 % of the sweeps fail with a probability of 0.7.
+/// Correct intervals fail this test as rarely as the shorter test above. Intervals that contain the true value in only 80 % of the sweeps fail with a
+/// probability of 0.7.
 #[test]
 #[ignore = "campaigns/long-tests"]
 fn intervals_of_many_sweeps_cover_their_truth() {
     assert_covered(150, 123);
 }
 
-/// Residuals of a correct model count as noise. At a level of 1 % each, more than 2 of 16 fail for 5 of 10,000 seeds. Residuals with half the true errors
-/// stated, or with a rheometer's inertia, do not count as noise.
+/// Residuals of a correct model count as noise. At a level of 1 % each, more than 2 of 16 fail for 5 of 10,000 seeds. Residuals do not count as noise if
+/// the table states half the true errors, or if the rheometer has inertia.
 #[test]
 fn noise_is_told_from_what_is_none() {
     let p = |beside, said, seed| {

@@ -28,7 +28,7 @@ const STEM: &str = "calibration";
 /// Largest number of simulated records. The standard error of a proportion is then about 1/300.
 const MOST: usize = 100_000;
 
-/// Arguments of a task, as its list stores them.
+/// Arguments of a calibration task, as the list of tasks stores them.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct CalibrationTask {
     sampling: Sampling,
@@ -44,7 +44,7 @@ struct CalibrationTask {
     count: usize,
 }
 
-/// Makes the tasks of a calibration with `count` simulated records. Each task has `block` records.
+/// Makes the tasks of a calibration with `count` simulated records. Each task simulates `block` records.
 ///
 /// # Errors
 /// [`Error::Input`] if the experiment's inference cannot be calibrated, or if `count` is too small or too large.
@@ -68,7 +68,7 @@ pub fn work(measurement: &Measurement, sampling: &Sampling, count: usize, block:
     Ok(parts.collect())
 }
 
-/// SHA-256 of all inputs on which every simulated record depends. The numbers of the records are not included.
+/// SHA-256 of the inputs that all simulated records have in common. The numbers of the records are not included.
 fn content(measurement: &Measurement, sampling: &Sampling) -> Result<String> {
     let priors = check(&measurement.experiment, &measurement.specification, &sampling.options())?;
     let Sampling { n_walkers, max_steps, seed, .. } = sampling;
@@ -76,15 +76,15 @@ fn content(measurement: &Measurement, sampling: &Sampling) -> Result<String> {
     Ok(sha256_hex(format!("{}\n{model}\n{priors}", measurement.inputs_sha256).as_bytes()))
 }
 
-/// Experiment that is meshed and trained once and shared by the tasks of one worker.
+/// Prepared experiment that all tasks of one worker share: its mesh and its surrogate are made only once.
 #[derive(Default)]
 pub(super) struct CalibrationState {
     bench: Option<(String, Bench)>,
 }
 
 impl CalibrationState {
-    /// Simulates the records of a task and samples their posteriors. The result's body is a sequence of JSON lines; the first describes the calibrated
-    /// experiment.
+    /// Simulates the records of a task and samples their posteriors. Returns the body of the result file, a sequence of JSON lines. The first line
+    /// describes the calibrated experiment.
     ///
     /// # Errors
     /// [`Error::Input`] if the experiment has changed since the list was made; otherwise the errors of the simulation.
@@ -101,7 +101,7 @@ impl CalibrationState {
         let (subject, mut body) = (bench.subject(), Vec::new());
         line(&mut body, &subject)?;
         replicates.iter().try_for_each(|replicate| line(&mut body, replicate))?;
-        // Values that change when they are read back would falsify the counts.
+        // Values that change when their JSON text is read back would falsify the calibration.
         match read(&body) {
             Some(back) if back.subject == subject && back.replicates == replicates => Ok(body),
             _ => Err(Error::numerical(
@@ -138,14 +138,14 @@ fn line(body: &mut Vec<u8>, content: &impl Serialize) -> Result<()> {
     Ok(())
 }
 
-/// Content of one task's result.
+/// Result of one calibration task: the calibrated experiment, and its simulated records with their ranks.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct CalibrationPart {
     subject: CalibrationSubject,
     replicates: Vec<Replicate>,
 }
 
-/// Reads the records from a result's body; `None` if it is invalid.
+/// Reads the simulated records from the body of a task's result; `None` if the body is invalid.
 pub(super) fn read(body: &[u8]) -> Option<CalibrationPart> {
     let mut lines = body.strip_suffix(b"\n")?.split(|byte| *byte == b'\n');
     let subject: CalibrationSubject = serde_json::from_slice(lines.next()?).ok()?;

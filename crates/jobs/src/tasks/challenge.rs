@@ -1,4 +1,5 @@
-//! Tasks that play challenges. Each task plays a few cases of a `challenge run`.
+//! Tasks of `challenge run`. Each task plays a few challenges: it simulates a record with a hidden effect or none, diagnoses the record and judges the
+//! result.
 
 use serde_json::json;
 
@@ -11,7 +12,7 @@ use validation::challenge::Bench;
 use validation::challenge::play::Play;
 use validation::challenge::plays::{self, PlaysRequest};
 
-/// Makes the tasks of a run. Each plays `block` cases.
+/// Makes the tasks of a `challenge run`. Each task plays `block` challenges.
 ///
 /// # Errors
 /// [`Error::Input`] for a request that cannot be met.
@@ -25,7 +26,7 @@ pub fn work(request: &PlaysRequest, block: usize) -> Result<Vec<TaskInput>> {
     Ok(parts.collect())
 }
 
-/// Plays the cases of a task and returns the result's body.
+/// Plays the challenges of a task: simulates, diagnoses and judges each. Returns the body of the result file.
 ///
 /// # Errors
 /// As [`plays::run`].
@@ -34,17 +35,17 @@ pub fn run(task: &Task, bench: &Bench, monitor: &dyn Monitor) -> Result<Vec<u8>>
     let cache = cache_directory().map(|place| place.join("challenge"));
     let played = plays::run(bench, &request, cache.as_deref(), &plays::diagnose_briefly, monitor)?.plays;
     let body = serde_json::to_vec(&played).map_err(|error| not_json(&error))?;
-    // Values that change when they are read back would make the result differ from that of a single machine.
+    // Values that change when their JSON text is read back would make the joined result differ from the result of a single machine.
     match read(&body) {
         Some(back) if back == played => Ok(body),
         _ => Err(Error::numerical(
-            format!("the plays from {} on contain numbers that JSON cannot represent", request.first),
+            format!("the results from challenge {} on contain numbers that JSON cannot represent", request.first),
             "report this with the command that was run",
         )),
     }
 }
 
-/// Reads the plays from a result's body; `None` if it is invalid.
+/// Reads the outcomes of played challenges from the body of a result file; `None` if the body is invalid.
 pub fn read(body: &[u8]) -> Option<Vec<Play>> {
     serde_json::from_slice(body).ok()
 }

@@ -18,20 +18,20 @@ use base::sha256::{Hash, hex, sha256_hex};
 use posterior::monitor::{Monitor, THREADS_VARIABLE, refuse_if_stopped};
 use record::Experiment;
 
-/// Placeholder in a command for the directory whose files are its result.
+/// Placeholder in a command for the directory into which the command must write its results.
 pub const OUT: &str = "{out}";
 /// File name of the table of all commands, in the folder of gathered results.
 pub const TABLE: &str = "commands.csv";
 /// Largest number of files in an input directory. A larger number suggests that a home directory was given by mistake.
 const MOST_FILES: usize = 20_000;
-/// Time between two checks whether the command has ended or the run is stopped.
+/// Time between two checks whether a command has ended or the user has stopped the run.
 const LOOK: Duration = Duration::from_millis(20);
 /// File with a command's run times. It is not kept with the result, because it differs from run to run.
 const TIMING: &str = "timing.json";
 /// Number of last lines of a failed command's output that are shown.
 const MOST_LINES: usize = 5;
 
-/// Arguments of a task, as its list stores them.
+/// Arguments of a task that runs a command, as the list of tasks stores them.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct CommandTask {
     words: Vec<String>,
@@ -48,7 +48,7 @@ pub struct CommandLine {
     pub words: Vec<String>,
 }
 
-/// Check that returns an error if a line is not a command of the program, or not one that a task may run.
+/// Function that checks a line. It returns an error unless the line is a command of this program that a task may run.
 pub type RefuseLine<'a> = &'a dyn Fn(&CommandLine) -> Result<()>;
 
 /// Reads a list of commands: one per line, split into words as by a shell. Comments and empty lines are skipped.
@@ -66,7 +66,7 @@ pub fn read(path: &Path) -> Result<Vec<CommandLine>> {
     let mut lines = Vec::new();
     for (number, line) in text.lines().enumerate().map(|(place, line)| (place + 1, line)) {
         let Some(mut words) = shlex::split(line) else {
-            return refuse(number, "a quotation mark is not closed", "close it, or remove it");
+            return refuse(number, "a quotation mark is not closed", "close or remove the quotation mark");
         };
         if words.first().is_some_and(|word| word == "vitreo-uq") {
             words.remove(0);
@@ -96,7 +96,7 @@ pub fn work(lines: &[CommandLine]) -> Result<Vec<TaskInput>> {
     lines.iter().map(one).collect()
 }
 
-/// Runs the command of a task. `refuse` checks it first, because the list may come from another person.
+/// Runs the command of a task. `refuse` checks the command first, because the list may come from another person.
 ///
 /// # Errors
 /// The errors of `refuse`; [`Error::Input`] if an input has changed or the command refuses its input; [`Error::Numerical`] with the command's output for
@@ -137,7 +137,7 @@ pub fn run(task: &Task, refuse: RefuseLine<'_>, monitor: &dyn Monitor) -> Result
     })
 }
 
-/// Waits until the command ends. Kills it if the run is stopped. Returns the exit code; `None` if a signal ended it.
+/// Waits until the command ends, and kills the command if the run is stopped. Returns the exit code; `None` if a signal ended the command.
 fn end_of(child: &mut Child, monitor: &dyn Monitor) -> Result<Option<i32>> {
     loop {
         match child.try_wait() {
@@ -161,10 +161,10 @@ fn failure(words: &[String], code: Option<i32>, said: &str) -> Error {
         Some(2) => Error::input(
             InputPlace::default(),
             what,
-            format!("correct it, and make the list again with `{}`", Setting::Force),
+            format!("correct the command, and make the list again with `{}`", Setting::Force),
         ),
         Some(code) => Error::numerical(format!("{what} (exit code {code})"), "run the command by itself"),
-        None => Error::numerical(format!("{what} (killed)"), "give it more memory or time"),
+        None => Error::numerical(format!("{what} (killed)"), "give the command more memory or time"),
     }
 }
 
@@ -239,8 +239,8 @@ fn files_below(folder: &Path) -> Result<Vec<PathBuf>> {
     Ok(found)
 }
 
-/// Result of a command: one line with its exit code, then a tar archive of its files. The archive contains no times and no owners. `None` if the command
-/// wrote no file.
+/// Body of a command's result file: one line with the exit code, then a tar archive of the files that the command wrote into `out`. The archive contains
+/// no times and no owners. `None` if the command wrote no file.
 fn body(code: i32, out: &Path) -> Result<Option<Vec<u8>>> {
     let mut found = files_below(out)?;
     // Hidden files such as locks do not belong to the result.
@@ -257,7 +257,7 @@ fn body(code: i32, out: &Path) -> Result<Option<Vec<u8>>> {
     archive.into_inner().map(Some).map_err(files::file_error("keep", out))
 }
 
-/// Writes the files of a result into a folder. Returns the exit code, or `None` if `body` is not a result.
+/// Writes the files of a command's result into a folder. Returns the command's exit code, or `None` if `body` is not a result.
 ///
 /// # Errors
 /// [`Error::File`] if the file system refuses.
@@ -276,7 +276,7 @@ pub(super) fn keep(folder: &Path, body: &[u8]) -> Result<Option<i32>> {
     Ok(Some(code))
 }
 
-/// Extracts names and contents from an archive. `None` if it is invalid, or if a name leads out of the target folder.
+/// Extracts names and contents of files from a tar archive. `None` if the archive is invalid, or if a name leads out of the target folder.
 fn entries(archive: &[u8]) -> Option<Vec<(PathBuf, Vec<u8>)>> {
     let mut found = Vec::new();
     for entry in tar::Archive::new(archive).entries().ok()? {

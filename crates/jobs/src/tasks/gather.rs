@@ -29,17 +29,20 @@ const WRITABLE: &str = "choose a writable directory";
 pub struct GatherOutcome {
     /// Numbers of available and missing results.
     pub gathered: Gathered,
-    /// All available challenge plays, in order. `None` for other kinds of tasks, or if no play is available.
+    /// Outcomes of all available challenges, in order. `None` for other kinds of tasks, or if no outcome is available.
     pub plays: Option<Plays>,
-    /// Calibration from the available ranks. `None` for other kinds of tasks, or if no rank is available.
+    /// Simulation-based calibration, computed from the available results. `None` for other kinds of tasks, or if no result is available.
     pub calibration: Option<Calibration>,
     /// Number of models that were added to the cache; `None` for other kinds of tasks.
     pub n_adopted: Option<usize>,
 }
 
-/// Reads every available result, writes the joined files into the folder `out`, and lists missing results. For challenges it writes the document of
-/// `challenge run`, for a cohort the files of `groups`. For a calibration it writes the document and figure, for commands their files and a table. Models
-/// go into the cache.
+/// Reads every available result, writes the joined files into the folder `out`, and lists missing results. The files depend on the kind of tasks:
+/// - challenges: the document of `challenge run`
+/// - sampling of a cohort: the files of `groups`
+/// - calibration: its document and figure
+/// - commands: the files of each command, and a table
+/// - reduced models: files in the cache instead of `out`
 ///
 /// # Errors
 /// [`base::Error::File`] if the file system refuses, [`base::Error::Interrupted`] when stopped.
@@ -84,7 +87,7 @@ pub fn gather(list: &List, out: &Path, monitor: &dyn Monitor) -> Result<GatherOu
     if let Some(plays) = &found.plays {
         create_folders(out, WRITABLE)?;
         let document = plays.document(list.seed());
-        // The text of `--json` is written piece by piece, so that it need not fit into the memory.
+        // The JSON text is streamed into the file, so that it need not fit into memory.
         stream_atomically(&out.join(CHALLENGE), |file| {
             serde_json::to_writer_pretty(&mut *file, &document)?;
             file.write_all(b"\n")
@@ -105,7 +108,7 @@ pub fn gather(list: &List, out: &Path, monitor: &dyn Monitor) -> Result<GatherOu
     Ok(GatherOutcome { gathered, plays, calibration, n_adopted })
 }
 
-/// Finds the tasks without a valid result among the tasks with these numbers.
+/// Finds the tasks without a valid result among the tasks whose numbers are in the range `numbers`.
 ///
 /// # Errors
 /// [`base::Error::Input`] if the list is damaged, [`base::Error::Interrupted`] when stopped.
@@ -132,7 +135,8 @@ impl GatheredParts {
     }
 }
 
-/// Calls `use_body` with the body of each task's result, in the order of the tasks. If it returns `None`, the result counts as damaged.
+/// Calls `use_body` with the body of each task's result, and returns the values in the order of the tasks. A result for which `use_body` returns `None`
+/// counts as damaged.
 fn over_tasks<T: Send>(
     list: &List,
     monitor: &dyn Monitor,
@@ -156,7 +160,7 @@ fn faults<T>(parts: &[std::result::Result<T, MissingResult>]) -> Vec<MissingResu
     parts.iter().filter_map(|part| part.as_ref().err()).cloned().collect()
 }
 
-/// Writes the files of a result into the folder of `groups`. An existing identical file is not rewritten.
+/// Writes the files of a sampling task's result into the folder from which `groups` reads them. An existing identical file is not rewritten.
 fn keep(folder: &Path, body: &[u8]) -> Result<Option<()>> {
     let Some(files) = sample::files_of(body) else { return Ok(None) };
     for file in files {

@@ -1,4 +1,4 @@
-//! Tests of joining results, which are written by hand. The joined document must equal that of a single machine.
+//! Tests of joining task results. The tests write the results by hand, and the joined document must equal the document of a single machine.
 
 use serde_json::json;
 
@@ -75,7 +75,7 @@ fn what_is_missing_is_left_out_and_named() {
     assert!(nothing.plays.is_none() && nothing.gathered.results == 0 && !out.join(CHALLENGE).exists());
     write(&list, &plays, 1);
     write(&list, &plays, 3);
-    // This result has a valid head, but its body is not a list of plays.
+    // This result has a valid head, but its body is not a list of challenge outcomes.
     result::write(&list, &list.task(0).unwrap(), b"{}").unwrap();
     let outcome = gather(&list, &out, &SilentMonitor).unwrap();
     let numbers: Vec<usize> = outcome.plays.unwrap().plays.iter().map(|play| play.number).collect();
@@ -85,7 +85,7 @@ fn what_is_missing_is_left_out_and_named() {
     assert_eq!(faults, [(0, Fault::Damaged), (2, Fault::Absent)]);
 }
 
-/// A result is refused after any byte is changed and after any truncation.
+/// A result file is refused after any of its bytes is changed, and after any truncation.
 #[test]
 fn no_changed_byte_goes_unnoticed() {
     let dir = tempfile::tempdir().unwrap();
@@ -130,7 +130,7 @@ fn calibration(dir: &Path, rank: impl Fn(usize) -> usize) -> List {
     list
 }
 
-/// Uniform ranks pass, and ranks of posteriors that are too high fail. A result with a missing rank is damaged.
+/// A calibration passes if the ranks are uniform, and fails if the posteriors are too high. A result with a missing rank counts as damaged.
 #[test]
 fn ranks_of_all_tasks_make_one_verdict() {
     let dir = tempfile::tempdir().unwrap();

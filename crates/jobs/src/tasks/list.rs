@@ -1,4 +1,4 @@
-//! List of tasks, as stored on disk.
+//! List of tasks for one or more machines, stored as files in a directory.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -33,7 +33,7 @@ pub struct Task {
     pub task: usize,
     /// Identifier: SHA-256 of program, kind of task and arguments.
     pub id: String,
-    /// Path of the result, relative to the list's directory. The file is named after the id.
+    /// Path of the task's result file, relative to the list's directory. The file is named after the task's id.
     pub result: String,
     /// Words of the command that runs the task.
     pub command: Vec<String>,
@@ -95,8 +95,8 @@ pub enum ListOutcome {
 }
 
 impl List {
-    /// Makes a list and writes it into a directory that does not exist, is empty or holds a list. `program` is the version and the hash of the sources.
-    /// Existing results stay.
+    /// Makes a list and writes it into a directory that does not exist, is empty or holds a list. `program` is the version of this program with the hash
+    /// of its sources. Existing results are kept.
     ///
     /// # Errors
     /// [`Error::Input`] if the directory holds other files, or another list and `force` is not set; [`Error::File`] if it is not writable.
@@ -147,7 +147,8 @@ impl List {
         Ok((list, making))
     }
 
-    /// Checks whether the list may be written into its directory, and what is there already.
+    /// Checks whether the list may be written into its directory. Returns `WasThere` for an identical list, and otherwise the outcome that writing will
+    /// have.
     fn place(&self, force: bool) -> Result<ListOutcome> {
         let head = self.dir.join(HEAD);
         if files::kind(&head).is_some() || files::kind(&self.dir.join(LINES)).is_some() {
@@ -215,7 +216,7 @@ impl List {
             InputPlace::file(self.dir.join(HEAD)),
             format!("this list was made by vitreo-uq {}, but this program is {program}", self.head.body.program),
             format!(
-                "use the program that made it, or make the list again with `{}`; then everything is computed again",
+                "use the program that made the list, or make the list again with `{}`, which computes all results again",
                 Setting::Force
             ),
         ))
@@ -276,7 +277,7 @@ impl List {
         self.dir.join(result_of(&task.id))
     }
 
-    /// Names of the result files. Files that are still being written are left out.
+    /// Names of all result files in the list's directory. Files that are still being written are left out.
     ///
     /// # Errors
     /// [`Error::File`] if the directory is unreadable.

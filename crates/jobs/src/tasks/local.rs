@@ -62,7 +62,7 @@ pub fn run(
                 ended.fetch_add(1, Ordering::SeqCst);
             });
         }
-        // A thread that waits for an answer notices only that its process has ended. This loop therefore watches for a stop.
+        // A thread that waits for its worker's answer cannot notice a stop. This loop therefore watches for a stop and kills the workers.
         while ended.load(Ordering::SeqCst) < jobs {
             if shared.is_stopped() {
                 shared.processes.iter().for_each(kill);
@@ -92,7 +92,7 @@ type Slot = Mutex<Option<Child>>;
 struct SharedQueue<'a> {
     queue: Mutex<Queue>,
     outcome: Mutex<LocalOutcome>,
-    /// Process of each thread. A stop kills it.
+    /// Worker process of each thread. A stop kills all these processes.
     processes: Vec<Slot>,
     counter: Counter<'a>,
     monitor: &'a dyn Monitor,
@@ -103,7 +103,8 @@ impl SharedQueue<'_> {
         self.monitor.stop().is_some_and(|stop| stop.load(Ordering::Relaxed))
     }
 
-    /// Returns the next task with its number of earlier attempts. While other tasks run, it waits, because one of them may fail and return to the queue.
+    /// Returns the next task with its number of earlier attempts; `None` if no further task will come. While the queue is empty and other tasks run, it
+    /// waits, because a failed task returns to the queue.
     fn next(&self) -> Option<(usize, usize)> {
         loop {
             let mut queue = locked(&self.queue);
@@ -133,16 +134,17 @@ impl SharedQueue<'_> {
         self.counter.add_one();
     }
 
-    /// Puts a failed task at the end of the queue. If it failed too often, or another attempt cannot succeed, it is recorded as failed.
-    fn failed(&self, (task, attempts): (usize, usize), why: String, may_go_better: bool) {
+    /// Puts a failed task at the end of the queue. A task that failed too often, or for which another attempt cannot succeed, is recorded as failed
+    /// instead.
+    fn failed(&self, (task, attempts): (usize, usize), why: String, can_retry: bool) {
         if self.is_stopped() {
             return;
         }
         let mut queue = locked(&self.queue);
         queue.under_way -= 1;
-        queue.in_a_row += usize::from(may_go_better);
+        queue.in_a_row += usize::from(can_retry);
         locked(&self.outcome).last_failure = Some(why.clone());
-        if may_go_better && attempts + 1 < MOST_ATTEMPTS {
+        if can_retry && attempts + 1 < MOST_ATTEMPTS {
             self.monitor.warn(&format!("task {task} will be tried again: {why}"));
             queue.waiting.push_back((task, attempts + 1));
         } else {
@@ -188,7 +190,7 @@ impl SharedQueue<'_> {
                 }
             }
         }
-        // Closing its standard input makes the worker end.
+        // Closing the worker's standard input makes the worker end.
         drop(ends);
         end(slot);
     }
@@ -199,7 +201,7 @@ fn start(slot: &Slot, worker: &(dyn Fn() -> Command + Sync)) -> std::io::Result<
     let ends = child.stdin.take().zip(child.stdout.take());
     *locked(slot) = Some(child);
     ends.map(|(numbers, answers)| (numbers, BufReader::new(answers)))
-        .ok_or_else(|| std::io::Error::other("it has no standard input or output"))
+        .ok_or_else(|| std::io::Error::other("the process has no standard input or output"))
 }
 
 fn kill(slot: &Slot) {
@@ -218,7 +220,7 @@ fn kill(slot: &Slot) {
 fn end(slot: &Slot) -> String {
     loop {
         let mut held = locked(slot);
-        let Some(child) = held.as_mut() else { return "it did not exist".into() };
+        let Some(child) = held.as_mut() else { return "the process did not exist".into() };
         match child.try_wait() {
             Ok(None) => {}
             Ok(Some(status)) => {

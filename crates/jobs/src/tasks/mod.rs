@@ -8,9 +8,9 @@
 //!   results/       one file per task, named after its id, written completely or not at all
 //!   gathered/      joined results, written by `gather`
 //! ```
-//! A task's id is the hash of its inputs' content, its arguments and the program's sources. A result therefore identifies its task, its input and the
-//! program. It does not depend on the machine or the number of attempts. Results that do not match are listed and computed again. Tasks may be killed,
-//! run twice, and run in any order.
+//! A task's id is the hash of its inputs' content, its arguments and the program's sources. A result file therefore identifies its task, its input and the
+//! program. Its content does not depend on the machine or the number of attempts. Results that do not match their task are listed and computed again.
+//! Tasks may be killed, run twice, and run in any order.
 
 pub mod calibration;
 pub mod challenge;

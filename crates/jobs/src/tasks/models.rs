@@ -1,7 +1,8 @@
-//! Tasks that build reduced models. Each model that the experiments need is built once. Gathering puts it into the cache, where commands read it.
+//! Tasks that build reduced models. Each reduced model that the experiments need is built once. `gather` puts the models into the cache, from which
+//! commands read them.
 //!
-//! As in the cache, a model's name is the hash of all its inputs. Some inputs depend only on the apparatus, so experiments with equal apparatus share the
-//! tasks that need only those.
+//! As in the cache, a model's name is the hash of all its inputs. If these inputs depend only on the apparatus, experiments with equal apparatus share one
+//! task.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -33,28 +34,28 @@ use record::Apparatus;
 enum ReducedModelKind {
     /// Compliance of an apparatus (displacement per force), for cohorts.
     Compliance,
-    /// Surrogate of a model with its law.
+    /// Surrogate for an experiment's own model, as `sample` uses it.
     Surrogate,
     /// Surrogate for `diagnose`. It covers the Poisson's ratios of every effect.
     WidestSurrogate,
     /// Reduced displacement field of the effect with this slug.
     Field(String),
-    /// Reduced model of large displacements, which is learned for a record.
+    /// Reduced model of large displacements, which is learned separately for each record.
     LargeDisplacement,
 }
 
-/// Arguments of a task, as its list stores them.
+/// Arguments of a task that builds a reduced model, as the list of tasks stores them.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct ModelTask {
     piece: ReducedModelKind,
-    /// Name of the model's file in a cache. For large displacements this name depends on the law, which is not yet known. They use the SHA-256 of the
-    /// experiment and its model instead.
+    /// Name of the reduced model's file in a cache. For a model of large displacements, `content` is the SHA-256 of the experiment and its model instead,
+    /// because the file's name depends on the fitted law, which is not yet known.
     content: String,
     sampling: Sampling,
 }
 
-/// Makes the tasks of all models that the experiments need. Also returns the number of experiments that need none. By default they are the models that
-/// `sample` uses; with `every_effect`, also those that `diagnose` uses.
+/// Makes the tasks of all reduced models that the experiments need for `sample` and, with `every_effect`, also for `diagnose`. Also returns the number of
+/// experiments that need no reduced model.
 ///
 /// # Errors
 /// [`Error::Input`] if an experiment and its model are incompatible; otherwise the errors of meshing.
@@ -64,7 +65,8 @@ pub fn work(
     every_effect: bool,
     monitor: &dyn Monitor,
 ) -> Result<(Vec<TaskInput>, usize)> {
-    // The names of models contain hashes of meshes, so each apparatus must be meshed once. Its mesh is dropped before the next one is made.
+    // The names of models contain hashes of meshes, so each apparatus must be meshed once. Its mesh is dropped when its experiments are done, to save
+    // memory.
     let mut alike: BTreeMap<String, Vec<&Measurement>> = BTreeMap::new();
     for measurement in measurements {
         alike.entry(format!("{:?}", measurement.experiment.apparatus)).or_default().push(measurement);
@@ -108,8 +110,8 @@ pub fn work(
     Ok((work.into_iter().map(|(_, work)| work).collect(), n_without))
 }
 
-/// Lists the models that one experiment needs, each with its content hash. `mechanics` are those of the experiment's apparatus. They are computed here if
-/// they are missing.
+/// Lists the models that one experiment needs, each with its content hash. `mechanics` holds the finite elements of the experiment's apparatus. They are
+/// computed and stored here if `mechanics` is `None`.
 fn required_models(
     measurement: &Measurement,
     every_effect: bool,
@@ -156,7 +158,8 @@ fn content(measurement: &Measurement) -> String {
     sha256_hex(format!("{}\n{:?}", measurement.inputs_sha256, measurement.specification).as_bytes())
 }
 
-/// Builds a task's model, or reads it from the cache. The body of the result is one line with the model's file name in a cache, followed by the file.
+/// Builds a task's reduced model, or reads it from the cache. Returns the body of the result file: one line with the model's file name in a cache, then
+/// the content of this file.
 ///
 /// # Errors
 /// [`Error::Input`] if the experiment has changed since the list was made; otherwise the errors of the finite elements.
@@ -200,7 +203,7 @@ fn built(measurement: &Measurement, piece: &ReducedModelKind, monitor: &dyn Moni
         return apparatus::cache_file(measurement, monitor);
     }
     let problem = Problem::new(measurement.experiment.clone(), measurement.specification.clone(), None, monitor)?;
-    let fe = problem.finite_elements().ok_or_else(|| no_longer("it has no finite elements"))?;
+    let fe = problem.finite_elements().ok_or_else(|| no_longer("this experiment has no finite elements"))?;
     let library = Library::default();
     match piece {
         ReducedModelKind::Compliance | ReducedModelKind::Surrogate => {
@@ -221,7 +224,7 @@ fn built(measurement: &Measurement, piece: &ReducedModelKind, monitor: &dyn Moni
     }
 }
 
-/// Learns large displacements as `sample` does for the posterior's compliance. Returns file name and bytes.
+/// Learns the reduced model of large displacements, as `sample` does. Returns the file's name and bytes.
 fn large(problem: &Problem, fe: &FiniteElements, monitor: &dyn Monitor) -> Result<(String, Vec<u8>)> {
     let (_, surrogate) = surrogate(problem, fe, None, monitor)?;
     let fields = field_models(fe, None, problem.model.effects(), monitor)?;
@@ -245,7 +248,8 @@ struct Manifest {
     file: String,
 }
 
-/// Puts the model of a result into the cache. Returns `true` if the cache did not have it before; `None` if the result names no cache file.
+/// Puts the reduced model in a result's body into the cache. Returns `true` if the cache did not have the model before; `None` if the result names no
+/// cache file.
 ///
 /// # Errors
 /// As [`cache::adopt`].
@@ -264,7 +268,7 @@ fn file_of(body: &[u8]) -> Option<(String, &[u8])> {
 mod tests {
     use super::*;
 
-    /// Whatever a result contains, only a model of this program under its own name is written into the cache.
+    /// A result is accepted only if it contains a reduced model of this program under the model's own name. Nothing else is written into the cache.
     #[test]
     fn no_other_file_is_written() {
         let entry = |diameter_mm: f64| {

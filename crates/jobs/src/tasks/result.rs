@@ -1,4 +1,4 @@
-//! Result file of one task. Its first line, the head, identifies the task; the body follows.
+//! Result file of one task. The first line, called the head, identifies the task. The body with the computed results follows.
 
 use std::path::Path;
 
@@ -23,7 +23,7 @@ struct Head {
 
 const SCHEMA: &str = "vitreo-uq/task-result/1";
 
-/// Makes the bytes of a result file from its body.
+/// Makes the content of a result file from its body, the computed results of the task.
 ///
 /// # Errors
 /// [`base::Error::Numerical`] if the head cannot be written as JSON.
@@ -50,7 +50,7 @@ pub fn write(list: &List, task: &Task, body: &[u8]) -> Result<()> {
     write_atomically(&list.result_path(task), &bytes(&list.head().program, task, body)?)
 }
 
-/// Reads the body of a task's result file.
+/// Reads the body of a task's result file, which holds the computed results.
 ///
 /// # Errors
 /// The [`Fault`] of a missing or invalid result. It is not a [`base::Error`], because missing results are expected.

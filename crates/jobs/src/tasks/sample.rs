@@ -59,7 +59,7 @@ impl Sampling {
     }
 }
 
-/// Arguments of a task, as its list stores them.
+/// Arguments of a sampling task, as the list of tasks stores them.
 #[derive(Serialize, Deserialize)]
 struct SampleTask {
     sampling: Sampling,
@@ -72,11 +72,11 @@ struct Sampled {
     name: String,
     /// SHA-256 of the experiment's files, model and priors.
     content_sha256: String,
-    /// SHA-256 of the files of the first experiment with an equal apparatus. Its compliance is used.
+    /// SHA-256 of the files of the first experiment with an equal apparatus. The compliance of this first experiment is used.
     apparatus_sha256: String,
 }
 
-/// File that `groups` keeps for an experiment.
+/// File with the draws of one experiment, as `groups` stores it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct KeptFile {
     /// File name in the folder of experiments.
@@ -85,16 +85,16 @@ pub(super) struct KeptFile {
     pub text: String,
 }
 
-/// Makes the tasks of a cohort. Each samples `block` experiments.
+/// Makes the tasks that sample a cohort. Each task samples `block` experiments.
 ///
 /// # Errors
 /// [`Error::Input`] if an experiment and its model are incompatible.
 pub fn work(measurements: &[Measurement], sampling: &Sampling, block: usize) -> Result<Vec<TaskInput>> {
     let first = first_equal_apparatus(measurements);
     let one = |(measurement, first): (&Measurement, &usize)| -> Result<(Sampled, [String; 2])> {
-        let stands_for_its = &measurements[*first];
+        let same_apparatus = &measurements[*first];
         let path = |measurement: &Measurement| measurement.path.display().to_string();
-        Ok((sampled(measurement, stands_for_its, sampling)?, [path(measurement), path(stands_for_its)]))
+        Ok((sampled(measurement, same_apparatus, sampling)?, [path(measurement), path(same_apparatus)]))
     };
     let all = measurements.iter().zip(&first).map(one).collect::<Result<Vec<_>>>()?;
     let work = all.chunks(block.max(1)).map(|part| {
@@ -107,13 +107,13 @@ pub fn work(measurements: &[Measurement], sampling: &Sampling, block: usize) -> 
     Ok(work.collect())
 }
 
-fn sampled(measurement: &Measurement, stands_for_its: &Measurement, sampling: &Sampling) -> Result<Sampled> {
-    // A list identifies a compliance by its apparatus, so it can be made without solving for it. The value 1 is a placeholder.
+fn sampled(measurement: &Measurement, same_apparatus: &Measurement, sampling: &Sampling) -> Result<Sampled> {
+    // A list identifies the compliance by the apparatus, so making a list needs no finite-element solution. The compliance 1 is a placeholder.
     let specimen = Specimen::new(measurement, Compliance::fixed(1.0)).map_err(|error| measurement.with_name(error))?;
     Ok(Sampled {
         name: measurement.name(),
         content_sha256: specimen.built_from(&measurement.inputs_sha256, &sampling.options()),
-        apparatus_sha256: stands_for_its.inputs_sha256.clone(),
+        apparatus_sha256: same_apparatus.inputs_sha256.clone(),
     })
 }
 
@@ -124,7 +124,7 @@ pub(super) struct SamplingState {
 }
 
 impl SamplingState {
-    /// Samples the experiments of a task and returns the result's body.
+    /// Samples the experiments of a task. Returns the body of the result file: the files that `groups` keeps for these experiments.
     ///
     /// # Errors
     /// [`Error::Input`] if an experiment has changed since the list was made; otherwise the errors of the sampler.
@@ -140,9 +140,9 @@ impl SamplingState {
             ));
         }
         let mut files = Vec::new();
-        for (wanted, [label, stands_for_its]) in experiments.iter().zip(pairs) {
+        for (wanted, [label, same_apparatus]) in experiments.iter().zip(pairs) {
             let measurement = read(Path::new(label), &sampling, &SilentMonitor)?;
-            let (found, compliance) = self.compliance(Path::new(stands_for_its), &sampling)?;
+            let (found, compliance) = self.compliance(Path::new(same_apparatus), &sampling)?;
             let specimen = Specimen::new(&measurement, compliance).map_err(|error| measurement.with_name(error))?;
             let now =
                 Specimen::new(&measurement, Compliance::fixed(1.0)).map_err(|error| measurement.with_name(error))?;
@@ -181,7 +181,7 @@ impl SamplingState {
     }
 }
 
-/// Reads the experiment at a path as it is now, with its model.
+/// Reads the experiment at a path in its present state, with its model.
 ///
 /// # Errors
 /// As [`cohort::read`]; [`Error::Input`] unless there is exactly one experiment.
@@ -201,7 +201,7 @@ pub fn read(path: &Path, sampling: &Sampling, monitor: &dyn Monitor) -> Result<M
     }
 }
 
-/// Reads the files from a result's body; `None` if it is invalid or a name is not a plain file name.
+/// Reads the stored draws, one file per experiment, from a result's body. `None` if the body is invalid or a name is not a plain file name.
 pub(super) fn files_of(body: &[u8]) -> Option<Vec<KeptFile>> {
     let files: Vec<KeptFile> = serde_json::from_slice(body).ok()?;
     let is_plain = |kept_file: &KeptFile| {

@@ -13,16 +13,16 @@ use base::files::{create_folders, file_error, write_atomically};
 /// Scheduler that starts the workers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Engine {
-    /// <https://it4innovations.github.io/hyperqueue>
+    /// HyperQueue, see <https://it4innovations.github.io/hyperqueue>.
     HyperQueue,
-    /// <https://slurm.schedmd.com>
+    /// Slurm, see <https://slurm.schedmd.com>.
     Slurm,
 }
 
 /// Resources that the scheduler reserves for each part of the list.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Resources {
-    /// Number of processor cores. Each runs one worker.
+    /// Number of processor cores, each of which runs one worker.
     pub cores: usize,
     /// Time limit in minutes.
     pub minutes: u64,
@@ -33,7 +33,7 @@ pub struct Resources {
 /// Largest number of parts by default. Slurm accepts 1,000 elements per job array in its default configuration.
 const MOST_PARTS: usize = 1_000;
 
-/// Range of the task numbers in part `part` of `parts`. Every task belongs to exactly one part.
+/// Range of the task numbers in part `part` of a list that is divided into `parts` parts. Every task belongs to exactly one part.
 ///
 /// # Errors
 /// [`Error::Input`] if there is no such part.

@@ -1,4 +1,4 @@
-//! Worker that runs tasks one after another in one process. The tasks share meshes and other preparations.
+//! Worker: runs tasks one after another in one process, so that they share meshes and surrogates.
 
 use std::io::{BufRead, Write};
 
@@ -31,13 +31,13 @@ pub struct Worker<'a> {
 }
 
 impl<'a> Worker<'a> {
-    /// Makes a worker. It prepares meshes and the like when a task first needs them. It does not run commands that `refuse_line` refuses.
+    /// Makes a worker, which prepares meshes and surrogates when a task first needs them. The worker runs no command that `refuse_line` refuses.
     pub fn new(list: &'a List, refuse_line: RefuseLine<'a>, monitor: &'a dyn Monitor) -> Self {
         let (laboratory, simulator) = (SamplingState::default(), calibration::CalibrationState::default());
         Self { list, bench: None, laboratory, simulator, refuse_line, monitor }
     }
 
-    /// Runs a task unless its result exists.
+    /// Runs the task with this number, unless its result exists already.
     ///
     /// # Errors
     /// The errors of the task, and [`Error::File`] if its result cannot be written. No partial result remains.
@@ -79,7 +79,7 @@ pub(super) enum WorkerAnswer {
     Refused(String),
 }
 
-/// Runs the tasks whose numbers arrive in `numbers`, one per line. Writes one line to `answers` for each. Returns when `numbers` ends.
+/// Runs the tasks whose numbers arrive in `numbers`, one per line. Writes one line to `answers` for each task. Returns when `numbers` ends.
 ///
 /// # Errors
 /// [`Error::Interrupted`] when stopped; [`Error::File`] if the answers cannot be written.

@@ -1,13 +1,15 @@
 //! Retardation spectrum of any network with springpots, from the density of rates on the branch cut of its complex compliance.
 //!
-//! J*(s) has no singularity off the negative axis, so J(t) = J₀ + φt + ∫ L(u) (1 − e^{−eᵘt}) du with L(u) = −(1/π) Im J*(e^{u +
-//! iπ}). A springpot in parallel with other elements moves their poles away from the axis, to the next sheet beyond the cut. The
-//! closer the orders are to 1, the closer these poles are to the axis. A zero of G*(eᵛ) at v = u₀ + iπ, 0 < Im u₀ < π/2, causes
-//! an error of the midpoint rule of step h. An oscillating mode of rate e^{u₀} and compliance −2/(dG*/dv · (1 + e^{−2πiu₀/h}))
-//! corrects this error. If a zero was missed, the result changes when the step is refined.
+//! The complex compliance J*(s) of the Laplace variable s is singular only on the negative axis. The creep compliance is
+//! therefore J(t) = J₀ + φt + ∫ L(u) (1 − e^{−eᵘt}) du, with J₀ the instantaneous compliance, φ the fluidity and u the logarithm
+//! of a rate. The density of rates is L(u) = −(1/π) Im J*(e^{u + iπ}). A springpot in parallel with other elements moves their
+//! poles away from the axis, to the next sheet beyond the cut. The closer the orders are to 1, the closer these poles are to the
+//! axis. Each pole is a zero of the complex modulus G*(eᵛ) at v = u₀ + iπ with 0 < Im u₀ < π/2. It causes an error of the
+//! midpoint rule of step h. An oscillating mode of rate e^{u₀} and compliance −2/(dG*/dv · (1 + e^{−2πiu₀/h})) corrects this
+//! error. If the search misses a zero, the result changes when the step is refined.
 //!
-//! At an order of 1 the springpot is a dashpot and has no density, but J(t) has a derivative by the order. This derivative is
-//! computed from networks with orders slightly below 1.
+//! A springpot of order 1 is a dashpot and has no density, but the creep compliance has a derivative by the order. This
+//! derivative is computed from networks with orders slightly below 1.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -20,31 +22,33 @@ use base::number::Dual;
 
 /// Number of times at which two steps of the midpoint rule are compared.
 const N_TIMES: u32 = 13;
-/// Largest difference of J(t) between two steps of the midpoint rule, relative to J at the window's end.
+/// Largest difference of the creep compliance between two steps of the midpoint rule, relative to the creep compliance at the
+/// window's end.
 const TOLERANCE: f64 = 4e-9;
-/// Largest number of refinements of the step.
+/// Largest number of refinements of the midpoint rule's step.
 const MAX_REFINEMENTS: i32 = 9;
-/// Ratio of a refined step to the previous step.
+/// Ratio of a refined step of the midpoint rule to the previous step.
 const REFINEMENT: f64 = 0.75;
-/// Largest number of Newton steps in the search for one zero.
+/// Largest number of Newton steps in the search for one zero of the complex modulus.
 const MAX_NEWTON_STEPS: u32 = 20;
-/// Distance in u between the starting points of Newton's method. Zeros far from all of them are found from neighbouring poles.
+/// Distance between the starting points of Newton's method, in the logarithm of the rate. Zeros far from all of these points are
+/// found from starting points near poles.
 const START_SPACING: f64 = 2.0;
-/// Distance h below 1 of the orders that give the derivative at 1. The derivative's error is a few times h², plus the error of J
-/// divided by h.
+/// Distance h of the springpot's orders 1 − h and 1 − 2h, which give the derivative at order 1. The derivative's error is a few
+/// times h², plus the error of the creep compliance divided by h.
 const BELOW_ONE: f64 = 3e-3;
-/// Distance in u from the window's rates within which zeros and weights are taken into account. A retardation e²⁰ times faster
-/// than the window equals a spring to 2e-9, and one that is e²⁰ times slower equals flow.
+/// Largest distance of zeros and weights from the window's rates, in the logarithm of the rate. A retardation that is e²⁰ times
+/// faster than the window equals a spring to 2e-9, and a retardation that is e²⁰ times slower equals flow.
 const REACH: f64 = 20.0;
 
 /// Returns the retardation spectrum of a network over a window of times.
 ///
 /// # Errors
-/// [`Error::Numerical`] if an order is outside (0, 1], if several orders are 1 and have a derivative, or if the density is too
-/// sharp for the finest step.
+/// [`Error::Numerical`] if an order is outside (0, 1], if several orders are 1 and have a derivative, or if the density of rates
+/// has peaks that the finest step does not resolve.
 pub fn spectrum_of(network: &Element, window: TimeWindow) -> Result<RetardationSpectrum> {
     let mut leaving_one = Vec::new();
-    for_each_leaving_one(&mut network.clone(), &mut |springpot| leaving_one.push(springpot.clone()));
+    for_each_order_derivative_at_one(&mut network.clone(), &mut |springpot| leaving_one.push(springpot.clone()));
     if let [Element::Springpot { modulus_pa, time_s, order }] = leaving_one[..] {
         return derivative_at_one(network, [modulus_pa, time_s, order], window);
     }
@@ -68,8 +72,9 @@ pub fn spectrum_of(network: &Element, window: TimeWindow) -> Result<RetardationS
     ))
 }
 
-/// Returns the spectrum of a network with one springpot whose order is 1 and has a derivative. A parabola in the order goes
-/// through J(t) at the orders 1, 1 − h and 1 − 2h. The result has the parabola's value and derivative at 1.
+/// Returns the spectrum of a network with one springpot whose order is 1 and has a derivative. A parabola in the order
+/// interpolates the creep compliance at the orders 1, 1 − h and 1 − 2h, with h = [`BELOW_ONE`]. The result has the parabola's
+/// value and derivative at 1.
 fn derivative_at_one(
     network: &Element,
     [modulus_pa, time_s, order]: [Dual; 3],
@@ -77,7 +82,7 @@ fn derivative_at_one(
 ) -> Result<RetardationSpectrum> {
     let with = |other: Element| {
         let mut changed = network.clone();
-        for_each_leaving_one(&mut changed, &mut |springpot| *springpot = other.clone());
+        for_each_order_derivative_at_one(&mut changed, &mut |springpot| *springpot = other.clone());
         match stieltjes::spectrum_of(&changed) {
             Some(exact) => Ok(exact),
             None => spectrum_of(&changed, window),
@@ -93,11 +98,11 @@ fn derivative_at_one(
 }
 
 /// Calls `each` with every springpot of a network whose order is 1 and has a derivative.
-fn for_each_leaving_one(element: &mut Element, each: &mut dyn FnMut(&mut Element)) {
+fn for_each_order_derivative_at_one(element: &mut Element, each: &mut dyn FnMut(&mut Element)) {
     match element {
         Element::Springpot { order, .. } if order.value == 1.0 && order.derivative != 0.0 => each(element),
         Element::Series(elements) | Element::Parallel(elements) => {
-            elements.iter_mut().for_each(|part| for_each_leaving_one(part, each));
+            elements.iter_mut().for_each(|part| for_each_order_derivative_at_one(part, each));
         }
         _ => {}
     }
@@ -146,14 +151,14 @@ fn largest_difference(a: &RetardationSpectrum, b: &RetardationSpectrum, window: 
     let at = |k: u32| window.shortest_s * ratio.powf(f64::from(k) / f64::from(N_TIMES - 1));
     let differences =
         (0..N_TIMES).map(|k| (a.creep_compliance_per_pa(at(k)) - b.creep_compliance_per_pa(at(k))).abs() / size);
-    // A NaN must not be taken for a small difference.
+    // The maximum keeps NaN, so that NaN does not pass as a small difference.
     differences.fold(0.0, |largest, each| if each > largest || each.is_nan() { each } else { largest })
 }
 
-/// Zero of G* at v = u₀ + iπ.
+/// Zero of the complex modulus G*(eᵛ) at v = u₀ + iπ, with `u` the complex number u₀.
 struct Zero {
     u: Complex<Dual>,
-    /// Derivative dG*/dv at the zero.
+    /// Derivative of the complex modulus G*(eᵛ) with respect to v, at the zero.
     slope: Complex<Dual>,
 }
 
@@ -167,8 +172,8 @@ impl Zero {
     }
 }
 
-/// Returns the zeros of G* with 0 < Im u₀ < π/2 whose rates are within [`REACH`] of the window. A last Newton step in dual
-/// numbers makes their derivatives exact.
+/// Returns the zeros of the complex modulus beyond the branch cut: its logarithmic rates u₀ have 0 < Im u₀ < π/2 and are within
+/// [`REACH`] of the window. A last Newton step in dual numbers makes their derivatives exact.
 fn zeros_beyond_the_cut(network: &Element, window: TimeWindow) -> Vec<Zero> {
     let reach = [-window.longest_s.ln() - REACH, -window.shortest_s.ln() + REACH];
     let exact = |u: nalgebra::Complex<f64>| {
@@ -181,7 +186,8 @@ fn zeros_beyond_the_cut(network: &Element, window: TimeWindow) -> Vec<Zero> {
     zeros_of_modulus(network, reach).into_iter().filter(inside).map(exact).collect()
 }
 
-/// Returns the zeros of G*. For bodies in series they are the zeros of every body.
+/// Returns the zeros of an element's complex modulus, as complex logarithms of rates. Bodies in series have the zeros of every
+/// body.
 fn zeros_of_modulus(element: &Element, reach: [f64; 2]) -> Vec<nalgebra::Complex<f64>> {
     match element {
         Element::Series(elements) => elements.iter().flat_map(|part| zeros_of_modulus(part, reach)).collect(),
@@ -195,7 +201,8 @@ fn zeros_of_modulus(element: &Element, reach: [f64; 2]) -> Vec<nalgebra::Complex
     }
 }
 
-/// Returns the poles of G*. For bodies in parallel they are the poles of every body.
+/// Returns the poles of an element's complex modulus, as complex logarithms of rates. Bodies in parallel have the poles of every
+/// body.
 fn poles_of_modulus(element: &Element, reach: [f64; 2]) -> Vec<nalgebra::Complex<f64>> {
     match element {
         Element::Parallel(elements) => elements.iter().flat_map(|part| poles_of_modulus(part, reach)).collect(),
@@ -210,8 +217,8 @@ fn poles_of_modulus(element: &Element, reach: [f64; 2]) -> Vec<nalgebra::Complex
     }
 }
 
-/// Returns the zeros of G* (`power` 1) or of J* (`power` −1). Newton's method starts from points spread over `reach` and from
-/// points near the function's poles.
+/// Returns the zeros of an element's complex modulus (`power` 1) or complex compliance (`power` −1). Newton's method starts from
+/// points spread over `reach` and from points near the function's poles.
 fn zeros(
     element: &Element,
     power: f64,
@@ -232,8 +239,9 @@ fn zeros(
     zeros
 }
 
-/// Returns a zero by Newton's method for G*^power Π(u − u_pole). The product removes the poles. Without it, hardly any starting
-/// point would lead to a zero that is close to a pole.
+/// Returns a zero of an element's complex modulus G* to the power `power`, by Newton's method from `u`; `None` if it does not
+/// converge. The method is applied to G*^power Π(u − u_pole), in which the product removes the poles. With the poles, hardly any
+/// starting point leads to a zero close to a pole.
 fn newton(
     element: &Element,
     power: f64,
@@ -259,7 +267,7 @@ fn newton(
     None
 }
 
-/// Value of G* at s = eᵛ, and its derivative by v.
+/// Complex modulus of an element at the Laplace variable s = eᵛ, and its derivative with respect to v.
 #[derive(Clone, Copy)]
 struct Modulus {
     value: Complex<Dual>,

@@ -2,7 +2,7 @@
 
 use base::number::Dual;
 
-/// Place of an element in a law whose bodies are in series.
+/// Place of an element in a law, which is a list of bodies in series.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ElementPlace {
     /// Index of the body among the bodies in series.
@@ -24,25 +24,27 @@ pub enum Element {
         /// Viscosity c in Pa·s.
         viscosity_pa_s: Dual,
     },
-    /// Springpot: s = E τᵅ Dᵅε, with Caputo's derivative from t = 0. It is a spring at α = 0 and a dashpot at α = 1.
+    /// Springpot: s = E τᵅ Dᵅε, with Dᵅ Caputo's derivative of order α from time 0. A springpot is a spring at α = 0 and a
+    /// dashpot at α = 1.
     Springpot {
         /// Modulus E in Pa.
         modulus_pa: Dual,
-        /// Time τ in s.
+        /// Time τ in s, which with E and α determines the coefficient E τᵅ.
         time_s: Dual,
         /// Order α in (0, 1].
         order: Dual,
     },
-    /// Spring that is given by its compliance: ε = C s. C may be 0 and still have a derivative.
+    /// Spring that is given by its compliance C: ε = C s. C may be 0 and still have a derivative.
     Compliance {
         /// Compliance C in 1/Pa.
         compliance_per_pa: Dual,
     },
-    /// Kelvin–Voigt body that is given by its compliance: τ ε̇ + ε = C s. C may be 0 and still have a derivative.
+    /// Kelvin–Voigt body that is given by its compliance C and retardation time τ: τ ε̇ + ε = C s. C may be 0 and still have a
+    /// derivative.
     Retarded {
         /// Compliance C in 1/Pa.
         compliance_per_pa: Dual,
-        /// Time τ in s.
+        /// Retardation time τ in s.
         time_s: Dual,
     },
     /// Elements in series. All carry the same stress, and their strains add.
@@ -57,8 +59,8 @@ impl Element {
         Self::Parallel(vec![Self::Spring { modulus_pa }, Self::Dashpot { viscosity_pa_s }])
     }
 
-    /// Returns the modulus s/ε in Pa for a strain that grows as e^{t/T}, T > 0 in s. It is the element's operator in the Laplace
-    /// domain at 1/T.
+    /// Returns the ratio of stress to strain in Pa for a strain that grows as e^{t/T}, with T = `time_scale_s` > 0. This ratio is
+    /// the element's modulus in the Laplace domain at 1/T.
     pub fn operator_pa(&self, time_scale_s: f64) -> Dual {
         let time_scale_s = Dual::constant(time_scale_s);
         match self {
@@ -77,7 +79,7 @@ impl Element {
         }
     }
 
-    /// Returns an element with every stress `factor` times as large.
+    /// Returns an element whose stress is `factor` times as large at every strain.
     pub fn scaled(&self, factor: Dual) -> Self {
         let all = |elements: &[Self]| elements.iter().map(|element| element.scaled(factor)).collect();
         match self {

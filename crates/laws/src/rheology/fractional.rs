@@ -8,22 +8,22 @@ use super::spectrum::Accuracy;
 use super::{OscillatingMode, RetardationSpectrum, SpectralMode, TimeWindow};
 use base::number::PointScalar;
 
-/// Fractional Kelvin–Voigt body, which is the spring E and the springpot E τᵅ Dᵅ in parallel. Its creep compliance is J(t) =
-/// (1/E) (1 − E_α(−(t/τ)ᵅ)).
+/// Fractional Kelvin–Voigt body: a spring of modulus E and a springpot E τᵅ Dᵅ in parallel, with the time τ and order α. Its
+/// creep compliance is J(t) = (1/E) (1 − E_α(−(t/τ)ᵅ)), with E_α the Mittag-Leffler function.
 ///
-/// Let z = t/τ. Then E_α(−zᵅ) = ∫ w(u) e^{−eᵘz} du with w(u) = (sin απ/π)/(e^{αu} + 2 cos απ + e^{−αu}). The midpoint rule of
-/// step h computes the integral. The poles of w at ±iβ, β = π(1 − α)/α, approach the real axis as α → 1. They have the residue
-/// 1/(2πiα), which gives their error: rule = integral − (2/α) Re e^{−e^{iβ}z}/(e^{2πβ/h} + 1). This error is corrected by adding
-/// one oscillating mode. At α = 1 the mode is e^{−z}, all weights vanish, and the derivative by α is exact from below. For β ≥
-/// π/2 the mode would grow in time. It is then below the rule's error and is omitted.
+/// Let z = t/τ. Then E_α(−zᵅ) = ∫ w(u) e^{−eᵘz} du, with the density w(u) = (sin απ/π)/(e^{αu} + 2 cos απ + e^{−αu}) of the
+/// logarithmic rate u. The midpoint rule of step h computes the integral. The poles of w at ±iβ, with β = π(1 − α)/α, approach
+/// the real axis as α → 1. Their residue 1/(2πiα) gives the rule's error: rule = integral − (2/α) Re e^{−e^{iβ}z}/(e^{2πβ/h} +
+/// 1). One oscillating mode is added to correct this error. At α = 1 the mode is e^{−z}, all weights vanish, and the derivative
+/// by α is exact from below. For β ≥ π/2 the mode would grow in time. It is then below the rule's error and is omitted.
 pub(super) struct FractionalBody<T> {
     pub modulus_pa: T,
     pub time_s: T,
     pub order: T,
 }
 
-/// Springpot G Dᵅ, whose `coefficient` is G in Pa·sᵅ. Its creep compliance is J(t) = tᵅ/(G Γ(1 + α)) = (sin απ/πG) ∫ e^{−αu} (1 −
-/// e^{−eᵘt}) du.
+/// Springpot of order α, whose stress is G times the derivative of order α of the strain. `coefficient` is G in Pa·sᵅ. The creep
+/// compliance is J(t) = tᵅ/(G Γ(1 + α)) = (sin απ/πG) ∫ e^{−αu} (1 − e^{−eᵘt}) du, with u the logarithm of the rate.
 pub(super) struct Springpot<T> {
     pub coefficient: T,
     pub order: T,
@@ -44,8 +44,8 @@ impl<T: PointScalar> FractionalBody<T> {
         let from_one = (one - order) * PI;
         let compliance_per_pa = one / modulus_pa;
         let rate_per_s = one / time_s;
-        // The denominator of w is e^{αu} + e^{−αu} + 2 cos απ. The identity 2 cos απ = 4 sin²((1 − α)π/2) − 2 keeps digits near α
-        // = 1.
+        // The density's denominator is e^{αu} + e^{−αu} + 2 cos απ. The identity 2 cos απ = 4 sin²((1 − α)π/2) − 2 avoids
+        // cancellation near α = 1.
         let half_sine = (from_one * 0.5).sin();
         let middle = half_sine * half_sine * 4.0 - T::constant(2.0);
         let scaled = compliance_per_pa * rule.step;

@@ -9,9 +9,9 @@ use base::parameter::ParameterSpec;
 pub struct InterchangeableParts(pub Vec<Vec<ParameterSpec>>);
 
 impl InterchangeableParts {
-    /// Returns the number by which parts are sorted, smallest first. `values` are the values (SI) of the part's parameters. For a
-    /// viscosity and a modulus the number is the part's time. For a springpot it is minus the order, because a springpot of
-    /// higher order acts faster. Otherwise it is the modulus or viscosity itself.
+    /// Returns the number by which interchangeable parts are sorted, smallest first. `values` are the values (SI) of the part's
+    /// parameters. For a viscosity and a modulus the number is the retardation time. For a springpot it is minus the order,
+    /// because a springpot of higher order acts faster. For a single spring or dashpot it is the modulus or viscosity.
     pub fn slowness(part: &[ParameterSpec], values: &[f64]) -> f64 {
         let sum = |unit: &str| -> f64 {
             let filter = part.iter().zip(values).filter(|(spec, _)| spec.unit == unit);

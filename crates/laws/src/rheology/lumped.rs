@@ -1,85 +1,87 @@
 //! Retardation spectrum of a law with a continuous density of retardation rates, as a sum of exponentials.
 //!
-//! Such a law has J(t) = J₀ + ∫ L(u) (1 − e^{−eᵘt}) du + φ t, with eᵘ the rate and L its density. The midpoint rule in u
-//! converges faster than any power of its step, but its nodes extend to infinity on both sides. Nodes inside the time window are
-//! kept as modes. Nodes that are too fast for the window are added to the instantaneous compliance. Nodes that are too slow
-//! become flow and one more mode. The sums over the nodes outside the window converge slowly. They are therefore computed from
-//! the law's complex compliance J*(s) at two real s.
+//! Such a law has the creep compliance J(t) = J₀ + ∫ L(u) (1 − e^{−eᵘt}) du + φ t. J₀ is the instantaneous compliance, φ the
+//! fluidity, u the logarithm of a retardation rate and L(u) the density of rates. The midpoint rule in u converges faster than
+//! any power of its step, but its nodes extend to infinity on both sides. Nodes inside the time window are kept as modes. Nodes
+//! that are too fast for the window are added to the instantaneous compliance. Nodes that are too slow become flow and one more
+//! mode. The sums over the nodes outside the window converge slowly. They are therefore computed from the law's complex
+//! compliance J*(s) at two real values of the Laplace variable s.
 //!
-//! The errors of the fine rule in the window follow, with h L the weight of a node and r its rate. The slowest of the fast nodes
-//! has an error of h L e^{−rt}, at most e^{−19.5} = 3.4e-9 of h L. Faster nodes have errors of e^{−31}, e^{−50}, … of h L. The
-//! Gauss–Radau rule keeps moments 1, 2 and 3 of the slow nodes. Each slow node has an error of h L (rt)⁴/24, at most 3.4e-8 of h
-//! L at rt = 0.03. The error of each slower node is e^{−4h} = 0.15 times that of the node before. With weights below 0.05/E the
-//! total is 2e-9/E. The midpoint rule adds an error of 1e-9.
+//! The errors of [`FINE`] in the window are as follows, with h the step, h L the weight of a node, r its rate and t the time. The
+//! slowest of the fast nodes has an error of h L e^{−rt}, at most e^{−19.5} = 3.4e-9 of h L. Faster nodes have errors of e^{−31},
+//! e^{−50}, … of h L. A Gauss–Radau rule replaces the slow nodes and keeps their moments 1, 2 and 3. Each slow node has an error
+//! of h L (rt)⁴/24, at most 3.4e-8 of h L at rt = 0.03. The error of each slower node is e^{−4h} = 0.15 times that of the node
+//! before. With weights below 0.05/E, E being the spring's modulus, the total is 2e-9/E. The midpoint rule adds an error of 1e-9.
 
 use super::{OscillatingMode, RetardationSpectrum, SpectralMode, TimeWindow};
 use base::number::PointScalar;
 
-/// Midpoint rule in u, and the limits of its kept nodes.
+/// Midpoint rule in the logarithm u of the retardation rate, and the limits of the nodes that are kept as modes.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Rule {
     /// Step h in u. The rule's error is e^{−π²/h} times the integral of the density along Im u = π/2.
     pub step: f64,
-    /// Slowest kept rate times the window's longest time, if weights do not increase towards slow rates.
+    /// Slowest kept rate times the window's longest time, for densities that do not increase towards slow rates.
     pub slowest: f64,
-    /// Slowest kept rate times the window's longest time, if weights may increase as r^{−α}, like those of a springpot.
+    /// Slowest kept rate times the window's longest time, for densities that increase towards slow rates r as r^{−α}, such as
+    /// that of a springpot of order α.
     pub slowest_of_rising: f64,
     /// Fastest kept rate times the window's shortest time.
     pub fastest: f64,
-    /// Fraction of a sum over nodes outside the window below which its terms are neglected. The sums enter the result with a
-    /// factor of 1e-3.
+    /// Relative size of the terms at which a sum over nodes outside the window ends. The sums enter the result with a factor of
+    /// 1e-3.
     pub tail: f64,
 }
 
-/// Rule with a total error of 1e-8, of which the midpoint rule contributes 8e-10.
+/// Rule of [`super::Accuracy::Fine`] with a total error of 1e-8, to which the midpoint rule contributes 8e-10.
 pub(super) const FINE: Rule = Rule { step: 0.47, slowest: 0.03, slowest_of_rising: 0.01, fastest: 19.5, tail: 1e-6 };
 
-/// Rule with a total error of 1e-6. The midpoint rule has an error of 2e-7. Fast nodes have errors of e^{−13} = 2e-6 of their
-/// weights, slow nodes of 0.08⁴/24 = 2e-6.
+/// Rule of [`super::Accuracy::Fast`] with a total error of 1e-6. The midpoint rule has an error of 2e-7. Fast nodes have errors
+/// of e^{−13} = 2e-6 of their weights, slow nodes of 0.08⁴/24 = 2e-6.
 pub(super) const FAST: Rule = Rule { step: 0.64, slowest: 0.08, slowest_of_rising: 0.03, fastest: 13.0, tail: 1e-4 };
 
-/// Smallest ratio of a window's longest to its shortest time. It keeps the two equations for the nodes outside the window
-/// independent.
+/// Smallest ratio of a window's longest to its shortest time. Narrower windows are widened, so that the two equations for the
+/// nodes outside the window stay independent.
 const LEAST_SPAN: f64 = 16.0;
-/// Upper bound of the number of nodes on one side of the window. It is not reached, because terms decrease by at least a factor
-/// e^{h} from node to node.
+/// Largest number of nodes on one side of the window. Sums end earlier, because terms decrease by at least the factor e^{h} from
+/// node to node, with h the rule's step.
 const MAX_TAIL: usize = 4000;
 
 /// Density of retardation rates at the nodes of a midpoint rule.
 pub(super) struct Density<'a, T, N, C> {
-    /// Function of a node that returns its rate and its weight h L without `factor`.
+    /// Function that returns the rate of a node and its weight h L without `factor`. h is the rule's step, and L the density.
     pub node: N,
-    /// Function that returns J*(s) in 1/Pa at s in 1/s.
+    /// Function that returns the law's complex compliance J*(s) in 1/Pa at a real s in 1/s.
     pub compliance: C,
-    /// Common factor of the weights. It may be 0, but the weights without it must not be 0.
+    /// Common factor of the weights. It may be 0, but the weights before the multiplication must not be 0.
     pub factor: T,
-    /// Rule with the nodes u = (k + ½) h.
+    /// Midpoint rule with the nodes u = (k + ½) h, for integers k and the step h.
     pub rule: Rule,
     /// Slowest kept rate times the window's longest time.
     pub slowest: f64,
     /// Logarithm of the rate (1/s) at u = 0.
     pub ln_scale: f64,
-    /// Order α of [`Node::power`].
+    /// Order α of the springpot, which [`Node::power`] uses.
     pub order: T,
-    /// Smallest length in u of the sums outside the window. Weights may increase again within this length.
+    /// Smallest distance in u over which nodes outside the window are summed. Weights may increase again within this distance.
     pub least_tail: f64,
-    /// Oscillating modes in addition to the nodes.
+    /// Oscillating modes that are added to the modes of the nodes.
     pub poles: &'a [OscillatingMode<T>],
 }
 
-/// Node of the midpoint rule. Powers are updated from node to node, since exponentials would dominate the cost.
+/// Node of the midpoint rule. Exponentials are costly, so its powers are products of the previous node's powers.
 #[derive(Clone, Copy)]
 pub(super) struct Node<T> {
     /// Logarithm u of the rate, relative to the rate at u = 0.
     pub u: f64,
-    /// Value of eᵘ.
+    /// Rate eᵘ, relative to the rate at u = 0.
     pub exp_u: f64,
-    /// Value of e^{αu}.
+    /// Power e^{αu}, with α the order of the springpot.
     pub power: T,
 }
 
 impl<T: PointScalar, N: Fn(Node<T>) -> SpectralMode<T>, C: Fn(f64) -> T> Density<'_, T, N, C> {
-    /// Adds the spectrum of the density over a window.
+    /// Adds the modes, compliance and fluidity of the density to a spectrum, accurate over a time window.
     ///
     /// The number of kept nodes depends only on the rule and the window, so that all parameter points of a batch have the same
     /// number of modes.
@@ -91,8 +93,8 @@ impl<T: PointScalar, N: Fn(Node<T>) -> SpectralMode<T>, C: Fn(f64) -> T> Density
         let n_kept = ((fastest / (window.shortest_s * slowest_per_s)).ln() / step).ceil() as usize;
         let u = (first + 0.5) * step;
         let start = Node { u, exp_u: u.exp(), power: (self.order * u).exp() };
-        // Both s are far above the slowest and far below the fastest kept rate.
-        let mut lumps = Lumps::new([1.0 / longest_s, 1.0 / (longest_s * window.shortest_s).sqrt()], tail, self);
+        // Both Laplace variables s are far above the slowest and far below the fastest kept rate.
+        let mut lumps = TailSums::new([1.0 / longest_s, 1.0 / (longest_s * window.shortest_s).sqrt()], tail, self);
         spectrum.modes.reserve(n_kept + 1);
         let mut rising = self.walk(start, 1.0);
         for node in rising.by_ref().take(n_kept) {
@@ -122,24 +124,25 @@ impl<T: PointScalar, N: Fn(Node<T>) -> SpectralMode<T>, C: Fn(f64) -> T> Density
     }
 }
 
-/// Sums over the nodes outside the window, which become instantaneous compliance, fluidity and one slow mode.
+/// Sums over the nodes outside the time window. They become instantaneous compliance, fluidity and one slow mode.
 ///
-/// a and r are the compliance and the rate of a node. T is J₀ plus the sum Σ a over the fast nodes, and M is φ plus the sum Σ a r
-/// over the slow nodes. Both sums converge slowly. The two equations T + M/s = J*(s) − Σ_kept a r/(s + r) + Σ_slow a r²/(s(s +
-/// r)) + Σ_fast a s/(s + r), at the two s, determine T and M from sums that converge quickly.
-struct Lumps<T> {
+/// Each node has a compliance a and a rate r. The unknown T is the instantaneous compliance plus Σ a over the fast nodes. The
+/// unknown M is the fluidity plus Σ a r over the slow nodes. Both sums converge slowly. The equation T + M/s = J*(s) − Σ_kept a
+/// r/(s + r) + Σ_slow a r²/(s(s + r)) + Σ_fast a s/(s + r) has sums that converge quickly. Here J*(s) is the complex compliance.
+/// The equation at two values of s determines T and M.
+struct TailSums<T> {
     s_per_s: [f64; 2],
     right_side: [T; 2],
     tails: [T; 2],
-    /// Sums Σ a r² and Σ a r³ over the slow nodes.
+    /// Sums Σ a r² and Σ a r³ over the slow nodes, with the compliance a and rate r of a node.
     moments: [T; 2],
-    /// Sum Σ a s/(s + r) over the fast nodes at the larger s, without derivative.
+    /// Sum Σ a s/(s + r) over the fast nodes of compliance a and rate r, at the larger of the two s, without derivative.
     fast: f64,
-    /// Relative size below which terms are neglected ([`Rule::tail`]).
+    /// Relative size of the terms at which the sums end ([`Rule::tail`]).
     tail: f64,
 }
 
-impl<T: PointScalar> Lumps<T> {
+impl<T: PointScalar> TailSums<T> {
     fn new<N, C: Fn(f64) -> T>(s_per_s: [f64; 2], tail: f64, density: &Density<'_, T, N, C>) -> Self {
         let right_side = s_per_s
             .map(|s| density.poles.iter().fold((density.compliance)(s), |rest, pole| rest - transform_of(pole, s)));
@@ -156,7 +159,7 @@ impl<T: PointScalar> Lumps<T> {
         self.right_side[1] = self.right_side[1] - both * r0;
     }
 
-    /// Adds a slow node. Returns `true` if its term is small enough to end the sum.
+    /// Adds a node that is too slow for the window to the sums. Returns `true` if its term is small enough to end them.
     fn add_slow(&mut self, mode: SpectralMode<T>) -> bool {
         let (a, r) = (mode.compliance_per_pa, mode.rate_per_s);
         let [s0, s1] = self.s_per_s;
@@ -170,7 +173,7 @@ impl<T: PointScalar> Lumps<T> {
         second.value() <= self.tail * self.moments[0].value()
     }
 
-    /// Adds a fast node. Returns `true` if its term is small enough to end the sum.
+    /// Adds a node that is too fast for the window to the sums. Returns `true` if its term is small enough to end them.
     fn add_fast(&mut self, mode: SpectralMode<T>) -> bool {
         let (a, r) = (mode.compliance_per_pa, mode.rate_per_s);
         let [s0, s1] = self.s_per_s;
@@ -183,14 +186,15 @@ impl<T: PointScalar> Lumps<T> {
         fast.value() <= self.tail * self.fast
     }
 
-    /// Returns J₀ and φ, which include the nodes outside the window, and the slow mode.
+    /// Returns the instantaneous compliance, the fluidity and the slow mode. Together they represent the nodes outside the
+    /// window.
     fn solve(&self, factor: T) -> (T, T, SpectralMode<T>) {
         let [t0, t1] = self.s_per_s.map(f64::recip);
         let [right0, right1] = [0, 1].map(|i| self.right_side[i] + self.tails[i] * factor);
         let first = (right0 - right1) * (t0 - t1).recip();
         let instantaneous = right0 - first * t0;
-        // The Gauss–Radau rule replaces the slow nodes by one at rate 0 and one at rate q with weight b. It keeps Σ a r, Σ a r²
-        // and Σ a r³.
+        // The Gauss–Radau rule replaces the slow nodes by flow and one mode. It keeps the sums Σ a r, Σ a r² and Σ a r³ over
+        // their compliances a and rates r.
         let [second, third] = self.moments;
         let rate_per_s = third / second;
         let fluidity = first - factor * second / rate_per_s;
@@ -199,7 +203,7 @@ impl<T: PointScalar> Lumps<T> {
     }
 }
 
-/// Returns the complex compliance of an oscillating mode at a real s, Re AΛ/(s + Λ).
+/// Returns the complex compliance Re AΛ/(s + Λ) of an oscillating mode at a real s, with the mode's compliance A and rate Λ.
 fn transform_of<T: PointScalar>(mode: &OscillatingMode<T>, s_per_s: f64) -> T {
     let ([a_re, a_im], [l_re, l_im]) = (mode.compliance_per_pa, mode.rate_per_s);
     let (top_re, top_im) = (a_re * l_re - a_im * l_im, a_re * l_im + a_im * l_re);

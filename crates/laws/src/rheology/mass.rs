@@ -6,9 +6,10 @@ use super::{OscillatingMode, RetardationSpectrum, SpectralMode};
 use base::number::Complex;
 use base::number::Dual;
 
-/// Returns the retardation spectrum whose complex compliance is 1/(s F), with F = G/s + m s. G/s = g∞ + Σ g/(s + q), with g∞ the
-/// `constant`, and g and q the pairs in `bodies`. The rates follow from the zeros of F. These are the eigenvalues of the mass m
-/// on parallel Maxwell bodies, one for each q.
+/// Returns the retardation spectrum of a network with the mass m in parallel. With s the Laplace variable, the network's modulus
+/// G is given by G/s = g∞ + Σ g/(s + q). g∞ is the `constant`, and each pair in `bodies` is a weight g and a rate q. The complex
+/// compliance is 1/(s F), with F = G/s + m s. The rates of the spectrum follow from the zeros of F. These are the eigenvalues of
+/// the mass m on parallel Maxwell bodies, one for each q.
 pub(super) fn mass_on_maxwell_bodies(constant: Dual, bodies: &[(Dual, Dual)], mass: Dual) -> RetardationSpectrum {
     let n = bodies.len() + 1;
     let mut matrix = DMatrix::<f64>::zeros(n, n);
@@ -38,7 +39,7 @@ pub(super) fn mass_on_maxwell_bodies(constant: Dual, bodies: &[(Dual, Dual)], ma
             continue;
         }
         let mut s = Complex::<Dual>::constant(eigenvalue.re, eigenvalue.im);
-        // Two Newton steps in dual numbers give the last digits of the value and the exact derivative.
+        // Two Newton steps in dual numbers make the value accurate to rounding and the derivative exact.
         for _ in 0..2 {
             let (value, slope) = value_and_slope(s);
             s = s - value * slope.reciprocal();

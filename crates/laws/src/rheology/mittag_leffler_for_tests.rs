@@ -1,13 +1,15 @@
-//! Mittag-Leffler function on the negative axis. It describes the creep of a spring and a springpot in parallel.
+//! Mittag-Leffler function E_α(−x) of order α for x ≥ 0, which describes the creep of a spring and a springpot in parallel.
 
 use std::f64::consts::PI;
 
 use nalgebra::Complex;
 use statrs::function::gamma::gamma;
 
-/// Smallest x^{1/α} for which the asymptotic series is used. The smallest term of the series is about e^{−x^{1/α}}.
+/// Smallest x^{1/α} for which E_α(−x) is computed by its asymptotic series. The smallest term of the series is about
+/// e^{−x^{1/α}}.
 const ASYMPTOTIC_FROM: f64 = 40.0;
-/// Number of nodes on the upper half of the contour. The error of about 2.85^{−36} is below rounding.
+/// Number of nodes on the upper half of the contour of the inverse Laplace transform. The error of about 2.85^{−36} is below
+/// rounding.
 const N_NODES: usize = 18;
 
 /// Returns E_α(−x) = Σₖ (−x)ᵏ/Γ(αk + 1) for an order α in (0, 1] and x ≥ 0; NaN for other arguments.
@@ -29,8 +31,8 @@ pub fn mittag_leffler(order: f64, x: f64) -> f64 {
     if x.powf(order.recip()) < ASYMPTOTIC_FROM { on_parabola(order, x) } else { asymptotic(order, x) }
 }
 
-/// Returns (1/2πi) ∫ eˢ s^{α−1}/(s^α + x) ds along s = μ(1 + iu)², by the midpoint rule in u. The lower half of the contour
-/// contributes the conjugate of the upper half.
+/// Returns E_α(−x) as the contour integral (1/2πi) ∫ eˢ s^{α−1}/(s^α + x) ds along the parabola s = μ(1 + iu)². The integral is
+/// computed by the midpoint rule in u. The lower half of the contour contributes the conjugate of the upper half.
 fn on_parabola(order: f64, x: f64) -> f64 {
     let n = N_NODES as f64;
     let (step, scale) = (3.0 / n, PI * n / 12.0);
@@ -46,8 +48,8 @@ fn on_parabola(order: f64, x: f64) -> f64 {
     sum * step / PI
 }
 
-/// Returns the sum of the asymptotic series. It uses 1/Γ(1 − αk) = Γ(αk) sin(αkπ)/π and sin(αkπ) = (−1)^{k−1} sin(k(1 − α)π). The
-/// second identity keeps its digits near α = 1. The sign of each term is that of the last sine.
+/// Returns E_α(−x) as the sum of its asymptotic series. The sum uses the identities 1/Γ(1 − αk) = Γ(αk) sin(αkπ)/π and sin(αkπ) =
+/// (−1)^{k−1} sin(k(1 − α)π). The second identity avoids cancellation near α = 1.
 fn asymptotic(order: f64, x: f64) -> f64 {
     let mut sum = 0.0;
     let mut power = 1.0;
@@ -68,10 +70,11 @@ fn asymptotic(order: f64, x: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Times z of the values in [`COMPUTED`].
+    /// Dimensionless times z of the values in [`COMPUTED`].
     const TIMES: [f64; 9] = [1e-6, 1e-3, 0.1, 1.0, 10.0, 38.0, 45.0, 1e3, 1e6];
-    /// Order α, and E_α(−zᵅ) at [`TIMES`], computed with mpmath 1.4.1 at 50 digits. Up to z = 300 the defining series was summed
-    /// with the additional digits that cancellation requires. Beyond, the asymptotic series was summed.
+    /// Orders α, each with the values E_α(−zᵅ) at the times z of [`TIMES`], computed with mpmath 1.4.1 at 50 digits. Up to z =
+    /// 300 the values are sums of the defining series, with the additional digits that cancellation requires. For larger z they
+    /// are sums of the asymptotic series.
     const COMPUTED: [(f64, [f64; 9]); 6] = [
         (
             0.1,

@@ -1,5 +1,5 @@
-//! Laws of springs, dashpots and springpots, and their creep compliance (physics §2). A law relates scalar stress and strain, and
-//! the finite elements describe space.
+//! Laws of springs, dashpots and springpots, and their creep compliance (physics §2). A law relates a scalar stress to a scalar
+//! strain.
 
 mod branch_cut;
 mod element;
@@ -35,7 +35,7 @@ use base::parameter::{
     YOUNG_MODULUS,
 };
 
-/// Creep compliance of a linear law of bodies in series, J(t) = J₀ + Σ aₘ (1 − exp(−t/τₘ)) + φ t.
+/// Creep compliance of a linear law of bodies in series, J(t) = J₀ + Σ aₘ (1 − exp(−t/τₘ)) + φ t, with t the time under load.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CreepCompliance {
     /// Instantaneous compliance J₀ in 1/Pa of the springs in series.
@@ -62,7 +62,8 @@ impl RetardedMode {
 }
 
 impl CreepCompliance {
-    /// Returns the creep compliance of the Lethersich law. `parameters` are E (Pa), c₁ and c₂ (Pa·s).
+    /// Returns the creep compliance of the Lethersich law. `parameters` are Young's modulus (Pa), retardation viscosity and flow
+    /// viscosity (Pa·s).
     pub fn lethersich(parameters: &[f64]) -> Self {
         Self {
             instantaneous_per_pa: 0.0,
@@ -71,7 +72,7 @@ impl CreepCompliance {
         }
     }
 
-    /// Returns J(t) in 1/Pa, for t ≥ 0; at t = 0 the limit from the right.
+    /// Returns the creep compliance in 1/Pa at a time ≥ 0 in s; at 0 the limit from the right.
     pub fn at(&self, time_s: f64) -> f64 {
         let retarded: f64 = self.retarded.iter().map(|m| -m.compliance_per_pa * (-time_s / m.time_s).exp_m1()).sum();
         self.instantaneous_per_pa + retarded + self.fluidity_per_pa_s * time_s
@@ -88,7 +89,7 @@ pub enum BaseLaw {
     Burgers,
     /// Lethersich law with a second Kelvin–Voigt body in series, which adds `second_modulus_pa` and `second_viscosity_pa_s`.
     TwoElement,
-    /// Network from `model.toml`, whose elements define the parameters.
+    /// Network of springs, dashpots and springpots from `model.toml`. Its elements define the parameters.
     Network(&'static Network),
     /// Model of an external program, which computes trajectories.
     Outside(&'static ExternalLaw),
@@ -104,10 +105,10 @@ const TWO_ELEMENT: &[ParameterSpec] =
     &[YOUNG_MODULUS, RETARDATION_VISCOSITY, FLOW_VISCOSITY, SECOND_MODULUS, SECOND_VISCOSITY];
 
 impl BaseLaw {
-    /// Laws that users can name.
+    /// Laws that users select by name.
     pub const NAMED: [Self; 3] = [Self::Lethersich, Self::Burgers, Self::TwoElement];
 
-    /// Law with this name; `None` if there is none.
+    /// Returns the named law; `None` if there is none.
     pub fn named(name: &str) -> Option<Self> {
         Self::NAMED.into_iter().find(|law| law.name() == name)
     }
@@ -145,8 +146,8 @@ impl BaseLaw {
         }
     }
 
-    /// Returns the elements in series at `parameters`; empty for an external law. The parameters are positive, in SI units and in
-    /// the order of [`Self::parameters`].
+    /// Returns the law's elements, which are in series, for the given parameter values; empty for an external law. The values are
+    /// positive, in SI units and in the order of [`Self::parameters`].
     pub fn elements(self, parameters: &[Dual]) -> Vec<Element> {
         let p = parameters;
         let lethersich = || vec![Element::kelvin_voigt(p[0], p[1]), Element::Dashpot { viscosity_pa_s: p[2] }];
@@ -160,8 +161,9 @@ impl BaseLaw {
         }
     }
 
-    /// Place of the element whose modulus or viscosity is the parameter `name`. The element is one of the bodies in series, or
-    /// one of the elements in parallel of a body. `None` for orders, and for elements that are nested deeper or occur twice.
+    /// Returns the place of the element whose modulus or viscosity is the parameter `name`. The element is a body in series, or
+    /// an element in parallel within such a body. The result is `None` for orders of springpots, and for elements that are nested
+    /// deeper or occur twice.
     pub fn leaf(self, name: &str) -> Option<ElementPlace> {
         let at = |body: usize, part: Option<usize>| Some(ElementPlace { body, part });
         match (self, name) {
@@ -177,7 +179,8 @@ impl BaseLaw {
         }
     }
 
-    /// Returns the creep compliance at `parameters`, which are positive, in SI units and in the order of [`Self::parameters`].
+    /// Returns the creep compliance for the given parameter values, which are positive, in SI units and in the order of
+    /// [`Self::parameters`].
     ///
     /// `None` for laws whose creep compliance is not a finite sum of exponentials.
     pub fn creep_compliance(self, parameters: &[f64]) -> Option<CreepCompliance> {
@@ -196,29 +199,29 @@ impl BaseLaw {
     }
 
     /// Returns the default prior of a parameter without published values, and the source of the prior's numbers. `median_of`
-    /// returns the prior median of another parameter of the law by its name. `None` for parameters whose priors are in prior
-    /// files.
+    /// returns the prior median of another parameter of the law by its name. The result is `None` for parameters whose priors are
+    /// in prior files.
     pub fn default_prior(self, name: &str, median_of: &dyn Fn(&str) -> f64) -> Option<(Distribution, &'static str)> {
         let wide = |median: f64| Distribution::LogNormal { median, log_sd: 1.5 };
         match (self, name) {
             (Self::Burgers, "instantaneous_modulus_pa") => Some((
                 wide(10.0 * median_of("young_modulus_pa")),
-                "chosen: ten times the prior's young_modulus_pa, a factor of 4.5 for one standard deviation",
+                "chosen: median ten times that of young_modulus_pa, standard deviation a factor of 4.5",
             )),
             (Self::TwoElement, "second_modulus_pa") => Some((
                 wide(median_of("young_modulus_pa")),
-                "chosen: as the prior's young_modulus_pa, a factor of 4.5 for one standard deviation",
+                "chosen: median equal to that of young_modulus_pa, standard deviation a factor of 4.5",
             )),
             (Self::TwoElement, "second_viscosity_pa_s") => Some((
                 wide(10.0 * median_of("viscosity_1_pa_s")),
-                "chosen: ten times the prior's viscosity_1_pa_s, a factor of 4.5 for one standard deviation",
+                "chosen: median ten times that of viscosity_1_pa_s, standard deviation a factor of 4.5",
             )),
             (Self::Network(network), name) => network.default_prior(name),
             _ => None,
         }
     }
 
-    /// Groups of interchangeable parts of the law.
+    /// Groups of interchangeable parts of the law. Exchanging the parameters of two parts of one group leaves the law unchanged.
     pub fn interchangeable_parts(self) -> Vec<InterchangeableParts> {
         match self {
             Self::TwoElement => {
@@ -232,7 +235,7 @@ impl BaseLaw {
         }
     }
 
-    /// Returns `true` if the law has a [`Self::creep_compliance`].
+    /// Returns `true` if the law's creep compliance is a finite sum of exponentials ([`Self::creep_compliance`]).
     pub fn is_exponential(self) -> bool {
         match self {
             Self::Lethersich | Self::Burgers | Self::TwoElement => true,

@@ -9,10 +9,10 @@
 //! ```
 //!
 //! A table holds one key: `series` or `parallel` with a list of tables, or an element with its name. Names define the parameters:
-//! a spring `gel` has `gel_modulus_pa`, a dashpot `flow` has `flow_viscosity_pa_s`. A springpot `mesh` has `mesh_order` α and
-//! `mesh_modulus_pa` G. G is its modulus at one second: s = G (1 s)ᵅ Dᵅε. Two elements of one kind with equal names share their
-//! parameters. These names cannot collide with other parameters, since noise parameters have other endings and parameters of
-//! effects contain a dot.
+//! a spring `gel` has `gel_modulus_pa`, a dashpot `flow` has `flow_viscosity_pa_s`. A springpot `mesh` has the order `mesh_order`
+//! (α) and the modulus `mesh_modulus_pa` (G) at one second. Its stress is G (1 s)ᵅ Dᵅε, with Dᵅε the fractional derivative of the
+//! strain. Two elements of one kind with equal names share their parameters. The names cannot collide with other parameters:
+//! noise parameters have other endings, and parameters of effects contain a dot.
 
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
@@ -31,14 +31,14 @@ const SERIES: &str = "series";
 const PARALLEL: &str = "parallel";
 const KEYS: [&str; 5] = [SPRING, DASHPOT, SPRINGPOT, SERIES, PARALLEL];
 const EXAMPLE: &str = "{ spring = \"gel\" }";
-/// Largest number of elements of a network. With two parameters for each element, and with effects and noise, a model then has at
-/// most the 256 dimensions of the Sobol sequences.
-const MOST_BODIES: usize = 64;
+/// Largest number of elements of a network. It keeps the parameters of network, effects and noise within the 256 dimensions of
+/// the Sobol sequences.
+const MAX_ELEMENTS: usize = 64;
 
-/// All distinct networks that were read so far.
+/// All distinct networks that the program has read so far.
 static NETWORKS: Mutex<Vec<&'static Network>> = Mutex::new(Vec::new());
 
-/// Tree of named elements.
+/// Constitutive law as a tree of named springs, dashpots and springpots.
 #[derive(Debug, PartialEq)]
 pub struct Network {
     root: Node,
@@ -47,7 +47,7 @@ pub struct Network {
 
 #[derive(Debug, Clone, PartialEq)]
 enum Node {
-    /// Element, with the index of its first parameter.
+    /// Element of the network, with `first` the index of its first parameter.
     Leaf {
         kind: Kind,
         name: String,
@@ -84,13 +84,12 @@ impl Kind {
     }
 }
 
-/// State while a network is read, with the elements so far, the index of the first parameter of each, and the names of the
-/// parameters.
+/// State while a network is read: each element so far with the index of its first parameter, and the names of the parameters.
 #[derive(Default)]
 struct Reader {
     elements: Vec<(String, Kind, usize)>,
     parameters: Vec<(String, &'static str, Support)>,
-    /// Number of elements. An element with a repeated name counts each time.
+    /// Number of elements read so far. An element with a repeated name counts each time.
     n_bodies: usize,
 }
 
@@ -120,8 +119,8 @@ impl Network {
     pub fn from_toml(table: &TomlTable<'_>) -> Result<&'static Self> {
         let mut reader = Reader::default();
         let root = reader.node(table)?;
-        // Laws are copied into every forward model and thread, and parameter names are static, so a network lives as long as the
-        // program. Each distinct network is stored once, so that reading a file again needs no more memory.
+        // A network lives as long as the program, because laws are copied into every forward model and thread. Each distinct
+        // network is stored once, so that reading a file again needs no more memory.
         let mut networks = NETWORKS.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(known) = networks.iter().find(|network| network.root == root) {
             return Ok(known);
@@ -135,17 +134,17 @@ impl Network {
         Ok(network)
     }
 
-    /// Returns the table `network` that [`Self::from_toml`] reads.
+    /// Returns the network as the TOML table that [`Self::from_toml`] reads.
     pub fn to_toml_value(&self) -> toml::Value {
         self.root.to_toml_value()
     }
 
-    /// Parameters, in the order in which their elements first occur.
+    /// Parameters of the network's elements, in the order in which the elements first occur.
     pub fn parameters(&self) -> &[ParameterSpec] {
         &self.parameters
     }
 
-    /// Implements [`super::BaseLaw::leaf`] for networks.
+    /// Returns the place of the element whose modulus or viscosity is the parameter `name`, as [`super::BaseLaw::leaf`] does.
     pub(super) fn leaf(&self, name: &str) -> Option<ElementPlace> {
         let is_it = |node: &Node| match node {
             Node::Leaf { kind, name: label, .. } => name == format!("{label}_{}", kind.parameters()[0].0),
@@ -171,7 +170,8 @@ impl Network {
         }
     }
 
-    /// Returns the elements in series at `parameters`, which are in SI units and in the order of [`Self::parameters`].
+    /// Returns the network's elements, which are in series, for parameter values in SI units and in the order of
+    /// [`Self::parameters`].
     pub fn elements(&self, parameters: &[Dual]) -> Vec<Element> {
         match &self.root {
             Node::Series(nodes) => nodes.iter().map(|node| node.element(parameters)).collect(),
@@ -179,8 +179,8 @@ impl Network {
         }
     }
 
-    /// Implements [`super::BaseLaw::interchangeable_parts`] for networks. An element that occurs twice in the network is not
-    /// interchangeable.
+    /// Returns the groups of interchangeable parts of the network. Parts with an element that occurs twice in the network are
+    /// omitted.
     pub(super) fn interchangeable_parts(&self) -> Vec<InterchangeableParts> {
         let (mut found, mut places) = (Vec::new(), Vec::new());
         self.root.add_interchangeable(&mut found);
@@ -191,16 +191,16 @@ impl Network {
         found.into_iter().map(|parts| InterchangeableParts(parts.into_iter().map(specs).collect())).collect()
     }
 
-    /// Default prior of one parameter, and the source of its numbers; `None` for an unknown name.
+    /// Returns the default prior of one parameter, and the source of the prior's numbers; `None` for an unknown name.
     pub(super) fn default_prior(&self, name: &str) -> Option<(Distribution, &'static str)> {
         let spec = self.parameters.iter().find(|spec| spec.name == name)?;
         let wide = |median: f64| Distribution::LogNormal { median, log_sd: 2.0 };
         Some(match spec.unit {
-            "Pa" => (wide(3.0), "chosen: soft gels around 3 Pa, a factor of 7 for one standard deviation"),
-            "Pa s" => (wide(10.0), "chosen: seconds at 3 Pa, a factor of 7 for one standard deviation"),
+            "Pa" => (wide(3.0), "chosen: median 3 Pa as for soft gels, standard deviation a factor of 7"),
+            "Pa s" => (wide(10.0), "chosen: median 10 Pa s (seconds at 3 Pa), standard deviation a factor of 7"),
             _ => (
                 Distribution::Uniform { lower: 0.05, upper: 0.95 },
-                "chosen: any order that differs from a spring's and a dashpot's",
+                "chosen: orders between that of a spring (0) and that of a dashpot (1)",
             ),
         })
     }
@@ -239,19 +239,19 @@ impl Reader {
     fn leaf(&mut self, table: &TomlTable<'_>, key: &str, kind: Kind) -> Result<Node> {
         let name = table.required_text(key, EXAMPLE)?;
         self.n_bodies += 1;
-        if self.n_bodies > MOST_BODIES {
+        if self.n_bodies > MAX_ELEMENTS {
             return Err(table.refuse(
                 key,
                 format!("this is body {} of the network", self.n_bodies),
                 format!(
-                    "give a network of at most {MOST_BODIES} bodies; creep measurements can distinguish only a few"
+                    "give a network of at most {MAX_ELEMENTS} bodies; creep measurements can distinguish only a few"
                 ),
             ));
         }
         if !is_identifier(&name) {
             return Err(table.refuse(
                 key,
-                format!("`{name}` cannot start a parameter's name"),
+                format!("`{name}` cannot be the first part of a parameter's name"),
                 "use lower-case letters, digits and underscores, a letter first, as in `gel`",
             ));
         }
@@ -310,8 +310,8 @@ impl Node {
         }
     }
 
-    /// Returns the structure without names, as a text. Siblings are sorted, so that their order in the file does not matter. The
-    /// indices of the parameters are added to `places` in the sorted order.
+    /// Returns a text that describes the structure of the subtree without names. Siblings are sorted, so that their order in the
+    /// file does not matter. The indices of the parameters are added to `places` in the sorted order.
     fn shape(&self, places: &mut Vec<usize>) -> String {
         let (key, nodes) = match self {
             Self::Leaf { kind, first, .. } => {
@@ -332,7 +332,8 @@ impl Node {
         (self.shape(&mut places), places)
     }
 
-    /// Adds every group of siblings of equal structure in this subtree. A group holds the parameter indices of each sibling.
+    /// Adds every group of siblings of equal structure in the subtree to `found`. A group lists the parameter indices of each
+    /// sibling.
     fn add_interchangeable(&self, found: &mut Vec<Vec<Vec<usize>>>) {
         let (Self::Series(nodes) | Self::Parallel(nodes)) = self else { return };
         let mut groups: Vec<(String, Vec<Vec<usize>>)> = Vec::new();
@@ -444,8 +445,8 @@ mod tests {
             let bodies: Vec<String> = (0..n).map(|k| format!("{{ springpot = \"p{k}\" }}")).collect();
             read(&format!("[base.network]\nseries = [{}]\n", bodies.join(", ")))
         };
-        assert_eq!(of(MOST_BODIES).unwrap().parameters().len(), 2 * MOST_BODIES);
-        for n in [MOST_BODIES + 1, 1_000] {
+        assert_eq!(of(MAX_ELEMENTS).unwrap().parameters().len(), 2 * MAX_ELEMENTS);
+        for n in [MAX_ELEMENTS + 1, 1_000] {
             let message = of(n).unwrap_err().to_string();
             assert!(message.contains("line 2") && message.contains("at most 64 bodies"), "{message}");
         }

@@ -9,8 +9,8 @@ use super::spectrum_tests::{WINDOW, dual_compliance, times};
 use super::{Element, RetardationSpectrum};
 use base::number::Dual;
 
-/// Returns J(t), as the inverse Laplace transform of J*(s)/s by the fixed Talbot method (Abate and Valkó 2004,
-/// doi:10.1002/nme.995). `modulus` returns 1/J*(s) in complex numbers. The method's error is about 1e-11 of J.
+/// Returns the creep compliance J(t), as the inverse Laplace transform of J*(s)/s by the fixed Talbot method (Abate and Valkó
+/// 2004, doi:10.1002/nme.995). `modulus` returns the complex modulus 1/J*(s). The method's relative error is about 1e-11.
 fn talbot(modulus: &dyn Fn(Complex<f64>) -> Complex<f64>, t: f64) -> f64 {
     let n = 24;
     let r = 2.0 * f64::from(n) / (5.0 * t);
@@ -234,8 +234,8 @@ fn the_derivative_by_an_order_of_one_is_the_limit_from_below() {
     }
 }
 
-/// Checks the errors for orders outside (0, 1], which no springpot has. In parallel with other elements, a derivative by two
-/// orders of exactly 1 does not exist. Its error must say what to do.
+/// Checks the errors for orders outside (0, 1]. Also checks the error for the derivative by two orders of exactly 1 in parallel
+/// with other elements, which cannot be computed. That error must say what to do.
 #[test]
 fn orders_without_a_spectrum_are_refused() {
     let two = [2.0, 3.0].map(|modulus_pa| springpot(modulus_pa.into(), Dual::variable(1.0))).to_vec();
@@ -254,8 +254,8 @@ fn orders_without_a_spectrum_are_refused() {
 }
 
 /// Checks the error bound at 300 random parameter points of each network with springpots. Parameters cover five decades, and
-/// orders 0.1 to 0.9999, so that zeros of G* occur anywhere. The seed is fixed. The test fails if any spectrum cannot be
-/// computed.
+/// orders 0.1 to 0.9999, so that zeros of the complex modulus occur anywhere. The seed is fixed. The test fails if any spectrum
+/// cannot be computed.
 #[test]
 fn networks_are_right_at_random_parameters() {
     let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(31);

@@ -7,7 +7,7 @@ use base::error::{Error, Result};
 use base::number::{Dual, PointScalar};
 
 impl RetardationSpectrum {
-    /// Retardation spectrum of elements in series, with [`Accuracy::Fine`].
+    /// Returns the retardation spectrum of elements in series, with [`Accuracy::Fine`].
     ///
     /// # Errors
     /// Errors of [`Self::of_law_with_accuracy`].
@@ -17,12 +17,12 @@ impl RetardationSpectrum {
 }
 
 impl<T: PointScalar> RetardationSpectrum<T> {
-    /// Retardation spectrum of elements in series, without or with the derivative that the elements carry. Values have equal bits
-    /// in both cases.
+    /// Returns the retardation spectrum of elements in series. The number type `T` decides whether it carries the derivative of
+    /// the elements; values have equal bits in both cases.
     ///
-    /// Springs, dashpots and networks of them are exact. Springpots have the given accuracy for times inside the window, also if
-    /// responses are superposed. At times before `shortest_s`, modes that are faster than the window act as instantaneous
-    /// compliance.
+    /// The spectrum is exact for springs, dashpots and networks of them. For springpots it has the given accuracy at times inside
+    /// the window, also if responses are superposed. At times before the window, modes that are faster than the window act as
+    /// instantaneous compliance.
     ///
     /// # Errors
     /// [`Error::Numerical`] if a network's spectrum cannot be computed, or the window's times are not positive and finite.
@@ -47,7 +47,7 @@ impl<T: PointScalar> RetardationSpectrum<T> {
     }
 }
 
-/// Spectrum under construction.
+/// Retardation spectrum under construction, to which elements in series are added.
 struct Builder<T> {
     spectrum: RetardationSpectrum<T>,
     window: TimeWindow,
@@ -101,7 +101,8 @@ impl<T: PointScalar> Builder<T> {
                 if order.is_constant(1.0) {
                     self.spectrum.add_kelvin_voigt(*spring_pa, *modulus_pa * *time_s);
                 } else {
-                    // The body's time τ follows from E τᵅ = G tᵅ, with the spring's E and the springpot's G and t.
+                    // The body's time τ follows from E τᵅ = G tᵅ, with the spring's modulus E and the springpot's modulus G, time
+                    // t and order α.
                     let (spring_pa, order) = (T::from_dual(*spring_pa), T::from_dual(*order));
                     let ratio = (T::from_dual(*modulus_pa) / spring_pa).pow(T::constant(1.0) / order);
                     let body = FractionalBody { modulus_pa: spring_pa, time_s: T::from_dual(*time_s) * ratio, order };

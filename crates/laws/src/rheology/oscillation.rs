@@ -1,11 +1,11 @@
-//! Complex modulus E*(ω) = E′ + iE″ of a law under an oscillation (physics §2).
+//! Complex modulus E* = E′ + iE″ of a law under an oscillation, with E′ the storage and E″ the loss modulus (physics §2).
 
 use super::Element;
 use base::number::Complex;
 
 /// Returns the complex modulus E*(ω) in Pa of elements in series at an angular frequency ω in 1/s, without derivative.
 ///
-/// Rigid elements have compliance 0. If all elements are rigid, the modulus is infinite.
+/// A rigid element has compliance 0. If all elements are rigid, the modulus is infinite.
 pub fn complex_modulus_pa(law: &[Element], angular_frequency_per_s: f64) -> Complex<f64> {
     reciprocal(series_per_pa(law, angular_frequency_per_s))
 }
@@ -83,8 +83,9 @@ mod tests {
         }
     }
 
-    /// Checks J*(ω) = iω ∫ J(t) e^{−iωt} dt for every named law and a network with a springpot. J(t) comes from the retardation
-    /// spectrum, which is computed independently. The integral ends at 3,000 s, which omits 4·10⁻⁵ of the network's slow creep.
+    /// Checks that the complex compliance J*(ω) is iω ∫ J(t) e^{−iωt} dt for every named law and a network with a springpot. The
+    /// creep compliance J(t) comes from the retardation spectrum, which is computed independently. The integral ends at 3,000 s,
+    /// which omits 4·10⁻⁵ of the network's slow creep.
     #[test]
     fn creep_and_oscillation_are_one_law() {
         let text = "series = [{ parallel = [{ spring = \"gel\" }, { springpot = \"mesh\" }] }, { dashpot = \"flow\" }]";
@@ -105,20 +106,20 @@ mod tests {
         }
     }
 
-    /// Returns iω ∫₀^∞ J(t) e^{−iωt} dt = J(0) + ∫ J̇ e^{−iωt} dt. J̇ tends to the constant φ of the flow. The flow is subtracted
-    /// before the integral, and its transform φ/(iω) is added.
+    /// Returns the complex compliance iω ∫₀^∞ J(t) e^{−iωt} dt = J(0) + ∫ J̇ e^{−iωt} dt of a creep compliance J(t). J̇ tends to
+    /// the fluidity φ. The flow φt is subtracted before the integral, and its transform φ/(iω) is added.
     fn transformed(spectrum: &RetardationSpectrum, omega: f64) -> Complex<f64> {
         let j = |t: f64| spectrum.creep_compliance_per_pa(t);
         let (late, later) = (3e3, 3.1e3);
         let fluidity = (j(later) - j(late)) / (later - late);
         let rest = |t: f64| j(t) - fluidity * t;
-        // The sum is ∫ e^{−iωt} d(rest), with `rest` linear between the nodes of a logarithmic grid.
+        // The sum is the integral of e^{−iωt} over `rest`, which is linear between the nodes of a logarithmic grid.
         let nodes: Vec<f64> = (0..=60_000).map(|k| 1e-6 * 10f64.powf(9.0 * k as f64 / 60_000.0)).collect();
         let mut sum = Complex { re: rest(1e-6), im: -fluidity / omega };
         for pair in nodes.windows(2).take_while(|pair| pair[1] < late) {
             let (from, to) = (pair[0], pair[1]);
             let slope = (rest(to) - rest(from)) / (to - from);
-            // The next two lines are real and imaginary part of ∫ e^{−iωt} dt between two nodes.
+            // The next two lines are the real and imaginary part of ∫ e^{−iωt} dt between two nodes.
             let re = ((omega * to).sin() - (omega * from).sin()) / omega;
             let im = ((omega * to).cos() - (omega * from).cos()) / omega;
             sum = sum + Complex { re: slope * re, im: slope * im };

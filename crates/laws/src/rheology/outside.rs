@@ -1,4 +1,4 @@
-//! Law that an external program computes. This program only knows its address, model name and parameters (docs/serve.md).
+//! Law that an external program computes, given by the program's address, the model's name and its parameters (docs/serve.md).
 //!
 //! ```toml
 //! [base.forward]
@@ -13,14 +13,14 @@ use base::error::Result;
 use base::parameter::{ParameterSpec, Support};
 use base::toml_input::TomlTable;
 
-/// All distinct external laws so far.
+/// All distinct external laws that the program has created so far.
 static LAWS: Mutex<Vec<&'static ExternalLaw>> = Mutex::new(Vec::new());
 const KEYS: [&str; 3] = ["url", "model", "parameters"];
 const PARAMETERS: &str = "parameters = [{ name = \"spring_pa\", unit = \"Pa\" }]";
 /// Largest number of parameters of an external law. A surrogate with more parameters would need too many calls.
 pub const MOST_PARAMETERS: usize = 8;
 
-/// Law that a server computes, with the server's address, the model's name and its parameters.
+/// Law that an external program computes as a server, with the server's address, the model's name and its parameters.
 #[derive(Debug, PartialEq)]
 pub struct ExternalLaw {
     url: String,
@@ -29,16 +29,16 @@ pub struct ExternalLaw {
 }
 
 impl ExternalLaw {
-    /// Returns the law of a server at an address. `model` is the name of its model; `None` uses the model that the server offers.
-    /// `parameters` are pairs of name and unit, in the server's order. Equal laws share one reference.
+    /// Returns the law that the server at the address `url` computes. `model` names one of the server's models; `None` stands for
+    /// the model `forward`, or else for the only one that it offers. `parameters` are pairs of name and unit, in the server's
+    /// order. Equal laws share one reference.
     pub fn new(url: &str, model: Option<&str>, parameters: &[(String, String)]) -> &'static Self {
         let is_same = |law: &&&Self| {
             let map = law.parameters.iter().map(|spec| (spec.name, spec.unit));
             let other = parameters.iter().map(|(name, unit)| (name.as_str(), unit.as_str()));
             law.url == url && law.model.as_deref() == model && map.eq(other)
         };
-        // Laws are copied into every forward model and thread, and parameter names are static, so a law lives as long as the
-        // program (as in `network.rs`).
+        // A law lives as long as the program, because laws are copied into every forward model and thread.
         let mut laws = LAWS.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(known) = laws.iter().find(is_same) {
             return known;
@@ -82,8 +82,8 @@ impl ExternalLaw {
         Ok(Self::new(&url, model.as_deref(), &parameters))
     }
 
-    /// Returns the error in a parameter's name and what to do; `None` if the name is valid. `before` are the names of the earlier
-    /// parameters.
+    /// Checks the name of a parameter. Returns a description of the fault and its remedy; `None` if the name is valid. `before`
+    /// are the names of the earlier parameters.
     pub fn check_name<'a>(name: &str, mut before: impl Iterator<Item = &'a str>) -> Option<(String, String)> {
         if !super::network::is_identifier(name) {
             let found = format!("`{name}` cannot be the name of a parameter");
@@ -92,7 +92,7 @@ impl ExternalLaw {
         before.any(|other| other == name).then(|| (format!("`{name}` occurs twice"), "name each parameter once".into()))
     }
 
-    /// Returns the table `forward` that [`Self::from_toml`] reads.
+    /// Returns the law as the TOML table that [`Self::from_toml`] reads.
     pub fn to_toml_value(&self) -> toml::Value {
         let text = |text: &str| toml::Value::String(text.into());
         let entry = |spec: &ParameterSpec| {
@@ -109,7 +109,7 @@ impl ExternalLaw {
         toml::Value::Table(table)
     }
 
-    /// Parameter with this name in any external law so far; `None` if there is none.
+    /// Returns the named parameter from any external law that the program has created; `None` if there is none.
     pub fn parameter_named(name: &str) -> Option<ParameterSpec> {
         let laws = LAWS.lock().unwrap_or_else(PoisonError::into_inner);
         laws.iter().flat_map(|law| &law.parameters).find(|spec| spec.name == name).copied()
@@ -120,12 +120,12 @@ impl ExternalLaw {
         &self.url
     }
 
-    /// Name of the model; `None` uses the model that the server offers.
+    /// Name of the server's model; `None` stands for the model `forward`, or else for the only one that the server offers.
     pub fn model(&self) -> Option<&str> {
         self.model.as_deref()
     }
 
-    /// Parameters, in the order of the model's input. All are positive.
+    /// Parameters of the law, in the order of the model's input. All are positive.
     pub fn parameters(&self) -> &[ParameterSpec] {
         &self.parameters
     }

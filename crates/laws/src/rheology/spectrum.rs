@@ -1,16 +1,17 @@
-//! Retardation spectrum of a law, which is a sum of exponentials and allows a fast convolution with the force.
+//! Retardation spectrum of a law: its creep compliance as a sum of exponentials, which allows a fast convolution with the force.
 
 use base::error::{Error, Result};
 use base::number::{Dual, PointScalar};
 
-/// Retardation spectrum of a law with the creep compliance J(t) = J₀ + Σ aₘ (1 − e^{−rₘt}) + Re Σ Aₙ (1 − e^{−Λₙt}) + φ t.
+/// Retardation spectrum of a law. It gives the creep compliance J(t) = J₀ + Σ aₘ (1 − e^{−rₘt}) + Re Σ Aₙ (1 − e^{−Λₙt}) + φ t at
+/// the time t.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RetardationSpectrum<T = Dual> {
     /// Instantaneous compliance J₀ in 1/Pa.
     pub instantaneous_per_pa: T,
-    /// Real modes, with aₘ and rₘ.
+    /// Real modes, each with a compliance aₘ and a rate rₘ.
     pub modes: Vec<SpectralMode<T>>,
-    /// Oscillating modes, with Aₙ and Λₙ.
+    /// Oscillating modes, each with a complex compliance Aₙ and a complex rate Λₙ.
     pub oscillating: Vec<OscillatingMode<T>>,
     /// Fluidity φ in 1/(Pa·s).
     pub fluidity_per_pa_s: T,
@@ -43,7 +44,8 @@ pub struct TimeWindow {
     pub longest_s: f64,
 }
 
-/// Accuracy of a spectrum. Errors are relative to J at the window's end, or to 1/E for the fractional Kelvin–Voigt body.
+/// Accuracy of a spectrum. Errors are relative to the creep compliance at the window's end, or to the spring's compliance for a
+/// fractional Kelvin–Voigt body.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Accuracy {
     /// Relative error of 1e-8.
@@ -54,7 +56,7 @@ pub enum Accuracy {
 }
 
 impl RetardationSpectrum {
-    /// Returns J(t) in 1/Pa, without derivative, for t > 0 in s.
+    /// Returns the creep compliance in 1/Pa at a time > 0 in s, without its derivative.
     pub fn creep_compliance_per_pa(&self, time_s: f64) -> f64 {
         let modes = self.modes.iter().map(|m| -m.compliance_per_pa.value * (-m.rate_per_s.value * time_s).exp_m1());
         let oscillating = self.oscillating.iter().map(|mode| {
@@ -80,7 +82,7 @@ impl<T: PointScalar> RetardationSpectrum<T> {
         Self { instantaneous_per_pa: zero, modes: Vec::new(), oscillating: Vec::new(), fluidity_per_pa_s: zero }
     }
 
-    /// Adds the spectrum of a body in series, since compliances in series add.
+    /// Adds the spectrum of another body in series to `self`: compliances in series add.
     pub(super) fn extend(&mut self, other: &RetardationSpectrum) {
         let pair = |[re, im]: [Dual; 2]| [T::from_dual(re), T::from_dual(im)];
         self.instantaneous_per_pa += T::from_dual(other.instantaneous_per_pa);
@@ -102,7 +104,7 @@ impl<T: PointScalar> RetardationSpectrum<T> {
     }
 }
 
-/// Checks that an order is in (0, 1]. A springpot of order 0 is a spring.
+/// Checks that the order of a springpot is in (0, 1]. A springpot of order 0 is a spring.
 pub(super) fn check_order(order: Dual) -> Result<()> {
     if order.value > 0.0 && order.value <= 1.0 {
         return Ok(());

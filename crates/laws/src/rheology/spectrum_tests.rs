@@ -33,8 +33,8 @@ fn fractional_kelvin_voigt(e: Dual, c: Dual, order: Dual) -> Vec<Element> {
 
 const ORDERS: [f64; 14] = [0.1, 0.3, 0.31, 0.4, 0.5, 0.6, 0.66, 0.67, 0.75, 0.85, 0.93, 0.99, 0.9999, 1.0];
 
-/// Checks times t E/c₁ from 1e-6 to 1e6. The windows span a factor of about 800 and have different offsets from the nodes of the
-/// midpoint rule.
+/// Compares creep compliances with the Mittag-Leffler function at dimensionless times from 1e-6 to 1e6. The windows span a factor
+/// of about 800 and have different offsets from the nodes of the midpoint rule.
 #[test]
 fn fractional_kelvin_voigt_is_right_over_twelve_decades() {
     let mut largest = 0.0_f64;
@@ -93,8 +93,8 @@ fn the_fast_spectrum_is_within_a_millionth() {
     assert!(largest < 1e-6, "{largest:e}");
 }
 
-/// Order α, and pairs of z and ∂E_α(−zᵅ)/∂α at fixed z, computed with mpmath 1.4.1 at 40 digits. At α = 1 the defining series is
-/// continued to α above 1.
+/// Orders α, each with pairs of a dimensionless time z and the derivative of the Mittag-Leffler function E_α(−zᵅ) by α at fixed
+/// z. The values were computed with mpmath 1.4.1 at 40 digits. At α = 1 the defining series is continued to α above 1.
 const ORDER_DERIVATIVES: [(f64, [(f64, f64); 5]); 5] = [
     (
         0.35,
@@ -198,7 +198,8 @@ fn order_one_by_value_is_the_kelvin_voigt_body() {
     );
 }
 
-/// Checks J(t) = tᵅ/(G Γ(1 + α)) and its derivative by α. At α = 1 the springpot is a dashpot and the derivative is one-sided.
+/// Checks the creep compliance J(t) = tᵅ/(G Γ(1 + α)) of a springpot with order α and modulus G, and its derivative by α. At α =
+/// 1 the springpot is a dashpot and the derivative is one-sided.
 #[test]
 fn a_springpot_creeps_as_a_power() {
     for order in [0.05, 0.3, 0.5, 0.9, 0.999_999, 1.0] {
@@ -221,9 +222,9 @@ fn a_springpot_creeps_as_a_power() {
     }
 }
 
-/// Compares the recursion over the rows with the superposition Σ ΔFₖ J(t − tₖ), with J from the Mittag-Leffler function. The
-/// force is piecewise constant, with switches between rows. Every switch adds the spectrum's error, so the bound is the error of
-/// J times Σ|ΔFₖ|.
+/// Compares the recursion over the rows with the superposition Σ ΔFₖ J(t − tₖ) over the changes ΔFₖ of the force at the times tₖ.
+/// The creep compliance J comes from the Mittag-Leffler function. The force is piecewise constant, with switches between rows.
+/// Every switch adds the spectrum's error, so the bound is the error of J times Σ|ΔFₖ|.
 #[test]
 fn the_recursion_equals_the_superposition_of_exact_responses() {
     let (e, c, order) = (3.527, 1.402, 0.63);

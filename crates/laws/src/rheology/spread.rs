@@ -1,9 +1,9 @@
-//! Creep of a gel whose displacement field changes shape. The complex compliance 1/G of the law is replaced by a sum Σ w/(G + x)
-//! of a few terms, with x from an additional element.
+//! Creep of a gel whose displacement field changes shape under load. The complex compliance 1/G of the law is replaced by a sum Σ
+//! w/(G + x) of a few terms, with G the law's modulus, w a weight and x the modulus of an additional element.
 //!
-//! The equations of such a field have the matrix A a(s) + B b(s), with symmetric A and B and scalar a and b. The common
-//! eigenvectors of A and B split the robot's complex compliance into terms with weights w ≥ 0. Each term has a factor μ ≥ 0 or a
-//! fraction θ in [0, 1] of the additional element:
+//! The equations of such a field have the matrix A a(s) + B b(s). A and B are symmetric matrices, a and b scalar functions of the
+//! Laplace variable s. The common eigenvectors of A and B split the robot's complex compliance into terms with weights w ≥ 0.
+//! Each term has a factor μ ≥ 0 or a fraction θ in [0, 1] of the additional element:
 //!
 //! - [`AdditionalTerm::Friction`]: w/(G + μ s/b), with b the compliance of an interface or the mobility of a pore fluid;
 //! - [`AdditionalTerm::Mass`]: w/(G + μ d s²), with d the scale of the mass;
@@ -11,45 +11,46 @@
 //! - [`AdditionalTerm::Spring`]: w/(θ/b + (1 − θ) G), with b the compliance of a spring.
 //!
 //! Every term is the law in parallel with a dashpot, a mass, a spring or another law, and its creep is a sum of exponentials. The
-//! Lethersich law has closed forms. Other laws use [`super::stieltjes`]. With a mass, the rates are the zeros of G/s + μ d s.
+//! Lethersich law has closed forms. Other laws use the algorithm of [`super::stieltjes`]. With a mass, the rates are the zeros of
+//! G/s + μ d s.
 
 use super::spectrum::{Accuracy, TimeWindow};
 use super::{Element, OscillatingMode, RetardationSpectrum, SpectralMode, stieltjes};
 use base::error::{Error, Result};
 use base::number::{Dual, PointScalar};
 
-/// Element in parallel with the law in every term.
+/// Additional element in parallel with the law. Its size differs from term to term by the term's factor μ or fraction θ.
 #[derive(Debug, Clone, PartialEq)]
 pub enum AdditionalTerm {
-    /// Dashpot of viscosity μ/b.
+    /// Dashpot of viscosity μ/b, with μ the term's factor.
     Friction {
         /// Compliance or mobility b ≥ 0. At b = 0 terms with μ > 0 do not move.
         compliance: Dual,
     },
-    /// Mass μ d.
+    /// Mass μ d, with μ the term's factor.
     Mass {
         /// Scale d ≥ 0 of the mass.
         scale: Dual,
     },
-    /// Second law with the factor θ. The first law has the factor 1 − θ.
+    /// Second law, multiplied by the term's fraction θ. The first law is multiplied by 1 − θ.
     Law(Vec<Element>),
-    /// Spring with the factor θ. The law has the factor 1 − θ.
+    /// Spring of modulus θ/b, with θ the term's fraction. The law is multiplied by 1 − θ.
     Spring {
         /// Compliance b ≥ 0 in 1/Pa. At b = 0 terms with θ > 0 do not move.
         compliance_per_pa: Dual,
     },
 }
 
-/// Term of the sum, with its weight w and with μ or θ.
+/// Term w/(G + x) of the complex compliance, with a weight w, the law's modulus G and the modulus x of the additional element.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SpreadTerm {
-    /// Weight w, relative to the compliance of the base.
+    /// Weight w of the term, relative to the compliance of the base model.
     pub weight: Dual,
-    /// Factor μ or θ of the additional element.
+    /// Factor μ or fraction θ by which the additional element is multiplied.
     pub number: Dual,
 }
 
-/// Returns E, c₁ and c₂ of a Lethersich law; `None` for other laws.
+/// Returns Young's modulus, retardation viscosity and flow viscosity of a Lethersich law; `None` for other laws.
 fn lethersich<T: PointScalar>(law: &[Element]) -> Option<[T; 3]> {
     let [Element::Parallel(body), Element::Dashpot { viscosity_pa_s: flow }] = law else { return None };
     let [Element::Spring { modulus_pa }, Element::Dashpot { viscosity_pa_s }] = body.as_slice() else { return None };
@@ -57,7 +58,8 @@ fn lethersich<T: PointScalar>(law: &[Element]) -> Option<[T; 3]> {
 }
 
 impl<T: PointScalar> RetardationSpectrum<T> {
-    /// Retardation spectrum of the sum over terms, for a law with an additional element in parallel.
+    /// Returns the retardation spectrum of a sum of terms. In each term the law is in parallel with the additional element
+    /// `beside`, multiplied by the term's factor.
     ///
     /// # Errors
     /// Errors of [`Self::of_law_with_accuracy`]. [`Error::Numerical`] for a mass in parallel with a law with springpots.
@@ -108,7 +110,7 @@ impl<T: PointScalar> RetardationSpectrum<T> {
             return Ok(());
         }
         if compliance.value == 0.0 {
-            // To first order in b, the term is w b/(μ s) for every law.
+            // To first order in the dashpot's compliance b, the term is w b/(μ s) for every law, with s the Laplace variable.
             self.fluidity_per_pa_s += T::from_dual(term.weight * compliance / term.number);
             return Ok(());
         }
@@ -116,7 +118,8 @@ impl<T: PointScalar> RetardationSpectrum<T> {
         self.add_parallel_terms(vec![Element::Series(law.to_vec()), dashpot], term.weight, window, accuracy)
     }
 
-    /// Adds the term of a spring, w/(θ/b + (1 − θ) G).
+    /// Adds the term w/(θ/b + (1 − θ) G) of a law with modulus G and a spring of compliance b in parallel. w is the term's weight
+    /// and θ its fraction.
     fn add_with_spring(
         &mut self,
         law: &[Element],
@@ -133,7 +136,7 @@ impl<T: PointScalar> RetardationSpectrum<T> {
             return Ok(());
         }
         if compliance.value == 0.0 || rest.is_constant(0.0) {
-            // To first order in b, the term is w b/θ for every law.
+            // To first order in the spring's compliance b, the term is w b/θ for every law.
             self.instantaneous_per_pa += T::from_dual(term.weight * compliance / share);
             return Ok(());
         }
@@ -148,8 +151,9 @@ impl<T: PointScalar> RetardationSpectrum<T> {
         self.add_parallel_terms(elements, term.weight, window, accuracy)
     }
 
-    /// Adds the term of a Lethersich law and a spring, w b (E + Cs)/N. Here N = (1 − θ) b c₁c₂ s² + (θC + (1 − θ) b c₂E) s + θE
-    /// and C = c₁ + c₂.
+    /// Adds the term w b (E + Cs)/N of a Lethersich law (E, c₁, c₂) and a spring of compliance b in parallel. w is the term's
+    /// weight, θ its fraction and s the Laplace variable. Here C = c₁ + c₂ and N = (1 − θ) b c₁c₂ s² + (θC + (1 − θ) b c₂E) s +
+    /// θE.
     fn add_lethersich_with_spring(&mut self, weight: T, theta: T, b: T, [e, c1, c2]: [T; 3]) {
         let (c, rest) = (c1 + c2, (T::constant(1.0) - theta) * b);
         let (quadratic, linear, constant) = (rest * c1 * c2, theta * c + rest * c2 * e, theta * e);
@@ -157,7 +161,7 @@ impl<T: PointScalar> RetardationSpectrum<T> {
         let larger = (linear + root) * 0.5;
         let (fast, slow) = (larger / quadratic, constant / larger);
         for (rate, other) in [(fast, slow), (slow, fast)] {
-            // The gain is the residue at s = −rate, divided by the rate.
+            // The gain is the residue of the term at s = −rate, divided by the rate.
             let gain = b * (e - c * rate) / (quadratic * rate * (other - rate));
             self.modes.push(SpectralMode { compliance_per_pa: weight * gain, rate_per_s: rate });
         }
@@ -177,7 +181,7 @@ impl<T: PointScalar> RetardationSpectrum<T> {
             self.add_two_lethersich(weight, theta, [e, soft], [c1, c2]);
             return Ok(());
         }
-        // A law with the factor 0 is omitted.
+        // A law that is multiplied by 0 is omitted.
         for (number, alone) in [(rest, second), (share, law)] {
             if number.is_constant(0.0) {
                 return self
@@ -190,8 +194,9 @@ impl<T: PointScalar> RetardationSpectrum<T> {
         self.add_parallel_terms(vec![scaled(second, share), scaled(law, rest)], term.weight, window, accuracy)
     }
 
-    /// Adds w/(θ G₁ + (1 − θ) G) for two Lethersich laws with springs E₁ and E and equal dashpots. The term is w (E₁ + Cs)(E +
-    /// Cs)/(c₂ s N) with C = c₁ + c₂ and N = c₁C s² + (θ(E₁C + c₁E) + (1 − θ)(EC + c₁E₁)) s + E₁E.
+    /// Adds the term w/(θ G₁ + (1 − θ) G) of two Lethersich laws with moduli G₁ and G. Their springs are E₁ and E, their dashpots
+    /// c₁ and c₂ are equal. The term is w (E₁ + Cs)(E + Cs)/(c₂ s N), with s the Laplace variable, C = c₁ + c₂ and N = c₁C s² +
+    /// (θ(E₁C + c₁E) + (1 − θ)(EC + c₁E₁)) s + E₁E.
     fn add_two_lethersich(&mut self, weight: T, theta: T, [e, soft]: [T; 2], [c1, c2]: [T; 2]) {
         let c = c1 + c2;
         let quadratic = c1 * c;
@@ -202,7 +207,7 @@ impl<T: PointScalar> RetardationSpectrum<T> {
         let (fast, slow) = (larger / quadratic, constant / larger);
         self.fluidity_per_pa_s += weight / c2;
         for (rate, other) in [(fast, slow), (slow, fast)] {
-            // The gain is the residue at s = −rate, divided by the rate, with the sign that makes it positive.
+            // The gain is the residue of the term at s = −rate. The mode's compliance is the gain divided by the rate.
             let gain = (soft - c * rate) * (e - c * rate) / (c2 * quadratic * rate * (rate - other));
             self.modes.push(SpectralMode { compliance_per_pa: weight * gain / rate, rate_per_s: rate });
         }
@@ -223,7 +228,8 @@ impl<T: PointScalar> RetardationSpectrum<T> {
         self.add_scaled(&with_mass.converted(), T::from_dual(term.weight))
     }
 
-    /// Adds the term of a Lethersich law and a mass m, w (E + Cs)/(s N). Here N = m C s² + (c₁c₂ + m E) s + c₂E and C = c₁ + c₂.
+    /// Adds the term w (E + Cs)/(s N) of a Lethersich law (E, c₁, c₂) and a mass m in parallel, with the weight w and the Laplace
+    /// variable s. Here C = c₁ + c₂ and N = m C s² + (c₁c₂ + m E) s + c₂E.
     fn add_lethersich_with_mass(&mut self, weight: T, mass: T, [e, c1, c2]: [T; 3]) {
         let c = c1 + c2;
         let (quadratic, linear, constant) = (mass * c, c1 * c2 + mass * e, c2 * e);
@@ -246,8 +252,8 @@ impl<T: PointScalar> RetardationSpectrum<T> {
         }
         let half = T::constant(0.5) / quadratic;
         let (re, im) = (linear * half, (-square).sqrt() * half);
-        // The rates are Λ = re + i im and its conjugate. The gain of Λ is (CΛ − E)/(Λ² quadratic (−2 i im)), which is doubled to
-        // include the conjugate.
+        // The two rates are Λ = re + i im and its conjugate. The mode of Λ has the compliance (CΛ − E)/(Λ² quadratic (−2 i im)),
+        // which is doubled to include the conjugate.
         let top = [c * re - e, c * im];
         let bottom = multiplied(multiplied([re, im], [re, im]), [T::constant(0.0), quadratic * im * -2.0]);
         let size = bottom[0] * bottom[0] + bottom[1] * bottom[1];

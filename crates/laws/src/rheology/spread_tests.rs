@@ -1,5 +1,5 @@
-//! Tests of the terms of a displacement field. They compare the terms' spectra with the terms' definition at real s, and closed
-//! forms with the general algorithm. Derivatives are compared with finite differences.
+//! Tests of laws with an additional element in parallel. They compare the terms' spectra with the terms' definition at real
+//! Laplace variables, and closed forms with the general algorithm. Derivatives are compared with finite differences.
 
 use super::spectrum::Accuracy;
 use super::*;
@@ -157,7 +157,7 @@ fn derivatives_agree_with_finite_differences() {
             },
         ];
         for kind in kinds {
-            // The derivatives are by the effect's parameter, by each of the law's parameters, and by a term's μ or θ.
+            // The derivatives are by the effect's parameter, by each of the law's parameters, and by a term's factor.
             for what in 0..parameters.len() + 2 {
                 let at = |step: f64, seed: bool, t: f64| {
                     let moved = Dual { value: 0.9 + step, derivative: f64::from(u8::from(seed)) };
@@ -167,8 +167,7 @@ fn derivatives_agree_with_finite_differences() {
                     if what == parameters.len() + 1 {
                         terms[0].number = Dual { value: 0.3 + step, derivative: f64::from(u8::from(seed)) };
                     }
-                    // The first dashpot of the second law is constant. Only E, c₂ and later parameters have a derivative in the
-                    // second law.
+                    // The first dashpot of the second law is constant. All other parameters of the second law have a derivative.
                     let soft = law_of.clone();
                     creep(&spread(&law_of, &kind(dual, soft), &terms), t)
                 };
@@ -189,8 +188,8 @@ fn derivatives_agree_with_finite_differences() {
     }
 }
 
-/// Checks that a spring of zero compliance gives the base law. The derivative by the compliance is Σ w/θ over the terms with θ >
-/// 0, like that of an instantaneous spring.
+/// Checks that a spring of zero compliance gives the base law. The derivative by the compliance is the sum of w/θ over the terms
+/// with a weight w and a fraction θ > 0, as for an instantaneous spring.
 #[test]
 fn springs_move_off_their_null() {
     let base = law(BaseLaw::Lethersich, &LETHERSICH);
@@ -208,8 +207,8 @@ fn springs_move_off_their_null() {
     assert!(((small.value - null.value) / 1e-6 - (0.2 / 0.5 + 0.1)).abs() < 1e-4, "{small:?}");
 }
 
-/// Checks that zero slip gives the base law. The derivative by the compliance is Σ w t/μ over the terms with μ > 0, like that of
-/// a dashpot.
+/// Checks that zero slip gives the base law. The derivative by the compliance is the sum of w t/μ over the terms with a weight w
+/// and a factor μ > 0, as for a dashpot at the time t.
 #[test]
 fn friction_moves_off_its_null() {
     let base = law(BaseLaw::Lethersich, &LETHERSICH);

@@ -1,23 +1,24 @@
 //! Exact retardation and relaxation spectra of networks of springs and dashpots.
 //!
-//! The complex compliance of such a network is J*(s) = b∞ + b₀/s + Σ bₘ/(s + pₘ) with all b ≥ 0. The modulus divided by s has the
-//! same form. Compliances add in series, and moduli add in parallel. The operation S ↦ 1/(s S) converts between compliance and
-//! modulus divided by s. The poles of the result are the zeros of S, exactly one between neighbouring poles of S. Every zero is
-//! therefore bracketed, and no polynomial is formed.
+//! The complex compliance of such a network is J*(s) = b∞ + b₀/s + Σ bₘ/(s + pₘ), with s the Laplace variable, weights b ≥ 0 and
+//! rates pₘ > 0. The modulus divided by s also has this form. Compliances add in series, and moduli add in parallel. The
+//! operation S ↦ 1/(s S) converts between the compliance and the modulus divided by s. The poles of the result are the zeros of
+//! S, and exactly one lies between neighbouring poles of S. Every zero is therefore bracketed, and no polynomial is formed.
 
 use super::mass::mass_on_maxwell_bodies;
 use super::{Element, RetardationSpectrum, SpectralMode};
 use base::number::Dual;
 
-/// Largest relative distance of poles that are merged. Their weights add and the rate is the mean, which is exact to first order in the distance.
+/// Largest relative distance of poles that are merged. Their weights add, and the merged rate is the weighted mean. The error is
+/// of second order in the distance.
 const SAME_POLE: f64 = 1e-9;
-/// Smallest distance of a zero from a pole, divided by the distance between neighbouring poles.
+/// Smallest distance of a zero from a pole that the bisection reaches, divided by half the distance between neighbouring poles.
 const NEAREST: f64 = 1e-22;
 /// Number of bisections of the logarithm of a zero's distance from its pole. They reduce the bracket from a width of 50 to below
 /// rounding.
 const HALVINGS: u32 = 60;
 
-/// Function S(s) = b∞ + Σ b/(s + p) with p ≥ 0.
+/// Function S(s) = b∞ + Σ b/(s + p) of the Laplace variable s. b∞ is the constant, and each pole has a weight b and a rate p ≥ 0.
 #[derive(Debug, Clone, Default)]
 struct Stieltjes {
     constant: Dual,
@@ -30,7 +31,7 @@ struct Pole {
     at: Dual,
 }
 
-/// Retardation spectrum of a network; `None` if it has a springpot.
+/// Returns the exact retardation spectrum of a network; `None` if the network has a springpot of order below 1.
 pub fn spectrum_of(element: &Element) -> Option<RetardationSpectrum> {
     let compliance = compliance_of(element)?;
     let (flow, modes): (Vec<Pole>, Vec<Pole>) = compliance.poles.iter().partition(|pole| pole.at.value == 0.0);
@@ -45,7 +46,7 @@ pub fn spectrum_of(element: &Element) -> Option<RetardationSpectrum> {
     })
 }
 
-/// Relaxation spectrum of a network, by which its modulus is G*(s) = η s + Σ G s/(s + p).
+/// Relaxation spectrum of a network, which gives its complex modulus G*(s) = η s + Σ G s/(s + p), with s the Laplace variable.
 #[derive(Debug, Clone)]
 pub struct RelaxationSpectrum {
     /// Viscosity η in Pa·s.
@@ -54,7 +55,7 @@ pub struct RelaxationSpectrum {
     pub modes: Vec<[f64; 2]>,
 }
 
-/// Relaxation spectrum of a network; `None` if it has a springpot.
+/// Returns the exact relaxation spectrum of a network; `None` if the network has a springpot of order below 1.
 pub fn relaxation_of(element: &Element) -> Option<RelaxationSpectrum> {
     let modulus = compliance_of(element)?.reciprocal();
     let modes = modulus.poles.iter().map(|pole| [pole.weight.value, pole.at.value]).collect();
@@ -73,14 +74,15 @@ pub(super) fn relaxation_of_spectrum(spectrum: &RetardationSpectrum) -> (Dual, V
     (modulus.constant, modulus.poles.iter().map(|pole| (pole.weight, pole.at)).collect())
 }
 
-/// Retardation spectrum of a network with a mass in parallel; `None` if the network has a springpot, or if the mass is 0.
+/// Returns the retardation spectrum of a network with a mass in parallel. The result is `None` if the network has a springpot of
+/// order below 1, or if the mass is 0.
 pub(super) fn with_mass(element: &Element, mass: Dual) -> Option<RetardationSpectrum> {
     let modulus = compliance_of(element)?.reciprocal();
     let bodies: Vec<(Dual, Dual)> = modulus.poles.iter().map(|pole| (pole.weight, pole.at)).collect();
     (mass.value > 0.0).then(|| mass_on_maxwell_bodies(modulus.constant, &bodies, mass))
 }
 
-/// Returns the complex compliance J* of an element; `None` if it has a springpot.
+/// Returns the complex compliance of an element; `None` if the element has a springpot of order below 1.
 fn compliance_of(element: &Element) -> Option<Stieltjes> {
     match element {
         Element::Spring { modulus_pa } => Some(Stieltjes { constant: Dual::ONE / *modulus_pa, poles: Vec::new() }),
@@ -118,7 +120,8 @@ impl Stieltjes {
         Self { constant: Dual::ZERO, poles: vec![Pole { weight, at: Dual::ZERO }] }
     }
 
-    /// Returns the function T for which 1/S(s) = s T(s).
+    /// Returns the function T with 1/S(s) = s T(s), for the function S of `self` and the Laplace variable s. It converts a
+    /// compliance into a modulus divided by s, and back.
     fn reciprocal(&self) -> Self {
         let poles = merged(&self.poles);
         let at_zero = poles.first().is_some_and(|pole| pole.at.value == 0.0);
@@ -137,7 +140,8 @@ impl Stieltjes {
         result
     }
 
-    /// Returns the zero of S(−x) = b∞ + Σ b/(p − x) between pole `left` and the next, as a pole of 1/(s S).
+    /// Returns the zero of S(−x) = b∞ + Σ b/(p − x) between the pole with index `left` and the next pole. The zero is returned as
+    /// a pole of 1/(s S), with its weight.
     fn zero_above(&self, poles: &[Pole], left: usize) -> Pole {
         let value_at = |origin: usize, offset: f64| {
             let from = poles[origin].at.value;
@@ -145,7 +149,7 @@ impl Stieltjes {
                 .iter()
                 .fold(self.constant.value, |sum, pole| sum + pole.weight.value / (pole.at.value - from - offset))
         };
-        // Beyond the last pole, S(−x) ≥ b∞ − Σb/(x − p), which is positive for distances above this one.
+        // Above the last pole, S(−x) is positive at distances x − p of more than Σb/b∞, which therefore bounds the bracket.
         let reach = match poles.get(left + 1) {
             Some(right) => 0.5 * (right.at.value - poles[left].at.value),
             None => poles.iter().fold(0.0, |sum, pole| sum + pole.weight.value) / self.constant.value * (1.0 + 1e-9),
@@ -162,7 +166,7 @@ impl Stieltjes {
         self.polished(poles, origin, sign * (0.5 * (near + far)).exp())
     }
 
-    /// Refines a zero by one Newton step in dual numbers, which gives the last digit of the value and the exact derivative.
+    /// Refines a zero by one Newton step in dual numbers, which makes its value accurate to rounding and its derivative exact.
     fn polished(&self, poles: &[Pole], origin: usize, offset: f64) -> Pole {
         let from = poles[origin].at;
         let sums = |offset: Dual| {

@@ -1,10 +1,10 @@
-//! Transformation of the commanded force into the acting force. All equations of the load are in this file (physics §5).
+//! Transformation of the commanded force into the acting force, with all equations of the load (physics §5).
 //!
-//! Delay, factors by sign and offset are applied to the command in this order. They give the force F_in, which enters the lag.
-//! F_in is a straight line in time from each [`Switch`] to the next. The lag τ Ḟ = F_in − F starts from F = 0. The gradient
-//! multiplies F by e^{gx}, with x the robot's position. Solvers take all equations of the force from [`Load`]. These include its
-//! fastest time, its dependence on the position, its exact solution between switches and its rate at an implicit stage. An equation
-//! that is linear in the command and needs no other time than the lag therefore only affects this file.
+//! Delay, factors by sign and offset are applied to the command in this order. The result is the force F_in, which enters the
+//! lag. F_in is a straight line in time from each [`Switch`] to the next. The lag makes the force F follow F_in by τ Ḟ = F_in − F
+//! from F = 0, with the lag time τ. The gradient g multiplies F by e^{gx}, with x the robot's position. Solvers take all
+//! equations of the force from [`Load`]: its fastest time, its dependence on the position, its exact solution between switches
+//! and its rate at an implicit stage.
 
 use base::error::{Error, Result};
 use base::number::{Dual, PointScalar, Scalar};
@@ -14,7 +14,7 @@ use record::Force;
 /// order.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Load<N = Dual> {
-    /// Delay δ ≥ 0 in s: F(t) = F_command(t − δ). The command is zero before the record's start.
+    /// Delay δ ≥ 0 in s: the force at time t is the command at t − δ. The command is zero before the record's start.
     pub delay_s: N,
     /// Factor that multiplies positive commands.
     pub positive_factor: N,
@@ -22,21 +22,22 @@ pub struct Load<N = Dual> {
     pub negative_factor: N,
     /// Offset in N, which is added to the force from the record's start.
     pub offset_n: N,
-    /// Lag time τ ≥ 0 in s: τ Ḟ = F_in − F, with F = 0 at the record's start. There is no lag at 0.
+    /// Lag time τ ≥ 0 in s: the force F follows the entering force F_in by τ Ḟ = F_in − F, with F = 0 at the record's start. At τ
+    /// = 0 there is no lag.
     pub lag_time_s: N,
     /// Gradient g in 1/m: the force is multiplied by e^{gx}, with x the robot's position. Solvers return an error if the force
     /// diverges with the position.
     pub gradient_per_m: N,
 }
 
-/// Largest |g x| for which a force gradient is computed. At this limit the force is 10⁸ times as large or as small as without the
-/// gradient. A diverging force exceeds the limit (physics §5).
+/// Largest |g x| for which a force gradient g (1/m) is computed, with x the robot's position. At this limit the gradient changes
+/// the force by a factor of about 10⁸. A force that diverges exceeds the limit (physics §5).
 pub const MAX_GRADIENT_EXPONENT: f64 = 20.0;
 
-/// Largest number of Newton steps for a force that depends on the position.
+/// Largest number of Newton steps to solve for a force that depends on the position.
 pub const MAX_NEWTON_STEPS: usize = 60;
 
-/// Change of the force that enters the lag. After the change the force is a straight line in time.
+/// Change of the force that enters the lag. From each change to the next, the force is a straight line in time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Switch<N = f64> {
     /// Time of the change, in s.
@@ -62,8 +63,8 @@ impl<N: Scalar> Switch<N> {
     }
 }
 
-/// Parameter of the load whose effect can be treated to first order. These are all parameters except the gradient, which makes
-/// the force depend on the position.
+/// Parameter of the load by which the force can be expanded to first order. All parameters qualify except the gradient, which
+/// makes the force depend on the position.
 pub struct LoadParameter {
     /// Unit of the parameter.
     pub unit: LoadUnit,
@@ -85,7 +86,8 @@ pub enum LoadUnit {
 }
 
 impl LoadParameter {
-    /// All parameters. Those that change the size of the force come first, times last.
+    /// All parameters of the load except the gradient. The parameters that change the size of the force come first, the times
+    /// last.
     pub const ALL: [Self; 5] = [
         Self { unit: LoadUnit::Factor, is_delayed: true, field: |load| &mut load.positive_factor },
         Self { unit: LoadUnit::Factor, is_delayed: true, field: |load| &mut load.negative_factor },
@@ -94,18 +96,18 @@ impl LoadParameter {
         Self { unit: LoadUnit::Time, is_delayed: true, field: |load| &mut load.lag_time_s },
     ];
 
-    /// Parameters that change the size of the force, and not its time.
+    /// Returns the parameters that change the size of the force, which are all but the times.
     pub fn of_size() -> impl Iterator<Item = &'static Self> {
         Self::ALL.iter().filter(|number| number.unit != LoadUnit::Time)
     }
 
-    /// Returns the parameter's value in a load, minus its null.
+    /// Returns the parameter's value in a load, minus its null, which is the value without effect.
     pub fn of(&self, load: &Load) -> Dual {
         let number = *(self.field)(&mut load.clone());
         if self.unit == LoadUnit::Factor { number - Dual::ONE } else { number }
     }
 
-    /// Returns a load in which only this parameter differs from its null, by `size`.
+    /// Returns a load without effects, except that the parameter differs by `size` from its null (the value without effect).
     pub fn alone(&self, size: f64) -> Load {
         let mut load = Load::COMMANDED;
         *(self.field)(&mut load) = if self.unit == LoadUnit::Factor { (1.0 + size).into() } else { size.into() };
@@ -124,7 +126,7 @@ impl Load {
         gradient_per_m: Dual::ZERO,
     };
 
-    /// Returns `true` if the force acts as commanded and no derivative changes it.
+    /// Returns `true` if the force acts as commanded and no parameter of the load carries a derivative.
     pub fn is_commanded(&self) -> bool {
         self.numbers().iter().zip(Self::COMMANDED.numbers()).all(|(number, null)| number.is_constant(null.value))
     }
@@ -139,7 +141,7 @@ impl Load {
         Self { offset_n: self.offset_n * factor, ..self.clone() }
     }
 
-    /// Returns the load for positions that are measured in `unit` metres.
+    /// Returns the load for positions in another unit, whose length is `unit` in m.
     pub fn in_position_unit(&self, unit: f64) -> Self {
         Self { gradient_per_m: self.gradient_per_m * unit, ..self.clone() }
     }
@@ -157,16 +159,16 @@ impl Load {
         Ok(())
     }
 
-    /// Checks that dual numbers can compute the derivative of the response. They cannot compute the derivative by the lag time at
-    /// 0.
+    /// Checks that dual numbers can compute the derivative of the response. They cannot compute the derivative with respect to a
+    /// lag time of 0.
     ///
     /// # Errors
     /// [`Error::Numerical`] if the lag time is 0 and its derivative is not 0.
     pub fn check_derivative(&self) -> Result<()> {
         if self.lag_time_s.value == 0.0 && self.lag_time_s.derivative != 0.0 {
             return Err(Error::numerical(
-                "the derivative with respect to the lag's time cannot be computed at 0",
-                "compute it as a finite difference from 0",
+                "the derivative with respect to the lag time cannot be computed at a lag time of 0",
+                "compute the derivative as a finite difference from 0",
             ));
         }
         Ok(())
@@ -177,13 +179,13 @@ impl Load {
 pub const N_LOAD_PARAMETERS: usize = 6;
 
 impl<N: Scalar> Load<N> {
-    /// Parameters of the load as one list, in the order in which [`Self::of_numbers`] reads them.
+    /// Returns the parameters of the load as one list, in the order of [`Self::of_numbers`].
     pub fn numbers(&self) -> [N; N_LOAD_PARAMETERS] {
         let Self { delay_s, positive_factor, negative_factor, offset_n, lag_time_s, gradient_per_m } = self;
         [delay_s, positive_factor, negative_factor, offset_n, lag_time_s, gradient_per_m].map(|number| *number)
     }
 
-    /// Builds a load from the list of [`Self::numbers`].
+    /// Builds a load from its parameters in the order of [`Self::numbers`].
     pub fn of_numbers(
         [delay_s, positive_factor, negative_factor, offset_n, lag_time_s, gradient_per_m]: [N; N_LOAD_PARAMETERS],
     ) -> Self {
@@ -195,7 +197,8 @@ impl<N: Scalar> Load<N> {
         (if is_positive { self.positive_factor } else { self.negative_factor }) * commanded
     }
 
-    /// Force (N) that enters the lag for a commanded force (N).
+    /// Returns the force (N) that enters the lag for a commanded force (N): the command times the factor for its sign, plus the
+    /// offset.
     pub fn entering_n(&self, commanded_n: f64, is_positive: bool) -> N {
         self.scaled(commanded_n, is_positive) + self.offset_n
     }
@@ -210,7 +213,7 @@ impl<N: Scalar> Load<N> {
         self.delay_s + N::constant(commanded_s)
     }
 
-    /// Time (s) of the command that acts at `at_s`.
+    /// Time (s) at which the command was given that acts at the time `at_s`.
     pub fn command_time_s(&self, at_s: f64) -> N {
         N::constant(at_s) + -self.delay_s
     }
@@ -221,7 +224,7 @@ impl<N: Scalar> Load<N> {
         force_n * (self.gradient_per_m * position_m).exp()
     }
 
-    /// Returns the derivative (N/m) of the acting force with respect to the position. `acting_n` is the acting force.
+    /// Returns the derivative (N/m) of the acting force with respect to the robot's position. `acting_n` is the acting force (N).
     #[inline(always)]
     pub fn acting_slope(&self, acting_n: N) -> N {
         acting_n * self.gradient_per_m
@@ -244,12 +247,12 @@ impl<N: PointScalar> Load<N> {
         !self.gradient_per_m.is_constant(0.0)
     }
 
-    /// Returns `true` if the force changes only at the rows of the command.
+    /// Returns `true` if the force changes only at the rows of the record, which is so without delay, lag and gradient.
     pub fn acts_at_rows(&self) -> bool {
         !self.is_delayed() && self.lag_time_s.value() == 0.0 && !self.depends_on_position()
     }
 
-    /// Shortest time (s) in which the force changes between switches; infinite without a lag.
+    /// Time scale (s) of the force's fastest change between switches, which is the lag time; infinite without a lag.
     pub fn fastest_s(&self) -> f64 {
         if self.has_lag() { self.lag_time_s.value() } else { f64::INFINITY }
     }
@@ -260,7 +263,8 @@ impl<N: PointScalar> Load<N> {
         commanded_n * factor + self.offset_n.value().abs()
     }
 
-    /// Returns all changes of the force that enters the lag, from the record's start. The first is the start of the offset.
+    /// Returns all changes of the force that enters the lag, in the order of the rows. The first is the start of the offset, at
+    /// the record's start.
     pub fn switches(&self, time_s: &[f64], force: Force<'_>) -> Vec<Switch<N>> {
         let Some(&start_s) = time_s.first() else { return Vec::new() };
         let mut switches = vec![Switch::to(N::constant(start_s), self.start_n())];
@@ -294,8 +298,8 @@ impl<N: PointScalar> Load<N> {
         self.has_lag().then(|| step_s / self.lag_time_s.value())
     }
 
-    /// Returns the force (N) after the lag, without the lag's decaying transient. It is the straight line of the switch, late by
-    /// the lag time.
+    /// Returns the force (N) after the lag, without the lag's decaying transient. This force is the straight line of the switch,
+    /// delayed by the lag time.
     #[inline(always)]
     pub fn steady_lagged_n(&self, input: &Switch<N>, time_s: N) -> N {
         input.input_n(time_s) - input.slope_n_per_s * self.lag_time_s
@@ -311,22 +315,23 @@ impl<N: PointScalar> Load<N> {
         self.steady_lagged_n(input, time_s) + left_n * (-(time_s - input.time_s) / self.lag_time_s).exp()
     }
 
-    /// Returns the force (N) after the lag at an implicit stage of a Runge–Kutta method, and its rate k (N/s). It solves τ k =
-    /// F_in − (F₀ + F₁ + h k), with F₀ = `start_n`, F₁ = `earlier_n` from the earlier stages and h = `implicit_s`.
+    /// Returns the force (N) after the lag at an implicit stage of a Runge–Kutta method, and its rate k (N/s). The rate solves τ
+    /// k = F_in − (F₀ + F₁ + h k), with the lag time τ and the entering force F_in = `input_n`. F₀ = `start_n` is the force at
+    /// the start of the step, F₁ = `earlier_n` its change by the earlier stages, and h = `implicit_s` the stage's implicit step.
     pub fn at_implicit_stage(&self, input_n: N, start_n: N, earlier_n: N, implicit_s: f64) -> (N, N) {
         let rate = (input_n - start_n - earlier_n) / (self.lag_time_s + N::constant(implicit_s));
         (if self.has_lag() { start_n + earlier_n + rate * implicit_s } else { input_n }, rate)
     }
 
-    /// Returns the lagged signal at the end of a step (s). The input changes linearly from `from` to `to`, and `lagged` is the
-    /// lagged signal at the start.
+    /// Returns the lagged signal at the end of a time step of `step_s`. Its input changes linearly from `from` to `to`. `lagged`
+    /// is the lagged signal at the start.
     pub fn lagged_along(&self, lagged: N, from: N, to: N, step_s: f64) -> N {
         let behind = (to + -from) * self.lag_time_s * (1.0 / step_s);
         let left = (N::constant(-step_s) / self.lag_time_s).exp();
         to + -behind + (lagged + -from + behind) * left
     }
 
-    /// Returns the exponent g x of the force gradient at a position x (m). Its size must be below [`MAX_GRADIENT_EXPONENT`].
+    /// Returns the exponent g x of the force gradient g at a position x (m). Its size must be below [`MAX_GRADIENT_EXPONENT`].
     fn exponent(&self, position_m: f64) -> f64 {
         self.gradient_per_m.value() * position_m
     }
@@ -334,12 +339,12 @@ impl<N: PointScalar> Load<N> {
     /// Checks that the force does not diverge at any of the positions (m).
     ///
     /// # Errors
-    /// [`Error::Numerical`] if |g x| is too large or not a number.
+    /// [`Error::Numerical`] if the exponent of the gradient reaches [`MAX_GRADIENT_EXPONENT`] or is not a number.
     pub fn check_feedback(&self, position_m: &[f64], time_s: f64) -> Result<()> {
         if self.gradient_per_m.value() == 0.0 {
             return Ok(());
         }
-        // A position that is NaN means that no balance of forces was found.
+        // A position is NaN if the solver found no balance of forces.
         if position_m.iter().all(|x| self.exponent(*x).abs() < MAX_GRADIENT_EXPONENT) {
             return Ok(());
         }
@@ -351,16 +356,17 @@ impl<N: PointScalar> Load<N> {
         ))
     }
 
-    /// Returns the exponent g x of the force gradient, divided by the creep compliance, in Pa. `compliance_per_m` is the
-    /// displacement per force at unit creep compliance, `largest_n` the largest force.
+    /// Returns the largest exponent of the force gradient, divided by the creep compliance, in Pa. The exponent is the gradient
+    /// times the displacement. `compliance_per_m` is the displacement per force at unit creep compliance, and `largest_n` the
+    /// largest force (N).
     pub fn feedback_strength_pa(&self, compliance_per_m: f64, largest_n: f64) -> f64 {
         (self.gradient_per_m.value() * compliance_per_m).abs() * largest_n
     }
 }
 
 impl Load<f64> {
-    /// Returns the lagged force (N) at the end of a step (s) of constant input, and its mean over the step. `begin_n` is the
-    /// lagged force at the start, `entering_n` the input.
+    /// Returns the lagged force (N) at the end of a time step of constant input, and its mean (N) over the step. `begin_n` is the
+    /// lagged force at the start, and `entering_n` the input.
     pub fn lagged_of_hold(&self, begin_n: f64, entering_n: f64, step_s: f64) -> [f64; 2] {
         let rate = step_s / self.lag_time_s;
         let end_n = entering_n + (begin_n - entering_n) * (-rate).exp();
@@ -368,14 +374,14 @@ impl Load<f64> {
         [end_n, mean_n]
     }
 
-    /// Returns the acting force (N) if the robot's position is `history_m` plus `per_n` (m/N) times this force. `force_n` is the
-    /// force after the lag. NaN if no force solves the balance.
+    /// Returns the acting force (N) on a robot whose position is `history_m` plus `per_n` (m/N) times the acting force. `force_n`
+    /// is the force after the lag. The result is NaN if no force solves the balance.
     pub fn balanced_n(&self, force_n: f64, history_m: f64, per_n: f64) -> f64 {
         let g = self.gradient_per_m;
         force_n * balanced_exponent(g * history_m, g * force_n * per_n).exp()
     }
 
-    /// Returns words for the force gradient in messages; empty without a gradient.
+    /// Returns a phrase that names the force gradient in messages; empty without a gradient.
     pub fn describe_gradient(&self) -> String {
         if self.gradient_per_m == 0.0 {
             return String::new();
@@ -398,7 +404,8 @@ impl Load<f64> {
     }
 }
 
-/// Returns the solution of y = a + b e^y on the branch that starts at b = 0. NaN if there is none, because the force diverges.
+/// Returns the solution y of y = a + b e^y on the branch that starts at y = a for b = 0. The result is NaN if there is no
+/// solution, because the force diverges. y is the exponent of the force gradient.
 pub fn balanced_exponent(a: f64, b: f64) -> f64 {
     let mut y = a;
     for _ in 0..MAX_NEWTON_STEPS {

@@ -1,4 +1,5 @@
-//! Stages of a model at one parameter point: command → load → mechanics → observation (physics §5).
+//! Equations of a model at one parameter point, in stages from the commanded force over the acting force and the gel to the
+//! recorded position (physics §5).
 //!
 //! A base law and its effects write their equations into [`Stages`]. The reduced model solves the equations in closed form, the
 //! full-order model by time stepping.
@@ -30,17 +31,19 @@ pub struct Stages {
     pub load: Load,
     /// Base law with named parameters; `None` if only [`Self::law`] is given.
     pub base: Option<BaseLaw>,
-    /// Elements of the law in series, each of which carries the whole stress.
+    /// Elements of the gel's law, in series. Each element carries the whole stress.
     pub law: Vec<Element>,
     /// Softening rate r in 1/s. The gel's stress is e^{−rt} times the law's stress, with t from the record's start.
     pub softening_rate_per_s: Dual,
     /// Poisson ratio of the gel; `None` for the experiment's value.
     pub poisson_ratio: Option<Dual>,
-    /// Effect that changes the displacement field. It cannot be combined with a changed Poisson ratio.
+    /// Effect that changes the displacement field; `None` without such an effect. It cannot be combined with a changed Poisson
+    /// ratio.
     pub spatial: Option<Spatial>,
     /// Reduced model of [`Self::spatial`]; `None` until one is attached.
     pub spread: Option<ReducedField>,
-    /// Quantity that depends on a state. It cannot be combined with effects on the displacement field or with a force gradient.
+    /// Force, position or law element that depends on a state such as the path; `None` if there is none. It cannot be combined
+    /// with effects on the displacement field or with a force gradient.
     pub state_law: Option<StateLaw>,
     /// Transformation of the robot's position into the recorded position.
     pub observation: Observation,
@@ -52,24 +55,25 @@ pub struct Stages {
 /// Effect that changes the displacement field (physics §5).
 #[derive(Debug, Clone, PartialEq)]
 pub enum Spatial {
-    /// Linear effect, by which some region of the gel has an additional element in parallel with the law.
+    /// Linear effect: one region of the gel has an additional element in parallel with the law.
     Linear(LinearField),
-    /// Nonlinear effect, by which one element of the law is nonlinear.
+    /// Nonlinear effect: one element of the law is nonlinear.
     Nonlinear(Nonlinearity<Dual>),
-    /// Large strains. The position is x(gF)/g, with x(F) the response of a fluid whose linear limit is the law (physics §7.6).
+    /// Large strains. The robot's position is x(gF)/g, with F the force and g a scale factor (physics §7.6). x(F) is the response
+    /// of a fluid that follows the law at small strains.
     Large {
-        /// Amplitude g > 0.
+        /// Scale factor g > 0 of the force, which sets the size of the strains.
         amplitude: Dual,
         /// Mobility α of a Giesekus fluid; 0 for an Oldroyd-B fluid.
         mobility: Dual,
     },
-    /// Law of an external program, at these parameters. The program computes the robot's displacement.
+    /// Law of an external program, with its parameter values. The program computes the robot's displacement.
     External(Vec<Dual>),
 }
 
 impl Spatial {
-    /// Returns `true` if the effect's reduced model is trained for each record, around the law that fits it, instead of once for
-    /// each gel.
+    /// Returns `true` if the effect's reduced model is trained for each record, at parameters near the record's best fit. Other
+    /// reduced models are trained once for each gel.
     pub fn is_trained_per_record(&self) -> bool {
         matches!(self, Self::Large { .. })
     }
@@ -79,14 +83,14 @@ impl Spatial {
         "a force that depends on the position cannot be combined with large displacements";
 }
 
-/// Linear effect on the displacement field, as an additional element in parallel with the law in some region.
+/// Linear effect on the displacement field. One region of the gel has an additional element in parallel with the law.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LinearField {
-    /// Slug of the effect, which defines the region.
+    /// Name of the effect in files. It determines the region.
     pub effect: &'static str,
     /// Parameter on which the shape of the field depends, such as a radius or a Poisson ratio; `None` if the shape is fixed.
     pub shape: Option<Dual>,
-    /// Additional element in that region.
+    /// Element that the region has in parallel with the law.
     pub beside: AdditionalTerm,
 }
 
@@ -97,18 +101,18 @@ pub enum ReducedField {
     Terms {
         /// Additional element in parallel with the law in every term.
         beside: AdditionalTerm,
-        /// Weights of the terms, and the factors of the additional element in them.
+        /// Terms of the sum. Each has a weight and a factor of the additional element.
         terms: Vec<SpreadTerm>,
     },
-    /// Reduced model of a nonlinear effect, of large strains or of an external program, which is evaluated for a whole record.
+    /// Reduced model that is evaluated for a whole record: of a nonlinear effect, of large strains or of an external program.
     Stepped(SharedStepper),
 }
 
 /// Reduced model that computes the excess displacement of a law for a whole record.
 pub trait FieldStepper: std::fmt::Debug + Send + Sync {
-    /// Displacement of the robot in m at every row, minus the displacement for the same stages with a linear law. `time_s` are
-    /// the times of the rows in s. At a jump the result is the limit from the left. `compliance_per_m` is the displacement per
-    /// force at unit creep compliance.
+    /// Returns the excess displacement of the robot in m at every row: its displacement minus that of a linear law under the same
+    /// force. `time_s` are the times of the rows in s. At a jump of the force the result is the limit from the left.
+    /// `compliance_per_m` is the displacement per force at unit creep compliance.
     ///
     /// # Errors
     /// [`base::Error::Numerical`] if the model does not cover the law, if the force gradient is too strong, or if no balance of
@@ -128,7 +132,7 @@ pub trait FieldStepper: std::fmt::Debug + Send + Sync {
     ) -> Result<Vec<Dual>>;
 }
 
-/// Stepper that all stages with this effect share.
+/// Reduced model that all [`Stages`] with one effect share.
 #[derive(Debug, Clone)]
 pub struct SharedStepper(pub Arc<dyn FieldStepper>);
 

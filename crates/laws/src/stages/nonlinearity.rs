@@ -1,4 +1,4 @@
-//! Nonlinear laws (physics §5). In one element of the base law, stress is not proportional to strain or strain rate.
+//! Nonlinear laws (physics §5): in one element of the base law, the stress is not proportional to the strain or strain rate.
 
 use base::error::{Error, Result};
 use base::number::{Dual, PointScalar};
@@ -17,26 +17,26 @@ pub enum NonlinearFamily {
 
 /// Nonlinearity of the law's first Kelvin–Voigt body or of its dashpot (physics §5).
 ///
-/// s = D̂⁻¹σ is the stress, divided by the elasticity tensor for unit Young's modulus. Equivalent strain and stress are ε_eq² = ⅔
-/// dev ε : dev ε and s_eq² = ⅔ dev s : dev s.
+/// The reduced stress s = D̂⁻¹σ is the stress σ, divided by the elasticity tensor D̂ for unit Young's modulus. The equivalent
+/// strain is ε_eq = √(⅔ dev ε : dev ε), and the equivalent stress is s_eq = √(⅔ dev s : dev s).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Nonlinearity<N = f64> {
-    /// Stiffening of the first Kelvin–Voigt body: dev s = E (1 + β ε_eq²) dev ε_k + c₁ dev ε̇_k. Its volumetric response stays
-    /// linear.
+    /// Stiffening of the first Kelvin–Voigt body: dev s = E (1 + β ε_eq²) dev ε_k + c₁ dev ε̇_k. Here E is Young's modulus, c₁
+    /// the retardation viscosity and ε_k the body's strain. The volumetric response stays linear.
     StrainStiffening {
-        /// Coefficient β ≥ 0; the law is linear for 0.
+        /// Stiffening coefficient β ≥ 0; the law is linear for 0.
         coefficient: N,
     },
-    /// Shear thinning of the dashpot: ε̇_d = (s_eq/s₀)^{1/n−1} s/c₂.
+    /// Shear thinning of the dashpot: ε̇_d = (s_eq/s₀)^{1/n−1} s/c₂, with ε̇_d its strain rate and c₂ the flow viscosity.
     ShearThinning {
-        /// Exponent n in (0, 1]; the law is linear for 1.
+        /// Thinning index n in (0, 1]; the law is linear for 1.
         index: N,
-        /// Stress s₀ > 0 in Pa at which the fluidity is 1/c₂.
+        /// Equivalent stress s₀ > 0 in Pa at which the dashpot's viscosity is c₂.
         reference_stress_pa: N,
     },
-    /// Yield stress of the dashpot: ε̇_d = ⟨1 − s_y/s_eq⟩ s/c₂. The term s_eq ⟨1 − s_y/s_eq⟩ is smoothed to ½[s_eq − s_y +
-    /// √((s_eq − s_y)² + 4δ² s_y s_eq)]. The smoothed term is exact at s_y = 0 and too large by at most δ s_y. It tends to the
-    /// sharp law as δ → 0.
+    /// Yield stress of the dashpot: ε̇_d = ⟨1 − s_y/s_eq⟩ s/c₂, with ε̇_d its strain rate, s_y the yield stress and c₂ the flow
+    /// viscosity. The term s_eq ⟨1 − s_y/s_eq⟩ is smoothed to ½[s_eq − s_y + √((s_eq − s_y)² + 4δ² s_y s_eq)], with the smoothing
+    /// δ. The smoothed term is exact at s_y = 0, and too large by at most δ s_y.
     YieldStress {
         /// Yield stress s_y ≥ 0 in Pa; the law is linear for 0.
         stress_pa: N,
@@ -45,7 +45,8 @@ pub enum Nonlinearity<N = f64> {
     },
 }
 
-/// Smoothing δ of a yield stress. With this value a gel far below its yield stress creeps at 10⁻⁴ times the rate of the fluid c₂.
+/// Default smoothing δ of a yield stress. With it, a gel far below its yield stress creeps 10⁻⁴ times as fast as without a yield
+/// stress.
 pub const YIELD_SMOOTHING: f64 = 0.01;
 
 impl Nonlinearity {
@@ -82,10 +83,10 @@ impl Nonlinearity<Dual> {
         }
     }
 
-    /// Checks that the parameters are within the law's support.
+    /// Checks that the parameters are in the ranges in which the law is defined.
     ///
     /// # Errors
-    /// [`Error::Numerical`] names the parameter that is outside.
+    /// [`Error::Numerical`] names the value that is out of range.
     pub fn check(&self) -> Result<()> {
         let (good, what, support) = match *self {
             Self::StrainStiffening { coefficient } => {
@@ -113,7 +114,7 @@ impl Nonlinearity<Dual> {
 }
 
 impl<N> Nonlinearity<N> {
-    /// Kind of this nonlinear law.
+    /// Returns the kind of the nonlinear law, without its parameters.
     pub fn family(&self) -> NonlinearFamily {
         match self {
             Self::StrainStiffening { .. } => NonlinearFamily::StrainStiffening,

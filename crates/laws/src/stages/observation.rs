@@ -1,26 +1,25 @@
-//! Transformation of the robot's position into the recorded position. All equations of the observation are in this file (physics
-//! §5).
+//! Transformation of the robot's position into the recorded position, with all equations of the observation (physics §5).
 
 use base::number::{Dual, PointScalar, Scalar};
 
-/// Transformation to the recorded position scale · x^{1/p} + b + v t + Σ A (1 − e^{−t/τ}), with t from the record's start. For an
-/// indenter (p ≠ 1), x^{1/p} is replaced by 0 if x < 0.
+/// Transformation of the robot's position x into the recorded position scale · x^{1/p} + b + v t + Σ A (1 − e^{−t/τ}), with t the
+/// time since the record's start. The fields name the other symbols. For an indenter (p ≠ 1), x^{1/p} is 0 if x < 0.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Observation<N = Dual> {
     /// Factor of the robot's position.
     pub scale: N,
-    /// Offset b in m.
+    /// Offset b of the recorded position, in m.
     pub offset_m: N,
-    /// Exponent p of an indenter, whose depth is x^{1/p} in m for a linear response x in m^p. It is 1 if x is the position
-    /// itself.
+    /// Exponent p of an indenter, whose depth is x^{1/p} in m for a linear response x in m^p. It is 1 if x itself is the
+    /// position.
     pub depth_exponent: N,
     /// Drift velocity v in m/s.
     pub velocity_m_per_s: N,
-    /// Drifts A (1 − e^{−t/τ}), each of which approaches a limit A.
+    /// Drifts A (1 − e^{−t/τ}), each with a limit A and a time constant τ.
     pub approaches: Vec<DriftApproach<N>>,
 }
 
-/// Drift A (1 − e^{−t/τ}), with t from the record's start.
+/// Drift A (1 − e^{−t/τ}) of the recorded position towards a limit A, with t the time since the record's start.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DriftApproach<N = Dual> {
     /// Limit A of the drift, in m.
@@ -60,14 +59,15 @@ impl Observation {
 }
 
 impl<N: Scalar> Observation<N> {
-    /// All parameters of the observation as one list, in the order in which [`Self::of_numbers`] reads them.
+    /// Returns all parameters of the observation as one list, in the order of [`Self::of_numbers`].
     pub fn numbers(&self) -> Vec<N> {
         let Self { scale, offset_m, depth_exponent, velocity_m_per_s, approaches } = self;
         let of_approaches = approaches.iter().flat_map(|approach| [approach.amplitude_m, approach.time_s]);
         [*scale, *offset_m, *depth_exponent, *velocity_m_per_s].into_iter().chain(of_approaches).collect()
     }
 
-    /// Builds the observation from the list of [`Self::numbers`]. `n_approaches` is the number of its drifts A (1 − e^{−t/τ}).
+    /// Builds an observation from its parameters in the order of [`Self::numbers`]. `n_approaches` is the number of drifts A (1 −
+    /// e^{−t/τ}).
     pub fn of_numbers(n_approaches: usize, mut next: impl FnMut() -> N) -> Self {
         Self {
             scale: next(),
@@ -104,12 +104,12 @@ impl Observation<f64> {
 }
 
 impl<N: Scalar> DriftApproach<N> {
-    /// Returns the factor e^{−h/τ} by which the distance from the limit A shrinks in a step h (s).
+    /// Returns the factor e^{−h/τ} by which the drift's distance from its limit shrinks in a time step h (s).
     pub fn remaining_after(&self, step_s: f64) -> N {
         (N::constant(1.0) / self.time_s * -step_s).exp()
     }
 
-    /// Returns the drift (m) when the fraction `left` of the limit A is still to come.
+    /// Returns the drift (m) whose distance from its limit is the fraction `left` of the limit.
     pub fn drift_m(&self, left: N) -> N {
         self.amplitude_m * (N::constant(1.0) - left)
     }

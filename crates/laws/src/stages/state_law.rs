@@ -1,9 +1,10 @@
-//! Quantities that depend on a state of the experiment by a function (physics §5.3).
+//! Forces, positions and law elements that are functions of a state of the experiment, such as the path or the time (physics
+//! §5.3).
 
 use crate::rheology::ElementPlace;
 use base::number::Dual;
 
-/// Quantity that may depend on a state.
+/// Quantity of the model that may depend on a state of the experiment.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Quantity {
     /// Force on the robot, after all other load effects.
@@ -27,11 +28,12 @@ pub enum State {
     TimeSinceStep,
     /// Velocity of the robot, in m/s.
     Velocity,
-    /// Force on the robot in N, without the change by the state law itself.
+    /// Force on the robot in N, before the change that the function of this state causes.
     Force,
     /// Largest |x| since the record's start, with x the robot's position, in m.
     LargestExcursion,
-    /// Strain of the body that has the element, given as its contribution to the robot's displacement in m.
+    /// Strain of one body of the law, as its contribution to the robot's displacement in m. The body is the one whose element
+    /// depends on the state.
     Strain,
 }
 
@@ -58,7 +60,7 @@ impl State {
         matches!(self, Self::Position | Self::Velocity | Self::Force | Self::Strain)
     }
 
-    /// State with this name; `None` if there is none.
+    /// Returns the state with the given name; `None` if there is none.
     pub fn named(name: &str) -> Option<Self> {
         Self::ALL.iter().find(|(_, state_name)| *state_name == name).map(|(state, _)| *state)
     }
@@ -73,27 +75,28 @@ impl State {
         }
     }
 
-    /// Returns `true` if the state depends on the robot's motion. Quantity and motion must then be solved together.
+    /// Returns `true` if the state depends on the robot's motion. A quantity that depends on such a state must be solved together
+    /// with the motion.
     pub fn depends_on_motion(self) -> bool {
         !matches!(self, Self::Time | Self::TimeSinceStep | Self::Force)
     }
 }
 
-/// Operation by which the function changes the quantity.
+/// Operation by which a function of a state changes a quantity of the model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Operation {
-    /// Multiplies the quantity by the function.
+    /// The quantity is multiplied by the function's value.
     Multiply,
-    /// Adds the function to the quantity, in the quantity's unit.
+    /// The function's value is added to the quantity, in the quantity's unit.
     Add,
 }
 
-/// Function of a state and of parameters.
+/// Function of a state and of parameters, which changes a quantity of the model.
 pub trait StateFunction: std::fmt::Debug + Send + Sync {
-    /// Returns the value at a state and parameters (SI). It carries their derivative.
+    /// Returns the function's value at a state and at parameters, all in SI units, with its derivative.
     fn value(&self, state: Dual, parameters: &[Dual]) -> Dual;
 
-    /// Writes the derivative by each parameter, at a state, to `slopes`.
+    /// Writes the derivative of the value with respect to each parameter to `slopes`.
     fn by_parameters(&self, state: f64, parameters: &[Dual], slopes: &mut [f64]) {
         let mut moving: Vec<Dual> = parameters.iter().map(|parameter| Dual::constant(parameter.value)).collect();
         for (k, slope) in slopes.iter_mut().enumerate() {
@@ -104,7 +107,7 @@ pub trait StateFunction: std::fmt::Debug + Send + Sync {
     }
 }
 
-/// Function that lives as long as the program.
+/// Reference to a [`StateFunction`] that lives as long as the program. Two references are equal if they point to one function.
 #[derive(Debug, Clone, Copy)]
 pub struct Function(pub &'static dyn StateFunction);
 
@@ -114,7 +117,7 @@ impl PartialEq for Function {
     }
 }
 
-/// Quantity that depends on a state.
+/// Dependence of one quantity of the model on a state, by a function.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StateLaw {
     /// Quantity that depends on the state.

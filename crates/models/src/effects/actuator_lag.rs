@@ -1,8 +1,9 @@
 //! `actuator-lag`: the force approaches its commanded value exponentially instead of at once.
 //!
-//! τ Ḟ = F_in − F, with F = 0 at the record's start. Null: τ = 0. Valid for any τ ≥ 0. Causes are the inductance of the coils,
-//! eddy currents and the driver's amplifier. To first order in τ the effect equals `clock-offset` (physics §5), since both change
-//! the position by −τ ẋ. Only the rounded corners of the response, of the size τ² ẍ, distinguish the two effects.
+//! τ Ḟ = F_in − F, with F_in the commanded force, F the force on the robot (0 at the record's start) and τ the lag time in s. Null: τ = 0.
+//! Valid for any τ ≥ 0. Causes are the inductance of the coils, eddy currents and the driver's amplifier. To first order in τ the effect
+//! equals `clock-offset` (physics §5), since both change the position x by −τ ẋ. Only the rounded corners of the response, of the size τ²
+//! ẍ, distinguish the two effects.
 
 use super::{Effect, EffectParameter, Stage, Stages};
 use base::distribution::Distribution;
@@ -11,11 +12,11 @@ use base::number::Dual;
 use base::parameter::{ParameterSpec, Support};
 use record::CharacteristicSizes;
 
-/// Step of τ from the null for the effect's signature, divided by the sample interval.
+/// Lag time τ at which the effect's signature (the change of the trajectory that it causes) is computed, in sample intervals.
 ///
-/// The kernel divides by τ, so forward-mode differentiation fails at τ = 0. With τ of a tenth of an interval, the lag's transient
-/// has decayed to e⁻¹⁰ = 5·10⁻⁵ at the first row after a switch. The difference quotient is therefore the one-sided derivative −ẋ
-/// up to τ ẍ/2, and it is far above rounding.
+/// The kernel divides by τ, so forward-mode differentiation fails at τ = 0. With τ of a tenth of an interval, the lag's transient has
+/// decayed to e⁻¹⁰ = 5·10⁻⁵ at the first row after a switch. The difference quotient of the position x is therefore the one-sided
+/// derivative −ẋ up to τ ẍ/2, and it is far above rounding.
 const STEP: f64 = 0.1;
 
 const PARAMETERS: &[EffectParameter] = &[EffectParameter {
@@ -26,7 +27,7 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     finite_step: Some(&|scales| STEP * scales.sample_interval_s),
 }];
 
-/// Effect `actuator-lag`.
+/// Effect `actuator-lag`: the force approaches its commanded value exponentially.
 pub struct ActuatorLag;
 
 impl Effect for ActuatorLag {
@@ -63,8 +64,8 @@ mod tests {
         assert_eq!(stages.load.lag_time_s, Dual::variable(0.02));
     }
 
-    /// Checks the difference quotient against a closed form. A dashpot c under a force F from t = 0 moves by F t/c without a lag.
-    /// With a lag it moves by (F/c)(t − τ(1 − e^{−t/τ})). The derivative by τ at τ = 0 is −F/c at every t > 0.
+    /// Checks the difference quotient against a closed form. Under a force F from the time t = 0, a dashpot of viscosity c moves by F t/c
+    /// without a lag. With a lag time τ it moves by (F/c)(t − τ(1 − e^{−t/τ})). The derivative by τ at τ = 0 is −F/c at every t > 0.
     #[test]
     fn the_finite_step_gives_the_one_sided_derivative_at_the_first_row_after_a_switch() {
         let step_s = (PARAMETERS[0].finite_step.unwrap())(&SCALES);

@@ -1,8 +1,8 @@
 //! `clock-offset`: the force acts later than the log says.
 //!
-//! F(t) = F_cmd(t − δ), δ ≥ 0. Null: δ = 0. Valid for any δ, also if the delayed switches are between samples. Causes are
-//! separate clocks of camera and coil driver, or a command that is logged before it is sent. To first order in δ the effect
-//! equals `actuator-lag` (physics §5).
+//! F(t) = F_cmd(t − δ), with F the force on the robot, F_cmd the logged command and δ ≥ 0 the delay in s. Null: δ = 0. Valid for any δ,
+//! also if the delayed switches are between samples. Causes are separate clocks of camera and coil driver, or a command that is logged
+//! before it is sent. To first order in δ the effect equals `actuator-lag` (physics §5).
 
 use super::{Effect, EffectParameter, Stage, Stages};
 use base::distribution::Distribution;
@@ -19,7 +19,7 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     finite_step: None,
 }];
 
-/// Effect `clock-offset`.
+/// Effect `clock-offset`: the force acts later than the log says.
 pub struct ClockOffset;
 
 impl Effect for ClockOffset {
@@ -49,7 +49,8 @@ mod tests {
     use super::*;
     use crate::effects::test_scales::SCALES;
 
-    /// Checks a dashpot c under a force F from t = 0: x = F (t − δ)/c for t ≥ δ. The delay shifts the time and changes nothing else.
+    /// Checks a dashpot of viscosity c under a constant force F. With the delay δ it moves by F (t − δ)/c at times t ≥ δ. The delay shifts
+    /// the time and changes nothing else.
     #[test]
     fn a_step_arrives_later_by_the_delay() {
         let mut stages = Stages::of_law(Vec::new());

@@ -1,10 +1,10 @@
 //! `compressibility`: the gel's Poisson ratio differs from the one in the experiment's file.
 //!
-//! The stiffness for unit Young's modulus is K̂ = 2 μ̂(ν) K_dev + κ̂(ν) K_vol with μ̂ = 1/(2(1+ν)) and κ̂ = 1/(3(1−2ν)). Null:
-//! the experiment's ν. Valid for −1 < ν < 0.5. A gel that can lose water is more compressible than its instantaneous response
-//! suggests. In a creep test at one place the effect only rescales E, c₁ and c₂ (physics §5), so the data cannot distinguish it
-//! from these parameters. Sources for the response of a tracked sphere as a function of ν: physics §4.1; Schnurr et al. 1997,
-//! Macromolecules 30:7781.
+//! The finite-element stiffness for unit Young's modulus is 2 μ(ν) K_dev + κ(ν) K_vol. K_dev and K_vol are its deviatoric and volumetric
+//! matrices, μ = 1/(2(1+ν)) is the shear modulus, and κ = 1/(3(1−2ν)) the bulk modulus. Null: the Poisson ratio ν of the experiment. Valid
+//! for −1 < ν < 0.5. A gel that can lose water is more compressible than its instantaneous response suggests. In a creep test at one place
+//! the effect only rescales Young's modulus and the viscosities (physics §5), so the data cannot distinguish it from these parameters.
+//! Sources for the response of a tracked sphere as a function of ν: physics §4.1; Schnurr et al. 1997, Macromolecules 30:7781.
 
 use super::{Effect, EffectParameter, Stage, Stages};
 use base::distribution::Distribution;
@@ -13,10 +13,11 @@ use base::number::Dual;
 use base::parameter::{ParameterSpec, Support};
 use record::CharacteristicSizes;
 
-/// Limits of ν, at which the shear or the bulk modulus for unit Young's modulus is infinite.
+/// Limits of the Poisson ratio. At each limit, the shear or the bulk modulus for unit Young's modulus is infinite.
 const ENDS: (f64, f64) = (-1.0, 0.5);
 
-/// Uniform prior from 0.3 to 0.499. If the experiment's ν is outside or near an end, the range is widened to contain it.
+/// Uniform prior of the Poisson ratio from 0.3 to 0.499. If the experiment's ratio is outside or near an end, the range is widened to
+/// contain it.
 fn prior(scales: &CharacteristicSizes) -> Distribution {
     let (lowest, highest) = (0.3, 0.499);
     let Some(value) = scales.poisson_ratio else { return Distribution::Uniform { lower: lowest, upper: highest } };
@@ -35,7 +36,7 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     finite_step: None,
 }];
 
-/// Effect `compressibility`.
+/// Effect `compressibility`: the gel's Poisson ratio differs from the one in the experiment's file.
 pub struct Compressibility;
 
 impl Effect for Compressibility {
@@ -91,8 +92,9 @@ mod tests {
         assert_eq!(ratio_written(0.4.into()), Some(0.4.into()));
     }
 
-    /// Checks the response u/F = (1+ν)(5−6ν)/(12π E R(1−ν)) in an infinite medium (physics §4.1). It changes by a few per cent
-    /// over the whole prior, and a change of E compensates this.
+    /// Checks the displacement per force of a sphere in an infinite medium, (1+ν)(5−6ν)/(12π E R(1−ν)) with ν Poisson's ratio, E Young's
+    /// modulus and R the radius (physics §4.1). The displacement changes by a few per cent over the whole prior, and a change of E
+    /// compensates this.
     #[test]
     fn the_response_moves_by_less_than_a_twelfth_over_the_prior() {
         let Distribution::Uniform { lower, upper } = prior(&SCALES) else { panic!("not uniform") };

@@ -1,8 +1,8 @@
 //! Equations of effects on the displacement field, for the full-order model and its reduction.
 //!
-//! The four kinds differ in their equations, not in their physics. An effect of the first kind only defines its matrices.
-//! [`elements::fe::spatial`] steps them, `surrogate` reduces them to terms, and `rheology::AdditionalTerm` converts the terms
-//! into a creep compliance.
+//! [`FieldEffect`] has four kinds, which differ in their equations, not in their physics. An effect of the kind [`FieldEffect::Pair`] only
+//! defines two matrices. [`elements::fe::spatial`] steps them in time, `surrogate` reduces them to terms, and `rheology::AdditionalTerm`
+//! converts the terms into a creep compliance.
 
 use base::error::{Error, Result};
 use elements::fe::meridional::{EffectMatrix, build_effect_system};
@@ -31,27 +31,27 @@ pub enum FieldEffect {
 /// Reason why mass or large strains cannot be combined with a law with springpots.
 pub(super) const SPRINGPOTS: &str = "mass and large displacements cannot be computed for a law with springpots";
 
-/// Matrices of a linear field at one value of its shape parameter.
+/// Matrices of a linear field at one value of its [`ShapeParameter`].
 pub struct FieldSystem {
-    /// Mesh of the matrices; `None` if it is the mesh of the surroundings.
+    /// Mesh of the matrices; `None` if they use the mesh of the gel and robot.
     pub mesh: Option<Mesh>,
-    /// Both matrices with their unknowns.
+    /// Both matrices of the linear equations, with their unknowns.
     pub system: SpatialSystem,
 }
 
-/// Parameter on which the field's shape depends.
+/// Parameter of an effect on which the shape of the displacement field depends, such as a pocket's radius.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ShapeParameter {
-    /// Name of the parameter.
+    /// Name of the shape parameter.
     pub name: &'static str,
-    /// Range of the parameter.
+    /// Lower and upper end of the shape parameter.
     pub range: [f64; 2],
 }
 
-/// Two matrices on one set of unknowns. The gel's law multiplies the first matrix. An additional element in parallel with the law
-/// (a dashpot, a mass or another law) multiplies the second.
+/// Two matrices on one set of unknowns. The gel's law multiplies the first matrix. An additional element in parallel with the law (a
+/// dashpot, a mass or another law) multiplies the second matrix.
 pub trait MatrixPair: Sync {
-    /// Words for the effect in messages.
+    /// Short name of the effect for messages, such as "mass".
     fn words(&self) -> &'static str;
     /// Reason why the effect cannot be computed for this robot and mesh; `None` if it can.
     fn lacks(&self, _surroundings: &GelAndRobot<'_>) -> Option<&'static str> {
@@ -61,28 +61,29 @@ pub trait MatrixPair: Sync {
     fn has_mass(&self) -> bool {
         false
     }
-    /// Parameter on which the matrices depend in addition to gel and robot, if there is one. A pair with such a parameter must
-    /// have exactly three values of θ (physics §7.2): 0, one between 0 and 1, and 1.
+    /// Parameter on which the matrices depend in addition to gel and robot; `None` without such a parameter. Let θ be the fraction of an
+    /// eigenvector's stiffness that comes from the second matrix. For a pair with a shape parameter, θ must have exactly three values
+    /// (physics §7.2): 0, one value between, and 1.
     fn shape(&self) -> Option<ShapeParameter> {
         None
     }
-    /// Values of the factor x at which the reduction solves the equations, with further settings for splitting the matrices into
-    /// terms.
+    /// Settings for the reduction of the matrices to terms. They include factors x of the second matrix at which the full-order equations
+    /// are solved.
     fn splitting(&self, sizes: &PhysicalProperties) -> MatrixSplitting;
-    /// Assembles the matrices, at a value of [`Self::shape`] if there is one.
+    /// Assembles the matrices, at a value of [`Self::shape`] if the pair has a shape parameter.
     ///
     /// # Errors
     /// [`Error::Numerical`] for inverted elements, for meshes without a robot, and for meshes that [`Self::lacks`] refuses.
     fn system(&self, surroundings: &GelAndRobot<'_>, shape: Option<f64>) -> Result<FieldSystem>;
-    /// Additional element around a sphere for the second full-order model, at a value of [`Self::shape`] if there is one. `None`
-    /// if that model does not cover the effect.
+    /// Additional element around a central sphere, for the second full-order model (high-order elements in the half meridian plane).
+    /// `_shape` is a value of [`Self::shape`], if the pair has one. `None` if the second full-order model does not cover the effect.
     fn around_sphere(&self, _sizes: &PhysicalProperties, _shape: Option<f64>) -> Option<EffectMatrix> {
         None
     }
 }
 
 impl FieldEffect {
-    /// Words for the effect in messages.
+    /// Short name of the effect for messages, such as "pore flow".
     pub fn words(self) -> &'static str {
         match self {
             Self::Pair(pair) => pair.words(),
@@ -108,7 +109,7 @@ impl FieldEffect {
         }
     }
 
-    /// Returns `true` if the effect's reduced model is trained for each record, around the law that fits it, instead of once for
+    /// Returns `true` if the effect's reduced model is trained for each record, around the law that fits this record, instead of once for
     /// each gel.
     pub fn is_learnt_for_record(self) -> bool {
         matches!(self, Self::Large)
@@ -129,10 +130,10 @@ impl FieldEffect {
         matches!(self, Self::Pair(pair) if pair.has_mass())
     }
 
-    /// Steps the full-order model of a linear field through a record. It returns the run's positions and fields.
+    /// Returns positions and displacement fields of a linear effect, by stepping the full-order model through a record.
     ///
     /// # Errors
-    /// Errors of the meshes, matrices and time steps. [`Error::Numerical`] for a nonlinear law.
+    /// Errors of the meshes, matrices and time steps. [`Error::Numerical`] for an effect with a nonlinear law.
     pub fn run(
         self,
         surroundings: &GelAndRobot<'_>,
@@ -155,8 +156,8 @@ impl FieldEffect {
         }
     }
 
-    /// Recorded positions (m) by the second full-order model of a linear field. It steps high-order elements in the half meridian
-    /// plane around a central sphere. `None` for other robots, for pore flow and for nonlinear laws.
+    /// Returns the recorded positions (m) by the second full-order model of a linear effect. This model steps high-order elements in the
+    /// half meridian plane around a central sphere. `None` for other robots, for pore flow and for nonlinear laws.
     ///
     /// # Errors
     /// Errors of [`Self::run`].

@@ -1,7 +1,7 @@
-//! Definition of E and c₁ (physics §5) for any law.
+//! Definition of the modulus E and the viscosity c₁ (physics §5) for any law.
 //!
-//! If the law has Kelvin–Voigt bodies in series, E and c₁ are the spring and the dashpot of the first one. For other laws, E is
-//! the modulus at the time T of a hold. This is the ratio s/ε of stress and strain under ε ∝ e^{t/T}. Every network of springs,
+//! If the law has Kelvin–Voigt bodies in series, E and c₁ are the spring and the dashpot of the first body. For other laws, E is the
+//! modulus at the length T of a hold: the ratio of stress to strain if the strain grows with time t as e^{t/T}. Every network of springs,
 //! dashpots and springpots has such a modulus. c₁ is then the first dashpot, in the order in which the law is written.
 
 use super::hold_s;
@@ -9,8 +9,8 @@ use base::number::Dual;
 use laws::rheology::{BaseLaw, Element};
 use record::CharacteristicSizes;
 
-/// Returns E of a law in Pa. It is the spring of the first Kelvin–Voigt body in series, or else the law's modulus at the time of
-/// a hold. Elements that effects add in series do not count, so that effects may be applied in any order.
+/// Returns the reference modulus of a law in Pa. It is the spring of the first Kelvin–Voigt body in series, or else the law's modulus at
+/// the length of a hold. Elements that effects add in series do not count, so that effects may be applied in any order.
 pub(super) fn reference_modulus_pa(law: &[Element], scales: &CharacteristicSizes) -> Dual {
     let filter = in_series(law)
         .into_iter()
@@ -25,7 +25,7 @@ pub(super) fn reference_modulus_pa(law: &[Element], scales: &CharacteristicSizes
     })
 }
 
-/// First Kelvin–Voigt body in series whose damper satisfies `is_suited`.
+/// First Kelvin–Voigt body in series whose damper (dashpot or springpot) satisfies `is_suited`.
 pub(super) fn first_body_mut(law: &mut [Element], is_suited: fn(&Element) -> bool) -> Option<&mut Element> {
     law.iter_mut().find_map(|element| match element {
         Element::Series(elements) => first_body_mut(elements, is_suited),
@@ -46,7 +46,8 @@ pub(super) fn is_dashpot(element: &Element) -> bool {
     matches!(element, Element::Dashpot { .. })
 }
 
-/// Spring and damper of a Kelvin–Voigt body. A springpot counts as a damper, so that E is unchanged if a springpot replaces the dashpot c₁.
+/// Returns the spring's modulus (Pa) and the damper of a Kelvin–Voigt body; `None` for other elements. A springpot counts as a damper, so
+/// that the modulus is unchanged if a springpot replaces the dashpot.
 pub(super) fn body(element: &Element) -> Option<(Dual, &Element)> {
     let Element::Parallel(parts) = element else { return None };
     match parts.as_slice() {
@@ -95,8 +96,8 @@ mod tests {
         assert_eq!(body(found), Some((3.0.into(), &dashpot(2.0))));
     }
 
-    /// Checks E of a law without a Kelvin–Voigt body: 1/E = 1/1 + 5/2 + 1/(1 + 2) + 1/(1 + 2/5 + 3/5) for a hold of 5 s. Elements
-    /// that effects add do not change E.
+    /// Checks the reference modulus E of a law without a Kelvin–Voigt body. For a hold of 5 s, 1/E = 1/1 + 5/2 + 1/(1 + 2) + 1/(1 + 2/5 +
+    /// 3/5). Elements that effects add do not change E.
     #[test]
     fn a_law_without_a_body_has_its_modulus_at_the_time_of_a_hold() {
         let three = Element::Parallel(vec![spring(1.0), dashpot(2.0), dashpot(3.0)]);

@@ -1,9 +1,9 @@
 //! `force-asymmetry`: the actuator pulls more strongly in one direction than in the other.
 //!
-//! F = F_in if F_in ≥ 0, and F = (1 + a) F_in if F_in < 0. Null: a = 0. Valid for a > −1; at a = −1 no negative force acts.
-//! Causes are a sphere away from the middle of the coils, unequal coils, or remanence of the robot. If only the forces +F and −F
-//! alternate, the effect equals `force-bias` up to a factor that E, c₁ and c₂ absorb (physics §5). Source for the coils of the
-//! reference experiment and their calibration: Kummer et al. 2010, IEEE Trans. Robotics 26:1006.
+//! The force F on the robot is the commanded force F_in if F_in ≥ 0, and (1 + a) F_in if F_in < 0. Null: a = 0. Valid for a > −1; at a = −1
+//! no negative force acts. Causes are a sphere away from the middle of the coils, unequal coils, or remanence of the robot. If only the
+//! forces +F and −F alternate, the effect equals `force-bias` up to a factor that Young's modulus and the viscosities absorb (physics §5).
+//! Source for the coils of the reference experiment and their calibration: Kummer et al. 2010, IEEE Trans. Robotics 26:1006.
 
 use super::{Effect, EffectParameter, Stage, Stages};
 use base::distribution::Distribution;
@@ -15,13 +15,13 @@ use record::CharacteristicSizes;
 const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     spec: ParameterSpec::new("force-asymmetry.fraction", "a", "1", Support { lower: -1.0, upper: f64::INFINITY }),
     null: &|_| Some(0.0),
-    // The standard deviation of a symmetric beta distribution on [−1, 1] is 1/√(2α + 1).
+    // The standard deviation of a beta distribution on [−1, 1] with two equal shape parameters α is 1/√(2α + 1).
     prior: &|_| Distribution::Beta { alpha: 12.0, beta: 12.0, lower: -1.0, upper: 1.0 },
     prior_source: "chosen: symmetric, standard deviation one fifth; coils calibrated against each other agree within some per cent",
     finite_step: None,
 }];
 
-/// Effect `force-asymmetry`.
+/// Effect `force-asymmetry`: negative forces are larger than the log says.
 pub struct ForceAsymmetry;
 
 impl Effect for ForceAsymmetry {
@@ -63,8 +63,8 @@ mod tests {
     #[test]
     fn the_prior_has_the_standard_deviation_that_its_source_names() {
         let prior = (PARAMETERS[0].prior)(&SCALES);
-        // The prior is a beta distribution on [−1, 1] with α = 12. It is nearly normal, and 84.1 % of a normal distribution are
-        // below one standard deviation.
+        // The prior is a beta distribution on [−1, 1] with shape parameters of 12. It is nearly normal, and 84.1 % of a normal distribution
+        // are below one standard deviation.
         assert!((prior.cdf(0.2) - 0.841).abs() < 0.005, "{}", prior.cdf(0.2));
         assert!((prior.cdf(0.0) - 0.5).abs() < 1e-12);
     }

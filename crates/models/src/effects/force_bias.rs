@@ -1,9 +1,9 @@
 //! `force-bias`: a constant force acts in addition to the commanded one.
 //!
-//! F = F_in + b · max |F_cmd| from the record's start. Null: b = 0. Valid for any b of either sign. Causes are remanence of the
-//! coils, the earth's field or a tilted stage. The bead's weight is as large as the driving force, so a tilt of 3° adds a
-//! twentieth of that force. The bias starts with the record, and the gel creeps under it from then on. If only the forces +F and
-//! −F alternate, the effect equals `force-asymmetry` (physics §5).
+//! F = F_in + b · max |F_cmd| from the record's start, with F the force with the bias, F_in the force without it, F_cmd the command and b
+//! the fraction. Null: b = 0. Valid for any b of either sign. Causes are remanence of the coils, the earth's field or a tilted stage. The
+//! bead's weight is as large as the driving force, so a tilt of 3° adds a twentieth of that force. The bias starts with the record, and the
+//! gel creeps under it from then on. If only the forces +F and −F alternate, the effect equals `force-asymmetry` (physics §5).
 
 use super::{Effect, EffectParameter, Stage, Stages};
 use base::distribution::Distribution;
@@ -20,7 +20,7 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     finite_step: None,
 }];
 
-/// Effect `force-bias`.
+/// Effect `force-bias`: a constant force acts in addition to the commanded one.
 pub struct ForceBias;
 
 impl Effect for ForceBias {

@@ -1,10 +1,10 @@
 //! `force-gradient`: the force depends on the robot's position.
 //!
-//! F = F_in e^{gx}, with x the robot's position. Null: g = 0. Over equal distances the force changes by equal factors, which is
-//! true of any force field to first order. A dipole at the distance d pulls with a force ∝ d⁻⁴, so that g = ±4/d. The exponential
-//! differs from this force by (gx)²/8. A force that decreases along the robot's path may have any g. A force that grows may
-//! diverge with the position, and then no position is computed. Source for calibrations of force over distance: Gosse & Croquette
-//! 2002, Biophys. J. 82:3314.
+//! F = F_in e^{gx}, with F the force on the robot, F_in the force at x = 0, x the robot's position and g the gradient (1/m). Null: g = 0.
+//! Over equal distances the force changes by equal factors, which is true of any force field to first order. A dipole at the distance d
+//! pulls with a force ∝ d⁻⁴, so that g = ±4/d. The exponential differs from this force by (gx)²/8. A force that decreases along the robot's
+//! path may have any g. A force that grows may diverge with the position, and then no position is computed. Source for calibrations of
+//! force over distance: Gosse & Croquette 2002, Biophys. J. 82:3314.
 
 use super::{Effect, EffectParameter, FieldEffect, Stage, Stages, position_range_m};
 use base::distribution::Distribution;
@@ -21,7 +21,7 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     finite_step: None,
 }];
 
-/// Effect `force-gradient`.
+/// Effect `force-gradient`: the force depends on the robot's position.
 pub struct ForceGradient;
 
 impl Effect for ForceGradient {
@@ -59,8 +59,8 @@ mod tests {
     use base::number::Scalar;
     use laws::stages::MAX_GRADIENT_EXPONENT;
 
-    /// Compares the effect with a dipole of F ∝ d⁻⁴, g = −4/d, from which the robot moves away by x. The expansions are 1 + 4
-    /// (−x/d) + 10 (x/d)² and 1 + gx + (gx)²/2.
+    /// Compares the effect with a dipole at the distance d from the robot, whose force is ∝ d⁻⁴ and whose gradient is g = −4/d. The robot
+    /// moves away by x. The expansions are 1 + 4 (−x/d) + 10 (x/d)² and 1 + gx + (gx)²/2.
     #[test]
     fn a_dipole_is_met_up_to_the_second_order() {
         let (distance_m, x): (f64, f64) = (0.05, 0.5e-3);
@@ -73,8 +73,8 @@ mod tests {
         assert!((factor.derivative / (x * factor.value) - 1.0).abs() < 1e-15);
     }
 
-    /// Checks that the largest exponent g x is far outside the prior. Over the whole range of positions it corresponds to 200
-    /// standard deviations of g.
+    /// Checks that the largest allowed exponent, gradient times position, is far outside the prior. Over the whole range of positions it
+    /// corresponds to 200 standard deviations of the gradient.
     #[test]
     fn the_prior_keeps_clear_of_the_limit() {
         let limit = MAX_GRADIENT_EXPONENT / SCALES.position_range_m;

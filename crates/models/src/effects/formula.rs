@@ -1,9 +1,9 @@
-//! Formulas of effects that are defined in files. A formula has numbers, one state, parameters, + − * / ^ and a few functions. It
-//! is evaluated with derivatives.
+//! Formulas of effects that are defined in files. A formula has numbers, one state, parameters, + − * / ^ and a few functions. It is
+//! evaluated together with its derivative.
 
 use base::number::{Dual, Scalar};
 
-/// Formula of one state and of parameters.
+/// Parsed formula of one state variable and of parameters.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Formula {
     root: Node,
@@ -52,15 +52,15 @@ const FUNCTIONS: [(&str, Function, usize); 7] = [
 
 /// Largest number of numbers, names, operations and functions in a formula.
 const MOST_NODES: usize = 500;
-/// Largest depth of nesting.
+/// Largest depth of nested parentheses or signs in a formula.
 const DEEPEST: usize = 60;
 
-/// Error in a formula, with its place and what to do.
+/// Mistake in a formula, with its place and a remedy.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FormulaError {
-    /// Column of the error in the formula, counted from 1.
+    /// Column of the mistake in the formula, counted from 1.
     pub column: usize,
-    /// Text at this column.
+    /// Description of the mistake.
     pub found: String,
     /// What the user can do.
     pub remedy: String,
@@ -78,7 +78,7 @@ impl Formula {
         match parser.rest().chars().next() {
             None => Ok(Self { root }),
             Some(c) => Err(parser.mistake(
-                format!("`{c}` is not part of a formula here"),
+                format!("`{c}` cannot continue the formula here"),
                 "write numbers, names, + - * / ^ and parentheses",
             )),
         }
@@ -94,7 +94,7 @@ impl Formula {
         self.root.any(&|node| *node == Node::Parameter(place))
     }
 
-    /// Returns the value of the formula, with its derivative.
+    /// Returns the value of the formula, with its derivative in the direction of the derivatives of `state` and `parameters`.
     pub fn value(&self, state: Dual, parameters: &[Dual]) -> Dual {
         self.root.value(state, parameters)
     }
@@ -156,7 +156,7 @@ impl Node {
     }
 }
 
-/// Returns xʸ, which exists for any x if y is an integer, and which is 0 for x = 0 and y > 0.
+/// Returns xʸ. For integer y the power exists for any x. For x = 0 and y > 0 it is 0.
 fn power(x: Dual, y: Dual) -> Dual {
     if y.is_constant(2.0) {
         return x * x;
@@ -208,9 +208,10 @@ impl Parser<'_> {
     fn made(&mut self, node: Node) -> Result<Node, FormulaError> {
         self.n_nodes += 1;
         if self.n_nodes > MOST_NODES {
-            return Err(
-                self.mistake(format!("this is part {} of the formula", self.n_nodes), "write a shorter formula")
-            );
+            return Err(self.mistake(
+                format!("the formula has at least {} parts, which is too many", self.n_nodes),
+                "write a shorter formula",
+            ));
         }
         Ok(node)
     }
@@ -254,7 +255,7 @@ impl Parser<'_> {
         }
     }
 
-    /// Reads a factor with an optional sign. −x^y is −(x^y).
+    /// Reads a factor with an optional sign. The sign applies to the whole power: −x^y is −(x^y).
     fn signed(&mut self) -> Result<Node, FormulaError> {
         if self.take('-') || self.take('−') {
             self.depth += 1;
@@ -430,7 +431,7 @@ mod tests {
         for (text, found) in [
             (format!("{}1{}", "(".repeat(5_000), ")".repeat(5_000)), "parentheses are nested too deeply"),
             ("-".repeat(5_000), "too many signs follow each other"),
-            (["1"; 2_000].join("+"), "this is part 501 of the formula"),
+            (["1"; 2_000].join("+"), "the formula has at least 501 parts, which is too many"),
         ] {
             let mistake = Formula::parse(&text, "path", &[]).expect_err(found);
             assert_eq!(mistake.found, found);

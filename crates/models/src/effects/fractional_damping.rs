@@ -1,15 +1,16 @@
 //! `fractional-damping`: the gel's damping has a spectrum of retardation times instead of one time.
 //!
-//! A springpot replaces the dashpot of the law's first Kelvin–Voigt body. Its stress is s = E ε_k + E (c₁/E)^α D^α ε_k with
-//! Caputo's derivative D^α from t = 0, so that J_k(t) = (1/E)(1 − E_α(−(t E/c₁)^α)) with the Mittag-Leffler function E_α. Null: α
-//! = 1, the dashpot. Valid for α in (0.3, 1]. For smaller α, damper and spring are almost indistinguishable. Source for the
-//! fractional Kelvin–Voigt body: Mainardi & Spada 2011, doi:10.1140/epjst/e2011-01387-1.
+//! A springpot of order α replaces the dashpot c₁ of the law's first Kelvin–Voigt body, whose spring has the modulus E. The body's stress
+//! is s = E ε + E (c₁/E)^α D^α ε, with ε its strain and D^α Caputo's derivative from t = 0. Its creep compliance is therefore J_k(t) =
+//! (1/E)(1 − E_α(−(t E/c₁)^α)) with the Mittag-Leffler function E_α. Null: α = 1, the dashpot. Valid for α in (0.3, 1]. For smaller α,
+//! damper and spring are almost indistinguishable. Source for the fractional Kelvin–Voigt body: Mainardi & Spada 2011,
+//! doi:10.1140/epjst/e2011-01387-1.
 //!
-//! If no Kelvin–Voigt body in series has a dashpot, the springpot replaces the law's first dashpot, in the order in which the law
-//! is written. Its stress is s = (c/T)(T D)^α ε with T the time of a hold, so that c is the viscosity at the time T for any α.
-//! The effect does not apply to a law without a dashpot.
+//! If no Kelvin–Voigt body in series has a dashpot, the springpot replaces the law's first dashpot, in the order in which the law is
+//! written. Its stress is s = (c/T)(T D)^α ε, with c the dashpot's viscosity and T the length of a hold. For any α, c is thus the viscosity
+//! at the time T. The effect does not apply to a law without a dashpot.
 
-use super::beside_fields::MEMORY;
+use super::field_conflicts::MEMORY;
 use super::first_body::{body, elements_of, first_body_mut, first_element_mut, is_dashpot};
 use super::hold_s;
 use super::{Effect, EffectParameter, FieldEffect, Stage, Stages};
@@ -30,7 +31,7 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     finite_step: None,
 }];
 
-/// Effect `fractional-damping`.
+/// Effect `fractional-damping`: the gel's damping has a spectrum of retardation times.
 pub struct FractionalDamping;
 
 impl Effect for FractionalDamping {
@@ -90,8 +91,8 @@ mod tests {
         stages.law
     }
 
-    /// Checks the order α = ½, for which the Mittag-Leffler function is E_½(−x) = e^{x²} erfc x. The numerical Laplace transform
-    /// of J_k is compared with 1 divided by the element's operator.
+    /// Checks the order α = ½, for which the Mittag-Leffler function is E_½(−x) = e^{x²} erfc x. The numerical Laplace transform of the
+    /// creep compliance is compared with 1 divided by the element's operator.
     #[test]
     fn half_order_is_the_closed_form() {
         let (modulus_pa, time_s) = (3.5, 1.4 / 3.5);

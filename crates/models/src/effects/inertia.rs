@@ -1,15 +1,15 @@
 //! `inertia`: the gel and the robot have mass.
 //!
-//! The balance has the inertial forces ρü of the gel and mü of the robot, times `density_scale`. At 1 the densities are those of
-//! the experiment. Null: 0, at which the balance has no mass, as in the base model. The reduced model is a sum of terms, one for
-//! each common eigenvector of stiffness and mass. Each term is the law in parallel with a mass. Valid for the linear gel in its
-//! container. Momentum diffuses over the robot's radius R in a time of about ρR²/η, with η the viscosity. In an unbounded
-//! incompressible medium the effect is the force of Basset and Boussinesq (physics §4.6; Zwanzig & Bixon 1970, Phys. Rev. A
-//! 2:2005, doi:10.1103/PhysRevA.2.2005).
+//! The balance of forces contains the inertial forces of the gel (density times acceleration) and of the robot (mass times acceleration).
+//! Both are multiplied by `density_scale`. At 1 the densities are those of the experiment. Null: 0, at which the balance has no mass, as in
+//! the base model. The reduced model is a sum of terms, one for each common eigenvector of stiffness and mass. Each term is the law in
+//! parallel with a mass. Valid for the linear gel in its container. Momentum diffuses over the robot's radius R in a time of about ρR²/η,
+//! with ρ the gel's density and η its viscosity. In an unbounded incompressible medium the effect is the force of Basset and Boussinesq
+//! (physics §4.6; Zwanzig & Bixon 1970, Phys. Rev. A 2:2005, doi:10.1103/PhysRevA.2.2005).
 
 use nalgebra::DMatrix;
 
-use super::beside_fields::{memory, wave_conflict};
+use super::field_conflicts::{memory, wave_conflict};
 use super::{Effect, EffectParameter, FieldEffect, FieldSystem, LinearField, MatrixPair, Spatial, Stage, Stages};
 use base::distribution::Distribution;
 use base::error::Result;
@@ -33,7 +33,7 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     finite_step: None,
 }];
 
-/// Effect `inertia`.
+/// Effect `inertia`: the gel and the robot have mass.
 pub struct Inertia;
 
 impl Effect for Inertia {
@@ -75,7 +75,8 @@ impl MatrixPair for Inertia {
     fn has_mass(&self) -> bool {
         true
     }
-    /// Momentum reaches the outer surface at ρ x R_o² = 1, and diffuses over the robot's radius at ρ x R² = 1.
+    /// Returns factors x of the mass matrix: 0, and values from 0.01/(ρ R_o²) to 100/(ρ R²). ρ is the gel's density, R_o its outer radius
+    /// and R the robot's radius. Momentum diffuses over R_o at x = 1/(ρ R_o²), and over R at x = 1/(ρ R²).
     fn splitting(&self, sizes: &PhysicalProperties) -> MatrixSplitting {
         let PhysicalProperties { robot_radius_m, outer_radius_m, gel_density_kg_m3, .. } = *sizes;
         let lowest = 1e-2 / (gel_density_kg_m3 * outer_radius_m * outer_radius_m);
@@ -96,7 +97,7 @@ impl MatrixPair for Inertia {
     }
 }
 
-/// Matrix of ∫ ρ u·v over the gel, plus the robot's mass.
+/// Mass matrix: the integral of ρ u·v over the gel, for displacements u and v and the gel's density ρ, plus the robot's mass.
 fn mass(surroundings: &GelAndRobot<'_>, mesh: &Mesh, freedoms: &DegreesOfFreedom) -> Result<SymmetricMatrix> {
     let table = TabulatedElement::of(mesh.element_kind);
     let n = table.n_nodes;

@@ -1,14 +1,13 @@
 //! `instantaneous-elasticity`: the gel has an instantaneous elastic response before it creeps.
 //!
-//! A spring of modulus E₀ is in series with the law, so that 1/E₀ = (E/E₀)/E is added to J(t). E is the modulus of the law's
-//! first Kelvin–Voigt spring. For a law without one, E is the law's modulus at the time of a hold ([`super::first_body`]). The
-//! parameter is the ratio E/E₀. Null: 0, a rigid spring. Valid for any ratio ≥ 0 if the bead moves more slowly than shear waves.
-//! The creep of tracked beads shows this response as the first of three phases (Bausch et al. 1998,
-//! doi:10.1016/S0006-3495(98)77646-5). To first order the effect equals `actuator-lag` and `clock-offset` with the opposite sign,
-//! and `second-retardation` with a short time (physics §5). It applies to any law without a spring in series. It does not apply
-//! to Burgers' law, which has one.
+//! A spring of modulus E₀ in series with the law adds 1/E₀ to the creep compliance J(t). The parameter is the ratio E/E₀, with E the
+//! modulus of the law's first Kelvin–Voigt spring. For a law without such a spring, E is the law's modulus at the length of a hold
+//! ([`super::first_body`]). Null: 0, a rigid spring. Valid for any ratio ≥ 0 if the bead moves more slowly than shear waves. The creep of
+//! tracked beads shows this response as the first of three phases (Bausch et al. 1998, doi:10.1016/S0006-3495(98)77646-5). To first order
+//! the effect equals `actuator-lag` and `clock-offset` with the opposite sign, and `second-retardation` with a short time (physics §5). It
+//! applies to any law without a spring in series. It does not apply to Burgers' law, which has one.
 
-use super::beside_fields::WAVES;
+use super::field_conflicts::WAVES;
 use super::first_body::{elements_of, in_series, reference_modulus_pa};
 use super::{Effect, EffectParameter, FieldEffect, Stage, Stages};
 use base::distribution::Distribution;
@@ -26,7 +25,7 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     finite_step: None,
 }];
 
-/// Effect `instantaneous-elasticity`.
+/// Effect `instantaneous-elasticity`: the gel has an instantaneous elastic response before it creeps.
 pub struct InstantaneousElasticity;
 
 impl Effect for InstantaneousElasticity {
@@ -76,7 +75,8 @@ mod tests {
         stages
     }
 
-    /// Checks against Burgers' law with E₀ = E/ratio, in closed form.
+    /// Compares the Lethersich law with this effect to Burgers' law in closed form. The spring in series of Burgers' law has Young's
+    /// modulus divided by the ratio.
     #[test]
     fn it_is_burgers_law() {
         let (young_modulus_pa, ratio) = (3.5, 0.3);

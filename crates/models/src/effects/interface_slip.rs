@@ -1,11 +1,12 @@
 //! `interface-slip`: the gel slips along the robot's surface.
 //!
-//! The gel follows the robot in the normal direction. In tangential directions it slips at the velocity ġ = t/β, with t the
-//! tangential stress. Null: 1/β = 0, no slip. The reduced model is a sum of terms, one for each common eigenvector of the
-//! stiffness and the surface's friction. Each term is the law in parallel with a dashpot. Valid for a thin lubricated layer. A
-//! body with edges slips only in directions that are tangential to all adjacent faces. In an unbounded incompressible medium the
-//! drag is multiplied by (1 + 2b/R)/(1 + 3b/R) (physics §4.7; Basset 1888, A Treatise on Hydrodynamics, vol. 2). Here b = G/(βs)
-//! is the slip length. The effect is close to `second-retardation`, and to first order it equals a change of c₂.
+//! The gel follows the robot in the normal direction. In tangential directions it slips at the velocity ġ = t/β, with t the tangential
+//! stress and β the surface's friction coefficient (Pa s/m). Null: 1/β = 0, no slip. The reduced model is a sum of terms, one for each
+//! common eigenvector of the stiffness and the surface's friction. Each term is the law in parallel with a dashpot. Valid for a thin
+//! lubricated layer. A body with edges slips only in directions that are tangential to all adjacent faces. In an unbounded incompressible
+//! medium the drag on a sphere of radius R is multiplied by (1 + 2b/R)/(1 + 3b/R) (physics §4.7; Basset 1888, A Treatise on Hydrodynamics,
+//! vol. 2). Here b = G/(βs) is the slip length, with G the shear modulus at the Laplace variable s. The effect is close to
+//! `second-retardation`, and to first order it equals a change of the flow viscosity c₂.
 
 use faer::sparse::Triplet;
 use nalgebra::Vector3;
@@ -29,9 +30,9 @@ use laws::rheology::AdditionalTerm;
 use record::CharacteristicSizes;
 
 /// Product of friction and the robot's radius, relative to the stiffness, above which the surface counts as sticking.
-const STUCK: f64 = 1e9;
+const STICKING_FRICTION: f64 = 1e9;
 
-/// Returns the 1/β, in m/(Pa s), at which the slip length equals the robot's radius.
+/// Returns the slip compliance 1/β, in m/(Pa s), at which the slip length equals the robot's radius.
 fn scale_m_per_pa_s(scales: &CharacteristicSizes) -> f64 {
     robot_radius_m(scales) / apparent_viscosity_pa_s(scales)
 }
@@ -44,7 +45,7 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     finite_step: None,
 }];
 
-/// Effect `interface-slip`.
+/// Effect `interface-slip`: the gel slips along the robot's surface.
 pub struct InterfaceSlip;
 
 impl Effect for InterfaceSlip {
@@ -83,12 +84,13 @@ impl MatrixPair for InterfaceSlip {
     fn words(&self) -> &'static str {
         "slip on the robot"
     }
-    /// Friction and stiffness are comparable at x = 1/R.
+    /// Returns factors x of the friction matrix: 0, values from 0.001/R to 1000/R with R the robot's radius, and a value at which the
+    /// surface sticks. Friction and stiffness are comparable at x = 1/R.
     fn splitting(&self, sizes: &PhysicalProperties) -> MatrixSplitting {
         let radius_m = sizes.robot_radius_m;
         let mut snapshots: Vec<f64> = log_spaced(1e-3, 1e3, 2.0).iter().map(|x| x / radius_m).collect();
         snapshots.insert(0, 0.0);
-        snapshots.push(STUCK / radius_m);
+        snapshots.push(STICKING_FRICTION / radius_m);
         MatrixSplitting { reference: 0.0, snapshots, is_rigid_at_null: true }
     }
     fn system(&self, surroundings: &GelAndRobot<'_>, _shape: Option<f64>) -> Result<FieldSystem> {
@@ -103,7 +105,7 @@ impl MatrixPair for InterfaceSlip {
     }
 }
 
-/// Matrix of ∫ g·g over the robot's surface, with g the tangential slip.
+/// Friction matrix: the integral of g·g over the robot's surface, with g the gel's tangential slip.
 fn friction(mesh: &Mesh, freedoms: &DegreesOfFreedom) -> Result<SymmetricMatrix> {
     let mut triplets = Vec::new();
     for_each_surface_point(mesh, &mesh.robot_nodes, |point| {

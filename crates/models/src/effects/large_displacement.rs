@@ -1,12 +1,11 @@
 //! `large-displacement`: the robot moves so far that strains are not small.
 //!
-//! The gel is the Oldroyd-B fluid whose linear limit is the law (physics §7.6). The position is x(gF)/g, with x(F) the response
-//! of this fluid to the force F. At g = 1 the geometry is the actual one. A fitted g therefore shows whether large displacements
-//! explain the misfit. Null: g = 0, small strains. The deviation grows with g². Valid for a central sphere that stays within a
-//! few radii. Other gels with equal responses at small strains deviate differently. With a mobility α > 0 the gel is a Giesekus
-//! fluid.
+//! The gel is the Oldroyd-B fluid whose linear limit is the law (physics §7.6). The position is x(gF)/g, with F the force, x(F) the
+//! response of this fluid and g the amplitude. At g = 1 the geometry is the actual one. A fitted g therefore shows whether large
+//! displacements explain the misfit. Null: g = 0, small strains. The deviation grows with g². Valid for a central sphere that stays within
+//! a few radii. Other gels with equal responses at small strains deviate differently. With a mobility α > 0 the gel is a Giesekus fluid.
 
-use super::beside_fields::memory;
+use super::field_conflicts::memory;
 use super::{Effect, EffectParameter, FieldEffect, Spatial, Stage, Stages};
 use base::distribution::Distribution;
 use base::error::{Error, Result};
@@ -15,9 +14,9 @@ use base::parameter::{ParameterSpec, Support};
 use laws::rheology::BaseLaw;
 use record::CharacteristicSizes;
 
-/// Name of the parameter g, the amplitude.
+/// Name of the parameter g, the amplitude: 0 for small strains, 1 for the actual geometry.
 pub const AMPLITUDE: &str = "large-displacement.amplitude";
-/// Name of the parameter α, the mobility.
+/// Name of the parameter α, the mobility: 0 for an Oldroyd-B fluid, above 0 for a Giesekus fluid.
 pub const MOBILITY: &str = "large-displacement.mobility";
 
 /// Returns the error for surroundings and laws that the full-order model of large displacements does not cover.
@@ -45,7 +44,7 @@ const PARAMETERS: &[EffectParameter] = &[
     },
 ];
 
-/// Effect `large-displacement`.
+/// Effect `large-displacement`: the robot moves so far that strains are large.
 pub struct LargeDisplacement;
 
 impl Effect for LargeDisplacement {

@@ -4,7 +4,7 @@ use std::sync::{Mutex, PoisonError};
 
 use super::{EFFECTS, Effect, EffectParameter, NUISANCES, state_effect};
 
-/// Users' effects in any library. Figures look up their parameters' labels here.
+/// Effects that users have added to any library of this run. Figures look up the labels of the effects' parameters here.
 static ADDED: Mutex<Vec<&'static dyn Effect>> = Mutex::new(Vec::new());
 
 /// Effects that models may name, in the order in which they are applied.
@@ -19,18 +19,18 @@ impl Default for Library {
 }
 
 impl Library {
-    /// Library of those of the program's effects that have these slugs.
+    /// Library of the program's effects with these slugs.
     pub fn only(slugs: &[&str]) -> Self {
         Self(EFFECTS.iter().copied().filter(|effect| slugs.contains(&effect.slug())).collect())
     }
 
-    /// Adds effects to this library only. They are applied after the others.
+    /// Adds effects to this library only. The new effects are applied after the present ones.
     pub fn with_all(mut self, effects: impl IntoIterator<Item = &'static dyn Effect>) -> Self {
         self.0.extend(effects);
         self
     }
 
-    /// Adds an effect, which is applied after the others.
+    /// Adds an effect, which is applied after the present ones. [`parameter_named`] then finds its parameters.
     pub fn with(mut self, effect: &'static dyn Effect) -> Self {
         let mut added = ADDED.lock().unwrap_or_else(PoisonError::into_inner);
         if added.iter().all(|known| known.slug() != effect.slug()) {
@@ -57,8 +57,8 @@ impl Library {
     }
 }
 
-/// Effect that has a parameter of this name, and the parameter. The search covers the program's effects, an experiment's
-/// nuisances, files, and effects added to any library of this run.
+/// Effect that has a parameter of this name, and the parameter. The search covers the program's effects, an experiment's nuisances, effects
+/// from files, and effects that were added to any library of this run.
 pub fn parameter_named(name: &str) -> Option<(&'static dyn Effect, &'static EffectParameter)> {
     if let Some(found) = state_effect::with_parameter(name) {
         return Some(found);

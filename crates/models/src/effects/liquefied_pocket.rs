@@ -1,12 +1,12 @@
 //! `liquefied-pocket`: the gel around the robot has lost elasticity.
 //!
-//! Within ρ_p robot radii of the initial centre, E is reduced to (1 − φ) E. The viscosities are unchanged. E is the law's first
-//! Kelvin–Voigt spring, else its first spring, else the modulus of its first springpot. Null: φ = 0, where ρ_p is unidentified.
-//! Valid for a concentric pocket around a sphere that moves much less than the pocket's width. For any ρ_p between 1.5 and 5, the
-//! mesh has element faces at the pocket's edge. The reduced model is a sum of terms, one for each common eigenvector of the
-//! stiffness inside and outside the pocket. A term is the laws inside and outside in parallel. The closed form has two concentric
-//! layers, each with the four modes of physics §4.2. Liquefied lacunae are common in aged vitreous (Sebag 1987, Graefe's Arch.
-//! Clin. Exp. Ophthalmol. 225:89, doi:10.1007/BF02160337).
+//! Within ρ_p robot radii of the robot's initial centre, the modulus E is reduced to (1 − φ) E, with φ the elastic loss. The viscosities
+//! are unchanged. E is the law's first Kelvin–Voigt spring, else its first spring, else the modulus of its first springpot. Null: φ = 0,
+//! where ρ_p is unidentified. Valid for a concentric pocket around a sphere that moves much less than the pocket's width. For any ρ_p
+//! between 1.5 and 5, the mesh has element faces at the pocket's edge. The reduced model is a sum of terms, one for each common eigenvector
+//! of the stiffness inside and outside the pocket. A term is the laws inside and outside in parallel. The closed form has two concentric
+//! layers, each with the four modes of physics §4.2. Liquefied lacunae are common in aged vitreous (Sebag 1987, Graefe's Arch. Clin. Exp.
+//! Ophthalmol. 225:89, doi:10.1007/BF02160337).
 
 use nalgebra::Vector3;
 
@@ -26,14 +26,14 @@ use elements::mesh::{Mesh, QuarterBall};
 use laws::rheology::{AdditionalTerm, BaseLaw, Element};
 use record::CharacteristicSizes;
 
-/// Range of ρ_p for which meshes are built.
+/// Range of the pocket's radius, in robot radii, for which meshes are built.
 const RADIUS_RATIOS: [f64; 2] = [1.5, 5.0];
 /// Number of element layers inside a pocket for every twelve layers of the model.
 const LAYERS_INSIDE: usize = 4;
-/// Number of element layers in addition to those of the model.
+/// Number of element layers by which a mesh with a pocket exceeds the model's mesh.
 const MORE_LAYERS: usize = 1;
-/// Smallest remaining fraction of E. Without elasticity the pocket would flow forever. With this fraction it flows for 10⁹
-/// retardation times.
+/// Smallest remaining fraction of the modulus inside a pocket. Without elasticity the pocket would flow forever. With this fraction it
+/// flows for 10⁹ retardation times.
 const LEAST_SHARE: f64 = 1e-9;
 
 const NO_ELASTICITY: &str = "it has neither a spring nor a springpot whose elasticity a pocket could reduce";
@@ -60,7 +60,7 @@ const PARAMETERS: &[EffectParameter] = &[
     },
 ];
 
-/// Effect `liquefied-pocket`.
+/// Effect `liquefied-pocket`: the gel around the robot has lost elasticity.
 pub struct LiquefiedPocket;
 
 impl Effect for LiquefiedPocket {
@@ -109,7 +109,7 @@ impl Effect for LiquefiedPocket {
     }
 }
 
-/// Returns the law inside the pocket for the law outside and the elastic loss φ.
+/// Returns the law inside the pocket, from the law outside and from the fraction of the elasticity that is lost.
 ///
 /// # Errors
 /// [`Error::Numerical`] for a law of dashpots alone.
@@ -119,13 +119,18 @@ fn pocket_law(law: &[Element], elastic_loss: Dual) -> Result<Vec<Element>> {
     let share = if share.value < LEAST_SHARE { Dual { value: LEAST_SHARE, ..share } } else { share };
     match elastic_mut(&mut inside) {
         Some(elastic) => *elastic = elastic.scaled(share),
-        None => return Err(Error::numerical(format!("no pocket is possible: {NO_ELASTICITY}"), "leave it out")),
+        None => {
+            return Err(Error::numerical(
+                format!("no pocket is possible in this law: {NO_ELASTICITY}"),
+                "leave `liquefied-pocket` out",
+            ));
+        }
     }
     Ok(inside)
 }
 
-/// Element that loses elasticity. It is the spring of the first Kelvin–Voigt body in series, else the first spring, else the
-/// first springpot, in the order of the law.
+/// Element of a law that loses elasticity in the pocket. It is the spring of the first Kelvin–Voigt body in series, else the first spring,
+/// else the first springpot, in the order of the law.
 fn elastic_mut(law: &mut [Element]) -> Option<&mut Element> {
     let is_spring = |element: &Element| matches!(element, Element::Spring { .. });
     let is_springpot = |element: &Element| matches!(element, Element::Springpot { .. });
@@ -144,19 +149,19 @@ impl MatrixPair for LiquefiedPocket {
     fn lacks(&self, surroundings: &GelAndRobot<'_>) -> Option<&'static str> {
         surroundings.sizes.ball.is_none().then_some("a pocket needs the built-in mesh around a sphere")
     }
-    /// The shape parameter is ρ_p. Around a sphere, the robot's displacement and two amplitudes at the pocket's edge determine
-    /// the gel's field (physics §4.2). θ is the fraction of an eigenvector's stiffness that the pocket contributes (physics
-    /// §7.2). It therefore has exactly three values. θ is 0 if the pocket moves as a whole and 1 if the gel outside does not
-    /// move. The third value is between.
+    /// Returns the pocket's radius in robot radii as shape parameter. Around a sphere, the robot's displacement and two amplitudes at the
+    /// pocket's edge determine the gel's field (physics §4.2). Let θ be the fraction of an eigenvector's stiffness that the pocket
+    /// contributes (physics §7.2). θ has exactly three values: 0 if the pocket moves as a whole, 1 if the gel outside does not move, and
+    /// one value between.
     fn shape(&self) -> Option<ShapeParameter> {
         Some(ShapeParameter { name: PARAMETERS[1].spec.name, range: RADIUS_RATIOS })
     }
-    /// The pocket's law is 1 + x times the law outside, with −1 < x ≤ 0.
+    /// Returns factors x for which the pocket's law is 1 + x times the law outside, with −1 < x ≤ 0.
     fn splitting(&self, _sizes: &PhysicalProperties) -> MatrixSplitting {
         let snapshots = log_spaced(1e-4, 1.0, 2.0).iter().map(|share| share - 1.0).collect();
         MatrixSplitting { reference: 1.0, snapshots, is_rigid_at_null: false }
     }
-    /// An element belongs to the pocket if its centre is inside.
+    /// Assembles the stiffness inside and outside the pocket. An element belongs to the pocket if its centre is inside.
     fn system(&self, surroundings: &GelAndRobot<'_>, shape: Option<f64>) -> Result<FieldSystem> {
         let radius_m = shape.unwrap_or(f64::NAN) * surroundings.sizes.robot_radius_m;
         let mesh = pocket_mesh(&surroundings.sizes, radius_m)?;

@@ -1,14 +1,14 @@
 //! Library of physical effects, one file each (physics §5).
 //!
-//! An effect belongs to one stage of command → load → mechanics → observation. At its null value the model equals the model
-//! without the effect. Listing, help, prior checks, ranking and the conformance tests read [`EFFECTS`]. Besides tests, no other file names an
+//! An effect belongs to one stage of command → load → mechanics → observation. At its null value the model equals the model without the
+//! effect. Listing, help, prior checks, ranking and the conformance tests read [`EFFECTS`]. Apart from tests, no other file names an
 //! effect.
 
 mod actuator_lag;
-mod beside_fields;
 mod clock_offset;
 mod compressibility;
 mod field;
+mod field_conflicts;
 mod first_body;
 mod force_asymmetry;
 mod force_bias;
@@ -72,11 +72,11 @@ pub const EFFECTS: &[&dyn Effect] = &[
     &tracking_drift::TrackingDrift,
 ];
 
-/// Nuisances, which are unknowns of an experiment and not of the gel. Every model of such an experiment applies them before its
+/// Nuisances, which are unknowns of an experiment and not of the gel. Every model of an experiment with nuisances applies them before its
 /// effects. Users cannot add them.
 pub const NUISANCES: &[&dyn Effect] = &[&position_offset::PositionOffset];
 
-/// Nuisances that this experiment has.
+/// Nuisances of the experiment with these sizes.
 pub fn nuisances(scales: &CharacteristicSizes) -> &'static [&'static dyn Effect] {
     if scales.fits_position_offset { NUISANCES } else { &[] }
 }
@@ -103,7 +103,7 @@ fn apparent_viscosity_pa_s(scales: &CharacteristicSizes) -> f64 {
     force_n * hold_s(scales) / (6.0 * std::f64::consts::PI * robot_radius_m(scales) * position_range_m(scales))
 }
 
-/// Time in s between force steps, which scales laws and default priors. It is a second without force steps.
+/// Time in s between force steps, which scales laws and default priors. It is a second for a record without force steps.
 fn hold_s(scales: &CharacteristicSizes) -> f64 {
     if scales.hold_s > 0.0 { scales.hold_s } else { 1.0 }
 }
@@ -116,11 +116,11 @@ fn reference_stress_pa(scales: &CharacteristicSizes) -> f64 {
 /// Stage between the command and the camera at which an effect acts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Stage {
-    /// Between the command and the force on the robot.
+    /// Stage between the command and the force on the robot.
     Load,
-    /// Between the force and the robot's position.
+    /// Stage between the force and the robot's position.
     Mechanics,
-    /// Between the robot's position and the recorded one.
+    /// Stage between the robot's position and the recorded position.
     Observation,
 }
 
@@ -135,7 +135,7 @@ impl Stage {
     }
 }
 
-/// Function of the sizes of an experiment.
+/// Function of the characteristic sizes of an experiment, such as its largest force and its duration.
 pub type ScaleFunction<T> = dyn Fn(&CharacteristicSizes) -> T + Send + Sync;
 
 /// Parameter of an effect, with its name, symbol, unit, support, null and default prior.
@@ -149,8 +149,8 @@ pub struct EffectParameter {
     pub prior: &'static ScaleFunction<Distribution>,
     /// Source of the numbers in the default prior.
     pub prior_source: &'static str,
-    /// Step from the null by which the effect's signature is computed, if the derivative at the null vanishes, jumps or cannot be
-    /// computed. `None` if the signature is the derivative.
+    /// Step from the null by which the effect's signature (the change of the trajectory that it causes) is computed. The step is needed if
+    /// the derivative at the null vanishes, jumps or cannot be computed. `None` if the signature is this derivative.
     pub finite_step: Option<&'static ScaleFunction<f64>>,
 }
 
@@ -172,8 +172,8 @@ pub trait Effect: Sync {
     fn equation(&self) -> &'static str;
     /// Parameters, in the order in which [`Effect::apply`] takes them.
     fn parameters(&self) -> &'static [EffectParameter];
-    /// Equations of the displacement field; `None` if the effect only multiplies the base's field by a factor. A model may have
-    /// one such effect.
+    /// Equations of the displacement field; `None` if the effect only multiplies the base law's field by a factor. A model may have at most
+    /// one effect with such equations.
     fn field(&self) -> Option<FieldEffect> {
         None
     }
@@ -185,13 +185,13 @@ pub trait Effect: Sync {
     fn needs_finite_elements(&self) -> bool {
         self.changes_field()
     }
-    /// Reason why the effect cannot be combined with one that has a [`Self::field`]; `None` if it can.
+    /// Reason why the effect cannot be combined with an effect on the displacement field ([`Self::field`]); `None` if it can.
     fn conflict_with_field(&self, _field: FieldEffect) -> Option<&'static str> {
         None
     }
-    /// Value of the first parameter at which the effect's signature is computed, if a small effect is to first order equivalent
-    /// to a change of the law's parameters. The signature is then the residual of the best fit by the law's parameters. It grows
-    /// with the square of the value. `None` for other effects.
+    /// Value of the first parameter at which the effect's signature (the change of the trajectory that it causes) is computed. The value is
+    /// given if a small effect is to first order equivalent to a change of the law's parameters; `None` for other effects. The signature is
+    /// then the residual of the best fit by the law's parameters, which grows with the square of the value.
     fn signature_size(&self, _scales: &CharacteristicSizes) -> Option<f64> {
         None
     }
@@ -199,16 +199,16 @@ pub trait Effect: Sync {
     fn depends_on_position(&self) -> bool {
         false
     }
-    /// Returns `true` if the effect makes a quantity depend on a state. A model may have one such effect, and no other that depends on the position.
+    /// Returns `true` if the effect makes a quantity depend on a state. A model may have at most one effect that depends on a state, and no
+    /// other effect that depends on the position.
     fn depends_on_state(&self) -> bool {
         false
     }
-    /// Returns `true` if the effect makes the law nonlinear. Only load and observation effects can be combined with such an
-    /// effect.
+    /// Returns `true` if the effect makes the law nonlinear. It can then be combined with effects of load and observation only.
     fn is_nonlinear(&self) -> bool {
         self.field().is_some_and(FieldEffect::is_nonlinear)
     }
-    /// Returns `true` if the effect's reduced model is trained for each record, around the law that fits it, instead of once for
+    /// Returns `true` if the effect's reduced model is trained for each record, around the law that fits this record, instead of once for
     /// each gel.
     fn is_learnt_for_record(&self) -> bool {
         self.field().is_some_and(FieldEffect::is_learnt_for_record)
@@ -217,8 +217,8 @@ pub trait Effect: Sync {
     fn conflict(&self, _base: &BaseLaw) -> Option<&'static str> {
         None
     }
-    /// Writes the effect into the stages. `parameters` are in SI units and inside their supports. Effects with a [`Self::field`]
-    /// are applied last, after all other effects have changed the law.
+    /// Writes the effect into the stages, the model's equations. `parameters` are in SI units and inside their supports. Effects with a
+    /// [`Self::field`] are applied last, after all other effects have changed the law.
     ///
     /// # Errors
     /// [`base::Error::Numerical`] if there is no model at these parameters.

@@ -1,11 +1,11 @@
 //! `outer-wall-compliance`: the gel's outer surface is compliant.
 //!
-//! The outer surface is on springs of stiffness k (Pa/m): σ·n = −k u instead of u = 0. The parameter is 1/k. Null: 1/k = 0, the
-//! fixed surface. The reduced model is a sum of terms, one for each common eigenvector of the stiffness of the gel and of the
-//! springs. Each term is the law in parallel with a spring. In one term the gel moves as a rigid body by F/(4πR_o²k). Valid for
-//! walls that respond instantly and equally in all directions. The closed form has the four modes of physics §4.2 with σ·n = −k u
-//! on the container. To first order the position jumps with the force, as for `instantaneous-elasticity`. Only strong effects
-//! distinguish the two.
+//! The outer surface is on springs of stiffness k (Pa/m). The stress on the surface is σ·n = −k u, with n its normal and u its
+//! displacement, instead of u = 0. The parameter is 1/k. Null: 1/k = 0, the fixed surface. The reduced model is a sum of terms, one for
+//! each common eigenvector of the stiffness of the gel and of the springs. Each term is the law in parallel with a spring. In one term the
+//! gel moves as a rigid body by F/(4πR_o²k), with F the force and R_o the outer radius. Valid for walls that respond instantly and equally
+//! in all directions. The closed form has the four modes of physics §4.2 with σ·n = −k u on the container. To first order the position
+//! jumps with the force, as for `instantaneous-elasticity`. Only strong effects distinguish the two.
 
 use faer::sparse::Triplet;
 
@@ -27,10 +27,10 @@ use elements::mesh::Mesh;
 use laws::rheology::AdditionalTerm;
 use record::CharacteristicSizes;
 
-/// Stiffness k of the springs, in units of E/R_o, above which the surface counts as fixed.
+/// Stiffness of the wall's springs above which the surface counts as fixed, in units of Young's modulus divided by the outer radius.
 const FIXED: f64 = 1e9;
 
-/// Returns the 1/k, in m/Pa, at which the largest force moves the gel as a rigid body through the range of positions.
+/// Returns the wall compliance 1/k, in m/Pa, at which the largest force moves the gel as a rigid body through the range of positions.
 fn scale_m_per_pa(scales: &CharacteristicSizes) -> f64 {
     let radius_m = scales.outer_radius_m.unwrap_or_else(|| robot_radius_m(scales));
     4.0 * std::f64::consts::PI * radius_m.powi(2) * position_range_m(scales) / largest_force_n(scales)
@@ -44,7 +44,7 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     finite_step: None,
 }];
 
-/// Effect `outer-wall-compliance`.
+/// Effect `outer-wall-compliance`: the gel's outer surface is compliant.
 pub struct OuterWallCompliance;
 
 impl Effect for OuterWallCompliance {
@@ -101,7 +101,8 @@ impl MatrixPair for OuterWallCompliance {
     }
 }
 
-/// Matrix of ∫ u·v over the outer surface, divided by the outer radius R_o. Its product with a modulus of k R_o (Pa) is k ∫ u·v.
+/// Matrix of ∫ u·v over the outer surface for displacements u and v, divided by the outer radius R_o. Its product with k R_o (Pa) is the
+/// stiffness of wall springs of the stiffness k (Pa/m).
 fn springs(mesh: &Mesh, freedoms: &DegreesOfFreedom, outer_radius_m: f64) -> Result<SymmetricMatrix> {
     let mut triplets = Vec::new();
     for_each_surface_point(mesh, &mesh.outer_nodes, |point| {

@@ -1,12 +1,12 @@
 //! `poroelasticity`: pressure drives water out of the gel's network.
 //!
-//! The equations are Biot's quasi-static equations with α = 1. The gel's network has the drained Poisson ratio ν_d and the gel's
-//! shear modulus. The pore pressure is p = M (ζ − div u), with ζ the change of water content. 1/M = 1/(κ_u − κ_d) under the gel's
-//! time operator, with the undrained and drained bulk moduli κ_u and κ_d. Water flows at −k∇p. Robot and outer wall are
-//! impermeable. Null: k = 0, the undrained gel of the base model, for which ν_d is unidentified. Valid for small strains. The
-//! reduced model is a sum of terms, one for each common eigenvector of storage and flow. Each term is the law in parallel with a
-//! dashpot. The closed form for an unbounded medium with ν = ½ is in physics §4.9 (Detournay & Cheng 1993, Comprehensive Rock
-//! Engineering 2:113). The paper names solid–fluid models as its future work.
+//! The equations are Biot's quasi-static equations with Biot's coefficient 1. The gel's network has the drained Poisson ratio ν_d and the
+//! gel's shear modulus. The pore pressure is p = M (ζ − div u), with u the displacement, ζ the change of water content and M Biot's
+//! modulus. 1/M = 1/(κ_u − κ_d) under the gel's time operator, with the undrained and drained bulk moduli κ_u and κ_d. Water flows at −k∇p,
+//! with k its mobility. Robot and outer wall are impermeable. Null: k = 0, the undrained gel of the base model, for which ν_d is
+//! unidentified. Valid for small strains. The reduced model is a sum of terms, one for each common eigenvector of storage and flow. Each
+//! term is the law in parallel with a dashpot. The closed form for an unbounded medium with the undrained ratio ½ is in physics §4.9
+//! (Detournay & Cheng 1993, Comprehensive Rock Engineering 2:113). The paper names solid–fluid models as its future work.
 
 use super::{
     Effect, EffectParameter, FieldEffect, LinearField, Spatial, Stage, Stages, apparent_viscosity_pa_s, robot_radius_m,
@@ -20,8 +20,8 @@ use record::CharacteristicSizes;
 
 const HIGHEST_DRAINED: f64 = 0.45;
 
-/// Range of modelled drained Poisson ratios for a gel with this undrained ratio. It is always below the undrained ratio, such as
-/// 0 to 0.45 for 0.48.
+/// Range of modelled drained Poisson ratios for a gel with this undrained ratio. All drained ratios are below the undrained ratio; for 0.48
+/// the range is 0 to 0.45.
 fn drained_range(poisson_ratio: f64) -> [f64; 2] {
     let below = 0.1 * (1.0 + poisson_ratio);
     if poisson_ratio - below.min(0.03) >= HIGHEST_DRAINED - 1e-9 {
@@ -31,7 +31,7 @@ fn drained_range(poisson_ratio: f64) -> [f64; 2] {
     [f64::max(upper - HIGHEST_DRAINED, 0.5 * (upper - 1.0)), upper]
 }
 
-/// Returns the k, in m²/(Pa s), at which pressure diffuses over the robot's radius in about the time of a hold.
+/// Returns the water's mobility, in m²/(Pa s), at which pressure diffuses over the robot's radius in about the time of a hold.
 fn scale_m2_per_pa_s(scales: &CharacteristicSizes) -> f64 {
     robot_radius_m(scales).powi(2) / apparent_viscosity_pa_s(scales)
 }
@@ -61,7 +61,7 @@ const PARAMETERS: &[EffectParameter] = &[
     },
 ];
 
-/// Effect `poroelasticity`.
+/// Effect `poroelasticity`: pressure drives water out of the gel's network.
 pub struct Poroelasticity;
 
 impl Effect for Poroelasticity {

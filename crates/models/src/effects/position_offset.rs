@@ -1,9 +1,9 @@
 //! `position-offset`: the zero of the position is unknown.
 //!
-//! x_obs = x + b. Null: b = 0. The offset is a nuisance of experiments with `zero = "fit"`, and of every indenter. An indenter's
-//! b is the height at which the tip meets the gel. If this height is read from a force curve by eye, its error can be the whole
-//! indentation depth in a soft gel (Dimitriadis et al. 2002, doi:10.1016/S0006-3495(02)75620-8). The offset says nothing about
-//! the gel, so it is never a candidate effect. Every model of such an experiment has it.
+//! The recorded position is the robot's position plus the offset b. Null: b = 0. The offset is a nuisance of experiments with `zero =
+//! "fit"`, and of every indenter. An indenter's b is the height at which the tip meets the gel. If this height is read from a force curve
+//! by eye, its error can be the whole indentation depth in a soft gel (Dimitriadis et al. 2002, doi:10.1016/S0006-3495(02)75620-8). The
+//! offset says nothing about the gel, so it is never a candidate effect. Every model of such an experiment has it.
 
 use super::{Effect, EffectParameter, Stage, Stages, position_range_m};
 use base::distribution::Distribution;
@@ -20,7 +20,7 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     finite_step: None,
 }];
 
-/// Effect `position-offset`.
+/// Nuisance `position-offset`: the zero of the position is unknown.
 pub struct PositionOffset;
 
 impl Effect for PositionOffset {

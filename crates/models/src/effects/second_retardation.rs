@@ -1,11 +1,12 @@
 //! `second-retardation`: the gel's elastic response has a second retardation time.
 //!
-//! A Kelvin–Voigt body in series adds (a/E)(1 − exp(−t/τ₂)) to J(t). E is the first Kelvin–Voigt spring of the law, or the
-//! modulus at the time of a hold for a law without one ([`super::first_body`]). Null: a = 0, where τ₂ is unidentified. Valid for
-//! a ≥ 0 and τ₂ of at least two sample intervals. A shorter τ₂ is not visible as creep, and `instantaneous-elasticity` describes
-//! it with one parameter less. Collagen and hyaluronan are the two networks of the vitreous. Retardation spectra with one time
-//! for each network have been fitted to the vitreous (Sharif-Kashani et al. 2011, J. Biomech. 44:419). The effect applies to any
-//! law except the two-element law, which already is the Lethersich law with this effect.
+//! A Kelvin–Voigt body in series adds (a/E)(1 − exp(−t/τ₂)) to the creep compliance J(t), with a its compliance ratio and τ₂ its
+//! retardation time. E is the first Kelvin–Voigt spring of the law. For a law without such a spring, E is the modulus at the length of a
+//! hold ([`super::first_body`]). Null: a = 0, where τ₂ is unidentified. Valid for a ≥ 0 and τ₂ of at least two sample intervals. A shorter
+//! τ₂ is not visible as creep, and `instantaneous-elasticity` describes it with one parameter less. Collagen and hyaluronan are the two
+//! networks of the vitreous. Retardation spectra with one time for each network have been fitted to the vitreous (Sharif-Kashani et al.
+//! 2011, J. Biomech. 44:419). The effect applies to any law except the two-element law, which already is the Lethersich law with this
+//! effect.
 
 use super::first_body::reference_modulus_pa;
 use super::{Effect, EffectParameter, Stage, Stages};
@@ -16,7 +17,7 @@ use base::parameter::{ParameterSpec, Support};
 use laws::rheology::{BaseLaw, Element};
 use record::CharacteristicSizes;
 
-/// Returns the shortest τ₂, in s, that the experiment can distinguish from a spring.
+/// Returns the shortest second retardation time, in s, that the experiment can distinguish from a spring.
 fn shortest_time_s(scales: &CharacteristicSizes) -> f64 {
     2.0 * scales.sample_interval_s
 }
@@ -26,7 +27,7 @@ const PARAMETERS: &[EffectParameter] = &[
         spec: ParameterSpec::new("second-retardation.compliance_ratio", "a", "1", Support::POSITIVE),
         null: &|_| Some(0.0),
         prior: &|_| Distribution::HalfNormal { sd: 0.5 },
-        prior_source: "chosen: the second part's compliance is up to about the first's",
+        prior_source: "chosen: the second part's compliance is at most about that of the first part",
         finite_step: None,
     },
     EffectParameter {
@@ -41,7 +42,7 @@ const PARAMETERS: &[EffectParameter] = &[
     },
 ];
 
-/// Effect `second-retardation`.
+/// Effect `second-retardation`: a second part of the gel responds with its own retardation time.
 pub struct SecondRetardation;
 
 impl Effect for SecondRetardation {
@@ -93,7 +94,8 @@ mod tests {
         stages.law
     }
 
-    /// Checks against the two-element law with E₂ = E/a and c₃ = τ₂ E₂, in closed form.
+    /// Compares the Lethersich law with this effect to the two-element law in closed form. The second body's modulus is Young's modulus
+    /// divided by the ratio. Its viscosity is this modulus times the second retardation time.
     #[test]
     fn it_is_the_two_element_law() {
         let (ratio, time_s) = (0.4, 6.0);

@@ -1,13 +1,14 @@
 //! `shear-thinning`: the gel flows more easily under higher stress.
 //!
-//! The dashpot obeys ε̇_d = (s_eq/s₀)^{1/n−1} s/c₂, with s_eq² = ⅔ dev s : dev s at each point. It is the power-law fluid of
-//! Ostwald and de Waele (Bird, Armstrong & Hassager 1987, Dynamics of Polymeric Liquids, vol. 1, ch. 4). Its viscosity is c₂ at
-//! the stress s₀ = F_max/(4πR²), so that c₂ remains a viscosity. Null: n = 1. Valid for n in (0.3, 1] and stresses within a
-//! decade or two of s₀. Near zero stress this fluid becomes solid, while real fluids keep a finite viscosity. Under a single
-//! force the response is nearly that of another c₂. Two forces in the ratio f : 1 give flow rates in the ratio f^{1/n} : 1
+//! The flow dashpot obeys ε̇_d = (s_eq/s₀)^{1/n−1} s/c₂ at each point, with ε̇_d its strain rate, s the stress and s_eq² = ⅔ dev s : dev s.
+//! It is the power-law fluid of Ostwald and de Waele (Bird, Armstrong & Hassager 1987, Dynamics of Polymeric Liquids, vol. 1, ch. 4). Its
+//! viscosity is c₂ at the stress s₀ = F_max/(4πR²), so that c₂ remains a viscosity. F_max is the largest force and R the robot's radius.
+//! Null: n = 1. Valid for an index n in (0.3, 1] and stresses within a decade or two of s₀. Near zero stress this fluid becomes solid,
+//! while real fluids keep a finite viscosity. Under a single force the response is nearly that of another c₂. Two forces in the ratio f : 1
+//! give flow rates in the ratio f^{1/n} : 1 (physics §5).
 //! (physics §5).
 
-use super::beside_fields::nonlinear_conflict;
+use super::field_conflicts::nonlinear_conflict;
 use super::{Effect, EffectParameter, FieldEffect, Stage, reference_stress_pa};
 use base::distribution::Distribution;
 use base::error::Result;
@@ -27,7 +28,7 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     finite_step: None,
 }];
 
-/// Effect `shear-thinning`.
+/// Effect `shear-thinning`: the gel flows more easily under higher stress.
 pub struct ShearThinning;
 
 impl Effect for ShearThinning {
@@ -86,7 +87,7 @@ mod tests {
         assert_eq!(index, 0.5.into());
     }
 
-    /// Checks that flow rates at forces 1.3 times as large more than double, as the text of the prior's source says.
+    /// Checks that flow rates more than double at forces 1.3 times as large, as the text of the prior's source says.
     #[test]
     fn the_smallest_index_more_than_doubles_the_flow_at_forces_1_3_times_as_large() {
         let faster = 1.3_f64.powf(1.0 / SMALLEST_INDEX);

@@ -1,11 +1,12 @@
 //! `softening`: the gel grows softer, or sets, during the measurement.
 //!
-//! The stress of every element is multiplied by e^{−rt}, with t from the record's start. For quasi-static linear laws this equals
-//! the response to the force F e^{rt}. Null: r = 0. A gel with r < 0 grows stiffer. Valid while the whole gel changes uniformly.
-//! Excised vitreous lost four fifths of its modulus in its first hour (Nickerson et al. 2008, J. Biomech. 41:1840), which is r of
-//! about 4·10⁻⁴ 1/s. The robot itself may break the network faster. A gel that is poured before the measurement sets instead.
+//! The stress of every element is multiplied by e^{−rt}, with r the softening rate and t the time from the record's start. For quasi-static
+//! linear laws this equals the response to the force F e^{rt}, with F the actual force. Null: r = 0. A gel with r < 0 grows stiffer. Valid
+//! while the whole gel changes uniformly. Excised vitreous lost four fifths of its modulus in its first hour (Nickerson et al. 2008, J.
+//! Biomech. 41:1840), which is r of about 4·10⁻⁴ 1/s. The robot itself may break the network faster. A gel that is poured before the
+//! measurement sets instead.
 
-use super::beside_fields::AGEING;
+use super::field_conflicts::AGEING;
 use super::{Effect, EffectParameter, FieldEffect, Stage, Stages};
 use base::distribution::Distribution;
 use base::error::Result;
@@ -21,7 +22,7 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     finite_step: None,
 }];
 
-/// Effect `softening`.
+/// Effect `softening`: the gel grows softer, or sets, during the measurement.
 pub struct Softening;
 
 impl Effect for Softening {
@@ -54,7 +55,7 @@ mod tests {
     use super::*;
     use crate::effects::test_scales::SCALES;
 
-    /// Checks the rate in the module's text, which makes the modulus fall fivefold in an hour.
+    /// Checks the rate that the module's documentation names: with it, the modulus falls fivefold in an hour.
     #[test]
     fn a_fivefold_loss_in_an_hour_is_the_rate_that_the_text_names() {
         let mut stages = Stages::of_law(Vec::new());

@@ -14,7 +14,7 @@ use record::CharacteristicSizes;
 pub enum QuantityName {
     /// Force on the robot.
     Force,
-    /// Observed position.
+    /// Observed position of the robot.
     Position,
     /// Modulus or viscosity of an element of the law, by the name of its parameter.
     Element(&'static str),
@@ -34,11 +34,11 @@ impl QuantityName {
 /// Effect that makes a quantity of the model depend on a state (physics §5.3).
 #[derive(Debug)]
 pub struct StateEffect {
-    /// Name of the effect.
+    /// Name of the effect in commands, files and parameter names.
     pub slug: &'static str,
-    /// Description in a few words.
+    /// Description of the effect in a few words.
     pub summary: &'static str,
-    /// Equation, as text.
+    /// Equation of the effect, as text.
     pub equation: &'static str,
     /// Quantity that depends on the state.
     pub quantity: QuantityName,
@@ -74,13 +74,13 @@ pub fn define(definition: toml::Table, effect: StateEffect) -> std::result::Resu
     }
 }
 
-/// Effect with this slug from a file, and its definition; `None` without such an effect.
+/// Effect that a file defines with this slug, and its definition; `None` without such an effect.
 pub fn defined(slug: &str) -> Option<(&'static StateEffect, toml::Table)> {
     let defined = DEFINED.lock().unwrap_or_else(PoisonError::into_inner);
     defined.iter().find(|(effect, _)| effect.slug == slug).cloned()
 }
 
-/// Effect from a file with a parameter of this name, and the parameter.
+/// Effect from a file that has a parameter of this name, and the parameter.
 pub(super) fn with_parameter(name: &str) -> Option<(&'static dyn Effect, &'static EffectParameter)> {
     let defined = DEFINED.lock().unwrap_or_else(PoisonError::into_inner);
     defined.iter().find_map(|(effect, _)| {
@@ -123,7 +123,7 @@ impl Effect for StateEffect {
         match base.leaf(name) {
             Some(_) => None,
             None if base.parameters().iter().any(|spec| spec.name == name) => Some(
-                "its quantity is an order, or belongs to an element that occurs twice or is neither in series nor part of a parallel body in series",
+                "its quantity is an order, or its element occurs twice or is nested too deeply (allowed: an element in series, or a part of a parallel body in series)",
             ),
             None => Some("the law has no parameter with the name of its quantity"),
         }

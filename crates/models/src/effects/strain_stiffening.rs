@@ -1,13 +1,13 @@
 //! `strain-stiffening`: the gel's fibres stiffen with strain.
 //!
-//! The first Kelvin–Voigt body obeys dev s = E (1 + β ε_eq²) dev ε_k + c₁ dev ε̇_k, with ε_eq² = ⅔ dev ε_k : dev ε_k at each
-//! point. The change of volume and the other bodies stay linear. Null: β = 0. ε_eq² is the lowest-order term by which an
-//! isotropic gel's stiffness can depend on its strain. Networks of semiflexible filaments stiffen by much higher powers once β
-//! ε_eq² exceeds about ten (Storm et al. 2005, Nature 435:191, doi:10.1038/nature03521). The model assumes small strains. In a
-//! stretched body at rest, the equivalent stress and strain obey s = E (ε + β ε³). The body is soft at first, and at large stress
-//! ε → (s/(Eβ))^⅓.
+//! The first Kelvin–Voigt body obeys dev s = E (1 + β ε_eq²) dev ε_k + c₁ dev ε̇_k at each point. Here s is the stress, ε_k the body's
+//! strain, E its modulus, c₁ its viscosity and ε_eq² = ⅔ dev ε_k : dev ε_k. The change of volume and the other bodies stay linear. Null:
+//! β = 0. ε_eq² is the lowest-order term by which an isotropic gel's stiffness can depend on its strain. Networks of semiflexible filaments
+//! stiffen by much higher powers once β ε_eq² exceeds about ten (Storm et al. 2005, Nature 435:191, doi:10.1038/nature03521). The model
+//! assumes small strains. In a stretched body at rest, the equivalent stress and strain obey s = E (ε + β ε³). The body is soft at first,
+//! and at large stress ε → (s/(Eβ))^⅓.
 
-use super::beside_fields::nonlinear_conflict;
+use super::field_conflicts::nonlinear_conflict;
 use super::{Effect, EffectParameter, FieldEffect, Stage, position_range_m, robot_radius_m};
 use base::distribution::Distribution;
 use base::error::Result;
@@ -17,7 +17,7 @@ use laws::rheology::BaseLaw;
 use laws::stages::{NonlinearFamily, Nonlinearity, Spatial, Stages};
 use record::CharacteristicSizes;
 
-/// Typical strain near the robot, which is half the range of positions divided by the robot's radius.
+/// Typical strain near the robot: half the range of positions divided by the robot's radius.
 fn typical_strain(scales: &CharacteristicSizes) -> f64 {
     0.5 * position_range_m(scales) / robot_radius_m(scales)
 }
@@ -30,7 +30,7 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     finite_step: None,
 }];
 
-/// Effect `strain-stiffening`.
+/// Effect `strain-stiffening`: the gel stiffens with strain.
 pub struct StrainStiffening;
 
 impl Effect for StrainStiffening {

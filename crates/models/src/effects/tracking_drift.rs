@@ -1,9 +1,9 @@
 //! `tracking-drift`: the camera or the stage drifts relative to the gel.
 //!
-//! x_obs = x + v t, with t from the record's start. Null: v = 0. Valid for any steady v of either sign. Causes are loosening
-//! mounts and warming stages. The drift of tracked videos is commonly subtracted first (Crocker & Grier 1996,
-//! doi:10.1006/jcis.1996.0217). The dashpot c₂ flows in proportion to the force, and the drift does not depend on the force. Only
-//! a changing force distinguishes the two.
+//! The recorded position is the robot's position plus v t, with v the drift's velocity and t the time from the record's start. Null: v = 0.
+//! Valid for any steady v of either sign. Causes are loosening mounts and warming stages. The drift of tracked videos is commonly
+//! subtracted first (Crocker & Grier 1996, doi:10.1006/jcis.1996.0217). The flow dashpot creeps in proportion to the force, and the drift
+//! does not depend on the force. Only a changing force distinguishes the two.
 
 use super::{Effect, EffectParameter, Stage, Stages, position_range_m};
 use base::distribution::Distribution;
@@ -20,7 +20,7 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     finite_step: None,
 }];
 
-/// Effect `tracking-drift`.
+/// Effect `tracking-drift`: the camera or the stage drifts relative to the gel.
 pub struct TrackingDrift;
 
 impl Effect for TrackingDrift {

@@ -1,13 +1,13 @@
 //! `yield-stress`: the gel flows only above a yield stress.
 //!
-//! The dashpot obeys ε̇_d = ⟨1 − s_y/s_eq⟩ s/c₂, with s_eq² = ⅔ dev s : dev s at each point and ⟨x⟩ = max(x, 0). It is Bingham's
-//! fluid in series with the gel's elasticity (Bingham 1922, Fluidity and Plasticity; Oldroyd 1947, Proc. Camb. Phil. Soc.
-//! 43:100). Null: s_y = 0. Valid while the gel near the robot flows. Far from the robot the stress is below s_y, and the gel
-//! responds only elastically. Under one force it is indistinguishable from a change of c₂ (physics §5). The bracket ⟨…⟩ is
-//! smoothed within a hundredth of s_y ([`YIELD_SMOOTHING`]). Below the yield stress the dashpot then creeps at 10⁻⁴ of its
-//! fluidity or less. Far above it nothing changes.
+//! The flow dashpot obeys ε̇_d = ⟨1 − s_y/s_eq⟩ s/c₂ at each point, with ε̇_d its strain rate, s the stress, s_y the yield stress and c₂
+//! the flow viscosity. Here s_eq² = ⅔ dev s : dev s and ⟨x⟩ = max(x, 0). It is Bingham's fluid in series with the gel's elasticity (Bingham
+//! 1922, Fluidity and Plasticity; Oldroyd 1947, Proc. Camb. Phil. Soc. 43:100). Null: s_y = 0. Valid while the gel near the robot flows.
+//! Far from the robot the stress is below s_y, and the gel responds only elastically. Under one force the effect is indistinguishable from
+//! a change of c₂ (physics §5). The bracket ⟨…⟩ is smoothed within a hundredth of s_y ([`YIELD_SMOOTHING`]). Below the yield stress the
+//! dashpot then creeps at 10⁻⁴ of its fluidity or less. Far above the yield stress nothing changes.
 
-use super::beside_fields::nonlinear_conflict;
+use super::field_conflicts::nonlinear_conflict;
 use super::{Effect, EffectParameter, FieldEffect, Stage, reference_stress_pa};
 use base::distribution::Distribution;
 use base::error::Result;
@@ -17,8 +17,9 @@ use laws::rheology::BaseLaw;
 use laws::stages::{NonlinearFamily, Nonlinearity, Spatial, Stages, YIELD_SMOOTHING};
 use record::CharacteristicSizes;
 
-/// Step of s_y from the null for the effect's signature, in units of s₀. At this s_y the gel still flows everywhere except at
-/// points at rest. At a hundredth of s₀ the distant gel would already be rigid.
+/// Yield stress at which the effect's signature (the change of the trajectory that it causes) is computed, divided by the reference stress
+/// (largest force over the robot's surface). At this stress the gel still flows everywhere except at points at rest. At a hundredth of the
+/// reference stress the distant gel would already be rigid.
 const FINITE_STEP: f64 = 1e-4;
 
 const PARAMETERS: &[EffectParameter] = &[EffectParameter {
@@ -29,7 +30,7 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     finite_step: Some(&|scales| FINITE_STEP * reference_stress_pa(scales)),
 }];
 
-/// Effect `yield-stress`.
+/// Effect `yield-stress`: the gel flows only above a yield stress.
 pub struct YieldStress;
 
 impl Effect for YieldStress {

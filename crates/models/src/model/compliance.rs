@@ -9,17 +9,18 @@ use laws::stages::{ReducedField, SharedStepper, Stages};
 /// Function that returns the compliance (1/m) at a Poisson ratio.
 type OfPoissonRatio = dyn Fn(Dual) -> Result<Dual> + Send + Sync;
 
-/// Function that returns the reduced model of the stages' effect on the displacement field.
+/// Function that returns the reduced model of an effect on the displacement field, from the stages (equations) of a model.
 type OfStages = dyn Fn(&Stages) -> Result<Option<ReducedField>> + Send + Sync;
 
-/// Displacement per force at unit creep compliance, in 1/m. Its product with ∫J dF is the position.
+/// Displacement per force at unit creep compliance, in 1/m. Its product with the convolution ∫J dF of creep compliance J and force F is the
+/// position.
 #[derive(Clone)]
 pub struct Compliance {
     /// Compliance at the experiment's Poisson ratio, or the instrument's compliance, in 1/m.
     given_per_m: f64,
     /// Function that returns the compliance at any Poisson ratio; `None` if no model covers other ratios than the experiment's.
     family: Option<Arc<OfPoissonRatio>>,
-    /// Function that returns the reduced models of all other effects on the displacement field; `None` without such models.
+    /// Function that returns the reduced models of effects on the displacement field; `None` without such models.
     spread: Option<Arc<OfStages>>,
 }
 
@@ -34,7 +35,7 @@ impl Compliance {
         Self { given_per_m: per_m, family: Some(Arc::new(of_poisson_ratio)), spread: None }
     }
 
-    /// Sets the function that returns the reduced model of the stages' effect on the displacement field.
+    /// Sets the function that returns the reduced model of an effect on the displacement field, from the stages of a model.
     pub fn with_spread(
         self,
         of_stages: impl Fn(&Stages) -> Result<Option<ReducedField>> + Send + Sync + 'static,
@@ -42,7 +43,7 @@ impl Compliance {
         Self { spread: Some(Arc::new(of_stages)), ..self }
     }
 
-    /// Replaces every stepper of a nonlinear law by the result of `change`.
+    /// Replaces every stepper (reduced model of a nonlinear law that is stepped in time) by the result of `change`.
     pub fn with_stepper(
         self,
         change: impl Fn(&Stages, SharedStepper) -> SharedStepper + Send + Sync + 'static,
@@ -56,7 +57,7 @@ impl Compliance {
         })
     }
 
-    /// Adds the stepper of an effect whose model is trained for one record. `stepper` returns `None` until it is trained.
+    /// Adds the stepper of an effect whose reduced model is trained for one record. `stepper` returns `None` until the model is trained.
     pub fn with_trained(self, stepper: impl Fn() -> Option<SharedStepper> + Send + Sync + 'static) -> Self {
         let others = self.spread.clone();
         self.with_spread(move |stages| match (&stages.spatial, stepper(), &others) {
@@ -68,7 +69,7 @@ impl Compliance {
         })
     }
 
-    /// Writes the reduced model of the stages' displacement field into the stages, and returns the compliance (1/m) at their
+    /// Completes the stages by the reduced model of their effect on the displacement field. Returns the compliance (1/m) at the stages'
     /// Poisson ratio.
     ///
     /// # Errors
@@ -81,7 +82,7 @@ impl Compliance {
         self.per_m(stages.poisson_ratio)
     }
 
-    /// Compliance (1/m) at the experiment's Poisson ratio, or the instrument's compliance (1/m).
+    /// Compliance (1/m) at the experiment's Poisson ratio; for an instrument, the instrument's compliance (1/m).
     pub fn experiment_per_m(&self) -> f64 {
         self.given_per_m
     }
@@ -105,7 +106,7 @@ impl Compliance {
 
 fn no_field() -> Error {
     Error::numerical(
-        "there is no reduced model of this effect's field",
+        "there is no reduced model of this effect's displacement field",
         "give an experiment with [robot] and [vitreous]",
     )
 }

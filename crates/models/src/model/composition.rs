@@ -25,7 +25,7 @@ impl std::fmt::Debug for Model {
 }
 
 impl Model {
-    /// Combines a law and effects. `place` tells the error message where the user named the effects.
+    /// Combines a law and effects. Error messages show `place` as the place where the user named the effects.
     ///
     /// # Errors
     /// [`Error::Input`] with the reason if the combination is invalid.
@@ -55,7 +55,9 @@ impl Model {
             }
             if effect.depends_on_position() && scales.depth_exponent.is_some_and(|exponent| exponent != 1.0) {
                 return refuse(
-                    format!("`{slug}` needs a position in proportion to the force, which an indenter's depth is not"),
+                    format!(
+                        "`{slug}` needs a position proportional to the force; an indenter's depth is not proportional"
+                    ),
                     "leave it out; other effects on the force, the creep compliance or the recorded position work for indenters",
                 );
             }
@@ -131,12 +133,12 @@ impl Model {
         &self.effects
     }
 
-    /// Nuisances, which are unknowns of the experiment itself. Their parameters come before those of the effects.
+    /// Nuisances, which are unknowns of the experiment itself. Their parameters come before the effects' parameters.
     pub fn nuisances(&self) -> &'static [&'static dyn Effect] {
         nuisances(&self.scales)
     }
 
-    /// Number of parameters of the law and the nuisances together. They come before those of the effects.
+    /// Number of parameters of the law and the nuisances together. These parameters come before the effects' parameters.
     pub fn n_before_effects(&self) -> usize {
         let of_nuisances = self.nuisances().iter().map(|effect| effect.parameters().len());
         self.base.parameters().len() + of_nuisances.sum::<usize>()
@@ -149,7 +151,7 @@ impl Model {
         self.effects.is_empty() && self.nuisances().is_empty() && is_linear
     }
 
-    /// Returns `true` if an effect makes the law nonlinear. A trajectory then takes a thousand times as long.
+    /// Returns `true` if an effect makes the law nonlinear. Computing a trajectory then takes a thousand times as long.
     pub fn is_nonlinear(&self) -> bool {
         self.effects.iter().any(|effect| effect.is_nonlinear())
     }
@@ -164,7 +166,7 @@ impl Model {
         &self.parameters
     }
 
-    /// Stages at `parameters`, which are in SI units and in the order of [`Self::parameters`].
+    /// Returns the stages (equations) of the model at `parameters`, which are in SI units and in the order of [`Self::parameters`].
     ///
     /// # Errors
     /// [`Error::Numerical`] if a parameter is outside its support, or if an effect has no model at these parameters.

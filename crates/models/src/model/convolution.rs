@@ -1,9 +1,11 @@
-//! Convolution ∫ J dF for a force of steps or straight lines. Each exponential of J has its own recursion over the rows.
+//! Convolution ∫ J dF of the creep compliance J with a force F of steps or straight lines. Each exponential of J has its own recursion over
+//! the rows.
 
 use laws::rheology::CreepCompliance;
 use record::Force;
 
-/// Returns the position `compliance_per_m` × ∫ J dF in m at every row, as the limit from the left.
+/// Returns the position in m at every row: `compliance_per_m` times ∫ J dF, with J the creep compliance and F the force. A row's value is
+/// the limit from the left.
 ///
 /// `time_s` (s) is strictly increasing. The position is 0 at the first row.
 pub fn convolve_m<'f>(
@@ -42,7 +44,7 @@ mod tests {
     use laws::rheology::RetardedMode;
     use record::ForceRule;
 
-    /// Compares the recursion with the superposition Σ ΔFₖ J(t − tₖ) over the force steps ΔFₖ at the times tₖ.
+    /// Compares the recursion with the superposition Σ ΔFₖ J(t − tₖ) of the creep compliance J over the force steps ΔFₖ at the times tₖ.
     #[test]
     fn equals_the_superposition_of_force_steps() {
         let mut law = CreepCompliance::lethersich(&[3.5, 1.4, 47.0]);
@@ -61,8 +63,8 @@ mod tests {
         }
     }
 
-    /// Checks a force of straight lines. The expected position adds the first jump and Σ ΔSₖ ∫₀ᵗ⁻ᵗᵏ J for the slope changes ΔSₖ
-    /// at the rows. ∫J is the law's closed form.
+    /// Checks a force of straight lines. The expected position adds the response to the first jump and, for each slope change ΔSₖ at a time
+    /// tₖ, ΔSₖ times the integral of the creep compliance from 0 to t − tₖ. This integral has a closed form.
     #[test]
     fn lines_are_the_superposition_of_ramps() {
         let mut law = CreepCompliance::lethersich(&[3.5, 1.4, 47.0]);

@@ -24,8 +24,8 @@ pub trait Forward: Sync {
 
 /// Full-order model, which steps finite elements through the record.
 ///
-/// A base law without effects is stepped by exponentials, which are exact between rows. A law with effects is stepped by the
-/// differential equations of its elements. Both are independent of the reduced model's closed forms.
+/// A base law without effects is stepped by exponentials, which are exact between rows. A law with effects is stepped by the differential
+/// equations of its elements. Both methods are independent of the reduced model's closed forms.
 pub struct FullOrderForward<'a> {
     model: &'a Model,
     stiffness: &'a Stiffness,
@@ -39,7 +39,7 @@ pub struct FullOrderForward<'a> {
     nonlinear: OnceLock<NonlinearModel<'a>>,
 }
 
-/// Result of a full-order run.
+/// Result of a run of the full-order model.
 pub struct FullRun {
     /// Recorded position (m) at every row.
     pub position_m: Vec<f64>,
@@ -74,12 +74,12 @@ impl<'a> FullOrderForward<'a> {
         })
     }
 
-    /// Adds gel and robot, which effects on the displacement field need.
+    /// Adds gel and robot. Effects on the displacement field need them.
     pub fn in_surroundings(self, surroundings: GelAndRobot<'a>) -> Self {
         Self { surroundings: Some(surroundings), nonlinear: OnceLock::new(), ..self }
     }
 
-    /// Replaces the default time steps.
+    /// Replaces the default resolution of the time steps.
     pub fn with_resolution(self, resolution: Resolution) -> Self {
         Self { resolution, ..self }
     }
@@ -103,7 +103,7 @@ impl<'a> FullOrderForward<'a> {
         let stages = self.model.stages(&constants)?;
         if let Some(spatial) = &stages.spatial {
             let surroundings = self.surroundings.as_ref().ok_or_else(|| {
-                Error::numerical("the full-order model has no mesh for this effect", "give it its surroundings")
+                Error::numerical("the full-order model has no mesh for this effect", "give the model its gel and robot")
             })?;
             let (linear, field) = match (spatial, self.model.field()) {
                 (Spatial::Linear(linear), Some((_, field))) => (linear, field),
@@ -126,8 +126,8 @@ impl<'a> FullOrderForward<'a> {
         Ok(FullRun { position_m: stepped.position_m, fields, mesh: None, compliance_per_m: full.compliance_per_m() })
     }
 
-    /// Runs a model of large displacements. It adds the deviation of x(gF)/g from the linear response to the linear model's
-    /// position. The returned fields are those of the linear model.
+    /// Runs a model of large displacements. Let x(F) be the response to a force F, and g the effect's amplitude. The function adds the
+    /// deviation of x(gF)/g from the linear response to the linear model's position. The returned fields are those of the linear model.
     fn run_large(
         &self,
         surroundings: &GelAndRobot<'a>,
@@ -204,14 +204,15 @@ impl<'a> FullOrderForward<'a> {
     }
 }
 
-/// Time steps of the linear field models. They are refined relative to the default of [`transient::Resolution`] as `resolution`
-/// is relative to its own default.
+/// Returns the time steps of the linear field models. The default of [`transient::Resolution`] is multiplied by the ratio of `resolution`
+/// to its own default.
 fn spatial_resolution(resolution: Resolution) -> transient::Resolution {
     let entry = transient::Resolution::default();
     transient::Resolution { steps_per_doubling: scaled(entry.steps_per_doubling, resolution), ..entry }
 }
 
-/// Returns `steps_per_doubling` time steps per doubling of the time, times the ratio of the `wanted` steps to their default, rounded up.
+/// Returns `steps_per_doubling` times the ratio of the `wanted` resolution to the default resolution, rounded up. Steps are counted per
+/// doubling of the time since a switch.
 fn scaled(steps_per_doubling: u32, wanted: Resolution) -> u32 {
     (steps_per_doubling * wanted.steps_per_doubling).div_ceil(Resolution::default().steps_per_doubling)
 }
@@ -267,8 +268,8 @@ impl SurrogateForward<'_> {
         Ok(())
     }
 
-    /// Derivative of the trajectory with respect to the parameter at `index`, at every row, in m per unit of the parameter. It is
-    /// exact, and one-sided if the parameter is at an end of its support.
+    /// Derivative of the trajectory with respect to the parameter at `index`, at every row, in m per unit of the parameter. The derivative
+    /// is exact, and one-sided if the parameter is at an end of its support.
     ///
     /// # Errors
     /// Errors of [`Self::derivative_along_m`].
@@ -277,8 +278,8 @@ impl SurrogateForward<'_> {
         self.derivative_along_m(parameters, &direction)
     }
 
-    /// Derivative (m) of the trajectory at every row along `direction`, which has one component for each parameter, in its unit.
-    /// It is exact, and one-sided if a parameter is at an end of its support.
+    /// Derivative (m) of the trajectory at every row along `direction`, which has one component for each parameter, in its unit. The
+    /// derivative is exact, and one-sided if a parameter is at an end of its support.
     ///
     /// # Errors
     /// Errors of [`Forward::trajectory_m`]. [`Error::Numerical`] if the derivative does not exist, such as with respect to a lag

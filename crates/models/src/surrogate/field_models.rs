@@ -16,18 +16,18 @@ use elements::fe::spatial::GelAndRobot;
 use laws::rheology::SpreadTerm;
 use laws::stages::{LinearField, ReducedField, SharedStepper, Spatial, Stages};
 
-/// Modes whose singular values are below this fraction of the largest one are dropped.
+/// Fraction of the largest singular value below which modes are dropped.
 const TOLERANCE: f64 = 1e-6;
 
 /// Reduced model of one effect on the displacement field.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum FieldModel {
-    /// Terms of a linear field without a shape parameter.
+    /// Terms of a linear effect whose field has no shape parameter.
     Modes(FieldModes),
-    /// Terms of a linear field whose shape depends on a parameter.
+    /// Terms of a linear effect whose field depends on a shape parameter, such as a pocket's radius.
     ThreeTerms(ThreeTerms),
-    /// Terms of a field with pore flow.
+    /// Terms of an effect with pore flow.
     Pores(PoreSpectrum),
     /// Hyper-reduced model of a nonlinear law.
     Nonlinear(HyperModel),
@@ -50,7 +50,7 @@ pub fn n_pieces(effect: &dyn Effect) -> usize {
 }
 
 impl FieldModel {
-    /// Builds the reduced model of one effect, if its field needs one. It calls `piece_done` after every task, from any thread.
+    /// Builds the reduced model of one effect, if its field needs such a model. It calls `piece_done` after every task, from any thread.
     fn build(
         effect: &dyn Effect,
         surroundings: &GelAndRobot<'_>,
@@ -78,12 +78,12 @@ impl FieldModel {
             FieldEffect::Nonlinear(family) => {
                 Self::Nonlinear(hyper::build(surroundings, family, &HyperSettings::of(family), piece_done)?)
             }
-            // Large displacements have no model here. Theirs is trained for each record (`surrogate::trajectory`).
+            // The model of large displacements is trained for each record, not here (`surrogate::trajectory`).
             _ => return Ok(None),
         }))
     }
 
-    /// Returns the terms of a linear field; `None` if this model is of another kind.
+    /// Returns the terms of a linear effect; `None` if this model is of another kind.
     fn terms(&self, field: &LinearField) -> Result<Option<Vec<SpreadTerm>>> {
         Ok(match (self, field.shape) {
             (Self::Modes(modes), None) => Some(terms_of(modes)),
@@ -100,7 +100,7 @@ impl FieldModel {
 }
 
 impl FieldModels {
-    /// Builds the reduced model of one effect, if its field needs one. It calls `piece_done` after every task, from any thread.
+    /// Builds the reduced model of one effect, if its field needs such a model. It calls `piece_done` after every task, from any thread.
     ///
     /// # Errors
     /// Errors of the full-order models.
@@ -130,7 +130,7 @@ impl FieldModels {
         }
     }
 
-    /// Reduced model of the stages' effect on the field; `None` if they have none.
+    /// Reduced model of the effect on the displacement field that the stages contain; `None` without such an effect.
     ///
     /// # Errors
     /// [`Error::Numerical`] if the model was not built. [`Error::OutsideTrainedRange`] if the shape parameter is outside its
@@ -159,11 +159,10 @@ impl FieldModels {
     }
 }
 
-/// Returns terms whose weights are relative to the base law's compliance. At the effect's null they reproduce this compliance
-/// exactly.
+/// Returns terms whose weights are relative to the base law's compliance. At the effect's null the terms reproduce this compliance exactly.
 fn terms_of(modes: &FieldModes) -> Vec<SpreadTerm> {
     let pairs = || modes.weights.iter().zip(&modes.numbers);
-    // If the effect's null is a rigid element, only terms with μ = 0 move at the null. If its null is a vanishing element, all
+    // If the effect's null is a rigid element, only terms with an eigenvalue of 0 move at the null. If its null is a vanishing element, all
     // terms move.
     let stuck: f64 = pairs().filter(|(_, number)| **number == 0.0).map(|(weight, _)| weight).sum();
     let base = if stuck > 0.0 { stuck } else { modes.weights.iter().sum() };

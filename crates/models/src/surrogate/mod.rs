@@ -50,11 +50,11 @@ pub struct Training<'a> {
     pub time_s: &'a [f64],
     /// Commanded force.
     pub force: Force<'a>,
-    /// Modes whose singular values are below this fraction of the largest one are dropped.
+    /// Fraction of the largest singular value below which modes are dropped.
     pub tolerance: f64,
 }
 
-/// Reduced model with its measured errors.
+/// Reduced model of the base law's displacement field, with its measured errors.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Surrogate {
     /// Valid ranges of the law's parameters.
@@ -73,8 +73,7 @@ pub struct Surrogate {
     pub verification_runs: usize,
     /// Largest relative distance, in the energy norm, of a verification field from the span of the modes.
     pub max_projection_error: f64,
-    /// Largest difference of a reduced trajectory from the full-order one, relative to the amplitude of the full-order
-    /// trajectory.
+    /// Largest difference of a reduced from a full-order trajectory, relative to the amplitude of the full-order trajectory.
     pub max_relative_error: f64,
     /// Number of unknowns of the full-order model.
     pub fe_unknowns: usize,
@@ -100,7 +99,7 @@ struct FullRun {
 }
 
 impl Surrogate {
-    /// Trains a surrogate on full-order runs, and verifies it on other runs.
+    /// Trains a surrogate on full-order runs at Sobol points, and verifies it on runs at later points of the sequence.
     pub fn train(stiffness: &Stiffness, training: &Training) -> Result<Self> {
         let runs = |indices: std::ops::Range<u32>| -> Result<Vec<FullRun>> {
             let [lower, upper] = training.poisson_ratio;
@@ -172,7 +171,7 @@ impl Surrogate {
         Ok(Compliance::family(per_m, move |ratio| family.dual_compliance_per_m(ratio)))
     }
 
-    /// Returns `true` if all fields are consistent. They may not be if the file was edited.
+    /// Returns `true` if all data of the surrogate are consistent. Data from an edited file may be inconsistent.
     pub fn is_whole(&self) -> bool {
         let range_is_sound = |range: &TrainedRange| range.lower.is_finite() && range.lower <= range.upper;
         self.operators.is_whole()
@@ -185,7 +184,7 @@ impl Surrogate {
         self.operators.n_modes
     }
 
-    /// Compares the surrogate with a full-order run. It records the projection error of the modes and the error of the trajectory
+    /// Compares the surrogate with a full-order run. The projection error of the modes and the error of the trajectory are stored
     /// separately.
     fn verify(&mut self, training: &Training, run: &FullRun, pod: &Pod, energy: EnergyProduct) -> Result<()> {
         for field in &run.fields {

@@ -7,8 +7,8 @@ use nalgebra::DMatrix;
 use base::error::{Error, Result};
 use elements::fe::factorisation::add_symmetric_product;
 
-/// Norm below which the remainder of a normalised snapshot after orthogonalisation adds no basis vector. Larger remainders may
-/// still be rounding errors. They are kept, so that the singular values show the level of rounding.
+/// Norm of the remainder of a normalised snapshot after orthogonalisation, below which the remainder adds no basis vector. Larger
+/// remainders may still be rounding errors. They are kept, so that the singular values show the level of rounding.
 const ROUNDING: f64 = f64::EPSILON;
 /// Largest number of iterations of the singular value decomposition for each row of the matrix. Two or three for each row are
 /// usual.
@@ -23,25 +23,25 @@ pub struct Pod {
     pub singular_values: Vec<f64>,
 }
 
-/// Energy inner product, with the upper triangle of K̂.
+/// Energy inner product uᵀ K̂ v of fields u and v. The content is the upper triangle of the stiffness matrix K̂.
 #[derive(Clone, Copy)]
 pub struct EnergyProduct<'a>(pub SparseColMatRef<'a, u32, f64>);
 
 impl EnergyProduct<'_> {
-    /// Returns K̂ u.
+    /// Returns the product K̂ u of the stiffness matrix and a field u.
     pub fn apply(&self, u: &[f64]) -> Vec<f64> {
         let mut product = vec![0.0; u.len()];
         add_symmetric_product(self.0, u, &mut product);
         product
     }
 
-    /// Returns √(uᵀ K̂ u).
+    /// Returns the energy norm √(uᵀ K̂ u) of a field u, with K̂ the stiffness matrix.
     pub fn norm(&self, u: &[f64]) -> f64 {
         dot(u, &self.apply(u)).max(0.0).sqrt()
     }
 }
 
-/// Returns Σ uᵢ vᵢ.
+/// Returns the scalar product Σ uᵢ vᵢ of two vectors.
 pub(super) fn dot(u: &[f64], v: &[f64]) -> f64 {
     u.iter().zip(v).map(|(a, b)| a * b).sum()
 }
@@ -56,8 +56,8 @@ impl Pod {
     /// Decomposes snapshots and keeps the modes whose singular values exceed `tolerance` times the largest. Each snapshot is
     /// scaled to unit energy, so that small and large responses have equal weight. Zero snapshots are skipped.
     ///
-    /// Snapshots are orthonormalised first, and the small triangular factor is decomposed. Singular values are then accurate down
-    /// to rounding. A decomposition of the correlation matrix would lose those below the square root of rounding.
+    /// Snapshots are orthonormalised first, and the small triangular factor is decomposed. Singular values are then accurate down to
+    /// rounding. A decomposition of the correlation matrix would lose singular values below the square root of rounding.
     pub fn new(snapshots: &[Vec<f64>], energy: EnergyProduct, tolerance: f64) -> Result<Self> {
         let (basis, triangle) = orthonormalise(snapshots, energy);
         let n = basis.len();

@@ -13,11 +13,11 @@ use elements::fe::factorisation::add_symmetric_product;
 /// Reduced operators, which give the response for any Poisson ratio in the trained range.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ReducedOperators {
-    /// Number of modes m.
+    /// Number m of modes.
     pub n_modes: usize,
-    /// Deviatoric stiffness Vᵀ K_dev V, m × m, row by row. The columns of V are the modes.
+    /// Reduced deviatoric stiffness Vᵀ K_dev V, m × m, row by row. K_dev is the full-order matrix, and the m columns of V are the modes.
     pub deviatoric: Vec<f64>,
-    /// Volumetric stiffness Vᵀ K_vol V, m × m, row by row.
+    /// Reduced volumetric stiffness Vᵀ K_vol V, m × m, row by row. K_vol is the full-order matrix, and the m columns of V are the modes.
     pub volumetric: Vec<f64>,
     /// Translation of the robot in each mode.
     pub robot: Vec<f64>,
@@ -78,13 +78,14 @@ impl ReducedOperators {
         DMatrix::from_fn(m, m, |i, j| deviatoric * self.deviatoric[i * m + j] + volumetric * self.volumetric[i * m + j])
     }
 
-    /// Displacement of the robot per unit force at unit Young's modulus, in 1/m.
+    /// Displacement of the robot per unit force at unit Young's modulus, in 1/m, at a Poisson ratio.
     pub fn compliance_per_m(&self, poisson_ratio: f64) -> Result<f64> {
         Ok(self.dual_compliance_per_m(Dual::constant(poisson_ratio))?.value)
     }
 
-    /// Returns the displacement C per unit force (1/m) with its derivative by the Poisson ratio ν. With K(ν) q = s r, C = rᵀq and
-    /// dC = −qᵀ dK q / s. r is the robot's translation in the modes, and s the fraction of the force on the mesh.
+    /// Returns the displacement C per unit force (1/m) with its derivative by the Poisson ratio ν. The factors q of the modes solve K(ν)
+    /// q = s r, with K the reduced stiffness. Then C = rᵀq and dC = −qᵀ dK q / s. r is the robot's translation in the modes, and s the
+    /// fraction of the force on the mesh.
     pub fn dual_compliance_per_m(&self, poisson_ratio: Dual) -> Result<Dual> {
         let response = self.unit_response(poisson_ratio.value)?;
         let value = self.robot.iter().zip(response.iter()).map(|(r, q)| r * q).sum();

@@ -17,17 +17,20 @@ use elements::fe::spatial::{MatrixSplitting, SpatialSystem};
 
 /// Terms whose weights are below this fraction of the total are omitted.
 const LEAST_WEIGHT: f64 = 1e-10;
-/// Ratio of μ to the largest μ below which a term does not depend on B. Value of 1 − θ below which a term depends on B alone.
-const NO_SHARE: f64 = 1e-7;
+/// Tolerance of special eigenvalues. An eigenvalue below this fraction of the largest one counts as 0 if the second matrix is rigid at the
+/// effect's null. A fraction θ of the second matrix counts as 1 if it differs from 1 by less than this.
+const EIGENVALUE_TOLERANCE: f64 = 1e-7;
 
-/// Terms to which a pair of matrices is reduced.
+/// Terms to which a pair of matrices is reduced. The robot's compliance is a sum over terms of w/(1 + x μ), with x the factor of the second
+/// matrix.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FieldModes {
-    /// Compliance of the full-order model at x = 0, in 1/m.
+    /// Compliance of the full-order model without the second matrix's addition (x = 0), in 1/m.
     pub compliance_per_m: f64,
     /// Weights w of the terms. They add up to 1 minus the error of the modes.
     pub weights: Vec<f64>,
-    /// Eigenvalues μ ≥ 0 of the terms, or their fractions θ, in the order of the weights.
+    /// Eigenvalues μ ≥ 0 of the terms, in the order of the weights. If the energy norm contains the second matrix, they are the fractions θ
+    /// of a term's stiffness that this matrix contributes.
     pub numbers: Vec<f64>,
     /// Singular values of the normalised snapshots, relative to the largest.
     pub singular_values: Vec<f64>,
@@ -38,8 +41,8 @@ pub struct FieldModes {
 }
 
 impl FieldModes {
-    /// Solves the full-order model at the x of the snapshots, and reduces it to terms. Modes whose singular values are below
-    /// `tolerance` times the largest one are dropped.
+    /// Solves the full-order model at the snapshots' factors x of the second matrix, and reduces it to terms. Modes whose singular values
+    /// are below `tolerance` times the largest one are dropped.
     ///
     /// # Errors
     /// Errors of the matrix factorisation and of the decomposition.
@@ -85,8 +88,10 @@ impl FieldModes {
         let mut terms: Vec<(f64, f64)> = (0..r)
             .map(|k| {
                 let number = eigen.S().column_vector()[k].max(0.0);
-                let number = if splitting.reference == 1.0 && number > 1.0 - NO_SHARE { 1.0 } else { number };
-                let number = if number < NO_SHARE * largest && splitting.is_rigid_at_null { 0.0 } else { number };
+                let number =
+                    if splitting.reference == 1.0 && number > 1.0 - EIGENVALUE_TOLERANCE { 1.0 } else { number };
+                let number =
+                    if number < EIGENVALUE_TOLERANCE * largest && splitting.is_rigid_at_null { 0.0 } else { number };
                 (vectors[k][robot] * vectors[k][robot] / compliance, number)
             })
             .filter(|(weight, _)| *weight > LEAST_WEIGHT)
@@ -103,7 +108,7 @@ impl FieldModes {
         })
     }
 
-    /// Returns the compliance at a real x, divided by the compliance at x = 0.
+    /// Returns the compliance at a real factor x of the second matrix, divided by the compliance at x = 0.
     pub fn relative_compliance(&self, x: f64) -> f64 {
         self.weights.iter().zip(&self.numbers).map(|(weight, number)| weight / (1.0 + x * number)).sum()
     }

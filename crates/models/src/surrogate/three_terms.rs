@@ -15,27 +15,27 @@ use base::number::{Dual, Scalar};
 use elements::fe::spatial::GelAndRobot;
 use laws::rheology::SpreadTerm;
 
-/// Number of parameter values at which the terms are computed.
+/// Number of values of the shape parameter at which the terms are computed.
 pub(super) const N_SHAPES: usize = 8;
-/// Distance from 0 or 1 below which θ counts as 0 or 1.
+/// Distance from 0 or 1 below which the fraction θ of the second matrix's stiffness counts as 0 or 1.
 const NEAR: f64 = 0.05;
 
-/// Terms as functions of the shape parameter.
+/// Three terms of a pair of matrices, as functions of the shape parameter.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ThreeTerms {
     /// Name of the shape parameter.
     parameter: String,
     /// Trained range of the shape parameter.
     range: [f64; 2],
-    /// Logarithms of the three weights and the logit of the middle θ, at Chebyshev points of the parameter's logarithm.
+    /// Logarithms of the three weights and the logit of the middle stiffness fraction θ, at Chebyshev points of the parameter's logarithm.
     at_shapes: Vec<[f64; 4]>,
 }
 
 impl ThreeTerms {
-    /// Reduces the full-order model at each Chebyshev point of the parameter.
+    /// Reduces the full-order model at each Chebyshev point of the shape parameter.
     ///
     /// # Errors
-    /// Errors of the full-order model. [`Error::Numerical`] if θ does not have three values.
+    /// Errors of the full-order model. [`Error::Numerical`] if one of the three terms is missing.
     pub fn new(
         pair: &dyn MatrixPair,
         ShapeParameter { name, range }: ShapeParameter,
@@ -64,7 +64,7 @@ impl ThreeTerms {
         Ok(Self { parameter: name.into(), range, at_shapes })
     }
 
-    /// Returns the three terms at a value of the parameter.
+    /// Returns the three terms at a value of the shape parameter.
     ///
     /// # Errors
     /// [`Error::OutsideTrainedRange`] if the value is outside the trained range.
@@ -88,7 +88,8 @@ impl ThreeTerms {
     }
 }
 
-/// Returns the logarithms of the weights for θ = 0, for the middle θ and for θ = 1, and the logit of the mean middle θ.
+/// Returns the logarithms of the weights for θ = 0, for the middle θ and for θ = 1, and the logit of the mean middle θ. θ is the fraction
+/// of a term's stiffness that comes from the second matrix.
 fn three_terms(modes: &FieldModes) -> [f64; 4] {
     let (mut weights, mut moment) = ([0.0; 3], 0.0);
     for (weight, share) in modes.weights.iter().zip(&modes.numbers) {
@@ -105,7 +106,7 @@ fn three_terms(modes: &FieldModes) -> [f64; 4] {
     [weights[0].ln(), weights[1].ln(), weights[2].ln(), (between / (1.0 - between)).ln()]
 }
 
-/// Returns the values at x of Lagrange's polynomials through the Chebyshev points.
+/// Returns the values at x of Lagrange's polynomials through the Chebyshev points on [−1, 1].
 fn lagrange(x: Dual) -> [Dual; N_SHAPES] {
     let point = |i: usize| -(PI * (i as f64 + 0.5) / N_SHAPES as f64).cos();
     std::array::from_fn(|i| {

@@ -9,11 +9,11 @@ use record::{ForceRule, has_noisy_levels, is_work_negative};
 const MOST: f64 = 0.5;
 /// Largest change of a force, as a fraction of its range, that counts as no change.
 const NOTHING: f64 = 1e-6;
-/// Largest difference between the motions for a held and a linear force, as a fraction of the noise, that does not matter.
+/// Largest ignored difference between the motions under a held and under a linear force, as a fraction of the noise standard deviation.
 const MATTERS: f64 = 1.0 / 3.0;
-/// A response is against the force if at least this fraction of the fitted motion's work is against it. The motion must also explain the fraction [`EXPLAINED`] of the
-/// positions' variance.
+/// Smallest fraction of the fitted motion's work that must be against the force, so that the response counts as opposite to the force.
 const CLEARLY: f64 = 0.5;
+/// Smallest fraction of the positions' variance that the fitted motion must explain, so that the direction of the response is judged.
 const EXPLAINED: f64 = 0.3;
 
 /// Finds a force that changes at most rows, if the description does not state its course between rows.
@@ -47,8 +47,8 @@ pub(super) fn between_rows(looked: &CheckContext<'_>) -> Option<Contradiction> {
     Some(found("force_between_rows", true, text, advice))
 }
 
-/// Finds a curved force that straight lines between rows approximate badly. The limit is a shift that biases a fitted parameter by its standard error. The limit lies
-/// below the noise of one position, because the shift is common to all positions.
+/// Finds a curved force that straight lines between rows approximate badly. The check reports a shift of the positions that biases a fitted parameter by its standard
+/// error. This shift is smaller than the noise of one position, because it is common to all positions.
 pub(super) fn curved(looked: &CheckContext<'_>) -> Option<Contradiction> {
     let (record, fit) = (looked.record, looked.fit.as_ref()?);
     if record.force_rule != ForceRule::Linear || looked.noise_m == 0.0 {
@@ -73,7 +73,7 @@ pub(super) fn curved(looked: &CheckContext<'_>) -> Option<Contradiction> {
     ))
 }
 
-/// Finds a response in the direction opposite to the force. A passive body can only take up work.
+/// Finds a motion in the direction opposite to the force. This is impossible, because a passive body can only take up work.
 pub(super) fn against(looked: &CheckContext<'_>) -> Option<Contradiction> {
     let fit = looked.fit.as_ref().filter(|fit| fit.explained > EXPLAINED)?;
     let motion_m: Vec<Option<f64>> = fit.motion_m.iter().copied().map(Some).collect();

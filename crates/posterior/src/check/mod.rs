@@ -1,6 +1,6 @@
 //! Finds contradictions between a record and its description before the first fit (formats §4).
 //!
-//! Every file except `quick_fit` finds one kind of contradiction, or several kinds that use the same inputs. A certain contradiction is an error, a possible one a
+//! Every submodule except `quick_fit` finds one kind of contradiction, or several kinds that use the same inputs. A certain contradiction is an error, a possible one a
 //! warning.
 
 mod force;
@@ -29,11 +29,11 @@ struct CheckContext<'a> {
     noise_m: f64,
     /// Range of the positions in m, without the largest 1 % and the smallest 1 % of them.
     range_m: f64,
-    /// Quick fit under the record's own force rule.
+    /// Fit of a simple law (see `quick_fit`) under the record's own rule for the force between rows.
     fit: Option<QuickFit>,
 }
 
-/// Fraction of the positions that the range leaves out at either end.
+/// Fraction of the positions that is left out at either end when their range is computed.
 const TAIL: f64 = 0.01;
 
 impl<'a> CheckContext<'a> {
@@ -89,8 +89,7 @@ pub fn contradictions(experiment: &Experiment, understood: &Interpretation) -> V
         switches::logged_late,
         zero::starts_under_load,
     ];
-    // The quick fit assumes that positions are linear in the force. An indenter's depth is not, so only checks without the quick fit apply. The record's reader finds
-    // the contact.
+    // The quick fit assumes that positions are linear in the force. An indenter's depth is not linear, so only checks without the quick fit apply to it.
     let of_indenter = [times::units, positions::clipped, positions::repeated];
     let looks = if matches!(experiment.apparatus, Apparatus::Indenter(_)) { &of_indenter[..] } else { &looks[..] };
     let mut all: Vec<Contradiction> = looks.iter().filter_map(|look| look(&looked)).collect();
@@ -141,7 +140,7 @@ pub fn refuse_contradictions(
     Ok(())
 }
 
-/// Summary of how the program understood a record, with the contradictions that it found.
+/// Summary of the program's reading of a record, with the contradictions that it found.
 pub fn summary(experiment: &Experiment, files: &ExperimentFiles) -> CheckSummary {
     CheckSummary {
         experiment: experiment.specimen_id.clone(),
@@ -155,7 +154,7 @@ pub fn summary(experiment: &Experiment, files: &ExperimentFiles) -> CheckSummary
     }
 }
 
-/// Description of how the program understood a record, in five lines.
+/// Description of the program's reading of a record, in five lines: apparatus, rows, force, positions and cycles.
 fn sentences(experiment: &Experiment, understood: &Interpretation) -> [String; 5] {
     let record = &experiment.record;
     let number = |value: f64| figures::number::format_significant(value, 3);

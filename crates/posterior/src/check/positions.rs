@@ -8,24 +8,25 @@ use figures::number::format_significant;
 use record::noise::Outlier;
 use record::repeated_outliers;
 
-/// Smallest number of positions at one end of the range that is no chance. [`CLIPPED_SHARE`] is their smallest fraction of all positions, and [`CLIPPED_RUN`] their
-/// smallest number in succession.
+/// Smallest number of equal positions at one end of the range that counts as clipping.
 const CLIPPED: usize = 5;
+/// Smallest fraction of all positions that must be equal at one end of the range to count as clipped.
 const CLIPPED_SHARE: f64 = 0.01;
+/// Smallest number of successive equal positions at one end of the range that counts as clipping.
 const CLIPPED_RUN: usize = 3;
-/// Smallest fraction of positions equal to the previous position that is reported.
+/// Smallest fraction of positions that equal the position before them and are reported as repeated.
 const REPEATED: f64 = 0.25;
 /// Coarsest resolution, as a fraction of the noise, at which equal positions are suspicious.
 const COARSE: f64 = 0.5;
 
-/// Resolution of the written positions in m: the smallest difference between unequal ones.
+/// Resolution of the written positions in m: the smallest difference between two unequal positions.
 fn resolution_m(positions: &[f64]) -> f64 {
     let mut sorted = positions.to_vec();
     sorted.sort_unstable_by(f64::total_cmp);
     sorted.windows(2).map(|pair| pair[1] - pair[0]).filter(|gap| *gap > 0.0).fold(f64::INFINITY, f64::min)
 }
 
-/// Returns true if the noise is larger than the resolution of the positions, so that equal positions are no chance.
+/// Returns true if the positions have a finer resolution than their noise, so that equal positions are unlikely to be chance.
 fn is_fine(looked: &CheckContext<'_>, positions: &[f64]) -> bool {
     let noise_m = looked.fit.as_ref().map_or(looked.noise_m, |fit| looked.noise_m.min(fit.left_sd_m));
     noise_m > 0.0 && resolution_m(positions) < COARSE * noise_m
@@ -72,7 +73,7 @@ pub(super) fn repeated(looked: &CheckContext<'_>) -> Option<Contradiction> {
     Some(found("repeated_positions", false, text, advice))
 }
 
-/// Largest number of rows that a message lists.
+/// Largest number of outliers that a message lists.
 const LISTED: usize = 5;
 
 /// Finds single positions that are far from the positions before and after them.
@@ -103,7 +104,7 @@ pub(super) fn outliers(looked: &CheckContext<'_>) -> Option<Contradiction> {
     Some(found("outliers", false, text, advice))
 }
 
-/// Finds a value that marks lost positions.
+/// Finds a position value, such as 0, that marks lost tracking instead of a measurement.
 pub(super) fn lost(looked: &CheckContext<'_>) -> Option<Contradiction> {
     let positions = &looked.record.position_m;
     let values = repeated_outliers(positions);
@@ -118,7 +119,7 @@ pub(super) fn lost(looked: &CheckContext<'_>) -> Option<Contradiction> {
     Some(found("lost_positions", true, text, advice))
 }
 
-/// Finds a column that is not read although it moves with the position.
+/// Finds a column of the table that is not read, although its values are correlated with the position.
 pub(super) fn unread(looked: &CheckContext<'_>) -> Option<Contradiction> {
     let columns: Vec<String> = looked
         .understood
@@ -126,7 +127,10 @@ pub(super) fn unread(looked: &CheckContext<'_>) -> Option<Contradiction> {
         .iter()
         .map(|column| format!("`{}` (correlation {:.2})", column.name, column.correlation))
         .collect();
-    let text = format!("not read although correlated with the motion: {}", columns.join(", "));
+    let text = format!(
+        "the table has columns that are not read, although they are correlated with the motion: {}",
+        columns.join(", ")
+    );
     let advice = "if it is a coordinate, name position_x, position_y and position_z in [measurement.columns]";
     (!columns.is_empty()).then(|| found("unread_column_follows", false, text, advice))
 }

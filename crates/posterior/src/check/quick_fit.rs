@@ -15,12 +15,12 @@ const N_RATES: usize = 24;
 /// Largest residual, in robust standard deviations, of a position that the second pass of the fit uses.
 const FAR: f64 = 4.0;
 
-/// Result of the fit of the simple law.
+/// Result of the quick fit of a simple law (retarded motion, flow and offset) to a record.
 #[derive(Debug, Clone, PartialEq)]
 pub struct QuickFit {
     /// Fitted motion at every row of the fit, in m, without the offset.
     pub motion_m: Vec<f64>,
-    /// Offset of the positions, in m.
+    /// Fitted constant offset of the positions, in m.
     pub offset_m: f64,
     /// Rate of the retarded motion, in 1/s.
     pub rate_per_s: f64,
@@ -34,7 +34,7 @@ pub struct QuickFit {
     pub compliance: [f64; 2],
 }
 
-/// Retarded force (N) and impulse of the force (N·s) at every row, as limits from the left. Compliances convert them into the retarded motion and the flow.
+/// Retarded force (N) and impulse of the force (N·s) just before the time of every row. Multiplied by compliances, they give the retarded motion and the flow.
 fn parts(record: &Record, rule: ForceRule, rate_per_s: f64, n_rows: usize) -> Vec<[f64; 2]> {
     let force = Force { at_rows_n: &record.force_n, rule };
     let (mut retarded, mut flow) = (0.0, 0.0);
@@ -45,7 +45,7 @@ fn parts(record: &Record, rule: ForceRule, rate_per_s: f64, n_rows: usize) -> Ve
         let dt_s = next_s - record.time_s[row];
         let slope = force.slope_n_per_s(&record.time_s, row);
         let (from_n, to_n) = (record.force_n[row], record.force_n[row] + slope * dt_s);
-        // This solves u' = r (F − u) exactly, where the force F is linear between rows and r is the rate.
+        // This solves u' = r (F − u) exactly for the retarded force u. The force F is linear between rows, and r is the rate.
         let lag_n = slope / rate_per_s;
         retarded = to_n - lag_n + (retarded - from_n + lag_n) * (-rate_per_s * dt_s).exp();
         flow += force.impulse_n_s(&record.time_s, row);
@@ -53,13 +53,13 @@ fn parts(record: &Record, rule: ForceRule, rate_per_s: f64, n_rows: usize) -> Ve
     parts
 }
 
-/// Median of the values; `None` without values. For an even number of values it is the larger of the two middle ones.
+/// Median of the values; `None` without values. For an even number of values, the result is the larger of the two middle values.
 pub(super) fn median(mut values: Vec<f64>) -> Option<f64> {
     let middle = values.len() / 2;
     (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
-/// Number of rows at the record's start that the quick fit uses.
+/// Number of rows that the quick fit uses, from the start of the record.
 pub fn n_quick_rows(record: &Record) -> usize {
     record.n_rows().min(MOST_ROWS)
 }
@@ -168,7 +168,7 @@ pub fn curve_beyond_lines(record: &Record, fit: &QuickFit) -> [f64; 2] {
         -(slopes[1] - slopes[0]) * length_s / 12.0
     };
     let bends: Vec<f64> = (0..n_rows).map(bend).collect();
-    // A row counts only if its neighbours bend in its direction. This excludes corners and the noise of a force sensor.
+    // A row counts only if the force bends in the same direction at both neighbouring rows. This excludes corners and the noise of a force sensor.
     let smooth = |row: usize| {
         let three = &bends[row.saturating_sub(1)..(row + 2).min(n_rows)];
         let is_curve = three.iter().all(|bend| bend * three[0] > 0.0);

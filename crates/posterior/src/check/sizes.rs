@@ -18,7 +18,8 @@ pub(super) fn no_gel(looked: &CheckContext<'_>) -> Option<Contradiction> {
         Apparatus::Instrument { compliance_per_m } => compliance_per_m * largest_n,
         Apparatus::Indenter(_) => return None,
         Apparatus::Robot { robot, vitreous } => {
-            // For a rigid sphere of radius a in an unbounded elastic body, F = 24 π μ a (1 − ν)/(5 − 6ν) x. An accuracy of 10 % is enough here.
+            // A rigid sphere of radius a in an unbounded elastic body is displaced by x under the force F = 24 π μ a (1 − ν)/(5 − 6ν) x. Here μ is the shear modulus
+            // and ν Poisson's ratio. An accuracy of 10 % is enough.
             let (nu, radius_m) = (vitreous.poisson_ratio, robot.shape.equivalent_radius_m());
             let shear_per_young = 0.5 / (1.0 + nu);
             let stiffness_m = 24.0 * std::f64::consts::PI * shear_per_young * radius_m * (1.0 - nu) / (5.0 - 6.0 * nu);
@@ -30,7 +31,7 @@ pub(super) fn no_gel(looked: &CheckContext<'_>) -> Option<Contradiction> {
         return None;
     }
     let text = format!(
-        "a force of {} µN moves the body by {} µm: a Young's modulus of about {} Pa, which no gel has",
+        "a force of {} µN moves the body by {} µm: this needs a Young's modulus of about {} Pa, which no gel has",
         um(largest_n),
         um(looked.range_m),
         format_significant(modulus_pa, 2)

@@ -8,12 +8,13 @@ use record::{MotionLine, Record};
 
 /// Number of positions whose regression line is extrapolated to the next row.
 const BEFORE: usize = 4;
-/// Number of rows among which these positions are searched, because some may be lost.
+/// Number of rows before a row in which positions for its regression line are searched. It exceeds [`BEFORE`], because some positions may be lost.
 const WITHIN: usize = 8;
-/// Smallest number of force steps that this check needs.
+/// Smallest number of force steps from which a motion before the stated switches can be judged.
 const STEPS: usize = 2;
-/// Smallest median excess that counts as a motion before the stated switch, in units of its standard error. [`NOISES`] is the limit in noise standard deviations.
+/// Smallest median excess that counts as a motion before the stated switch, in standard errors of the median.
 const ERRORS: f64 = 5.0;
+/// Smallest median excess that counts as a motion before the stated switch, in noise standard deviations.
 const NOISES: f64 = 2.0;
 
 /// Difference (m) between a row's position and the line through the four positions before it; `None` if too many are lost.
@@ -51,8 +52,8 @@ pub(super) fn between_rows(looked: &CheckContext<'_>) -> Option<Contradiction> {
     // The median is robust against an outlier, and against a few switches that are at the right time.
     let middle_m = sorted[(sorted.len() - 1) / 2];
     let noise_m = looked.noise_m;
-    // The excess of a row minus that of the previous row weights six positions by 1, −2, ½, ½, ½ and −½. Its standard deviation is √6 times that of one position. The
-    // median of n such values has 1.25/√n times this standard deviation.
+    // The excess of a row minus the excess of the previous row weights six positions by 1, −2, ½, ½, ½ and −½. Its standard deviation is √6 times the noise. The
+    // standard error of the median of n such values is 1.25/√n times this standard deviation.
     let error_m = 1.25 * 6.0_f64.sqrt() * noise_m / (excesses.len() as f64).sqrt();
     if middle_m <= (ERRORS * error_m).max(NOISES * noise_m) || middle_m <= 1e-3 * looked.range_m {
         return None;
@@ -66,15 +67,15 @@ pub(super) fn between_rows(looked: &CheckContext<'_>) -> Option<Contradiction> {
     Some(found("switch_between_rows", true, text, advice))
 }
 
-/// Largest number of rows by which a force may be logged late. [`LEFT`] is the largest residual of a fit with the earlier force, as a fraction of the residual with the
-/// logged force.
+/// Largest delay, in rows, of a force log that the check for a late log tries.
 const MOST_LAG: usize = 200;
+/// Largest residual of a fit with the force shifted to earlier rows, as a fraction of the residual with the logged force, that shows a late log.
 const LEFT: f64 = 0.5;
-/// Smallest reduction of the mean residual by the shift, as a fraction of the positions' range.
+/// Smallest reduction of the mean residual by shifting the force to earlier rows, as a fraction of the positions' range.
 const MATTERS: f64 = 0.003;
-/// Number of rows that must move the same way to count as the beginning of a motion.
+/// Number of successive rows that must deviate in the same direction to count as the beginning of a motion.
 const SUSTAINED: usize = 3;
-/// Largest number of times that a message lists.
+/// Largest number of switch times that a message lists.
 const LISTED: usize = 8;
 
 /// Finds a force that acts before the rows in which it is written, because it was logged late or more rarely than the positions.

@@ -5,11 +5,13 @@ use documents::check::Contradiction;
 use figures::number::format_significant;
 use record::Apparatus;
 
-/// Shortest and longest sampling interval (s) of a camera that tracks a robot, then of another instrument.
+/// Shortest and longest sampling interval (s) of a camera that tracks a robot.
 const CAMERA_S: [f64; 2] = [5e-4, 8.0];
+/// Shortest and longest sampling interval (s) of an instrument other than a camera.
 const INSTRUMENT_S: [f64; 2] = [1e-7, 3600.0];
-/// Smallest number of rows per retardation time that causes no warning. [`NOISES`] is the smallest retarded motion that is checked, in noise standard deviations.
+/// Smallest number of rows per retardation time that causes no warning.
 const ROWS: f64 = 1.5;
+/// Smallest retarded motion for which the number of rows is checked, in noise standard deviations.
 const NOISES: f64 = 6.0;
 
 /// Finds a median sampling interval that the instrument cannot have.
@@ -22,11 +24,11 @@ pub(super) fn units(looked: &CheckContext<'_>) -> Option<Contradiction> {
     if (shortest_s..=longest_s).contains(&interval_s) {
         return None;
     }
-    let text = format!("rows are {} s apart, which is unusual for a camera", format_significant(interval_s, 3));
+    let text = format!("rows are {} s apart, which is unusual for this apparatus", format_significant(interval_s, 3));
     Some(found("time_unit", false, text, "check the unit of the time: seconds and milliseconds may be confused"))
 }
 
-/// Finds a retarded motion that lasts too few rows.
+/// Finds a retarded motion that ends within too few rows to determine its viscosity.
 pub(super) fn few_rows(looked: &CheckContext<'_>) -> Option<Contradiction> {
     let fit = looked.fit.as_ref()?;
     let interval_s = looked.record.median_interval_s()?;
@@ -42,13 +44,13 @@ pub(super) fn few_rows(looked: &CheckContext<'_>) -> Option<Contradiction> {
     Some(found("few_rows_in_a_retardation_time", false, text, "sample faster right after every switch of the force"))
 }
 
-/// Smallest ratio of a gap to the neighbouring intervals.
+/// Smallest ratio of an interval without rows to the neighbouring intervals at which it counts as a gap.
 const GAP: f64 = 10.0;
-/// Smallest length of a gap, in median intervals. This limit is necessary because rows may be dense after a switch. [`LISTED`] is the largest number of gaps that a
-/// message lists.
+/// Smallest length of a gap, in median intervals. This limit is necessary because rows may be dense after a switch.
 const LONG: f64 = 3.0;
+/// Largest number of gaps that a message lists.
 const LISTED: usize = 4;
-/// Smallest jump over a gap that is reported, in noise standard deviations.
+/// Smallest jump of the position over a gap that is reported, in noise standard deviations.
 const JUMP_NOISES: f64 = 6.0;
 
 /// Finds gaps without rows, in which the program assumes that the force of the last row acts.

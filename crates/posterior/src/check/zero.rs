@@ -8,22 +8,25 @@ use record::MotionLine;
 
 /// Number of positions at the record's start that the check of the zero uses.
 const FIRST: usize = 5;
-/// Smallest start position, in noise standard deviations, that a small error of the tracker does not explain. [`SHARE`] is the smallest start position as a fraction of
-/// the positions' range.
+/// Smallest start position that is reported as a wrong zero, in noise standard deviations.
 const NOISES: f64 = 6.0;
+/// Smallest start position that is reported as a wrong zero, as a fraction of the positions' range.
 const SHARE: f64 = 0.03;
-/// Values of [`NOISES`] and [`SHARE`] for a record without a position at the start.
+/// Replacement of [`NOISES`] for a record without a position before the force acts.
 const NOISES_WITHOUT_START: f64 = 12.0;
+/// Replacement of [`SHARE`] for a record without a position before the force acts.
 const SHARE_WITHOUT_START: f64 = 0.15;
 /// Largest relative difference between the two estimates of the start position at which they agree.
 const AGREE: f64 = 0.5;
-/// Noise standard deviation, in units of the smallest difference of positions, at which a position of exactly 0 is no chance.
+/// Smallest ratio of the noise to the smallest difference of positions at which a position of exactly 0 is no coincidence.
 const DIGITS: f64 = 50.0;
-/// Smallest number of rows at rest that can show a drift. The next three constants limit the drift: in noise standard deviations, as a fraction of the positions'
-/// range, and in its standard errors.
+/// Smallest number of rows at rest (before any force acts) that can show a drift.
 const REST_ROWS: usize = 8;
+/// Smallest drift at rest that is reported, in noise standard deviations.
 const DRIFT_NOISES: f64 = 4.0;
+/// Smallest drift at rest that is reported, as a fraction of the positions' range.
 const DRIFT_SHARE: f64 = 0.02;
+/// Smallest slope of a drift at rest that is reported, in standard errors of the slope.
 const DRIFT_ERRORS: f64 = 8.0;
 
 /// Finds a record that does not start at zero although no force has acted, as in camera coordinates.
@@ -59,8 +62,8 @@ pub(super) fn off(looked: &CheckContext<'_>) -> Option<Contradiction> {
     Some(found("zero_off", true, text, advice))
 }
 
-/// Finds positions that were measured from the first row's position. Its noise then shifts all positions. The sign is a first position of exactly 0, although the noise
-/// is many times the resolution of the positions.
+/// Finds positions that were measured from the first row's position, whose noise then shifts all positions. The symptom is a first position of exactly 0, although the
+/// noise is many times the resolution of the positions.
 pub(super) fn is_a_row(looked: &CheckContext<'_>) -> Option<Contradiction> {
     let noise_m = looked.experiment.noise_sd_m?;
     let mut positions: Vec<f64> = looked.record.position_m.iter().flatten().copied().collect();
@@ -114,12 +117,13 @@ pub(super) fn drifts_at_rest(looked: &CheckContext<'_>) -> Option<Contradiction>
     ))
 }
 
-/// Time after a switch during which the elastic motion is measured, in median intervals. [`NEAR`] is the tolerance of a row's time, as a fraction of this time.
-/// [`SHOWS_NOISES`] is the smallest expected motion that is checked, in noise standard deviations.
+/// Time after a switch during which the elastic motion is measured, in median intervals.
 const ROWS_AFTER: f64 = 5.0;
+/// Largest distance of a row from the end of the time [`ROWS_AFTER`], as a fraction of this time, at which its position is used.
 const NEAR: f64 = 0.3;
+/// Smallest expected motion after the first row for which a start under load is checked, in noise standard deviations.
 const SHOWS_NOISES: f64 = 10.0;
-/// Largest ratio of the motion after the first row to the expected one, at which the force was already acting before the first row.
+/// Largest ratio of measured to expected motion after the first row that counts as a start under load.
 const SLOWER: f64 = 0.3;
 /// Smallest change of force at another switch, as a fraction of the first row's force, that is used for comparison.
 const ALIKE: f64 = 0.3;
@@ -132,7 +136,7 @@ pub(super) fn starts_under_load(looked: &CheckContext<'_>) -> Option<Contradicti
         return None;
     }
     let after_s = ROWS_AFTER * record.median_interval_s()?;
-    // This returns the motion (m) within `after_s` after a row, minus the motion within an equal time before it.
+    // Motion (m) within `after_s` after a row, minus the motion within an equal time before it.
     let motion_m = |row: usize| {
         let at = |row: usize| record.position_m.get(row).copied().flatten();
         let near = |wanted_s: f64| {

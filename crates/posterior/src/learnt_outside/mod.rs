@@ -4,7 +4,7 @@ mod nearest;
 
 use std::sync::Arc;
 
-use super::outside::{ExternalModel, LearnedBox};
+use super::outside::{ExternalModel, TrainedBox};
 use super::problem::{Problem, TAIL_MASS};
 use crate::monitor::{Counter, Monitor};
 use base::error::{Error, Result, Setting};
@@ -16,29 +16,31 @@ use models::surrogate::trajectory::{
 use nearest::fit_to_data;
 use record::Force;
 
-/// Half widths of the boxes that are tried in turn, in standard deviations of a parameter's logarithm. Added effects move parameters by several standard deviations, or
-/// by twenty if the base model fits badly. If the surrogate's polynomials are not accurate enough in a box, the next smaller box is tried.
+/// Half widths of the parameter boxes in which a surrogate is trained, in standard deviations of a parameter's logarithm. They are tried in turn. Added effects move
+/// parameters by several standard deviations, or by twenty if the base model fits badly. If the surrogate's polynomials are not accurate enough in a box, the next
+/// smaller box is tried.
 const WIDTHS: [f64; 4] = [32.0, 16.0, 10.0, 6.0];
-/// Half widths of boxes are rounded up to powers of [`WIDTH_STEP`]. Middles are rounded to multiples of the half width times [`CENTRE_SHARE`]. Similar fits thus have
-/// equal boxes and use the same cached predictions.
+/// Base of the rounding of parameter boxes: their half widths are rounded up to powers of this base. Similar fits thus have equal boxes and use the same cached
+/// predictions.
 const WIDTH_STEP: f64 = std::f64::consts::SQRT_2;
+/// Unit to which the middle of a parameter box is rounded, as a fraction of the box's half width.
 const CENTRE_SHARE: f64 = 0.25;
-/// Smallest half width of a box, in standard deviations of the prior.
+/// Smallest half width of a parameter box around the best fit, in standard deviations of the prior.
 const NARROWEST: f64 = 0.05;
 /// Probability of a normal distribution beyond one standard deviation, on one side.
 const ONE_SD: f64 = 0.1587;
 /// Largest allowed error of the surrogate, divided by the noise, if the model's residuals exceed the noise.
 const LARGEST_BESIDE_MISFIT: f64 = 0.2;
-/// Largest error of the surrogate, divided by the noise, at which conclusions are possible.
+/// Largest error of the surrogate, divided by the noise, with which the surrogate is used. A larger error is refused.
 const LARGEST_ERROR: f64 = 0.5;
 /// Assumed noise, as a fraction of the range of positions, if the noise is unknown.
 const UNKNOWN_NOISE: f64 = 1e-3;
 
-/// Learnt surrogate of an external program.
+/// Trained surrogate of an external program for one record.
 pub struct ExternalSurrogate {
     /// Stepper that computes trajectories in place of the program.
     pub stepper: SharedStepper,
-    /// Range of each parameter in which the surrogate was learnt.
+    /// Range of each parameter in which the surrogate was trained.
     pub trained: Vec<TrainedRange>,
     /// Largest error at test points outside the training set, divided by the noise.
     pub over_noise: f64,
@@ -61,9 +63,9 @@ pub fn learn_external(
     let template: Vec<f64> = ranges.iter().map(|range| range.lower).collect();
     let yardstick = problem.experiment.reference_noise().map(|yardstick| yardstick.sd_m);
     let noise_m = yardstick.unwrap_or(UNKNOWN_NOISE * problem.experiment.scales().position_range_m);
-    // All models of an experiment use the same box, so that they are comparable.
-    let (boxes, allowed): (Vec<Vec<TrainedRange>>, f64) = match (outside.learnt_in(), &free[..]) {
-        (Some(LearnedBox { trained, allowed }), _) => {
+    // All models of an experiment use the same parameter box, so that the models are comparable.
+    let (boxes, allowed): (Vec<Vec<TrainedRange>>, f64) = match (outside.trained_box(), &free[..]) {
+        (Some(TrainedBox { trained, allowed }), _) => {
             (vec![ranges.iter().zip(trained).map(|(range, kept)| within(range, kept)).collect()], *allowed)
         }
         (None, []) => (vec![ranges.clone()], EXTERNAL_TOLERANCE),
@@ -108,7 +110,7 @@ pub fn learn_external(
     if over_noise.is_nan() || over_noise > LARGEST_ERROR {
         return Err(Error::numerical(
             format!(
-                "the surrogate of {}, learnt from {} predictions, misses others by {over_noise:.2} of the noise; conclusions need at most {LARGEST_ERROR}",
+                "the surrogate of {}, learnt from {} predictions, misses test predictions by {over_noise:.2} of the noise; at most {LARGEST_ERROR} is allowed",
                 outside.title(),
                 surface.n_points()
             ),
@@ -128,11 +130,11 @@ pub fn learn_external(
     let ends: Vec<(f64, f64)> = trained.iter().map(|range| (range.lower, range.upper)).collect();
     let lesson = ExternalTraining { ends: &ends, clock: &clock, time_s, force, noise_m, with_load };
     let stepper = SharedStepper(Arc::new(ExternalStepper::new(surface, &lesson)));
-    outside.keep_ground(LearnedBox { trained: trained.clone(), allowed });
+    outside.store_trained_box(TrainedBox { trained: trained.clone(), allowed });
     Ok(ExternalSurrogate { stepper, trained, over_noise })
 }
 
-/// Range of a parameter in a model: the box's range `kept`, or the model's own range if either is a fixed value.
+/// Range of a parameter in a model: the experiment's common range `kept`, or the model's range if either range is a single value.
 fn within(trained_range: &TrainedRange, kept: &TrainedRange) -> TrainedRange {
     if trained_range.lower == trained_range.upper || kept.lower == kept.upper {
         trained_range.clone()

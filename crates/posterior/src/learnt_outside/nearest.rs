@@ -12,7 +12,7 @@ use sampling::least_squares::{Fit, LeastSquaresProblem, Tolerances, fit};
 
 /// Prior probability beyond the range of the starts, at either end.
 const START_TAIL: f64 = 0.05;
-/// Number of starts per free parameter. The fit continues from the best start.
+/// Number of starts per free parameter at which the program is evaluated. The fit continues from the best start.
 const STARTS_PER_PARAMETER: u32 = 8;
 /// Seed of the scrambled Sobol sequence of starts. It is fixed, because the starts are part of the method.
 const START_SEED: u32 = 7;
@@ -20,27 +20,27 @@ const START_SEED: u32 = 7;
 const ROUNDING: f64 = 1e-9;
 /// Step in a parameter's logarithm for finite differences.
 const STEP: f64 = 1e-3;
-/// Tolerances of the search. They are a hundredth of the rounding of a box.
+/// Tolerances of the search: a hundredth of the rounding of a parameter box, so that they do not change the box.
 const TOLERANCES: Tolerances = Tolerances { objective: 1e-3, parameters: 1e-3, max_iterations: 40 };
 
-/// Largest number of successive fits. Each fit uses the residual of the previous one as noise. The fits end if this noise changes by a smaller fraction than
-/// [`SAME_NOISE`].
+/// Largest number of successive fits. Each fit uses the residual of the previous fit as noise.
 const ROUNDS: usize = 4;
+/// Relative change of the noise between two fits below which no further fit follows.
 const SAME_NOISE: f64 = 0.1;
-/// Largest number of times that a box's reach is shortened, and the factor of each shortening ([`SHORTER`]).
+/// Largest number of times that the distance from the best fit to an end of a parameter box is shortened.
 const SHORTENINGS: i32 = 16;
+/// Factor of each shortening of the distance from the best fit to an end of a parameter box.
 const SHORTER: f64 = 0.75;
-/// Largest relative increase of the sum of squares at the end of a reach, divided by the squared number of standard deviations. An added effect may lead to parameters
-/// far from the best fit of the base model. The base model's residuals may there be five times as large as at its best fit.
+/// Largest relative increase of the sum of squares at an end of a parameter box, divided by the squared number of standard deviations. The limit is wide, because an
+/// added effect may lead to parameters far from the best fit of the base model. At 16 standard deviations, the residuals may be five times as large as at the best fit.
 const FAR: f64 = 0.1;
 
-/// Best fit of the program to data and prior.
+/// Best fit of the external program to data and prior.
 #[derive(Debug)]
 pub(super) struct DataFit {
-    /// Logarithms of the free parameters.
+    /// Logarithms of the free parameters at the best fit.
     pub ln: Vec<f64>,
-    /// Distances in the logarithm, down and up from the best fit, to the ends of a box: `reaches[width][parameter]`. There is one box for every requested number of
-    /// standard deviations.
+    /// Distances in the logarithm, down and up from the best fit, to the ends of each box: `reaches[width][parameter]`. There is one box for every requested width.
     pub reaches: Vec<Vec<[f64; 2]>>,
     /// Residual of the best fit divided by the noise; at least 1.
     pub over_noise: f64,
@@ -90,7 +90,7 @@ pub(super) fn fit_to_data(
         return Err(refusal
             .unwrap_or_else(|| Error::numerical("the model has no prediction at any start", "give another prior")));
     };
-    // The sampler counts the model's misfit as noise. The prior therefore weighs more than it would with the noise alone.
+    // The sampler counts the model's misfit as noise. The noise of this fit is therefore increased to the residual, which gives the prior more weight.
     let mut found = None;
     let mut at: Vec<f64> = start.clone();
     for _ in 0..ROUNDS {
@@ -104,7 +104,7 @@ pub(super) fn fit_to_data(
         at = entry.theta.clone();
         found = Some(entry);
     }
-    let Some(found) = found else { return Err(Error::numerical("the model was not fitted", "give another prior")) };
+    let Some(found) = found else { return Err(Error::numerical("the program was not fitted", "give another prior")) };
     let of_width = |n_sd: &f64| -> Vec<[f64; 2]> {
         (0..free.len()).into_par_iter().map(|k| [-n_sd, *n_sd].map(|n_sd| distances.reach(&found, k, n_sd))).collect()
     };
@@ -129,23 +129,23 @@ struct FitResiduals<'a> {
     noise_m: f64,
     observed: Vec<(usize, f64)>,
     priors: Vec<Prior>,
-    /// First error that the server returned.
+    /// First error that the program's server returned during the fit.
     refusal: Mutex<Option<Error>>,
 }
 
 impl FitResiduals<'_> {
-    /// Root mean square of the residuals of the positions, without those of the prior.
+    /// Root mean square of the residuals of the positions, without the residuals of the prior.
     fn misfit(&self, residuals: &[f64]) -> f64 {
         let n = self.observed.len();
         (residuals.iter().take(n).map(|residual| residual * residual).sum::<f64>() / n.max(1) as f64).sqrt()
     }
 
-    /// Distance, in the logarithm, by which parameter `k` may move for `n_sd` standard deviations. The other parameters follow it according to the covariance. The
-    /// distance is shortened where the sum of squares rises much faster than a parabola.
+    /// Distance, in the logarithm, from the best fit to the end of a box of `n_sd` standard deviations for parameter `k`. The other parameters move along according to
+    /// the covariance. The distance is shortened where the sum of squares rises much faster than a parabola.
     fn reach(&self, found: &Fit, k: usize, n_sd: f64) -> f64 {
         let n = found.theta.len();
         let variance = found.objective / self.observed.len().max(1) as f64;
-        // Standard errors are not smaller than the noise alone would give.
+        // If the residuals are below the noise, the noise determines the standard errors.
         let widened = 1.0 / variance.min(1.0).sqrt();
         let step = widened * n_sd * found.standard_errors[k];
         if !step.is_finite() {

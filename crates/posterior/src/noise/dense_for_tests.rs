@@ -59,8 +59,8 @@ pub fn gaussian_models() -> [NoiseModel; 4] {
     [model(&["white"]), model(&["white", "ou"]), model(&["white", "gain"]), model(&["gain", "ou", "white"])]
 }
 
-/// Parameter points: σ, σ_ou, τ, s_g, s_o and ν. The terms are of similar or very different size. Processes are slow or fast relative to the time steps, gains are far
-/// above the noise, and some terms vanish.
+/// Parameter points: white noise (µm), slow noise (µm) and its correlation time (s), gain, offset (µm), and degrees of freedom. The terms are of similar or very
+/// different size. Processes are slow or fast relative to the time steps, gains are far above the noise, and some terms vanish.
 pub const POINTS: [[f64; 6]; 7] = [
     [4.0, 3.0, 0.5, 0.03, 5.0, 6.0],
     [4.0, 1e-3, 0.02, 1e-6, 1e-3, 2.3],

@@ -1,21 +1,21 @@
 //! Kalman filter whose state is the Ornstein–Uhlenbeck process, the gain and the offset.
 //!
-//! The state is (u, g, o) with indices 0, 1, 2. A position x observes it through the row vector h = (1, x, 1). P = U D Uᵀ is the state's covariance divided by σ², with
-//! U unit upper triangular. The process comes first because D₀ occurs only in P₀₀. A time step thus changes only D₀, U₀₁ and U₀₂. Terms that a model lacks are left out
-//! at compile time.
+//! The state (u, g, o) holds the process u, the gain g and the offset o, with indices 0, 1, 2. A position x observes it through the row vector h = (1, x, 1). P = U D
+//! Uᵀ is the state's covariance divided by the variance σ² of the white noise. U is unit upper triangular and D diagonal. The process comes first because D₀ occurs
+//! only in P₀₀. A time step thus changes only D₀, U₀₁ and U₀₂. Terms that a model lacks are left out at compile time.
 
 use pulp::{Scalar, Simd};
 
 use super::lanes::Register;
 
-/// Variances of gain (1/m²) and offset at the beginning of a cycle, divided by σ².
+/// Prior variances of gain and offset at the beginning of a cycle, divided by the variance of the white noise. This gives 1/m² for the gain.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PriorVariances<S: Simd> {
     pub gain: Register<S>,
     pub offset: Register<S>,
 }
 
-/// Covariance of the state, given all earlier observations, divided by σ².
+/// Covariance of the filter's state, given all earlier observations, divided by the variance of the white noise.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Covariance<S: Simd, const OU: bool, const GAIN: bool> {
     one: Register<S>,
@@ -25,21 +25,22 @@ pub(super) struct Covariance<S: Simd, const OU: bool, const GAIN: bool> {
     u12: Register<S>,
 }
 
-/// Correction of the mean by an observation. S is the predictive variance of the observed position; h and P are defined in the module's documentation.
+/// Correction of the state's mean by an observation. S is the predictive variance of the observed position, and σ² the variance of the white noise. The module's
+/// documentation defines h and P.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Gain<S: Simd> {
-    /// S/σ² − 1 = h P hᵀ, the part of the predictive variance that is not white.
+    /// Part of the predictive variance S that is not white noise, divided by the white variance σ²: S/σ² − 1 = h P hᵀ.
     pub excess: Register<S>,
-    /// σ²/S.
+    /// Inverse σ²/S of the predictive variance, in units of the white variance.
     pub precision: Register<S>,
-    /// P hᵀ. Divided by S/σ², it is the Kalman gain.
+    /// Direction P hᵀ of the correction. Divided by S/σ², it is the Kalman gain.
     direction: [Register<S>; 3],
 }
 
 /// A [`Gain`] as plain floating-point values. One covariance thus provides the gain for the means of many columns.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct GainNumbers {
-    /// σ²/S.
+    /// Inverse σ²/S of the predictive variance S, in units of the white variance σ².
     pub precision: f64,
     direction: [f64; 3],
 }
@@ -70,7 +71,8 @@ impl<S: Simd, const OU: bool, const GAIN: bool> Covariance<S, OU, GAIN> {
         Self { one: Register::splat(simd, 1.0), d: [zero; 3], u01: zero, u02: zero, u12: zero }
     }
 
-    /// Advances the covariance by a time step. `decay` is the factor on the process, and `gained` is the variance that the process gains, divided by σ².
+    /// Advances the covariance by a time step. `decay` is the factor on the process, and `gained` is the variance that the process gains, divided by the variance of
+    /// the white noise.
     #[inline(always)]
     pub fn advance(&mut self, decay: Register<S>, gained: Register<S>) {
         if OU {
@@ -102,7 +104,7 @@ impl<S: Simd, const OU: bool, const GAIN: bool> Covariance<S, OU, GAIN> {
     pub fn observe(&mut self, x: Register<S>) -> Gain<S> {
         let one = self.one;
         let zero = one.zero();
-        // f = Uᵀh and v = D f; α accumulates the predictive variance, component by component.
+        // Here f = Uᵀh and v = D f, and α accumulates the predictive variance, component by component.
         let v0 = if OU { self.d[0] } else { zero };
         let mut gain = Gain { excess: v0, precision: one, direction: [v0, zero, zero] };
         let mut alpha = one;
@@ -119,7 +121,7 @@ impl<S: Simd, const OU: bool, const GAIN: bool> Covariance<S, OU, GAIN> {
             let (v1, v2) = (self.d[1] * f1, self.d[2] * f2);
             let with_gain = f1.mul_add(v1, alpha);
             let with_offset = f2.mul_add(v2, with_gain);
-            // One division replaces three, because the filter must wait for each. Ratios of variances are below 10¹⁰⁰, so that the product of three is finite.
+            // One division replaces three, because divisions are slow. Ratios of variances are below 10¹⁰⁰, so that the product of three ratios is finite.
             let first_two = alpha * with_gain;
             let inverse = one / (first_two * with_offset);
             let (precision_1, precision_2) = (inverse * (alpha * with_offset), inverse * first_two);
@@ -160,13 +162,13 @@ impl<S: Simd, const OU: bool, const GAIN: bool> Mean<S, OU, GAIN> {
         Self { state: [Register::splat(simd, 0.0); 3] }
     }
 
-    /// Mean with a given process (m), and with gain and offset 0.
+    /// Creates the state's mean with a given process (m), and with gain and offset 0.
     #[inline(always)]
     pub fn of_process(process: Register<S>) -> Self {
         Self { state: [process, process.zero(), process.zero()] }
     }
 
-    /// Mean of the process (m).
+    /// Mean of the Ornstein–Uhlenbeck process (m), the first component of the state.
     #[inline(always)]
     pub fn process(&self) -> Register<S> {
         self.state[0]
@@ -215,7 +217,7 @@ impl<S: Simd, const OU: bool, const GAIN: bool> Mean<S, OU, GAIN> {
         }
     }
 
-    /// Corrects the mean by P hᵀ times `innovation`, which is the innovation divided by S/σ².
+    /// Corrects the state's mean by the gain's direction times `innovation`. This is the innovation divided by the predictive variance in units of the white variance.
     #[inline(always)]
     pub fn correct(&mut self, gain: &Gain<S>, innovation: Register<S>) {
         if OU {

@@ -4,7 +4,7 @@ use std::ops::{Add, Div, Mul, Sub};
 
 use pulp::Simd;
 
-/// Number of parameter points in one pass, which is the number of f64 values in the widest register.
+/// Number of parameter points that one pass over the rows evaluates, which is the number of f64 values in the widest register.
 pub const LANES: usize = 8;
 
 /// Vector register of f64 values. All its functions are inlined, because separate functions would be compiled without vector instructions.
@@ -27,13 +27,13 @@ impl<S: Simd> Register<S> {
         Self::splat(self.simd, 0.0)
     }
 
-    /// Loads register `index` of an array of lanes.
+    /// Loads the register with number `index` from an array of lanes.
     #[inline(always)]
     pub fn load<const W: usize>(simd: S, lanes: &[f64; W], index: usize) -> Self {
         Self { simd, value: S::as_simd_f64s(&lanes[..]).0[index] }
     }
 
-    /// Stores into register `index` of an array of lanes.
+    /// Stores the register as number `index` of an array of lanes.
     #[inline(always)]
     pub fn store<const W: usize>(self, lanes: &mut [f64; W], index: usize) {
         S::as_mut_simd_f64s(&mut lanes[..]).0[index] = self.value;
@@ -53,7 +53,7 @@ impl<S: Simd> Register<S> {
     }
 }
 
-/// Values 1/k! for k from 1 to 12.
+/// Inverse factorials 1/k! for k from 1 to 12, coefficients of Taylor's series of the exponential.
 const INVERSE_FACTORIALS: [f64; 12] = {
     let mut values = [1.0; 12];
     let mut k = 1;
@@ -67,8 +67,8 @@ const INVERSE_FACTORIALS: [f64; 12] = {
 impl<S: Simd> Register<S> {
     /// Returns exp(x) − 1 for x ≤ 0, accurate to a few units in the last place.
     ///
-    /// It evaluates Taylor's series at x/128. For x ≥ −40, the first neglected term is below 2·10⁻¹⁶ of the sum. Seven doublings e ← e (2 + e) follow, which lose no
-    /// digits. For x < −40 the result is −1 to the last place.
+    /// It evaluates Taylor's series at x/128. For x ≥ −40, the first neglected term is below 2·10⁻¹⁶ of the sum. Seven doublings of the argument follow by e ← e (2 +
+    /// e), where e is the result so far. They lose no digits. For x < −40 the result is −1 to the last place.
     #[inline(always)]
     pub fn exp_m1_below_zero(self) -> Self {
         let floor = Self::splat(self.simd, -40.0);
@@ -133,7 +133,7 @@ pub(super) struct Product<S: Simd> {
     scalings: Register<S>,
 }
 
-/// Scaling factor 2⁵⁰⁰.
+/// Scaling factor 2⁵⁰⁰ of a [`Product`], which keeps the product finite.
 const SCALING: f64 = f64::from_bits((1023 + 500) << 52);
 
 impl<S: Simd> Product<S> {
@@ -154,7 +154,7 @@ impl<S: Simd> Product<S> {
         self.scalings = excess.if_above(limit, counted, self.scalings);
     }
 
-    /// Stores the product into register `index` of arrays of lanes.
+    /// Stores the product as register number `index` of arrays of lanes.
     #[inline(always)]
     pub fn store<const W: usize>(self, lanes: &mut Products<W>, index: usize) {
         self.excess.store(&mut lanes.excess, index);

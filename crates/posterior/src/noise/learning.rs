@@ -1,4 +1,4 @@
-//! Learning of a record's noise by a search: instructions for the search, and use of the noise parameters that it finds.
+//! Estimation of a record's noise parameters by a search: instructions for the search, and use of the estimated parameters.
 
 use std::ops::{Deref, DerefMut};
 
@@ -10,7 +10,7 @@ use super::learnt_term::{DrawRow, LearntParameter, LearntTerm};
 use super::terms::{MOST_PARAMETERS, NoiseTerm, TERMS};
 use super::{NoiseModel, NoiseScales};
 
-/// Values of a noise model's parameters in their units, or the logarithms of these values. They are in the order of the model's parameters.
+/// Values of a noise model's parameters in their units, or the logarithms of these values, in the order of the model's parameters.
 #[derive(Clone, Copy)]
 pub struct NoiseValues {
     values: [f64; MOST_PARAMETERS],
@@ -32,7 +32,7 @@ impl NoiseValues {
         Self { values: all, n: N }
     }
 
-    /// Applies a function to every value.
+    /// Returns the list with `of` applied to every value.
     pub fn map(mut self, of: impl Fn(f64) -> f64) -> Self {
         self.iter_mut().for_each(|value| *value = of(*value));
         self
@@ -83,11 +83,11 @@ impl std::fmt::Debug for NoiseValues {
 /// Instructions for a search that learns a noise model.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NoiseLearning {
-    /// Parameters to learn, in the order of the noise model.
+    /// Noise parameters that the search varies, in the order of the noise model.
     pub parameters: Vec<LearntParameter>,
-    /// Name of the term of each parameter.
+    /// Name of the noise term to which each parameter belongs.
     pub terms: Vec<&'static str>,
-    /// Starts of the searches: every combination of the terms' starts. Along the list, the start of the last term changes fastest.
+    /// Starts of the searches: every combination of the terms' starts. The start of the last term changes fastest along the list.
     pub starts: Vec<NoiseValues>,
 }
 
@@ -132,7 +132,7 @@ impl NoiseModel {
         sds_um
     }
 
-    /// Functions that draw the error of each term row by row. The function of the white noise returns 0.
+    /// Returns functions that draw the error of each term row by row. The function of the white noise returns 0, because the caller draws white noise itself.
     pub fn draw_terms(self, values: &[f64], stream: &mut RandomStream) -> Vec<Box<DrawRow>> {
         let mut drawn = Vec::new();
         self.with_values(values, |_, learnt, values| drawn.push(learnt.drawn(values, stream)));
@@ -154,12 +154,12 @@ impl NoiseModel {
         self.terms().filter_map(|term| Some((term, term.learning()?)))
     }
 
-    /// Index of a parameter in this model; `None` if the model does not have it.
+    /// Index of a noise parameter in this model; `None` if the model does not have the parameter.
     pub fn place(self, parameter: &ParameterSpec) -> Option<usize> {
         self.parameters().iter().position(|parameter_spec| parameter_spec == parameter)
     }
 
-    /// Value of a parameter; 0 if the model does not have it.
+    /// Value of a noise parameter in `values`; 0 if the model does not have the parameter.
     pub fn value(self, values: &[f64], parameter: &ParameterSpec) -> f64 {
         self.place(parameter).map_or(0.0, |place| values[place])
     }
@@ -170,7 +170,7 @@ mod tests {
     use super::*;
     use base::error::InputPlace;
 
-    /// Every term that can be learnt describes each of its parameters, in order. Its starts lie inside the range of the search.
+    /// Every term that a search can learn describes each of its parameters, in order. The term's starts lie inside the range of the search.
     #[test]
     fn rules_go_with_the_parameters() {
         let names: Vec<String> = NoiseModel::learnt_names().into_iter().map(String::from).collect();

@@ -13,29 +13,29 @@ pub struct LearntParameter {
     pub spec: ParameterSpec,
     /// Prior of the parameter in the search.
     pub prior: LearningPrior,
-    /// Smallest and largest logarithm in the search.
+    /// Smallest and largest logarithm of the parameter in the search.
     pub ln_ends: [f64; 2],
-    /// Logarithm of the parameter for white noise as large as the reference noise. All terms except the white noise then nearly vanish.
+    /// Logarithm of the parameter in nearly white noise that is as large as the reference noise. All other terms nearly vanish there.
     pub ln_white: f64,
     /// Contribution of the parameter to the noise that varies from row to row.
     pub of_row: RowShare,
 }
 
-/// Prior of a parameter in the search.
+/// Prior of a noise parameter in the search.
 #[derive(Debug, Clone, PartialEq)]
 pub enum LearningPrior {
-    /// Flat between the ends of the search.
+    /// Flat in the logarithm, between the ends of the search.
     Flat,
-    /// Normal distribution of the logarithm.
+    /// Normal distribution of the parameter's logarithm.
     NormalLog {
         /// Mean of the logarithm.
         mean: f64,
         /// Standard deviation of the logarithm.
         sd: f64,
     },
-    /// This distribution of the value. The log density is that of the logarithm, so it includes the Jacobian.
+    /// Distribution of the value, with the log density per unit of its logarithm. This density includes the Jacobian.
     OfLog(Distribution),
-    /// This distribution of the value. The log density is that of the value itself, without the Jacobian, so that the value may be 0.
+    /// Distribution of the value, with the log density per unit of the value, so that the value may be 0. This density has no Jacobian.
     OfValue(Distribution),
 }
 
@@ -44,7 +44,7 @@ pub enum LearningPrior {
 pub enum RowShare {
     /// The parameter is the standard deviation (µm) of noise that varies from row to row.
     Sd,
-    /// The parameter describes the correlation of such noise between rows.
+    /// The parameter describes the correlation between rows of noise that varies from row to row.
     Shape,
     /// The parameter describes noise that is constant over many rows.
     Nothing,

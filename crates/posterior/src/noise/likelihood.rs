@@ -16,7 +16,7 @@ use super::terms::{Equations, MOST_PARAMETERS};
 pub struct NoiseLikelihood {
     pub(super) model: NoiseModel,
     pub(super) rows: NoiseRows,
-    /// Observed position (m) of each row that has one.
+    /// Observed position (m) of each row with an observation.
     pub(super) observed_m: Vec<f64>,
 }
 
@@ -37,12 +37,12 @@ impl NoiseLikelihood {
         Self { model: self.model, rows: self.rows.clone(), observed_m }
     }
 
-    /// Noise model.
+    /// Returns the noise model of the likelihood.
     pub fn model(&self) -> NoiseModel {
         self.model
     }
 
-    /// Number of compared positions.
+    /// Number of observed positions that the likelihood compares with the model.
     pub fn n_observed(&self) -> usize {
         self.observed_m.len()
     }
@@ -137,11 +137,11 @@ impl NoiseLikelihood {
     }
 }
 
-/// Predicted position (m) of a row, common to all points.
+/// Predicted position (m) of a row, common to all parameter points.
 #[derive(Debug, Clone, Copy)]
 pub struct SharedPosition(pub f64);
 
-/// Predicted positions of a row: one per point, or one for all points.
+/// Predicted positions of a row: one per parameter point, or one for all points.
 trait PositionRow<const W: usize> {
     fn register<S: Simd>(&self, simd: S, index: usize) -> Register<S>;
 }
@@ -180,7 +180,7 @@ impl Machine for Scalars {
     }
 }
 
-/// Time step of the Ornstein–Uhlenbeck process, for every lane.
+/// Change of the Ornstein–Uhlenbeck process over a time step, for every lane: decay factor, and gained variance divided by the white variance.
 #[derive(Clone)]
 pub(super) struct FilterStep<const W: usize> {
     pub decay: [f64; W],
@@ -190,8 +190,9 @@ pub(super) struct FilterStep<const W: usize> {
 impl<const W: usize> FilterStep<W> {
     pub const NONE: Self = Self { decay: [0.0; W], gained: [0.0; W] };
 
-    /// Computes the decay exp(−Δt/τ) and the gained variance (1 − exp(−2Δt/τ)) σ_ou²/σ², as `FilterScales::step` does for one point. Uneven sampling needs one step per
-    /// row, so exponentials computed one by one would take longer than the filter.
+    /// Computes the decay exp(−Δt/τ) and the gained variance (1 − exp(−2Δt/τ)) σ_ou²/σ² of every lane. Δt is the time step, τ the correlation time, σ_ou the standard
+    /// deviation of the process and σ the standard deviation of the white noise. `FilterScales::step` computes both quantities for one point. With uneven sampling,
+    /// every row needs a step, and exponentials computed one by one would take longer than the filter.
     #[inline(always)]
     pub fn fill<S: Simd>(&mut self, simd: S, register: usize, step_s: f64, ou: &[f64; W], ou_time_s: &[f64; W]) {
         let time_s = Register::load(simd, ou_time_s, register);
@@ -202,13 +203,13 @@ impl<const W: usize> FilterStep<W> {
     }
 }
 
-/// Sums and products over the rows of a pass, for every lane. v is the innovation, S its variance.
+/// Sums and products over the rows of a pass, for every lane. v is the innovation, S its variance, σ² the variance of the white noise, and ν the degrees of freedom.
 struct Sums<const W: usize> {
-    /// Sum Σ v²σ²/S in m²; 0 with Student-t.
+    /// Sum Σ v²σ²/S in m² of the squared innovations; 0 with Student-t noise.
     quadratic_m2: [f64; W],
-    /// Product Π S/σ².
+    /// Product Π S/σ² of the innovations' variances in units of the white variance.
     variance: Products<W>,
-    /// Product Π (1 + v²/(νS)), with Student-t.
+    /// Product Π (1 + v²/(νS)) of the Student-t densities' denominators; 1 with normal noise.
     tail: Products<W>,
 }
 
@@ -222,7 +223,7 @@ fn ln_density<const W: usize>(n_observed: usize, scales: &FilterScales, sums: &S
     }
 }
 
-/// ln[Γ((ν + 1)/2) / (Γ(ν/2) √(ν/2))]: the ratio of the densities of a t and a standard normal at 0.
+/// Logarithm of the ratio of the Student-t density with ν degrees of freedom to the standard normal density, both at 0: ln[Γ((ν + 1)/2) / (Γ(ν/2) √(ν/2))].
 ///
 /// It uses Stirling's series of the ratio at ν/2 + 10, where the next term is below 2·10⁻¹⁴. A difference of two ln Γ would lose its digits at large ν.
 pub(super) fn ln_student_constant(dof: f64) -> f64 {
@@ -238,7 +239,7 @@ pub(super) fn ln_student_constant(dof: f64) -> f64 {
     ratio.ln() + 0.5 * (10.0 / half).ln_1p() + series
 }
 
-/// Filter pass over the record for all lanes.
+/// One pass of the filter over the record, with one parameter point per lane.
 struct FilterPass<'a, R, const W: usize, const OU: bool, const GAIN: bool, const STUDENT: bool> {
     record: &'a NoiseLikelihood,
     position_m: &'a [R],
@@ -247,9 +248,9 @@ struct FilterPass<'a, R, const W: usize, const OU: bool, const GAIN: bool, const
     ou_time_s: [f64; W],
     gain_per_m2: [f64; W],
     offset: [f64; W],
-    /// 1/(νσ²) of each lane, in 1/m².
+    /// Inverse 1/(νσ²) of the degrees of freedom times the squared scale of the errors, for each lane, in 1/m².
     tail_per_m2: [f64; W],
-    /// (ν + 1)/ν of each lane.
+    /// Weight (ν + 1)/ν of an innovation of 0 under Student-t errors with ν degrees of freedom, for each lane.
     tail_weight: [f64; W],
 }
 
@@ -269,14 +270,14 @@ impl<R: PositionRow<W>, const W: usize, const OU: bool, const GAIN: bool, const 
         for register in 0..n_registers {
             for (step, length_s) in steps.iter_mut().zip(&self.record.rows.step_s) {
                 if W == 1 {
-                    // For single values, the standard library's exponential is faster than that of the registers.
+                    // For single values, the standard library's exponential is faster than the exponential of the registers.
                     (step.decay[0], step.gained[0]) = self.scales[0].step(*length_s);
                 } else {
                     step.fill(simd, register, *length_s, &self.ou, &self.ou_time_s);
                 }
             }
         }
-        // Each row must wait for a division. Two registers that are processed together therefore take hardly longer than one.
+        // Each row waits for a division. Two registers that are processed together therefore take hardly longer than one register.
         for register in (0..n_registers - n_registers % 2).step_by(2) {
             self.run::<S, 2>(simd, register, &steps, &mut sums);
         }

@@ -34,7 +34,7 @@ fn gaussian_terms_equal_dense_algebra() {
     }
 }
 
-/// The offset's variance is 10¹⁶ times that of the noise, so that dense algebra loses all digits. The reference is the closed form for an offset alone.
+/// The variance of the offset is 10¹⁶ times the variance of the noise, so that dense algebra loses all digits. The reference is the closed form for an offset alone.
 #[test]
 fn an_offset_that_dwarfs_the_noise_keeps_its_digits() {
     let n = 60;
@@ -84,7 +84,7 @@ fn student_alone_is_independent_t() {
     }
 }
 
-/// Compares with the module's formulas, written out for two observations of the process, of which the first is an outlier.
+/// Compares the likelihood with the formulas of the noise module, for two observations of the process. The first observation is an outlier.
 #[test]
 fn an_outlier_moves_the_process_by_its_score() {
     let (sd_m, ou_sd_m, time_s, dof) = (2e-6_f64, 3e-6_f64, 0.4_f64, 5.0);
@@ -103,8 +103,8 @@ fn an_outlier_moves_the_process_by_its_score() {
     assert!((filtered / exact - 1.0).abs() < 1e-12, "{filtered} against {exact}");
 }
 
-/// The difference between Student-t and Gaussian likelihoods is of order 1/ν. It decreases by a factor of 100 from ν = 10⁵ to 10⁷, and by 10⁵ more to ν = 10¹². Lost
-/// digits would show there.
+/// The difference between Student-t and Gaussian likelihoods is of order 1/ν, for ν degrees of freedom. It decreases by a factor of 100 from ν = 10⁵ to 10⁷, and by 10⁵
+/// more to ν = 10¹², where lost digits would be visible.
 #[test]
 fn many_degrees_of_freedom_are_gaussian() {
     let record = TestRecord::irregular(120);
@@ -123,8 +123,8 @@ fn many_degrees_of_freedom_are_gaussian() {
     }
 }
 
-/// Integrates the joint density of three observations by the trapezoidal rule in arsinh y. The variance of the last observation is compared with its marginal standard
-/// deviation.
+/// Integrates the joint density of three observations by the trapezoidal rule in arsinh y. Also compares the standard deviation of the last observation with the result
+/// of `marginal_sd_m`.
 #[test]
 fn the_joint_density_of_every_model_integrates_to_one() {
     let (time_s, cycle, position_m) = ([0.0, 0.2, 0.5], [1, 1, 1], [3e-5, -1e-5, 4e-5]);

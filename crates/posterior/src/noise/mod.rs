@@ -20,7 +20,7 @@
 //!
 //! # Student-t
 //! With `student` the prediction is a t distribution. Given the past, yᵢ ~ t_ν(mᵢ, scale √Sᵢ), where mᵢ and Sᵢ are the filter's mean and variance. The state moves by K
-//! w v instead of K v, with the innovation v = yᵢ − mᵢ and the weight
+//! w v instead of K v. Here K is the Kalman gain, v = yᵢ − mᵢ is the innovation, and w is the weight
 //!
 //!   w = (ν + 1)/(ν + v²/Sᵢ)
 //!
@@ -31,9 +31,9 @@
 //! Any filter whose mᵢ and Sᵢ depend only on the past gives a proper joint density, since each factor integrates to one. As ν → ∞, the filter becomes the Kalman
 //! filter. With `white` alone the errors are independent and t-distributed.
 //!
-//! With `student`, σ is the *scale* of the t distribution. The variance of a single error is σ² ν/(ν − 2). It is infinite at ν = 2, the end of the support. The linear cost has a
-//! price: the t density depends on which rows are observed. The model of fewer rows is not the marginal of the model of all rows. For the Gaussian terms both are
-//! equal.
+//! With `student`, σ is the *scale* of the t distribution. The variance of a single error is σ² ν/(ν − 2). It is infinite at ν = 2, the end of the support. The linear
+//! cost has a drawback: the t density depends on the choice of observed rows. The model of fewer rows is not the marginal of the model of all rows. For the Gaussian
+//! terms, the two models agree.
 
 mod filter;
 mod lanes;

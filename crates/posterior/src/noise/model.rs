@@ -48,12 +48,12 @@ impl NoiseModel {
         TERMS.iter().enumerate().filter(move |(place, _)| *place == 0 || self.has[*place]).map(|(_, term)| *term)
     }
 
-    /// Names of the terms.
+    /// Names of the model's terms, as in `model.toml`.
     pub fn names(self) -> Vec<&'static str> {
         self.terms().map(|term| term.name()).collect()
     }
 
-    /// Parameters of the model. All functions of noise models expect values in this order.
+    /// Parameters of the noise model. All functions of noise models expect parameter values in this order.
     pub fn parameters(self) -> Vec<ParameterSpec> {
         self.terms().flat_map(|term| term.parameters()).copied().collect()
     }
@@ -87,7 +87,7 @@ impl NoiseModel {
         })
     }
 
-    /// Default priors of all parameters, except those that prior files give.
+    /// Default priors of the parameters. The white noise has no default, because its prior comes from the prior file.
     pub fn default_priors(self, scales: &NoiseScales) -> Vec<Prior> {
         let of_term = |term: &'static dyn NoiseTerm| {
             term.parameters().iter().filter_map(move |spec| {
@@ -99,7 +99,7 @@ impl NoiseModel {
     }
 
     /// Standard deviation (µm) of the noise that varies from row to row: the white errors and the process. Gains and offsets are left out, because they are constant
-    /// within a cycle. They can absorb a misfit, which must not count as noise. NaN outside the parameters' support.
+    /// within a cycle. They can absorb a misfit, which must not count as noise. The result is NaN for parameters outside their support.
     pub fn row_sd_um(self, parameters: &[f64]) -> f64 {
         let of_scales = |scales: FilterScales| 1e6 * scales.noise_sd_m * (scales.variance_factor() + scales.ou).sqrt();
         self.scales(parameters).map_or(f64::NAN, of_scales)

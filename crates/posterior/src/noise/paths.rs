@@ -1,4 +1,4 @@
-//! Filter of one parameter point, row by row, for marginal standard deviations and simulated noise.
+//! Kalman filter for one set of noise parameters, row by row. It gives marginal standard deviations and simulated noise.
 
 use pulp::Scalar;
 use rand::{Rng, RngExt};
@@ -16,9 +16,9 @@ pub(super) fn number(value: f64) -> Number {
     Register::splat(Scalar, value)
 }
 
-/// Filter of one parameter point, row by row. Terms that the model lacks have variance 0.
+/// Kalman filter for one set of noise parameters, row by row. Terms that the model lacks have variance 0.
 pub(super) struct RowFilter {
-    /// For each distinct time step: decay of the process, and the variance that it gains divided by σ².
+    /// For each distinct time step: decay of the process, and the variance that it gains, divided by the variance of the white noise.
     steps: Vec<(f64, f64)>,
     prior: PriorVariances<Scalar>,
     covariance: Covariance<Scalar, true, true>,
@@ -53,8 +53,8 @@ pub(super) fn advance(mean: &mut Mean<Scalar, true, true>, row: &NoiseRow, decay
 impl NoiseModel {
     /// Marginal standard deviation (m) of the noise at every row of a record. Times are in s, predicted positions in m, and every row counts as observed.
     ///
-    /// With `student`, the standard deviation follows from the filter. The score-driven mean has (ν + 1)/(ν + 3) of the variance of the Gaussian filter's mean, and the
-    /// prediction's variance is multiplied by ν/(ν − 2). The result is infinite at ν = 2 and NaN for parameters outside their support.
+    /// With `student`, the standard deviation follows from the filter, for ν degrees of freedom. The variance of its mean is (ν + 1)/(ν + 3) times the variance in a
+    /// Gaussian filter, and the prediction's variance is multiplied by ν/(ν − 2). The result is infinite at ν = 2 and NaN for parameters outside their support.
     pub fn marginal_sd_m(self, time_s: &[f64], cycle: &[u32], position_m: &[f64], parameters: &[f64]) -> Vec<f64> {
         let Some(scales) = self.scales(parameters) else {
             return vec![f64::NAN; position_m.len()];
@@ -75,8 +75,8 @@ impl NoiseModel {
         rows.rows.iter().map(sd_m).collect()
     }
 
-    /// Draws the noise (observed minus predicted position, in m) at every row of a record once. Its density is that of [`NoiseLikelihood`](super::NoiseLikelihood) with
-    /// an observation at every row. NaN for parameters outside their support.
+    /// Draws the noise (observed minus predicted position, in m) at every row of a record once. It has the density of [`NoiseLikelihood`](super::NoiseLikelihood) with
+    /// an observation at every row. The result is NaN for parameters outside their support.
     ///
     /// Each row is drawn from the one-step prediction of the likelihood's filter. For the Gaussian terms this is equivalent to a draw of each term.
     pub fn simulate_m(

@@ -83,8 +83,8 @@ fn marginal_sds_are_the_dense_diagonal() {
     }
 }
 
-/// For large ν, the Student-t standard deviations tend to those of the Gaussian terms. At the first row, which has no past, the variance is ν/(ν − 2) times the
-/// Gaussian one.
+/// For many degrees of freedom ν, the Student-t standard deviations tend to the Gaussian ones. At the first row, which has no past, the variance is ν/(ν − 2) times the
+/// Gaussian variance.
 #[test]
 fn students_marginal_sds_tend_to_the_gaussian_ones() {
     let record = TestRecord::irregular(60);
@@ -136,7 +136,7 @@ fn simulated_noise_has_the_likelihoods_density() {
     let model = model(&["white", "ou", "gain", "student"]);
     let truth = parameters(model, [4.0, 3.0, 0.5, 0.03, 5.0, 5.0]);
     let mut other = truth.clone();
-    // Near the predictions the ratio is 0.8⁻⁹, and every innovation influences it.
+    // Near the predictions the ratio q/p is 0.8⁻⁹, and every innovation influences it.
     for index in [0, 1, 3, 4] {
         other[index] *= 0.8;
     }
@@ -166,7 +166,8 @@ fn simulated_noise_has_the_likelihoods_density() {
     assert!(z_score(&wrong, 6).abs() > 5.5, "the comparison must see a wrong sampler");
 }
 
-/// Kolmogorov–Smirnov test of n = 10,000 draws with the limit D < 2.75/√n. Each fails by chance with a probability of 5·10⁻⁷.
+/// Kolmogorov–Smirnov test of n = 10,000 draws, whose largest distance between distribution functions must be below 2.75/√n. Each test fails by chance with a
+/// probability of 5·10⁻⁷.
 #[test]
 fn polar_draws_are_students_t() {
     use statrs::distribution::{ContinuousCDF, StudentsT};

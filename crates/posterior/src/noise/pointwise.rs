@@ -1,12 +1,13 @@
 //! Log likelihood of each single position, for cross-validation.
 //!
-//! Leaving out position i changes the likelihood by the factor p(yᵢ | y₋ᵢ, θ) = p(y | θ)/p(y₋ᵢ | θ). Its inverse is the importance weight of PSIS-LOO (Pareto-smoothed
-//! leave-one-out cross-validation). For correlated errors it differs from the one-step density (Bürkner, Gabry & Vehtari 2021, Comput. Stat. 36:1243,
-//! doi:10.1007/s00180-020-01045-4).
+//! Let y be all positions, yᵢ one position, y₋ᵢ all others, and θ the parameters. Leaving out position i changes the likelihood by the factor p(yᵢ | y₋ᵢ, θ) = p(y |
+//! θ)/p(y₋ᵢ | θ). The inverse of this factor is the importance weight of PSIS-LOO (Pareto-smoothed leave-one-out cross-validation). For correlated errors, the factor
+//! differs from the one-step density (Bürkner, Gabry & Vehtari 2021, Comput. Stat. 36:1243, doi:10.1007/s00180-020-01045-4).
 //!
 //! Let the errors be normal with covariance C, and let r be the residuals. The density of yᵢ is then normal with the precision D = (C⁻¹)ᵢᵢ and the mean yᵢ − u/D, where
 //! u = (C⁻¹r)ᵢ. One backward pass over the filter's innovations v, variances S and gains k computes both (de Jong 1988, Biometrika 75:594). With the adjoints ρ and M
-//! of the state after row i, u = v/S − kᵀρ and D = 1/S + kᵀMk. Before row i the adjoints are h u + ρ and hhᵀ/S + (I − khᵀ)ᵀM(I − khᵀ).
+//! of the state after row i, u = v/S − kᵀρ and D = 1/S + kᵀMk. Before row i the adjoints are h u + ρ and hhᵀ/S + (I − khᵀ)ᵀM(I − khᵀ), where h maps the state to the
+//! position.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -20,15 +21,15 @@ use super::terms::Equations;
 pub enum Conditional {
     /// No other position, because errors are independent.
     Nothing,
-    /// All other compared positions.
+    /// All other observed positions.
     AllOthers,
     /// All earlier positions. Under heavy tails with a process or gains, the density of a position given all others is not available.
     AllBefore,
 }
 
-/// State of the filter at a row. Variances are divided by σ².
+/// State of the filter at an observed row. Variances are divided by the variance of the white noise.
 struct FilterRow {
-    /// Factor on each component of the state between the previous row and this one; 0 for a component that begins anew.
+    /// Factor on each component of the state between the previous observed row and this row; 0 for a component that begins anew.
     decay: Vector3<f64>,
     observes: Vector3<f64>,
     gain: Vector3<f64>,
@@ -47,13 +48,13 @@ impl NoiseLikelihood {
         }
     }
 
-    /// Indices of the record's compared rows, ascending.
+    /// Indices of the record's observed rows, ascending.
     pub fn observed_rows(&self) -> impl Iterator<Item = usize> {
         self.rows.rows.iter().map(|row| row.index)
     }
 
-    /// Log density of each compared position (nats for positions in m), given the parameters and the positions of [`NoiseLikelihood::conditional`]. The arguments are
-    /// those of [`NoiseLikelihood::ln_likelihood`]. The result is −∞ for parameters outside their support.
+    /// Log density of each observed position (nats for positions in m), given the parameters and the positions of [`NoiseLikelihood::conditional`].
+    /// [`NoiseLikelihood::ln_likelihood`] describes the arguments. The result is −∞ for parameters outside their support.
     pub fn ln_pointwise(&self, position_m: &[f64], parameters: &[f64]) -> Vec<f64> {
         let Some(scales) = self.model.scales(parameters) else {
             return vec![f64::NEG_INFINITY; self.n_observed()];
@@ -90,7 +91,7 @@ impl NoiseLikelihood {
         out
     }
 
-    /// Runs the filter forward through the record and returns its state at each compared row.
+    /// Runs the filter forward through the record and returns its state at each observed row.
     fn visits(&self, position_m: &[f64], scales: &FilterScales) -> Vec<FilterRow> {
         let has = |is_there: bool| f64::from(u8::from(is_there));
         let Equations { process, cycles, .. } = self.model.equations();
@@ -165,7 +166,7 @@ mod tests {
         }
     }
 
-    /// The densities are unconditional or conditioned on the past. Their product is then the likelihood.
+    /// If the densities are unconditional or conditioned on the past, their product is the likelihood.
     #[test]
     fn independent_and_one_step_densities_add_up_to_the_likelihood() {
         let record = TestRecord::irregular(60);

@@ -1,5 +1,5 @@
-//! Likelihood of many columns of residuals under eight sets of noise parameters at once. The filter's covariance takes most of the time, and it does not depend on the
-//! residuals.
+//! Likelihood of many columns of residuals under eight sets of noise parameters at once. One pass serves all columns, because the filter's covariance takes most of the
+//! time and does not depend on the residuals.
 
 use pulp::{Arch, Simd, WithSimd};
 
@@ -11,8 +11,8 @@ use super::scales::FilterScales;
 
 impl NoiseLikelihood {
     /// Log likelihood, in nats, of each column of residuals for each lane of `parameters[parameter][lane]`. Residuals (observed minus predicted position, m) have one
-    /// value per row of the record. All columns have the predicted positions `position_m`, which gains multiply. Only the Gaussian terms are used. −∞ for parameters
-    /// outside their support.
+    /// value per row of the record. All columns have the predicted positions `position_m`, which gains multiply. Only the Gaussian terms are used. The result is −∞ for
+    /// parameters outside their support.
     pub fn ln_likelihoods_of(
         &self,
         residuals_m: &[&[f64]],
@@ -44,7 +44,7 @@ impl NoiseLikelihood {
     }
 }
 
-/// Filter pass over the record for all columns and lanes.
+/// One pass of the filter over the record, for all columns of residuals and all lanes.
 struct ResidualPass<'a> {
     record: &'a NoiseLikelihood,
     residuals_m: &'a [&'a [f64]],

@@ -1,21 +1,21 @@
-//! Observed rows of a record, prepared for the filter.
+//! Observed rows of a record, prepared for the Kalman filter of the noise.
 
 /// Largest difference between time steps that count as equal, as a fraction of the record's duration. In binary, multiples of a decimal interval such as 0.05 s are not
 /// exactly equidistant. Without a tolerance, every step would have its own length, and each length needs an exponential.
 const EQUAL_STEP_TOLERANCE: f64 = 1e-13;
 
-/// A row that the filter visits.
+/// Row of a record with an observed position. The filter visits only these rows.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct NoiseRow {
-    /// Index in the record.
+    /// Index of the row in the record.
     pub index: usize,
     /// Index in [`NoiseRows::step_s`] of the time step from the previously visited row.
     pub step: usize,
-    /// True for the first visited row of its cycle.
+    /// True for the first observed row of its cycle.
     pub new_cycle: bool,
 }
 
-/// Visited rows in order of time, with their distinct time steps.
+/// Observed rows in order of time, which the filter visits, with their distinct time steps.
 #[derive(Debug, Clone)]
 pub(super) struct NoiseRows {
     pub rows: Vec<NoiseRow>,
@@ -24,7 +24,7 @@ pub(super) struct NoiseRows {
 }
 
 impl NoiseRows {
-    /// Prepares the `visited` rows (ascending) of a record with times in s and cycle numbers.
+    /// Prepares the rows with the indices `visited` (ascending) of a record. All rows of the record have times in s and cycle numbers.
     pub fn new(time_s: &[f64], cycle: &[u32], visited: &[usize]) -> Self {
         let length_s = |(before, after): (&usize, &usize)| time_s[*after] - time_s[*before];
         let lengths_s: Vec<f64> = visited.iter().zip(visited.iter().skip(1)).map(length_s).collect();

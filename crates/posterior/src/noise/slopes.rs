@@ -1,23 +1,23 @@
 //! Derivatives of the log likelihood: along a direction of the predicted positions, and by a noise parameter.
 //!
-//! Both are fourth-order finite differences, because the filter has no derivative of its own. Their steps are small relative to the scale on which the likelihood
+//! Both derivatives are fourth-order finite differences, because the filter computes no derivatives. The steps are small relative to the scale on which the likelihood
 //! changes. For white noise, the derivative along a direction is exact except for rounding, because the log likelihood is quadratic in the positions.
 
 use super::NoiseLikelihood;
 
-/// Step along a direction: the displacement of the row that moves most, in units of σ.
+/// Step along a direction of the positions: largest displacement of a row, in standard deviations of the white noise.
 const POSITION_STEP: f64 = 1e-2;
-/// Step in a parameter, relative to its value.
+/// Step in a noise parameter for finite differences, relative to the parameter's value.
 const PARAMETER_STEP: f64 = 1e-3;
-/// Smallest value to which the step in a parameter is relative. The parameter itself may be 0 at the end of its support.
+/// Smallest value to which the step in a parameter is relative. It replaces smaller values, because a parameter may be 0 at the end of its support.
 const SMALLEST_SCALE: f64 = 0.1;
 
-/// Derivative f′(0) from the values of f at ±h and ±2h.
+/// Derivative f′(0) of a function from its values at ±h and ±2h.
 fn central(f: impl Fn(f64) -> f64, h: f64) -> f64 {
     (8.0 * (f(h) - f(-h)) - (f(2.0 * h) - f(-2.0 * h))) / (12.0 * h)
 }
 
-/// Derivative f′(0) from the values of f at 0, h, …, 4h, by differences from f(0).
+/// Derivative f′(0) of a function from its values at 0, h, …, 4h, by differences from f(0).
 fn forward(f: impl Fn(f64) -> f64, h: f64) -> f64 {
     let at_zero = f(0.0);
     let rise = |n: f64| f(n * h) - at_zero;
@@ -35,7 +35,7 @@ impl NoiseLikelihood {
             let position_m: Vec<f64> = position_m.iter().zip(direction_m).map(|(x, d)| x + step * d).collect();
             self.ln_likelihood(&position_m, parameters)
         };
-        // Every noise has a white term, whose σ in µm comes first.
+        // Every noise model has white noise, and its standard deviation in µm is the first parameter.
         central(moved, POSITION_STEP * 1e-6 * parameters[0] / largest_m)
     }
 
@@ -65,7 +65,7 @@ mod tests {
     use super::*;
     use base::error::InputPlace;
 
-    /// Under white noise the derivatives have closed forms: Σ r dx/σ² along a direction dx, and −n/σ + Σ r²/σ³ by σ, for residuals r.
+    /// Under white noise of standard deviation σ, the derivatives have closed forms for n residuals r: Σ r dx/σ² along a direction dx, and −n/σ + Σ r²/σ³ by σ.
     #[test]
     fn slopes_under_white_noise_are_the_closed_forms() {
         let time_s: Vec<f64> = (0..60).map(|i| 0.05 * f64::from(i)).collect();
@@ -86,7 +86,8 @@ mod tests {
         assert_eq!(likelihood.slope_along(&position_m, &[0.0; 60], &[sd_um]), 0.0);
     }
 
-    /// With all terms, the slopes agree with differences of other steps. At an end of a support they are one-sided from inside.
+    /// With all noise terms, the derivatives agree with finite differences of other steps. At an end of a parameter's support, the derivatives are one-sided from
+    /// inside.
     #[test]
     fn slopes_under_all_noises_are_differences() {
         let names = ["white", "ou", "gain", "student"].map(String::from);

@@ -1,11 +1,11 @@
 //! Whitening of columns, and inner products of whitened columns without storing them.
 //!
-//! All columns have the same covariance and therefore the same gains. The filter computes the gains of a block of rows once. It then takes the means of all columns through
-//! the block, eight columns at a time.
+//! All columns have the same covariance and therefore the same Kalman gains. The filter computes the gains of a block of rows once. It then advances the means of all
+//! columns through the block, eight columns at a time.
 //!
 //! Each cycle has a column, which is 1 in the cycle's rows and 0 elsewhere. The whitened column is 0 before the cycle. After the cycle, it depends only on the filter's
-//! mean of the process at the cycle's end. [`CycleProducts`] therefore holds inner products over the cycle's rows only. The factors are the cycle's column and the
-//! response to a unit of process that enters the cycle. It also holds the process that both leave at the cycle's end.
+//! mean of the process at the cycle's end. [`CycleProducts`] therefore holds inner products over the cycle's rows only. They belong to the cycle's column and to the
+//! response to a unit of process at the beginning of the cycle. [`CycleProducts`] also holds the process that remains of both at the cycle's end.
 
 use std::ops::Range;
 
@@ -19,22 +19,22 @@ use super::paths::{RowFilter, advance, number};
 use super::rows::NoiseRow;
 use super::scales::FilterScales;
 
-/// Number of rows of a block. Its columns are small enough for the processor's nearest cache.
+/// Number of rows that are whitened together. Their columns fit into the processor's nearest cache.
 const BLOCK: usize = 256;
-/// Number of rows after which the program checks that an ended column no longer influences the filter.
+/// Number of rows between two checks whether a column that has ended still influences the filter.
 const SHORT_BLOCK: usize = 64;
 
-/// State of the filter at one observed row.
+/// Kalman gain at one observed row, with the quantities that whiten a column there.
 #[derive(Clone, Copy)]
 struct RowGain {
     row: NoiseRow,
-    /// Predicted position in m.
+    /// Predicted position of the row in m.
     x: f64,
     decay: f64,
     gain: GainNumbers,
-    /// Square root of σ²/S, where S is the predictive variance of the position.
+    /// Square root of σ²/S, where S is the predictive variance of the position and σ² the variance of the white noise.
     root_precision: f64,
-    /// S/σ² − 1.
+    /// Part of the predictive variance S that is not white noise, divided by the white variance σ²: S/σ² − 1.
     excess: f64,
 }
 
@@ -64,7 +64,7 @@ impl WhiteningBlock<'_> {
 /// Inner products of whitened columns.
 #[derive(Debug, Clone)]
 pub struct WhiteProducts {
-    /// Matrix of inner products of each set. Rows and columns of the matrix are the common columns, then the set's own columns.
+    /// Matrix of inner products for each set of columns. Its rows and columns belong to the columns that all sets share, then to the columns of this set alone.
     pub sets: Vec<DMatrix<f64>>,
     /// Products of the set in [`ProductRequest::with_cycles`], one entry per cycle with an observed row.
     pub cycles: Vec<CycleProducts>,
@@ -72,18 +72,22 @@ pub struct WhiteProducts {
     pub ln_constant: f64,
 }
 
-/// Inner products over the rows of one cycle. Here e is the cycle's whitened column, and p is the whitened response to a unit of process that enters the cycle.
+/// Inner products over the rows of one cycle. Here e is the cycle's whitened column, and p is the whitened response to a unit of process at the beginning of the cycle.
 #[derive(Debug, Clone)]
 pub struct CycleProducts {
-    /// This and the next two fields are the inner products e·e, e·p and p·p.
+    /// Inner product of the cycle's column e with itself.
     pub unit: f64,
+    /// Inner product of the cycle's column e with the response p to the process.
     pub both: f64,
+    /// Inner product of the response p to the process with itself.
     pub past: f64,
-    /// Inner products of each column of the set with e. The next field has those with p.
+    /// Inner product of each column of the set with the cycle's column e.
     pub unit_with: Vec<f64>,
+    /// Inner product of each column of the set with the response p to the process.
     pub past_with: Vec<f64>,
-    /// Process that the cycle's column leaves at the cycle's end. The next field is the fraction of the incoming process that remains there.
+    /// Process at the cycle's end that remains of the cycle's column.
     pub left: f64,
+    /// Fraction of the process at the beginning of the cycle that remains at the cycle's end.
     pub kept: f64,
 }
 
@@ -95,11 +99,11 @@ impl CycleProducts {
     }
 }
 
-/// Columns of which inner products are requested.
+/// Request for inner products of columns. The columns form sets, which share the first columns.
 pub struct ProductRequest<'a> {
     /// All columns, with one value per row of the record. Columns that all sets share come first.
     pub columns: &'a [&'a [f64]],
-    /// Number of shared columns.
+    /// Number of columns that all sets share.
     pub n_common: usize,
     /// Index range of the columns that belong to each set alone.
     pub own: &'a [Range<usize>],
@@ -160,8 +164,8 @@ impl NoiseLikelihood {
         })
     }
 
-    /// Whitens columns block by block and calls `visit` for each block. Returns Σ ln(S/σ²) over the observed rows. It is the log determinant of the covariance minus
-    /// that of white noise alone.
+    /// Whitens columns block by block and calls `visit` for each block. Returns Σ ln(S/σ²) over the observed rows. Here S is the predictive variance of a position and
+    /// σ² the white variance. The sum is the log determinant of the covariance minus the log determinant for white noise alone.
     fn each_block(
         &self,
         scales: &FilterScales,
@@ -299,7 +303,7 @@ impl WithSimd for WhiteningSweep<'_> {
     }
 }
 
-/// Adds a block's inner products to `sums`. The product of columns i and j ≤ i is at index i n + j, with n columns.
+/// Addition of a block's inner products to `sums`. The product of columns i and j ≤ i is at index i n + j, with n columns.
 struct Gram<'a> {
     block: &'a WhiteningBlock<'a>,
     asked: &'a ProductRequest<'a>,
@@ -352,7 +356,7 @@ pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     sum
 }
 
-/// State of the cycles' columns during the pass through the rows.
+/// State of the cycles' columns (1 in a cycle's rows, 0 elsewhere) during the pass through the rows.
 struct Cycles {
     /// Indices of the columns with which the cycles' columns are multiplied.
     members: Vec<usize>,

@@ -13,7 +13,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 fn products_are_those_of_whitened_columns() {
     let n_rows = 3 * BLOCK + 50;
     let mut record = TestRecord::irregular(n_rows);
-    // Many short cycles, some of one row, precede the long ones.
+    // Many short cycles, some of one row, precede the long cycles.
     record.cycle =
         (0..n_rows).map(|row| if row < 400 { 1 + (row / 9) as u32 } else { 50 + (row / 150) as u32 }).collect();
     (18..27).for_each(|row| record.observed_m[row] = None);
@@ -113,8 +113,8 @@ fn products_are_those_of_whitened_columns() {
     }
 }
 
-/// Columns that are 0 except in some rows are whitened from their first row until they are forgotten. The result is compared with that of the columns with all rows.
-/// Some columns contain gaps of the record or end beyond it.
+/// Columns that are 0 except in some rows are whitened from their first row until they no longer influence the filter. The result is compared with the whitening of the
+/// columns with all rows. Some columns contain gaps of the record or end beyond it.
 #[test]
 fn columns_of_some_rows_are_whitened_as_whole_ones() {
     let record = TestRecord::irregular(900);

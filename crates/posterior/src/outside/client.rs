@@ -10,13 +10,14 @@ use ureq::http::Uri;
 use super::endpoint::Endpoint;
 use base::error::{Error, InputPlace, Result, Setting};
 
-/// Longest wait for a connection ([`CONNECTING`]) and for a response ([`ANSWERING`]).
-const CONNECTING: Duration = Duration::from_secs(10);
-const ANSWERING: Duration = Duration::from_secs(600);
+/// Longest wait for a connection to the server.
+const CONNECT_TIMEOUT: Duration = Duration::from_secs(10);
+/// Longest wait for a response of the server.
+const RESPONSE_TIMEOUT: Duration = Duration::from_secs(600);
 /// Largest size of a response in bytes, enough for ten million values.
 const MOST_BYTES: u64 = 1 << 28;
 /// Largest number of characters of a server's message that the program shows.
-const MOST_WORDS: usize = 300;
+const MOST_CHARACTERS: usize = 300;
 
 /// HTTP client of one server, with the server's address.
 #[derive(Debug, Clone)]
@@ -60,8 +61,8 @@ impl Client {
             .max_redirects(0)
             .max_redirects_will_error(false)
             .proxy(None)
-            .timeout_connect(Some(CONNECTING))
-            .timeout_global(Some(ANSWERING))
+            .timeout_connect(Some(CONNECT_TIMEOUT))
+            .timeout_global(Some(RESPONSE_TIMEOUT))
             .build()
             .new_agent();
         Ok(Self { url: url.trim_end_matches('/').to_string(), agent })
@@ -97,12 +98,12 @@ impl Client {
         })
     }
 
-    /// Error for a response with a value `found` that is no finite number.
+    /// Returns the error for a response with a value `found` that is not a finite number.
     pub fn not_finite(&self, found: &str) -> Error {
         Error::numerical(
             format!("{} responds with {found} among its positions", self.url),
             format!(
-                "let the model return a number everywhere in the prior, or narrow the prior ({}) to where it does",
+                "let the model return a number everywhere in the prior, or narrow the prior ({}) to the range in which it does",
                 Setting::Prior
             ),
         )
@@ -124,7 +125,7 @@ impl Client {
         match error {
             ureq::Error::Timeout(ureq::Timeout::Connect | ureq::Timeout::Resolve) => self.not_reached(error),
             ureq::Error::Timeout(_) => Error::numerical(
-                format!("{url} does not respond to {path} in time ({} s)", ANSWERING.as_secs()),
+                format!("{url} does not respond to {path} in time ({} s)", RESPONSE_TIMEOUT.as_secs()),
                 "check whether the server still computes; give it a coarser model, or a shorter record",
             ),
             ureq::Error::Io(error) if !is_cut(error) => self.not_reached(error),
@@ -146,7 +147,7 @@ impl Client {
 
 fn shortened(text: &str) -> String {
     let text = text.trim();
-    match text.char_indices().nth(MOST_WORDS) {
+    match text.char_indices().nth(MOST_CHARACTERS) {
         Some((end, _)) => format!("{} …", &text[..end]),
         None if text.is_empty() => "nothing".into(),
         None => text.into(),

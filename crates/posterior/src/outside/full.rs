@@ -1,5 +1,5 @@
-//! Forward model by the external program itself. It requests every trajectory under the force that acts after all effects of load. No first-order approximation of
-//! these effects is needed.
+//! Forward model by the external program itself. It requests every trajectory under the acting force, which includes all effects of load. These effects thus need no
+//! first-order approximation.
 
 use std::sync::Arc;
 
@@ -11,7 +11,7 @@ use models::model::{Forward, Model, Response};
 use models::surrogate::trajectory::Clock;
 use record::Force;
 
-/// Forward model that requests each trajectory from the program.
+/// Forward model that requests each trajectory from the external program.
 pub struct ExternalForward<'a> {
     outside: &'a ExternalModel,
     model: &'a Model,

@@ -1,5 +1,5 @@
-//! Model of an external program, which replaces the base law and is evaluated by UM-Bridge (docs/serve.md). `client` implements HTTP, this file the protocol, and
-//! `full` the forward model.
+//! Model of an external program, which replaces the base law and is evaluated by UM-Bridge (docs/serve.md). The module `client` implements HTTP, `full` the forward
+//! model, and this file the protocol.
 
 pub mod client;
 mod endpoint;
@@ -23,11 +23,11 @@ use models::model::TrainedRange;
 use models::surrogate::trajectory::Clock;
 use record::{Force, Record};
 
-/// Model name that is tried first if the user gives none.
+/// Name of the server's model that is tried first if the user names no model.
 const USUAL_NAME: &str = "forward";
 /// Factor by which the force is increased in the test that the program uses the force.
 const OTHER_FORCE: f64 = 1.25;
-/// Relative change of the positions up to which a change counts as rounding.
+/// Largest relative change of the positions that counts as a rounding error.
 const LEAST_CHANGE: f64 = 1e-9;
 
 /// Content of a response in the cache: position (µm) at each requested time.
@@ -36,7 +36,7 @@ struct KeptResponse {
     position_um: Vec<f64>,
 }
 
-/// Model that a server evaluates, with its properties.
+/// Model of an external program, which a server evaluates, with its properties.
 #[derive(Debug)]
 pub struct ExternalModel {
     client: Client,
@@ -47,21 +47,21 @@ pub struct ExternalModel {
     /// Positions (µm) at the prior's medians. They identify the model, so that cached responses of another model are not used.
     at_medians_um: Vec<f64>,
     /// Reason why the model predicts only under the record's own force; `None` if it accepts other forces.
-    own_force_alone: Option<String>,
-    /// Parameter ranges of the surrogate. All models of the experiment share them, so that they are comparable.
-    learnt_in: OnceLock<LearnedBox>,
+    other_force_refusal: Option<String>,
+    /// Parameter ranges of the surrogate. All models of the experiment share these ranges, so that the models are comparable.
+    trained_box: OnceLock<TrainedBox>,
 }
 
-/// Parameter ranges in which the surrogate of a program was learnt, and the surrogate's allowed error divided by the noise.
+/// Parameter ranges in which the surrogate of an external program was trained, and the surrogate's allowed error divided by the noise.
 #[derive(Debug)]
-pub struct LearnedBox {
+pub struct TrainedBox {
     pub trained: Vec<TrainedRange>,
     pub allowed: f64,
 }
 
 impl ExternalModel {
-    /// Connects to the server. It requests the model, the lengths of its vectors and its prediction at `medians`. It then tests if the model accepts other times and
-    /// forces than those of the record.
+    /// Connects to the server. It requests the model, the lengths of its vectors and its prediction at `medians`. It then tests if the model accepts times and forces
+    /// that differ from the record's.
     ///
     /// # Errors
     /// [`Error::Input`] for an invalid address; [`Error::Numerical`] for a server that cannot be reached, or whose model does not follow docs/serve.md.
@@ -81,13 +81,13 @@ impl ExternalModel {
             law,
             takes_force: false,
             at_medians_um: Vec::new(),
-            own_force_alone: None,
-            learnt_in: OnceLock::new(),
+            other_force_refusal: None,
+            trained_box: OnceLock::new(),
         };
         let (time_s, force) = (&record.time_s[..], record.force());
         external_model.takes_force = external_model.check_sizes(time_s, force)?;
         external_model.at_medians_um = external_model.fresh_um(medians, time_s, force)?;
-        external_model.own_force_alone = external_model.own_force_alone(record, medians).err().map(|error| {
+        external_model.other_force_refusal = external_model.other_force_refusal(record, medians).err().map(|error| {
             let text = error.to_string();
             text.lines().next().unwrap_or_default().to_string()
         });
@@ -99,23 +99,24 @@ impl ExternalModel {
         format!("`{}` at {}", self.name, self.client.url())
     }
 
-    /// Reason why the model predicts only under the record's own force; `None` if it accepts other forces. With a reason, effects of load cannot be used.
+    /// Reason why the external model predicts only under the record's own force; `None` if it accepts other forces. If there is a reason, effects of load cannot be
+    /// used.
     pub fn force_refusal(&self) -> Option<&str> {
-        self.own_force_alone.as_deref()
+        self.other_force_refusal.as_deref()
     }
 
-    /// Parameter ranges in which the program was learnt; `None` before that.
-    pub fn learnt_in(&self) -> Option<&LearnedBox> {
-        self.learnt_in.get()
+    /// Parameter ranges in which the surrogate was trained; `None` before the training.
+    pub fn trained_box(&self) -> Option<&TrainedBox> {
+        self.trained_box.get()
     }
 
-    /// Stores the parameter ranges in which the program was learnt, unless some are already stored.
-    pub(super) fn keep_ground(&self, ground: LearnedBox) {
-        self.learnt_in.get_or_init(|| ground);
+    /// Stores the parameter ranges in which the surrogate was trained, unless ranges are already stored.
+    pub(super) fn store_trained_box(&self, ground: TrainedBox) {
+        self.trained_box.get_or_init(|| ground);
     }
 
-    /// Position (m) at the times `time_s` under a force that holds or is linear between them. `parameters` are the law's, in their units. The response is cached, so
-    /// that each request is sent only once.
+    /// Position (m) at the times `time_s` under a force that holds or is linear between them. `parameters` are the values of the law's parameters, in their units. The
+    /// response is cached, so that each request is sent only once.
     ///
     /// # Errors
     /// [`Error::Numerical`] with the server's message, or if the response is invalid.
@@ -203,7 +204,7 @@ impl ExternalModel {
         if position_um.len() != time_s.len() {
             return Err(Error::numerical(
                 format!(
-                    "{} responds with {} positions where {} times were given",
+                    "{} responds with {} positions, but the request has {} times",
                     self.title(),
                     position_um.len(),
                     time_s.len()
@@ -218,8 +219,9 @@ impl ExternalModel {
             .collect()
     }
 
-    /// Tests if the model accepts times between the rows and another force at them. The error states that the model ignores the forces, or what else fails.
-    fn own_force_alone(&self, record: &Record, medians: &[f64]) -> Result<()> {
+    /// Tests if the model accepts times between the rows and a force that differs from the record's. The error states that the model ignores the force, or gives
+    /// another cause.
+    fn other_force_refusal(&self, record: &Record, medians: &[f64]) -> Result<()> {
         let (time_s, force) = (&record.time_s, record.force());
         let clock = Clock::finer(time_s, force);
         let stronger_n: Vec<f64> = clock.commanded_n(time_s, force).iter().map(|f| OTHER_FORCE * f).collect();

@@ -25,10 +25,10 @@ pub(super) fn sync_tree(path: &Path) -> Result<()> {
     sync_directory(path)
 }
 
-/// Moves a finished directory to `target`. An existing directory at `target` is exchanged with it in one step and then removed.
+/// Moves a finished directory to `target`. If a directory exists at `target`, the two are exchanged in one step, and the old directory is removed.
 ///
-/// If the system cannot exchange directories, the old one is first renamed to `.<name>.replaced`. [`restore`] brings it back if the program is killed before the second
-/// renaming.
+/// If the system cannot exchange directories, the old directory is first renamed to `.<name>.replaced`. If the program is killed before the second renaming,
+/// [`restore`] renames it back.
 pub(super) fn replace_directory(finished: TemporaryDirectory, target: &Path) -> Result<()> {
     let uninterrupted = hold_gate();
     if kind(target).is_none() {
@@ -75,7 +75,8 @@ fn aside_of(target: &Path) -> std::path::PathBuf {
     target.with_file_name(format!(".{name}.replaced"))
 }
 
-/// Repairs a replacement by a killed program. It undoes a replacement that stopped between the two renamings, and finishes one that stopped after them.
+/// Repairs a directory replacement that a killed program left unfinished. A replacement that stopped between the two renamings is undone. A replacement that stopped
+/// after them is finished.
 pub(super) fn restore(target: &Path) -> Result<()> {
     let aside = aside_of(target);
     if is_folder(&aside) && kind(target).is_none() {
@@ -91,7 +92,7 @@ pub(super) struct Lock {
 }
 
 impl Lock {
-    /// Takes the study's lock.
+    /// Takes the lock of the study in `dir`, or fails if another program holds it.
     pub(super) fn acquire(dir: &Path) -> Result<Self> {
         let path = dir.join(".lock");
         let file = open_lock(&path)?;
@@ -101,7 +102,7 @@ impl Lock {
                 "another program is writing to this study",
                 format!("wait until it has finished, or choose another directory with `{}`", Setting::Out),
             )),
-            // Some network file systems have no locks; a revision is still written completely or not at all there.
+            // Some network file systems have no locks. A revision is still written completely or not at all.
             Ok(()) | Err(TryLockError::Error(_)) => Ok(Self { _file: file }),
         }
     }

@@ -27,8 +27,9 @@ use models::effects::{Effect, EffectParameter, Formula, QuantityName, ScaleFunct
 
 const KEYS: [&str; 8] = ["addend", "factor", "name", "parameters", "quantity", "state", "summary", "table"];
 const EXAMPLE: &str = "factor = \"exp(rate * path)\"";
-/// Largest number of parameters of an effect. [`MOST_POINTS`] is the largest number of points of a table.
+/// Largest number of parameters of an effect.
 const MOST_PARAMETERS: usize = 12;
+/// Largest number of points of a table of factors.
 const MOST_POINTS: usize = 1000;
 
 /// Returns true if a name on the command line is the path of an effect file, which ends in `.toml`.
@@ -57,7 +58,7 @@ pub fn from_text(file: &Path, text: &str) -> Result<&'static str> {
     from_table(&document.root(), definition)
 }
 
-/// Parses an effect without registering its name, for a caller that generates the text.
+/// Parses the text of an effect file without registering the effect's name, for a caller that generates the text.
 ///
 /// # Errors
 /// Errors of [`read`].
@@ -102,7 +103,7 @@ fn effect(table: &TomlTable<'_>) -> Result<StateEffect> {
     }
     let parameters = parameters(table, &slug)?;
     let (operation, function, equation) = function(table, state, quantity, &parameters)?;
-    nulls_leave_the_base(table, state, operation, function, &parameters)?;
+    check_vanishes_at_nulls(table, state, operation, function, &parameters)?;
     let summary = table
         .text("summary")?
         .unwrap_or_else(|| format!("{} depends on {}", quantity.name(), state.name().replace('_', " ")));
@@ -270,7 +271,7 @@ fn function(
 
 /// Checks that the effect vanishes if every parameter with a null is at its null, for any values of the other parameters. The function must then be 0 as an addend and
 /// 1 as a factor. The model with the effect thus contains the model without it.
-fn nulls_leave_the_base(
+fn check_vanishes_at_nulls(
     table: &TomlTable<'_>,
     state: State,
     operation: Operation,
@@ -314,7 +315,7 @@ impl StateFunction for WrittenFormula {
 }
 
 /// State function that is given by a table of factors. Each entry holds a state, the logarithm of its factor, and the slope there. Monotone cubics interpolate the
-/// logarithms between the states. Beyond the first and the last state, their values hold. The interpolated logarithm is multiplied by the effect's parameter.
+/// logarithms between the states. Beyond the first and the last state, the curve is constant. The interpolated logarithm is multiplied by the effect's parameter.
 #[derive(Debug)]
 struct CurvePoints(Vec<[f64; 3]>);
 

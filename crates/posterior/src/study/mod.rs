@@ -49,15 +49,15 @@ pub const PAGE_NAME: &str = "report.html";
 pub const POSTERIOR_NAME: &str = "posterior.json";
 /// File name of a revision's table of predicted positions at every row.
 pub const PREDICTIONS_NAME: &str = "predictions.csv";
-/// File name of a revision's findings.
+/// File name of a revision's findings, which are the misfits that tests have found.
 pub const FINDINGS_NAME: &str = "comparison.json";
 /// File name of a revision's learnt law, written by `learn`; its figure is in `figures/learned`.
 pub const LEARNED_NAME: &str = "learned.json";
-/// File name of a revision's table with its residuals, and the change of the fitted curve by a refit with each effect (µm). `diagnose` writes it.
+/// File name of a revision's table of residuals and of changes of the fitted curve by a refit with each effect (µm). `diagnose` writes this table.
 pub const FINGERPRINTS_NAME: &str = "fingerprints.csv";
 /// File name of the diagnosis of a revision, or of the study of an oscillation.
 pub const DIAGNOSIS_NAME: &str = "diagnosis.json";
-/// File name of the summary of how a revision was extended from an earlier one. `extend` writes it.
+/// File name of the summary of a revision's extension from an earlier revision. `extend` writes this summary.
 pub const EXTENSION_NAME: &str = "extension.json";
 fn out_remedy() -> String {
     format!("choose a writable place with `{}`", Setting::Out)
@@ -80,9 +80,9 @@ pub struct Study {
 pub enum Opening {
     /// The study was created.
     Created,
-    /// The study existed with the same input.
+    /// A study of this input existed and is continued.
     Continued,
-    /// The study existed with another input, and `--force` replaced it.
+    /// A study of another input existed, and `--force` replaced it.
     Replaced,
 }
 
@@ -98,7 +98,7 @@ impl Study {
         path.join(HASHES_NAME).symlink_metadata().is_ok()
     }
 
-    /// Creates the study of an experiment, or continues it if it exists with the same input.
+    /// Creates the study of an experiment, or continues an existing study of the same input.
     ///
     /// If `force` is set, a study of another input is replaced in one atomic step.
     ///
@@ -317,7 +317,7 @@ fn revision_number(name: &str) -> Option<u32> {
     (name == format!("m{number}")).then_some(number)
 }
 
-/// Name and bytes of the experiment's table, then of its force log if it has one.
+/// Name and bytes of the experiment's table, then of its force log, if the experiment has a log.
 fn tables(files: &ExperimentFiles) -> impl Iterator<Item = (&str, &[u8])> {
     let log = files.log_file.as_ref().map(|(name, bytes)| (name.as_str(), bytes.as_slice()));
     std::iter::once((files.csv_name.as_str(), files.csv_bytes.as_slice())).chain(log)

@@ -24,11 +24,11 @@ pub const PRIOR_COPY: &str = "prior.toml";
 /// Specification of a model by names: base law, effects, noise terms, priors, and fixed parameters.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ModelSpecification {
-    /// Base law.
+    /// Base law of the model.
     pub base: BaseLaw,
-    /// Slugs of the effects.
+    /// Slugs (command-line names) of the model's effects.
     pub effects: Vec<String>,
-    /// Names of the noise terms.
+    /// Names of the model's noise terms, such as `white`.
     pub noise: Vec<String>,
     /// Name of the built-in priors, or path of a prior file.
     pub prior: String,
@@ -42,7 +42,7 @@ pub struct ModelSpecification {
 pub type Assignments = BTreeMap<String, Option<f64>>;
 
 impl ModelSpecification {
-    /// Names of base law, effects and noise terms, for JSON documents.
+    /// Returns the names of base law, effects and noise terms, for JSON documents.
     pub fn summary(&self) -> ModelSummary {
         ModelSummary { base: self.base.name().into(), effects: self.effects.clone(), noise: self.noise.clone() }
     }
@@ -179,8 +179,8 @@ impl ModelSpecification {
     }
 
     /// Creates a specification from the options `--base`, `--with`, `--noise`, `--prior` and `--set NAME=VALUE`, with defaults for missing options. `base` may be the
-    /// path of a TOML file with a base law, such as a network. It may also be a server's address, optionally followed by `#` and the model's name. The law's parameters
-    /// are then those of the prior.
+    /// path of a TOML file with a base law, such as a network. It may also be a server's address, optionally followed by `#` and the model's name. The law then has the
+    /// parameters of the prior.
     ///
     /// # Errors
     /// [`Error::Input`] that names the invalid option.
@@ -274,7 +274,8 @@ impl ModelSpecification {
         }
     }
 
-    /// Fixes optional parameters that are neither fixed nor freed at their nulls. Removes fixed optional parameters of effects that the model lacks.
+    /// Fixes every optional parameter of the model's effects at its null, unless the parameter is already fixed or freed. Removes the fixed optional parameters of
+    /// effects that the model lacks.
     pub fn with_nulls(mut self, scales: &CharacteristicSizes, library: &Library) -> Self {
         for effect in library.effects() {
             let is_there = self.effects.iter().any(|slug| slug == effect.slug());
@@ -339,10 +340,10 @@ impl ModelSpecification {
         check_known(places, "effects", &self.effects, &slugs)?;
         let noise = self.noise_model(&(places.of)("noise"))?;
         let effects = self.effects(library);
-        // The list includes nuisance effects of the experiment. The problem checks later that the experiment has them.
+        // The list includes the parameters of all nuisance effects. The problem checks later which nuisance effects the experiment has.
         let of_effects =
             effects.iter().chain(NUISANCES).flat_map(|effect| effect.parameters()).map(|parameter| parameter.spec);
-        // Equations divide by the parameters of law and noise. The lower end of their support (often 0) is therefore excluded, too.
+        // Equations divide by the parameters of law and noise. The lower end of their support (often 0) is therefore excluded.
         let scales: Vec<ParameterSpec> = self.base.parameters().iter().copied().chain(noise.parameters()).collect();
         let all: Vec<ParameterSpec> = scales.iter().copied().chain(of_effects).collect();
         for name in &self.freed {
@@ -409,12 +410,12 @@ fn define_effects(root: &TomlTable<'_>, text: &str) -> Result<()> {
     Ok(())
 }
 
-/// Names without surrounding blanks and without empty names.
+/// Returns the names without surrounding blanks, and leaves out empty names.
 fn trimmed(names: &[String]) -> Vec<String> {
     names.iter().map(|name| name.trim().to_string()).filter(|name| !name.is_empty()).collect()
 }
 
-/// Base law of a `model.toml` that must contain no other key.
+/// Reads the base law from a `model.toml` that must contain no other key.
 fn base_of_file(file: &Path) -> Result<BaseLaw> {
     let specification = ModelSpecification::read(file, &Library::default())?;
     let base = specification.base;
@@ -434,7 +435,7 @@ fn base_of_file(file: &Path) -> Result<BaseLaw> {
     Ok(base)
 }
 
-/// Law that a server evaluates. `address` is its URL, optionally followed by `#` and the model's name. The law's parameters are those of the prior, without the
+/// Law that a server evaluates. `address` is its URL, optionally followed by `#` and the model's name. The law has the parameters of the prior file, without the
 /// parameters of effects and noise.
 fn base_at(address: &str, prior: &str) -> Result<BaseLaw> {
     let (url, name) = address.split_once('#').map_or((address, None), |(url, name)| (url, Some(name)));
@@ -459,7 +460,7 @@ fn base_at(address: &str, prior: &str) -> Result<BaseLaw> {
     Ok(BaseLaw::Outside(ExternalLaw::new(url, name, &parameters)))
 }
 
-/// Built-in base law with this name. An unknown name is an error at `place`.
+/// Returns the built-in base law with this name. An unknown name is an error at `place`.
 fn base_named(name: &str, place: InputPlace) -> Result<BaseLaw> {
     BaseLaw::named(name).ok_or_else(|| {
         let known = BaseLaw::NAMED.map(BaseLaw::name);

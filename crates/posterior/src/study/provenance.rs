@@ -45,7 +45,7 @@ pub struct WithProvenance<T> {
     pub body: T,
 }
 
-/// Content of a file that the program keeps for later use, with its hash. The hash shows changes of the file, after which the content is computed again.
+/// Content of a file that the program keeps for later use, with its hash. If the hash shows that the file was changed, the content is computed again.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Kept<T> {
     content_sha256: String,

@@ -35,8 +35,8 @@ impl RevisionWriter {
         self.building.path()
     }
 
-    /// Writes the document `name` and the further files that `files` writes. Then makes the revision visible, completely or not at all. Returns the revision's
-    /// directory.
+    /// Writes the document `name` and calls `files` to write further files into the hidden directory. Then makes the revision visible, completely or not at all.
+    /// Returns the revision's directory.
     ///
     /// # Errors
     /// [`base::error::Error::File`] if the operating system refuses, and errors of `files`.
@@ -51,7 +51,7 @@ impl RevisionWriter {
         self.commit()
     }
 
-    /// Makes the revision visible under its name and replaces an earlier one of that name in one step.
+    /// Makes the revision visible under its name. An earlier revision of this name is replaced in one step.
     ///
     /// # Errors
     /// [`base::error::Error::File`] if the operating system refuses. An earlier revision is then unchanged.

@@ -170,7 +170,7 @@ fn a_kill_half_way_leaves_the_old_revision_the_checkpoint_and_nothing_else_visib
     let before = visible_names(place.path());
     let checkpoint = study.checkpoint_dir("m0").unwrap();
     write_atomically(&checkpoint.join("walkers.bin"), b"state").unwrap();
-    // These are leftovers of killed programs. One was killed between the two renamings that replace a directory exchange.
+    // These are leftovers of killed programs. One program was killed between the two renamings of a directory replacement.
     let left = place.path().join(".m0.partial-dead");
     std::fs::create_dir(&left).unwrap();
     std::fs::write(left.join("posterior.json"), "ha").unwrap();

@@ -37,7 +37,7 @@ class Experiment:
     def region(self) -> str | None: ...
     @property
     def source(self) -> str:
-        """Origin of the data."""
+        """Origin of the data, as the experiment states it."""
     @property
     def time_s(self) -> npt.NDArray[np.float64]:
         """Times in s, shape (rows,)."""
@@ -61,7 +61,7 @@ class Experiment:
         """Known noise standard deviation of the tracker in µm, if it is stated."""
     @property
     def notes(self) -> list[str]:
-        """Remarks of the reader, for example about how cycles were found or positions that are missing."""
+        """Remarks from reading the files, for example on how cycles were found or which positions are missing."""
     def __len__(self) -> int: ...
 
 class ReducedModel:
@@ -84,22 +84,22 @@ class ReducedModel:
     ) -> None: ...
     @property
     def parameters(self) -> list[Parameter]:
-        """The sampled parameters, in order: the model's, then the noise's, without fixed ones."""
+        """The sampled parameters, in order: first those of the model, then those of the noise. Fixed parameters are omitted."""
     @property
     def names(self) -> list[str]:
         """Names of the sampled parameters, in order."""
     @property
     def prior_median(self) -> npt.NDArray[np.float64]:
-        """Medians of the priors, shape (parameters,): a start inside the range."""
+        """Medians of the priors, shape (parameters,). They lie inside the parameters' ranges, so they can serve as a start point."""
     @property
     def n_trajectory_parameters(self) -> int:
-        """Number of parameters that `trajectory` takes: the first ones of `names`, without the noise's."""
+        """Number of parameters that `trajectory` takes: the first names in `names`, without the parameters of the noise."""
     @property
     def max_relative_error(self) -> float | None:
         """Largest distance from full finite elements, relative to the amplitude; None for an instrument."""
     def trajectory(self, points: npt.ArrayLike) -> npt.NDArray[np.float64]:
         """Positions in µm at the record's rows: (n, d) gives (n, rows), (d,) gives (rows,). Raises `InputError` outside a parameter's range."""
     def log_density(self, points: npt.ArrayLike) -> npt.NDArray[np.float64]:
-        """ln(prior × likelihood) over the untransformed parameters: (n, d) gives (n,), (d,) gives (); −inf outside."""
+        """ln(prior × likelihood) over the untransformed parameters: (n, d) gives (n,), (d,) gives (). The value is −inf outside a parameter's range."""
     def log_density_gradient(self, points: npt.ArrayLike) -> npt.NDArray[np.float64]:
         """Gradient of `log_density`, per unit of each parameter: (n, d) gives (n, d), (d,) gives (d,); 0 if the density is 0."""

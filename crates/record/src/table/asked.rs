@@ -1,6 +1,6 @@
 //! Settings that the user gives for a table, and questions that the program asks the user.
 
-/// Settings that the user gives for a table. `None` is inferred from the table.
+/// Settings that the user gives for a table. Settings that are `None` are inferred from the table.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct TableSettings {
     /// Columns of time, force, position and cycle, each by name or by number from 1.
@@ -11,7 +11,7 @@ pub struct TableSettings {
     pub units: [Option<String>; 3],
     /// Tables to read from a file that contains several, such as `1,2` or `all`.
     pub tables: Option<String>,
-    /// Column that contains a tracker's tracks, and the track to read.
+    /// Column that names a tracker's tracks (moving bodies), and the track to read.
     pub track: [Option<String>; 2],
     /// Rule for an empty force cell: `above` (force of the row above) or `zero`.
     pub blank_force: Option<String>,
@@ -23,16 +23,16 @@ pub struct TableSettings {
     pub time_ties: Option<String>,
 }
 
-/// A question to the user about a table, if the table alone does not decide.
+/// Question to the user about a choice that the table alone does not determine.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Question {
     /// Text of the question, without a question mark.
     pub text: String,
-    /// Answers that are listed; empty if any answer is allowed.
+    /// Answers that are listed with the question; empty if any answer is allowed.
     pub choices: Vec<String>,
     /// Further allowed answers that are not listed.
     pub also: Vec<String>,
-    /// Answer that the program proposes.
+    /// Answer that the program proposes; `None` without a proposal.
     pub proposal: Option<String>,
 }
 

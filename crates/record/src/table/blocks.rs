@@ -1,4 +1,4 @@
-//! Finds the tables of numbers in a text: their cell layout, their headers, and their first and last lines.
+//! Search for the tables of numbers in a text, with their cell layout, their headers, and their first and last lines.
 
 use std::borrow::Cow;
 
@@ -6,11 +6,11 @@ use super::spelling::{ParsedUnit, clock_s, is_date_time, split_unit, unit};
 use super::text::{Decimal, Delimiter, cells, header_cells, is_blank_or_comment};
 use crate::trajectory::is_lost;
 
-/// Number of lines from which the layout is inferred.
+/// Largest number of lines from which the layout of cells is inferred.
 const LOOKED_AT: usize = 5_000;
-/// Longest cell of a unit line without brackets, in characters.
+/// Longest cell, without brackets, of a line that gives the units below the column names, in characters.
 const LONGEST_UNIT: usize = 8;
-/// Lower-case names of columns that contain comments.
+/// Lower-case names of columns that contain comments instead of numbers.
 const REMARKS: [&str; 6] = ["", "comment", "comments", "note", "notes", "remarks"];
 /// Smallest number of rows of a table. Fewer rows of numbers count as a preamble.
 const FEWEST_ROWS: usize = 3;
@@ -27,7 +27,7 @@ pub(super) struct Layout {
     pub n_cells: usize,
 }
 
-/// A table: consecutive rows under one header.
+/// Table of numbers in a text: consecutive rows under one header.
 #[derive(Debug, Clone)]
 pub(super) struct TableBlock {
     pub layout: Layout,
@@ -35,14 +35,14 @@ pub(super) struct TableBlock {
     pub end: usize,
     pub n_rows: usize,
     pub header: Header,
-    /// Line above the header; empty without such a line.
+    /// Nearest line of words above the header; empty without such a line.
     pub title: String,
     /// Number of columns at the end that are empty in every row, because rows may end in a delimiter.
     pub n_empty: usize,
 }
 
 impl TableBlock {
-    /// Numbers of the table's first and last line, from 1.
+    /// Line numbers of the table's first and last row, from 1.
     pub fn lines(&self) -> [usize; 2] {
         [self.layout.first + 1, self.end]
     }
@@ -52,14 +52,14 @@ pub(super) fn is_value(cell: &str, decimal: Decimal) -> bool {
     decimal.number(cell).is_some() || clock_s(cell).is_some() || is_date_time(cell)
 }
 
-/// Number of cells in a line that are numbers or times, and number of other cells. Cells that mean a lost position do not count.
+/// Returns the number of cells in a line that are numbers or times, and the number of other cells. Cells that mean a lost position do not count.
 fn counts(cells: &[Cow<'_, str>], decimal: Decimal) -> (i64, i64) {
     let n_values = cells.iter().filter(|cell| is_value(cell, decimal)).count() as i64;
     let n_others = cells.iter().filter(|cell| !is_value(cell, decimal) && !is_lost(cell)).count() as i64;
     (n_values, n_others)
 }
 
-/// Finds the layout in which most cells of a block of lines are numbers or times.
+/// Finds the layout in which most cells of a block of lines are numbers or times; `None` without such a block.
 fn layout(lines: &[&str]) -> Option<Layout> {
     let mut best: Option<(i64, Layout)> = None;
     for delimiter in Delimiter::ALL {
@@ -100,12 +100,12 @@ fn layout(lines: &[&str]) -> Option<Layout> {
 pub(super) fn blocks(lines: &[&str]) -> Option<Vec<TableBlock>> {
     let found = layout(&lines[..lines.len().min(LOOKED_AT)])?;
     let mut blocks: Vec<TableBlock> = Vec::new();
-    // Index of the line after the last row found so far. The next header may begin there.
+    // The next header may begin at the line with the index `after`, which follows the last row found so far.
     let mut after = 0;
     for (index, line) in lines.iter().enumerate().filter(|(_, line)| !is_blank_or_comment(line, None)) {
         let cells = cells(line, found.delimiter);
         let (n_values, n_others) = counts(&cells, found.decimal);
-        // A row of a started table may lack all values except its time.
+        // A row of a table that has begun may lack all values except its time.
         let is_row = n_values >= 2 && n_values >= n_others || n_values == 1 && n_others == 0 && !blocks.is_empty();
         // A line of words with two numbers is a preamble, such as one above the next table of an export.
         let is_preamble = n_others > 0
@@ -162,7 +162,7 @@ fn n_empty_at_end(rows: &[&str], layout: &Layout) -> usize {
     empty.min().unwrap_or(0)
 }
 
-/// A header: its line, the names of the columns, and their units.
+/// Header of a table: its line, the names of the columns, and their units.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Header {
     /// Index of the header's line; `None` without a header.
@@ -173,7 +173,8 @@ pub(super) struct Header {
     pub foreign: Vec<usize>,
 }
 
-/// Cells of a line as column names. `None` unless their number matches the rows and at least two of them are words. The last `n_empty` columns need no name.
+/// Returns the cells of a line as column names. `None` unless the number of cells matches the rows and at least two cells are words. The last
+/// `n_empty` columns need no name.
 fn names_in(line: &str, layout: &Layout, n_empty: usize) -> Option<Vec<String>> {
     let mut found: Vec<String> =
         header_cells(line, layout.delimiter, None, layout.n_cells).into_iter().map(Cow::into_owned).collect();
@@ -190,7 +191,7 @@ fn names_in(line: &str, layout: &Layout, n_empty: usize) -> Option<Vec<String>> 
     (found.len() == layout.n_cells && n_words >= 2).then_some(found)
 }
 
-/// Finds the header of a table with this layout, among the lines from index `from` on.
+/// Finds the header of a table with the given layout, among the lines from index `from` to the first row. The header is empty if there is none.
 fn header(lines: &[&str], from: usize, layout: &Layout, n_empty: usize) -> Header {
     let above: Vec<usize> =
         (from..layout.first).rev().filter(|index| !lines[*index].trim().is_empty()).take(2).collect();
@@ -212,7 +213,7 @@ fn header(lines: &[&str], from: usize, layout: &Layout, n_empty: usize) -> Heade
     Header { line: Some(line), names: nearest, units, foreign: Vec::new() }
 }
 
-/// Nearest line of words above a table's header; empty if there is none. The search ends at index `from`.
+/// Returns the nearest line above a table's header as its title; empty if there is none. The search ends at index `from`.
 fn title(lines: &[&str], from: usize, block: &TableBlock) -> String {
     let above =
         (from..block.header.line.unwrap_or(block.layout.first)).rev().find(|index| !lines[*index].trim().is_empty());

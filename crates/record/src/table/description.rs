@@ -7,23 +7,24 @@ use base::error::Result;
 use base::toml_input::TomlTable;
 use base::units::Dimension;
 
-/// Reference to a column, by its name or by its number from 1.
+/// Reference to a column of a table, by its name or by its number from 1.
 #[derive(Debug, Clone, PartialEq)]
 pub enum ColumnName {
-    /// Name in the header.
+    /// Name of the column in the header.
     Named(String),
-    /// Number, counted from 1.
+    /// Number of the column, counted from 1.
     Number(usize),
 }
 
-/// Format of times.
+/// Format of the times in a table.
 #[derive(Debug, Clone, PartialEq)]
 pub enum TimeFormat {
-    /// Numbers, in this unit.
+    /// Numbers in the given unit.
     Unit(ParsedUnit),
-    /// Times of day `hh:mm:ss`. They are measured from the first row and continue past midnight.
+    /// Times of day `hh:mm:ss`, which count from the first row and continue past midnight.
     Clock,
-    /// Dates with a time, measured from the first row, with the order of day, month and year. `None` if the dates themselves must show the order.
+    /// Dates with a time, which count from the first row, in the given order of day, month and year. `None` if the dates themselves must show the
+    /// order.
     Date(Option<DateOrder>),
 }
 
@@ -39,7 +40,7 @@ impl TimeFormat {
         })
     }
 
-    /// Name of the unit, or the word for the format.
+    /// Word for the format in `experiment.toml`: the name of the unit, `clock`, `iso`, `day-first` or `month-first`.
     pub fn name(&self) -> &str {
         match self {
             Self::Unit(unit) => &unit.name,
@@ -61,7 +62,7 @@ pub enum BlankForce {
 }
 
 impl BlankForce {
-    /// Both rules.
+    /// Both rules for blank force cells.
     pub const ALL: [Self; 2] = [Self::Above, Self::Zero];
 
     /// Name of the rule in `experiment.toml`.
@@ -73,7 +74,7 @@ impl BlankForce {
     }
 }
 
-/// Columns that contain the position.
+/// Columns that contain the position or its coordinates.
 #[derive(Debug, Clone, PartialEq)]
 pub enum PositionColumns {
     /// A single column with the position along the force.
@@ -95,9 +96,9 @@ impl PositionColumns {
 /// Layout of a table's text: delimiter, decimal sign, encoding, and first and last lines.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TableLayout {
-    /// Delimiter between cells.
+    /// Delimiter between the cells of a line.
     pub delimiter: Delimiter,
-    /// Decimal sign.
+    /// Decimal sign of the numbers.
     pub decimal: Decimal,
     /// Character encoding; `None` if it is detected from the bytes.
     pub encoding: Option<Encoding>,
@@ -116,7 +117,7 @@ pub struct TableLayout {
 /// Description of a table of force and position over time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TableDescription {
-    /// Layout of lines and cells, with the encoding.
+    /// Layout of lines and cells, and the encoding.
     pub layout: TableLayout,
     /// Column and format of the times.
     pub time: (ColumnName, TimeFormat),
@@ -126,7 +127,7 @@ pub struct TableDescription {
     pub position: Option<(PositionColumns, ParsedUnit)>,
     /// Column of cycles; `None` if cycles are found from the force.
     pub cycle: Option<ColumnName>,
-    /// Column of a tracker's tracks, and the name of the track that is read.
+    /// Column that names a tracker's tracks (moving bodies), and the name of the track that is read; `None` if all rows are read.
     pub track: Option<(ColumnName, String)>,
     /// Rule for blank force cells; `None` if they are errors.
     pub blank_force: Option<BlankForce>,
@@ -138,7 +139,7 @@ pub struct TableDescription {
 
 /// Keys of `[measurement]` and `[actuation]` that describe a foreign table.
 pub(crate) const KEYS: [&str; 15] = [
-    // The first nine keys describe the layout, which every kind of table has.
+    // The first nine keys apply to every kind of table.
     "columns",
     "units",
     "delimiter",
@@ -156,14 +157,14 @@ pub(crate) const KEYS: [&str; 15] = [
     "time_ties",
 ];
 
-/// Keys of `[measurement]` that are allowed for a table of moduli.
+/// Keys of `[measurement]` that describe a rheometer's table of moduli.
 pub(crate) const SWEEP_KEYS: &[&str] = KEYS.split_at(9).0;
 
 const EXAMPLE: &str = "position = \"x [µm]\"";
 
 impl TableDescription {
-    /// Reads the description in `[measurement]`. Returns `None` without `[measurement.columns]`, because the table then has the program's own format.
-    /// `is_driven_elsewhere` is true if `[actuation]` gives the force.
+    /// Reads the description of a foreign table from `[measurement]`. The result is `None` without `[measurement.columns]`, because the table then
+    /// has the program's own format. `is_driven_elsewhere` is true if `[actuation]` gives the force.
     pub fn read(measurement: TomlTable<'_>, is_driven_elsewhere: bool) -> Result<Option<Self>> {
         let Some(columns) = measurement.table("columns")? else {
             return match KEYS.iter().find(|key| measurement.has(key)) {
@@ -178,7 +179,7 @@ impl TableDescription {
         columns.only(&["time", "force", "position", "position_x", "position_y", "position_z", "cycle", "track"])?;
         let units = Units::read(measurement, &["time", "force", "position"])?;
         if is_driven_elsewhere && columns.has("force") {
-            let remedy = "remove one of them";
+            let remedy = "remove `force` from [measurement.columns], or the table [actuation]";
             return Err(columns.refuse("force", "both this table and [actuation] contain the force", remedy));
         }
         let force = if is_driven_elsewhere { None } else { Some(units.column(columns, "force", Dimension::Force)?) };
@@ -189,14 +190,14 @@ impl TableDescription {
         Ok(Some(Self { force, position, cycle, lost, ..Self::of_times(measurement, columns, &units)? }))
     }
 
-    /// Reads the description of the force log in `[actuation]`.
+    /// Reads the description of a force log from `[actuation]`.
     pub(crate) fn read_log(actuation: TomlTable<'_>) -> Result<Self> {
         let columns = actuation.required_table("columns")?;
         columns.only(&["time", "force", "current"])?;
         let units = Units::read(actuation, &["time", "force", "current"])?;
         let force = if columns.has("current") {
             if columns.has("force") {
-                return Err(columns.refuse("force", "the log has both a force and a current", "keep one of them"));
+                return Err(columns.refuse("force", "the log has both a force and a current", "keep only one column"));
             }
             units.column(columns, "current", Dimension::Current)?
         } else {
@@ -205,7 +206,7 @@ impl TableDescription {
         Ok(Self { force: Some(force), ..Self::of_times(actuation, columns, &units)? })
     }
 
-    /// Reads only the layout and the time column.
+    /// Reads a description with only the layout, the rules for rows and the time column.
     fn of_times(measurement: TomlTable<'_>, columns: TomlTable<'_>, units: &Units<'_>) -> Result<Self> {
         let time = column(columns, "time")?;
         let format = match units.text("time")?.as_deref().and_then(TimeFormat::named) {
@@ -234,7 +235,7 @@ impl TableDescription {
     }
 }
 
-/// True if a key is present with its only allowed value `word`; an error for another value.
+/// True if a key is present with its only allowed value `word`. Another value is an error.
 fn has_flag_word(table: TomlTable<'_>, key: &str, word: &'static str) -> Result<bool> {
     Ok(read_choice(table, key, &[word], |word| word)?.is_some())
 }
@@ -290,7 +291,7 @@ impl TableLayout {
         Ok(layout)
     }
 
-    /// Number in a cell, read with the decimal sign and thousands separator of the layout; `None` if the cell is not a number.
+    /// Returns the number in a cell, read with the decimal sign and thousands separator of the layout; `None` if the cell is not a number.
     pub fn number(&self, cell: &str) -> Option<f64> {
         match self.thousands {
             Some(thousands) => self.decimal.number(&thousands.removed(cell)?),
@@ -298,7 +299,7 @@ impl TableLayout {
         }
     }
 
-    /// Index of the table that contains a line; the index counts from 0, the line from 1. `None` if the line is not read.
+    /// Returns the index, from 0, of the table that contains the line with the number `line`, from 1; `None` if the line is not read.
     pub fn table_of(&self, line: usize) -> Option<usize> {
         if self.row_lines.is_empty() {
             return (line >= self.first_row_line).then_some(0);
@@ -308,7 +309,7 @@ impl TableLayout {
     }
 }
 
-/// Reads the first and last lines of tables, as pairs in ascending order.
+/// Reads the key `row_lines`: first and last line of each table, in ascending order.
 fn row_lines(measurement: TomlTable<'_>) -> Result<Vec<[usize; 2]>> {
     let key = "row_lines";
     let Some(pairs) = measurement.intervals(key)? else { return Ok(Vec::new()) };
@@ -321,7 +322,7 @@ fn row_lines(measurement: TomlTable<'_>) -> Result<Vec<[usize; 2]>> {
     Ok(pairs.into_iter().map(|pair| pair.map(|line| line as usize)).collect())
 }
 
-/// Reads a key whose value must be one of several words. Returns the value that belongs to the word.
+/// Reads a key whose value must be one of several words, and returns the choice that the word names; `None` without the key.
 pub(crate) fn read_choice<T: Copy>(
     table: TomlTable<'_>,
     key: &str,
@@ -372,7 +373,7 @@ fn position_columns(columns: TomlTable<'_>) -> Result<PositionColumns> {
     Ok(PositionColumns::Axes(axes))
 }
 
-/// Units in `[measurement.units]`. A column whose name ends in its unit needs no entry.
+/// Units of columns from `[measurement.units]`. A column whose name ends in its unit needs no entry.
 pub(crate) struct Units<'a> {
     measurement: TomlTable<'a>,
     table: Option<TomlTable<'a>>,
@@ -385,7 +386,7 @@ impl<'a> Units<'a> {
         Ok(Self { measurement, table })
     }
 
-    /// Returns the column that `key` names, with its unit.
+    /// Returns the column that the key `key` of `[measurement.columns]` names, with its unit.
     fn column(&self, columns: TomlTable<'_>, key: &str, dimension: Dimension) -> Result<(ColumnName, ParsedUnit)> {
         let name = column(columns, key)?;
         let unit = self.of(key, dimension, &name)?;

@@ -1,7 +1,7 @@
-//! Reads foreign tables, with any encoding, delimiter and decimal sign, with named units, and with columns that are not used.
+//! Reader of foreign tables, which may have any encoding, delimiter, decimal sign and units, and columns that are not used.
 //!
-//! The file `experiment.toml` describes a foreign table ([`TableDescription`]). The function [`propose`] infers such a description from a table. Reading
-//! depends on the description alone, so a file has one meaning only.
+//! The file `experiment.toml` describes a foreign table ([`TableDescription`]). The function [`propose`] infers such a description from a table.
+//! Reading depends on the description alone, so a file has only one meaning.
 
 mod asked;
 mod blocks;

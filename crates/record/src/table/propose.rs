@@ -1,4 +1,4 @@
-//! Infers the description of a table, with a reason for each choice.
+//! Inference of the description of a table, with a reason for each choice.
 
 use std::path::Path;
 
@@ -16,37 +16,37 @@ use crate::times::TimeRules;
 use crate::trajectory::{Trajectory, is_lost};
 use base::error::{Error, InputPlace, Result, Setting};
 
-/// Names of track columns; `ID` may follow.
+/// Lower-case names of columns that name a tracker's tracks; `id` may follow.
 const TRACKS: [&str; 5] = ["track", "particle", "trajectory", "bead", "spottrack"];
 /// Largest number of tracks that are distinguished in a table.
 const MOST_TRACKS: usize = 1_000;
-/// A sign is a thousands separator if at least `FEWEST_GROUPED` numbers contain it and at least `FEWEST_SMALL` numbers below 1,000 lack it. If it were a
-/// decimal sign, ten of a hundred values would have one or two decimals.
+/// Smallest numbers of cells for a sign to count as a thousands separator. At least `FEWEST_GROUPED` numbers must contain the sign, and at least
+/// `FEWEST_SMALL` numbers below 1,000 must lack it. With a decimal sign, ten of a hundred values would have one or two decimals.
 const FEWEST_GROUPED: usize = 8;
 const FEWEST_SMALL: usize = 2;
-/// Tables belong to one recording if the position jumps from each table to the next by at most this fraction of its range.
+/// Largest jump of the position from one table to the next within one recording, as a fraction of the position's range in the earlier table.
 const GOES_ON: f64 = 0.1;
-/// The record starts at 0 if its first position is within this fraction of the positions' range from 0.
+/// Largest distance of a position from 0 at which it counts as 0, as a fraction of the positions' range.
 const NEAR_ZERO: f64 = 0.02;
 
-/// An inferred description of a table, with the reasons for it.
+/// Inferred description of a table, with the reasons for it and properties of its rows.
 #[derive(Debug, Clone)]
 pub struct TableProposal {
-    /// Inferred description.
+    /// Inferred description of the table.
     pub description: TableDescription,
-    /// Zero and direction of positions.
+    /// Inferred rules for the zero and direction of positions.
     pub frame: Frame,
     /// True if the force is constant in every hold, apart from a sensor's noise.
     pub has_noisy_levels: bool,
     /// Names of all columns; empty without a header.
     pub columns: Vec<String>,
-    /// Reasons for the description, one sentence each.
+    /// Reasons for the description, each a sentence for the user.
     pub reasons: Vec<String>,
     /// Number of rows.
     pub n_rows: usize,
     /// Number of rows without a position.
     pub n_lost: usize,
-    /// Length of the record, in s.
+    /// Duration of the record, in s.
     pub duration_s: f64,
     /// Time in s at which the first row's force began to act; `None` if no force acts in the first row.
     pub loaded_from_s: Option<f64>,
@@ -56,11 +56,11 @@ pub struct TableProposal {
     pub position_m: [f64; 2],
 }
 
-/// Infers the description of a table. Errors name `file`. If the table leaves a choice open, `ask` is called.
+/// Infers the description of a table. Errors name `file`. If the table does not determine a choice, `ask` asks the user.
 ///
 /// # Errors
-/// [`Error::Input`] if there is no block of numbers, if a column, a unit or the table stays ambiguous, or if reading fails with the description. The error
-/// names the option that helps.
+/// [`Error::Input`] if there is no block of numbers, if a column, a unit or the table stays ambiguous, or if the table cannot be read with the
+/// description. The error names the option that helps.
 pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -> Result<TableProposal> {
     let text = &*decode_detected(bytes);
     let lines: Vec<&str> = text.lines().collect();
@@ -75,23 +75,22 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
         let described = DescribedFile { file, bytes, text, lines: &lines, given, tables };
         let description = described.description(&mut Vec::new(), ask)?;
         if !described.goes_on(&description)? {
-            chosen =
-                ChosenTables::One(asked_table(file, &all, "each starts anew, so they are not one recording", ask)?);
+            chosen = ChosenTables::One(ask_table(file, &all, "each starts anew, so they are not one recording", ask)?);
         }
     }
     let tables = match chosen {
         ChosenTables::Joined(tables) => tables,
         ChosenTables::One(table) => vec![table],
     };
-    reasons.push(said_of(&tables, &lines));
-    reasons.extend(said_of_tables(&all, &tables));
+    reasons.push(describe_layout(&tables, &lines));
+    reasons.extend(describe_tables(&all, &tables));
     let described = DescribedFile { file, bytes, text, lines: &lines, given, tables: &tables };
     let mut description = described.description(&mut reasons, ask)?;
     let mut trajectory = described.completed(&mut description, &mut reasons)?;
     let has_noisy_levels = has_noisy_levels(&trajectory.force_n);
     if has_noisy_levels {
         reasons.push(
-            "the force varies about the levels between which it is switched, like a sensor's: each hold gets its median (force = \"levels\")".into(),
+            "the force varies about fixed levels like the signal of a sensor, so each hold gets its median (force = \"levels\")".into(),
         );
     }
     let frame = frame(&trajectory, &mut reasons);
@@ -119,7 +118,7 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
     })
 }
 
-/// Names of a table's columns. Columns at the end with neither a name nor a cell are omitted.
+/// Returns the names of a table's columns. Columns at the end with neither a name nor a cell are omitted.
 fn named_columns(table: &TableBlock) -> Vec<String> {
     let mut names = table.header.names.clone();
     while names.len() + table.n_empty > table.layout.n_cells && names.last().is_some_and(String::is_empty) {
@@ -153,7 +152,7 @@ fn tables_of(file: &Path, lines: &[&str]) -> Result<Vec<TableBlock>> {
     })
 }
 
-/// Tables of a file that are read.
+/// Tables that are read from a file with one or more tables.
 enum ChosenTables<'a> {
     /// Several tables, joined in time.
     Joined(Vec<&'a TableBlock>),
@@ -161,7 +160,7 @@ enum ChosenTables<'a> {
     One(&'a TableBlock),
 }
 
-/// Line of text for one table in a list: its number, lines, rows, title and columns.
+/// Returns the text for one table in a list: its number, title, lines, number of rows and columns.
 fn listed_table(number: usize, table: &TableBlock) -> String {
     let [first, last] = table.lines();
     let title = if table.title.is_empty() { String::new() } else { format!(" \"{}\"", table.title) };
@@ -186,7 +185,7 @@ fn chosen_tables<'a>(
         if all.iter().all(is_like) {
             return Ok(ChosenTables::Joined(all.iter().collect()));
         }
-        return asked_table(file, all, "their columns differ", ask).map(ChosenTables::One);
+        return ask_table(file, all, "their columns differ", ask).map(ChosenTables::One);
     };
     if said == "all" {
         return Ok(ChosenTables::Joined(all.iter().collect()));
@@ -207,8 +206,8 @@ fn chosen_tables<'a>(
     Ok(ChosenTables::Joined(numbers.into_iter().map(|number| &all[number - 1]).collect()))
 }
 
-/// Asks the user to choose one of several tables that cannot be read as one recording. `why` is the reason.
-fn asked_table<'a>(file: &Path, all: &'a [TableBlock], why: &str, ask: Ask<'_>) -> Result<&'a TableBlock> {
+/// Asks the user to choose one of several tables that cannot be read as one recording. `why` is the reason, for the error without an answer.
+fn ask_table<'a>(file: &Path, all: &'a [TableBlock], why: &str, ask: Ask<'_>) -> Result<&'a TableBlock> {
     let list: Vec<String> = all.iter().enumerate().map(|(place, table)| listed_table(place + 1, table)).collect();
     let question = Question {
         text: format!("which table ({})", list.join("; ")),
@@ -229,8 +228,8 @@ fn asked_table<'a>(file: &Path, all: &'a [TableBlock], why: &str, ask: Ask<'_>) 
     }
 }
 
-/// Sentences that say for each table of a file whether it is read.
-fn said_of_tables(all: &[TableBlock], read: &[&TableBlock]) -> Vec<String> {
+/// Returns sentences that tell for each table of a file whether it is read; empty for a single table.
+fn describe_tables(all: &[TableBlock], read: &[&TableBlock]) -> Vec<String> {
     if all.len() == 1 {
         return Vec::new();
     }
@@ -246,7 +245,7 @@ fn said_of_tables(all: &[TableBlock], read: &[&TableBlock]) -> Vec<String> {
     sentences
 }
 
-/// A file, the user's settings for it, and the tables that are read.
+/// File with the user's settings for it, and the tables that are read from it.
 struct DescribedFile<'a> {
     file: &'a Path,
     bytes: &'a [u8],
@@ -261,7 +260,7 @@ impl DescribedFile<'_> {
         &self.tables[0].header
     }
 
-    /// Cells of each row that is read. Blank lines and comments are skipped.
+    /// Iterates over the rows that are read, each as its cells. Blank lines and comments are skipped.
     fn rows(&self) -> impl Iterator<Item = Vec<std::borrow::Cow<'_, str>>> {
         let lines = self.tables.iter().flat_map(|table| &self.lines[table.layout.first..table.end]);
         lines.filter(|line| !is_blank_or_comment(line, None)).map(|line| cells(line, self.tables[0].layout.delimiter))
@@ -300,7 +299,7 @@ impl DescribedFile<'_> {
             .filter(|role| said[*role as usize].is_none() && own_unit(*role).is_none() && !has_form(*role))
             .collect();
         missing.retain(|role| {
-            said[*role as usize] = role.asked_unit(ask);
+            said[*role as usize] = role.ask_unit(ask);
             said[*role as usize].is_none()
         });
         if let Some(first) = missing.first() {
@@ -311,7 +310,7 @@ impl DescribedFile<'_> {
             return Err(Error::input(
                 InputPlace::setting(first.unit_setting()),
                 format!("{}: the table does not give the unit of {}", file.display(), names.join(" and ")),
-                format!("give it, as in `{}`{of_counts}", options.join(" ")),
+                format!("give the unit, as in `{}`{of_counts}", options.join(" ")),
             ));
         }
         let told = |role: Role| said[role as usize].as_deref();
@@ -319,7 +318,7 @@ impl DescribedFile<'_> {
             let found = told(role).map_or_else(|| own_unit(role), unit);
             found.filter(|unit| Some(unit.dimension) == role.dimension()).ok_or_else(|| {
                 let found = format!("`{}` is not a unit of {}", told(role).unwrap_or_default(), role.name());
-                let remedy = format!("give it, as in `{}`", role.unit_option(called(role)));
+                let remedy = format!("give the unit, as in `{}`", role.unit_option(called(role)));
                 Error::input(InputPlace::setting(role.unit_setting()), found, remedy)
             })
         };
@@ -386,7 +385,8 @@ impl DescribedFile<'_> {
         self.lines[end..].iter().any(|line| !is_blank_or_comment(line, None))
     }
 
-    /// Index of the track column: the one that the user gives, otherwise one with a known name. `None` without a track column.
+    /// Returns the index of the column that names a tracker's tracks: the column that the user gives, otherwise a column with a known name. `None`
+    /// without such a column.
     fn track_column(&self, seen: &KnownColumns<'_>, taken: &[usize]) -> Result<Option<usize>> {
         if let Some(column) = &self.given.track[0] {
             return seen.told(Setting::TrackColumn, column).map(Some);
@@ -398,7 +398,7 @@ impl DescribedFile<'_> {
         Ok(self.header().names.iter().position(is_track).filter(|at| !taken.contains(at)))
     }
 
-    /// Names of the tracks in a column, each with its number of rows.
+    /// Returns the names of the tracks in a column, each with its number of rows.
     fn tracks(&self, at: usize) -> Vec<(String, usize)> {
         let mut tracks: Vec<(String, usize)> = Vec::new();
         for row in self.rows() {
@@ -412,7 +412,7 @@ impl DescribedFile<'_> {
         tracks
     }
 
-    /// Index of the track column and name of the track that is read; `None` unless the rows belong to several tracks.
+    /// Returns the index of the track column and the name of the track that is read; `None` unless the rows belong to several tracks.
     fn track(&self, seen: &KnownColumns<'_>, taken: &[usize], ask: Ask<'_>) -> Result<Option<(usize, String)>> {
         let Some(at) = self.track_column(seen, taken)? else { return Ok(None) };
         if let Some(track) = &self.given.track[1] {
@@ -443,7 +443,7 @@ impl DescribedFile<'_> {
         }
     }
 
-    /// Rule for blank force cells; `None` if no force cell is blank.
+    /// Returns the rule for blank force cells; `None` if no force cell is blank or the user gives no answer.
     fn blank_force(&self, force: Option<usize>, ask: Ask<'_>) -> Result<Option<BlankForce>> {
         let setting = Setting::BlankForce;
         let named = |word: &str| BlankForce::ALL.into_iter().find(|blank| blank.name() == word);
@@ -470,8 +470,8 @@ impl DescribedFile<'_> {
         Ok(ask(&question).and_then(|word| named(&word)))
     }
 
-    /// Thousands separator, if it could also be a decimal sign. All numbers with this sign must have groups of three digits, and numbers below 1,000 must not
-    /// contain it. `None` if there is no such sign.
+    /// Returns the thousands separator if it could also be a decimal sign; otherwise `None`. All numbers with the sign must have groups of three
+    /// digits, and several smaller numbers must lack the sign.
     fn thousands(&self, taken: &[usize], reasons: &mut Vec<String>) -> Result<Option<Thousands>> {
         let setting = Setting::Thousands;
         match self.given.thousands.as_deref() {
@@ -513,7 +513,8 @@ impl DescribedFile<'_> {
         Ok(Some(sign))
     }
 
-    /// True if several tables form one recording: each follows the previous one in time, and its position begins near the previous one's end.
+    /// True if several tables form one recording, because the position at the start of each table is near the position at the end of the previous
+    /// table.
     fn goes_on(&self, description: &TableDescription) -> Result<bool> {
         let joined = with_times(description, TimeRules { joins_restarts: true, spreads_ties: true });
         let trajectory = read_described(self.file, self.text, &joined)?;
@@ -534,14 +535,15 @@ impl DescribedFile<'_> {
         Ok(ends.windows(2).all(follows))
     }
 
-    /// Reads the rows, and completes the description with properties of the rows. These are a clock that restarts or is coarse, values for lost positions, and a constant coordinate.
+    /// Reads the rows, and completes the description with properties of the rows: a clock that restarts or is coarse, values for lost positions, and
+    /// a constant coordinate.
     fn completed(&self, description: &mut TableDescription, reasons: &mut Vec<String>) -> Result<Trajectory> {
         let read = |description: &TableDescription| read_described(self.file, self.text, description);
         let told = description.time_rules;
         let lenient = with_times(description, TimeRules { joins_restarts: true, spreads_ties: true });
         if let Ok(trajectory) = read(&lenient) {
             let restarts = &trajectory.ordered.restart_rows;
-            // A restart of the clock is expected at the first row of a cycle or of a table. The rows then belong to one recording.
+            // If the clock restarts only at the first rows of cycles or tables, the rows belong to one recording.
             let cycle_begins = |row: usize| trajectory.cycle.as_ref().is_some_and(|cycle| cycle[row] > cycle[row - 1]);
             let table_begins = |row: usize| self.tables.iter().any(|table| table.lines()[0] == trajectory.lines[row]);
             if !restarts.is_empty()
@@ -596,7 +598,7 @@ impl DescribedFile<'_> {
     }
 }
 
-/// Converts a position (m) to the unit of its column, rounded as in the file.
+/// Converts a position (m) to the unit of its column, and rounds it to the value in the file.
 fn as_written(value_m: f64, unit_m: f64) -> f64 {
     let value = value_m / unit_m;
     let rounded = (1e6 * value).round() / 1e6;
@@ -608,7 +610,7 @@ fn with_times(description: &TableDescription, time_rules: TimeRules) -> TableDes
     TableDescription { time_rules, ..description.clone() }
 }
 
-/// True if the user gives a setting whose only allowed value is `word`; an error for another value.
+/// True if the user gives a setting whose only allowed value is `word`. Another value is an error.
 fn one_word(setting: Setting, given: Option<&str>, word: &str) -> Result<bool> {
     match given {
         None => Ok(false),
@@ -628,14 +630,14 @@ fn spoken(column: &ColumnName) -> String {
     }
 }
 
-/// Layout of a table with the names and units of its columns.
+/// Layout of a table, with the names and units of its columns.
 #[derive(Debug, Clone)]
 pub struct InspectedTable {
     /// Layout of the table.
     pub layout: TableLayout,
     /// Names of the columns; empty without a header.
     pub columns: Vec<String>,
-    /// Unit of each column; `None` if it is not given.
+    /// Unit of each column; `None` if the table does not give it.
     pub units: Vec<Option<ParsedUnit>>,
     /// Sentence that describes the layout.
     pub said: String,
@@ -650,12 +652,12 @@ pub fn inspect_table(file: &Path, bytes: &[u8]) -> Result<InspectedTable> {
     let lines: Vec<&str> = text.lines().collect();
     let all = tables_of(file, &lines)?;
     let first = &all[0];
-    let said = said_of(&[first], &lines);
+    let said = describe_layout(&[first], &lines);
     let Header { names, units, .. } = first.header.clone();
     Ok(InspectedTable { layout: written(bytes, &lines, first), columns: names, units, said })
 }
 
-/// Layout as it is written into the description. It includes all lines from the table's first row on.
+/// Returns the layout of a table for its description. All lines from the table's first row on are included.
 fn written(bytes: &[u8], lines: &[&str], table: &TableBlock) -> TableLayout {
     TableLayout {
         delimiter: table.layout.delimiter,
@@ -669,7 +671,7 @@ fn written(bytes: &[u8], lines: &[&str], table: &TableBlock) -> TableLayout {
     }
 }
 
-fn said_of(tables: &[&TableBlock], lines: &[&str]) -> String {
+fn describe_layout(tables: &[&TableBlock], lines: &[&str]) -> String {
     let TableBlock { layout, header, .. } = tables[0];
     let between = match layout.delimiter {
         Delimiter::Comma => "commas",
@@ -691,7 +693,7 @@ fn said_of(tables: &[&TableBlock], lines: &[&str]) -> String {
     format!("{} columns separated by {between}{decimals}, {named}{above}", layout.n_cells)
 }
 
-/// Infers the zero and direction of the positions, and adds the reasons to `reasons`.
+/// Infers the rules for the zero and direction of positions, and adds the reasons to `reasons`.
 fn frame(trajectory: &Trajectory, reasons: &mut Vec<String>) -> Frame {
     let Trajectory { force_n, position_m, others_m, .. } = trajectory;
     let coordinates: Vec<&[Option<f64>]> = std::iter::once(position_m).chain(others_m).map(Vec::as_slice).collect();
@@ -781,7 +783,8 @@ mod tests {
         assert_eq!(proposal.position_m, [0.0, 3e-6]);
     }
 
-    /// LabVIEW writes a comment column without cells, which is ignored. Counts of camera pixels and frames are converted with given sizes.
+    /// Checks that a comment column without cells, as LabVIEW writes it, is ignored. Counts of camera pixels and frames are converted with given
+    /// sizes.
     #[test]
     fn remarks_are_no_column_and_counts_have_sizes() {
         let given = TableSettings {

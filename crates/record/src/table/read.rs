@@ -1,4 +1,4 @@
-//! Reads a foreign table according to its description.
+//! Reader of a foreign table according to its description.
 
 use std::borrow::Cow;
 use std::path::Path;
@@ -14,7 +14,7 @@ use base::files::refuse_long_lines;
 /// Seconds in a day. A clock that falls back by more than half a day has passed midnight.
 const DAY_S: f64 = 86_400.0;
 
-/// Index and name of the column of each quantity.
+/// Index and name of the column of each quantity in a foreign table.
 struct Columns {
     time: (usize, String),
     force: Option<(usize, String)>,
@@ -24,7 +24,7 @@ struct Columns {
     track: Option<(usize, String)>,
 }
 
-/// Finds a table's columns by their names, if the table has a header.
+/// Column names of a table, by which columns are found.
 pub struct ColumnNames<'a> {
     file: &'a Path,
     /// Line number and cells of the header; `None` without a header.
@@ -44,7 +44,7 @@ impl<'a> ColumnNames<'a> {
         Self { file, header }
     }
 
-    /// All names; empty without a header.
+    /// Names of all columns; empty without a header.
     pub fn all(&self) -> &[Cow<'a, str>] {
         self.header.as_ref().map_or(&[], |(_, cells)| cells)
     }
@@ -95,7 +95,7 @@ fn quoted(cells: &[Cow<'_, str>]) -> String {
     names.join(", ")
 }
 
-/// Decodes a table in the given encoding. For `None` the encoding is detected from the bytes.
+/// Decodes the bytes of a table with the given encoding; for `None` the encoding is detected from the bytes. Errors name `file`.
 pub fn decode_table<'a>(file: &Path, bytes: &'a [u8], encoding: Option<Encoding>) -> Result<Cow<'a, str>> {
     let encoding = encoding.unwrap_or_else(|| Encoding::of(bytes));
     encoding.text(bytes).ok_or_else(|| {
@@ -104,7 +104,7 @@ pub fn decode_table<'a>(file: &Path, bytes: &'a [u8], encoding: Option<Encoding>
     })
 }
 
-/// Parses a table according to its description, and returns positions in the table's coordinates. Errors name `file`.
+/// Parses a table according to its description. The positions in the result are in the table's coordinates. Errors name `file`.
 pub(crate) fn read_described(file: &Path, text: &str, description: &TableDescription) -> Result<Trajectory> {
     refuse_long_lines(file, text.as_bytes())?;
     let columns = Columns::new(file, text, description)?;
@@ -165,7 +165,7 @@ pub(crate) fn read_described(file: &Path, text: &str, description: &TableDescrip
                     (true, Some(BlankForce::Zero), _) => 0.0,
                     (true, Some(BlankForce::Above), Some(above_n)) => *above_n,
                     (true, Some(BlankForce::Above), None) => {
-                        let remedy = "give the force of the first row; blank rows below take it over";
+                        let remedy = "give the force of the first row; blank force cells below it then mean this force";
                         return Err(Error::input(at(FORCE), "the first row has no force", remedy));
                     }
                     (true, None, _) => return Err(blank_force(at(FORCE))),
@@ -232,13 +232,13 @@ fn blank_force(place: InputPlace) -> Error {
     )
 }
 
-/// Converts a table's time cells to seconds since the first row.
+/// Converter of a table's time cells to seconds since the first row.
 #[derive(Default)]
 struct Clock {
     first_s: Option<f64>,
     last_s: f64,
     days: f64,
-    /// Date orders that fit all dates so far, each with its first time. `None` unless the times are dates without a given order.
+    /// Orders of day, month and year that fit all dates so far, each with its first time. `None` unless the times are dates without a given order.
     orders: Option<Vec<(DateOrder, f64)>>,
 }
 
@@ -277,7 +277,8 @@ impl Clock {
         Ok(since - *self.first_s.get_or_insert(since))
     }
 
-    /// Seconds since the first row, for a date without a given order. All orders that are still possible must agree.
+    /// Returns the seconds since the first row, for a date without a given order of day, month and year. All orders that are still possible must
+    /// agree.
     fn dated(&mut self, cell: &str, place: &dyn Fn() -> InputPlace) -> Result<f64> {
         let refuse = |what: &str, remedy: String| Err(Error::input(place(), format!("`{cell}` {what}"), remedy));
         let read = |order| Some((order, date_time_s(cell, order)?));
@@ -298,7 +299,7 @@ impl Clock {
                 format!("give the order with `{0} day-first` or `{0} month-first`", Setting::TimeUnit),
             ),
             [elapsed_s, ..] => {
-                // Time of the clock at the record's time 0. Orders that agree differ by whole days, which no other table can reveal.
+                // Orders that agree differ in the first time only by whole days, so any of them may define the clock's time at the record's time 0.
                 self.first_s = firsts.first().map(|(_, first_s)| *first_s);
                 Ok(*elapsed_s)
             }

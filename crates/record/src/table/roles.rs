@@ -1,4 +1,4 @@
-//! Assigns the columns of a table to the roles time, force, position and cycle.
+//! Assignment of a table's columns to the roles time, force, position and cycle.
 
 use std::path::Path;
 
@@ -9,7 +9,7 @@ use super::spelling::{ParsedUnit, counted, split_unit, unit};
 use base::error::{Error, InputPlace, Result, Setting};
 use base::units::Dimension;
 
-/// Role of a column. The order is that of [`PrescribedQuantity::columns`].
+/// Role of a column. The order is that of [`TableSettings::columns`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Role {
     Time,
@@ -40,7 +40,7 @@ impl Role {
         }
     }
 
-    /// Setting with which the user gives the unit; a cycle has no unit.
+    /// Setting with which the user gives the unit of this role's column. A cycle has no unit.
     pub fn unit_setting(self) -> Setting {
         match self {
             Self::Time => Setting::TimeUnit,
@@ -49,7 +49,7 @@ impl Role {
         }
     }
 
-    /// Example of the setting that gives the unit of the column `column`, for messages.
+    /// Returns an example of the setting that gives the unit of the column `column`, for messages.
     pub fn unit_option(self, column: &str) -> String {
         let unit = match (self, counted(column)) {
             (Self::Time, None) => "s",
@@ -75,8 +75,8 @@ impl Role {
         }
     }
 
-    /// Asks for the unit until the answer is a unit of this role. Returns `None` without an answer.
-    pub fn asked_unit(self, ask: Ask<'_>) -> Option<String> {
+    /// Asks the user for the unit of this role's column until the answer is such a unit. Returns `None` without an answer.
+    pub fn ask_unit(self, ask: Ask<'_>) -> Option<String> {
         let mut question = self.unit_question();
         loop {
             let answer = ask(&question)?;
@@ -85,7 +85,7 @@ impl Role {
                 return Some(answer);
             }
             let text = format!("`{answer}` is not a unit of {}; {}", self.name(), self.unit_question().text);
-            // If the answer is repeated, it comes from a program, which must not be asked for ever.
+            // A repeated answer comes from a program, so the questions must end.
             if text == question.text {
                 return None;
             }
@@ -102,7 +102,7 @@ impl Role {
         }
     }
 
-    /// Names that belong to this role alone, and parts of names that suggest it.
+    /// Names of columns that belong to this role alone, and parts of names that suggest the role.
     fn words(self) -> (&'static [&'static str], &'static [&'static str]) {
         match self {
             Self::Time => (
@@ -119,7 +119,8 @@ impl Role {
     }
 }
 
-/// Score of a column for a role: higher is more likely. `None` if its unit contradicts the role.
+/// Returns the score of a column for a role, which is higher the more likely the column has the role. `None` if the column's unit contradicts the
+/// role.
 fn fit(role: Role, name: &str, unit: Option<&ParsedUnit>) -> Option<u32> {
     let stem = counted(name).map_or_else(|| split_unit(name).0, |(stem, _)| stem);
     let plain: String = stem.to_lowercase().chars().filter(|c| c.is_alphanumeric()).collect();
@@ -134,11 +135,11 @@ fn fit(role: Role, name: &str, unit: Option<&ParsedUnit>) -> Option<u32> {
         (_, Some(_)) => return None,
         _ => 0,
     };
-    // A unit alone shows the quantity, but not which body it belongs to.
+    // A unit counts less than a name, because it shows the quantity but not the body that has it.
     Some(by_name + by_unit)
 }
 
-/// Columns that were found for a role.
+/// Columns of a table that were found for a role.
 pub(super) enum ColumnMatch {
     Missing,
     Single(usize),
@@ -162,14 +163,14 @@ impl KnownColumns<'_> {
         format!("the columns are {}", names.join(", "))
     }
 
-    /// Index of the column with the name or number (from 1) `told`; `None` if there is no such column.
+    /// Returns the index, from 0, of the column with the name or the number (from 1) `told`; `None` if there is no such column.
     fn at(&self, told: &str) -> Option<usize> {
         let by_name = self.header.names.iter().position(|name| name == told);
         let numbers = 1..=self.n_cells;
         by_name.or_else(|| told.parse::<usize>().ok().filter(|n| numbers.contains(n)).map(|n| n - 1))
     }
 
-    /// Index of the column that the user gives for a setting. `told` is its name or its number from 1.
+    /// Returns the index of the column that the user gives for a setting. `told` is the column's name or its number from 1.
     ///
     /// # Errors
     /// [`Error::Input`] if there is no such column.
@@ -180,7 +181,7 @@ impl KnownColumns<'_> {
         })
     }
 
-    /// Indices of the columns that the user gives for x and y, with or without z; `None` if none is given.
+    /// Returns the indices of the columns that the user gives for x and y, with or without z; `None` if the user gives none.
     fn given_axes(&self) -> Result<Option<Vec<usize>>> {
         let [x, y, position] = [Setting::XColumn, Setting::YColumn, Setting::PositionColumn];
         let one_way = format!("give either `{x}` and `{y}`, or only `{position}`");
@@ -205,7 +206,8 @@ impl KnownColumns<'_> {
         }
     }
 
-    /// Index of the column that belongs to the x column `at`: equal name and unit, but with `letter` in place of x. `None` if there is none.
+    /// Returns the index of the y or z column that belongs to the x column `at`. It has an equal unit, and an equal name with `letter` in place of x.
+    /// `None` if there is none.
     fn partner(&self, at: usize, letter: char, taken: &[usize]) -> Option<usize> {
         let (names, units) = (&self.header.names, &self.header.units);
         let name = names.get(at)?;
@@ -223,7 +225,8 @@ impl KnownColumns<'_> {
             .find(|other| free(other) && units.get(*other) == units.get(at))
     }
 
-    /// Finds the column of a role: the one that the user gives, otherwise the one with the best score, otherwise the answer to a question.
+    /// Finds the column of a role: the column that the user gives, otherwise the column with the best score, otherwise the user's answer to a
+    /// question.
     pub fn column(&self, role: Role, taken: &[usize], ask: Ask<'_>) -> Result<ColumnMatch> {
         if role == Role::Position
             && let Some(axes) = self.given_axes()?
@@ -256,7 +259,7 @@ impl KnownColumns<'_> {
             [] => format!("{}: no column name suggests a {}", self.file.display(), role.name()),
             _ => format!("{}: several columns may be the {}", self.file.display(), role.name()),
         };
-        // With a header, the user can choose among the remaining columns. Without a header, every column of numbers may have this role.
+        // The user can choose among the remaining columns, which are listed by name or, without a name, by number.
         let left = (0..self.n_cells).filter(|at| !taken.contains(at));
         let called = |at: usize| header.names.get(at).filter(|name| !name.is_empty()).cloned();
         let choices: Vec<String> = left.map(|at| called(at).unwrap_or_else(|| (at + 1).to_string())).collect();

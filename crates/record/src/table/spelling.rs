@@ -1,4 +1,4 @@
-//! Recognises the spellings of units and times in files of laboratories.
+//! Recognition of the spellings of units and times in tables from laboratories.
 
 use base::units::{Dimension, UNITS};
 
@@ -40,14 +40,14 @@ const SPELLINGS: [(&str, Dimension, f64); 34] = [
     ("%", Dimension::Ratio, 1e-2),
 ];
 
-/// A unit that was recognised in a text.
+/// Unit that was recognised in a text.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ParsedUnit {
     /// Dimension of the unit.
     pub dimension: Dimension,
     /// Name of the unit in `experiment.toml`, with `u` for µ.
     pub name: String,
-    /// Factor for the conversion to SI units: `value / per_si_unit` for powers of ten, which is exact, otherwise `value × si_units`.
+    /// Conversion to SI units: a division by a power of ten, which is exact, or a multiplication.
     scale: UnitScale,
 }
 
@@ -58,7 +58,7 @@ enum UnitScale {
 }
 
 impl ParsedUnit {
-    /// Converts a value in this unit to SI.
+    /// Converts a value in this unit to SI units.
     pub fn to_si(&self, value: f64) -> f64 {
         match self.scale {
             UnitScale::Over(per_si_unit) => value / per_si_unit,
@@ -67,8 +67,8 @@ impl ParsedUnit {
     }
 }
 
-/// Parses a unit such as `µm`, `[uN]` or `(s)`. A number may precede it: a camera's pixel may be `0.65 um` and its frame `0.05 s`. The program's own names are
-/// case-sensitive (`mN` is not `MN`); words are not.
+/// Parses a unit such as `µm`, `[uN]` or `(s)`; `None` for other text. A number may precede the unit: a camera's pixel may be `0.65 um` and its frame
+/// `0.05 s`. Symbols are case-sensitive (`mN` is not `MN`), words are not.
 pub fn unit(text: &str) -> Option<ParsedUnit> {
     let many = text.trim().split_once(' ').and_then(|(many, of)| Some((many.parse::<f64>().ok()?, one_unit(of)?)));
     match many {
@@ -81,7 +81,7 @@ pub fn unit(text: &str) -> Option<ParsedUnit> {
     }
 }
 
-/// Prefixes of units as words, with their letters.
+/// Prefixes of units as words, each with its letter.
 const PREFIXES: [(&str, &str); 6] =
     [("micro", "u"), ("milli", "m"), ("nano", "n"), ("pico", "p"), ("femto", "f"), ("kilo", "k")];
 
@@ -122,7 +122,7 @@ fn known_unit(plain: &str) -> Option<ParsedUnit> {
     Some(ParsedUnit { dimension: *dimension, name: (*name).into(), scale: UnitScale::Times(*si_units) })
 }
 
-/// Splits a column name such as `x [µm]`, `x (µm)`, `x/µm`, `x_um` or `x in µm` into the name without the unit, and the unit.
+/// Splits a column name such as `x [µm]`, `x (µm)`, `x/µm`, `x_um` or `x in µm` into the name without the unit, and the unit, which may be missing.
 pub fn split_unit(name: &str) -> (&str, Option<ParsedUnit>) {
     // The `_` in `rad_s` and the `/` in `rad/s` are part of the unit.
     for ending in ["_rad_s", "_rad/s", " rad/s"] {
@@ -136,7 +136,8 @@ pub fn split_unit(name: &str) -> (&str, Option<ParsedUnit>) {
     found.map_or((name, None), |(stem, unit)| (stem, Some(unit)))
 }
 
-/// Name without the unit, and counted thing (pixel or frame), of a column such as `x (px)` or `frame`. `None` for other columns.
+/// Splits the name of a column that counts pixels or frames, such as `x (px)` or `frame`, into the name without the unit, and `pixel` or `frame`.
+/// `None` for other columns.
 pub fn counted(name: &str) -> Option<(&str, &'static str)> {
     const COUNTS: [(&str, &str); 6] = [
         ("px", "pixel"),
@@ -154,7 +155,7 @@ pub fn counted(name: &str) -> Option<(&str, &'static str)> {
     parts.chain([(name, name)]).find_map(|(stem, text)| Some((stem.trim(), of(text)?)))
 }
 
-/// Seconds since midnight for a time of day `hh:mm:ss.fff`, `mm:ss.fff` or `hh:mm:ss AM`; `None` for other text.
+/// Returns the seconds since midnight for a time of day `hh:mm:ss.fff`, `mm:ss.fff` or `hh:mm:ss AM`; `None` for other text.
 pub fn clock_s(cell: &str) -> Option<f64> {
     let half = cell.trim_end().get(cell.trim_end().len().saturating_sub(3)..).unwrap_or("");
     let later_h = match half.to_ascii_uppercase().as_str() {
@@ -181,7 +182,7 @@ pub fn clock_s(cell: &str) -> Option<f64> {
     Some(larger?.iter().fold(0.0, |sum, part| (sum + f64::from(*part)) * 60.0) + seconds)
 }
 
-/// Order of day, month and year in a date, named by its first element.
+/// Order of day, month and year in a date, named by the first of them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DateOrder {
     /// Year first (ISO 8601): `2026-11-22`.
@@ -197,8 +198,8 @@ impl DateOrder {
     pub const ALL: [Self; 3] = [Self::Year, Self::Day, Self::Month];
 }
 
-/// Seconds since 1970 for a date with a time, in the given order. Examples are ISO 8601's `2026-11-22T10:00:00.25Z`, `22.11.2026 10:00:00,25` and `11/22/2026
-/// 10:00 AM`. `None` for other text.
+/// Returns the seconds since 1970 for a date with a time, in the given order of day, month and year. Examples are ISO 8601's
+/// `2026-11-22T10:00:00.25Z`, `22.11.2026 10:00:00,25` and `11/22/2026 10:00 AM`. `None` for other text.
 pub fn date_time_s(cell: &str, order: DateOrder) -> Option<f64> {
     let (date, time) = cell.split_once(['T', ' '])?;
     let date = date.trim_end_matches(',');

@@ -1,8 +1,8 @@
-//! Decodes a table's bytes to text, splits its lines into cells, and parses numbers.
+//! Decoding of a table's bytes to text, splitting of lines into cells, and parsing of numbers.
 
 use std::borrow::Cow;
 
-/// Number of bytes from which the encoding is detected.
+/// Number of bytes in which zero bytes are counted to detect UTF-16.
 const LOOKED_AT: usize = 4096;
 
 /// Character between two cells.
@@ -43,7 +43,7 @@ pub enum Decimal {
 }
 
 impl Decimal {
-    /// Both characters.
+    /// Both decimal signs.
     pub const ALL: [Self; 2] = [Self::Point, Self::Comma];
 
     /// Name of the decimal sign in `experiment.toml`.
@@ -54,8 +54,8 @@ impl Decimal {
         }
     }
 
-    /// Number in a cell; `None` if the cell does not contain a finite number. The minus may be typeset (U+2212), and thousands may be separated (`4 600`,
-    /// `4'600`).
+    /// Returns the number in a cell; `None` if the cell does not contain a finite number. The minus may be typeset (U+2212), and thousands may be
+    /// separated (`4 600`, `4'600`).
     pub fn number(self, cell: &str) -> Option<f64> {
         let cell = &*plain(cell)?;
         let number = match self {
@@ -74,7 +74,8 @@ const MINUS: [char; 3] = ['\u{2212}', '\u{2013}', '\u{2012}'];
 /// Thousands separators that cannot be decimal signs: spaces and apostrophes.
 const APART: [char; 6] = [' ', '\u{a0}', '\u{202f}', '\u{2009}', '\'', '\u{2019}'];
 
-/// Text of a number with an ASCII minus and without thousands separators; `None` if a thousands separator is misplaced.
+/// Returns the text of a number with an ASCII minus and without spaces or apostrophes as thousands separators; `None` if a thousands separator is
+/// misplaced.
 fn plain(cell: &str) -> Option<Cow<'_, str>> {
     let has = |signs: &[char]| cell.contains(signs);
     if !has(&MINUS) && !has(&APART) {
@@ -104,7 +105,7 @@ fn without_groups(cell: &str, between: char, before_decimals: char) -> Option<St
     (!decimals.contains(between)).then(|| format!("{whole}{before_decimals}{decimals}"))
 }
 
-/// Thousands separator of whole numbers that could be mistaken for a decimal sign. The numbers of the table show that it is not one.
+/// Thousands separator that could be mistaken for a decimal sign.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Thousands {
     /// `1.234`
@@ -114,7 +115,7 @@ pub enum Thousands {
 }
 
 impl Thousands {
-    /// Both separators.
+    /// Both thousands separators.
     pub const ALL: [Self; 2] = [Self::Point, Self::Comma];
 
     /// Name of the separator in `experiment.toml`.
@@ -171,7 +172,8 @@ impl Encoding {
         }
     }
 
-    /// Detects the encoding of a table. A byte order mark shows it, and zero bytes beside digits show UTF-16. Other text that is not valid UTF-8 is Latin-1.
+    /// Detects the encoding of a table from its bytes. UTF-16 shows in a byte order mark, or in zero bytes beside digits. Other text is UTF-8 if it
+    /// is valid, and Latin-1 otherwise.
     pub fn of(bytes: &[u8]) -> Self {
         match bytes {
             [0xff, 0xfe, ..] => return Self::Utf16Little,
@@ -223,7 +225,8 @@ pub fn decode_detected(bytes: &[u8]) -> Cow<'_, str> {
 /// Characters that begin a comment line by default.
 const COMMENTS: [&str; 3] = ["#", "%", "//"];
 
-/// Returns the characters that make a line a comment; `None` if the line is not a comment. If `comment` is given, only these characters count.
+/// Returns the characters that make a line a comment, such as `#`; `None` if the line is not a comment. If `comment` is given, only these characters
+/// count.
 pub fn comment_sign<'a>(line: &str, comment: Option<&'a str>) -> Option<&'a str> {
     let line = line.trim_start();
     match comment {
@@ -237,7 +240,7 @@ pub fn is_blank_or_comment(line: &str, comment: Option<&str>) -> bool {
     line.trim().is_empty() || comment_sign(line, comment).is_some()
 }
 
-/// Splits a line into cells, without surrounding spaces and quotation marks.
+/// Splits a line into cells and removes surrounding spaces and quotation marks.
 pub fn cells(line: &str, delimiter: Delimiter) -> Vec<Cow<'_, str>> {
     let byte = match delimiter {
         Delimiter::Comma => b',',
@@ -258,10 +261,10 @@ pub fn cells(line: &str, delimiter: Delimiter) -> Vec<Cow<'_, str>> {
     row.iter().map(|cell| Cow::Owned(cell.to_string())).collect()
 }
 
-/// Splits a header into cells, without a leading comment sign. The rows below it have `n_cells` cells.
+/// Splits a header into column names and removes a leading comment sign. The rows below the header have `n_cells` cells.
 ///
-/// If spaces separate the cells, names may contain single spaces. At least two spaces must then separate the names, or each name must end in a unit in
-/// brackets.
+/// If spaces separate the cells, names may contain single spaces. In this case at least two spaces must separate the names, or each name must end in
+/// a unit in brackets.
 pub fn header_cells<'a>(
     whole: &'a str,
     delimiter: Delimiter,

@@ -1,4 +1,4 @@
-//! Finds columns that the description does not use but that follow the position, such as a forgotten coordinate.
+//! Search for columns that the description does not use but that are correlated with the position, such as a forgotten coordinate.
 
 use super::description::TableDescription;
 use super::read::ColumnNames;
@@ -6,24 +6,24 @@ use super::spelling::split_unit;
 use super::text::cells;
 use base::units::Dimension;
 
-/// A column that is not read but follows the position.
+/// Column that is not read although its values are correlated with the position.
 #[derive(Debug, Clone, PartialEq)]
 pub struct UnreadColumn {
     /// Name of the column.
     pub name: String,
-    /// Pearson's correlation of its values with the position.
+    /// Pearson's correlation of the column's values with the position.
     pub correlation: f64,
 }
 
-/// Largest number of rows that are inspected. More rows add no information.
+/// Largest number of rows from which correlations are computed.
 const MOST_ROWS: usize = 20_000;
-/// Smallest fraction of the rows that must contain a number in this column.
+/// Smallest fraction of the rows in which a column must contain a number to be considered.
 const MOSTLY: f64 = 0.9;
-/// Smallest absolute correlation at which a column follows the position.
+/// Smallest absolute correlation with the position at which a column is reported.
 const FOLLOWS: f64 = 0.7;
 
-/// Returns columns that are not read but follow the position, and that have a unit of length or a coordinate's name. `lines` holds the line number of each row,
-/// from 1, and `position_m` its position.
+/// Returns the columns that are not read although they are correlated with the position. Only columns with a unit of length or a coordinate's name
+/// count. `lines` holds the line number of each row, from 1, and `position_m` the position.
 pub(crate) fn unread_columns(
     file: &std::path::Path,
     text: &str,
@@ -73,7 +73,7 @@ pub(crate) fn unread_columns(
     }
     let follows = |place: usize| {
         let pairs = &values[place];
-        // Counters and clocks only increase.
+        // Columns that only increase or only decrease are counters and clocks, not coordinates.
         let is_monotone =
             pairs.windows(2).all(|two| two[0].0 <= two[1].0) || pairs.windows(2).all(|two| two[0].0 >= two[1].0);
         if is_monotone || (n_numbers[place] as f64) < MOSTLY * n_rows as f64 {

@@ -2,12 +2,14 @@
 
 use super::chains::Chains;
 
-/// Autocovariance of a series of n values at lags 0 … n − 1. Every lag is divided by n, which gives the biased but positive definite estimate.
+/// Returns the autocovariance of a series of n values at lags 0 … n − 1. The sum at every lag is divided by n, which gives the biased but positive
+/// definite estimate.
 pub fn autocovariance(series: &[f64]) -> Vec<f64> {
     with_twiddles(series, &Twiddles::new(padded_length(series.len())))
 }
 
-/// Length of the padded series, a power of two. It is at least twice the length of the series, so that circular correlation equals linear correlation.
+/// Returns the length to which a series of `n` values is padded with zeros, a power of two. At a length of at least 2n, circular correlation equals
+/// linear correlation.
 fn padded_length(n: usize) -> usize {
     (2 * n).next_power_of_two()
 }
@@ -37,7 +39,7 @@ fn with_twiddles(series: &[f64], twiddles: &Twiddles) -> Vec<f64> {
     re
 }
 
-/// Roots of unity that a radix-2 transform needs.
+/// Roots of unity for a radix-2 Fourier transform.
 struct Twiddles {
     cos: Vec<f64>,
     sin: Vec<f64>,
@@ -50,7 +52,7 @@ impl Twiddles {
         Self { cos: (0..half).map(|k| angle(k).cos()).collect(), sin: (0..half).map(|k| angle(k).sin()).collect() }
     }
 
-    /// Transforms complex numbers in place (forward). Their number is a power of two.
+    /// Computes the forward Fourier transform of complex numbers in place. Their number is a power of two.
     fn transform(&self, re: &mut [f64], im: &mut [f64]) {
         let length = re.len();
         let shift = usize::BITS - length.trailing_zeros();
@@ -78,12 +80,12 @@ impl Twiddles {
     }
 }
 
-/// Result of [`integrate`].
+/// Integrated autocorrelation time and variance of a quantity, from [`integrate`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Integrated {
-    /// Integrated autocorrelation time 1 + 2 Σ ρ_t, in draws. ρ_t is the autocorrelation at lag t.
+    /// Integrated autocorrelation time 1 + 2 Σ ρ_t in draws, with ρ_t the autocorrelation at lag t ≥ 1.
     pub time: f64,
-    /// Estimated variance of the quantity, within and between chains, to which ρ_t refers.
+    /// Estimated variance of the quantity, within and between chains. Autocorrelations are relative to it.
     pub variance: f64,
 }
 
@@ -114,8 +116,9 @@ pub fn integrate(chains: &Chains) -> Option<Integrated> {
     time.is_finite().then_some(Integrated { time, variance })
 }
 
-/// Returns −1 + 2 Σ P_k over the pairs P_k = ρ_{2k} + ρ_{2k+1}, up to the first that is not positive. The pairs are made non-increasing. The even term
-/// after the last pair is added once if it is positive, which improves the estimate for antithetic chains.
+/// Returns the integrated autocorrelation time −1 + 2 Σ P_k from pairs P_k = ρ_{2k} + ρ_{2k+1} of autocorrelations ρ at successive lags. The sum ends
+/// before the first pair that is not positive, and each pair is limited to the previous pair. The even term after the last pair is added once if it
+/// is positive, which improves the estimate for antithetic chains.
 fn sum_initial_monotone(rho: impl Fn(usize) -> f64, n_draws: usize) -> f64 {
     let mut sum = 0.0;
     let mut previous = f64::INFINITY;
@@ -151,7 +154,7 @@ pub(super) fn sum(values: &[f64]) -> f64 {
     sum_of(values, |v| v)
 }
 
-/// Σ f(value), computed as eight independent partial sums so that the compiler can use vector instructions.
+/// Sum of f(value) over the values. Eight independent partial sums let the compiler use vector instructions.
 #[inline(always)]
 fn sum_of(values: &[f64], f: impl Fn(f64) -> f64) -> f64 {
     let mut sums = [0.0; 8];

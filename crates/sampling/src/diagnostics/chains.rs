@@ -9,7 +9,7 @@ pub struct Chains {
 }
 
 impl Chains {
-    /// Stores the chains. Longer ones are cut to the length of the shortest.
+    /// Stores the chains. Longer chains are cut to the length of the shortest chain.
     pub fn new(mut chains: Vec<Vec<f64>>) -> Self {
         let shortest = chains.iter().map(Vec::len).min().unwrap_or(0);
         chains.iter_mut().for_each(|chain| chain.truncate(shortest));
@@ -31,14 +31,14 @@ impl Chains {
         self.chains.iter().map(Vec::as_slice)
     }
 
-    /// Splits each chain into its first and second half. With an odd number of draws, the middle one is dropped.
+    /// Splits each chain into its first and second half. With an odd number of draws, the middle draw is dropped.
     pub fn split(&self) -> Self {
         let half = self.n_draws() / 2;
         let halves = |chain: &Vec<f64>| [chain[..half].to_vec(), chain[chain.len() - half..].to_vec()];
         Self { chains: self.chains.iter().flat_map(halves).collect() }
     }
 
-    /// Returns `true` if all values are finite and not all are equal.
+    /// Returns `true` if all values are finite and some values differ.
     pub(super) fn varies(&self) -> bool {
         let mut values = self.chains.iter().flatten();
         let Some(&first) = values.next() else { return false };
@@ -56,7 +56,7 @@ impl Chains {
         self.chains.concat()
     }
 
-    /// Makes chains of equal shape from other values, in the order of [`Chains::flat`].
+    /// Returns chains of the same number and length with other values, in the order of [`Chains::flat`].
     pub(super) fn with_values(&self, values: &[f64]) -> Self {
         Self { chains: values.chunks(self.n_draws().max(1)).map(<[f64]>::to_vec).collect() }
     }

@@ -1,11 +1,11 @@
-//! Diagnostics of independent chains, by the definitions of Vehtari et al. 2021 (doi:10.1214/20-BA1221).
+//! Convergence diagnostics of independent chains, by the definitions of Vehtari et al. 2021 (doi:10.1214/20-BA1221).
 
 use super::autocovariance::{integrate, sample_variance};
 use super::chains::Chains;
 use super::ranks::{Sorted, median};
 
-/// Rank-normalised split R̂: the larger of the values for the ranks and for the folded ranks (Vehtari et al. 2021, eqs. 1–4 and §3.1). NaN for fewer than
-/// four draws or two chains.
+/// Rank-normalised split R̂: the larger of the R̂ of the normal scores and the R̂ of the folded scores (Vehtari et al. 2021, eqs. 1–4 and §3.1). NaN
+/// for fewer than four draws or two chains.
 pub fn rhat(chains: &Chains) -> f64 {
     if chains.n_chains() < 2 || chains.n_draws() < 4 || !chains.varies() {
         return f64::NAN;
@@ -23,7 +23,7 @@ fn plain_rhat(chains: &Chains) -> f64 {
     ((n - 1.0) / n + sample_variance(&means) / within).sqrt()
 }
 
-/// Effective number of draws for the location (bulk), from the split, rank-normalised chains. NaN if undefined.
+/// Effective number of draws for the location of the distribution (bulk), from the split, rank-normalised chains. NaN if undefined.
 pub fn ess_bulk(chains: &Chains) -> f64 {
     if chains.n_draws() < 4 { f64::NAN } else { ess(&chains.split().rank_normalised()) }
 }
@@ -74,7 +74,7 @@ mod tests {
     use super::*;
     use rand::{RngExt, SeedableRng};
 
-    /// First-order autoregressive chains with coefficient φ and unit variance. Their autocorrelation time is exactly τ = (1 + φ)/(1 − φ).
+    /// Returns first-order autoregressive chains with coefficient φ and unit variance. Their autocorrelation time is exactly τ = (1 + φ)/(1 − φ).
     fn ar1(phi: f64, n_chains: usize, n_draws: usize, seed: u64) -> Chains {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
         let mut normal = || -> f64 { rng.sample(rand_distr::StandardNormal) };
@@ -90,8 +90,8 @@ mod tests {
         Chains::new((0..n_chains).map(|_| chain(&mut normal)).collect())
     }
 
-    /// For 400,000 draws at φ = 0.9, Sokal's formula gives τ̂ a relative error of about √(2·(2·2.5τ)/n) = 2.2 %, for a window of 2.5 τ. The tolerance is six
-    /// times this error. Chance fails the test with a probability of 10⁻⁸.
+    /// Compares estimated autocorrelation times with the exact τ of autoregressive chains. For n = 400,000 draws at φ = 0.9 and a window of 2.5 τ,
+    /// Sokal's formula gives a relative error of about √(2·(2·2.5τ)/n) = 2.2 %. The tolerance is six times this error.
     #[test]
     fn known_autocorrelation_time_is_recovered() {
         for (phi, tolerance) in [(0.9_f64, 0.13), (0.0, 0.06), (-0.6, 0.10)] {

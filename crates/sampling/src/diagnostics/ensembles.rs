@@ -1,20 +1,21 @@
 //! Diagnostics of ensembles, whose walkers are correlated with each other.
 //!
-//! Let `x[e][s][w]` be a parameter in ensemble e at step s for walker w, and z the normal scores of its ranks among all draws.
-//! - R̂: the steps of each ensemble are split into a first and a second half. Each half, with *the draws of all its walkers*, is one chain. R̂ is the
-//!   larger of the values for z and for the folded scores.
-//! - Effective sample size (ESS) of a quantity g: g is z for the bulk, 1{x ≤ q₀.₀₅} and 1{x ≤ q₀.₉₅} for the tails, x for the mean. The averages
-//!   `ḡ[e][s]` over walkers form one time series per ensemble, split into halves. Let τ_ḡ and Var ḡ be the integrated time and the variance of these
-//!   series, for n steps and m ensembles. The squared standard error of the mean is Var ḡ·τ_ḡ/(m n). Then ESS = Var g/(Var ḡ·τ_ḡ/(m n)). This accounts
-//!   for positive and negative correlation between walkers.
-//! - Autocorrelation time: number of draws divided by the ESS of the mean, in steps. It is the number of steps that one walker alone would need for an
+//! Let `x[e][s][w]` be the value x of a parameter in ensemble e at step s for walker w, and z the normal scores of its ranks among all draws.
+//! - R̂: the steps of each ensemble are split into a first and a second half. Each half, with *the draws of all its walkers*, is one chain. The
+//!   result is the larger of the R̂ of z and the R̂ of the folded scores.
+//! - Effective sample size (ESS) of a quantity g: g is z for the bulk, x for the mean, and for the tails the indicators of x below its 5 % and its 95
+//!   % quantile. The averages `ḡ[e][s]` over walkers form one time series per ensemble, split into halves. Let τ_ḡ and Var ḡ be the integrated
+//!   autocorrelation time and the variance of these series, for n steps and m ensembles. The squared standard error of the mean is Var ḡ·τ_ḡ/(m n),
+//!   and the ESS is Var g divided by it. This accounts for positive and negative correlation between walkers.
+//! - Autocorrelation time in steps: number of draws divided by the ESS of the mean. A single walker would need this number of steps for an
 //!   independent draw.
 
 use super::autocovariance::{integrate, sample_variance, sum};
 use super::chains::Chains;
 use super::ranks::{BlomScores, Sorted};
 
-/// All draws of one parameter. The value of walker w at step s of ensemble e is at `values[(e·n_steps + s)·n_walkers + w]`.
+/// All draws of one parameter from several ensembles of walkers. The value of walker w at step s of ensemble e is at `values[(e·n_steps +
+/// s)·n_walkers + w]`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DrawColumn {
     /// Number of independent ensembles.
@@ -23,14 +24,14 @@ pub struct DrawColumn {
     pub n_steps: usize,
     /// Number of walkers per ensemble.
     pub n_walkers: usize,
-    /// Values of the parameter, `n_ensembles · n_steps · n_walkers` of them.
+    /// Values of the parameter; their number is `n_ensembles · n_steps · n_walkers`.
     pub values: Vec<f64>,
 }
 
-/// Posterior mean, standard deviation and quantiles of one parameter, with the accuracy of its draws.
+/// Posterior mean, standard deviation and quantiles of one parameter, with the convergence diagnostics of its draws.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct ParameterDiagnostics {
-    /// Posterior mean.
+    /// Posterior mean of the parameter.
     pub mean: f64,
     /// Posterior standard deviation.
     pub sd: f64,
@@ -52,8 +53,8 @@ pub struct ParameterDiagnostics {
     pub autocorrelation_time: f64,
 }
 
-/// Computes the diagnostics of one parameter. Values that cannot be computed are NaN (fewer than eight steps, no variation). `blom` must be for as many
-/// values as the column has.
+/// Computes the diagnostics of one parameter. Diagnostics that cannot be computed are NaN, for example with fewer than eight steps or without
+/// variation. `blom` must be for as many values as the column has.
 pub fn diagnose(column: &DrawColumn, blom: &BlomScores) -> ParameterDiagnostics {
     let n = column.values.len();
     let mean = sum(&column.values) / n as f64;
@@ -80,7 +81,8 @@ pub fn diagnose(column: &DrawColumn, blom: &BlomScores) -> ParameterDiagnostics 
     }
 }
 
-/// Autocorrelation time of the mean, in the column's steps. It needs no sorting, unlike [`diagnose`]. NaN if undefined.
+/// Autocorrelation time of the mean, in the column's steps; NaN if undefined. Unlike [`diagnose`], this function sorts no values and is therefore
+/// fast.
 pub fn autocorrelation_time(column: &DrawColumn) -> f64 {
     column.values.len() as f64 / ess(column, &column.values)
 }
@@ -92,7 +94,7 @@ pub fn walker_averages(column: &DrawColumn, quantity: &[f64]) -> Chains {
     Chains::new(quantity.chunks_exact((column.n_steps * column.n_walkers).max(1)).map(chain).collect())
 }
 
-/// Effective number of draws for the mean of a quantity, which has the layout of the column's values. NaN if undefined.
+/// Effective number of draws for the mean of a quantity; NaN if undefined. `quantity` has the layout of the column's values.
 pub fn ess(column: &DrawColumn, quantity: &[f64]) -> f64 {
     let averages = walker_averages(column, quantity).split();
     let variance = sample_variance(quantity);
@@ -101,8 +103,8 @@ pub fn ess(column: &DrawColumn, quantity: &[f64]) -> f64 {
     variance * n_averages / (integrated.variance * integrated.time)
 }
 
-/// R̂ = √(((n − 1)/n)·W + B) / √W. Each chain is one half of an ensemble, with n draws of all its walkers. W is the variance within and B that between
-/// chains. NaN for fewer than two ensembles.
+/// Convergence measure R̂ = √(((n − 1)/n)·W + B) / √W of the scores. Each chain is one half of an ensemble, with n draws of all its walkers. W is the
+/// variance within chains, and B the variance between the chains' means. NaN for fewer than two ensembles.
 fn pooled_rhat(column: &DrawColumn, scores: &[f64]) -> f64 {
     let half = column.n_steps / 2 * column.n_walkers;
     if column.n_ensembles < 2 || half < 2 * column.n_walkers {
@@ -126,7 +128,7 @@ mod tests {
     use crate::diagnostics::convergence;
     use rand::{RngExt, SeedableRng};
 
-    /// First-order autoregressive walkers that share a common term. The correlation between two walkers is `common` at every lag.
+    /// Returns first-order autoregressive walkers with coefficient `phi` that share a common term. The correlation between two walkers is `common`.
     fn column(n_steps: usize, n_walkers: usize, phi: f64, common: f64) -> DrawColumn {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(17);
         let mut normal = || -> f64 { rng.sample(rand_distr::StandardNormal) };
@@ -161,7 +163,7 @@ mod tests {
         }
     }
 
-    /// R̂ of four ensembles with eight walkers and 500 steps each. The draws of the last ensemble are shifted and scaled.
+    /// Returns the R̂ of four ensembles with eight walkers and 500 steps each. The draws of the last ensemble are shifted and scaled.
     fn rhat_with_one_ensemble(shift: f64, scale: f64) -> f64 {
         let mut column = column(500, 8, 0.5, 0.0);
         let first = 3 * column.n_steps * column.n_walkers;
@@ -169,9 +171,9 @@ mod tests {
         diagnose(&column, &BlomScores::new(column.values.len())).rhat
     }
 
-    /// One of four ensembles is shifted by δ standard deviations. The means of the eight half chains then have the variance 8/7·(1/4)(3/4)δ². R̂ is 1.026 for
-    /// δ = ½, above the threshold of 1.01 for a run, and 1.059 for δ = ¾. The mean of an ensemble has a standard error of √(3/4000) = 0.03, which changes R̂
-    /// by 0.004 to 0.005. A doubled scale with an unchanged median shows only in the folded scores.
+    /// Checks R̂ if one of four ensembles is shifted by δ standard deviations. The means of the eight half chains then have the variance
+    /// 8/7·(1/4)(3/4)δ². R̂ is 1.026 for δ = ½, above the threshold of 1.01 for a run, and 1.059 for δ = ¾. The mean of an ensemble has a standard
+    /// error of √(3/4000) = 0.03, which changes R̂ by 0.004 to 0.005. A doubled scale with an unchanged median shows only in the folded scores.
     #[test]
     fn one_ensemble_unlike_the_others_is_seen_by_rhat() {
         assert!(rhat_with_one_ensemble(0.0, 1.0) < 1.005);
@@ -180,8 +182,9 @@ mod tests {
         assert!(rhat_with_one_ensemble(0.0, 2.0) > 1.05);
     }
 
-    /// The mean of W walkers with mutual correlation c has the variance σ²(c + (1 − c)/W). The effective number of draws is therefore smaller by a factor of
-    /// 1 + (W − 1)c. The estimate has a relative error of about 6 % (n = 80,000 steps, τ = 3). The tolerance is six times this error.
+    /// Checks the effective number of draws of correlated walkers. The mean of W walkers with mutual correlation c has the variance σ²(c + (1 −
+    /// c)/W). The effective number of draws is therefore smaller by a factor of 1 + (W − 1)c. The estimate has a relative error of about 6 % (n =
+    /// 80,000 steps, τ = 3). The tolerance is six times this error.
     #[test]
     fn correlation_between_walkers_is_charged() {
         let (n_steps, n_walkers) = (20_000, 8);

@@ -1,15 +1,15 @@
-//! Quantiles, ranks and normal scores of a set of values, which is sorted only once.
+//! Quantiles, ranks and normal scores of a set of values. All of them use one sort of the values.
 
 use statrs::distribution::{ContinuousCDF, Normal};
 
-/// Set of values that is sorted once.
+/// Set of values in ascending order, from which quantiles and normal scores follow without a new sort.
 pub struct Sorted {
     /// Values in ascending order, each with its index in the original set.
     entries: Vec<(f64, u32)>,
 }
 
 impl Sorted {
-    /// Sorts values; there may be at most 2³² − 1. NaN sorts last, or first if its sign is negative.
+    /// Sorts at most 2³² − 1 values. NaN sorts last, or first if its sign is negative.
     pub fn new(values: &[f64]) -> Self {
         if let Some(entries) = sorted_by_place(values) {
             return Self { entries };
@@ -19,7 +19,7 @@ impl Sorted {
         Self { entries }
     }
 
-    /// Quantile at a probability, with linear interpolation between order statistics (Hyndman–Fan type 7). NaN if there are no values.
+    /// Quantile of the values at a probability, with linear interpolation between order statistics (Hyndman–Fan type 7). NaN if there are no values.
     pub fn quantile(&self, probability: f64) -> f64 {
         let Some(last) = self.entries.len().checked_sub(1) else { return f64::NAN };
         let position = probability.clamp(0.0, 1.0) * last as f64;
@@ -34,7 +34,8 @@ impl Sorted {
         scores(&self.entries, blom)
     }
 
-    /// Normal scores of |value − centre|, without a new sort. The values on either side of the centre are already sorted and only need to be merged.
+    /// Normal scores of the distances |value − centre|, in the original order of the values. The values on either side of the centre are already
+    /// sorted, so merging them replaces a new sort.
     pub fn folded_normal_scores(&self, centre: f64, blom: &BlomScores) -> Vec<f64> {
         let split = self.entries.partition_point(|entry| entry.0 < centre);
         let (left, right) = self.entries.split_at(split);
@@ -54,14 +55,14 @@ impl Sorted {
     }
 }
 
-/// Normal scores Φ⁻¹((r − 3/8)/(n + 1/4)) of all ranks r of n values (Blom 1958). Compute them once per n, because all columns of a set of draws have
-/// equally many values.
+/// Normal scores Φ⁻¹((r − 3/8)/(n + 1/4)) of all ranks r of n values, with Φ the standard normal distribution function (Blom 1958). One table serves
+/// all parameters, because they have equally many draws.
 pub struct BlomScores {
     scores: Vec<f64>,
 }
 
 impl BlomScores {
-    /// Computes the scores of ranks 1 … n.
+    /// Computes the normal scores of the ranks 1 … n.
     pub fn new(n: usize) -> Self {
         let mut scores = vec![0.0; n];
         for k in 0..n / 2 {
@@ -76,7 +77,7 @@ fn score(n: usize, mean_rank: f64) -> f64 {
     Normal::standard().inverse_cdf((mean_rank - 0.375) / (n as f64 + 0.25))
 }
 
-/// Normal scores of sorted entries, in the original order.
+/// Returns the normal scores of sorted entries, in the original order of the values.
 fn scores(entries: &[(f64, u32)], blom: &BlomScores) -> Vec<f64> {
     let n = entries.len();
     let mut out = vec![0.0; n];
@@ -98,8 +99,8 @@ fn scores(entries: &[(f64, u32)], blom: &BlomScores) -> Vec<f64> {
     out
 }
 
-/// Sorts values by a bucket sort with 2³² cells between the smallest and the largest value, and by value within a cell. `None` if there are few values,
-/// some are not finite or all are equal.
+/// Sorts values by a radix sort on 2³² equal cells between the smallest and the largest value, and by value within a cell. `None` if there are fewer
+/// than 2,048 values, if a value is not finite, or if all are equal.
 fn sorted_by_place(values: &[f64]) -> Option<Vec<(f64, u32)>> {
     const DIGIT_BITS: usize = 11;
     const N_BUCKETS: usize = 1 << DIGIT_BITS;
@@ -149,7 +150,8 @@ fn ordered_bits(value: f64) -> u64 {
     if bits >> 63 == 1 { !bits } else { bits | 1 << 63 }
 }
 
-/// Sorts entries by their first component, by a stable radix sort from the least significant digit. Digits that are equal in all entries are skipped.
+/// Sorts entries by their first component with a stable radix sort from the least significant digit. Digits that are equal in all entries are
+/// skipped.
 fn radix_sorted(mut entries: Vec<(u64, u32)>) -> Vec<(u64, u32)> {
     const DIGIT_BITS: u32 = 11;
     const N_BUCKETS: usize = 1 << DIGIT_BITS;
@@ -216,7 +218,7 @@ mod tests {
         assert!(sorted.entries.iter().all(|&(value, idx)| values[idx as usize] == value));
     }
 
-    /// One distant value puts all others into a few cells; they are still sorted. Equal values keep their order.
+    /// Checks that values are sorted even if one distant value puts all others into a few cells. Equal values keep their order.
     #[test]
     fn outliers_do_not_spoil_the_order() {
         let mut values: Vec<f64> = (0..6_000_i64).map(|i| ((i * 7919) % 2999 - 1500) as f64 * 0.37e-3).collect();

@@ -1,11 +1,11 @@
-//! Distributes the evaluation of an expensive log density over threads.
+//! Log densities that wrap another log density: one distributes evaluations over threads, one counts them.
 
 use crate::LogDensity;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Log density that splits each batch of points into smaller ones and evaluates them on the current thread pool. A point's value does not depend on its
-/// batch (a rule of [`LogDensity`]). The results therefore equal those of the unsplit batch to the last bit.
+/// Log density that splits each batch of points into smaller batches and evaluates them on the current thread pool. By the rules of [`LogDensity`], a
+/// point's value does not depend on its batch. The results therefore equal those of the unsplit batch to the last bit.
 pub(super) struct SplitDensity<'a> {
     pub inner: &'a dyn LogDensity,
     /// Number of points in each smaller batch.
@@ -28,8 +28,8 @@ impl LogDensity for SplitDensity<'_> {
     }
 }
 
-/// Log density that counts its evaluations during the search for modes and the recovery of walkers. Evaluations of regular steps follow from the number
-/// of steps.
+/// Log density that counts its evaluations. It is used for the search for modes and the recovery of walkers; evaluations of regular steps follow from
+/// the number of steps.
 pub(super) struct CountingDensity<'a> {
     inner: &'a dyn LogDensity,
     count: AtomicU64,

@@ -1,9 +1,9 @@
-//! Draws that a run keeps.
+//! Draws that a sampling run keeps.
 
 use super::walkers::Ensemble;
 use crate::diagnostics::DrawColumn;
 
-/// Draws of all ensembles since the last freeze.
+/// Draws of all ensembles since the end of the burn-in.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Draws {
     /// Number of independent ensembles.
@@ -16,9 +16,11 @@ pub struct Draws {
     pub dimension: usize,
     /// Interval between kept steps, in steps.
     pub store_every: u64,
-    /// Coordinate d of walker w at kept step s of ensemble e is at `positions[((e·n_steps + s)·dimension + d)·n_walkers + w]`.
+    /// Positions of the walkers. Coordinate d of walker w at kept step s of ensemble e is at `positions[((e·n_steps + s)·dimension + d)·n_walkers +
+    /// w]`.
     pub positions: Vec<f64>,
-    /// Log density of walker w at kept step s of ensemble e is at `log_density[(e·n_steps + s)·n_walkers + w]`.
+    /// Log densities at the walkers' positions. The value of walker w at kept step s of ensemble e is at `log_density[(e·n_steps + s)·n_walkers +
+    /// w]`.
     pub log_density: Vec<f64>,
 }
 
@@ -33,7 +35,8 @@ impl Draws {
         (0..self.dimension).map(|d| self.value(ensemble, step, walker, d)).collect()
     }
 
-    /// Selects `n` draws, evenly distributed over ensembles, steps and walkers. The indices advance by the golden ratio, so they do not favour some walkers.
+    /// Returns the coordinates of `n` draws, evenly distributed over ensembles, steps and walkers. The indices advance by the golden ratio, so that
+    /// no walkers are preferred.
     pub fn subsample(&self, n: usize) -> Vec<Vec<f64>> {
         let golden = 0.5 * (5.0_f64.sqrt() - 1.0);
         let pick = |k: usize| {
@@ -64,7 +67,7 @@ impl Draws {
         self.with_values(values)
     }
 
-    /// Draws from kept step `first` on, one vector of coordinates per draw.
+    /// Returns the draws of all ensembles from kept step `first` on, one vector of coordinates per draw.
     pub fn points(&self, first: usize) -> Vec<Vec<f64>> {
         let mut points = Vec::new();
         for ensemble in 0..self.n_ensembles {
@@ -80,13 +83,13 @@ impl Draws {
     }
 }
 
-/// Draws that one ensemble has kept so far in a run.
+/// Draws that one ensemble has kept so far.
 #[derive(Debug, Clone, Default)]
 pub(super) struct DrawRecord {
     pub positions: Vec<f64>,
     pub log_density: Vec<f64>,
     pub n_stored: usize,
-    /// Step after which draws are recorded.
+    /// Step of the ensemble after which draws are recorded.
     pub base_step: u64,
     pub store_every: u64,
 }
@@ -110,8 +113,8 @@ impl DrawRecord {
         (self.n_stored, self.base_step, self.store_every) = (0, base_step, store_every);
     }
 
-    /// Stores the ensemble's present step if the interval since the last stored step is over. A record that reaches `limit` steps is
-    /// then reduced to every second step.
+    /// Stores the positions of the ensemble's walkers if the present step is due for storage. A record that reaches `limit` steps is then reduced to
+    /// every second step.
     pub fn keep(&mut self, ensemble: &Ensemble, limit: Option<usize>) {
         if !(ensemble.n_steps() - self.base_step).is_multiple_of(self.store_every) {
             return;
@@ -123,7 +126,7 @@ impl DrawRecord {
         }
     }
 
-    /// Deletes the 1st, 3rd, 5th, … step and doubles the interval between kept steps.
+    /// Deletes the 1st, 3rd, 5th, … kept step and doubles the interval between kept steps.
     fn thin(&mut self) {
         let kept = self.n_stored / 2;
         for values in [&mut self.positions, &mut self.log_density] {
@@ -138,7 +141,7 @@ impl DrawRecord {
     }
 }
 
-/// Joins the records of all ensembles, which must have made equally many steps.
+/// Joins the records of all ensembles into one set of draws. The ensembles must have made equally many steps.
 pub(super) fn join(records: &[&DrawRecord], dimension: usize, n_walkers: usize) -> Draws {
     let first = records.first();
     Draws {

@@ -1,10 +1,12 @@
 //! Affine-invariant ensemble sampler that reports when its result cannot be trusted.
 //!
-//! It runs several independent ensembles of walkers. [`sample`] works in this order:
+//! Several independent ensembles of walkers sample a log density. [`sample`] works in this order:
 //! 1. The optimiser climbs from several starting points. It finds modes and their masses in the Laplace approximation ([`crate::optimum`]).
 //! 2. Walkers are drawn from the modes' Laplace approximations, in proportion to mass and with slightly larger standard deviations.
-//! 3. Burn-in: the sampler finds walkers that did not join the others and moves them. Walkers whose own mode has mass stay ([`stuck_walkers`]).
-//! 4. A *freeze* fits the approximation for jumps and discards all draws so far. From then on only the fixed moves act on the walkers.
+//! 3. During the burn-in, the sampler finds walkers that did not join the others and moves them. Walkers at a mode with mass stay
+//!    ([`stuck_walkers`]).
+//! 4. The *freeze* ends the burn-in. It fits the approximation of the posterior from which jumps are drawn, and discards all draws so far. From then
+//!    on only fixed moves act on the walkers.
 //! 5. Convergence is checked at growing intervals. If a walker has not joined the others, a new burn-in and a new freeze follow.
 //!
 //! All decisions depend on step counts, never on clocks or threads. Equal seeds therefore give equal bytes for any number of threads and after any

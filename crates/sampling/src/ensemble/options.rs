@@ -1,4 +1,4 @@
-//! Settings of a sampling run, and its monitoring and checkpoints.
+//! Settings of a sampling run, and the means to monitor, stop and resume a run.
 
 use super::moves::{Move, default_move};
 use base::error::{InputPlace, Setting};
@@ -7,23 +7,24 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-/// Settings of a run. They determine the result to the last bit. Only `threads` and `batches` have no influence on it.
+/// Settings of a sampling run. All of them except `threads` and `batches` influence the result, and together they determine it to the last bit.
 #[derive(Clone)]
 pub struct SamplerOptions {
     /// Number of walkers per ensemble. It must be even, at least 8 and more than twice the dimension.
     pub n_walkers: usize,
     /// Number of independent ensembles, at least 4.
     pub n_ensembles: usize,
-    /// Largest number of steps, burn-in included. The run then ends.
+    /// Number of steps, burn-in included, after which the run ends even without convergence.
     pub max_steps: u64,
     /// Seed of all random streams.
     pub seed: u64,
     /// Move that proposes new positions from those of other walkers.
     pub kernel: Arc<dyn Move>,
-    /// Largest fraction of half-steps that jump to draws from an approximation of the posterior ([`super::moves::Independence`]) instead of using `kernel`. A
-    /// smaller fraction is used if few jumps are accepted. 0 disables jumps.
+    /// Largest fraction of half-steps that jump to draws from an approximation of the posterior ([`super::moves::Independence`]) instead of using
+    /// `kernel`. The fraction decreases if few jumps are accepted. 0 disables jumps.
     pub jump_fraction: f64,
-    /// Interval between kept steps. `None` keeps every step at first, and doubles the interval each time that `max_stored_steps` steps are stored.
+    /// Interval between kept steps, in steps. `None` keeps every step at first, and doubles the interval each time that `max_stored_steps` steps are
+    /// stored.
     pub store_every: Option<u64>,
     /// Largest number of kept steps per ensemble if `store_every` is `None`; even.
     pub max_stored_steps: usize,
@@ -37,29 +38,29 @@ pub struct SamplerOptions {
     pub batches: Batches,
 }
 
-/// Convergence criteria. Every parameter must meet them.
+/// Criteria for the convergence of a run. Every parameter must meet all of them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ConvergenceCriteria {
-    /// Smallest number of steps after the freeze, in autocorrelation times.
+    /// Smallest number of steps after the burn-in, in autocorrelation times.
     pub autocorrelation_times: f64,
     /// Largest R̂ of the comparison between ensembles.
     pub rhat: f64,
     /// Smallest effective sample size, for the bulk and for the tails.
     pub ess: f64,
-    /// Largest R̂ of the comparison between single walkers. If it is exceeded, some walkers stay in separate regions. This threshold is less strict than
-    /// `rhat`, because the chain of one walker is short.
+    /// Largest R̂ of the comparison between single walkers. A larger R̂ means that some walkers stay in separate regions. This threshold is less
+    /// strict than `rhat`, because the chain of one walker is short.
     pub rhat_walkers: f64,
 }
 
 /// Rule for splitting an ensemble's batch of points over threads. It does not change any computed value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Batches {
-    /// Split if there are more threads than ensembles and a point costs more than 20 µs, as measured.
+    /// Splits batches if there are more threads than ensembles and a point takes more than 20 µs, as measured at the start.
     #[default]
     Auto,
-    /// Never split. Suits a cheap density.
+    /// Never splits batches, which suits a cheap density.
     Whole,
-    /// Always split. Suits an expensive density.
+    /// Always splits batches, which suits an expensive density.
     Split,
 }
 
@@ -88,11 +89,11 @@ impl Default for SamplerOptions {
     }
 }
 
-/// Smallest allowed number of steps. Fewer do not suffice for a burn-in and a draw.
+/// Smallest allowed number of steps, enough for a burn-in and a few draws.
 const FEWEST_STEPS: u64 = 32;
-/// Largest allowed number of steps. The cheapest model takes days for it.
+/// Largest allowed number of steps, which takes the cheapest model days.
 const MOST_STEPS: u64 = 1_000_000_000;
-/// Largest allowed number of walkers per ensemble. No model needs more, and the draws still fit into the memory.
+/// Largest allowed number of walkers per ensemble. No model needs more, and the draws of this number fit into memory.
 const MOST_WALKERS: usize = 4_096;
 
 impl SamplerOptions {
@@ -133,7 +134,7 @@ impl SamplerOptions {
             return refuse(
                 InputPlace::default().at_key("ensembles"),
                 found,
-                "use at least 4 independent ensembles: convergence is judged between them".into(),
+                "use at least 4 independent ensembles: the convergence check compares them".into(),
             );
         }
         if self.max_steps < FEWEST_STEPS {
@@ -156,7 +157,7 @@ impl SamplerOptions {
             return refuse(
                 InputPlace::default().at_key("jump_fraction"),
                 found,
-                "use at least 0 and at most 0.9: the ensemble's own moves need the rest".into(),
+                "use a fraction from 0 to 0.9: the other moves need the remaining half-steps".into(),
             );
         }
         Ok(())
@@ -167,12 +168,12 @@ impl SamplerOptions {
     }
 }
 
-/// Means to watch, stop and resume a run. They do not change the result.
+/// Means to watch, stop and resume a run, which do not change its result.
 #[derive(Default)]
 pub struct RunControl<'a> {
     /// Stop request. If another thread sets it to `true`, the run saves its state at the next step and ends with [`Error::Interrupted`].
     pub stop: Option<&'a AtomicBool>,
-    /// Function that is called a few times per second with the progress.
+    /// Function that the run calls a few times per second with its progress.
     pub progress: Option<&'a (dyn Fn(&Progress) + Sync)>,
     /// Settings for regular checkpoints; `None` saves no state.
     pub checkpoint: Option<Checkpointing<'a>>,
@@ -193,9 +194,9 @@ pub struct Checkpointing<'a> {
 /// Phase of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum Phase {
-    /// Burn-in: walkers spread over the posterior. Draws of this phase are discarded.
+    /// Burn-in, in which walkers spread over the posterior. Draws of this phase are discarded.
     BurnIn,
-    /// Sampling after the freeze. Draws of this phase are kept.
+    /// Sampling after the burn-in, with fixed moves. Draws of this phase are kept.
     Sampling,
 }
 

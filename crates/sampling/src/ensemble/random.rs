@@ -4,28 +4,28 @@ use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 
-/// Stream of random 32-bit words from ChaCha8, whose key is the seed. Every stream has a number. Words are read in sequence, so a checkpoint stores only
-/// the position.
+/// Stream of random 32-bit words from the generator ChaCha8, identified by a seed and a stream number. Words are read in sequence, so a checkpoint
+/// stores only the position.
 #[derive(Debug, Clone)]
 pub struct RandomStream {
     generator: ChaCha8Rng,
 }
 
 impl RandomStream {
-    /// Makes stream number `stream` for a seed.
+    /// Makes the stream with the number `stream` for a seed.
     pub fn new(seed: u64, stream: u64) -> Self {
         let mut generator = ChaCha8Rng::seed_from_u64(seed);
         generator.set_stream(stream);
         Self { generator }
     }
 
-    /// Number of random words that were read so far.
+    /// Number of random words read from the stream so far.
     pub fn position(&self) -> u64 {
         // Nobody reads 2⁶⁴ words of one walker, so the conversion loses nothing.
         self.generator.get_word_pos() as u64
     }
 
-    /// Moves to a position that [`RandomStream::position`] returned.
+    /// Moves the stream to a position from [`RandomStream::position`].
     pub fn seek(&mut self, position: u64) {
         self.generator.set_word_pos(u128::from(position));
     }
@@ -43,8 +43,7 @@ impl RandomStream {
         (f64::from(self.word()) + 0.5) * (1.0 / 4_294_967_296.0)
     }
 
-    /// Returns a uniform integer from 0 to n − 1, by multiplication and shift; 0 for n = 0. Reads one word. The relative error of a probability is at most
-    /// n/2³².
+    /// Returns a uniform integer from 0 to n − 1; 0 for n = 0. Reads one word. The probability of each integer has a relative error of at most n/2³².
     #[inline]
     pub fn below(&mut self, n: usize) -> usize {
         ((u64::from(self.word()) * n as u64) >> 32) as usize
@@ -68,7 +67,7 @@ impl RandomStream {
         (first, second, third)
     }
 
-    /// Returns a standard normal number, by the ziggurat method. Reads two words, rarely more.
+    /// Returns a standard normal number by the ziggurat method. Reads two words, rarely more.
     #[inline]
     pub fn normal(&mut self) -> f64 {
         self.generator.sample(StandardNormal)
@@ -93,7 +92,8 @@ mod tests {
         }
     }
 
-    /// Each ordered triple of distinct indices below 5 has probability 1/60. χ² with 59 degrees of freedom exceeds 150 with a probability of 10⁻⁹.
+    /// Checks that each ordered triple of distinct indices below 5 has probability 1/60. χ² with 59 degrees of freedom exceeds 150 with a probability
+    /// of 10⁻⁹.
     #[test]
     fn triples_are_distinct_and_uniform() {
         let mut stream = RandomStream::new(1, 0);
@@ -110,7 +110,8 @@ mod tests {
         assert!(chi2 < 150.0, "{chi2}");
     }
 
-    /// The mean of z² has a standard error of √(2/n) = 0.0045. The tolerance is six standard errors.
+    /// Checks mean and variance of normal numbers z. The mean of z² has a standard error of √(2/n) = 0.0045 for n numbers. The tolerance is six
+    /// standard errors.
     #[test]
     fn normal_has_unit_variance() {
         let mut stream = RandomStream::new(2, 0);

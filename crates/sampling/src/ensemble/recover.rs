@@ -1,4 +1,4 @@
-//! Moves walkers that did not join the others.
+//! Recovery of walkers that did not join the others, by moving them to other positions.
 
 use super::draws::Draws;
 use super::starts::{draw, reach};
@@ -10,16 +10,16 @@ use crate::optimum::{Modes, Optimum, maximise};
 use base::Result;
 use rayon::prelude::*;
 
-/// Result of [`reseed_stranded_walkers`].
+/// Numbers of walkers that [`reseed_stranded_walkers`] found and moved.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct Recovery {
-    /// Number of walkers that did not join the others: the mode at their position, if any, has negligible mass.
+    /// Number of walkers that did not join the others. Such a walker is at no mode, or at a mode with negligible mass.
     pub n_stranded: u64,
     /// Number of walkers that were moved to positions among the others.
     pub reseeded: u64,
     /// Number of walkers that do not move although they are at a mode with mass.
     pub stuck: u64,
-    /// `true` if the search found a mode with mass at which no walker started.
+    /// `true` if the search found an unknown mode with mass, at which no walker started.
     pub new_heavy_mode: bool,
 }
 
@@ -32,19 +32,20 @@ impl Recovery {
 
 /// Fraction of the total Laplace mass below which a mode is negligible.
 const NEGLIGIBLE_SHARE: f64 = 1e-4;
-/// Fraction of the total mass above which a newly found mode restarts all walkers.
+/// Fraction of the total Laplace mass above which a newly found mode makes all walkers start again.
 const HEAVY_SHARE: f64 = 4e-3;
 
-/// Finds walkers that may have failed to join the others, climbs from their positions, and moves those whose mode has negligible mass.
+/// Finds walkers that may have failed to join the others, climbs from their positions to maxima, and moves the walkers whose mode has negligible
+/// mass.
 ///
 /// A walker stays if its climb ends in a mode with mass and one of two conditions holds. Either the walker's log density is typical of that mode, or the
-/// mode is not the heaviest. With `only_look`, no walker is moved.
+/// mode is not the heaviest. With `is_read_only`, no walker is moved.
 pub(super) fn reseed_stranded_walkers(
     density: &dyn LogDensity,
     draws: &Draws,
     modes: &mut Modes,
     lanes: &mut [EnsembleRecord],
-    only_look: bool,
+    is_read_only: bool,
 ) -> Result<Recovery> {
     let suspects = find_suspicious_walkers(draws);
     let optima = suspects
@@ -70,7 +71,7 @@ pub(super) fn reseed_stranded_walkers(
             continue;
         }
         recovery.n_stranded += 1;
-        if !only_look && !recovery.new_heavy_mode {
+        if !is_read_only && !recovery.new_heavy_mode {
             reseed(density, modes, &mut lanes[suspect.ensemble], suspect, &suspects, floor)?;
             recovery.reseeded += 1;
         }
@@ -78,7 +79,7 @@ pub(super) fn reseed_stranded_walkers(
     Ok(recovery)
 }
 
-/// Adds the optima that converged and are not in a known mode. Returns the locations of the added optima.
+/// Adds the optima that converged to the modes. Returns the locations of the optima that are new modes.
 fn add_new<'a>(modes: &mut Modes, optima: impl Iterator<Item = &'a Optimum>) -> Vec<Vec<f64>> {
     let mut found = Vec::new();
     for optimum in optima.filter(|optimum| optimum.converged) {
@@ -91,7 +92,7 @@ fn add_new<'a>(modes: &mut Modes, optima: impl Iterator<Item = &'a Optimum>) -> 
     found
 }
 
-/// Log density that 95 % of the walkers exceed.
+/// Returns the log density that 95 % of the walkers exceed.
 fn floor(lanes: &[EnsembleRecord]) -> f64 {
     let values: Vec<f64> = lanes
         .iter()
@@ -100,8 +101,8 @@ fn floor(lanes: &[EnsembleRecord]) -> f64 {
     Sorted::new(&values).quantile(0.05)
 }
 
-/// Moves a walker to a draw from the modes' Laplace approximations whose log density is at least `floor`. If no such draw is found, the walker moves to
-/// the position of an inconspicuous walker of its ensemble.
+/// Moves a suspicious walker to a draw from the modes' Laplace approximations whose log density is at least `floor`. If no such draw is found, the
+/// walker moves to the position of a walker of its ensemble that is not suspicious.
 fn reseed(
     density: &dyn LogDensity,
     modes: &Modes,
@@ -144,7 +145,7 @@ mod tests {
     const N_WALKERS: usize = 16;
     const N_STEPS: usize = 300;
 
-    /// Runs four ensembles for 300 stretch moves, in the first mode of a target. In each, `n_elsewhere` walkers start at `elsewhere`.
+    /// Runs four ensembles for 300 stretch moves in the first mode of a target. In each ensemble, `n_elsewhere` walkers start at `elsewhere`.
     fn run(target: &TwoBumps, n_elsewhere: usize, elsewhere: [f64; 2]) -> (Vec<EnsembleRecord>, Draws) {
         let mut stream = RandomStream::new(21, 0);
         let lanes: Vec<EnsembleRecord> = (0..4)
@@ -169,7 +170,7 @@ mod tests {
         (lanes, draws)
     }
 
-    /// A spike of width 10⁻⁵ and mass 10⁻⁷ holds the walkers that start on it. They are moved to the other mode.
+    /// Checks that walkers on a spike of width 10⁻⁵ and mass 10⁻⁷, which they do not leave by themselves, are moved to the other mode.
     #[test]
     fn walkers_on_a_mode_without_mass_are_reseeded() {
         let target = TwoBumps::new(1.0 - 1e-7, 30.0, 1e-5);
@@ -183,7 +184,7 @@ mod tests {
         assert!(lanes.iter().all(|lane| lane.ensemble.position(0)[0].abs() < 6.0));
     }
 
-    /// Walkers at a second mode with mass are never moved. If that mode was unknown, all walkers are started again.
+    /// Checks that walkers at a second mode with mass are never moved. If that mode was unknown, all walkers start again.
     #[test]
     fn walkers_on_a_mode_with_mass_are_not() {
         let target = TwoBumps::new(0.8, 60.0, 1.0);

@@ -1,4 +1,4 @@
-//! Course of a run from starting points to draws: burn-in, freeze, sampling and end.
+//! Sampling run from starting points to draws: burn-in, freeze (the end of the burn-in), sampling and end.
 
 use super::batches::{CountingDensity, SplitDensity};
 use super::draws::{DrawRecord, Draws, join};
@@ -18,28 +18,29 @@ use rayon::prelude::*;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-/// Result of a run.
+/// Result of a sampling run: draws, diagnostics and statistics of the run.
 #[derive(Debug, Clone)]
 pub struct SampleOutcome {
-    /// Draws since the last freeze.
+    /// Draws since the end of the burn-in.
     pub draws: Draws,
     /// Diagnostics of each coordinate, with autocorrelation times in steps.
     pub parameters: Vec<ParameterDiagnostics>,
     /// `true` if all convergence criteria are met.
     pub converged: bool,
-    /// Convergence criteria that are not met, and other remarks, in words. It is empty for a run that converged without remarks.
+    /// Convergence criteria that are not met, and other remarks, in words; empty for a run that converged without remarks.
     pub messages: Vec<String>,
     /// Number of steps of each walker, burn-in included.
     pub n_steps: u64,
-    /// Step of the last freeze. Earlier draws were discarded.
+    /// Step at which the burn-in ended (the last freeze). Earlier draws were discarded.
     pub freeze_step: u64,
-    /// Number of freezes. It exceeds one if the burn-in was too short, or if some walkers had not joined the others after a freeze.
+    /// Number of freezes, which end a burn-in. It exceeds one if the burn-in was too short, or if some walkers had not joined the others after a
+    /// freeze.
     pub n_freezes: u64,
-    /// Fraction of proposals that were accepted since the last freeze.
+    /// Fraction of proposals that were accepted since the end of the burn-in.
     pub acceptance: f64,
     /// Longest integrated autocorrelation time of all coordinates, in steps.
     pub autocorrelation_time: f64,
-    /// Number of evaluations of the log density, including those of the optimisation.
+    /// Number of evaluations of the log density, including the search for modes.
     pub likelihood_evaluations: u64,
     /// Number of walkers that the burn-in moved because they had not joined the others.
     pub walkers_reseeded: u64,
@@ -49,21 +50,21 @@ pub struct SampleOutcome {
 
 /// Number of steps of the first burn-in round. Each later round doubles the total number of steps.
 const FIRST_ROUND: u64 = 128;
-/// Shortest burn-in, in autocorrelation times. After a shorter burn-in, another round follows.
+/// Shortest burn-in, in autocorrelation times. If a burn-in is shorter, another round follows.
 const BURN_IN_TIMES: f64 = 10.0;
-/// Acceptance of jumps above which they are used as often as allowed. With a lower acceptance, the ensemble's own moves are more effective.
+/// Fraction of accepted jumps above which jumps are used as often as allowed. With a smaller fraction, the other moves are more effective.
 const FULL_JUMP_ACCEPTANCE: f64 = 0.3;
-/// Wall-clock time between two checks for progress, stop requests and checkpoints. It does not influence results.
+/// Wall-clock time between two checks for progress, stop requests and checkpoints. It has no influence on results.
 const LOOK_UP: Duration = Duration::from_millis(50);
 
-/// Samples a log density with independent ensembles. The starting points need not be near the posterior's mass.
+/// Samples a log density with independent ensembles of walkers. The starting points need not be near the posterior's mass.
 ///
-/// [`super`] describes the order of events. Equal settings and starting points give equal bytes for any number of threads and any number of
-/// interruptions.
+/// The documentation of the module `ensemble` lists the steps. Equal settings and starting points give equal bytes for any number of threads and any
+/// number of interruptions.
 ///
 /// # Errors
-/// [`Error::Input`] for invalid settings or an unusable checkpoint; [`Error::Numerical`] if no start leads to a maximum or a log density is NaN or +∞;
-/// [`Error::Interrupted`] if the run was stopped; any error of the checkpoint sink.
+/// [`Error::Input`] for invalid settings or an unusable checkpoint; [`Error::Numerical`] if no start leads to a maximum, or if a log density is NaN
+/// or +∞; [`Error::Interrupted`] if the run was stopped; any error of the function that stores checkpoints.
 pub fn sample(
     density: &dyn LogDensity,
     start_points: &[Vec<f64>],
@@ -81,7 +82,7 @@ pub fn sample(
     }
     let pool = rayon::ThreadPoolBuilder::new().num_threads(options.threads).build().map_err(|error| {
         Error::numerical(
-            format!("the threads cannot be started: {error}"),
+            format!("the sampler cannot start its threads: {error}"),
             format!("use fewer threads ({})", Setting::Threads),
         )
     })?;
@@ -90,7 +91,7 @@ pub fn sample(
         let mut run = match control.resume {
             Some(bytes) => {
                 let (course, lanes) = from_bytes(&problem, options, dimension, bytes)?;
-                EnsembleRun { density, options, control, problem, course, lanes, pace: Pace::new() }
+                EnsembleRun { density, options, control, problem, course, lanes, pace: CheckpointSchedule::new() }
             }
             None => EnsembleRun::begin(density, start_points, options, control, problem)?,
         };
@@ -105,7 +106,7 @@ struct EnsembleRun<'a> {
     problem: String,
     course: AdaptationState,
     lanes: Vec<EnsembleRecord>,
-    pace: Pace,
+    pace: CheckpointSchedule,
 }
 
 impl<'a> EnsembleRun<'a> {
@@ -139,13 +140,13 @@ impl<'a> EnsembleRun<'a> {
             record: DrawRecord::new(0, options.store_every.unwrap_or(1), capacity, dimension, options.n_walkers),
         };
         let lanes = (0..options.n_ensembles).map(lane).collect();
-        let mut run = Self { density, options, control, problem, course, lanes, pace: Pace::new() };
+        let mut run = Self { density, options, control, problem, course, lanes, pace: CheckpointSchedule::new() };
         run.place_all(&counting)?;
         run.course.extra_evaluations = counting.count();
         Ok(run)
     }
 
-    /// Draws a new position for every walker from the modes, in proportion to their masses.
+    /// Draws a new position for every walker from the modes, in proportion to the modes' masses.
     fn place_all(&mut self, density: &dyn LogDensity) -> Result<()> {
         let weights = self.course.modes.weights();
         let allocation = starts::allocation(&weights, self.options.n_ensembles, self.options.n_walkers);
@@ -171,7 +172,7 @@ impl<'a> EnsembleRun<'a> {
         }
     }
 
-    /// Number of points per smaller batch if batches are split over threads; otherwise `None`.
+    /// Returns the number of points per smaller batch if batches are split over threads; otherwise `None`.
     fn splits_batches(&self) -> Option<usize> {
         let half = self.options.n_walkers / 2;
         let threads = rayon::current_num_threads();
@@ -189,7 +190,7 @@ impl<'a> EnsembleRun<'a> {
         }
     }
 
-    /// Moves all ensembles to the next convergence check. In between, it regularly reports progress, looks for stop requests and saves checkpoints.
+    /// Moves all ensembles to the next convergence check. Meanwhile it reports progress, checks for stop requests and saves checkpoints.
     fn advance(&mut self, density: &dyn LogDensity) -> Result<()> {
         let stopped = || self.control.stop.is_some_and(|stop| stop.load(Ordering::Relaxed));
         let target = self.course.target_step;
@@ -252,7 +253,7 @@ impl<'a> EnsembleRun<'a> {
         join(&records, self.density.dimension(), self.options.n_walkers)
     }
 
-    /// Chooses the next phase from the present draws. Returns the outcome if the run is over.
+    /// Decides on the next phase of the run from the present draws. Returns the outcome if the run is over.
     fn decide(&mut self) -> Result<Option<SampleOutcome>> {
         let draws = self.draws();
         let recovery = if self.course.forced { Recovery::default() } else { self.recover(&draws)? };
@@ -264,7 +265,7 @@ impl<'a> EnsembleRun<'a> {
         let burnt = if self.course.phase == Phase::BurnIn { steps } else { self.course.base_step };
         // An unknown time (NaN) does not prolong the burn-in, because the sampling phase determines it.
         let too_short = (burnt as f64) < BURN_IN_TIMES * time;
-        // This is always reported, because a later freeze does not bring these walkers back.
+        // The outcome always reports these walkers, because a later freeze does not move them back.
         self.course.forced |= recovery.invalidates_draws() && !may_burn;
         match self.course.phase {
             _ if may_burn && recovery.invalidates_draws() => self.burn_in(steps),
@@ -276,7 +277,8 @@ impl<'a> EnsembleRun<'a> {
         Ok(None)
     }
 
-    /// Returns the estimated autocorrelation time. If draws are kept too rarely to resolve it, the result is at most an earlier estimate.
+    /// Returns the estimated autocorrelation time, in steps. If draws are kept too rarely to resolve this time, an earlier estimate limits the
+    /// result.
     fn resolved(&mut self, estimate: f64, store_every: u64) -> f64 {
         if estimate > 3.0 * store_every as f64 || store_every == 1 || self.options.store_every.is_some() {
             self.course.autocorrelation_time = Some(estimate);
@@ -309,7 +311,7 @@ impl<'a> EnsembleRun<'a> {
         None
     }
 
-    /// Schedules the next convergence check about `more` steps after the present step, `steps`.
+    /// Schedules the next convergence check about `more` steps after the present step `steps`.
     fn go_on(&mut self, steps: u64, more: f64) {
         self.course.target_step = (steps + (more.ceil() as u64).max(8)).min(self.options.max_steps);
     }
@@ -321,7 +323,7 @@ impl<'a> EnsembleRun<'a> {
         self.go_on(steps, steps as f64);
     }
 
-    /// Freezes the run: discards earlier draws. From then on only the fixed moves act on the walkers.
+    /// Ends the burn-in: fits the approximation for jumps and discards earlier draws. From then on only fixed moves act on the walkers.
     fn freeze(&mut self, steps: u64, time: f64, draws: &Draws) {
         self.course.phase = Phase::Sampling;
         self.course.n_freezes += 1;
@@ -332,7 +334,8 @@ impl<'a> EnsembleRun<'a> {
         self.go_on(steps, if wanted.is_finite() { wanted.clamp(64.0, 1e6) } else { 256.0 });
     }
 
-    /// Fits the approximation for jumps to the second half of the draws, before they are discarded. If few jumps are accepted, they become rarer.
+    /// Fits the approximation of the posterior from which jumps are drawn to the second half of the draws. If few jumps are accepted, jumps become
+    /// rarer.
     fn fit_jumps(&mut self, draws: &Draws) {
         let counts = self.lanes.iter().map(|lane| lane.ensemble.jumps());
         let (proposed, accepted) = counts.fold((0, 0), |sum, count| (sum.0 + count.proposed, sum.1 + count.accepted));
@@ -356,9 +359,10 @@ impl<'a> EnsembleRun<'a> {
     fn recover(&mut self, draws: &Draws) -> Result<Recovery> {
         let counting = CountingDensity::new(self.density);
         // During sampling the walkers are only examined, because kept draws must come from the fixed moves alone.
-        let only_look = self.course.phase == Phase::Sampling && 4 * self.course.target_step > self.options.max_steps;
-        let recovery = reseed_stranded_walkers(&counting, draws, &mut self.course.modes, &mut self.lanes, only_look)?;
-        if recovery.new_heavy_mode && !only_look {
+        let is_read_only = self.course.phase == Phase::Sampling && 4 * self.course.target_step > self.options.max_steps;
+        let recovery =
+            reseed_stranded_walkers(&counting, draws, &mut self.course.modes, &mut self.lanes, is_read_only)?;
+        if recovery.new_heavy_mode && !is_read_only {
             self.place_all(&counting)?;
         }
         self.course.walkers_reseeded += recovery.reseeded;
@@ -378,7 +382,7 @@ impl<'a> EnsembleRun<'a> {
         let accepted: u64 = self.lanes.iter().flat_map(|lane| lane.ensemble.accepted()).sum();
         let mut messages = verdict.unmet_criteria;
         if self.course.forced {
-            messages.push("walkers were still left behind when the burn-in reached its step limit".into());
+            messages.push("some walkers had not joined the others when the burn-in reached its step limit".into());
         }
         if recovery.stuck > 0 {
             messages.push(format!("{} walkers have stopped moving", recovery.stuck));
@@ -404,19 +408,20 @@ impl<'a> EnsembleRun<'a> {
     }
 }
 
-/// Number of steps until the next check, so that about 50 ms of wall-clock time pass. `chunk` steps took the time `elapsed`.
+/// Returns the number of steps until the next check for progress and stop requests, which take about [`LOOK_UP`]. `chunk` steps took the time
+/// `elapsed`.
 fn next_chunk(chunk: u64, elapsed: Duration) -> u64 {
     let ratio = LOOK_UP.as_secs_f64() / elapsed.as_secs_f64().max(1e-9);
     ((chunk as f64 * ratio.clamp(0.1, 4.0)) as u64).clamp(1, 1 << 20)
 }
 
-/// Schedule for checkpoints: saves at regular intervals, but uses at most one fiftieth of the time.
-struct Pace {
+/// Schedule for checkpoints at regular intervals. Saving takes at most one fiftieth of the time.
+struct CheckpointSchedule {
     last: Instant,
     cost: Duration,
 }
 
-impl Pace {
+impl CheckpointSchedule {
     fn new() -> Self {
         Self { last: Instant::now(), cost: Duration::ZERO }
     }

@@ -5,15 +5,18 @@ use crate::LogDensity;
 use crate::optimum::{Mode, Modes};
 use base::{Error, Result};
 
-/// Factor that multiplies the standard deviations of the Laplace approximation. Starts that are spread too widely make R̂ approach 1 from above.
+/// Factor that multiplies the standard deviations of the Laplace approximation in the draw of a start. Starts with too wide a spread delay the
+/// convergence of R̂ to 1.
 const SPREAD: f64 = 1.2;
-/// Largest number of attempts to draw a walker's start. After them, the walker starts at its mode.
+/// Largest number of attempts to draw a walker's start. If all fail, the walker starts at its mode.
 const ATTEMPTS: usize = 60;
 
-/// Assigns a mode to each walker. Entry `[e][w]` of the result is the index of the mode for walker w of ensemble e.
+/// Assigns a mode to each walker, in proportion to the modes' `weights`. Entry `[e][w]` of the result is the index of the mode for walker w of
+/// ensemble e.
 ///
-/// The assignment is systematic; the ensemble is the fastest index. The number of walkers per mode deviates from proportionality to `weights` by less
-/// than one, in total and in each ensemble. Successive walkers go to different halves, so a mode with two walkers occurs in both halves.
+/// The assignment is systematic, and the ensemble changes fastest. The number of walkers per mode deviates from proportionality to `weights` by less
+/// than one, in total and in each ensemble. Successive walkers go to different halves of an ensemble, so a mode with two walkers occurs in both
+/// halves.
 pub(super) fn allocation(weights: &[f64], n_ensembles: usize, n_walkers: usize) -> Vec<Vec<usize>> {
     let mut modes = vec![vec![0; n_walkers]; n_ensembles];
     let n_slots = (n_ensembles * n_walkers) as f64;
@@ -58,8 +61,8 @@ pub(super) fn draw(density: &dyn LogDensity, mode: &Mode, stream: &mut RandomStr
     ))
 }
 
-/// Largest plausible difference between the log density at a mode's peak and at a walker of that mode. It is d/2, as for a Gaussian in d dimensions, plus
-/// a wide margin.
+/// Returns the largest plausible difference between the log density at a mode's peak and at a walker of that mode. The difference is d/2, as for a
+/// Gaussian in d dimensions, plus a wide margin.
 pub(super) fn reach(dimension: usize) -> f64 {
     0.5 * dimension as f64 + 4.0 * (dimension as f64).sqrt() + 20.0
 }

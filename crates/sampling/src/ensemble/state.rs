@@ -1,4 +1,4 @@
-//! Complete state of a run, and its conversion to and from bytes.
+//! Complete state of a sampling run, and its conversion to and from the bytes of a checkpoint.
 
 use super::draws::DrawRecord;
 use super::moves::Independence;
@@ -9,35 +9,35 @@ use crate::optimum::Modes;
 use base::Result;
 use serde::{Deserialize, Serialize};
 
-/// Results of the run's decisions so far. They change only at convergence checks.
+/// Phase, modes, jumps and counts of a run, which change only at convergence checks.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct AdaptationState {
     pub phase: Phase,
-    /// Step of the last freeze (the end of the burn-in), or the step at which the present burn-in round began.
+    /// Step at which the burn-in ended, or at which the present burn-in round began.
     pub base_step: u64,
     /// Step of the next convergence check.
     pub target_step: u64,
     pub modes: Modes,
-    /// Approximation of the posterior from which jumps are drawn, and the fraction of half-steps that jump.
+    /// Approximation of the posterior from which jumps are drawn, and the fraction of half-steps that jump; `None` without jumps.
     pub jumps: Option<(Independence, f64)>,
     pub walkers_reseeded: u64,
     pub n_freezes: u64,
     /// Number of evaluations of the density that are not part of a step.
     pub extra_evaluations: u64,
-    /// Latest estimate of the autocorrelation time, in steps. It comes from draws that were kept often enough to resolve this time.
+    /// Latest estimate of the autocorrelation time, in steps, from draws that were kept often enough to resolve it.
     pub autocorrelation_time: Option<f64>,
-    /// `true` if the step limit ended the burn-in while some walkers were still far from the others.
+    /// `true` if the step limit allows no further burn-in although some walkers have not joined the others.
     pub forced: bool,
 }
 
-/// An ensemble with the draws that it has kept.
+/// Ensemble of walkers, with the draws that it has kept.
 #[derive(Debug, Clone)]
 pub(super) struct EnsembleRecord {
     pub ensemble: Ensemble,
     pub record: DrawRecord,
 }
 
-/// Integers of an [`EnsembleRecord`] in a checkpoint. Its floating-point numbers follow in binary form.
+/// Integers of an [`EnsembleRecord`] in a checkpoint. The record's floating-point numbers follow in binary form.
 #[derive(Serialize, Deserialize)]
 struct LaneHeader {
     n_steps: u64,
@@ -55,7 +55,7 @@ struct Header {
     lanes: Vec<LaneHeader>,
 }
 
-/// Describes all inputs that determine the result of a run, as text. A checkpoint stores its hash.
+/// Returns a text that describes all inputs which determine the result of a run. A checkpoint stores the hash of this text.
 pub(super) fn problem(options: &SamplerOptions, dimension: usize, starts: &[Vec<f64>], fingerprint: &str) -> String {
     let SamplerOptions {
         n_walkers, n_ensembles, max_steps, seed, jump_fraction, store_every, max_stored_steps, ..
@@ -83,7 +83,7 @@ pub(super) fn to_bytes(problem: &str, course: &AdaptationState, lanes: &[Ensembl
     };
     let header = Header { course: course.clone(), lanes: lanes.iter().zip(&states).map(lane_header).collect() };
     let header = serde_json::to_string(&header).map_err(|error| {
-        base::Error::numerical(format!("the sampler's state cannot be written: {error}"), "report this")
+        base::Error::numerical(format!("the sampler's state cannot be written: {error}"), "report this fault")
     })?;
     let mut numbers: Vec<&[f64]> = Vec::new();
     for (lane, state) in lanes.iter().zip(&states) {

@@ -1,31 +1,32 @@
-//! Finds walkers that never joined the others.
+//! Search for walkers that never joined the others.
 //!
-//! If a stretch ensemble starts far from the mode, one or two walkers may never reach it. Their draws then dominate a standard deviation. Neither an
-//! autocorrelation time nor R̂ over walkers shows it. This module examines a window of kept steps and looks for three signs among the walkers of all
-//! ensembles:
-//! - *low*: the walker's mean log density is below the median m of all draws by more than 5 (m − q₀.₀₅), with q₀.₀₅ their 5 % quantile. For a Gaussian
-//!   posterior in d dimensions, m − ln p is a shifted χ²_d/2. Even a single draw then is below this threshold only with a probability below 10⁻⁶, up to d = 20.
-//!   Heavy tails increase the distance of the threshold from m.
+//! If an ensemble starts far from the mode, one or two walkers may never reach it. Their draws then dominate a standard deviation. Neither an
+//! autocorrelation time nor R̂ over walkers shows this fault. This module examines a window of kept steps and looks for three signs among the walkers
+//! of all ensembles:
+//! - *low*: the walker's mean log density is below the median of all draws by more than five times the distance between median and 5 % quantile. For
+//!   a Gaussian posterior in up to 20 dimensions, even a single draw is below this threshold only with a probability below 10⁻⁶. Heavy tails increase
+//!   the distance of the threshold from the median.
 //! - *stuck*: the walker did not move in the window, while others would have moved with probability 1 − 10⁻¹².
 //! - *apart*: for some coordinate, the walker's mean differs from the median of all walkers' means. The difference exceeds ten robust standard deviations
 //!   of these means, and it exceeds the walker's own spread.
 //!
-//! If more than a quarter of the walkers are stuck or apart, no walker is listed for that reason. The cause is then slow mixing or a second mode with
-//! mass. R̂ over walkers and the effective sample size show this.
+//! If more than a quarter of the walkers are stuck, or more than a quarter are apart, no walker is listed for that reason. The cause is then slow
+//! mixing or a second mode with mass, which R̂ over walkers and the effective sample size show.
 //!
-//! These signs alone do not move a walker. The sampler first climbs from the walker's position and then decides (see [`super::sample`]).
+//! The sampler does not move a walker because of these signs alone. It first climbs from the walker's position to a maximum and then decides (see
+//! [`super::sample`]).
 
 use super::draws::Draws;
 use crate::diagnostics::ranks::{Sorted, median};
 
-/// Sign that a walker may not have joined the others.
+/// Sign by which a walker is suspected of not having joined the others.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SuspicionReason {
-    /// Mean log density far below that of the other walkers.
+    /// The walker's mean log density is far below that of the other walkers.
     Low,
-    /// No change of position in the window.
+    /// The walker did not move in the window of examined steps.
     Stuck,
-    /// Mean position far from that of the other walkers.
+    /// The walker's mean position is far from that of the other walkers.
     Apart,
 }
 
@@ -38,7 +39,7 @@ pub struct SuspiciousWalker {
     pub walker: usize,
     /// Sign that the walker may not have joined the others.
     pub reason: SuspicionReason,
-    /// Mean of the log density over the window's steps.
+    /// Mean of the walker's log density over the examined steps.
     pub mean_log_density: f64,
 }
 
@@ -46,7 +47,8 @@ const LOW_FACTOR: f64 = 5.0;
 const STUCK_PROBABILITY: f64 = 1e-12;
 const APART_FACTOR: f64 = 10.0;
 
-/// Finds walkers that may have failed to join the others, from the second half of the kept steps. Returns none if fewer than 8 steps are kept.
+/// Returns the walkers that may have failed to join the others, judged by the second half of the kept steps. The list is empty if fewer than 8 steps
+/// are kept.
 pub fn find_suspicious_walkers(draws: &Draws) -> Vec<SuspiciousWalker> {
     let first = draws.n_steps / 2;
     if draws.n_steps < 8 {
@@ -123,7 +125,7 @@ impl<'a> Window<'a> {
         &positions[((ensemble * n_steps + step) * dimension + d) * n_walkers..][..*n_walkers]
     }
 
-    /// Mean over the steps of `of(walker, value)`, one entry per walker. `row(ensemble, step)` holds the values.
+    /// Mean of `of(walker, value)` over the steps of the window, one entry per walker. `row(ensemble, step)` returns the values, one per walker.
     fn means(&self, row: impl Fn(usize, usize) -> &'a [f64], of: impl Fn(usize, f64) -> f64) -> Vec<f64> {
         let n_walkers = self.draws.n_walkers;
         let mut sums = vec![0.0; self.draws.n_ensembles * n_walkers];
@@ -138,7 +140,7 @@ impl<'a> Window<'a> {
         sums
     }
 
-    /// Threshold for the mean log density. A walker below it is *low*.
+    /// Threshold for a walker's mean log density. A walker below the threshold is *low*.
     fn low_limit(&self) -> f64 {
         let row = self.draws.n_walkers;
         let pooled: Vec<f64> = (0..self.draws.n_ensembles)
@@ -152,13 +154,13 @@ impl<'a> Window<'a> {
         middle - LOW_FACTOR * (middle - sorted.quantile(0.05))
     }
 
-    /// Returns `true` if the window is long enough: a walker that did not move in it is *stuck*.
+    /// Returns `true` if the window is so long that a walker without any move in it counts as *stuck*.
     fn stuck_after(&self) -> bool {
         let rates: Vec<f64> = self.moves.iter().map(|n| *n as f64 / (self.steps().len() - 1) as f64).collect();
         (1.0 - median(&rates)).powi(self.steps().len() as i32 - 1) < STUCK_PROBABILITY
     }
 
-    /// Returns `true` for each walker of which some coordinate is *apart* from those of the others.
+    /// Returns one flag per walker: `true` if the mean of some coordinate is far *apart* from the means of the other walkers.
     fn apart(&self) -> Vec<bool> {
         let mut apart = vec![false; self.draws.n_ensembles * self.draws.n_walkers];
         for d in 0..self.draws.dimension {

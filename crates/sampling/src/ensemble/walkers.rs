@@ -1,4 +1,4 @@
-//! An ensemble of walkers, and the split-ensemble step that moves them.
+//! Ensemble of walkers, and the split-ensemble step that moves them.
 
 use super::moves::{Independence, Move, WalkerPoints};
 use super::random::RandomStream;
@@ -6,10 +6,10 @@ use crate::{LogDensity, check_log_densities};
 use base::Result;
 use base::elementary;
 
-/// Moves of a run: a local move that uses only the ensemble, and jumps to draws from a fixed approximation.
+/// Moves of a run: a local move that uses only the ensemble, and jumps to draws from a fixed approximation of the posterior.
 #[derive(Clone, Copy)]
 pub struct Kernel<'a> {
-    /// Move that proposes positions from those of the other half.
+    /// Move that proposes positions for one half of the walkers from the positions of the other half.
     pub local: &'a dyn Move,
     /// Approximation of the posterior from which jumps are drawn, and the fraction of half-steps that jump. `None` disables jumps.
     pub jumps: Option<(&'a Independence, f64)>,
@@ -18,15 +18,15 @@ pub struct Kernel<'a> {
 /// Numbers of proposed and accepted jumps, summed over all walkers.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct JumpCount {
-    /// Number of jumps proposed since the last freeze.
+    /// Number of jumps proposed since the end of the burn-in.
     pub proposed: u64,
-    /// Number of jumps accepted since the last freeze.
+    /// Number of jumps accepted since the end of the burn-in.
     pub accepted: u64,
 }
 
 /// Ensemble of walkers in two halves. Each half takes its proposals from the positions of the other half, all in one batch.
 ///
-/// With h = `n_walkers / 2` walkers per half, walker w is number w mod h of half w / h. This struct holds everything that the next step needs. Its
+/// With h = `n_walkers / 2` walkers per half, walker w has the index w mod h in the half w / h. The struct holds all data for the next step. Its
 /// alignment puts ensembles on different threads into separate cache lines.
 #[derive(Debug, Clone)]
 #[repr(align(128))]
@@ -41,7 +41,7 @@ pub struct Ensemble {
 
 #[derive(Debug, Clone)]
 struct Half {
-    /// Coordinate d of walker i of this half is at `positions[d * h + i]`, where h is the number of walkers in the half.
+    /// Positions of the walkers. Coordinate d of walker i of the half is at `positions[d * h + i]`, where h is the number of walkers in the half.
     positions: Vec<f64>,
     log_density: Vec<f64>,
     accepted: Vec<u64>,
@@ -60,13 +60,13 @@ struct WalkerProposal {
 /// Checkpoint data of an ensemble. The walkers are in the order of their numbers.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EnsembleState {
-    /// Coordinate d of walker w is at `positions[d * n_walkers + w]`.
+    /// Positions of all walkers. Coordinate d of walker w is at `positions[d * n_walkers + w]`.
     pub positions: Vec<f64>,
     /// Log density at each walker's position.
     pub log_density: Vec<f64>,
-    /// Number of each walker's accepted proposals since the last freeze.
+    /// Number of accepted proposals of each walker since the end of the burn-in.
     pub accepted: Vec<u64>,
-    /// Number of random words read from each walker's stream; the last entry is for the ensemble's own stream.
+    /// Number of random words read from each walker's stream. The last entry is for the stream that all walkers share.
     pub stream_positions: Vec<u64>,
     /// Jumps proposed and accepted since the last freeze.
     pub jumps: JumpCount,
@@ -75,9 +75,9 @@ pub struct EnsembleState {
 }
 
 impl Ensemble {
-    /// Makes ensemble `number` of a run from its walkers' positions (layout of [`EnsembleState::positions`]) and their log densities.
+    /// Makes the ensemble with index `number` in a run from its walkers' positions (layout of [`EnsembleState::positions`]) and their log densities.
     ///
-    /// Random streams are numbered walker by walker over all ensembles. The ensembles' own streams have numbers from 2⁶³.
+    /// Random streams are numbered walker by walker over all ensembles. The shared streams of the ensembles have numbers from 2⁶³.
     pub fn new(seed: u64, number: usize, dimension: usize, positions: &[f64], log_density: &[f64]) -> Self {
         let n_walkers = log_density.len();
         let h = n_walkers / 2;
@@ -148,7 +148,7 @@ impl Ensemble {
         self.n_steps
     }
 
-    /// Number of each walker's accepted proposals since [`Ensemble::reset_acceptance`].
+    /// Number of accepted proposals of each walker since the last call of [`Ensemble::reset_acceptance`].
     pub fn accepted(&self) -> impl Iterator<Item = u64> {
         self.halves.iter().flat_map(|half| half.accepted.iter().copied())
     }
@@ -186,7 +186,8 @@ impl Ensemble {
         self.halves[walker / h].log_density[walker % h]
     }
 
-    /// Moves a walker to another position with a known log density. Use it only before a freeze, because it changes the sampled distribution.
+    /// Moves a walker to another position with a known log density. Use this function only during the burn-in, because it changes the sampled
+    /// distribution.
     pub fn set_walker(&mut self, walker: usize, position: &[f64], log_density: f64) {
         let h = self.halves[0].log_density.len();
         let (half, i) = (&mut self.halves[walker / h], walker % h);
@@ -217,7 +218,7 @@ impl Ensemble {
         }
     }
 
-    /// Restores an ensemble from its checkpoint data, equal to the last bit. The sizes in `state` must agree with each other.
+    /// Restores an ensemble from its checkpoint data, equal to the last bit. The lengths of the vectors in `state` must agree with each other.
     pub fn restored(seed: u64, number: usize, dimension: usize, state: &EnsembleState) -> Self {
         let mut ensemble = Self::new(seed, number, dimension, &state.positions, &state.log_density);
         let h = ensemble.halves[0].log_density.len();
@@ -234,8 +235,8 @@ impl Ensemble {
 }
 
 impl Half {
-    /// Accepts or rejects the proposal of each walker by the Metropolis rule. Always reads one random word per walker. Returns the number of walkers that
-    /// moved.
+    /// Accepts or rejects the proposal of each walker by the Metropolis–Hastings rule, and returns the number of walkers that moved. Reads one random
+    /// word per walker in either case.
     fn accept(&mut self, proposal: &mut WalkerProposal, dimension: usize) -> u64 {
         let n = self.log_density.len();
         let mut n_accepted = 0;
@@ -243,7 +244,7 @@ impl Half {
         elementary::ln_all(&mut proposal.thresholds);
         for i in 0..n {
             let log_ratio = proposal.log_density[i] - self.log_density[i] + proposal.log_factors[i];
-            // A ratio can be NaN because of a factor 0·∞. The comparison is then false, and the walker stays.
+            // The ratio can be NaN because of a factor 0·∞. The comparison is then false, and the walker stays.
             let accept = proposal.thresholds[i] < log_ratio;
             self.accepted[i] += u64::from(accept);
             n_accepted += u64::from(accept);

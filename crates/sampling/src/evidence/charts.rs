@@ -1,9 +1,9 @@
 //! Mixture of several proposals, each for a different region of the posterior.
 //!
-//! One map cannot straighten two modes at once, because their ridges are curved differently. The draws are therefore also split by their nearest mode. A
-//! group with enough draws gets its own map and mixture. A group with too few draws keeps its mode's Laplace approximation, so that no known mode is
-//! lost. Of the two descriptions, one proposal or several, the one with the larger Σ w ln q is used; w are the draws' weights and q the proposal density.
-//! Up to a constant, this sum is the negative Kullback–Leibler distance.
+//! One map cannot straighten two modes at once, because their ridges are curved differently. The draws are therefore also split by their nearest
+//! mode. A group with enough draws gets its own map and mixture. A group with too few draws keeps its mode's Laplace approximation, so that no known
+//! mode is lost. The better of the two descriptions, one proposal or several, has the larger Σ w ln q, with w the draws' weights and q the proposal
+//! density. Up to a constant, this sum is the negative Kullback–Leibler divergence.
 
 use super::proposal::Proposal;
 use super::weighted::effective_size;
@@ -11,26 +11,26 @@ use crate::ensemble::RandomStream;
 use crate::optimum::{Mode, Modes};
 use crate::t_mixture::TMixture;
 
-/// Effective number of draws per coordinate below which no proposal is fitted to a mode's draws.
+/// Smallest effective number of draws per coordinate for fitting a proposal to a mode's draws.
 const DRAWS_PER_COORDINATE: f64 = 8.0;
-/// Smallest probability of drawing from each proposal.
+/// Smallest weight of a proposal in a mixture, before the weights are normalised.
 const SMALLEST_SHARE: f64 = 0.02;
 
 /// Mixture of proposals with weights.
 #[derive(Debug, Clone)]
 pub struct ProposalMixture {
-    /// Weight of each proposal, and the proposal. The weights add up to one.
+    /// Proposals, each after its weight. The weights add up to one.
     parts: Vec<(f64, Proposal)>,
 }
 
 impl ProposalMixture {
-    /// Mixture of a single proposal.
+    /// Returns a mixture of a single proposal.
     pub fn one(proposal: Proposal) -> Self {
         Self { parts: vec![(1.0, proposal)] }
     }
 
-    /// Mixture of the modes' Laplace approximations; `None` if no curvature is usable. Each has a minimum weight, because its Laplace mass is a poor estimate
-    /// of a ridge's mass.
+    /// Returns a mixture of the modes' Laplace approximations; `None` if no curvature is usable. Each has a minimum weight, because the Laplace
+    /// approximation is a poor estimate of a ridge's mass.
     pub fn of_modes(modes: &Modes, dimension: usize) -> Option<Self> {
         let part = |(mode, share): (&Mode, f64)| Some((share.max(SMALLEST_SHARE), touching(mode, dimension)?));
         let parts: Vec<(f64, Proposal)> = modes.iter().zip(modes.weights()).filter_map(part).collect();
@@ -44,13 +44,14 @@ impl ProposalMixture {
         Self { parts }
     }
 
-    /// Fits one proposal, or one per mode if that fits better, to weighted points. The weights add up to one. `None` if the points lie in a plane.
+    /// Fits one proposal, or one per mode if that fits better, to weighted points. The weights add up to one. `None` if neither can be fitted, for
+    /// example because the points lie in a plane.
     pub fn fitted(points: &[Vec<f64>], weights: &[f64], modes: &Modes, stream: &mut RandomStream) -> Option<Self> {
         let one = Proposal::fitted(points, weights, stream);
         Self::best_of_single_or_split(one, points, weights, modes, stream)
     }
 
-    /// Returns the single proposal `one`, or a mixture with one proposal per mode if it fits the weighted points better.
+    /// Returns the single proposal `one`, or a mixture with one proposal per mode if the mixture fits the weighted points better.
     pub fn best_of_single_or_split(
         one: Option<Proposal>,
         points: &[Vec<f64>],
@@ -59,7 +60,7 @@ impl ProposalMixture {
         stream: &mut RandomStream,
     ) -> Option<Self> {
         let one = one.map(Self::one);
-        let several = Self::parted(points, weights, modes, stream);
+        let several = Self::one_per_mode(points, weights, modes, stream);
         let described = |charts: &Self| -> f64 {
             let used = points.iter().zip(weights).filter(|(_, weight)| **weight > 0.0);
             used.map(|(point, weight)| weight * charts.ln_density(point)).sum()
@@ -71,7 +72,7 @@ impl ProposalMixture {
     }
 
     /// Fits one proposal per mode. `None` if there is only one mode, or no mode has enough draws.
-    fn parted(points: &[Vec<f64>], weights: &[f64], modes: &Modes, stream: &mut RandomStream) -> Option<Self> {
+    fn one_per_mode(points: &[Vec<f64>], weights: &[f64], modes: &Modes, stream: &mut RandomStream) -> Option<Self> {
         let dimension = points.first()?.len();
         if modes.len() < 2 {
             return None;
@@ -97,8 +98,8 @@ impl ProposalMixture {
         (n_fitted > 0).then(|| Self::of(parts))
     }
 
-    /// Returns this mixture with one wide proposal of weight `share`. It has the mean of the weighted points, and their standard deviations multiplied by
-    /// `stretch`.
+    /// Returns the mixture with one more, wide proposal of weight `share`. This proposal has the mean of the weighted points, and their standard
+    /// deviations multiplied by `stretch`.
     pub fn with_background(&self, points: &[Vec<f64>], weights: &[f64], share: f64, stretch: f64) -> Self {
         if let [(_, only)] = &self.parts[..] {
             return Self::one(only.with_background(points, weights, share, stretch));
@@ -112,7 +113,7 @@ impl ProposalMixture {
         Self { parts }
     }
 
-    /// Draws n points.
+    /// Draws n points from the mixture.
     pub fn draw(&self, n: usize, dimension: usize, stream: &mut RandomStream) -> Vec<Vec<f64>> {
         if let [(_, only)] = &self.parts[..] {
             return only.draw(n, dimension, stream);
@@ -129,7 +130,7 @@ impl ProposalMixture {
         (0..n).map(&mut one).collect()
     }
 
-    /// Normalised log density ln q at a point.
+    /// Normalised log density of the mixture at a point.
     pub fn ln_density(&self, x: &[f64]) -> f64 {
         if let [(_, only)] = &self.parts[..] {
             return only.ln_density(x);
@@ -140,7 +141,7 @@ impl ProposalMixture {
     }
 }
 
-/// Proposal from a mode's Laplace approximation; `None` if its curvature is unusable.
+/// Returns the proposal from a mode's Laplace approximation; `None` if the mode's curvature is unusable.
 fn touching(mode: &Mode, dimension: usize) -> Option<Proposal> {
     Some(Proposal::plain(TMixture::from_modes(&Modes::from_mode(mode), dimension)?, dimension))
 }
@@ -150,7 +151,8 @@ mod tests {
     use super::*;
     use crate::optimum::Optimum;
 
-    /// Draws from two ridges that are 16 apart and curved in opposite directions: x₀ = ±8 + u and x₁ = ±1.5 u² + 0.3 v, with standard normals u and v.
+    /// Returns draws from two ridges that are 16 apart and curved in opposite directions: x₀ = ±8 + u and x₁ = ±1.5 u² + 0.3 v, with standard normals
+    /// u and v.
     fn bent(n: usize, seed: u64) -> Vec<Vec<f64>> {
         let mut stream = RandomStream::new(seed, 0);
         let mut one = |k: usize| {
@@ -169,9 +171,9 @@ mod tests {
         modes
     }
 
-    /// One proposal per ridge describes independent draws better than a single map for both, by at least half a nat. The weights agree with the ridges: 4,000
-    /// draws in proportions of 1 to 3 have a standard error of 0.007 in a weight. The comparison with another 4,000 draws adds an equal error. The tolerance
-    /// is six times the combined error.
+    /// Checks that one proposal per ridge describes independent draws better than a single map for both, by at least half a nat. The weights agree
+    /// with the ridges: 4,000 draws in proportions of 1 to 3 have a standard error of 0.007 in a weight. The comparison with another 4,000 draws adds
+    /// an equal error. The tolerance is six times the combined error.
     #[test]
     fn a_part_for_each_answer_describes_two_bent_ridges() {
         let (points, others) = (bent(4_000, 1), bent(4_000, 2));
@@ -189,7 +191,7 @@ mod tests {
         assert!((share - 0.25).abs() < 0.06, "{share}");
     }
 
-    /// A mode without weighted draws still gets draws. A single mode gives a single proposal.
+    /// Checks that the mixture also draws from a mode without weighted points. A single mode gives a single proposal.
     #[test]
     fn no_mode_is_lost() {
         let points = bent(4_000, 4);
@@ -204,8 +206,8 @@ mod tests {
         assert_eq!(alone.parts.len(), 1);
     }
 
-    /// Checks that the densities with and without a wide proposal are normalised. For draws from the density with it, the mean ratio of the two densities
-    /// is 1.
+    /// Checks that the densities with and without a wide proposal are normalised: for draws from the density with the wide proposal, the mean ratio
+    /// of the two densities is 1.
     #[test]
     fn densities_are_those_of_the_draws() {
         let points = bent(4_000, 6);

@@ -1,19 +1,21 @@
 //! Coordinates u in which every prior is a standard normal distribution.
 //!
-//! The coordinate is u = Φ⁻¹(F(x)), where F is the prior's distribution function and Φ that of the standard normal. A parameter that the data do not
-//! constrain is then standard normal, whatever its prior. For an amplitude near zero, the tails decay like those of a normal. A mixture of t
-//! distributions approximates both well in u, but not in ln x.
+//! The coordinate of a parameter x is u = Φ⁻¹(F(x)), where F is the prior's distribution function and Φ the standard normal distribution function. A
+//! parameter that the data do not constrain is then standard normal for any prior. A parameter that may be near zero has tails that decay like those
+//! of a normal. A mixture of t distributions approximates both well in u, but not in ln x.
 //!
-//! The sampler's coordinate z(u) is stored as a table of values and slopes, which cubic polynomials interpolate. Densities use the slope of the cubics as
-//! the Jacobian, so their integral has no interpolation error. Only the prior deviates from a standard normal, by about 10⁻⁶.
+//! The unconstrained coordinate z of the sampler is a function of u, stored as a table of values and slopes that cubic polynomials interpolate.
+//! Densities use the slope of the cubics as the Jacobian, so their integral has no interpolation error. Only the prior deviates from a standard
+//! normal, by about 10⁻⁶.
 
 use crate::LogDensity;
 use base::distribution::Distribution;
 use statrs::distribution::{ContinuousCDF, Normal};
 
-/// Largest |u| in a table, which leaves out 10⁻⁹ of a prior on either side. Beyond it, z is linear in u.
+/// Largest |u| in the table of a coordinate, beyond which lies a probability of 10⁻⁹ on either side. Beyond the table, the sampler's coordinate is
+/// linear in u.
 const REACH: f64 = 6.0;
-/// Number of intervals between nodes of that table.
+/// Number of intervals between the nodes of a coordinate's table.
 const N_INTERVALS: usize = 120;
 const INTERVAL: f64 = 2.0 * REACH / N_INTERVALS as f64;
 
@@ -23,7 +25,7 @@ pub fn ln_standard_normal(point: &[f64]) -> f64 {
     -0.5 * squares - 0.5 * point.len() as f64 * std::f64::consts::TAU.ln()
 }
 
-/// Coordinate u of a parameter value under its prior. Values far in a tail are moved to the end of the table.
+/// Returns the coordinate of a parameter value in which its prior is standard normal. Values far in a tail are moved to ±6.
 pub fn to_normal_coordinate(prior: &Distribution, value: f64) -> f64 {
     Normal::standard().inverse_cdf(prior.cdf(value)).clamp(-REACH, REACH)
 }
@@ -35,19 +37,19 @@ pub struct PriorCoordinates<'a> {
 }
 
 impl<'a> PriorCoordinates<'a> {
-    /// Wraps a posterior. `priors` holds the priors of its coordinates, in their order.
+    /// Wraps a posterior. `priors` are the priors of its coordinates, in order.
     pub fn new(posterior: &'a dyn LogDensity, priors: impl IntoIterator<Item = Distribution>) -> Self {
         let scales = priors.into_iter().map(CoordinateScale::new).collect();
         Self { posterior, scales }
     }
 
-    /// Parameter value, in its natural unit, at u of a coordinate.
+    /// Returns the parameter value, in its natural unit, at the standard normal coordinate `u`. `coordinate` is the index of the parameter.
     pub fn natural(&self, coordinate: usize, u: f64) -> f64 {
         let scale = &self.scales[coordinate];
         scale.distribution.from_unconstrained(scale.at(u).0)
     }
 
-    /// Coordinate u of a parameter value. Values far in a tail are moved to the end of the table.
+    /// Returns the standard normal coordinate of a parameter value. `coordinate` is the index of the parameter. Values far in a tail are moved to ±6.
     pub fn from_natural(&self, coordinate: usize, value: f64) -> f64 {
         to_normal_coordinate(&self.scales[coordinate].distribution, value)
     }
@@ -74,10 +76,10 @@ impl LogDensity for PriorCoordinates<'_> {
     }
 }
 
-/// Interpolated function z(u) of one parameter.
+/// Interpolated function from the standard normal coordinate u of one parameter to the sampler's unconstrained coordinate z.
 struct CoordinateScale {
     distribution: Distribution,
-    /// Values z and slopes dz/du at the nodes.
+    /// Value of the sampler's coordinate z and its slope dz/du at each node of u.
     nodes: Vec<(f64, f64)>,
 }
 
@@ -92,7 +94,7 @@ impl CoordinateScale {
         Self { distribution, nodes: (0..=N_INTERVALS).map(node).collect() }
     }
 
-    /// Returns z and dz/du at u.
+    /// Returns the sampler's coordinate z and its slope dz/du at the standard normal coordinate u.
     fn at(&self, u: f64) -> (f64, f64) {
         let along = (u + REACH) / INTERVAL;
         // A NaN selects the first interval, and the result is NaN.
@@ -128,7 +130,7 @@ mod tests {
         ]
     }
 
-    /// The value at u has the prior probability Φ(u) below it, also between nodes. The prior of u is therefore standard normal.
+    /// Checks that the parameter value at u has the prior probability Φ(u) below it, also between nodes. The prior of u is therefore standard normal.
     #[test]
     fn priors_are_standard_normals() {
         for distribution in examples() {
@@ -145,7 +147,7 @@ mod tests {
         }
     }
 
-    /// Inside and beyond the table, the slope is the derivative of the interpolated z(u), and z(u) increases.
+    /// Checks that the slope is the derivative of the interpolated coordinate z(u), and that z(u) increases, inside and beyond the table.
     #[test]
     fn slopes_are_the_derivatives_of_values() {
         for distribution in examples() {

@@ -1,10 +1,11 @@
 //! Importance sampling of the evidence, from a mixture of t distributions that is adapted to the posterior.
 //!
-//! The estimate is ẑ = (1/N) Σ p(θᵢ)/q(θᵢ), where the θᵢ are drawn from the proposal q. The first proposal consists of the modes' Laplace approximations.
-//! Each round refits it to all draws so far (`charts`: with one proposal per mode if that fits better). For the refit, each draw is weighted by the
-//! mixture of all proposals used so far (Cornuet et al. 2012, doi:10.1111/j.1467-9469.2011.00756.x). Weights are truncated, so that no single draw
-//! dominates the proposal (Ionides 2008, doi:10.1198/106186008X320456). The estimate uses only new draws from the final proposal. It is therefore
-//! unbiased for any adaptation, and its Pareto k̂ tells whether its error is reliable.
+//! The estimate of the evidence is (1/N) Σ p(θᵢ)/q(θᵢ). The N points θᵢ are drawn from the proposal density q, and p is prior times likelihood. The
+//! first proposal consists of the modes' Laplace approximations. Each round refits it to all draws so far, with one proposal per mode if that fits
+//! better (`charts`). For the refit, each draw is weighted by p over the mixture of all proposals used so far (Cornuet et al. 2012,
+//! doi:10.1111/j.1467-9469.2011.00756.x). The weights are raised to a power below 1 if too few draws are effective, so that no single draw dominates
+//! the proposal. The estimate uses only new draws from the final proposal. It is therefore unbiased for any adaptation, and the tail shape k̂ of its
+//! weights tells whether its error is reliable.
 
 use super::charts::ProposalMixture;
 use super::weighted::{effective_size, normalised};
@@ -15,13 +16,13 @@ use crate::optimum::Modes;
 use crate::pareto::pareto_k;
 use base::error::{Error, Result};
 
-/// Pareto k̂ below which an estimate is reliable (Vehtari et al. 2024, JMLR 25:72).
+/// Tail shape k̂ of the importance weights below which an estimate is reliable (Vehtari et al. 2024, JMLR 25:72).
 pub const LARGEST_PARETO_K: f64 = 0.7;
 
-/// Smallest effective number of draws of a reliable estimate, for any k̂. Quantiles need at least this many.
+/// Smallest effective number of draws of a reliable estimate. Quantiles need at least this number.
 pub const FEWEST_EFFECTIVE_DRAWS: f64 = 200.0;
 
-/// Returns `true` if an estimate by importance sampling is reliable.
+/// Returns `true` if an estimate by importance sampling is reliable, by its tail shape k̂ and its effective number of draws.
 pub fn is_reliable(estimate: &Estimate) -> bool {
     estimate.pareto_k.is_some_and(|k| k < LARGEST_PARETO_K) && estimate.draws.effective_size() >= FEWEST_EFFECTIVE_DRAWS
 }
@@ -48,32 +49,34 @@ impl Default for ImportanceOptions {
 }
 
 impl ImportanceOptions {
-    /// Settings for densities that take about a millisecond per point. The error is 0.03 nats with a good proposal. Only a poor proposal needs more draws.
+    /// Returns settings for densities that take about a millisecond per point. With a good proposal the error is 0.03 nats. With a poor proposal a
+    /// second attempt uses more draws.
     pub fn for_slow_density() -> Self {
         Self { n_adapting: 600, n_draws: 2_000, ..Self::default() }
     }
 
-    /// Settings for a quick estimate with an error of a tenth of a nat. One attempt with few draws suffices if the proposal is good.
+    /// Returns settings for a quick estimate with an error of a tenth of a nat. If the proposal is good, one attempt with few draws suffices.
     pub fn quick() -> Self {
         Self { n_adapting: 800, n_rounds: 5, n_draws: 2_500, ..Self::default() }
     }
 }
 
-/// Effective number of draws per coordinate for fitting a proposal. Weights are raised to a power that leaves this many.
+/// Effective number of draws per coordinate for fitting a proposal. If fewer are effective, the weights are raised to a power below 1 that gives this
+/// number.
 const DRAWS_PER_COORDINATE: f64 = 30.0;
-/// Fraction of the estimate's draws that come from one wide component over the entire posterior. The
-/// component limits the weights in regions that the other components miss.
+/// Fraction of the estimate's draws that come from one wide component over the entire posterior. This component limits the weights in regions that
+/// other components miss.
 const BACKGROUND_SHARE: f64 = 0.1;
-/// Factor for the standard deviations of that component.
+/// Factor that multiplies the posterior's standard deviations in the wide component of the proposal.
 const BACKGROUND_STRETCH: f64 = 1.5;
-/// Effective fraction of the draws above which the proposal needs no further adaptation.
+/// Effective number of draws, as a fraction of all draws, above which the proposal needs no further adaptation.
 const GOOD_SHARE: f64 = 0.75;
 /// Factor by which the number of draws grows after an unreliable estimate.
 const MORE: usize = 3;
 /// Number of adaptation rounds after an unreliable estimate.
 const ROUNDS_AGAIN: usize = 2;
 
-/// Estimates the evidence by importance sampling. Check it with [`is_reliable`] before use.
+/// Estimates the evidence by importance sampling. Check the estimate with [`is_reliable`] before use.
 ///
 /// # Errors
 /// [`Error::Numerical`] if no mode has a usable curvature, if no draw has a finite density, or if the density is +∞ or often NaN.
@@ -116,13 +119,13 @@ struct Sampler<'a> {
     n_evaluations: usize,
 }
 
-/// Draws of all adaptation rounds.
+/// Draws of all adaptation rounds, with their log densities and proposals.
 #[derive(Default)]
 struct Pool {
     points: Vec<Vec<f64>>,
-    /// Log density ln p at each point.
+    /// Log density of the posterior at each point, not normalised.
     values: Vec<f64>,
-    /// ln Σ n_r q_r at each point, summed over the rounds r with n_r draws from proposal q_r.
+    /// Logarithm of Σ n_r q_r at each point, summed over the rounds r, with n_r draws from a proposal of density q_r.
     ln_proposed: Vec<f64>,
     /// Proposal of each round, with the number of draws from it.
     proposals: Vec<(ProposalMixture, usize)>,

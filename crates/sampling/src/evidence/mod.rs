@@ -1,4 +1,4 @@
-//! Evidence ∫ p(data | θ) p(θ) dθ of a model with parameters θ, and weighted draws from its posterior.
+//! Evidence ∫ p(data | θ) p(θ) dθ of a model with parameters θ, and weighted draws from the model's posterior.
 //!
 //! Two independent methods check each other: importance sampling from a mixture that is adapted to the posterior ([`importance`]), and sequential Monte
 //! Carlo from the prior to the posterior ([`tempering`]).
@@ -27,7 +27,7 @@ pub struct Estimate {
     pub ln_evidence: f64,
     /// Standard error of `ln_evidence`, in nats.
     pub standard_error: f64,
-    /// Pareto k̂ of the importance weights. Evidence and error are reliable if it is below 0.7. `None` if the method uses no importance weights.
+    /// Tail shape k̂ of the importance weights. Evidence and error are reliable if k̂ is below 0.7. `None` if the method uses no importance weights.
     pub pareto_k: Option<f64>,
     /// Weighted posterior draws, in the density's coordinates.
     pub draws: WeightedDraws,
@@ -35,13 +35,13 @@ pub struct Estimate {
     pub n_evaluations: usize,
 }
 
-/// Number of points that one thread evaluates together; a multiple of the number of vector lanes.
+/// Number of points that one thread evaluates together, a multiple of the number of vector lanes.
 const BATCH: usize = 256;
-/// Largest accepted fraction of points with a NaN density. A few NaN come from the tails of a proposal; more of them indicate a fault of the density.
+/// Largest accepted fraction of points with a NaN density. A few NaN occur in the tails of a proposal, but many NaN indicate a fault of the density.
 const MOST_UNDEFINED: f64 = 0.01;
 
-/// Log densities of points, one vector of coordinates per point. Proposals reach far beyond the posterior's mass, where a model may overflow. NaN is
-/// therefore replaced by −∞, unless it is too frequent.
+/// Evaluates the log densities of points, one vector of coordinates per point. Proposals reach far beyond the posterior's mass, where a model may
+/// overflow. NaN is therefore replaced by −∞, unless it is too frequent.
 ///
 /// # Errors
 /// [`Error::Numerical`] for +∞, or if more than one point in a hundred is NaN.
@@ -67,7 +67,7 @@ fn evaluate(density: &dyn LogDensity, points: &[Vec<f64>]) -> Result<Vec<f64>> {
     Ok(batches.into_iter().flat_map(|(values, _)| values).collect())
 }
 
-/// Logarithm of the mean of weights, and the relative standard error of this mean. The weights are given by their logarithms.
+/// Returns the logarithm of the mean of weights, and the relative standard error of this mean. The weights are given by their logarithms.
 fn ln_mean(ln_weights: &[f64]) -> (f64, f64) {
     let n = ln_weights.len() as f64;
     let top = ln_weights.iter().copied().fold(f64::NEG_INFINITY, f64::max);

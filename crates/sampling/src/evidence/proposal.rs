@@ -1,13 +1,14 @@
 //! Proposal distributions for posteriors with funnels and curved ridges. A triangular map transforms a mixture of t distributions.
 //!
-//! The uncertainty of the law's parameters depends on the noise parameters, and their location depends on the parameters of effects. A few ellipses
-//! cannot describe such a posterior. The map orders the coordinates x by standard deviation, largest first. Let y be the coordinates before coordinate d
-//! in this order. Then
+//! In a funnel, the spread of some coordinates depends on other coordinates; on a curved ridge, their location does. A few ellipses cannot describe
+//! such a posterior. The map orders the coordinates x by standard deviation, largest first. Let y be the coordinates before coordinate d in this
+//! order. Then
 //!
 //! x_d = μ_d(y) + exp(λ_d(y)) w_d,
 //!
-//! where μ is a sum of parabolas, λ is linear and w are the mixture's coordinates. The functions μ and λ are fitted to weighted draws by penalised
-//! likelihood, as if w were standard normal. The map is invertible for any coefficients, so a poor fit only makes the draws less efficient.
+//! where the location μ is a sum of parabolas, the log spread λ is linear and w are the mixture's coordinates. The functions μ and λ are fitted to
+//! weighted draws by penalised likelihood, as if w were standard normal. The map is invertible for any coefficients, so a poor fit only makes the
+//! draws less efficient.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -15,37 +16,37 @@ use super::weighted::{effective_size, resampled_indices};
 use crate::ensemble::RandomStream;
 use crate::t_mixture::TMixture;
 
-/// Largest deviation of a coordinate, in standard deviations, that influences later coordinates. It bounds the parabolas.
+/// Limit of a coordinate's deviation, in standard deviations, in its influence on later coordinates. It bounds the parabolas of the map.
 const LARGEST_PULL: f64 = 4.0;
-/// Number of passes over μ and λ.
+/// Number of passes that fit first the location and then the log spread of a coordinate.
 const N_PASSES: usize = 3;
-/// Number of steps for λ in each pass.
+/// Number of Fisher scoring steps for the log spread in each pass.
 const N_SPREAD_STEPS: usize = 3;
-/// Prior standard deviation of the coefficients of λ, in standardised coordinates.
+/// Prior standard deviation of the coefficients of a coordinate's log spread, in standardised coordinates.
 const SPREAD_SLOPE_SD: f64 = 0.5;
-/// Prior standard deviation of the coefficients of μ, in standardised coordinates.
+/// Prior standard deviation of the coefficients of a coordinate's location, in standardised coordinates.
 const LOCATION_SLOPE_SD: f64 = 1.0;
-/// Smallest λ. It prevents a standard deviation of zero for draws that lie in a plane.
+/// Smallest log spread of a coordinate. It prevents a standard deviation of zero for draws that lie in a plane.
 const SMALLEST_LN_SPREAD: f64 = -12.0;
-/// Number of components that are added at draws to the component with the draws' moments.
+/// Number of mixture components that start at single draws. They are added to one component with the mean and covariance of all draws.
 const ADDED_COMPONENTS: usize = 2;
-/// Number of expectation–maximisation steps that fit these components.
+/// Number of expectation–maximisation steps that fit the mixture of a proposal.
 const FIT_STEPS: usize = 2;
 
-/// Distribution of one coordinate, given the coordinates before it in the map's order.
+/// Location and spread of one coordinate as functions of the coordinates before it in the map's order.
 #[derive(Debug, Clone)]
 struct Conditional {
     coordinate: usize,
     centre: f64,
     sd: f64,
-    /// Coefficients of μ: a constant, then a linear and a quadratic coefficient for each earlier coordinate.
+    /// Coefficients of the location: a constant, then a linear and a quadratic coefficient for each earlier coordinate.
     location: Vec<f64>,
-    /// Coefficients of λ: a constant, then one coefficient for each earlier coordinate.
+    /// Coefficients of the log spread: a constant, then one coefficient for each earlier coordinate.
     ln_spread: Vec<f64>,
 }
 
 impl Conditional {
-    /// Returns μ and λ for standardised values of the earlier coordinates.
+    /// Returns the location and the log spread for standardised values of the earlier coordinates.
     fn at(&self, before: &[f64]) -> (f64, f64) {
         let (mut location, mut ln_spread) = (self.location[0], self.ln_spread[0]);
         for (j, y) in before.iter().enumerate() {
@@ -61,14 +62,14 @@ fn pull(y: f64) -> f64 {
     y.clamp(-LARGEST_PULL, LARGEST_PULL)
 }
 
-/// Triangular map from the mixture's coordinates w to points x.
+/// Triangular map from a mixture's coordinates w to points x of the posterior.
 #[derive(Debug, Clone)]
 pub struct Map {
     conditionals: Vec<Conditional>,
 }
 
 impl Map {
-    /// The identity map, x = w.
+    /// Returns the identity map, by which points are equal to the mixture's coordinates.
     pub fn identity(dimension: usize) -> Self {
         let conditional = |coordinate: usize| Conditional {
             coordinate,
@@ -80,7 +81,7 @@ impl Map {
         Self { conditionals: (0..dimension).map(conditional).collect() }
     }
 
-    /// Fits the map to weighted points. The weights add up to one. `None` if a coordinate does not vary.
+    /// Fits the map to weighted points of the posterior. The weights add up to one. `None` if a coordinate does not vary.
     pub fn fitted(points: &[Vec<f64>], weights: &[f64]) -> Option<Self> {
         let dimension = points.first()?.len();
         let moments = |d: usize| {
@@ -108,7 +109,7 @@ impl Map {
         Some(Self { conditionals: (0..dimension).map(conditional).collect::<Option<_>>()? })
     }
 
-    /// Returns x at w, and ln |dx/dw|.
+    /// Returns the point x for the mixture's coordinates w, and the log Jacobian determinant ln |dx/dw|.
     pub fn point(&self, w: &[f64]) -> (Vec<f64>, f64) {
         let mut before = Vec::with_capacity(w.len());
         let (mut x, mut ln_volume) = (vec![0.0; w.len()], 0.0);
@@ -122,8 +123,8 @@ impl Map {
         (x, ln_volume)
     }
 
-    /// Returns w at x, and ln |dx/dw|.
-    pub fn straightened(&self, x: &[f64]) -> (Vec<f64>, f64) {
+    /// Returns the mixture's coordinates w for a point x, and the log Jacobian determinant ln |dx/dw|.
+    pub fn to_mixture_coordinates(&self, x: &[f64]) -> (Vec<f64>, f64) {
         let mut before = Vec::with_capacity(x.len());
         let (mut w, mut ln_volume) = (Vec::with_capacity(x.len()), 0.0);
         for conditional in &self.conditionals {
@@ -137,8 +138,8 @@ impl Map {
     }
 }
 
-/// Fits μ and λ of row k of the standardised coordinates, given the rows before it. Columns are points with weights `counts`. Returns the coefficients of
-/// μ and of λ.
+/// Fits the location and the log spread of row k of the standardised coordinates as functions of the rows before it. Columns are points with weights
+/// `counts`. Returns the coefficients of the location and of the log spread.
 fn fit_conditional(standard: &DMatrix<f64>, k: usize, counts: &[f64]) -> Option<(Vec<f64>, Vec<f64>)> {
     let n = counts.len();
     let linear = DMatrix::from_fn(1 + k, n, |row, i| if row == 0 { 1.0 } else { pull(standard[(row - 1, i)]) });
@@ -166,7 +167,7 @@ fn fit_conditional(standard: &DMatrix<f64>, k: usize, counts: &[f64]) -> Option<
             let mean = residuals2.iter().zip(counts).map(|(r2, count)| r2 * count).sum::<f64>() / total;
             ln_spread[0] = (0.5 * mean.ln()).max(SMALLEST_LN_SPREAD);
         }
-        // Fisher scoring steps for the minimum of Σ counts (λ + r² e^(−2λ) / 2).
+        // Fisher scoring steps minimise Σ counts (λ + r² e^(−2λ) / 2), with the log spread λ and the residual r of each point.
         for _ in 0..N_SPREAD_STEPS {
             let mut slope = DVector::from_fn(1 + k, |row, _| {
                 if row == 0 { 0.0 } else { -ln_spread[row] / (SPREAD_SLOPE_SD * SPREAD_SLOPE_SD) }
@@ -184,7 +185,7 @@ fn fit_conditional(standard: &DMatrix<f64>, k: usize, counts: &[f64]) -> Option<
     is_finite.then(|| (location.as_slice().to_vec(), ln_spread.as_slice().to_vec()))
 }
 
-/// Σ wᵢ fᵢ fᵢᵀ, where fᵢ is column i of `features` and wᵢ its weight.
+/// Returns the matrix Σ wᵢ fᵢ fᵢᵀ, where fᵢ is column i of `features` and wᵢ its weight.
 fn weighted_squares(features: &DMatrix<f64>, weights: &[f64]) -> DMatrix<f64> {
     let mut weighted = features.clone();
     for (mut column, weight) in weighted.column_iter_mut().zip(weights) {
@@ -193,7 +194,7 @@ fn weighted_squares(features: &DMatrix<f64>, weights: &[f64]) -> DMatrix<f64> {
     weighted * features.transpose()
 }
 
-/// Adds the precision 1/sd² of a normal prior to the diagonal, except for the constant's coefficient.
+/// Adds the precision 1/sd² of a normal prior to the diagonal of a matrix, except in its first row, which belongs to the constant.
 fn penalised(squares: &DMatrix<f64>, sd: f64) -> DMatrix<f64> {
     let mut sum = squares.clone();
     (1..sum.nrows()).for_each(|k| sum[(k, k)] += 1.0 / (sd * sd));
@@ -215,15 +216,16 @@ impl Proposal {
         Self { map, ln_constant: mixture.ln_constant(), mixture }
     }
 
-    /// Makes a proposal without a map: the points are the mixture's coordinates.
+    /// Makes a proposal without transformation, whose points are the mixture's coordinates.
     pub fn plain(mixture: TMixture, dimension: usize) -> Self {
         Self::new(Map::identity(dimension), mixture)
     }
 
-    /// Fits the map and then the mixture to weighted points. The weights add up to one. `None` if the points lie in a plane.
+    /// Fits the map and then the mixture to weighted points. The weights add up to one. `None` if the fit fails, for example because the points lie
+    /// in a plane.
     pub fn fitted(points: &[Vec<f64>], weights: &[f64], stream: &mut RandomStream) -> Option<Self> {
         let map = Map::fitted(points, weights)?;
-        let straight: Vec<Vec<f64>> = points.iter().map(|x| map.straightened(x).0).collect();
+        let straight: Vec<Vec<f64>> = points.iter().map(|x| map.to_mixture_coordinates(x).0).collect();
         let centres: Vec<Vec<f64>> =
             resampled_indices(weights, ADDED_COMPONENTS, stream).into_iter().map(|i| straight[i].clone()).collect();
         let start = TMixture::from_moments(&straight, weights)?.with_centres(&centres);
@@ -231,15 +233,15 @@ impl Proposal {
         Some(Self::new(map, mixture))
     }
 
-    /// Returns this proposal with one wide component of weight `share`. It has the mean of the weighted points, and their standard deviations multiplied by
-    /// `stretch`.
+    /// Returns the proposal with one more, wide component of weight `share`. In the mixture's coordinates, the component has the mean of the weighted
+    /// points, and their standard deviations multiplied by `stretch`.
     pub fn with_background(&self, points: &[Vec<f64>], weights: &[f64], share: f64, stretch: f64) -> Self {
-        let straight: Vec<Vec<f64>> = points.iter().map(|x| self.map.straightened(x).0).collect();
+        let straight: Vec<Vec<f64>> = points.iter().map(|x| self.map.to_mixture_coordinates(x).0).collect();
         let mixture = self.mixture.with_background(&straight, weights, share, stretch);
         Self::new(self.map.clone(), mixture)
     }
 
-    /// Draws n points.
+    /// Draws n points from the proposal.
     pub fn draw(&self, n: usize, dimension: usize, stream: &mut RandomStream) -> Vec<Vec<f64>> {
         let (mut w, mut noise) = (vec![0.0; dimension], vec![0.0; dimension]);
         let mut one = |_| {
@@ -249,9 +251,9 @@ impl Proposal {
         (0..n).map(&mut one).collect()
     }
 
-    /// Normalised log density ln q at a point.
+    /// Normalised log density of the proposal at a point.
     pub fn ln_density(&self, x: &[f64]) -> f64 {
-        let (w, ln_volume) = self.map.straightened(x);
+        let (w, ln_volume) = self.map.to_mixture_coordinates(x);
         self.ln_constant + self.mixture.log_density(&w) - ln_volume
     }
 }
@@ -260,8 +262,8 @@ impl Proposal {
 mod tests {
     use super::*;
 
-    /// Draws from a funnel with their weights: x₁ = 3y and x₀ = 0.1 + 0.05 y² + 0.01 e^(y/2) z. Here y and z are independent standard normals. The map puts
-    /// x₁ first.
+    /// Returns draws from a funnel with their weights: x₁ = 3y and x₀ = 0.1 + 0.05 y² + 0.01 e^(y/2) z. Here y and z are independent standard
+    /// normals. The map puts x₁ first.
     fn funnel() -> (Vec<Vec<f64>>, Vec<f64>) {
         let mut stream = RandomStream::new(5, 0);
         let mut one = |_| {
@@ -279,7 +281,7 @@ mod tests {
         let (points, weights) = funnel();
         let map = Map::fitted(&points, &weights).expect("spread");
         for point in points.iter().step_by(100).chain([&vec![5.0, -40.0]]) {
-            let (w, ln_volume) = map.straightened(point);
+            let (w, ln_volume) = map.to_mixture_coordinates(point);
             let (back, same) = map.point(&w);
             assert!(back.iter().zip(point).all(|(a, b)| (a - b).abs() < 1e-9 * (1.0 + b.abs())), "{back:?} {point:?}");
             assert!((ln_volume - same).abs() < 1e-9);
@@ -305,13 +307,13 @@ mod tests {
         }
     }
 
-    /// The map transforms the draws to standard normals with independent spreads. For 5,000 draws the standard errors are 0.014 for means, 0.010 for standard
-    /// deviations and about 0.03 for the correlation of squares. The tolerance is six standard errors.
+    /// Checks that the map transforms the draws to standard normals with independent spreads. For 5,000 draws the standard errors are 0.014 for
+    /// means, 0.010 for standard deviations and about 0.03 for the correlation of squares. The tolerance is six standard errors.
     #[test]
     fn a_funnel_is_made_straight() {
         let (points, weights) = funnel();
         let map = Map::fitted(&points, &weights).expect("spread");
-        let straight: Vec<Vec<f64>> = points.iter().map(|x| map.straightened(x).0).collect();
+        let straight: Vec<Vec<f64>> = points.iter().map(|x| map.to_mixture_coordinates(x).0).collect();
         let mean = |of: &dyn Fn(&[f64]) -> f64| straight.iter().map(|w| of(w)).sum::<f64>() / 5_000.0;
         for d in 0..2 {
             assert!(mean(&|w| w[d]).abs() < 0.09 && (mean(&|w| w[d] * w[d]).sqrt() - 1.0).abs() < 0.06);

@@ -1,14 +1,14 @@
-//! Sequential Monte Carlo from the prior to the posterior.
+//! Evidence by sequential Monte Carlo, in which particles move from the prior to the posterior.
 //!
-//! Particles are drawn from the prior. Their density becomes p(θ) p(data | θ)^φ, while the exponent φ rises from 0 to 1 (Neal 2001,
-//! doi:10.1023/A:1008923215028; Del Moral et al. 2006, doi:10.1111/j.1467-9868.2006.00553.x). Each rise of φ is chosen so that nine tenths of the
-//! particles stay effective. The particles are then resampled and moved until most of them have moved. All moves keep the density at this φ invariant.
-//! There are two kinds of moves. Jumps are draws from a proposal that is fitted to the particles, with one component per mode (`charts`); they carry
-//! particles between modes. Steps follow the difference of two particles (ter Braak 2006, doi:10.1007/s11222-006-8769-1) and need no fit. The evidence is
-//! the product of the mean weights of all rises. Several independent replicates give its error.
+//! Particles are drawn from the prior p(θ) of the parameters θ. Their density becomes p(θ) p(data | θ)^φ, while the exponent φ rises from 0 to 1
+//! (Neal 2001, doi:10.1023/A:1008923215028; Del Moral et al. 2006, doi:10.1111/j.1467-9868.2006.00553.x). Each rise of φ is chosen so that nine
+//! tenths of the particles stay effective. The particles are then resampled, and moved until most of them have moved. All moves leave the density at
+//! the present φ invariant. There are two kinds of moves. Jumps are draws from a proposal that is fitted to the particles, with one component per
+//! mode (`charts`); jumps carry particles between modes. Steps follow the difference of two particles (ter Braak 2006, doi:10.1007/s11222-006-8769-1)
+//! and need no proposal. The evidence is the product of the mean weights of all rises. Several independent replicates give its error.
 //!
-//! Particles may die out in a region in which they hardly move, such as a narrow ridge beside a wide peak. The evidence is then too low by this region's
-//! fraction of the mass, and the replicates do not reveal the error.
+//! Particles may disappear from a region in which moves are rarely accepted, such as a narrow ridge beside a wide peak. The evidence is then too low
+//! by this region's fraction of the mass, and the replicates do not show the error.
 
 use rayon::prelude::*;
 
@@ -22,7 +22,7 @@ use crate::ensemble::RandomStream;
 use crate::optimum::Modes;
 use base::error::{Error, Result};
 
-/// Numbers of particles and replicates, and the seed.
+/// Numbers of particles and replicates of a sequential Monte Carlo estimate, and the seed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TemperingOptions {
     /// Number of particles per replicate.
@@ -39,27 +39,29 @@ impl Default for TemperingOptions {
     }
 }
 
-/// Fraction of the particles that stay effective after a rise of φ.
+/// Fraction of the particles that stay effective after a rise of the likelihood's exponent.
 const KEPT_SHARE: f64 = 0.9;
-/// Largest number of values of φ.
+/// Largest number of values of the likelihood's exponent between 0 and 1.
 const MOST_TEMPERATURES: usize = 1_000;
-/// Mean number of accepted moves per particle that ends the moves at one value of φ. They also end after `MOST_ROUNDS` rounds of one jump and one step
-/// each.
+/// Mean number of accepted moves per particle at which the moves for one exponent of the likelihood end. The moves also end after [`MOST_ROUNDS`]
+/// rounds of one jump and one step each.
 const WANTED_ACCEPTANCES: f64 = 3.0;
 const MOST_ROUNDS: usize = 12;
 
 /// Estimates the evidence by sequential Monte Carlo. The coordinates of the posterior must have standard normal priors ([`super::PriorCoordinates`]).
-/// `modes` may be empty. Otherwise the particles are assigned to their nearest mode, and the proposal for jumps is fitted mode by mode.
+/// `modes` may be empty. Given modes, the proposal for jumps can be fitted mode by mode, to the particles nearest to each mode.
 ///
 /// # Errors
-/// [`Error::Numerical`] if no draw from the prior has a finite density, if the exponent φ does not reach 1, or if the density is +∞ or often NaN.
+/// [`Error::Numerical`] if no draw from the prior has a finite density, if the likelihood's exponent does not reach 1, or if the density is +∞ or
+/// often NaN.
 pub fn evidence(posterior: &dyn LogDensity, modes: &Modes, options: &TemperingOptions) -> Result<Estimate> {
     let one = |replicate: usize| Replicate::new((posterior, modes), options, replicate as u64)?.run();
     let runs: Vec<Finished> = (0..options.n_replicates.max(2)).into_par_iter().map(one).collect::<Result<_>>()?;
     let ln_evidences: Vec<f64> = runs.iter().map(|run| run.ln_evidence).collect();
     let (ln_evidence, scatter) = ln_mean(&ln_evidences);
     let n_runs = runs.len() as f64;
-    // A few replicates may agree by chance. Their error is at least that of particles which are independent at every value of φ.
+    // A few replicates may agree by chance. The error is therefore at least the error for particles that are independent at every exponent of the
+    // likelihood.
     let least = (runs.iter().map(|run| run.variance).sum::<f64>() / n_runs / n_runs).sqrt();
     let n_evaluations = runs.iter().map(|run| run.n_evaluations).sum();
     // The draws of each replicate are weighted by its evidence.
@@ -72,7 +74,7 @@ pub fn evidence(posterior: &dyn LogDensity, modes: &Modes, options: &TemperingOp
 
 struct Finished {
     ln_evidence: f64,
-    /// Variance of the log evidence for particles that are independent of each other at every value of φ.
+    /// Variance of the log evidence for particles that are independent of each other at every exponent of the likelihood.
     variance: f64,
     points: Vec<Vec<f64>>,
     n_evaluations: usize,
@@ -151,7 +153,8 @@ impl<'a> Replicate<'a> {
         ))
     }
 
-    /// Raises φ as far as enough particles stay effective. Returns the particles' weights for this rise.
+    /// Raises the likelihood's exponent as far as the fraction [`KEPT_SHARE`] of the particles stays effective. Returns the particles' weights for
+    /// this rise.
     fn raise_temperature(&mut self) -> Result<Vec<f64>> {
         let increments = |phi: f64| -> Vec<f64> {
             self.particles.iter().map(|particle| (phi - self.phi) * particle.ln_likelihood).collect()
@@ -159,7 +162,7 @@ impl<'a> Replicate<'a> {
         let n_finite = self.particles.iter().filter(|particle| particle.ln_likelihood.is_finite()).count();
         if n_finite == 0 {
             return Err(Error::numerical(
-                "the likelihood is finite at no draw from the prior",
+                "no draw from the prior has a finite log likelihood",
                 "check the medians and spreads of the priors, and the units of the data",
             ));
         }
@@ -180,7 +183,7 @@ impl<'a> Replicate<'a> {
         Ok(normalised(&ln_weights))
     }
 
-    /// Fits the proposal for jumps to the weighted particles. Returns it with the map in whose coordinates the particles step.
+    /// Fits the proposal for jumps to the weighted particles. Returns the proposal, and the map in whose coordinates the particles make steps.
     fn proposals(&mut self, weights: &[f64]) -> Option<(ProposalMixture, Map)> {
         let points: Vec<Vec<f64>> = self.particles.iter().map(|particle| particle.point.clone()).collect();
         let one = Proposal::fitted(&points, weights, &mut self.stream)?;
@@ -209,12 +212,12 @@ impl<'a> Replicate<'a> {
         self.accept(points, |old, new| proposal.ln_density(old) - proposal.ln_density(new))
     }
 
-    /// Moves each particle along the difference of two others, in the straightened coordinates of `map`. Returns the number of accepted steps.
+    /// Proposes for each particle a step along the difference of two others, in the coordinates of `map`. Returns the number of accepted steps.
     fn step(&mut self, map: &Map) -> Result<usize> {
         let length = 2.38 / (2.0 * self.posterior.dimension() as f64).sqrt();
         let n = self.particles.len();
         let straight: Vec<Vec<f64>> =
-            self.particles.iter().map(|particle| map.straightened(&particle.point).0).collect();
+            self.particles.iter().map(|particle| map.to_mixture_coordinates(&particle.point).0).collect();
         let mut one = |i: usize| {
             let (a, b) = self.stream.distinct_pair(n - 1);
             let other = |k: usize| &straight[(i + 1 + k) % n];
@@ -222,11 +225,11 @@ impl<'a> Replicate<'a> {
             map.point(&moved.map(|((w, a), b)| w + length * (a - b)).collect::<Vec<_>>()).0
         };
         let proposals = (0..n).map(&mut one).collect();
-        self.accept(proposals, |old, new| map.straightened(new).1 - map.straightened(old).1)
+        self.accept(proposals, |old, new| map.to_mixture_coordinates(new).1 - map.to_mixture_coordinates(old).1)
     }
 
-    /// Accepts or rejects the proposals. `ln_factor` is the logarithm of the correction factor for the present and the proposed point. Returns the number of
-    /// accepted proposals.
+    /// Accepts or rejects one proposed point per particle by the Metropolis–Hastings rule. `ln_factor` returns the logarithm of the correction factor
+    /// for the present and the proposed point. Returns the number of accepted proposals.
     fn accept(&mut self, proposals: Vec<Vec<f64>>, ln_factor: impl Fn(&[f64], &[f64]) -> f64) -> Result<usize> {
         let proposed = self.particles_at(proposals)?;
         let mut n_accepted = 0;

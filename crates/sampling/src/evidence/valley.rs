@@ -1,24 +1,25 @@
-//! Finds the valley between two modes in the posterior of one quantity.
+//! Search for a valley between two modes in the posterior density of one quantity.
 //!
-//! The density of the weighted draws is smoothed with a normal kernel. Its width is the usual one for a single mode (Silverman 1986, eq. 3.31). This is
-//! too wide for two modes, so a valley that remains is real. Each mode needs a minimum fraction of the draws. The valley must also be deeper than the
-//! sampling error explains.
+//! The density of the weighted draws is smoothed with a normal kernel. The kernel has the usual width for a single mode (Silverman 1986, eq. 3.31).
+//! This width is too large for two modes, so a valley that remains is real. Each mode needs a minimum fraction of the draws. The valley must also be
+//! deeper than the sampling error explains.
 
 use super::WeightedDraws;
 
 /// Smallest accepted ratio of the lower peak's density to the density in the valley.
 const LEAST_DEPTH: f64 = 2.0;
-/// Smallest accepted difference between the lower peak and the valley, in standard errors of the difference of the smoothed densities.
+/// Smallest accepted difference between the density at the lower peak and in the valley, in standard errors of this difference.
 const LEAST_ERRORS: f64 = 4.0;
 /// Smallest fraction of the draws that each mode must have.
 const LEAST_SHARE: f64 = 0.05;
 const N_NODES: usize = 160;
-/// Distance up to which a kernel is evaluated, in kernel widths.
+/// Largest distance from a draw at which its kernel is evaluated, in kernel widths.
 const REACH: f64 = 4.0;
-/// Difference between the upper and lower quartile of a standard normal.
+/// Difference between the upper and lower quartile of a standard normal distribution.
 const QUARTILES_APART: f64 = 1.349;
 
-/// Finds the deepest valley in the density of a function `of` of the draws. Returns the function's value at its bottom; `None` if there is only one mode.
+/// Finds the deepest valley in the density of a quantity, which is a function `of` of the draws. Returns the quantity's value at the bottom of the
+/// valley; `None` if there is only one mode.
 pub fn find_density_valley(draws: &WeightedDraws, of: impl Fn(&[f64]) -> f64) -> Option<f64> {
     let [low, lower, upper, high] = draws.quantiles(&of, &[0.001, 0.25, 0.75, 0.999]).try_into().ok()?;
     let mean = draws.mean(&of);
@@ -40,8 +41,8 @@ pub fn find_density_valley(draws: &WeightedDraws, of: impl Fn(&[f64]) -> f64) ->
             density[k] += weight * (-0.5 * ((node(k) - value) / width).powi(2)).exp();
         }
     }
-    // Each kernel integrates to one. Its square integrates to 1/(2 √π width). This integral, divided by the number n of draws, is the variance of the
-    // smoothed density per unit density.
+    // Each kernel integrates to one. Its square integrates to 1/(2 √π width). This integral, divided by the effective number of draws, is the
+    // variance of the smoothed density per unit density.
     density.iter_mut().for_each(|value| *value /= width * std::f64::consts::TAU.sqrt());
     let unit_variance = 1.0 / (2.0 * std::f64::consts::PI.sqrt() * width * n_effective);
     let highest = |nodes: &[f64]| nodes.iter().copied().fold(0.0, f64::max);
@@ -65,8 +66,9 @@ mod tests {
         WeightedDraws::new((0..n).map(|_| vec![of(&mut stream)]).collect(), &vec![0.0; n])
     }
 
-    /// Two normals are six standard deviations apart. The second has a fifth of the draws. With 1,000 draws, its peak is seven standard errors above the
-    /// valley (four are required). The standard error of the fraction is 0.013 (five are allowed).
+    /// Checks that the valley between two normals at a distance of six standard deviations is found. The second has a fifth of the draws. With 1,000
+    /// draws, its peak is seven standard errors above the valley (four are required). The standard error of the fraction is 0.013 (five standard
+    /// errors are allowed).
     #[test]
     fn two_bumps_have_a_valley_between_them() {
         let two = |stream: &mut RandomStream| stream.normal() + if stream.unit() < 0.2 { 6.0 } else { 0.0 };
@@ -78,7 +80,8 @@ mod tests {
         }
     }
 
-    /// A single mode has no valley, whether it is normal, uniform or has a long tail. The test uses 200 draws of each, 100 times.
+    /// Checks that a single mode has no valley, whether it is normal, uniform or has a long tail. The test uses 200 draws of each distribution, 100
+    /// times.
     #[test]
     fn one_bump_has_no_valley() {
         for seed in 0..100 {

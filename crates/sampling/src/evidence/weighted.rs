@@ -17,7 +17,7 @@ impl WeightedDraws {
         Self { weights: normalised(ln_weights), points }
     }
 
-    /// Effective number of draws, 1/Σw²: so many equally weighted draws would give a mean of equal accuracy.
+    /// Effective number of draws: the number of equally weighted draws that would give a mean of equal accuracy. It is 1/Σw² for weights w.
     pub fn effective_size(&self) -> f64 {
         effective_size(&self.weights)
     }
@@ -27,8 +27,8 @@ impl WeightedDraws {
         self.points.iter().zip(&self.weights).map(|(point, weight)| weight * of(point)).sum()
     }
 
-    /// Quantiles of a function of the draws, one for each of `probabilities`. The distribution function has a step at each draw. It is replaced by lines
-    /// through the midpoints of the steps and then inverted.
+    /// Quantiles of a function `of` of the draws, one for each of `probabilities`. The weighted distribution function has a step at each draw. It is
+    /// replaced by lines through the midpoints of the steps and then inverted.
     pub fn quantiles(&self, of: impl Fn(&[f64]) -> f64, probabilities: &[f64]) -> Vec<f64> {
         let with_weight = self.points.iter().zip(&self.weights).filter(|(_, weight)| **weight > 0.0);
         let mut steps: Vec<(f64, f64)> = with_weight.map(|(point, weight)| (of(point), *weight)).collect();
@@ -44,8 +44,8 @@ impl WeightedDraws {
         probabilities.iter().map(|probability| interpolated(&knots, *probability)).collect()
     }
 
-    /// Keeps the weights only where a condition holds, and normalises them. Returns all draws unchanged if the condition holds for no draw with a positive
-    /// weight.
+    /// Returns the draws with weight 0 where a condition fails, and with the other weights normalised. If the condition holds for no draw with a
+    /// positive weight, the draws are unchanged.
     pub fn restricted_to(&self, is_in: impl Fn(&[f64]) -> bool) -> Self {
         let mut part = self.clone();
         let zip = self.points.iter().zip(&mut part.weights);
@@ -69,7 +69,7 @@ fn interpolated(knots: &[(f64, f64)], probability: f64) -> f64 {
     }
 }
 
-/// Normalises weights given by their logarithms. The result adds up to one.
+/// Returns normalised weights, given the logarithms of unnormalised weights. The result adds up to one.
 pub(super) fn normalised(ln_weights: &[f64]) -> Vec<f64> {
     let top = ln_weights.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     if top == f64::NEG_INFINITY {
@@ -80,12 +80,12 @@ pub(super) fn normalised(ln_weights: &[f64]) -> Vec<f64> {
     weights.into_iter().map(|weight| weight / total).collect()
 }
 
-/// Effective number 1/Σw² of weights that add up to one.
+/// Effective number of draws, 1/Σw², for weights w that add up to one.
 pub(super) fn effective_size(weights: &[f64]) -> f64 {
     1.0 / weights.iter().map(|weight| weight * weight).sum::<f64>()
 }
 
-/// Systematic resampling: returns n indices. The number of times that an index occurs differs from n times its weight by less than one.
+/// Returns n indices by systematic resampling. The number of times that an index occurs differs from n times its weight by less than one.
 pub(super) fn resampled_indices(weights: &[f64], n: usize, stream: &mut RandomStream) -> Vec<usize> {
     let offset = stream.unit();
     let (mut index, mut below) = (0, weights.first().copied().unwrap_or(0.0));
@@ -104,7 +104,7 @@ pub(super) fn resampled_indices(weights: &[f64], n: usize, stream: &mut RandomSt
 mod tests {
     use super::*;
 
-    /// Weights turn a uniform distribution into an exponential one, with quantiles −ln(1 − p). The draws form a grid instead of being random.
+    /// Checks quantiles of a grid of draws whose weights e⁻ˣ represent an exponential distribution. Its quantile at the probability p is −ln(1 − p).
     #[test]
     fn quantiles_are_those_of_the_weighted_distribution() {
         let points: Vec<Vec<f64>> = (0..40_000).map(|i| vec![(f64::from(i) + 0.5) / 2_000.0]).collect();

@@ -13,19 +13,20 @@ pub struct Mode {
     pub log_density: f64,
     /// Precision matrix of the Laplace approximation, row by row.
     pub precision: Vec<f64>,
-    /// Logarithm of the mode's mass in the Laplace approximation: ln p + (d/2) ln 2π − ½ ln det(precision), for d coordinates.
+    /// Logarithm of the mode's probability mass in the Laplace approximation: ln p + (d/2) ln 2π − ½ ln det(precision), for d coordinates and the log
+    /// density ln p at the maximum.
     pub log_mass: f64,
-    /// `true` if the climb ended at a maximum with negative curvature in every direction.
+    /// `true` if the search ended at a maximum with negative curvature in every direction.
     pub converged: bool,
 }
 
-/// Distinct modes, largest mass first.
+/// Distinct modes of a posterior, largest probability mass first.
 #[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Modes {
     modes: Vec<Mode>,
 }
 
-/// Two optima are one mode if they are closer than this, in standard deviations of either optimum's approximation.
+/// Distance below which two optima are one mode, in standard deviations of the Laplace approximation of either optimum.
 const SAME_MODE_DISTANCE: f64 = 1.0;
 
 impl Mode {
@@ -53,11 +54,11 @@ impl Mode {
         form.max(0.0).sqrt()
     }
 
-    /// Draws a point from the Laplace approximation, whose standard deviations are multiplied by `spread`.
+    /// Draws a point from the Laplace approximation with its standard deviations multiplied by `spread`.
     pub fn draw(&self, spread: f64, stream: &mut RandomStream) -> Vec<f64> {
         let n = self.location.len();
         let noise = DVector::from_fn(n, |_, _| stream.normal());
-        // With precision = L Lᵀ and standard normal z, L⁻ᵀ z has the inverse of the precision as covariance.
+        // For the precision matrix L Lᵀ and a standard normal vector z, the vector L⁻ᵀ z has the inverse of the precision matrix as covariance.
         let step = DMatrix::from_row_slice(n, n, &self.precision)
             .cholesky()
             .and_then(|factor| factor.l().transpose().solve_upper_triangular(&noise))
@@ -72,7 +73,7 @@ impl Modes {
         Self { modes: vec![mode.clone()] }
     }
 
-    /// Adds an optimum unless it belongs to a known mode.
+    /// Adds an optimum as a new mode. If it belongs to a known mode, the better of the two is kept.
     pub fn add(&mut self, optimum: &Optimum) {
         let mode = Mode::new(optimum);
         let same =
@@ -89,12 +90,12 @@ impl Modes {
         self.modes.sort_by(|a, b| b.log_mass.total_cmp(&a.log_mass));
     }
 
-    /// Finds the mode nearest to a point, with distances in the standard deviations of each mode. Returns its index and the mode.
+    /// Returns the mode nearest to a point, with its index; `None` without modes. Distances are in standard deviations of each mode.
     pub fn nearest(&self, point: &[f64]) -> Option<(usize, &Mode)> {
         self.modes.iter().enumerate().min_by(|a, b| a.1.distance(point).total_cmp(&b.1.distance(point)))
     }
 
-    /// Returns the first mode at which the cumulative weight exceeds u, 0 ≤ u < 1.
+    /// Returns the mode that a uniform number u in [0, 1) selects in proportion to the modes' weights; `None` without modes.
     pub fn at_cumulative_weight(&self, u: f64) -> Option<&Mode> {
         let mut cumulated = 0.0;
         let reached = |weight: f64| {
@@ -105,7 +106,7 @@ impl Modes {
         self.modes.get(idx)
     }
 
-    /// The modes, largest mass first.
+    /// Iterates over the modes, largest mass first.
     pub fn iter(&self) -> impl Iterator<Item = &Mode> {
         self.modes.iter()
     }
@@ -120,7 +121,7 @@ impl Modes {
         self.modes.is_empty()
     }
 
-    /// Laplace mass of each mode divided by the total mass.
+    /// Probability mass of each mode in the Laplace approximation, divided by the total mass.
     pub fn weights(&self) -> Vec<f64> {
         let heaviest = self.modes.first().map_or(0.0, |mode| mode.log_mass);
         let masses: Vec<f64> = self.modes.iter().map(|mode| (mode.log_mass - heaviest).exp()).collect();
@@ -145,8 +146,8 @@ mod tests {
         assert!(modes.iter().map(|mode| mode.log_mass.exp()).sum::<f64>() - 1.0 < 1e-3);
     }
 
-    /// The mean squared distance of draws from the maximum is d. For 20,000 draws and d = 2, its standard error is √(2·2/20000) = 0.014. The tolerance is six
-    /// standard errors.
+    /// Checks that the mean squared distance of draws from the maximum is the dimension d. For 20,000 draws and d = 2, its standard error is
+    /// √(2·2/20000) = 0.014. The tolerance is six standard errors.
     #[test]
     fn draws_have_the_approximation_s_covariance() {
         let optimum = Optimum {

@@ -1,4 +1,4 @@
-//! Finds the regions that contain the posterior's mass before any sampling: maxima from several starts, with their Laplace approximations.
+//! Search for the modes of a posterior before sampling: maxima from several starts, with their Laplace approximations.
 
 mod laplace;
 mod newton;
@@ -21,7 +21,7 @@ pub fn find_modes(density: &dyn LogDensity, starts: &[Vec<f64>]) -> Result<Modes
         starts.par_iter().map(|start| maximise(density, start)).collect::<Result<Vec<_>>>()?;
     let mut modes = Modes::default();
     let mut optima: Vec<Optimum> = optima.into_iter().flatten().collect();
-    // A climb that did not converge does not define a mode. Only if no climb converged is the highest end point used.
+    // Only climbs that converged define modes. If no climb converged, the highest end point is the only mode.
     optima.sort_by(|a, b| {
         (b.converged, b.log_density).partial_cmp(&(a.converged, a.log_density)).unwrap_or(Ordering::Equal)
     });

@@ -1,4 +1,4 @@
-//! Saddle-free Newton ascent of a log density with few coordinates. Derivatives are computed by differences.
+//! Saddle-free Newton ascent of a log density with few coordinates. Derivatives are central differences.
 
 use super::stencil::{Derivatives, differentiate, evaluate};
 use crate::LogDensity;
@@ -12,29 +12,33 @@ pub struct Optimum {
     pub location: Vec<f64>,
     /// Log density at the maximum.
     pub log_density: f64,
-    /// Precision matrix −∂²ln p, row by row. Its eigenvalues are made positive.
+    /// Precision matrix, row by row: minus the Hessian of the log density, with all eigenvalues made positive.
     pub precision: Vec<f64>,
-    /// `true` if the curvature is negative in every direction and the quadratic model predicts a further gain below 10⁻⁶ nats.
+    /// `true` if the curvature is negative in every direction and the quadratic model predicts a further gain below 10⁻⁶ nats. After a climb that
+    /// rounding ends, 10⁻³ nats suffice.
     pub converged: bool,
 }
 
 const MAX_ITERATIONS: usize = 500;
-/// Number of iterations before steps are corrected for curved ridges. Most climbs end earlier, and a correction costs ten times a plain step.
+/// Number of iterations before steps are corrected for curved ridges. Most climbs need fewer, and a correction costs ten times as much as a plain
+/// step.
 const PLAIN_ITERATIONS: usize = 20;
-/// Dampings μ that are tried at every step, relative to the curvature along the coordinates.
+/// Damping values that are tried at every step, relative to the curvature along the coordinates.
 const DAMPINGS: [f64; 14] = [0.0, 1e-6, 1e-5, 1e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0, 10.0, 100.0, 1e4];
-/// Damping of the correction that leads back to a ridge. The correction changes mainly the directions of strong curvature.
+/// Damping of the correction that leads back to a ridge. With it, the correction moves mainly along directions of strong curvature.
 const RIDGE_DAMPING: f64 = 0.03;
-/// Predicted gain (nats) of the local quadratic model. Below it, the climb has converged.
+/// Largest gain (nats) that the local quadratic model predicts for a converged climb.
 const GAIN_TOLERANCE: f64 = 1e-6;
-/// Change of the log density (nats) that a difference step should cause. It is large compared with rounding errors and small compared with the range in
-/// which the quadratic model holds.
+/// Change of the log density (nats) that a difference step should cause. It is far above rounding errors, and small enough for the quadratic model to
+/// hold.
 const DIFFERENCE_TARGET: f64 = 1e-2;
 
-/// Climbs to a maximum. `None` if the log density cannot be differentiated (−∞) at the start or on the way up.
+/// Climbs from a start to a maximum of the log density. `None` if the log density cannot be differentiated at the start or on the way up, because it
+/// is −∞.
 ///
 /// Coordinates are scaled by the diagonal of the curvature matrix. A step is (|Λ| + μ)⁻¹ times the gradient along the eigenvectors, where Λ are the
-/// eigenvalues of the scaled matrix. All values of μ are evaluated in one batch and the best is used, so no trust region is needed.
+/// eigenvalues of the scaled matrix and μ is a damping. Steps for several μ are evaluated in one batch and the best is used, so no trust region is
+/// needed.
 ///
 /// # Errors
 /// [`base::Error::Numerical`] when a log density is +∞.
@@ -47,7 +51,7 @@ pub fn maximise(density: &dyn LogDensity, start: &[f64]) -> Result<Option<Optimu
         let adapted = adapted_steps(&x, value, &derivatives, &steps);
         let settled = adapted.iter().zip(&steps).all(|(new, old)| (0.5..2.0).contains(&(new / old)));
         steps = adapted;
-        // The curvature that is returned must come from difference steps of a suitable size.
+        // The curvature in the result must come from difference steps of a suitable size.
         let at_rest = local.gain < GAIN_TOLERANCE && local.is_maximum();
         if (at_rest && (settled || refined)) || iteration == MAX_ITERATIONS {
             return Ok(Some(local.optimum(&x, value, at_rest)));
@@ -64,15 +68,15 @@ pub fn maximise(density: &dyn LogDensity, start: &[f64]) -> Result<Option<Optimu
         if values[best] > value {
             (x, value) = (candidates[best].clone(), values[best]);
         } else if !at_rest && settled {
-            // Because of rounding or a kink, differences cannot lead to a higher point.
+            // No candidate is higher, because of rounding errors or a kink of the density, so the climb ends.
             return Ok(Some(local.optimum(&x, value, local.gain < 1e-3 && local.is_maximum())));
         }
     }
     Ok(None)
 }
 
-/// Returns the Gaussian that has the value and curvature of the density at `point`, which need not be a maximum. `None` if the density cannot be
-/// differentiated there. The difference steps are adapted twice. They may therefore start a thousand times too large or too small.
+/// Returns the value and curvature of the log density at `point`, which need not be a maximum. `None` if the density cannot be differentiated there.
+/// The difference steps are adapted twice, each time by a factor of at most ten.
 ///
 /// # Errors
 /// [`base::Error::Numerical`] when a log density is +∞.
@@ -89,7 +93,7 @@ pub fn fit_local_gaussian(density: &dyn LogDensity, point: &[f64]) -> Result<Opt
 /// A point, its log density and its initial difference steps.
 type StartPoint = (DVector<f64>, f64, DVector<f64>);
 
-/// Log density and initial difference steps at `point`; `None` outside the support.
+/// Returns `point` with its log density and initial difference steps; `None` outside the support.
 fn beginning(density: &dyn LogDensity, point: &[f64]) -> Result<Option<StartPoint>> {
     let x = DVector::from_column_slice(point);
     let value = evaluate(density, std::slice::from_ref(&x))?[0];
@@ -97,7 +101,7 @@ fn beginning(density: &dyn LogDensity, point: &[f64]) -> Result<Option<StartPoin
     Ok((value.is_finite() && !x.is_empty()).then_some((x, value, steps)))
 }
 
-/// Difference steps for which each coordinate alone changes the log density by the target.
+/// Returns the difference steps at which each coordinate alone changes the log density by [`DIFFERENCE_TARGET`].
 fn adapted_steps(x: &DVector<f64>, value: f64, derivatives: &Derivatives, steps: &DVector<f64>) -> DVector<f64> {
     let target = DIFFERENCE_TARGET.max(1e-9 * value.abs());
     DVector::from_fn(x.len(), |i, _| {
@@ -109,13 +113,14 @@ fn adapted_steps(x: &DVector<f64>, value: f64, derivatives: &Derivatives, steps:
     })
 }
 
-/// Local quadratic model in scaled coordinates u with x = D u. The scaled matrix −D H D has a unit diagonal.
+/// Local quadratic model of the log density in scaled coordinates u, with x = D u for a diagonal matrix D. The matrix −D H D, with H the Hessian, has
+/// diagonal entries of ±1, or smaller entries for flat coordinates.
 struct Local {
     scale: DVector<f64>,
     eigen: SymmetricEigen<f64, nalgebra::Dyn>,
-    /// Gradient with respect to u, in the basis of the eigenvectors.
+    /// Gradient with respect to the scaled coordinates, in the basis of the eigenvectors.
     slope: DVector<f64>,
-    /// Gain (nats) that the model predicts, ½ gᵀ|Λ|⁻¹g.
+    /// Gain (nats) that the model predicts for a full step, ½ gᵀ|Λ|⁻¹g with the gradient g and the eigenvalues Λ.
     gain: f64,
 }
 
@@ -140,8 +145,8 @@ impl Local {
         self.eigen.eigenvalues.iter().all(|&l| l > 1e-8)
     }
 
-    /// Converts a step from the basis of the eigenvectors to coordinates x. No coordinate changes by more than a few units at once; for a logarithm, this is
-    /// a factor of twenty.
+    /// Converts a step from the basis of the eigenvectors to the density's coordinates. The step is shortened so that no coordinate x changes by more
+    /// than 3 + |x|. Three units of a logarithm are a factor of twenty.
     fn bounded_step(&self, x: &DVector<f64>, along: DVector<f64>) -> DVector<f64> {
         let step = (&self.eigen.eigenvectors * along).component_mul(&self.scale);
         let longest = step.iter().zip(x).map(|(s, x)| s.abs() / (3.0 + x.abs())).fold(0.0, f64::max);
@@ -155,7 +160,7 @@ impl Local {
             push(self.slope.zip_map(&self.eigen.eigenvalues, |g, l| g / (Self::stiff(l) + mu)));
         }
         for (k, &l) in self.eigen.eigenvalues.iter().enumerate() {
-            // Steps in both directions off a ridge are tried, because the gradient may vanish on the ridge.
+            // Where the curvature is positive, steps in both directions are tried, because the gradient may vanish there.
             if l < -1e-8 {
                 for length in [-1.0, -0.1, 0.1, 1.0] {
                     push(DVector::from_fn(x.len(), |i, _| if i == k { length } else { 0.0 }));
@@ -165,8 +170,8 @@ impl Local {
         candidates
     }
 
-    /// Corrects candidate points near curved ridges. A long step in directions of weak curvature leaves the ridge, because the quadratic model fails there. A
-    /// second step leads back. It uses the gradient at the end of the first step and the earlier curvature.
+    /// Returns the candidate points, each moved back to a curved ridge. A long step in directions of weak curvature leaves the ridge, because the
+    /// quadratic model fails. The correction is a second step with the gradient at the end of the first step and the earlier curvature.
     fn corrected(
         &self,
         density: &dyn LogDensity,

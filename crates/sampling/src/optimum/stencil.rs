@@ -11,8 +11,7 @@ pub(super) struct Derivatives {
     pub hessian: DMatrix<f64>,
 }
 
-/// Log densities of points, one vector of coordinates per point. NaN is replaced by −∞, because a long trial step may overflow. The sampler, which stays
-/// near the posterior's mass, refuses NaN.
+/// Evaluates the log densities of points, one vector of coordinates per point. NaN is replaced by −∞, because a long trial step may overflow.
 pub(super) fn evaluate(density: &dyn LogDensity, points: &[DVector<f64>]) -> Result<Vec<f64>> {
     let (n, dimension) = (points.len(), density.dimension());
     if n == 0 {
@@ -26,10 +25,10 @@ pub(super) fn evaluate(density: &dyn LogDensity, points: &[DVector<f64>]) -> Res
     Ok(values)
 }
 
-/// Computes gradient and Hessian at `centre` by central differences with the given steps. The steps are halved until all points of the stencil lie in the
-/// support; `None` if that does not help.
+/// Computes gradient and Hessian at `centre` by central differences with the given steps. The steps are halved until all points of the stencil lie in
+/// the support. `None` if twelve halvings do not suffice.
 ///
-/// Mixed derivatives use the two corners (+,+) and (−,−). The stencil has 1 + d + d² points besides the centre, where d is the dimension.
+/// Mixed derivatives use the two corners (+,+) and (−,−). For d dimensions the stencil has d + d² points besides the centre.
 pub(super) fn differentiate(
     density: &dyn LogDensity,
     centre: &DVector<f64>,

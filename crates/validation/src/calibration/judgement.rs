@@ -81,7 +81,7 @@ fn quantity(name: &str, index: usize, ranked: &[&Ranked], n_bins: usize) -> Cali
 }
 
 /// Corrects each p for the number of tests, over all quantities. Each quantity has three tests. The χ² test detects any deviation from uniform ranks. The tests
-/// of place and spread detect the two usual faults with fewer replicates.
+/// of place and spread need fewer replicates to detect the two usual faults: a shifted posterior, and a posterior of wrong width.
 fn correct(quantities: &mut [CalibratedQuantity]) {
     let of = |calibrated_quantity: &CalibratedQuantity| {
         Some([

@@ -133,7 +133,8 @@ impl Bench {
         }
     }
 
-    /// Simulates and samples the replicates with these numbers, and returns them in order. Each depends only on its number and on the seed in `options`.
+    /// Simulates and samples the replicates with these numbers, and returns them in order. Each replicate depends only on its number and on the seed in
+    /// `options`.
     ///
     /// # Errors
     /// [`Error::Interrupted`] when stopped; [`Error::Numerical`] if the model fails for nearly all draws from the prior.
@@ -285,8 +286,8 @@ struct Forwards<'a> {
 }
 
 impl Forwards<'_> {
-    /// Returns the simulated positions (m), from the full-order model if there is one. Parameters that the surrogate refuses lie outside the posterior, and
-    /// therefore outside the prior. The surrogate runs first because it is fast.
+    /// Returns the simulated positions (m), from the full-order model if there is one. The surrogate runs first, because it is fast. Parameters that the
+    /// surrogate refuses have posterior density 0, so they are excluded from the prior.
     fn trajectory_m(&self, parameters: &[f64]) -> Result<Vec<f64>> {
         let reduced_m = self.reduced.trajectory_m(parameters)?;
         self.full.map_or(Ok(reduced_m), |full| full.trajectory_m(parameters))

@@ -5,7 +5,7 @@ use documents::calibration::{CalibratedQuantity, Calibration, CalibrationKind};
 use figures::number::format_significant;
 
 /// Absolute score above which the sentence names a fault. The verdict itself uses the corrected p.
-const TELLING: f64 = 3.0;
+const NAMED_FAULT_SCORE: f64 = 3.0;
 /// Largest number of quantities that the sentence names.
 const MOST_NAMED: usize = 3;
 
@@ -54,14 +54,14 @@ fn fault(calibrated_quantity: &CalibratedQuantity) -> String {
     }
     let (place, spread) = (calibrated_quantity.place.unwrap_or(0.0), calibrated_quantity.spread.unwrap_or(0.0));
     let mut words = Vec::new();
-    if place < -TELLING {
+    if place < -NAMED_FAULT_SCORE {
         words.push("too high");
-    } else if place > TELLING {
+    } else if place > NAMED_FAULT_SCORE {
         words.push("too low");
     }
-    if spread > TELLING {
+    if spread > NAMED_FAULT_SCORE {
         words.push("too narrow");
-    } else if spread < -TELLING {
+    } else if spread < -NAMED_FAULT_SCORE {
         words.push("too wide");
     }
     let what = if words.is_empty() { "wrong in shape".into() } else { words.join(" and ") };

@@ -6,7 +6,7 @@ use super::large::{self, LargeGel};
 use super::motion::Motion;
 use super::protocol::WHITE_M;
 use super::strength::Strength;
-use super::{Disturbance, DisturbanceKind, HiddenEffect, HiddenThing, NamedValue, NoiseKind, Protocol, Truth};
+use super::{Disturbance, DisturbanceKind, HiddenEffect, HiddenPhysics, NamedValue, NoiseKind, Protocol, Truth};
 use base::error::{Error, InputPlace, Result, Setting};
 use criticism::Candidate;
 use criticism::Subject;
@@ -29,10 +29,10 @@ const MOST_PAIRS: usize = 1000;
 #[derive(Debug, Clone, PartialEq)]
 pub struct TruthRequest {
     /// Hidden effects or errors: effects, physics outside the library, a wrong constant of the apparatus, or nothing.
-    pub hidden: HiddenThing,
+    pub hidden: HiddenPhysics,
     /// Protocol of the experiment.
     pub protocol: Protocol,
-    /// Noise of the experiment.
+    /// Kind of noise in the experiment's data.
     pub noise: NoiseKind,
     /// True if the experiment states its noise standard deviation.
     pub is_noise_given: bool,
@@ -45,18 +45,19 @@ pub struct Bench {
     problem: Problem,
     compliance: Compliance,
     library: Library,
-    /// Effects that can be fitted with this bench's surrogate, in the library's order.
+    /// Effects that the surrogate covers, in the library's order.
     served: Vec<&'static dyn Effect>,
 }
 
-/// Largest factor by which elastic displacement, retardation time and flow of a drawn law differ from those of the law in Table I.
+/// Largest factors between a drawn law and the law of the paper's Table I. `LARGEST_FACTOR` limits the elastic displacement. `LONGEST_FACTOR` limits
+/// retardation time and flow.
 const LARGEST_FACTOR: f64 = 2.0;
 const LONGEST_FACTOR: f64 = 3.0;
 /// Number of draws (law, signs and shapes) after which a requested signal counts as out of reach.
 const MOST_DRAWS: usize = 40;
 /// Default signal of physics outside the library, in standard deviations. Such physics has no prior to draw a size from.
 const OUTSIDE_SIGMA: f64 = 20.0;
-/// Number of iterations between drawn sizes and the range of positions that scales their priors.
+/// Number of fixed-point iterations in `draw_from_priors`. Priors may scale with the range of positions, and this range depends on the drawn sizes.
 const PRIOR_ROUNDS: usize = 4;
 
 /// An effect with parameters drawn from its prior.
@@ -80,8 +81,8 @@ impl Bench {
         Self::serving_those(|_| true, monitor)
     }
 
-    /// As [`Bench::new`], but trains the surrogate only for the named effects, and for all effects that the base law's surrogate already covers. These suffice
-    /// to draw a truth with the named effects hidden.
+    /// Meshes the reference apparatus, and trains its surrogate for fewer effects than [`Bench::new`]: for `slugs`, and for all effects that leave the
+    /// displacement field unchanged. These suffice to draw a truth that hides the effects `slugs`.
     ///
     /// # Errors
     /// [`Error::Input`] if an effect does not exist; errors of the training.
@@ -95,17 +96,17 @@ impl Bench {
         let library = Library::default();
         let served: Vec<_> = library.effects().iter().copied().filter(|effect| is_served(*effect)).collect();
         let problem = Problem::new(replica, ModelSpecification::default(), None, monitor)?;
-        monitor.stage("preparing the models that size a signal");
+        monitor.stage("preparing the models that compute signals");
         let compliance = PreparedModel::for_effects(&problem, &library, &served, None, monitor)?.compliance;
         Ok(Self { problem, compliance, library, served })
     }
 
-    /// The library of effects.
+    /// Returns the library of effects, of which truths are drawn.
     pub fn library(&self) -> &Library {
         &self.library
     }
 
-    /// The reference apparatus.
+    /// Returns the reference apparatus, which all challenges use.
     pub fn apparatus(&self) -> &Apparatus {
         &self.problem.experiment.apparatus
     }
@@ -113,26 +114,26 @@ impl Bench {
     /// Returns an experiment on the reference apparatus as a subject of the diagnosis, with the default base model.
     ///
     /// # Errors
-    /// As [`Subject::with_compliance`].
+    /// Errors of [`Subject::with_compliance`].
     pub fn subject(&self, experiment: Experiment) -> Result<Subject> {
         let problem = self.problem.with_experiment(experiment, self.problem.specification.clone(), &self.library)?;
         Subject::with_compliance(&problem, &self.library, self.compliance.clone())
     }
 
-    /// Returns the subject for a protocol and positions (m, one for each row). The noise is the tracker's white noise.
+    /// Returns the subject of a diagnosis for a protocol and positions (m, one for each row). The stated noise is the tracker's white noise.
     ///
     /// # Errors
-    /// As [`Bench::subject`].
+    /// Errors of [`Bench::subject`].
     pub fn subject_of(&self, protocol: Protocol, position_m: &[f64]) -> Result<Subject> {
         let all: Vec<Option<f64>> = position_m.iter().copied().map(Some).collect();
         self.subject_measured(protocol, &all, Some(WHITE_M))
     }
 
-    /// Returns the subject for a protocol and measured positions (m, one for each row; `None` if lost). `noise_m` is the stated noise standard deviation, if it
-    /// is stated.
+    /// Returns the subject of a diagnosis for a protocol and measured positions (m, one for each row; `None` if lost). `noise_sd_m` is the stated noise
+    /// standard deviation (m); `None` if the diagnosis must estimate it.
     ///
     /// # Errors
-    /// As [`Bench::subject`].
+    /// Errors of [`Bench::subject`].
     pub fn subject_measured(
         &self,
         protocol: Protocol,
@@ -147,7 +148,7 @@ impl Bench {
     /// # Errors
     /// [`Error::Input`] if an effect does not exist, or if the requested signal is out of reach.
     pub fn draw(&self, order: &TruthRequest, stream: &mut RandomStream) -> Result<Truth> {
-        if let HiddenThing::Outside(kind) = order.hidden
+        if let HiddenPhysics::Outside(kind) = order.hidden
             && !kind.suits(order.protocol)
         {
             return Err(unsuited(kind));
@@ -167,8 +168,8 @@ impl Bench {
         Err(out_of_reach(order))
     }
 
-    /// Compares the effects in the truth's list `not_compared` with the hidden effects. Returns the truth with those that this experiment cannot distinguish
-    /// added to the list `ideal_class`.
+    /// Compares the effects in the list `not_compared` with the hidden effects. Returns the truth with this list empty. Effects that this experiment cannot
+    /// distinguish from the hidden effects are added to the list `ideal_class`.
     ///
     /// # Errors
     /// [`Error::Numerical`] if the model fails for the truth.
@@ -182,7 +183,7 @@ impl Bench {
         let motion = self.motion(truth.protocol, truth.noise, truth.law)?;
         let hidden: Vec<String> = truth.effects.iter().map(|effect| effect.slug.clone()).collect();
         let found = if let Some(mobility) = self.mobility_of(truth) {
-            let gel = LargeGel::new(self.apparatus(), &large::SIZING)?;
+            let gel = LargeGel::new(self.apparatus(), &large::SIGNAL_RESOLUTION)?;
             let position_m = gel.position_m(truth.law, mobility, motion.record())?;
             motion.ideal_class(&motion.shown(&position_m), &[], &late)
         } else {
@@ -202,15 +203,15 @@ impl Bench {
 
     /// Returns the request with its effects in the library's order, which is also the order of a model's parameters.
     fn in_order_of_application(&self, order: &TruthRequest) -> Result<TruthRequest> {
-        let HiddenThing::Effects(slugs) = &order.hidden else { return Ok(order.clone()) };
+        let HiddenPhysics::Effects(slugs) = &order.hidden else { return Ok(order.clone()) };
         refuse_unknown(&self.library, slugs)?;
         let known = self.library.effects().iter().map(|effect| effect.slug());
         let sorted: Vec<String> = known.filter(|slug| slugs.iter().any(|s| s == slug)).map(String::from).collect();
-        Ok(TruthRequest { hidden: HiddenThing::Effects(sorted), ..order.clone() })
+        Ok(TruthRequest { hidden: HiddenPhysics::Effects(sorted), ..order.clone() })
     }
 
-    /// Draws a law from the prior: E (Pa), c₁ and c₂ (Pa s). Its elastic displacement, retardation time and flow differ from those of Table I by limited
-    /// factors. The motion then resembles an experiment: no part of it ends before the first sample or stays below the noise.
+    /// Draws a law from the prior: E (Pa), c₁ and c₂ (Pa s). Its elastic displacement, retardation time and flow differ by limited factors from those of the
+    /// law in Table I. The motion then resembles an experiment: no part of it ends before the first sample or stays below the noise.
     fn law(&self, stream: &mut RandomStream) -> [f64; 3] {
         let priors = self.problem.priors.priors();
         let within = |value: f64, reference: f64, factor: f64| (value / reference).ln().abs() <= f64::ln(factor);
@@ -235,13 +236,13 @@ impl Bench {
         let base = still.base();
         let theta: Vec<f64> = theta_of(&base);
         let position_m = still.trajectory_m(&base, &theta)?;
-        // The priors of this second subject are scaled by the position range of the motion with the effect.
+        // The priors of this second subject scale with the range of positions that the law predicts. The first subject stands still.
         let subject = self.subject_of(protocol, &position_m)?;
         let base = subject.base();
         Ok(Motion { theta: theta_of(&base), subject, base, noise: noise.parameters() })
     }
 
-    /// Draws an effect's parameters from its priors in an experiment with these data. Returns `None` if the model fails.
+    /// Draws a law, and the parameters of the effect `slug` from its priors, for a record with this protocol and noise. Returns `None` if the model fails.
     pub(super) fn draw_from_priors(
         &self,
         slug: &str,
@@ -284,9 +285,9 @@ impl Bench {
         law.copy_from_slice(&motion.base.parameters(&motion.theta)[..3]);
         let mut truth = Truth::of_nothing(order.protocol, order.noise, law);
         match &order.hidden {
-            HiddenThing::Nothing => {}
-            HiddenThing::Apparatus(error) => truth.apparatus = Some(*error),
-            HiddenThing::Effects(slugs) if slugs.iter().any(|slug| self.is_large(slug)) => {
+            HiddenPhysics::Nothing => {}
+            HiddenPhysics::Apparatus(error) => truth.apparatus = Some(*error),
+            HiddenPhysics::Effects(slugs) if slugs.iter().any(|slug| self.is_large(slug)) => {
                 let [slug] = &slugs[..] else { return Err(not_beside()) };
                 let effect = |signal_sigma: f64| HiddenEffect {
                     slug: slug.clone(),
@@ -296,20 +297,20 @@ impl Bench {
                 let (large, _, sigma) = self.with_large(order, motion, law, 0.0)?;
                 return Ok(Some(Truth { effects: vec![effect(sigma)], ..large }));
             }
-            HiddenThing::Effects(slugs) => {
+            HiddenPhysics::Effects(slugs) => {
                 let Some((effects, class)) = motion.with_effects(slugs, order.strength, &self.served, stream)? else {
                     return Ok(None);
                 };
                 truth.ideal_class = class;
                 truth.effects = effects;
             }
-            HiddenThing::Outside(kind @ DisturbanceKind::LargeDisplacement) => {
+            HiddenPhysics::Outside(kind @ DisturbanceKind::LargeDisplacement) => {
                 let mobility = large::mobility(stream.unit());
                 let (large, size, sigma) = self.with_large(order, motion, law, mobility)?;
                 let outside = Some(Disturbance { kind: *kind, size, shape: vec![mobility] });
                 return Ok(Some(Truth { outside, outside_sigma: Some(sigma), ..large }));
             }
-            HiddenThing::Outside(kind) => {
+            HiddenPhysics::Outside(kind) => {
                 let asked_sigma = order.strength.sigma_or(OUTSIDE_SIGMA);
                 let drawn = Disturbance::draw(*kind, stream);
                 let Some((disturbance, sigma)) = motion.with_outside(&drawn, asked_sigma)? else { return Ok(None) };
@@ -334,9 +335,9 @@ impl Bench {
         large::mobility_of(truth, |slug| self.is_large(slug))
     }
 
-    /// Returns a truth with large displacements, the robot's farthest position in radii, and the signal in σ. The drawn law is scaled so that the robot moves
-    /// by 1 to 4 radii. Of the distances tried, the one whose signal is nearest to the requested signal is used. The law absorbs much of the deviation, so the
-    /// signal need not grow with the distance.
+    /// Returns a truth with large displacements, the largest distance of the robot from its start in radii, and the signal in noise standard deviations. The
+    /// drawn law is scaled so that the robot moves by 1 to 4 radii. Among the tried distances, the function chooses the distance whose signal is nearest to the
+    /// requested signal. The law absorbs much of the deviation, so the signal need not grow with the distance.
     fn with_large(
         &self,
         order: &TruthRequest,
@@ -345,7 +346,7 @@ impl Bench {
         mobility: f64,
     ) -> Result<(Truth, f64, f64)> {
         let asked_sigma = order.strength.sigma_or(OUTSIDE_SIGMA);
-        let gel = LargeGel::new(self.apparatus(), &large::SIZING)?;
+        let gel = LargeGel::new(self.apparatus(), &large::SIGNAL_RESOLUTION)?;
         let (farthest_m, radius_m) = (motion.farthest_m()?, large::radius_m(self.apparatus())?);
         let at = |radii: &f64| -> Result<(f64, f64, Motion, Vec<f64>)> {
             let law = law.map(|value| value * farthest_m / (radii * radius_m));
@@ -377,7 +378,7 @@ pub fn hideable_effects(library: &Library) -> Vec<String> {
     library.effects().iter().filter(shows).map(|effect| effect.slug().to_string()).collect()
 }
 
-/// Draws two effects, of those in `slugs`, that one model can contain.
+/// Draws two effects from `slugs` that one model can contain together.
 ///
 /// # Errors
 /// Errors of reading the reference experiment; [`Error::Input`] if no two effects are compatible.
@@ -429,8 +430,8 @@ fn unsuited(kind: DisturbanceKind) -> Error {
 
 fn out_of_reach(order: &TruthRequest) -> Error {
     let what = match &order.hidden {
-        HiddenThing::Effects(slugs) => slugs.join(" and "),
-        HiddenThing::Outside(kind) => kind.name().into(),
+        HiddenPhysics::Effects(slugs) => slugs.join(" and "),
+        HiddenPhysics::Outside(kind) => kind.name().into(),
         _ => "this".into(),
     };
     let (setting, strength) = match order.strength {

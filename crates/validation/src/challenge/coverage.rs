@@ -17,7 +17,7 @@ use criticism::{Search, Subject};
 use posterior::monitor::{Counter, Monitor};
 use sampling::ensemble::RandomStream;
 
-/// Request for a count of the coverage of intervals.
+/// Request for a count of how often 90 % intervals contain the true value.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CoverageRequest {
     /// Number of records to simulate.
@@ -41,7 +41,7 @@ pub struct Interval {
     pub effect: String,
     /// Protocol of the record.
     pub protocol: Protocol,
-    /// Noise of the record.
+    /// Kind of noise in the record.
     pub noise: NoiseKind,
     /// True law: E (Pa), c₁ and c₂ (Pa s).
     pub law: [f64; 3],
@@ -78,7 +78,7 @@ pub struct EffectCoverage {
     pub failed: usize,
 }
 
-/// Result of a coverage count.
+/// Result of a count of how often intervals contain the true value.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Coverage {
     /// Fraction of all intervals that contain the true value.
@@ -87,13 +87,13 @@ pub struct Coverage {
     pub counted: usize,
     /// Results for each effect.
     pub effects: Vec<EffectCoverage>,
-    /// Interval of every record, also of those whose computation failed.
+    /// Interval of every record. Records whose computation failed are included.
     pub intervals: Vec<Interval>,
 }
 
 /// Number of draws after which the minimum signal of an effect counts as out of reach.
 const MOST_DRAWS: usize = 400;
-/// Number of the first random stream of the noise. Smaller numbers belong to the truths.
+/// Number of the first random stream that generates noise. Streams with smaller numbers generate truths.
 const NOISE_STREAMS: u64 = 1 << 32;
 /// Kinds of noise that the fitted noise model describes correctly.
 const NOISES: [NoiseKind; 3] = [NoiseKind::White, NoiseKind::Ou, NoiseKind::Gain];
@@ -106,8 +106,8 @@ pub fn count(bench: &Bench, request: &CoverageRequest, monitor: &dyn Monitor) ->
     if request.count == 0 || request.effects.is_empty() {
         return Err(Error::input(
             InputPlace::setting(Setting::Count),
-            "there is nothing to count",
-            "give a positive number and an effect",
+            "no records or no effects are requested",
+            "give a positive number of records, and at least one effect",
         ));
     }
     monitor.stage(&format!("counting intervals of {} records", request.count));

@@ -23,7 +23,7 @@ pub const SEALED_FILE: &str = "sealed.json";
 /// Beginning of the comment in `experiment.toml` that repeats the hash.
 const COMMENT: &str = "# Sealed answer, SHA-256: ";
 
-/// Answer of a challenge, as it is sealed.
+/// Content of a sealed answer: the truth, and data that tie it to the challenge's table.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SealedAnswer {
     /// Truth that the data are simulated from.
@@ -71,8 +71,8 @@ pub struct ChallengeCase {
     pub seed: u64,
 }
 
-/// Creates challenges. It draws every truth, runs the full-order model for all of them together, adds noise and seals the answers. Returns the hashes only, so
-/// that the answers stay hidden.
+/// Creates challenges: draws every truth, runs the full-order model for all truths together, adds noise and seals the answers. Returns the hashes only, so that
+/// the answers stay hidden.
 ///
 /// # Errors
 /// [`Error::Input`] if a directory is in use or a specification cannot be met; [`Error::File`] if a directory cannot be written.
@@ -143,7 +143,7 @@ pub fn check_place(dir: &Path) -> Result<()> {
     ))
 }
 
-/// Opens a challenge. It checks that the answer and the data are unchanged since the hash was written.
+/// Opens a challenge, and checks that the answer and the data are unchanged since the hash was written.
 ///
 /// # Errors
 /// [`Error::Input`] with the file that does not match; [`Error::File`] if a file cannot be read.

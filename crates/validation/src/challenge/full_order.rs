@@ -27,8 +27,8 @@ use record::Force;
 const DATA_LEVEL: usize = MODEL_LEVEL + 1;
 /// Level of the mesh for nonlinear laws. Their surrogates are trained on the next coarser mesh. On the next finer mesh one run would take a quarter of an hour.
 const NONLINEAR_DATA_LEVEL: usize = MODEL_LEVEL;
-/// Factor by which the data's time steps are shorter than those of the fitted model. Effects that change the displacement field are an exception: their
-/// surrogates have no time steps, or time steps of their own.
+/// Factor by which the data's time steps are shorter than those of the fitted model. The factor does not apply to effects that change the displacement field.
+/// Their surrogates have no time steps, or other time steps.
 const FINER_STEPS: u32 = 2;
 
 /// Returns the noise-free position (m) at every row, for each truth. The full-order model uses a finer mesh and shorter time steps than the fitted model. Three
@@ -48,7 +48,7 @@ pub fn trajectories_m(
             Error::at_path("create", folder, source, format!("give a writable directory with `{}`", Setting::Cache))
         })?;
     }
-    // Several controls have equal truths, so each truth is computed once.
+    // Several challenges without hidden effects have equal truths, so each distinct truth is computed once.
     let keys: Vec<String> = truths.iter().map(key).collect();
     let mut needed: BTreeMap<&str, &Truth> = BTreeMap::new();
     let mut known: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
@@ -101,7 +101,7 @@ fn is_nonlinear(bench: &Bench, truth: &Truth) -> bool {
     bench.library().any_nonlinear(truth.effects.iter().map(|effect| effect.slug.as_str()))
 }
 
-/// Stiffness matrices on the data's mesh, one for each true place of the robot that differs from the experiment's statement.
+/// Stiffness matrices on the data's mesh, one for each true position of the robot that differs from the stated position at the centre.
 fn off_centre<'a>(
     bench: &Bench,
     truths: impl Iterator<Item = &'a &'a Truth>,

@@ -1,8 +1,8 @@
 //! A gel in which the robot moves by several radii. The gel is a fluid ([`elements::fe::oldroyd`]) that follows the law at small strains. It is an Oldroyd-B
-//! fluid if the effect of large displacements is hidden. Giesekus's fluid, with equal behaviour at small strains, is the disturbance outside the library.
+//! fluid if the effect of large displacements is hidden. The disturbance outside the library is a Giesekus fluid, which behaves equally at small strains.
 //!
-//! The robot's motion is that of the linear full-order model plus the fluid's deviation from it. One factor scales all three parameters of the drawn law, so
-//! its time scales stay unchanged.
+//! The robot's motion is the sum of two parts: the motion in the linear full-order model, and the fluid's deviation from it. One factor scales all three
+//! parameters of the drawn law, so its time scales stay unchanged.
 
 use super::{Disturbance, DisturbanceKind, Truth};
 use base::error::{Error, Result};
@@ -16,7 +16,7 @@ use models::effects::{Effect, Stages};
 use posterior::mechanics::robot_mesh;
 use record::{Apparatus, Record, Robot, RobotShape, Vitreous};
 
-/// Distances of the robot's farthest position from its start in a linear gel, in robot radii.
+/// Largest distances of the robot from its start in a linear gel that are tried, in robot radii.
 pub(super) const RADII: [f64; 7] = [1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0];
 /// Smallest and largest mobility of Giesekus's fluid.
 const MOBILITIES: [f64; 2] = [0.005, 0.05];
@@ -29,8 +29,8 @@ pub(super) struct Cut {
 }
 
 /// Resolution for computing the signal of a given distance.
-pub(super) const SIZING: Cut = Cut { level: 1, fineness: Discretisation::ESTIMATE };
-/// Resolution for the data. It is finer than that of the surrogate's training.
+pub(super) const SIGNAL_RESOLUTION: Cut = Cut { level: 1, fineness: Discretisation::ESTIMATE };
+/// Resolution for the simulated data, finer than the resolution of the surrogate's training.
 pub(super) const DATA: Cut =
     Cut { level: 2, fineness: Discretisation { order: 6, n_angles: 6, layer_ratio: 2.0, steps_per_doubling: 6 } };
 

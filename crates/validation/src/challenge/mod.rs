@@ -26,4 +26,4 @@ pub use noise::{Noise, NoiseKind};
 pub use outside::{Disturbance, DisturbanceKind};
 pub use protocol::Protocol;
 pub use strength::Strength;
-pub use truth::{ApparatusError, HiddenEffect, HiddenThing, NamedValue, Truth};
+pub use truth::{ApparatusError, HiddenEffect, HiddenPhysics, NamedValue, Truth};

@@ -1,6 +1,6 @@
 //! Adds effects or disturbances with a given signal to the motion that a law predicts.
 
-use super::strength::{Strength, scaled_to};
+use super::strength::{Strength, scale_to_signal};
 use super::{Disturbance, HiddenEffect, NamedValue, Truth};
 use base::error::Result;
 use criticism::NoiseValues;
@@ -10,7 +10,7 @@ use models::effects::Effect;
 use record::Record;
 use sampling::ensemble::RandomStream;
 
-/// Probability below and above the range of hidden sizes in the prior.
+/// Probability of each tail of an effect's prior. Hidden sizes lie between the two tails.
 const SIZE_TAIL: f64 = 1e-3;
 
 /// Motion that a law predicts for a protocol. Effects or disturbances are added to it.
@@ -32,7 +32,7 @@ impl Motion {
         &self.subject.experiment().record
     }
 
-    /// Returns noise-free positions (m) together with the law and the noise of this motion. Rival fits are made to them.
+    /// Returns the data for rival fits: noise-free positions (m), with the law and the noise of this motion.
     pub fn shown<'a>(&'a self, position_m: &'a [f64]) -> Shown<'a> {
         Shown { candidate: &self.base, theta: &self.theta, noise: self.noise, position_m }
     }
@@ -42,8 +42,8 @@ impl Motion {
         fit_rival(&self.subject, candidate, shown).ok().map(|closest| closest.distance)
     }
 
-    /// Returns the effects `slugs` with parameters of the requested strength, and the slugs of the effects that are equivalent to them. Each signal is measured
-    /// with the other effects in the model. Returns `None` if the strength is out of reach.
+    /// Returns the effects `slugs` with parameters of the requested strength, and the slugs of their equivalent effects. The signal of each effect is measured
+    /// while the model contains the other effects. Returns `None` if the strength is out of reach.
     pub fn with_effects(
         &self,
         slugs: &[String],
@@ -104,7 +104,7 @@ impl Motion {
                     theta
                 };
                 let n = sizes.len();
-                match scaled_to(asked_sigma, vec![0.1; n], &vec![1.0; n], |reach| signals(&at(reach))) {
+                match scale_to_signal(asked_sigma, vec![0.1; n], &vec![1.0; n], |reach| signals(&at(reach))) {
                     Some((reach, found)) => (at(&reach), found),
                     None => return Ok(None),
                 }
@@ -160,12 +160,12 @@ impl Motion {
             let position_m = self.disturbed_m(&at(sizes)).ok()?;
             self.distance_sigma(&self.shown(&position_m), &self.base).map(|sigma| vec![sigma])
         };
-        let found = scaled_to(asked_sigma, vec![1.0], &[20.0], signals);
+        let found = scale_to_signal(asked_sigma, vec![1.0], &[20.0], signals);
         Ok(found.map(|(sizes, sigma)| (at(&sizes), sigma[0])))
     }
 
-    /// Returns those of the effects in `compared` that noise-free data cannot distinguish from the hidden effects. An effect may replace all hidden effects, or
-    /// one effect of a pair.
+    /// Returns the slugs of the effects in `compared` that noise-free data cannot distinguish from the hidden effects. An effect may replace all hidden
+    /// effects, or one effect of a pair.
     pub fn ideal_class(&self, shown: &Shown, hidden: &[String], compared: &[&'static dyn Effect]) -> Vec<String> {
         let mut class = Vec::new();
         for effect in compared {

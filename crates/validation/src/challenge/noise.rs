@@ -7,7 +7,7 @@ use criticism::NoiseValues;
 use record::Record;
 use sampling::ensemble::RandomStream;
 
-/// Kind of noise. If the experiment states `noise_um`, its size is known. The diagnosis must estimate everything else.
+/// Kind of noise in a challenge's data. The experiment may state the size of the noise (`noise_um`). The diagnosis must estimate everything else.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
@@ -94,8 +94,8 @@ impl NoiseKind {
         !matches!(self, Self::OuAlone | Self::OuOutliers)
     }
 
-    /// Parameters of the noise model with which signals are measured: σ and σ_ou in µm, τ in s, s_g, s_o. Randomly drawn parameters are at the middle of their
-    /// ranges. Outliers and lost rows do not contribute.
+    /// Parameters of the noise model with which signals are measured: standard deviations of white and slow noise (µm), correlation time (s), and standard
+    /// deviations of the cycles' gains and offsets. Randomly drawn parameters are at the middle of their ranges. Outliers and lost rows do not contribute.
     pub(super) fn parameters(self) -> NoiseValues {
         let middle = |[from, to]: [f64; 2]| (from * to).sqrt();
         let (process_um, time_s) = match self {
@@ -187,8 +187,8 @@ mod tests {
     use super::*;
     use crate::challenge::Protocol;
 
-    /// The mean squares of 40 records with 800 rows agree with their definitions. The mean square of the slow noise varies most: by about 0.07 of its value for
-    /// 2 τ = 4 s and records of 40 s. Limits of five times that value fail once in 10⁶.
+    /// The mean squares of 40 records with 800 rows agree with their definitions. The mean square of the slow noise varies most: by about 0.07 of its value,
+    /// for correlation times up to 2 s and records of 40 s. Limits of five times this variation fail once in 10⁶.
     #[test]
     fn mean_squares_are_those_of_the_definitions() {
         let record = Protocol::Paper.record();

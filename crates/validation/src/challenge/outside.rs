@@ -25,14 +25,15 @@ pub enum DisturbanceKind {
     Bump,
     /// The recorded position drifts to and fro smoothly, over tens of seconds.
     Wander,
-    /// The tracker's scale depends on the position: x (1 + s (x/x_max)²).
+    /// The tracker's scale depends on the position x: the tracker records x (1 + s (x/x_max)²), where s is the size and x_max the largest position.
     CubicScale,
-    /// The tracker shifts positions towards its pixels. The error is a saw-tooth function of the position, from −s to s over one pixel pitch.
+    /// The tracker shifts positions towards its pixels. The error is a saw-tooth function of the position. Over one pixel pitch it varies between minus and
+    /// plus the size.
     PixelLocking,
     /// The tracker follows with a dead band (play operator). Under a square-wave force this equals a delay, so the protocol must contain rests.
     Backlash,
-    /// The force is not proportional to its command: F (1 + s (|F|/F_max − 1)). With a single force level this equals a change of scale, so the protocol needs
-    /// several.
+    /// The force is not proportional to the commanded force F: it is F (1 + s (|F|/F_max − 1)), where s is the size and F_max the largest commanded force. With
+    /// a single force level the disturbance equals a change of scale, so the protocol needs several levels.
     ForceLevel,
     /// The robot moves by several radii in a gel whose large-strain law is not in the library (Giesekus's fluid). Its size is given in robot radii.
     LargeDisplacement,

@@ -1,10 +1,10 @@
-//! One challenge that has been played: made, diagnosed and judged.
+//! A play: one challenge whose data are simulated, diagnosed and compared with the truth.
 
 use serde::{Deserialize, Serialize};
 
 use super::Truth;
 
-/// Sorts of challenges, by what is hidden.
+/// Sort of a challenge: the kind of physics that it hides.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
@@ -45,17 +45,17 @@ impl HiddenKind {
     }
 }
 
-/// One challenge that has been played, with its truth and the result of its diagnosis.
+/// A play: one challenge with its truth and the result of its diagnosis.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Play {
-    /// Number of the play, from 0.
+    /// Number of the challenge in its run, from 0.
     pub number: usize,
-    /// Sort of the challenge.
+    /// Sort of the challenge: the kind of physics that it hides.
     pub sort: HiddenKind,
     /// Truth that the data are simulated from.
     pub truth: Truth,
-    /// Verdict that a correct diagnosis gives.
+    /// Name of the truth: slugs joined by `+`, `none` or `outside`.
     pub label: String,
     /// Verdict that the diagnosis gives: slugs joined by `+`, `none`, `unexplained`, or `failed`.
     pub said: String,
@@ -71,13 +71,14 @@ pub struct Play {
     pub sentence: String,
     /// Seed of the diagnosis; 0 if it is unknown.
     pub seed: u64,
-    /// True if the 90 % interval of the hidden effect's size contains the true size; `None` if the effect was not claimed or nothing is hidden.
+    /// True if the 90 % interval of the hidden effect's size contains the true size; `None` unless exactly one effect is hidden and the diagnosis claims only
+    /// this effect.
     pub size_covered: Option<bool>,
     /// Sizes of the hidden effects that were claimed.
     pub sizes: Vec<NamedSize>,
     /// Noise standard deviation (µm) that the diagnosis compared residuals with, given or estimated.
     pub yardstick_um: Option<f64>,
-    /// Root mean square error (µm) on the scored cycle of the model with the claimed effects. Without a claim, that of the base model.
+    /// Root mean square error (µm) on the scored cycle, of the model with the claimed effects. Without a claim, it is the error of the base model.
     pub rmse_heldout_um: Option<f64>,
     /// Root mean square (µm) of the drawn noise over the scored rows. It is the error that the true model would have.
     pub true_noise_um: Option<f64>,
@@ -86,7 +87,7 @@ pub struct Play {
     pub heldout_over_true_noise: Option<f64>,
     /// Ratio of the error on the scored cycle to the noise that the model with the claimed effects predicts; `None` without a claim.
     pub heldout_over_predictive_noise: Option<f64>,
-    /// Reason why there is no diagnosis.
+    /// Reason why the diagnosis failed; `None` if it did not.
     pub failure: Option<String>,
 }
 
@@ -94,11 +95,11 @@ pub struct Play {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct NamedSize {
-    /// Name of the size parameter, with its unit.
+    /// Name of the effect's size parameter, with its unit.
     pub name: String,
-    /// True value.
+    /// True value of the size parameter.
     pub value: f64,
-    /// Mean of the posterior.
+    /// Mean of the size parameter's posterior.
     pub mean: f64,
     /// 5 % quantile of the posterior.
     pub q05: f64,
@@ -107,8 +108,8 @@ pub struct NamedSize {
 }
 
 impl Play {
-    /// True if the diagnosis was right. Hidden effects must be in the class. The verdict must be `none` if nothing is hidden, and `unexplained` for physics
-    /// outside the library.
+    /// True if the diagnosis was right. Every hidden effect must be claimed or equivalent to a claimed effect. The verdict must be `none` if nothing is hidden,
+    /// and `unexplained` for physics outside the library.
     pub fn is_right(&self) -> bool {
         match self.sort {
             HiddenKind::None | HiddenKind::Apparatus => self.said == "none",

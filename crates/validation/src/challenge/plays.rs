@@ -12,7 +12,7 @@ use super::play::{HiddenKind, NamedSize, Play};
 use super::tally::{Tally, tally};
 use super::truth::joined;
 use super::{
-    ApparatusError, Bench, DisturbanceKind, HiddenThing, Noise, NoiseKind, Protocol, Strength, Truth, TruthRequest,
+    ApparatusError, Bench, DisturbanceKind, HiddenPhysics, Noise, NoiseKind, Protocol, Strength, Truth, TruthRequest,
     hideable_effects,
 };
 use base::error::{Error, InputPlace, Result, Setting};
@@ -26,13 +26,13 @@ use posterior::study::{Provenance, WithProvenance};
 use record::Interpretation;
 use sampling::ensemble::RandomStream;
 
-/// Function that diagnoses a subject, given a seed.
+/// Function that diagnoses a subject (a record with its base model), given a seed.
 pub type Diagnose<'a> = dyn Fn(&Subject, u64) -> Result<Diagnosis> + Sync + 'a;
 
-/// Diagnoses a subject as `challenge run` does. Results that only serve a reader are not computed.
+/// Diagnoses a subject as `challenge run` does. Parts of the diagnosis that the verdict does not need are omitted.
 ///
 /// # Errors
-/// As [`diagnose`].
+/// Errors of [`diagnose`].
 pub fn diagnose_briefly(subject: &Subject, seed: u64) -> Result<Diagnosis> {
     let request = DiagnosisRequest { seed, in_full: false, ..DiagnosisRequest::default() };
     Ok(diagnose(subject, &request, &SilentMonitor)?.diagnosis)
@@ -43,17 +43,17 @@ pub fn diagnose_briefly(subject: &Subject, seed: u64) -> Result<Diagnosis> {
 pub struct PlaysRequest {
     /// Number of challenges to play.
     pub count: usize,
-    /// Number of the first play, from 0. A run can be split into parts, because a play depends only on its number and the request.
+    /// Number of the first challenge, from 0. A run can be split into parts, because a challenge depends only on its number and the request.
     pub first: usize,
-    /// Signals in noise standard deviations; successive plays use them in turn.
+    /// Signals of the hidden effects, in noise standard deviations; successive challenges use them in turn.
     pub signals_sigma: Vec<f64>,
     /// Sort of all challenges; `None` for a mixture of sorts.
     pub only: Option<HiddenKind>,
     /// Slugs of the effects that may be hidden; empty for the whole library.
     pub effects: Vec<String>,
-    /// Protocols; successive plays use them in turn.
+    /// Protocols; successive challenges use them in turn.
     pub protocols: Vec<Protocol>,
-    /// Kinds of noise; successive plays use them in turn.
+    /// Kinds of noise; successive challenges use them in turn.
     pub noises: Vec<NoiseKind>,
     /// True if the experiments state their noise. Otherwise each diagnosis estimates it.
     pub is_noise_given: bool,
@@ -77,7 +77,7 @@ impl Default for PlaysRequest {
     }
 }
 
-/// Sorts of ten successive plays in a mixture.
+/// Sorts of ten successive challenges in a run with a mixture of sorts.
 const MIXTURE: [HiddenKind; 10] = [
     HiddenKind::Single,
     HiddenKind::None,
@@ -90,43 +90,44 @@ const MIXTURE: [HiddenKind; 10] = [
     HiddenKind::Apparatus,
     HiddenKind::Pair,
 ];
-/// Numbers of the first random streams. Truths start at 0, noise at `NOISE_STREAMS`, and the laws of plays without hidden effects at `CONTROL_STREAMS`.
+/// Numbers of the first random streams. Truths start at 0, noise at `NOISE_STREAMS`, and the laws of challenges without hidden effects at `CONTROL_STREAMS`.
 const NOISE_STREAMS: u64 = 1 << 32;
 const CONTROL_STREAMS: u64 = 1 << 33;
-/// Number of different laws, for each protocol, of plays without hidden effects. Several plays share each law, so that its trajectory is computed once.
+/// Number of different laws, for each protocol, of challenges without hidden effects. Several challenges share each law, so that its trajectory is computed
+/// once.
 const CONTROL_LAWS: usize = 40;
 /// Smallest signal of each effect in a pair, because each must be detectable beside the other.
 const LEAST_PAIR_SIGMA: f64 = 10.0;
-/// Golden ratio minus 1. The fractional parts of its multiples choose evenly, independently of other periodic choices.
+/// Golden ratio minus 1. The fractional parts of its multiples are evenly distributed. Successive challenges use them to choose among effects evenly.
 const GOLDEN: f64 = 0.618_033_988_749_894_9;
 
-/// Results of all plays of a run.
+/// Results of a run of challenges: counts, and every challenge with its diagnosis.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Plays {
-    /// Counts of the plays.
+    /// Counted results of the challenges.
     #[serde(flatten)]
     pub tally: Tally,
-    /// Every play.
+    /// Every challenge with the result of its diagnosis.
     pub plays: Vec<Play>,
 }
 
 impl Plays {
-    /// Counts the results of plays, which may come from several parts of a run.
+    /// Counts the results of challenges, which may come from several parts of a run.
     pub fn of(plays: Vec<Play>) -> Self {
         Self { tally: tally(&plays), plays }
     }
 
-    /// Document of a run, with the seed that it used.
+    /// Returns the JSON document of a run. `seed` is the seed of the run.
     pub fn document(&self, seed: u64) -> WithProvenance<&Self> {
         WithProvenance { provenance: Provenance::new("challenge", 1, seed, BTreeMap::new()), body: self }
     }
 }
 
-/// Plays challenges: draws truths, makes their data and diagnoses each. The function `diagnose` gets a separate seed for every play.
+/// Plays challenges: draws truths, makes their data and diagnoses each. The function `diagnose` gets a separate seed for every challenge.
 ///
 /// # Errors
-/// [`Error::Input`] for an impossible request; errors of drawing and of the full-order model. If a diagnosis fails, its play counts as failed.
+/// [`Error::Input`] for an impossible request; errors of drawing and of the full-order model. If a diagnosis fails, its challenge counts as failed.
 pub fn run(
     bench: &Bench,
     request: &PlaysRequest,
@@ -145,7 +146,7 @@ pub fn run(
         .collect::<Result<_>>()?;
     let truths: Vec<Truth> = drawn.iter().map(|(_, truth)| truth.clone()).collect();
     let trajectories_m = trajectories_m(bench, &truths, cache, monitor)?;
-    monitor.stage(&format!("diagnosing {} cases", request.count));
+    monitor.stage(&format!("diagnosing {} challenges", request.count));
     let done = AtomicUsize::new(0);
     let every = (request.count / 20).max(1);
     let plays = drawn
@@ -160,7 +161,7 @@ pub fn run(
             let play = play(bench, request, case, diagnose)?;
             let n_done = 1 + done.fetch_add(1, Ordering::Relaxed);
             if n_done.is_multiple_of(every) {
-                monitor.stage(&format!("diagnosed {n_done} of {} cases", request.count));
+                monitor.stage(&format!("diagnosed {n_done} of {} challenges", request.count));
             }
             Ok(play)
         })
@@ -176,7 +177,7 @@ pub fn check(library: &Library, request: &PlaysRequest) -> Result<()> {
     let refuse =
         |setting: Setting, found: String, remedy: &str| Err(Error::input(InputPlace::setting(setting), found, remedy));
     if request.count == 0 {
-        return refuse(Setting::Count, "there is nothing to play".into(), "give a positive number");
+        return refuse(Setting::Count, "0 challenges are requested".into(), "give a positive number");
     }
     let is_signal = |sigma: &f64| sigma.is_finite() && (0.5..=1e3).contains(sigma);
     if request.signals_sigma.is_empty() || !request.signals_sigma.iter().all(is_signal) {
@@ -195,17 +196,17 @@ pub fn check(library: &Library, request: &PlaysRequest) -> Result<()> {
     if request.protocols.is_empty() || request.noises.is_empty() {
         return refuse(
             Setting::Protocol,
-            "there is no protocol or no noise".into(),
+            "no protocol or no noise is given".into(),
             "give at least one of each, or remove the options",
         );
     }
     Ok(())
 }
 
-/// Draws the truth of play `number`. If the signal of an effect is out of reach, the next effect is tried.
+/// Draws the truth of challenge `number`. If the signal of an effect is out of reach, the next effect is tried.
 fn draw(bench: &Bench, request: &PlaysRequest, sort: HiddenKind, number: usize) -> Result<Truth> {
     let (protocols, noises, signals) = (&request.protocols, &request.noises, &request.signals_sigma);
-    // In a mixture, the plays of each sort are numbered separately.
+    // In a mixture, the challenges of each sort are numbered separately.
     let place = if request.only.is_some() {
         number
     } else {
@@ -216,7 +217,7 @@ fn draw(bench: &Bench, request: &PlaysRequest, sort: HiddenKind, number: usize) 
     let noise = noises[place / protocols.len() % noises.len()];
     let signal_sigma = signals[place / (protocols.len() * noises.len()) % signals.len()];
     let is_noise_given = request.is_noise_given;
-    let order = |hidden: HiddenThing, signal_sigma: f64| TruthRequest {
+    let order = |hidden: HiddenPhysics, signal_sigma: f64| TruthRequest {
         hidden,
         protocol,
         noise,
@@ -224,7 +225,7 @@ fn draw(bench: &Bench, request: &PlaysRequest, sort: HiddenKind, number: usize) 
         strength: Strength::Sigma(signal_sigma),
     };
     let stream_number = match sort {
-        // Plays with different noises share these laws.
+        // Challenges with different noises share these laws.
         HiddenKind::None => CONTROL_STREAMS + (place / (protocols.len() * noises.len()) % CONTROL_LAWS) as u64,
         HiddenKind::Apparatus => CONTROL_STREAMS + (place / protocols.len() % CONTROL_LAWS) as u64,
         _ => number as u64,
@@ -234,20 +235,20 @@ fn draw(bench: &Bench, request: &PlaysRequest, sort: HiddenKind, number: usize) 
     let mut refusal = None;
     for attempt in 0..32 {
         let order = match sort {
-            HiddenKind::None => order(HiddenThing::Nothing, signal_sigma),
+            HiddenKind::None => order(HiddenPhysics::Nothing, signal_sigma),
             HiddenKind::Apparatus => {
                 let errors = ApparatusError::ALL;
-                order(HiddenThing::Apparatus(errors[place / protocols.len() % errors.len()]), signal_sigma)
+                order(HiddenPhysics::Apparatus(errors[place / protocols.len() % errors.len()]), signal_sigma)
             }
             HiddenKind::Outside => {
                 let kinds: Vec<DisturbanceKind> =
                     DisturbanceKind::DRAWN.into_iter().filter(|kind| kind.suits(protocol)).collect();
-                order(HiddenThing::Outside(kinds[(spread(kinds.len()) + attempt) % kinds.len()]), signal_sigma)
+                order(HiddenPhysics::Outside(kinds[(spread(kinds.len()) + attempt) % kinds.len()]), signal_sigma)
             }
             HiddenKind::Single => {
                 let slugs = slugs(bench, request);
                 order(
-                    HiddenThing::Effects(vec![slugs[(spread(slugs.len()) + attempt) % slugs.len()].clone()]),
+                    HiddenPhysics::Effects(vec![slugs[(spread(slugs.len()) + attempt) % slugs.len()].clone()]),
                     signal_sigma,
                 )
             }
@@ -255,7 +256,7 @@ fn draw(bench: &Bench, request: &PlaysRequest, sort: HiddenKind, number: usize) 
                 let slugs = slugs(bench, request);
                 let (a, b) = stream.distinct_pair(slugs.len());
                 order(
-                    HiddenThing::Effects(vec![slugs[a].clone(), slugs[b].clone()]),
+                    HiddenPhysics::Effects(vec![slugs[a].clone(), slugs[b].clone()]),
                     signal_sigma.max(LEAST_PAIR_SIGMA),
                 )
             }
@@ -274,7 +275,7 @@ fn slugs(bench: &Bench, request: &PlaysRequest) -> Vec<String> {
     if request.effects.is_empty() { hideable_effects(bench.library()) } else { request.effects.clone() }
 }
 
-/// Truth and noise-free positions of a challenge.
+/// Truth and noise-free positions (m) of a challenge.
 struct PlayCase {
     number: usize,
     sort: HiddenKind,
@@ -290,7 +291,7 @@ fn play(bench: &Bench, request: &PlaysRequest, case: PlayCase, diagnose: &Diagno
     let stated_sd_m = truth.is_noise_given.then_some(noise.stated_sd_m);
     let subject = bench.subject_measured(truth.protocol, &noise.measured_m(&position_m), stated_sd_m)?;
     let seed = u64::from(stream.word()) << 32 | u64::from(stream.word());
-    // The command `diagnose` also checks the record before it fits. If it refuses a sound record, the play has failed.
+    // The command `diagnose` also checks the record before it fits. If it refuses a sound record, the challenge has failed.
     let looked = refuse_contradictions(subject.experiment(), &Interpretation::default(), &SilentMonitor);
     let play = match looked.and_then(|()| diagnose(&subject, seed)) {
         Ok(diagnosis) => judge(number, sort, truth, &diagnosis, Some(&noise)),

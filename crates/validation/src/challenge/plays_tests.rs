@@ -170,7 +170,7 @@ fn an_error_is_counted_against_the_noise_that_was_drawn() {
     assert_eq!((unknown.heldout_over_true_noise, unknown.heldout_over_predictive_noise), (None, Some(1.0)));
 }
 
-/// A stored play contains all that is needed to count the coverage of intervals again, also for pairs.
+/// The stored result of a challenge suffices to count the coverage of intervals again, also for pairs.
 #[test]
 fn sizes_of_what_was_named_are_kept_with_their_intervals() {
     let both = play(truth(&["drift", "bias"], &[]), &diagnosis(VerdictKind::Missing, &["drift", "bias"], &[]));
@@ -185,7 +185,7 @@ fn sizes_of_what_was_named_are_kept_with_their_intervals() {
     assert_eq!(kept, both);
 }
 
-/// Nineteen plays whose counts all differ, so that a rate with a wrong denominator is detected.
+/// Nineteen challenges whose counts all differ, so that a rate with a wrong denominator is detected.
 #[test]
 fn shares_are_counted_over_what_they_are_shares_of() {
     let missing = |effects: &[&str], equivalent: &[&str]| diagnosis(VerdictKind::Missing, effects, equivalent);

@@ -70,8 +70,8 @@ impl Protocol {
         }
     }
 
-    /// Returns an experiment with this protocol and these positions (m, one for each row). `noise_m` is the stated noise standard deviation, if it is stated.
-    /// The first cycle calibrates, and the others are held out.
+    /// Returns an experiment with this protocol and these positions (m, one for each row). `noise_sd_m` is the stated noise standard deviation (m); `None` if
+    /// it must be estimated. The first cycle is fitted, and the other cycles are held out.
     pub fn experiment(
         self,
         specimen_id: &str,

@@ -23,7 +23,7 @@ pub struct Sealed {
     pub answer: String,
 }
 
-/// Schema name of the document.
+/// Schema name of a sealed answer's document.
 pub const SCHEMA: &str = "vitreo-uq/sealed/1";
 
 /// SHA-256 hash of salt and answer, in hexadecimal digits.
@@ -41,7 +41,7 @@ pub fn seal(salt: &[u8; SALT_BYTES], answer: &[u8]) -> Sealed {
     }
 }
 
-/// Opens a sealed answer. Returns `None` if it is damaged or does not match its commitment.
+/// Opens a sealed answer. Returns `None` if the answer is damaged or does not match its commitment (the hash that was published first).
 pub fn open(sealed: &Sealed) -> Option<Vec<u8>> {
     let (salt, bytes) = (from_hex(&sealed.salt)?, from_hex(&sealed.answer)?);
     let answer = mask(&salt, &bytes);

@@ -17,8 +17,8 @@ pub enum Strength {
 }
 
 impl Strength {
-    /// Requested signal in standard deviations; `otherwise` if a size or the prior is requested. It serves physics outside the library and large displacements,
-    /// which have no size parameter.
+    /// Requested signal in standard deviations; `otherwise` if a size or the prior is requested. Physics outside the library and large displacements use this
+    /// function, because they have no size parameter.
     pub(super) fn sigma_or(self, otherwise: f64) -> f64 {
         match self {
             Self::Sigma(sigma) => sigma,
@@ -31,7 +31,7 @@ impl Strength {
 /// returns `None` if the model fails. The result is `None` if a size reaches `largest` and its signal is still too small.
 ///
 /// Few rounds suffice because signals are nearly proportional to sizes.
-pub fn scaled_to(
+pub fn scale_to_signal(
     asked_sigma: f64,
     mut sizes: Vec<f64>,
     largest: &[f64],
@@ -67,14 +67,14 @@ mod tests {
         // Example in which each signal is a nonlinear function of the sizes, and one depends on both.
         let signals =
             |sizes: &[f64]| Some(vec![3.0 * sizes[0] + sizes[0].powi(2), (8.0 * sizes[1]).sqrt() + 0.1 * sizes[0]]);
-        let (sizes, found) = scaled_to(10.0, vec![0.1, 0.1], &[100.0, 100.0], signals).expect("reachable");
+        let (sizes, found) = scale_to_signal(10.0, vec![0.1, 0.1], &[100.0, 100.0], signals).expect("reachable");
         assert!(found.iter().all(|signal| (signal - 10.0).abs() < 0.2), "{found:?}");
         assert!((sizes[0] - 2.0).abs() < 0.05, "{sizes:?}");
     }
 
     #[test]
     fn a_signal_out_of_reach_is_none() {
-        assert_eq!(scaled_to(10.0, vec![0.1], &[1.0], |sizes| Some(vec![sizes[0]])), None);
-        assert_eq!(scaled_to(10.0, vec![0.1], &[1.0], |_| None), None);
+        assert_eq!(scale_to_signal(10.0, vec![0.1], &[1.0], |sizes| Some(vec![sizes[0]])), None);
+        assert_eq!(scale_to_signal(10.0, vec![0.1], &[1.0], |_| None), None);
     }
 }

@@ -1,4 +1,4 @@
-//! Counts the results of many plays.
+//! Counts the results of many challenges.
 
 use std::collections::BTreeMap;
 
@@ -7,47 +7,47 @@ use serde::{Deserialize, Serialize};
 use super::play::{HiddenKind, Play};
 use super::{NoiseKind, Protocol};
 
-/// Results of many plays, the body of `vitreo-uq/challenge/1`. Rates are from 0 to 1; a rate is `None` if no play counts towards it.
+/// Counted results of many challenges, the body of `vitreo-uq/challenge/1`. Rates are from 0 to 1; a rate is `None` if no challenge counts towards it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Tally {
-    /// Number of plays.
+    /// Number of challenges that were played.
     pub played: usize,
-    /// Number of plays whose diagnosis failed.
+    /// Number of challenges whose diagnosis failed.
     pub failed: usize,
     /// Confusion matrix of truths and verdicts.
     pub confusion: Vec<Confusion>,
-    /// Fraction of plays with a single hidden effect in which this effect is in the reported class.
+    /// Fraction of challenges with a single hidden effect in which this effect is claimed or reported as equivalent to the claim.
     pub class_coverage: Option<f64>,
-    /// Mean number of effects in the classes reported for single hidden effects.
+    /// Mean number of claimed effects and their reported equivalents, over the claims for a single hidden effect.
     pub mean_class_size: Option<f64>,
-    /// Mean number of effects in the ideal classes of these plays. An ideal class contains all effects that the experiment cannot distinguish from the hidden
-    /// one.
+    /// Mean number of effects that the experiment cannot distinguish from the hidden effect, itself included. The mean is over the challenges of
+    /// `mean_class_size`.
     pub ideal_class_size: Option<f64>,
-    /// Fraction of plays with a single hidden effect in which the leading effect is the hidden one or is equivalent to it.
+    /// Fraction of challenges with a single hidden effect in which the leading effect is the hidden one or is equivalent to it.
     pub first_place_separated: Option<f64>,
-    /// Fraction of plays without a hidden effect in which an effect was claimed.
+    /// Fraction of challenges without a hidden effect in which an effect was claimed.
     pub false_claims: Option<f64>,
-    /// Fraction of plays without a hidden effect that were called unexplained.
+    /// Fraction of challenges without a hidden effect whose verdict is `unexplained`.
     pub false_unexplained: Option<f64>,
-    /// Fraction of plays with a hidden pair in which both effects are in the reported class.
+    /// Fraction of challenges with a hidden pair in which both effects are claimed or reported as equivalent to the claim.
     pub pair_coverage: Option<f64>,
-    /// Fraction of plays with physics outside the library that were called unexplained.
+    /// Fraction of challenges with physics outside the library whose verdict is `unexplained`.
     pub unexplained_called: Option<f64>,
-    /// Fraction of plays with physics outside the library in which an effect was claimed and no misfit was called unexplained.
+    /// Fraction of challenges with physics outside the library in which the diagnosis claims an effect and reports no unexplained misfit.
     pub misattributed: Option<f64>,
     /// Fraction of rightly claimed single effects whose true size lies in the 90 % interval.
     pub interval_coverage_90: Option<f64>,
-    /// Fraction of plays with right claims whose error on the scored cycle is at most 1.1 times the drawn noise.
+    /// Fraction of challenges with right claims whose error on the scored cycle is at most 1.1 times the drawn noise.
     pub heldout_at_true_noise: Option<f64>,
-    /// Fraction of plays with right claims whose error is at most 1.1 times the noise that the diagnosis predicts. It shows whether the diagnosis knows its own
-    /// error. If the predicted noise is too large, the fraction is 1 for any residual.
+    /// Fraction of challenges with right claims whose error is at most 1.1 times the noise that the diagnosis predicts. The fraction shows whether predicted
+    /// noise and error agree. It is 1 for any residual if the predicted noise is far too large.
     pub heldout_at_predictive_noise: Option<f64>,
     /// Counts for each combination of sort, protocol, noise and signal.
     pub groups: Vec<Group>,
 }
 
-/// Entry of the confusion matrix: number of plays with one truth and one verdict.
+/// Entry of the confusion matrix: number of challenges with one truth and one verdict.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Confusion {
@@ -55,31 +55,31 @@ pub struct Confusion {
     pub truth: String,
     /// Verdict: slugs joined by `+`, `none`, `unexplained` or `failed`.
     pub said: String,
-    /// Number of plays with this truth and this verdict.
+    /// Number of challenges with this truth and this verdict.
     pub count: usize,
 }
 
-/// Counts of the plays with one sort, protocol, noise and signal.
+/// Counts of the challenges with one sort, protocol, noise and signal.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Group {
-    /// Sort of the challenges.
+    /// Sort of the challenges: the kind of physics that they hide.
     pub sort: HiddenKind,
-    /// Protocol of the plays.
+    /// Protocol of the challenges.
     pub protocol: Protocol,
-    /// Noise of the plays.
+    /// Kind of noise of the challenges.
     pub noise: NoiseKind,
     /// Signal in noise standard deviations, rounded; `None` if nothing is hidden.
     pub signal_sigma: Option<u32>,
-    /// Number of plays.
+    /// Number of challenges that were played.
     pub played: usize,
-    /// Number of right diagnoses: hidden effects are in the class, or the verdict is rightly `none` or `unexplained`.
+    /// Number of right diagnoses: every hidden effect is claimed or equivalent to a claim, or the verdict is rightly `none` or `unexplained`.
     pub right: usize,
-    /// Number of plays in which an effect was claimed.
+    /// Number of challenges in which an effect was claimed.
     pub claimed: usize,
 }
 
-/// The error on the scored cycle may exceed its noise by at most this factor.
+/// Largest ratio of the error on the scored cycle to its noise at which the noise is said to explain the error.
 const ALLOWED_RATIO: f64 = 1.1;
 
 fn share(plays: &[&Play], is: impl Fn(&Play) -> bool) -> Option<f64> {
@@ -90,7 +90,7 @@ fn mean(plays: &[&Play], of: impl Fn(&Play) -> f64) -> Option<f64> {
     (!plays.is_empty()).then(|| plays.iter().map(|play| of(play)).sum::<f64>() / plays.len() as f64)
 }
 
-/// Counts the results of plays.
+/// Counts the results of challenges: rates, confusion matrix and groups.
 pub fn tally(plays: &[Play]) -> Tally {
     let of = |is: &dyn Fn(&Play) -> bool| -> Vec<&Play> { plays.iter().filter(|play| is(play)).collect() };
     let singles = of(&|play| play.sort == HiddenKind::Single);

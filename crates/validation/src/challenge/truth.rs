@@ -7,7 +7,7 @@ use record::{Offset, OffsetDirection, Robot};
 
 /// Effects or errors that a challenge hides from the diagnosis.
 #[derive(Debug, Clone, PartialEq)]
-pub enum HiddenThing {
+pub enum HiddenPhysics {
     /// Nothing is hidden.
     Nothing,
     /// Slugs of one or two effects of the library.
@@ -18,7 +18,7 @@ pub enum HiddenThing {
     Apparatus(ApparatusError),
 }
 
-/// A constant of the apparatus whose true value differs from the experiment's statement.
+/// A constant of the apparatus whose true value differs from the value that the experiment states.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
@@ -80,7 +80,7 @@ pub struct HiddenEffect {
 pub struct Truth {
     /// Protocol of the experiment.
     pub protocol: Protocol,
-    /// Noise of the experiment.
+    /// Kind of noise in the experiment's data.
     pub noise: NoiseKind,
     /// True if the experiment states the noise. Otherwise the diagnosis estimates it.
     #[serde(default = "is_given")]
@@ -95,11 +95,10 @@ pub struct Truth {
     pub apparatus: Option<ApparatusError>,
     /// Signal of the disturbance, in noise standard deviations.
     pub outside_sigma: Option<f64>,
-    /// Effects that this experiment cannot distinguish from the hidden ones, which are included. Their best fit to noise-free data is less than 4 noise
-    /// standard deviations away.
+    /// Effects that this experiment cannot distinguish from the hidden effects, which are included. The best fit of such an effect to noise-free data is less
+    /// than 4 noise standard deviations away.
     pub ideal_class: Vec<String>,
-    /// Effects that have not been compared with the hidden ones yet. Their surrogates take long to build and are not needed for the data. They are compared
-    /// when the answer is opened.
+    /// Effects that have not been compared with the hidden effects yet, because their surrogates take long to build. `challenge reveal` compares them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub not_compared: Vec<String>,
 }
@@ -110,7 +109,7 @@ fn is_given() -> bool {
 }
 
 impl Truth {
-    /// Truth with nothing hidden.
+    /// Returns a truth with this law in which nothing is hidden.
     pub fn of_nothing(protocol: Protocol, noise: NoiseKind, law: [f64; 3]) -> Self {
         Self {
             protocol,
@@ -126,7 +125,7 @@ impl Truth {
         }
     }
 
-    /// Text of the right verdict: slugs joined by `+`, `none` or `outside`.
+    /// Name of the truth in tables: slugs joined by `+`, `none` or `outside`.
     pub fn label(&self) -> String {
         match (&self.outside, self.effects.as_slice()) {
             (Some(_), _) => "outside".into(),

@@ -25,12 +25,12 @@ pub struct StiffnessEstimate {
 
 impl StiffnessEstimate {
     /// Probability that this body moves more easily than `other`. The relative errors are taken as standard deviations.
-    fn easier_than(&self, other: &Self) -> f64 {
+    fn probability_easier_than(&self, other: &Self) -> f64 {
         easier(-self.stiffness_m.ln(), -other.stiffness_m.ln(), self.relative_error.hypot(other.relative_error))
     }
 }
 
-/// Tests the paper's claims, in the paper's order.
+/// Tests the paper's claims about the bodies' stiffness. Returns them with their verdicts, in the paper's order.
 pub fn claims(all: &[StiffnessEstimate]) -> Vec<Claim> {
     let mut list = Vec::new();
     let find = |rule: SizeRule, shape: BodyShape, orientation: Orientation| {
@@ -47,7 +47,7 @@ pub fn claims(all: &[StiffnessEstimate]) -> Vec<Claim> {
         let ratio = |stiffness_estimate: &StiffnessEstimate| stiffness_estimate.stiffness_m / sphere.stiffness_m;
         let others: Vec<&&StiffnessEstimate> =
             of_rule.iter().filter(|stiffness_estimate| stiffness_estimate.body.shape != BodyShape::Sphere).collect();
-        let easiest = others.iter().map(|other| sphere.easier_than(other)).product();
+        let easiest = others.iter().map(|other| sphere.probability_easier_than(other)).product();
         let lowest = others.iter().min_by(|a, b| a.stiffness_m.total_cmp(&b.stiffness_m));
         let numbers = lowest.map_or_else(String::new, |stiffness_estimate| {
             format!(
@@ -66,7 +66,7 @@ pub fn claims(all: &[StiffnessEstimate]) -> Vec<Claim> {
             let way = if orientation == Horizontal { "horizontal" } else { "vertical" };
             list.push(claim(
                 format!("at {}, the {way} ellipsoid moves easier than the {way} cylinder", rule.title()),
-                ellipsoid.easier_than(cylinder),
+                ellipsoid.probability_easier_than(cylinder),
                 format!("{:.4} against {:.4} × the sphere's resistance", ratio(ellipsoid), ratio(cylinder)),
             ));
         }
@@ -76,7 +76,7 @@ pub fn claims(all: &[StiffnessEstimate]) -> Vec<Claim> {
             };
             list.push(claim(
                 format!("at {}, the {} moves easier horizontal than vertical", rule.title(), shape.name()),
-                along.easier_than(across),
+                along.probability_easier_than(across),
                 format!("{:.4} against {:.4} × the sphere's resistance", ratio(along), ratio(across)),
             ));
         }
@@ -91,7 +91,7 @@ fn claim(claim: String, probability: f64, numbers: String) -> Claim {
     Claim { claim, verdict: verdict_of(probability), probability, numbers }
 }
 
-/// Probability that the first of two numbers is larger. `sd` is the standard deviation of their difference.
+/// Probability that `first` is larger than `second`, if the difference is normally distributed with standard deviation `sd`.
 pub(super) fn easier(first: f64, second: f64, sd: f64) -> f64 {
     Normal::standard().cdf((first - second) / sd.max(f64::EPSILON))
 }

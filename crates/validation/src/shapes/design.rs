@@ -16,7 +16,7 @@ use record::Orientation;
 
 /// Smallest and largest aspect ratio of the surrogate.
 pub const ASPECTS: [f64; 2] = [1.0, 20.0];
-/// The surrogate's Poisson ratios differ from the experiment's by at most `POISSON_BELOW`, and are at most `LARGEST_POISSON`, just below ½.
+/// Distance between the experiment's Poisson ratio and the smallest one of the surrogate. The largest one is `LARGEST_POISSON`, just below ½.
 const POISSON_BELOW: f64 = 0.1;
 const LARGEST_POISSON: f64 = 0.499;
 /// Numbers of Chebyshev points in aspect ratio and in Poisson ratio.
@@ -28,12 +28,12 @@ pub const WANTED_PROBABILITY: f64 = 0.95;
 /// Surrogate of the stiffness of one shape in one orientation, at equal volume.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StiffnessSurrogate {
-    /// Shape of the body.
+    /// Shape of the bodies that the surrogate covers.
     pub shape: BodyShape,
-    /// Orientation of the body.
+    /// Orientation of the bodies relative to the force.
     pub orientation: Orientation,
     poisson: [f64; 2],
-    /// ln k at the Chebyshev points. The aspect ratio varies fastest.
+    /// Logarithm of the stiffness (m, divided by Young's modulus) at the Chebyshev points. The aspect ratio varies fastest.
     log_stiffness: Vec<f64>,
     /// Largest relative error of the stiffness at points between the Chebyshev points.
     pub relative_error: f64,
@@ -180,8 +180,8 @@ mod tests {
         }
     }
 
-    /// The longest robot of the surrogate agrees with its definition, computed by the solver itself. Of twenty draws the required number reaches the distance.
-    /// A slightly larger distance would be reached by one draw fewer.
+    /// The longest robot of the surrogate agrees with its definition. At its aspect ratio, the solver itself gives the stiffness at which 19 of 20 draws just
+    /// reach the distance.
     #[test]
     fn the_longest_robot_moves_just_far_enough() {
         let (diameter_m, outer_m, nu) = (0.55e-3, 10e-3, 0.48);

@@ -10,10 +10,10 @@ use figures::shapes::{Outline, ShapeCurve, ShapesFigure, ShapesPanel, shapes};
 use figures::svg::Svg;
 use record::Orientation;
 
-/// Draws the figure of a study.
+/// Draws the figure of a shape study.
 ///
 /// # Errors
-/// Errors of the figure.
+/// Errors of drawing the figure.
 pub fn shapes_figure(found: &ShapesResult, summary: &ShapesSummary) -> Result<Svg> {
     let curve = |(index, body_stiffness): (usize, &BodyStiffness)| {
         let quantile =

@@ -38,7 +38,7 @@ pub struct ShapesRequest {
     pub sphere_diameter_m: f64,
     /// The gel around the bodies.
     pub vitreous: Vitreous,
-    /// Aspect ratios: length divided by diameter, or long divided by short semi-axis. At least one. The study uses the first, and a sweep compares the others.
+    /// Aspect ratios (at least one): length divided by diameter, or long divided by short semi-axis. The study uses the first, and a sweep compares the others.
     pub aspects: Vec<f64>,
     /// Poisson ratios of the gel. The study uses the first, and a sweep compares the others.
     pub poisson_ratios: Vec<f64>,
@@ -97,7 +97,7 @@ pub struct StudyPoint {
     pub own_stiffness_m: Option<f64>,
 }
 
-/// Mesh of the user's own body.
+/// Properties of the mesh of the user's own body.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OwnMesh {
     /// Size of the body in the mesh.
@@ -110,17 +110,17 @@ pub struct OwnMesh {
 
 /// Results of a shape study.
 pub struct ShapesResult {
-    /// Results for every combination of aspect ratio and Poisson ratio. The study itself uses the first.
+    /// Results for every combination of aspect ratio and Poisson ratio. The first combination is the study itself, and the others form a sweep.
     pub studied: Vec<StudyPoint>,
     /// Meshes and displacement fields of the equal-volume bodies at the study's own aspect ratio and Poisson ratio.
     pub fields: Vec<BodyField>,
     /// The user's own mesh; `None` if the user gives none.
     pub own_mesh: Option<OwnMesh>,
-    /// Times of one cycle, in s.
+    /// Times of one cycle (two holds) at which positions are computed, in s.
     pub time_s: Vec<f64>,
     /// 5 %, 50 % and 95 % quantiles, at each time, of the position times the stiffness (N/Pa). Division by a body's stiffness gives its position in m.
     pub force_per_pa: Vec<[f64; 3]>,
-    /// As `force_per_pa`, but only at the end of the first hold.
+    /// 5 %, 50 % and 95 % quantiles, at the end of the first hold, of the position times the stiffness (N/Pa).
     pub after_hold: [f64; 3],
     /// Differences in stiffness between elastic and rigid robots.
     pub elastic: Vec<ElasticRobotResult>,
@@ -186,7 +186,8 @@ fn solve_body(
 
 /// Computes the results at every combination of aspect ratio and Poisson ratio; the Poisson ratio varies fastest.
 ///
-/// Also returns the displacement fields of the equal-volume bodies at the first aspect ratio. Fields of equal-surface bodies differ from them only by a scale.
+/// Also returns the displacement fields of the equal-volume bodies at the first aspect ratio. Fields of equal-surface bodies differ from these fields only by a
+/// scale.
 fn study(
     request: &ShapesRequest,
     own_stiffnesses_m: &[f64],
@@ -239,11 +240,11 @@ fn own_body(request: &ShapesRequest) -> Result<(Option<OwnMesh>, Vec<f64>)> {
 /// Runs the shape study.
 ///
 /// # Errors
-/// Errors of meshes and solvers, for bodies that do not fit.
+/// Errors of meshes and solvers, for bodies that do not fit into the gel.
 pub fn run(request: &ShapesRequest, monitor: &dyn Monitor) -> Result<ShapesResult> {
     let ShapesRequest { sphere_diameter_m, vitreous, force_n, hold_s, distance_m, laws, .. } = request;
     let outer_radius_m = 0.5 * vitreous.diameter_m;
-    monitor.stage("computing the stiffness of every body, in the meridian and in three dimensions");
+    monitor.stage("computing the stiffness of every body, in the meridian plane and in three dimensions");
     let (own_mesh, own_stiffnesses_m) = own_body(request)?;
     let (studied, fields) = study(request, &own_stiffnesses_m, monitor)?;
     let (aspect, poisson_ratio) = (studied[0].aspect, studied[0].poisson_ratio);

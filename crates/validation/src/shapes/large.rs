@@ -22,7 +22,7 @@ const ASPECTS: [f64; 2] = [1.5, 2.0];
 /// Mobility of the Giesekus fluid with which the computation is repeated.
 pub const OTHER_MOBILITY: f64 = 0.1;
 
-/// Gel, size of the bodies, and force.
+/// Input of the computation at large strains: gel, size of the bodies, and force.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LargeShapeSetting {
     /// Diameter of the sphere whose volume or surface area the other bodies have, in m.
@@ -38,7 +38,7 @@ pub struct LargeShapeSetting {
 }
 
 /// Motion of a body during one hold, as far as the mesh can follow it.
-struct FollowedBody {
+struct BodyMotion {
     body: StudyBody,
     aspect: f64,
     /// Displacement by the small-strain model (m), at every row of the hold.
@@ -51,7 +51,7 @@ struct FollowedBody {
     other_deviation_m: Option<Vec<f64>>,
 }
 
-impl FollowedBody {
+impl BodyMotion {
     /// Number of rows that the meshes of both resolutions can follow.
     fn n_rows(&self) -> usize {
         self.error_m.len()
@@ -91,8 +91,8 @@ impl FollowedBody {
     }
 }
 
-/// Resolutions of a body's mesh: the one whose results are reported, and a coarser one that shows the error.
-fn finenesses(shape: BodyShape) -> [Discretisation; 2] {
+/// Resolutions of a body's mesh: first a fine resolution, whose results are reported, then a coarser one, which shows the error.
+fn fine_and_coarse_resolution(shape: BodyShape) -> [Discretisation; 2] {
     let of_order = |order| Discretisation { order, ..Discretisation::ESTIMATE };
     match shape {
         BodyShape::Cylinder => [of_order(4), of_order(3)],
@@ -106,7 +106,7 @@ fn follow(
     rows: (&[f64], &[f64]),
     (body, aspect): (StudyBody, f64),
     force_per_pa: &[f64],
-) -> Result<FollowedBody> {
+) -> Result<BodyMotion> {
     let LargeShapeSetting { outer_radius_m, poisson_ratio, .. } = *setting;
     let (time_s, force_n) = rows;
     let load = Stages::of_law(Vec::new()).load;
@@ -115,12 +115,12 @@ fn follow(
         let (run, _) = gel.run_until_failure(&FiniteInput { law, load: &load, time_s, force: Force::from(force_n) })?;
         Ok(run.deviation_m)
     };
-    let [fine, coarse] = finenesses(body.shape);
+    let [fine, coarse] = fine_and_coarse_resolution(body.shape);
     let (values, coarser) = (deviation_m(fine, &laws[0])?, deviation_m(coarse, &laws[0])?);
     let is_whole = values.len().min(coarser.len()) == time_s.len();
     let resolution = Resolution::default();
     let stiffness_m = solve(body.revolution, outer_radius_m, poisson_ratio, body.direction(), resolution)?.stiffness_m;
-    Ok(FollowedBody {
+    Ok(BodyMotion {
         body,
         aspect,
         small_m: force_per_pa.iter().map(|x| x / stiffness_m).collect(),
@@ -164,13 +164,13 @@ pub fn run(
         counter.add_one();
         Ok(followed)
     };
-    let followed: Vec<FollowedBody> = all.par_iter().map(one).collect::<Result<_>>()?;
+    let followed: Vec<BodyMotion> = all.par_iter().map(one).collect::<Result<_>>()?;
     let mut claims = Vec::new();
     for rule in SizeRule::ALL {
-        let is_of_rule = |followed_body: &&FollowedBody| {
+        let is_of_rule = |followed_body: &&BodyMotion| {
             followed_body.body.rule == rule || followed_body.body.shape == BodyShape::Sphere
         };
-        let of_rule: Vec<&FollowedBody> = followed.iter().filter(is_of_rule).collect();
+        let of_rule: Vec<&BodyMotion> = followed.iter().filter(is_of_rule).collect();
         claims.extend(sphere_is_easiest(rule, &of_rule));
         claims.extend(ellipsoid_before_cylinder(rule, &of_rule, value, time_s));
     }
@@ -181,9 +181,10 @@ pub fn run(
     })
 }
 
-/// Tests whether the first body moves farther than the others at a row. A claim that holds in only one of the two fluids is undecided.
-fn judge(claim: String, first: &FollowedBody, others: &[&FollowedBody], row: usize, numbers: String) -> Claim {
-    let sd = |other: &FollowedBody| first.error_m[row].hypot(other.error_m[row]);
+/// Tests whether the body `first` moves farther than each body in `others` at one time of the hold (index `row`). A claim that holds in only one of the two
+/// fluids is undecided.
+fn judge(claim: String, first: &BodyMotion, others: &[&BodyMotion], row: usize, numbers: String) -> Claim {
+    let sd = |other: &BodyMotion| first.error_m[row].hypot(other.error_m[row]);
     let probability: f64 = others.iter().map(|other| easier(first.at_m(row), other.at_m(row), sd(other))).product();
     let in_other = others.iter().map(|other| Some(easier(first.other_m(row)?, other.other_m(row)?, sd(other))));
     let verdict = verdict_of(probability);
@@ -197,10 +198,10 @@ fn judge(claim: String, first: &FollowedBody, others: &[&FollowedBody], row: usi
 }
 
 /// Claim that the sphere moves most easily. It is compared with the ellipsoids that the mesh could follow to the end of the hold.
-fn sphere_is_easiest(rule: SizeRule, all: &[&FollowedBody]) -> Option<Claim> {
+fn sphere_is_easiest(rule: SizeRule, all: &[&BodyMotion]) -> Option<Claim> {
     let sphere =
         all.iter().find(|followed_body| followed_body.body.shape == BodyShape::Sphere && followed_body.is_whole())?;
-    let others: Vec<&FollowedBody> = all
+    let others: Vec<&BodyMotion> = all
         .iter()
         .filter(|followed_body| followed_body.body.shape == BodyShape::Ellipsoid && followed_body.is_whole())
         .copied()
@@ -209,7 +210,7 @@ fn sphere_is_easiest(rule: SizeRule, all: &[&FollowedBody]) -> Option<Claim> {
     if others.is_empty() {
         return None;
     }
-    let ratios = |followed_body: &&FollowedBody| {
+    let ratios = |followed_body: &&BodyMotion| {
         let small = followed_body.small_m[row] / sphere.small_m[row];
         let large = followed_body.at_m(row) / sphere.at_m(row);
         let other = followed_body.other_m(row).zip(sphere.other_m(row)).map(|(value, sphere)| value / sphere);
@@ -223,13 +224,13 @@ fn sphere_is_easiest(rule: SizeRule, all: &[&FollowedBody]) -> Option<Claim> {
 }
 
 /// Claim that the ellipsoid moves more easily than the cylinder. It is tested at the last time up to which the mesh could follow both.
-fn ellipsoid_before_cylinder(rule: SizeRule, all: &[&FollowedBody], aspect: f64, time_s: &[f64]) -> Option<Claim> {
+fn ellipsoid_before_cylinder(rule: SizeRule, all: &[&BodyMotion], aspect: f64, time_s: &[f64]) -> Option<Claim> {
     let find = |shape: BodyShape| {
         all.iter().find(|followed_body| followed_body.body.shape == shape && followed_body.aspect == aspect).copied()
     };
     let (ellipsoid, cylinder) = (find(BodyShape::Ellipsoid)?, find(BodyShape::Cylinder)?);
     let row = ellipsoid.n_rows().min(cylinder.n_rows()).checked_sub(1).filter(|row| *row > 0)?;
-    let way = |followed_body: &FollowedBody| {
+    let way = |followed_body: &BodyMotion| {
         format!("{:.1} µm (small strains {:.1})", 1e6 * followed_body.at_m(row), 1e6 * followed_body.small_m[row])
     };
     let claim = format!(

@@ -1,4 +1,4 @@
-//! Compares quantities that may predict a body's stiffness. The paper leaves open which quantity besides volume and surface area does.
+//! Compares quantities that may predict a body's stiffness. The paper considers volume and surface area, and leaves other quantities open.
 //!
 //! Each predictor is a length that a sphere also has. The predicted stiffness of a body is the sphere's stiffness times the ratio of these lengths; nothing is
 //! fitted. The predictors are compared for ellipsoids and cylinders of many aspect ratios, along and across the force.
@@ -38,7 +38,7 @@ pub enum Predictor {
 }
 
 impl Predictor {
-    /// All predictors.
+    /// All predictors, in the order of the enum.
     pub const ALL: [Self; 6] =
         [Self::Volume, Self::Surface, Self::Projected, Self::Length, Self::Leith, Self::MeanCaliper];
 
@@ -47,9 +47,9 @@ impl Predictor {
         match self {
             Self::Volume => "volume",
             Self::Surface => "surface",
-            Self::Projected => "shadow along the force",
+            Self::Projected => "projected area along the force",
             Self::Length => "length",
-            Self::Leith => "1/3 shadow + 2/3 surface (Leith 1987)",
+            Self::Leith => "1/3 projected area + 2/3 surface (Leith 1987)",
             Self::MeanCaliper => "mean caliper diameter",
         }
     }
@@ -76,7 +76,7 @@ impl Predictor {
 /// Distance in m between two parallel planes that touch the body, averaged over all directions.
 fn mean_caliper_m(body: BodyOfRevolution) -> f64 {
     match body {
-        // In a direction at an angle with cosine u to the axis, the extent of a spheroid is 2 √(a²u² + b²(1 − u²)).
+        // The extent of a spheroid with semi-axes a (along its axis) and b is 2 √(a²u² + b²(1 − u²)), where u is the cosine of the angle to the axis.
         BodyOfRevolution::Spheroid { semi_axis_along_m: a, semi_axis_across_m: b } => {
             let n = 2_000;
             let width = |i: usize| {
@@ -85,7 +85,7 @@ fn mean_caliper_m(body: BodyOfRevolution) -> f64 {
             };
             (0..n).map(width).sum::<f64>() / n as f64
         }
-        // This is the mean of the extent L|u| + D √(1 − u²) over all directions.
+        // The extent of a cylinder is L|u| + D √(1 − u²), with length L, diameter D and the cosine u. This is its mean over all directions.
         BodyOfRevolution::Cylinder { length_m, diameter_m } => 0.5 * length_m + 0.25 * PI * diameter_m,
     }
 }
@@ -159,7 +159,7 @@ fn record_of(title: &str, errors: &[f64], bodies: &[(f64, StudyBody)]) -> Predic
 }
 
 /// Spheroids that replace a cylinder: name, and ratios of the spheroid's axes to the cylinder's length and diameter. For equal volume both ratios are the cube
-/// root of 3/2. For equal mean squares of the coordinates, L²/12 = a²/5 and D²/16 = b²/5.
+/// root of 3/2. For equal second moments, length²/12 and diameter²/16 of the cylinder equal a fifth of the spheroid's squared semi-axes.
 const EQUIVALENT_SPHEROIDS: [(&str, [f64; 2]); 2] = [
     ("spheroid of equal volume and aspect (cylinders)", [1.144_714_242_553_332, 1.144_714_242_553_332]),
     ("spheroid of equal second moments (cylinders)", [1.290_994_448_735_805_6, 1.118_033_988_749_895]),
@@ -194,8 +194,8 @@ mod tests {
         }
     }
 
-    /// Mean caliper diameters agree with closed forms. For a cylinder it is L/2 + πD/4. A spheroid's closed form contains an artanh; it is tested in the limit
-    /// of a needle, whose mean |cos| is ½.
+    /// Mean caliper diameters agree with closed forms. For a cylinder the closed form is length/2 + π diameter/4. A spheroid is tested in the limit of a
+    /// needle, whose mean caliper diameter is half its length.
     #[test]
     fn mean_caliper_diameters() {
         let cylinder = BodyOfRevolution::Cylinder { length_m: 3.0, diameter_m: 2.0 };

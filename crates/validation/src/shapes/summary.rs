@@ -56,7 +56,7 @@ pub fn summarise(request: &ShapesRequest, found: &ShapesResult, forces_n: &[f64]
     }
 }
 
-/// Result of the sphere that has the size rule of the given body.
+/// Stiffness of the sphere under the size rule of the given body.
 fn sphere_of<'a>(studied: &'a StudyPoint, body_stiffness: &BodyStiffness) -> &'a BodyStiffness {
     let is_sphere =
         |other: &&BodyStiffness| other.body.rule == body_stiffness.body.rule && other.body.shape == BodyShape::Sphere;

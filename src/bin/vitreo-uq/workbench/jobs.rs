@@ -275,7 +275,7 @@ impl Jobs {
             let arguments = self.present().map_or(Vec::new(), |job| job.commands[at].clone());
             let code = self.spawn(&arguments).and_then(|process| {
                 // A signal that ends the workbench also ends this process group.
-                interrupt::owns_group(process.number());
+                interrupt::set_child_group(process.number());
                 self.change(|job| job.process = process);
                 self.watch()
             });
@@ -283,7 +283,7 @@ impl Jobs {
             if is_stopped {
                 self.end(JobStatus::Stopped, "stopped; finished results are kept, and no file is half-written".into());
             }
-            interrupt::owns_group(0);
+            interrupt::set_child_group(0);
             if is_stopped {
                 return;
             }
@@ -366,7 +366,7 @@ impl Jobs {
             let words = "the workbench ended during this job; finished results are kept; start the job again";
             return self.end(JobStatus::Broken, words.into());
         }
-        interrupt::owns_group(job.process.number());
+        interrupt::set_child_group(job.process.number());
         while job.process.is_running() {
             self.pass_on();
             std::thread::sleep(if interrupt::is_signalled() { FINAL_POLL_INTERVAL } else { POLL_INTERVAL });
@@ -378,7 +378,7 @@ impl Jobs {
             true => self.end(JobStatus::Failed, find_error_message(&tail)),
             false => self.end(JobStatus::Done, String::new()),
         }
-        interrupt::owns_group(0);
+        interrupt::set_child_group(0);
     }
 
     /// Last bytes of the command's output, as text.

@@ -199,7 +199,7 @@ fn answers(home: &WorkbenchFolder) -> BTreeMap<String, String> {
                 std::fs::remove_dir_all(home.dir().join(item)).unwrap();
                 return answers;
             }
-            DescribeOutcome::Questions { questions } => {
+            DescribeOutcome::Questions { questions, .. } => {
                 let asked = serde_json::to_value(&questions).unwrap();
                 for value in asked.as_array().unwrap() {
                     let first = value["choices"].get(0).and_then(serde_json::Value::as_str);

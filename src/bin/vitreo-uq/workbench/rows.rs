@@ -111,6 +111,9 @@ pub struct PlotRows {
     cycle: Vec<u32>,
     #[serde(skip_serializing_if = "Option::is_none")]
     predicted: Option<ShownPredictions>,
+    /// Predictions of the revision that is compared with the shown one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    compared: Option<ShownPredictions>,
 }
 
 /// Predictions of the rows that are shown.
@@ -122,15 +125,19 @@ struct ShownPredictions {
     residual_um: Vec<Option<f64>>,
 }
 
-/// Selects the rows of a record to show in a time range, and adds their predictions.
-pub fn select_rows(experiment: &Experiment, predictions: Option<&Predictions>, window: Window) -> PlotRows {
+/// Selects the rows of a record to show in a time range. It adds the predictions of the shown revision, and of one that is compared with it.
+pub fn select_rows(
+    experiment: &Experiment,
+    predictions: Option<&Predictions>,
+    compared: Option<&Predictions>,
+    window: Window,
+) -> PlotRows {
     let record = &experiment.record;
-    let predictions = predictions.filter(|predictions| predictions.time_s.len() == record.n_rows());
+    let is_complete = |predictions: &&Predictions| predictions.time_s.len() == record.n_rows();
+    let (predictions, compared) = (predictions.filter(is_complete), compared.filter(is_complete));
     let position_um: Vec<Option<f64>> = record.position_m.iter().map(|x| x.map(|x| 1e6 * x)).collect();
-    let residual_um = |row: usize| {
-        let entry = predictions?;
-        Some(position_um[row]? - entry.quantiles_um[2][row])
-    };
+    let residual = |predictions: &Predictions, row: usize| Some(position_um[row]? - predictions.quantiles_um[2][row]);
+    let residual_um = |row: usize| residual(predictions?, row);
     let force = |row: usize| Some(record.force_n[row]);
     let looks: [&dyn Fn(usize) -> Option<f64>; 3] = [&|row| position_um[row], &residual_um, &force];
     let range = rows_of(&record.time_s, window);
@@ -138,12 +145,13 @@ pub fn select_rows(experiment: &Experiment, predictions: Option<&Predictions>, w
     let place = place_on_axis(&record.time_s[range.clone()], window.is_logarithmic);
     let chosen = decimate_rows(range.clone(), n_points, &|row| place(record.time_s[row]), &looks);
     let of = |values: &[f64]| chosen.iter().map(|row| values[*row]).collect::<Vec<f64>>();
-    let predicted = predictions.map(|predictions| ShownPredictions {
+    let shown = |predictions: &Predictions| ShownPredictions {
         median_um: of(&predictions.quantiles_um[2]),
         q05_um: of(&predictions.quantiles_um[0]),
         q95_um: of(&predictions.quantiles_um[4]),
-        residual_um: chosen.iter().map(|row| residual_um(*row)).collect(),
-    });
+        residual_um: chosen.iter().map(|row| residual(predictions, *row)).collect(),
+    };
+    let (predicted, compared) = (predictions.map(shown), compared.map(shown));
     PlotRows {
         rows: [record.n_rows(), range.len()],
         time_s: of(&record.time_s),
@@ -151,6 +159,7 @@ pub fn select_rows(experiment: &Experiment, predictions: Option<&Predictions>, w
         position_um: chosen.iter().map(|row| position_um[*row]).collect(),
         cycle: chosen.iter().map(|row| record.cycle[*row]).collect(),
         predicted,
+        compared,
         chosen,
     }
 }

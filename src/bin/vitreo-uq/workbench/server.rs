@@ -34,6 +34,7 @@ use super::project::{self, RecordChange};
 use super::rows::{CheckedRecord, FileCache, Window, read_record, read_revision, select_rows};
 use super::tables::{self, Described};
 use super::trial::{Trial, TrialRequest, trial};
+use crate::corner;
 use crate::guard::{Guard, guard};
 use crate::http::{self, Connection};
 use vitreo_uq::figures::predictions::Predictions;
@@ -53,11 +54,12 @@ const LOOK: Duration = Duration::from_secs(2);
 const FILE_POLICY: &str = "sandbox; default-src 'none'; img-src data:; style-src 'unsafe-inline'";
 
 /// Files of the page: path, media type and content.
-const FILES: [(&str, &str, &str); 10] = [
+const FILES: [(&str, &str, &str); 11] = [
     ("", "text/html; charset=utf-8", include_str!("page/index.html")),
     ("app.js", "text/javascript; charset=utf-8", include_str!("page/app.js")),
     ("project.js", "text/javascript; charset=utf-8", include_str!("page/project.js")),
     ("requests.js", "text/javascript; charset=utf-8", include_str!("page/requests.js")),
+    ("posterior.js", "text/javascript; charset=utf-8", include_str!("page/posterior.js")),
     ("plots.js", "text/javascript; charset=utf-8", include_str!("page/plots.js")),
     ("style.css", "text/css; charset=utf-8", include_str!("page/style.css")),
     ("glossary.md", "text/markdown; charset=utf-8", include_str!("../../../../docs/glossary.md")),
@@ -115,6 +117,7 @@ fn router(bench: SharedBench, token: &str, names: Guard) -> Router {
         .route(&at("api/archive"), get(archive))
         .route(&at("api/study"), get(study))
         .route(&at("api/rows"), get(rows))
+        .route(&at("api/corner"), get(corner_plot))
         .route(&at("api/knobs"), post(knobs))
         .route(&at("api/try"), post(try_model))
         .route(&at("api/init"), post(init))
@@ -335,6 +338,8 @@ fn document(path: &std::path::Path) -> Value {
 struct AskedRows {
     item: String,
     revision: Option<String>,
+    /// Revision that is compared with the first.
+    compared: Option<String>,
     #[serde(flatten)]
     window: WindowOfQuery,
 }
@@ -367,7 +372,31 @@ async fn rows(State(bench): State<SharedBench>, Query(asked): Query<AskedRows>) 
         let (item, _) = bench.find_current_item(&asked.item)?;
         let read = bench.record(&item)?;
         let predictions = bench.predictions(&item, asked.revision.as_ref())?;
-        Ok(select_rows(&read.experiment, predictions.as_deref(), asked.window.window()))
+        let compared = bench.predictions(&item, asked.compared.as_ref())?;
+        Ok(select_rows(&read.experiment, predictions.as_deref(), compared.as_deref(), asked.window.window()))
+    })
+    .await
+}
+
+#[derive(Deserialize)]
+struct AskedCorner {
+    item: String,
+    /// Names of revisions, separated by commas.
+    revisions: String,
+    /// Names of parameters, separated by commas.
+    parameters: String,
+}
+
+async fn corner_plot(State(bench): State<SharedBench>, Query(asked): Query<AskedCorner>) -> Response {
+    answer(move || {
+        let (item, _) = bench.find_current_item(&asked.item)?;
+        let names =
+            |text: &str| text.split(',').filter(|name| !name.is_empty()).map(String::from).collect::<Vec<String>>();
+        let mut revisions = names(&asked.revisions);
+        revisions.retain(|name| item.revisions.contains(name));
+        let study = bench.home.dir().join(&item.study);
+        let figure = corner::of_revisions(&study, &revisions, &names(&asked.parameters), &item.name)?;
+        Ok(json!({ "svg": figure.document() }))
     })
     .await
 }
@@ -439,7 +468,7 @@ async fn table(
         Ok(Err(_)) => return refused(&format!("the table did not arrive completely, or {too_large}")),
         Err(_) => return refused("the table did not arrive within two minutes"),
     };
-    connection.has_whole_request();
+    connection.mark_request_complete();
     let number = bench.uploads.fetch_add(1, Ordering::Relaxed);
     answer(move || Ok(json!({ "upload": tables::store_upload(&bench.home, &upload.name, number, &bytes)? }))).await
 }
@@ -480,7 +509,7 @@ async fn stop(State(bench): State<SharedBench>) -> Response {
 
 /// Stream of events to the page: the current job, and a hash that changes with the folder.
 async fn events(State(bench): State<SharedBench>, Extension(connection): Extension<Connection>) -> impl IntoResponse {
-    connection.becomes_stream();
+    connection.mark_as_stream();
     let mut news = bench.news.subscribe();
     // The present state comes first, without waiting for a change.
     news.mark_changed();

@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 use vitreo_uq::base::error::{Error, InputPlace, Result};
-use vitreo_uq::base::files;
+use vitreo_uq::base::files::{self, Content};
 use vitreo_uq::documents::init::InitSummary;
 use vitreo_uq::jobs::init::{self, InitRequest};
-use vitreo_uq::record::table::Question;
+use vitreo_uq::record::table::{Delimiter, InspectedTable, Question, TableSettings, decode_detected, inspect_table};
 
 use super::home::WorkbenchFolder;
 use super::project;
@@ -31,6 +31,9 @@ pub struct Described {
     /// Species, and region of the eye; both can define groups.
     #[serde(default)]
     pub groups: [Option<String>; 2],
+    /// Columns of time, force, position and cycle that the user has chosen, by numbers from 1.
+    #[serde(default)]
+    pub columns: [Option<String>; 4],
 }
 
 /// Question about a table that the user must answer.
@@ -41,6 +44,39 @@ pub struct OpenQuestion {
     proposal: Option<String>,
 }
 
+/// First rows of a table, in columns.
+#[derive(Debug, PartialEq, Eq, Serialize)]
+pub struct TablePreview {
+    /// Names of the columns; numbers from 1 for a table without names.
+    names: Vec<String>,
+    rows: Vec<Vec<String>>,
+    /// Sentence that describes the table's layout.
+    said: String,
+}
+
+/// Number of rows that are shown above the questions.
+const PREVIEW_ROWS: usize = 5;
+
+/// Reads the first rows of the first table in a file, for the eyes of the user.
+fn preview(file: &Path) -> Option<TablePreview> {
+    let bytes = files::read(file, Content::Table, "").ok()?;
+    let InspectedTable { layout, columns, said, .. } = inspect_table(file, &bytes).ok()?;
+    let split = |line: &str| -> Vec<String> {
+        let cell = |cell: &str| cell.trim().trim_matches('"').to_string();
+        match layout.delimiter {
+            Delimiter::Spaces => line.split_whitespace().map(cell).collect(),
+            Delimiter::Comma => line.split(',').map(cell).collect(),
+            Delimiter::Semicolon => line.split(';').map(cell).collect(),
+            Delimiter::Tab => line.split('\t').map(cell).collect(),
+        }
+    };
+    let text = decode_detected(&bytes);
+    let rows: Vec<_> = text.lines().skip(layout.first_row_line - 1).take(PREVIEW_ROWS).map(split).collect();
+    let n_columns = rows.iter().map(Vec::len).max()?.max(columns.len());
+    let name = |number: usize| columns.get(number - 1).cloned().unwrap_or_else(|| number.to_string());
+    Some(TablePreview { names: (1..=n_columns).map(name).collect(), rows, said })
+}
+
 /// Result of [`describe`].
 #[derive(Debug, Serialize)]
 #[serde(untagged)]
@@ -49,6 +85,8 @@ pub enum DescribeOutcome {
     Questions {
         /// Questions without an answer so far.
         questions: Vec<OpenQuestion>,
+        /// First rows of the table; `None` if the file has no block of numbers.
+        preview: Option<TablePreview>,
     },
     /// The experiment has been written.
     Written {
@@ -101,6 +139,7 @@ fn written(home: &WorkbenchFolder, file: &Path, described: &Described) -> Result
         out: Some(out),
         noise_um: described.noise_um,
         groups: described.groups.clone(),
+        known_columns: TableSettings { columns: described.columns.clone(), ..TableSettings::default() },
         ..InitRequest::default()
     };
     let mut questions: Vec<OpenQuestion> = Vec::new();
@@ -121,7 +160,7 @@ fn written(home: &WorkbenchFolder, file: &Path, described: &Described) -> Result
         .map_err(|error| Error::at_path("create", home.own(), error, "make the folder writable"))?;
     let tried = init::run(&request(trial.path().join("trial")), &mut answer);
     if !questions.is_empty() {
-        return Ok(DescribeOutcome::Questions { questions });
+        return Ok(DescribeOutcome::Questions { questions, preview: preview(file) });
     }
     tried?;
     let item = home.new_experiment(&described.file);
@@ -155,4 +194,27 @@ fn find_upload(home: &WorkbenchFolder, described: &Described) -> Result<PathBuf>
         return Ok(path);
     }
     Err(Error::input(InputPlace::file(&described.file), "the workbench has no such table", "drop it on the page again"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn columns_that_the_user_chooses_are_read() {
+        let place = tempfile::tempdir().unwrap();
+        let home = WorkbenchFolder::of(place.path()).unwrap().0;
+        let rows: Vec<String> = (0..40).map(|row| format!("{};{};{};{}", row, row % 7, 3 * row, row / 20)).collect();
+        let table = format!("t (s);A (µm);F (µN);B (µm)\n{}\n", rows.join("\n"));
+        let upload = store_upload(&home, "x.csv", 1, table.as_bytes()).unwrap();
+        let mut described = Described { upload, file: "x.csv".into(), ..Described::default() };
+        let DescribeOutcome::Questions { questions, preview } = describe(&home, &described).unwrap() else { panic!() };
+        let preview = preview.unwrap();
+        assert_eq!((preview.names[2].as_str(), preview.rows[1].join(" ")), ("F (µN)", "1 1 3 0".to_string()));
+        let is_asked = |questions: &[OpenQuestion]| questions.iter().any(|own| own.text.contains("position"));
+        assert!(is_asked(&questions), "two columns may be the position: {questions:?}");
+        described.columns[2] = Some("4".into());
+        let DescribeOutcome::Questions { questions, .. } = describe(&home, &described).unwrap() else { panic!() };
+        assert!(!is_asked(&questions) && !questions.is_empty(), "{questions:?}");
+    }
 }

@@ -145,7 +145,7 @@ impl Trial {
             let (n, sum) = errors.fold((0_usize, 0.0), |(n, sum), square| (n + 1, sum + square));
             (n > 0).then(|| (sum / n as f64).sqrt())
         };
-        let rows = select_rows(experiment, predictions, tried.window);
+        let rows = select_rows(experiment, predictions, None, tried.window);
         Ok(Curve {
             tried_residual_um: rows
                 .chosen

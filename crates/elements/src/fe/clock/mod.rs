@@ -7,5 +7,5 @@ pub(crate) use steps::{Grading, StepRule, fit_step_to_stop, share_of_gap};
 pub use tableau::Scheme;
 pub use tableau::{FOURTH, Tableau};
 
-/// Two times count as equal if they differ by less than this fraction of the record's length.
+/// Fraction of the record's length below which the difference of two times counts as zero.
 pub const CLOCK_ROUNDING: f64 = 1e-13;

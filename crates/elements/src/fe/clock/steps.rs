@@ -1,23 +1,26 @@
-//! Step lengths. They grow geometrically after every switch, and steps end at switches and rows.
+//! Lengths of time steps. They grow geometrically after every switch of the force, and steps end at
+//! switches and rows.
 
-/// Smallest starting scale of the steps after a force jump, as a fraction of the time to the next
-/// stop. Faster processes stay stable but are not resolved.
+/// Shortest time scale that the first steps after a force jump resolve, as a fraction of the time
+/// to the next stop. Faster processes stay stable but are not resolved.
 const SHARE_OF_GAP: f64 = 1e-4;
-/// Smallest starting scale of the steps after a switch without a force jump, as a fraction of the
-/// time to the next stop. Fast processes then follow the force from the start.
+/// Shortest time scale that the first steps after a switch without a force jump resolve, as a
+/// fraction of the time to the next stop. Fast processes then follow the force from the start.
 const SHARE_OF_SMOOTH_GAP: f64 = 0.1;
-/// Upper bound of (step length × the gel's softening rate)/η.
+/// Upper bound of step length × the gel's softening rate, divided by the growth factor of the
+/// steps.
 const SOFTENING_SHARE: f64 = 3.0;
 /// Number of binary digits dropped from a step's length. Lengths that differ only by rounding of
 /// the clock then use the same matrices.
 const DROPPED_BITS: u32 = 52 - 36;
 
-/// Rule for step lengths: h ≤ η (time since the switch + scale). Lengths are taken from the ladder
-/// η 2^(j/k), so that few different lengths occur.
+/// Rule for step lengths: at most the growth factor × (time since the switch + starting scale).
+/// Lengths are the growth factor × 2^(j/k) s, with integers j and k steps per doubling, so that few
+/// different lengths occur.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct StepRule {
     steps_per_doubling: f64,
-    /// Growth factor η.
+    /// Growth factor: largest ratio of a step's length to the time since the switch.
     growth: f64,
     /// Shortest time scale (s) that the steps resolve.
     fastest_s: f64,
@@ -27,13 +30,13 @@ pub(crate) struct StepRule {
     longest_step_s: f64,
 }
 
-/// Smallest starting scale of the steps after a switch, as a fraction of the time to the next stop.
-/// `jumps` tells whether the force jumps.
+/// Shortest time scale that the first steps after a switch resolve, as a fraction of the time to
+/// the next stop. `jumps` tells whether the force jumps.
 pub(crate) fn share_of_gap(jumps: bool) -> f64 {
     if jumps { SHARE_OF_GAP } else { SHARE_OF_SMOOTH_GAP }
 }
 
-/// Grading of the steps after one switch.
+/// Time of the last switch, and the time scale that the first steps after it resolve.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Grading {
     switched_s: f64,
@@ -41,8 +44,8 @@ pub(crate) struct Grading {
 }
 
 impl StepRule {
-    /// Builds the rule. `fastest_s` is the shortest time scale of the law and of the load's lag,
-    /// and `softening_per_s` the gel's softening rate.
+    /// Builds the rule for step lengths. `fastest_s` is the shortest time scale of the law and of
+    /// the load's lag, and `softening_per_s` the gel's softening rate.
     pub fn new(steps_per_doubling: u32, fastest_s: f64, feeds_back: bool, softening_per_s: f64) -> Self {
         let steps_per_doubling = f64::from(steps_per_doubling.max(1));
         let growth = steps_per_doubling.recip().exp2() - 1.0;

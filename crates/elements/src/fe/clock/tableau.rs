@@ -1,9 +1,9 @@
 //! Time-stepping methods: singly diagonally implicit Runge–Kutta. Every stage is a step of implicit
 //! Euler. The last stage is at the step's end, so that the force balance holds there.
 //!
-//! [`Scheme::Fourth`] has order 4 and five stages, is L-stable and has γ = ¼. Source: E. Hairer, G.
-//! Wanner, Solving Ordinary Differential Equations II, §IV.6, Table 6.5,
-//! doi:10.1007/978-3-642-05221-7. [`Scheme::Euler`] has one stage. It is for uses that need the
+//! [`Scheme::Fourth`] has order 4 and five stages, is L-stable and has the diagonal coefficient ¼.
+//! Source: E. Hairer, G. Wanner, Solving Ordinary Differential Equations II, §IV.6, Table 6.5,
+//! doi:10.1007/978-3-642-05221-7. [`Scheme::Euler`] has one stage. It serves uses that need the
 //! shapes of fields but not accurate times.
 
 /// Runge–Kutta method of a run.
@@ -19,12 +19,13 @@ pub enum Scheme {
 /// Coefficients of a Runge–Kutta method.
 #[derive(Debug, Clone, Copy)]
 pub struct Tableau {
-    /// γ: every stage is an implicit Euler step of the length γ × the step's length.
+    /// Diagonal coefficient: every stage is an implicit Euler step of this fraction of the step's
+    /// length.
     pub diagonal: f64,
     /// Time of each stage, as a fraction of the step.
     pub nodes: &'static [f64],
-    /// Coefficients below the diagonal, in units of the step. Stage i starts from the state at the
-    /// step's start plus the step times Σⱼ `matrix[i][j]` × the rate of the earlier stage j.
+    /// Coefficients below the diagonal. Stage i starts from the state at the step's start plus the
+    /// step's length times Σⱼ `matrix[i][j]` × the rate of the earlier stage j.
     pub matrix: &'static [&'static [f64]],
 }
 
@@ -91,8 +92,8 @@ mod tests {
         }
     }
 
-    /// Checks the stability function R(z) = 1 + z bᵀ(I − zA)⁻¹1. It agrees with e^z to z⁵, is at
-    /// most 1 on the imaginary axis, and is 0 at −∞.
+    /// Checks the stability function R(z) = 1 + z bᵀ(I − zA)⁻¹1, with the method's matrix A and
+    /// weights b. It agrees with e^z to z⁵, is at most 1 on the imaginary axis, and is 0 at −∞.
     #[test]
     fn the_method_is_l_stable() {
         let a = SMatrix::<f64, N_STAGES, N_STAGES>::from_fn(|i, j| if j <= i { entry(i, j) } else { 0.0 });

@@ -6,18 +6,20 @@ use super::geometry::Point;
 use super::mesh::{Boundary, Chain, Mesh};
 
 const ON_BODY: Boundary = Boundary { body: true, ..Boundary::INSIDE };
-/// Ratio of the radii of successive circles around the rim, inwards.
+/// Ratio of the radii of successive mesh circles around the rim, from the outside inwards.
 const RIM_FACTOR: f64 = 0.15;
-/// Radius of the largest circle around the rim, relative to half the side of the rim's box.
+/// Radius of the largest mesh circle around the rim, relative to half the side of the square box
+/// that surrounds the circles.
 const LARGEST_CIRCLE: f64 = 0.5;
-/// Ratio of the distances of successive boxes from the cylinder.
+/// Ratio of the distances of successive boxes of mesh lines from the cylinder.
 const BOX_RATIO: f64 = 2.5;
-/// Largest ratio of successive layers between the last box and the outer sphere.
+/// Largest ratio of the distances of successive layers from the cylinder, between the last box of
+/// mesh lines and the outer sphere.
 const LAST_RATIO: f64 = 3.0;
-/// Ratio of successive node distances from the rim, along the end face and along the side.
+/// Ratio of the distances of successive nodes from the rim, along the end face and along the side.
 const SIDE_RATIO: f64 = 3.0;
-/// Seven points of the rim's box to which rays from the rim lead. They run from the end face (0)
-/// around the outside to the side (6). The unit is half the side of the box.
+/// Seven points of the square box around the rim to which rays from the rim lead. They run from the
+/// end face (0) around the outside to the side (6). The unit is half the side of the box.
 const RAYS: [Point; 7] = [[-1.0, 0.0], [-1.0, 1.0], [0.0, 1.0], [1.0, 1.0], [1.0, 0.0], [1.0, -1.0], [0.0, -1.0]];
 
 /// Meshes the gel around a cylinder of `radius_m` and `half_length_m` (m), inside a sphere of
@@ -61,7 +63,8 @@ pub(super) fn mesh(radius_m: f64, half_length_m: f64, outer_radius_m: f64, n_rim
     mesh
 }
 
-/// Adds the cells between the rim and its box. Returns the vertices of the box, one per ray.
+/// Adds the cells between the rim and the box around it. Returns the vertices of the box, one per
+/// ray.
 fn around_rim(mesh: &mut Mesh, rim: Point, half_side: Point, n_layers: usize) -> [usize; 7] {
     let rim_vertex = mesh.vertex(rim, ON_BODY);
     let mut inner = mesh.polyline(&[rim_vertex; 7]);
@@ -111,9 +114,9 @@ fn first_box(mesh: &mut Mesh, rim: Point, half_side: Point, rays: [usize; 7]) ->
     mesh.polyline(&ring)
 }
 
-/// Distances of the boxes from the cylinder, relative to that of the first box, which is omitted.
-/// They grow geometrically. The corner of the last box is at 0.6 outer radii or midway between the
-/// rim and the sphere.
+/// Distances of the larger boxes from the cylinder, relative to the first box's distance. They grow
+/// geometrically. The corner of the last box is at 0.6 outer radii or midway between the rim and
+/// the sphere.
 fn box_growths(rim: Point, half_side: Point, outer_radius_m: f64) -> Vec<f64> {
     let corner = |growth: f64| (rim[0] + growth * half_side[0]).hypot(rim[1] + growth * half_side[1]);
     let last_corner = (0.6 * outer_radius_m).max(0.5 * (outer_radius_m + corner(0.0)));

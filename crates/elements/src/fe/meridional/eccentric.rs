@@ -13,13 +13,15 @@ use super::solver::{Assembled, Motion};
 use super::{Direction, Resolution};
 use base::error::{Error, Result};
 
-/// Largest ratio of the distances of successive circles from the limiting point of their family. It
-/// applies on the side away from the gap.
+/// Largest ratio of the distances of successive mesh circles from the limiting point of their
+/// bipolar family, on the side away from the gap.
 const LAYER_RATIO: f64 = 2.0;
-/// Number of equal angles between pole and pole in the concentric image.
+/// Number of equal angles from pole to pole in the concentric mesh, whose image is the eccentric
+/// mesh.
 const N_ANGLES: usize = 6;
-/// Ratio of the distances of additional rays from the gap's pole. In a small gap, the rays at equal
-/// angles all lie close to that pole of the outer sphere. Additional rays fill the space.
+/// Ratio of the distances of additional mesh rays from the gap's pole. In a small gap, the rays at
+/// equal angles all lie close to this pole of the outer sphere. Additional rays fill the remaining
+/// space.
 const RAY_RATIO: f64 = 3.0;
 
 /// A rigid sphere inside a fixed sphere. Lengths are in m.
@@ -29,7 +31,7 @@ pub struct EccentricSphere {
     pub radius_m: f64,
     /// Radius of the fixed sphere.
     pub outer_radius_m: f64,
-    /// Distance between the centres.
+    /// Distance between the centres of the two spheres.
     pub offset_m: f64,
 }
 
@@ -57,8 +59,8 @@ pub struct EccentricStiffness {
 }
 
 impl EccentricSphere {
-    /// Solves for a translation along the line of the centres ([`Direction::Axial`]) or across it.
-    /// The Poisson ratio lies in (−1, ½). The number of rim layers has no effect.
+    /// Computes the stiffnesses for motion along the line of the centres ([`Direction::Axial`]) or
+    /// across it. The Poisson ratio lies in (−1, ½). The number of rim layers has no effect.
     ///
     /// # Errors
     /// [`Error::Numerical`] if the gap is less than a millionth of the radius, or if the Poisson
@@ -115,7 +117,7 @@ impl EccentricSphere {
     /// Parameters of the Möbius map that takes the outer sphere to itself and a concentric sphere
     /// to the rigid sphere. The first is the image of the centre, the second the radius of the
     /// concentric sphere. Both are relative to the outer radius.
-    fn concentric_picture(&self) -> [f64; 2] {
+    fn concentric_parameters(&self) -> [f64; 2] {
         let [radius, offset] = [self.radius_m, self.offset_m].map(|x| x / self.outer_radius_m);
         // The image p of the centre is the inner limiting point of the family of circles. The
         // points p and p* are inverse in both spheres: p p* = 1, (d − p)(d − p*) = R².
@@ -130,7 +132,7 @@ impl EccentricSphere {
     }
 
     fn mesh(&self) -> Mesh {
-        let [centre, before] = self.concentric_picture();
+        let [centre, before] = self.concentric_parameters();
         let squeezed = 1.0 - centre * centre;
         let first = before * squeezed / (1.0 - centre * before);
         let growth = (1.0 + centre) / first;
@@ -175,12 +177,12 @@ impl EccentricSphere {
     }
 }
 
-/// Angles above the equator of the rays in the concentric image, from the gap's pole to the
+/// Angles (rad) above the equator, in the concentric mesh, of the rays from the gap's pole to the
 /// opposite pole.
 fn concentric_angles(centre: f64) -> Vec<f64> {
     let mut angles: Vec<f64> = (0..N_ANGLES).map(|k| FRAC_PI_2 * (1.0 - 2.0 * k as f64 / N_ANGLES as f64)).collect();
-    // On the outer sphere the map multiplies the tangent of half the angle from the pole by
-    // (1 − p)/(1 + p).
+    // On the outer sphere the map multiplies the tangent of half the angle from the pole by (1 −
+    // p)/(1 + p), with p = `centre`.
     let stretch = (1.0 + centre) / (1.0 - centre);
     let mut tangent = (0.5 * (FRAC_PI_2 - angles[N_ANGLES - 1])).tan();
     while tangent < RAY_RATIO * stretch {

@@ -82,8 +82,8 @@ pub fn solve_elastic(
     }
     let displacement = solve_sparse(n_skeleton, &triplets, load.clone())?;
     work += displacement.iter().zip(&load).map(|(u, f)| u * f).sum::<f64>();
-    // Let the force per volume be 1. The total force then equals the volume. On both halves,
-    // force · mean displacement = 2 circle · work.
+    // Let the force per volume be 1. The total force then equals the volume. With both halves,
+    // force × mean displacement is 2 × `mode.circle` × `work`.
     Ok(body.volume_m3().powi(2) / (2.0 * mode.circle * work))
 }
 
@@ -164,7 +164,7 @@ mod tests {
 
     /// Checks a robot with the gel's modulus, which is a loaded ball inside a homogeneous medium.
     /// In an unbounded medium its mean displacement is Kelvin's solution averaged twice over the
-    /// ball. This gives F/ū = 24πμR(1−ν)·5 / (6(5−6ν)) … = (5/6) · 24πμR(1−ν)/(5−6ν).
+    /// ball. The stiffness is then 5/6 of a rigid sphere's stiffness.
     #[test]
     fn a_robot_of_gel_moves_as_kelvin_says() {
         let (poisson_ratio, radius_m) = (0.3, 0.275e-3);

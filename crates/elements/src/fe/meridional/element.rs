@@ -31,7 +31,8 @@ type Term = (usize, Operator, f64);
 pub(super) struct Mode {
     /// Number of displacement components: (U, W) for n = 0, (U, V, W) for n = 1.
     pub(super) n_components: usize,
-    /// ∫ cos² nθ dθ from 0 to 2π. For n = 1 the integral of sin² nθ is equal.
+    /// Integral of cos² nθ over the full circle, with the number n of the Fourier mode. For n = 1
+    /// the integral of sin² nθ is equal.
     pub(super) circle: f64,
     /// Weight and terms of each strain, so that ε : ε = Σ weight × strain².
     strains: Vec<(f64, Vec<Term>)>,
@@ -135,7 +136,8 @@ impl ShapeTable {
     }
 
     /// Returns the lower triangle of the cell's stiffness ∫ (2μ ε : ε + λ (Π div u)²) r dr dz for
-    /// unit Young's modulus. Rows and columns are ordered component by component.
+    /// unit Young's modulus. ε is the strain of the displacement u, μ and λ are Lamé's moduli, and
+    /// Π projects on the pressures. Rows and columns are ordered component by component.
     pub(super) fn stiffness(
         &self,
         map: &Ruled,
@@ -179,14 +181,15 @@ impl ShapeTable {
         Ok(stiffness)
     }
 
-    /// Returns ∫ N r dr dz for every shape function N of one component.
+    /// Returns the integral ∫ N r dr dz of every shape function N of one component.
     pub(super) fn integrals(&self, map: &Ruled) -> Result<Vec<f64>> {
         let (_, roots) = self.operators(map)?;
         let integral = |a: usize| roots.iter().zip(self.value.col_as_slice(a)).map(|(root, v)| root * root * v).sum();
         Ok((0..self.n_functions()).map(integral).collect())
     }
 
-    /// Returns ∫ N M r dr dz for every pair of shape functions N and M of one component.
+    /// Returns the integral ∫ N M r dr dz for every pair of shape functions N and M of one
+    /// component.
     pub(super) fn products(&self, map: &Ruled) -> Result<Mat<f64>> {
         let (_, roots) = self.operators(map)?;
         let mut values = self.value.clone();
@@ -249,14 +252,15 @@ fn add_square(stiffness: &mut Mat<f64>, n: usize, products: &Mat<f64>, weight: f
     }
 }
 
-/// Returns AᵀB.
+/// Returns the product of the transposed matrix `a` and the matrix `b`.
 fn product_of_transpose(a: &Mat<f64>, b: &Mat<f64>) -> Mat<f64> {
     let mut product = Mat::zeros(a.ncols(), b.ncols());
     faer::linalg::matmul::matmul(&mut product, Accum::Replace, a.transpose(), b, 1.0, Par::Seq);
     product
 }
 
-/// Adds `factor` × AᵀA to the lower triangle of `to`.
+/// Adds `factor` times the product of the transposed matrix `a` and `a` to the lower triangle of
+/// `to`.
 pub(super) fn add_lower_gram(to: MatMut<f64>, a: MatRef<f64>, factor: f64) {
     triangular::matmul(
         to,

@@ -16,7 +16,7 @@ pub(in crate::fe) enum Curve {
 }
 
 impl Curve {
-    /// Returns the point at t and its derivative with respect to t.
+    /// Returns the point at the curve's parameter t and its derivative with respect to t.
     pub(in crate::fe) fn at(&self, t: f64) -> (Point, Point) {
         match *self {
             Self::Segment { from, to } => {
@@ -36,7 +36,7 @@ impl Curve {
 }
 
 impl Curve {
-    /// Returns the mirror image across z = 0, with reversed direction.
+    /// Returns the curve's mirror image across z = 0, with reversed direction.
     fn mirrored(&self) -> Self {
         let image = |[r, z]: Point| [r, -z];
         match *self {
@@ -61,12 +61,13 @@ pub(in crate::fe) struct Ruled {
 }
 
 impl Ruled {
-    /// Returns the mirror image across z = 0, with both curves reversed.
+    /// Returns the cell's mirror image across z = 0, with both curves reversed.
     pub(in crate::fe) fn mirrored(&self) -> Self {
         Self { inner: self.inner.mirrored(), outer: self.outer.mirrored(), ..*self }
     }
 
-    /// Returns (r, z) at (ξ, η), with its derivatives with respect to ξ and η.
+    /// Returns the point (r, z) at the reference coordinates (ξ, η), with its derivatives with
+    /// respect to ξ and η.
     pub(in crate::fe) fn at(&self, xi: f64, eta: f64) -> (Point, Point, Point) {
         let half = 0.5 * (self.across[1] - self.across[0]);
         let (t, s) = (0.5 * (1.0 + xi), self.across[0] + (1.0 + eta) * half);
@@ -76,7 +77,7 @@ impl Ruled {
         (blend(inner, outer), along, [half * (outer[0] - inner[0]), half * (outer[1] - inner[1])])
     }
 
-    /// [`Self::at`], with the Jacobian determinant as fourth value.
+    /// Returns the values of [`Self::at`], with the Jacobian determinant as fourth value.
     ///
     /// # Errors
     /// [`Error::Numerical`] if the cell is inverted or leaves the half meridian.

@@ -8,16 +8,16 @@ use super::geometry::{Curve, Point, Ruled};
 pub(in crate::fe) struct Boundary {
     pub(in crate::fe) body: bool,
     pub(in crate::fe) outer: bool,
-    /// True on the axis, r = 0.
+    /// True if the vertex lies on the axis, r = 0.
     pub(in crate::fe) axis: bool,
-    /// True on the plane of symmetry, z = 0.
+    /// True if the vertex lies on the plane of symmetry, z = 0.
     pub(in crate::fe) equator: bool,
 }
 
 impl Boundary {
     pub(in crate::fe) const INSIDE: Self = Self { body: false, outer: false, axis: false, equator: false };
 
-    /// Parts of the boundary on which both vertices lie.
+    /// Returns the parts of the boundary that contain both vertices.
     pub(in crate::fe) fn and(self, other: Self) -> Self {
         Self {
             body: self.body && other.body,
@@ -129,7 +129,7 @@ impl Mesh {
     }
 
     /// Adds vertices between two chains, at a fraction of the distance from the inner to the outer
-    /// one.
+    /// chain.
     fn between(&mut self, inner: &Chain, outer: &Chain, fraction: f64) -> Vec<usize> {
         let pairs = inner.vertices.iter().zip(&outer.vertices);
         let points: Vec<Point> = pairs

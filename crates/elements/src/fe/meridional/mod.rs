@@ -64,7 +64,7 @@ impl BodyOfRevolution {
         Self::Spheroid { semi_axis_along_m: radius_m, semi_axis_across_m: radius_m }
     }
 
-    /// Volume in m³.
+    /// Volume of the body in m³.
     pub fn volume_m3(&self) -> f64 {
         match *self {
             Self::Spheroid { semi_axis_along_m: a, semi_axis_across_m: b } => 4.0 / 3.0 * PI * a * b * b,
@@ -72,7 +72,7 @@ impl BodyOfRevolution {
         }
     }
 
-    /// Area of the surface in m².
+    /// Area of the body's surface in m².
     pub fn surface_area_m2(&self) -> f64 {
         match *self {
             Self::Spheroid { semi_axis_along_m: a, semi_axis_across_m: b } => {
@@ -137,8 +137,9 @@ pub enum Formulation {
     /// The volumetric strain is projected on discontinuous pressures, which are polynomials of
     /// total degree order − 1. This formulation does not lock.
     Mixed,
-    /// The unknowns are displacements alone. This formulation checks the other. Its stiffness
-    /// approaches the exact value from above. Near ν = ½ it needs one or two orders more.
+    /// The unknowns are displacements alone. This formulation checks [`Self::Mixed`]. Its stiffness
+    /// approaches the exact value from above. Near a Poisson ratio of ½ it needs one or two
+    /// polynomial orders more.
     Displacement,
 }
 

@@ -1,9 +1,9 @@
 //! The two matrices of a linear effect around a sphere, for the time stepping of
 //! [`crate::fe::spatial`]. They form a second full-order model, in the half meridian.
 //!
-//! It shares the equations, the time stepping and the Cholesky kernels with the three-dimensional
-//! model, but not mesh, elements, quadrature and unknowns. The displacement is axisymmetric about
-//! the force. A node's first component is along the axis, the second across it.
+//! This model shares the equations, the time stepping and the Cholesky kernels with the
+//! three-dimensional model, but not mesh, elements, quadrature and unknowns. The displacement is
+//! axisymmetric about the force. A node's first component is along the axis, the second across it.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -34,10 +34,10 @@ pub enum EffectMatrix {
     /// Stiffness (m), for unit Young's modulus, of the gel closer to the centre than this radius.
     /// The first matrix is then the stiffness of the gel outside this radius.
     GelWithin {
-        /// Radius of the boundary between the two matrices' gel, in m.
+        /// Radius (m) that separates the second matrix's gel, inside, from the first matrix's gel.
         radius_m: f64,
     },
-    /// Mass of gel and body, in kg.
+    /// Mass matrix of gel and body, in kg.
     Mass {
         /// Density of the gel, in kg/m³.
         gel_density_kg_m3: f64,
@@ -47,12 +47,13 @@ pub enum EffectMatrix {
     /// Friction matrix ∫ g·g dA over the body's surface, in m². g is the gel's slip along that
     /// surface.
     Slip,
-    /// ∫ u·u dA over the outer surface, divided by its radius, in m. The outer surface is free
-    /// instead of fixed.
+    /// Stiffness of springs on the outer surface, in m: ∫ u·u dA divided by the surface's radius,
+    /// with the displacement u. The outer surface is free instead of fixed.
     OuterSprings,
 }
 
-/// Builds both matrices for a sphere at the centre of a larger one. Radii are in m.
+/// Builds the gel's and the effect's matrices for a sphere at the centre of a larger sphere. Radii
+/// are in m.
 ///
 /// # Errors
 /// [`Error::Numerical`] if the radii are not in ascending order, or if the Poisson ratio lies
@@ -81,7 +82,7 @@ pub fn build_effect_system(
     let stiffness = |cell: &Cell| {
         let stiffness = table.stiffness(&cell.map, &mode, poisson_ratio, Formulation::Mixed)?;
         let n = table.n_functions();
-        // Component 0 of the table is the one across the axis.
+        // Component 0 of the table is the displacement across the axis.
         let entry = |row: usize, column: usize| stiffness[(row.max(column), row.min(column))];
         let place = |k: usize| [Some(n + k / 3), Some(k / 3), None][k % 3];
         let value = |i: usize, j: usize| place(i).zip(place(j)).map_or(0.0, |(i, j)| mode.circle * entry(i, j));
@@ -175,7 +176,8 @@ impl HalfMeridian {
         r.hypot(z)
     }
 
-    /// Numbers the unknowns. On the axis and on the equator, displacements across the axis are 0.
+    /// Numbers the unknowns of the half meridian. On the axis and on the equator, displacements
+    /// across the axis are 0.
     fn freedoms(&self, second: EffectMatrix) -> DegreesOfFreedom {
         let mut combinations: Vec<[Vec<(u32, f64)>; 3]> = vec![Default::default(); self.boundaries.len()];
         let mut count = 0;
@@ -219,8 +221,8 @@ impl HalfMeridian {
         SymmetricMatrix::assemble(freedoms, elements.iter().map(|(nodes, matrix)| (nodes.as_slice(), matrix.clone())))
     }
 
-    /// Returns `factor` ∫ u·u dA over a surface. With `of_slips`, u contains only the slips along
-    /// the surface.
+    /// Returns the matrix of `factor` ∫ u·u dA over a surface, with the displacement u. With
+    /// `of_slips`, u contains only the slips along the surface.
     fn on_surface(
         &self,
         freedoms: &DegreesOfFreedom,

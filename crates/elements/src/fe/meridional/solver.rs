@@ -102,9 +102,10 @@ pub(super) fn translation(direction: Direction) -> &'static [f64] {
 
 /// Numbers the unknowns and returns the freedom of every component of every node.
 ///
-/// On the axis a smooth field has U = 0 for n = 0. For n = 1, where it is a horizontal vector, it
-/// has U + V = 0 and W = 0. An axial translation makes W even and U odd about the plane z = 0. A
-/// transverse one makes U and V even and W odd.
+/// n is the number of the Fourier mode; U, V and W are its components along r, θ and z. On the axis
+/// a smooth field has U = 0 for n = 0. For n = 1, where it is a horizontal vector, it has U + V = 0
+/// and W = 0. An axial translation makes W even and U odd about the plane z = 0. A transverse
+/// translation makes U and V even and W odd.
 pub(super) fn freedoms(boundaries: &[Boundary], direction: Direction, is_rigid: bool) -> (Vec<Vec<Freedom>>, usize) {
     let mut count = 0;
     let mut unknown = |is_free: bool| {
@@ -134,11 +135,11 @@ pub(super) fn freedoms(boundaries: &[Boundary], direction: Direction, is_rigid: 
 /// Stiffness of a cell between the shape functions on its edges, after elimination of its interior.
 pub(super) struct Condensed {
     pub(super) nodes: Vec<usize>,
-    /// Both triangles; rows and columns are ordered component by component.
+    /// Full matrix, both triangles. Rows and columns are ordered component by component.
     pub(super) stiffness: Mat<f64>,
-    /// Load on the functions of the edges. The second value is the eliminated interior's
-    /// contribution to load · displacement.
+    /// Load on the functions of the edges.
     pub(super) load: Vec<f64>,
+    /// Contribution of the eliminated interior to load · displacement.
     pub(super) work: f64,
 }
 
@@ -179,7 +180,7 @@ pub(super) fn condense(
 /// Rigid motion of the body.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Motion {
-    /// Unit translation along the direction of the problem.
+    /// Unit translation along the direction of the force.
     Translation,
     /// Unit rotation about a line at this height on the axis. The line is perpendicular to the axis
     /// and to the translation. Mode 1 only.
@@ -196,7 +197,8 @@ pub(super) struct Assembled<'a> {
     cells: Vec<Condensed>,
     triplets: Vec<Triplet<u32, u32, f64>>,
     n_skeleton: usize,
-    /// ∫ cos² nθ dθ, doubled if only one half is meshed.
+    /// Integral of cos² nθ over the full circle, with the number n of the Fourier mode; doubled if
+    /// only one half is meshed.
     whole: f64,
     n_components: usize,
 }
@@ -331,7 +333,7 @@ impl<'a> Assembled<'a> {
     }
 }
 
-/// Solves for the stiffness against a unit translation of the body.
+/// Computes the gel's stiffness against a translation of the body.
 pub(super) fn solve(
     mesh: &Mesh,
     table: &ShapeTable,
@@ -369,7 +371,7 @@ pub(super) fn solve_sparse(
         SymmetricOrdering::Amd,
         CholeskySymbolicParams::default(),
     )
-    .map_err(|e| failed(format!("cannot be analysed: {e:?}")))?;
+    .map_err(|e| failed(format!("cannot be factorised symbolically: {e:?}")))?;
     let mut values = vec![0.0; symbolic.len_val()];
     let mut memory = MemBuffer::new(symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default()));
     symbolic

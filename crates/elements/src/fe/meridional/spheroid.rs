@@ -7,7 +7,8 @@ use super::mesh::{Boundary, Mesh, graded};
 
 /// Ratio of the minor semi-axes of successive ellipses.
 const LAYER_RATIO: f64 = 2.0;
-/// First eccentric angle from the tip, relative to the distance of the field's poles from the tip.
+/// Eccentric angle between the tip and the first ray, divided by the angle ξ of the field's poles
+/// ([`mesh`]).
 const FIRST_ANGLE: f64 = 1.5;
 /// Ratio of the eccentric angles of successive rays, counted from the tip.
 const ANGLE_RATIO: f64 = 3.0;

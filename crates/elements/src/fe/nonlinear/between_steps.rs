@@ -3,7 +3,8 @@
 //! The excess is the robot's displacement minus that of a linear law. Between two switches it is a
 //! smooth function of ξ = ln(1 + t/θ). t is the time since the switch, and θ is proportional to the
 //! first step. A polynomial of degree 5 interpolates the excess between the ends of steps. The
-//! linear law is stepped separately, by the linear model, at the ends of steps and at rows.
+//! linear model computes the linear law's displacement separately, at the ends of steps and at
+//! rows.
 
 use super::run::{self, RunRecorder};
 use super::{Bodies, NonlinearModel, NonlinearOptions, NonlinearResult};
@@ -41,7 +42,7 @@ impl NonlinearModel<'_> {
         if !stages.softening_rate_per_s.is_constant(0.0) {
             return Err(Error::numerical(
                 "softening over time cannot be combined with a nonlinear law",
-                "leave one of them out",
+                "leave out the softening or the nonlinear effect",
             ));
         }
         let bodies = Bodies::<f64>::new(&stages.law, nonlinearity)?;
@@ -77,7 +78,7 @@ impl NonlinearModel<'_> {
     }
 }
 
-/// Adds to an error's text the largest distance that the robot had moved.
+/// Appends the largest distance that the robot had moved to an error's text.
 fn with_place(error: Error, steps: &[(f64, f64)]) -> Error {
     let farthest_m = steps.iter().fold(0.0_f64, |most, step| most.max(step.1.abs()));
     match error {
@@ -135,12 +136,13 @@ fn displacements_m(
     Ok(found)
 }
 
-/// Value at `time_s` of the polynomial in ξ through the nearest nodes. Nodes are (time in s, excess
-/// in m); the first is at the switch.
+/// Interpolates the excess (m) at `time_s` between `nodes`, pairs of time (s) and excess (m). The
+/// interpolant is a polynomial in ln(1 + t/θ) through the nearest nodes, with t the time since the
+/// switch and θ a time scale. The first node is at the switch.
 fn interpolated(nodes: &[(f64, f64)], time_s: f64) -> f64 {
     let Some(&(begin_s, first)) = nodes.first() else { return 0.0 };
     let Some(&(second_s, _)) = nodes.get(1) else { return first };
-    // Steps grow geometrically. The first is about a fifth of θ.
+    // Steps grow geometrically. The first is about a fifth of the time scale.
     let scale_s = STEPS_IN_SCALE * (second_s - begin_s);
     let place = |t: f64| ((t - begin_s) / scale_s).max(0.0).ln_1p();
     let n = nodes.len().min(N_NODES);
@@ -156,5 +158,5 @@ fn interpolated(nodes: &[(f64, f64)], time_s: f64) -> f64 {
     chosen.iter().enumerate().map(|(i, node)| weight(i) * node.1).sum()
 }
 
-/// θ divided by the length of the first step.
+/// Time scale θ of the interpolation, divided by the length of the first step after a switch.
 const STEPS_IN_SCALE: f64 = 5.0;

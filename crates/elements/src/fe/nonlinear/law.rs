@@ -5,31 +5,32 @@ use base::number::{Dual, PointScalar};
 use laws::rheology::Element;
 use laws::stages::Nonlinearity;
 
-/// A Kelvin–Voigt body with compliance C and retardation time τ: τ ε̇ + ε = C s, with the stress s.
+/// A Kelvin–Voigt body: its strain ε under a stress s obeys τ ε̇ + ε = C s, with the compliance C
+/// and the retardation time τ.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Retarded<N> {
     pub compliance_per_pa: N,
     pub time_s: N,
 }
 
-/// Bodies in series. Each carries the full stress.
+/// Bodies of a law in series. Each bears the full stress.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bodies<N> {
-    /// Young's modulus E of the first Kelvin–Voigt body.
+    /// Young's modulus of the first Kelvin–Voigt body.
     pub modulus_pa: N,
-    /// Viscosity c₁ of the first Kelvin–Voigt body.
+    /// Viscosity of the first Kelvin–Voigt body.
     pub viscosity_1_pa_s: N,
-    /// Viscosity c₂ of the dashpot in series.
+    /// Viscosity of the dashpot in series.
     pub viscosity_2_pa_s: N,
     /// Total compliance of the springs in series.
     pub instantaneous_per_pa: N,
-    /// Further Kelvin–Voigt bodies. They are linear.
+    /// Further Kelvin–Voigt bodies, which are linear.
     pub retarded: Vec<Retarded<N>>,
     pub nonlinearity: Nonlinearity<N>,
 }
 
 impl<N: PointScalar> Bodies<N> {
-    /// Extracts the bodies from elements in series.
+    /// Extracts the bodies of a nonlinear law from its elements in series.
     ///
     /// # Errors
     /// [`Error::Numerical`] if the elements are not Kelvin–Voigt bodies, springs and one dashpot in
@@ -47,7 +48,7 @@ impl<N: PointScalar> Bodies<N> {
             let values = [sizes[0], sizes[1], sizes[2]].map(PointScalar::value);
             return Err(Error::numerical(
                 format!(
-                    "a law with the modulus and viscosities {values:?} has a body without resistance or with an infinite one"
+                    "the modulus and viscosities of the law are {values:?}; one of its bodies is without resistance, or rigid"
                 ),
                 "give positive, finite parameters",
             ));

@@ -6,12 +6,12 @@
 //!
 //! The balance is solved at every stage of every step by Newton's method on the displacements.
 //! Conjugate gradients solve the linear systems. Their preconditioner is the linear stiffness,
-//! factorised once for all steps. Strains are ε̄ = dev ε + ⅓Π(div u)I, with Π the projection on the
-//! element's pressures.
+//! factorised once for all steps. The volume strain is projected on the element's pressure
+//! functions.
 //!
 //! The time stepper has order 4 and is L-stable and stiffly accurate (Hairer & Wanner's SDIRK
-//! method). Steps end at every row and switch. They grow geometrically after a switch. A step
-//! without a balance is halved.
+//! method). Steps end at every row and switch. They grow geometrically after a switch. If Newton's
+//! method finds no balance, the step is halved.
 
 mod between_steps;
 mod law;
@@ -41,11 +41,12 @@ use record::Force;
 pub struct NonlinearOptions {
     /// Time-stepping method.
     pub scheme: Scheme,
-    /// Refinement of the time steps. If h is the step length and k the method's order, the error
-    /// falls like hᵏ.
+    /// Refinement of the time steps. The error varies with the step length to the power of the
+    /// method's order.
     pub resolution: Resolution,
-    /// Largest accepted residual r of the balance, relative to the largest force. Both are measured
-    /// in the norm √(rᵀK̂⁻¹r).
+    /// Largest accepted residual of the force balance, relative to the largest force. Both are
+    /// measured in the norm √(rᵀK̂⁻¹r) of a force vector r, with the stiffness K̂ at unit Young's
+    /// modulus.
     pub tolerance: f64,
 }
 
@@ -91,11 +92,11 @@ pub struct Cost {
 /// Displacements that a run returns, and its computing effort.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NonlinearResult {
-    /// Displacement of the robot (m) at every row, as the limit from the left.
+    /// Displacement of the robot (m) at every row, just before any force step at the row.
     pub displacement_m: Vec<f64>,
     /// All unknowns (m) at the requested rows, one vector per row.
     pub fields: Vec<Vec<f64>>,
-    /// Computing effort.
+    /// Number of steps, stages and iterations of the run.
     pub cost: Cost,
 }
 
@@ -160,7 +161,7 @@ impl<'a> NonlinearModel<'a> {
         Ok(result)
     }
 
-    /// [`Self::run`], but passes the state at every row to `at_row`.
+    /// Runs a law through a record, and passes the state at every row to `at_row`.
     pub fn run_with_row_states(
         &self,
         what: &NonlinearInput,

@@ -2,16 +2,18 @@
 //! to the stress.
 //!
 //! Tensors are six numbers: five coordinates of the deviator in an orthonormal basis, and the
-//! trace. A stage is an implicit Euler step of length g. Every linear body then obeys ε = d H + j
-//! s, with H its strain at the stage's start. Let h = Σ d H and j_l = Σ j over the linear bodies.
-//! Let H_N be the strain of the nonlinear body at the start. The stress is
+//! trace. A stage is an implicit Euler step of length g. The strain of a linear body at its end is
+//! ε = d H + j s. H is the body's strain at the stage's start, s the stress, and d, j are scalars.
+//! Let h = Σ d H and j_l = Σ j over the linear bodies. Let H_N be the strain of the nonlinear body
+//! at the start. With the total strain ε, the stress is
 //!
 //!  dev s = σ₁(|a|) dev a − κ dev H_N,   a = ε − h + ω H_N.
 //!
-//! A stiffening spring has ω = j_l c₁/g and κ = c₁/g. A thinning or yielding dashpot has ω = −1 and
-//! κ = 0. Let m be the size of the spring's strain ε_k, or of s for a dashpot. It solves the scalar
-//! equation α m + ψ(m) = √⅔ |dev a|. Because ψ is convex, Newton's method from above the root
-//! always converges.
+//! σ₁ is a secant modulus. A stiffening spring has ω = j_l c₁/g and κ = c₁/g, with the viscosity c₁
+//! of the dashpot beside it. A thinning or yielding dashpot has ω = −1 and κ = 0. Let m be the
+//! equivalent strain of the spring, or the equivalent stress of the dashpot. It solves the scalar
+//! equation α m + ψ(m) = √⅔ |dev a|, with a constant α and a function ψ. Because ψ is convex,
+//! Newton's method from above the root always converges.
 
 use super::law::Bodies;
 use base::number::{Dual, PointScalar};
@@ -47,46 +49,50 @@ impl Number for Dual {
 /// √⅔: ratio of the equivalent strain or stress of physics §5 to the norm of the deviator.
 pub const EQUIVALENT: f64 = 0.816_496_580_927_726;
 
-/// A linear body over a stage: ε = `decay` H + `compliance` s, with H its strain at the start.
+/// A linear body over a stage: its strain at the end is `decay` × its strain at the start +
+/// `compliance` × stress.
 #[derive(Debug, Clone, Copy)]
 pub struct LinearBody<N> {
     pub decay: N,
     pub compliance: N,
 }
 
-/// The law over a stage of a given length.
+/// Coefficients of the law over a stage of given length.
 #[derive(Debug, Clone)]
 pub struct StageLaw<N> {
     /// Linear bodies that have a strain history.
     pub linear: Vec<LinearBody<N>>,
-    /// j_l: sum of the compliances of the linear bodies, in 1/Pa.
+    /// Sum of the compliances of the linear bodies over the stage, in 1/Pa.
     pub linear_compliance: N,
     pub omega: N,
     pub kappa: N,
     pub radial: Radial<N>,
 }
 
-/// Coefficients of the scalar equation for the nonlinear body.
+/// Coefficients of the scalar equation for the nonlinear body's equivalent strain or stress.
 #[derive(Debug, Clone, Copy)]
 pub enum Radial<N> {
-    /// Stiffening spring: c₁/g, E and Eβ.
+    /// Stiffening spring: viscosity beside it / stage length, Young's modulus, and the modulus
+    /// times the stiffening coefficient.
     Stiffening { rate: N, modulus: N, cubic: N },
-    /// Thinning dashpot: g/c₂, 1/n − 1 and s₀.
+    /// Thinning dashpot: stage length / viscosity, 1/n − 1 for the thinning index n, and the
+    /// reference stress.
     Thinning { fluidity: N, exponent: N, reference: N },
-    /// Yielding dashpot: g/c₂, s_y and δ.
+    /// Yielding dashpot: stage length / viscosity, yield stress, and smoothing.
     Yield { fluidity: N, stress: N, smoothing: f64 },
 }
 
-/// Moduli that relate the stress to a: dev s + κ dev H_N = `secant` dev a, and tr s + κ tr
-/// H_N = `volumetric` tr a.
+/// Moduli of the stress s for the tensor a of the module's text: dev s + κ dev H_N = `secant` dev
+/// a, and tr s + κ tr H_N = `volumetric` tr a. H_N is the nonlinear body's strain at the stage's
+/// start, κ a constant.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Moduli<N> {
     pub secant: N,
-    /// Tangent modulus d|dev s|/d|dev a| in the direction of dev a. In directions across it,
-    /// `secant` applies.
+    /// Tangent modulus: derivative of the norm of dev s with respect to the norm of dev a. Across
+    /// the direction of dev a, `secant` applies.
     pub normal: N,
     pub volumetric: N,
-    /// Derivative of `volumetric` with respect to |dev a|.
+    /// Derivative of `volumetric` with respect to the norm of dev a.
     pub coupling: N,
 }
 
@@ -130,8 +136,8 @@ impl<N: Number> StageLaw<N> {
         matches!(self.radial, Radial::Stiffening { cubic, .. } if cubic.value() == 0.0)
     }
 
-    /// Returns −h + ω H_N, which added to the strain gives a. `histories` holds H_N, then the
-    /// strain of each linear body.
+    /// Returns the tensor that, added to the strain, gives the tensor a of the module's text.
+    /// `histories` holds the strain of the nonlinear body, then that of each linear body.
     #[inline(always)]
     pub(crate) fn offset(&self, histories: &[Tensor<N>]) -> Tensor<N> {
         let mut offset = histories[0].map(|h| self.omega * h);
@@ -158,7 +164,7 @@ impl<N: Number> StageLaw<N> {
         nonlinear[0] = rest;
     }
 
-    /// Moduli for a tensor a whose deviator has the norm `norm`.
+    /// Moduli at a tensor a (see the module's text) whose deviator has the norm `norm`.
     #[inline(always)]
     pub(crate) fn moduli(&self, norm: N) -> Moduli<N> {
         match self.radial {
@@ -244,24 +250,24 @@ impl<N: Number> StageLaw<N> {
     }
 }
 
-/// Coefficients of a first guess for m in (a + b m²) m = e. The guess is e/a times a quotient of
-/// polynomials 1 + p₁ t + p₂ t². Its error is 4 % for t = b e²/a³ below 1000.
+/// Coefficients of a first guess for the root m of (a + b m²) m = e. The guess is e/a times a
+/// quotient of polynomials 1 + p₁ t + p₂ t² in t = b e²/a³. Its error is 4 % for t below 1000.
 pub const STIFFENING_START: [[f64; 2]; 2] = [[0.33035, 0.0010286], [0.91573, 0.012622]];
-/// Largest number of Newton steps for the scalar equation. Steps from above always approach the
-/// root, and five suffice.
+/// Largest number of Newton steps for the scalar equation of the nonlinear body. Steps from above
+/// always approach the root, and five suffice.
 const MOST_ITERATIONS: usize = 60;
-/// Relative change at which the iteration for the scalar equation ends.
+/// Relative change at which the iteration for the nonlinear body's scalar equation ends.
 const ROUNDING: f64 = 1e-10;
 
-/// Gives a root the derivative of the number type `N`: one more Newton step computes it.
+/// Gives a root of `rest` the derivative of the number type `N`, by one more Newton step.
 #[inline(always)]
 fn polished<N: Number>(root: f64, rest: impl Fn(N) -> N, slope: f64) -> N {
     let root = N::constant(root);
     if N::HAS_DERIVATIVE { root - rest(root) * (1.0 / slope) } else { root }
 }
 
-/// Moduli of a compliance j in series with a flow. At equivalent stress m their strain is m
-/// (j + `flow`), whose derivative by m is j + `slope`.
+/// Moduli of a compliance `j` in series with a flow. At the equivalent stress `m` their strain is m
+/// (j + `flow`), whose derivative with respect to m is j + `slope`.
 #[inline(always)]
 fn in_series<N: Number>(j: N, flow: N, slope: N, m: N) -> Moduli<N> {
     let one = N::constant(1.0);
@@ -272,8 +278,9 @@ fn in_series<N: Number>(j: N, flow: N, slope: N, m: N) -> Moduli<N> {
     Moduli { secant, normal, volumetric: secant, coupling }
 }
 
-/// Returns r(m)/m and r'(m) of r(m) = ½[m − s_y + √((m − s_y)² + 4δ² s_y m)]. r smooths ⟨m − s_y⟩;
-/// m is the equivalent stress.
+/// Returns r(m)/m and r'(m) of the smoothed yield function r(m) = ½[m − s_y + √((m − s_y)² + 4δ²
+/// s_y m)]. m is the equivalent stress, s_y the yield stress and δ the smoothing. r smooths ⟨m −
+/// s_y⟩, the positive part of m − s_y.
 ///
 /// r is convex and rising, with r(0) = 0. It equals m at s_y = 0, and exceeds ⟨m − s_y⟩ by at most
 /// δ s_y (at m = s_y). Far below the yield stress the dashpot creeps with δ² times its fluidity.

@@ -154,8 +154,8 @@ fn derivatives_are_carried_through_the_scalar_equation() {
     }
 }
 
-/// Checks that at their nulls all three nonlinear laws equal the linear law to rounding:
-/// s = (ε − h)/j.
+/// Checks that at their nulls all three nonlinear laws equal the linear law to rounding: stress =
+/// (strain − history) / compliance.
 #[test]
 fn nulls_are_the_linear_law() {
     let exact = {

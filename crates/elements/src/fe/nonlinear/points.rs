@@ -2,8 +2,9 @@
 //! linear maps are transposes of each other.
 //!
 //! Tensors consist of the deviator's coordinates in an orthonormal basis and the trace. The trace
-//! is projected on the element's pressures (physics §3.4): ε̄ = dev ε + ⅓Π(div u)I. The virtual
-//! work of a stress s = D̂⁻¹σ is 2μ̂ dev s : dev δε + κ̂ tr s Π(div δu).
+//! is projected on the element's pressure functions (physics §3.4). Stresses s are relative to unit
+//! moduli: the stress tensor is 2μ̂ dev s + κ̂ tr s I. μ̂ and κ̂ are the shear and bulk modulus for
+//! unit Young's modulus.
 
 use super::point::Tensor;
 use crate::fe::assembly::{Unknowns, unit_moduli};
@@ -23,17 +24,19 @@ const FIXED: u32 = u32::MAX;
 
 /// The integration points of a mesh at one Poisson ratio.
 pub struct IntegrationPoints {
-    /// Number of nodes per element. The next two fields are the numbers of integration points and
-    /// of pressures per element.
+    /// Number of nodes per element.
     n_nodes: usize,
+    /// Number of integration points per element.
     n_points: usize,
+    /// Number of pressure functions per element.
     n_pressures: usize,
     /// Reference gradients of the shape functions. Row 3q + d belongs to point q and direction d;
     /// columns are nodes.
     gradient: Mat<f64>,
     /// Values of the pressure functions, point by point.
     pressure: Vec<f64>,
-    /// Inverse Jacobian ∂ξ/∂x (1/m) at every point.
+    /// Inverse Jacobian (1/m) at every point: derivatives of reference coordinates with respect to
+    /// position.
     inverse_jacobian: Vec<[f64; 9]>,
     /// Quadrature weight times Jacobian determinant of every point, in m³.
     volume_m3: Vec<f64>,
@@ -42,12 +45,13 @@ pub struct IntegrationPoints {
     /// Index of the unknown of every component of every node of every element, or [`FIXED`].
     unknowns: Vec<u32>,
     n_unknowns: usize,
-    /// 2μ̂ and κ̂: twice the shear modulus, and the bulk modulus, for unit Young's modulus.
+    /// Twice the shear modulus, and the bulk modulus, for unit Young's modulus.
     moduli: [f64; 2],
 }
 
 impl IntegrationPoints {
-    /// Prepares a mesh whose displacement unknowns are numbered by `unknowns`.
+    /// Prepares the integration points of a mesh whose displacement unknowns are numbered by
+    /// `unknowns`.
     pub fn new(mesh: &Mesh, unknowns: &Unknowns, poisson_ratio: f64) -> Result<Self> {
         let table = TabulatedElement::of(mesh.element_kind);
         let n_nodes = table.n_nodes;
@@ -107,8 +111,8 @@ impl IntegrationPoints {
         &self.volume_m3
     }
 
-    /// Factors from s = D̂⁻¹σ to the stress σ: 2μ̂ for the deviator's coordinates and κ̂ for the
-    /// trace.
+    /// Factors from a stress relative to unit moduli to the stress: twice the shear modulus for the
+    /// deviator's coordinates and the bulk modulus for the trace, at unit Young's modulus.
     pub fn unit_moduli(&self) -> Tensor<f64> {
         let [two_mu, kappa] = self.moduli;
         [two_mu, two_mu, two_mu, two_mu, two_mu, kappa]
@@ -132,8 +136,8 @@ impl IntegrationPoints {
         strains
     }
 
-    /// Forces on the unknowns due to stresses s at every integration point. They are in N if s is
-    /// in Pa.
+    /// Forces on the unknowns due to stresses (relative to unit moduli) at every integration point.
+    /// They are in N if the stresses are in Pa.
     pub(crate) fn forces(&self, stresses: &[Tensor<f64>]) -> Vec<f64> {
         let chunks: Vec<Mat<f64>> = stresses
             .par_chunks(CHUNK * self.n_points)
@@ -172,8 +176,9 @@ impl IntegrationPoints {
         force
     }
 
-    /// Returns ∂uᵢ/∂ξ_d at the points of `n_elements` elements, starting at element `first`. Row
-    /// 3q + d belongs to point q, column 3e + i to element `first` + e.
+    /// Returns the derivatives of the displacement with respect to reference coordinates, at the
+    /// points of `n_elements` elements from element `first` on. Row 3q + d belongs to point q and
+    /// coordinate d, column 3e + i to element `first` + e and component i.
     fn reference_gradients(&self, displacement: &[f64], first: usize, n_elements: usize) -> Mat<f64> {
         let nodal = self.gathered(displacement, first, n_elements);
         let mut reference = Mat::<f64>::zeros(3 * self.n_points, 3 * n_elements);
@@ -181,8 +186,8 @@ impl IntegrationPoints {
         reference
     }
 
-    /// Returns a function of (q, i, j) for element `first` + e. It gives ∂uᵢ/∂xⱼ = Σ_d ∂uᵢ/∂ξ_d
-    /// ∂ξ_d/∂xⱼ at point q.
+    /// Returns a function of (q, i, j) for element `first` + e: the derivative of displacement
+    /// component i with respect to coordinate j at point q.
     fn derivatives<'a>(
         &'a self,
         reference: &'a Mat<f64>,
@@ -277,7 +282,8 @@ pub(crate) fn strain_tensor(derivative: impl Fn(usize, usize) -> f64) -> Tensor<
     [R6 * (2.0 * xx - yy - zz), R2 * (yy - zz), shear(0, 1), shear(0, 2), shear(1, 2), xx + yy + zz]
 }
 
-/// Matrix Σ for which Σ : ∇u = `deviatoric` dev s : dev ε + `volumetric` tr s tr ε.
+/// Matrix Σ whose work on a displacement gradient, Σ : ∇u, is `deviatoric` dev s : dev ε +
+/// `volumetric` tr s tr ε, with ε the strain.
 pub(crate) fn stress_matrix(s: &Tensor<f64>, deviatoric: f64, volumetric: f64) -> [[f64; 3]; 3] {
     let pressure = volumetric * s[5];
     let (a, b) = (deviatoric * R6 * s[0], deviatoric * R2 * s[1]);

@@ -18,8 +18,8 @@ const MOST_RETRIES: u32 = 8;
 /// Index of the last stage of the five-stage method.
 const LAST_STAGE: usize = 4;
 
-/// State at a stop, as the limit from the left: unknowns (m), and stresses s (Pa) at all
-/// integration points.
+/// State of the gel at a stop of the run, just before any force step there: unknowns (m), and
+/// stresses relative to unit moduli (Pa) at all integration points.
 pub struct RowState<'a> {
     pub row: usize,
     pub displacement: &'a [f64],
@@ -34,8 +34,8 @@ pub(super) struct RunRecorder<'a> {
     pub stops_s: &'a [f64],
 }
 
-/// Steps the gel through a record. Passes on the state at every stop, and the time and the robot's
-/// displacement at the end of every step.
+/// Runs a nonlinear gel through a record. Calls `at_row` with the state at every stop, and
+/// `at_step` with the time and the robot's displacement at the end of every step.
 pub fn run(
     balance: Balance,
     bodies: &Bodies<f64>,
@@ -53,8 +53,8 @@ pub fn run(
     let mut run = NonlinearStepper::new(balance, bodies, &load, &switches, options, start_s);
     let mut coming = switches.iter().copied().enumerate().peekable();
     for (row, &row_s) in stops_s.iter().enumerate() {
-        // A switch at the time of a row acts only after the row, because positions are limits from
-        // the left.
+        // A switch at the time of a row acts only after the row, because positions are those before
+        // any force step.
         while let Some((i, switch)) = coming.next_if(|(_, switch)| switch.time_s < row_s - rounding_s) {
             run.advance_to(switch.time_s, rounding_s, &mut at_step)?;
             run.switch(switch, gap_s(time_s, &switches, i, rounding_s));
@@ -72,19 +72,21 @@ struct NonlinearStepper<'a> {
     resolution: Resolution,
     rule: StepRule,
     grading: Grading,
-    /// Largest accepted residual r, in the norm √(rᵀK̂⁻¹r).
+    /// Largest accepted residual r, in the norm √(rᵀK̂⁻¹r) with the stiffness K̂ at unit Young's
+    /// modulus.
     tolerance: f64,
     load: &'a Load<f64>,
     now_s: f64,
-    /// State of the load's lag: the force at its input since the last switch, and the force at its
-    /// output.
+    /// Force at the input of the load's lag since the last switch.
     input: Switch,
+    /// Force (N) at the output of the load's lag at the last switch.
     lagged_n: f64,
     /// Strain of every body at every integration point.
     histories: Vec<Tensor<f64>>,
     displacement: Vec<f64>,
     stresses: Vec<Tensor<f64>>,
-    /// Times (s) and displacements since the switch, from which guesses are extrapolated.
+    /// Times (s) and displacements since the switch, from which Newton's first guesses are
+    /// extrapolated.
     known: Vec<(f64, Vec<f64>)>,
     cost: Cost,
 }
@@ -231,8 +233,8 @@ impl<'a> NonlinearStepper<'a> {
         if self.known.is_empty() {
             return self.displacement.clone();
         }
-        // The last three known times are widely spaced and close to the stage. The last of five
-        // stages is the exception.
+        // The last three known times are widely spaced and close to the stage, except for the last
+        // of five stages.
         let n = self.known.len();
         let places = if stage == LAST_STAGE { vec![n - 4, n - 3, n - 1] } else { (n.saturating_sub(3)..n).collect() };
         let chosen: Vec<&(f64, Vec<f64>)> = places.into_iter().map(|place| &self.known[place]).collect();
@@ -246,8 +248,8 @@ impl<'a> NonlinearStepper<'a> {
     }
 }
 
-/// Strains from which a stage starts: those at the step's start plus the earlier stages' rates,
-/// weighted.
+/// Strains from which a stage starts: the strains at the step's start plus the step length times
+/// the weighted sum of the earlier stages' rates.
 fn started(start: &[Tensor<f64>], rates: &[Vec<Tensor<f64>>], weights: &[f64], step_s: f64) -> Vec<Tensor<f64>> {
     let mut histories = start.to_vec();
     for (rates, weight) in rates.iter().zip(weights) {

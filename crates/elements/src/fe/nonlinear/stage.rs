@@ -2,13 +2,13 @@
 //! solve the linear systems (physics §3.2).
 //!
 //! The tangent is the derivative of the stage's stress, so that Newton's method converges
-//! quadratically. It is not factorised, because the factor of K̂ is such a good preconditioner that
-//! a few iterations suffice. Their accuracy affects only the speed of Newton's method, not its
-//! result.
+//! quadratically. It is not factorised, because the factor of the unit stiffness is such a good
+//! preconditioner that a few iterations suffice. The accuracy of these iterations affects only the
+//! speed of Newton's method, not its result.
 //!
 //! Conjugate gradients need a symmetric matrix. The asymmetric part of the tangent is therefore
-//! omitted, and the last steps converge linearly. It is the dependence of the trace's modulus on
-//! the deviator in a flowing dashpot.
+//! omitted, and the last Newton steps converge linearly. This part is the dependence of the trace's
+//! modulus on the deviator in a flowing dashpot.
 
 use super::point::{Moduli, StageLaw, Tensor, deviator_norm};
 use super::points::IntegrationPoints;
@@ -23,23 +23,24 @@ const MOST_STEPS: usize = 30;
 const MOST_HALVINGS: usize = 8;
 /// Largest number of conjugate-gradient iterations per linear system.
 const MOST_GRADIENTS: usize = 200;
-/// Largest residual at which the solution of a linear system may end, relative to its initial
-/// value. Near convergence of Newton's method, the systems are solved more accurately.
+/// Largest ratio of final to initial residual in the solution of a linear system. Near convergence
+/// of Newton's method, the systems are solved more accurately.
 const FORCING: f64 = 0.05;
 
-/// Number of integration points that one task processes.
+/// Number of integration points that one parallel task processes.
 const CHUNK: usize = 512;
 
-/// Force on the robot: a right-hand side (N), with one value per unknown. It may depend on the
-/// robot's displacement x.
+/// Force (N) on the robot at zero displacement, and the load that makes it depend on the robot's
+/// displacement.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct RobotForce<'a> {
     pub force_n: f64,
     pub load: &'a Load<f64>,
 }
 
-/// Tangent at one point. The deviator obeys ds = secant dε + along n (n·dε), the trace
-/// ds = volumetric dε (+ coupling n·dε). n is the direction of dev a.
+/// Derivative of the stress s with respect to the strain ε at one integration point. The deviator
+/// obeys ds = `secant` dε + `along` n (n·dε). The trace obeys ds = `volumetric` dε + `coupling`
+/// n·(deviator of dε). n is the unit tensor `direction`.
 #[derive(Debug, Clone, Copy)]
 struct Tangent {
     secant: f64,
@@ -49,7 +50,7 @@ struct Tangent {
     direction: [f64; 5],
 }
 
-/// Solver for the balance of a mesh.
+/// Solver for the force balance of a mesh.
 pub(super) struct Balance<'a> {
     pub points: &'a IntegrationPoints,
     pub factor: &'a Factor<'a>,
@@ -58,7 +59,7 @@ pub(super) struct Balance<'a> {
     pub share: f64,
 }
 
-/// One stage: the law, the force, and the histories. The latter are `n_histories` tensors per
+/// One stage: the law, the force, and the histories. `histories` holds `n_histories` tensors per
 /// integration point, one point after the other.
 pub(super) struct NonlinearStage<'a> {
     pub law: &'a StageLaw<f64>,
@@ -67,7 +68,7 @@ pub(super) struct NonlinearStage<'a> {
     pub push: RobotForce<'a>,
 }
 
-/// The residual r at given displacements, with intermediate results.
+/// Residual of the force balance at given displacements, with intermediate results.
 struct Evaluated {
     strains: Vec<Tensor<f64>>,
     stresses: Vec<Tensor<f64>>,
@@ -75,13 +76,13 @@ struct Evaluated {
     residual: Vec<f64>,
     /// Derivative of the force with respect to the robot's displacement, in N/m.
     slope_n_per_m: f64,
-    /// K̂⁻¹ r.
+    /// Inverse of the unit stiffness times the residual.
     preconditioned: Vec<f64>,
-    /// Norm √(rᵀK̂⁻¹r) of the residual.
+    /// Norm √(rᵀK̂⁻¹r) of the residual r, with the stiffness K̂ at unit Young's modulus.
     norm: f64,
 }
 
-/// Strains and stresses that solve a stage, with the effort.
+/// Strains and stresses that solve a stage, with the numbers of evaluations and iterations.
 pub(super) struct StageSolution {
     pub strains: Vec<Tensor<f64>>,
     pub stresses: Vec<Tensor<f64>>,
@@ -95,7 +96,8 @@ pub(super) struct StageSolution {
 
 impl Balance<'_> {
     /// Finds the displacements (m) that balance the stage. `displacement` holds a guess and
-    /// receives the result. The residual r is at most `tolerance` in the norm √(rᵀK̂⁻¹r).
+    /// receives the result. The residual r is at most `tolerance` in the norm √(rᵀK̂⁻¹r), with the
+    /// stiffness K̂ at unit Young's modulus.
     ///
     /// # Errors
     /// [`Error::Numerical`] if Newton's method does not converge.
@@ -135,7 +137,7 @@ impl Balance<'_> {
             norms.push(now.norm);
         }
         Err(Error::numerical(
-            format!("the residual stays at {:.3e} of that of a unit force; {tolerance:.3e} is required", now.norm),
+            format!("the norm of the residual stays at {:.3e}; at most {tolerance:.3e} is accepted", now.norm),
             "give parameters of moderate size, or a larger tolerance",
         ))
     }
@@ -221,7 +223,7 @@ impl Balance<'_> {
     }
 }
 
-/// Stress at one point, and its tangent.
+/// Stress at one integration point, and its derivative with respect to the strain.
 fn respond(law: &StageLaw<f64>, strain: &Tensor<f64>, histories: &[Tensor<f64>]) -> (Tensor<f64>, Tangent) {
     let mut a = law.offset(histories);
     a.iter_mut().zip(strain).for_each(|(a, e)| *a += e);

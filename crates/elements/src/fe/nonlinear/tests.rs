@@ -49,8 +49,9 @@ fn distance(found: &[f64], exact: &[f64]) -> f64 {
     found.iter().zip(exact).fold(0.0_f64, |m, (a, b)| m.max((a - b).abs())) / amplitude
 }
 
-/// Compares the nulls of the nonlinear laws with fifth-order steps of the linear model. These share
-/// only the load's switches and the ladder of step lengths with the tested code.
+/// Compares the nonlinear laws at their nulls with fifth-order steps of the linear model. The
+/// linear model shares only the load's switches and the ladder of step lengths with the tested
+/// code.
 #[test]
 fn nulls_are_the_linear_model() {
     let mesh = ball();

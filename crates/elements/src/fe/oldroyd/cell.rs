@@ -15,13 +15,14 @@ use base::error::Result;
 const EXTRA_POINTS: usize = 2;
 
 /// Shape functions of one order at the quadrature points of the reference square, as products of
-/// functions of one coordinate. ξ runs fastest.
+/// functions of one coordinate. The first coordinate ξ runs fastest.
 pub(super) struct Reference {
     pub(super) order: usize,
     line: Vec<(f64, f64)>,
     /// Value of every function of one coordinate (running fastest) at every point of that
-    /// coordinate. The slopes are stored alike.
+    /// coordinate.
     value: Vec<f64>,
+    /// Slope of every function of one coordinate, in the order of `value`.
     slope: Vec<f64>,
     /// Values of the pressure functions (columns) at the points of the square (rows). Their total
     /// degree is at most order − 1. The first is constant.
@@ -60,7 +61,7 @@ impl Reference {
     }
 }
 
-/// Matrix product.
+/// Returns the product of two matrices.
 fn product(left: MatRef<'_, f64>, right: MatRef<'_, f64>) -> Mat<f64> {
     let mut found = Mat::zeros(left.nrows(), right.ncols());
     matmul(found.as_mut(), Accum::Replace, left, right, 1.0, Par::Seq);
@@ -71,13 +72,13 @@ fn column(values: &[f64]) -> MatRef<'_, f64> {
     MatRef::from_column_major_slice(values, values.len(), 1)
 }
 
-/// Components of F that displacements along r (first list) and along z (second list) change. Each
-/// list follows the order of the operators ∂/∂r, ∂/∂z and 1/r.
+/// Components of the deformation gradient that displacements along r (first list) and along z
+/// (second list) change. Each list follows the order of the operators ∂/∂r, ∂/∂z and 1/r.
 const OF: [&[usize]; 2] = [&[0, 1, 4], &[2, 3]];
 
 /// Geometry of one cell of the undeformed mesh.
 pub(super) struct CellShape {
-    /// 2π r times the area of each quadrature point.
+    /// Volume of each quadrature point's ring: 2π r times the point's area.
     pub(super) weights: Vec<f64>,
     /// Derivatives ∂N/∂r, ∂N/∂z and values N/r of every shape function N. Columns are functions;
     /// rows are points, one operator below the other.
@@ -110,8 +111,8 @@ impl CellShape {
         Ok(Self { weights, operators })
     }
 
-    /// F at every quadrature point. `displacement` is ordered component by component, with ξ
-    /// running fastest.
+    /// Deformation gradient at every quadrature point. `displacement` is ordered component by
+    /// component, with ξ running fastest.
     pub(super) fn gradients(&self, displacement: &[f64]) -> Vec<Gradient> {
         let (n_points, n) = (self.weights.len(), self.operators.ncols());
         let mut found = vec![IDENTITY; n_points];
@@ -125,8 +126,8 @@ impl CellShape {
     }
 
     /// Forces on the displacements, component by component, followed by −∫ ψ (det F − 1) for every
-    /// pressure function ψ. In a compressible gel the volume change due to the pressure is
-    /// subtracted from det F − 1.
+    /// pressure function ψ, with the deformation gradient F. In a compressible gel the volume
+    /// change due to the pressure is subtracted from det F − 1.
     pub(super) fn forces(
         &self,
         reference: &Reference,
@@ -145,7 +146,7 @@ impl CellShape {
                     nominal[(k * n_points + q, component)] = weight * (stress[*c] - pressure_at[q] * cofactor[*c]);
                 }
             }
-            let given = held[q].rest - held[q].law.give_per_pa * pressure_at[q];
+            let given = held[q].rest - held[q].law.volume_compliance_per_pa * pressure_at[q];
             volume[q] = -weight * (point::determinant(&f[q]) - 1.0 - given);
         }
         let forces = product(self.operators.transpose(), nominal.as_ref());
@@ -207,20 +208,20 @@ impl CellShape {
                 matrix[(a, k)] = matrix[(k, a)];
             }
         }
-        let give_per_pa = held.first().map_or(0.0, |held| held.law.give_per_pa);
-        if give_per_pa > 0.0 {
+        let volume_compliance_per_pa = held.first().map_or(0.0, |held| held.law.volume_compliance_per_pa);
+        if volume_compliance_per_pa > 0.0 {
             let values = &reference.pressure;
             let weighted = Mat::from_fn(n_points, pressures.len(), |q, k| self.weights[q] * values[(q, k)]);
             let block = matrix.as_mut().submatrix_mut(2 * n, 2 * n, pressures.len(), pressures.len());
-            matmul(block, Accum::Replace, values.transpose(), weighted.as_ref(), -give_per_pa, Par::Seq);
+            matmul(block, Accum::Replace, values.transpose(), weighted.as_ref(), -volume_compliance_per_pa, Par::Seq);
         }
         matrix
     }
 }
 
-/// A cell's matrix K after elimination of its interior. Index I is the interior, E the edges.
+/// A cell's matrix after elimination of the values in its interior.
 pub(super) struct Condensed {
-    /// LU factors of K_II.
+    /// LU factors of the matrix between the values in the interior.
     interior: DenseLu,
     edge_by_interior: Mat<f64>,
     interior_by_edge: Mat<f64>,
@@ -247,15 +248,15 @@ impl Condensed {
         Self { interior, edge_by_interior, interior_by_edge, matrix: condensed }
     }
 
-    /// Eliminates the interior's forces. Replaces them by K_II⁻¹ times them, and subtracts K_EI
-    /// K_II⁻¹ times them from the forces on the edges.
+    /// Eliminates the interior's forces. Multiplies `interior` by the inverse of the interior's
+    /// matrix, and subtracts the resulting forces on the edges from `edge`.
     pub(super) fn reduce(&self, interior: &mut [f64], edge: &mut [f64]) {
         self.interior.solve_one(interior);
         subtract_product(&self.edge_by_interior, interior, edge);
     }
 
-    /// Changes of the interior's values for given changes on the edges: −(K_II⁻¹ forces + K_II⁻¹
-    /// K_IE changes). `reduced` holds the first term from [`Self::reduce`].
+    /// Changes of the interior's values for given changes on the edges. `reduced` holds the
+    /// interior's forces after [`Self::reduce`].
     pub(super) fn interior(&self, mut reduced: Vec<f64>, changes: &[f64]) -> Vec<f64> {
         reduced.iter_mut().for_each(|x| *x = -*x);
         subtract_product(&self.interior_by_edge, changes, &mut reduced);

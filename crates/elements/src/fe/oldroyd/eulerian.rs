@@ -1,13 +1,14 @@
 //! A second formulation of an Oldroyd-B fluid around a sphere, in the sphere's moving frame. It is
 //! for tests only. The flow convects the conformation through a fixed mesh.
 //!
-//! It shares no code with the elements. Velocities are divergence-free poloidal fields, so that
-//! there is no pressure. They use Legendre functions in the angle and polynomials in ln r.
-//! Conformations are values at collocation points. Time is stepped by the explicit Runge–Kutta
-//! method of order four.
+//! This formulation shares no code with the elements. Velocities are divergence-free poloidal
+//! fields, so that there is no pressure. They use Legendre functions in the angle and polynomials
+//! in ln r, with the radius r. Conformations are values at collocation points. The explicit
+//! Runge–Kutta method of order four steps the time.
 //!
-//! Let u = ∇×∇×(r g_n P_n) and N = n(n + 1). A dot is d/d ln r and a prime is d/dθ. The velocity is
-//! u_r = N g P/r and u_θ = (g + ġ) P′/r. The components of r² ∂u/∂x, whose trace is 0, are
+//! Let u = ∇×∇×(r g_n P_n), with a radial function g_n and the Legendre polynomial P_n of cos θ,
+//! and N = n(n + 1). A dot is d/d ln r and a prime is d/dθ. The velocity is u_r = N g P/r and u_θ =
+//! (g + ġ) P′/r. The components of r² ∂u/∂x, whose trace is 0, are
 //!
 //! - rr: N (ġ − g) P
 //! - rθ: (N g − g − ġ) P′
@@ -24,19 +25,21 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use crate::fe::meridional::basis::{gauss_legendre, gauss_lobatto, lagrange, legendre};
 
-/// Number of functions and points of the discretisation.
+/// Numbers of radial and angular functions, and the time step.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Cut {
-    /// Number of polynomials in ln r. There are [`MORE_NODES`] more radial nodes than polynomials.
+    /// Number of polynomials in the radius's logarithm. There are [`MORE_NODES`] more radial nodes
+    /// than polynomials.
     pub(super) n_radial: usize,
     /// Number of Legendre functions. There are 1.5 times as many angular points.
     pub(super) n_angular: usize,
     pub(super) step_s: f64,
 }
 
-/// Number of radial nodes minus number of polynomials.
+/// Number of radial nodes minus number of radial polynomials.
 const MORE_NODES: usize = 12;
-/// Fraction of the largest ln r from which on the flow through the mesh fades out.
+/// Fraction of the container's ln r beyond which the flow through the mesh fades out, with the
+/// radius r in sphere radii.
 const FADING: f64 = 0.5;
 
 /// An Oldroyd-B fluid around a sphere. The unit of length is the sphere's radius.
@@ -51,23 +54,27 @@ pub(super) struct Fluid {
 
 type Field = DMatrix<f64>;
 
-/// Radial functions (columns) at the nodes (rows): values, first and second derivatives with
-/// respect to ln r.
+/// Radial functions (columns) at the radial nodes (rows): values, first and second derivatives with
+/// respect to the radius's logarithm.
 struct Radial([Field; 3]);
 
 pub(super) struct Eulerian {
     fluid: Fluid,
     step_s: f64,
     radii: Vec<f64>,
-    /// Fraction of the sphere's velocity with which the gel flows through the mesh, at every node.
+    /// Fraction of the sphere's velocity with which the gel flows through the mesh, at every radial
+    /// node.
     shares: Vec<f64>,
-    /// 2π r and the quadrature weight in ln r of every node.
+    /// Integration weight of every radial node: 2π r times the quadrature weight in ln r, with the
+    /// radius r.
     weights: Vec<f64>,
     cosines: Vec<(f64, f64)>,
-    /// P, P′, P″ and P′ cot θ of every Legendre function (rows) at every angle (columns).
+    /// Legendre polynomials P of cos θ, with P′, P″ and P′ cot θ; a prime is d/dθ. Rows are
+    /// degrees, columns are angles θ.
     angular: [Field; 4],
     radial: Radial,
-    /// Function g of the sphere's own motion (n = 1), with its first and second derivatives.
+    /// Radial function of the sphere's own motion, with its first and second derivatives with
+    /// respect to the radius's logarithm.
     rigid: [DVector<f64>; 3],
     factors: Vec<Cholesky<f64, Dyn>>,
     by_radius: Field,
@@ -76,11 +83,11 @@ pub(super) struct Eulerian {
     by_cosine: Field,
 }
 
-/// Conformation components rr, rθ, θθ and φφ.
+/// Components rr, rθ, θθ and φφ of a conformation in spherical coordinates.
 #[derive(Clone)]
 struct Conformation([Field; 4]);
 
-/// Values, first and second derivatives at x of the Legendre polynomials up to degree n.
+/// Values, first and second derivatives at x of the Legendre polynomials of degrees 0 to n.
 fn legendres(n: usize, x: f64) -> Vec<[f64; 3]> {
     let mut all: Vec<[f64; 3]> = Vec::with_capacity(n + 1);
     for k in 0..=n {
@@ -92,8 +99,8 @@ fn legendres(n: usize, x: f64) -> Vec<[f64; 3]> {
     all
 }
 
-/// Functions whose values and slopes vanish at both ends (J. Shen, SIAM J. Sci. Comput. 15:1489,
-/// 1994, doi:10.1137/0915089). Returns values, first and second derivatives at x.
+/// Radial functions whose values and slopes vanish at both ends (J. Shen, SIAM J. Sci. Comput.
+/// 15:1489, 1994, doi:10.1137/0915089). Returns values, first and second derivatives at x.
 fn clamped(n: usize, x: f64) -> Vec<[f64; 3]> {
     let p = legendres(n + 3, x);
     let function = |k: usize| {
@@ -198,8 +205,9 @@ impl Eulerian {
         (matrix * (2.0 * self.fluid.solvent_pa_s)).cholesky().expect("the power of a motion is positive")
     }
 
-    /// Flow that balances the force and the polymer's stress. Returns g and its derivatives by node
-    /// and degree, and the sphere's velocity in radii per second.
+    /// Computes the flow that balances the force and the polymer's stress. Returns the radial
+    /// functions and their derivatives by node and degree, and the sphere's velocity in radii per
+    /// second.
     fn flow(&self, polymer: &Conformation) -> ([Field; 3], f64) {
         let Conformation([rr, rt, tt, pp]) = polymer;
         let [p, p1, p2, cot] = &self.angular;
@@ -236,8 +244,8 @@ impl Eulerian {
         (found, velocity)
     }
 
-    /// Rates (1/s) of the conformation's difference from rest, and the sphere's velocity in radii
-    /// per second.
+    /// Computes the rates (1/s) of `beyond`, the conformation's difference from rest, and the
+    /// sphere's velocity in radii per second.
     fn rates(&self, beyond: &Conformation) -> (Conformation, f64) {
         let ([g, g1, g2], velocity) = self.flow(beyond);
         let [p, p1, _, cot] = &self.angular;

@@ -24,7 +24,7 @@ const MOST_ITERATIONS: usize = 40;
 
 /// Resistance of a compressible gel to changes of volume.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct GivingVolume {
+pub(super) struct VolumeResistance {
     /// Modulus of the resistance that depends only on the volume, divided by the shear modulus.
     pub(super) modulus_ratio: f64,
     /// True if the conformation resists changes of shape only. The volume then resists separately.
@@ -39,7 +39,7 @@ pub(super) struct FieldMesh {
     n_global: usize,
     pub(super) n_unknowns: usize,
     /// Resistance to changes of volume; `None` if the gel keeps its volume.
-    pub(super) volume: Option<GivingVolume>,
+    pub(super) volume: Option<VolumeResistance>,
     /// True for each unknown that is a pressure.
     is_pressure: Vec<bool>,
     /// Positions of the cells' entries in the matrix of the remaining unknowns.
@@ -61,8 +61,8 @@ pub(super) struct FieldCell {
 }
 
 impl FieldCell {
-    /// Iterates over pairs of edge values that are both unknown: row and column in the cell's
-    /// matrix, and the two unknowns.
+    /// Iterates over pairs of edge values that are both unknown. Each item holds the row and column
+    /// in the cell's condensed matrix, and the indices of the two unknowns.
     fn places(&self) -> impl Iterator<Item = (usize, usize, [usize; 2])> {
         let known = |place: &usize| self.unknown[*place];
         let pairs = (0..self.edge.len()).flat_map(|b| (0..self.edge.len()).map(move |a| (a, b)));
@@ -73,7 +73,7 @@ impl FieldCell {
 impl FieldMesh {
     /// Numbers the unknowns of a mesh that has both halves of the meridian. The mesh's unit of
     /// length is the body's radius.
-    pub fn new(mesh: &Mesh, order: usize, volume: Option<GivingVolume>) -> Result<Self> {
+    pub fn new(mesh: &Mesh, order: usize, volume: Option<VolumeResistance>) -> Result<Self> {
         let reference = Reference::new(order);
         let skeleton = Skeleton::new(mesh, order);
         let mut is_pressure = vec![false];
@@ -132,13 +132,13 @@ impl FieldMesh {
         (displacement, pressures)
     }
 
-    /// F at every integration point of a cell.
+    /// Deformation gradient at every integration point of a cell.
     pub(super) fn gradients(&self, cell: &FieldCell, x: &[f64]) -> Vec<Gradient> {
         cell.shape.gradients(&self.local(cell, x).0)
     }
 }
 
-/// Input of one stage.
+/// Input of one stage of a time step: force, law and state at its start.
 pub(super) struct FieldStage<'a> {
     /// Force on the body divided by the square of its radius, in Pa.
     pub(super) force_pa: f64,
@@ -146,9 +146,11 @@ pub(super) struct FieldStage<'a> {
     pub(super) law: StageLaw<'a>,
     /// Unknowns at the start of the stage, in the order of the mesh's numbering.
     pub(super) start: &'a [f64],
-    /// S*, the conformation from which the stage starts, by cell, point and mode.
+    /// Conformations (stretch of the polymer in undeformed coordinates) from which the stage
+    /// starts, by cell, point and mode.
     pub(super) configurations: &'a [Vec<Symmetric>],
-    /// det F − 1 at zero pressure, by cell and point. Empty if the gel keeps its volume.
+    /// Relative volume change at zero pressure, by cell and point. Empty if the gel keeps its
+    /// volume.
     pub(super) rests: &'a [Vec<f64>],
 }
 
@@ -168,8 +170,8 @@ impl FieldStage<'_> {
     }
 }
 
-/// Residual of a cell after condensation: the residual on its edges, and K_II⁻¹ times the residual
-/// of its interior.
+/// Residual of a cell after condensation: the residual on its edges, and the residual of its
+/// interior multiplied by the inverse of the interior's matrix.
 struct CellForces {
     interior: Vec<f64>,
     edge: Vec<f64>,
@@ -186,8 +188,9 @@ struct Factorised {
 pub(super) struct Solver<'a> {
     mesh: &'a FieldMesh,
     factorised: Option<Factorised>,
-    /// Number of Newton iterations so far. The number of factorisations is stored beside it.
+    /// Number of Newton iterations so far.
     pub(super) iterations: usize,
+    /// Number of factorisations so far.
     pub(super) factorisations: usize,
 }
 
@@ -315,7 +318,8 @@ impl<'a> Solver<'a> {
         Ok(Factorised { cells, lu, rate_per_s })
     }
 
-    /// Smallest and largest det F. In an incompressible gel both are 1 up to the error of the mesh.
+    /// Smallest and largest ratio of deformed to undeformed volume. In an incompressible gel both
+    /// are 1 up to the error of the mesh.
     pub(super) fn volume_ratios(&self, x: &[f64]) -> [f64; 2] {
         let of_cell = |cell: &FieldCell| {
             let ratios = self.mesh.gradients(cell, x).into_iter().map(|f| point::determinant(&f));

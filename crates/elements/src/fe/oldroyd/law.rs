@@ -2,7 +2,8 @@
 
 use laws::rheology::{Element, stieltjes};
 
-/// A relaxation mode. It adds G λs/(1 + λs) to the complex shear modulus.
+/// A Maxwell mode with the modulus G and the relaxation time λ. It adds G λs/(1 + λs) to the shear
+/// modulus at the Laplace variable s.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RelaxationMode {
     /// Modulus G in Pa.
@@ -11,15 +12,15 @@ pub struct RelaxationMode {
     pub time_s: f64,
 }
 
-/// An incompressible gel in shear, G(s) = η_s s + Σ G λs/(1 + λs), and its extension to large
+/// Law of an incompressible gel in shear: a viscous solvent and relaxation modes, extended to large
 /// strains.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FiniteLaw {
-    /// Viscosity η_s of the solvent, in Pa·s.
+    /// Viscosity of the solvent, in Pa·s.
     pub solvent_pa_s: f64,
     /// Relaxation modes of the polymer, whose stresses add up.
     pub modes: Vec<RelaxationMode>,
-    /// Mobility α of Giesekus's fluid, in [0, ½]; 0 is Oldroyd-B.
+    /// Mobility of Giesekus's fluid, in [0, ½]; 0 is Oldroyd-B.
     pub mobility: f64,
     /// Shortest retardation time in s.
     pub fastest_s: f64,

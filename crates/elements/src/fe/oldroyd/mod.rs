@@ -4,24 +4,27 @@
 //! **Law.** In the incompressible limit, the Lethersich law is the small-strain limit of the
 //! Oldroyd-B fluid (J. G. Oldroyd, Proc. R. Soc. Lond. A 200:523, 1950,
 //! doi:10.1098/rspa.1950.0035). Any series of Kelvin–Voigt bodies, springs and dashpots is the
-//! limit of an Oldroyd-B fluid with several modes. F is the deformation gradient and C = FᵀF. In
-//! coordinates of the undeformed gel, a mode's conformation A = F S Fᵀ obeys Ṡ = −(S − C⁻¹)/λ at
-//! every point independently, without convection. The stress is −p + 2η_s D + Σ G A. A mobility α
-//! gives Giesekus's fluid (H. Giesekus, J. Non-Newton. Fluid Mech. 11:69, 1982,
+//! limit of an Oldroyd-B fluid with several modes. F is the deformation gradient and C = FᵀF. The
+//! conformation A = F S Fᵀ of a mode measures the stretch of its polymer. In coordinates of the
+//! undeformed gel, it obeys Ṡ = −(S − C⁻¹)/λ at every point independently, without convection. λ is
+//! the mode's relaxation time. The stress is −p + 2η_s D + Σ G A, with the pressure p, the
+//! solvent's viscosity η_s, the strain rate D and the modes' moduli G. A mobility α gives
+//! Giesekus's fluid (H. Giesekus, J. Non-Newton. Fluid Mech. 11:69, 1982,
 //! doi:10.1016/0377-0257(82)85016-7), which has an equal small-strain limit.
 //!
-//! **Space.** The undeformed half meridian is meshed, both halves (total Lagrangian formulation).
-//! The mesh is bonded to the body and to the wall and moves with the gel. Displacements are
+//! **Space.** The mesh covers both halves of the undeformed half meridian (total Lagrangian
+//! formulation). It is bonded to the body and to the wall and moves with the gel. Displacements are
 //! polynomials of high order. Discontinuous pressures are one degree lower, as in
-//! [`crate::fe::meridional`], and enforce det F = 1 in the mean. Cells' interiors are condensed.
+//! [`crate::fe::meridional`], and enforce det F = 1 in the mean. The unknowns inside the cells are
+//! eliminated cell by cell.
 //!
 //! **Time.** The time stepper is the fourth-order method of [`crate::fe::clock`], whose stages are
 //! steps of implicit Euler. A stage's conformation follows from its displacement, so that only
 //! displacement and pressure are unknown. Newton's method keeps one matrix as long as it converges.
 //!
-//! **Deviation.** A small-strain twin of the gel takes equal steps. The reported deviation is the
-//! difference from the twin, in which common errors of mesh and steps cancel. The final position is
-//! the linear model's response at its own Poisson ratio plus this deviation.
+//! **Deviation.** A twin, which is an equal gel with small strains, takes equal steps. The reported
+//! deviation is the difference from the twin, in which common errors of mesh and steps cancel. The
+//! final position is the linear model's response at its own Poisson ratio plus this deviation.
 //!
 //! **Limits.** The gel is bonded: it neither tears nor slides. It is incompressible unless
 //! [`VolumeRule`] says otherwise. The Poisson ratio determines the gel's volume only at small
@@ -50,7 +53,7 @@ use super::meridional::BodyOfRevolution;
 use super::meridional::basis::lagrange;
 use super::meridional::mesh::{Boundary, Mesh};
 use base::error::{Error, Result};
-use field::{BODY, FieldMesh, FieldStage, GivingVolume, Solver};
+use field::{BODY, FieldMesh, FieldStage, Solver, VolumeResistance};
 use laws::stages::{Load, Spatial};
 use point::{AT_REST, StageLaw};
 use record::Force;
@@ -91,14 +94,15 @@ impl Default for Discretisation {
 pub enum VolumeRule {
     /// Constant volume, as for a Poisson ratio of ½.
     Incompressible,
-    /// Rule of a rubber network: a stretched conformation contracts the volume. The pressure Λ (det
-    /// F − 1), with Lamé's modulus Λ, resists and relaxes like the conformation.
+    /// Rule of a rubber network: stretch of the polymer contracts the volume. A pressure
+    /// proportional to the volume's change, with Lamé's first modulus, resists and relaxes like the
+    /// polymer.
     Network {
         /// Poisson ratio at small strains, below ½.
         poisson_ratio: f64,
     },
-    /// Shape and volume resist separately. The conformation does not depend on the volume, whose
-    /// change only the bulk modulus resists.
+    /// Shape and volume resist separately. The polymer's stretch does not depend on the volume, and
+    /// only the bulk modulus resists a change of the volume.
     Decoupled {
         /// Poisson ratio at small strains, below ½.
         poisson_ratio: f64,
@@ -113,7 +117,7 @@ impl VolumeRule {
         }
     }
 
-    fn giving(self) -> Result<Option<GivingVolume>> {
+    fn giving(self) -> Result<Option<VolumeResistance>> {
         let poisson_ratio = self.poisson_ratio();
         let lame_ratio = 2.0 * poisson_ratio / (1.0 - 2.0 * poisson_ratio);
         match self {
@@ -122,8 +126,10 @@ impl VolumeRule {
                 format!("the Poisson ratio of a compressible gel is {poisson_ratio}"),
                 "give a Poisson ratio between 0 and 0.5, both excluded",
             )),
-            Self::Network { .. } => Ok(Some(GivingVolume { modulus_ratio: lame_ratio, is_apart: false })),
-            Self::Decoupled { .. } => Ok(Some(GivingVolume { modulus_ratio: lame_ratio + 2.0 / 3.0, is_apart: true })),
+            Self::Network { .. } => Ok(Some(VolumeResistance { modulus_ratio: lame_ratio, is_apart: false })),
+            Self::Decoupled { .. } => {
+                Ok(Some(VolumeResistance { modulus_ratio: lame_ratio + 2.0 / 3.0, is_apart: true }))
+            }
         }
     }
 }
@@ -156,14 +162,14 @@ pub struct FiniteInput<'a> {
 /// Displacements that a run returns, with measures of its quality.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FiniteResult {
-    /// Position of the body (m) at every row, as the limit from the left.
+    /// Position of the body (m) at every row, just before any force step at the row.
     pub displacement_m: Vec<f64>,
-    /// Displacement (m) minus that of an equal gel with small strains.
+    /// Displacement (m) at every row, minus the displacement in an equal gel with small strains.
     pub deviation_m: Vec<f64>,
     /// Largest distance of the body from its start, in m.
     pub farthest_m: f64,
-    /// Smallest and largest det F. In an incompressible gel both would be 1 on an infinitely fine
-    /// mesh.
+    /// Smallest and largest ratio of deformed to undeformed volume at any point. In an
+    /// incompressible gel both would be 1 on an infinitely fine mesh.
     pub volume_ratios: [f64; 2],
     /// Number of steps, of Newton iterations and of factorisations.
     pub cost: [usize; 3],
@@ -217,7 +223,7 @@ impl FiniteGel {
         self.stiffness * self.radius_m
     }
 
-    /// Runs a law through a record.
+    /// Computes the motion of the body through a record.
     ///
     /// # Errors
     /// [`Error::Numerical`] if the load depends on the position, the mesh fails, or no balance is
@@ -227,8 +233,8 @@ impl FiniteGel {
         stopped.map_or(Ok(result), Err)
     }
 
-    /// Runs a law through a record as long as the mesh is valid. Returns the results at the rows
-    /// until then, and the error that ended the run early, if any.
+    /// Computes the motion of the body through a record as long as the mesh is valid. Returns the
+    /// results at the rows until then, and the error that ended the run early, if any.
     ///
     /// # Errors
     /// [`Error::Numerical`] if the load depends on the position.
@@ -274,8 +280,8 @@ impl FiniteGel {
 
 /// Number of layers of cells around the rim of a cylinder.
 const RIM_LAYERS: usize = 2;
-/// Exponent p that grades the layers. Surface k of n has ln r proportional to (k/n)ᵖ. Layers are
-/// thus thin near the body, where strains are large.
+/// Exponent of the layers' grading: ln r of surface k of n is proportional to k/n to this power,
+/// with the radius r. Layers are thus thin near the body, where strains are large.
 const GRADING: f64 = 1.5;
 
 /// Meshes the space between a sphere of radius 1 and a concentric sphere, layer by layer.
@@ -309,7 +315,7 @@ fn stiffness(mesh: &FieldMesh) -> Result<f64> {
             solvent_pa_s: 0.0,
             mobility: 0.0,
             modes: &[(1.0, 0.0)],
-            give_per_pa: mesh.volume.map_or(0.0, |volume| 1.0 / volume.modulus_ratio),
+            volume_compliance_per_pa: mesh.volume.map_or(0.0, |volume| 1.0 / volume.modulus_ratio),
             bulk_pa_s: 0.0,
             is_apart: mesh.volume.is_some_and(|volume| volume.is_apart),
         },
@@ -323,8 +329,8 @@ fn stiffness(mesh: &FieldMesh) -> Result<f64> {
 /// Number of time points through which a polynomial interpolates the value at a row.
 const N_NEAREST: usize = 4;
 
-/// Interpolates `length_m` × `of`(moment) at every row. Within one hold, polynomials of degree 3 in
-/// time are used.
+/// Interpolates `length_m` × `of`(moment) at every row, by polynomials of degree 3 in time within
+/// one hold.
 fn at_rows(legs: &[Vec<Moment>], time_s: &[f64], length_m: f64, of: impl Fn(&Moment) -> f64) -> Vec<f64> {
     let at = |&row_s: &f64| {
         let ends = |leg: &Vec<Moment>| leg.last().map_or(f64::INFINITY, |moment| moment.time_s);

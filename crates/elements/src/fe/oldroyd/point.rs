@@ -1,10 +1,11 @@
 //! Stress of the gel at one point of the half meridian.
 //!
-//! The conformation is A = F S Fᵀ. A stage of implicit Euler of Giesekus's law reads A + z
-//! [(A − 1) + α (A − 1)²] = A*, where A* = F S* Fᵀ and z = γh/λ, with h the step and λ the
-//! relaxation time. A has the principal axes of A*. It is therefore a matrix function:
-//! A = 2m(b + R)⁻¹ with b = 1 + z(1 − 2α), m = A* + z(1 − α) and the root R² = b² + 4αz m. α = 0 is
-//! Oldroyd-B.
+//! The conformation of a mode is A = F S Fᵀ, with the deformation gradient F and its value S in
+//! undeformed coordinates. A stage of implicit Euler of Giesekus's law reads A + z [(A − 1) + α (A
+//! − 1)²] = A*, where A* = F S* Fᵀ, S* is the value from which the stage starts, and α the
+//! mobility. z is the stage's implicit time divided by the relaxation time. A has the principal
+//! axes of A*. It is therefore a matrix function: A = 2m(b + R)⁻¹ with b = 1 + z(1 − 2α), m = A* +
+//! z(1 − α) and the root R² = b² + 4αz m. α = 0 is Oldroyd-B.
 
 use base::number::{Dual, PointScalar};
 
@@ -17,23 +18,24 @@ pub(super) type Symmetric<N = f64> = [N; N_SYMMETRIC];
 pub(super) const N_SYMMETRIC: usize = 4;
 
 pub(super) const IDENTITY: Gradient = [1.0, 0.0, 0.0, 1.0, 1.0];
-/// S of a gel after a long rest: the unit tensor.
+/// Conformation of a gel after a long rest, in undeformed coordinates: the unit tensor.
 pub(super) const AT_REST: Symmetric = [1.0, 0.0, 1.0, 1.0];
 
 /// The law over a stage of a time step.
 #[derive(Debug, Clone, Copy)]
 pub struct StageLaw<'a> {
-    /// 1/(γh) in 1/s, with h the length of the step.
+    /// Inverse of the stage's implicit time (diagonal coefficient × step length), in 1/s.
     pub(super) rate_per_s: f64,
-    /// Viscosity η_s of the solvent, in Pa·s.
+    /// Viscosity of the solvent, in Pa·s.
     pub(super) solvent_pa_s: f64,
-    /// Mobility α.
+    /// Mobility of Giesekus's fluid; 0 is Oldroyd-B.
     pub(super) mobility: f64,
-    /// Modulus G (Pa) and z of every mode.
+    /// For every mode, its modulus (Pa) and the stage's implicit time divided by the relaxation
+    /// time.
     pub modes: &'a [(f64, f64)],
-    /// Compliance of det F to a pressure, in 1/Pa. The next field is the solvent's bulk viscosity,
-    /// in Pa·s. Both are 0 if the gel keeps its volume.
-    pub(super) give_per_pa: f64,
+    /// Compliance of the volume ratio to a pressure, in 1/Pa. It is 0 if the gel keeps its volume.
+    pub(super) volume_compliance_per_pa: f64,
+    /// Bulk viscosity of the solvent, in Pa·s. It is 0 if the gel keeps its volume.
     pub(super) bulk_pa_s: f64,
     /// True if a change of volume does not affect the conformation. The conformation then resists
     /// only changes of shape.
@@ -45,20 +47,20 @@ pub struct StageLaw<'a> {
 pub(super) struct PointConstants<'a> {
     /// Law over this stage.
     pub(super) law: StageLaw<'a>,
-    /// F at the start of the stage, at this point.
+    /// Deformation gradient at the start of the stage, at this point.
     pub(super) start: Gradient,
-    /// S* of every mode, from which the stage starts.
+    /// Conformation of every mode from which the stage starts, in undeformed coordinates.
     pub(super) configurations: &'a [Symmetric],
-    /// det F − 1 at zero pressure.
+    /// Relative volume change at zero pressure.
     pub(super) rest: f64,
 }
 
-/// Determinant of F.
+/// Determinant of a deformation gradient: the volume ratio.
 pub(super) fn determinant(f: &Gradient) -> f64 {
     (f[0] * f[3] - f[1] * f[2]) * f[4]
 }
 
-/// Cofactor of F: ∂ det F/∂F.
+/// Cofactor of a deformation gradient: the derivative of its determinant.
 pub(super) fn cofactor<N: PointScalar>(f: &Gradient<N>) -> Gradient<N> {
     [f[3] * f[4], -f[2] * f[4], -f[1] * f[4], f[0] * f[4], f[0] * f[3] - f[1] * f[2]]
 }
@@ -87,14 +89,15 @@ fn inverse<N: PointScalar>(a: &Plane<N>) -> Plane<N> {
     [a[3] / determinant, -a[1] / determinant, -a[2] / determinant, a[0] / determinant]
 }
 
-/// Product F S Fᵀ.
-fn pushed<N: PointScalar>(f: &Gradient<N>, s: &Symmetric<N>) -> Symmetric<N> {
+/// Product F S Fᵀ of a deformation gradient F and a symmetric tensor S.
+fn push_forward<N: PointScalar>(f: &Gradient<N>, s: &Symmetric<N>) -> Symmetric<N> {
     let [a, b, c, d, hoop] = *f;
     let (left, right) = ([a * s[0] + b * s[1], a * s[1] + b * s[2]], [c * s[0] + d * s[1], c * s[1] + d * s[2]]);
     [left[0] * a + left[1] * b, left[0] * c + left[1] * d, right[0] * c + right[1] * d, hoop * hoop * s[3]]
 }
 
-/// A at the end of a stage, from A* (`start`).
+/// Conformation at the end of a stage. `start` is the conformation without relaxation in the stage,
+/// `z` the stage's implicit time divided by the relaxation time.
 fn relaxed<N: PointScalar>(start: &Symmetric<N>, z: f64, mobility: f64) -> Symmetric<N> {
     let b = 1.0 + z * (1.0 - 2.0 * mobility);
     let rest = N::constant(z * (1.0 - mobility));
@@ -120,7 +123,8 @@ fn relaxed<N: PointScalar>(start: &Symmetric<N>, z: f64, mobility: f64) -> Symme
     [found[0] * 2.0, found[1] * 2.0, found[3] * 2.0, hoop * 2.0]
 }
 
-/// Gradient that changes the conformation: F or, with `is_apart`, F without its change of volume.
+/// Gradient that changes the conformation: the deformation gradient `f` or, with `is_apart`, `f`
+/// without its change of volume.
 fn shape<N: PointScalar>(f: &Gradient<N>, is_apart: bool) -> Gradient<N> {
     if !is_apart {
         return *f;
@@ -130,11 +134,12 @@ fn shape<N: PointScalar>(f: &Gradient<N>, is_apart: bool) -> Gradient<N> {
     f.map(|x| x * by)
 }
 
-/// First Piola–Kirchhoff stress P in Pa, without the contribution of the pressure.
+/// First Piola–Kirchhoff stress in Pa, without the contribution of the pressure.
 ///
-/// Each mode contributes G (A − 1). If det F = 1, this differs from G A only by a pressure. But a
-/// mesh satisfies det F = 1 only in the mean. With G A, the relaxed part would pull volumes apart.
-/// A mode as stiff as a spring in series (Burgers) would then destroy the mesh.
+/// Each mode contributes G (A − 1), with its modulus G and conformation A. If the volume is
+/// constant, this differs from G A only by a pressure. But a mesh keeps the volume only in the
+/// mean. With G A, the relaxed part would pull volumes apart. A mode as stiff as a spring in series
+/// (Burgers) would then destroy the mesh.
 pub(super) fn stress<N: PointScalar>(held: &PointConstants, f: &Gradient<N>) -> Gradient<N> {
     let law = held.law;
     let m = inverse(&plane(f));
@@ -146,8 +151,8 @@ pub(super) fn stress<N: PointScalar>(held: &PointConstants, f: &Gradient<N>) -> 
     let mut cauchy =
         [rate[0] * two_eta + swelling, rate[1] * two_eta, rate[3] * two_eta + swelling, hoop_rate * two_eta + swelling];
     for ((modulus_pa, z), start) in law.modes.iter().zip(held.configurations) {
-        let pushed = pushed(&shape(f, law.is_apart), &start.map(N::constant));
-        let found = relaxed(&pushed, *z, law.mobility);
+        let push_forward = push_forward(&shape(f, law.is_apart), &start.map(N::constant));
+        let found = relaxed(&push_forward, *z, law.mobility);
         let strains = found.into_iter().zip(AT_REST);
         cauchy.iter_mut().zip(strains).for_each(|(sum, (a, rest))| *sum += (a - N::constant(rest)) * *modulus_pa);
     }
@@ -159,17 +164,19 @@ pub(super) fn stress<N: PointScalar>(held: &PointConstants, f: &Gradient<N>) -> 
     [nominal[0], nominal[1], nominal[2], nominal[3], cauchy[3] / f[4]]
 }
 
-/// S of a mode at the end of a stage, from S* (`start`).
+/// Conformation of a mode at the end of a stage, in undeformed coordinates. `start` is its value at
+/// the stage's start, `z` the stage's implicit time divided by the relaxation time.
 pub(super) fn configuration(f: &Gradient, start: &Symmetric, z: f64, mobility: f64, is_apart: bool) -> Symmetric {
     let f = &shape(f, is_apart);
-    let a = relaxed(&pushed(f, start), z, mobility);
+    let a = relaxed(&push_forward(f, start), z, mobility);
     let m = inverse(&plane(f));
     let back = [m[0], m[1], m[2], m[3], 1.0 / f[4]];
-    pushed(&back, &a)
+    push_forward(&back, &a)
 }
 
-/// Tangent ∂P/∂F in Pa. The first index is the component of P, the second that of F. It includes
-/// the contribution −p cof F of the pressure p (Pa).
+/// Tangent in Pa: derivative of the first Piola–Kirchhoff stress (first index) with respect to the
+/// deformation gradient F (second index). It includes the contribution −p cof F of the pressure p
+/// (Pa).
 pub(super) fn tangent(held: &PointConstants, f: &Gradient, pressure_pa: f64) -> [Gradient; N_GRADIENT] {
     let mut tangent = [[0.0; N_GRADIENT]; N_GRADIENT];
     for column in 0..N_GRADIENT {
@@ -198,7 +205,7 @@ mod tests {
                 solvent_pa_s: 0.45,
                 mobility,
                 modes: &MODES,
-                give_per_pa: 0.1,
+                volume_compliance_per_pa: 0.1,
                 bulk_pa_s: 0.8,
                 is_apart: false,
             },
@@ -214,8 +221,8 @@ mod tests {
     fn a_stage_fulfils_the_law() {
         for mobility in [0.0, 1e-9, 0.1, 0.5] {
             for (start, (_, z)) in STARTS.iter().zip(MODES) {
-                let pushed_start = pushed(&F, start);
-                let a = pushed(&F, &configuration(&F, start, z, mobility, false));
+                let pushed_start = push_forward(&F, start);
+                let a = push_forward(&F, &configuration(&F, start, z, mobility, false));
                 let b = [a[0] - 1.0, a[1], a[2] - 1.0, a[3] - 1.0];
                 let square = [b[0] * b[0] + b[1] * b[1], b[1] * (b[0] + b[2]), b[1] * b[1] + b[2] * b[2], b[3] * b[3]];
                 for k in 0..N_SYMMETRIC {

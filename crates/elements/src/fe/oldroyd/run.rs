@@ -1,4 +1,5 @@
-//! Time steps of the finite-strain gel and of its small-strain twin. The twin takes equal steps.
+//! Time steps of the finite-strain gel and of its twin, an equal gel with small strains. The twin
+//! takes equal steps.
 
 use rayon::prelude::*;
 
@@ -10,9 +11,10 @@ use crate::fe::meridional::basis::lagrange;
 use base::error::{Error, Result};
 use laws::stages::{Load, Switch};
 
-/// Range of det F at a point within which a mesh is valid. Over the paper's four cycles, det F is
-/// 0.64 to 1.37 on the mesh of [`super::Discretisation::ESTIMATE`]. Positions then have an error of
-/// 0.3 µm. At 1.3 times the force, det F is 0.26 to 3.6 and the error is 1 µm.
+/// Range of the ratio of deformed to undeformed volume at a point within which a mesh is valid.
+/// Over the paper's four cycles, the ratio is 0.64 to 1.37 on the mesh of
+/// [`super::Discretisation::ESTIMATE`]. Positions then have an error of 0.3 µm. At 1.3 times the
+/// force, the ratio is 0.26 to 3.6 and the error is 1 µm.
 const VOLUME_RATIOS: [f64; 2] = [0.1, 10.0];
 /// Length of the first step after a force jump, divided by the shortest time of the law. Without a
 /// solvent the body itself jumps.
@@ -29,8 +31,8 @@ const N_GUESS: usize = 4;
 
 /// Result of a run. The unit of length is the body's radius.
 pub(super) struct RunHistory {
-    /// Moments between two switches, one list per interval: the start of the first step, then the
-    /// end of each step.
+    /// Recorded positions between two switches of the force, one list per interval: at the start of
+    /// the first step, then at the end of each step.
     pub(super) legs: Vec<Vec<Moment>>,
     pub(super) farthest: f64,
     pub(super) volume_ratios: [f64; 2],
@@ -40,7 +42,7 @@ pub(super) struct RunHistory {
     pub(super) stopped: Option<Error>,
 }
 
-/// Positions of the body and of its twin at a time (s).
+/// Positions of the body in the finite-strain gel and in its small-strain twin at a time (s).
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Moment {
     pub(super) time_s: f64,
@@ -50,9 +52,9 @@ pub(super) struct Moment {
 
 /// The body in a gel with small strains. It has equal modes and takes equal steps.
 #[derive(Debug, Clone)]
-struct Twin {
+struct SmallStrainTwin {
     displacement: f64,
-    /// Elastic displacement e of every mode, in body radii.
+    /// Elastic displacement of every mode, in body radii.
     elastic: Vec<f64>,
 }
 
@@ -64,12 +66,13 @@ struct Walker<'a> {
     stiffness: f64,
     solver: Solver<'a>,
     x: Vec<f64>,
-    /// S by cell, point and mode.
+    /// Conformations in undeformed coordinates, by cell, point and mode.
     configurations: Vec<Vec<Symmetric>>,
-    /// Relaxed part of det F − 1, by cell, point and mode. Empty if the gel keeps its volume.
+    /// Relaxed part of the relative volume change, by cell, point and mode. Empty if the gel keeps
+    /// its volume.
     swellings: Vec<Vec<f64>>,
-    twin: Twin,
-    /// Times (s) and unknowns for extrapolation. Those from before a force jump are removed.
+    twin: SmallStrainTwin,
+    /// Times (s) and unknowns since the last switch of the force, for extrapolation.
     past: Vec<(f64, Vec<f64>)>,
 }
 
@@ -78,7 +81,7 @@ struct Rates {
     x: Vec<f64>,
     configurations: Vec<Vec<Symmetric>>,
     swellings: Vec<Vec<f64>>,
-    twin: Twin,
+    twin: SmallStrainTwin,
 }
 
 /// Force on the body over time.
@@ -181,7 +184,7 @@ impl<'a> Walker<'a> {
                 Some(_) => mesh.cells.iter().map(|cell| vec![0.0; cell.shape.weights.len() * n_modes]).collect(),
                 None => Vec::new(),
             },
-            twin: Twin { displacement: 0.0, elastic: vec![0.0; n_modes] },
+            twin: SmallStrainTwin { displacement: 0.0, elastic: vec![0.0; n_modes] },
             past: Vec::new(),
         }
     }
@@ -220,7 +223,7 @@ impl<'a> Walker<'a> {
             solvent_pa_s: self.law.solvent_pa_s,
             mobility: self.law.mobility,
             modes: &modes,
-            give_per_pa: volume.map_or(0.0, |volume| 1.0 / (volume.modulus_ratio * stiff_pa(&modes))),
+            volume_compliance_per_pa: volume.map_or(0.0, |volume| 1.0 / (volume.modulus_ratio * stiff_pa(&modes))),
             bulk_pa_s: volume.map_or(0.0, |volume| volume.modulus_ratio * self.law.solvent_pa_s),
             is_apart: volume.is_some_and(|volume| volume.is_apart),
         };
@@ -251,19 +254,19 @@ impl<'a> Walker<'a> {
             }
             past.push((time_s, x.clone()));
             let (ended, rates) = self.ended(&stage, &x, &configurations);
-            let (swollen, swelling_rates) = self.swollen(&stage, &x, &swellings);
+            let (relax_volumes, swelling_rates) = self.relax_volumes(&stage, &x, &swellings);
             let twin_ended = self.twin_ended(&stage, &twin);
             let rate = |to: f64, from: f64| (to - from) / stage_s;
             all.push(Rates {
                 x: (0..x.len()).map(|k| if self.mesh.is_pressure(k) { 0.0 } else { rate(x[k], start[k]) }).collect(),
                 configurations: rates,
                 swellings: swelling_rates,
-                twin: Twin {
+                twin: SmallStrainTwin {
                     displacement: rate(twin_ended.displacement, twin.displacement),
                     elastic: twin_ended.elastic.iter().zip(&twin.elastic).map(|(to, from)| rate(*to, *from)).collect(),
                 },
             });
-            last = Some((x, ended, swollen, twin_ended));
+            last = Some((x, ended, relax_volumes, twin_ended));
         }
         if let Some(last) = last {
             (self.x, self.configurations, self.swellings, self.twin) = last;
@@ -276,7 +279,7 @@ impl<'a> Walker<'a> {
         Ok(all.pop().map_or(Vec::new(), |rates| rates.x))
     }
 
-    /// Returns S at a stage's end and its rate, both by cell, point and mode.
+    /// Returns the conformations at a stage's end and their rates, both by cell, point and mode.
     fn ended(
         &self,
         stage: &FieldStage,
@@ -298,9 +301,9 @@ impl<'a> Walker<'a> {
         self.mesh.cells.par_iter().zip(starts).map(of_cell).unzip()
     }
 
-    /// Returns the relaxed part of det F − 1 at a stage's end and its rate, both by cell, point and
-    /// mode.
-    fn swollen(&self, stage: &FieldStage, x: &[f64], starts: &[Vec<f64>]) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
+    /// Returns the relaxed part of the relative volume change at a stage's end and its rate, both
+    /// by cell, point and mode.
+    fn relax_volumes(&self, stage: &FieldStage, x: &[f64], starts: &[Vec<f64>]) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
         let modes = stage.law.modes;
         let of_cell = |(cell, starts): (&FieldCell, &Vec<f64>)| {
             let f = self.mesh.gradients(cell, x);
@@ -314,25 +317,26 @@ impl<'a> Walker<'a> {
         self.mesh.cells.iter().zip(starts).map(of_cell).unzip()
     }
 
-    fn twin_ended(&self, stage: &FieldStage, start: &Twin) -> Twin {
+    fn twin_ended(&self, stage: &FieldStage, start: &SmallStrainTwin) -> SmallStrainTwin {
         let elastic = stage.law.modes.iter().zip(&start.elastic);
         let carried: f64 = elastic.clone().map(|((modulus_pa, z), e)| modulus_pa * e / (1.0 + z)).sum();
         let stiff_pa = stage.law.solvent_pa_s * stage.law.rate_per_s + stiff_pa(stage.law.modes);
         let by = (stage.force_pa / self.stiffness - carried) / stiff_pa;
-        Twin {
+        SmallStrainTwin {
             displacement: start.displacement + by,
             elastic: elastic.map(|((_, z), e)| (e + by) / (1.0 + z)).collect(),
         }
     }
 }
 
-/// Sum Σ G/(1 + z) of the modes' effective moduli over a stage, in Pa.
+/// Sum of the modes' effective moduli G/(1 + z) over a stage, in Pa. `modes` holds the modulus G
+/// and z, the stage's implicit time divided by the relaxation time.
 fn stiff_pa(modes: &[(f64, f64)]) -> f64 {
     modes.iter().map(|(modulus_pa, z)| modulus_pa / (1.0 + z)).sum()
 }
 
-/// det F − 1 at zero pressure, at every point of a cell. `swellings` holds the relaxed part by
-/// point and mode.
+/// Relative volume change at zero pressure, at every point of a cell. `swellings` holds its relaxed
+/// part by point and mode.
 fn rests(modes: &[(f64, f64)], swellings: &[f64]) -> Vec<f64> {
     let weighed =
         |values: &[f64]| modes.iter().zip(values).map(|((modulus_pa, z), x)| modulus_pa / (1.0 + z) * x).sum();

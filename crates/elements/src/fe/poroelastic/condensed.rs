@@ -1,8 +1,11 @@
 //! Porous body for time stepping, with exactly eliminated displacements. Only the law's operator
-//! acts on K_d. Therefore u = K_d⁻¹(f θ + Bᵀp') with θ = J ∗ F.
+//! acts on the skeleton's stiffness K_d. The displacements are therefore u = K_d⁻¹(f θ + Bᵀp'). θ
+//! is the law's strain response to the force, f the load of a unit force and p' the pressure
+//! divided by the law's modulus ([`super`] defines the matrices).
 //!
-//! The remaining unknowns are θ and one p' per pressure. They obey A ṗ' + b θ̇ + k H w = 0 and
-//! w_θ = F, with A = M/M̂ + B K_d⁻¹ Bᵀ and b = B K_d⁻¹ e.
+//! The remaining unknowns are θ and one p' per pressure. They obey A ṗ' + b θ̇ + k H w = 0 and w_θ
+//! = F. A = M/M̂ + B K_d⁻¹ Bᵀ is the storage matrix, b = B K_d⁻¹ f, k the mobility and F the force.
+//! w and w_θ are the law's stresses for the strains p' and θ.
 
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt::solve::solve_in_place_with_conj;
@@ -14,15 +17,16 @@ use crate::fe::factorisation::add_symmetric_product;
 use crate::fe::transient::{ChainPart, StageSolve, StageWeights, TransientSystem};
 use base::error::Result;
 
-/// Number of columns of B K_d⁻¹ Bᵀ that are computed at once.
+/// Number of columns of the storage matrix that are computed at once.
 const BLOCK: usize = 64;
 
 /// A porous body with a mobility, for [`crate::fe::transient::run`]. It has one law, that of the
-/// undrained body. Unknowns are p' of every pressure, then θ in N/Pa.
+/// undrained body. The unknowns are every pressure divided by the law's modulus, then the law's
+/// strain response to the force (N/Pa).
 pub struct CondensedPores<'a> {
     body: &'a DrainedModel<'a>,
     mobility_m2_per_pa_s: f64,
-    /// All entries of the matrix A, column by column.
+    /// All entries of the storage matrix, column by column.
     stored: Vec<f64>,
 }
 

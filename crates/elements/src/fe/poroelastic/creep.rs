@@ -7,10 +7,11 @@ use base::number::Dual;
 use laws::rheology::Element;
 
 impl PoreSpectrum {
-    /// Returns elements in series whose creep compliance is the robot's compliance divided by Φ(0).
-    /// `law` holds the undrained body's elements in series. The mobility is k ≥ 0 (m²/(Pa·s)). Each
-    /// term with weight w adds w/(G + (τ/k) s). This is the law in parallel with a dashpot of
-    /// viscosity τ/k, both divided by w.
+    /// Returns elements in series whose creep compliance is the robot's compliance, divided by the
+    /// undrained compliance at unit modulus. `law` holds the undrained body's elements in series.
+    /// The mobility is k ≥ 0 (m²/(Pa·s)). Each term with the weight w and the area τ adds w/(G +
+    /// (τ/k) s), with the law's modulus G at the Laplace variable s. This is the law in parallel
+    /// with a dashpot of viscosity τ/k, both divided by w.
     ///
     /// At k = 0 the result is the elements of `law`, without a derivative with respect to k.
     ///

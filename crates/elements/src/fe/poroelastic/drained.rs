@@ -6,30 +6,30 @@ use crate::fe::factorisation::Factor;
 use base::error::{Error, Result};
 
 /// Relative residual at which the iteration for the pressures ends, in the preconditioner's norm.
-/// The error of the results is proportional to its square.
+/// The error of the results is proportional to the square of this value.
 const TOLERANCE: f64 = 1e-10;
 /// Largest number of iterations. The preconditioner is spectrally equivalent to the matrix, so that
 /// the number does not grow with the mesh. More iterations indicate a defect.
 const MOST_ITERATIONS: usize = 400;
 
-/// Pressures p, and the product A p.
+/// Pressures that solve the porous body's equations, with their product with the storage matrix.
 #[derive(Debug, Clone)]
 pub(super) struct Pressure {
     pub values: Vec<f64>,
-    /// A p = (M/M̂ + B K_d⁻¹ Bᵀ) p.
+    /// Storage matrix times the pressures.
     pub stored: Vec<f64>,
 }
 
 /// Moduli of the porous body, for unit Young's modulus of the undrained body.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Moduli {
-    /// Divisor in K_d = K̂(ν_d)/softness, with K̂ the base model's stiffness for unit Young's
-    /// modulus.
+    /// Stiffness of the base model at the drained Poisson ratio, for unit Young's modulus, divided
+    /// by the stiffness of the drained skeleton.
     pub softness: f64,
-    /// Inverse storage modulus 1/M̂ = 1/(κ̂_u − κ̂_d).
+    /// Inverse storage modulus: 1/(undrained − drained bulk modulus).
     pub inverse_storage_modulus: f64,
-    /// S = 1/M̂ + 1/(κ̂_d + 4μ̂/3): the storage for irrotational fields. It is an upper bound for
-    /// any field.
+    /// Storage for irrotational fields: `inverse_storage_modulus` + 1/(κ̂ + 4μ̂/3), with the
+    /// drained bulk modulus κ̂ and the shear modulus μ̂. It is an upper bound for any field.
     pub storage: f64,
 }
 
@@ -53,9 +53,9 @@ pub struct DrainedModel<'a> {
     pub(super) model: &'a PoreModel<'a>,
     pub(super) moduli: Moduli,
     factor: Factor<'a>,
-    /// Displacements K_d⁻¹ e for unit force on the mesh.
+    /// Displacements of the drained skeleton for unit force on the mesh.
     unit_response: Vec<f64>,
-    /// Load on the pressures, b = B K_d⁻¹ e.
+    /// Load on the pressures: the divergence of `unit_response`.
     pub(super) load: Vec<f64>,
 }
 
@@ -68,14 +68,15 @@ impl<'a> DrainedModel<'a> {
         Ok(Self { model, moduli, factor, unit_response, load })
     }
 
-    /// Φ(∞) in 1/m: displacement of the robot for unit force on the whole body and unit Young's
-    /// modulus, after all pressures have vanished.
+    /// Drained compliance in 1/m: displacement of the robot for unit force on the whole body and
+    /// unit Young's modulus, after all pressures have vanished.
     pub fn drained_compliance_per_m(&self) -> f64 {
         self.share() * self.drained()
     }
 
-    /// Φ(τ) in 1/m for every τ ≥ 0 (m²): displacement of the robot for unit force on the whole body
-    /// and unit Young's modulus.
+    /// Compliance in 1/m at every drainage area τ ≥ 0 (mobility × modulus / Laplace variable, m²).
+    /// It is the displacement of the robot for unit force on the whole body and unit Young's
+    /// modulus.
     ///
     /// # Errors
     /// [`Error::Numerical`] if the iteration for the pressures does not converge.
@@ -89,7 +90,7 @@ impl<'a> DrainedModel<'a> {
         self.model.stiffness.assembly.unknowns.share()
     }
 
-    /// Φ(∞) for unit force on the mesh.
+    /// Displacement of the robot in the drained body, for unit force on the mesh.
     pub(super) fn drained(&self) -> f64 {
         self.unit_response[self.unit_response.len() - 1]
     }
@@ -103,13 +104,15 @@ impl<'a> DrainedModel<'a> {
         field
     }
 
-    /// Replaces each column c by K_d⁻¹ c. The columns are stored one after the other.
+    /// Replaces each column of forces by the displacements of the drained skeleton. The columns are
+    /// stored one after the other.
     pub(super) fn solve_skeleton(&self, columns: &mut [f64]) {
         columns.iter_mut().for_each(|f| *f *= self.moduli.softness);
         self.factor.solve_in_place(columns);
     }
 
-    /// Products A c for every column c, with A = M/M̂ + B K_d⁻¹ Bᵀ.
+    /// Products of the storage matrix A = M/M̂ + B K_d⁻¹ Bᵀ with every column ([`super`] defines
+    /// the matrices).
     pub(super) fn apply_storage(&self, columns: &[&[f64]]) -> Vec<Vec<f64>> {
         let (pressures, n) = (&self.model.pressures, self.model.pressures.n_displacements());
         let mut block = vec![0.0; n * columns.len()];
@@ -125,9 +128,10 @@ impl<'a> DrainedModel<'a> {
         columns.iter().zip(block.chunks_exact(n)).map(product).collect()
     }
 
-    /// Returns (A + τH)⁻¹ b for every τ (m²). All τ are treated together, so that the skeleton is
-    /// solved in blocks. The preconditioner S M + τH is an upper bound of A + τH and equals it on
-    /// irrotational fields.
+    /// Returns the pressures (A + τH)⁻¹ b for every drainage area τ (m²). A is the storage matrix,
+    /// H the diffusion matrix and b the load. All τ are treated together, so that the skeleton is
+    /// solved in blocks. The preconditioner is S M + τH, with the storage S for irrotational fields
+    /// and the mass matrix M. It is an upper bound of A + τH and equals it on irrotational fields.
     pub(super) fn pressures(&self, areas_m2: &[f64]) -> Result<Vec<Pressure>> {
         let mut systems: Vec<Conjugate> =
             areas_m2.iter().map(|&area| Conjugate::new(self, area)).collect::<Result<_>>()?;
@@ -147,7 +151,7 @@ impl<'a> DrainedModel<'a> {
     }
 }
 
-/// State of the conjugate-gradient iteration at one τ.
+/// State of the conjugate-gradient iteration at one drainage area.
 struct Conjugate<'a> {
     area_m2: f64,
     preconditioner: PressureFactor<'a>,
@@ -155,9 +159,9 @@ struct Conjugate<'a> {
     stored: Vec<f64>,
     residual: Vec<f64>,
     direction: Vec<f64>,
-    /// r · P⁻¹r, with r the residual and P the preconditioner. The next field is its value at the
-    /// start.
+    /// Squared norm of the residual r: r · P⁻¹r, with the preconditioner P.
     square: f64,
+    /// Squared norm of the residual at the start.
     first_square: f64,
 }
 
@@ -184,7 +188,7 @@ impl<'a> Conjugate<'a> {
         self.square <= TOLERANCE * TOLERANCE * self.first_square
     }
 
-    /// Performs one iteration. `stored` is A times the search direction.
+    /// Performs one iteration. `stored` is the storage matrix times the search direction.
     fn advance(&mut self, body: &DrainedModel, stored: &[f64]) {
         let mut product = stored.to_vec();
         body.model.pressures.add_product(0.0, self.area_m2, &self.direction, &mut product);

@@ -1,26 +1,30 @@
 //! Pore flow around the robot: Biot's quasi-static equations with displacements and pressures
 //! (physics §5, `poroelasticity`; exact references §4.2, §4.9).
 //!
-//! The law acts on the skeleton and on the storage alike. Let p = G p', with p the pressure and
-//! G(s) the law's modulus. The whole body is then one operator in τ = k G/s (k the mobility in
-//! m²/(Pa·s)):
+//! The law acts on the skeleton and on the storage alike. Let p = G p', with the pressure p and the
+//! law's modulus G(s) at the Laplace variable s. The whole body is then one operator in the
+//! drainage area τ = k G/s (m²), with the mobility k in m²/(Pa·s):
 //!
 //!  K_d u − Bᵀp' = f/G,  B u + (M/M̂ + τH) p' = 0.
 //!
-//! Here K_d = 2μ̂ K_dev + κ̂_d K_vol. The shear modulus μ̂ is equal for the drained and the
-//! undrained body, and κ̂ = 2μ̂(1 + ν)/(3(1 − 2ν)). The storage is 1/M̂ = 1/(κ̂_u − κ̂_d) (α = 1,
-//! M. A. Biot 1941, doi:10.1063/1.1712886). M, H and B are the matrices of [`PressureSpace`].
+//! u are the displacements and f the load. B, M and H are the divergence, mass and diffusion
+//! matrices of [`PressureSpace`]. K_d = 2μ̂ K_dev + κ̂_d K_vol is the stiffness of the drained
+//! skeleton, with the deviatoric and volumetric parts of [`crate::fe::Assembly`]. The shear modulus
+//! μ̂ is equal for the drained and the undrained body. The bulk modulus is κ̂ = 2μ̂(1 + ν)/(3(1 −
+//! 2ν)) at the drained (κ̂_d) or undrained (κ̂_u) Poisson ratio ν. The storage is 1/M̂ = 1/(κ̂_u −
+//! κ̂_d) (M. A. Biot 1941, doi:10.1063/1.1712886, with α = 1).
 //!
 //! The robot's compliance is Φ(τ)/G, with Φ(τ) = eᵀ[K_d + Bᵀ(M/M̂ + τH)⁻¹B]⁻¹e and e the unit
 //! force. It rises from the undrained Φ(0) to the drained Φ(∞): Φ(τ) = Φ(0) (1 + Σ wₖ τ/(τ + τₖ))
-//! with wₖ, τₖ > 0. [`PoreSpectrum`] gives at most ten such terms for any drained Poisson ratio.
+//! with weights wₖ > 0 and areas τₖ > 0. [`PoreSpectrum`] gives at most ten such terms for any
+//! drained Poisson ratio.
 //!
 //! The elements are of Taylor–Hood type: the project's displacements with continuous pressures that
-//! are linear between the corners. This combination is stable. K_d is the base model's stiffness at
-//! ν_d. Its condensed pressures cost nothing, and the drained limit equals the base model at ν_d to
-//! rounding. The undrained limit differs from the base model, because its discretisation is
-//! another. The difference is 1e-5 on the model mesh. Between the limits the linear pressures have
-//! an error of second order, up to 4e-4 of the compliance on a mesh like the model's.
+//! are linear between the corners. This combination is stable. K_d is proportional to the base
+//! model's stiffness at the drained Poisson ratio. The drained limit therefore equals the base
+//! model to rounding. The undrained limit differs from the base model by 1e-5 on the model mesh,
+//! because its discretisation is another. Between the limits the linear pressures have an error of
+//! second order, up to 4e-4 of the compliance on a mesh like the model's.
 
 mod condensed;
 mod creep;
@@ -49,7 +53,8 @@ pub struct PoreModel<'a> {
 }
 
 impl<'a> PoreModel<'a> {
-    /// Adds pressures to a mesh and its stiffness. `poisson_ratio` is the undrained one, below ½.
+    /// Adds pressures to a mesh and its stiffness. `poisson_ratio` is the undrained Poisson ratio,
+    /// below ½.
     ///
     /// # Errors
     /// Those of [`PressureSpace::new`], and [`Error::Numerical`] if the Poisson ratio lies outside
@@ -68,7 +73,7 @@ impl<'a> PoreModel<'a> {
         Ok(Self { stiffness, pressures, poisson_ratio, lengths_m: [smallest, largest] })
     }
 
-    /// The pressures, and their matrices.
+    /// Pressure unknowns and their matrices.
     pub fn pressures(&self) -> &PressureSpace {
         &self.pressures
     }

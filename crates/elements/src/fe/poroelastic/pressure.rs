@@ -13,24 +13,26 @@ use crate::fe::factorisation::add_symmetric_product;
 use crate::mesh::{ElementKind, HEXAHEDRON27_REFERENCE_NODES, Mesh};
 use base::error::{Error, Result};
 
-/// Pore pressures of a mesh, with the matrices B = ∫ q div u, M = ∫ q q and H = ∫ ∇q·∇q. No
+/// Pore pressures of a mesh, with three matrices for pressure functions q and displacements u. They
+/// are the divergence matrix ∫ q div u, the mass matrix ∫ q q and the diffusion matrix ∫ ∇q·∇q. No
 /// pressure is fixed, because robot, outer wall and symmetry planes are impermeable.
 #[derive(Debug)]
 pub struct PressureSpace {
     nodes: Vec<u32>,
     n_displacements: usize,
-    /// First entry of each pressure's row of B. The next field holds the entries: unknown and value
-    /// (m²).
+    /// Index of the first entry of each pressure's row of the divergence matrix.
     row_start: Vec<usize>,
+    /// Entries of the divergence matrix, row by row: unknown and value (m²).
     entries: Vec<(u32, f64)>,
-    /// Sparsity pattern of the upper triangles of M and H.
+    /// Sparsity pattern of the upper triangles of the mass and diffusion matrices.
     pattern: SymbolicSparseColMat<u32>,
     mass: Vec<f64>,
     diffusion: Vec<f64>,
     symbolic: SymbolicCholesky<u32>,
 }
 
-/// Matrices of one element: B with 8 × 81 (hexahedron) or 4 × 30 (tetrahedron) entries, M and H.
+/// Divergence, mass and diffusion matrices of one element, row by row. The divergence matrix has
+/// one row per corner, with three entries per node.
 struct ElementMatrices {
     divergence: Vec<[f64; 3]>,
     mass: Vec<f64>,
@@ -97,7 +99,7 @@ impl PressureSpace {
             CholeskySymbolicParams::default(),
         )
         .map_err(|e| {
-            Error::numerical(format!("{} pressures cannot be ordered: {e:?}", nodes.len()), "use a coarser mesh")
+            Error::numerical(format!("factorising {} pressures failed: {e:?}", nodes.len()), "use a coarser mesh")
         })?;
         Ok(Self {
             nodes,
@@ -121,7 +123,7 @@ impl PressureSpace {
         &self.nodes
     }
 
-    /// Product B u, in m² times the unit of u.
+    /// Divergence matrix times displacements, in m² times the unit of the displacements.
     pub fn divergence(&self, displacements: &[f64]) -> Vec<f64> {
         let product = |range: &[usize]| {
             self.entries[range[0]..range[1]].iter().map(|(j, b)| b * displacements[*j as usize]).sum()
@@ -129,19 +131,19 @@ impl PressureSpace {
         self.row_start.windows(2).map(product).collect()
     }
 
-    /// Adds Bᵀ q to `result`.
+    /// Adds the transposed divergence matrix times pressures to `result`.
     pub fn add_transposed_divergence(&self, pressures: &[f64], result: &mut [f64]) {
         for (range, q) in self.row_start.windows(2).zip(pressures) {
             self.entries[range[0]..range[1]].iter().for_each(|(j, b)| result[*j as usize] += b * q);
         }
     }
 
-    /// Upper triangle of M, in m³.
+    /// Upper triangle of the mass matrix, in m³.
     pub fn mass(&self) -> SparseColMatRef<'_, u32, f64> {
         SparseColMatRef::new(self.pattern.as_ref(), &self.mass)
     }
 
-    /// Upper triangle of H, in m.
+    /// Upper triangle of the diffusion matrix, in m.
     pub fn diffusion(&self) -> SparseColMatRef<'_, u32, f64> {
         SparseColMatRef::new(self.pattern.as_ref(), &self.diffusion)
     }
@@ -150,7 +152,7 @@ impl PressureSpace {
         self.n_displacements
     }
 
-    /// Cholesky factor of `storage` M + `area` H.
+    /// Cholesky factor of `storage` × mass matrix + `area` × diffusion matrix.
     pub(super) fn factor(&self, storage: f64, area: f64) -> Result<PressureFactor<'_>> {
         let values: Vec<f64> = self.mass.iter().zip(&self.diffusion).map(|(m, h)| storage * m + area * h).collect();
         let matrix = SparseColMatRef::new(self.pattern.as_ref(), &values);
@@ -169,14 +171,14 @@ impl PressureSpace {
             )
             .map_err(|e| {
                 Error::numerical(
-                    format!("the pressures' storage {storage:e} and area {area:e} are not positive definite ({e:?})"),
+                    format!("the storage {storage:e} and area {area:e} give no positive definite matrix ({e:?})"),
                     "give a drained Poisson ratio below the undrained one",
                 )
             })?;
         Ok(PressureFactor { symbolic: &self.symbolic, values: factor })
     }
 
-    /// Adds (`storage` M + `area` H) q to `result`, with q the pressures.
+    /// Adds (`storage` × mass matrix + `area` × diffusion matrix) × `pressures` to `result`.
     pub(super) fn add_product(&self, storage: f64, area: f64, pressures: &[f64], result: &mut [f64]) {
         for (factor, matrix) in [(storage, self.mass()), (area, self.diffusion())] {
             if factor != 0.0 {
@@ -187,7 +189,7 @@ impl PressureSpace {
     }
 }
 
-/// Cholesky factor of a sum storage M + area H.
+/// Cholesky factor of a weighted sum of the mass and diffusion matrices.
 pub(super) struct PressureFactor<'a> {
     symbolic: &'a SymbolicCholesky<u32>,
     values: Vec<f64>,
@@ -206,8 +208,8 @@ impl PressureFactor<'_> {
     }
 }
 
-/// Values of each corner's linear function at all nodes of the element. They express the function
-/// by the element's own shape functions: Ψ = Σ Ψ(node) φ.
+/// Values of each corner's linear function at all nodes of the element. They are the function's
+/// coefficients in the element's own shape functions.
 fn corner_values(kind: ElementKind) -> Result<Vec<Vec<f64>>> {
     match kind {
         ElementKind::Hexahedron27 => {

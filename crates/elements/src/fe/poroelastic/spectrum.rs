@@ -1,17 +1,19 @@
-//! The pore spectrum: Φ(τ) = Φ(0) (1 + Σ wₖ τ/(τ + τₖ)) with a few terms, for every drained Poisson
-//! ratio ν_d of a range.
+//! The pore spectrum: the robot's compliance Φ(τ) = Φ(0) (1 + Σ wₖ τ/(τ + τₖ)) with a few terms,
+//! for every drained Poisson ratio ν_d of a range. The drainage area τ (m²) is mobility × modulus /
+//! Laplace variable.
 //!
-//! At a few ratios (Chebyshev points) the terms are computed by a Galerkin projection on pressures
-//! at fixed τ/S. S is the storage of irrotational fields. These τ are chosen greedily at the middle
-//! ratio. Ritz values of such a space never cross. Therefore ln(wₖ/(ν − ν_d)) and ln(τₖ/S) are
-//! smooth in ν_d. Polynomials through the Chebyshev points interpolate them and have exact
-//! derivatives.
+//! At a few ratios (Chebyshev points) a Galerkin projection on pressures at fixed τ/S computes the
+//! terms. S is the storage of irrotational fields. These τ are chosen greedily at the middle ratio.
+//! Ritz values of such a space never cross. Therefore ln(wₖ/(ν − ν_d)) and ln(τₖ/S) are smooth in
+//! ν_d, with the undrained ratio ν. Polynomials through the Chebyshev points interpolate them and
+//! have exact derivatives.
 //!
 //! Errors stated here are those of Φ at real τ. After a change of the force the error in time may
 //! be twenty times as large, up to 3e-6 of the position with the default settings.
 //!
-//! Let G be the law's modulus. A term then adds wₖ/(G + (τₖ/k) s) to the response. This is the law
-//! in parallel with a dashpot of viscosity τₖ/k, both divided by wₖ.
+//! Let G be the law's modulus at the Laplace variable s, and k the mobility. A term then adds wₖ/(G
+//! + (τₖ/k) s) to the response. This is the law in parallel with a dashpot of viscosity τₖ/k, both
+//! divided by wₖ.
 
 use std::f64::consts::PI;
 
@@ -24,12 +26,14 @@ use super::terms::{Direction, Terms};
 use base::error::{Error, Result};
 use base::number::{Dual, Scalar};
 
-/// Shortest length for the choice of terms, divided by the robot's smallest radius. τ/S ranges from
-/// the square of this length to the square of the mesh's largest radius.
+/// Shortest length for the choice of terms, divided by the robot's smallest radius. Drainage areas,
+/// divided by the storage, range from the square of this length to the square of the mesh's largest
+/// radius.
 const NEAREST: f64 = 0.01;
-/// Number of τ per decade whose pressures represent all pressures while the terms are chosen.
+/// Number of drainage areas per decade whose pressures represent all pressures while the terms are
+/// chosen.
 const PER_DECADE: f64 = 4.0;
-/// Number of τ per decade at which the error is evaluated.
+/// Number of drainage areas per decade at which the error is evaluated.
 const CANDIDATES_PER_DECADE: f64 = 20.0;
 
 /// Accuracy and range of a pore spectrum.
@@ -37,7 +41,8 @@ const CANDIDATES_PER_DECADE: f64 = 20.0;
 pub struct SpectrumSettings {
     /// Lowest and highest drained Poisson ratio. The highest must lie below the undrained one.
     pub drained_poisson_ratio: [f64; 2],
-    /// Error of Φ, relative to Φ(0), below which no further terms are added.
+    /// Error of the compliance, relative to the undrained compliance, below which no further terms
+    /// are added.
     pub tolerance: f64,
     /// Largest permitted number of terms, at least 2.
     pub most_terms: usize,
@@ -46,18 +51,21 @@ pub struct SpectrumSettings {
 }
 
 impl Default for SpectrumSettings {
-    /// Settings that give at most ten terms for an error of 1e-6, with ν_d from 0 to 0.45.
+    /// Settings that give at most ten terms for an error of 1e-6, with drained Poisson ratios from
+    /// 0 to 0.45.
     fn default() -> Self {
         Self { drained_poisson_ratio: [0.0, 0.45], tolerance: 1e-6, most_terms: 10, n_ratios: 10 }
     }
 }
 
-/// One term w τ/(τ + τₖ) of a pore spectrum.
+/// One term of a pore spectrum. It adds w τ/(τ + τₖ) to the relative compliance at the drainage
+/// area τ.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PoreTerm {
-    /// Weight w > 0: the term's contribution to Φ at τ → ∞, relative to Φ(0).
+    /// Weight w > 0: the term's contribution to the drained compliance, relative to the undrained
+    /// compliance.
     pub weight: Dual,
-    /// τₖ > 0, in m².
+    /// Area τₖ > 0 of the term, in m².
     pub area_m2: Dual,
 }
 
@@ -68,19 +76,21 @@ pub struct PoreSpectrum {
     pub poisson_ratio: f64,
     /// Lowest and highest drained Poisson ratio at which the terms are valid.
     pub drained_poisson_ratio: [f64; 2],
-    /// Φ(0) in 1/m at the middle drained ratio, from the porous elements. The base model's
-    /// compliance comes from another discretisation.
+    /// Undrained compliance at unit Young's modulus in 1/m, at the middle drained ratio, from the
+    /// porous elements. The base model's compliance comes from another discretisation.
     pub undrained_compliance_per_m: f64,
-    /// Largest error indicator of the terms, relative to Φ(0), over all τ and the computed ratios.
-    /// The indicator is the squared norm of the residual. It is at least half of the error and at
-    /// most the error.
+    /// Largest error indicator of the terms, relative to the undrained compliance, over all
+    /// drainage areas and the computed ratios. The indicator is the squared norm of the residual.
+    /// It is at least half of the error and at most the error.
     pub error_indicator: f64,
-    /// Error due to the interpolation in ν_d, relative to Φ(0). It is the largest over all τ, at a
-    /// ratio between the computed ones.
+    /// Error due to the interpolation in the drained Poisson ratio, relative to the undrained
+    /// compliance. It is the largest over all drainage areas, at a ratio between the computed ones.
     pub interpolation_error: f64,
-    /// Chebyshev coefficients of ln(wₖ/(ν − ν_d)), one list per term.
+    /// Chebyshev coefficients of ln(w/(ν − ν_d)), one list per term, with the weight w and the
+    /// undrained and drained Poisson ratios ν and ν_d.
     log_weights: Vec<Vec<f64>>,
-    /// Chebyshev coefficients of ln(τₖ/S), with τₖ in m², one list per term.
+    /// Chebyshev coefficients of ln(τ/S), one list per term, with the area τ (m²) of the term and
+    /// the storage S of irrotational fields.
     log_areas: Vec<Vec<f64>>,
 }
 
@@ -117,7 +127,7 @@ impl PoreSpectrum {
         if !is_sound {
             return Err(Error::numerical(
                 format!(
-                    "a pore spectrum cannot be built with {settings:?} around a robot of radius {smallest_m} m in {largest_m} m, undrained ratio {}",
+                    "a pore spectrum cannot be built with {settings:?} around a robot of radius {smallest_m} m in a mesh of radius {largest_m} m, at the undrained Poisson ratio {}",
                     model.poisson_ratio
                 ),
                 "give a rising range of drained Poisson ratios below the undrained one, at least two ratios and two terms, and a robot at the mesh's centre",
@@ -170,8 +180,8 @@ impl PoreSpectrum {
         self.log_weights.len()
     }
 
-    /// Terms at a drained Poisson ratio, slowest first. Their derivatives are in the direction that
-    /// the ratio carries.
+    /// Terms at a drained Poisson ratio, slowest first. Their derivatives follow from the
+    /// derivative that the ratio carries.
     ///
     /// # Errors
     /// [`Error::OutsideTrainedRange`] for a ratio outside the range.
@@ -195,7 +205,8 @@ impl PoreSpectrum {
         Ok(self.log_weights.iter().zip(&self.log_areas).map(term).collect())
     }
 
-    /// Φ(τ)/Φ(0) at a drained Poisson ratio and τ ≥ 0 (m²). An infinite τ is the drained body.
+    /// Compliance relative to the undrained compliance, at a drained Poisson ratio and a drainage
+    /// area τ ≥ 0 (m²). An infinite area is the drained body.
     ///
     /// # Errors
     /// [`Error::OutsideTrainedRange`] for a ratio outside the range.
@@ -204,8 +215,8 @@ impl PoreSpectrum {
         Ok(1.0 + terms.iter().map(|term| term.weight.value / (1.0 + term.area_m2.value / area_m2)).sum::<f64>())
     }
 
-    /// Largest error of Φ(τ)/Φ(0) over τ in [0, ∞] at one drained Poisson ratio. It compares with
-    /// exactly solved pressures.
+    /// Largest error of [`Self::relative_compliance`] over all drainage areas at one drained
+    /// Poisson ratio. The reference values are exactly solved pressures.
     ///
     /// # Errors
     /// Those of [`Self::relative_compliance`], and [`Error::Numerical`] if the iteration for the
@@ -224,8 +235,8 @@ impl PoreSpectrum {
     }
 }
 
-/// Values of τ/S: 0, and the squares of lengths from the shortest to the longest, `per_decade` per
-/// decade.
+/// Drainage areas divided by the storage (m²): 0, and the squares of lengths from the shortest to
+/// the longest, `per_decade` per decade.
 fn areas_m2(model: &PoreModel, per_decade: f64) -> Vec<f64> {
     let [smallest_m, largest_m] = model.lengths_m;
     let (first, last) = (2.0 * (NEAREST * smallest_m).log10(), 2.0 * largest_m.log10());
@@ -234,8 +245,9 @@ fn areas_m2(model: &PoreModel, per_decade: f64) -> Vec<f64> {
     [0.0].into_iter().chain((0..=n as usize).map(area)).collect()
 }
 
-/// Chooses the τ/S of the terms greedily: each next one is where the error at the middle ratio is
-/// largest. Also returns Φ(0) of the whole body at that ratio.
+/// Chooses the drainage areas of the terms, divided by the storage, greedily: each next area is
+/// where the error at the middle ratio is largest. Also returns the undrained compliance of the
+/// whole body at that ratio.
 fn chosen_areas_m2(model: &PoreModel, settings: &SpectrumSettings) -> Result<(Vec<f64>, f64)> {
     let [lowest, highest] = settings.drained_poisson_ratio;
     let body = model.drained(0.5 * (lowest + highest))?;
@@ -243,8 +255,8 @@ fn chosen_areas_m2(model: &PoreModel, settings: &SpectrumSettings) -> Result<(Ve
     let many: Vec<f64> = areas_m2(model, PER_DECADE).iter().map(|t| t * storage).collect();
     let directions: Vec<Direction> =
         body.pressures(&many)?.into_iter().map(|pressure| Direction::of(&body, pressure)).collect();
-    // The following steps work in the span of these pressures, in a basis in which A is the
-    // identity and H is diagonal.
+    // The following steps work in the span of these pressures, in a basis in which the storage
+    // matrix is the identity and the diffusion matrix is diagonal.
     let all = Terms::galerkin(&directions, &body.load)?;
     let undrained = body.drained() - all.at(0.0);
     let direction = |area_m2: f64| {
@@ -291,8 +303,9 @@ fn computed(body: &DrainedModel, scaled_areas_m2: &[f64]) -> Result<Computed> {
     })
 }
 
-/// Indicator for the error of Φ at τ. The error is the squared norm of the residual, in the norm of
-/// (A + τH)⁻¹. The indicator uses the preconditioner's inverse instead. It is a lower bound that
+/// Indicator for the error of the compliance at a drainage area τ (m²). The error is the squared
+/// norm of the residual, in the norm of (A + τH)⁻¹, with the storage matrix A and the diffusion
+/// matrix H. The indicator uses the preconditioner's inverse instead. It is a lower bound that
 /// equals the error on irrotational fields.
 pub(super) fn indicator(body: &DrainedModel, terms: &Terms, area_m2: f64) -> Result<f64> {
     let residual = terms.residual(area_m2, &body.load);
@@ -301,7 +314,8 @@ pub(super) fn indicator(body: &DrainedModel, terms: &Terms, area_m2: f64) -> Res
     Ok(dot(&residual, &solved))
 }
 
-/// Storage S of [`Moduli`], with its derivative.
+/// Storage of irrotational fields, as in [`Moduli`], with its derivative with respect to the
+/// drained ratio.
 fn storage(poisson_ratio: f64, drained_poisson_ratio: Dual) -> Dual {
     let two_mu = 1.0 / (1.0 + poisson_ratio);
     let kappa = |nu: Dual| (nu + 1.0) * two_mu / ((Dual::ONE - nu * 2.0) * 3.0);

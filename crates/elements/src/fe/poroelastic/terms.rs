@@ -1,4 +1,5 @@
-//! Approximation of bᵀ(A + τH)⁻¹b by a short sum Σ c/(1 + τσ). It is the Galerkin projection on
+//! Approximation of bᵀ(A + τH)⁻¹b by a short sum Σ c/(1 + τσ) for drainage areas τ. A is the
+//! storage matrix, H the diffusion matrix and b the load. The sum is the Galerkin projection on
 //! pressures at a few τ (a rational Krylov space).
 //!
 //! The sum agrees with the exact function in value and slope at these τ and lies below it
@@ -11,12 +12,14 @@ use nalgebra::DMatrix;
 use super::drained::{DrainedModel, Pressure, add_scaled, dot};
 use base::error::{Error, Result};
 
-/// Smallest part of a direction outside the span of the others, in the A-norm. A direction with a
-/// smaller part is omitted. It would add only the square of this part to the result, and much of
-/// that would be the rounding error of the skeleton's solutions.
+/// Smallest part of a direction outside the span of the earlier directions, relative to the
+/// direction, in the norm of the storage matrix. A direction with a smaller part is omitted. It
+/// would add only the square of this part to the result, and much of that would be the rounding
+/// error of the skeleton's solutions.
 const LEAST_NEW_PART: f64 = 1e-5;
 
-/// A vector v of pressures, with the products A v and H v.
+/// A vector of pressures, with its products with the storage matrix (`stored`) and the diffusion
+/// matrix (`diffused`).
 #[derive(Debug, Clone)]
 pub(super) struct Direction {
     pub values: Vec<f64>,
@@ -25,7 +28,7 @@ pub(super) struct Direction {
 }
 
 impl Direction {
-    /// Direction given by the pressures of a body.
+    /// Builds a direction from the pressures that solve a body's equations.
     pub fn of(body: &DrainedModel, pressure: Pressure) -> Self {
         let mut diffused = vec![0.0; pressure.values.len()];
         body.model.pressures.add_product(0.0, 1.0, &pressure.values, &mut diffused);
@@ -43,20 +46,20 @@ impl Direction {
     }
 }
 
-/// The sum Σ βₖ²/(1 + τσₖ) with rising σ, and its vectors, which are A-orthonormal and
-/// H-orthogonal.
+/// A sum Σ βₖ²/(1 + τσₖ) of drainage terms with rising rates σₖ at the drainage area τ. Its vectors
+/// are orthonormal in the storage matrix and orthogonal in the diffusion matrix.
 #[derive(Debug, Clone)]
 pub(super) struct Terms {
-    /// Values of σ, in 1/m².
+    /// Drainage rates σ of the terms, in 1/m².
     pub rates_per_m2: Vec<f64>,
-    /// Values of β: components of the load along the vectors.
+    /// Components β of the load along the vectors.
     pub shares: Vec<f64>,
     pub vectors: Vec<Direction>,
 }
 
 impl Terms {
-    /// Projects the problem on the span of `directions`. A direction that depends linearly on
-    /// earlier ones is omitted.
+    /// Projects the pressures' equations on the span of `directions`. A direction that depends
+    /// linearly on earlier directions is omitted.
     pub(super) fn galerkin(directions: &[Direction], load: &[f64]) -> Result<Self> {
         let mut basis: Vec<Direction> = Vec::with_capacity(directions.len());
         for direction in directions {
@@ -101,12 +104,13 @@ impl Terms {
         Ok(Self { rates_per_m2, shares: vectors.iter().map(|v| dot(&v.values, load)).collect(), vectors })
     }
 
-    /// Value of the sum Σ β²/(1 + τσ) at τ (m²).
+    /// Value of the sum of the terms at a drainage area (m²).
     pub(super) fn at(&self, area_m2: f64) -> f64 {
         self.shares.iter().zip(&self.rates_per_m2).map(|(b, rate)| b * b / (1.0 + area_m2 * rate)).sum()
     }
 
-    /// Residual b − (A + τH) p of the projected solution p.
+    /// Residual of the projected pressures p at a drainage area τ: load − (A + τH) p, with the
+    /// storage matrix A and the diffusion matrix H.
     pub(super) fn residual(&self, area_m2: f64, load: &[f64]) -> Vec<f64> {
         let mut residual = load.to_vec();
         for ((share, rate), vector) in self.shares.iter().zip(&self.rates_per_m2).zip(&self.vectors) {

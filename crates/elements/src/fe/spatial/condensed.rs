@@ -1,9 +1,10 @@
 //! Exact elimination, before time stepping, of unknowns that occur in only one of the two matrices.
 //!
-//! Let e be the unknowns in one matrix only, and k those in both. The former obey one law: K_ee
-//! w_e + K_ek w_k = 0 at all times. Hence z_e = −K_ee⁻¹K_ek z_k for any law, and only the unknowns
-//! k move independently. They are on the robot's surface for a slipping gel, on the outer surface
-//! for a yielding wall, and on the edge of a pocket. If the gel has mass, all its unknowns remain.
+//! The unknowns in one matrix only (index e) bear no load and obey one law. They therefore follow
+//! the unknowns in both matrices (index k): z_e = −K_ee⁻¹K_ek z_k for any law, with K the sum of
+//! both matrices. Only the unknowns k move independently. They are on the robot's surface for a
+//! slipping gel, on the outer surface for a yielding wall, and on the edge of a pocket. If the gel
+//! has mass, all its unknowns remain.
 
 use faer::Mat;
 use faer::sparse::Triplet;
@@ -12,12 +13,13 @@ use super::matrices::triplets_of;
 use super::{DegreesOfFreedom, SpatialSystem, SymmetricMatrix, SymmetricSolver};
 use base::error::Result;
 
-/// Number of columns that are solved at once.
+/// Number of right-hand sides that are solved at once.
 const BLOCK: usize = 64;
-/// Largest fraction of kept unknowns at which elimination is worth its cost.
+/// Largest fraction of kept unknowns for which elimination pays.
 const MOST_KEPT: f64 = 0.25;
 
-/// The matrices between the unknowns that occur in both, and the data to recover the others.
+/// The matrices between the unknowns that occur in both matrices, and the data to recover the
+/// eliminated unknowns.
 pub(super) struct Condensed<'a> {
     whole: &'a SpatialSystem,
     /// Matrices between the kept unknowns.
@@ -30,8 +32,8 @@ pub(super) struct Condensed<'a> {
 }
 
 impl<'a> Condensed<'a> {
-    /// Eliminates the unknowns that occur in only one matrix. Returns `None` if they are too few to
-    /// be worth it.
+    /// Eliminates the unknowns that occur in only one matrix. Returns `None` if more than a quarter
+    /// of the unknowns would remain.
     ///
     /// # Errors
     /// Those of [`SymmetricSolver::factor`].

@@ -10,16 +10,16 @@ use base::error::{Error, Result};
 /// Cosine of the angle between two normals at a node above which they count as equal. The faces
 /// then belong to a smooth surface.
 const SAME_NORMAL: f64 = 0.94;
-/// Length below which a direction, after subtraction of its components along others, counts as
-/// zero.
-const NOTHING_LEFT: f64 = 1e-6;
+/// Length below which a direction counts as zero after subtraction of its components along other
+/// directions.
+const ZERO_DIRECTION_LENGTH: f64 = 1e-6;
 
 /// Displacement of every node as a combination of unknowns. The last unknown is the robot's
 /// translation along x (physics §3.1).
 #[derive(Debug, Clone)]
 pub struct DegreesOfFreedom {
-    /// First term of component i of a node: `start[3·node + i]`. The terms end before the next
-    /// component's first.
+    /// Index in `terms` of the first term of each displacement component: `start[3·node + i]` for
+    /// component i of a node. The next entry is the end of the component's terms.
     start: Vec<u32>,
     terms: Vec<(u32, f64)>,
     count: usize,
@@ -29,8 +29,8 @@ pub struct DegreesOfFreedom {
 }
 
 impl DegreesOfFreedom {
-    /// Builds freedoms in which the gel on the robot's surface moves with the robot. The outer
-    /// surface is fixed.
+    /// Builds degrees of freedom in which the gel on the robot's surface moves with the robot. The
+    /// outer surface is fixed.
     ///
     /// # Errors
     /// [`Error::Numerical`] for a mesh without a robot or an outer surface.
@@ -38,8 +38,8 @@ impl DegreesOfFreedom {
         Self::new(mesh, |_| Vec::new(), false)
     }
 
-    /// Builds freedoms in which the gel on the robot's surface moves with the robot and the outer
-    /// surface is free.
+    /// Builds degrees of freedom in which the gel on the robot's surface moves with the robot and
+    /// the outer surface is free.
     ///
     /// # Errors
     /// Those of [`Self::tied`].
@@ -47,8 +47,8 @@ impl DegreesOfFreedom {
         Self::new(mesh, |_| Vec::new(), true)
     }
 
-    /// Builds freedoms in which the gel moves with the robot along the surface's normal and may
-    /// slip along the surface.
+    /// Builds degrees of freedom in which the gel moves with the robot along the surface's normal
+    /// and may slip along the surface.
     ///
     /// At an edge between faces of different directions, the gel slips only along their common
     /// direction.
@@ -116,14 +116,15 @@ impl DegreesOfFreedom {
         Ok(Self::of_combinations(combinations, robot_nodes, [first_slip, count as usize], mesh.share()))
     }
 
-    /// Freedoms of `count` unknowns that belong to no nodes. The last one is the robot's.
+    /// Degrees of freedom of `count` unknowns that belong to no nodes. The last unknown is the
+    /// robot's translation.
     pub(super) fn without_nodes(count: usize, share: f64) -> Self {
         Self { start: vec![0], terms: Vec::new(), count, first_slip: count, share }
     }
 
-    /// Builds freedoms from the combination of unknowns in each component of every node. The given
-    /// combinations exclude the robot's translation. This function adds it to the first component
-    /// of the robot's nodes. Unknowns from `first_slip` up to the robot's are slips.
+    /// Builds degrees of freedom from the combination of unknowns in each component of every node.
+    /// The given combinations exclude the robot's translation. This function adds it to the first
+    /// component of the robot's nodes. Unknowns from `first_slip` up to the robot's are slips.
     pub(in crate::fe) fn of_combinations(
         mut combinations: Vec<[Vec<(u32, f64)>; 3]>,
         robot_nodes: impl Iterator<Item = usize>,
@@ -198,7 +199,7 @@ impl DegreesOfFreedom {
 /// `others`. `None` if that part is zero.
 fn left_of(direction: Vector3<f64>, others: &[Vector3<f64>]) -> Option<Vector3<f64>> {
     let left = others.iter().fold(direction, |left, other| left - other * other.dot(&left));
-    (left.norm() > NOTHING_LEFT).then(|| left.normalize())
+    (left.norm() > ZERO_DIRECTION_LENGTH).then(|| left.normalize())
 }
 
 /// Distinct surface normals of the robot at every node. Normals of smoothly adjacent faces are

@@ -54,7 +54,7 @@ impl SymmetricMatrix {
         })
     }
 
-    /// Returns Σ weight × matrix, for matrices with `n` rows.
+    /// Returns the weighted sum of matrices with `n` rows.
     ///
     /// # Errors
     /// Those of [`Self::assemble`].
@@ -135,7 +135,8 @@ impl SymmetricSolver {
         Ok(Self { pattern, places, symbolic })
     }
 
-    /// Cholesky factor of Σ weight × matrix. The matrices are in the order given to [`Self::new`].
+    /// Cholesky factor of the weighted sum of the matrices, which are in the order given to
+    /// [`Self::new`].
     ///
     /// # Errors
     /// [`Error::Numerical`] if the sum is not positive definite.
@@ -157,7 +158,7 @@ impl SymmetricSolver {
     }
 }
 
-/// Cholesky factor of a weighted sum.
+/// Cholesky factor of a weighted sum of symmetric matrices.
 pub struct SymmetricFactor<'a> {
     symbolic: &'a SymbolicCholesky<u32>,
     values: Vec<f64>,

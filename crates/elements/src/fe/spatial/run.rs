@@ -12,7 +12,7 @@ use laws::rheology::{AdditionalTerm, Element, TimeWindow};
 use laws::stages::{Stages, Switch};
 use record::Force;
 
-/// Positions and fields that a run returns.
+/// Positions and displacement fields that a full-order run computes.
 pub struct SpatialResult {
     /// Recorded position (m) at every row.
     pub position_m: Vec<f64>,
@@ -92,7 +92,7 @@ fn superposed(
 }
 
 impl SpatialInput<'_> {
-    /// Runs a gel with an effect in addition to its law.
+    /// Computes the robot's motion in a gel with an effect in addition to its law.
     ///
     /// # Errors
     /// [`Error::Numerical`] if the gel also softens over time, or if the run fails.
@@ -112,8 +112,8 @@ impl SpatialInput<'_> {
         })
     }
 
-    /// Runs a gel with pore flow. `mobility` is in m²/(Pa·s); `drained_ratio` is the Poisson ratio
-    /// of the skeleton.
+    /// Computes the robot's motion in a gel with pore flow. `mobility` is in m²/(Pa·s);
+    /// `drained_ratio` is the Poisson ratio of the skeleton.
     ///
     /// # Errors
     /// Those of [`Self::run`].
@@ -142,7 +142,7 @@ impl SpatialInput<'_> {
         if !self.stages.softening_rate_per_s.is_constant(0.0) {
             return Err(Error::numerical(
                 "softening over time cannot be combined with an effect that changes the displacement field",
-                "leave one of them out",
+                "leave out the softening or the effect",
             ));
         }
         let load = Load::of(&self.stages.load, self.time_s, self.force);
@@ -164,7 +164,8 @@ impl SpatialInput<'_> {
         })
     }
 
-    /// Window of times from a hundredth of the shortest row interval to the record's length.
+    /// Window of times for which the law must be accurate, from a hundredth of the shortest row
+    /// interval to the record's length.
     fn window(&self) -> TimeWindow {
         let shortest_s = self.time_s.windows(2).map(|pair| pair[1] - pair[0]).fold(f64::INFINITY, f64::min);
         let length_s = self.time_s.last().zip(self.time_s.first()).map_or(1.0, |(last, first)| last - first);

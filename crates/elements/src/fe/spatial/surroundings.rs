@@ -14,8 +14,8 @@ pub struct PhysicalProperties {
     pub robot_radius_m: f64,
     /// Radius of the outer surface, in m.
     pub outer_radius_m: f64,
-    /// Parameters of the built-in mesh around a sphere; `None` for other meshes. With them, effects
-    /// can build other meshes for this gel.
+    /// Parameters of the built-in mesh around a sphere, from which effects build further meshes of
+    /// this gel; `None` for other meshes.
     pub ball: Option<QuarterBall>,
 }
 
@@ -32,15 +32,15 @@ pub struct GelAndRobot<'a> {
     pub sizes: PhysicalProperties,
 }
 
-/// Number of layers for a thinning law divided by that of the model. At n = 0.3 a robot that moves
-/// 0.78 mm moves 4 µm too far with 8 layers, 1.5 µm with 12 and 0.1 µm with 24. Two elements per
-/// quarter arc add an error of 0.2 µm, one adds 0.4 µm.
+/// Number of layers of a thinning law's mesh, divided by that of the model's mesh. Example for a
+/// thinning index of 0.3 and a robot that moves 0.78 mm: the position error is 4 µm with 8 layers,
+/// 1.5 µm with 12 and 0.1 µm with 24. Two elements per quarter arc add 0.2 µm, one adds 0.4 µm.
 const THINNING_LAYERS: usize = 2;
 
 impl GelAndRobot<'_> {
     /// Mesh parameters around a sphere for a thinning law, with more layers and fewer elements per
-    /// layer. Strain rates fall steeply with the distance from the robot. Twice the layers
-    /// therefore reduce the error more than finer layers. Returns `None` for other robots.
+    /// layer. Strain rates fall steeply with the distance from the robot, so that additional layers
+    /// reduce the error most. Returns `None` for robots of other shapes.
     pub fn thinning_ball(&self) -> Option<QuarterBall> {
         let layered = |ball: QuarterBall| QuarterBall {
             n_per_edge: (ball.n_per_edge - 1).max(1),

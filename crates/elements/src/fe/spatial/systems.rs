@@ -31,14 +31,15 @@ pub struct SpatialSystem {
 /// Parameters for splitting a system's response into terms.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MatrixSplitting {
-    /// Factor of the second matrix in the energy norm, which both matrices define. At 0 a term is
-    /// w/(G + μ B), with B the effect's operator. At 1 it is w/((1 − θ) G + θ B).
+    /// Weight of the effect's matrix in the energy norm, relative to the gel's matrix: 0 or 1. At 0
+    /// the terms of the response are w/(G + μ B), with the gel's modulus G, the effect's operator B
+    /// and numbers w, μ. At 1 they are w/((1 − θ) G + θ B), with numbers w, θ.
     pub reference: f64,
-    /// Factors of the second matrix, divided by the reference, at which the full-order model is
-    /// solved.
+    /// Weights of the effect's matrix, minus `reference`, at which the full-order model is solved
+    /// for snapshots.
     pub snapshots: Vec<f64>,
-    /// True if the second matrix is rigid at the effect's null. Fields that it resists are then
-    /// impossible.
+    /// True if the effect's matrix is infinitely stiff at the effect's null. Fields that the matrix
+    /// resists are then impossible.
     pub is_rigid_at_null: bool,
 }
 
@@ -91,8 +92,8 @@ impl SpatialSystem {
         self.freedoms.count()
     }
 
-    /// Cholesky factor of the sum of both matrices. The first weight is the gel's, the second the
-    /// effect's.
+    /// Cholesky factor of the weighted sum of the gel's and the effect's matrix. The first weight
+    /// is the gel's, the second the effect's.
     ///
     /// # Errors
     /// [`base::Error::Numerical`] if the sum is not positive definite.
@@ -100,7 +101,8 @@ impl SpatialSystem {
         self.solver.factor(&[&self.gel, &self.second], &weights)
     }
 
-    /// Sum of both matrices. The first weight is the gel's, the second the effect's.
+    /// Weighted sum of the gel's and the effect's matrix. The first weight is the gel's, the second
+    /// the effect's.
     ///
     /// # Errors
     /// Those of [`SymmetricMatrix::from_triplets`].
@@ -150,7 +152,7 @@ pub fn stiffness(
 /// Physical meaning of the second matrix, with the size of the effect.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Second {
-    /// Stiffness that another law multiplies.
+    /// Stiffness, which a second law multiplies.
     Stiffness,
     /// Damping: resistance to velocities, in Pa·s/m.
     Damping(f64),
@@ -165,7 +167,7 @@ pub struct SteppedSystem<'a> {
 }
 
 impl<'a> SteppedSystem<'a> {
-    /// Builds the system and its laws. The laws are indexed like [`ChainPart::Stiffness`].
+    /// Builds the system, and its laws in the order of [`ChainPart::Stiffness`].
     pub fn new(system: &'a SpatialSystem, law: &[Element], beside: &AdditionalTerm) -> (Self, Vec<Vec<Element>>) {
         let (second, elements) = match beside {
             AdditionalTerm::Friction { compliance } => (Second::Damping(compliance.value.recip()), None),

@@ -3,20 +3,20 @@
 use laws::stages::{Load, MAX_NEWTON_STEPS};
 use nalgebra::{Matrix3, Vector3};
 
-/// Linear response to the force within a step: x = compliance (M F + h). x and F are vectors over
-/// the three stages.
+/// Linear response to the force within a step: position = compliance × (`response` × force +
+/// `history`). Position and force are vectors over the three stages.
 pub(crate) struct Mechanics {
     /// Displacement for unit force at unit Young's modulus, in 1/m.
     pub compliance_per_m: f64,
-    /// M: strains at the stages per force at the stages, in 1/Pa.
+    /// Strains at the stages per force at the stages, in 1/Pa.
     pub response: Matrix3<f64>,
-    /// h: strains at the stages if no force acts in the step, in N/Pa.
+    /// Strains at the stages if no force acts in the step, in N/Pa.
     pub history: Vector3<f64>,
 }
 
-/// Solves F = F_in e^{gx} for the forces at the stages, where `mechanics` gives x. Newton's method
-/// iterates on g x, starting from its value at the step's start. Returns NaN if no balance is
-/// found.
+/// Solves F = F_in e^{gx} for the forces F at the stages. F_in is `force_n`, g the load's force
+/// gradient (1/m) and x the position, which follows from F by `mechanics`. Newton's method iterates
+/// on g x, starting from its value at the step's start. Returns NaN if no balance is found.
 pub(crate) fn with_gradient(
     load: &Load<f64>,
     start_m: f64,
@@ -42,8 +42,8 @@ pub(crate) fn with_gradient(
     Vector3::repeat(f64::NAN)
 }
 
-/// Change of g x between the first stage of a step and its end, for given strains (N/Pa) at the
-/// stages.
+/// Change of force gradient × position between the first stage of a step and its end, for given
+/// strains (N/Pa) at the stages.
 pub(crate) fn change(load: &Load<f64>, compliance_per_m: f64, strain: &Vector3<f64>) -> f64 {
     let exponent = strain * (compliance_per_m * load.gradient_per_m);
     (exponent[2] - exponent[0]).abs()

@@ -1,13 +1,14 @@
 //! Time stepping of the full-order model for any combination of model stages. Every effect of load,
 //! mechanics and observation is computed from its definition.
 //!
-//! The load is one scalar F(t) along x, and the law is homogeneous. Every unknown is therefore the
-//! field of a unit force times one function of time (physics §3.3): u(x, t) = U(x) q(t) with
-//! K̂U = f̂. q is the law's strain response (N/Pa) to the stress F e^{rt}. The finite elements give
-//! the field U, and the steps below give q. This module uses no creep compliance, spectrum or
-//! closed form.
+//! The load is one force F(t) along x, and the law is homogeneous. Every unknown is therefore the
+//! field of a unit force times one function of time (physics §3.3): u(x, t) = U(x) q(t). U = K̂⁻¹f̂
+//! follows from the stiffness K̂ at unit Young's modulus and the load f̂ of a unit force. q is the
+//! law's strain response (N/Pa) to the stress F e^{rt}, with the gel's softening rate r. The finite
+//! elements give the field U, and the steps below give q. This module uses no creep compliance,
+//! spectrum or closed form.
 //!
-//! q is stepped by the three-stage Radau IIA method. The law is a network of springs, dashpots and
+//! The three-stage Radau IIA method advances q. The law is a network of springs, dashpots and
 //! springpots, each with its own strain. Lag, force gradient and softening are solved together with
 //! it at the method's stages. Steps end at every row and at every switch of the delayed command.
 //! They grow geometrically after a switch.
@@ -36,26 +37,26 @@ pub struct Resolution {
 }
 
 impl Default for Resolution {
-    /// Settings for the error that [`crate::fe::stepping`] states.
+    /// Settings with an error of the robot's position below 2e-8 of the largest position.
     fn default() -> Self {
         Self { steps_per_doubling: 12 }
     }
 }
 
-/// Result of a run: values at every row, as limits from the left.
+/// Result of a run: values at every row, just before any force step at the row.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SteppingResult {
     /// Recorded position, in m.
     pub position_m: Vec<f64>,
     /// Displacement of the robot, in m.
     pub displacement_m: Vec<f64>,
-    /// q at every row, in N/Pa.
+    /// Strain response of the law to the force at every row, in N/Pa.
     strain_n_per_pa: Vec<f64>,
 }
 
 impl FullOrderModel<'_> {
-    /// Steps the model through a record of ascending times (s) and commanded force. No force acts
-    /// before the first row.
+    /// Computes the model's motion through a record of ascending times (s) and commanded force. No
+    /// force acts before the first row.
     ///
     /// The Poisson ratio is that of this model's factorisation; the value in `stages` is ignored.
     ///

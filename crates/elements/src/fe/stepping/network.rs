@@ -2,9 +2,10 @@
 //!
 //! At the three stages of a step, stresses σ and strains ε are vectors of three. Every body relates
 //! them by a matrix and a history vector. A body in series is given its stress: ε = Jσ + h. A body
-//! in parallel is given its strain: σ = Gε + g. A spring has J = I/E and h = 0. A dashpot, c
-//! ε̇ = σ, has J = Δt A/c and h = ε at the start. In series J and h add; in parallel G and g add.
-//! G = J⁻¹ and g = −J⁻¹h convert one form to the other.
+//! in parallel is given its strain: σ = Gε + g. A spring of modulus E has J = I/E and h = 0. A
+//! dashpot of viscosity c has J = Δt A/c and h = ε at the start, with the step's length Δt and
+//! Radau's matrix A. In series J and h add; in parallel G and g add. G = J⁻¹ and g = −J⁻¹h convert
+//! one form to the other.
 //!
 //! After flattening, groups in series and in parallel alternate. One kind of group is therefore
 //! enough: its parts are parallel if the stress is given, and in series if the strain is given.
@@ -17,7 +18,7 @@ use laws::rheology::Element;
 use laws::stages::ElementPlace;
 use nalgebra::{Matrix3, Vector3};
 
-/// Quantity that a body is given.
+/// Quantity that the network prescribes to a body.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum PrescribedQuantity {
     /// Stress: the body is one of several in series.
@@ -54,7 +55,8 @@ struct Factors {
 #[derive(Debug, Clone)]
 struct NetworkBody {
     kind: BodyKind,
-    /// h or g of the current step.
+    /// Strain at zero stress (body in series) or stress at zero strain (body in parallel), at the
+    /// stages of the current step.
     history: Vector3<f64>,
 }
 
@@ -69,14 +71,14 @@ enum BodyKind {
 /// Coefficients of a network for steps of one length.
 #[derive(Debug, Clone)]
 pub(super) struct NetworkStep {
-    /// J of the whole network, in 1/Pa.
+    /// Strains of the whole network at the stages per stress at the stages, in 1/Pa.
     pub compliance: Matrix3<f64>,
     bodies: Vec<BodyStep>,
 }
 
 #[derive(Debug, Clone)]
 struct BodyStep {
-    /// J or G, depending on the given quantity.
+    /// Matrix from the prescribed quantity (stress or strain) at the stages to the other quantity.
     response: Matrix3<f64>,
     parts: Parts,
     /// Factors on the body's stress, one per stage.
@@ -141,7 +143,8 @@ impl Network {
         self.prepare_with(radau, step_s, Vector3::repeat(1.0))
     }
 
-    /// [`Self::prepare`] with factors, one per stage, on the stress of the state-dependent element.
+    /// Computes the coefficients for a step. Factors, one per stage, multiply the stress of the
+    /// state-dependent element.
     pub(super) fn prepare_with(&self, radau: &Radau, step_s: f64, at_stages: Vector3<f64>) -> NetworkStep {
         let of = |(place, body): (usize, &NetworkBody)| {
             let pair = self.depending.filter(|(depending, _)| *depending == place);
@@ -181,9 +184,9 @@ enum MechanicalType {
 }
 
 /// Builds the bodies of `elements`, all of which are given the same quantity. Elements without
-/// effect are omitted: rigid ones in series, and ones without resistance in parallel. Returns
-/// `None` if one element alone determines the response: one without resistance in series, or a
-/// rigid one in parallel.
+/// effect are omitted: rigid elements in series, and elements without resistance in parallel.
+/// Returns `None` if one element alone determines the response: an element without resistance in
+/// series, or a rigid element in parallel.
 fn bodies(elements: &[Element], given: PrescribedQuantity, range: RateRange) -> Option<Vec<NetworkBody>> {
     let mut found = Vec::with_capacity(elements.len());
     for element in elements {
@@ -239,7 +242,8 @@ fn dashpot(viscosity_pa_s: f64) -> MechanicalType {
     sized(viscosity_pa_s, || BodyKind::Dashpot { viscosity_pa_s, strain: 0.0 })
 }
 
-/// Builds a springpot with stress s = `coefficient` Dᵅε, where α is `order`.
+/// Builds a springpot: its stress is `coefficient` times the strain's derivative of the order
+/// `order`.
 fn springpot(coefficient: f64, order: f64, range: RateRange) -> MechanicalType {
     if order >= 1.0 {
         dashpot(coefficient)

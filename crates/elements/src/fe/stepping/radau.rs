@@ -9,9 +9,10 @@ use nalgebra::{Matrix3, Vector3};
 pub(super) struct Radau {
     /// Time of each stage, as a fraction of the step.
     pub nodes: Vector3<f64>,
-    /// A: values at the stages are the value at the start plus Δt A times the rates at the stages.
+    /// Coefficient matrix: values at the stages are the value at the start plus the step's length
+    /// times this matrix times the rates at the stages.
     pub matrix: Matrix3<f64>,
-    /// Inverse of A.
+    /// Inverse of the coefficient matrix.
     pub inverse: Matrix3<f64>,
 }
 
@@ -33,8 +34,8 @@ impl Radau {
         Self { nodes, matrix, inverse: inverted(matrix) }
     }
 
-    /// (I + zA)⁻¹: values at the stages of the solution of y' = −(z/Δt)(y − y_end). They are
-    /// distances from y_end, divided by the distance at the start.
+    /// Returns (I + zA)⁻¹, with the coefficient matrix A. Its row sums are the values at the stages
+    /// for the decay y' = −(z/Δt) y from 1, in a step of length Δt.
     pub(super) fn resolvent(&self, z: f64) -> Matrix3<f64> {
         inverted(Matrix3::identity() + self.matrix * z)
     }

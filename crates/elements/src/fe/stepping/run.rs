@@ -13,7 +13,7 @@ use nalgebra::{Matrix3, Vector3};
 use record::Force;
 use std::collections::HashMap;
 
-/// Returns q (N/Pa) at every row.
+/// Returns the law's strain response (N/Pa) to the force at every row.
 pub fn strains(
     compliance_per_m: f64,
     stages: &Stages,
@@ -27,7 +27,8 @@ pub fn strains(
         .collect())
 }
 
-/// Returns q (N/Pa) and the observed position (m) at every row.
+/// Returns the law's strain response (N/Pa) to the force, and the observed position (m), at every
+/// row.
 pub fn strains_and_positions(
     compliance_per_m: f64,
     stages: &Stages,
@@ -45,8 +46,8 @@ pub fn strains_and_positions(
     let mut coming = switches.iter().copied().enumerate().peekable();
     let mut answers = Vec::with_capacity(time_s.len());
     for &row_s in time_s {
-        // A switch at the time of a row acts only after the row, because positions are limits from
-        // the left.
+        // A switch at the time of a row acts only after the row, because positions are those before
+        // any force step.
         while let Some((i, switch)) = coming.next_if(|(_, switch)| switch.time_s < row_s - run.rounding_s) {
             run.advance_to(switch.time_s)?;
             run.switch(switch, gap_s(time_s, &switches, i, run.rounding_s));
@@ -66,13 +67,14 @@ pub(crate) fn gap_s(time_s: &[f64], switches: &[Switch], i: usize, rounding_s: f
     row_s.min(switch_s) - switches[i].time_s
 }
 
-/// Response of the lag: factors, one per stage, on F − F_in at the step's start.
+/// Decay of the lag within a step: factors, one per stage, on the difference of lagged and input
+/// force at the step's start.
 fn lag_left(radau: &Radau, load: &Load<f64>, step_s: f64) -> Vector3<f64> {
     load.lag_times_in(step_s).map_or_else(Vector3::zeros, |lags| radau.resolvent(lags) * Vector3::repeat(1.0))
 }
 
 /// Force (N) after the lag at the times `at_s` (s). `start_n` is the force at the step's start.
-/// `left` is the remaining fraction of the force's distance from the input.
+/// `left` is the remaining fraction of the difference from the steady lagged force.
 fn lagged_n(
     load: &Load<f64>,
     input: &Switch,
@@ -93,24 +95,24 @@ fn shortest_gap_s(time_s: &[f64], switches: &[Switch], length_s: f64, rounding_s
     gaps.fold(length_s, f64::min).max(LEAST_GAP * length_s / time_s.len() as f64)
 }
 
-/// Matrices for one step length.
+/// Coefficients of the network and of the lag for one step length.
 struct PreparedStepping {
     step_s: f64,
     network: NetworkStep,
-    /// Factors, one per stage, on the lag's F − F_in at the step's start.
+    /// Factors, one per stage, on the difference of lagged and input force at the step's start.
     lag_left: Vector3<f64>,
 }
 
-/// Largest change of g x between a step's first stage and its end. Up to this change, Radau's
-/// method follows the force to 10⁻⁸.
+/// Largest change of force gradient × position between a step's first stage and its end. Up to this
+/// change, Radau's method follows the force to 10⁻⁸.
 const MOST_CHANGE: f64 = 0.15;
-/// Largest number of times that a step is halved to keep the change of g x below [`MOST_CHANGE`].
-/// If it is still larger, the robot is unstable.
+/// Largest number of times that a step is halved to satisfy [`MOST_CHANGE`]. If the change is still
+/// larger, the robot is unstable.
 const MOST_HALVINGS: u32 = 20;
 
 /// Largest number of fixed-point iterations for a state-dependent quantity.
 const MOST_PICARD_STEPS: usize = 200;
-/// Number of first iterations without damping.
+/// Number of fixed-point iterations before damping begins.
 const SIMPLE_PICARD_STEPS: usize = 60;
 
 /// Largest number of step lengths whose matrices are stored. Only completely irregular records need
@@ -131,8 +133,9 @@ struct SteppingRun<'a> {
     rounding_s: f64,
     now_s: f64,
     grading: Grading,
-    /// Force F_in (N) at the input of the lag. The next field is the force at its output.
+    /// Force (N) at the input of the lag since the last switch.
     input: Switch,
+    /// Force (N) at the output of the lag.
     lagged_n: f64,
     strain_n_per_pa: f64,
     /// Force (N) on the robot if its position is prescribed.
@@ -216,8 +219,9 @@ impl<'a> SteppingRun<'a> {
             .map_or(position_m, |state| state.observed_m(position_m, [self.start_s, self.now_s], self.lagged_n))
     }
 
-    /// [`Self::step`] for a state-dependent quantity. It iterates until the quantity's factors at
-    /// the stages agree with the resulting states.
+    /// Takes a step with a state-dependent quantity, and returns true. Iterates until the
+    /// quantity's factors at the stages agree with the resulting states. If an optional step is too
+    /// long for this, takes no step and returns false.
     fn step_with_state(&mut self, step_s: f64, is_optional: bool) -> Result<bool> {
         let Some(mut followed) = self.state.take() else { return Ok(true) };
         let (start_s, since_s) = (self.now_s, self.now_s - self.start_s);
@@ -272,8 +276,8 @@ impl<'a> SteppingRun<'a> {
         Ok(true)
     }
 
-    /// Takes a step and returns true, or returns false if it rejects an optional step. It does so
-    /// if the force changes too much within the step.
+    /// Takes a step and returns true. If the force changes too much within an optional step, takes
+    /// no step and returns false.
     fn step(&mut self, step_s: f64, is_optional: bool) -> Result<bool> {
         if self.state.is_some() {
             return self.step_with_state(step_s, is_optional);

@@ -19,19 +19,20 @@ pub(super) struct StateTracker<'a> {
     velocity_m_per_s: f64,
     begin_m: f64,
     value: f64,
-    /// Value of the quantity to which the function is added, if it is added.
+    /// Modulus or viscosity of the state-dependent element; NaN if instead the force or the
+    /// position depends on the state.
     quantity: f64,
 }
 
 /// Data that the three stages of a step share.
 pub(super) struct StateStage {
     pub step_s: f64,
-    /// Times of the stages since the record's start. The next field holds them on the record's
-    /// clock.
+    /// Times of the stages (s), counted from the record's start.
     pub time_s: Vector3<f64>,
+    /// Times of the stages (s) on the record's clock.
     pub absolute_s: Vector3<f64>,
     pub force_n: Vector3<f64>,
-    /// Inverse of the matrix A of Radau's method.
+    /// Inverse of the coefficient matrix of Radau's method.
     pub inverse: Matrix3<f64>,
     /// Position (m) at the start of the step.
     pub begin_m: f64,
@@ -47,12 +48,13 @@ impl<'a> StateTracker<'a> {
         Self { law, steps_s, path_m: 0.0, largest_m: 0.0, velocity_m_per_s: 0.0, begin_m: 0.0, value, quantity }
     }
 
-    /// First guess of the function's value at every stage.
+    /// First guess, at every stage, of the value of the function of the state.
     pub(super) fn guess(&self) -> Vector3<f64> {
         Vector3::repeat(self.value)
     }
 
-    /// Factor on the element's stress at every stage, for given values of the function.
+    /// Factor on the state-dependent element's stress at every stage, for given values of the
+    /// function of the state.
     pub(super) fn element_factors(&self, values: &Vector3<f64>) -> Vector3<f64> {
         match (self.law.quantity, self.law.operation) {
             (Quantity::Element(_), Operation::Multiply) => *values,
@@ -61,7 +63,7 @@ impl<'a> StateTracker<'a> {
         }
     }
 
-    /// Force (N) at every stage, for given values of the function.
+    /// Force (N) at every stage, for given values of the function of the state.
     pub(super) fn force_n(&self, force_n: &Vector3<f64>, values: &Vector3<f64>) -> Vector3<f64> {
         match (self.law.quantity, self.law.operation) {
             (Quantity::Force, Operation::Multiply) => force_n.component_mul(values),
@@ -70,7 +72,7 @@ impl<'a> StateTracker<'a> {
         }
     }
 
-    /// Observed position (m), including the function if it acts on the observation.
+    /// Observed position (m), including the function of the state if it acts on the observation.
     pub(super) fn observed_m(&self, position_m: f64, [start_s, now_s]: [f64; 2], force_n: f64) -> f64 {
         if self.law.quantity != Quantity::Position {
             return position_m;
@@ -94,8 +96,8 @@ impl<'a> StateTracker<'a> {
         acting.checked_sub(1).map(|last| self.steps_s[last])
     }
 
-    /// State at every stage of a step. `position_m` is the position, `share_m` the contribution of
-    /// the element to it, both in m.
+    /// Value of the state at every stage of a step. `position_m` is the position and `share_m` the
+    /// element's contribution to it, both in m.
     fn states(&self, stage: &StateStage, position_m: &Vector3<f64>, share_m: &Vector3<f64>) -> Vector3<f64> {
         match self.law.state {
             State::Position => *position_m,
@@ -125,7 +127,7 @@ impl<'a> StateTracker<'a> {
         }
     }
 
-    /// Value of the function at every stage. Arguments are those of [`Self::states`].
+    /// Value of the function of the state at every stage, for the arguments of [`Self::states`].
     pub(super) fn values(&self, stage: &StateStage, position_m: &Vector3<f64>, share_m: &Vector3<f64>) -> Vector3<f64> {
         self.states(stage, position_m, share_m).map(|state| self.law.value(Dual::constant(state)).value)
     }

@@ -9,7 +9,8 @@ use laws::stages::{DriftApproach, Observation, Stages, balanced_exponent};
 use statrs::function::erf::erfc;
 use statrs::function::gamma::gamma;
 
-/// The paper's values of E, c₁ and c₂, and two more parameters for laws with more elements.
+/// The paper's Young's modulus (Pa), retardation and flow viscosity (Pa·s), and two more parameters
+/// for laws with more elements.
 const PARAMETERS: [f64; 5] = [3.527, 1.402, 47.370, 20.0, 2.5];
 
 fn dual(value: f64) -> Dual {
@@ -54,8 +55,8 @@ fn record() -> (Vec<f64>, Vec<f64>) {
     (time_s, force_n)
 }
 
-/// Superposition Σ ΔFₖ J(t − tₖ − δ) of force steps, with δ = `delay_s`. Positions are limits from
-/// the left.
+/// Superposition Σ ΔFₖ J(t − tₖ − δ) of force steps ΔFₖ at the times tₖ, with the creep compliance
+/// J and the delay δ = `delay_s`. Positions are those before any force step at the row.
 fn superposition(time_s: &[f64], force_n: &[f64], delay_s: f64, creep: impl Fn(f64) -> f64) -> Vec<f64> {
     let before = |k: usize| if k == 0 { 0.0 } else { force_n[k - 1] };
     let at = |t: f64| {
@@ -334,8 +335,8 @@ fn gradient_alone_and_everything_at_once_are_small_explicit_steps() {
     }
 }
 
-/// Checks F = 1 e^{gx} on a spring with x = F/2. A balance exists up to g = 2/e and for every
-/// negative g, and not beyond.
+/// Checks F = 1 e^{gx} on a spring with the position x = F/2. A balance exists up to the gradient g
+/// = 2/e and for every negative gradient, and not beyond.
 #[test]
 fn a_gradient_is_refused_where_no_balance_is_left_and_only_there() {
     let (time_s, force_n) = ([0.0, 1.0, 2.0], [1.0; 3]);

@@ -1,14 +1,15 @@
-//! Fields of a law's bodies, and their contributions to the current stage.
+//! Strain histories of a law's bodies, and their contributions to a stage of a time step.
 
 use nalgebra::Complex;
 
 use super::ChainLaw;
 use super::stages::{DIAGONAL, N_STAGES, predict};
 
-/// A chain of bodies that all carry the stress w (Pa·m). Their strains (fields in m) add up to z.
+/// A law as a chain of bodies in series: all bear one stress field (Pa·m), and their strain fields
+/// (m) add up to the unknowns.
 pub(super) struct Chain {
     bodies: Vec<HistoryBody>,
-    turning: Vec<Turning>,
+    turning: Vec<OscillatingBody>,
 }
 
 struct HistoryBody {
@@ -16,38 +17,40 @@ struct HistoryBody {
     history: History,
 }
 
-/// A body with a complex variable y that obeys y' = λ (a w − y). Its strain is the real part of y.
-struct Turning {
-    /// Compliance a in 1/Pa.
+/// A body with a complex strain y that obeys y' = λ (a w − y) under the stress w. Its real strain
+/// is the real part of y.
+struct OscillatingBody {
+    /// Complex compliance a of the body, in 1/Pa.
     compliance_per_pa: Complex<f64>,
-    /// Rate λ in 1/s.
+    /// Complex rate λ of the body, in 1/s.
     rate_per_s: Complex<f64>,
-    /// Histories of the real and the imaginary part of y.
+    /// Histories of the real and the imaginary part of the complex strain.
     histories: [History; 2],
 }
 
 struct History {
     /// Strain at the step's start, in m.
     strain_m: Vec<f64>,
-    /// Rates at the stages, in m/s.
+    /// Strain rates at the stages of the step, in m/s.
     rates_m_per_s: Vec<Vec<f64>>,
-    /// Strain at the current stage minus γΔt times its rate, in m.
+    /// Strain at the current stage without the implicit contribution of the stage's own rate, in m.
     predicted_m: Vec<f64>,
 }
 
 #[derive(Debug, Clone, Copy)]
 enum HistoryKind {
-    /// Kelvin–Voigt body with compliance a and retardation time τ: τ ε̇ + ε = a w.
+    /// Kelvin–Voigt body: its strain approaches compliance × stress within the retardation time.
     Retarded { compliance_per_pa: f64, time_s: f64 },
-    /// Dashpot with fluidity φ: ε̇ = φ w.
+    /// Dashpot: its strain rate is fluidity × stress.
     Flow { fluidity_per_pa_s: f64 },
-    /// Spring with compliance J₀: ε = J₀ w.
+    /// Spring: its strain is compliance × stress.
     Spring { compliance_per_pa: f64 },
 }
 
 impl HistoryKind {
-    /// Coefficients of the rate at a stage: ε̇ = first · w − second · (predicted strain). They are
-    /// in 1/(Pa·s) and 1/s.
+    /// Coefficients of the strain rate at a stage: rate = first · stress − second · predicted
+    /// strain. Their units are 1/(Pa·s) and 1/s. `implicit_s` is the stage's implicit time
+    /// (diagonal coefficient × step length).
     fn rate(self, implicit_s: f64) -> [f64; 2] {
         match self {
             Self::Retarded { compliance_per_pa, time_s } => {
@@ -73,7 +76,8 @@ impl History {
         predict(stage, step_s, &self.strain_m, &self.rates_m_per_s, &mut self.predicted_m);
     }
 
-    /// Ends a step: the strain at its last stage becomes the strain at the start of the next step.
+    /// Stores the strain at the end of the last stage as the start of the next step. Does nothing
+    /// at earlier stages.
     fn end(&mut self, stage: usize, implicit_s: f64) {
         if stage + 1 == N_STAGES {
             let rates = &self.rates_m_per_s[stage];
@@ -84,21 +88,22 @@ impl History {
     }
 }
 
-impl Turning {
-    /// λ/(1 + γΔt λ). At a stage y' is this factor times (a w − predicted y).
-    fn stiff_rate(&self, implicit_s: f64) -> Complex<f64> {
+impl OscillatingBody {
+    /// Returns λ/(1 + λ `implicit_s`) for the body's complex rate λ. At a stage, the rate of the
+    /// complex strain is this factor times (compliance × stress − predicted strain).
+    fn implicit_rate_per_s(&self, implicit_s: f64) -> Complex<f64> {
         self.rate_per_s / (self.rate_per_s * implicit_s + 1.0)
     }
 }
 
-/// Response of a chain at a stage per unit stress: rate c, and strain j = γΔt c.
+/// Response of a chain of bodies to unit stress at a stage: strain rate and strain.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Response {
     pub rate_per_pa_s: f64,
     pub compliance_per_pa: f64,
 }
 
-/// Strain h (m) and rate g (m/s) of a chain at a stage for zero stress.
+/// Strain (m) and strain rate (m/s) of a chain of bodies at a stage, if its stress were zero.
 #[derive(Debug, Clone)]
 pub(super) struct Free {
     pub strain_m: Vec<f64>,
@@ -126,7 +131,7 @@ impl Chain {
             .chain(spring.map(|compliance_per_pa| HistoryKind::Spring { compliance_per_pa }));
         let body = |kind| HistoryBody { kind, history: History::new(n_unknowns) };
         let complex = |[re, im]: [f64; 2]| Complex::new(re, im);
-        let turning = turning.iter().map(|mode| Turning {
+        let turning = turning.iter().map(|mode| OscillatingBody {
             compliance_per_pa: complex(mode.compliance_per_pa),
             rate_per_s: complex(mode.rate_per_s),
             histories: [History::new(n_unknowns), History::new(n_unknowns)],
@@ -134,16 +139,18 @@ impl Chain {
         Self { bodies: kinds.map(body).collect(), turning: turning.collect() }
     }
 
-    /// Response at a stage of a step. It is equal for all stages.
+    /// Strain rate and strain of the chain per unit stress at a stage. They are equal for all
+    /// stages of a step.
     pub(super) fn response(&self, step_s: f64) -> Response {
         let implicit_s = DIAGONAL * step_s;
         let of_bodies: f64 = self.bodies.iter().map(|body| body.kind.rate(implicit_s)[0]).sum();
-        let turning = self.turning.iter().map(|body| (body.stiff_rate(implicit_s) * body.compliance_per_pa).re);
+        let turning =
+            self.turning.iter().map(|body| (body.implicit_rate_per_s(implicit_s) * body.compliance_per_pa).re);
         let rate_per_pa_s = of_bodies + turning.sum::<f64>();
         Response { rate_per_pa_s, compliance_per_pa: implicit_s * rate_per_pa_s }
     }
 
-    /// Begins a stage: computes strain and rate for zero stress.
+    /// Begins a stage: computes the chain's strain and rate for zero stress.
     pub(super) fn begin_stage(&mut self, stage: usize, step_s: f64, free: &mut Free) {
         let implicit_s = DIAGONAL * step_s;
         free.strain_m.fill(0.0);
@@ -151,7 +158,7 @@ impl Chain {
         for body in &mut self.bodies {
             body.history.predict(stage, step_s);
             let [_, back] = body.kind.rate(implicit_s);
-            // 1 − back · γΔt, in a form without cancellation.
+            // `kept` is 1 − back · implicit_s, in a form without cancellation.
             let kept = match body.kind {
                 HistoryKind::Retarded { time_s, .. } => time_s * back,
                 HistoryKind::Flow { .. } => 1.0,
@@ -165,7 +172,7 @@ impl Chain {
             }
         }
         for body in &mut self.turning {
-            let back = body.stiff_rate(implicit_s);
+            let back = body.implicit_rate_per_s(implicit_s);
             let kept = back / body.rate_per_s;
             body.histories.iter_mut().for_each(|history| history.predict(stage, step_s));
             let [re, im] = &body.histories;
@@ -177,7 +184,7 @@ impl Chain {
         }
     }
 
-    /// Ends a stage, given its stress `stress_pa_m` (Pa·m).
+    /// Ends a stage: computes the rates of all bodies from the stage's stress `stress_pa_m` (Pa·m).
     pub(super) fn end_stage(&mut self, stage: usize, step_s: f64, stress_pa_m: &[f64]) {
         let implicit_s = DIAGONAL * step_s;
         for body in &mut self.bodies {
@@ -190,7 +197,7 @@ impl Chain {
             history.end(stage, implicit_s);
         }
         for body in &mut self.turning {
-            let back = body.stiff_rate(implicit_s);
+            let back = body.implicit_rate_per_s(implicit_s);
             let response = back * body.compliance_per_pa;
             let [re, im] = &mut body.histories;
             let rates = re.rates_m_per_s[stage].iter_mut().zip(&mut im.rates_m_per_s[stage]);

@@ -1,25 +1,29 @@
-//! Time stepping of linear systems whose response is not one field times one function of time
-//! (physics §3.2, §3.3).
+//! Time stepping of linear systems whose displacement field changes its shape over time (physics
+//! §3.2, §3.3).
 //!
-//! The laws Gᵢ act on common unknowns z, with z = Gᵢ⁻¹wᵢ. The system reads
+//! A system has one or more laws with common unknowns z (m). Law i relates z to a stress field wᵢ,
+//! which the stiffness matrix Kᵢ converts to forces. With the damping matrix D and the mass matrix
+//! M, the balance of forces is
 //!
 //!  Σᵢ Kᵢ wᵢ + D ż + M z̈ = F(t) f.
 //!
-//! K w = f alone is the base model. Inertia adds M z̈. A slipping interface and pore flow add D ż.
-//! A pocket has two laws. Kᵢ and D need not be symmetric.
+//! F is the force and f the load vector of a unit force. The base model has one law and neither D
+//! nor M. Inertia adds M z̈. A slipping interface and pore flow add D ż. A pocket has two laws. Kᵢ
+//! and D need not be symmetric.
 //!
 //! The method is a singly diagonally implicit Runge–Kutta method of order four, L-stable and
 //! stiffly accurate. A law is a chain of springs, dashpots and Kelvin–Voigt bodies, each with its
 //! own field. At a stage every body is an affine function of w, and so is the chain: z = j w + h
 //! and ż = c w + g. The scalars j, c and fields h, g follow from the bodies' histories. One
-//! solution with Σᵢ (j₁/jᵢ) Kᵢ + c₁ D + (c₁/γΔt) M then gives w₁. While the force holds, the system
-//! is autonomous and linear, so that the method keeps its order on stiff parts.
+//! solution with Σᵢ (j₁/jᵢ) Kᵢ + c₁ D + (c₁/γΔt) M then gives w₁. Δt is the step length and γ the
+//! method's diagonal coefficient. While the force holds, the system is autonomous and linear, so
+//! that the method keeps its order on stiff parts.
 //!
 //! Steps end at the switches of the force, not at rows. Positions at rows come from cubic Hermite
 //! interpolation. Its error has the method's order and a smaller constant. If the force does not
-//! depend on the position, it acts on a linear system. Responses to one step and one ramp then give
-//! the response to any force (`respond`). Step lengths are powers of two that grow with the time
-//! since the switch, so that few factors serve a run.
+//! depend on the position, responses to one step and one ramp give the response to any force
+//! ([`unit_response`]). Step lengths are powers of two that grow with the time since the switch, so
+//! that few factors serve a run.
 
 mod history;
 mod load;
@@ -38,40 +42,45 @@ use laws::rheology::{
     CreepCompliance, Element, OscillatingMode, RetardationSpectrum, RetardedMode, SpectralMode, TimeWindow,
 };
 
-/// One of a system's matrices.
+/// Names one of a system's matrices.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ChainPart {
-    /// Stiffness Kᵢ of the law with this index.
+    /// Stiffness matrix of the law with this index.
     Stiffness(usize),
-    /// Damping matrix D.
+    /// Damping matrix, which multiplies the rates of the unknowns.
     Damping,
-    /// Mass matrix M.
+    /// Mass matrix, which multiplies the accelerations.
     Mass,
 }
 
-/// Weights with which a system's matrices are summed to the matrix of a stage.
+/// Weights of a system's matrices in the matrix of the linear system of one stage.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StageWeights {
-    /// j₁/jᵢ for every law i. It is 1 for the first law.
+    /// Weight of each law's stiffness matrix: the first law's compliance over the stage, divided by
+    /// this law's compliance. It is 1 for the first law.
     pub stiffness: Vec<f64>,
-    /// c₁ in 1/(Pa·s): rate of the unknowns per unit stress of the first law, the weight of D.
+    /// Weight of the damping matrix, in 1/(Pa·s): rate of the unknowns per unit stress of the first
+    /// law.
     pub damping_per_pa_s: f64,
-    /// c₁/(γΔt) in 1/(Pa·s²), the weight of M.
+    /// Weight of the mass matrix, in 1/(Pa·s²): the damping matrix's weight divided by the stage's
+    /// implicit time (diagonal coefficient × step length).
     pub mass_per_pa_s2: f64,
 }
 
-/// Function that solves a stage: it replaces a right-hand side by the solution.
+/// Function that solves the linear system of a stage. It replaces the right-hand side by the
+/// solution.
 pub type StageSolve<'a> = Box<dyn Fn(&mut [f64]) -> Result<()> + 'a>;
 
-/// A system Σᵢ Kᵢ wᵢ + D ż + M z̈ = F f whose position is linear in z.
+/// A linear system with stiffness, damping and mass matrices on common unknowns, for time stepping.
+/// The robot's position is linear in the unknowns.
 pub trait TransientSystem {
     /// Number of unknowns.
     fn n_unknowns(&self) -> usize;
-    /// Number of laws Gᵢ, at least 1.
+    /// Number of laws, at least 1. Each law has its own stiffness matrix.
     fn n_laws(&self) -> usize;
-    /// True if M is not zero. Velocities must then be stored.
+    /// True if the system has a mass matrix. Velocities must then be stored.
     fn has_mass(&self) -> bool;
-    /// Factorises the matrix Σᵢ stiffnessᵢ Kᵢ + damping D + mass M.
+    /// Factorises the sum of the stiffness, damping and mass matrices with the given weights.
     ///
     /// # Errors
     /// [`base::Error::Numerical`] if the matrix is singular.
@@ -84,14 +93,13 @@ pub trait TransientSystem {
     fn position_m(&self, unknowns: &[f64]) -> f64;
 }
 
-/// A law as a chain of bodies. Each carries the full stress.
+/// A law as a chain of bodies in series, each of which bears the full stress.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ChainLaw {
     /// Springs, dashpots and Kelvin–Voigt bodies with real rates.
     pub bodies: CreepCompliance,
-    /// Bodies with complex rate λ and compliance a, such as those of a springpot beside a spring.
-    /// Their creep compliance is Re a (1 − e^{−λt}). They obey y' = λ (a w − y), and the strain is
-    /// the real part of y.
+    /// Bodies with a complex rate λ and a complex compliance a, such as those of a springpot beside
+    /// a spring. The creep compliance of a body is the real part of a (1 − e^{−λt}).
     pub oscillating: Vec<OscillatingMode<f64>>,
 }
 

@@ -1,5 +1,5 @@
-//! Positions and fields at rows, or at given times after a force change. They are interpolated
-//! between the ends of steps.
+//! Positions and fields at rows, or at given times after a force change, interpolated between the
+//! ends of steps.
 
 use super::TransientSystem;
 
@@ -9,7 +9,7 @@ pub(super) trait Recorder {
     fn record(&mut self, from: &OutputState, to: &OutputState, system: &dyn TransientSystem);
 }
 
-/// State between steps: time, unknowns and their rates.
+/// Unknowns and their rates at the end of a step.
 #[derive(Debug, Clone)]
 pub(super) struct OutputState {
     pub time_s: f64,
@@ -70,7 +70,7 @@ pub struct FieldTerm {
 pub struct UnitResponse {
     /// Time since the force change (s), position (m) and its rate (m/s), at the end of every step.
     moments: Vec<[f64; 3]>,
-    /// Values of all unknowns, one vector per sum of fields.
+    /// Sums of displacement fields: values of all unknowns, one vector per sum.
     pub fields: Vec<Vec<f64>>,
 }
 
@@ -86,14 +86,14 @@ impl UnitResponse {
 
 /// Recorder that builds a [`UnitResponse`].
 pub(super) struct ResponseRecorder<'a> {
-    /// Remaining terms, in ascending age.
+    /// Terms of the sums that later steps will contribute, in ascending age.
     terms: std::iter::Peekable<std::slice::Iter<'a, FieldTerm>>,
     pub(super) response: UnitResponse,
 }
 
 impl<'a> ResponseRecorder<'a> {
-    /// Prepares a recorder. `terms` must ascend by age. Their largest index of a sum gives the
-    /// number of sums.
+    /// Prepares a recorder for terms in ascending order of age. The largest index of a sum among
+    /// the terms gives the number of sums.
     pub(super) fn new(terms: &'a [FieldTerm], n_unknowns: usize) -> Self {
         let n_sums = terms.iter().map(|term| term.sum + 1).max().unwrap_or(0);
         let response = UnitResponse { moments: Vec::new(), fields: vec![vec![0.0; n_unknowns]; n_sums] };

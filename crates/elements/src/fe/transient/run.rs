@@ -13,12 +13,12 @@ use crate::fe::clock::{CLOCK_ROUNDING, FOURTH};
 use base::error::{Error, Result};
 use laws::stages::Switch;
 
-/// Positions and fields that a run returns, with its effort.
+/// Positions and fields that a run returns, with the numbers of steps and factorisations.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TransientRun {
-    /// Displacement of the robot (m) at every row, as the limit from the left.
+    /// Displacement of the robot (m) at every row, just before any force step at the row.
     pub position_m: Vec<f64>,
-    /// Unknowns z at the requested rows, in ascending time.
+    /// Values of all unknowns at the requested rows, one vector per row, in ascending time.
     pub fields: Vec<Vec<f64>>,
     /// Number of time steps.
     pub n_steps: usize,
@@ -26,16 +26,18 @@ pub struct TransientRun {
     pub n_factors: usize,
 }
 
-/// Time scale that the first steps of a response resolve, as a fraction of its first age. Faster
-/// processes have decayed by then, because the method is L-stable.
+/// Time scale that the first steps after a force change resolve, as a fraction of the earliest time
+/// of a result. Faster processes have decayed by then, because the method is L-stable.
 const SHARE_OF_FIRST_AGE: f64 = 0.03;
 
-/// Largest number of stored factors. A run with a single hold needs about two per decade of time.
+/// Largest number of stored factorisations. A run with a single hold of the force needs about two
+/// per decade of time.
 const MOST_FACTORS: usize = 48;
 
-/// Steps a system through a load. It is at rest before the first switch. `laws` has one law for
-/// each K matrix of the system. The times `time_s` (s) of the rows ascend. The result contains all
-/// unknowns at the rows with the indices `rows_of_fields`.
+/// Computes the motion of a system under a load by time stepping. The system is at rest before the
+/// first switch of the load. `laws` has one law for each stiffness matrix of the system. The times
+/// `time_s` (s) of the rows ascend. The result contains all unknowns at the rows with the indices
+/// `rows_of_fields`.
 ///
 /// # Errors
 /// [`Error::Numerical`] if the number of laws is wrong, a law is rigid, the force gradient pulls
@@ -85,9 +87,9 @@ pub fn run<L: Clone + Into<ChainLaw>>(
     Ok(TransientRun { position_m: output.position_m, fields: output.fields, n_steps, n_factors })
 }
 
-/// Steps a system at rest through one force change at time 0. `laws` has one law for each K matrix
-/// of the system. Positions are valid at ages from `first_age_s` to `last_age_s` (s, both above 0).
-/// The ages of `terms` ascend and lie between these two.
+/// Computes the response of a system at rest to one force change at time 0. `laws` has one law for
+/// each stiffness matrix of the system. Positions are valid at ages from `first_age_s` to
+/// `last_age_s` (s, both above 0). The ages of `terms` ascend and lie between these two.
 ///
 /// # Errors
 /// Those of [`run`].
@@ -125,7 +127,7 @@ fn gap_s(time_s: &[f64], switches: &[Switch], i: usize, rounding_s: f64) -> f64 
     row_s.min(switch_s) - switches[i].time_s
 }
 
-/// Data for one step length. All its stages share them.
+/// Responses of the laws and factorised matrix for one step length. All stages of a step use them.
 struct PreparedTransient<'a> {
     responses: Vec<Response>,
     solve: StageSolve<'a>,
@@ -304,8 +306,10 @@ impl<'a> Run<'a> {
         Ok(())
     }
 
-    /// Subtracts the histories' contribution from the right-hand side. It adds − D g₁ − M
-    /// (g₁ − predicted velocity)/γΔt − Σ Kᵢ (h₁ − hᵢ)/jᵢ.
+    /// Adds the histories' contribution to the right-hand side: − D g₁ − M (g₁ − predicted
+    /// velocity)/γΔt − Σ Kᵢ (h₁ − hᵢ)/jᵢ. hᵢ and gᵢ are strain and rate of law i at zero stress,
+    /// and jᵢ is its compliance. D and M are the damping and mass matrices, Kᵢ the stiffnesses, γΔt
+    /// the stage's implicit time.
     fn add_histories(
         &mut self,
         stage: usize,

@@ -5,8 +5,8 @@ use crate::fe::clock::{fit_step_to_stop, share_of_gap};
 /// Refinement of the time steps.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Resolution {
-    /// n ≥ 1: steps are between 1/2n and 1/n of the time since the switch. The error is inversely
-    /// proportional to the fourth power of n.
+    /// Number n ≥ 1: the length of a step is 1/(2n) to 1/n of the time since the last switch of the
+    /// force. The error is inversely proportional to the fourth power of n.
     pub steps_per_doubling: u32,
     /// Longest step, in s. A system that oscillates long after a switch needs about ten steps per
     /// period.
@@ -20,7 +20,8 @@ impl Default for Resolution {
     }
 }
 
-/// Grading of the steps after one switch: h ≤ η (time since the switch + scale).
+/// Bound of the step lengths after a switch of the force: `growth` × (time since the switch +
+/// `scale_s`).
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Grading {
     growth: f64,
@@ -38,7 +39,8 @@ impl Grading {
         Self { growth, switched_s, scale_s: share_of_gap(jumps) * gap_s, longest_step_s }
     }
 
-    /// Grading after a change at time 0. The first steps resolve `scale_s`.
+    /// Grading after a force change at time 0, whose first steps resolve the time scale `scale_s`
+    /// (s).
     pub fn within(resolution: Resolution, scale_s: f64) -> Self {
         Self { scale_s, ..Self::new(resolution, 0.0, 0.0, true) }
     }

@@ -1,5 +1,5 @@
-//! Tests of the time steps against closed forms, and against modes of small meshes. The modes are
-//! eigenvectors, stepped by matrix exponentials. No code is shared.
+//! Tests of the time steps against closed forms, and against modes of small meshes. Matrix
+//! exponentials step the modes, which are eigenvectors. The tests share no code with the steps.
 
 use nalgebra::{DMatrix, DVector, SMatrix, SVector};
 
@@ -12,7 +12,8 @@ use base::number::Dual;
 use laws::rheology::BaseLaw;
 use laws::stages::Stages;
 
-/// E, c₁ and c₂ of the paper, and the modulus of a spring in series.
+/// Young's modulus (Pa), retardation and flow viscosity (Pa·s) of the paper, and the modulus (Pa)
+/// of a spring in series.
 const PARAMETERS: [f64; 4] = [3.527, 1.402, 47.370, 20.0];
 const WINDOW: TimeWindow = TimeWindow { shortest_s: 1e-3, longest_s: 100.0 };
 
@@ -107,8 +108,8 @@ fn ball() -> Mesh {
     ball.mesh().expect("the radii are in order")
 }
 
-/// The base model with K̂ of a mesh as a dense matrix. `robot_load` is a unit force on the whole
-/// body.
+/// The base model with the stiffness of a mesh as a dense matrix. `robot_load` is a unit force on
+/// the whole body.
 fn base() -> Dense {
     let assembly = Assembly::new(&ball()).expect("a sound mesh");
     let upper = assembly.unit_stiffness(0.48);
@@ -214,8 +215,8 @@ fn the_base_model_is_its_exact_solution() {
     }
 }
 
-/// Compares with λ w + z̈ = F for every mode. Its state (ε_k, ε_d, ż) is stepped by matrix
-/// exponentials.
+/// Compares with the sum of the modes, which obey λ w + z̈ = F with the eigenvalue λ. Matrix
+/// exponentials step the state (ε_k, ε_d, ż) of each mode.
 #[test]
 fn inertia_is_the_sum_of_its_modes() {
     let mut system = base();
@@ -238,8 +239,8 @@ fn inertia_is_the_sum_of_its_modes() {
     assert!(distance(&found, &exact) < 1e-6, "{:e}", distance(&found, &exact));
 }
 
-/// Compares with w + μ ż = F for every mode, for a damping that acts on few unknowns. The spring in
-/// series makes the others jump.
+/// Compares with the sum of the modes, which obey w + μ ż = F with the eigenvalue μ, for a damping
+/// that acts on few unknowns. The spring in series makes the other unknowns jump.
 #[test]
 fn damping_is_the_sum_of_its_modes() {
     let mut system = base();
@@ -274,8 +275,8 @@ fn damping_is_the_sum_of_its_modes() {
     assert!(distance(&found, &exact) < 1e-6, "{:e}", distance(&found, &exact));
 }
 
-/// Compares with κ w₁ + (1 − κ) w₂ = F for every mode: two laws in parallel whose creep is known
-/// exactly.
+/// Compares with the sum of the modes, which obey κ w₁ + (1 − κ) w₂ = F with the eigenvalue κ: two
+/// laws in parallel whose creep is known exactly.
 #[test]
 fn two_laws_are_the_sum_of_their_modes() {
     let whole = base();

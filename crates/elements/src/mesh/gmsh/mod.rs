@@ -63,7 +63,7 @@ impl GmshWarning {
         }
     }
 
-    /// Text that states the property found.
+    /// Message for the user about the property of the mesh.
     pub fn message(&self) -> String {
         match self {
             Self::LinearTetrahedra { n_elements } => format!(
@@ -80,7 +80,7 @@ impl GmshWarning {
         }
     }
 
-    /// Text that states the remedy.
+    /// Advice to the user about the property: its remedy, or when to ignore it.
     pub fn advice(&self) -> &'static str {
         match self {
             Self::LinearTetrahedra { .. } => {
@@ -119,7 +119,7 @@ pub fn read_gmsh(path: impl AsRef<Path>, metres_per_unit: f64) -> Result<GmshMes
         return Err(Error::input(
             InputPlace::default().at_key("metres_per_unit"),
             format!("{metres_per_unit} is not a unit of length from 1e-12 to 1e3 m"),
-            "give the file's unit in m, 1e-3 for mm",
+            "give the length of the file's unit in m, such as 1e-3 for mm",
         ));
     }
     let bytes = files::read(path, Content::Mesh, "check that the mesh file exists and may be read")?;

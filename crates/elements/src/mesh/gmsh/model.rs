@@ -16,15 +16,17 @@ const PLANE_TOLERANCE: f64 = 1e-6;
 /// Largest distance along x from the origin to the robot's middle that causes no warning, relative
 /// to the robot's extent.
 const CENTRE_TOLERANCE: f64 = 0.01;
-/// Value that marks a node of no volume element.
+/// Index of a node that belongs to no volume element.
 const UNUSED: u32 = u32::MAX;
 
-/// Function that builds an error about the file from what was found and the remedy.
+/// Function that builds an error about the mesh file. Its arguments are the fault found and the
+/// remedy.
 pub(super) type Refuse<'a> = dyn Fn(String, String) -> Error + 'a;
 /// Node indices of the three corners of a triangle, sorted.
 type Face = [u32; 3];
 
-/// Builds the mesh and checks it.
+/// Builds the quarter model from the content of an MSH file and checks it. `metres_per_unit` is the
+/// length of the file's unit in m.
 pub(super) fn build(raw: RawMesh, refuse: &Refuse<'_>, metres_per_unit: f64) -> Result<GmshMesh> {
     let mut warnings = Vec::new();
     let (element_kind, mut connectivity, tags) = volume_elements(&raw.blocks, refuse)?;
@@ -105,7 +107,7 @@ fn volume_elements(blocks: &[ElementBlock], refuse: &Refuse<'_>) -> Result<(Elem
     }
 }
 
-/// Renumbers inverted elements and returns their number. Refuses degenerate ones.
+/// Renumbers inverted elements and returns their number. Fails for degenerate elements.
 fn orient(
     connectivity: &mut [u32],
     n_nodes: usize,

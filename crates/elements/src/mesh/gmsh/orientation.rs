@@ -1,4 +1,4 @@
-//! Jacobians of tetrahedra, by which inverted or folded elements are detected.
+//! Detection of inverted and folded tetrahedra by the sign of their Jacobian determinant.
 
 /// Orientation of an element: the sign of its Jacobian determinant.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -52,7 +52,8 @@ impl<'a> Scanner<'a> {
         }
     }
 
-    /// Reads the next word of text, in text and binary files. It is empty at the end of the file.
+    /// Reads the next word of text, in text and binary files. Returns an empty word at the end of
+    /// the file.
     fn word(&mut self) -> &'a [u8] {
         self.skip_whitespace();
         let rest = &self.bytes[self.position..];

@@ -17,7 +17,7 @@ pub(super) struct RawMesh {
     pub blocks: Vec<ElementBlock>,
 }
 
-/// Elements of one type on one geometric entity.
+/// Elements of one type on one geometric entity of the file.
 pub(super) struct ElementBlock {
     pub dimension: i32,
     pub entity: i32,
@@ -103,7 +103,7 @@ fn read_format(scanner: &mut Scanner<'_>) -> Result<()> {
     let is_binary: u8 = scanner.text_number("the file type (0 text, 1 binary)")?;
     let data_size: u8 = scanner.text_number("the size of an unsigned number")?;
     if is_binary > 1 || data_size != 8 {
-        return Err(scanner.damaged(format!("file type {is_binary} with numbers of {data_size} bytes")));
+        return Err(scanner.damaged(format!("file type {is_binary}, data size {data_size}; expected 0 or 1, size 8")));
     }
     if is_binary == 1 {
         scanner.end_of_line();

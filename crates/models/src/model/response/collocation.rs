@@ -1,12 +1,12 @@
-//! Time steps of the modes under a force that depends on the position.
+//! Time steps of the retardation modes under a force that depends on the position.
 //!
-//! The force is F_in + R with F_in = L + D e^{−λt} and R = F_in (e^{gx} − 1). L is the level, D the deficit that decays at the
-//! lag's rate λ, and g the gradient. The response of a mode to F_in is known exactly. R is smooth between switches of the
-//! command. A quartic through five nodes of the step approximates it. The quartic is integrated exactly against e^{−ρ(h−s)}, with
-//! h the step and ρ the mode's rate. The position x at the nodes depends linearly on R at the nodes. Newton's method therefore
-//! solves five equations for the five values of g x. If they have no solution near the value at the step's start, the position is
-//! undefined from this step on. In this case the force diverges with the position, or changes by more in one step than a quartic
-//! can follow.
+//! The force is F_in + R, with F_in the force without feedback and R the feedback by the position x. F_in is L + D e^{−λt}, with L the
+//! level and D the deficit that decays at the lag's rate λ. R is F_in (e^{gx} − 1), with g the gradient. The response of a mode to F_in is
+//! known exactly. R is smooth between switches of the command. A quartic through five nodes of the step approximates it. The quartic is
+//! integrated exactly against e^{−ρ(h−s)}, with h the step and ρ the mode's rate. The position x at the nodes depends linearly on R at the
+//! nodes. Newton's method therefore solves five equations for the five values of g x. If they have no solution near the value at the step's
+//! start, the position is undefined from this step on. In this case the force diverges with the position, or changes by more in one step
+//! than a quartic can follow.
 
 use std::ops::{Add, Mul};
 
@@ -20,50 +20,50 @@ use base::number::{Complex, PointScalar};
 
 pub(super) const N_NODES: usize = N_FUNCTIONS;
 
-/// Radau's nodes on [0, 1]. The last node is the end of the step. Fast modes follow the value of R at the end. Without a node
-/// there, their error would be that of the quartic, which is larger than that of its integral.
+/// Nodes of Radau's quadrature on [0, 1]. The last node is the end of the time step. Fast modes follow the force at the end of the step. A
+/// node there reduces their error to that of the integral of the quartic.
 pub(super) const NODES: [f64; N_NODES] =
     [0.057_104_196_114_517_68, 0.276_843_013_638_123_8, 0.583_590_432_368_916_8, 0.860_240_135_656_219_5, 1.0];
 
 /// Index of the node at the end of the step.
 pub(super) const END: usize = N_NODES - 1;
 
-/// Largest number of Newton steps in one time step. Few are needed, since the iteration starts from the value at the end of the
+/// Largest number of Newton steps in one time step. Few steps are needed, since the iteration starts from the value at the end of the
 /// previous time step.
 const MOST_NEWTON_STEPS: usize = 12;
 /// Squared size of a Newton step after which the iteration ends. The remaining error is of the order of the squared size.
 const LAST_STEP_SQUARED: f64 = 1e-14;
-/// Largest accepted change of g x between a step's first node and its end.
+/// Largest accepted change of the exponent g x (gradient times position) between the first node and the end of a time step.
 const MOST_CHANGE: f64 = 1.5;
 
-/// Coefficients that advance one mode by a time step of length h.
+/// Coefficients that advance one retardation mode by a time step of length h.
 #[derive(Clone, Copy)]
 pub(super) struct ModeStep<T> {
-    /// e^{−ρ c h} at the nodes c, with ρ the rate of the mode.
+    /// Decay factor e^{−ρ c h} of the mode at each node c, with ρ its rate and h the step's length.
     pub node_decay: [T; N_NODES],
-    /// Coefficients over the whole step, without R.
+    /// Coefficients over the whole step, for the force without feedback by the position.
     pub whole: LinearRow<T>,
-    /// Weights of R at the nodes for the mode's value Y at the end of the step.
+    /// Weights of the feedback force at the nodes, for the mode's value at the end of the step.
     pub weights: [T; N_NODES],
 }
 
-/// Coefficients of all modes for a time step of length h.
+/// Coefficients of all modes for a time step of one length.
 pub(super) struct CollocationStep<S> {
     modes: Vec<ModeStep<S>>,
     oscillating: Vec<ModeStep<Complex<S>>>,
-    /// Σ Y at each node for a unit of the level L. Y are the modes' contributions to the position.
+    /// Sum of the modes' contributions to the position at each node, for a unit of the force level.
     by_level: [S; N_NODES],
-    /// Σ Y at each node for a unit of the rate of L.
+    /// Sum of the modes' contributions to the position at each node, for a unit of the level's rate.
     by_slope: [S; N_NODES],
-    /// Σ Y at each node for a unit of the deficit D.
+    /// Sum of the modes' contributions to the position at each node, for a unit of the deficit (force minus level, behind a lag).
     by_deficit: [S; N_NODES],
-    /// Σ Y at node i (row) for a unit of R at node j (column).
+    /// Sum of the modes' contributions to the position at node i (row), for a unit of the feedback force at node j (column).
     by_feedback: [[S; N_NODES]; N_NODES],
     length_s: S,
     rises: bool,
-    /// e^{−λ c h} at the nodes c, with λ the rate of the lag.
+    /// Decay factor e^{−λ c h} of the lag at each node c, with λ the lag's rate and h the step's length.
     lag_decay: [S; N_NODES],
-    /// e^{r c h} at the nodes c, with r the softening rate.
+    /// Growth factor e^{r c h} at each node c, with r the softening rate and h the step's length.
     growth: [S; N_NODES],
 }
 
@@ -75,7 +75,7 @@ pub(super) struct CollocationState<S> {
     pub level_n: S,
     pub slope_n_per_s: S,
     pub deficit_n: S,
-    /// e^{rt} at the time t, with r the softening rate.
+    /// Growth factor e^{rt} at the present time t, with r the softening rate.
     growth: S,
 }
 
@@ -94,7 +94,8 @@ impl<S: Number> CollocationState<S> {
     }
 }
 
-/// Coefficients of one mode, and its values Y at the nodes for units of L, of the rate of L, of D and of R.
+/// Coefficients of one mode, and its contributions to the position at the nodes. The contributions are for a unit of the force level, of
+/// its rate, of the deficit behind a lag and of the feedback force.
 pub(super) struct OfMode<T> {
     pub step: ModeStep<T>,
     pub by_level: [T; N_NODES],
@@ -103,8 +104,9 @@ pub(super) struct OfMode<T> {
     pub by_feedback: [[T; N_NODES]; N_NODES],
 }
 
-/// Returns the coefficients of one mode. `rows` are its coefficients from the step's start to each node. `functions` are φₖ(−ρ c
-/// h) for each node c (row) and k (column). `gain` is κ h. `polynomials` are the nodes' Lagrange polynomials.
+/// Returns the coefficients of one mode. `rows` are its coefficients from the step's start to each node. `functions` are the entire
+/// functions φₖ(−ρ c h) for each node c (row) and k (column), with ρ the mode's rate and h the step. `gain` is the mode's gain times h.
+/// `polynomials` are the nodes' Lagrange polynomials.
 #[inline(always)]
 pub(super) fn of_mode<T: Copy + Add<Output = T> + Mul<Output = T> + Mul<f64, Output = T>>(
     gain: T,
@@ -123,8 +125,8 @@ pub(super) fn of_mode<T: Copy + Add<Output = T> + Mul<Output = T> + Mul<f64, Out
     OfMode { step, by_level, by_slope, by_deficit, by_feedback }
 }
 
-/// Returns the weights gain ∫₀ᶜ e^{−z(c−s)} ℓⱼ(s) ds up to c = `end`, for the nodes' Lagrange polynomials ℓⱼ. `functions` are
-/// φₖ(−zc), with z the mode's rate times the step.
+/// Returns the weights gain ∫₀ᶜ e^{−z(c−s)} ℓⱼ(s) ds up to c = `end`. ℓⱼ are the nodes' Lagrange polynomials, and z is the mode's rate
+/// times the step. `functions` are the entire functions φₖ(−zc).
 #[inline(always)]
 fn weights<T: Copy + Add<Output = T> + Mul<Output = T> + Mul<f64, Output = T>>(
     gain: T,
@@ -132,7 +134,7 @@ fn weights<T: Copy + Add<Output = T> + Mul<Output = T> + Mul<f64, Output = T>>(
     functions: [T; N_FUNCTIONS],
     polynomials: &[[f64; N_NODES]; N_NODES],
 ) -> [T; N_NODES] {
-    // ∫₀ᶜ e^{−z(c−s)} sᵏ ds = cᵏ⁺¹ k! φₖ₊₁(−zc).
+    // The moments of the decay are ∫₀ᶜ e^{−z(c−s)} sᵏ ds = cᵏ⁺¹ k! φₖ₊₁(−zc).
     let mut factor = 1.0;
     let mut moments = functions;
     for k in 0..N_NODES {
@@ -150,7 +152,7 @@ fn weights<T: Copy + Add<Output = T> + Mul<Output = T> + Mul<f64, Output = T>>(
     weights
 }
 
-/// Coefficients of 1, s, … s⁴ in ℓⱼ, the Lagrange polynomial that is 1 at node j.
+/// Returns the coefficients of 1, s, …, s⁴ in the Lagrange polynomial that is 1 at node j and 0 at the other nodes.
 pub(super) fn lagrange(j: usize) -> [f64; N_NODES] {
     let mut polynomial = [0.0; N_NODES];
     polynomial[0] = 1.0;
@@ -165,7 +167,7 @@ pub(super) fn lagrange(j: usize) -> [f64; N_NODES] {
 }
 
 impl<S: Number> CollocationStep<S> {
-    /// Returns the coefficients of a step of this length. `rises` is true if the force changes linearly during a step.
+    /// Returns the coefficients of a step of this length (s). `rises` is `true` if the force changes linearly during a step.
     pub fn new(system: &System<S>, length_s: S, rises: bool) -> Self {
         let zero = S::constant(0.0);
         let mut step = Self {
@@ -194,7 +196,7 @@ impl<S: Number> CollocationStep<S> {
         step
     }
 
-    /// Fills the coefficients of the oscillating modes, one parameter point after the other.
+    /// Fills the coefficients of the oscillating modes for the parameter point with the index `lane`.
     fn set_oscillating(
         &mut self,
         system: &System<S>,
@@ -276,7 +278,7 @@ fn set_parts<T, U>(target: &mut ModeStep<T>, source: &ModeStep<U>, mut set: impl
     set(&mut target.whole.ramp_gain, &source.whole.ramp_gain);
 }
 
-/// Advances the state by one step.
+/// Advances the state of the modes and of the force by one time step.
 #[inline(always)]
 pub(super) fn advance<S: Number>(system: &System<S>, step: &CollocationStep<S>, state: &mut CollocationState<S>) {
     let feedback = feedback_at_nodes(system, step, state);
@@ -309,7 +311,8 @@ pub(super) fn advance<S: Number>(system: &System<S>, step: &CollocationStep<S>, 
     }
 }
 
-/// Returns R at the nodes of the step, in N, by Newton's method.
+/// Returns the feedback force F_in (e^{gx} − 1) at the nodes of the step, in N, by Newton's method. F_in is the force without feedback, g
+/// the gradient and x the position.
 #[inline(always)]
 fn feedback_at_nodes<S: Number>(
     system: &System<S>,
@@ -317,8 +320,8 @@ fn feedback_at_nodes<S: Number>(
     state: &CollocationState<S>,
 ) -> [S; N_NODES] {
     let (zero, one) = (S::constant(0.0), S::constant(1.0));
-    // `known` is Σ Y at the nodes for R = 0. The inner loop is over the nodes, so that consecutive additions belong to different
-    // sums.
+    // `known` is the sum of the modes' contributions to the position at the nodes without feedback. The inner loop is over the nodes, so
+    // that consecutive additions belong to different sums.
     let mut known = [zero; N_NODES];
     for i in 0..N_NODES {
         known[i] = step.by_level[i].mul_add(state.level_n, step.by_deficit[i] * state.deficit_n);
@@ -343,7 +346,7 @@ fn feedback_at_nodes<S: Number>(
             force_n[i] = (state.slope_n_per_s * NODES[i]).mul_add(step.length_s, force_n[i]);
         }
     }
-    // The equations at the nodes are g x = known + Σ by_force (e^{gx} − 1).
+    // With the feedback, the equations for the exponents at the nodes are g x = known + Σ by_force (e^{gx} − 1).
     let mut by_force = [[zero; N_NODES]; N_NODES];
     for i in 0..N_NODES {
         let strength = system.load.gradient_per_m * state.growth * step.growth[i];
@@ -358,8 +361,8 @@ fn feedback_at_nodes<S: Number>(
     let (flowed, start_n) = (flowed_m_per_growth(state), state.level_n + state.deficit_n);
     let start = system.load.gradient_per_m * state.growth * system.instantaneous.mul_add(start_n, flowed);
     let mut exponent = [start; N_NODES];
-    // `size` is the squared size of each point's last Newton step. A point keeps its own, so that its result does not depend on
-    // its neighbours.
+    // `size` is the squared size of each parameter point's last Newton step. Each point has its own size, so that its result does not
+    // depend on its neighbours.
     let mut size = one;
     for _ in 0..MOST_NEWTON_STEPS {
         let (mut matrix, mut right) = (by_force, known);
@@ -397,7 +400,7 @@ fn feedback_at_nodes<S: Number>(
     feedback
 }
 
-/// Solves a linear system by elimination without pivoting. The matrix is the identity plus a feedback. A diagonal entry vanishes
+/// Solves a linear system by elimination without pivoting. The matrix is the identity plus a feedback matrix. A diagonal entry vanishes
 /// only if the force diverges.
 #[inline(always)]
 pub(super) fn solve<S: Number>(mut matrix: [[S; N_NODES]; N_NODES], mut right: [S; N_NODES]) -> [S; N_NODES] {
@@ -423,7 +426,7 @@ pub(super) fn solve<S: Number>(mut matrix: [[S; N_NODES]; N_NODES], mut right: [
     right
 }
 
-/// Returns Σ Y, the modes' contributions to the position in m, before the factor e^{rt}.
+/// Returns the sum of the modes' contributions to the position in m, before multiplication by the softening factor e^{rt}.
 #[inline(always)]
 fn flowed_m_per_growth<S: Number>(state: &CollocationState<S>) -> S {
     let mut sum = S::constant(0.0);
@@ -436,8 +439,9 @@ fn flowed_m_per_growth<S: Number>(state: &CollocationState<S>) -> S {
     sum
 }
 
-/// Returns the position x of the robot in m. Newton's method solves x = e^{rt} (Σ Y + C J₀ F_in e^{gx}) for g x. C J₀ is the
-/// instantaneous compliance in m/N.
+/// Returns the position of the robot in m. Newton's method solves x = e^{rt} (Σ Y + c F_in e^{gx}) for g x. Here x is the position, g the
+/// gradient, F_in the force without feedback, Σ Y the sum of the modes, c the instantaneous compliance (m/N) and e^{rt} the softening
+/// factor.
 #[inline(always)]
 pub(super) fn position_m<S: Number>(system: &System<S>, state: &CollocationState<S>) -> S {
     let one = S::constant(1.0);
@@ -479,7 +483,8 @@ mod tests {
         }
     }
 
-    /// Compares ∫₀ᶜ e^{−z(c−s)} s³ ds with a trapezoidal sum that Richardson's extrapolation refines, for small and large z.
+    /// Compares the integral ∫₀ᶜ e^{−z(c−s)} s³ ds by the weights with a trapezoidal sum that Richardson's extrapolation refines, for small
+    /// and large z.
     #[test]
     fn weights_integrate_against_any_decay() {
         for (rate, end) in [(1e-9, 1.0), (0.9, NODES[2]), (1.1, 1.0), (7.0, NODES[0]), (60.0, 1.0)] {

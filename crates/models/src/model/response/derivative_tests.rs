@@ -91,7 +91,7 @@ fn natural_size(name: &str) -> f64 {
     }
 }
 
-/// Checks the derivative by every quantity: without effects, with each effect, with all, and with an oscillating mode. Truncation
+/// Checks the derivative by every quantity: without effects, with each effect, with all effects, and with an oscillating mode. Truncation
 /// and rounding of the differences stay below 1e-6 of the largest derivative. Another test covers a lag at its null.
 #[test]
 fn equal_one_sided_differences_in_every_direction() {
@@ -132,8 +132,8 @@ fn equal_one_sided_differences_in_every_direction() {
     }
 }
 
-/// Checks an indenter's depth x^{1/p}, its derivative by the chain rule, and that every lane has equal bits. The depth is 0 while
-/// no force presses the tip.
+/// Checks an indenter's depth x^{1/p}, with x the linear response and p the depth exponent. Also checks its derivative by the chain rule,
+/// and that every lane has equal bits. The depth is 0 while no force presses the tip.
 #[test]
 fn depths_are_roots_of_what_answers_linearly() {
     let (time_s, _) = record();

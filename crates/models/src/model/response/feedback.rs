@@ -1,5 +1,5 @@
-//! Robot's position under a position-dependent force F = F_in e^{gx}. [`super::schedule`] chooses time steps that are short after
-//! switches of the command, and [`super::collocation`] takes them.
+//! Robot's position under a position-dependent force F_in e^{gx}, with F_in the force at x = 0, x the position and g the gradient.
+//! [`super::schedule`] chooses time steps that are short after switches of the command, and [`super::collocation`] takes them.
 
 use pulp::{Arch, Simd, WithSimd};
 
@@ -19,8 +19,8 @@ pub fn run<S: Number>(record: &PreparedRows, system: &System<S>, position_m: &mu
     Arch::new().dispatch(CollocationRun { system, schedule: &schedule, steps: &steps, position_m });
 }
 
-/// Returns, for each point, `true` if |g x| stays below [`MAX_GRADIENT_EXPONENT`] at every row. NaN counts as `true` here,
-/// because another check finds it at the last row.
+/// Returns, for each parameter point, `true` if the exponent g x (gradient times position) stays below [`MAX_GRADIENT_EXPONENT`] in size at
+/// every row. NaN counts as `true` here, because another check finds it at the last row.
 pub(super) fn are_held<S: Number>(system: &System<S>, position_m: &[S]) -> [bool; N_LANES] {
     Arch::new().dispatch(LargestExponent { system, position_m }).map(|largest| largest < MAX_GRADIENT_EXPONENT)
 }
@@ -66,7 +66,7 @@ impl<S: Number> WithSimd for CollocationRun<'_, S> {
             let level = &self.schedule.levels[piece.level];
             let mut level_n = level.force_n;
             if self.schedule.is_linear {
-                // Behind a lag, the force follows the command with a delay of the lag time.
+                // Behind a lag, a linearly changing force follows the command with a delay of the lag time.
                 level_n += level.slope_n_per_s * (state.now_s - level.from_s - late_s);
                 state.slope_n_per_s = level.slope_n_per_s;
             }

@@ -1,17 +1,17 @@
 //! Largest allowed time steps after a switch of the force.
 //!
-//! After a switch the position moves as fast as the law's fastest modes and the lag. For a mode of rate ρ and share w of the
-//! compliance, collocation over a step h from the switch on has the error d w η(ρh) ΔJ(h)/J of the position. Here d is the size
-//! of the switch divided by the largest force, and η the error of Radau's quadrature. ΔJ(h)/J is the relative growth of the creep
-//! compliance over the step. If the force has a factor e^{gx}, g x acts like a rate times the step. Let E be g x at the step's
-//! end under a constant force; then η(2E) E is a further error. [`Grading`] holds the largest step for each class of switches by
-//! size. Small switches, slow modes, and fast modes of small w need no short steps. Later steps may grow in proportion to the
-//! time since the switch.
+//! After a switch the position moves as fast as the law's fastest modes and the lag. Consider a mode of rate ρ that has the fraction w of
+//! the compliance. Collocation over a step of length h from the switch on has the relative error d w η(ρh) ΔJ(h)/J of the position. Here d
+//! is the size of the switch divided by the largest force, and η the error of Radau's quadrature. ΔJ(h)/J is the relative growth of the
+//! creep compliance over the step. A force with a factor e^{gx}, with g its gradient and x the position, has a further error. Let E be g x
+//! at the step's end under a constant force. This exponent acts like a rate times the step, and the error is η(2E) E. [`Grading`] holds the
+//! largest step for each class of switches by size. Small switches, slow modes, and fast modes with a small fraction of the compliance need
+//! no short steps. Later steps may grow in proportion to the time since the switch.
 
 /// Number of classes of switches, by their size divided by the largest force. Class 0 has the largest switches. Each further
 /// class has an upper limit eight times smaller.
 pub(super) const N_SIZES: usize = 3;
-/// Ratio of the upper limits of a class and the next one.
+/// Ratio of the upper limits of neighbouring classes of switches.
 pub(super) const SIZE_RATIO: f64 = 8.0;
 
 /// Largest estimated error of a first step, relative to the position. Actual errors are smaller by a factor of a hundred or more.
@@ -36,12 +36,12 @@ impl Grading {
 
     /// Returns the grading with the longest steps within the tolerance.
     ///
-    /// `rough` has w and ρ (1/s) of each mode, and of the lag, that moves after a switch. `modes` has κ divided by the
-    /// compliance, and ρ, of each mode; ρ = 0 if it does not decay. `strength` times this κ is the mode's contribution to the
-    /// rate of g x.
+    /// `rough` has the fraction of the compliance and the rate (1/s) of each mode, and of the lag. `modes` has each mode's gain divided by
+    /// the compliance, and its rate, which is 0 for a mode that does not decay. `strength` times this gain is the mode's contribution to
+    /// the rate of the exponent g x (gradient times position).
     pub fn new(rough: &[(f64, f64)], modes: &[(f64, f64)], strength: f64) -> Self {
         let mut exponents = [EXPONENTS[0]; N_SIZES];
-        // The search starts at the shortest step. A class keeps its last exponent as soon as the error exceeds its tolerance.
+        // The search starts at the shortest step. A class keeps its last exponent as soon as the error exceeds the class's tolerance.
         // Classes of large switches reach this point first.
         let mut first_class = 0;
         for exponent in EXPONENTS[0]..=EXPONENTS[1] {
@@ -63,13 +63,13 @@ impl Grading {
     }
 }
 
-/// Length in s of a first step with this exponent.
+/// Length in s of a first step after a switch, from its exponent.
 fn length_s(exponent: i32) -> f64 {
     (f64::from(LENGTH_RATIO_LOG2) * f64::from(exponent)).exp2()
 }
 
-/// Error of Radau's quadrature with five nodes for e⁻ᶻˢ over [0, 1]. The value is an upper bound. For z above 3 it is at most six
-/// times the actual error.
+/// Returns an upper bound of the error of Radau's quadrature with five nodes for e⁻ᶻˢ over s in [0, 1]. For z above 3 the bound is at most
+/// six times the actual error.
 fn quadrature_error(z: f64) -> f64 {
     (z / 38.0).powi(6).min(1.0 / (z + 20.0))
 }

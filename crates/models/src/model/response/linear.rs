@@ -20,21 +20,22 @@ use base::number::{Complex, PointScalar, Scalar};
 struct LinearStep<S> {
     modes: Vec<LinearRow<S>>,
     oscillating: Vec<LinearRow<Complex<S>>>,
-    /// e^{−λh}, the factor by which the deficit D decays over the step.
+    /// Factor e^{−λh} by which the deficit behind a lag decays over the step, with λ the lag's rate and h the step's length.
     lag_decay: S,
     length_s: f64,
 }
 
-/// Coefficients d, q, k and r of one mode for one step, in the notation of the module.
+/// Coefficients of one mode Y for one step: Y ← d Y + q L + k D + r S. L is the level that the force approaches, D the deficit (force minus
+/// level), and S the level's rate.
 #[derive(Clone, Copy)]
 pub(super) struct LinearRow<T> {
-    /// Coefficient d.
+    /// Coefficient d of the mode itself, its decay over the step.
     pub decay: T,
-    /// Coefficient q.
+    /// Coefficient q of the force level.
     pub gain: T,
-    /// Coefficient k; 0 without a lag.
+    /// Coefficient k of the deficit behind a lag; 0 without a lag.
     pub lag_gain: T,
-    /// Coefficient r; 0 if the level is constant over the step.
+    /// Coefficient r of the level's rate; 0 if the level is constant over the step.
     pub ramp_gain: T,
 }
 
@@ -44,7 +45,8 @@ impl<T: Copy> LinearRow<T> {
     }
 }
 
-/// Returns the coefficients d, q, k of a mode over a step of this length, and r if the level changes linearly (`rises`).
+/// Returns the coefficients of a mode over a step of this length. `rises` is `true` if the force level changes linearly; otherwise the
+/// coefficient of its rate is 0.
 #[inline(always)]
 pub(super) fn row<N: Number>(mode: Mode<N>, length_s: N, lag_rate: Option<N>, rises: bool) -> LinearRow<N> {
     let z = mode.rate * length_s;
@@ -58,7 +60,7 @@ pub(super) fn row<N: Number>(mode: Mode<N>, length_s: N, lag_rate: Option<N>, ri
     LinearRow { decay, gain: input * mean, lag_gain, ramp_gain }
 }
 
-/// Returns the coefficients of an oscillating mode, with the arguments of [`row`].
+/// Returns the coefficients of an oscillating mode over a step of this length. The arguments are those of [`row`].
 pub(super) fn oscillating_row<N: Real>(
     mode: Mode<Complex<N>>,
     length_s: N,
@@ -79,7 +81,7 @@ pub(super) fn oscillating_row<N: Real>(
     LinearRow { decay: (z * -1.0).exponential(), gain: input * mean_decay(z), lag_gain, ramp_gain }
 }
 
-/// Returns (1 − e⁻ᶻ)/z, by its series near 0.
+/// Returns (1 − e⁻ᶻ)/z, which is the mean of e⁻ˢ over s from 0 to z. A series is used near 0.
 fn mean_decay<N: Real>(z: Complex<N>) -> Complex<N> {
     super::moments::entire_functions(z * -1.0)[0]
 }
@@ -149,7 +151,7 @@ fn complex_zero<N: Number>() -> Complex<N> {
     Complex { re: N::constant(0.0), im: N::constant(0.0) }
 }
 
-/// Switch of the force between two rows, for one parameter point.
+/// Switch of the force between two rows, for one parameter point. The point's delay moves the switch away from the rows.
 struct BetweenRowsSwitch<N> {
     lane: usize,
     /// First row after the switch.
@@ -162,9 +164,9 @@ struct BetweenRowsSwitch<N> {
     bend_n_per_s: N,
 }
 
-/// Returns the switches between rows of all points, in the order of the rows.
-fn kicks<S: Number>(record: &PreparedRows, system: &System<S>) -> Vec<BetweenRowsSwitch<S::Lane>> {
-    let mut kicks = Vec::with_capacity(S::N_POINTS * record.switches.len());
+/// Returns the switches between rows of all parameter points, in the order of the rows.
+fn between_row_switches<S: Number>(record: &PreparedRows, system: &System<S>) -> Vec<BetweenRowsSwitch<S::Lane>> {
+    let mut between_row_switches = Vec::with_capacity(S::N_POINTS * record.switches.len());
     let mut rows = [1; N_LANES];
     // The inner loop is over the points. Their delays are similar, so the switches are nearly sorted by row.
     for switch in &record.switches {
@@ -182,33 +184,33 @@ fn kicks<S: Number>(record: &PreparedRows, system: &System<S>) -> Vec<BetweenRow
             if row < record.n_rows {
                 let remaining_s = S::Lane::constant(record.time_s[row] - switch.time_s) - delay_s;
                 let (change_n, bend_n_per_s) = (change_n.lane(lane), bend_n_per_s.lane(lane));
-                kicks.push(BetweenRowsSwitch { lane, row, remaining_s, change_n, bend_n_per_s });
+                between_row_switches.push(BetweenRowsSwitch { lane, row, remaining_s, change_n, bend_n_per_s });
             }
         }
     }
-    kicks.sort_by_key(|kick| kick.row);
-    kicks
+    between_row_switches.sort_by_key(|kick| kick.row);
+    between_row_switches
 }
 
 /// Response of every mode, at the time `after_s` after a switch, to a unit change of the level and to a unit change of the
 /// level's rate.
-struct KickResponse<N> {
+struct SwitchResponse<N> {
     after_s: N,
     modes: Vec<(N, N)>,
     oscillating: Vec<(Complex<N>, Complex<N>)>,
     /// Time in s by which a lag delays a linearly changing force.
     late_s: N,
-    /// e^{−λt} with t = `after_s`; 0 without a lag.
+    /// Decay factor e^{−λt} of the lag, with λ its rate and t the time `after_s`; 0 without a lag.
     lag_decay: N,
 }
 
-impl<N: Real> KickResponse<N> {
+impl<N: Real> SwitchResponse<N> {
     fn new<S: Number<Lane = N>>(system: &System<S>, lane: usize, after_s: N, rises: bool) -> Self {
         let lag_rate = system.shape.lagging.then(|| system.lag_rate.lane(lane));
         let late_s = system.late_s().lane(lane);
         let real = system.modes.iter().map(|mode| row(mode.lane(lane), after_s, lag_rate, rises));
         let complex = system.oscillating.iter().map(|mode| oscillating_row(mode.lane(lane), after_s, lag_rate, rises));
-        // Behind a lag, a change of the slope shifts the level by −τ times this change, and the force itself does not jump.
+        // Behind a lag of time τ, a change of the slope shifts the level by −τ times this change, and the force itself does not jump.
         let of_real = |row: LinearRow<N>| {
             let step = row.gain - row.lag_gain;
             (step, row.ramp_gain - late_s * step)
@@ -227,7 +229,7 @@ impl<N: Real> KickResponse<N> {
     }
 }
 
-/// Computes the position (m) at every row, without the factor e^{rt} of softening.
+/// Computes the position (m) at every row, before multiplication by the softening factor.
 pub fn run<S: Number>(record: &PreparedRows, system: &System<S>, position_m: &mut [S]) {
     let zero = S::constant(0.0);
     let longest = record.holds.iter().map(|hold| hold.rows.len()).max().unwrap_or(0);
@@ -254,9 +256,9 @@ pub fn run<S: Number>(record: &PreparedRows, system: &System<S>, position_m: &mu
         return;
     }
     sweep.change_level(system.load.start_n(), zero);
-    let kicks = kicks(record, system);
-    let mut waiting = kicks.iter().peekable();
-    let mut responses: Vec<Option<KickResponse<S::Lane>>> = (0..S::N_POINTS).map(|_| None).collect();
+    let between_row_switches = between_row_switches(record, system);
+    let mut waiting = between_row_switches.iter().peekable();
+    let mut responses: Vec<Option<SwitchResponse<S::Lane>>> = (0..S::N_POINTS).map(|_| None).collect();
     for hold in &record.holds {
         let mut row = hold.rows.start;
         while row < hold.rows.end {
@@ -279,19 +281,19 @@ struct LinearSweep<'a, S> {
     is_linear: bool,
     /// Time in s by which a lag delays a linearly changing force.
     late_s: S,
-    /// Level L in N.
+    /// Level in N that the force approaches.
     level_n: S,
     slope_n_per_s: S,
     deficit_n: S,
-    /// Deficit D in N at the end of each step of one hold.
+    /// Deficit (force minus level) in N at the beginning of each step of one hold.
     deficits_n: Vec<S>,
-    /// Input q L of every real mode over a step, plus r S if the level changes linearly.
+    /// Input to every real mode over a step from the level and, if the level changes linearly, from its rate.
     input: Vec<S>,
     oscillating_input: Vec<Complex<S>>,
 }
 
 impl<S: Number> LinearSweep<'_, S> {
-    /// Changes the level and its rate. Behind a lag the force itself does not jump, so the deficit takes up the change.
+    /// Changes the level and its rate. Behind a lag the force itself does not jump, so the deficit (force minus level) takes up the change.
     fn change_level(&mut self, command_n: S, slope_n_per_s: S) {
         let mut level_n = command_n;
         if self.is_linear {
@@ -340,7 +342,7 @@ impl<S: Number> LinearSweep<'_, S> {
     fn kick(
         &mut self,
         kick: &BetweenRowsSwitch<S::Lane>,
-        known: &mut Option<KickResponse<S::Lane>>,
+        known: &mut Option<SwitchResponse<S::Lane>>,
         tolerance_s: f64,
         position_m: &mut S,
     ) {
@@ -348,9 +350,9 @@ impl<S: Number> LinearSweep<'_, S> {
             *known = None;
         }
         let response =
-            known.get_or_insert_with(|| KickResponse::new(self.system, kick.lane, kick.remaining_s, self.is_linear));
+            known.get_or_insert_with(|| SwitchResponse::new(self.system, kick.lane, kick.remaining_s, self.is_linear));
         let (lane, change, bend) = (kick.lane, kick.change_n, kick.bend_n_per_s);
-        // Between constant forces the change of slope is 0, and adding it changes no bit.
+        // Between constant forces the change of slope is 0, and adding it leaves all bits of the result unchanged.
         let level = change + (kick.remaining_s - response.late_s) * bend;
         let left = response.lag_decay * (change - response.late_s * bend);
         let mut moved = self.system.instantaneous.lane(lane) * (level - left);
@@ -404,7 +406,7 @@ impl<S: Number> WithSimd for LinearRows<'_, S> {
         } else {
             position_m.fill(system.instantaneous * level_n);
         }
-        let mut part = LinearPart {
+        let mut part = PendingModes {
             rows: &step.modes,
             inputs: self.input,
             oscillating_inputs: self.oscillating_input,
@@ -440,7 +442,7 @@ impl<S: Number> WithSimd for LinearRows<'_, S> {
 const WIDEST: usize = 8;
 
 /// Modes that have not been advanced through the rows yet.
-struct LinearPart<'a, S> {
+struct PendingModes<'a, S> {
     rows: &'a [LinearRow<S>],
     inputs: &'a [S],
     oscillating_inputs: &'a [Complex<S>],
@@ -451,7 +453,7 @@ struct LinearPart<'a, S> {
     lagging: bool,
 }
 
-impl<S: Number> LinearPart<'_, S> {
+impl<S: Number> PendingModes<'_, S> {
     /// Advances the first `B` real modes, and one oscillating mode if any is left, through the rows. It adds their values to the
     /// position.
     #[inline(always)]

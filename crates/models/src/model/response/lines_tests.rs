@@ -35,7 +35,7 @@ fn number(value: f64) -> Dual {
     Dual::constant(value)
 }
 
-/// Checks every load and mechanics feature alone, and all together. The stepping has a relative error of 2e-8. Each sum of
+/// Checks every load and mechanics feature alone, and all features together. The stepping has a relative error of 2e-8. Each sum of
 /// exponentials for a springpot has an error of 1e-6 of a step response.
 #[test]
 fn equal_the_stepping_of_the_definition() {

@@ -1,9 +1,9 @@
-//! Reduced model that computes any stages in closed form: command → load → mechanics → observation (physics §5).
+//! Reduced model that computes trajectories in closed form from a model's stages: command → load → mechanics → observation (physics §5).
 //!
-//! The code is generic over plain numbers, numbers with a derivative, and eight parameter points at once. [`system`] converts
-//! stages into rates and gains. [`linear`] computes the position if the force does not depend on it. [`feedback`] computes the
-//! position if the force depends on it, in time steps that [`schedule`] chooses. [`state_law`] adds the effect of a quantity that
-//! depends on a state.
+//! The code is generic over plain numbers, numbers with a derivative, and eight parameter points at once. [`system`] converts stages into
+//! rates and gains of modes. [`linear`] computes the position under a force that does not depend on the position. [`feedback`] computes the
+//! position under a force that does, in time steps that [`schedule`] chooses. [`state_law`] adds the effect of a quantity that depends on a
+//! state.
 
 // Loops use the indices of the formulas. Iterator closures would be compiled separately, without the kernels' vector
 // instructions.
@@ -39,7 +39,7 @@ use prepared_record::PreparedRows;
 use record::{Force, OwnedForce};
 use system::{PointNumbers, System};
 
-/// Record prepared for the evaluation of models.
+/// Record prepared for the evaluation of models: rows, commanded force and distinct step lengths.
 #[derive(Debug, Clone)]
 pub struct Response {
     record: PreparedRows,
@@ -64,8 +64,8 @@ impl Response {
         Self { record, window, time_s, force }
     }
 
-    /// Returns the numbers that the kernels need from stages. They include the excess of a nonlinear law's position over that of
-    /// the linear law.
+    /// Converts stages into the numbers that the kernels need. They include the excess of a nonlinear law's position over that of the
+    /// linear law.
     fn lowered<T: Real>(&self, stages: &Stages, compliance_per_m: T) -> Result<PointNumbers<T>> {
         let mut point = PointNumbers::new(stages, compliance_per_m, self.window, &self.record)?;
         if let Some(ReducedField::Stepped(stepped)) = &stages.spread {
@@ -126,9 +126,9 @@ impl Response {
         Ok(slopes.into_iter().map(recorded).collect())
     }
 
-    /// Writes the recorded positions (m) of one to eight points to `position_m`, which has one entry for each row and one lane
-    /// for each point. It returns `true` for each point that has a position. A point's bits equal those of [`Self::trajectory_m`]
-    /// and do not depend on the other points. Lanes without a point, or whose point has no position, are undefined.
+    /// Writes the recorded positions (m) of one to eight parameter points to `position_m`, which has one entry for each row and one lane
+    /// for each point. It returns `true` for each point that has a position. A point's bits equal those of [`Self::trajectory_m`] and do
+    /// not depend on the other points. Lanes without a point, or whose point has no position, are undefined.
     pub fn trajectories_m(
         &self,
         stages: &[Stages],
@@ -165,7 +165,7 @@ impl Response {
         sound
     }
 
-    /// Computes points of one [`system::SystemShape`]. It returns `true` for each point that has a position.
+    /// Computes parameter points of one [`system::SystemShape`]. It returns `true` for each point that has a position.
     fn run<S: Number>(&self, points: &[&PointNumbers<S::Lane>], position_m: &mut Vec<S>) -> [bool; N_LANES] {
         let system = System::<S>::gather(points);
         position_m.resize(self.record.n_rows, S::constant(0.0));
@@ -221,7 +221,7 @@ fn soften<S: Number>(record: &PreparedRows, system: &System<S>, position_m: &mut
     }
 }
 
-/// Returns the indenter's depth of every point, from its linear response.
+/// Returns the indenter's depth of every parameter point, from the linear response of the point.
 fn depth<S: Number>(linear: S, observation: &Observation<S>) -> S {
     gather(|lane| Observation::depth_m(observation.depth_exponent.lane(lane), linear.lane(lane)))
 }

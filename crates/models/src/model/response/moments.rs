@@ -2,7 +2,7 @@
 
 use super::numbers::{Field, Number};
 
-/// Number of functions φₖ. It equals the number of collocation nodes.
+/// Number of entire functions φₖ. It equals the number of collocation nodes.
 pub(super) const N_FUNCTIONS: usize = 5;
 
 /// Size of the argument below which the functions are computed by series. For larger arguments a recursion is used, which loses
@@ -10,11 +10,11 @@ pub(super) const N_FUNCTIONS: usize = 5;
 const SERIES_BELOW: f64 = 1.0;
 const N_TERMS: u32 = 17;
 
-/// Returns φ₁(w) … φ₅(w), defined by φ₀ = eʷ, φₖ₊₁ = (φₖ − 1/k!)/w and φₖ(0) = 1/k!.
+/// Returns the entire functions φ₁(w) … φ₅(w), defined by φ₀ = eʷ, φₖ₊₁ = (φₖ − 1/k!)/w and φₖ(0) = 1/k!.
 pub(super) fn entire_functions<T: Field>(w: T) -> [T; N_FUNCTIONS] {
     let mut functions = [T::real(1.0); N_FUNCTIONS];
     if w.size() < SERIES_BELOW {
-        // φ₅ = Σ wⁿ/(n+5)! = (1/5!)(1 + w/6 (1 + w/7 (1 + …))).
+        // The series is φ₅ = Σ wⁿ/(n+5)! = (1/5!)(1 + w/6 (1 + w/7 (1 + …))).
         let mut sum = T::real(1.0);
         for n in (1..=N_TERMS).rev() {
             sum = T::real(1.0) + w * sum * (1.0 / f64::from(n + 5));
@@ -33,7 +33,8 @@ pub(super) fn entire_functions<T: Field>(w: T) -> [T; N_FUNCTIONS] {
     functions
 }
 
-/// Returns φ₁(−z) … φ₅(−z) for one or several points. The size of each point's z decides between series and recursion.
+/// Returns the entire functions φ₁(−z) … φ₅(−z) for one or several parameter points. The size of each point's z decides between series and
+/// recursion.
 #[inline(always)]
 pub(super) fn entire_functions_of_decay<S: Number>(z: S) -> [S; N_FUNCTIONS] {
     let w = -z;

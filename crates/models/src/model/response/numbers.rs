@@ -1,5 +1,4 @@
-//! Number types of the kernel in addition to [`Scalar`]. They are eight parameter points at once, the number of one point, and
-//! complex numbers.
+//! Number types of the kernel in addition to [`Scalar`]: eight parameter points at once, the number of one point, and complex numbers.
 
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
 
@@ -22,7 +21,7 @@ impl std::borrow::Borrow<[f64; N_LANES]> for Lanes {
     }
 }
 
-/// Number type of the kernel. It holds one [`Real`] number for each of one or several points.
+/// Number type of the kernel. It holds one [`Real`] number for each of one or several parameter points.
 pub trait Number: Scalar {
     /// Number type of a single point.
     type Lane: Real;
@@ -30,9 +29,9 @@ pub trait Number: Scalar {
     const N_POINTS: usize;
     /// Returns self · factor + addend, rounded once, with equal bits in every number type.
     fn mul_add(self, factor: Self, addend: Self) -> Self;
-    /// Returns the number of one point.
+    /// Returns the number of the parameter point with the index `lane`.
     fn lane(self, lane: usize) -> Self::Lane;
-    /// Sets the number of one point.
+    /// Sets the number of the parameter point with the index `lane`.
     fn set_lane(&mut self, lane: usize, value: Self::Lane);
     /// Returns e⁻ᶻ and its mean over [0, z], (1 − e⁻ᶻ)/z, for z = self of any sign.
     fn decay(self) -> (Self, Self);
@@ -48,7 +47,7 @@ pub(super) trait Real: PointScalar + Number<Lane = Self> + Field {
     fn is_close(self, other: Self, tolerance: f64) -> bool;
     /// `true` if the type carries a derivative.
     const CARRIES: bool;
-    /// Converts the number to a [`Dual`], with its derivative or with 0.
+    /// Converts the number to a [`Dual`]. The derivative is 0 if the type carries none.
     fn carried(self) -> Dual;
     /// Excess of a nonlinear law's position over that of the linear law, at every row, in m.
     fn excess_m(
@@ -68,11 +67,11 @@ pub(super) trait Field:
     fn real(value: f64) -> Self;
     /// Returns eᶻ for z = self.
     fn exponential(self) -> Self;
-    /// Absolute value or modulus, without derivative.
+    /// Absolute value of a real number, or the larger absolute value of a complex number's two parts, without derivative.
     fn size(self) -> f64;
 }
 
-/// Builds a number from the numbers `of_lane` of its points.
+/// Builds a number of several parameter points. `of_lane` returns the number of the point with a given index.
 pub(super) fn gather<S: Number>(mut of_lane: impl FnMut(usize) -> S::Lane) -> S {
     let mut number = S::constant(0.0);
     for lane in 0..S::N_POINTS {
@@ -380,11 +379,11 @@ impl Number for Lanes {
     }
 }
 
-/// Complex number at several points, whose lanes can be read and set.
+/// Complex number at several parameter points. The number of each point can be read and set.
 pub(super) trait ComplexLanes<L> {
-    /// Number of one point.
+    /// Number of the parameter point with the index `lane`.
     fn lane(self, lane: usize) -> Complex<L>;
-    /// Replaces the number of one point.
+    /// Replaces the number of the parameter point with the index `lane`.
     fn set_lane(&mut self, lane: usize, value: Complex<L>);
 }
 

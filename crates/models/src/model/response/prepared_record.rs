@@ -1,4 +1,4 @@
-//! Rows and commands of a record, prepared once for all points.
+//! Rows and commands of a record, prepared once for all parameter points.
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -24,7 +24,7 @@ pub(super) struct PreparedRows {
     pub step_s: Vec<f64>,
     pub holds: Vec<Hold>,
     pub switches: Vec<Switch>,
-    /// Distinct commands. The first one is the zero command before the record.
+    /// Distinct commands. The first command is the zero command before the record.
     pub commands: Vec<PreparedLine>,
     /// `true` if commands change linearly between rows.
     pub is_linear: bool,
@@ -34,7 +34,7 @@ pub(super) struct PreparedRows {
     pub tolerance_s: f64,
 }
 
-/// Consecutive rows at the ends of equal steps under an equal command.
+/// Hold: consecutive rows at the ends of equal steps under one command.
 #[derive(Debug, Clone)]
 pub(super) struct Hold {
     /// Index of the step length in `step_s`.
@@ -77,7 +77,8 @@ pub(super) struct Switch {
     pub after: PreparedLine,
     /// Index of the command after the change.
     pub command: usize,
-    /// Jump of the command plus the change of its slope times the next step's length, divided by the largest command.
+    /// Size of the change, divided by the largest command. It is the command's jump plus the change of its slope times the next step's
+    /// length.
     pub relative_size: f64,
 }
 

@@ -12,7 +12,7 @@ use super::numbers::{N_LANES, Number, Real, gather};
 use super::prepared_record::{PreparedLine, PreparedRows, slot};
 use super::system::System;
 
-/// Largest step after a switch, divided by the time since the switch, for each class of switches.
+/// Largest step after a switch, divided by the time since the switch, for each class of switches by size.
 const SHARE_OF_AGE: [f64; N_SIZES] = [0.5, 1.0, 1.0];
 /// Limits that replace [`SHARE_OF_AGE`] behind a lag. A lag changes the force itself and needs smaller steps.
 const SHARE_OF_AGE_BEHIND_LAG: [f64; N_SIZES] = [0.25, 0.5, 1.0];
@@ -44,18 +44,18 @@ impl SchedulePiece {
     }
 }
 
-/// Time steps of all points, in the order of time.
+/// Time steps of all parameter points, in the order of time.
 pub(super) struct Schedule<S> {
     pub pieces: Vec<SchedulePiece>,
-    /// Distinct step lengths of all points, in s.
+    /// Distinct step lengths of all parameter points, in s.
     pub length_s: Vec<S>,
-    /// Distinct forces that enter the lag.
+    /// Distinct levels of the force before the lag.
     pub levels: Vec<Level<S>>,
     /// `true` if levels change linearly while they act.
     pub is_linear: bool,
 }
 
-/// Force that enters the lag, as a straight line in time.
+/// Force before the lag, as a straight line in time.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Level<S> {
     /// Force in N at the time `from_s`, offset included.
@@ -93,17 +93,18 @@ impl<S: Number> Schedule<S> {
     }
 }
 
-/// One index of a step length or a level for each point.
+/// Index of a step length or of a level for each parameter point.
 type Indices = [u32; N_LANES];
 
-/// Common pieces of several points. If a point has fewer pieces between two rows than another, it waits in steps of length 0.
+/// Common pieces (runs of equal time steps) of several parameter points. If a point has fewer pieces between two rows than another point,
+/// it waits in steps of length 0.
 struct ScheduleJoint {
     pieces: Vec<SchedulePiece>,
     lengths: Distinct,
     levels: Distinct,
 }
 
-/// Distinct combinations of the points' indices, in the order in which they were added.
+/// Distinct combinations of the parameter points' indices, in the order in which they were added.
 #[derive(Default)]
 struct Distinct {
     list: Vec<Indices>,
@@ -136,7 +137,7 @@ impl Distinct {
     }
 }
 
-/// Progress of one point through its pieces while pieces are joined.
+/// Place of one parameter point in its list of pieces, while the lists of all points are joined.
 #[derive(Clone, Copy)]
 struct Cursor {
     piece: usize,
@@ -198,7 +199,7 @@ impl ScheduleJoint {
     }
 }
 
-/// Schedule of one point, with its pieces in the order of time. `length_s` has the distinct step lengths in s, and the first of
+/// Schedule of one parameter point, with its pieces in the order of time. `length_s` has the distinct step lengths in s, and the first of
 /// them is 0.
 struct Parts<N> {
     pieces: Vec<SchedulePiece>,
@@ -224,8 +225,8 @@ impl<N> Parts<N> {
 }
 
 impl<N: Real> Parts<N> {
-    /// Returns the schedule of one point. Commands begin to act `delay_s` after their row, which cuts the step there. With `None`
-    /// they act at rows.
+    /// Returns the schedule of one parameter point. A command begins to act `delay_s` after its row, and the step between rows is cut
+    /// there. With `None`, commands act at rows.
     fn new(record: &PreparedRows, delay_s: Option<N>, longest_s: [f64; N_SIZES], share_of_age: [f64; N_SIZES]) -> Self {
         let mut age_s = [f64::INFINITY; N_SIZES];
         // A force that acts from the start, such as an offset, may have any size. It counts as a switch of the largest class.
@@ -291,7 +292,7 @@ impl<N: Real> Parts<N> {
         }
     }
 
-    /// Adds an interval under one level. It is cut into halves, quarters and so on until the steps are short enough, so that few
+    /// Adds an interval under one level. The interval is cut into halves, quarters and so on until the steps are short enough, so that few
     /// lengths are distinct.
     fn push(&mut self, length_s: N, level: usize, end_row: Option<usize>) {
         // A length of zero may still carry a derivative, or end at a row.
@@ -307,8 +308,8 @@ impl<N: Real> Parts<N> {
         let (mut left, mut share, mut n_halvings) = (1.0, 1.0, 0);
         while left > 0.0 {
             let longest_s = self.longest_step_s() * (1.0 + ROUNDING);
-            // The next step is the longest allowed one that fits into the remaining interval. That interval is always a sum of
-            // halves, quarters and so on.
+            // The next step is the longest allowed step that fits into the remaining interval, which is always a sum of halves, quarters
+            // and so on.
             while n_halvings > 0 && 2.0 * share <= left && 2.0 * share * whole_s <= longest_s {
                 (share, n_halvings) = (2.0 * share, n_halvings - 1);
             }
@@ -322,8 +323,8 @@ impl<N: Real> Parts<N> {
         }
     }
 
-    /// Returns the index in `length_s` of a whole length after `n_halvings` halvings. `share` is the fraction 2⁻ⁿ of the length
-    /// that remains after n = `n_halvings`.
+    /// Returns the index in `length_s` of a whole length after n = `n_halvings` halvings. `share` is the remaining fraction 2⁻ⁿ of the
+    /// length.
     fn length(&mut self, whole: usize, n_halvings: usize, share: f64) -> usize {
         if self.halved[whole][n_halvings] == UNKNOWN {
             self.halved[whole][n_halvings] = self.length_s.len() as u32;
@@ -350,7 +351,7 @@ const UNKNOWN: u32 = u32::MAX;
 /// Relative rounding error allowed for the times since a switch, which are sums of step lengths.
 const ROUNDING: f64 = 1e-9;
 
-/// Class of a switch by its size divided by the largest force; 0 for the largest.
+/// Class of a switch by its size divided by the largest force. Class 0 has the largest switches.
 fn class(relative_size: f64) -> usize {
     let mut class = 0;
     while class + 1 < N_SIZES && relative_size * SIZE_RATIO.powi(class as i32 + 1) <= 1.0 {

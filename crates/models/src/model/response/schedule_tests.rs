@@ -29,8 +29,8 @@ fn smooth_n() -> Vec<f64> {
     (0..N_ROWS).map(|row| 2e-6 * (0.05 * row as f64).sin()).collect()
 }
 
-/// Returns the Lethersich law with more Kelvin–Voigt bodies. Each is given by its fraction of the law's elastic compliance and
-/// its retardation time in s.
+/// Returns the Lethersich law with more Kelvin–Voigt bodies. Each body is given by its fraction of the law's elastic compliance and its
+/// retardation time in s.
 fn law(bodies: &[(f64, f64)]) -> Stages {
     let mut stages = Stages::of_law(BaseLaw::Lethersich.elements(&[3.5, 1.4, 47.0].map(number)));
     for (share, body_s) in bodies {

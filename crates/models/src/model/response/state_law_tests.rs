@@ -1,5 +1,5 @@
-//! Tests of quantities that depend on a state. They compare the excess position with closed forms and with the full-order model's
-//! stepping. The stepping is an independent method, since it does not use the pseudo-stress R.
+//! Tests of quantities that depend on a state. They compare the excess position with closed forms and with the full-order model's stepping.
+//! The stepping is an independent method, since it does not use a pseudo-stress.
 
 use super::Response;
 use base::number::{Dual, Scalar};
@@ -11,7 +11,7 @@ use record::{Force, ForceRule};
 
 const COMPLIANCE_PER_M: f64 = 550.0;
 
-/// Function 1 + a tanh(s/s₀) of the state s. It is smooth, and bounded if the state diverges.
+/// Function 1 + a tanh(s/s₀) of the state s, with parameters a and s₀. It is smooth, and bounded if the state diverges.
 #[derive(Debug)]
 struct Bounded;
 
@@ -23,7 +23,7 @@ impl StateFunction for Bounded {
     }
 }
 
-/// Function e^{a s} of the state s.
+/// Function e^{a s} of the state s, with the parameter a.
 #[derive(Debug)]
 struct Exponential;
 
@@ -216,8 +216,9 @@ fn followed_slopes_are_those_that_numbers_carry() {
     assert!(n_cases > 170, "{n_cases}");
 }
 
-/// Checks a dashpot whose viscosity c e^{b x} grows with the position x under a constant force F. Its closed form is e^{bx} = 1 +
-/// b C F t/c. A dashpot whose force decreases with the path has an equivalent closed form.
+/// Checks a dashpot whose viscosity c e^{b x} grows with the position x under a constant force F. Its closed form is e^{bx} = 1 + b C F
+/// t/c, with C the displacement per force at unit creep compliance. A dashpot whose force decreases with the path has an equivalent closed
+/// form.
 #[test]
 fn a_dashpot_that_hardens_has_a_closed_form() {
     let base = BaseLaw::Network(Network::from_text("law.toml".as_ref(), "dashpot = \"flow\"").expect("a law"));

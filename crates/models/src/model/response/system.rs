@@ -14,7 +14,7 @@ use base::number::Complex;
 use laws::rheology::{Accuracy, RetardationSpectrum, TimeWindow};
 use laws::stages::{Load, Observation, ReducedField, Spatial, Stages};
 
-/// Numbers of modes and features of a model. Points of equal shape are computed together. The shape alone determines a point's
+/// Numbers of modes and features of a model. Parameter points of equal shape are computed together. The shape alone determines a point's
 /// sequence of operations.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct SystemShape {
@@ -31,7 +31,7 @@ pub(super) struct SystemShape {
     pub is_depth: bool,
 }
 
-/// Shape of one parameter point, and its numbers in the order in which [`System::gather`] reads them.
+/// Numbers of one parameter point, in the order in which [`System::gather`] reads them, with the point's shape.
 #[derive(Debug, Clone)]
 pub(super) struct PointNumbers<T> {
     pub shape: SystemShape,
@@ -41,7 +41,7 @@ pub(super) struct PointNumbers<T> {
     pub excess_m: Option<Vec<T>>,
 }
 
-/// Mode of the response, Y' = κ F − ρ Y, in the notation of the module.
+/// Mode of the response. Its contribution Y (m) to the position obeys Y' = κ F − ρ Y, with F the force, κ the gain and ρ the rate.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Mode<T> {
     /// Gain κ in m/(N·s).
@@ -50,13 +50,13 @@ pub(super) struct Mode<T> {
     pub rate: T,
 }
 
-/// Linear system of one or several points of one shape.
+/// Linear system of modes for one or several parameter points of one shape.
 #[derive(Debug, Clone)]
 pub(super) struct System<S> {
     pub shape: SystemShape,
-    /// Largest time steps after switches of the force, for each point.
+    /// Largest time steps after switches of the force, for each parameter point.
     pub gradings: [Grading; N_LANES],
-    /// Instantaneous compliance C J₀ in m/N.
+    /// Instantaneous displacement of the robot per force, in m/N.
     pub instantaneous: S,
     pub modes: Vec<Mode<S>>,
     pub oscillating: Vec<Mode<Complex<S>>>,
@@ -67,13 +67,13 @@ pub(super) struct System<S> {
     pub observation: Observation<S>,
 }
 
-/// Shortest relevant time after a switch, divided by the shortest step. It applies if a switch may be between rows or if the
+/// Shortest relevant time after a switch, divided by the shortest step. This fraction applies if a switch may be between rows or if the
 /// force changes between rows.
 pub(super) const BETWEEN_ROWS: f64 = 1e-2;
 
 impl<T: Real> PointNumbers<T> {
-    /// Returns the numbers of stages, without the excess of a nonlinear law. `window` is the range of times in s at which the
-    /// record needs the creep compliance.
+    /// Converts stages into numbers, without the excess of a nonlinear law's position over that of the linear law. `window` is the range of
+    /// times in s at which the record needs the creep compliance.
     pub fn new(stages: &Stages, compliance_per_m: T, window: TimeWindow, record: &PreparedRows) -> Result<Self> {
         let load = &stages.load;
         load.check()?;
@@ -111,14 +111,14 @@ impl<T: Real> PointNumbers<T> {
             (None, None) => RetardationSpectrum::of_law_with_accuracy(&stages.law, window, Accuracy::Fast)?,
             _ => {
                 return Err(Error::numerical(
-                    "the field's terms are missing, or the gel softens as well",
-                    "complete the stages with the compliance's terms of the field, and leave `softening` out",
+                    "the terms of the displacement field are missing, or the gel also softens",
+                    "add the compliance's terms of the field to the stages, and leave `softening` out",
                 ));
             }
         })
     }
 
-    /// Returns the numbers of stages with a given retardation spectrum of the law, for commands up to `largest_n` (N).
+    /// Converts stages into numbers, with a given retardation spectrum of the law and for commands up to `largest_n` (N).
     pub fn with_spectrum(
         stages: &Stages,
         spectrum: &RetardationSpectrum<T>,
@@ -160,8 +160,8 @@ impl<T: Real> PointNumbers<T> {
     }
 }
 
-/// Returns the largest steps for a law behind a lag of this rate (1/s); `None` without a lag. The exponent g x of a force
-/// gradient is `strength_pa` times the creep compliance.
+/// Returns the largest steps after switches for a law behind a lag of this rate (1/s); `None` without a lag. For a force gradient, the
+/// exponent (gradient times position) is `strength_pa` times the creep compliance.
 pub(super) fn grading<T: Real>(spectrum: &RetardationSpectrum<T>, lag_rate: Option<f64>, strength_pa: f64) -> Grading {
     let real = spectrum.modes.iter().map(|mode| (mode.compliance_per_pa.value(), mode.rate_per_s.value()));
     let size = |[re, im]: [T; 2]| re.value().hypot(im.value());
@@ -180,8 +180,8 @@ pub(super) fn grading<T: Real>(spectrum: &RetardationSpectrum<T>, lag_rate: Opti
     Grading::new(&rough, &modes, strength_pa / inverse)
 }
 
-/// Returns the real and the oscillating modes of the response to a force, with `compliance_per_m` in 1/m. The dashpot's mode is
-/// the last real one.
+/// Returns the real and the oscillating modes of the response to a force, with `compliance_per_m` in 1/m. The dashpot's mode is the last
+/// real mode.
 pub(super) fn modes_of<T: Real>(
     spectrum: &RetardationSpectrum<T>,
     compliance_per_m: T,
@@ -202,7 +202,7 @@ pub(super) fn modes_of<T: Real>(
 }
 
 impl<S: Number> System<S> {
-    /// Builds the system of several points of one shape. Unused lanes repeat the last point.
+    /// Builds the system of several parameter points of one shape. Unused lanes repeat the last point.
     pub fn gather(points: &[&PointNumbers<S::Lane>]) -> Self {
         let shape = points[0].shape;
         let mut next = 0;

@@ -65,8 +65,8 @@ pub(super) fn assert_close(found: &[f64], expected: &[f64], tolerance: f64, what
     }
 }
 
-/// Steps the equations of the stages by Runge and Kutta's fourth-order scheme between all switches and rows. Its own error is below 1e-10 for
-/// rates below 10/s.
+/// Integrates the equations of the stages by Runge and Kutta's fourth-order scheme, in steps between all switches and rows. The scheme's
+/// error is below 1e-10 for rates below 10/s.
 struct RungeKutta<'a> {
     stages: &'a Stages,
     spectrum: &'a RetardationSpectrum,
@@ -93,7 +93,8 @@ impl RungeKutta<'_> {
         let softened_n = before_n * (self.stages.softening_rate_per_s.value * time_s).exp();
         let instantaneous = self.spectrum.instantaneous_per_pa.value * softened_n;
         let gradient = self.stages.load.gradient_per_m.value;
-        // Newton's method solves x = C (J₀ F̃ e^{gx} + strain) for x.
+        // Newton's method solves x = C (instantaneous e^{gx} + strain) for the position x, with g the gradient and C the displacement per
+        // strain.
         let mut x = COMPLIANCE_PER_M * strain;
         for _ in 0..if gradient == 0.0 { 1 } else { 8 } {
             let jump_m = COMPLIANCE_PER_M * instantaneous * (gradient * x).exp();
@@ -222,7 +223,8 @@ fn without_effects_is_the_convolution() {
     assert_close(&respond(&lethersich()), &convolve_m(COMPLIANCE_PER_M, &law, &time_s, &force_n), 1e-12, "base");
 }
 
-/// Compares positions with Σ ΔFₖ J(t − tₖ − δ), for delays δ shorter than a row, longer than several rows and equal to one row.
+/// Compares positions with the superposition of delayed force steps, for delays shorter than a row, longer than several rows and equal to
+/// one row.
 #[test]
 fn delays_are_superpositions_of_late_steps() {
     let (time_s, force_n) = record();
@@ -325,8 +327,8 @@ fn a_gel_that_sets_equals_runge_kutta() {
     }
 }
 
-/// Checks gradients g that decrease or increase the force several times over. The closed form for a dashpot of fluidity φ is
-/// e^{−gx} = 1 − g C φ F t, until the force diverges.
+/// Checks force gradients g that decrease or increase the force several times over. For a dashpot of fluidity φ, the position x obeys
+/// e^{−gx} = 1 − g C φ F t until the force F diverges. C is the displacement per force at unit creep compliance.
 #[test]
 fn a_dashpot_under_a_strong_gradient_is_a_closed_form() {
     let time_s: Vec<f64> = (0..80).map(|i| 0.1 * f64::from(i)).collect();
@@ -378,7 +380,7 @@ fn strong_feedback_is_refused() {
     assert_eq!(sound, [true, false, false, false, false, false, false, false]);
 }
 
-/// Checks that points of several shapes in one batch have the bits of single points, for forces with many and with few levels.
+/// Checks that points of several shapes in one batch have the bits of single points, under forces with many and with few levels.
 #[test]
 fn lanes_have_the_bits_of_single_points() {
     let (time_s, many_n) = record();

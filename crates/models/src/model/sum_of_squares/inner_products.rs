@@ -13,17 +13,17 @@ pub(super) struct Reference {
     pub residual_m: Vec<f64>,
 }
 
-/// Sums over the compared rows for one rate. Let h be the unit response at this rate minus the unit response at the reference
-/// rate.
+/// Sums over the compared rows for one rate. The response difference is the unit response at this rate minus the unit response at the
+/// reference rate.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct InnerProducts {
-    /// Sum of the residual times h.
+    /// Sum of the residual times the response difference.
     pub residual: f64,
-    /// Sum of h².
+    /// Sum of the squared response difference.
     pub square: f64,
-    /// Sum of the reference response times h.
+    /// Sum of the reference response times the response difference.
     pub reference: f64,
-    /// Sum of the impulse ∫F dt times h.
+    /// Sum of the impulse ∫F dt times the response difference.
     pub impulse: f64,
 }
 
@@ -33,7 +33,7 @@ impl ResidualSumOfSquares {
         let mut response_n = vec![0.0; self.observed_m.len()];
         let mut state = 0.0_f64;
         for hold in &self.holds {
-            // The code uses 1 − e^{−rh}, because rounding e^{−rh} would lose digits of the rate r for short steps h.
+            // The code uses 1 − e^{−rh}, because rounding e^{−rh} would lose digits of the rate r for short steps of length h.
             let lost = -(-self.step_s[hold.step] * rate_per_s).exp_m1();
             for row in hold.rows.clone() {
                 state = lost.mul_add(hold.force_n - state, state);
@@ -70,7 +70,7 @@ impl ResidualSumOfSquares {
 struct ProductPass<'a> {
     record: &'a ResidualSumOfSquares,
     reference: &'a Reference,
-    /// e^{−rh} − 1 for each distinct step length h, one rate r for each lane.
+    /// Values of e^{−rh} − 1 for each distinct step length h, with one rate r for each lane.
     grown: &'a [Lanes],
     sums: &'a mut [Lanes; 4],
 }

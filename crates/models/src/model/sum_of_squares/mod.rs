@@ -43,7 +43,7 @@ struct Hold {
     rows: std::ops::Range<usize>,
 }
 
-/// Parameters of the law for a batch of points, with one entry for each point.
+/// Parameters of the law for a batch of parameter points, with one entry for each point.
 #[derive(Debug, Clone, Copy)]
 pub struct CreepLanes<'a> {
     /// Displacement of the Kelvin–Voigt body per force, in m/N.
@@ -81,8 +81,8 @@ impl ResidualSumOfSquares {
         Self { step_s, holds, impulse_n_s, observed_m, n_observed, table: None }
     }
 
-    /// Adds a table over a range of ln(rate·s). Within it, the cost of a point does not depend on the number of rows. No table is
-    /// added if it would be less accurate than the sum over rows.
+    /// Adds a table for rates whose logarithm ln(rate·s) is in `ln_rates`. Within this range, the cost of a point does not depend on the
+    /// number of rows. No table is added if it would be less accurate than the sum over rows.
     pub fn tabulated(mut self, ln_rates: (f64, f64)) -> Self {
         self.table = ProductTable::new(&self, ln_rates);
         self
@@ -128,7 +128,7 @@ impl ResidualSumOfSquares {
 
 type Lanes = [f64; LANES];
 
-/// Parameters and sums of the points in one pass. Unused lanes repeat the last point.
+/// Parameters and sums of the parameter points in one pass. Unused lanes repeat the last point.
 struct Scratch {
     decay: Vec<Lanes>,
     retarded: Lanes,

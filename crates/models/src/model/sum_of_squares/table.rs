@@ -19,26 +19,27 @@ use super::inner_products::{InnerProducts, Reference};
 use super::{CreepLanes, ResidualSumOfSquares};
 use base::elementary;
 
-/// Width of one interval of the table in ln r. The inner products are analytic for |Im ln r| < π/2, which is 25 times the half
-/// width. Each further coefficient is therefore fifty times smaller.
+/// Width of one interval of the table in ln r, with r the rate. The inner products are analytic for |Im ln r| < π/2, which is 25 times the
+/// half width. Each further coefficient is therefore fifty times smaller.
 const PIECE: f64 = 0.125;
 /// Number of polynomial coefficients in one interval.
 const N_COEFFICIENTS: usize = 8;
-/// Number of tabulated functions. They are the inner products of k with the residual, k, the reference response and the impulse.
+/// Number of tabulated functions: the inner products of the scaled response difference k with the residual, k, the reference response and
+/// the impulse.
 const N_FUNCTIONS: usize = 4;
-/// Largest distance of the table's ends from the reference rate, in ln r.
+/// Largest distance of the table's ends from the reference rate, as a difference of the rates' logarithms.
 const LONGEST_REACH: f64 = 24.0;
-/// Number of rates at which the table is checked against the sums over the rows. They are not used for training.
+/// Number of rates at which the table is checked against the sums over the rows. These rates are not nodes of the table.
 const N_CHECKED: usize = 48;
 /// Largest accepted error at the checked rates, relative to the terms of the sum of squares. At the largest cancellation it is
 /// 1e-8 of a sum of squares.
 const CHECK_TOLERANCE: f64 = 1e-12;
-/// Largest ratio of the terms to their sum for which the table is used. An error of 1e-12 of the terms is then 1e-8 of the sum.
-/// At larger ratios the sum is taken over the rows.
+/// Largest ratio of the sum of squares' terms to the sum for which the table is used. An error of 1e-12 of the terms is then 1e-8 of the
+/// sum. At larger ratios the sum is taken over the rows.
 const LARGEST_CANCELLATION: f64 = 1e4;
-/// Number of rates in the first round of the search for the least-squares trajectory.
+/// Number of rates in each round of the search for the least-squares trajectory.
 const N_SEARCHED: usize = 64;
-/// Number of rounds of the search.
+/// Number of rounds of the search for the least-squares trajectory.
 const N_ROUNDS: usize = 5;
 /// Factor by which each later round of the search narrows the range of rates.
 const FINER: f64 = 16.0;
@@ -59,11 +60,11 @@ pub(super) struct ProductTable {
     products: Constants,
 }
 
-/// Inner products that do not depend on the rate.
+/// Inner products over the compared rows that do not depend on the rate. The factors are the reference trajectory's residuals e, its unit
+/// response u₀ and the impulse g = ∫F dt.
 #[derive(Debug, Clone, Copy, Default)]
 struct Constants {
-    /// Inner products of the residuals e, the reference response u₀ and the impulse g: e², e u₀, e g, u₀², u₀ g and g², in this
-    /// order.
+    /// Inner product e² of the residuals. The other fields are e u₀, e g, u₀², u₀ g and g², in this order.
     residual_2: f64,
     residual_response: f64,
     residual_impulse: f64,
@@ -73,8 +74,8 @@ struct Constants {
 }
 
 impl ProductTable {
-    /// Tabulates a record over a range of ln r; `None` if the record has no least-squares trajectory, or if the table fails its
-    /// check.
+    /// Tabulates a record over a range of ln r, with r the rate. `None` if the record has no least-squares trajectory, or if the table
+    /// fails its check.
     pub fn new(record: &ResidualSumOfSquares, ln_rates: (f64, f64)) -> Option<Self> {
         let (lower, upper) = ln_rates;
         if !(lower.is_finite() && upper.is_finite() && lower <= upper) {
@@ -102,8 +103,8 @@ impl ProductTable {
         self.ln_rate + PIECE * (piece as f64 - self.n_before as f64 + 0.5)
     }
 
-    /// Fills the coefficients by interpolation at the Chebyshev nodes of each interval. The reference rate, where k is 0/0, is an
-    /// end of an interval and not a node.
+    /// Fills the coefficients by interpolation at the Chebyshev nodes of each interval. The reference rate, where the scaled response
+    /// difference is 0/0, is an end of an interval and not a node.
     fn fill(&mut self, record: &ResidualSumOfSquares, reference: &Reference, n_pieces: usize) {
         let nodes: [f64; N_COEFFICIENTS] =
             std::array::from_fn(|j| (std::f64::consts::PI * (j as f64 + 0.5) / N_COEFFICIENTS as f64).cos());
@@ -121,8 +122,8 @@ impl ProductTable {
         }
     }
 
-    /// Returns, for each rate, the inner products of k with the residual, k, the reference response and the impulse, summed over
-    /// the rows.
+    /// Returns, for each rate, the inner products of the scaled response difference k with the residual, k, the reference response and the
+    /// impulse, summed over the rows. k is the response difference divided by the difference of ln rate.
     fn products_with_k(&self, record: &ResidualSumOfSquares, reference: &Reference, ln_rates: &[f64]) -> Vec<[f64; 4]> {
         let rates: Vec<f64> = ln_rates.iter().map(|x| x.exp()).collect();
         let of_rate = |(products, ln_rate): (InnerProducts, &f64)| {
@@ -235,11 +236,11 @@ fn polynomial(nodes: &[f64; N_COEFFICIENTS], mut values: [f64; N_COEFFICIENTS]) 
     monomials
 }
 
-/// Least-squares trajectory at a given rate.
+/// Least-squares trajectory of the record at a given rate.
 struct Profile {
     retarded_m_per_n: f64,
     flow_m_per_n_s: f64,
-    /// Decrease of the sum of squares by this trajectory, in m².
+    /// Decrease of the sum of squares by the least-squares trajectory, in m².
     explained_m2: f64,
 }
 
@@ -272,7 +273,8 @@ impl Profile {
     }
 }
 
-/// Returns ln r of the least-squares trajectory, by a search in rounds that narrow the range.
+/// Returns the logarithm of the rate (1/s) of the least-squares trajectory, by a search in rounds that narrow the range. `None` if no
+/// trajectory is finite.
 fn best_ln_rate(record: &ResidualSumOfSquares, lower: f64, upper: f64) -> Option<f64> {
     let (mut first, mut width) = (lower, upper - lower);
     let mut best = None;

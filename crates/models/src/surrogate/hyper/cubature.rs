@@ -1,9 +1,10 @@
 //! Empirical cubature, which selects a few integration points with non-negative weights (energy-conserving sampling and
 //! weighting).
 //!
-//! Source: C. Farhat, T. Chapman, P. Avery, Int. J. Numer. Meth. Engng 102 (2015) 1077, doi:10.1002/nme.4820. The weights solve
-//! min |Ax − b|, x ≥ 0, by the active-set method of C. Lawson and R. Hanson (Solving Least Squares Problems, ch. 23). It stops as
-//! soon as the residual is small, because an earlier stop gives fewer points.
+//! Source: C. Farhat, T. Chapman, P. Avery, Int. J. Numer. Meth. Engng 102 (2015) 1077, doi:10.1002/nme.4820. The weights x ≥ 0 minimise
+//! |Ax − b|. Each column of A has the contributions of one point, and b has the sums over all points. The method is the active-set method
+//! of C. Lawson and R. Hanson (Solving Least Squares Problems, ch. 23). It stops as soon as the residual is small, because an earlier stop
+//! gives fewer points.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -12,12 +13,12 @@ use nalgebra::{DMatrix, DVector};
 pub(super) struct Cubature {
     /// Indices of the selected columns, ascending, with their positive weights.
     pub weights: Vec<(usize, f64)>,
-    /// Relative residual |Ax − b|/|b|.
+    /// Residual |Ax − b|/|b| of the weights x, for the matrix A and the right-hand side b.
     pub residual: f64,
 }
 
-/// Selects columns of A until |Ax − b| ≤ `tolerance` |b| or `most` columns are in use. `columns` holds A column by column, each
-/// of the length of b.
+/// Selects columns of a matrix A until the residual |Ax − b| of their weights x is at most `tolerance` |b|, or until `most` columns are in
+/// use. `columns` holds A column by column, each of the length of b.
 pub(super) fn choose(columns: &[f64], b: &[f64], tolerance: f64, most: usize) -> Cubature {
     let n_rows = b.len();
     let b = DVector::from_column_slice(b);
@@ -26,8 +27,8 @@ pub(super) fn choose(columns: &[f64], b: &[f64], tolerance: f64, most: usize) ->
     let mut active: Vec<usize> = Vec::new();
     let mut x: Vec<f64> = Vec::new();
     let mut rest = b.clone();
-    // `refused` holds columns that rounding made the algorithm remove directly after their selection. They are not tried again
-    // until the selection changes.
+    // `refused` holds columns that were removed directly after their selection because of rounding. They are not tried again until the
+    // selection changes.
     let mut refused: Vec<usize> = Vec::new();
     while rest.norm() > tolerance * norm && active.len() < most {
         let best = columns
@@ -55,8 +56,8 @@ pub(super) fn choose(columns: &[f64], b: &[f64], tolerance: f64, most: usize) ->
                 refused.clear();
                 break;
             }
-            // The step towards the solution is the longest one that keeps all weights non-negative. Columns whose weights vanish
-            // are removed.
+            // The step towards the solution is the longest step that keeps all weights non-negative. Columns whose weights vanish are
+            // removed.
             let share =
                 x.iter().zip(&solution).filter(|(_, s)| **s <= 0.0).map(|(x, s)| x / (x - s)).fold(1.0, f64::min);
             x.iter_mut().zip(&solution).for_each(|(x, s)| *x += share * (s - *x));
@@ -111,7 +112,7 @@ mod tests {
         rest
     }
 
-    /// Checks the conditions of Karush, Kuhn and Tucker. The slope of the squared residual is zero for selected columns, and no
+    /// Checks the optimality conditions of Karush, Kuhn and Tucker. The slope of the squared residual is zero for selected columns, and no
     /// other column would reduce the residual.
     #[test]
     fn the_least_residual_without_negative_weights_is_found() {

@@ -17,9 +17,9 @@ pub(super) type BlockTensor<B> = [B; 6];
 
 /// Number added to the squares of deviatoric strains to prevent a division by zero. It is far below the squared strain of any
 /// moving gel.
-const STILL: f64 = 1e-60;
+const MIN_SQUARED_STRAIN: f64 = 1e-60;
 const MOST_ITERATIONS: usize = 60;
-/// Constant k for which √(v² + k) approximates |v| + 2 ln(1 + e^−|v|) within 0.2.
+/// Constant k of the hyperbola √(v² + k), which approximates |v| + 2 ln(1 + e^−|v|) within 0.2.
 const HYPERBOLA: f64 = 1.6;
 
 /// Strains of M modes at the cubature points, in blocks of eight points.
@@ -33,13 +33,13 @@ struct KernelPoints<const M: usize> {
     strains: [[Plain; M]; 6],
     /// Inner products of the deviatoric strains of every pair of modes.
     products: [[Plain; M]; M],
-    /// Weights (m³) times 2μ̂, and weights times κ̂.
+    /// Weights (m³) times twice the shear modulus, and weights times the bulk modulus, both for unit Young's modulus.
     weights: [Plain; 2],
 }
 
 impl<const M: usize> CubaturePoints<M> {
-    /// Builds the blocks. `strains` are ordered by point, then by tensor coordinate, then by mode. `unit_moduli` are 2μ̂ and κ̂
-    /// for unit Young's modulus.
+    /// Builds the blocks. `strains` are ordered by point, then by tensor coordinate, then by mode. `unit_moduli` are twice the shear
+    /// modulus and the bulk modulus, for unit Young's modulus.
     pub fn new(strains: &[f64], weights_m3: &[f64], unit_moduli: [f64; 2]) -> Self {
         let lanes = |values: &[f64], stride: usize, place: usize, block: usize| {
             // Points that fill up the last block have the weight 0.
@@ -59,7 +59,7 @@ impl<const M: usize> CubaturePoints<M> {
         Self((0..weights_m3.len().div_ceil(N_LANES)).map(block).collect())
     }
 
-    /// Returns the largest equivalent strain at the points, for these factors of the modes.
+    /// Returns the largest equivalent strain at the points, if the modes have these factors.
     pub(super) fn largest_strain(&self, coordinates: &[f64; M]) -> f64 {
         let at = |points: &KernelPoints<M>| deviator_norm(&points.strain::<Plain>(coordinates)).largest();
         EQUIVALENT * self.0.iter().map(at).fold(0.0, f64::max)
@@ -72,7 +72,7 @@ impl<const M: usize> CubaturePoints<M> {
 }
 
 impl<const M: usize> KernelPoints<M> {
-    /// Returns the strain of the block for these factors of the modes.
+    /// Returns the strain at the points of the block, if the modes have these factors.
     #[inline(always)]
     fn strain<B: LaneBlock>(&self, coordinates: &[B::Scalar; M]) -> BlockTensor<B> {
         let mut strain = [B::constant(splat(0.0)); 6];
@@ -85,8 +85,8 @@ impl<const M: usize> KernelPoints<M> {
     }
 }
 
-/// Terms by which the past strains of the bodies enter the law of a block. They are the offset in a = strain + offset, and κ H_N
-/// with H_N the strain of the nonlinear body.
+/// Terms by which the past strains of the law's bodies enter the present stress of a block. `offset` is added to the strain before the
+/// moduli are applied, and `taken` is subtracted from the stress.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct HistoryTerms<B> {
     pub offset: BlockTensor<B>,
@@ -136,14 +136,14 @@ fn splat(value: f64) -> Plain {
     Plain([value; N_LANES])
 }
 
-/// Gives a root its derivative by a Newton step, from the residual `rest` and its `slope` at the root.
+/// Improves a root by one Newton step, so that it carries the derivative. The step uses the residual `rest` and its `slope` at the root.
 #[inline(always)]
 fn polished<B: LaneBlock>(root: B, rest: B, slope: Plain) -> B {
     if B::Scalar::HAS_DERIVATIVE { root - rest * (splat(1.0) / slope) } else { root }
 }
 
-/// Returns the moduli of a compliance j in series with a flow. For the stress m, the strain is m (j + `flow`) and its slope is
-/// j + `slope`.
+/// Returns the moduli of a compliance j in series with a flow. At the stress m, the strain is m (j + `flow`), and its slope by the stress
+/// is j + `slope`.
 #[inline(always)]
 fn in_series<B: LaneBlock>(j: B, flow: B, slope: B, m: B) -> BlockModuli<B> {
     let one = B::constant(splat(1.0));
@@ -152,7 +152,7 @@ fn in_series<B: LaneBlock>(j: B, flow: B, slope: B, m: B) -> BlockModuli<B> {
     BlockModuli { secant, normal, volumetric: secant, coupling }
 }
 
-/// Returns the solution m of (a + b m²) m = e by Halley's method of third order.
+/// Returns the solution m of (a + b m²) m = e, the equation of a stiffening body, by Halley's method of third order.
 ///
 /// The initial guess is accurate to 4 % for b e²/a³ below 1000, so that two steps reach rounding. Larger values need more steps.
 #[inline(always)]
@@ -182,7 +182,8 @@ fn stiffening_slope(a: Plain, b: Plain, m: Plain) -> Plain {
     a + b * splat(3.0) * m * m
 }
 
-/// Returns the solution m of m (j + g (m/s₀)^p) = e, and g (m/s₀)^p/j.
+/// Returns the stress m of a thinning law at the strain e, and g (m/s₀)^p/j. It solves m (j + g (m/s₀)^p) = e, with j the compliance, g the
+/// fluidity at the stress s₀, and p the exponent.
 ///
 /// The equation is v + p ln(1 + eᵛ) = c for v = ln(g/j) + p ln(m/s₀). This curve has two straight asymptotes. A hyperbola near it
 /// gives the initial guess for two steps of third order.
@@ -206,7 +207,7 @@ fn thinning_root(e: Plain, j: f64, g: f64, s0: f64, p: f64) -> (Plain, Plain) {
     (e * splat(1.0 / j) / (one + ratio), ratio)
 }
 
-/// Returns eˣ by Taylor's polynomial of degree 9, which is accurate to rounding for |x| < 0.1.
+/// Returns eˣ by Taylor's polynomial of degree 9. The result is accurate to rounding for |x| < 0.1.
 #[inline(always)]
 fn exp_of_little(x: Plain) -> Plain {
     let mut sum = splat(1.0);
@@ -282,7 +283,7 @@ fn moduli<B: LaneBlock>(law: &StageLaw<B::Scalar>, norm: B) -> BlockModuli<B> {
     }
 }
 
-/// Returns the equivalent strain of the nonlinear body under the stress that would give the strain `elastic` without stiffening.
+/// Returns the equivalent strain of the nonlinear body under the stress that would give an unstiffened body the strain `elastic`.
 pub(super) fn stiffened_strain(bodies: &Bodies<f64>, elastic: f64) -> f64 {
     match bodies.nonlinearity {
         Nonlinearity::StrainStiffening { coefficient } => {
@@ -319,10 +320,10 @@ fn deviator_norm<B: LaneBlock>(a: &BlockTensor<B>) -> B {
     for t in &a[1..5] {
         squared = squared + *t * *t;
     }
-    (squared + B::constant(splat(STILL))).sqrt()
+    (squared + B::constant(splat(MIN_SQUARED_STRAIN))).sqrt()
 }
 
-/// Law of a block of points, linearised about the strain measure a.
+/// Law of a block of points, linearised about the strain measure a (strain plus offset by past strains).
 #[derive(Debug, Clone, Copy)]
 pub(super) struct LinearisedLaw {
     a: BlockTensor<Plain>,
@@ -331,7 +332,7 @@ pub(super) struct LinearisedLaw {
 }
 
 impl LinearisedLaw {
-    /// Returns the stress at a tensor close to the point of linearisation, by the tangent.
+    /// Returns the stress at a strain measure `a` close to the point of linearisation, by the tangent.
     #[inline(always)]
     fn stress_beside(&self, a: &BlockTensor<Plain>, taken: &BlockTensor<Plain>) -> BlockTensor<Plain> {
         let Self { a: here, inverse_norm, moduli } = self;
@@ -366,7 +367,7 @@ impl<const M: usize> WithSimd for ForcesAndTangent<'_, M> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) -> Self::Output {
         let Self { points, law, given, coordinates, at } = self;
-        // The law of all blocks is evaluated first. The slow operations of one block depend on each other, but not on those of
+        // The law of all blocks is evaluated first. The slow operations of one block depend on each other, but not on the operations of
         // other blocks.
         at.clear();
         for (points, given) in points.0.iter().zip(given) {
@@ -428,7 +429,7 @@ impl<const M: usize> WithSimd for ForcesAndTangent<'_, M> {
     }
 }
 
-/// Returns the stress s of a block at a strain.
+/// Returns the stress of a block at a strain, for these terms of the past strains.
 #[inline(always)]
 fn stress<B: LaneBlock>(law: &StageLaw<B::Scalar>, given: &HistoryTerms<B>, strain: &BlockTensor<B>) -> BlockTensor<B> {
     let mut stress = sum(strain, &given.offset);
@@ -468,9 +469,9 @@ impl<B: LaneBlock, const M: usize> WithSimd for Forces<'_, B, M> {
     }
 }
 
-/// Task that advances the bodies' strains at all blocks (`n_histories` for each block) to the end of the stage. Plain numbers use
-/// the law's tangent `at` from the last evaluation of the balance. Its error is at most the square of the last Newton step, like
-/// that of the balance.
+/// Task that advances the bodies' strains at all blocks (`n_histories` for each block) to the end of a stage of the time step. Plain
+/// numbers use the linearised law `at` from the last evaluation of the balance of forces. Its error is at most the square of the last
+/// Newton step, like that of the balance.
 pub(super) struct Advance<'a, B: LaneBlock, const M: usize> {
     pub points: &'a CubaturePoints<M>,
     pub law: &'a StageLaw<B::Scalar>,

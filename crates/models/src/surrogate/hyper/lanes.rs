@@ -20,7 +20,7 @@ pub(super) trait LaneBlock:
     + Neg<Output = Self>
     + Mul<Plain, Output = Self>
 {
-    /// Number type that all points share.
+    /// Number type that all points of a block share.
     type Scalar: Number;
     /// Returns a block with this number at all points.
     fn splat(value: Self::Scalar) -> Self;
@@ -107,7 +107,7 @@ impl Plain {
 
 const LN_2_HIGH: f64 = 6.931_471_803_691_238e-1;
 const LN_2_LOW: f64 = 1.908_214_929_270_587_7e-10;
-/// Constant 1.5·2⁵². Adding it rounds a number to an integer, which is then in the low bits.
+/// Constant 1.5·2⁵². Its sum with a small number holds this number, rounded to an integer, in the low bits.
 const ROUNDER: f64 = 6_755_399_441_055_744.0;
 
 /// Returns eˣ to a few units of rounding. It uses eˣ = 2ᵏ eʳ with |r| ≤ ½ ln 2, and Taylor's polynomial of degree 13 for eʳ.
@@ -151,7 +151,7 @@ fn ln(x: f64) -> f64 {
     let shifted = bits.wrapping_sub(0x3fe6_a09e_667f_3bcd);
     let exponent = (shifted as i64) >> 52;
     let m = f64::from_bits(bits.wrapping_sub((exponent as u64) << 52));
-    // This converts a small integer to a floating-point number without a conversion instruction.
+    // A small integer is converted to a floating-point number without a conversion instruction.
     let k = f64::from_bits((exponent as u64).wrapping_add(ROUNDER.to_bits())) - ROUNDER;
     let z = (m - 1.0) / (m + 1.0);
     let squared = z * z;

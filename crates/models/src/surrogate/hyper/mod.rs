@@ -1,9 +1,9 @@
 //! Hyper-reduced surrogate of nonlinear laws, with a few modes and a few integration points (physics §3.3).
 //!
-//! Full-order runs over a box of parameters give displacement fields and stresses. Proper orthogonal decomposition keeps a few
-//! modes of the fields. Empirical cubature uses the stresses to select a few integration points with weights. The state of the
-//! surrogate is the factors of the modes and the strains of the law's bodies at those points. It is stepped by the full-order
-//! model's method, but with steps that do not end at rows.
+//! Full-order runs over a box of parameters give displacement fields and stresses. Proper orthogonal decomposition keeps a few modes of the
+//! fields. Empirical cubature uses the stresses to select a few integration points with weights. The surrogate's state consists of the
+//! factors of the modes and the strains of the law's bodies at these points. The surrogate is stepped by the full-order model's method, but
+//! with steps that do not end at rows.
 //!
 //! Only the excess over a linear law is used. The same method steps a linear law of equal compliance, whose position is
 //! subtracted. The closed-form response of the linear law is then added to the excess (see [`crate::model::Response`]). At the
@@ -51,7 +51,7 @@ pub struct HyperReducedData {
     /// Strains of the modes at the cubature points, in 1/m for a unit factor of the mode. They are ordered by point, then by the
     /// six tensor coordinates, then by mode.
     pub strains: Vec<f64>,
-    /// Moduli 2μ̂ and κ̂ for unit Young's modulus.
+    /// Twice the shear modulus and the bulk modulus, for unit Young's modulus.
     pub unit_moduli: [f64; 2],
     /// Singular values of the normalised snapshots, relative to the largest.
     pub singular_values: Vec<f64>,
@@ -61,14 +61,14 @@ pub struct HyperReducedData {
     pub training_runs: usize,
     /// Number of full-order runs that verified the surrogate, at other parameters.
     pub verification_runs: usize,
-    /// Largest difference of a reduced trajectory from the full-order one in the verification runs, relative to the full-order
-    /// amplitude; 0 without such runs.
+    /// Largest difference of a reduced from a full-order trajectory in the verification runs, relative to the full-order amplitude; 0
+    /// without verification runs.
     pub max_relative_error: f64,
     /// Number of unknowns of the full-order model.
     pub fe_unknowns: usize,
 }
 
-/// Surrogate that is ready to run. Clones share its data.
+/// Hyper-reduced surrogate of a nonlinear law that is ready to run. Clones share its data.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(into = "HyperReducedData", try_from = "HyperReducedData")]
 pub struct HyperModel(Arc<Ready>);
@@ -77,7 +77,7 @@ pub struct HyperModel(Arc<Ready>);
 struct Ready {
     reduced: HyperReducedData,
     points: CubaturePoints<N_MODES>,
-    /// Linear model of one point and one mode, with the compliance of the surrogate.
+    /// Linear model with one cubature point and one mode, and with the compliance of the surrogate.
     linear: CubaturePoints<1>,
     /// Displacement of the robot per force at unit creep compliance, in 1/m, for a linear law.
     compliance_per_m: f64,
@@ -104,7 +104,7 @@ impl<B: LaneBlock> WithSimd for Job<'_, B> {
     }
 }
 
-/// Returns the number of time steps in which the time since a switch doubles, without stiffening.
+/// Returns the number of time steps in which the time since a switch of the force doubles, without stiffening.
 fn steps_per_doubling(family: NonlinearFamily) -> f64 {
     match family {
         NonlinearFamily::StrainStiffening => 2.0,
@@ -112,7 +112,7 @@ fn steps_per_doubling(family: NonlinearFamily) -> f64 {
     }
 }
 
-/// Returns linear bodies with the same parameters.
+/// Returns the bodies with a linear law in place of the nonlinear law, and with the same linear parameters.
 fn linear_bodies<N: PointScalar>(bodies: &Bodies<N>) -> Bodies<N> {
     let nonlinearity = Nonlinearity::StrainStiffening { coefficient: N::constant(0.0) };
     Bodies { nonlinearity, ..bodies.clone() }
@@ -173,7 +173,7 @@ fn linear_field(reduced: &HyperReducedData) -> Option<[f64; N_MODES]> {
 }
 
 impl HyperModel {
-    /// Data that are stored on disk.
+    /// Data of the surrogate that are stored on disk.
     pub fn reduced(&self) -> &HyperReducedData {
         &self.0.reduced
     }
@@ -183,8 +183,8 @@ impl HyperModel {
         self.0.reduced.weights_m3.len()
     }
 
-    /// Returns the excess (m) at every row in one number type. The surrogate's compliance differs from that of the full-order
-    /// model by the error of its mesh and its points. Positions are scaled by the ratio of the compliances.
+    /// Returns the excess (m) of the nonlinear law's position over that of the linear law at every row. The surrogate's own compliance
+    /// differs from `compliance_per_m` by the errors of its mesh and its points. Positions are scaled by the ratio of the two compliances.
     fn excess<B: LaneBlock>(
         &self,
         stages: &Stages,

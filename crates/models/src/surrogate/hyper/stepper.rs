@@ -23,34 +23,34 @@ use record::Force;
 const N_NODES: usize = 6;
 /// Smallest number of steps between two switches.
 const FEWEST_STEPS: usize = 3;
-/// Relative increase of the number of steps for every halving of the fastest time by stiffening.
+/// Relative increase of the number of steps each time that stiffening halves the fastest time.
 const MORE_STEPS: f64 = 0.25;
 /// Largest factor by which stiffening increases the number of steps.
 const MOST_STEPS: f64 = 2.0;
-/// Smallest θ, divided by the time from a switch to the first row after it.
+/// Smallest time scale of the steps after a switch, divided by the time from the switch to the first row after it.
 const SHARE_OF_GAP: f64 = 0.1;
-/// Length of the step in which springs in series jump, divided by the fastest time.
+/// Length of the very short step in which springs in series jump, divided by the time scale of the steps.
 const SHARE_OF_JUMP: f64 = 1e-9;
-/// Largest number of Newton steps in one stage.
+/// Largest number of Newton steps in one stage of a time step.
 const MOST_ITERATIONS: usize = 25;
-/// Change of the modes' factors, relative to their largest value so far, after which only one more Newton step is taken. That
-/// step squares the relative error.
+/// Change of the modes' factors, relative to their largest value so far, after which only one more Newton step is taken. This last step
+/// squares the relative error.
 const NEARLY: f64 = 1e-5;
 
-/// Cubature points and modes of a run.
+/// Cubature points and modes of a hyper-reduced model for one run.
 #[derive(Clone, Copy)]
 pub(super) struct Reduced<'a, const M: usize> {
     pub points: &'a CubaturePoints<M>,
     /// Translation of the robot in each mode.
     pub robot: [f64; M],
-    /// Fraction of the robot and of the force that is on the mesh.
+    /// Fraction of the robot's force that the meshed symmetric section carries.
     pub share: f64,
 }
 
 /// Settings for the fineness of a run's time steps.
 #[derive(Clone, Copy)]
 pub(super) struct Fineness {
-    /// Number of time steps in which the time since a switch doubles, without stiffening.
+    /// Number of time steps in which the time since a switch of the force doubles, without stiffening.
     pub steps_per_doubling: f64,
     /// Largest equivalent strain per force, times the modulus (Pa/N), for an elastic law. It predicts the stiffening of springs.
     pub strain_per_force: f64,
@@ -81,17 +81,16 @@ struct StepperState<'a, B: LaneBlock, const M: usize> {
     given: Vec<HistoryTerms<B>>,
     plain_given: Vec<HistoryTerms<Plain>>,
     coordinates: [B::Scalar; M],
-    /// Times in s and factors of the modes, from which the next factors are extrapolated.
+    /// Times in s and factors of the modes at earlier stages, from which the next factors are extrapolated.
     known: Vec<(f64, [f64; M])>,
     at: Vec<LinearisedLaw>,
     /// Largest factor of a mode so far.
     largest: f64,
 }
 
-/// Returns the robot's displacement (m) at every row minus that of the linear law, as the limit from the left.
+/// Returns the robot's displacement (m) minus that of the linear law at every row, as the limit from the left.
 ///
-/// Both laws take the same time steps, so that most errors of steps and interpolation cancel. For a linear law all of them
-/// cancel.
+/// Both laws take the same time steps, so that most errors of steps and interpolation cancel. For a linear law all of these errors cancel.
 #[inline(always)]
 pub fn run<B: LaneBlock, S: Simd, const M: usize>(
     simd: S,
@@ -130,8 +129,8 @@ pub fn run<B: LaneBlock, S: Simd, const M: usize>(
         let largest = kernel::largest_equivalent(&state.histories, law.bodies.n_histories());
         let doublings_of = |time_s: f64| time_s.min(slowest_s).log2().floor();
         let fastest = doublings_of(law.plain_bodies.fastest_s(largest));
-        // After a reversal of the force, a stiffened spring relaxes and stiffens again in the other direction within one doubling
-        // of the time. More steps resolve this.
+        // After a reversal of the force, a stiffened spring relaxes and stiffens again in the other direction within one doubling of the
+        // time. Additional steps resolve this change.
         let at_end_n = switch.input_n(B::Scalar::constant(stop_s)).value().abs();
         let pushes_n = switch.force_n.value().abs().max(at_end_n);
         let elastic = fineness.strain_per_force * pushes_n / law.plain_bodies.modulus_pa;
@@ -154,7 +153,7 @@ pub fn run<B: LaneBlock, S: Simd, const M: usize>(
     Ok(found)
 }
 
-/// Returns the value at `place` of the polynomial through the nearest nodes, which are at 0, 1, 2, …
+/// Returns the value at `place` of the polynomial through the nearest nodes. The nodes are at 0, 1, 2, …
 #[inline(always)]
 fn interpolated<N: Number>(nodes: &[N], place: N) -> N {
     let n = nodes.len().min(N_NODES);
@@ -232,8 +231,8 @@ impl<'a, B: LaneBlock, const M: usize> StepperState<'a, B, M> {
         x
     }
 
-    /// Steps from a switch to the next one. It returns the positions at the steps' ends, with the position just after the switch
-    /// first.
+    /// Steps from a switch of the force to the next switch. It returns the positions at the steps' ends, with the position just after the
+    /// switch first.
     #[inline(always)]
     fn hold<S: Simd>(
         &mut self,
@@ -326,7 +325,7 @@ impl<'a, B: LaneBlock, const M: usize> StepperState<'a, B, M> {
         Ok(())
     }
 
-    /// Returns an initial guess of the modes' factors by the parabola through three earlier values, as in the full-order run.
+    /// Returns an initial guess of the modes' factors, by the parabola through three earlier values.
     #[inline(always)]
     fn extrapolated(&self, stage: usize, time_s: f64) -> [f64; M] {
         let mut guess = [0.0; M];
@@ -343,7 +342,8 @@ impl<'a, B: LaneBlock, const M: usize> StepperState<'a, B, M> {
         guess
     }
 
-    /// Solves the balance of forces in a stage that starts from `started`. It stores the modes' factors and the linearised law.
+    /// Solves the balance of forces in one stage of a time step. The stage starts from the strains in `started`. The modes' factors and the
+    /// linearised law are stored.
     #[inline(always)]
     fn solve<S: Simd>(
         &mut self,

@@ -149,7 +149,8 @@ fn other_laws_records_and_loads_are_right() {
     }
 }
 
-/// Checks a fiftieth of the middle parameter. The excess is small there, and the error must be small relative to this excess.
+/// Checks a fiftieth of the middle parameter. There the excess over the linear law is small, and the error must be small relative to this
+/// excess.
 #[test]
 fn small_effects_are_right_beside_themselves() {
     let (time_s, force_n) = record(120);
@@ -174,8 +175,8 @@ fn small_effects_are_right_beside_themselves() {
     }
 }
 
-/// Checks that the excess is proportional to the parameter for a nearly linear law, so that errors of modes and steps vanish with
-/// it.
+/// Checks that the excess over the linear law is proportional to the parameter if the law is nearly linear. Errors of modes and steps then
+/// vanish with the parameter.
 #[test]
 fn the_excess_vanishes_with_the_nonlinearity() {
     let (time_s, force_n) = record(220);

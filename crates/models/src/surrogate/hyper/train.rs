@@ -1,10 +1,11 @@
 //! Training of a hyper-reduced surrogate. Full-order runs over a box of parameters give modes and cubature, and runs at other
 //! parameters verify the surrogate.
 //!
-//! A few runs cover every experiment on a gel, because laws are similar. In units of the modulus and of a hold's length, fields
-//! depend on the ratios of the law's times to the hold and on one nonlinear number. This number is β (x/R)² for stiffening, with
-//! x the robot's elastic displacement and R its radius. It is n for thinning, and s_y divided by F/(4πR²) for yielding. The
-//! training does not depend on measurements or priors. The modes are also used outside the box, with larger errors.
+//! A few runs cover every experiment on a gel, because laws are similar. In units of the modulus and of a hold's length, fields depend on
+//! the ratios of the law's times to the hold and on one nonlinear number. For stiffening this number is β (x/R)², with β the stiffening
+//! coefficient, x the robot's elastic displacement and R its radius. For thinning it is the index. For yielding it is the yield stress
+//! divided by the force per area of the robot's surface. The training does not depend on measurements or priors. The modes are also used
+//! outside the box, with larger errors.
 
 use super::cubature;
 use super::{HyperModel, HyperReducedData, N_MODES};
@@ -28,16 +29,16 @@ use std::sync::Arc;
 const DESIGN_SEED: u32 = 2;
 /// Forces of the holds in the training record, relative to the largest force.
 const HOLDS: [f64; 3] = [1.0, -1.0, 0.4];
-/// Times at which fields are sampled, as fractions of a hold.
+/// Times in each hold at which fields are sampled, as fractions of the hold's length.
 const TAKEN_AT: [f64; 5] = [0.004, 0.03, 0.12, 0.4, 1.0];
-/// Ranges of c₁/E and of c₂/E, divided by the length of a hold.
+/// Ranges of the two viscosities c₁ and c₂ divided by Young's modulus, in units of a hold's length.
 const TIMES: [[f64; 2]; 2] = [[0.02, 1.0], [0.5, 20.0]];
-/// Range of β (x/R)², covered on a logarithmic scale.
+/// Range of β (x/R)², covered on a logarithmic scale. β is the stiffening coefficient, x the robot's elastic displacement and R its radius.
 const STIFFENINGS: [f64; 2] = [0.05, 50.0];
-/// Range of n, covered on a linear scale.
+/// Range of the shear-thinning index, covered on a linear scale.
 const INDICES: [f64; 2] = [0.3, 1.0];
-/// Range of s_y divided by F/(4πR²). It is covered more densely towards 0, where prior densities are largest and fields change
-/// most.
+/// Range of the yield stress divided by the largest force per area of the robot's surface. The range is covered more densely towards 0,
+/// where prior densities are largest and fields change most.
 const YIELDS: [f64; 2] = [0.0, 2.0];
 /// Largest number of training states to which the cubature is fitted.
 const MOST_STATES: usize = 80;
@@ -46,7 +47,7 @@ const STIFFNESS_WEIGHT: f64 = 1.0;
 /// Number of elements from a quarter sphere's middle to its rim in training meshes. Such coarse meshes suffice, since the excess
 /// over the linear law is smaller than the position, and so is its error.
 const MOST_PER_EDGE: usize = 2;
-/// Accuracy of the training runs. It is low, because the modes need the shapes of fields, not their exact times.
+/// Accuracy of the training runs. It is low, because the modes need the shapes of fields but not their exact times.
 const TRAINING: NonlinearOptions =
     NonlinearOptions { scheme: Scheme::Euler, resolution: Resolution { steps_per_doubling: 1 }, tolerance: 1e-4 };
 /// Accuracy of the verification runs, which use the method of higher order. With fewer steps they would not resolve a spring that
@@ -73,8 +74,8 @@ pub struct HyperSettings {
 }
 
 impl HyperSettings {
-    /// Returns settings with an error of at most a thousandth of the amplitude. A yield stress needs more runs, because the place
-    /// where the flow stops depends on all three numbers of a design point.
+    /// Returns settings with an error of at most a thousandth of the amplitude. A yield stress needs more runs, because the place where the
+    /// flow stops depends on both times of the law and on the yield stress.
     pub fn of(family: NonlinearFamily) -> Self {
         let (most_points, training_runs) = match family {
             NonlinearFamily::StrainStiffening => (32, 16),
@@ -96,7 +97,7 @@ struct TrainingState {
     stresses: Vec<[f64; 6]>,
 }
 
-/// Point of the training design, in units in which E and the length of a hold are 1.
+/// Point of the training design, in units in which Young's modulus and the length of a hold are 1.
 struct DesignPoint {
     law: Vec<Element>,
     nonlinearity: Nonlinearity<Dual>,
@@ -235,7 +236,7 @@ impl<'a> TrainingProblem<'a> {
         Ok(Self { model, family, radius_m, force_n, compliance_per_m, time_s, command_n })
     }
 
-    /// Returns the law and the nonlinearity at one Sobol point.
+    /// Returns the law and the nonlinearity at the Sobol point with this index.
     fn design_point(&self, index: u32) -> DesignPoint {
         let share = |dimension: u32| f64::from(sobol_burley::sample(index, dimension, DESIGN_SEED));
         let viscosities = [on_log(TIMES[0], share(0)), on_log(TIMES[1], share(1))];

@@ -9,19 +9,19 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 /// Largest number of time modes.
 const MOST_MODES: usize = 40;
-/// Fraction of the tolerance that the modes may leave as residuals of the training trajectories.
+/// Largest fraction of the tolerance that remains as residuals of the training trajectories after their projection on the modes.
 const SHARE_OF_MODES: f64 = 0.1;
 /// Largest number of times that a box is halved.
 const MOST_HALVINGS: usize = 2;
 /// Ratio of the error to the tolerance above which a box is not halved, because its halves would also fail.
 const FARTHEST: f64 = 12.0;
 
-/// Function that runs the stepper at coordinates. It returns the excess (m) at every row at unit modulus, and the displacement
-/// (m) that scales errors. Both may have a common factor.
+/// Function that runs the stepper (the reduced model that is stepped in time) at coordinates. It returns the excess (m) over the linear
+/// law's position at every row at unit modulus, and the displacement (m) that scales errors. Both may have a common factor.
 pub(super) type Run<'a> = dyn Fn(&[f64]) -> Option<Trained> + Sync + 'a;
 pub(super) type Trained = (Vec<f64>, f64);
 
-/// Box of coordinates.
+/// Box in the space of a law's coordinates, with its trained content.
 #[derive(Debug)]
 pub(super) struct CoordinateBox {
     lower: Vec<f64>,
@@ -32,7 +32,7 @@ pub(super) struct CoordinateBox {
     made: OnceLock<BoxContent>,
 }
 
-/// Runs at the check points of a fit, followed by runs at its design points. The runs for one degree are the first runs for the
+/// Runs at the check points of a fit, followed by runs at its design points. The runs for one polynomial degree are the first runs for the
 /// next degree.
 #[derive(Debug)]
 struct BoxRuns {
@@ -53,10 +53,10 @@ enum BoxContent {
     Rough,
 }
 
-/// Time modes and the polynomials of their amplitudes.
+/// Time modes of the trajectories in a box, and the polynomials of the modes' amplitudes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct Surface {
-    /// Index of the polynomials' degree among the bases.
+    /// Index of the polynomials' degree in the list of bases.
     level: usize,
     /// Values of each mode (outer) at each row of the record (inner).
     modes: Vec<Vec<f64>>,
@@ -75,8 +75,8 @@ impl CoordinateBox {
         Self { lower, upper, n_halvings, work: Mutex::new(None), made: OnceLock::new() }
     }
 
-    /// Returns the surface at coordinates inside the box, and the coordinates scaled to [−1, 1] in its (halved) box. The box is
-    /// built on first use. `None` if no surface is accurate enough.
+    /// Returns the fitted surface (time modes and polynomials) at coordinates inside the box, and the coordinates scaled to [−1, 1] in the
+    /// box or in one of its halves. The box is built on first use. `None` if no surface is accurate enough.
     pub fn surface<'a, N: Scalar>(
         &'a self,
         values: &[f64],
@@ -102,7 +102,7 @@ impl CoordinateBox {
         }
     }
 
-    /// Returns the content of the box. Every thread that needs it helps to build it, and all threads get equal results.
+    /// Returns the content of the box. Every thread that needs the box helps to build it, and all threads get equal results.
     fn made(&self, bases: &[Basis], tolerance: f64, run: &Run<'_>) -> &BoxContent {
         if let Some(made) = self.made.get() {
             return made;
@@ -189,7 +189,7 @@ impl CoordinateBox {
 }
 
 impl Surface {
-    /// Fits modes and polynomials of one degree to the runs at the design points, and computes their error at the check points.
+    /// Fits time modes and polynomials of one degree to the runs at the design points, and computes the fit's error at the check points.
     /// `runs` has the check points first. The modes' residuals are at most a tenth of the tolerance.
     pub fn new(bases: &[Basis], level: usize, tolerance: f64, runs: &[&Trained]) -> Self {
         let basis = &bases[level];
@@ -215,13 +215,14 @@ impl Surface {
         surface
     }
 
-    /// Returns the surface at some of its rows.
+    /// Returns the surface (time modes and polynomials) restricted to these rows.
     pub fn at(&self, rows: &[usize]) -> Self {
         let modes = self.modes.iter().map(|mode| rows.iter().map(|row| mode[*row]).collect()).collect();
         Self { modes, ..self.clone() }
     }
 
-    /// Returns the excess (m) at the first `n_rows` rows, at a place in the box. `factor` multiplies the result.
+    /// Returns the fitted excess (m) over the linear law's position at the first `n_rows` rows, at a place in the box. `factor` multiplies
+    /// the result.
     pub fn excess_m<N: Scalar>(&self, bases: &[Basis], place: &[N], factor: N, n_rows: usize) -> Vec<N> {
         let polynomials = bases[self.level].values(place);
         let mut excess_m = vec![N::constant(0.0); n_rows];

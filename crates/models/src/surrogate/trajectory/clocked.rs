@@ -1,8 +1,8 @@
 //! Trajectories at more times than the record's rows. A delayed or lagging force then needs no further runs.
 //!
-//! If the law does not change with time, a force delayed by δ gives exactly the delayed trajectory x(t − δ). A force with a lag τ
-//! is approximated by applying the lag to the trajectory: τ ż = x − z. The lagged trajectory z is exact for linear laws and
-//! correct to first order in τ for all others.
+//! If the law does not change with time, a force delayed by δ gives exactly the delayed trajectory x(t − δ). For a force with a lag τ, the
+//! lag is applied to the trajectory x: τ ż = x − z. The lagged trajectory z is exact for linear laws and correct to first order in τ for
+//! all others.
 
 use base::number::PointScalar;
 use laws::stages::Load;
@@ -14,10 +14,10 @@ const POINTS_PER_HOLD: f64 = 256.0;
 const MOST_BETWEEN_ROWS: f64 = 16.0;
 /// Largest total number of times.
 const MOST_POINTS: usize = 20_000;
-/// Number of times from which a cubic polynomial interpolates a trajectory.
+/// Number of neighbouring times through which a cubic polynomial interpolates a trajectory.
 const STENCIL: usize = 4;
 
-/// Times at which a trajectory is computed, including those of the rows.
+/// Times at which a trajectory is computed. They include the times of the rows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Clock {
     /// Times in s. They include the times of the rows.
@@ -59,13 +59,13 @@ impl Clock {
         self.time_s.iter().map(|at_s| force.at_n(time_s, *at_s)).collect()
     }
 
-    /// Number of the clock's times up to the last of the first `n_rows` rows.
+    /// Number of the clock's times up to the last one of the first `n_rows` rows.
     pub(super) fn n_points(&self, n_rows: usize) -> usize {
         n_rows.checked_sub(1).and_then(|last| self.rows.get(last)).map_or(0, |last| last + 1)
     }
 
-    /// Applies the lag and, if requested, the delay to the first values of a trajectory on the clock. The lag is applied first. A
-    /// delay moves the trajectory's corners between the clock's times, where the straight lines used for the lag would cut them.
+    /// Applies the load's lag and, if requested, its delay to the first values of a trajectory at the clock's times. The lag is applied
+    /// first. A delay moves the trajectory's corners between the clock's times, where the straight lines used for the lag would cut them.
     pub(super) fn delayed_and_lagged<N: PointScalar>(&self, mut x: Vec<N>, load: &Load, is_delayed: bool) -> Vec<N> {
         if load.has_lag() {
             x = self.lagging(&x, &load.of());
@@ -76,12 +76,13 @@ impl Clock {
         x
     }
 
-    /// Returns x(t − δ) at the first times of the clock. Before the first time, x is the position at rest.
+    /// Returns the delayed trajectory x(t − δ) at the first times of the clock, with δ the load's delay. Before the first time, the
+    /// position is that at rest.
     fn delayed<N: PointScalar>(&self, x: &[N], load: &Load<N>) -> Vec<N> {
         let time_s = &self.time_s[..x.len()];
         let at = |own_s: &f64| {
             let t = load.command_time_s(*own_s);
-            // At a break the cubic is taken on the left side, because a delay that grows from 0 leads there.
+            // At a break the cubic polynomial on the left side is used, because a delay that grows from 0 moves to this side.
             let Some(before) = time_s.partition_point(|point| *point < t.value()).checked_sub(1) else { return x[0] };
             let begin = self.breaks.iter().rev().find(|place| **place <= before).copied().unwrap_or(0);
             let end = self.breaks.iter().find(|place| **place > before).copied().unwrap_or(x.len()).min(x.len() - 1);
@@ -99,7 +100,7 @@ impl Clock {
         time_s.iter().map(at).collect()
     }
 
-    /// Returns x after the load's lag at the first times of the clock, with straight lines between the times.
+    /// Returns the trajectory x after the load's lag at the first times of the clock. Between the times, x is a straight line.
     fn lagging<N: PointScalar>(&self, x: &[N], load: &Load<N>) -> Vec<N> {
         let mut z = Vec::with_capacity(x.len());
         for (k, item) in x.iter().enumerate() {
@@ -156,9 +157,9 @@ mod tests {
     use laws::rheology::BaseLaw;
     use laws::stages::Stages;
 
-    /// Compares the delayed and lagged trajectory of a linear law on the clock with the closed form for the delayed and lagging
-    /// force. Delays end at the clock's times or between them. The error is 1.2e-4, a quarter of the error with twice the step.
-    /// Derivatives are compared with differences.
+    /// Compares the delayed and lagged trajectory of a linear law with the closed form for the delayed and lagging force. Delays end at the
+    /// clock's times or between them. The error is 1.2e-4, a quarter of the error with twice the step. Derivatives are compared with
+    /// difference quotients.
     #[test]
     fn a_later_force_moves_later() {
         let time_s: Vec<f64> = (0..=160).map(|row| 0.25 * f64::from(row)).collect();

@@ -1,32 +1,33 @@
 //! Coordinates that distinguish a law from all others of its kind. By similarity there is one coordinate fewer than parameters of
 //! the law.
 //!
-//! The first body's modulus E is the unit of stress. Under a given force, laws then differ by their times c/E, by their ratios of
-//! moduli and by their distance from the linear law. E itself only multiplies all displacements by 1/E, so it is no coordinate.
-//! Data usually determine E best.
+//! The first body's modulus E is the unit of stress. Under a given force, laws then differ by their times c/E (viscosities divided by E),
+//! by their ratios of moduli and by their distance from the linear law. E itself only multiplies all displacements by 1/E, so it is no
+//! coordinate. Data usually determine E best.
 
 use base::number::{Dual, Scalar};
 use laws::rheology::Element;
 use laws::stages::{NonlinearFamily, Nonlinearity, Spatial, Stages};
 use std::f64::consts::{LN_2, PI};
 
-/// Value of β (x/R)² at which stiffening becomes visible.
+/// Value of β (x/R)² at which stiffening becomes visible. β is the stiffening coefficient, x the elastic displacement and R the robot's
+/// radius.
 const STIFFENING_UNIT: f64 = 0.3;
-/// Yield stress, divided by the force per area of the robot's surface, at which it becomes visible.
+/// Yield stress, divided by the force per area of the robot's surface, at which yielding becomes visible.
 const YIELD_UNIT: f64 = 0.003;
 
-/// Properties that all laws in one set of coordinates share.
+/// Properties that all laws in one space of coordinates share.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct CoordinateKind {
     family: NonlinearFamily,
     /// Structure of the law, as the kinds of its elements in order.
-    shape: Vec<Tag>,
+    shape: Vec<LawToken>,
     /// Bits of the displacement per force, and of the nonlinear law's constant.
     constants: [u64; 2],
 }
 
 impl CoordinateKind {
-    /// Returns the distance of the last coordinate from its value at the linear law, where the excess vanishes.
+    /// Returns the distance of the last (nonlinear) coordinate from its value at the linear law, where the excess vanishes.
     pub fn beyond_null<N: Scalar>(&self, last: N) -> N {
         match self.family {
             NonlinearFamily::ShearThinning => N::constant(1.0) - last,
@@ -36,7 +37,7 @@ impl CoordinateKind {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Tag {
+pub(super) enum LawToken {
     Spring,
     Dashpot,
     Series,
@@ -56,13 +57,13 @@ pub(super) struct CoordinateSizes {
 }
 
 impl CoordinateSizes {
-    /// Returns (x/R)² at unit modulus. x = F K is the elastic displacement with K the displacement per force (1/m). R = 1/(2πK)
-    /// is the radius of a sphere in an incompressible gel.
+    /// Returns (x/R)² at unit modulus, the squared ratio of elastic displacement to robot radius. x is F K, with F the largest force and K
+    /// the displacement per force (1/m). R = 1/(2πK) is the radius of a sphere in an incompressible gel.
     fn squared_strain(self) -> f64 {
         (2.0 * PI * self.compliance_per_m.powi(2) * self.force_n).powi(2)
     }
 
-    /// Returns F/(4πR²) in Pa, the largest force divided by the area of the robot's surface.
+    /// Returns the largest force divided by the area of the robot's surface, F/(4πR²) with R the robot's radius, in Pa.
     fn surface_pa(self) -> f64 {
         PI * self.compliance_per_m.powi(2) * self.force_n
     }
@@ -72,7 +73,8 @@ impl CoordinateSizes {
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct CoordinatePlace {
     pub kind: CoordinateKind,
-    /// Logarithms of moduli divided by E and of times c/E (s), in the order of the law, and then the nonlinear coordinate.
+    /// Logarithms of the law's other moduli divided by the first body's modulus and of its viscosities divided by this modulus (s), in the
+    /// order of the law. The last entry is the nonlinear coordinate.
     pub coordinates: Vec<Dual>,
     pub modulus_pa: Dual,
 }
@@ -115,7 +117,7 @@ impl CoordinatePlace {
     }
 }
 
-/// Returns the last coordinate of a law, which is a function of the nonlinear parameter that is smooth at the linear law.
+/// Returns the last coordinate of a law. It is a function of the nonlinear parameter that is smooth at the linear law.
 fn coordinate_of(law: Nonlinearity<Dual>, modulus_pa: Dual, sizes: CoordinateSizes) -> Dual {
     match law {
         Nonlinearity::StrainStiffening { coefficient } => {
@@ -129,7 +131,7 @@ fn coordinate_of(law: Nonlinearity<Dual>, modulus_pa: Dual, sizes: CoordinateSiz
     }
 }
 
-/// Returns stages at other coordinates of the same kind, with a modulus of 1 Pa for the first body.
+/// Returns stages at other coordinates of the same kind of law, with a modulus of 1 Pa for the first body.
 pub(super) fn stages_at(template: &Stages, coordinates: &[f64], sizes: CoordinateSizes) -> Option<Stages> {
     let (mut shape, mut numbers) = (Vec::new(), Vec::new());
     read(&template.law, &mut shape, &mut numbers)?;
@@ -158,8 +160,8 @@ pub(super) fn stages_at(template: &Stages, coordinates: &[f64], sizes: Coordinat
     Some(stages)
 }
 
-/// Returns the width of the largest boxes in every coordinate, and the ends of the last coordinate. The lengths of the stepper's
-/// steps jump where a time passes a power of two, so boxes end there.
+/// Returns the width of the largest boxes in every coordinate, and the ends of the last coordinate. Boxes end where a time passes a power
+/// of two, because the lengths of the stepper's steps jump there.
 pub(super) fn widths(kind: &CoordinateKind) -> (Vec<f64>, [f64; 2]) {
     let (of_nonlinearity, ends) = match kind.family {
         NonlinearFamily::StrainStiffening => (0.5, [0.0, 6.0]),
@@ -170,12 +172,12 @@ pub(super) fn widths(kind: &CoordinateKind) -> (Vec<f64>, [f64; 2]) {
     let (mut widths, mut number, mut is_inside) = (Vec::with_capacity(8), 0, false);
     for tag in &kind.shape {
         match tag {
-            Tag::Parallel => is_inside = true,
-            Tag::Series | Tag::End => is_inside = false,
-            Tag::Spring | Tag::Dashpot => {
+            LawToken::Parallel => is_inside = true,
+            LawToken::Series | LawToken::End => is_inside = false,
+            LawToken::Spring | LawToken::Dashpot => {
                 // A dashpot in series allows a wider box, because trajectories depend smoothly on its time, unless the gel may
                 // come to rest.
-                let is_wide = *tag == Tag::Dashpot && !is_inside && kind.family != NonlinearFamily::YieldStress;
+                let is_wide = *tag == LawToken::Dashpot && !is_inside && kind.family != NonlinearFamily::YieldStress;
                 if first != Some(number) {
                     widths.push(if is_wide { 2.0 * LN_2 } else { LN_2 });
                 }
@@ -201,21 +203,21 @@ pub(super) fn amplitude_m(stages: &Stages, sizes: CoordinateSizes) -> f64 {
     sizes.compliance_per_m * stages.law.iter().map(of).sum::<f64>()
 }
 
-pub fn read(elements: &[Element], shape: &mut Vec<Tag>, numbers: &mut Vec<Dual>) -> Option<()> {
+pub fn read(elements: &[Element], shape: &mut Vec<LawToken>, numbers: &mut Vec<Dual>) -> Option<()> {
     for element in elements {
         match element {
             Element::Spring { modulus_pa } => {
-                shape.push(Tag::Spring);
+                shape.push(LawToken::Spring);
                 numbers.push(*modulus_pa);
             }
             Element::Dashpot { viscosity_pa_s } => {
-                shape.push(Tag::Dashpot);
+                shape.push(LawToken::Dashpot);
                 numbers.push(*viscosity_pa_s);
             }
             Element::Series(parts) | Element::Parallel(parts) => {
-                shape.push(if matches!(element, Element::Series(_)) { Tag::Series } else { Tag::Parallel });
+                shape.push(if matches!(element, Element::Series(_)) { LawToken::Series } else { LawToken::Parallel });
                 read(parts, shape, numbers)?;
-                shape.push(Tag::End);
+                shape.push(LawToken::End);
             }
             _ => return None,
         }
@@ -223,15 +225,15 @@ pub fn read(elements: &[Element], shape: &mut Vec<Tag>, numbers: &mut Vec<Dual>)
     Some(())
 }
 
-/// Returns the index, among the law's numbers, of the first spring inside a body.
-pub(super) fn first_body(shape: &[Tag]) -> Option<usize> {
+/// Returns the index, in the list of the law's moduli and viscosities, of the first spring inside a body.
+pub(super) fn first_body(shape: &[LawToken]) -> Option<usize> {
     let (mut number, mut is_inside) = (0, false);
     for tag in shape {
         match tag {
-            Tag::Parallel => is_inside = true,
-            Tag::Spring if is_inside => return Some(number),
-            Tag::Spring | Tag::Dashpot => number += 1,
-            Tag::Series | Tag::End => {}
+            LawToken::Parallel => is_inside = true,
+            LawToken::Spring if is_inside => return Some(number),
+            LawToken::Spring | LawToken::Dashpot => number += 1,
+            LawToken::Series | LawToken::End => {}
         }
     }
     None

@@ -1,12 +1,12 @@
 //! Surrogate of large displacements for one record. It fits a few time modes with polynomial amplitudes to full-order runs of
 //! similar gels.
 //!
-//! A full-order run takes seconds. There is therefore one box, around the law that fits the record with small strains. By
-//! similarity, the deviation from the linear model depends on the ratios of the law's numbers and on the force divided by a
-//! modulus. The third power of this force is factored out, so that the polynomials are functions of its square. A free mobility
-//! is one more coordinate. Differences between the commanded and the acting force enter to first order. Each parameter of the
-//! load has one run at the law of the box's centre. Changing the force by a few hundredths changes the deviation by three times
-//! that fraction, and second-order terms are negligible. Ratios outside the box are moved to its faces, because data with such
+//! A full-order run takes seconds. There is therefore one box, around the law that fits the record with small strains. By similarity, the
+//! deviation from the linear model depends on the ratios of the law's numbers and on the force divided by a modulus. The third power of
+//! this force is factored out, so that the polynomials are functions of its square. A free mobility is one more coordinate. Differences
+//! between the commanded and the acting force enter to first order. For this, each parameter of the load has one run at the law of the
+//! box's centre. Changing the force by a few hundredths changes the deviation by three times that fraction, and second-order terms are
+//! negligible. Ratios outside the box are moved to its faces, because data with such ratios are far from the record.
 //! ratios are far from the record.
 
 use rayon::prelude::*;
@@ -23,31 +23,33 @@ use laws::rheology::Element;
 use laws::stages::{FieldStepper, Load, LoadParameter, LoadUnit, Spatial, Stages};
 use record::{Force, OwnedForce};
 
-/// Half the width of the box in the logarithm of each ratio.
+/// Half the width of the box in the logarithm of each ratio of the law's numbers.
 const HALF_WIDTH: f64 = 0.2;
-/// Step to which the logarithms of the centre's ratios are rounded. Fits that differ by little then share their runs.
+/// Step to which the logarithms of the ratios at the box's centre are rounded. Fits that differ by little then share their runs.
 const CENTRE_STEP: f64 = 0.05;
-/// Largest linear displacement of the centre's law, in robot radii, at the box's end, for an Oldroyd-B fluid.
+/// Largest trained displacement of an Oldroyd-B fluid, in robot radii. It is the displacement that the linear law at the box's centre would
+/// have.
 pub const MAX_RADII: f64 = 4.6;
-/// Ratio of the displacement at the box's end to the linear displacement of the law in the record, for other fluids. They move
+/// Ratio of the largest trained displacement to the linear displacement in the record, for fluids other than Oldroyd-B. Such fluids move
 /// farther than linear ones.
 const BEYOND_OWN: f64 = 1.2;
-/// Largest free mobility. With a larger mobility, the mesh can follow the robot no farther than the robot of the paper moves.
+/// Largest mobility in a surrogate for all mobilities. With a larger mobility, the mesh can follow the robot no farther than the robot of
+/// the paper moves.
 pub const MAX_MOBILITY: f64 = 0.03;
-/// Smallest trained square of the force, divided by the largest square. Below it the deviation is almost 0, but the errors of
-/// runs are not.
+/// Smallest trained square of the force, divided by the largest trained square. Below this square the deviation is almost 0, but the errors
+/// of runs are not.
 const LEAST_SQUARE: f64 = 0.02;
-/// Weighted total degree of the polynomials. It allows the third power of the squared force, squares of ratios, and a ratio times
-/// the squared force to the second power.
+/// Weighted total degree of the polynomials. It allows the third power of the squared force, squares of the law's ratios, and a ratio times
+/// the second power of the squared force.
 const DEGREE: f64 = 3.4;
-/// Weight of a degree in a ratio, relative to a degree in the squared force.
+/// Weight of a degree in one of the law's ratios, relative to a degree in the squared force.
 const RATIO_WEIGHT: f64 = 1.3;
 const MOBILITY_WEIGHT: f64 = 1.2;
 /// Ratio of the number of training points to the number of polynomials.
 const OVERSAMPLING: f64 = 1.15;
-/// Number of runs that check the polynomials.
+/// Number of full-order runs that check the polynomials.
 const N_CHECKS: u32 = 3;
-/// Largest residual of the time modes, relative to the displacement.
+/// Largest residual of the training trajectories after their projection on the time modes, relative to the displacement.
 const TOLERANCE: f64 = 2e-4;
 /// Largest accepted error at the check runs, relative to the displacement.
 const LARGEST_ERROR: f64 = 1e-3;
@@ -66,7 +68,7 @@ impl MobilityRange {
     pub const OLDROYD_B: Self = Self::Held(0.0);
 }
 
-/// Step for the derivative by a factor of the force, or by the offset divided by the largest force.
+/// Step for the derivative by a factor of the force, or by the force's offset divided by the largest force.
 const FACTOR_STEP: f64 = 0.03;
 /// Step in s for the derivative by a time of the load.
 const TIME_STEP_S: f64 = 0.03;
@@ -92,20 +94,20 @@ pub struct LargeScope {
 /// Trained surrogate of large displacements for one record.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LargeSurface {
-    /// Logarithms of the law's other numbers divided by its modulus, at the middle of the box.
+    /// Logarithms of the law's other numbers divided by the first body's modulus, at the middle of the box.
     centre: Vec<f64>,
-    /// Squared ratio (1/Pa²) of the amplitude g to the modulus, at the box's end.
+    /// Squared ratio (1/Pa²) of the effect's amplitude to the first body's modulus, at the box's end.
     largest_per_pa2: f64,
-    /// Linear displacement at the box's end, in robot radii.
+    /// Displacement that the linear law has at the box's end, in robot radii.
     farthest_radii: f64,
     mobilities: MobilityRange,
-    /// Changes of the deviation for a unit of each parameter of the load (outer) at each row (inner), in the surface's units.
-    /// Empty if the force acts as commanded.
+    /// Changes of the deviation from the linear model for a unit of each parameter of the load (outer) at each row (inner). The unit is
+    /// that of the trained deviation. Empty if the force acts as commanded.
     by_load: Vec<Vec<f64>>,
     surface: Surface,
 }
 
-/// Numbers of a law divided by its modulus.
+/// Moduli and viscosities of a law, divided by the modulus of its first body.
 struct Ratios {
     modulus_pa: Dual,
     ln: Vec<Dual>,
@@ -122,7 +124,7 @@ impl Ratios {
         Some(Self { modulus_pa, ln: others.map(|(_, number)| (*number / modulus_pa).ln()).collect(), first })
     }
 
-    /// Returns the logarithms of the ratios at the middle of the box.
+    /// Returns the logarithms of the ratios, rounded to multiples of [`CENTRE_STEP`], as the middle of the box.
     fn centre(&self) -> Vec<f64> {
         self.ln.iter().map(|ln| (ln.value / CENTRE_STEP).round() * CENTRE_STEP).collect()
     }
@@ -132,7 +134,7 @@ impl Ratios {
         (self.modulus_pa.value.ln() / CENTRE_STEP).round() * CENTRE_STEP
     }
 
-    /// Returns a law with the structure of `like`, unit modulus and these logarithms of the ratios.
+    /// Returns a law with the structure of `like`, whose first body has unit modulus and whose ratios have these logarithms.
     fn law(&self, like: &[Element], ln: &[f64]) -> Option<Vec<Element>> {
         let mut values: Vec<f64> = ln.iter().map(|x| x.exp()).collect();
         values.insert(self.first, 1.0);
@@ -164,7 +166,7 @@ impl LargeSurface {
         basis.map_or(0, |basis| basis.checks.len() + basis.design.len() + of_load)
     }
 
-    /// Returns the numbers that identify the box of a law. Laws of one box share the trained surface.
+    /// Returns the numbers that identify the box of a law. Laws of one box share the trained surrogate.
     ///
     /// # Errors
     /// [`Error::Numerical`] for springpots.
@@ -207,12 +209,12 @@ impl LargeSurface {
         if own_radii.is_nan() || own_radii >= MAX_RADII {
             return Err(Error::numerical(
                 format!(
-                    "the robot moves by {own_radii:.1} of its radii, but large displacements are computed up to {MAX_RADII} only"
+                    "the robot moves by {own_radii:.1} of its radii, but large displacements are computed only up to {MAX_RADII} radii"
                 ),
                 "leave `large-displacement` out, or use a smaller force",
             ));
         }
-        // `deviation_m` returns the deviation in m at every row. The load's offset is given for a scale of 1.
+        // `deviation_m` returns the deviation from the linear model in m at every row. The load's offset is given for a scale of 1.
         let deviation_m = |elements: &[Element], mobility: f64, load: &Load, scale: f64| -> Result<Vec<f64>> {
             let law = FiniteLaw::new(elements, mobility).ok_or_else(no_law)?;
             let load = load.for_scaled_commands(scale);
@@ -291,7 +293,7 @@ impl LargeStepper {
     /// Returns a stepper for the record of the training.
     ///
     /// # Errors
-    /// [`Error::Numerical`] if the surface was made by another version of the program.
+    /// [`Error::Numerical`] if the surrogate was trained by another version of the program.
     pub fn new(learnt: LargeSurface, time_s: &[f64], force: Force<'_>) -> Result<Self> {
         let bases = [basis(learnt.centre.len(), learnt.mobilities).ok_or_else(no_law)?];
         Ok(Self { learnt, bases, time_s: time_s.to_vec(), force: force.into() })
@@ -311,8 +313,8 @@ impl LargeStepper {
             && !stages.load.depends_on_position();
         let (Some(Spatial::Large { amplitude, mobility }), true) = (&stages.spatial, is_own) else {
             return Err(Error::numerical(
-                "large displacements were learnt for another record, or for the commanded force only",
-                "learn them for this record and force",
+                "the model of large displacements was trained for another record, or for the commanded force only",
+                "train it for this record and force",
             ));
         };
         let LargeSurface { centre, largest_per_pa2, farthest_radii, mobilities, by_load, surface } = &self.learnt;
@@ -323,7 +325,7 @@ impl LargeStepper {
         if !is_learnt {
             return Err(Error::numerical(
                 format!("a mobility of {} was not learnt", mobility.value),
-                format!("hold it at a value, or stay below {MAX_MOBILITY}"),
+                format!("fix the mobility at a value, or stay below {MAX_MOBILITY}"),
             ));
         }
         let ratios = Ratios::of(&stages.law).filter(|ratios| ratios.ln.len() == centre.len()).ok_or_else(no_law)?;
@@ -379,9 +381,8 @@ mod tests {
     /// Scope of an Oldroyd-B fluid under the commanded force.
     const COMMANDED: LargeScope = LargeScope { mobilities: MobilityRange::OLDROYD_B, with_load: false };
 
-    /// Checks the bead of the paper over one cycle, at the paper's law and amplitude and at others that were not used for
-    /// training. The reference is full-order runs on a finer mesh with finer time steps. Derivatives are compared with
-    /// differences.
+    /// Checks the bead of the paper over one cycle, at the paper's law and amplitude and at laws and amplitudes that were not used for
+    /// training. The reference is full-order runs on a finer mesh with finer time steps. Derivatives are compared with differences.
     #[test]
     #[ignore = "thorough"]
     fn what_is_learnt_is_what_full_runs_find() {
@@ -475,9 +476,9 @@ mod tests {
         );
     }
 
-    /// Compares the surrogate with full-order runs on a finer mesh, for each parameter of the load and for all together. Factors
-    /// and offset are changed by a few hundredths, times by hundredths of a second. They change the deviation by 12 µm, correct
-    /// to one or two tenths of a µm.
+    /// Compares the surrogate with full-order runs on a finer mesh, for each parameter of the load and for all parameters together. Factors
+    /// and offset are changed by a few hundredths, and times by hundredths of a second. These changes alter the deviation by 12 µm, which
+    /// the surrogate gives to one or two tenths of a µm.
     #[test]
     #[ignore = "thorough"]
     fn loads_are_followed_to_first_order() {

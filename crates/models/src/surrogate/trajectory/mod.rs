@@ -1,10 +1,10 @@
 //! Trajectories of nonlinear laws as sums of a few time modes with polynomial amplitudes. If a sum is not accurate enough, the
 //! stepper computes the trajectory instead.
 //!
-//! A few coordinates distinguish laws of one kind (`coordinates`). Their space is divided into fixed boxes. A box is trained on
-//! first use by runs of the stepper at design points. Runs at other points check it. The box is used if it agrees with these to
-//! [`TOLERANCE`] of the displacement. Otherwise it is halved, or the stepper computes its trajectories. The result in a box does
-//! not depend on the order of the queries.
+//! A few coordinates distinguish laws of one kind (`coordinates`). Their space is divided into fixed boxes. A box is trained on first use
+//! by runs of the stepper at design points, and checked by runs at other points. The box is used if it agrees with the check runs to
+//! [`TOLERANCE`] of the displacement. Otherwise it is halved, or the stepper computes its trajectories. The result in a box does not depend
+//! on the order of the queries.
 
 mod chart;
 mod clocked;
@@ -39,18 +39,18 @@ pub const TOLERANCE: f64 = 1e-4;
 const N_CHECKS: u32 = 24;
 /// Smallest supported number of coordinates.
 const FEWEST_COORDINATES: usize = 2;
-/// Degrees of the polynomials, by number of coordinates from the smallest one up. If a degree is not accurate enough,
-/// the next one is tried with additional points.
+/// Degrees of the polynomials that are tried one after the other, by number of coordinates from the smallest number up. If a degree is not
+/// accurate enough, the next degree is tried with additional points.
 const DEGREES: [&[usize]; 3] = [&[2, 4, 8], &[2, 3, 4, 6], &[2, 3, 5]];
 /// Largest number of rows for which boxes are trained. A box stores a few dozen numbers for each row.
 const MOST_ROWS: usize = 20_000;
-/// Largest size of a coordinate of the law, a logarithm. No experiment has times beyond e¹⁶ s.
+/// Largest absolute value of a coordinate of the law, which is a logarithm. No experiment has times beyond e¹⁶ s.
 const LONGEST_LN_S: f64 = 16.0;
 
 /// Boxes, by the kind of the law and by the index of the box along every coordinate.
 type Charts = BTreeMap<(CoordinateKind, Vec<i32>), Arc<CoordinateBox>>;
 
-/// Stepper that trains boxes of trajectories and reuses them.
+/// Reduced model of nonlinear laws that trains boxes of trajectories for one record and reuses them.
 #[derive(Debug)]
 pub struct CachedStepper {
     stepper: SharedStepper,
@@ -61,7 +61,7 @@ pub struct CachedStepper {
 }
 
 impl CachedStepper {
-    /// Returns a stepper for one record, given by the rows' times (s) and the commanded force. Later calls may be for its first
+    /// Returns a stepper for one record, given by the rows' times (s) and the commanded force. Later calls may be for the record's first
     /// rows only.
     pub fn new(stepper: SharedStepper, time_s: &[f64], force: Force<'_>) -> Self {
         let largest_n = force.at_rows_n.iter().fold(0.0_f64, |most, f| most.max(f.abs()));
@@ -79,7 +79,7 @@ impl CachedStepper {
         }
     }
 
-    /// Returns the trained excess (m) at every row; `None` if the stepper must compute it.
+    /// Returns the trained excess (m) over the linear law's position at every row; `None` if the stepper must compute this excess.
     fn learnt<N: Scalar>(
         &self,
         stages: &Stages,
@@ -161,7 +161,7 @@ impl FieldStepper for CachedStepper {
     }
 }
 
-/// Returns the polynomials of `n_coordinates` coordinates, one basis for each degree, with the degrees ascending.
+/// Returns the polynomials of `n_coordinates` coordinates, with one basis for each degree, in ascending order.
 fn bases_of(n_coordinates: usize) -> Option<&'static [Basis]> {
     static BASES: [OnceLock<Option<Vec<Basis>>>; DEGREES.len()] = [const { OnceLock::new() }; DEGREES.len()];
     let place = n_coordinates.checked_sub(FEWEST_COORDINATES)?;

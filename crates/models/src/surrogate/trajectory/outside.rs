@@ -17,20 +17,20 @@ use record::{Force, OwnedForce};
 
 /// Largest accepted error of modes and polynomials at any row, in units of the noise standard deviation.
 pub const EXTERNAL_TOLERANCE: f64 = 0.03;
-/// Degrees that are tried one after the other, as far as [`EXTERNAL_MAX_POINTS`] permits.
+/// Degrees of the polynomials that are tried one after the other, as far as [`EXTERNAL_MAX_POINTS`] permits.
 const DEGREES: [usize; 8] = [2, 3, 4, 6, 8, 10, 14, 20];
 /// Largest number of training points of a box, without its check points.
 pub const EXTERNAL_MAX_POINTS: usize = 700;
-/// Extrapolated error at the highest degree, in units of the noise standard deviation, above which training ends early. Such a
-/// surface would support no conclusion.
-const HOPELESS: f64 = 0.5;
+/// Largest error, in units of the noise standard deviation, that training may be expected to reach at the highest degree. If the
+/// extrapolated error is larger, training ends early, because such a surface would support no conclusion.
+const MAX_EXPECTED_ERROR: f64 = 0.5;
 /// Lowest degree at which training may end early.
 const LEAST_TRIED: usize = 6;
 /// Number of points that check a box.
 const N_CHECKS: u32 = 24;
-/// Step for the derivative by a factor of the force, or by the offset divided by the largest force.
+/// Step for the derivative by a factor of the force, or by the force's offset divided by the largest force.
 const LOAD_STEP: f64 = 0.05;
-/// Size of a factor or offset at which the error of its first-order term is measured.
+/// Size of a force factor's change, or of an offset divided by the largest force, at which the error of its first-order term is measured.
 const USUAL_SIZE: f64 = 0.1;
 
 /// Function that returns the position (m) at the clock's times, from the parameters and from the force (N) at these times.
@@ -40,7 +40,7 @@ pub type ExternalModelFn<'a> = dyn Fn(&[f64], &[f64]) -> Result<Vec<f64>> + Sync
 pub struct ExternalTraining<'a> {
     /// Smallest and largest value of every parameter; equal values if the parameter is fixed.
     pub ends: &'a [(f64, f64)],
-    /// Times at which the program computes positions.
+    /// Times at which the external program computes positions.
     pub clock: &'a Clock,
     /// Times of the rows, in s.
     pub time_s: &'a [f64],
@@ -59,10 +59,10 @@ pub struct ExternalSurface {
     ln_ends: Vec<(f64, f64)>,
     bases: [Basis; 1],
     surface: Surface,
-    /// Surface at the times of the rows only.
+    /// Surface restricted to the times of the rows.
     at_rows: Surface,
-    /// Changes of the position (m) for a unit of the positive factor, of the negative factor and of the offset (N), in this
-    /// order. Empty if the force acts as commanded.
+    /// Changes of the position (m) for a unit of the factor of positive forces, of the factor of negative forces and of the offset (N), in
+    /// this order. Empty if the force acts as commanded.
     by_load: Vec<Surface>,
     n_points: usize,
 }
@@ -72,7 +72,7 @@ impl ExternalSurface {
     /// more points are allowed. It calls `piece_done` after every response of the program, from any thread.
     ///
     /// # Errors
-    /// Errors of `ask`. [`Error::Numerical`] if there are more parameters than the polynomials support.
+    /// Errors of `ask`, the external program. [`Error::Numerical`] if there are more parameters than the polynomials support.
     pub fn learn(
         lesson: &ExternalTraining<'_>,
         ask: &ExternalModelFn<'_>,
@@ -116,7 +116,7 @@ impl ExternalSurface {
             // The error at the highest degree is extrapolated from the decrease between the last two degrees.
             let is_hopeless = before.is_some_and(|(other, error)| {
                 let left = (degrees[degrees.len() - 1] - degree) as f64 / (degree - other) as f64;
-                degree >= LEAST_TRIED && surface.certified * (surface.certified / error).powf(left) > HOPELESS
+                degree >= LEAST_TRIED && surface.certified * (surface.certified / error).powf(left) > MAX_EXPECTED_ERROR
             });
             before = Some((degree, surface.certified));
             if is_better {
@@ -159,7 +159,7 @@ impl ExternalSurface {
         self.by_load.iter().fold(self.surface.certified, |worst, surface| worst.max(surface.certified))
     }
 
-    /// Number of points at which the program computed trajectories.
+    /// Number of points at which the external program computed trajectories.
     pub fn n_points(&self) -> usize {
         self.n_points
     }
@@ -192,8 +192,8 @@ impl ExternalStepper {
             && !stages.load.depends_on_position();
         let (Some(Spatial::External(parameters)), true) = (&stages.spatial, is_own) else {
             return Err(Error::numerical(
-                "the other program's trajectories were learnt for another record or force",
-                "learn them for this record and force",
+                "the surrogate of the other program was trained for another record or force",
+                "train it for this record and force",
             ));
         };
         let ExternalSurface { ln_ends, bases, surface, at_rows, by_load, .. } = &self.learnt;
@@ -204,7 +204,10 @@ impl ExternalStepper {
             let slack = 1e-12 * (1.0 + lower.abs().max(upper.abs()));
             if !(lower - slack..=upper + slack).contains(&ln.value) {
                 return Err(Error::numerical(
-                    format!("a parameter of {} is outside the box in which the other program was learnt", value.value),
+                    format!(
+                        "the parameter value {} is outside the box in which the surrogate of the other program was trained",
+                        value.value
+                    ),
                     format!("stay between {} and {}", lower.exp(), upper.exp()),
                 ));
             }
@@ -218,7 +221,7 @@ impl ExternalStepper {
         }
         if by_load.is_empty() {
             return Err(Error::numerical(
-                "the other program was learnt for the commanded force only",
+                "the surrogate of the other program was trained for the commanded force only",
                 "leave effects of load out",
             ));
         }

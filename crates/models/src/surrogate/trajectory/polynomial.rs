@@ -26,8 +26,8 @@ pub(super) struct Basis {
 }
 
 impl Basis {
-    /// Returns the polynomials up to a total degree. `None` if the design points do not determine their coefficients, which
-    /// occurs for no tested number of coordinates.
+    /// Returns the polynomials up to a total degree. `None` if the design points do not determine the coefficients, which occurs for no
+    /// tested number of coordinates.
     pub fn new(n_coordinates: usize, degree: usize, n_checks: u32) -> Option<Self> {
         Self::weighted(&vec![1.0; n_coordinates], degree as f64, OVERSAMPLING, n_checks)
     }
@@ -38,8 +38,8 @@ impl Basis {
         (OVERSAMPLING * n_polynomials.round()).ceil() as usize
     }
 
-    /// Returns the polynomials up to a weighted total degree. `weights` has the weight of a degree in each coordinate.
-    /// `oversampling` is the ratio of design points to polynomials.
+    /// Returns the polynomials up to a weighted total degree. `weights` has the weight of a degree in each coordinate. `oversampling` is
+    /// the ratio of the numbers of design points and polynomials.
     pub fn weighted(weights: &[f64], degree: f64, oversampling: f64, n_checks: u32) -> Option<Self> {
         let n_coordinates = weights.len();
         let mut degrees = vec![Vec::new()];
@@ -99,8 +99,8 @@ impl Basis {
             .collect()
     }
 
-    /// Returns, for each coordinate, the sum of the squared coefficients whose degree in this coordinate is the highest or one
-    /// less.
+    /// Returns, for each coordinate, the sum of `squares` (squared coefficients) over the polynomials of a high degree in this coordinate.
+    /// A high degree is the highest degree or one less.
     pub fn tails(&self, squares: &[f64]) -> Vec<f64> {
         let n_coordinates = self.degrees.first().map_or(0, Vec::len);
         let tail = |d: usize| -> f64 {

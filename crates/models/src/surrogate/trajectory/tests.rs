@@ -77,8 +77,8 @@ fn largest(values: &[f64]) -> f64 {
     values.iter().fold(0.0, |most, x| most.max(x.abs()))
 }
 
-/// Checks the similarity on which this module is based. If one factor multiplies E, c₁ and c₂ and the nonlinear parameter is
-/// adapted, displacements only change by a factor.
+/// Checks the similarity on which this module is based. If one factor multiplies Young's modulus and both viscosities, and the nonlinear
+/// parameter is adapted, displacements only change by a factor.
 #[test]
 fn steppers_only_scale_with_the_modulus() {
     let (time_s, force_n) = record();
@@ -130,8 +130,8 @@ fn what_is_remembered_is_what_the_stepper_says() {
     }
 }
 
-/// Checks that results equal the stepper's to the last bit if no box covers them. This is so for another record, for another
-/// load, and for a law outside all boxes.
+/// Checks that results equal the stepper's to the last bit if no box covers them. Cases are another record, another load, and a law outside
+/// all boxes.
 #[test]
 fn what_is_not_covered_is_left_to_the_stepper() {
     let (time_s, force_n) = record();
@@ -174,7 +174,7 @@ fn answers_depend_on_nothing_but_the_point() {
     assert!(in_order == reversed && in_order == at_once);
 }
 
-/// Checks that the relative error of the trained excess stays small near the linear law, where the excess vanishes. Fits that
+/// Checks that the relative error of the trained excess over the linear law stays small near this law, where the excess vanishes. Fits that
 /// start there need this.
 #[test]
 fn little_excess_is_as_right_as_much() {

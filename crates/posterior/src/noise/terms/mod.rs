@@ -1,5 +1,5 @@
-//! Terms of the noise, one file each. A term defines its name, its parameters with their priors, and how a search learns it. It writes its parameters into the
-//! [`FilterScales`]. A new term needs a file and a line in [`TERMS`]. Only a term with a new equation also needs a change of the filter.
+//! Terms of the noise, one file each. A term defines its name, its parameters with their priors, and its treatment by a search. It writes its parameters into the
+//! [`FilterScales`]. A new term needs a file and a line in [`TERMS`]. A term with a new equation also needs a change of the filter.
 
 mod gain;
 mod ornstein_uhlenbeck;
@@ -30,22 +30,23 @@ pub(super) trait NoiseTerm: Sync {
         None
     }
 
-    /// Writes the term's parameter values into the scales. The values lie in their supports. Earlier terms have already written theirs.
+    /// Writes the term's parameter values into `scales`. The values lie in their supports. Earlier terms have already written their values.
     fn write(&self, values: &[f64], scales: &mut FilterScales);
 }
 
 /// Components of the filter that a noise model uses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) struct Equations {
-    /// State that decays with time: the process.
+    /// True if the filter has the Ornstein–Uhlenbeck process, a state that decays with time.
     pub process: bool,
-    /// States that begin anew in every cycle: gain and offset.
+    /// True if the filter has gain and offset, states that begin anew in every cycle.
     pub cycles: bool,
-    /// Student-t predictions instead of normal ones.
+    /// True if the filter's predictions are Student-t distributed instead of normal.
     pub heavy_tails: bool,
 }
 
-/// All terms, in the order of their parameters. The first term is in every model. The variances of the others are relative to its variance.
+/// All noise terms, in the order of their parameters. The first term is the white noise, which every model has. The variances of the other terms are divided by its
+/// variance.
 pub(super) const TERMS: &[&dyn NoiseTerm] =
     &[&white::White, &ornstein_uhlenbeck::OrnsteinUhlenbeck, &gain::Gain, &student::Student];
 

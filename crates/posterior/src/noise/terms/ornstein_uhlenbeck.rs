@@ -46,8 +46,9 @@ impl NoiseTerm for OrnsteinUhlenbeck {
     }
 }
 
-/// Standard deviation of ln σ_ou if the reference noise is estimated from short lags, which do not show slow noise. Slow noise with a correlation time of ten sample
-/// intervals is four times the estimate. With a correlation time of ten seconds it is twenty times the estimate.
+/// Prior standard deviation of the logarithm of the slow noise's size, if the reference noise is estimated from short lags. The value is large, because short lags
+/// hardly show slow noise. Slow noise with a correlation time of ten sample intervals is four times the estimate. With a correlation time of ten seconds, it is twenty
+/// times the estimate.
 const LOG_SD_OF_ESTIMATE: f64 = 2.5;
 
 fn ln_time_s(priors: &[Distribution]) -> [f64; 2] {

@@ -36,7 +36,8 @@ impl NoiseTerm for White {
     }
 }
 
-/// Standard deviation of ln σ around the reference noise. It allows for an uncertain reference noise, so that the prior does not dominate the data.
+/// Prior standard deviation of the logarithm of the white noise, around the logarithm of the reference noise. It allows for an uncertain reference noise, so that the
+/// prior does not dominate the data.
 const LOG_SD: f64 = 0.5;
 
 impl LearntTerm for White {

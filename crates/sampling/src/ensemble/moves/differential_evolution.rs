@@ -1,20 +1,20 @@
 //! Differential evolution: a walker at x moves along the difference of two other walkers c₁ and c₂.
 //!
-//! The proposal is y = x + γ (c₁ − c₂) with γ = γ₀·u. Here γ₀ = 2.38/√(2d) for dimension d, and u is uniform on [1 − s, 1 + s]. A fraction of the
-//! proposals use γ = 1 instead, which carries walkers between modes. The move is symmetric, so its correction factor is one. ter Braak 2006,
+//! The proposal is y = x + γ (c₁ − c₂) with γ = scale · u · 2.38/√(2d), for dimension d and u uniform on [1 − s, 1 + s]. A fraction of the proposals
+//! use γ = 1 instead, which carries walkers between modes. The move is symmetric, so its correction factor is one. Sources: ter Braak 2006,
 //! doi:10.1007/s11222-006-8769-1; Nelson, Ford & Payne 2013, doi:10.1088/0067-0049/210/1/11.
 
 use super::{Move, WalkerPoints};
 use crate::ensemble::random::RandomStream;
 
-/// Differential-evolution move.
+/// Differential-evolution move: a walker moves along the difference of two other walkers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DifferentialEvolution {
-    /// Factor that multiplies γ₀ = 2.38/√(2d).
+    /// Factor that multiplies the standard step 2.38/√(2d), for dimension d.
     pub scale: f64,
-    /// Half-width s of the range of the uniform factor u, 0 ≤ s < 1.
+    /// Half-width s of the range [1 − s, 1 + s] of the random step factor, 0 ≤ s < 1.
     pub spread: f64,
-    /// Fraction of proposals with γ = 1.
+    /// Fraction of proposals that add the whole difference of two walkers, which carries walkers between modes.
     pub jump_probability: f64,
 }
 

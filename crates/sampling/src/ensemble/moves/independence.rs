@@ -1,9 +1,10 @@
 //! Independence move: a walker jumps to a point that is drawn from a fixed approximation of the posterior.
 //!
-//! The approximation q is a mixture of multivariate t distributions with six degrees of freedom, one per mode k: q(y) = Σ w_k t₆(y; m_k, S_k). Here w_k
-//! is the weight, m_k the location and S_k the scale matrix. A draw y does not depend on the present point x. It is accepted with probability min(1,
-//! (π(y)/q(y))/(π(x)/q(x))), where π is the posterior. If q is a good approximation, most draws are accepted and nearly independent, within and between
-//! modes. Otherwise most draws are rejected, and the other moves do the work. Tierney 1994, doi:10.1214/aos/1176325750, §2.3.2.
+//! The approximation q is a mixture of multivariate t distributions with six degrees of freedom, one per mode k: q(y) = Σ w_k t₆(y; m_k, S_k). Here
+//! w_k is the weight, m_k the location and S_k the scale matrix. A draw y does not depend on the present point x. It is accepted with probability
+//! min(1, (π(y)/q(y))/(π(x)/q(x))), where π is the posterior density. If q is a good approximation, most draws are accepted and nearly independent,
+//! within and between modes. Otherwise most draws are rejected, and only other moves are effective. Source: Tierney 1994, doi:10.1214/aos/1176325750,
+//! §2.3.2.
 
 use super::{Move, WalkerPoints};
 use crate::ensemble::random::RandomStream;
@@ -19,18 +20,18 @@ pub struct Independence {
 }
 
 impl Independence {
-    /// Builds the move from the modes' Laplace approximations. `None` if no mode has a usable curvature.
+    /// Builds the move from the modes' Laplace approximations, one mixture component per mode. `None` if no mode has a usable curvature.
     pub fn from_modes(modes: &Modes, dimension: usize) -> Option<Self> {
         TMixture::from_modes(modes, dimension).map(|mixture| Self { mixture })
     }
 
-    /// Builds the move from the modes. A component's location and shape are fitted to the draws nearest to its mode, if there are enough. Each entry of
-    /// `points` is one draw.
+    /// Builds the move with one mixture component per mode. A component's location and shape are fitted to the draws nearest to its mode, if there
+    /// are enough of them. Each entry of `points` is one draw.
     pub fn fitted(modes: &Modes, dimension: usize, points: &[Vec<f64>]) -> Option<Self> {
         TMixture::fitted(modes, dimension, points).map(|mixture| Self { mixture })
     }
 
-    /// Replaces `point` by a draw from q. Returns ln q(old point) − ln q(draw). `noise` is work space.
+    /// Replaces `point` by a draw from the mixture. Returns the mixture's log density at the old point minus that at the draw. `noise` is work space.
     #[inline]
     fn jump(&self, stream: &mut RandomStream, point: &mut [f64], noise: &mut [f64]) -> f64 {
         let mixture = &self.mixture;
@@ -83,8 +84,8 @@ mod tests {
     use super::*;
     use crate::optimum::Optimum;
 
-    /// With one component, the code that treats all walkers at once gives the same draws and factors as the code for single walkers. The test uses numbers of
-    /// walkers that are multiples of the block size and others.
+    /// Checks that, with one component, the code for all walkers at once gives the draws and factors of the code for single walkers. The numbers of
+    /// walkers are multiples of the block size and other numbers.
     #[test]
     fn the_short_way_of_one_component_is_the_long_one() {
         let mut modes = Modes::default();

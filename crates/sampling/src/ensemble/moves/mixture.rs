@@ -3,16 +3,16 @@
 use super::{Move, WalkerPoints};
 use crate::ensemble::random::RandomStream;
 
-/// Several moves with weights. The choice does not depend on the walkers. A distribution that every move leaves invariant is therefore invariant under
-/// the mixture.
+/// Several moves with weights, one of which is chosen at random for each half-step. The choice does not depend on the walkers. A distribution that
+/// every move leaves invariant is therefore invariant under the mixture.
 pub struct Mixture {
-    /// Each move with its cumulative weight in [0, 1]. The first move whose cumulative weight exceeds a uniform random number is used.
+    /// Each move after its cumulative weight in [0, 1]. A uniform random number selects the first move whose cumulative weight exceeds it.
     moves: Vec<(f64, Box<dyn Move>)>,
     name: String,
 }
 
 impl Mixture {
-    /// Builds a mixture. The weights need not add up to one. Moves whose weight is not positive and finite are omitted.
+    /// Builds a mixture of moves with weights, which need not add up to one. Moves whose weight is not positive and finite are omitted.
     pub fn new(weighted: Vec<(f64, Box<dyn Move>)>) -> Self {
         let mut moves = weighted;
         moves.retain(|(weight, _)| *weight > 0.0 && weight.is_finite());

@@ -28,18 +28,19 @@ pub struct WalkerPoints<'a> {
     pub dimension: usize,
 }
 
-/// Rule that proposes a new position for each walker of one half.
+/// Rule that proposes a new position for each walker of one half of the ensemble.
 ///
-/// The ensemble accepts a proposal y from x with probability min(1, exp(log_factor)·π(y)/π(x)). Under this rule a move must leave any target density π
-/// invariant, with the walkers of the other half held fixed.
+/// The ensemble accepts the move of a walker from x to a proposal y with probability min(1, exp(log_factor)·π(y)/π(x)), with π the target density.
+/// Under this rule a move must leave any π invariant, with the walkers of the other half held fixed.
 pub trait Move: Send + Sync {
     /// Name of the move with all its constants. A run continues from a checkpoint only if the names agree.
     fn name(&self) -> String;
 
-    /// Fills `proposals` and `log_factors`. `proposals` has the layout of [`WalkerPoints`] and as many points as `moving`.
+    /// Proposes a new position for each walker in `moving`, and fills `proposals` and the logarithms `log_factors` of the correction factors.
+    /// `proposals` has the layout and size of `moving`.
     ///
-    /// `random_streams` holds one stream for each moving walker; draws from it must not change the complement. `shared` is the ensemble's stream, for choices
-    /// that all walkers share. The complement (the other half) has at least four points.
+    /// `complement` is the other half of the walkers, with at least four points; a move must not change it. `random_streams` holds one stream for
+    /// each moving walker. `shared` is the ensemble's stream, for choices that all walkers share.
     fn propose(
         &self,
         moving: WalkerPoints,
@@ -51,9 +52,8 @@ pub trait Move: Send + Sync {
     );
 }
 
-/// Default move: mostly differential evolution, with some snooker moves for steps of other directions and lengths. On the creep posterior of the base
-/// model, differential evolution had the shortest autocorrelation time of all moves tried. By default a run also jumps to draws from a fixed
-/// approximation, which makes this choice less important.
+/// Returns the default move: 80 % differential evolution, and 20 % snooker moves for steps of other directions and lengths. On the creep posterior of
+/// the base model, differential evolution had the shortest autocorrelation time of all moves tried.
 pub fn default_move() -> Mixture {
     Mixture::new(vec![
         (0.8, Box::new(DifferentialEvolution::default()) as Box<dyn Move>),

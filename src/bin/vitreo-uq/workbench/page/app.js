@@ -1,6 +1,7 @@
 // @ts-check
 // Workbench page: shows the documents that commands write, and starts commands. It computes only the layout of drawings.
 import { Plots } from "./plots.js";
+import { PosteriorView } from "./posterior.js";
 import { Project } from "./project.js";
 import { ask, at, attempt, fault, listen, make, query, send, shown } from "./requests.js";
 
@@ -16,6 +17,7 @@ const state = {
   /** @type {Item[]} */ items: [],
   /** @type {string|null} */ item: null,
   /** @type {string|null} */ revision: null,
+  /** Revision that is shown beside the first. @type {string|null} */ compared: null,
   /** @type {Study|null} */ study: null,
   /** @type {[number, number]|null} */ window: null,
   /** @type {Job|null} */ job: null,
@@ -28,24 +30,17 @@ const state = {
 
 // ---- Dropped tables ----
 
-/** How much of a table is shown beside the questions about it. */
-const [PREVIEW_BYTES, PREVIEW_LINES] = [16_384, 12];
-let preview = "";
-
 /** @param {File} file */
 async function upload(file) {
   if (file.size > 256 * 2 ** 20) throw new Error(`${file.name} is larger than 256 MiB. Run \`vitreo-uq init TABLE\` in a terminal, which reads up to 1 GiB.`);
   const { upload } = await ask(`api/table?${query({ name: file.name })}`, { method: "POST", body: file });
-  const beginning = await file.slice(0, PREVIEW_BYTES).text();
-  // A last line that is cut off is not shown, nor are the bytes of a file that is no text.
-  preview = beginning.includes("\0") ? "" : beginning.split(/\r?\n/).slice(0, PREVIEW_LINES).join("\n");
   await describe({ upload, file: file.name, answers: {} });
 }
 
 /** Optional information: name of the field and its label. */
 const OPTIONAL = [["noise", "Noise standard deviation of the tracker in µm, if known"], ["species", "Species, if groups are to be compared"], ["region", "Region of the eye, if groups are to be compared"]];
 
-/** @param {{upload: string, file: string, answers: Record<string, string>, noise_um?: number|null, groups?: (string|null)[]}} described */
+/** @param {{upload: string, file: string, answers: Record<string, string>, noise_um?: number|null, groups?: (string|null)[], columns?: (string|null)[]}} described */
 async function describe(described) {
   const found = await send("api/init", described);
   if (!found.questions) {
@@ -56,7 +51,7 @@ async function describe(described) {
   const form = at("answers");
   form.replaceChildren(
     make("p", { textContent: `${described.file}: the table gives all other information.` }),
-    ...(preview ? [make("pre", { className: "preview", textContent: preview, tabIndex: 0 })] : []),
+    ...(found.preview ? [previewOf(found.preview, described)] : []),
     ...found.questions.map((/** @type {any} */ question, /** @type {number} */ place) => {
       const field = question.choices.length > 0
         ? make("select", { name: String(place) }, question.choices.map((/** @type {string} */ choice) => make("option", { value: choice, textContent: choice, selected: choice === question.proposal })))
@@ -79,7 +74,30 @@ async function describe(described) {
   };
   at("questions").hidden = false;
   at("start").hidden = true;
-  /** @type {HTMLElement|null} */ (form.querySelector("select, input"))?.focus();
+  /** @type {HTMLElement|null} */ (form.querySelector("label select, label input"))?.focus();
+}
+
+/** Roles of columns, in the order in which the server takes them. */
+const ROLES = ["time", "force", "position", "cycle"];
+
+/** First rows of the table. The user may give each column a role; columns without one are recognised by their names and values.
+ * @param {{names: string[], rows: string[][], said: string}} preview @param {any} described */
+function previewOf(preview, described) {
+  const columns = described.columns ?? ROLES.map(() => null);
+  const head = preview.names.map((name, place) => {
+    const number = String(place + 1);
+    const select = make("select", {}, ["as recognised", ...ROLES].map((role) => make("option", { value: role, textContent: role, selected: columns[ROLES.indexOf(role)] === number })));
+    select.setAttribute("aria-label", `Role of column ${name}`);
+    select.addEventListener("change", () => attempt(() => {
+      const role = ROLES.indexOf(/** @type {HTMLSelectElement} */ (select).value);
+      const chosen = columns.map((/** @type {string|null} */ own, /** @type {number} */ at) => (at === role ? number : own === number ? null : own));
+      return describe({ ...described, columns: chosen });
+    }));
+    return make("th", { scope: "col" }, [name, make("br"), select]);
+  });
+  const rows = preview.rows.map((cells) => make("tr", {}, cells.map((cell) => make("td", { textContent: cell }))));
+  const table = make("table", {}, [make("thead", {}, [make("tr", {}, head)]), make("tbody", {}, rows)]);
+  return make("div", { className: "scroll preview", tabIndex: 0 }, [table, make("p", { className: "lead", textContent: `${preview.said}.` })]);
 }
 
 // ---- Items ----
@@ -118,6 +136,7 @@ function setAddress() {
 async function open(name, revision = null) {
   state.item = name;
   state.revision = revision;
+  state.compared = null;
   state.window = null;
   state.draft = null;
   state.effect = "";
@@ -177,7 +196,7 @@ async function refreshRows() {
   if (state.item === null) return;
   const [number, window] = [++askedRows, state.window];
   const points = plots.points();
-  const rows = await ask(`api/rows?${query({ item: state.item, revision: state.revision, from_s: window?.[0], to_s: window?.[1], points, is_logarithmic: String(plots.isLogTime) })}`);
+  const rows = await ask(`api/rows?${query({ item: state.item, revision: state.revision, compared: state.compared, from_s: window?.[0], to_s: window?.[1], points, is_logarithmic: String(plots.isLogTime) })}`);
   if (number !== askedRows) return;
   const [all, inside] = rows.rows;
   at("decimated").textContent = rows.time_s.length < inside
@@ -216,6 +235,10 @@ function showStudy(study) {
   at("item-heading").textContent = record.experiment;
   at("revision").replaceChildren(...(revisions.length > 0 ? revisions : [{ name: "none yet" }]).map(({ name }) =>
     make("option", { value: name, textContent: titleOf(study, name), selected: name === state.revision })));
+  const others = revisions.filter(({ name }) => name !== state.revision);
+  if (!others.some(({ name }) => name === state.compared)) state.compared = null;
+  at("compared-label").hidden = others.length === 0;
+  at("compared").replaceChildren(make("option", { value: "", textContent: "none" }), ...others.map(({ name }) => make("option", { value: name, textContent: titleOf(study, name), selected: name === state.compared })));
   at("window").replaceChildren(make("option", { value: "", textContent: "the whole record" }), ...study.cycles.slice(0, 200).map(({ cycle, from_s, to_s, serves }) =>
     make("option", { value: `${from_s} ${to_s}`, textContent: `cycle ${cycle} (${serves})`, selected: state.window?.[0] === from_s && state.window?.[1] === to_s })));
   at("verdict").innerHTML = study.parts.verdict ?? "";
@@ -229,8 +252,8 @@ function showStudy(study) {
   at("parts").replaceChildren(...parts.filter(([id]) => study.parts[id]).map(([id, heading]) => {
     const details = make("details", { open: opened.has(id) }, [make("summary", { textContent: heading })]);
     details.dataset.part = id;
-    if (id === "posterior" && study.overlay && revisions.length > 1) details.append(make("p", {}, [make("img", { src: fileOf(study, study.overlay), loading: "lazy", alt: "Overlaid posteriors of the latest revisions" })]));
     details.insertAdjacentHTML("beforeend", study.parts[id]);
+    if (id === "posterior") showPosterior(study, details);
     return details;
   }));
   if (revisions.length === 0) {
@@ -241,6 +264,20 @@ function showStudy(study) {
   showChoice(study);
   explain();
 }
+
+/** The corner plot with a choice of parameters takes the place of the report's, as soon as it is in view. @param {Study} study @param {HTMLElement} details */
+function showPosterior(study, details) {
+  const names = /** @type {string[]} */ ([state.revision, state.compared].filter((name) => name !== null));
+  const all = names.flatMap((name) => study.revisions.find((own) => own.name === name)?.posterior?.parameters ?? []);
+  const parameters = all.filter((own, place) => all.findIndex((other) => other.name === own.name) === place);
+  const show = () => {
+    if (!details.hasAttribute("open") || details.querySelector(".corner")) return;
+    details.querySelector("summary")?.after(posteriorView.element(study.item.name, names, parameters));
+  };
+  details.addEventListener("toggle", show);
+  show();
+}
+const posteriorView = new PosteriorView();
 
 /** Shows the choice of fitted, held-out and unused cycles, and of omitted time ranges. @param {Study} study */
 function showChoice(study) {
@@ -310,8 +347,23 @@ const action = (text, wish, isMain = false) => {
   return button;
 };
 
+/** Steps of the loop from a record to a model without misfit. */
+const LOOP = ["Record", "Fit", "Where it fails", "Missing effect", "Add and fit again"];
+
+/** Marks the step of the loop that comes next. @param {Study} study @param {Revision|undefined} revision */
+function showLoop(study, revision) {
+  const isLast = study.revisions.length > 1 && revision === study.revisions[study.revisions.length - 1];
+  const present = !revision ? 1 : !revision.comparison ? 2 : !revision.diagnosis ? 3 : revision.diagnosis.verdict.effects?.length > 0 || revision.learned?.formula ? 4 : isLast ? -1 : 3;
+  at("loop").replaceChildren(...LOOP.map((words, place) => {
+    const step = make("li", { textContent: words });
+    if (place === present) step.setAttribute("aria-current", "step");
+    return step;
+  }));
+}
+
 /** Shows the next step. @param {Study} study @param {Revision|undefined} revision */
 function showNext(study, revision) {
+  showLoop(study, revision);
   const lines = [];
   const paragraph = (/** @type {(Node|string)[]} */ ...children) => lines.push(make("p", {}, children));
   if (!revision) {
@@ -590,6 +642,14 @@ const KINDS = { sample: "Fitting the model", compare: "Testing the residuals", d
 /** A job that takes longer is reported in the title of a page in the background, in ms. */
 const LONG_MS = 20_000;
 
+/** Whether the user wants a notification at the end of the running job. */
+let isNotified = false;
+at("job-notify").addEventListener("click", () => attempt(async () => {
+  isNotified = (await Notification.requestPermission()) === "granted";
+  at("job-notify").hidden = true;
+  if (!isNotified) throw new Error("The browser does not allow notifications of this page. Allow them in its settings.");
+}));
+
 /** First news of the present stage of the job: what it is, steps done, and time in ms. */
 let stage = { key: "", done: 0, at: 0 };
 
@@ -626,6 +686,7 @@ function showJob(job) {
     if (key !== stage.key) stage = { key, done: job.progress?.[0] ?? 0, at: Date.now() };
     if (job.progress) [bar.max, bar.value] = [job.progress[1], job.progress[0]];
     else bar.removeAttribute("value");
+    at("job-notify").hidden = isNotified || !("Notification" in window) || Notification.permission === "denied";
     showTime();
   }
   measureTop();
@@ -633,6 +694,8 @@ function showJob(job) {
   const hasEnded = job && before?.standing === "running" && !runs;
   if (!job || !hasEnded) return;
   if (document.hidden && Date.now() - 1000 * job.began_s > LONG_MS) document.title = `${job.standing === "done" ? "✓" : "✗"} ${KINDS[job.kind]} – ${document.title}`;
+  if (isNotified) new Notification(`${KINDS[job.kind]}: ${job.item}`, { body: job.standing === "done" ? "The job is done." : job.words });
+  isNotified = false;
   if (job.standing !== "done") fault(new Error(`${KINDS[job.kind]}: ${job.words}`));
   if (job.standing === "done" && (job.kind === "groups" || job.kind === "example")) attempt(() => refreshItems().then(() => open(job.item)));
   else if (state.item === null) refreshItems().catch(fault);
@@ -718,6 +781,11 @@ at("revision").addEventListener("change", (event) => attempt(() => {
   plots.mark([]);
   setAddress();
   return refresh();
+}));
+at("compared").addEventListener("change", (event) => attempt(async () => {
+  state.compared = /** @type {HTMLSelectElement} */ (event.target).value || null;
+  if (state.study) showStudy(state.study);
+  await refreshRows();
 }));
 at("window").addEventListener("change", (event) => attempt(() => {
   const [from, to] = /** @type {HTMLSelectElement} */ (event.target).value.split(" ").map(Number);

@@ -2,12 +2,20 @@
 // Plots with a common time axis: positions, residuals and force.
 
 /** @typedef {{time_s: number[], force_un: number[], position_um: (number|null)[], rows: [number, number],
- *   predicted?: {median_um: number[], q05_um: number[], q95_um: number[], residual_um: (number|null)[]}}} Rows */
+ *   predicted?: Predicted, compared?: Predicted}} Rows */
+/** @typedef {{median_um: number[], q05_um: number[], q95_um: number[], residual_um: (number|null)[]}} Predicted */
 /** @typedef {{time_s: number[], tried_um: number[], tried_residual_um: (number|null)[], rmse_fitted_um: number|null, rmse_heldout_um: number|null}} Tried */
 
 /** @type {any} */
 const uPlot = /** @type {any} */ (globalThis).uPlot;
 const GROUP = "time";
+/** A drag selects times, or values while the Shift key is held down. @param {any} plot @param {any} _ @param {(event: MouseEvent) => null} handler */
+const chooseAxis = (plot, _, handler) => (/** @type {MouseEvent} */ event) => {
+  [plot.cursor.drag.x, plot.cursor.drag.y] = [!event.shiftKey, event.shiftKey];
+  return handler(event);
+};
+/** Colour of a second model beside the first. */
+const SECOND = "#a45bd6";
 
 /** Height of a plot in px: a share of the window's height within limits. @param {number} share @param {number} least @param {number} most */
 const heightOf = (share, least, most) => Math.round(Math.min(most, Math.max(least, share * innerHeight)));
@@ -52,6 +60,7 @@ export class Plots {
     /** @type {{time_s: number[], left_um: (number|null)[], change_um: (number|null)[]}|null} */ this.fingerprint = null;
     /** @type {string} */ this.kind = "";
     this.isLogTime = false;
+    /** Range of values of plots that the user has zoomed, by the place of the plot. @type {Map<string, [number, number]>} */ this.zoomed = new Map();
     addEventListener("resize", () => this.resize());
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.rebuild());
   }
@@ -61,10 +70,17 @@ export class Plots {
     this.heldOut = heldOut;
   }
 
+  /** Shows the whole record, and all values. */
+  showWhole() {
+    this.zoomed.clear();
+    this.onWindow(null, null);
+  }
+
   /** Removes what is drawn. */
   clear() {
     this.plots.forEach((plot) => plot.destroy());
     this.plots = [];
+    this.zoomed.clear();
     [this.rows, this.tried, this.fingerprint, this.marks] = [null, null, null, []];
   }
 
@@ -78,7 +94,7 @@ export class Plots {
   show(rows, window) {
     this.rows = rows;
     this.window = window;
-    const kind = (rows.predicted ? "predicted" : "record") + (rows.time_s.length > 2 * this.width() ? " in columns" : "");
+    const kind = (rows.predicted ? "predicted" : "record") + (rows.compared ? " compared" : "") + (rows.time_s.length > 2 * this.width() ? " in columns" : "");
     // Without a model there are no residuals.
     /** @type {HTMLElement} */ (document.getElementById("plot-residual")).hidden = !rows.predicted;
     if (kind !== this.kind || this.plots.length === 0) {
@@ -114,7 +130,7 @@ export class Plots {
   residuals() {
     const rows = /** @type {Rows} */ (this.rows);
     const none = rows.time_s.map(() => null);
-    return [rows.time_s, rows.predicted ? rows.predicted.residual_um : none, this.triedOf(rows)?.tried_residual_um ?? none];
+    return [rows.time_s, rows.predicted?.residual_um ?? none, rows.compared?.residual_um ?? none, this.triedOf(rows)?.tried_residual_um ?? none];
   }
 
   /** @param {{from: number, to: number}[]} marks time ranges to shade */
@@ -127,10 +143,10 @@ export class Plots {
     const rows = /** @type {Rows} */ (this.rows);
     const own = rows.predicted;
     const none = rows.time_s.map(() => null);
-    const tried = this.triedOf(rows)?.tried_um ?? none;
+    const tried = this.triedOf(rows)?.tried_um ?? none, compared = rows.compared?.median_um ?? none;
     return own
-      ? [rows.time_s, own.q95_um, own.q05_um, own.median_um, rows.position_um, tried]
-      : [rows.time_s, none, none, none, rows.position_um, tried];
+      ? [rows.time_s, own.q95_um, own.q05_um, own.median_um, compared, rows.position_um, tried]
+      : [rows.time_s, none, none, none, compared, rows.position_um, tried];
   }
 
   refill() {
@@ -186,24 +202,29 @@ export class Plots {
     const options = (/** @type {number} */ height, /** @type {string} */ label, /** @type {any[]} */ series, /** @type {any[]} */ bands, /** @type {boolean} */ isLast) => ({
       width: this.width(),
       height,
-      cursor: { sync: { key: GROUP, setSeries: false }, drag: { x: true, y: false, setScale: false }, bind: { dblclick: () => () => this.onWindow(null, null) } },
-      scales: { x: { time: false, distr: this.isLogTime ? 3 : 1 } },
+      cursor: { sync: { key: GROUP, setSeries: false }, drag: { x: true, y: false, setScale: false }, bind: { dblclick: () => () => this.showWhole(), mousedown: chooseAxis } },
+      scales: { x: { time: false, distr: this.isLogTime ? 3 : 1 }, y: { range: (/** @type {any} */ plot, /** @type {number|null} */ min, /** @type {number|null} */ max) => this.zoomed.get(plot.root.parentElement.id) ?? (min === null ? [0, 1] : uPlot.rangeNum(min, max, 0.1, true)) } },
       legend: { show: bands.length > 0 },
       axes: [{ ...axis, label: isLast ? "time (s)" : undefined, size: 34, labelSize: 20 }, { ...axis, label, size: 70, labelSize: 20, space: 22 }],
       series: [{ label: "time (s)", value: number }, ...series.map((own) => ({ value: number, spanGaps: false, ...own }))],
       bands,
       hooks: {
         setSelect: [(/** @type {any} */ plot) => {
-          if (plot.select.width < 4) return;
-          const from = plot.posToVal(plot.select.left, "x"), to = plot.posToVal(plot.select.left + plot.select.width, "x");
+          const { left, top, width, height } = plot.select;
+          if (width < 4 || height < 4) return;
+          const [from, to] = [left, left + width].map((place) => plot.posToVal(place, "x"));
+          const values = [top + height, top].map((place) => plot.posToVal(place, "y"));
           plot.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
-          this.onWindow(from, to);
+          if (!plot.cursor.drag.y) return this.onWindow(from, to);
+          this.zoomed.set(plot.root.parentElement.id, /** @type {[number, number]} */ (values));
+          plot.setData(plot.data, false);
+          this.rescale(plot);
         }],
         drawClear: [(/** @type {any} */ plot) => this.shade(plot)],
       },
     });
     const shown = this.kind.startsWith("predicted");
-    const isInColumns = this.kind.endsWith("in columns");
+    const isCompared = this.kind.includes("compared"), isInColumns = this.kind.endsWith("in columns");
     /** Measured values: dots, or bars where several rows share a column of pixels. */
     const dots = (/** @type {string} */ tint) => (isInColumns ? { stroke: tint, width: 1, points: { show: false }, paths: barsOfColumns } : { width: 0, points: { show: true, size: 3, fill: tint }, paths: () => null, stroke: tint });
     const [high, middle, low, last] = this.heights();
@@ -217,10 +238,11 @@ export class Plots {
       { label: "95 %", show: shown, stroke: blue, width: 0.5 },
       { label: "5 %", show: shown, stroke: blue, width: 0.5 },
       { label: "model", show: shown, stroke: blue, width: 2 },
+      { label: "beside", show: isCompared, stroke: SECOND, width: 2 },
       { label: "measured", ...dots(ink) },
       { label: "trial", stroke: orange, width: 2, dash: [6, 4] },
     ], [{ series: [1, 2], fill: blue + "33" }], false), "Measured position in micrometres against time, over the model's median and its band from 5 to 95 per cent");
-    put("plot-residual", options(middle, "residual (µm)", [{ label: "residual", ...dots(ink) }, { label: "of the trial", ...dots(orange) }], [], false),
+    put("plot-residual", options(middle, "residual (µm)", [{ label: "residual", ...dots(ink) }, { label: "beside", ...dots(SECOND) }, { label: "of the trial", ...dots(orange) }], [], false),
       "Residuals in micrometres against time");
     put("plot-force", options(low, "force (µN)", [{ label: "force", stroke: green, width: 1.5, paths: uPlot.paths.stepped({ align: 1 }) }], [], true), "Commanded force in micronewtons against time");
     put("plot-fingerprint", options(last, "residual (µm)", [{ label: "residual", stroke: ink, width: 0, points: { show: true, size: 3, fill: ink }, paths: () => null }, { label: "explained by the effect", stroke: orange, width: 2.5 }], [], true), "Residuals, and the part that the selected candidate effect would explain, in micrometres against time");

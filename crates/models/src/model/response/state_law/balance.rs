@@ -1,4 +1,5 @@
-//! Newton's method for the pseudo-stress R, the state and the position at the nodes of a step, which depend on each other.
+//! Newton's method for the pseudo-stress, the state and the position at the nodes of a step, which depend on each other. The pseudo-stress
+//! is the stress that replaces the state-dependence of a quantity.
 
 use super::super::collocation::{END, N_NODES};
 use super::super::numbers::Real;
@@ -16,35 +17,40 @@ const LAST_STEP: f64 = 1e-8;
 /// Smallest fraction of a Newton step that is tried.
 const LEAST_SHARE: f64 = 1e-3;
 
-/// Equation for R in terms of the force F, the body's strain ε and the function φ of the state.
+/// Equation for the pseudo-stress R, which replaces the state-dependence of a quantity. It contains the force F, the body's strain ε and
+/// the function φ of the state.
 #[derive(Clone, Copy)]
 pub enum Source<T> {
-    /// State-dependent force: R = F (φ − 1), or R = φ if the function is added.
+    /// State-dependent force F. The pseudo-stress is F (φ − 1), with φ the function of the state, or φ itself if the function is added.
     Force,
-    /// State-dependent spring of modulus E in parallel with other elements: R = −E (φ − 1) ε. The value is E divided by the
-    /// compliance C.
+    /// State-dependent spring in parallel with other elements. The pseudo-stress is −E (φ − 1) ε, with E the spring's modulus, φ the
+    /// function of the state and ε the body's strain. The value is E divided by the compliance (displacement per force at unit creep
+    /// compliance).
     Spring(T),
-    /// Other state-dependent element: R = (1/φ − 1)(s − E ε), with s the stress and E the modulus of the parallel springs. The
-    /// value is E divided by the compliance C.
+    /// Other state-dependent element. The pseudo-stress is (1/φ − 1)(s − E ε), with φ the function of the state, s the stress, E the
+    /// modulus of the parallel springs and ε the body's strain. The value is E divided by the compliance (displacement per force at unit
+    /// creep compliance).
     Other(T),
-    /// State-dependent position. There is no R, because the function changes the position directly.
+    /// State-dependent position. There is no pseudo-stress, because the function changes the position directly.
     Position,
 }
 
-/// Force and time at `N` nodes of a step, and the response there as a linear function of R.
+/// Force and time at `N` nodes of a step, and the response there as a linear function of the pseudo-stress.
 pub struct Nodes<T, const N: usize> {
     pub force_n: [T; N],
     pub growth: [T; N],
     pub time_s: [T; N],
-    /// Position and the body's contribution to it, both for R = 0 and without the growth.
+    /// Position, and the state-dependent body's contribution to it. Both are without pseudo-stress and before multiplication by the
+    /// softening factor.
     pub known: [[T; N]; 2],
-    /// Derivatives of the position, and of the body's contribution, at node i (row) by R at node j (column). Both have equal
-    /// derivatives.
+    /// Derivatives at node i (row) by the pseudo-stress at node j (column). They are the same for the position and for the body's
+    /// contribution to it.
     pub by_feedback: [[T; N]; N],
 }
 
 impl<T: Real, const N: usize> Nodes<T, N> {
-    /// Returns the position (`which` 0) or the body's contribution to it (`which` 1) at the nodes, for R = `feedback`.
+    /// Returns the position (`which` 0) or the state-dependent body's contribution to it (`which` 1) at the nodes, for the pseudo-stress
+    /// `feedback`.
     fn answers(&self, which: usize, feedback: &[T; N]) -> [T; N] {
         std::array::from_fn(|i| {
             let answered = (0..N).fold(self.known[which][i], |sum, j| sum + self.by_feedback[i][j] * feedback[j]);
@@ -53,23 +59,23 @@ impl<T: Real, const N: usize> Nodes<T, N> {
     }
 }
 
-/// Residual of the equation for R at the nodes, with its derivatives.
+/// Residual of the equation for the pseudo-stress at the nodes, with its derivatives.
 pub struct Imbalance<T, const N: usize> {
     pub left: [T; N],
-    /// Derivatives of the residual at node i (row) by R at node j (column).
+    /// Derivatives of the residual at node i (row) by the pseudo-stress at node j (column), with the opposite sign.
     pub matrix: [[f64; N]; N],
     pub states: [f64; N],
     /// Derivatives of the state at node i (row) by the position at node j (column).
     pub by_position: [[f64; N]; N],
-    /// Derivatives of the function by the state.
+    /// Derivatives of the function by the state, at each node.
     pub by_state: [f64; N],
-    /// Derivatives, by the function's value, of the R that the equation demands.
+    /// Derivatives of the pseudo-stress that the equation demands, by the function's value.
     pub by_value: [f64; N],
-    /// Derivatives, by the strain, of the R that the equation demands.
+    /// Derivatives of the pseudo-stress that the equation demands, by the body's strain.
     pub by_strain: [f64; N],
 }
 
-/// Returns the equation for R, and the quantity's value if the function is added to it.
+/// Returns the equation for the pseudo-stress, and the quantity's value if the function is added to it.
 pub fn source<T: Real>(law: &StateLaw, elements: &[Element], compliance_per_m: T) -> Result<(Source<T>, Option<T>)> {
     let Quantity::Element(ElementPlace { body, part }) = law.quantity else {
         return Ok((if law.quantity == Quantity::Force { Source::Force } else { Source::Position }, None));
@@ -112,8 +118,8 @@ pub fn no_element() -> Error {
 }
 
 impl<T: Real> StateLawRun<'_, T> {
-    /// Returns R and the positions at the nodes, and the velocity at the last node. Newton's method starts from `guess`. The
-    /// numbers carry derivatives.
+    /// Returns the pseudo-stress and the positions at the nodes, and the velocity at the last node. Newton's method starts from `guess`.
+    /// The results carry derivatives if the number type does.
     pub fn balance<const N: usize>(
         &self,
         nodes: &Nodes<T, N>,
@@ -161,7 +167,7 @@ impl<T: Real> StateLawRun<'_, T> {
         Err(no_balance(now.now_s.value()))
     }
 
-    /// Returns the residual of the equation for R at the nodes, with its derivatives.
+    /// Returns the residual of the equation for the pseudo-stress at the nodes, with its derivatives.
     pub fn imbalance<const N: usize>(
         &self,
         nodes: &Nodes<T, N>,
@@ -188,7 +194,7 @@ impl<T: Real> StateLawRun<'_, T> {
             let (target, by_value, by_strain) = self.feedback(value, nodes.force_n[i], strain);
             at.left[i] = target - feedback[i];
             (at.by_state[i], at.by_value[i], at.by_strain[i]) = (slope.derivative, by_value, by_strain);
-            // `state` holds the derivatives of the state at node i by R at every node.
+            // `state` holds the derivatives of the state at node i by the pseudo-stress at every node.
             let mut state = [0.0; N];
             for k in (0..N).filter(|k| by_position[i][*k] != 0.0) {
                 let by_answer = by_position[i][k] * nodes.growth[k].value();
@@ -202,7 +208,8 @@ impl<T: Real> StateLawRun<'_, T> {
         at
     }
 
-    /// Returns the R that the equation demands for a value of the function, and its derivatives by this value and by the strain.
+    /// Returns the pseudo-stress that the equation demands for a value of the function, and its derivatives by this value and by the
+    /// strain.
     fn feedback(&self, value: T, force_n: T, strain: T) -> (T, f64, f64) {
         let one = T::constant(1.0);
         let (factor, by_value) = match (self.law.operation, self.quantity) {
@@ -257,7 +264,7 @@ impl<T: Real> StateLawRun<'_, T> {
         match self.law.state {
             State::Position => by_position = std::array::from_fn(|i| std::array::from_fn(|j| identity(i, j))),
             State::Strain => {
-                // R changes the body's displacement and the robot's position equally.
+                // The pseudo-stress changes the body's displacement and the robot's position equally.
                 states = *share_m;
                 by_position = std::array::from_fn(|i| std::array::from_fn(|j| identity(i, j)));
             }
@@ -336,6 +343,6 @@ pub fn no_balance(time_s: f64) -> Error {
         format!(
             "no consistent force and position exist {time_s} s after the record's start: the quantity changes too fast with its state"
         ),
-        "take parameters nearer to their nulls",
+        "take parameters nearer to their null values",
     )
 }

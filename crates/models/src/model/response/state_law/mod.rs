@@ -24,7 +24,7 @@ use base::number::{Complex, Dual};
 use laws::rheology::{Accuracy, Element, RetardationSpectrum, TimeWindow};
 use laws::stages::{Operation, Quantity, Stages, State, StateLaw};
 
-/// Shortest time after a switch that is relevant for R, divided by the shortest step, if switches coincide with rows.
+/// Shortest relevant time after a switch for the pseudo-stress, divided by the shortest step. It applies if switches coincide with rows.
 const WITHIN_ROWS: f64 = 0.04;
 /// Assumed relative change of a quantity over the range of its state, for the choice of step lengths.
 const STRENGTH: f64 = 0.1;
@@ -37,7 +37,7 @@ const CLOCK_ROUNDING: f64 = 1e-12;
 struct Carried<T> {
     /// Response of all modes to the force, real and oscillating.
     by_force: (Vec<T>, Vec<Complex<T>>),
-    /// Response of the body's modes to R, real and oscillating.
+    /// Response of the body's modes to the pseudo-stress, real and oscillating.
     by_feedback: (Vec<T>, Vec<Complex<T>>),
     now_s: T,
     level_n: T,
@@ -45,8 +45,8 @@ struct Carried<T> {
     deficit_n: T,
     growth: T,
     feedback_n: T,
-    /// R at the start and nodes of the last step, and its length in s. They give the initial guess for the next step. `None`
-    /// after a jump of the force.
+    /// Pseudo-stress at the start and nodes of the last step, and the step's length in s. They give the initial guess for the next step.
+    /// `None` after a jump of the force.
     before: Option<([T; N_NODES + 1], f64)>,
     position_m: T,
     path_m: T,
@@ -54,10 +54,10 @@ struct Carried<T> {
     velocity: T,
 }
 
-/// Model of one run through a record.
+/// Data of one run through a record with a state-dependent quantity.
 struct StateLawRun<'a, T> {
     law: &'a StateLaw,
-    /// Values of the function's parameters, without derivatives.
+    /// Values of the state-dependent function's parameters, without derivatives.
     constants: Vec<Dual>,
     source: Source<T>,
     /// Value of the quantity if the function is added to it; `None` if the function is a factor.
@@ -73,7 +73,7 @@ struct StateLawRun<'a, T> {
     next: [[f64; N_NODES + 1]; N_NODES],
 }
 
-/// Returns the excess, in m at every row, of the position with the stages' state law over that of the linear law.
+/// Returns the excess, in m at every row, of the position with a state-dependent quantity over that of the linear law.
 pub(super) fn excess_m<T: Real>(
     response: &Response,
     stages: &Stages,
@@ -83,8 +83,8 @@ pub(super) fn excess_m<T: Real>(
     excess(response, stages, law, compliance_per_m, false).map(|(excess_m, _)| excess_m)
 }
 
-/// Returns the excess in m at every row, and its derivatives by each parameter of the function, indexed by parameter and then by
-/// row.
+/// Returns the excess (m) of the position over that of the linear law at every row. Also returns the derivatives of the excess by each
+/// parameter of the function, indexed by parameter and then by row.
 pub(super) fn excess_and_slopes_m(
     response: &Response,
     stages: &Stages,
@@ -154,7 +154,7 @@ fn excess<T: Real>(
 }
 
 impl<T: Real> StateLawRun<'_, T> {
-    /// Steps through the whole schedule and returns the excess (m) at the rows.
+    /// Steps through the whole schedule and returns the excess (m) over the linear law's position at the rows.
     fn through(
         &mut self,
         system: &System<T>,
@@ -217,7 +217,7 @@ impl<T: Real> StateLawRun<'_, T> {
         Ok(excess_m)
     }
 
-    /// Returns the excess (m) of the position in the state `now`.
+    /// Returns the excess (m) of the position over that of the linear law, in the state `now`.
     fn excess(&self, now: &Carried<T>) -> T {
         let (one, force_n) = (T::constant(1.0), now.level_n + now.deficit_n);
         match self.source {
@@ -251,7 +251,7 @@ impl<T: Real> StateLawRun<'_, T> {
         acting.checked_sub(1).map_or(now_s, |last| now_s - self.steps_s[last])
     }
 
-    /// Updates position and R after a jump of the force.
+    /// Updates position and pseudo-stress after a jump of the force.
     fn jump(&self, now: &mut Carried<T>, slopes: Option<&mut Slopes>) -> Result<()> {
         let force_n = now.level_n + now.deficit_n;
         let [whole, item] = self.modes.instantaneous;
@@ -275,7 +275,8 @@ impl<T: Real> StateLawRun<'_, T> {
         Ok(())
     }
 
-    /// Returns Σ Y of all modes, and Σ Y of the body's modes. Both include the response to R in earlier steps.
+    /// Returns the sum of all modes' contributions to the position, and the sum for the state-dependent body's modes. Both include the
+    /// response to the pseudo-stress in earlier steps.
     fn known(&self, now: &Carried<T>) -> [T; 2] {
         let of_feedback = sum(&now.by_feedback);
         let (real, oscillating) = &now.by_force;
@@ -294,8 +295,8 @@ impl<T: Real> StateLawRun<'_, T> {
         }
     }
 
-    /// Returns a guess of R at the nodes of a step. It extrapolates the polynomial of the previous step. If the polynomial
-    /// differs too much from its tangent, as after a kink, it extrapolates the tangent.
+    /// Returns an initial guess of the pseudo-stress at the nodes of a step. It extrapolates the polynomial of the previous step. If the
+    /// polynomial differs too much from its tangent, as after a kink, the tangent is extrapolated instead.
     fn ahead(&self, now: &Carried<T>, length_s: f64) -> [T; N_NODES] {
         let Some((at, before_s)) = &now.before else { return [now.feedback_n; N_NODES] };
         let (ratio, zero) = (length_s / before_s, T::constant(0.0));

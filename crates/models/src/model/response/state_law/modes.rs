@@ -1,4 +1,4 @@
-//! Modes of the response to the force and to the pseudo-stress R, and the coefficients of their time steps.
+//! Modes of the response to the force and to the pseudo-stress of a state-dependent quantity, and the coefficients of their time steps.
 
 use super::super::collocation::{ModeStep, N_NODES, NODES, lagrange, of_mode};
 use super::super::linear::{oscillating_row, row};
@@ -8,15 +8,15 @@ use super::super::system::{Mode, System, modes_of};
 use base::number::Complex;
 use laws::rheology::RetardationSpectrum;
 
-/// Modes of the response to the force. The modes of the state-dependent body come first, and only they respond to R.
+/// Modes of the response to the force. The modes of the state-dependent body come first, and only they respond to the pseudo-stress.
 pub struct Modes<T> {
     pub real: Vec<Mode<T>>,
     pub oscillating: Vec<Mode<Complex<T>>>,
-    /// Number of real modes of the body.
+    /// Number of real modes of the state-dependent body.
     pub n_real: usize,
-    /// Number of oscillating modes of the body.
+    /// Number of oscillating modes of the state-dependent body.
     pub n_oscillating: usize,
-    /// Instantaneous compliance C J₀ in m/N of the whole law, and of the body.
+    /// Instantaneous displacement of the robot per force, in m/N, of the whole law and of the state-dependent body.
     pub instantaneous: [T; 2],
 }
 
@@ -24,10 +24,10 @@ pub struct Modes<T> {
 pub struct Step<T> {
     pub real: Vec<ModeStep<T>>,
     pub oscillating: Vec<ModeStep<Complex<T>>>,
-    /// Σ Y at the nodes over all modes, then over the body's modes. Each has one row for a unit of the level, of the slope and of
-    /// the deficit.
+    /// Sums of the modes' contributions to the position at the nodes: over all modes, then over the state-dependent body's modes. Each sum
+    /// has one row for a unit of the force level, of its slope and of the deficit behind a lag.
     pub by_force: [[[T; N_NODES]; 3]; 2],
-    /// Σ Y over the body's modes at node i (row) for a unit of R at node j (column).
+    /// Sum over the body's modes at node i (row), for a unit of the pseudo-stress at node j (column).
     pub by_feedback: [[T; N_NODES]; N_NODES],
     pub length_s: T,
     pub lag_decay: [T; N_NODES],
@@ -35,7 +35,7 @@ pub struct Step<T> {
 }
 
 impl<T: Real> Modes<T> {
-    /// Returns the modes for the retardation spectra of the body and of all other elements.
+    /// Returns the modes for the retardation spectra of the state-dependent body and of all other elements.
     pub fn new(
         [retardation_spectrum, others]: [&RetardationSpectrum<T>; 2],
         compliance_per_m: T,
@@ -124,7 +124,7 @@ fn places() -> [f64; N_NODES + 1] {
 /// a step of length 1.
 pub fn slopes() -> [[f64; N_NODES + 1]; N_NODES] {
     let places = places();
-    // ℓⱼ'(x) = Σ_k 1/(xⱼ − x_k) Π_{m≠j,k} (x − x_m)/(xⱼ − x_m).
+    // The slope of the Lagrange polynomial of point j is Σ_k 1/(xⱼ − x_k) Π_{m≠j,k} (x − x_m)/(xⱼ − x_m).
     let slope = |j: usize, x: f64| -> f64 {
         let others = |k: usize| (0..=N_NODES).filter(move |m| *m != j && *m != k);
         let product = |k: usize| others(k).map(|m| (x - places[m]) / (places[j] - places[m])).product::<f64>();

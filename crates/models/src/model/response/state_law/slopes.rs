@@ -10,7 +10,8 @@ use base::error::Result;
 use base::number::Complex;
 use laws::stages::{Operation, State};
 
-/// Derivatives of a run's state and excess by all parameters of the function, in blocks of eight parameters.
+/// Derivatives of a run's state, and of its excess over the linear law's position, by all parameters of the function. They are in blocks of
+/// eight parameters.
 pub struct Slopes {
     n_parameters: usize,
     blocks: Vec<SlopeBlock>,
@@ -18,7 +19,7 @@ pub struct Slopes {
     by_parameters: Vec<f64>,
 }
 
-/// Derivatives, by the parameters of one block, of the run's state and of the excess at the rows.
+/// Derivatives, by the parameters of one block, of the run's state and of its excess over the linear law's position at the rows.
 struct SlopeBlock {
     by_feedback: (Vec<Lanes>, Vec<Complex<Lanes>>),
     feedback_n: Lanes,
@@ -46,7 +47,7 @@ impl Slopes {
         Self { n_parameters, blocks, by_parameters: Vec::new() }
     }
 
-    /// Derivatives of the excess, indexed by parameter and then by row.
+    /// Derivatives of the excess over the linear law's position, indexed by parameter and then by row.
     pub fn excess_m(&self) -> Vec<Vec<f64>> {
         let of = |k: usize| self.blocks[k / N_LANES].excess_m.iter().map(|row| row.0[k % N_LANES]).collect();
         (0..self.n_parameters).map(of).collect()
@@ -70,7 +71,7 @@ fn of_node(by_parameters: &[f64], n_parameters: usize, block: usize, node: usize
 }
 
 impl<T: Real> StateLawRun<'_, T> {
-    /// Stores the derivatives of the excess at a row.
+    /// Stores the derivatives of the excess over the linear law's position at a row.
     pub fn note_slopes(&self, slopes: &mut Slopes, now: &Carried<T>, row: usize) {
         let is_of_position = matches!(self.source, Source::Position);
         if is_of_position {
@@ -89,8 +90,8 @@ impl<T: Real> StateLawRun<'_, T> {
         }
     }
 
-    /// Advances the derivatives through a step, or through a jump (`step` is `None`), after R and the positions are known. `now`
-    /// is the state at the step's start.
+    /// Advances the derivatives through a step, or through a jump (`step` is `None`), after the pseudo-stress and the positions are known.
+    /// `now` is the state at the step's start.
     pub fn follow<const N: usize>(
         &self,
         slopes: &mut Slopes,
@@ -141,7 +142,7 @@ impl<T: Real> StateLawRun<'_, T> {
 }
 
 impl SlopeBlock {
-    /// Returns the derivatives of Σ Y at a node for R = 0 in this step.
+    /// Returns the derivatives of the sum of the modes' contributions at a node, without the pseudo-stress in this step.
     fn known<T: Real>(&self, step: Option<&Step<T>>, node: usize) -> Lanes {
         let (real, oscillating) = &self.by_feedback;
         let mut sum = ZERO;
@@ -175,7 +176,7 @@ impl SlopeBlock {
         })
     }
 
-    /// Advances the derivatives of the modes and of R to the step's end.
+    /// Advances the derivatives of the modes and of the pseudo-stress to the step's end.
     fn advance<T: Real, const N: usize>(&mut self, step: Option<&Step<T>>, feedback: &[Lanes; N]) {
         self.feedback_n = feedback[N - 1];
         let Some(step) = step else { return };

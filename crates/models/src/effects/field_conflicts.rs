@@ -1,4 +1,4 @@
-//! Reasons why effects and laws cannot be combined with an effect on the displacement field, as messages give them.
+//! Messages that explain why an effect or a law cannot be combined with an effect on the displacement field.
 
 use super::field::SPRINGPOTS;
 use super::first_body::{body, elements_of, in_series};
@@ -18,7 +18,7 @@ pub(super) fn memory(base: &BaseLaw) -> Option<&'static str> {
 
 /// Reason why mass cannot be added to a base law with an instantaneous response; `None` if it can.
 pub(super) fn wave_conflict(base: &BaseLaw) -> Option<&'static str> {
-    gives_way_at_once(&elements_of(base)).then_some(WAVES)
+    has_instantaneous_response(&elements_of(base)).then_some(WAVES)
 }
 
 fn has_springpot(element: &Element) -> bool {
@@ -29,7 +29,7 @@ fn has_springpot(element: &Element) -> bool {
     }
 }
 
-fn gives_way_at_once(law: &[Element]) -> bool {
+fn has_instantaneous_response(law: &[Element]) -> bool {
     // All parameters of the law are 1, so any window around one second is suitable.
     let window = TimeWindow { shortest_s: 1e-3, longest_s: 1e3 };
     RetardationSpectrum::<base::number::Dual>::of_law(law, window).is_ok_and(|s| s.instantaneous_per_pa.value > 0.0)
