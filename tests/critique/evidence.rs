@@ -107,7 +107,7 @@ fn bayes_factors_agree_by_importance_and_by_the_density_at_the_null() {
 #[test]
 fn exchanged_parts_have_one_evidence() {
     let (mut experiment, _) = embedded().expect("embedded");
-    experiment.apparatus = Apparatus::Instrument { compliance_per_m: 549.178 };
+    experiment.apparatus = Apparatus::Instrument { compliance_per_m: 549.178, is_stress_strain: false };
     let text = "parallel = [{ springpot = \"fast\" }, { springpot = \"slow\" }]";
     let base = BaseLaw::Network(Network::from_text("law.toml".as_ref(), text).expect("a network"));
     let specification = ModelSpecification { base, ..ModelSpecification::default() };

@@ -50,7 +50,7 @@ source = "chosen for this test"
 /// Eight cycles of 25 rows, because cycles identify gains and offsets. An instrument suffices, because the test does not concern space.
 fn experiment() -> Experiment {
     let (mut experiment, _) = embedded().expect("embedded");
-    experiment.apparatus = Apparatus::Instrument { compliance_per_m: 549.178 };
+    experiment.apparatus = Apparatus::Instrument { compliance_per_m: 549.178, is_stress_strain: false };
     let record = &mut experiment.record;
     // Irregular times with a gap.
     record.time_s = (0..200).map(|i| 0.2 * f64::from(i) + if i % 3 == 1 { 0.05 } else { 0.0 }).collect();

@@ -6,6 +6,7 @@ pub mod error;
 pub mod files;
 pub mod number;
 pub mod parameter;
+pub mod quantities;
 pub mod sha256;
 pub mod toml_input;
 pub mod units;

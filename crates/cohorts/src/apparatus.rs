@@ -84,7 +84,7 @@ pub fn compliance(measurement: &Measurement, monitor: &dyn Monitor) -> Result<Co
     }
     let apparatus = &measurement.experiment.apparatus;
     match apparatus {
-        Apparatus::Instrument { compliance_per_m } => return Ok(Compliance::fixed(*compliance_per_m)),
+        Apparatus::Instrument { compliance_per_m, .. } => return Ok(Compliance::fixed(*compliance_per_m)),
         Apparatus::Indenter(indenter) => return Ok(Compliance::fixed(indenter.compliance())),
         Apparatus::Robot { .. } => (),
     }

@@ -35,7 +35,7 @@ pub fn subject_with(cycles: &[&[f64]], library: &Library, effects: &[&str]) -> S
         specimen_id: "instrument".into(),
         species: None,
         region: None,
-        apparatus: Apparatus::Instrument { compliance_per_m: 549.0 },
+        apparatus: Apparatus::Instrument { compliance_per_m: 549.0, is_stress_strain: false },
         record: record(cycles),
         calibration_cycles: (1..last).collect(),
         heldout_cycles: vec![last],

@@ -24,7 +24,7 @@ impl Protocol {
     /// Returns a subject with the paper's force in many short cycles of `rows_each` rows, 0.2 s apart. The last cycle is held out.
     pub fn many_cycles(n_cycles: usize, rows_each: usize) -> Subject {
         let (mut experiment, _) = embedded().expect("embedded");
-        experiment.apparatus = Apparatus::Instrument { compliance_per_m: 549.178 };
+        experiment.apparatus = Apparatus::Instrument { compliance_per_m: 549.178, is_stress_strain: false };
         let n_rows = n_cycles * rows_each;
         let record = &mut experiment.record;
         record.time_s = (0..n_rows).map(|row| 0.2 * row as f64).collect();
@@ -42,7 +42,7 @@ impl Protocol {
 /// Returns a subject on an instrument with the replica's stiffness. An instrument needs no finite elements.
 pub fn subject(protocol: Protocol) -> Subject {
     let (mut experiment, _) = embedded().expect("embedded");
-    experiment.apparatus = Apparatus::Instrument { compliance_per_m: 549.178 };
+    experiment.apparatus = Apparatus::Instrument { compliance_per_m: 549.178, is_stress_strain: false };
     if let Protocol::Levels = protocol {
         let record = &mut experiment.record;
         let levels = [0.5, 0.0, -1.0, 0.0, 1.0, 0.0].map(|level| level * 4.6e-6);

@@ -8,6 +8,7 @@ use tiny_skia::{FillRule, LineCap, LineJoin, Mask, Paint, PathBuilder, Pixmap, S
 use super::font;
 use super::palette::{Colour, INK, WHITE};
 use base::files::{remove_if_there, write_together, xml_text};
+use base::quantities::Quantities;
 use base::{Error, Result};
 
 /// Number of PNG pixels per SVG unit.
@@ -362,6 +363,16 @@ impl Svg {
             self.body
         )
     }
+    /// Exchanges the words and units of the drawing's texts, for a record with other quantities.
+    #[must_use]
+    pub fn translated(mut self, quantities: Option<Quantities>) -> Self {
+        if let Some(quantities) = quantities {
+            self.description = quantities.translate(&self.description).into_owned();
+            self.body = quantities.translate_drawing(&self.body);
+        }
+        self
+    }
+
     /// Renders the drawing as PNG with the embedded font, with 1.5 pixels per SVG unit.
     ///
     /// # Errors

@@ -84,7 +84,8 @@ pub(crate) fn write_model(dir: &Path, specification: &ModelSpecification, priors
 }
 
 /// Adds the hashes of the prior and of an imported mesh to the inputs in a header.
-pub fn with_inputs(mut header: Provenance, problem: &Problem) -> Provenance {
+pub fn with_inputs(header: Provenance, problem: &Problem) -> Provenance {
+    let mut header = header.with_quantities(problem.experiment.quantities());
     if let Some(hash) = problem.finite_elements().and_then(|fe| fe.mesh_file_sha256.clone()) {
         header.inputs_sha256.insert(MESH_INPUT.into(), hash);
     }
@@ -172,7 +173,8 @@ fn write_figures(
         figures.push(("singular_values", singular_values(&[family], surrogate.tolerance, &heading)?));
     }
     use rayon::prelude::*;
-    figures.par_iter().map(|(stem, svg): &(&str, Svg)| write_figure(dir, stem, svg)).collect()
+    let quantities = problem.experiment.quantities();
+    figures.into_par_iter().map(|(stem, svg)| write_figure(dir, stem, &svg.translated(quantities))).collect()
 }
 
 fn draw_record_corner(problem: &Problem, result: &SampleResult) -> Result<Svg> {

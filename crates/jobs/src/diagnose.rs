@@ -14,7 +14,7 @@ use documents::diagnosis::{Diagnosis, VerdictKind};
 use documents::oscillation::OscillationDiagnosis;
 use figures::diagnosis as figure;
 use figures::fingerprints::{fingerprints as fingerprints_figure, write_fingerprints};
-use figures::svg::{remove_figure, write_figure};
+use figures::svg::{Svg, remove_figure, write_figure};
 use models::effects::Library;
 use posterior::monitor::Monitor;
 use posterior::study::{DIAGNOSIS_NAME, FINGERPRINTS_NAME, WithProvenance};
@@ -92,14 +92,16 @@ fn of_creep(
     let body = DiagnoseDocument::Creep(Box::new(found.diagnosis.clone()));
     revision.amend("diagnosis", seed, body, |dir| {
         let (figures, id) = (dir.join("figures"), &found.diagnosis.experiment);
-        write_figure(&figures, "diagnosis", &figure::diagnosis(&found.diagnosis)?)?;
+        let quantities = found.subject.experiment().quantities();
+        let write = |stem: &str, svg: Svg| write_figure(&figures, stem, &svg.translated(quantities));
+        write("diagnosis", figure::diagnosis(&found.diagnosis)?)?;
         let of_effects = fingerprints(&found.subject, &found.found);
         write_fingerprints(&dir.join(FINGERPRINTS_NAME), &of_effects)?;
         if !of_effects.effects.is_empty() {
-            write_figure(&figures, "fingerprints", &fingerprints_figure(&of_effects, id)?)?;
+            write("fingerprints", fingerprints_figure(&of_effects, id)?)?;
         }
         match &found.leftover {
-            Some(leftover) => write_figure(&figures, DISCREPANCY_FIGURE, &leftover.figure(id)?),
+            Some(leftover) => write(DISCREPANCY_FIGURE, leftover.figure(id)?),
             None => remove_figure(&figures, DISCREPANCY_FIGURE),
         }
     })

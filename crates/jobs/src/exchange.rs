@@ -267,7 +267,7 @@ mod tests {
 
     fn groups(noise: &[&str], n_rows: usize) -> (Problem, RecordGroups<'static>) {
         let (mut experiment, _) = replica::embedded().expect("embedded");
-        experiment.apparatus = Apparatus::Instrument { compliance_per_m: 549.178 };
+        experiment.apparatus = Apparatus::Instrument { compliance_per_m: 549.178, is_stress_strain: false };
         let record = &mut experiment.record;
         if n_rows > record.n_rows() {
             record.time_s = (0..n_rows).map(|row| 1e-3 * row as f64).collect();

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use super::init_creep::RheometerCreep;
+use super::init_stress::StressStrain;
 use super::init_sweep::describe_sweep;
 use base::error::{Error, InputPlace, Result, Setting};
 use base::files::{self, Content, write_together};
@@ -14,7 +14,7 @@ use record::table::{
     Ask, ColumnName, PositionColumns, Question, TableDescription, TableProposal, TableSettings, inspect_table, propose,
     tracks,
 };
-use record::{Direction, OscillationRecord, Zero, sweep_columns};
+use record::{Control, Direction, Experiment, OscillationRecord, RELAXATION, STRESS_STRAIN, Zero, sweep_columns};
 
 /// Settings of `init` that the caller chooses.
 #[derive(Debug, Clone, Default)]
@@ -35,6 +35,8 @@ pub struct InitRequest {
     pub robot_density_kg_m3: Option<f64>,
     /// Noise standard deviation of the tracker in µm.
     pub noise_um: Option<f64>,
+    /// Commanded quantity; `None` if the table shows it.
+    pub control: Option<Control>,
     /// `true` allows to overwrite an existing experiment.
     pub replace: bool,
 }
@@ -64,11 +66,10 @@ pub fn run(request: &InitRequest, ask: Ask<'_>) -> Result<(InitSummary, String)>
         return Ok((summary, sha256_hex(&bytes)));
     }
     let looked = inspect_table(&request.file, &bytes).ok();
-    let creep = looked.and_then(|looked| RheometerCreep::of(&looked, &request.known_columns, request.sizes[2]));
+    let creep = looked.and_then(|looked| StressStrain::of(&looked, &request.known_columns, request.sizes[2]));
     let given = creep.as_ref().map_or(&request.known_columns, |creep| &creep.given);
     let mut proposal = propose(&request.file, &bytes, given, ask)?;
     if let Some(creep) = &creep {
-        proposal.reasons.push(creep.reason());
         if load_start_s(&proposal, Some(creep)).is_some() {
             proposal.reasons.push("the step began at 0, before the first row (load_start_s = 0)".into());
         }
@@ -82,7 +83,14 @@ pub fn run(request: &InitRequest, ask: Ask<'_>) -> Result<(InitSummary, String)>
             unknown.extend(size.is_none().then(|| asked.key.to_string()));
         }
     }
-    let toml = experiment_toml(&request, &name, &proposal, creep.as_ref());
+    let (control, toml) = controlled(&request, (&name, &bytes), &proposal, creep.as_ref());
+    match (&creep, control) {
+        (Some(creep), _) => proposal.reasons.push(creep.reason(control)),
+        (None, Control::Position) => proposal.reasons.push(
+            "the position holds and the force changes: a relaxation, whose position is commanded and whose force is measured".into(),
+        ),
+        (None, Control::Force) => {}
+    }
     write(&out, &name, &bytes, &toml)?;
     let summary = InitSummary {
         experiments: Vec::new(),
@@ -96,6 +104,28 @@ pub fn run(request: &InitRequest, ask: Ask<'_>) -> Result<(InitSummary, String)>
         unknown,
     };
     Ok((summary, sha256_hex(&bytes)))
+}
+
+/// Commanded quantity of a table, and the description of the experiment. Of force and position, the one that holds is commanded. If neither does, it is the force.
+fn controlled(
+    request: &InitRequest,
+    (name, bytes): (&str, &[u8]),
+    proposal: &TableProposal,
+    creep: Option<&StressStrain>,
+) -> (Control, String) {
+    let describe = |control| experiment_toml(request, name, proposal, creep, control);
+    let of_constant = creep.and_then(|creep| creep.constant);
+    if let Some(control) = request.control.or(of_constant) {
+        return (control, describe(control));
+    }
+    let toml = describe(Control::Force);
+    // Sizes that the user does not know yet make no difference to the rows.
+    let readable = toml.replace(&format!("= {}", quoted(UNKNOWN)), "= 0.45");
+    let control = match Experiment::from_texts("experiment.toml", readable, name, bytes) {
+        Ok((experiment, _)) => experiment.record.likely_control(),
+        Err(_) => Control::Force,
+    };
+    (control, if control == Control::Force { toml } else { describe(control) })
 }
 
 /// Value of the track setting that selects all tracks of a table.
@@ -280,7 +310,7 @@ fn column_name(column: &ColumnName) -> String {
 const FIRST_ROW: f64 = 0.01;
 
 /// Time at which a rheometer's load begins, in s of the table's clock: 0 if the first loaded row follows soon after time 0, otherwise `None`.
-fn load_start_s(proposal: &TableProposal, creep: Option<&RheometerCreep>) -> Option<f64> {
+fn load_start_s(proposal: &TableProposal, creep: Option<&StressStrain>) -> Option<f64> {
     let first_s = proposal.loaded_from_s.filter(|_| creep.is_some())?;
     (first_s > 0.0 && first_s <= FIRST_ROW * proposal.duration_s).then_some(0.0)
 }
@@ -290,7 +320,8 @@ fn experiment_toml(
     request: &InitRequest,
     file: &str,
     proposal: &TableProposal,
-    creep: Option<&RheometerCreep>,
+    creep: Option<&StressStrain>,
+    control: Control,
 ) -> String {
     let table = &proposal.description;
     let layout = &table.layout;
@@ -320,7 +351,7 @@ fn experiment_toml(
         Some(region) => line("region", quoted(region), "cohorts can be grouped by region"),
         None => line("# region", quoted("central"), "free text; cohorts can be grouped by region"),
     }
-    if let Some(RheometerCreep { compliance, .. }) = creep {
+    if let Some(StressStrain { compliance, .. }) = creep {
         let value = format!("{compliance:?}");
         line("\n[instrument]\ncompliance_per_m", value, "2 + 2ν: Young's modulus over shear modulus");
     } else {
@@ -377,7 +408,9 @@ fn experiment_toml(
     if let Some((_, track)) = &table.track {
         line("track", quoted(track), "only the rows of this track are read");
     }
-    match proposal.frame.zero {
+    // A strain is commanded from its own zero, and a record may begin in the middle of a hold.
+    let zero = if control == Control::Position && creep.is_some() { Zero::AsWritten } else { proposal.frame.zero };
+    match zero {
         Zero::AsWritten => {
             line("# zero", quoted("first"), "position that counts as 0: \"first\", \"rest\" or a number")
         }
@@ -398,10 +431,14 @@ fn experiment_toml(
         ),
         Direction::Degrees(degrees) => line("direction", format!("{degrees:?}"), "degrees from x to y"),
     }
-    if proposal.has_noisy_levels {
-        line("force", quoted("levels"), "from a sensor: each hold takes its median; or \"hold\", \"linear\"");
-    } else {
-        line("# force", quoted("hold"), "\"hold\" until the next row, or \"linear\" between rows");
+    match control {
+        Control::Force if proposal.has_noisy_levels => {
+            line("force", quoted("levels"), "from a sensor: each hold takes its median; or \"hold\", \"linear\"");
+        }
+        Control::Force => line("# force", quoted("hold"), "\"hold\" until the next row, or \"linear\" between rows"),
+        Control::Position => {
+            line("command", quoted("linear"), "between rows; \"hold\" until the next row, or \"levels\" of a sensor");
+        }
     }
     match load_start_s(proposal, creep) {
         Some(start_s) => {
@@ -410,10 +447,12 @@ fn experiment_toml(
         None => line("# load_start_s", "-3.0".into(), "start of the first row's force, if before the first row"),
     }
     line("\n[measurement.columns]\ntime", column_name(&table.time.0), "name in the header, or number from 1");
-    if let Some((force, _)) = &table.force {
-        line("force", column_name(force), "the commanded force");
+    let constant = creep.and_then(|creep| creep.constant);
+    if let Some((force, _)) = table.force.as_ref().filter(|_| constant != Some(Control::Force)) {
+        line("force", column_name(force), if control == Control::Force { "the commanded force" } else { "the measured force" });
     }
-    match table.position.as_ref().map(|(columns, _)| columns) {
+    let positions = table.position.as_ref().filter(|_| constant != Some(Control::Position));
+    match positions.map(|(columns, _)| columns) {
         Some(PositionColumns::Along(position)) => line("position", column_name(position), "along the force"),
         Some(PositionColumns::Axes(axes)) => {
             for (key, axis) in AXES.iter().zip(axes) {
@@ -433,11 +472,11 @@ fn experiment_toml(
         quoted(table.time.1.name()),
         "s, ms, min, h, \"clock\" (hh:mm:ss), or dates: \"iso\", \"day-first\", \"month-first\"",
     );
-    if let Some((_, unit)) = &table.force {
+    if let Some((_, unit)) = table.force.as_ref().filter(|_| constant != Some(Control::Force)) {
         let units = if creep.is_some() { "1 Pa is entered as 1 N" } else { "N, mN, uN, nN or pN" };
         line("force", quoted(&unit.name), units);
     }
-    if let Some((_, unit)) = &table.position {
+    if let Some((_, unit)) = positions {
         let units = match creep {
             Some(_) => "a strain of 1 is entered as 1 m",
             None => "m, mm, um or nm, or a multiple of one: \"0.65 um\" for a pixel",

@@ -44,9 +44,10 @@ pub fn run(target: &Target, request: &LadderRequest, monitor: &dyn Monitor) -> R
     let crate::target::Revision { study, problem, .. } = target.creep()?.revision(request.options.clone(), monitor)?;
     let summary = compare_revisions(&study, &problem, request, monitor)?;
     monitor.stage("writing results and figures");
-    let provenance = provenance(&study, &summary, seed)?;
+    let quantities = problem.experiment.quantities();
+    let provenance = provenance(&study, &summary, seed)?.with_quantities(quantities);
     let document = WithProvenance { provenance, body: summary };
-    let [svg, png] = figure_files(study.dir(), "ladder", &figures::ladder::ladder(&document.body)?)?;
+    let [svg, png] = figure_files(study.dir(), "ladder", &figures::ladder::ladder(&document.body)?.translated(quantities))?;
     let json = study.dir().join(LADDER_NAME);
     let json = (json.clone(), files::to_json(&json, &document)?);
     files::write_together(&[&svg, &png, &json].map(|(path, bytes)| (path.as_path(), bytes.as_slice())))?;

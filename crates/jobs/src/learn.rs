@@ -64,6 +64,7 @@ fn of_creep(creep: &CreepTarget, request: &LearnRequest, monitor: &dyn Monitor) 
         Some(_) => None,
     };
     let subject = of_first_cycles(revision.subject_for_effects(monitor)?, request.first_cycles)?;
+    let quantities = subject.experiment().quantities();
     let of_search = Request { n_simulations: request.simulations, seed, is_monotone: request.is_monotone, base_errors };
     let found = learn(&subject, &of_search, monitor)?;
     monitor.stage("writing results and figures");
@@ -75,7 +76,7 @@ fn of_creep(creep: &CreepTarget, request: &LearnRequest, monitor: &dyn Monitor) 
             None => remove_if_there(&file)?,
         }
         match found.learned.function {
-            Some(_) => write_figure(&figures, FIGURE, &figure::learned(&found.learned)?),
+            Some(_) => write_figure(&figures, FIGURE, &figure::learned(&found.learned)?.translated(quantities)),
             None => remove_figure(&figures, FIGURE),
         }
     })

@@ -14,7 +14,7 @@ pub mod extend;
 pub mod first_revision;
 pub mod fit;
 pub mod init;
-mod init_creep;
+mod init_stress;
 mod init_sweep;
 pub mod ladder;
 pub mod last_cycle;

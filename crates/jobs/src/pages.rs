@@ -41,7 +41,12 @@ pub fn write(dir: &Path, out: Option<&Path>) -> Result<PathBuf> {
     } else if let Some(document) = read::<ShapesSummary>(&dir.join("shapes.json"))? {
         page::shapes(&document.body, read_figures(dir)?, &origin(document.provenance))
     } else {
-        page::study(content(&Study::open(dir)?)?)
+        let study = Study::open(dir)?;
+        let page = page::study(content(&study)?);
+        match study.read_experiment()?.0.quantities() {
+            Some(quantities) => quantities.translate_page(&page),
+            None => page,
+        }
     };
     let place = out.map_or_else(|| dir.join(PAGE_NAME), Path::to_path_buf);
     write_atomically(&place, html.as_bytes())?;
@@ -53,11 +58,17 @@ pub fn write(dir: &Path, out: Option<&Path>) -> Result<PathBuf> {
 /// # Errors
 /// As [`write()`].
 pub fn parts(dir: &Path, revision: &str) -> Result<Vec<(&'static str, String)>> {
-    let mut content = content(&Study::open(dir)?)?;
+    let study = Study::open(dir)?;
+    let mut content = content(&study)?;
+    let quantities = study.read_experiment()?.0.quantities();
     if let Some(place) = content.revisions.iter().position(|revision_page| revision_page.name == revision) {
         content.revisions.truncate(place + 1);
     }
-    Ok(page::study_parts(&content))
+    let mut parts = page::study_parts(&content);
+    if let Some(quantities) = quantities {
+        parts.iter_mut().for_each(|(_, part)| *part = quantities.translate_page(part));
+    }
+    Ok(parts)
 }
 
 fn origin(provenance: Provenance) -> Origin {

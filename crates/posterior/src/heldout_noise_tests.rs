@@ -20,7 +20,7 @@ const NOISE: [f64; 5] = [4.0, 3.0, 0.7, 0.03, 5.0];
 /// Problem with the replica's protocol, an instrument in place of the bead, and all Gaussian noise terms.
 fn problem() -> Problem {
     let (mut experiment, _) = embedded().unwrap();
-    experiment.apparatus = Apparatus::Instrument { compliance_per_m: COMPLIANCE_PER_M };
+    experiment.apparatus = Apparatus::Instrument { compliance_per_m: COMPLIANCE_PER_M, is_stress_strain: false };
     let noise = ["white", "ou", "gain"].map(String::from);
     let specification = ModelSpecification::from_options(None, &[], &noise, None, &[]).unwrap();
     Problem::new(experiment, specification, None, &SilentMonitor).unwrap()

@@ -216,7 +216,7 @@ impl Mechanics {
     /// directly.
     pub fn new(apparatus: &Apparatus, mesh_file: Option<&MeshFile>) -> Result<Self> {
         let (robot, vitreous) = match apparatus {
-            Apparatus::Instrument { compliance_per_m } => {
+            Apparatus::Instrument { compliance_per_m, .. } => {
                 return Ok(Self::Instrument { compliance_per_m: *compliance_per_m });
             }
             Apparatus::Indenter(indenter) => {

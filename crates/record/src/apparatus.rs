@@ -20,6 +20,8 @@ pub enum Apparatus {
     Instrument {
         /// Compliance of the instrument in 1/m: its position per force, divided by the creep compliance (1/Pa).
         compliance_per_m: f64,
+        /// True if the record has stress and strain. A stress of 1 Pa then counts as 1 µN, and a strain of 1 % as 1 µm.
+        is_stress_strain: bool,
     },
     /// Tip that is pressed into a half-space: depth^p = compliance × ∫J dF. p is the exponent of the tip's shape, J the creep compliance and F the
     /// force.
@@ -193,6 +195,24 @@ const MM_PER_M: f64 = 1e3;
 const SIZES_MM: [f64; 2] = [1e-6, 1e4];
 /// Allowed densities in kg/m³, from thin gases to far above any metal.
 const DENSITIES_KG_M3: [f64; 2] = [1e-3, 1e6];
+/// Value of the key `measures` for an instrument that records stress and strain.
+pub const STRESS_STRAIN: &str = "stress and strain";
+/// Newtons for a stress of 1 Pa, and metres for a strain of 1, in a record of stress and strain.
+pub(super) const OF_STRESS_STRAIN: [f64; 2] = [1e-6, 1e-4];
+
+impl Apparatus {
+    /// Marks an instrument as one that records stress and strain, and scales its compliance to their units. Other apparatus stays as it is.
+    pub(super) fn with_stress_strain(self) -> Self {
+        match self {
+            Self::Instrument { compliance_per_m, .. } => {
+                let [stress, strain] = OF_STRESS_STRAIN;
+                Self::Instrument { compliance_per_m: compliance_per_m * strain / stress, is_stress_strain: true }
+            }
+            other => other,
+        }
+    }
+}
+
 /// Allowed compliances of instruments, in 1/m. The inverses are lengths from a femtometre to a thousand kilometres.
 const COMPLIANCES_PER_M: [f64; 2] = [1e-6, 1e15];
 /// Largest ratio of the vitreous's diameter to the robot's smallest size. Larger ratios only add elements with negligible displacements.
@@ -221,10 +241,18 @@ impl Apparatus {
                     ));
                 }
             }
-            instrument.only(&["compliance_per_m"])?;
+            instrument.only(&["compliance_per_m", "measures"])?;
             let compliance_per_m =
                 instrument.required_within("compliance_per_m", "compliance_per_m = 1.59e6", COMPLIANCES_PER_M)?;
-            return Ok(Self::Instrument { compliance_per_m });
+            let is_stress_strain = match instrument.text("measures")?.as_deref() {
+                None => false,
+                Some(STRESS_STRAIN) => true,
+                Some(other) => {
+                    let remedy = format!("write \"{STRESS_STRAIN}\", or leave the key out for a force and a position");
+                    return Err(instrument.refuse("measures", format!("unknown quantities `{other}`"), remedy));
+                }
+            };
+            return Ok(Self::Instrument { compliance_per_m, is_stress_strain });
         }
         if !root.has("robot") && !root.has("vitreous") {
             return Err(root.refuse(
@@ -485,7 +513,7 @@ mod tests {
     fn another_instrument_needs_its_compliance_only() {
         assert_eq!(
             read("[instrument]\ncompliance_per_m = 1.59e6\n"),
-            Apparatus::Instrument { compliance_per_m: 1.59e6 }
+            Apparatus::Instrument { compliance_per_m: 1.59e6, is_stress_strain: false }
         );
     }
 

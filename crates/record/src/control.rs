@@ -1,5 +1,7 @@
 //! The quantity that an experiment commands: the force, as in a creep test, or the position, as in a relaxation.
 
+use super::record::Record;
+use super::robust::median;
 use super::trajectory::Trajectory;
 use base::error::{Error, InputPlace, Result};
 use std::path::Path;
@@ -15,7 +17,39 @@ pub enum Control {
     Position,
 }
 
+/// A quantity holds if it changes by less than this part of its range over a tenth of the rows, in most places.
+const HELD: f64 = 0.01;
+/// Factor by which the held quantity changes less than the other one.
+const CLEARLY_LESS: f64 = 0.3;
+
+impl Record {
+    /// The quantity that an experiment most likely commanded: the position if it holds while the force changes, otherwise the force.
+    pub fn likely_control(&self) -> Control {
+        let rows: Vec<usize> = (0..self.n_rows()).filter(|row| self.position_m[*row].is_some()).collect();
+        let [force, position] = [
+            change(rows.iter().map(|row| self.force_n[*row]).collect()),
+            change(rows.iter().filter_map(|row| self.position_m[*row]).collect()),
+        ];
+        if position < HELD && position < CLEARLY_LESS * force { Control::Position } else { Control::Force }
+    }
+}
+
+/// Median change of a quantity over a tenth of the rows, as a part of its range. The range includes 0, at which every record starts.
+fn change(values: Vec<f64>) -> f64 {
+    let apart = values.len().div_ceil(10).max(1);
+    let range = values.iter().fold(0.0_f64, |most, x| most.max(*x)) - values.iter().fold(0.0_f64, |least, x| least.min(*x));
+    let changes = values.windows(apart + 1).map(|window| (window[apart] - window[0]).abs()).collect();
+    median(changes).map_or(0.0, |change| if range > 0.0 { change / range } else { 0.0 })
+}
+
 impl Trajectory {
+    /// Multiplies the forces and the positions by a factor each.
+    pub(super) fn scale(&mut self, [of_force, of_position]: [f64; 2]) {
+        self.force_n.iter_mut().for_each(|force| *force *= of_force);
+        self.position_m.iter_mut().flatten().for_each(|position| *position *= of_position);
+        self.position_unit_m *= of_position;
+    }
+
     /// Exchanges force and position, for a record with a prescribed position. Errors name `file`.
     ///
     /// # Errors

@@ -24,7 +24,7 @@ pub mod table;
 mod times;
 mod trajectory;
 
-pub use apparatus::{Apparatus, Offset, OffsetDirection, Orientation, Robot, RobotShape, Vitreous, density_toml};
+pub use apparatus::{Apparatus, Offset, OffsetDirection, Orientation, Robot, RobotShape, STRESS_STRAIN, Vitreous, density_toml};
 pub use control::Control;
 pub use force::{Force, ForceRule, OwnedForce, has_noisy_levels};
 pub use frame::{AppliedFrame, Direction, Frame, Projection, Zero, is_work_negative};
@@ -38,6 +38,8 @@ pub use record::Record;
 pub use scales::CharacteristicSizes;
 pub use sweep::{OscillationRecord, SweepColumn, SweepForm, SweepRow, sweep_columns};
 pub use times::TimeRules;
+
+use base::quantities::Quantities;
 
 /// One checked experiment, in SI units.
 #[derive(Debug, Clone, PartialEq)]
@@ -68,6 +70,16 @@ pub struct Experiment {
 }
 
 impl Experiment {
+    /// Words and units of the record's quantities; `None` for a commanded force in µN and a measured position in µm.
+    pub fn quantities(&self) -> Option<Quantities> {
+        match (self.control, &self.apparatus) {
+            (Control::Force, Apparatus::Instrument { is_stress_strain: true, .. }) => Some(Quantities::StressCreep),
+            (Control::Position, Apparatus::Instrument { .. }) => Some(Quantities::StressRelaxation),
+            (Control::Position, _) => Some(Quantities::Relaxation),
+            (Control::Force, _) => None,
+        }
+    }
+
     /// Returns the experiment with the cycles for the comparison of revisions (formats §4). Only the last held-out cycle is scored, and all other
     /// cycles are fitted. If no cycle is held out, all cycles are fitted and none is scored.
     pub fn for_comparison(&self) -> Self {

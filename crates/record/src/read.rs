@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use super::actuation::Actuation;
+use super::apparatus::OF_STRESS_STRAIN;
 use super::contact::trim_to_contact;
 use super::cycles::find_cycles;
 use super::force::{ForceRule, levels};
@@ -80,6 +81,8 @@ struct Specification {
     noise_sd_m: Option<f64>,
     source: Option<String>,
     control: Control,
+    /// Value of the commanded quantity in all rows, in the unit of the table; `None` if a column has it.
+    constant: Option<f64>,
 }
 
 /// Key of the rule for the command between rows. `command` means the commanded position of a relaxation.
@@ -96,22 +99,17 @@ fn command_key(measurement: TomlTable<'_>, control: Control, has_log: bool) -> R
     Ok(here)
 }
 
-/// Known noise of the measured quantity in SI units: of the position in m, or of the force in N. The stress of an instrument (Pa) counts as a force (N).
-fn noise_sd(measurement: TomlTable<'_>, control: Control, is_instrument: bool) -> Result<Option<f64>> {
-    let keys = [("noise_um", 1e-6), ("noise_un", 1e-6), ("noise_pa", 1.0)];
-    let place = match (control, is_instrument) {
-        (Control::Force, _) => 0,
-        (Control::Position, false) => 1,
-        (Control::Position, true) => 2,
-    };
-    let (key, unit) = keys[place];
-    if let Some((other, _)) = keys.iter().find(|(other, _)| *other != key && measurement.has(other)) {
+/// Known noise of the measured quantity in SI units: of the position in m, or of the force in N. A stress of 1 Pa counts as 1 µN, and a strain of 1 % as 1 µm.
+fn noise_sd(measurement: TomlTable<'_>, control: Control, is_stress_strain: bool) -> Result<Option<f64>> {
+    let keys = ["noise_um", "noise_un", "noise_percent", "noise_pa"];
+    let key = keys[usize::from(control == Control::Position) + 2 * usize::from(is_stress_strain)];
+    if let Some(other) = keys.iter().find(|other| **other != key && measurement.has(other)) {
         let found = format!("the noise of this record is given by `{key}`");
         return Err(measurement.refuse(other, found, format!("write `{key} = …` instead")));
     }
     let noise = measurement.positive(key, &format!("{key} = 4.0"))?;
     let noise = noise.map(|noise| measurement.require_range(key, noise, NOISES_UM)).transpose()?;
-    Ok(noise.map(|noise| noise * unit))
+    Ok(noise.map(|noise| 1e-6 * noise))
 }
 
 /// List of cycles in the TOML file, with its place for errors.
@@ -249,7 +247,9 @@ impl Specification {
                     "noise_um",
                     "noise_un",
                     "noise_pa",
+                    "noise_percent",
                     "command",
+                    "constant",
                     "source",
                 ],
                 &["force", "zero", "direction"][..],
@@ -274,7 +274,16 @@ impl Specification {
         };
         let (force_rule, force_rule_given) =
             actuation.as_ref().map_or((of_rows, measurement.has(rule_key)), |log| (log.rule, log.rule_given));
-        let table = TableDescription::read(measurement, actuation.is_some())?;
+        let constant = measurement.number("constant")?;
+        if constant == Some(0.0) || constant.is_some() && actuation.is_some() {
+            let remedy = "give the value of the commanded quantity, in N or m (for stress and strain in Pa or 1), or leave the key out";
+            return Err(measurement.refuse("constant", "the commanded quantity cannot be this constant", remedy));
+        }
+        let table = TableDescription::read(measurement, actuation.is_some(), constant.map(|_| control))?;
+        if constant.is_some() && table.is_none() {
+            let remedy = "describe the table in [measurement.columns], or write the commanded quantity in a column";
+            return Err(measurement.refuse("constant", "a table in the program's own format has both quantities", remedy));
+        }
         let frame = Frame::read(measurement, table.as_ref().map_or(1, TableDescription::n_axes))?;
         let csv_name = plain_path(measurement, "trajectory.csv")?;
         let is_indenter = matches!(apparatus, Apparatus::Indenter(_));
@@ -294,7 +303,12 @@ impl Specification {
             let remedy = "give the record of a hold at constant force, or use `[instrument]` with its compliance";
             return Err(measurement.refuse("kind", "a relaxation of an indenter has no model", remedy));
         }
-        let noise_sd_m = noise_sd(measurement, control, matches!(apparatus, Apparatus::Instrument { .. }))?;
+        let is_stress_strain = match apparatus {
+            Apparatus::Instrument { is_stress_strain, .. } => is_stress_strain || control == Control::Position,
+            _ => false,
+        };
+        let apparatus = if is_stress_strain { apparatus.with_stress_strain() } else { apparatus };
+        let noise_sd_m = noise_sd(measurement, control, is_stress_strain)?;
         Ok(Self {
             specimen_id,
             species,
@@ -316,6 +330,7 @@ impl Specification {
             noise_sd_m,
             source: measurement.text("source")?,
             control,
+            constant,
         })
     }
 
@@ -336,7 +351,19 @@ impl Specification {
                 trajectory
             }
         };
+        if let Some(constant) = self.constant {
+            match self.control {
+                Control::Force => trajectory.force_n = vec![constant; trajectory.time_s.len()],
+                Control::Position => trajectory.position_m = vec![Some(constant); trajectory.time_s.len()],
+            }
+        }
+        if matches!(self.apparatus, Apparatus::Instrument { is_stress_strain: true, .. }) {
+            trajectory.scale(OF_STRESS_STRAIN);
+        }
+        // Zero and direction concern the position, also where it is commanded.
+        let mut settled = None;
         if self.control == Control::Position {
+            settled = Some(self.frame.apply(csv_place, &mut trajectory)?);
             trajectory.exchange(csv_place)?;
         }
         let (mut driven_place, mut force_rows, mut log_file) = (csv_place.to_path_buf(), Vec::new(), None);
@@ -358,7 +385,10 @@ impl Specification {
         }
         check_driven(&driven_place, &trajectory)?;
         let mut notes = Vec::new();
-        let settled = self.frame.apply(csv_place, &mut trajectory)?;
+        let settled = match settled {
+            Some(settled) => settled,
+            None => self.frame.apply(csv_place, &mut trajectory)?,
+        };
         if let Some(starts) = &self.cycle_starts {
             starts.number(&mut trajectory)?;
         }

@@ -44,7 +44,7 @@ pub fn run(arguments: &CheckArguments) -> Result<ExitCode> {
     };
     let summary = check::summary(&experiment, &files);
     draw(arguments, &experiment, &files)?;
-    let provenance = Provenance::new("check", 1, 0, Study::hashes_of(&files)?);
+    let provenance = Provenance::new("check", 1, 0, Study::hashes_of(&files)?).with_quantities(experiment.quantities());
     crate::output::show(arguments.json.as_deref(), &WithProvenance { provenance, body: &summary }, &words(&summary))?;
     if !arguments.quiet {
         crate::interrupt::print_message(&format!("Figure: {}.svg and .png", arguments.out.display()));
@@ -81,7 +81,7 @@ fn draw(arguments: &CheckArguments, experiment: &Experiment, files: &ExperimentF
     let dir =
         arguments.out.parent().filter(|dir| !dir.as_os_str().is_empty()).map_or(PathBuf::from("."), PathBuf::from);
     let stem = arguments.out.file_name().map_or("record".into(), |name| name.to_string_lossy().into_owned());
-    write_figure(&dir, &stem, &svg)
+    write_figure(&dir, &stem, &svg.translated(experiment.quantities()))
 }
 
 fn words(summary: &CheckSummary) -> String {

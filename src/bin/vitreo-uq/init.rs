@@ -95,8 +95,11 @@ pub struct InitArguments {
     /// Poisson ratio of the vitreous
     #[arg(long, value_name = "RATIO", allow_negative_numbers = true)]
     poisson_ratio: Option<f64>,
-    /// Known noise standard deviation of the tracker, in µm
-    #[arg(long, value_name = "UM")]
+    /// Quantity that was commanded: the force in a creep test, or the position in a relaxation [default: the one that holds]
+    #[arg(long, value_enum)]
+    kind: Option<RecordKind>,
+    /// Known noise standard deviation of the measured quantity: of a position in µm, a force in µN, a strain in % or a stress in Pa
+    #[arg(long, value_name = "NUMBER")]
     noise_um: Option<f64>,
     /// Write the result as one JSON document to a file, or with `-` to standard output in place of the text
     #[arg(long, value_name = "FILE|-")]
@@ -107,6 +110,15 @@ pub struct InitArguments {
     /// Do not print the next command on standard error
     #[arg(long)]
     quiet: bool,
+}
+
+/// Kind of a record over time.
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum RecordKind {
+    /// The force is commanded, and the position is measured
+    Creep,
+    /// The position is commanded, and the force is measured
+    Relaxation,
 }
 
 pub fn run(arguments: &InitArguments) -> Result<ExitCode> {
@@ -131,6 +143,10 @@ pub fn run(arguments: &InitArguments) -> Result<ExitCode> {
         sizes: [arguments.robot_diameter_mm, arguments.vitreous_diameter_mm, arguments.poisson_ratio],
         robot_density_kg_m3: arguments.robot_density_kg_m3,
         noise_um: arguments.noise_um,
+        control: arguments.kind.map(|kind| match kind {
+            RecordKind::Creep => Control::Force,
+            RecordKind::Relaxation => Control::Position,
+        }),
         replace: arguments.replace,
     };
     let may_ask = questions::can_ask_questions(arguments.quiet, arguments.json.as_deref());

@@ -1,5 +1,6 @@
 //! Writes the result of a command: text to standard output, JSON to a file or to standard output.
 
+use std::borrow::Cow;
 use std::io::Write;
 use std::path::Path;
 use std::time::Instant;
@@ -7,6 +8,7 @@ use std::time::Instant;
 use serde::Serialize;
 use vitreo_uq::base::error::{Error, InputPlace, Result};
 use vitreo_uq::base::files::write_json_atomically;
+use vitreo_uq::base::quantities::Quantities;
 
 /// Checks that the JSON document can be written to its path. Commands call this function before they start long computations.
 pub fn check(json: Option<&Path>) -> Result<()> {
@@ -39,6 +41,10 @@ fn write_document(path: &Path, document: &impl Serialize) -> Result<()> {
 
 /// Prints the text of a result. With `--json FILE` the document is also written; with `--json -` only the document is printed.
 pub fn show(json: Option<&Path>, document: &impl Serialize, words: &str) -> Result<()> {
+    let quantities = serde_json::to_value(document)
+        .ok()
+        .and_then(|document| Quantities::named(document.get("record_kind")?.as_str()?));
+    let words = &*quantities.map_or(Cow::Borrowed(words), |quantities| quantities.translate(words));
     let text = match json {
         Some(path) if path == Path::new("-") => {
             let json = serde_json::to_string_pretty(document);

@@ -10,7 +10,7 @@ use documents::comparison::TestEntry;
 use figures::comparison::{ComparisonData, comparison};
 use figures::comparison_bars::{BarPanel, bias_sheet};
 use figures::comparison_map::{FailureMapData, FailureMapRow, failure_map};
-use figures::svg::write_figure;
+use figures::svg::{Svg, write_figure};
 use posterior::sample::noise_origin_text;
 
 /// Writes `comparison`, `comparison_map` and `comparison_bias` as SVG and PNG into a directory.
@@ -20,7 +20,8 @@ use posterior::sample::noise_origin_text;
 pub fn write(dir: &Path, outcome: &ComparisonResult) -> Result<()> {
     let subject = &outcome.subject;
     let name = &outcome.comparison.experiment;
-    write_figure(dir, "comparison", &comparison_figure(subject, outcome, name)?)?;
+    let write = |stem: &str, svg: Svg| write_figure(dir, stem, &svg.translated(subject.experiment().quantities()));
+    write("comparison", comparison_figure(subject, outcome, name)?)?;
     let rows = map_rows(subject, outcome);
     let shortest_s = outcome.time_since_step_s.iter().flatten().fold(f64::INFINITY, |least, lag| least.min(*lag));
     if !rows.is_empty() {
@@ -31,7 +32,7 @@ pub fn write(dir: &Path, outcome: &ComparisonResult) -> Result<()> {
             shortest_s: 0.6 * shortest_s,
             rows: &rows,
         };
-        write_figure(dir, "comparison_map", &failure_map(&data))?;
+        write("comparison_map", failure_map(&data))?;
     }
     let is_echo = |entry: &TestEntry| {
         outcome.comparison.findings.iter().any(|finding| finding.place == entry.place && finding.echo_of.is_some())
@@ -41,10 +42,10 @@ pub fn write(dir: &Path, outcome: &ComparisonResult) -> Result<()> {
     let heading = format!(
         "{name}: bias of the measurement against the model (bars: ± 2 standard errors; shaded: findings, faint: explained findings)"
     );
-    write_figure(dir, "comparison_bias", &bias_sheet(&heading, &panels))
+    write("comparison_bias", bias_sheet(&heading, &panels))
 }
 
-fn comparison_figure(subject: &Subject, outcome: &ComparisonResult, name: &str) -> Result<figures::svg::Svg> {
+fn comparison_figure(subject: &Subject, outcome: &ComparisonResult, name: &str) -> Result<Svg> {
     let experiment = subject.experiment();
     let record = &experiment.record;
     let um = |values: &[f64]| values.iter().map(|x| 1e6 * x).collect::<Vec<f64>>();

@@ -167,7 +167,7 @@ fn sentences(experiment: &Experiment, understood: &Interpretation) -> [String; 5
             number(1e3 * vitreous.diameter_m),
             vitreous.poisson_ratio
         ),
-        Apparatus::Instrument { compliance_per_m } => {
+        Apparatus::Instrument { compliance_per_m, .. } => {
             format!("an instrument with a compliance of {} 1/m", number(*compliance_per_m))
         }
         Apparatus::Indenter(indenter) => format!(

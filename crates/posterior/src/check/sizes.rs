@@ -15,7 +15,7 @@ pub(super) fn no_gel(looked: &CheckContext<'_>) -> Option<Contradiction> {
         return None;
     }
     let per_pa_m = match &looked.experiment.apparatus {
-        Apparatus::Instrument { compliance_per_m } => compliance_per_m * largest_n,
+        Apparatus::Instrument { compliance_per_m, .. } => compliance_per_m * largest_n,
         Apparatus::Indenter(_) => return None,
         Apparatus::Robot { robot, vitreous } => {
             // A rigid sphere of radius a in an unbounded elastic body is displaced by x under the force F = 24 π μ a (1 − ν)/(5 − 6ν) x. Here μ is the shear modulus

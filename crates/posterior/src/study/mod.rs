@@ -25,7 +25,7 @@ use std::path::{Component, Path, PathBuf};
 use base::sha256::sha256_hex;
 
 pub use model_specification::{Assignments, ModelSpecification, PRIOR_COPY, named_effects};
-pub use provenance::{Kept, Provenance, WithProvenance};
+pub use provenance::{Kept, ORIGINAL, Provenance, WithProvenance};
 pub use revision::RevisionWriter;
 
 use atomic::{Lock, replace_directory, sync_tree};

@@ -2,8 +2,11 @@
 
 use std::collections::BTreeMap;
 
+use base::quantities::Quantities;
 use base::sha256::sha256_hex;
-use serde::{Deserialize, Serialize};
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde_json::Value;
 
 /// Header of a JSON document. Its keys are at the top level of the document.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -17,13 +20,26 @@ pub struct Provenance {
     pub seed: u64,
     /// SHA-256 of each input, in hexadecimal, by file name.
     pub inputs_sha256: BTreeMap<String, String>,
+    /// Words and units of the record's quantities: `relaxation`, `stress-creep` or `stress-relaxation`. Absent for a commanded force and a measured position.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub record_kind: Option<String>,
 }
 
 impl Provenance {
     /// Creates a header with the version of this program and the schema `vitreo-uq/<kind>/<number>`.
     pub fn new(kind: &str, number: u32, seed: u64, inputs_sha256: BTreeMap<String, String>) -> Self {
         let version = env!("CARGO_PKG_VERSION").to_string();
-        Self { schema: format!("vitreo-uq/{kind}/{number}"), version, seed, inputs_sha256 }
+        Self { schema: format!("vitreo-uq/{kind}/{number}"), version, seed, inputs_sha256, record_kind: None }
+    }
+
+    /// Adds the words and units of the record's quantities.
+    pub fn with_quantities(mut self, quantities: Option<Quantities>) -> Self {
+        self.record_kind = quantities.map(|quantities| quantities.name().to_string());
+        self
+    }
+
+    fn quantities(&self) -> Option<Quantities> {
+        self.record_kind.as_deref().and_then(Quantities::named)
     }
 
     /// Adds the hash of a further input file, such as a prior file.
@@ -33,16 +49,55 @@ impl Provenance {
     }
 }
 
-/// A JSON document that consists of a header and a body. The keys of both are at the top level.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+/// A JSON document that consists of a header and a body. The keys of both are at the top level. For records with other quantities than a commanded force and a
+/// measured position, sentences and keys are translated as the document is written. The document then also holds its original under [`ORIGINAL`], which is read.
+#[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct WithProvenance<T> {
     /// Header with the document's origin.
-    #[serde(flatten)]
+    #[cfg_attr(feature = "schemas", schemars(flatten))]
     pub provenance: Provenance,
     /// Body: a struct or map without the header's keys.
-    #[serde(flatten)]
+    #[cfg_attr(feature = "schemas", schemars(flatten))]
     pub body: T,
+}
+
+/// Key of a translated document's original, in which the words force and position, and keys with `_um`, stand for the other quantities of the record.
+pub const ORIGINAL: &str = "original";
+
+/// Keys of header and body at one level, for reading and writing.
+#[derive(Serialize, Deserialize)]
+struct Flat<P, T> {
+    #[serde(flatten)]
+    provenance: P,
+    #[serde(flatten)]
+    body: T,
+}
+
+impl<T: Serialize> Serialize for WithProvenance<T> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> std::result::Result<S::Ok, S::Error> {
+        let flat = Flat { provenance: &self.provenance, body: &self.body };
+        match self.provenance.quantities() {
+            None => flat.serialize(serializer),
+            Some(quantities) => {
+                let original = serde_json::to_value(flat).map_err(serde::ser::Error::custom)?;
+                let mut document = quantities.translate_document(original.clone());
+                document[ORIGINAL] = original;
+                document.serialize(serializer)
+            }
+        }
+    }
+}
+
+impl<'de, T: DeserializeOwned> Deserialize<'de> for WithProvenance<T> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> std::result::Result<Self, D::Error> {
+        let mut document = Value::deserialize(deserializer)?;
+        if let Some(original) = document.get_mut(ORIGINAL) {
+            document = original.take();
+        }
+        let flat: Flat<Provenance, T> = serde_json::from_value(document).map_err(serde::de::Error::custom)?;
+        Ok(Self { provenance: flat.provenance, body: flat.body })
+    }
 }
 
 /// Content of a file that the program keeps for later use, with its hash. If the hash shows that the file was changed, the content is computed again.

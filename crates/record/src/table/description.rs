@@ -2,6 +2,7 @@
 
 use super::spelling::{DateOrder, ParsedUnit, split_unit, unit};
 use super::text::{Decimal, Delimiter, Encoding, Thousands};
+use crate::control::Control;
 use crate::times::TimeRules;
 use base::error::Result;
 use base::toml_input::TomlTable;
@@ -164,8 +165,9 @@ const EXAMPLE: &str = "position = \"x [µm]\"";
 
 impl TableDescription {
     /// Reads the description of a foreign table from `[measurement]`. The result is `None` without `[measurement.columns]`, because the table then
-    /// has the program's own format. `is_driven_elsewhere` is true if `[actuation]` gives the force.
-    pub fn read(measurement: TomlTable<'_>, is_driven_elsewhere: bool) -> Result<Option<Self>> {
+    /// has the program's own format. `is_driven_elsewhere` is true if `[actuation]` gives the force. `constant` is the
+    /// quantity that has one value in all rows and therefore no column.
+    pub fn read(measurement: TomlTable<'_>, is_driven_elsewhere: bool, constant: Option<Control>) -> Result<Option<Self>> {
         let Some(columns) = measurement.table("columns")? else {
             return match KEYS.iter().find(|key| measurement.has(key)) {
                 None => Ok(None),
@@ -182,9 +184,14 @@ impl TableDescription {
             let remedy = "remove `force` from [measurement.columns], or the table [actuation]";
             return Err(columns.refuse("force", "both this table and [actuation] contain the force", remedy));
         }
-        let force = if is_driven_elsewhere { None } else { Some(units.column(columns, "force", Dimension::Force)?) };
-        let position = position_columns(columns)?;
-        let position = Some((position.clone(), units.of("position", Dimension::Length, &position.all()[0])?));
+        let has_force = !is_driven_elsewhere && constant != Some(Control::Force);
+        let force = if !has_force { None } else { Some(units.column(columns, "force", Dimension::Force)?) };
+        let position = if constant == Some(Control::Position) {
+            None
+        } else {
+            let position = position_columns(columns)?;
+            Some((position.clone(), units.of("position", Dimension::Length, &position.all()[0])?))
+        };
         let cycle = if columns.has("cycle") { Some(column(columns, "cycle")?) } else { None };
         let lost = measurement.numbers("lost")?.unwrap_or_default();
         Ok(Some(Self { force, position, cycle, lost, ..Self::of_times(measurement, columns, &units)? }))

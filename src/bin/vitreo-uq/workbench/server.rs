@@ -19,11 +19,13 @@ use serde_json::{Map, Value, json};
 use tokio::sync::watch;
 use vitreo_uq::base::error::{Error, InputPlace, Result};
 use vitreo_uq::base::files::{self, Content};
+use vitreo_uq::base::quantities::Quantities;
 use vitreo_uq::base::sha256::sha256_hex;
 use vitreo_uq::figures::predictive::{CycleKind, CycleSpan};
 use vitreo_uq::jobs::{artefacts, pages};
 use vitreo_uq::posterior::study::{
-    CORNER_NAME, DIAGNOSIS_NAME, EXTENSION_NAME, FINDINGS_NAME, LADDER_NAME, LEARNED_NAME, POSTERIOR_NAME, Study,
+    CORNER_NAME, DIAGNOSIS_NAME, EXTENSION_NAME, FINDINGS_NAME, LADDER_NAME, LEARNED_NAME, ORIGINAL, POSTERIOR_NAME,
+    Study,
 };
 use vitreo_uq::record::Experiment;
 
@@ -331,7 +333,12 @@ fn cycles(experiment: &Experiment) -> Vec<Value> {
 /// Content of a JSON document; null if the file does not exist.
 fn document(path: &std::path::Path) -> Value {
     let bytes = files::read_if_there(path, Content::Document);
-    bytes.and_then(|bytes| serde_json::from_slice(&bytes).ok()).unwrap_or(Value::Null)
+    let mut document: Value = bytes.and_then(|bytes| serde_json::from_slice(&bytes).ok()).unwrap_or(Value::Null);
+    // The page knows the keys of one kind of record, and takes the words of all kinds.
+    match (document.get("record_kind").and_then(Value::as_str).and_then(Quantities::named), document.get_mut(ORIGINAL)) {
+        (Some(quantities), Some(original)) => quantities.translate_sentences(original.take()),
+        _ => document,
+    }
 }
 
 #[derive(Deserialize)]

@@ -1,0 +1,163 @@
+//! `init` for stress and strain over time, and for published tables of a compliance or a modulus: stress is read as the force, and strain as the position
+//! (docs/experiment.md).
+
+use base::error::Setting;
+use base::units::Dimension;
+use record::Control;
+use record::table::{InspectedTable, ParsedUnit, TableSettings};
+
+/// Words by which the stress column is recognised.
+const STRESS: [&str; 3] = ["stress", "spannung", "contrainte"];
+/// Words by which the strain column is recognised.
+const STRAIN: [&str; 4] = ["strain", "deformation", "dehnung", "déformation"];
+/// Words and symbols by which the column of a relaxation modulus is recognised.
+const MODULUS: [&str; 5] = ["modulus", "g(t)", "e(t)", "relaxationsmodul", "module"];
+/// Words and symbols by which the column of a creep compliance is recognised.
+const COMPLIANCE: [&str; 5] = ["compliance", "j(t)", "d(t)", "nachgiebigkeit", "complaisance"];
+/// Words that exclude a column of moduli over frequency.
+const OF_FREQUENCY: [&str; 5] = ["storage", "loss", "complex", "'", "tan"];
+/// Word that excludes a column: a column of rates is neither stress nor strain.
+const RATE: &str = "rate";
+/// Poisson's ratio of a specimen that is nearly all water.
+const OF_WATER: f64 = 0.5;
+
+/// Stress and strain over time, of which one is commanded.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct StressStrain {
+    /// Columns to read, with units. A stress of 1 Pa is read as a force of 1 N, and a strain of 1 as a position of 1 m.
+    pub given: TableSettings,
+    /// Strain divided by stress for a creep compliance of 1, which is 2 + 2ν for Poisson's ratio ν.
+    pub compliance: f64,
+    /// Quantity that is commanded with the constant value 1, in a table of a compliance or a modulus; `None` if the table has both stress and strain.
+    pub constant: Option<Control>,
+}
+
+impl StressStrain {
+    /// Finds the columns of stress and strain, of a modulus, or of a compliance; `None` if the table has none of them.
+    pub fn of(looked: &InspectedTable, given: &TableSettings, poisson_ratio: Option<f64>) -> Option<Self> {
+        if given.columns.iter().chain(&given.axes).any(Option::is_some) {
+            return None;
+        }
+        let columns = || looked.columns.iter().zip(&looked.units).enumerate();
+        let called = |name: &str, words: &[&str], other: &[&str]| {
+            let name = name.to_lowercase();
+            words.iter().any(|word| name.contains(word)) && !other.iter().any(|word| name.contains(word))
+        };
+        let number = |place: usize| Some((place + 1).to_string());
+        let so_many = |many: f64, of: &str| Some(if many == 1.0 { of.to_string() } else { format!("{many} {of}") });
+        let (columns_of, units, constant) = {
+            let stress = columns().find_map(|(place, (name, unit))| {
+                let unit = unit.as_ref().filter(|unit| unit.dimension == Dimension::Pressure)?;
+                called(name, &STRESS, &[RATE]).then(|| (place, unit.to_si(1.0)))
+            });
+            let strain = columns().find_map(|(place, (name, unit))| {
+                let part = match unit {
+                    None => 1.0,
+                    Some(unit) if unit.dimension == Dimension::Ratio => unit.to_si(1.0),
+                    Some(_) => return None,
+                };
+                called(name, &STRAIN, &[RATE]).then_some((place, part))
+            });
+            match (stress, strain) {
+                (Some((stress, pascals)), Some((strain, part))) => {
+                    ([number(stress), number(strain)], [so_many(pascals, "N"), so_many(part, "m")], None)
+                }
+                _ => Self::published(columns(), &called)?,
+            }
+        };
+        let ([force, position], [force_unit, position_unit]) = (columns_of, units);
+        Some(Self {
+            given: TableSettings {
+                columns: [None, force, position, None],
+                units: [given.units[0].clone(), force_unit, position_unit],
+                ..given.clone()
+            },
+            compliance: 2.0 + 2.0 * poisson_ratio.unwrap_or(OF_WATER),
+            constant,
+        })
+    }
+
+    /// Columns and units of a table with one modulus or one compliance over time. Its only column of values serves as both quantities until the table is described.
+    #[allow(clippy::type_complexity)]
+    fn published<'a>(
+        columns: impl Iterator<Item = (usize, (&'a String, &'a Option<ParsedUnit>))>,
+        called: &dyn Fn(&str, &[&str], &[&str]) -> bool,
+    ) -> Option<([Option<String>; 2], [Option<String>; 2], Option<Control>)> {
+        let found: Vec<(usize, Control, f64)> = columns
+            .filter_map(|(place, (name, unit))| {
+                let is_modulus = called(name, &MODULUS, &OF_FREQUENCY);
+                let is_compliance = called(name, &COMPLIANCE, &OF_FREQUENCY);
+                let unit = unit.as_ref();
+                // A compliance has no unit that is known by name; 1/Pa is the only one in use.
+                match unit {
+                    Some(unit) if is_modulus && unit.dimension == Dimension::Pressure => {
+                        Some((place, Control::Position, unit.to_si(1.0)))
+                    }
+                    None if is_modulus => Some((place, Control::Position, 1.0)),
+                    None if is_compliance => Some((place, Control::Force, 1.0)),
+                    _ => None,
+                }
+            })
+            .collect();
+        let [(place, control, size)] = found[..] else { return None };
+        let number = Some((place + 1).to_string());
+        let unit = |name: &str| Some(if size == 1.0 { name.to_string() } else { format!("{size} {name}") });
+        Some(([number.clone(), number], [unit("N"), unit("m")], Some(control)))
+    }
+
+    /// Explains how the table is read, for the quantity that is commanded.
+    pub fn reason(&self, control: Control) -> String {
+        let what = match (self.constant, control) {
+            (None, Control::Force) => "stress and strain over time, and the stress holds: a creep test",
+            (None, Control::Position) => "stress and strain over time, and the strain holds: a relaxation",
+            (Some(_), Control::Force) => "a creep compliance over time: the strain at a stress of 1 Pa from time 0 (a table without a unit is in 1/Pa)",
+            (Some(_), Control::Position) => "a relaxation modulus over time: the stress at a strain of 1 from time 0 (a table without a unit is in Pa)",
+        };
+        format!(
+            "{what}. 1 Pa is entered as 1 N and a strain of 1 as 1 m, with compliance_per_m = {} = 2 + 2ν for shear; write 1 for tension. Use `{} generic` for a gel other than vitreous humour",
+            self.compliance,
+            Setting::Prior
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use record::table::inspect_table;
+
+    fn creep(header: &str, poisson_ratio: Option<f64>) -> Option<StressStrain> {
+        let text = format!("{header}\n0,0,1\n1,5,1\n2,6,1\n");
+        let looked = inspect_table("creep.csv".as_ref(), text.as_bytes()).expect("a table");
+        StressStrain::of(&looked, &TableSettings::default(), poisson_ratio)
+    }
+
+    #[test]
+    fn stress_and_strain_are_a_creep_in_their_units() {
+        let found = creep("Time [s],Shear strain [%],Shear stress [kPa]", Some(0.48)).expect("a creep");
+        assert_eq!(found.given.columns, [None, Some("3".into()), Some("2".into()), None]);
+        assert_eq!(found.given.units, [None, Some("1000 N".into()), Some("0.01 m".into())]);
+        assert!((found.compliance - 2.96).abs() < 1e-12);
+        let plain = creep("Zeit in s,Dehnung,Spannung in Pa", None).expect("a creep");
+        assert_eq!(plain.given.units, [None, Some("N".into()), Some("m".into())]);
+        assert_eq!(plain.compliance, 3.0);
+    }
+
+    #[test]
+    fn other_tables_are_none() {
+        for header in
+            ["Time [s],Position [um],Force [uN]", "Time [s],Strain rate [%],Stress [Pa]", "t_s,strain_um,stress_Pa"]
+        {
+            assert_eq!(creep(header, None), None, "{header}");
+        }
+    }
+
+    #[test]
+    fn published_tables_have_one_commanded_value() {
+        let modulus = creep("Time [s],Relaxation Modulus [kPa],n", None).expect("a modulus");
+        assert_eq!((modulus.constant, modulus.given.units[1].as_deref()), (Some(Control::Position), Some("1000 N")));
+        let compliance = creep("t (s),J(t),n", None).expect("a compliance");
+        assert_eq!((compliance.constant, compliance.given.columns[2].as_deref()), (Some(Control::Force), Some("2")));
+        assert_eq!(creep("Time [s],Storage modulus [Pa],Loss modulus [Pa]", None), None);
+    }
+}
