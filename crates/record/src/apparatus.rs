@@ -470,7 +470,7 @@ mod tests {
         refused(&sphere("offset_mm = 2\noffset_direction = \"up\""), &["`up`", "along", "across"]);
         refused(
             &sphere("offset_mm = 9.8\noffset_direction = \"across\""),
-            &["line 5", "9.8000 mm off", "reaches 10.0500 mm", "gap is -0.0500 mm"],
+            &["line 5", "9.8000 mm from", "reaches 10.0500 mm", "gap is -0.0500 mm"],
         );
     }
 

@@ -572,7 +572,7 @@ fn ratios_out_of_order_are_refused() {
     // The default settings cover ratios up to 0.45, which is above this undrained ratio.
     let spectrum = PoreSpectrum::build(&model, &SpectrumSettings::default()).expect_err("refused").to_string();
     assert!(
-        spectrum.contains("undrained ratio 0.4\n") && spectrum.contains("ratios below the undrained one"),
+        spectrum.contains("undrained Poisson ratio 0.4\n") && spectrum.contains("ratios below the undrained one"),
         "{spectrum}"
     );
 }

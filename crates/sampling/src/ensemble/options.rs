@@ -232,7 +232,7 @@ mod tests {
         for options in wrong {
             let error = options.validate(4).unwrap_err();
             assert!(
-                matches!(&error, Error::Input { remedy, .. } if ["at least", "at most", "more"].iter().any(|word| remedy.contains(word)))
+                matches!(&error, Error::Input { remedy, .. } if ["at least", "at most", "more", "from 0 to"].iter().any(|word| remedy.contains(word)))
             );
         }
         assert!(SamplerOptions { n_walkers: 10, ..Default::default() }.validate(4).is_ok());
