@@ -20,6 +20,7 @@ const PORCINE: CharacteristicSizes = CharacteristicSizes {
     outer_radius_m: Some(10e-3),
     depth_exponent: None,
     fits_position_offset: false,
+    is_position_controlled: false,
 };
 
 /// Experiments at the limits of formats §1: nothing measured, one constant pull, hardly any rows, any Poisson ratio, an
@@ -41,6 +42,7 @@ fn experiments() -> Vec<CharacteristicSizes> {
         outer_radius_m: None,
         depth_exponent: Some(1.5),
         fits_position_offset: false,
+        is_position_controlled: false,
     };
     let gels = [0.499_999, 0.4999, 0.31, 0.3, 0.2, 0.0, -0.5, -0.999]
         .map(|ratio| CharacteristicSizes { poisson_ratio: Some(ratio), ..PORCINE });

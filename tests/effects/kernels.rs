@@ -52,6 +52,7 @@ fn protocol() -> Protocol {
         outer_radius_m: Some(10e-3),
         depth_exponent: None,
         fits_position_offset: false,
+        is_position_controlled: false,
     };
     Protocol { time_s, force_n, rule: ForceRule::Hold, scales }
 }

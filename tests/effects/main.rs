@@ -3,4 +3,5 @@
 mod conformance;
 mod kernels;
 mod recovery;
+mod relaxation;
 mod visibility;

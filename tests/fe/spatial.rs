@@ -294,6 +294,7 @@ const SCALES: CharacteristicSizes = CharacteristicSizes {
     outer_radius_m: Some(OUTER_RADIUS_M),
     depth_exponent: None,
     fits_position_offset: false,
+    is_position_controlled: false,
 };
 
 /// Stages of the law with an effect at parameters inside its prior.

@@ -106,7 +106,11 @@ impl Quantities {
         let (mut rest, mut is_style) = (markup, false);
         while let Some(start) = rest.find('<') {
             let (text, from) = rest.split_at(start);
-            if is_style { translated.push_str(text) } else { translated.push_str(&self.translate(text)) }
+            if is_style {
+                translated.push_str(text)
+            } else {
+                translated.push_str(&self.translate(text))
+            }
             let end = from.find('>').map_or(from.len(), |end| end + 1);
             let (tag, after) = from.split_at(end);
             is_style = tag.starts_with("<style") || tag.starts_with("<script") || is_style && !tag.starts_with("</");
@@ -202,7 +206,8 @@ mod tests {
     #[test]
     fn words_and_units_are_exchanged_and_names_stay() {
         let text = "Position 4.79 to 4.21 µm (tracker), force 4.6 µN: `force-bias` and position-offset, x_um, in µm·s";
-        let expected = "Force 4.79 to 4.21 µN (sensor), position 4.6 µm: `force-bias` and position-offset, x_um, in µN·s";
+        let expected =
+            "Force 4.79 to 4.21 µN (sensor), position 4.6 µm: `force-bias` and position-offset, x_um, in µN·s";
         assert_eq!(Quantities::Relaxation.translate(text), expected);
         assert_eq!(Quantities::StressCreep.translate("positions in µm, forces in µN"), "strains in %, stresses in Pa");
         assert_eq!(Quantities::StressRelaxation.translate("`position` (µm)"), "`position` (Pa)");
@@ -212,8 +217,10 @@ mod tests {
     #[test]
     fn tags_and_styles_stay() {
         let drawing = "<svg a=\"svg\">force <svg>force</svg> force</svg>";
-        let markup = format!("<style>a {{ position: sticky; }}</style><p class=\"position\">position (µm)</p>{drawing} force");
-        let expected = format!("<style>a {{ position: sticky; }}</style><p class=\"position\">force (µN)</p>{drawing} position");
+        let markup =
+            format!("<style>a {{ position: sticky; }}</style><p class=\"position\">position (µm)</p>{drawing} force");
+        let expected =
+            format!("<style>a {{ position: sticky; }}</style><p class=\"position\">force (µN)</p>{drawing} position");
         assert_eq!(Quantities::Relaxation.translate_page(&markup), expected);
     }
 

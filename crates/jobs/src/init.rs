@@ -33,8 +33,8 @@ pub struct InitRequest {
     pub sizes: [Option<f64>; 3],
     /// Density of the robot in kg/m³.
     pub robot_density_kg_m3: Option<f64>,
-    /// Noise standard deviation of the tracker in µm.
-    pub noise_um: Option<f64>,
+    /// Noise standard deviation of the measured quantity: of a position in µm, a force in µN, a strain in % or a stress in Pa.
+    pub noise: Option<f64>,
     /// Commanded quantity; `None` if the table shows it.
     pub control: Option<Control>,
     /// `true` allows to overwrite an existing experiment.
@@ -84,6 +84,9 @@ pub fn run(request: &InitRequest, ask: Ask<'_>) -> Result<(InitSummary, String)>
         }
     }
     let (control, toml) = controlled(&request, (&name, &bytes), &proposal, creep.as_ref());
+    if has_absolute_strain(creep.as_ref(), control) {
+        proposal.reasons.retain(|reason| !["zero =", "direction ="].iter().any(|key| reason.contains(key)));
+    }
     match (&creep, control) {
         (Some(creep), _) => proposal.reasons.push(creep.reason(control)),
         (None, Control::Position) => proposal.reasons.push(
@@ -96,7 +99,7 @@ pub fn run(request: &InitRequest, ask: Ask<'_>) -> Result<(InitSummary, String)>
         experiments: Vec::new(),
         directory: out.display().to_string(),
         file: name,
-        columns: columns(&proposal),
+        columns: columns(&proposal, creep.as_ref().and_then(|creep| creep.constant)),
         others: others(&proposal),
         reasons: proposal.reasons,
         rows: proposal.n_rows,
@@ -258,7 +261,7 @@ fn name_of(column: &ColumnName) -> String {
 /// Keys of the position's coordinates in `experiment.toml`.
 const AXES: [&str; 3] = ["position_x", "position_y", "position_z"];
 
-fn columns(proposal: &TableProposal) -> Vec<InitColumn> {
+fn columns(proposal: &TableProposal, constant: Option<Control>) -> Vec<InitColumn> {
     let TableDescription { time, force, position, cycle, .. } = &proposal.description;
     let column = |role: &str, name: &ColumnName, unit: String, range| InitColumn {
         role: role.into(),
@@ -279,6 +282,8 @@ fn columns(proposal: &TableProposal) -> Vec<InitColumn> {
         }
         None => {}
     }
+    let without = constant.map(|control| if control == Control::Force { "force" } else { "position" });
+    columns.retain(|column| Some(column.role.as_str()) != without);
     columns.extend(cycle.as_ref().map(|cycle| column("cycle", cycle, String::new(), None)));
     columns
 }
@@ -306,11 +311,22 @@ fn column_name(column: &ColumnName) -> String {
     }
 }
 
+/// Whether strains keep their zero and sign: a commanded strain does, and so does a published compliance or modulus.
+fn has_absolute_strain(stress_strain: Option<&StressStrain>, control: Control) -> bool {
+    stress_strain.is_some_and(|own| control == Control::Position || own.constant.is_some())
+}
+
 /// Largest time of the first loaded row at which a rheometer's load still counts as begun at time 0, divided by the record's duration.
 const FIRST_ROW: f64 = 0.01;
 
 /// Time at which a rheometer's load begins, in s of the table's clock: 0 if the first loaded row follows soon after time 0, otherwise `None`.
 fn load_start_s(proposal: &TableProposal, creep: Option<&StressStrain>) -> Option<f64> {
+    // Times of a compliance or a modulus count from the step.
+    if creep.is_some_and(|creep| creep.constant.is_some())
+        && proposal.loaded_from_s.is_some_and(|first_s| first_s > 0.0)
+    {
+        return Some(0.0);
+    }
     let first_s = proposal.loaded_from_s.filter(|_| creep.is_some())?;
     (first_s > 0.0 && first_s <= FIRST_ROW * proposal.duration_s).then_some(0.0)
 }
@@ -353,7 +369,8 @@ fn experiment_toml(
     }
     if let Some(StressStrain { compliance, .. }) = creep {
         let value = format!("{compliance:?}");
-        line("\n[instrument]\ncompliance_per_m", value, "2 + 2ν: Young's modulus over shear modulus");
+        line("\n[instrument]\ncompliance_per_m", value, "2 + 2ν: Young's modulus over shear modulus; 1 for tension");
+        line("measures", quoted(STRESS_STRAIN), "1 Pa is entered as 1 N, and a strain of 1 as 1 m");
     } else {
         line("\n[robot]\nshape", quoted("sphere"), "or \"ellipsoid\", \"cylinder\" with `length_mm` and `orientation`");
         line("diameter_mm", diameter, "of the moving body");
@@ -367,9 +384,23 @@ fn experiment_toml(
     }
     line("\n[measurement]\nfile", quoted(file), "unchanged copy of the table");
     line("source", quoted("not stated"), "origin of the table; synthetic or measured");
-    match request.noise_um {
-        Some(noise_um) => line("noise_um", format!("{noise_um:?}"), "known noise of the tracker"),
-        None => line("# noise_um", "4.0".into(), "noise of the tracker, if it is known"),
+    if control == Control::Position {
+        line("kind", quoted(RELAXATION), "the position is commanded, and the force is measured");
+    }
+    let constant = creep.and_then(|creep| creep.constant);
+    if let Some(of) = constant {
+        let what = if of == Control::Force { "stress in every row, in Pa" } else { "strain in every row" };
+        line("constant", "1.0".into(), what);
+    }
+    let noise_key = match (control, creep.is_some()) {
+        (Control::Force, false) => "noise_um",
+        (Control::Force, true) => "noise_percent",
+        (Control::Position, false) => "noise_un",
+        (Control::Position, true) => "noise_pa",
+    };
+    match request.noise {
+        Some(noise) => line(noise_key, format!("{noise:?}"), "known noise of the measured quantity"),
+        None => line(&format!("# {noise_key}"), "4.0".into(), "noise of the measured quantity, if it is known"),
     }
     line("# calibration_cycles", "[1]".into(), "cycles that are fitted; the others are held out");
     line("delimiter", quoted(layout.delimiter.name()), "between cells");
@@ -409,7 +440,8 @@ fn experiment_toml(
         line("track", quoted(track), "only the rows of this track are read");
     }
     // A strain is commanded from its own zero, and a record may begin in the middle of a hold.
-    let zero = if control == Control::Position && creep.is_some() { Zero::AsWritten } else { proposal.frame.zero };
+    let is_absolute = has_absolute_strain(creep, control);
+    let zero = if is_absolute { Zero::AsWritten } else { proposal.frame.zero };
     match zero {
         Zero::AsWritten => {
             line("# zero", quoted("first"), "position that counts as 0: \"first\", \"rest\" or a number")
@@ -421,7 +453,7 @@ fn experiment_toml(
         }
         Zero::Value(value) => line("zero", format!("{value:?}"), "this position counts as 0"),
     }
-    match proposal.frame.direction {
+    match if is_absolute { Direction::Forward } else { proposal.frame.direction } {
         Direction::Forward => line("direction", quoted("+"), "\"-\" if the position grows against the force"),
         Direction::Backward => line("direction", quoted("-"), "the position grows against the force"),
         Direction::Fit => line(
@@ -447,9 +479,12 @@ fn experiment_toml(
         None => line("# load_start_s", "-3.0".into(), "start of the first row's force, if before the first row"),
     }
     line("\n[measurement.columns]\ntime", column_name(&table.time.0), "name in the header, or number from 1");
-    let constant = creep.and_then(|creep| creep.constant);
     if let Some((force, _)) = table.force.as_ref().filter(|_| constant != Some(Control::Force)) {
-        line("force", column_name(force), if control == Control::Force { "the commanded force" } else { "the measured force" });
+        line(
+            "force",
+            column_name(force),
+            if control == Control::Force { "the commanded force" } else { "the measured force" },
+        );
     }
     let positions = table.position.as_ref().filter(|_| constant != Some(Control::Position));
     match positions.map(|(columns, _)| columns) {

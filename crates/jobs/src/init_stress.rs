@@ -110,8 +110,12 @@ impl StressStrain {
         let what = match (self.constant, control) {
             (None, Control::Force) => "stress and strain over time, and the stress holds: a creep test",
             (None, Control::Position) => "stress and strain over time, and the strain holds: a relaxation",
-            (Some(_), Control::Force) => "a creep compliance over time: the strain at a stress of 1 Pa from time 0 (a table without a unit is in 1/Pa)",
-            (Some(_), Control::Position) => "a relaxation modulus over time: the stress at a strain of 1 from time 0 (a table without a unit is in Pa)",
+            (Some(_), Control::Force) => {
+                "a creep compliance over time: the strain at a stress of 1 Pa from time 0 (a table without a unit is in 1/Pa)"
+            }
+            (Some(_), Control::Position) => {
+                "a relaxation modulus over time: the stress at a strain of 1 from time 0 (a table without a unit is in Pa)"
+            }
         };
         format!(
             "{what}. 1 Pa is entered as 1 N and a strain of 1 as 1 m, with compliance_per_m = {} = 2 + 2ν for shear; write 1 for tension. Use `{} generic` for a gel other than vitreous humour",

@@ -47,7 +47,8 @@ pub fn run(target: &Target, request: &LadderRequest, monitor: &dyn Monitor) -> R
     let quantities = problem.experiment.quantities();
     let provenance = provenance(&study, &summary, seed)?.with_quantities(quantities);
     let document = WithProvenance { provenance, body: summary };
-    let [svg, png] = figure_files(study.dir(), "ladder", &figures::ladder::ladder(&document.body)?.translated(quantities))?;
+    let [svg, png] =
+        figure_files(study.dir(), "ladder", &figures::ladder::ladder(&document.body)?.translated(quantities))?;
     let json = study.dir().join(LADDER_NAME);
     let json = (json.clone(), files::to_json(&json, &document)?);
     files::write_together(&[&svg, &png, &json].map(|(path, bytes)| (path.as_path(), bytes.as_slice())))?;

@@ -76,7 +76,9 @@ fn experiment_toml(problem: &Problem, summary: &SimulationSummary) -> String {
 fn apparatus_toml(apparatus: &Apparatus) -> String {
     let mm = |metres: f64| decimal(1e3 * metres);
     match apparatus {
-        Apparatus::Instrument { compliance_per_m, .. } => format!("[instrument]\ncompliance_per_m = {compliance_per_m}"),
+        Apparatus::Instrument { compliance_per_m, .. } => {
+            format!("[instrument]\ncompliance_per_m = {compliance_per_m}")
+        }
         Apparatus::Indenter(indenter) => indenter.toml(),
         Apparatus::Robot { robot, vitreous } => {
             let shape = match robot.shape {

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use base::error::{Error, InputPlace, Result, Setting};
+use base::quantities::Quantities;
 use cohorts::cohort::{self, Measurement};
 use criticism::Subject;
 use documents::errors::ModelErrors;
@@ -206,7 +207,7 @@ impl CreepTarget {
                 refuse_out_of_study(path, out.as_deref())?;
                 let study = Study::open(path)?;
                 let (experiment, files) = study.read_experiment()?;
-                report_notes(&files, monitor);
+                report_notes(&experiment, &files, monitor);
                 (StudyPlace::There(study), experiment, files.interpretation)
             }
             path => {
@@ -221,13 +222,13 @@ impl CreepTarget {
                     Some(path) => Experiment::read(path)?,
                     None => replica::embedded()?,
                 };
-                report_notes(&files, monitor);
+                report_notes(&experiment, &files, monitor);
                 let dir = out.unwrap_or_else(|| Study::default_dir(&experiment.specimen_id));
                 let understood = files.interpretation.clone();
                 (place_of(dir, files, force)?, experiment, understood)
             }
         };
-        let specification = specification(place.study(), &model, default_revision)?;
+        let specification = specification(place.study(), &model, default_revision, &experiment)?;
         Ok(Self { place, experiment, understood, specification, request: model, force })
     }
 
@@ -403,8 +404,14 @@ fn refuse_out_of_study(study: &Path, out: Option<&Path>) -> Result<()> {
     }
 }
 
-fn report_notes(files: &ExperimentFiles, monitor: &dyn Monitor) {
-    files.notes.iter().for_each(|note| monitor.warn(&note.to_string()));
+fn report_notes(experiment: &Experiment, files: &ExperimentFiles, monitor: &dyn Monitor) {
+    for note in &files.notes {
+        let text = note.to_string();
+        match experiment.quantities() {
+            Some(quantities) => monitor.warn(&quantities.translate(&text)),
+            None => monitor.warn(&text),
+        }
+    }
 }
 
 /// Model of the named revision, the last revision or the default, changed by the options.
@@ -412,6 +419,7 @@ fn specification(
     study: Option<&Study>,
     model: &ModelRequest,
     default_revision: Option<&str>,
+    experiment: &Experiment,
 ) -> Result<ModelSpecification> {
     let revision = match (&model.from, study) {
         (Some(name), Some(study)) => Some((study, name.clone())),
@@ -431,6 +439,10 @@ fn specification(
     };
     let start = match revision {
         Some((study, name)) => ModelSpecification::of_revision(&study.revision_dir(&name)?, &Library::default())?,
+        // A prior of porcine vitreous means nothing for a table of stress and strain.
+        None if experiment.quantities().is_some_and(|quantities| quantities != Quantities::Relaxation) => {
+            default_specification()
+        }
         None => ModelSpecification::default(),
     };
     model.applied_to(start)

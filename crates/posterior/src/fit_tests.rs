@@ -27,7 +27,8 @@ fn instrument_experiment(law_parameters: &[f64], noise_sd_m: f64, rng: &mut ChaC
     let exact_m = convolve_m(COMPLIANCE_PER_M, &law, &record.time_s, &record.force_n);
     let noise = Normal::new(0.0, noise_sd_m).unwrap();
     let mut experiment = replica.clone();
-    experiment.apparatus = record::Apparatus::Instrument { compliance_per_m: COMPLIANCE_PER_M, is_stress_strain: false };
+    experiment.apparatus =
+        record::Apparatus::Instrument { compliance_per_m: COMPLIANCE_PER_M, is_stress_strain: false };
     experiment.record.position_m = exact_m.iter().map(|x| Some(x + noise.sample(rng))).collect();
     experiment
 }

@@ -3,11 +3,18 @@
 
 use crate::noise::{NoiseModel, NoiseScales};
 use crate::prior::{Prior, PriorSet};
+use base::distribution::Distribution;
 use base::error::Result;
 use base::parameter::{NOISE_SD, ParameterSpec, RELATIVE_NOISE};
 use laws::rheology::BaseLaw;
 use models::effects::{Effect, Library, NUISANCES, Stage};
 use models::model::Model;
+
+/// Built-in prior for any gel, and the logarithmic standard deviation of its numbers.
+const GENERIC_PRIOR: &str = "generic";
+const GENERIC_LOG_SD: f64 = 3.5;
+/// Orders of springpots beside that prior.
+const GENERIC_ORDERS: (f64, f64) = (0.005, 0.995);
 
 /// Reads the priors of all parameters of a model. `name_or_file` names a built-in prior or a prior file.
 pub(super) fn read_priors(name_or_file: &str, model: &Model, noise: NoiseModel, library: &Library) -> Result<PriorSet> {
@@ -61,7 +68,19 @@ pub fn read_priors_with(
             prior.map_or(1.0, |prior| prior.distribution.quantile(0.5))
         };
         let law = model.base().default_prior(spec.name, &median_of);
-        if let Some((distribution, source)) = law {
+        if let Some((mut distribution, mut source)) = law {
+            // Beside a prior for any gel, the default priors of a law are as wide as that prior.
+            match (&mut distribution, name_or_file) {
+                (Distribution::LogNormal { log_sd, .. }, GENERIC_PRIOR) => {
+                    *log_sd = GENERIC_LOG_SD;
+                    source = "chosen: as wide as the generic prior, a factor of 33 for one standard deviation";
+                }
+                (Distribution::Uniform { lower, upper }, GENERIC_PRIOR) => {
+                    (*lower, *upper) = GENERIC_ORDERS;
+                    source = "chosen: all orders but those of a spring (0) and of a dashpot (1)";
+                }
+                _ => {}
+            }
             let (name, unit, source) = (spec.name.into(), spec.unit.into(), source.into());
             return Some(Prior { name, distribution, unit, source });
         }

@@ -214,9 +214,11 @@ fn fingerprint(problem: &Problem, posterior: &ReducedPosterior) -> String {
         noise_sd_m,
         fits_position_offset,
         source,
+        control,
     } = experiment;
     let cycles = (calibration_cycles, heldout_cycles);
-    let described = (specimen_id, species, region, apparatus, cycles, noise_sd_m, fits_position_offset, source);
+    let described =
+        (specimen_id, species, region, apparatus, cycles, noise_sd_m, fits_position_offset, source, control);
     let rows = record.sha256();
     format!("{version} {described:?} {rows} {specification:?} {priors:?} {:x} {trained:?}", compliance_per_m.to_bits())
 }

@@ -1,7 +1,6 @@
 //! The quantity that an experiment commands: the force, as in a creep test, or the position, as in a relaxation.
 
 use super::record::Record;
-use super::robust::median;
 use super::trajectory::Trajectory;
 use base::error::{Error, InputPlace, Result};
 use std::path::Path;
@@ -17,29 +16,72 @@ pub enum Control {
     Position,
 }
 
-/// A quantity holds if it changes by less than this part of its range over a tenth of the rows, in most places.
+/// Largest number of blocks of rows whose means are compared.
+const MOST_BLOCKS: usize = 100;
+/// A quantity holds between two blocks if their means differ by less than this part of its range.
 const HELD: f64 = 0.01;
-/// Factor by which the held quantity changes less than the other one.
-const CLEARLY_LESS: f64 = 0.3;
+/// Least part of the blocks in which a commanded quantity holds.
+const MOSTLY: f64 = 0.6;
+/// Least part of successive changes with equal signs that shows a trend. For noise about a constant it is 1/3.
+const TREND: f64 = 0.7;
 
 impl Record {
-    /// The quantity that an experiment most likely commanded: the position if it holds while the force changes, otherwise the force.
+    /// The quantity that an experiment most likely commanded: the position if it holds for most of the time while the force drifts, otherwise the force.
     pub fn likely_control(&self) -> Control {
         let rows: Vec<usize> = (0..self.n_rows()).filter(|row| self.position_m[*row].is_some()).collect();
-        let [force, position] = [
-            change(rows.iter().map(|row| self.force_n[*row]).collect()),
-            change(rows.iter().filter_map(|row| self.position_m[*row]).collect()),
-        ];
-        if position < HELD && position < CLEARLY_LESS * force { Control::Position } else { Control::Force }
+        let force = changes(&rows.iter().map(|row| self.force_n[*row]).collect::<Vec<f64>>());
+        let position = changes(&rows.iter().filter_map(|row| self.position_m[*row]).collect::<Vec<f64>>());
+        let is_held = |change: &f64| change.abs() < HELD;
+        let part = |n: usize, of: usize| n as f64 / of.max(1) as f64;
+        if part(position.iter().filter(|change| is_held(change)).count(), position.len()) < MOSTLY {
+            return Control::Force;
+        }
+        let pairs = position.windows(2).zip(force.windows(2)).filter(|(x, _)| x.iter().all(is_held));
+        let alike: Vec<bool> = pairs.map(|(_, force)| force[0] * force[1] > 0.0).collect();
+        let is_trend = part(alike.iter().filter(|alike| **alike).count(), alike.len()) > TREND;
+        if is_trend { Control::Position } else { Control::Force }
     }
 }
 
-/// Median change of a quantity over a tenth of the rows, as a part of its range. The range includes 0, at which every record starts.
-fn change(values: Vec<f64>) -> f64 {
-    let apart = values.len().div_ceil(10).max(1);
-    let range = values.iter().fold(0.0_f64, |most, x| most.max(*x)) - values.iter().fold(0.0_f64, |least, x| least.min(*x));
-    let changes = values.windows(apart + 1).map(|window| (window[apart] - window[0]).abs()).collect();
-    median(changes).map_or(0.0, |change| if range > 0.0 { change / range } else { 0.0 })
+/// Changes of a quantity from block to block of rows, as parts of its range. The range includes 0, at which every record starts.
+fn changes(values: &[f64]) -> Vec<f64> {
+    let range =
+        values.iter().fold(0.0_f64, |most, x| most.max(*x)) - values.iter().fold(0.0_f64, |least, x| least.min(*x));
+    let mean = |block: &[f64]| block.iter().sum::<f64>() / block.len() as f64;
+    let means: Vec<f64> = values.chunks(values.len().div_ceil(MOST_BLOCKS).max(1)).map(mean).collect();
+    means.windows(2).map(|pair| if range > 0.0 { (pair[1] - pair[0]) / range } else { 0.0 }).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ForceRule;
+
+    fn control(force: impl Fn(f64) -> f64, position: impl Fn(f64) -> f64) -> Control {
+        let time_s: Vec<f64> = (0..1200).map(|row| 0.05 * f64::from(row)).collect();
+        let record = Record {
+            force_n: time_s.iter().map(|t| force(*t)).collect(),
+            position_m: time_s.iter().map(|t| Some(position(*t))).collect(),
+            cycle: vec![1; time_s.len()],
+            force_rule: ForceRule::Hold,
+            force_rows: Vec::new(),
+            time_s,
+        };
+        record.likely_control()
+    }
+
+    #[test]
+    fn the_quantity_that_holds_is_commanded() {
+        let noise = |t: f64| 0.02 * (((1.0 + t) * 12.9898).sin() * 43_758.545_3).fract();
+        let square = |t: f64| f64::from(u8::from(t % 20.0 < 10.0));
+        let decay = |t: f64| (square(t) - 0.5) * (-(t % 10.0) / 8.0).exp();
+        let creep = |t: f64| square(t) - decay(t);
+        assert_eq!(control(|t| decay(t) + noise(t), square), Control::Position);
+        assert_eq!(control(square, |t| creep(t) + noise(t)), Control::Force);
+        // A noisy force whose body has come to rest is no relaxation.
+        assert_eq!(control(|t| 1.0 + noise(t), |t| 1.0 - (-t).exp()), Control::Force);
+        assert_eq!(control(|t| t.sin(), |t| (t - 0.3).sin()), Control::Force);
+    }
 }
 
 impl Trajectory {

@@ -24,7 +24,9 @@ pub mod table;
 mod times;
 mod trajectory;
 
-pub use apparatus::{Apparatus, Offset, OffsetDirection, Orientation, Robot, RobotShape, STRESS_STRAIN, Vitreous, density_toml};
+pub use apparatus::{
+    Apparatus, Offset, OffsetDirection, Orientation, Robot, RobotShape, STRESS_STRAIN, Vitreous, density_toml,
+};
 pub use control::Control;
 pub use force::{Force, ForceRule, OwnedForce, has_noisy_levels};
 pub use frame::{AppliedFrame, Direction, Frame, Projection, Zero, is_work_negative};

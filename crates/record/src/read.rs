@@ -9,7 +9,9 @@ use super::contact::trim_to_contact;
 use super::cycles::find_cycles;
 use super::force::{ForceRule, levels};
 use super::frame::{Frame, Zero};
-use super::inputs::{ExperimentFiles, Interpretation, MeasurementKind, measurement_kind, plain_path, read_table, read_toml};
+use super::inputs::{
+    ExperimentFiles, Interpretation, MeasurementKind, measurement_kind, plain_path, read_table, read_toml,
+};
 use super::notes::Note;
 use super::record::Record;
 use super::table::{KEYS, TableDescription, decode_table, read_choice, read_described, unread_columns};
@@ -282,7 +284,11 @@ impl Specification {
         let table = TableDescription::read(measurement, actuation.is_some(), constant.map(|_| control))?;
         if constant.is_some() && table.is_none() {
             let remedy = "describe the table in [measurement.columns], or write the commanded quantity in a column";
-            return Err(measurement.refuse("constant", "a table in the program's own format has both quantities", remedy));
+            return Err(measurement.refuse(
+                "constant",
+                "a table in the program's own format has both quantities",
+                remedy,
+            ));
         }
         let frame = Frame::read(measurement, table.as_ref().map_or(1, TableDescription::n_axes))?;
         let csv_name = plain_path(measurement, "trajectory.csv")?;

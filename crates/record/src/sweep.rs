@@ -4,7 +4,9 @@
 
 use std::path::Path;
 
-use super::inputs::{ExperimentFiles, Interpretation, MeasurementKind, measurement_kind, plain_path, read_table, read_toml};
+use super::inputs::{
+    ExperimentFiles, Interpretation, MeasurementKind, measurement_kind, plain_path, read_table, read_toml,
+};
 use super::table::{
     ColumnName, ColumnNames, InspectedTable, ParsedUnit, SWEEP_KEYS, TableLayout, Units, cells, column, decode_table,
     is_blank_or_comment, split_unit,

@@ -74,7 +74,7 @@ pub struct CohortArguments {
 /// Options that choose the model of every experiment in a cohort.
 #[derive(Args)]
 pub struct ModelArguments {
-    /// Base law of every experiment: lethersich, burgers, two-element, or a TOML file with a [base.network]
+    /// Base law of every experiment: lethersich, burgers, two-element, maxwell, kelvin-voigt, standard-linear-solid, springpot, fractional-kelvin-voigt, fractional-maxwell, spring-springpot, two-mode-maxwell, or a TOML file with a [base.network]
     #[arg(long, value_name = "LAW|FILE.toml")]
     base: Option<String>,
     /// Effects to add to every model, separated by commas

@@ -9,6 +9,7 @@ use vitreo_uq::base::error::Result;
 use vitreo_uq::documents::init::{InitColumn, InitSummary};
 use vitreo_uq::jobs::init::{self, InitRequest};
 use vitreo_uq::posterior::study::{Provenance, WithProvenance};
+use vitreo_uq::record::Control;
 use vitreo_uq::record::table::{TableSettings, unit as spelt};
 
 use crate::questions;
@@ -142,7 +143,7 @@ pub fn run(arguments: &InitArguments) -> Result<ExitCode> {
         groups: [arguments.species.clone(), arguments.region.clone()],
         sizes: [arguments.robot_diameter_mm, arguments.vitreous_diameter_mm, arguments.poisson_ratio],
         robot_density_kg_m3: arguments.robot_density_kg_m3,
-        noise_um: arguments.noise_um,
+        noise: arguments.noise_um,
         control: arguments.kind.map(|kind| match kind {
             RecordKind::Creep => Control::Force,
             RecordKind::Relaxation => Control::Position,

@@ -38,7 +38,7 @@ pub struct Common {
 /// Options that choose the model of an experiment.
 #[derive(Args, Clone)]
 pub struct ModelOptions {
-    /// Base law: lethersich, burgers, two-element, or a TOML file with a [base.network]
+    /// Base law: lethersich, burgers, two-element, maxwell, kelvin-voigt, standard-linear-solid, springpot, fractional-kelvin-voigt, fractional-maxwell, spring-springpot, two-mode-maxwell, or a TOML file with a [base.network]
     #[arg(long, value_name = "LAW|FILE.toml")]
     pub base: Option<String>,
     /// Use the model of another program: the address of a UM-Bridge server; the prior names the parameters of its model

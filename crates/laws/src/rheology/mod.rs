@@ -9,6 +9,7 @@ mod lumped;
 mod mass;
 #[cfg(test)]
 mod mittag_leffler_for_tests;
+mod named_networks;
 mod network;
 mod of_law;
 mod oscillation;
@@ -105,12 +106,18 @@ const TWO_ELEMENT: &[ParameterSpec] =
     &[YOUNG_MODULUS, RETARDATION_VISCOSITY, FLOW_VISCOSITY, SECOND_MODULUS, SECOND_VISCOSITY];
 
 impl BaseLaw {
-    /// Laws that users select by name.
+    /// Named laws whose creep compliance is a closed form.
     pub const NAMED: [Self; 3] = [Self::Lethersich, Self::Burgers, Self::TwoElement];
 
     /// Returns the named law; `None` if there is none.
     pub fn named(name: &str) -> Option<Self> {
-        Self::NAMED.into_iter().find(|law| law.name() == name)
+        let closed = Self::NAMED.into_iter().find(|law| law.name() == name);
+        closed.or_else(|| Network::named(name).map(Self::Network))
+    }
+
+    /// Names of all laws that users can name.
+    pub fn names() -> impl Iterator<Item = &'static str> {
+        Self::NAMED.into_iter().map(Self::name).chain(Network::names())
     }
 
     /// Name of the law in texts for readers.
@@ -119,7 +126,7 @@ impl BaseLaw {
             Self::Lethersich => "Lethersich",
             Self::Burgers => "Burgers",
             Self::TwoElement => "two-element",
-            Self::Network(_) => "network",
+            Self::Network(network) => network.name().unwrap_or("network"),
             Self::Outside(_) => EXTERNAL,
         }
     }
@@ -130,7 +137,7 @@ impl BaseLaw {
             Self::Lethersich => "lethersich",
             Self::Burgers => "burgers",
             Self::TwoElement => "two-element",
-            Self::Network(_) => "network",
+            Self::Network(network) => network.name().unwrap_or("network"),
             Self::Outside(_) => EXTERNAL,
         }
     }

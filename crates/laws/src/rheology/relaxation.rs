@@ -1,29 +1,41 @@
 //! Relaxation modulus of a law, for records with a prescribed strain.
 
-use super::{RetardationSpectrum, SpectralMode, TimeWindow, stieltjes};
+use super::{Accuracy, Element, RetardationSpectrum, SpectralMode, TimeWindow, stieltjes};
 use base::error::{Error, Result};
 use base::number::Dual;
 
-/// Rate of the mode that stands for a viscosity, times the shortest time of the window. At that time the mode has decayed to rounding, e⁻⁴⁰.
-const FAST: f64 = 40.0;
+/// Slowest rate of the modes that stand for a viscosity, times the shortest time of the window.
+const FAST: f64 = 200.0;
+/// Modes that stand for a viscosity: each rate, divided by the slowest one, and its part of the viscosity. Their response to a strain rate that changes in a time τ is
+/// late only by the third power of 1/(rate τ), because their first two moments vanish.
+const OF_VISCOSITY: [[f64; 2]; 3] = [[1.0, 0.5], [2.0, -4.0], [3.0, 4.5]];
+
+/// Smallest rate of a mode, times the shortest time of the window, above which the mode counts as a viscosity. Its large modulus would cost digits.
+const VISCOUS: f64 = 1e6;
+
+/// Start of the window for a creep compliance, divided by the start of the window for the relaxation modulus that is computed from it. The stress at a time depends on
+/// the creep compliance at all earlier times. The factor limits the error of a springpot's modulus to 3·10⁻⁸ for orders from 0.1 to 0.8.
+const EARLIER: f64 = 1e-4;
 
 impl RetardationSpectrum {
-    /// Returns the relaxation modulus G(t) in the form of a creep compliance: ∫ G dε with the strain ε is the stress. Its "compliances" are moduli in Pa, and
-    /// those of its modes are negative. The spectrum itself must come from a law without mass.
+    /// Returns the relaxation modulus G(t) of elements in series, in the form of a creep compliance: ∫ G dε with the strain ε is the stress. Its "compliances" are
+    /// moduli in Pa, and those of its modes are negative.
     ///
-    /// A law whose stress jumps without limit with the strain has a viscosity η, with the stress η ε̇. A mode that is faster than the window takes its place.
+    /// A law whose stress jumps without limit with the strain has a viscosity η, with the stress η ε̇. Modes that are faster than the window take its place.
     /// The stress is then exact to rounding at times of the window after each change of the strain or of its rate.
     ///
     /// # Errors
-    /// [`Error::Numerical`] if the law oscillates, or if a modulus is not finite.
-    pub fn relaxation(&self, window: TimeWindow) -> Result<Self> {
-        if !self.oscillating.is_empty() {
-            return Err(Error::numerical(
-                "a law with a mass has no relaxation modulus",
-                "leave `inertia` out for a record with a prescribed position",
-            ));
-        }
-        let (viscosity, modes) = stieltjes::relaxation_of_spectrum(self);
+    /// [`Error::Numerical`] if a modulus is not finite.
+    pub fn relaxation_of_law(law: &[Element], window: TimeWindow, accuracy: Accuracy) -> Result<Self> {
+        let earlier = TimeWindow { shortest_s: EARLIER * window.shortest_s, ..window };
+        let (mut viscosity, mut modes) = stieltjes::relaxation_of_law(law, earlier, accuracy);
+        modes.retain(|(modulus, rate)| {
+            let is_viscous = rate.value * window.shortest_s > VISCOUS;
+            if is_viscous {
+                viscosity += *modulus / *rate;
+            }
+            !is_viscous
+        });
         let mut relaxation = Self::empty();
         let mut add = |modulus: Dual, rate: Dual| {
             relaxation.instantaneous_per_pa += modulus;
@@ -33,8 +45,10 @@ impl RetardationSpectrum {
         };
         modes.into_iter().for_each(|(modulus, rate)| add(modulus, rate));
         if viscosity.value > 0.0 {
-            let rate = Dual::constant(FAST / window.shortest_s);
-            add(viscosity * rate, rate);
+            for [rate, part] in OF_VISCOSITY {
+                let rate = Dual::constant(rate * FAST / window.shortest_s);
+                add(viscosity * rate * part, rate);
+            }
         }
         if relaxation.instantaneous_per_pa.value.is_finite() {
             return Ok(relaxation);

@@ -5,8 +5,9 @@
 //! operation S ↦ 1/(s S) converts between the compliance and the modulus divided by s. The poles of the result are the zeros of
 //! S, and exactly one lies between neighbouring poles of S. Every zero is therefore bracketed, and no polynomial is formed.
 
+use super::fractional::Springpot;
 use super::mass::mass_on_maxwell_bodies;
-use super::{Element, RetardationSpectrum, SpectralMode};
+use super::{Accuracy, Element, RetardationSpectrum, SpectralMode, TimeWindow};
 use base::number::Dual;
 
 /// Largest relative distance of poles that are merged. Their weights add, and the merged rate is the weighted mean. The error is
@@ -62,16 +63,55 @@ pub fn relaxation_of(element: &Element) -> Option<RelaxationSpectrum> {
     Some(RelaxationSpectrum { viscosity_pa_s: modulus.constant.value, modes })
 }
 
-/// Relaxation spectrum of a retardation spectrum without oscillating modes: viscosity η in Pa·s, and modulus (Pa) and rate (1/s) of every mode.
-pub(super) fn relaxation_of_spectrum(spectrum: &RetardationSpectrum) -> (Dual, Vec<(Dual, Dual)>) {
-    let modes = spectrum.modes.iter().filter(|mode| mode.compliance_per_pa.value != 0.0);
-    let mut poles: Vec<Pole> =
-        modes.map(|mode| Pole { weight: mode.compliance_per_pa * mode.rate_per_s, at: mode.rate_per_s }).collect();
-    if spectrum.fluidity_per_pa_s.value > 0.0 {
-        poles.push(Pole { weight: spectrum.fluidity_per_pa_s, at: Dual::ZERO });
-    }
-    let modulus = Stieltjes { constant: spectrum.instantaneous_per_pa, poles }.reciprocal();
+/// Relaxation spectrum of elements in series: viscosity η in Pa·s, and modulus (Pa) and rate (1/s) of every mode. Springpots are sums of modes over the window, with
+/// this accuracy. Modes without modulus only have derivatives, as those of an effect at its null.
+pub(super) fn relaxation_of_law(law: &[Element], window: TimeWindow, accuracy: Accuracy) -> (Dual, Vec<(Dual, Dual)>) {
+    let modulus = match law {
+        [only] => approximate_modulus(only, window, accuracy),
+        _ => sum_all(law.iter().map(|element| approximate_compliance(element, window, accuracy))).inverse(),
+    };
     (modulus.constant, modulus.poles.iter().map(|pole| (pole.weight, pole.at)).collect())
+}
+
+/// Returns the complex compliance J* of an element, with a springpot as a sum of modes.
+fn approximate_compliance(element: &Element, window: TimeWindow, accuracy: Accuracy) -> Stieltjes {
+    match element {
+        Element::Springpot { modulus_pa, time_s, order } if !order.is_constant(1.0) => {
+            let mut spectrum = RetardationSpectrum::empty();
+            let springpot = Springpot { coefficient: *modulus_pa * time_s.pow(*order), order: *order };
+            springpot.add_to(&mut spectrum, window, accuracy);
+            let of_mode =
+                |mode: &SpectralMode| Pole { weight: mode.compliance_per_pa * mode.rate_per_s, at: mode.rate_per_s };
+            let mut poles: Vec<Pole> = spectrum.modes.iter().map(of_mode).collect();
+            if spectrum.fluidity_per_pa_s.value > 0.0 {
+                poles.push(Pole { weight: spectrum.fluidity_per_pa_s, at: Dual::ZERO });
+            }
+            Stieltjes { constant: spectrum.instantaneous_per_pa, poles }
+        }
+        Element::Series(elements) => {
+            sum_all(elements.iter().map(|element| approximate_compliance(element, window, accuracy)))
+        }
+        Element::Parallel(_) => approximate_modulus(element, window, accuracy).inverse(),
+        _ => compliance_of(element).unwrap_or_default(),
+    }
+}
+
+/// Returns the modulus of an element, divided by s, with a springpot as a sum of modes.
+fn approximate_modulus(element: &Element, window: TimeWindow, accuracy: Accuracy) -> Stieltjes {
+    match element {
+        Element::Parallel(elements) => {
+            sum_all(elements.iter().map(|element| approximate_modulus(element, window, accuracy)))
+        }
+        _ => approximate_compliance(element, window, accuracy).inverse(),
+    }
+}
+
+fn sum_all(parts: impl Iterator<Item = Stieltjes>) -> Stieltjes {
+    parts.fold(Stieltjes::default(), |mut total, part| {
+        total.constant += part.constant;
+        total.poles.extend(part.poles);
+        total
+    })
 }
 
 /// Returns the retardation spectrum of a network with a mass in parallel. The result is `None` if the network has a springpot of
@@ -180,6 +220,49 @@ impl Stieltjes {
         let (_, slope) = sums(offset);
         let at = from + offset;
         Pole { weight: Dual::ONE / (at * slope), at }
+    }
+}
+
+impl Stieltjes {
+    /// Returns [`Self::reciprocal`] with the derivatives by a constant and by weights that are 0.
+    fn inverse(&self) -> Self {
+        let (poles, vanishing): (Vec<Pole>, Vec<Pole>) = self.poles.iter().partition(|pole| pole.weight.value != 0.0);
+        let mut inverse = Self { constant: self.constant, poles }.reciprocal();
+        if inverse.constant.value > 0.0 {
+            inverse.vary_constant(self.constant.derivative);
+        }
+        inverse.vary_poles(&vanishing);
+        inverse
+    }
+
+    /// Adds the derivative of T = 1/(s S) by a constant of S that is 0, to the constant η of T. The derivative −s T² has the constant −2 η Σ g. Its part η² s acts only
+    /// at jumps. The derivatives of the poles are already there.
+    fn vary_constant(&mut self, derivative: f64) {
+        let moduli: f64 = self.poles.iter().map(|pole| pole.weight.value).sum();
+        self.constant.derivative -= 2.0 * self.constant.value * moduli * derivative;
+    }
+
+    /// Adds the derivatives of T = 1/(s S) by poles d/(s + r) of S whose weights are 0. The derivative of T is −s T² d/(s + r). Its partial fractions are those of η,
+    /// of each pole g/(s + p), and of a new pole at r.
+    fn vary_poles(&mut self, vanishing: &[Pole]) {
+        let eta = self.constant.value;
+        let known: Vec<[f64; 2]> = self.poles.iter().map(|pole| [pole.weight.value, pole.at.value]).collect();
+        // Values of T and of its regular part at a pole.
+        let others = |at: f64, without: Option<usize>| {
+            let rest = known.iter().enumerate().filter(|(place, _)| Some(*place) != without);
+            eta + rest.map(|(_, [g, p])| g / (p - at)).sum::<f64>()
+        };
+        for pole in vanishing.iter().filter(|pole| pole.weight.derivative != 0.0) {
+            let (d, r) = (pole.weight.derivative, pole.at.value);
+            self.constant.derivative -= eta * eta * d;
+            for (place, (pole, [g, p])) in self.poles.iter_mut().zip(&known).enumerate() {
+                let (distance, regular) = (r - p, others(*p, Some(place)));
+                pole.at.derivative -= d * g * p / distance;
+                pole.weight.derivative -= d * (g * g * r / (distance * distance) - 2.0 * g * regular * p / distance);
+            }
+            let weight = Dual { value: 0.0, derivative: d * r * others(r, None).powi(2) };
+            self.poles.push(Pole { weight, at: Dual::constant(r) });
+        }
     }
 }
 

@@ -14,7 +14,7 @@ mod zero;
 
 use base::error::{Error, InputPlace, Result};
 use documents::check::{CheckSummary, Contradiction};
-use record::{Apparatus, Experiment, ExperimentFiles, ForceRule, Interpretation, Record};
+use record::{Apparatus, Control, Experiment, ExperimentFiles, ForceRule, Interpretation, Record};
 
 use crate::monitor::Monitor;
 use figures::number::format_ranges;
@@ -39,7 +39,10 @@ const TAIL: f64 = 0.01;
 impl<'a> CheckContext<'a> {
     fn new(experiment: &'a Experiment, understood: &'a Interpretation) -> Self {
         let record = &experiment.record;
-        let fit = quick_fit(record, record.force_rule);
+        let fit = match experiment.control {
+            Control::Force => quick_fit(record, record.force_rule),
+            Control::Position => None,
+        };
         let estimated_m = || experiment.reference_noise().map(|yardstick| yardstick.sd_m);
         let left_m = fit.as_ref().map(|fit| fit.left_sd_m);
         let noise_m = experiment.noise_sd_m.or_else(|| match (estimated_m(), left_m) {
@@ -91,7 +94,13 @@ pub fn contradictions(experiment: &Experiment, understood: &Interpretation) -> V
     ];
     // The quick fit assumes that positions are linear in the force. An indenter's depth is not linear, so only checks without the quick fit apply to it.
     let of_indenter = [times::units, positions::clipped, positions::repeated];
-    let looks = if matches!(experiment.apparatus, Apparatus::Indenter(_)) { &of_indenter[..] } else { &looks[..] };
+    // A relaxation starts anywhere, and no simple law is fitted to it.
+    let of_relaxation = [times::units, times::gaps, positions::clipped, positions::repeated, positions::unread];
+    let looks = match (&experiment.apparatus, experiment.control) {
+        (Apparatus::Indenter(_), _) => &of_indenter[..],
+        (_, Control::Position) => &of_relaxation[..],
+        (_, Control::Force) => &looks[..],
+    };
     let mut all: Vec<Contradiction> = looks.iter().filter_map(|look| look(&looked)).collect();
     // If a cause is found, advice on its consequences would mislead the user.
     for (cause, consequences) in CAUSES {
@@ -129,8 +138,13 @@ pub fn refuse_contradictions(
     understood: &Interpretation,
     monitor: &dyn Monitor,
 ) -> Result<()> {
+    let translated = |text: String| match experiment.quantities() {
+        Some(quantities) => quantities.translate(&text).into_owned(),
+        None => text,
+    };
     for contradiction in contradictions(experiment, understood) {
         let Contradiction { kind, certain, text, advice } = contradiction;
+        let (text, advice) = (translated(text), translated(advice));
         if certain {
             let place = InputPlace::file(experiment.specimen_id.as_str()).at_key(kind);
             return Err(Error::input(place, text, format!("{advice}; `vitreo-uq check` shows the record")));
@@ -167,6 +181,13 @@ fn sentences(experiment: &Experiment, understood: &Interpretation) -> [String; 5
             number(1e3 * vitreous.diameter_m),
             vitreous.poisson_ratio
         ),
+        // The record counts a strain of 1 % as 1 µm and a stress of 1 Pa as 1 µN, which makes the compliance a hundred times as large.
+        Apparatus::Instrument { compliance_per_m, is_stress_strain: true } => {
+            format!(
+                "an instrument whose strain is {} × the creep compliance × the stress",
+                number(compliance_per_m / 100.0)
+            )
+        }
         Apparatus::Instrument { compliance_per_m, .. } => {
             format!("an instrument with a compliance of {} 1/m", number(*compliance_per_m))
         }

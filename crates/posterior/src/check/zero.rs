@@ -35,6 +35,10 @@ pub(super) fn off(looked: &CheckContext<'_>) -> Option<Contradiction> {
     if looked.experiment.fits_position_offset {
         return None;
     }
+    // A record whose first position was measured after the load has moved by then.
+    if record.force_n.first() != Some(&0.0) && record.position_m.first() == Some(&None) {
+        return None;
+    }
     let fit = looked.fit.as_ref()?;
     let first: Vec<(usize, f64)> =
         (0..fit.motion_m.len()).filter_map(|row| Some((row, record.position_m[row]?))).take(FIRST).collect();

@@ -463,8 +463,8 @@ fn base_at(address: &str, prior: &str) -> Result<BaseLaw> {
 /// Returns the built-in base law with this name. An unknown name is an error at `place`.
 fn base_named(name: &str, place: InputPlace) -> Result<BaseLaw> {
     BaseLaw::named(name).ok_or_else(|| {
-        let known = BaseLaw::NAMED.map(BaseLaw::name);
-        let near = nearest_name(name, known);
+        let known: Vec<&str> = BaseLaw::names().collect();
+        let near = nearest_name(name, known.iter().copied());
         let hint = near.map_or(String::new(), |near| format!("did you mean `{near}`? "));
         Error::input(
             place,

@@ -167,7 +167,11 @@ impl TableDescription {
     /// Reads the description of a foreign table from `[measurement]`. The result is `None` without `[measurement.columns]`, because the table then
     /// has the program's own format. `is_driven_elsewhere` is true if `[actuation]` gives the force. `constant` is the
     /// quantity that has one value in all rows and therefore no column.
-    pub fn read(measurement: TomlTable<'_>, is_driven_elsewhere: bool, constant: Option<Control>) -> Result<Option<Self>> {
+    pub fn read(
+        measurement: TomlTable<'_>,
+        is_driven_elsewhere: bool,
+        constant: Option<Control>,
+    ) -> Result<Option<Self>> {
         let Some(columns) = measurement.table("columns")? else {
             return match KEYS.iter().find(|key| measurement.has(key)) {
                 None => Ok(None),

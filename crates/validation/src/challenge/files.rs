@@ -202,7 +202,9 @@ fn experiment_toml(apparatus: &Apparatus, commitment: &str, noise_um: Option<f64
     let noise =
         noise_um.map_or(String::new(), |noise_um| format!("noise_um = {:?}\n", (100.0 * noise_um).round() / 100.0));
     let of_apparatus = match apparatus {
-        Apparatus::Instrument { compliance_per_m, .. } => format!("[instrument]\ncompliance_per_m = {compliance_per_m}\n"),
+        Apparatus::Instrument { compliance_per_m, .. } => {
+            format!("[instrument]\ncompliance_per_m = {compliance_per_m}\n")
+        }
         Apparatus::Indenter(indenter) => indenter.toml(),
         Apparatus::Robot { robot, vitreous } => {
             let diameter_m = match robot.shape {
@@ -245,8 +247,11 @@ mod tests {
         let (trajectory_sha256, noise_free_um) = (sha256_hex(csv.as_bytes()), vec![0.25; 800]);
         let answer = SealedAnswer { truth, trajectory_sha256, noise_free_um };
         let sealed = seal(salt, &serde_json::to_vec(&answer).expect("JSON"));
-        let toml =
-            experiment_toml(&Apparatus::Instrument { compliance_per_m: 1.0, is_stress_strain: false }, &sealed.commitment_sha256, Some(4.0));
+        let toml = experiment_toml(
+            &Apparatus::Instrument { compliance_per_m: 1.0, is_stress_strain: false },
+            &sealed.commitment_sha256,
+            Some(4.0),
+        );
         for (name, text) in [
             (COMMITMENT_FILE, sealed.commitment_sha256.clone() + "\n"),
             (SEALED_FILE, serde_json::to_string(&sealed).expect("JSON")),
@@ -274,7 +279,9 @@ mod tests {
     /// The experiment states the noise standard deviation if and only if the truth says so.
     #[test]
     fn the_noise_is_stated_or_left_to_be_estimated() {
-        let toml = |noise_um| experiment_toml(&Apparatus::Instrument { compliance_per_m: 1.0, is_stress_strain: false }, "00", noise_um);
+        let toml = |noise_um| {
+            experiment_toml(&Apparatus::Instrument { compliance_per_m: 1.0, is_stress_strain: false }, "00", noise_um)
+        };
         assert!(toml(Some(4.0)).contains("\nnoise_um = 4.0\n") && toml(Some(4.729_6)).contains("\nnoise_um = 4.73\n"));
         assert!(!toml(None).contains("noise_um"));
     }

@@ -335,7 +335,8 @@ fn document(path: &std::path::Path) -> Value {
     let bytes = files::read_if_there(path, Content::Document);
     let mut document: Value = bytes.and_then(|bytes| serde_json::from_slice(&bytes).ok()).unwrap_or(Value::Null);
     // The page knows the keys of one kind of record, and takes the words of all kinds.
-    match (document.get("record_kind").and_then(Value::as_str).and_then(Quantities::named), document.get_mut(ORIGINAL)) {
+    match (document.get("record_kind").and_then(Value::as_str).and_then(Quantities::named), document.get_mut(ORIGINAL))
+    {
         (Some(quantities), Some(original)) => quantities.translate_sentences(original.take()),
         _ => document,
     }

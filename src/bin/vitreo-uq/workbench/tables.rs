@@ -137,7 +137,7 @@ fn written(home: &WorkbenchFolder, file: &Path, described: &Described) -> Result
     let request = |out: PathBuf| InitRequest {
         file: file.to_path_buf(),
         out: Some(out),
-        noise_um: described.noise_um,
+        noise: described.noise_um,
         groups: described.groups.clone(),
         known_columns: TableSettings { columns: described.columns.clone(), ..TableSettings::default() },
         ..InitRequest::default()

@@ -89,8 +89,8 @@ impl<T: Real> PointNumbers<T> {
         let shortest_s = window.shortest_s * if at_rows { 1.0 } else { BETWEEN_ROWS };
         let window = TimeWindow { shortest_s, ..window };
         if stages.is_position_controlled {
-            let creep = Self::spectrum(stages, window)?;
-            let relaxation = RetardationSpectrum::of_dual(&creep.relaxation(window)?);
+            let relaxation = RetardationSpectrum::relaxation_of_law(&stages.law, window, Accuracy::Fast)?;
+            let relaxation = RetardationSpectrum::of_dual(&relaxation);
             return Ok(Self::with_spectrum(stages, &relaxation, T::constant(1.0) / compliance_per_m, record.largest_n));
         }
         Ok(Self::with_spectrum(stages, &Self::spectrum(stages, window)?, compliance_per_m, record.largest_n))
@@ -146,11 +146,7 @@ impl<T: Real> PointNumbers<T> {
         let load = load.of::<T>();
         let lag_rate = load.lag_rate_per_s().unwrap_or(T::constant(0.0));
         let mut numbers = Vec::with_capacity(15 + 2 * shape.n_modes + 4 * shape.n_oscillating + 2 * shape.n_approaches);
-        numbers.extend([
-            compliance_per_m * spectrum.instantaneous_per_pa,
-            lag_rate,
-            growth,
-        ]);
+        numbers.extend([compliance_per_m * spectrum.instantaneous_per_pa, lag_rate, growth]);
         numbers.extend(load.numbers());
         numbers.extend(observation.numbers().into_iter().map(T::from_dual));
         let (real, oscillating) = modes_of(spectrum, compliance_per_m, softening);
