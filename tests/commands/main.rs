@@ -22,6 +22,7 @@ mod oscillation;
 mod outside;
 #[path = "../program/mod.rs"]
 mod program;
+mod relaxation;
 mod report;
 mod sample;
 mod serve;

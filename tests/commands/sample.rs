@@ -242,7 +242,7 @@ fn bad_input_ends_in_exit_code_2_with_a_remedy_and_nothing_is_written() {
     run(&["sample", "--prior", "porcin"]).refuses(&["porcin", "what to do"]);
     run(&["sample", "--set", "young_modulus=3"]).refuses(&["--set", "young_modulus_pa"]);
     run(&["sample", "--set", "young_modulus_pa=-3"]).refuses(&["--set", "what to do"]);
-    run(&["sample", "--base", "maxwell"]).refuses(&["--base", "lethersich"]);
+    run(&["sample", "--base", "zener"]).refuses(&["--base", "lethersich"]);
     run(&["sample", "--with", "inertiaa"]).refuses(&["--with", "what to do"]);
     run(&["sample", "--chains", "2"]).refuses(&["what to do"]);
     run(&["sample", "--mesh", "nowhere.msh"]).refuses(&["nowhere.msh", "what to do"]);

@@ -316,7 +316,7 @@ fn sizes_that_are_not_known_are_marked() {
     assert!(toml.lines().filter(|line| line.contains(" = ")).all(|line| line.contains(" # ")), "{toml}");
 }
 
-/// A rheometer's creep in three layouts: pascals as newtons, strains as metres, 2 + 2ν as the compliance. A remark says that the robot's sizes are ignored.
+/// A rheometer's creep in three layouts: a pascal counts as 1 µN, a strain of 1 % as 1 µm, and 2 + 2ν is the compliance. A remark says that the robot's sizes are ignored.
 #[test]
 fn a_rheometers_creep_is_a_record_in_time() {
     let folder = tempfile::tempdir().unwrap();
@@ -347,8 +347,8 @@ fn a_rheometers_creep_is_a_record_in_time() {
         assert_eq!(record.n_rows(), 400);
         for (row, position_m) in record.position_m.iter().enumerate() {
             let t = 0.1 * row as f64;
-            assert!((record.time_s[row] - t).abs() < 1e-9 && (record.force_n[row] - stress(t)).abs() < 1e-9);
-            assert!((position_m.unwrap() - strain(t)).abs() < 1e-6, "{number} {row}");
+            assert!((record.time_s[row] - t).abs() < 1e-9 && (record.force_n[row] - 1e-6 * stress(t)).abs() < 1e-15);
+            assert!((position_m.unwrap() - 1e-4 * strain(t)).abs() < 1e-10, "{number} {row}");
         }
     }
 }

@@ -11,8 +11,8 @@ use base::sha256::sha256_hex;
 use base::toml_input::{UNKNOWN, quoted};
 use documents::init::{InitColumn, InitSummary};
 use record::table::{
-    Ask, ColumnName, PositionColumns, Question, TableDescription, TableProposal, TableSettings, inspect_table, propose,
-    tracks,
+    Ask, ColumnName, InspectedTable, PositionColumns, Question, TableDescription, TableProposal, TableSettings,
+    choose_table, inspect_tables, propose, tracks,
 };
 use record::{Control, Direction, Experiment, OscillationRecord, RELAXATION, STRESS_STRAIN, Zero, sweep_columns};
 
@@ -54,6 +54,9 @@ pub fn run(request: &InitRequest, ask: Ask<'_>) -> Result<(InitSummary, String)>
     if request.known_columns.track[1].as_deref() == Some(ALL_TRACKS) {
         return cohort(request, &bytes, &stem.to_string_lossy(), &out, ask);
     }
+    if request.known_columns.tables.as_deref() == Some(EACH_TABLE) {
+        return tests(request, &bytes, &stem.to_string_lossy(), &out, ask);
+    }
     let toml_path = out.join("experiment.toml");
     if files::kind(&toml_path).is_some() && !request.replace {
         return Err(Error::input(
@@ -62,11 +65,16 @@ pub fn run(request: &InitRequest, ask: Ask<'_>) -> Result<(InitSummary, String)>
             format!("give another directory with `{}`, or overwrite it with `{}`", Setting::Out, Setting::Replace),
         ));
     }
+    let mut request = request.clone();
+    if request.known_columns.tables.is_none() && holds_oscillations_and_others(&request, &bytes) {
+        request.known_columns.tables = Some(choose_table(&request.file, &bytes, ask)?.to_string());
+    }
+    let request = &request;
     if let Some(summary) = oscillation(request, &name, &bytes, &out)? {
         return Ok((summary, sha256_hex(&bytes)));
     }
-    let looked = inspect_table(&request.file, &bytes).ok();
-    let creep = looked.and_then(|looked| StressStrain::of(&looked, &request.known_columns, request.sizes[2]));
+    let creep = chosen_table(request, &bytes)
+        .and_then(|looked| StressStrain::of(&looked, &request.known_columns, request.sizes[2]));
     let given = creep.as_ref().map_or(&request.known_columns, |creep| &creep.given);
     let mut proposal = propose(&request.file, &bytes, given, ask)?;
     if let Some(creep) = &creep {
@@ -131,6 +139,42 @@ fn controlled(
     (control, if control == Control::Force { toml } else { describe(control) })
 }
 
+/// Value of the table setting that makes one experiment of each table of a file.
+const EACH_TABLE: &str = "each";
+
+/// Writes one experiment for each table of a file that holds several tests. Each has its own directory inside `out`. Tables that cannot be read are named with the reason.
+fn tests(request: &InitRequest, bytes: &[u8], stem: &str, out: &Path, ask: Ask<'_>) -> Result<(InitSummary, String)> {
+    let (mut made, mut experiments, mut refused) = (None, Vec::new(), Vec::new());
+    let mut first_refusal = None;
+    for number in 1..=inspect_tables(&request.file, bytes)?.len() {
+        // Tests of one specimen share its name.
+        let id = Some(request.id.clone().unwrap_or_else(|| stem.to_string()));
+        let known_columns = TableSettings { tables: Some(number.to_string()), ..request.known_columns.clone() };
+        let of_table = InitRequest { out: Some(out.join(number.to_string())), id, known_columns, ..request.clone() };
+        match run(&of_table, ask) {
+            Ok((summary, sha256)) => {
+                experiments.push(summary.directory.clone());
+                made.get_or_insert((summary, sha256));
+            }
+            Err(error @ Error::Input { .. }) => {
+                refused.push(format!("table {number} is left out: {error}"));
+                first_refusal.get_or_insert(error);
+            }
+            Err(error) => return Err(error),
+        }
+    }
+    match (made, first_refusal) {
+        (Some((mut first, sha256)), _) => {
+            first.reasons.extend(refused);
+            Ok((InitSummary { directory: out.display().to_string(), experiments, ..first }, sha256))
+        }
+        (None, Some(error)) => Err(error),
+        (None, None) => {
+            Err(Error::input(InputPlace::file(&request.file), "the file has no table", "give another file"))
+        }
+    }
+}
+
 /// Value of the track setting that selects all tracks of a table.
 const ALL_TRACKS: &str = "all";
 
@@ -164,13 +208,29 @@ fn write(out: &Path, name: &str, bytes: &[u8], toml: &str) -> Result<()> {
     write_together(&[(&out.join(name), bytes), (&out.join("experiment.toml"), toml.as_bytes())])
 }
 
+/// The only table of a file, or the one that the user has chosen. `None` if several tables are to be joined.
+fn chosen_table(request: &InitRequest, bytes: &[u8]) -> Option<InspectedTable> {
+    let mut tables = inspect_tables(&request.file, bytes).ok()?;
+    let number = match request.known_columns.tables.as_deref() {
+        None => 1,
+        Some(number) => number.parse().ok().filter(|number| (1..=tables.len()).contains(number))?,
+    };
+    Some(tables.swap_remove(number - 1))
+}
+
+/// Whether the tables of a file hold different tests, of which at least one is an oscillation.
+fn holds_oscillations_and_others(request: &InitRequest, bytes: &[u8]) -> bool {
+    let tables = inspect_tables(&request.file, bytes).unwrap_or_default();
+    tables.len() > 1 && tables.iter().any(|table| sweep_columns(table).is_some())
+}
+
 /// Writes an experiment for a rheometer's oscillation. `None` if the table is of another kind, or if the user names columns of a record over time.
 fn oscillation(request: &InitRequest, name: &str, bytes: &[u8], out: &Path) -> Result<Option<InitSummary>> {
     let given = &request.known_columns;
     if given.columns.iter().chain(&given.axes).any(Option::is_some) {
         return Ok(None);
     }
-    let Ok(looked) = inspect_table(&request.file, bytes) else { return Ok(None) };
+    let Some(looked) = chosen_table(request, bytes) else { return Ok(None) };
     let Some(columns) = sweep_columns(&looked) else { return Ok(None) };
     let (toml, mut summary) = describe_sweep(name, request.id.as_deref(), request.sizes[2], &looked, &columns)?;
     summary.reasons.extend(unused_sizes_remark(request));

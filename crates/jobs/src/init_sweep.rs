@@ -53,6 +53,9 @@ pub(super) fn describe_sweep(
     line("source", quoted("not stated"), "origin of the table; synthetic or measured");
     line("# heldout_hz", "[1.0]".into(), "frequencies that are not fitted; default: every third");
     let layout = &looked.layout;
+    if !layout.row_lines.is_empty() {
+        line("row_lines", format!("{:?}", layout.row_lines), "first and last line of the table");
+    }
     line("delimiter", quoted(layout.delimiter.name()), "between cells");
     line("decimal", quoted(layout.decimal.name()), "before decimals");
     if let Some(encoding) = layout.encoding {
@@ -61,7 +64,9 @@ pub(super) fn describe_sweep(
     if let Some(header) = layout.header_line {
         line("header_line", header.to_string(), "line of the columns' names");
     }
-    line("first_row_line", layout.first_row_line.to_string(), "line of the first row");
+    if layout.row_lines.is_empty() {
+        line("first_row_line", layout.first_row_line.to_string(), "line of the first row");
+    }
     for (index, (column, place)) in columns.iter().enumerate() {
         let key = format!("{}{}", if index == 0 { "\n[measurement.columns]\n" } else { "" }, column.key());
         let name = &looked.columns[*place];

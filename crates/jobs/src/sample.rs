@@ -16,6 +16,7 @@ use posterior::prepared::PreparedModel;
 use posterior::problem::Problem;
 use posterior::sample::refuse_nothing_to_sample;
 use posterior::study::{POSTERIOR_NAME, Provenance, Study, WithProvenance};
+use record::Control;
 use sampling::SamplerOptions;
 use serde::Serialize;
 
@@ -165,13 +166,18 @@ impl PreparedRecord {
         match self {
             Self::Creep(creep) => density.map(|density| JointMember {
                 id: creep.problem.experiment.specimen_id.clone(),
-                kind: "creep",
+                kind: match creep.problem.experiment.control {
+                    Control::Force => "creep",
+                    Control::Position => "relaxation",
+                },
+                quantities: creep.problem.experiment.quantities(),
                 density,
                 priors: &creep.problem.priors,
             }),
             Self::Oscillation(problem) => Some(JointMember {
                 id: problem.sweep.specimen_id.clone(),
                 kind: "oscillation",
+                quantities: None,
                 density: &**problem,
                 priors: &problem.priors,
             }),

@@ -1,4 +1,4 @@
-//! Oscillation measured with a rheometer: a table of moduli against frequency (formats §1.2).
+//! Oscillation measured with a rheometer: a table of moduli against frequency (formats §1.3).
 //!
 //! [`OscillationRecord::read`] reads and checks such a table, whose data are then complete and in SI units.
 
@@ -16,6 +16,8 @@ use base::files::refuse_long_lines;
 use base::toml_input::{TomlInput, TomlTable, text_of};
 use base::units::Dimension;
 
+/// Largest relative range of the frequencies of a test at one frequency.
+const ONE_FREQUENCY: f64 = 1e-3;
 /// Smallest number of rows that are not held out.
 const FEWEST_FITTED: usize = 4;
 /// Smallest number of frequencies at which rows are held out by default.
@@ -204,7 +206,7 @@ impl OscillationRecord {
     /// Reads an oscillation. `path` is the directory that contains `experiment.toml`, or the path of the TOML file.
     ///
     /// # Errors
-    /// [`Error::File`] if a file cannot be read, [`Error::Input`] for input that formats §1.2 refuses.
+    /// [`Error::File`] if a file cannot be read, [`Error::Input`] for input that formats §1.3 refuses.
     pub fn read(path: &Path) -> Result<(Self, ExperimentFiles)> {
         let (toml_path, toml_bytes) = read_toml(path)?;
         let document = TomlInput::parse(&toml_path, text_of(&toml_path, &toml_bytes)?)?;
@@ -225,6 +227,13 @@ impl OscillationRecord {
         let (mut rows, n_incomplete) = columns.rows(&csv_path, &text, &layout)?;
         rows.sort_by(|a, b| a.frequency_hz.total_cmp(&b.frequency_hz));
         hold_out(measurement, &mut rows)?;
+        if let [first, .., last] = &rows[..]
+            && last.frequency_hz <= (1.0 + ONE_FREQUENCY) * first.frequency_hz
+        {
+            let found = format!("all rows have the frequency {} Hz: this is no frequency sweep", first.frequency_hz);
+            let remedy = "give a table of moduli over frequency; an amplitude sweep shows only where the gel is linear";
+            return Err(Error::input(InputPlace::file(&csv_path), found, remedy));
+        }
         let n_fitted = rows.iter().filter(|row| !row.is_heldout).count();
         if n_fitted < FEWEST_FITTED {
             return Err(Error::input(
@@ -347,7 +356,10 @@ impl Columns {
     fn rows(&self, file: &Path, text: &str, layout: &TableLayout) -> Result<(Vec<SweepRow>, usize)> {
         let (mut rows, mut n_incomplete) = (Vec::new(), 0);
         let lines = text.lines().enumerate().skip(layout.first_row_line - 1);
-        for (index, line) in lines.filter(|(_, line)| !is_blank_or_comment(line, layout.comment.as_deref())) {
+        let is_row = |(index, line): &(usize, &str)| {
+            layout.table_of(index + 1).is_some() && !is_blank_or_comment(line, layout.comment.as_deref())
+        };
+        for (index, line) in lines.filter(is_row) {
             let cells = cells(line, layout.delimiter);
             let number = |(place, name, unit): &(usize, String, ParsedUnit)| -> Result<Option<f64>> {
                 let cell = cells.get(*place).map_or("", |cell| cell.as_ref());

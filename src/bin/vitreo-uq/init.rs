@@ -42,7 +42,7 @@ pub struct InitArguments {
     /// Column of the z coordinate
     #[arg(long, value_name = "COLUMN")]
     z: Option<String>,
-    /// Tables to read from a file with several tables: numbers such as 1 or 1,2 (joined in time), or all
+    /// Tables to read from a file with several tables: numbers such as 1 or 1,2 (joined in time), all, or each (one experiment of each table)
     #[arg(long, value_name = "LIST")]
     table: Option<String>,
     /// Track to read from a table of several tracks, or all for one experiment per track
@@ -204,7 +204,7 @@ fn next(summary: &InitSummary) -> String {
     if !summary.experiments.is_empty() {
         let n = summary.experiments.len();
         return format!(
-            "Wrote {n} experiments under {0}. Next: run vitreo-uq check on each, then vitreo-uq groups {directory}/*",
+            "Wrote {n} experiments under {0}. Next: vitreo-uq sample {directory}/* if they are tests of one specimen, or vitreo-uq groups {directory}/* for several specimens",
             summary.directory
         );
     }

@@ -8,6 +8,7 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use base::error::{Error, InputPlace, Result, Setting};
 use base::parameter::ParameterSpec;
+use base::quantities::Quantities;
 use documents::joint::{Agreement, JointRecord, JointSummary, LawEstimate};
 use documents::posterior::{ModelSummary, Warning, WarningKind};
 use posterior::monitor::Monitor;
@@ -32,8 +33,10 @@ pub const MOST_RECORDS: usize = 20;
 pub struct JointMember<'a> {
     /// Specimen identifier.
     pub id: String,
-    /// Kind of the record, `creep` or `oscillation`.
+    /// Kind of the record: `creep`, `relaxation` or `oscillation`.
     pub kind: &'static str,
+    /// Words and units of the record's quantities; `None` for a commanded force and a measured position, and for an oscillation.
+    pub quantities: Option<Quantities>,
     /// Log posterior density over the record's coordinates, including their priors.
     pub density: &'a dyn LogDensity,
     /// Priors of the record's coordinates, in their order.
@@ -88,9 +91,15 @@ impl<'a> Joint<'a> {
             );
         }
         let named = |(number, member): (usize, &JointMember<'_>)| -> Vec<Prior> {
-            let iter = member.priors.priors()[n_law..].iter();
-            iter.map(|prior| Prior { name: format!("record {}: {}", number + 1, prior.name), ..prior.clone() })
-                .collect()
+            let translated = |prior: &Prior| match member.quantities {
+                Some(quantities) => (quantities.key(&prior.name), quantities.translate(&prior.unit).into_owned()),
+                None => (prior.name.clone(), prior.unit.clone()),
+            };
+            let of_record = |prior: &Prior| {
+                let (name, unit) = translated(prior);
+                Prior { name: format!("record {}: {name}", number + 1), unit, ..prior.clone() }
+            };
+            member.priors.priors()[n_law..].iter().map(of_record).collect()
         };
         let of_records: Vec<Prior> = members.iter().enumerate().flat_map(named).collect();
         let priors = of_law.with(&of_records);

@@ -47,7 +47,7 @@ fn unacceptable_models_are_refused_with_line_key_and_remedy() {
         ("base = \"letersich\"", 1, "base", "`letersich`", "did you mean `lethersich`"),
         ("\nbase = { network = \"x\" }", 2, "base.network", "table", "network"),
         ("base = { net = { } }", 1, "base.net", "unknown key", "network"),
-        ("base = \"maxwell\"", 1, "base", "`maxwell`", "lethersich"),
+        ("base = \"zener\"", 1, "base", "`zener`", "lethersich"),
         (
             "base = \"lethersich\"\neffects = [\"clock-ofset\"]",
             2,
@@ -106,7 +106,7 @@ fn options_are_refused_by_their_names() {
             other => panic!("{other:?}"),
         }
     };
-    assert_eq!(refused(Some("maxwell"), &[], &[], &[]), "base");
+    assert_eq!(refused(Some("zener"), &[], &[], &[]), "base");
     assert_eq!(refused(None, &["astrology"], &[], &[]), "effects");
     assert_eq!(refused(None, &[], &["pink"], &[]), "noise");
     for set in [

@@ -140,7 +140,7 @@ pub struct TableDescription {
 
 /// Keys of `[measurement]` and `[actuation]` that describe a foreign table.
 pub(crate) const KEYS: [&str; 15] = [
-    // The first nine keys apply to every kind of table.
+    // The first ten keys apply to every kind of table.
     "columns",
     "units",
     "delimiter",
@@ -159,7 +159,7 @@ pub(crate) const KEYS: [&str; 15] = [
 ];
 
 /// Keys of `[measurement]` that describe a rheometer's table of moduli.
-pub(crate) const SWEEP_KEYS: &[&str] = KEYS.split_at(9).0;
+pub(crate) const SWEEP_KEYS: &[&str] = KEYS.split_at(10).0;
 
 const EXAMPLE: &str = "position = \"x [µm]\"";
 

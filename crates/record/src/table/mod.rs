@@ -16,7 +16,7 @@ mod unread;
 pub use asked::{Ask, Question, TableSettings};
 pub use description::{BlankForce, ColumnName, PositionColumns, TableDescription, TableLayout, TimeFormat};
 pub(super) use description::{KEYS, SWEEP_KEYS, Units, column, read_choice};
-pub use propose::{InspectedTable, TableProposal, inspect_table, propose, tracks};
+pub use propose::{InspectedTable, TableProposal, choose_table, inspect_table, inspect_tables, propose, tracks};
 pub(crate) use read::read_described;
 pub use read::{ColumnNames, decode_table};
 pub(super) use spelling::split_unit;

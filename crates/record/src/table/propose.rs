@@ -648,13 +648,39 @@ pub struct InspectedTable {
 /// # Errors
 /// [`Error::Input`] if there is no block of numbers.
 pub fn inspect_table(file: &Path, bytes: &[u8]) -> Result<InspectedTable> {
+    Ok(inspect_tables(file, bytes)?.swap_remove(0))
+}
+
+/// Finds the layout and header of every table in a file. Errors name `file`.
+///
+/// # Errors
+/// [`Error::Input`] if there is no block of numbers.
+pub fn inspect_tables(file: &Path, bytes: &[u8]) -> Result<Vec<InspectedTable>> {
     let text = &*decode_detected(bytes);
     let lines: Vec<&str> = text.lines().collect();
     let all = tables_of(file, &lines)?;
-    let first = &all[0];
-    let said = describe_layout(&[first], &lines);
-    let Header { names, units, .. } = first.header.clone();
-    Ok(InspectedTable { layout: written(bytes, &lines, first), columns: names, units, said })
+    let inspected = |table: &TableBlock| {
+        let said = describe_layout(&[table], &lines);
+        let Header { names, units, .. } = table.header.clone();
+        let mut layout = written(bytes, &lines, table);
+        if all.len() > 1 {
+            layout.row_lines = vec![table.lines()];
+        }
+        InspectedTable { layout, columns: names, units, said }
+    };
+    Ok(all.iter().map(inspected).collect())
+}
+
+/// Asks the user for the number, from 1, of the table to read. Errors name `file`.
+///
+/// # Errors
+/// [`Error::Input`] with the list of tables if nobody answers.
+pub fn choose_table(file: &Path, bytes: &[u8], ask: Ask<'_>) -> Result<usize> {
+    let text = &*decode_detected(bytes);
+    let lines: Vec<&str> = text.lines().collect();
+    let all = tables_of(file, &lines)?;
+    let chosen = ask_table(file, &all, "they hold different tests", ask)?.lines();
+    Ok(all.iter().position(|table| table.lines() == chosen).map_or(1, |place| place + 1))
 }
 
 /// Returns the layout of a table for its description. All lines from the table's first row on are included.

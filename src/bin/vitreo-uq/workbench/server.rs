@@ -292,9 +292,14 @@ fn study_of(bench: &Bench, name: &str, revision: Option<String>) -> Result<Value
         Some(name) => pages::parts(&dir, &name)?,
         None => Vec::new(),
     };
+    let words = |value: Value| match experiment.quantities() {
+        Some(quantities) => quantities.translate_sentences(value),
+        None => value,
+    };
     Ok(json!({
         "is_changed": is_changed,
-        "record": read.summary,
+        "record": words(serde_json::to_value(&read.summary).unwrap_or(Value::Null)),
+        "axes": words(json!(["position (µm)", "residual (µm)", "force (µN)", "µm"])),
         "left_out_s": left_out_s(bench, &item),
         "noise_um": experiment.reference_noise().map(|yardstick| 1e6 * yardstick.sd_m),
         "cycles": cycles(experiment),

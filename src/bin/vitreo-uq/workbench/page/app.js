@@ -9,7 +9,7 @@ import { ask, at, attempt, fault, listen, make, query, send, shown } from "./req
 /** @typedef {{item: string, kind: string, standing: string, words: string, at: number, commands: string[][], began_s: number, progress: [number, number]|null}} Job */
 /** @typedef {{name: string, posterior: any, comparison: any, diagnosis: any, learned: any, extension: any}} Revision */
 /** @typedef {{item: Item, record: any, noise_um: number|null, cycles: {cycle: number, from_s: number, to_s: number, serves: string, chosen: string}[],
- *   left_out_s: [number, number][], is_changed: boolean, revisions: Revision[], ladder: any, overlay: string|null, parts: Record<string, string>}} Study */
+ *   left_out_s: [number, number][], is_changed: boolean, revisions: Revision[], ladder: any, overlay: string|null, parts: Record<string, string>, axes: string[]}} Study */
 /** @typedef {{leftOut: [number, number][], serves: string[]}} Draft */
 /** @typedef {{name: string, symbol: string, unit: string, value: number, low: number, high: number, null_value: number|null, is_logarithmic: boolean}} Knob */
 
@@ -38,7 +38,7 @@ async function upload(file) {
 }
 
 /** Optional information: name of the field and its label. */
-const OPTIONAL = [["noise", "Noise standard deviation of the tracker in µm, if known"], ["species", "Species, if groups are to be compared"], ["region", "Region of the eye, if groups are to be compared"]];
+const OPTIONAL = [["noise", "Noise standard deviation, if known: of a position in µm, a force in µN, a strain in %, a stress in Pa"], ["species", "Species, if groups are to be compared"], ["region", "Region of the eye, if groups are to be compared"]];
 
 /** @param {{upload: string, file: string, answers: Record<string, string>, noise_um?: number|null, groups?: (string|null)[], columns?: (string|null)[]}} described */
 async function describe(described) {
@@ -69,7 +69,7 @@ async function describe(described) {
     });
     const [noise, species, region] = OPTIONAL.map(([name]) => /** @type {HTMLInputElement} */ (form.querySelector(`[name="${name}"]`)).value.trim());
     const noise_um = noise ? Number(noise.replace(",", ".")) : null;
-    if (Number.isNaN(noise_um)) return fault(new Error(`\`${noise}\` is not a number of micrometres.`));
+    if (Number.isNaN(noise_um)) return fault(new Error(`\`${noise}\` is not a number.`));
     attempt(() => describe({ ...described, answers, noise_um, groups: [species || null, region || null] }));
   };
   at("questions").hidden = false;
@@ -233,6 +233,7 @@ function showStudy(study) {
   const { revisions, record } = study;
   const revision = revisions.find((own) => own.name === state.revision);
   at("item-heading").textContent = record.experiment;
+  plots.setAxes(study.axes);
   at("revision").replaceChildren(...(revisions.length > 0 ? revisions : [{ name: "none yet" }]).map(({ name }) =>
     make("option", { value: name, textContent: titleOf(study, name), selected: name === state.revision })));
   const others = revisions.filter(({ name }) => name !== state.revision);
@@ -417,7 +418,7 @@ function showLadder(study) {
   const line = (/** @type {string} */ name, /** @type {number} */ error, /** @type {string} */ kind) => {
     const bar = make("div", { className: `bar ${kind}` });
     bar.style.width = `${(100 * error) / largest}%`;
-    return make("div", { className: "rung" }, [make("span", { textContent: name }), make("div", {}, [bar]), make("span", { className: "number", textContent: `${shown(error)} µm` })]);
+    return make("div", { className: "rung" }, [make("span", { textContent: name }), make("div", {}, [bar]), make("span", { className: "number", textContent: `${shown(error)} ${study.axes[3]}` })]);
   };
   at("ladder").replaceChildren(
     ...rungs.map(({ name, error }) => line(name, error, "")),
@@ -440,7 +441,7 @@ function showMap(study, revision) {
     const isQuiet = panel.p_familywise >= 0.05;
     const cells = panel.bars.map((/** @type {any} */ bar) => {
       const isScore = panel.where === "runs" || panel.where === "autocorrelation";
-      const words = `${shown(bar.bias_um)} ± ${shown(bar.sd_um)}${isScore ? "" : " µm"} ${bar.phrase}`;
+      const words = `${shown(bar.bias_um)} ± ${shown(bar.sd_um)}${isScore ? "" : ` ${study.axes[3]}`} ${bar.phrase}`;
       const button = make("button", { type: "button", textContent: bar.label, title: words });
       button.setAttribute("aria-label", `${panel.title} ${bar.label}: ${words}`);
       button.style.background = tint(bar.bias_um / bar.sd_um, isQuiet);
@@ -608,8 +609,8 @@ function tryNow() {
       // The answer may be that of another record, revision or effect.
       if (item !== state.item || revision !== state.revision || effect !== state.effect || values !== state.values) return;
       plots.showTried(curve);
-      const noise = state.study?.noise_um;
-      at("tried").textContent = `Error of the trial: ${shown(curve.rmse_fitted_um)} µm on fitted cycles${curve.rmse_heldout_um === null ? "" : `, ${shown(curve.rmse_heldout_um)} µm on held-out cycles`}${noise ? `; noise ${shown(noise)} µm` : ""}`;
+      const noise = state.study?.noise_um, unit = state.study?.axes[3] ?? "";
+      at("tried").textContent = `Error of the trial: ${shown(curve.rmse_fitted_um)} ${unit} on fitted cycles${curve.rmse_heldout_um === null ? "" : `, ${shown(curve.rmse_heldout_um)} ${unit} on held-out cycles`}${noise ? `; noise ${shown(noise)} ${unit}` : ""}`;
     })
     .catch(fault)
     .finally(() => {

@@ -59,10 +59,18 @@ export class Plots {
     /** @type {any[]} */ this.plots = [];
     /** @type {{time_s: number[], left_um: (number|null)[], change_um: (number|null)[]}|null} */ this.fingerprint = null;
     /** @type {string} */ this.kind = "";
+    /** Labels of the axes of measurement, residual and command, and the unit of the measurement. */ this.axes = ["position (µm)", "residual (µm)", "force (µN)", "µm"];
     this.isLogTime = false;
     /** Range of values of plots that the user has zoomed, by the place of the plot. @type {Map<string, [number, number]>} */ this.zoomed = new Map();
     addEventListener("resize", () => this.resize());
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.rebuild());
+  }
+
+  /** @param {string[]} axes labels of the axes of measurement, residual and command, and the unit of the measurement */
+  setAxes(axes) {
+    if (axes.join() === this.axes.join()) return;
+    this.axes = axes;
+    this.rebuild();
   }
 
   /** @param {{from: number, to: number}[]} heldOut time ranges of held-out cycles */
@@ -234,18 +242,18 @@ export class Plots {
       place.setAttribute("aria-label", words);
       this.plots.push(new uPlot(own, [[0], ...own.series.slice(1).map(() => [0])], place));
     };
-    put("plot-position", options(high, "position (µm)", [
+    put("plot-position", options(high, this.axes[0], [
       { label: "95 %", show: shown, stroke: blue, width: 0.5 },
       { label: "5 %", show: shown, stroke: blue, width: 0.5 },
       { label: "model", show: shown, stroke: blue, width: 2 },
       { label: "beside", show: isCompared, stroke: SECOND, width: 2 },
       { label: "measured", ...dots(ink) },
       { label: "trial", stroke: orange, width: 2, dash: [6, 4] },
-    ], [{ series: [1, 2], fill: blue + "33" }], false), "Measured position in micrometres against time, over the model's median and its band from 5 to 95 per cent");
-    put("plot-residual", options(middle, "residual (µm)", [{ label: "residual", ...dots(ink) }, { label: "beside", ...dots(SECOND) }, { label: "of the trial", ...dots(orange) }], [], false),
-      "Residuals in micrometres against time");
-    put("plot-force", options(low, "force (µN)", [{ label: "force", stroke: green, width: 1.5, paths: uPlot.paths.stepped({ align: 1 }) }], [], true), "Commanded force in micronewtons against time");
-    put("plot-fingerprint", options(last, "residual (µm)", [{ label: "residual", stroke: ink, width: 0, points: { show: true, size: 3, fill: ink }, paths: () => null }, { label: "explained by the effect", stroke: orange, width: 2.5 }], [], true), "Residuals, and the part that the selected candidate effect would explain, in micrometres against time");
+    ], [{ series: [1, 2], fill: blue + "33" }], false), `Measured ${this.axes[0]} against time, over the model's median and its band from 5 to 95 per cent`);
+    put("plot-residual", options(middle, this.axes[1], [{ label: "residual", ...dots(ink) }, { label: "beside", ...dots(SECOND) }, { label: "of the trial", ...dots(orange) }], [], false),
+      `${this.axes[1]} against time`);
+    put("plot-force", options(low, this.axes[2], [{ label: this.axes[2], stroke: green, width: 1.5, paths: uPlot.paths.stepped({ align: 1 }) }], [], true), `Commanded ${this.axes[2]} against time`);
+    put("plot-fingerprint", options(last, this.axes[1], [{ label: "residual", stroke: ink, width: 0, points: { show: true, size: 3, fill: ink }, paths: () => null }, { label: "explained by the effect", stroke: orange, width: 2.5 }], [], true), `${this.axes[1]}, and the part that the selected candidate effect would explain, against time`);
     if (this.fingerprint) this.showFingerprint(this.fingerprint);
     this.refill();
   }
