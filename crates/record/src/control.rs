@@ -52,38 +52,6 @@ fn changes(values: &[f64]) -> Vec<f64> {
     means.windows(2).map(|pair| if range > 0.0 { (pair[1] - pair[0]) / range } else { 0.0 }).collect()
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::ForceRule;
-
-    fn control(force: impl Fn(f64) -> f64, position: impl Fn(f64) -> f64) -> Control {
-        let time_s: Vec<f64> = (0..1200).map(|row| 0.05 * f64::from(row)).collect();
-        let record = Record {
-            force_n: time_s.iter().map(|t| force(*t)).collect(),
-            position_m: time_s.iter().map(|t| Some(position(*t))).collect(),
-            cycle: vec![1; time_s.len()],
-            force_rule: ForceRule::Hold,
-            force_rows: Vec::new(),
-            time_s,
-        };
-        record.likely_control()
-    }
-
-    #[test]
-    fn the_quantity_that_holds_is_commanded() {
-        let noise = |t: f64| 0.02 * (((1.0 + t) * 12.9898).sin() * 43_758.545_3).fract();
-        let square = |t: f64| f64::from(u8::from(t % 20.0 < 10.0));
-        let decay = |t: f64| (square(t) - 0.5) * (-(t % 10.0) / 8.0).exp();
-        let creep = |t: f64| square(t) - decay(t);
-        assert_eq!(control(|t| decay(t) + noise(t), square), Control::Position);
-        assert_eq!(control(square, |t| creep(t) + noise(t)), Control::Force);
-        // A noisy force whose body has come to rest is no relaxation.
-        assert_eq!(control(|t| 1.0 + noise(t), |t| 1.0 - (-t).exp()), Control::Force);
-        assert_eq!(control(|t| t.sin(), |t| (t - 0.3).sin()), Control::Force);
-    }
-}
-
 impl Trajectory {
     /// Multiplies the forces and the positions by a factor each.
     pub(super) fn scale(&mut self, [of_force, of_position]: [f64; 2]) {
@@ -114,5 +82,37 @@ impl Trajectory {
         self.position_m = force_n.into_iter().map(Some).collect();
         std::mem::swap(&mut self.force_column, &mut self.position_column);
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ForceRule;
+
+    fn control(force: impl Fn(f64) -> f64, position: impl Fn(f64) -> f64) -> Control {
+        let time_s: Vec<f64> = (0..1200).map(|row| 0.05 * f64::from(row)).collect();
+        let record = Record {
+            force_n: time_s.iter().map(|t| force(*t)).collect(),
+            position_m: time_s.iter().map(|t| Some(position(*t))).collect(),
+            cycle: vec![1; time_s.len()],
+            force_rule: ForceRule::Hold,
+            force_rows: Vec::new(),
+            time_s,
+        };
+        record.likely_control()
+    }
+
+    #[test]
+    fn the_quantity_that_holds_is_commanded() {
+        let noise = |t: f64| 0.02 * (((1.0 + t) * 12.9898).sin() * 43_758.545_3).fract();
+        let square = |t: f64| f64::from(u8::from(t % 20.0 < 10.0));
+        let decay = |t: f64| (square(t) - 0.5) * (-(t % 10.0) / 8.0).exp();
+        let creep = |t: f64| square(t) - decay(t);
+        assert_eq!(control(|t| decay(t) + noise(t), square), Control::Position);
+        assert_eq!(control(square, |t| creep(t) + noise(t)), Control::Force);
+        // A noisy force whose body has come to rest is no relaxation.
+        assert_eq!(control(|t| 1.0 + noise(t), |t| 1.0 - (-t).exp()), Control::Force);
+        assert_eq!(control(|t| t.sin(), |t| (t - 0.3).sin()), Control::Force);
     }
 }

@@ -12,8 +12,8 @@
 //! Here μ_g is the mean of the group, u_s the deviation of the specimen, w_e the deviation of the experiment and m the overall mean. N is a normal
 //! distribution.
 //!
-//! Groups that have specimens in common form a stratum and have one Σ. The covariances Σ_h of several strata are partially pooled: Σ_h ~ inverse-Wishart(κ
-//! + p − 1, 2κ diag(1/α)). The strata share the scales α. The parameter κ measures the similarity of their covariances, from slight (2) to nearly equal
+//! Groups that have specimens in common form a stratum and have one Σ. The covariances Σ_h of several strata are partially pooled: Σ_h ~
+//! inverse-Wishart(κ + p − 1, 2κ diag(1/α)). The strata share the scales α. The parameter κ measures the similarity of their covariances, from slight (2) to nearly equal
 //! (32). Both α and κ are sampled.
 //!
 //! A single Σ has the prior of Huang & Wand (2013, Bayesian Anal. 8:439, doi:10.1214/13-BA815): half-t(κ) standard deviations, and uniform correlations

@@ -11,9 +11,9 @@
 //! Errors stated here are those of Φ at real τ. After a change of the force the error in time may
 //! be twenty times as large, up to 3e-6 of the position with the default settings.
 //!
-//! Let G be the law's modulus at the Laplace variable s, and k the mobility. A term then adds wₖ/(G
-//! + (τₖ/k) s) to the response. This is the law in parallel with a dashpot of viscosity τₖ/k, both
-//! divided by wₖ.
+//! Let G be the law's modulus at the Laplace variable s, and k the mobility. A term then adds
+//! wₖ/(G + (τₖ/k) s) to the response. This is the law in parallel with a dashpot of viscosity
+//! τₖ/k, both divided by wₖ.
 
 use std::f64::consts::PI;
 
