@@ -352,3 +352,38 @@ fn a_rheometers_creep_is_a_record_in_time() {
         }
     }
 }
+
+/// A first row that lacks its last cell keeps its header, and is read.
+#[test]
+fn a_first_row_without_its_last_cell_is_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut table = String::from("[step]\nCreep - 1\nStep time\tForce\tPosition\tModulus\ns\tuN\tum\tPa\n0\t4.6\t0\n");
+    for row in 1..40 {
+        let t = 0.1 * f64::from(row);
+        table += &format!("{t:.1}\t4.6\t{:.3}\t1\n", 100.0 * (1.0 - (-t).exp()));
+    }
+    let (file, out) = (folder.path().join("creep.txt"), folder.path().join("creep"));
+    std::fs::write(&file, table).unwrap();
+    let request = InitRequest { file, out: Some(out), sizes: SIZES, ..InitRequest::default() };
+    let (summary, _) = run(&request, &mut |_| None).unwrap();
+    assert_eq!((summary.rows, summary.columns[0].name.as_str()), (40, "Step time"), "{summary:?}");
+}
+
+/// The quantity that holds is commanded, also before the user knows the sizes.
+#[test]
+fn a_relaxation_is_recognised_without_sizes() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut table = String::from("time (s),force (uN),position (um)\n");
+    for row in 0..400 {
+        let t = 0.1 * f64::from(row);
+        let (position, force) =
+            if t < 1.0 { (100.0 * t, 3.0 * t) } else { (100.0, 1.0 + 2.0 * (-(t - 1.0) / 9.0).exp()) };
+        table += &format!("{t:.1},{force:.4},{position:.2}\n");
+    }
+    let (file, out) = (folder.path().join("relaxation.csv"), folder.path().join("relaxation"));
+    std::fs::write(&file, table).unwrap();
+    let request = InitRequest { file, out: Some(out.clone()), ..InitRequest::default() };
+    let (summary, _) = run(&request, &mut |_| None).unwrap();
+    assert!(summary.reasons.iter().any(|reason| reason.contains("a relaxation")), "{summary:?}");
+    assert!(std::fs::read_to_string(out.join("experiment.toml")).unwrap().contains("kind = \"relaxation\""));
+}

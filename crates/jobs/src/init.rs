@@ -124,19 +124,22 @@ fn controlled(
     proposal: &TableProposal,
     creep: Option<&StressStrain>,
 ) -> (Control, String) {
-    let describe = |control| experiment_toml(request, name, proposal, creep, control);
+    let describe_with = |request: &InitRequest, control| experiment_toml(request, name, proposal, creep, control);
+    let describe = |control| describe_with(request, control);
     let of_constant = creep.and_then(|creep| creep.constant);
     if let Some(control) = request.control.or(of_constant) {
         return (control, describe(control));
     }
-    let toml = describe(Control::Force);
     // Sizes that the user does not know yet make no difference to the rows.
-    let readable = toml.replace(&format!("= {}", quoted(UNKNOWN)), "= 0.45");
+    let [robot, vitreous, poisson] = request.sizes;
+    let vitreous = vitreous.or(robot.map(|robot| 100.0 * robot)).unwrap_or(10.0);
+    let sizes = [robot.or(Some(0.01 * vitreous)), Some(vitreous), poisson.or(Some(0.45))];
+    let readable = describe_with(&InitRequest { sizes, ..request.clone() }, Control::Force);
     let control = match Experiment::from_texts("experiment.toml", readable, name, bytes) {
         Ok((experiment, _)) => experiment.record.likely_control(),
         Err(_) => Control::Force,
     };
-    (control, if control == Control::Force { toml } else { describe(control) })
+    (control, describe(control))
 }
 
 /// Value of the table setting that makes one experiment of each table of a file.

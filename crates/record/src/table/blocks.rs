@@ -132,8 +132,14 @@ pub(super) fn blocks(lines: &[&str]) -> Option<Vec<TableBlock>> {
         if let Some(block) = blocks.last_mut() {
             // A few rows of numbers with another number of cells are the preamble of the table that follows.
             if block.layout.n_cells != cells.len() && block.n_rows < FEWEST_ROWS {
-                block.layout = Layout { first: index, n_cells: cells.len(), ..found.clone() };
-                block.n_rows = 0;
+                // Unless the first row only lacks its last cells, and a header of the full length stands above it.
+                let whole = Layout { n_cells: cells.len(), ..block.layout.clone() };
+                if block.layout.n_cells < cells.len() && header(lines, 0, &whole, 0).line.is_some() {
+                    block.layout = whole;
+                } else {
+                    block.layout = Layout { first: index, ..whole };
+                    block.n_rows = 0;
+                }
             }
             (block.end, block.n_rows) = (index + 1, block.n_rows + 1);
         }
