@@ -13,7 +13,7 @@ const MOST_PAIRS: usize = 3;
 /// Largest number of names in a sentence.
 const MOST_NAMES: usize = 8;
 
-/// One line of heading: numbers of specimens and groups, and the model of the comparison.
+/// Returns one line of heading: the numbers of specimens, experiments and groups, and the model of the comparison.
 pub fn heading(summary: &GroupsSummary) -> String {
     let measured: Vec<&GroupSummary> = summary.groups.iter().filter(|group| group.specimens > 0).collect();
     let model = match summary.effects.len() {
@@ -85,7 +85,7 @@ fn as_greater(contrast_summary: &ContrastSummary) -> String {
     format!("{greater} above {less} ({ratio:.2} ×)")
 }
 
-/// Describes the number of further specimens that would settle a question.
+/// Describes how many more specimens would decide whether two groups differ.
 pub fn required_specimens(plan: &SampleSizePlan) -> String {
     match plan.specimens_per_group {
         Some(n) => {
@@ -113,7 +113,7 @@ fn misfit(experiment_summary: &ExperimentSummary) -> Option<String> {
     let parts: Vec<String> = cases
         .into_iter()
         .filter_map(|(cycles, rmse, most)| rmse.filter(|rmse| *rmse > most).map(|rmse| (cycles, rmse, most)))
-        .map(|(cycles, rmse, most)| format!("the {cycles} cycles by {rmse:.1} µm, of which {most:.1} could be noise"))
+        .map(|(cycles, rmse, most)| format!("the {cycles} cycles have a root mean square residual of {rmse:.1} µm, of which noise explains at most {most:.1} µm"))
         .collect();
     (!parts.is_empty()).then(|| parts.join(" and "))
 }
@@ -164,7 +164,7 @@ pub fn warnings(summary: &GroupsSummary) -> Vec<Warning> {
         summary.experiments.iter().find_map(|experiment| misfit(experiment).map(|words| (experiment, words)))
     {
         let text = format!(
-            "the models of {} of {} experiments do not fit: {}; in {} the model misses {words}",
+            "the models of {} of {} experiments do not fit: {}. In {}, {words}",
             failing.len(),
             summary.experiments.len(),
             join_names(&failing),

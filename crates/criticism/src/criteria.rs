@@ -7,7 +7,8 @@
 
 use super::separation::SEPARATED_SIGMA;
 
-/// Decision thresholds. Gains are in nats of log likelihood; every model's noise is estimated anew.
+/// Decision thresholds. Gains are in nats of log likelihood; every model's noise is estimated anew. The rank of a model orders models: it is the gain on fitted and last cycles
+/// together, less a penalty for additional parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Criteria {
     /// Largest p, over the whole search, at which an effect may be claimed. Each further round of additions uses half of the previous threshold. Record: 0.05. Only 10 of 2,800
@@ -25,28 +26,31 @@ pub struct Criteria {
     pub smallest_change: f64,
     /// Largest number of effects in a claim. Simulated records hide at most two effects (campaign `pairs`).
     pub most_effects: usize,
-    /// Factor in the rule that prefers a model with more effects: its rank must be at least this factor times the smaller model's rank, plus `larger_nats` (campaign `pairs`).
+    /// Factor in the rule that prefers a model with more effects. The larger model's rank must be at least this factor times the smaller model's rank, plus `larger_nats`
+    /// (campaign `pairs`).
     pub larger_factor: f64,
-    /// Addition (nats) in the rule of `larger_factor`. It also helps structure outside the library to replace a claim: for each claimed effect beyond the first, the structure may
-    /// gain less than the claim by this many nats.
+    /// Addition (nats) in the rule of `larger_factor`. It also applies if residual structure outside the library competes with a claim. For each claimed effect beyond the first,
+    /// the structure may gain less than the claim by this many nats and still replace it.
     pub larger_nats: f64,
-    /// Cost (nats) of removing an effect from a larger claim below which the effect is dropped. The remaining model must pass by itself (campaign `pairs`).
+    /// Cost (nats) below which an effect is removed from a claim of several effects. The remaining model must pass all criteria (campaign `pairs`).
     pub least_removal_nats: f64,
 
-    /// Largest p of structure outside the library, from 199 simulated residuals. Simulated records then confirm structure that passes (campaigns `controls`, `outside`).
+    /// Largest p of residual structure that no library effect describes, from 199 simulated residuals. Structure that passes is then confirmed with simulated records (campaigns
+    /// `controls`, `outside`).
     pub largest_structure_p: f64,
-    /// Least gain (nats) of structure outside the library, less the gain of its family by chance (campaigns `controls`, `outside`).
+    /// Least gain (nats) of residual structure that no library effect describes. The gain of its family by chance is subtracted first (campaigns `controls`, `outside`).
     pub least_structure_nats: f64,
-    /// Gain (nats) of the library's best effect by chance. It is subtracted from a claim's gain before structure outside the library is compared with the claim.
+    /// Gain (nats) of the library's best effect by chance. It is subtracted from a claim's gain before the claim is compared with residual structure outside the library.
     pub chance_nats: f64,
-    /// Lead (nats) over a claim that structure outside the library needs to replace it, if the claim's own residual shows no structure (campaign `outside`).
+    /// Least excess (nats) of the gain of structure outside the library over a claim's gain, at which the structure replaces the claim. It applies if the claim's own residual
+    /// shows no structure (campaign `outside`).
     pub structure_lead_nats: f64,
-    /// Least gain of structure in a claim's residual, as a fraction of the claim's gain, at which the structure counts. This fraction of the claim's gain is also added to
-    /// `structure_lead_nats` (campaign `outside`).
+    /// Least gain of structure in the residual of a claimed model, as a fraction of the claim's gain, at which the structure counts. This fraction of the claim's gain is also
+    /// added to `structure_lead_nats` (campaign `outside`).
     pub least_structure_share: f64,
-    /// Cosine above which structure and an effect of the library count as alike. For example, backlash resembles a delay on a square wave (campaign `outside`).
+    /// Cosine above which residual structure and an effect of the library count as alike. For example, backlash resembles a delay on a square wave (campaign `outside`).
     pub least_similar_cosine: f64,
-    /// Largest p at which a Gaussian process is reported in addition to structure of a known shape.
+    /// Largest p at which a Gaussian process is reported in addition to residual structure of a known shape.
     pub largest_process_p: f64,
 
     /// Probability of a sweep's residual under noise, over all tests, below which the residual exceeds the noise. `sample` uses the same value (campaign `sweeps`).
@@ -70,7 +74,7 @@ pub struct Criteria {
     /// Least rank of an effect that is fitted to every record before a cohort claims any effect, as a fraction of the largest rank. In one cohort with a hidden pocket (field 3 of
     /// campaign `cohorts`), first-order ranks were 62 nats for the pocket and 68 for fractional damping. With full fits they were 82 and 79.
     pub near_rank: f64,
-    /// Fraction of the claim's gain below which a cohort's rival is not tested: no equivalent effect gains so little (campaign `cohorts`).
+    /// Fraction of the claim's gain below which a rival effect in a cohort is not tested: no equivalent effect gains so little (campaign `cohorts`).
     pub least_rival_share: f64,
 
     /// Least gain (nats) of an effect that is reported as suggestive or gets a Bayes factor.
@@ -139,7 +143,8 @@ impl Criteria {
         self.largest_p / 2.0_f64.powi(round as i32)
     }
 
-    /// Returns the least rank (nats) at which a larger model is preferred to a smaller one with rank `rank_nats`.
+    /// Returns the least rank (nats) at which a model with more effects is preferred to one with fewer effects and the rank `rank_nats`. A rank is a gain in log likelihood, less
+    /// a penalty for additional parameters.
     pub fn rank_of_larger(&self, rank_nats: f64) -> f64 {
         self.larger_factor * rank_nats.max(0.0) + self.larger_nats
     }

@@ -17,9 +17,10 @@ use base::error::Result;
 use record::Record;
 use record::noise::SD_PER_MAD;
 
-/// Number of neighbours on each side of a row. The row is compared with the median of each side, which two bad rows do not affect.
+/// Number of rows before and after a row with which the row is compared. The medians of both sides are used: two bad rows among five do not affect a median.
 const N_NEIGHBOURS: usize = 5;
-/// Least number of neighbours on one side. If one side has fewer, as at the record's ends, only the other side counts. The departure from that side is multiplied by `ONE_SIDE`.
+/// Least number of neighbours on one side. If one side has fewer, as at the record's ends, only the other side counts. The departure from that side is then multiplied by
+/// `ONE_SIDE`.
 const FEWEST_NEIGHBOURS: usize = 2;
 const ONE_SIDE: f64 = 2.0 / 3.0;
 /// Largest distance of neighbours, in sample intervals.
@@ -95,13 +96,14 @@ fn rows_of(record: &Record, residual_m: &[Option<f64>], least_scale_m: f64) -> V
 
 /// Departure of a position from its neighbours in time.
 struct Departure {
-    /// Departure from the mean of the medians on both sides, in m, with its sign.
+    /// Position minus the mean of two medians, in m: those of the rows before and after it. If one side has too few rows, only the other median counts.
     from_both_m: f64,
-    /// Departure from the nearer of the two medians, in m, if both lie to one side, else 0. If there is one median only, the departure from it times `ONE_SIDE`.
+    /// Size of the departure in m: the distance to the nearer median of the two sides, or 0 if the position lies between them. With one median only, it is the distance to that
+    /// median times `ONE_SIDE`.
     one_sided_m: f64,
 }
 
-/// Departure at `place`; `None` if both sides have too few neighbours.
+/// Returns the departure of the position with the index `place`; `None` if both sides have too few neighbours.
 fn departure(time_s: &[f64], residual_m: &[f64], place: usize, reach_s: f64) -> Option<Departure> {
     let is_near = |other: &usize| (time_s[*other] - time_s[place]).abs() <= reach_s;
     let of_side = |side: Vec<usize>| -> Option<f64> {
@@ -199,7 +201,7 @@ impl<'a> Steps<'a> {
         3 * others.iter().filter(is_same).count() > others.len()
     }
 
-    /// Departures at a time `after_s` (s) after a step: that of one position, or those of the two positions around that time. Empty if there are none.
+    /// Returns the departures of positions at the time `after_s` (s) after a step: of the position at that time, or of the two positions around it. Empty if there are none.
     fn departures_at(&self, departures: &[Option<Departure>], step: usize, after_s: f64) -> Vec<f64> {
         let step = &self.steps[step];
         let at_s = step.start_s + after_s;

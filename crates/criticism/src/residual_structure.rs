@@ -25,7 +25,7 @@ use posterior::misfit::{GainKnowledge, Misfit, Residuals};
 /// show the exact time.
 const CYCLE_EDGE: f64 = 0.05;
 
-/// Misfit of a model: its residual compared with the noise, without structure that belongs to no law, such as a slip.
+/// Misfit of a model: its residual compared with the noise. Structure that no constitutive law can cause, such as a slip of the tracked point, is subtracted first.
 ///
 /// # Errors
 /// [`base::Error::Numerical`] if the model has no derivatives at its fit.
@@ -50,7 +50,7 @@ pub fn measure_misfit(subject: &Subject, model: &Refitted, unexplained: &[Outsid
     misfit.ok_or_else(|| Error::numerical("no position is fitted", "fit a cycle that has positions"))
 }
 
-/// Returns the candidate and fit that contain the leading structure, if that structure belongs to no law. Otherwise returns the model's own candidate and fit.
+/// Returns the candidate and fit that contain the leading residual structure, if no constitutive law can cause it. Otherwise returns the model's own candidate and fit.
 pub(super) fn with_structure_outside_law<'a>(
     model: &'a Refitted,
     unexplained: &'a [OutsideStructure],
@@ -60,13 +60,14 @@ pub(super) fn with_structure_outside_law<'a>(
 
 /// Residual that no effect explains, with the data of its figure.
 pub struct UnexplainedResidual {
-    /// Entry of the document.
+    /// Entry in the document of `diagnose`.
     pub entry: DiscrepancyEntry,
     panels: Vec<DiscrepancyPanel>,
 }
 
 impl UnexplainedResidual {
-    /// Summarises the structure found in a model's residual; `unexplained` has the leading structure first. It is empty if only the size of the noise reveals the misfit.
+    /// Summarises the structure found in a model's residual. `unexplained` lists it with the leading structure first, and is empty if only the size of the residual reveals
+    /// the misfit.
     ///
     /// # Errors
     /// Errors of [`discrepancies`].
@@ -141,14 +142,14 @@ impl UnexplainedResidual {
         );
         discrepancy(
             &self.panels,
-            &format!("{experiment}: unexplained in this experiment"),
+            &format!("{experiment}: residual that no effect explains"),
             &[&self.entry.sentence, " ", &widened].concat(),
         )
     }
 }
 
-/// Returns the leading significant event over all cycles, the scored one included. The model contains the leading structure found in the fitted cycles. If there is such
-/// structure, the event must lie in the scored cycle. In the fitted cycles it could be the same structure, described by another shape.
+/// Returns the leading significant event (such as a slip or a change of gain) in any cycle, including the scored one. The model contains the leading structure found in the
+/// fitted cycles. If there is such structure, the event must lie in the scored cycle, because in the fitted cycles it could be that structure in another shape.
 ///
 /// # Errors
 /// Errors of [`events_over_all_cycles`].
@@ -167,7 +168,7 @@ pub(super) fn event_in_any_cycle(
     Ok(found.into_iter().find(is_wanted))
 }
 
-/// Returns whether an event is a change of gain at the start of a cycle; the noise contains such changes for every cycle.
+/// Returns whether an event is a change of gain at the start of a cycle. The noise model already allows such a change in every cycle.
 pub(super) fn is_gain_of_a_cycle(subject: &Subject, event: &OutsideStructure) -> bool {
     let (record, scales) = (&subject.experiment().record, subject.experiment().scales());
     let begins = |row: &usize| *row == 0 || record.cycle[*row] != record.cycle[*row - 1];
@@ -177,14 +178,14 @@ pub(super) fn is_gain_of_a_cycle(subject: &Subject, event: &OutsideStructure) ->
     event.kind == OutsideKind::GainChange && (0..record.n_rows()).filter(begins).any(is_near)
 }
 
-/// The scored cycle, if an event lies in it.
+/// Returns the scored cycle if an event lies in it, otherwise `None`.
 fn scored_cycle_of(subject: &Subject, event: &OutsideStructure) -> Option<u32> {
     let experiment = subject.experiment();
     let row = experiment.record.time_s.partition_point(|time_s| *time_s < event.event_time_s.unwrap_or(f64::INFINITY));
     experiment.record.cycle.get(row).copied().filter(|cycle| experiment.heldout_cycles.contains(cycle))
 }
 
-/// Remark on an event in any cycle.
+/// Returns the remark of a diagnosis about an event, such as a slip or a change of gain.
 pub(super) fn event_remark(subject: &Subject, event: &OutsideStructure) -> String {
     match scored_cycle_of(subject, event) {
         Some(cycle) => format!(

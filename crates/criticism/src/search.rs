@@ -14,25 +14,25 @@ use crate::NoiseValues;
 use base::error::Result;
 use posterior::monitor::Monitor;
 
-/// Number of pairs that are refitted because of their joint first-order score. All pairs with the best single effect are candidates as well.
+/// Number of pairs of effects that are refitted because of their joint first-order score. All pairs with the best single effect are candidates as well.
 const N_LEADING_PAIRS: usize = 10;
-/// Least first-order bound ([`Screen`]) of a second effect that is refitted, in nats. An effect below it gains too little for a larger model under
+/// Least first-order bound ([`Screen`]) on the gain of a second effect that is refitted, in nats. An effect with a smaller bound gains too little for a larger model under
 /// [`Criteria::larger_nats`].
 const LEAST_BOUND_NATS: f64 = 4.0;
-/// Number of pairs refitted from every start.
+/// Number of leading pairs of effects that are refitted with a wide search, from every starting point.
 const N_WIDE_PAIRS: usize = 6;
 
-/// An effect of the library added to the base.
+/// Result of adding one effect of the library to the base model.
 pub struct Single {
     /// Slug of the effect.
     pub slug: &'static str,
-    /// Reason why the effect cannot be added; `None` if it can.
+    /// Reason why the effect cannot be added to the base model; `None` if it can.
     pub refused: Option<String>,
-    /// The model with the effect at its fit; `None` if it cannot be added or evaluated.
+    /// The base model with the effect, at its best fit; `None` if the effect cannot be added or evaluated.
     pub refitted: Option<Refitted>,
-    /// Gain of the model over the base.
+    /// Gain of the model with the effect over the base model.
     pub gain: Option<Gain>,
-    /// First-order score of the effect at the base.
+    /// First-order score of the effect, computed at the fit of the base model.
     pub score: Option<Score>,
 }
 
@@ -47,28 +47,28 @@ pub struct SearchStep {
 
 /// Result of a search.
 pub struct SearchResult {
-    /// The base at its fit.
+    /// The base model at its best fit.
     pub base: Refitted,
     /// Result for every effect of the library, in its order.
     pub singles: Vec<Single>,
-    /// Largest gains of searches in data simulated from the base.
+    /// Largest gains of searches in data that were simulated from the base model.
     pub bootstrap: Bootstrap,
-    /// Pairs, best first, with their gains over the base.
+    /// Pairs of effects, best first, with their gains over the base model.
     pub pairs: Vec<(Refitted, Gain)>,
-    /// Proposed model of each round, in order; the last one may fail the criteria.
+    /// Model that each round proposes, in order; the last one may fail the criteria.
     pub steps: Vec<SearchStep>,
-    /// The largest model that passes, without the effects that it does not need; `None` if no model passes.
+    /// The largest model that passes the criteria, without the effects that it does not need; `None` if no model passes.
     pub largest: Option<SearchStep>,
 }
 
 impl SearchResult {
-    /// Returns the slugs of the effects that a model has beyond the base.
+    /// Returns the slugs of the effects that a model has in addition to the base model.
     pub fn added<'a>(&self, model: &'a Refitted) -> Vec<&'a str> {
         let n_base = self.base.candidate.effects.len();
         model.candidate.effects[n_base..].iter().map(String::as_str).collect()
     }
 
-    /// Returns the step of the best single effect, if it passes.
+    /// Returns the first round's model, with the best single effect, if it passes the criteria.
     pub fn leading(&self, criteria: &Criteria) -> Option<&SearchStep> {
         self.steps.first().filter(|step| criteria.passes(&step.addition))
     }
@@ -112,7 +112,7 @@ pub fn search(subject: &Subject, request: &DiagnosisRequest, monitor: &dyn Monit
             Single { slug, refused: candidate.err(), refitted, gain, score }
         })
         .collect();
-    monitor.stage("simulating searches without a missing effect");
+    monitor.stage("repeating the search on simulated records without a missing effect");
     // Simulates as many searches as are needed to decide about the largest gain of a single effect.
     let judged = best_single(&singles).and_then(|single| single.gain).map_or(0.0, |gain| gain.fitted);
     let decides = (!request.in_full).then_some(request.criteria.p_of_round(0));
@@ -132,7 +132,7 @@ fn better_of(first: Option<Refitted>, again: Option<Refitted>) -> Option<Refitte
     }
 }
 
-/// Returns the base with an effect of the library, or the reason why it cannot be added.
+/// Returns the base model with an effect of the library, or the reason why the effect cannot be added.
 fn extend_base(subject: &Subject, slug: &str) -> std::result::Result<Candidate, String> {
     subject.extended(&[slug]).map_err(|error| match error {
         base::Error::Input { found, .. } => found,
@@ -140,7 +140,8 @@ fn extend_base(subject: &Subject, slug: &str) -> std::result::Result<Candidate, 
     })
 }
 
-/// Refits the base from the noises of larger models and returns the fit if it is better. Otherwise a larger model could gain only by a better search for its noise.
+/// Refits the base model from the noises of larger models, and returns the fit if it is better. Otherwise a larger model could gain only because its noise was searched
+/// better.
 fn base_from(subject: &Subject, base: &Refitted, larger: &[Option<Refitted>]) -> Option<Refitted> {
     let noises = larger.iter().flatten().map(|model| (base.fitted.theta.clone(), model.fitted.noise));
     let starts: Vec<(Vec<f64>, NoiseValues)> = noises.collect();
@@ -219,7 +220,7 @@ fn rank_of(single: &Single) -> f64 {
     single.gain.map_or(f64::NEG_INFINITY, |gain| gain.rank)
 }
 
-/// Adds one effect a round while each passes, then removes the effects that are not needed.
+/// Adds one effect in each round as long as the larger model passes the criteria. Then removes the effects that are not needed.
 fn rounds(subject: &Subject, request: &DiagnosisRequest, found: &mut SearchResult, monitor: &dyn Monitor) {
     let criteria = &request.criteria;
     let Some(first) = best_single(&found.singles) else { return };
@@ -234,7 +235,7 @@ fn rounds(subject: &Subject, request: &DiagnosisRequest, found: &mut SearchResul
         if over_base.rank < criteria.rank_of_larger(current.gain_over(&found.base, subject).rank) {
             break;
         }
-        monitor.stage("simulating searches for one more effect");
+        monitor.stage("repeating the search for one more effect on simulated records");
         let additions = additions_to(subject, &current);
         // Later rounds need only their decision, so their p is not computed in full.
         let simulations = Simulations { most: request.n_simulations, only_for: Some(criteria.p_of_round(round)) };
@@ -252,8 +253,8 @@ fn rounds(subject: &Subject, request: &DiagnosisRequest, found: &mut SearchResul
     found.largest = found.largest.take().map(|largest| remove_needless_effects(subject, criteria, found, largest));
 }
 
-/// Best model with one effect more than `current`, and its gain over `current`. The second round accepts any pair, even without the best single effect: that effect may only
-/// have stood in for two others.
+/// Best model with one effect more than `current`, and its gain over `current`. The second round accepts any pair of effects, even without the best single effect. That
+/// effect may only have compensated for the lack of two others.
 fn next_larger(
     subject: &Subject,
     found: &SearchResult,
@@ -299,7 +300,7 @@ fn additions_to(subject: &Subject, model: &Refitted) -> Vec<Candidate> {
     others.filter_map(|slug| subject.extended(&[&names[..], &[slug]].concat()).ok()).collect()
 }
 
-/// Removes, one by one, effects whose removal hardly costs anything, as long as the remaining model passes by itself.
+/// Removes, one by one, effects whose removal costs less than [`Criteria::least_removal_nats`], as long as the remaining model passes the criteria.
 fn remove_needless_effects(
     subject: &Subject,
     criteria: &Criteria,

@@ -1,4 +1,5 @@
-//! Sheet with one panel per test: bars show the bias in each bin with its error. Panels of tests that found a misfit are highlighted.
+//! Sheet with one panel per test of a comparison. Bars show the bias (mean of measured minus predicted values) in each bin, with its
+//! error. Panels of tests that found a misfit are highlighted.
 
 use super::axes::{Axes, AxisStyle, LABEL_SIZE_PX, TICK_SIZE_PX, title};
 use super::font::{shorten, text_width_px};
@@ -34,7 +35,7 @@ pub struct BarPanel {
 pub fn bias_sheet(heading: &str, panels: &[BarPanel]) -> Svg {
     let n_rows = panels.len().div_ceil(N_COLUMNS).max(1);
     let height = 48.0 + PITCH_PX * n_rows as f64;
-    let mut svg = Svg::new(WIDTH_PX, height, "Bias of the measurement against the model, by test");
+    let mut svg = Svg::new(WIDTH_PX, height, "Measured minus predicted values in the bins of each test");
     title(&mut svg, heading, (16.0, 26.0), WIDTH_PX - 32.0);
     let pitch = WIDTH_PX / N_COLUMNS as f64;
     for (place, panel) in panels.iter().enumerate() {
@@ -89,7 +90,8 @@ fn draw(svg: &mut Svg, panel: &BarPanel, frame: Rect) {
     svg.rect(frame, Style::from(Stroke::solid(if panel.is_significant { VERMILLION } else { MUTED }, 1.0)));
 }
 
-/// Indices of the bars to draw. If bars are narrower than two pixels, only the clearest of each group that shares two pixels is drawn.
+/// Returns the indices of the bars to draw. If bars are narrower than two pixels, one bar of each group that shares two pixels is
+/// drawn: the bar with the largest ratio of height to standard error.
 fn shown(bars: &[(String, f64, f64)], width_px: f64) -> Vec<usize> {
     let together = (2.0 * bars.len() as f64 / width_px).ceil().max(1.0) as usize;
     let clearness = |k: &usize| bars[*k].1.abs() / bars[*k].2.max(f64::MIN_POSITIVE);

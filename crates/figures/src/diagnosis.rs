@@ -14,7 +14,7 @@ const WIDTH_PX: f64 = 980.0;
 const MARGIN_PX: f64 = 20.0;
 const BRACKET_PX: f64 = 24.0;
 const LABEL_PX: f64 = 206.0;
-/// Heads and widths (pixels) of the columns of text beside the bars.
+/// Headings and widths (pixels) of the columns of text beside the bars.
 const COLUMNS: [(&str, f64); 4] = [("status", 142.0), ("score z", 62.0), ("p", 62.0), ("visible", 62.0)];
 const ROW_PX: f64 = 31.0;
 const FIT_BAR_PX: f64 = 12.0;
@@ -24,7 +24,7 @@ const SECTION_PX: f64 = 26.0;
 const CLAIM_NATS: f64 = 2.0;
 const CLAIM: Stroke = Stroke { colour: INK, width_px: 1.2, opacity: 0.7, dash: Some((5.0, 4.0)) };
 const NOISE: Stroke = Stroke { colour: VERMILLION, width_px: 1.8, opacity: 1.0, dash: Some((6.0, 4.0)) };
-/// Maximum number of pairs of effects in the figure, and of unexplained misfits.
+/// Maximum number of rows for pairs of effects, and maximum number of rows for unexplained misfits.
 const MOST_OTHERS: usize = 3;
 
 /// Draws the figure of a diagnosis.
@@ -94,9 +94,10 @@ struct CandidateRow {
 struct Bars {
     /// Heading and rows of each section. The first section has no heading.
     sections: Vec<(&'static str, Vec<CandidateRow>)>,
-    /// Number of leading rows in the first section whose effects are claimed or equivalent; 0 if no effect is equivalent.
+    /// Number of rows with claimed or equivalent effects, which come first in the first section. A bracket joins them. The number is 0 if no effect is
+    /// equivalent to a claimed effect.
     n_equivalent_rows: usize,
-    /// Smallest and largest gain of all rows, in nats.
+    /// Smallest and largest gain (nats) over all rows, in the fit and on held-out cycles.
     range_nats: [f64; 2],
 }
 
@@ -415,7 +416,7 @@ mod tests {
 
     #[test]
     fn the_words_of_every_status_fit_into_their_column() {
-        // The longest of `Diagnosis::status_words`.
+        // These are the longest texts that `Diagnosis::status_words` returns.
         for words in ["weaker than the claim", "no more than chance", "helps, not enough"] {
             assert_eq!(shorten(words, TICK_SIZE_PX, COLUMNS[0].1 - 4.0), words);
         }

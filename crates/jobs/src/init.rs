@@ -35,9 +35,9 @@ pub struct InitRequest {
     pub robot_density_kg_m3: Option<f64>,
     /// Noise standard deviation of the measured quantity: of a position in µm, a force in µN, a strain in % or a stress in Pa.
     pub noise: Option<f64>,
-    /// Commanded quantity; `None` if the table shows it.
+    /// Quantity that the experiment commands: the force or the position. `None` to infer it from the table.
     pub control: Option<Control>,
-    /// `true` allows to overwrite an existing experiment.
+    /// True if an existing experiment may be overwritten.
     pub replace: bool,
 }
 
@@ -117,7 +117,8 @@ pub fn run(request: &InitRequest, ask: Ask<'_>) -> Result<(InitSummary, String)>
     Ok((summary, sha256_hex(&bytes)))
 }
 
-/// Commanded quantity of a table, and the description of the experiment. Of force and position, the one that holds is commanded. If neither does, it is the force.
+/// Returns the commanded quantity of a table, and the text of `experiment.toml`. If either the force or the position holds its values, that quantity is commanded.
+/// If neither does, the force is.
 fn controlled(
     request: &InitRequest,
     (name, bytes): (&str, &[u8]),
@@ -205,7 +206,7 @@ fn cohort(request: &InitRequest, bytes: &[u8], stem: &str, out: &Path, ask: Ask<
     Ok((InitSummary { directory: out.display().to_string(), experiments, ..first }, sha256))
 }
 
-/// Writes the experiment and a copy of its table; if one cannot be written, neither is.
+/// Writes the experiment and a copy of its table. If one of the two files cannot be written, the other is not written either.
 fn write(out: &Path, name: &str, bytes: &[u8], toml: &str) -> Result<()> {
     files::create_folders(out, "give a writable directory")?;
     write_together(&[(&out.join(name), bytes), (&out.join("experiment.toml"), toml.as_bytes())])
@@ -374,7 +375,7 @@ fn column_name(column: &ColumnName) -> String {
     }
 }
 
-/// Whether strains keep their zero and sign: a commanded strain does, and so does a published compliance or modulus.
+/// Returns true if strains keep the zero and the sign of the table. A commanded strain does, and so does a published compliance or modulus.
 fn has_absolute_strain(stress_strain: Option<&StressStrain>, control: Control) -> bool {
     stress_strain.is_some_and(|own| control == Control::Position || own.constant.is_some())
 }
@@ -384,7 +385,7 @@ const FIRST_ROW: f64 = 0.01;
 
 /// Time at which a rheometer's load begins, in s of the table's clock: 0 if the first loaded row follows soon after time 0, otherwise `None`.
 fn load_start_s(proposal: &TableProposal, creep: Option<&StressStrain>) -> Option<f64> {
-    // Times of a compliance or a modulus count from the step.
+    // Times of a published compliance or modulus count from the step.
     if creep.is_some_and(|creep| creep.constant.is_some())
         && proposal.loaded_from_s.is_some_and(|first_s| first_s > 0.0)
     {
@@ -502,7 +503,7 @@ fn experiment_toml(
     if let Some((_, track)) = &table.track {
         line("track", quoted(track), "only the rows of this track are read");
     }
-    // A strain is commanded from its own zero, and a record may begin in the middle of a hold.
+    // A commanded strain counts from the zero of the table, and a record may begin in the middle of a hold.
     let is_absolute = has_absolute_strain(creep, control);
     let zero = if is_absolute { Zero::AsWritten } else { proposal.frame.zero };
     match zero {
@@ -522,7 +523,7 @@ fn experiment_toml(
         Direction::Fit => line(
             "direction",
             quoted("fit"),
-            "the direction of motion in x and y is fitted; or its angle in degrees from x to y",
+            "the direction of motion is fitted; or give its angle from x to y in degrees",
         ),
         Direction::Degrees(degrees) => line("direction", format!("{degrees:?}"), "degrees from x to y"),
     }
@@ -537,9 +538,11 @@ fn experiment_toml(
     }
     match load_start_s(proposal, creep) {
         Some(start_s) => {
-            line("load_start_s", format!("{start_s:?}"), "start of the first row's force, in the table's time");
+            line("load_start_s", format!("{start_s:?}"), "time at which the force of the first row began");
         }
-        None => line("# load_start_s", "-3.0".into(), "start of the first row's force, if before the first row"),
+        None => {
+            line("# load_start_s", "-3.0".into(), "time at which the force of the first row began, if before that row")
+        }
     }
     line("\n[measurement.columns]\ntime", column_name(&table.time.0), "name in the header, or number from 1");
     if let Some((force, _)) = table.force.as_ref().filter(|_| constant != Some(Control::Force)) {

@@ -28,7 +28,7 @@ const STEPS_PER_SAMPLE: usize = 20;
 const NOISE_SD_M: f64 = 4e-6;
 const SEED: u64 = 20130703;
 
-/// Returns the experiment that commands use if the user gives none, with its files.
+/// Returns the embedded replica with its files. Commands use this experiment if the user gives none.
 pub fn embedded() -> Result<(Experiment, ExperimentFiles)> {
     Experiment::from_texts(
         "the embedded porcine replica: experiment.toml",
@@ -44,7 +44,10 @@ pub fn trajectory_csv() -> Result<String> {
     let Apparatus::Robot { robot, vitreous } =
         Experiment::from_texts("experiment.toml", TOML, "trajectory.csv", CSV)?.0.apparatus
     else {
-        return Err(Error::numerical("the replica has no robot", "restore data/porcine-replica/experiment.toml"));
+        return Err(Error::numerical(
+            "the embedded replica's description has no [robot] and [vitreous]",
+            "restore data/porcine-replica/experiment.toml",
+        ));
     };
     let stiffness = Stiffness::new(&robot_mesh(&robot, &vitreous, MESH_LEVEL)?)?;
     let model = FullOrderModel::new(&stiffness, vitreous.poisson_ratio)?;

@@ -25,16 +25,15 @@ const MIN_FREE_ROWS: usize = 16;
 /// Largest drift of the force on a free tip, as a fraction of the force at which contact is certain. If the force grows by more, the tip presses from
 /// the first row on.
 const FREE_DRIFT: f64 = 0.3;
-/// Fraction of the largest force below which positions are not compared with the model, because the onset of contact follows another law.
+/// Fraction of the largest force below which positions are not compared with the model, because another law holds at the onset of contact.
 const TOUCHING: f64 = 0.02;
 /// Multiple of the force's noise standard deviation below which positions are not compared with the model.
 const TOUCHING_SD: f64 = 10.0;
-/// Number of neighbouring rows, and number of standard errors. The tip touches if the mean force of `N_MEAN` rows exceeds the force on a free tip by
-/// `FREE_SD` standard errors.
+/// The tip counts as touching if the mean force of `N_MEAN` neighbouring rows exceeds the force on a free tip by more than `FREE_SD` standard errors.
 const N_MEAN: usize = 5;
 const FREE_SD: f64 = 3.0;
-/// Fraction of the depth's range, and number of rows. The record ends before the depth is below its maximum by the fraction `FALL` for `N_FALLING`
-/// consecutive rows.
+/// The record ends at the largest depth after which the depth decreases. A decrease is a depth below the maximum by the fraction `FALL` of the
+/// depth's range, in `N_FALLING` consecutive rows.
 const FALL: f64 = 0.01;
 const N_FALLING: usize = 5;
 
@@ -105,7 +104,9 @@ pub(super) fn trim_to_contact(file: &Path, trajectory: &mut Trajectory, indenter
         return refuse(
             start,
             &trajectory.position_column,
-            format!("only {n_compared} positions can be compared while the contact grows"),
+            format!(
+                "only {n_compared} positions lie between the start of the contact and its largest depth, too few for a fit"
+            ),
             "give the approach and the hold of one indentation; rows before contact and rows with falling depth are not used",
         );
     }
@@ -157,7 +158,7 @@ fn free_force(time_s: &[f64], force_n: &[f64]) -> Option<FreeForce> {
     Some(FreeForce { force_n: at_contact_n, error_n: (at_contact_n - late_n).abs(), sd_n, last_row })
 }
 
-/// Returns the index of the row after the largest depth before the depth decreases. The search starts at row `from`.
+/// Returns the index of the row after the largest depth that precedes a decrease of the depth. The search starts at row `from`.
 fn end_of_growth(tip_m: &[Option<f64>], from: usize) -> usize {
     let depths = || tip_m.iter().enumerate().skip(from).filter_map(|(row, x)| Some((row, (*x)?)));
     let (lowest_m, highest_m) =

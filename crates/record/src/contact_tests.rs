@@ -116,6 +116,6 @@ fn what_is_no_indentation_is_refused_with_a_remedy() {
     refused(&|t| t.position_m.iter_mut().for_each(|x| *x = None), &["no position remains"]);
     refused(
         &|t| keep(t, 0..CONTACT + 20),
-        &["positions can be compared while the contact grows", "approach and the hold"],
+        &["positions lie between the start of the contact and its largest depth", "approach and the hold"],
     );
 }

@@ -14,13 +14,13 @@ pub enum Zero {
     /// Zero of the table: positions are used as written.
     #[default]
     AsWritten,
-    /// The first position.
+    /// The first position counts as 0.
     First,
-    /// The median position before the force first acts.
+    /// The median position before the force first acts counts as 0.
     Rest,
-    /// Unknown zero: positions count from the first position, and the remaining offset is fitted.
+    /// The zero is unknown: positions count from the first position, and the remaining offset is fitted.
     Fit,
-    /// Given position, in the column's unit.
+    /// The given position, in the column's unit, counts as 0.
     Value(f64),
 }
 
@@ -188,7 +188,7 @@ impl Frame {
             Zero::First if trajectory.position_m.first().copied().flatten().is_some() => Ok(at_row(0)),
             Zero::First => refuse(
                 "the first row has no position",
-                "write `zero = \"rest\"`, or the position itself if there is only one position column",
+                "write `zero = \"rest\"`, or with a single position column the position that counts as 0, such as `zero = 12.5`",
             ),
             Zero::Rest => match rest_m(&trajectory.force_n, &trajectory.position_m) {
                 Some(_) => {
@@ -196,7 +196,7 @@ impl Frame {
                 }
                 None => refuse(
                     "no row with a position precedes the force",
-                    "write `zero = \"first\"`, or the position itself if there is only one position column",
+                    "write `zero = \"first\"`, or with a single position column the position that counts as 0, such as `zero = 12.5`",
                 ),
             },
         }
@@ -223,13 +223,13 @@ pub(super) fn rest_m(force_n: &[f64], position_m: &[Option<f64>]) -> Option<f64>
     median(position_m.iter().take(n_rest).copied().flatten().collect())
 }
 
-/// Returns the work of the force summed over all steps from row to row, and the sum of the absolute work of these steps.
+/// Sums the work of the force from row to row. Returns the sum with signs and the sum of absolute values.
 fn work_and_size(force_n: &[f64], position_m: &[Option<f64>]) -> (f64, f64) {
     let moved = position_m.windows(2).zip(force_n).filter_map(|(pair, force)| Some((pair[1]? - pair[0]?, *force)));
     moved.fold((0.0, 0.0), |(work, size), (way, force)| (work + way * force, size + (way * force).abs()))
 }
 
-/// True if the total work of the force is negative, and its absolute value exceeds the fraction `share` of the summed absolute work of all rows.
+/// True if the summed work of the force is negative and its absolute value exceeds the fraction `share` of the sum of absolute values.
 pub fn is_work_negative(force_n: &[f64], position_m: &[Option<f64>], share: f64) -> bool {
     let (work, size) = work_and_size(force_n, position_m);
     work < -share * size && work < 0.0
@@ -328,7 +328,7 @@ fn zero(measurement: TomlTable<'_>, n_axes: usize) -> Result<Zero> {
         other => Err(measurement.refuse(
             "zero",
             format!("unknown zero `{other}`"),
-            "write \"first\", \"rest\" (the positions before the force acts), \"fit\" or the position itself",
+            "write \"first\", \"rest\" (the positions before the force acts), \"fit\" or the position that counts as 0",
         )),
     }
 }
@@ -368,7 +368,7 @@ fn direction(measurement: TomlTable<'_>, n_axes: usize) -> Result<Direction> {
 mod tests {
     use super::*;
 
-    /// Returns the trajectory of a pull along a line at 30°, in the direction of falling coordinates, and its true positions. The bead starts at
+    /// Returns the trajectory of a pull along a line at 30° towards falling coordinates, and the true positions along this line. The bead starts at
     /// (2500, 800) µm and oscillates across the pull by 0.5 µm. One row in twenty is an outlier across the pull.
     fn plane() -> (Trajectory, Vec<f64>) {
         let mut trajectory = Trajectory::empty(false, "F", "x");

@@ -3,15 +3,13 @@
 use super::robust::median;
 use base::error::{Error, InputPlace, Result, Setting};
 
-/// Largest time from the last row of a table to the first row of the next table for which the next table begins at that row. The unit is the last
-/// interval between rows.
+/// Largest gap between two tables at which the second table begins at the last row of the first. It is a fraction of the last interval between rows.
 const BEGAN_BEFORE: f64 = 0.5;
 /// Fraction of an interval by which the last row of a table is moved back if the next table begins at an equal time.
 const JUST_BEFORE: f64 = 1e-6;
 /// Smallest fraction of rows that repeat the previous row's time for which the clock counts as coarse.
 const COARSE: f64 = 0.2;
-/// Smallest ratio of two distances at which rows alternate between several tracks: the distance of neighbouring rows, and the distance of rows at
-/// neighbouring times.
+/// Least factor by which neighbouring rows are farther apart in position than rows at neighbouring times, if rows alternate between several tracks.
 const TRACKS: f64 = 3.0;
 
 /// Changes that were made to the times of a table.
@@ -196,7 +194,7 @@ mod tests {
 
     #[test]
     fn a_clock_that_begins_again_goes_on() {
-        // In the first case a table's rows are at the start of each interval, in the second case at the end.
+        // In the first case the rows of a run are at the start of each interval, in the second case at the end.
         for (first_s, expected) in [(0.0, [0.0, 0.5, 1.0, 1.5]), (0.5, [0.5, 1.0, 1.5, 2.0])] {
             let mut time_s = [first_s, first_s + 0.5, first_s, first_s + 0.5];
             assert_eq!(join_restarts(&mut time_s), [2]);
@@ -206,8 +204,9 @@ mod tests {
         assert!(join_restarts(&mut unsorted).is_empty());
     }
 
-    /// Checks the times of a second table that starts just after the first table's last row, as rheometers log it. The other two cases are a later
-    /// start and an equal time.
+    /// Checks a second table that starts 0.01 s after the last row of the first table, as rheometers log it: its force then acts from that last row on. If
+    /// the second table starts a full interval later, no force changes. If it starts at an equal time, the last row of the first table is moved slightly
+    /// back.
     #[test]
     fn a_table_that_begins_with_the_last_row_of_another_switches_there() {
         let place = |row: usize| InputPlace::file("t.csv").at_line(row + 2);

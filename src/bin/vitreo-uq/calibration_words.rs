@@ -15,7 +15,8 @@ pub fn format_calibration(found: &Calibration) -> String {
     ];
     lines.extend(found.quantities.iter().map(row));
     lines.push("  (location: negative if the posteriors are too high; spread: positive if they are too narrow; both in standard errors.".into());
-    lines.push("  z: mean ± sd of true value minus posterior mean, in posterior standard deviations. Intervals: share of them that contains the true value, with the 95 % interval of this share)".into());
+    lines.push("  z: true value minus posterior mean, in posterior standard deviations; mean ± standard deviation over the records.\n  \
+         Intervals: fraction of the records whose interval contains the true value, with the 95 % interval of this fraction)".into());
     lines.join("\n") + "\n\n"
 }
 

@@ -58,7 +58,7 @@ struct NewArguments {
     /// Hide these two effects
     #[arg(long, value_name = "SLUG,SLUG", value_delimiter = ',', num_args = 1, conflicts_with_all = ["none", "outside"])]
     pair: Vec<String>,
-    /// Hide nothing
+    /// Hide no effect and no disturbance
     #[arg(long, conflicts_with = "outside")]
     none: bool,
     /// Hide a disturbance outside the library: of this kind, or without KIND of a random kind
@@ -156,7 +156,7 @@ pub struct PlaysArguments {
 /// Sort of hidden disturbance to which `--only` restricts a run.
 #[derive(Clone, Copy, ValueEnum)]
 enum OnlySort {
-    /// Nothing
+    /// No hidden effect or disturbance
     None,
     /// One effect of the library
     Single,

@@ -75,7 +75,7 @@ fn request(arguments: &DiagnoseArguments, kind: TargetKind, session: &Session) -
 /// Amount of text that `diagnose` prints.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Details {
-    /// The answer, the candidate effects that matter, and the next command.
+    /// The verdict, the candidate effects that matter, and the next command.
     Brief,
     All,
 }
@@ -137,7 +137,7 @@ fn candidate_lines(diagnosis: &Diagnosis, details: Details) -> Vec<String> {
             significant(um)
         )
     });
-    lines.push(format!("  (gains in nats over the model without the effect;{error} p: of the whole search)"));
+    lines.push(format!("  (gains in nats over the model without the effect;{error} p: chance that a search without any effect gains as much)"));
     lines.extend(diagnosis.gains_without_error().map(|sentence| format!("  {sentence}")));
     if details == Details::All {
         let reasons = group_by_reason(
@@ -241,7 +241,8 @@ fn row(diagnosis: &Diagnosis, candidate: &CandidateEntry) -> String {
 mod tests {
     use super::*;
 
-    /// The brief table lists every effect that the verdict names, at any rank. Another effect needs a high rank, or a gain that chance does not explain.
+    /// Checks that the brief table lists every effect that the verdict names, at any rank. Another effect needs a high rank, or a gain that chance does
+    /// not explain.
     #[test]
     fn the_brief_table_has_every_named_effect() {
         let candidate = |status: &str, p: f64| -> CandidateEntry {

@@ -98,7 +98,7 @@ fn words_of_results(gathered: &Gathered, out: &Path) -> String {
         _ => Ok(()),
     };
     if !missing.is_empty() {
-        text += "To compute the missing results, run the same command again: vitreo-uq tasks run, or the script for the engine.\n";
+        text += "To compute the missing results, run `vitreo-uq tasks run` again, or submit its script to the cluster again.\n";
     }
     text
 }

@@ -88,7 +88,7 @@ enum NextActor {
     Stream { since: Instant },
 }
 
-/// A connection of a local server. A handler finds it among the extensions of its request.
+/// A connection of a local server. The handler of a request finds its connection among the request's extensions.
 #[derive(Clone)]
 pub struct Connection {
     state: Arc<ConnectionState>,
@@ -122,7 +122,7 @@ impl Connection {
         Self { state: Arc::new(ConnectionState { peer, turn, is_closed: Notify::new() }), all: Arc::clone(all) }
     }
 
-    /// Gives the peer the duration `time` for its next step.
+    /// Gives the peer the time `time` for its next step, from now on.
     pub fn give_time(&self, time: Duration) {
         self.state.pass_to(NextActor::Peer { until: Instant::now() + time });
     }
@@ -216,7 +216,8 @@ impl Connections {
     }
 }
 
-/// Closes the connection whose peer has the least time left, among the connections that `is_meant` selects. Returns false if none of them waits for its peer.
+/// Closes one connection: among those that `is_meant` selects and whose peer has to act next, the one whose peer has the least time left. Returns false if
+/// there is no such connection.
 fn close_latest(all: &mut Vec<Arc<ConnectionState>>, is_meant: &dyn Fn(&ConnectionState) -> bool) -> bool {
     let until = |(index, state): (usize, &Arc<ConnectionState>)| match state.turn() {
         NextActor::Peer { until } if is_meant(state) => Some((until, index)),
@@ -296,7 +297,7 @@ pub fn json_body(status: StatusCode, document: &impl serde::Serialize) -> Respon
     }
 }
 
-/// TCP stream that tells its connection when the peer has read bytes.
+/// TCP stream that informs its [`Connection`] whenever the peer has read bytes of a response.
 struct WatchedStream {
     stream: TcpStream,
     connection: Connection,

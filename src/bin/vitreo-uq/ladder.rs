@@ -122,7 +122,7 @@ fn table(summary: &LadderSummary) -> Vec<String> {
     let runs = summary.revisions.iter().map(|rung| rung.fe_runs).sum::<Option<usize>>();
     let by = match (summary.revisions.first(), runs) {
         (Some(rung), Some(runs)) => rung.model.full_runs(runs),
-        _ => "the creep law (an instrument has no finite elements)".into(),
+        _ => "the creep law (this instrument needs no finite elements)".into(),
     };
     lines.push(format!("  Errors in µm, log score in nats; predicted by {by}."));
     lines

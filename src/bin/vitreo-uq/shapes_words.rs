@@ -254,7 +254,7 @@ fn elastic(summary: &ShapesSummary) -> Vec<String> {
 
 fn predictors(summary: &ShapesSummary) -> Vec<String> {
     let mut lines = vec![
-        "Errors of simple predictions of the resistance at equal volume, from a length or a spheroid (root mean square, largest):"
+        "Errors of simple predictions of a robot's resistance, from one length or from a spheroid of equal volume (root mean square, largest):"
             .into(),
     ];
     lines.extend(summary.predictors.iter().map(|predictor| {

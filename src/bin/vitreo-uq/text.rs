@@ -83,7 +83,7 @@ fn heldout_lines(summary: &PosteriorSummary, line: &mut impl FnMut(String)) {
         let by = if let Some(runs) = heldout.fe_runs {
             summary.model.full_runs(runs)
         } else {
-            "the creep law (no finite elements for an instrument)".into()
+            "the creep law (this instrument needs no finite elements)".into()
         };
         line(format!(
             "Held-out cycles {}, predicted by {by}: held-out error {} µm.",

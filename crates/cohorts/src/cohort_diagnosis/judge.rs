@@ -1,7 +1,7 @@
-//! Gain in log likelihood of a cohort by each effect, and the distribution of the largest gain that arises by chance.
+//! Gain in log likelihood of a cohort by adding each effect, and the distribution of the largest gain that arises by chance.
 //!
-//! A simulated cohort has one simulated record in place of each record. A few simulated records of each record can be combined to many cohorts. All
-//! effects use the same combinations.
+//! A simulated cohort replaces each measured record by a record that was simulated without any effect. A few simulated records of each measured
+//! record can be combined to many cohorts. The searches for all effects use one list of combinations.
 
 use rayon::prelude::*;
 
@@ -21,15 +21,17 @@ const COHORT_STREAMS: u64 = 0xc0_5075;
 pub struct EffectGain {
     /// Index of the effect in the library.
     pub effect: usize,
-    /// Gains in log likelihood under the best size law, on the fitted and the held-out cycles.
+    /// Gains in log likelihood on the fitted and on the held-out cycles, with the best-fitting distribution of the effect's sizes over specimens
+    /// (`law`).
     pub best: BestGain,
-    /// Probability that a search of a simulated cohort without any effect gains as much, on the fitted and the last cycles together.
+    /// Probability that a search of a simulated cohort without any effect gains at least as much. The gain is the sum over the fitted and the last
+    /// cycles.
     pub p_familywise: f64,
-    /// Size law that fits best.
+    /// Best-fitting distribution of the effect's sizes over specimens.
     pub law: SizeLaw,
     /// Best-fitting grid point of the effect's parameters that are unidentified at its null (shape).
     pub shape: ShapeIndex,
-    /// Gain in log likelihood (nats) of each record under the best size law, in the order of the records.
+    /// Gain in log likelihood (nats) of each record with the distribution of sizes in `law`, in the order of the records.
     pub of_records: Vec<f64>,
     /// Gain in log likelihood (nats) of each record if the effect has a separate size in each record.
     pub by_itself: Vec<f64>,
@@ -39,12 +41,13 @@ pub struct EffectGain {
 pub struct EffectSearch {
     /// Effects that at least one record can show, in the order of the library.
     pub effects: Vec<EffectGain>,
-    /// Largest gain (nats) over all effects in each simulated cohort without an effect, on the fitted and the last cycles together. Ascending.
+    /// Largest gain (nats) over all effects in each simulated cohort without an effect, in ascending order. The gain is the sum over the fitted and
+    /// the last cycles.
     pub largest_by_chance: Vec<f64>,
 }
 
 impl EffectSearch {
-    /// Gain (nats) on the fitted and the last cycles together that only 5 of 100 simulated cohorts without an effect reach.
+    /// Gain (nats) that only 5 of 100 simulated cohorts without an effect reach. The gain is the sum over the fitted and the last cycles.
     pub fn threshold(&self) -> f64 {
         self.largest_by_chance.get(self.largest_by_chance.len() * 95 / 100).copied().unwrap_or(f64::INFINITY)
     }
@@ -98,7 +101,7 @@ pub fn search_effects(records: &[RecordScores], seed: u64, monitor: &dyn Monitor
     EffectSearch { effects, largest_by_chance: largest }
 }
 
-/// For each simulated cohort, one index per record: that of the simulated record which replaces the measured record.
+/// Returns, for each simulated cohort, the index of the simulated record that replaces each measured record.
 fn picks(records: &[RecordScores], seed: u64) -> Vec<Vec<usize>> {
     let cohort = |number: usize| {
         let mut stream = RandomStream::new(seed ^ COHORT_STREAMS, number as u64);

@@ -30,7 +30,8 @@ impl<'a> EffectScan<'a> {
         Some(Self { records, effect, laws, n_points })
     }
 
-    /// All shapes of the effect that are searched: each grid point of its parameters that are unidentified at the null, then all points together.
+    /// Returns all shapes of the effect that the search tries. A shape sets the parameters that are unidentified at the effect's null to one grid point.
+    /// If there are several grid points, the last shape (`None`) allows every grid point in each record.
     pub fn shapes(&self) -> impl Iterator<Item = ShapeIndex> + use<> {
         (0..self.n_points).map(Some).chain((self.n_points > 1).then_some(None))
     }
@@ -45,7 +46,8 @@ impl<'a> EffectScan<'a> {
         likelihood(self.request(record), readings, point)
     }
 
-    /// Likelihood ratio of each size on the grid, from the signature scores of a record and for one shape of the effect.
+    /// Likelihood ratio of each size on the grid, from the signature scores of a record. `shape` gives the effect's parameters that are unidentified at
+    /// its null.
     pub fn nodes(&self, record: usize, readings: &[SignatureScore], shape: ShapeIndex) -> Nodes {
         let of = |point: usize| self.laws.nodes(&self.likelihood(record, readings, point));
         match shape {
@@ -54,7 +56,8 @@ impl<'a> EffectScan<'a> {
         }
     }
 
-    /// Likelihood ratios of a record under each size law, for one shape of the effect.
+    /// Likelihood ratios of a record under each size law (distribution of the effect's sizes). `shape` gives the effect's parameters that are unidentified
+    /// at its null.
     pub fn record_ratios(&self, record: usize, told: &ScoreSet, shape: ShapeIndex) -> RecordRatios {
         let of = |readings: &Vec<SignatureScore>| self.laws.ratios(&self.nodes(record, readings, shape));
         RecordRatios {
@@ -78,7 +81,7 @@ impl<'a> EffectScan<'a> {
         BestGain { gain_nats, heldout_nats, place }
     }
 
-    /// Gain in log likelihood (nats) of one record, with the size and the shape of the effect that fit this record best.
+    /// Gain in log likelihood (nats) of one record. The size and the other parameters of the effect are those that fit this record best.
     pub fn own_gain(&self, record: usize, readings: &[SignatureScore]) -> f64 {
         let asked = self.request(record);
         let gain = |place: usize| {
@@ -107,7 +110,7 @@ pub struct BestGain {
     /// Gain of the log score on the last cycles (nats) under the best size law. Each last cycle is predicted from the earlier cycles of its record. `None`
     /// if no cycle is held out.
     pub heldout_nats: Option<f64>,
-    /// Position of the best size law in its grid.
+    /// Position of the best size law (distribution of the effect's sizes) in its grid.
     pub place: Place,
 }
 
@@ -118,7 +121,7 @@ impl BestGain {
         if self.gain_nats > 0.0 { self.gain_nats + self.heldout_nats.unwrap_or(0.0) } else { 0.0 }
     }
 
-    /// Returns the gain of the shape that gains more on the fitted cycles, or `self` if both gain equally.
+    /// Returns whichever of two gains is larger on the fitted cycles, or `self` if both are equal.
     pub fn larger(self, other: Self) -> Self {
         if other.gain_nats > self.gain_nats { other } else { self }
     }

@@ -1,9 +1,10 @@
-//! Significance of panels' gains, calibrated by simulated records of noise.
+//! Significance of the tests for a misfit, calibrated by simulated records of noise.
+//!
+//! Most tests (panels) add columns of bias terms to the model. The gain of such a test is the increase of the log likelihood by the fit of these columns.
 //!
 //! Each record is simulated from the fitted model, with noise parameters drawn from their posterior. If noise is slow, the best-fit noise is too small and would raise false
-//! alarms. White errors are drawn from the whitened residuals, so they may have any distribution. Each simulated record goes through the same fits as the measured record. A
-//! panel's p follows from a gamma distribution with the mean and variance of its simulated gains. The smallest p of each simulated record corrects the panel's p for all
-//! panels.
+//! alarms. White errors are drawn from the whitened residuals, so they may have any distribution. Each simulated record goes through the fits of the measured record. The p of a
+//! test follows from a gamma distribution with the mean and variance of its simulated gains. The smallest p of each simulated record corrects this p for the number of tests.
 
 use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, Gamma};
@@ -19,32 +20,33 @@ use posterior::noise::NoiseLikelihood;
 use posterior::whiteness::{ljung_box, runs};
 use sampling::ensemble::RandomStream;
 
-/// Fits of one record: the model alone, and the model with each panel's columns.
+/// Fits of one record: the model alone, and the model with the bias terms of each test.
 pub struct TestStatistics {
     /// Fit of the model alone.
     pub base: LinearFit,
-    /// Fits of the model with the columns of each panel (test).
+    /// Fits of the model with the added bias terms (columns) of each test, such as biases by the time since the force step. One fit per test.
     pub panel_fits: Vec<LinearFit>,
     /// Whitened residuals of the model alone.
     pub whitened: Vec<f64>,
-    /// Gain of each panel in nats, followed by the statistics of the runs test and of the Ljung–Box test.
+    /// Statistics of all tests: first the gain (nats) of each test that adds bias terms to the model, then the results of the runs test and of the Ljung–Box test.
     pub statistics: Vec<f64>,
 }
 
-/// p values of all statistics of one record, with their means and critical values from simulated records.
+/// p values of all test statistics of one record, with the statistics' means and critical values from simulated records.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Significance {
-    /// p of each statistic, not corrected for the others.
+    /// p of each test statistic, without correction for the number of tests.
     pub p: Vec<f64>,
-    /// p of each statistic, corrected for all statistics.
+    /// p of each test statistic, corrected for the number of tests.
     pub p_familywise: Vec<f64>,
-    /// Mean of each statistic over the simulated records.
+    /// Mean of each test statistic over the simulated records.
     pub mean: Vec<f64>,
-    /// Smallest significant value of each statistic.
+    /// Smallest significant value of each test statistic.
     pub critical: Vec<f64>,
 }
 
-/// Tests one record: fits the model alone and with each panel, and computes all statistics. `residual_m` holds measured minus predicted positions (m), one value per row.
+/// Tests one record: fits the model alone and with the bias terms of each test in `panels`, and computes all test statistics. `residual_m` holds measured minus predicted
+/// positions (m), one value per row.
 ///
 /// # Errors
 /// [`base::Error::Numerical`] if a fit has no solution.
@@ -120,7 +122,7 @@ pub fn calibrate_significance(
     Ok(corrected(&test_statistics.statistics, &simulated))
 }
 
-/// p of each statistic against the simulated records, alone and corrected for all statistics.
+/// Computes p of each test statistic from the simulated records, without and with correction for the number of tests.
 fn corrected(values: &[f64], simulated: &[Vec<f64>]) -> Significance {
     let tails: Vec<Option<Gamma>> = (0..values.len()).map(|k| tail(simulated.iter().map(|s| s[k]))).collect();
     let p_of = |k: usize, value: f64| tails[k].as_ref().map_or(1.0, |gamma| gamma.sf(value));

@@ -14,7 +14,7 @@ use crate::refit::Refitted;
 use crate::{Candidate, Fitted, NoiseValues, Search, Subject, Tangent};
 use base::error::Result;
 
-/// Prior standard deviations of the weights that are tried, in order. A weight of 1 changes its quantity by a factor of e over the range of states.
+/// Prior standard deviations that are tried for the weights, in order. A weight of 1 changes its quantity by a factor of e over the range of states.
 const SPREADS: [f64; 4] = [0.3, 1.0, 3.0, 0.08];
 
 /// A pair (a quantity as a function of a state) with its fitted model.
@@ -31,14 +31,14 @@ pub struct PairFit {
     pub future: Option<FutureScore>,
 }
 
-/// Returns the indices of the learnt function's weights among the coordinates. The weights are the parameters of the candidate's last effect.
+/// Returns the indices of a learnt function's weights among the coordinates. The weights are the parameters of the candidate's last effect.
 pub fn weights(candidate: &Candidate) -> Vec<usize> {
     let last = candidate.effects.len().checked_sub(1);
     (0..candidate.free.len()).filter(|k| candidate.free[*k].effect == last && last.is_some()).collect()
 }
 
-/// Fits a model from `start`; the parameters of its last effect have their own priors. Returns the model, its fit and its ln evidence, up to a constant that all models
-/// share. Returns `None` if there is no fit or no evidence.
+/// Fits a model, starting from the coordinates and noise in `start`. Each parameter of the model's last effect gets a normal approximation of its specified prior.
+/// Returns the model, its fit and its ln evidence, up to a constant that all models share. Returns `None` if there is no fit or no evidence.
 pub fn fit_own_priors(
     subject: &Subject,
     candidate: &Candidate,
@@ -51,7 +51,7 @@ pub fn fit_own_priors(
     fit_with_evidence(subject, entry, start)
 }
 
-/// Fits a model from `start` with a normal prior of standard deviation `spread` for every weight.
+/// Fits a model, starting from the coordinates and noise in `start`. Every weight of the learnt function has a normal prior of mean 0 and standard deviation `spread`.
 /// Returns the model, its fit and its ln evidence, up to a constant that all models share. Returns `None` if there is no fit or no evidence.
 pub fn fit_spread(
     subject: &Subject,
@@ -72,7 +72,7 @@ fn fit_with_evidence(
     Some((candidate, fitted, ln_evidence))
 }
 
-/// Returns the model with a normal prior of mean 0 and standard deviation `spread` for every weight.
+/// Returns the model with a normal prior of mean 0 and standard deviation `spread` for every weight of the learnt function.
 fn with_spread(candidate: &Candidate, spread: f64) -> Candidate {
     let mut entry = candidate.clone();
     for k in weights(candidate) {
@@ -172,7 +172,8 @@ pub fn finish_all(
     sought.into_par_iter().enumerate().filter_map(of).collect()
 }
 
-/// Fits a pair's model to a subject with another noise model, and scores it there; `None` if it has no fit or no cycle is held out.
+/// Fits the model of a pair (a quantity as a function of a state) to a subject with another noise model, and scores its predictions. `None` if there is no fit or no
+/// held-out cycle.
 pub fn fit_under(subject: &Subject, learnt: &PairFit) -> Option<(Fitted, FutureScore)> {
     let start = (learnt.fitted.theta.clone(), learnt.fitted.noise);
     let fitted = subject.fit(&learnt.candidate, &[start], Search::Local).ok()?;
@@ -187,11 +188,12 @@ fn future(subject: &Subject, candidate: &Candidate, fitted: &Fitted) -> Result<O
     future_score(subject, &entry, fitted)
 }
 
-/// First-order gains of pairs (quantity and state) in data without any such dependence. They select the pairs that are worth fitting.
+/// First-order gains of pairs (a quantity as a function of a state) in simulated data. They select the pairs that are worth fitting.
 pub struct Screen {
     tangent: Tangent,
     position_m: Vec<f64>,
-    /// For each candidate, whitened directions of its weights without the part that the base absorbs, one column per weight; `None` if it has no derivatives.
+    /// For each candidate, the changes of the whitened positions per unit of each weight, one column per weight. The part that the base model absorbs is removed.
+    /// `None` if the candidate has no derivatives.
     directions: Vec<Option<DMatrix<f64>>>,
     units: Vec<Vec<f64>>,
 }
@@ -221,7 +223,7 @@ impl Screen {
         Ok(Self { tangent, position_m: base.fitted.position_m.clone(), directions, units })
     }
 
-    /// Returns the first-order gains in log evidence (nats) of all pairs, for other positions at the same rows; −∞ for a pair without directions.
+    /// Returns the first-order gains in log evidence (nats) of all pairs for the positions in `data`; −∞ for a pair without directions.
     fn gains_nats(&self, data: &Subject) -> Vec<f64> {
         let left_m = data.fitted_m.iter().zip(&self.position_m).map(|(y, x)| y.map_or(0.0, |y| y - x)).collect();
         let residual = self.tangent.project(self.tangent.whiten(&[left_m]).swap_remove(0));
@@ -243,7 +245,7 @@ impl Screen {
     }
 }
 
-/// Number of pairs fitted in simulated data: those with the largest first-order gains.
+/// Number of pairs (quantity and state) that are fitted to each simulated record: those with the largest first-order gains.
 const N_REFITTED: usize = 2;
 
 /// Returns the largest gain in log evidence (nats) that a search finds in data in which no quantity depends on a state.

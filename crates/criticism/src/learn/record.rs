@@ -14,7 +14,8 @@ use laws::stages::State;
 use models::effects::StateEffect;
 use posterior::monitor::Monitor;
 
-/// A record to which every pair (a quantity as a function of a state) is fitted. Its cycles are scored under the noise of the model's specification.
+/// A record to which every pair (a quantity as a function of a state) is fitted. Its cycles are scored with the noise terms of the model's
+/// specification.
 pub struct LearningRecord {
     found: PairSearch,
     subject: Subject,
@@ -52,7 +53,7 @@ pub struct FormulaTest {
     pub last_cycle_gain_nats: f64,
     /// Errors (µm) on the held-out cycle, without the formula and with it.
     pub rmse_um: [f64; 2],
-    /// Fitted values of the formula's parameters, in its order.
+    /// Fitted values of the formula's parameters, in the order in which the formula lists them.
     pub values: Vec<f64>,
 }
 
@@ -68,7 +69,7 @@ impl LearningRecord {
         Ok(Self { found, subject, base })
     }
 
-    /// Returns the results of every pair that is a function of a state.
+    /// Returns the gains of every pair that is a function of a state.
     pub fn pair_gains(&self) -> Vec<PairGain> {
         let of_base = self.found.base.future;
         let of = |learnt: &super::fit::PairFit| {
@@ -84,21 +85,22 @@ impl LearningRecord {
         self.found.learnt.iter().filter_map(of).collect()
     }
 
-    /// Returns the state of a pair and its range in this record, extended to include 0; `None` for an unknown pair or a memory.
+    /// Finds the pair with the name `slug` (a quantity as a function of a state). Returns its state and the range of this state in the record,
+    /// extended to include 0. Returns `None` if there is no such pair, or if the pair is a memory (a spectrum of retardation times).
     pub fn range(&self, slug: &str) -> Option<(State, [f64; 2])> {
         let pair = self.found.pairs.iter().find(|pair| pair.effect.slug() == slug)?;
         let StateKind::Function { state, visited, .. } = &pair.kind else { return None };
         Some((*state, state_range(visited)))
     }
 
-    /// Returns the gain (nats) of a pair's function in the log score of unseen cycles, under the noise of the model's specification.
+    /// Returns the gain (nats) of a pair's function in the log score of unseen cycles, with the noise terms of the model's specification.
     pub fn function_gain_nats(&self, slug: &str) -> Option<f64> {
         let learnt = self.found.learnt.iter().find(|pair_fit| self.found.pairs[pair_fit.pair].effect.slug() == slug)?;
         let (_, future) = fit_under(&self.subject, learnt)?;
         Some(future.all - self.base.future?.all)
     }
 
-    /// Returns all formulas for a pair over a range of its state.
+    /// Returns the formulas that may replace the function of the pair `slug` over the range `range` of its state.
     pub fn formulas(&self, slug: &str, state: State, range: [f64; 2]) -> Vec<Formula> {
         let Some(pair) = self.found.pairs.iter().find(|pair| pair.effect.slug() == slug) else { return Vec::new() };
         let of = |written: FormulaText| {

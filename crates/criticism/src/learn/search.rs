@@ -13,17 +13,17 @@ use posterior::monitor::{Counter, Monitor};
 
 /// Largest p at which a pair (a quantity as a function of a state) may be learnt.
 pub const LARGEST_P: f64 = 0.02;
-/// Least gain in log evidence (nats) of a learnt pair: e⁵ is 150 to 1.
+/// Least gain in log evidence (nats) of a learnt pair (a quantity as a function of a state). 5 nats are odds of 150 to 1.
 pub const LEAST_EVIDENCE_NATS: f64 = 5.0;
-/// Least gain (nats) of a learnt pair in the log score of unseen cycles.
+/// Least gain (nats) of a learnt pair (quantity and state) in the log score of unseen cycles.
 pub const LEAST_FUTURE_NATS: f64 = 3.0;
 /// Largest loss (nats) of a learnt pair (quantity and state) in the log score of the last unseen cycle.
 const LARGEST_LOSS_NATS: f64 = 0.1;
-/// Least change of a position by a learnt pair, divided by the noise.
+/// Least change of a position by a learnt pair (quantity and state), divided by the noise standard deviation.
 const SMALLEST_CHANGE: f64 = 0.25;
-/// Difference in log evidence (nats) below which pairs count as equal: e⁶ is 400 to 1.
+/// Difference in log evidence (nats) below which two pairs count as equally good. 6 nats are odds of 400 to 1.
 pub const EQUAL_NATS: f64 = 6.0;
-/// Largest loss (nats) of a formula against the function's log score of unseen cycles. `FORMULA_LOSS` times the function's gain is added to it.
+/// Largest loss (nats) in the log score of unseen cycles at which a formula may replace a learnt function. `FORMULA_LOSS` times the function's gain is added to this loss.
 pub const FORMULA_LOSS_NATS: f64 = 3.0;
 pub const FORMULA_LOSS: f64 = 0.05;
 /// Difference in log evidence (nats) up to which another pair may give a simpler formula that predicts as well.
@@ -32,7 +32,7 @@ const SIMPLER_WITHIN_NATS: f64 = 40.0;
 /// added to the deficit. A library effect has a few parameters, the function eight.
 const LIBRARY_NATS: f64 = 4.0;
 const LIBRARY_SHARE: f64 = 0.02;
-/// Number of positions in the search of nonlinear models.
+/// Number of positions to which nonlinear models are fitted before they are fitted to all positions.
 const MOST_SEARCHED_SLOWLY: usize = 200;
 /// Least first-order bound of a nonlinear model's gain, as a fraction of the function's gain, at which the model is fitted.
 const WITHIN_REACH: f64 = 0.5;
@@ -50,7 +50,7 @@ pub struct Request {
     pub seed: u64,
     /// True if functions of a state may only rise or only fall.
     pub is_monotone: bool,
-    /// Errors of the base model's posterior on these cycles, if it was sampled; else the document shows the errors of its best fit.
+    /// Errors of the base model's posterior predictions; `None` if the base model was not sampled. The document then shows the errors of its best fit.
     pub base_errors: Option<ModelErrors>,
 }
 
@@ -62,19 +62,19 @@ impl Default for Request {
 
 /// A search among all pairs of a quantity and a state.
 pub struct PairSearch {
-    /// The record, with every pair as an effect.
+    /// The record, with a library of effects that also contains every pair (a quantity as a function of a state) as an effect.
     pub subject: Subject,
     /// All pairs that the search fits.
     pub pairs: Vec<Pair>,
-    /// True if functions must be monotone.
+    /// True if the learnt functions must be monotone.
     pub is_monotone: bool,
-    /// Model with each pair; `None` if the pair cannot be added to the base.
+    /// Base model with each pair (a quantity as a function of a state); `None` if the pair cannot be added to it.
     candidates: Vec<Option<Candidate>>,
     /// The base model, without any pair.
     pub base: Refitted,
     /// Fitted pairs, the best one first.
     pub learnt: Vec<PairFit>,
-    /// Positions and result of the search.
+    /// Positions that the search used, and its largest gain.
     searched: SearchedPositions,
 }
 
@@ -174,7 +174,7 @@ impl PairSearch {
         Ok(chosen)
     }
 
-    /// Returns the slugs of library effects that predict unseen cycles as well as the function.
+    /// Returns the slugs of library effects that predict unseen cycles as well as the learnt function of `chosen`.
     pub fn find_preferred_effects(&self, chosen: &PairFit, monitor: &dyn Monitor) -> Vec<String> {
         let names: Vec<&str> = self.pairs.iter().map(|pair| pair.effect.slug()).collect();
         let others = self.subject.library().effects().iter().filter(|effect| !names.contains(&effect.slug()));
@@ -195,7 +195,7 @@ impl PairSearch {
         good.into_iter().map(|(_, slug)| slug).collect()
     }
 
-    /// Fits nonlinear models whose first-order bound suffices: first with few positions, then with all.
+    /// Fits those nonlinear models whose first-order bound on the gain is large enough. Each is fitted to a few positions first, and then to all.
     fn refit_slow(
         &self,
         candidates: &[Candidate],
@@ -233,9 +233,10 @@ impl PairSearch {
         (before > 0.0).then(|| (1.0 - after / before).clamp(-1.0, 1.0))
     }
 
-    /// Finds the simplest formula that predicts unseen cycles nearly as well as the function. Formulas of the leading pair may have any number of parameters, formulas of other
-    /// pairs within reach only one. A function with eight weights may hide that a line in another state does as well. All fits use the noise of the model's specification, because
-    /// the formula is added to that model. Slow noise, which only the search allows, would absorb levels and leave only increments to the formula.
+    /// Finds the simplest formula that predicts unseen cycles nearly as well as the learnt function. Formulas of the chosen pair may have any number of parameters. Formulas of
+    /// other pairs with nearly equal evidence may have only one: a line in another state may predict as well as a function with eight weights. All fits use the noise terms of the
+    /// model's specification, because the formula is added to that model. Slow noise, which only the search allows, would absorb slow changes and leave only fast ones to the
+    /// formula.
     pub fn write_formula<'a>(&'a self, chosen: &'a PairFit) -> (&'a PairFit, Option<FittedFormula>) {
         let Ok((subject, base)) = with_own_noise(&self.subject, &self.base) else { return (chosen, None) };
         let Some(((function, of_function), of_base)) = fit_under(&subject, chosen).zip(base.future) else {

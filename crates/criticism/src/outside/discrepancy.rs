@@ -18,11 +18,11 @@ use sampling::ensemble::RandomStream;
 pub enum Axis {
     /// Elapsed fraction of the cycle.
     Phase,
-    /// Time since the last force step, in s; the curve changes its sign with that of the step.
+    /// Time since the last force step, in s. The discrepancy changes its sign with the direction of the step.
     TimeSinceStep,
     /// Time, in s.
     AbsoluteTime,
-    /// Force that acts until a row, in N.
+    /// Force (N) that acts just before the time of a row.
     Force,
 }
 
@@ -76,7 +76,7 @@ pub struct Discrepancy {
     pub size_um: f64,
     /// Value of the axis's quantity, one per row of the record.
     pub coordinate: Vec<f64>,
-    /// Sign of the process at each row: that of the last force step for [`Axis::TimeSinceStep`], else 1.
+    /// Sign of the process at each row: that of the last force step for [`Axis::TimeSinceStep`], 1 for all other axes.
     pub sign: Vec<f64>,
     /// Posterior mean (m), one per row, to be added to a prediction.
     pub mean_m: Vec<f64>,
@@ -93,14 +93,14 @@ const SIZES: [f64; 9] = [0.06, 0.12, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0];
 /// Smoothness of the processes that are tried: the correlation length in knots, or the number of waves beyond which amplitudes become small.
 const LENGTHS: [f64; 4] = [1.0, 2.0, 4.0, 8.0];
 
-/// A process of one axis, size and smoothness. In the process's own coordinates the whitened data are independent and normal, each with a variance of 1 plus its entry of
-/// `variances`.
+/// A Gaussian process of one axis, size and smoothness. Its independent coordinates are combinations of the basis functions whose contributions to the whitened data are
+/// uncorrelated. Along each of them the data are normal, with a variance of 1 plus an entry of `variances`.
 struct Process {
-    /// Matrix that converts the process's own coordinates into amplitudes of the basis functions.
+    /// Matrix that converts the process's independent coordinates into amplitudes of the basis functions.
     to_amplitudes: DMatrix<f64>,
-    /// Prior variances of the process's own coordinates, in the whitened data.
+    /// Prior variances of the process's independent coordinates, in the whitened data.
     variances: DVector<f64>,
-    /// Whitened directions of the process's own coordinates, one column each; their squared lengths are `variances`.
+    /// Contributions of the process's independent coordinates to the whitened data, one column each; their squared lengths are `variances`.
     directions: DMatrix<f64>,
 }
 
@@ -130,7 +130,7 @@ impl Process {
     }
 }
 
-/// One axis, with the data and the processes that are tried.
+/// One axis, with the data and the Gaussian processes that are tried along it.
 struct PreparedDiscrepancy {
     axis: Axis,
     tangent: Tangent,
@@ -139,8 +139,8 @@ struct PreparedDiscrepancy {
     processes: Vec<Process>,
 }
 
-/// Fits processes of phase, time since the step, absolute time and force in the fitted rows, and returns them with the likeliest first. For each process, the noise is
-/// estimated together with a free curve of that axis, so that the noise does not absorb the structure.
+/// Fits Gaussian processes of phase, time since the step, absolute time and force to the residual in the fitted rows. Returns them in order of decreasing gain. For each process,
+/// the noise is estimated together with a free curve of its axis, so that the noise does not absorb the structure.
 ///
 /// # Errors
 /// Errors of [`Subject::fit`] and [`Tangent::new`].

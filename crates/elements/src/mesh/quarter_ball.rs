@@ -7,7 +7,7 @@ use super::Mesh;
 use super::box_surface::{BoxSurface, equiangular_direction};
 use base::error::{Error, Result};
 
-/// Sphere in a sphere of gel: sizes and refinement of the mesh.
+/// Sizes and refinement of a mesh of the gel around a spherical robot, inside a fixed outer sphere.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct QuarterBall {
     /// Radius of the robot in m.
@@ -37,8 +37,8 @@ impl QuarterBall {
         Ok(self.of_sheets(&self.node_radii_m()))
     }
 
-    /// Builds the mesh so that element faces form a sphere of radius `radius_m` (m) between robot
-    /// and outer surface. `n_inside` layers lie inside this sphere, the others outside.
+    /// Builds a mesh in which faces of elements form a sphere of radius `radius_m` (m) between the
+    /// robot and the outer surface. `n_inside` layers lie inside this sphere, the others outside.
     ///
     /// # Errors
     /// [`Error::Numerical`] if no mesh fits the sizes.
@@ -51,7 +51,7 @@ impl QuarterBall {
         if !(is_between && parts.iter().all(|part| part.n_layers > 0 && part.n_per_edge > 0)) {
             return Err(Error::numerical(
                 format!("no mesh has {n_inside} of its {} layers inside a radius of {radius_m} m", self.n_layers),
-                "give a radius between robot and outer surface, and layers on both sides of it",
+                "give a radius between those of the robot and the outer surface, and at least one layer on either side of it",
             ));
         }
         let mut radii_m = parts[0].node_radii_m();

@@ -68,7 +68,8 @@ pub fn work(measurement: &Measurement, sampling: &Sampling, count: usize, block:
     Ok(parts.collect())
 }
 
-/// SHA-256 of the inputs that all simulated records have in common. The numbers of the records are not included.
+/// Returns the SHA-256 of the inputs that the tasks of one calibration share: the experiment's files, the model, its priors and the sampler's
+/// settings. It does not depend on the simulated records that a task makes.
 fn content(measurement: &Measurement, sampling: &Sampling) -> Result<String> {
     let priors = check(&measurement.experiment, &measurement.specification, &sampling.options())?;
     let Sampling { n_walkers, max_steps, seed, .. } = sampling;
@@ -83,8 +84,8 @@ pub(super) struct CalibrationState {
 }
 
 impl CalibrationState {
-    /// Simulates the records of a task and samples their posteriors. Returns the body of the result file, a sequence of JSON lines. The first line
-    /// describes the calibrated experiment.
+    /// Simulates the records of a task and samples their posteriors. Returns the content of the result file, a sequence of JSON lines. The first
+    /// line describes the calibrated experiment.
     ///
     /// # Errors
     /// [`Error::Input`] if the experiment has changed since the list was made; otherwise the errors of the simulation.
@@ -145,7 +146,7 @@ pub(super) struct CalibrationPart {
     replicates: Vec<Replicate>,
 }
 
-/// Reads the simulated records from the body of a task's result; `None` if the body is invalid.
+/// Reads the simulated records from the content of a task's result file; `None` if the content is invalid.
 pub(super) fn read(body: &[u8]) -> Option<CalibrationPart> {
     let mut lines = body.strip_suffix(b"\n")?.split(|byte| *byte == b'\n');
     let subject: CalibrationSubject = serde_json::from_slice(lines.next()?).ok()?;
@@ -160,7 +161,7 @@ pub(super) fn read(body: &[u8]) -> Option<CalibrationPart> {
     replicates.iter().all(is_whole).then_some(CalibrationPart { subject, replicates })
 }
 
-/// Makes the calibration from the results of all available tasks; `None` if there are none.
+/// Makes the calibration document from the results of all available tasks; `None` if there are none.
 pub(super) fn joined(parts: Vec<CalibrationPart>) -> Option<Calibration> {
     let subject = parts.first()?.subject.clone();
     let replicates: Vec<Replicate> = parts.into_iter().flat_map(|part| part.replicates).collect();

@@ -19,37 +19,40 @@ use base::number::PointScalar;
 /// Midpoint rule in the logarithm u of the retardation rate, and the limits of the nodes that are kept as modes.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Rule {
-    /// Step h in u. The rule's error is e^{−π²/h} times the integral of the density along Im u = π/2.
+    /// Step h of the midpoint rule in u, the natural logarithm of the retardation rate. The rule's error is e^{−π²/h} times the
+    /// integral of the density of rates along the line Im u = π/2.
     pub step: f64,
-    /// Slowest kept rate times the window's longest time, for densities that do not increase towards slow rates.
+    /// Slowest retardation rate that is kept as a mode, times the window's longest time. It applies to densities that do not
+    /// increase towards slow rates.
     pub slowest: f64,
-    /// Slowest kept rate times the window's longest time, for densities that increase towards slow rates r as r^{−α}, such as
-    /// that of a springpot of order α.
+    /// Slowest retardation rate that is kept as a mode, times the window's longest time. It applies to densities that increase
+    /// towards slow rates r as r^{−α}, such as that of a springpot of order α.
     pub slowest_of_rising: f64,
-    /// Fastest kept rate times the window's shortest time.
+    /// Fastest retardation rate that is kept as a mode, times the window's shortest time.
     pub fastest: f64,
-    /// Relative size of the terms at which a sum over nodes outside the window ends. The sums enter the result with a factor of
-    /// 1e-3.
+    /// Relative size of the terms at which a sum over nodes outside the time window ends. The sums enter the result with a factor
+    /// of 1e-3.
     pub tail: f64,
 }
 
-/// Rule of [`super::Accuracy::Fine`] with a total error of 1e-8, to which the midpoint rule contributes 8e-10.
+/// Midpoint rule for [`super::Accuracy::Fine`] with a total error of 1e-8, to which the rule itself contributes 8e-10.
 pub(super) const FINE: Rule = Rule { step: 0.47, slowest: 0.03, slowest_of_rising: 0.01, fastest: 19.5, tail: 1e-6 };
 
-/// Rule of [`super::Accuracy::Fast`] with a total error of 1e-6. The midpoint rule has an error of 2e-7. Fast nodes have errors
-/// of e^{−13} = 2e-6 of their weights, slow nodes of 0.08⁴/24 = 2e-6.
+/// Midpoint rule for [`super::Accuracy::Fast`] with a total error of 1e-6, to which the rule itself contributes 2e-7. Fast nodes
+/// have errors of e^{−13} = 2e-6 of their weights, slow nodes of 0.08⁴/24 = 2e-6.
 pub(super) const FAST: Rule = Rule { step: 0.64, slowest: 0.08, slowest_of_rising: 0.03, fastest: 13.0, tail: 1e-4 };
 
-/// Smallest ratio of a window's longest to its shortest time. Narrower windows are widened, so that the two equations for the
-/// nodes outside the window stay independent.
+/// Smallest ratio of the time window's longest to its shortest time. Narrower windows are widened, so that the two equations for
+/// the nodes outside the window stay independent.
 const LEAST_SPAN: f64 = 16.0;
-/// Largest number of nodes on one side of the window. Sums end earlier, because terms decrease by at least the factor e^{h} from
-/// node to node, with h the rule's step.
+/// Largest number of nodes on one side of the time window that are summed. Sums end earlier, because terms decrease by at least
+/// the factor e^{h} from node to node, with h the rule's step.
 const MAX_TAIL: usize = 4000;
 
 /// Density of retardation rates at the nodes of a midpoint rule.
 pub(super) struct Density<'a, T, N, C> {
-    /// Function that returns the rate of a node and its weight h L without `factor`. h is the rule's step, and L the density.
+    /// Function that returns the retardation rate of a node and its weight h L. h is the rule's step and L the density of rates,
+    /// without the common factor `factor`.
     pub node: N,
     /// Function that returns the law's complex compliance J*(s) in 1/Pa at a real s in 1/s.
     pub compliance: C,
@@ -57,26 +60,27 @@ pub(super) struct Density<'a, T, N, C> {
     pub factor: T,
     /// Midpoint rule with the nodes u = (k + ½) h, for integers k and the step h.
     pub rule: Rule,
-    /// Slowest kept rate times the window's longest time.
+    /// Slowest retardation rate that is kept as a mode, times the time window's longest time.
     pub slowest: f64,
-    /// Logarithm of the rate (1/s) at u = 0.
+    /// Natural logarithm of the retardation rate (1/s) at u = 0.
     pub ln_scale: f64,
     /// Order α of the springpot, which [`Node::power`] uses.
     pub order: T,
-    /// Smallest distance in u over which nodes outside the window are summed. Weights may increase again within this distance.
+    /// Smallest distance in u over which nodes outside the time window are summed. Weights may increase again within this
+    /// distance.
     pub least_tail: f64,
     /// Oscillating modes that are added to the modes of the nodes.
     pub poles: &'a [OscillatingMode<T>],
 }
 
-/// Node of the midpoint rule. Exponentials are costly, so its powers are products of the previous node's powers.
+/// Node of the midpoint rule. Exponentials are costly, so a node's powers are products of the previous node's powers.
 #[derive(Clone, Copy)]
 pub(super) struct Node<T> {
-    /// Logarithm u of the rate, relative to the rate at u = 0.
+    /// Natural logarithm u of the node's retardation rate, relative to the rate at u = 0.
     pub u: f64,
-    /// Rate eᵘ, relative to the rate at u = 0.
+    /// Retardation rate eᵘ of the node, relative to the rate at u = 0.
     pub exp_u: f64,
-    /// Power e^{αu}, with α the order of the springpot.
+    /// Power e^{αu}, with α the order of the springpot and u the logarithm of the node's rate.
     pub power: T,
 }
 

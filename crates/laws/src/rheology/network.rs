@@ -47,7 +47,7 @@ pub struct Network {
 
 #[derive(Debug, Clone, PartialEq)]
 enum Node {
-    /// Element of the network, with `first` the index of its first parameter.
+    /// Element of the network. `first` is the index of its first parameter.
     Leaf {
         kind: Kind,
         name: String,
@@ -139,7 +139,7 @@ impl Network {
         self.root.to_toml_value()
     }
 
-    /// Parameters of the network's elements, in the order in which the elements first occur.
+    /// Returns the parameters of the network's elements, in the order in which the elements first occur.
     pub fn parameters(&self) -> &[ParameterSpec] {
         &self.parameters
     }
@@ -200,7 +200,7 @@ impl Network {
             "Pa s" => (wide(10.0), "chosen: median 10 Pa s (seconds at 3 Pa), standard deviation a factor of 7"),
             _ => (
                 Distribution::Uniform { lower: 0.05, upper: 0.95 },
-                "chosen: orders between that of a spring (0) and that of a dashpot (1)",
+                "chosen: any order from near 0 (a spring) to near 1 (a dashpot)",
             ),
         })
     }
@@ -242,9 +242,9 @@ impl Reader {
         if self.n_bodies > MAX_ELEMENTS {
             return Err(table.refuse(
                 key,
-                format!("this is body {} of the network", self.n_bodies),
+                format!("this is element {} of the network", self.n_bodies),
                 format!(
-                    "give a network of at most {MAX_ELEMENTS} bodies; creep measurements can distinguish only a few"
+                    "give a network of at most {MAX_ELEMENTS} elements; creep measurements can distinguish only a few"
                 ),
             ));
         }
@@ -448,7 +448,7 @@ mod tests {
         assert_eq!(of(MAX_ELEMENTS).unwrap().parameters().len(), 2 * MAX_ELEMENTS);
         for n in [MAX_ELEMENTS + 1, 1_000] {
             let message = of(n).unwrap_err().to_string();
-            assert!(message.contains("line 2") && message.contains("at most 64 bodies"), "{message}");
+            assert!(message.contains("line 2") && message.contains("at most 64 elements"), "{message}");
         }
     }
 

@@ -280,7 +280,7 @@ fn networks_are_right_at_random_parameters() {
 #[test]
 fn degenerate_networks_behave() {
     let empty = RetardationSpectrum::of_law(&[Parallel(Vec::new())], WINDOW);
-    assert!(empty.is_err_and(|error| error.to_string().contains("a network has no element in parallel")));
+    assert!(empty.is_err_and(|error| error.to_string().contains("a list of parallel elements is empty")));
     // Parallel springs act as one spring, and parallel dashpots as one dashpot, also inside other bodies.
     let springs = Parallel(vec![spring(1.0.into()), spring(3.0.into())]);
     let dashpots = Parallel(vec![dashpot(2.0.into()), dashpot(5.0.into())]);

@@ -17,8 +17,8 @@ impl RetardationSpectrum {
 }
 
 impl<T: PointScalar> RetardationSpectrum<T> {
-    /// Returns the retardation spectrum of elements in series. The number type `T` decides whether it carries the derivative of
-    /// the elements; values have equal bits in both cases.
+    /// Returns the retardation spectrum of elements in series. If the number type `T` has derivatives, the spectrum carries the
+    /// derivatives of the elements' parameters. Values have equal bits with and without derivatives.
     ///
     /// The spectrum is exact for springs, dashpots and networks of them. For springpots it has the given accuracy at times inside
     /// the window, also if responses are superposed. At times before the window, modes that are faster than the window act as
@@ -88,7 +88,7 @@ impl<T: PointScalar> Builder<T> {
     fn add_parallel(&mut self, whole: &Element, elements: &[Element]) -> Result<()> {
         match elements {
             [] => {
-                return Err(Error::numerical("a network has no element in parallel", "write at least one element"));
+                return Err(Error::numerical("a list of parallel elements is empty", "write at least one element"));
             }
             [only] => self.add(only)?,
             [Element::Spring { modulus_pa }, Element::Dashpot { viscosity_pa_s }]
@@ -101,8 +101,8 @@ impl<T: PointScalar> Builder<T> {
                 if order.is_constant(1.0) {
                     self.spectrum.add_kelvin_voigt(*spring_pa, *modulus_pa * *time_s);
                 } else {
-                    // The body's time τ follows from E τᵅ = G tᵅ, with the spring's modulus E and the springpot's modulus G, time
-                    // t and order α.
+                    // The time τ of this fractional Kelvin–Voigt body follows from E τᵅ = G tᵅ. E is the spring's modulus. G, t
+                    // and α are the springpot's modulus, time and order.
                     let (spring_pa, order) = (T::from_dual(*spring_pa), T::from_dual(*order));
                     let ratio = (T::from_dual(*modulus_pa) / spring_pa).pow(T::constant(1.0) / order);
                     let body = FractionalBody { modulus_pa: spring_pa, time_s: T::from_dual(*time_s) * ratio, order };

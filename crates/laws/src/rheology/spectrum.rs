@@ -20,18 +20,18 @@ pub struct RetardationSpectrum<T = Dual> {
 /// Real mode a (1 − e^{−rt}) of the creep compliance.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SpectralMode<T = Dual> {
-    /// Compliance a in 1/Pa.
+    /// Compliance a of the mode in 1/Pa: the part of the creep compliance that the mode adds after a long time.
     pub compliance_per_pa: T,
-    /// Rate r > 0 in 1/s.
+    /// Retardation rate r > 0 of the mode in 1/s.
     pub rate_per_s: T,
 }
 
 /// Oscillating mode Re A (1 − e^{−Λt}) of the creep compliance, with complex A and Λ and Re Λ > 0.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OscillatingMode<T = Dual> {
-    /// Complex compliance A in 1/Pa, as real and imaginary part.
+    /// Complex compliance A of the mode in 1/Pa, as real and imaginary part.
     pub compliance_per_pa: [T; 2],
-    /// Complex rate Λ in 1/s, as real and imaginary part.
+    /// Complex rate Λ of the mode in 1/s, as real and imaginary part.
     pub rate_per_s: [T; 2],
 }
 
@@ -82,7 +82,7 @@ impl<T: PointScalar> RetardationSpectrum<T> {
         Self { instantaneous_per_pa: zero, modes: Vec::new(), oscillating: Vec::new(), fluidity_per_pa_s: zero }
     }
 
-    /// Adds the spectrum of another body in series to `self`: compliances in series add.
+    /// Adds the spectrum of another part of the law, in series, to `self`: compliances in series add.
     pub(super) fn extend(&mut self, other: &RetardationSpectrum) {
         let pair = |[re, im]: [Dual; 2]| [T::from_dual(re), T::from_dual(im)];
         self.instantaneous_per_pa += T::from_dual(other.instantaneous_per_pa);

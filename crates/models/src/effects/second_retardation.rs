@@ -37,7 +37,7 @@ const PARAMETERS: &[EffectParameter] = &[
             let lower = shortest_time_s(scales);
             Distribution::LogUniform { lower, upper: scales.duration_s.max(2.0 * lower) }
         },
-        prior_source: "chosen: any time that the record resolves, from two sample intervals to its length",
+        prior_source: "chosen: any time from two sample intervals to the duration of the record",
         finite_step: None,
     },
 ];
@@ -94,8 +94,8 @@ mod tests {
         stages.law
     }
 
-    /// Compares the Lethersich law with this effect to the two-element law in closed form. The second body's modulus is Young's modulus
-    /// divided by the ratio. Its viscosity is this modulus times the second retardation time.
+    /// Compares the Lethersich law with this effect to the two-element law in closed form. The modulus of the second Kelvin–Voigt element
+    /// is Young's modulus divided by the compliance ratio. Its viscosity is this modulus times the second retardation time.
     #[test]
     fn it_is_the_two_element_law() {
         let (ratio, time_s) = (0.4, 6.0);

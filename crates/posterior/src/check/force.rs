@@ -9,14 +9,14 @@ use record::{ForceRule, has_noisy_levels, is_work_negative};
 const MOST: f64 = 0.5;
 /// Largest change of a force, as a fraction of its range, that counts as no change.
 const NOTHING: f64 = 1e-6;
-/// Largest ignored difference between the motions under a held and under a linear force, as a fraction of the noise standard deviation.
+/// Largest difference between the positions under a held and under a linearly interpolated force that is ignored, as a fraction of the noise standard deviation.
 const MATTERS: f64 = 1.0 / 3.0;
 /// Smallest fraction of the fitted motion's work that must be against the force, so that the response counts as opposite to the force.
 const CLEARLY: f64 = 0.5;
 /// Smallest fraction of the positions' variance that the fitted motion must explain, so that the direction of the response is judged.
 const EXPLAINED: f64 = 0.3;
 
-/// Finds a force that changes at most rows, if the description does not state its course between rows.
+/// Finds a force that changes in most of the rows, if the description does not state whether it holds or changes linearly between rows.
 pub(super) fn between_rows(looked: &CheckContext<'_>) -> Option<Contradiction> {
     let record = looked.record;
     if looked.understood.force_rule_given || record.force_rule != ForceRule::Hold {

@@ -17,7 +17,7 @@ const ERRORS: f64 = 5.0;
 /// Smallest median excess that counts as a motion before the stated switch, in noise standard deviations.
 const NOISES: f64 = 2.0;
 
-/// Difference (m) between a row's position and the line through the four positions before it; `None` if too many are lost.
+/// Difference (m) between a row's position and the line through the last four known positions before it; `None` if too many positions are lost.
 fn excess_m(looked: &CheckContext<'_>, row: usize) -> Option<f64> {
     let record = looked.record;
     let before = (row.saturating_sub(WITHIN)..row).rev();
@@ -29,7 +29,8 @@ fn excess_m(looked: &CheckContext<'_>, row: usize) -> Option<f64> {
     Some(MotionLine::through(points.iter().copied()).excess((record.time_s[row], record.position_m[row]?)))
 }
 
-/// Finds a motion that begins before the row of a stated switch. The position in a row belongs to the time just before a switch in this row.
+/// Finds positions that have already moved in the row in which the force is stated to switch. A row's position is measured just before a switch in that row, so
+/// the force must have switched earlier.
 pub(super) fn between_rows(looked: &CheckContext<'_>) -> Option<Contradiction> {
     let record = looked.record;
     let excesses: Vec<f64> = record
@@ -69,7 +70,8 @@ pub(super) fn between_rows(looked: &CheckContext<'_>) -> Option<Contradiction> {
 
 /// Largest delay, in rows, of a force log that the check for a late log tries.
 const MOST_LAG: usize = 200;
-/// Largest residual of a fit with the force shifted to earlier rows, as a fraction of the residual with the logged force, that shows a late log.
+/// Largest ratio of two mean residuals that shows a late log: the residual of a fit with the force shifted to earlier rows, divided by that with the logged
+/// force.
 const LEFT: f64 = 0.5;
 /// Smallest reduction of the mean residual by shifting the force to earlier rows, as a fraction of the positions' range.
 const MATTERS: f64 = 0.003;
@@ -105,7 +107,7 @@ pub(super) fn logged_late(looked: &CheckContext<'_>) -> Option<Contradiction> {
             ahead.len() == SUSTAINED && ahead.iter().all(|x| x * ahead[0] > 0.0 && x.abs() > ERRORS * noise_m)
         })
     };
-    // The motion begins in the row before the first one that has moved.
+    // The motion begins in the row before the first row whose position has moved.
     let begins: Vec<(f64, f64)> =
         steps.iter().filter_map(|step| Some((record.time_s[begin(*step)? - 1], record.time_s[*step]))).collect();
     let late_s = record::robust::median(begins.iter().map(|(begin_s, step_s)| step_s - begin_s).collect())?;

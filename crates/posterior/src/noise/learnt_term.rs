@@ -11,20 +11,20 @@ use super::scales::NoiseScales;
 pub struct LearntParameter {
     /// Name, unit and support of the parameter.
     pub spec: ParameterSpec,
-    /// Prior of the parameter in the search.
+    /// Prior of the parameter in a search that estimates the noise.
     pub prior: LearningPrior,
     /// Smallest and largest logarithm of the parameter in the search.
     pub ln_ends: [f64; 2],
-    /// Logarithm of the parameter in nearly white noise that is as large as the reference noise. All other terms nearly vanish there.
+    /// Logarithm of the parameter for nearly white noise with the standard deviation of the reference noise. All other noise terms nearly vanish there.
     pub ln_white: f64,
-    /// Contribution of the parameter to the noise that varies from row to row.
+    /// Contribution of the parameter to the part of the noise that varies from row to row.
     pub of_row: RowShare,
 }
 
-/// Prior of a noise parameter in the search.
+/// Prior distribution of a noise parameter in a search that estimates the noise together with the model. It may differ from the prior in `sample`.
 #[derive(Debug, Clone, PartialEq)]
 pub enum LearningPrior {
-    /// Flat in the logarithm, between the ends of the search.
+    /// Constant density per unit of the parameter's logarithm, between the ends of the search.
     Flat,
     /// Normal distribution of the parameter's logarithm.
     NormalLog {
@@ -33,13 +33,13 @@ pub enum LearningPrior {
         /// Standard deviation of the logarithm.
         sd: f64,
     },
-    /// Distribution of the value, with the log density per unit of its logarithm. This density includes the Jacobian.
+    /// Distribution of the parameter's value. The log density is per unit of the value's logarithm, and therefore includes the Jacobian.
     OfLog(Distribution),
-    /// Distribution of the value, with the log density per unit of the value, so that the value may be 0. This density has no Jacobian.
+    /// Distribution of the parameter's value. The log density is per unit of the value, without a Jacobian, so that the value may be 0.
     OfValue(Distribution),
 }
 
-/// Contribution of a parameter to the noise that varies from row to row.
+/// Contribution of a parameter to the part of the noise that varies from row to row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RowShare {
     /// The parameter is the standard deviation (µm) of noise that varies from row to row.
@@ -68,7 +68,7 @@ pub(super) trait LearntTerm {
     /// is true if the reference noise is known and false if it is estimated from short lags.
     fn learnt(&self, scales: &NoiseScales, priors: &[Distribution], is_known: bool) -> Vec<LearntParameter>;
 
-    /// Starts of the searches, one per inner list: logarithms of the term's parameters.
+    /// Starting points of the searches, one per inner list: logarithms of the term's parameters.
     fn starts(&self, scales: &NoiseScales, priors: &[Distribution]) -> Vec<Vec<f64>>;
 
     /// Describes the term with these parameter values in a few words, for a message.

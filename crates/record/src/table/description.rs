@@ -185,7 +185,7 @@ impl TableDescription {
         columns.only(&["time", "force", "position", "position_x", "position_y", "position_z", "cycle", "track"])?;
         let units = Units::read(measurement, &["time", "force", "position"])?;
         if is_driven_elsewhere && columns.has("force") {
-            let remedy = "remove `force` from [measurement.columns], or the table [actuation]";
+            let remedy = "remove `force` from [measurement.columns], or remove the table [actuation]";
             return Err(columns.refuse("force", "both this table and [actuation] contain the force", remedy));
         }
         let has_force = !is_driven_elsewhere && constant != Some(Control::Force);

@@ -20,11 +20,12 @@ use base::error::{Error, InputPlace, Result, Setting};
 const TRACKS: [&str; 5] = ["track", "particle", "trajectory", "bead", "spottrack"];
 /// Largest number of tracks that are distinguished in a table.
 const MOST_TRACKS: usize = 1_000;
-/// Smallest numbers of cells for a sign to count as a thousands separator. At least `FEWEST_GROUPED` numbers must contain the sign, and at least
-/// `FEWEST_SMALL` numbers below 1,000 must lack it. With a decimal sign, ten of a hundred values would have one or two decimals.
+/// Least numbers of cells from which a sign counts as a thousands separator. At least `FEWEST_GROUPED` numbers must contain the sign, and at least
+/// `FEWEST_SMALL` numbers below 1,000 must lack it. If the sign were a decimal sign, about ten of a hundred numbers would have only one or two
+/// decimals.
 const FEWEST_GROUPED: usize = 8;
 const FEWEST_SMALL: usize = 2;
-/// Largest jump of the position from one table to the next within one recording, as a fraction of the position's range in the earlier table.
+/// Largest jump of the position from one table to the next within one recording. It is a fraction of the position's range in the earlier table.
 const GOES_ON: f64 = 0.1;
 /// Largest distance of a position from 0 at which it counts as 0, as a fraction of the positions' range.
 const NEAR_ZERO: f64 = 0.02;
@@ -48,7 +49,7 @@ pub struct TableProposal {
     pub n_lost: usize,
     /// Duration of the record, in s.
     pub duration_s: f64,
-    /// Time in s at which the first row's force began to act; `None` if no force acts in the first row.
+    /// Time (s) of the first row, if a force acts in it; otherwise `None`.
     pub loaded_from_s: Option<f64>,
     /// Smallest and largest force, in N.
     pub force_n: [f64; 2],
@@ -206,7 +207,8 @@ fn chosen_tables<'a>(
     Ok(ChosenTables::Joined(numbers.into_iter().map(|number| &all[number - 1]).collect()))
 }
 
-/// Asks the user to choose one of several tables that cannot be read as one recording. `why` is the reason, for the error without an answer.
+/// Asks the user to choose one of several tables that cannot be read as one recording. `why` is the reason that the error names if the user gives no
+/// answer.
 fn ask_table<'a>(file: &Path, all: &'a [TableBlock], why: &str, ask: Ask<'_>) -> Result<&'a TableBlock> {
     let list: Vec<String> = all.iter().enumerate().map(|(place, table)| listed_table(place + 1, table)).collect();
     let question = Question {
@@ -639,7 +641,7 @@ pub struct InspectedTable {
     pub columns: Vec<String>,
     /// Unit of each column; `None` if the table does not give it.
     pub units: Vec<Option<ParsedUnit>>,
-    /// Sentence that describes the layout.
+    /// Sentence that describes the layout of the table for the user.
     pub said: String,
 }
 
@@ -738,14 +740,14 @@ fn frame(trajectory: &Trajectory, reasons: &mut Vec<String>) -> Frame {
     let zero = match (rest, first) {
         (Some(rest), _) if is_far(&rest) => {
             reasons.push(format!(
-                "the position is {} before the force acts; its zero is fitted with the model because a few rows would add their noise to it (zero = \"fit\")",
+                "the position is {} before the force acts, not 0; the zero is fitted with the model (zero = \"fit\"), because the noise of few rows would shift all positions",
                 written(&rest)
             ));
             Zero::Fit
         }
         (None, Some(first)) if is_far(&first) => {
             reasons.push(format!(
-                "the first position is {}; its zero is fitted with the model because one row would add its noise to it (zero = \"fit\")",
+                "the first position is {}, not 0; the zero is fitted with the model (zero = \"fit\"), because the noise of one row would shift all positions",
                 written(&first)
             ));
             Zero::Fit

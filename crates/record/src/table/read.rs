@@ -238,7 +238,8 @@ struct Clock {
     first_s: Option<f64>,
     last_s: f64,
     days: f64,
-    /// Orders of day, month and year that fit all dates so far, each with its first time. `None` unless the times are dates without a given order.
+    /// Orders of day, month and year with which all dates so far can be read. Each order comes with the time (s) of the first row. `None` unless
+    /// the times are dates without a given order.
     orders: Option<Vec<(DateOrder, f64)>>,
 }
 
@@ -278,7 +279,7 @@ impl Clock {
     }
 
     /// Returns the seconds since the first row, for a date without a given order of day, month and year. All orders that are still possible must
-    /// agree.
+    /// give equal seconds.
     fn dated(&mut self, cell: &str, place: &dyn Fn() -> InputPlace) -> Result<f64> {
         let refuse = |what: &str, remedy: String| Err(Error::input(place(), format!("`{cell}` {what}"), remedy));
         let read = |order| Some((order, date_time_s(cell, order)?));
@@ -299,7 +300,8 @@ impl Clock {
                 format!("give the order with `{0} day-first` or `{0} month-first`", Setting::TimeUnit),
             ),
             [elapsed_s, ..] => {
-                // Orders that agree differ in the first time only by whole days, so any of them may define the clock's time at the record's time 0.
+                // If all orders give equal seconds since the first row, their first times differ only by whole days. Any of them may stand for the
+                // first row.
                 self.first_s = firsts.first().map(|(_, first_s)| *first_s);
                 Ok(*elapsed_s)
             }

@@ -76,12 +76,12 @@ impl DisturbanceKind {
         }
     }
 
-    /// True if no effect of the library explains this kind with the given protocol.
+    /// True if no effect of the library can explain this kind of disturbance with the given protocol.
     pub fn suits(self, protocol: Protocol) -> bool {
         protocol == Protocol::Levels || !matches!(self, Self::Backlash | Self::ForceLevel)
     }
 
-    /// Size that is certainly detectable, in the unit of [`Disturbance::size`].
+    /// Returns the size of a newly drawn disturbance, in the unit of [`Disturbance::size`]. A disturbance of this size is certainly detectable.
     fn first_size(self) -> f64 {
         match self {
             Self::GainJump | Self::CubicScale | Self::ForceLevel => 0.05,
@@ -90,7 +90,7 @@ impl DisturbanceKind {
         }
     }
 
-    /// True if the size may have either sign.
+    /// True if the size of the disturbance may have either sign.
     fn has_two_signs(self) -> bool {
         !matches!(self, Self::Vibration | Self::CycleVibration | Self::Backlash | Self::LargeDisplacement)
     }
@@ -237,7 +237,7 @@ mod tests {
         }
     }
 
-    /// After the first reversal, a play operator follows its input at a distance of half its width.
+    /// Checks that a play operator follows its input at a distance of half its width after the first reversal.
     #[test]
     fn backlash_follows_half_a_width_behind() {
         let record = Protocol::Levels.record();

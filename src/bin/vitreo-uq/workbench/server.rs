@@ -217,8 +217,8 @@ impl Bench {
         read_record(&self.records, &self.home.dir().join(inside))
     }
 
-    /// Finds an item by its name. If its study was made from another record than that of its experiment, the item is returned without revisions and the flag is
-    /// true. The revisions do not describe the record of the experiment.
+    /// Finds an item by its name. Also returns true if the item's study was made from another record than that of its experiment. The item then has no
+    /// revisions, because they do not describe the record of the experiment.
     fn find_current_item(&self, name: &str) -> Result<(Item, bool)> {
         let mut item = self.home.find(name)?;
         let is_other = !self.is_current(&item);
@@ -228,7 +228,8 @@ impl Bench {
         Ok((item, is_other))
     }
 
-    /// Whether the study of an item, if there is one, has the record of its experiment. Comments and the order of keys change the files, but not the record.
+    /// Returns false if an item's study was made from another record than that of its experiment. Comments and the order of keys change the files, but not the
+    /// record.
     fn is_current(&self, item: &Item) -> bool {
         // Commands report a damaged study; nothing replaces it unasked.
         let (Some(experiment), Ok(study)) = (&item.experiment, Study::open(&self.home.dir().join(&item.study))) else {
@@ -238,7 +239,7 @@ impl Bench {
             let bytes = files::read_if_there(&self.home.dir().join(experiment).join(name), Content::Table);
             bytes.is_some_and(|bytes| sha256_hex(&bytes) == *sha256)
         };
-        // Equal files need not be parsed, which takes long for a folder of hundreds of records. A study without models gives way to any other file.
+        // Equal files need not be parsed, which takes long for a folder of hundreds of records. A study without models counts as outdated if any file differs.
         study.inputs_sha256().iter().all(is_same_file)
             || !item.revisions.is_empty()
                 && self
@@ -253,7 +254,7 @@ async fn choice(State(bench): State<SharedBench>, Json(choice): Json<RowChoice>)
         let Some(experiment) = &item.experiment else {
             return Err(Error::input(
                 InputPlace::file(&item.study),
-                "this is a study without its experiment, whose record cannot be changed",
+                "this study has no experiment in the folder, so its record cannot be changed",
                 "open the experiment that the study was made from",
             ));
         };
@@ -339,7 +340,7 @@ fn cycles(experiment: &Experiment) -> Vec<Value> {
 fn document(path: &std::path::Path) -> Value {
     let bytes = files::read_if_there(path, Content::Document);
     let mut document: Value = bytes.and_then(|bytes| serde_json::from_slice(&bytes).ok()).unwrap_or(Value::Null);
-    // The page knows the keys of one kind of record, and takes the words of all kinds.
+    // The page reads the keys of a creep record's document, so it gets the original keys. The sentences name the quantities of the record.
     match (document.get("record_kind").and_then(Value::as_str).and_then(Quantities::named), document.get_mut(ORIGINAL))
     {
         (Some(quantities), Some(original)) => quantities.translate_sentences(original.take()),
@@ -432,7 +433,7 @@ async fn try_model(State(bench): State<SharedBench>, Json(tried): Json<TrialRequ
 }
 
 impl Bench {
-    /// Refuses a fit that would replace the models of another record.
+    /// Refuses a fit that would replace models of another record. This happens if another record has the same specimen id, and therefore the same study.
     fn refuse_shared(&self, item: &Item, is_changed: bool) -> Result<()> {
         if is_changed && self.home.shares_study(item) {
             let found = "another record has the same specimen id, and a fit would replace its models";

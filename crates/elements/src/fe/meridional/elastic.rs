@@ -87,7 +87,8 @@ pub fn solve_elastic(
     Ok(body.volume_m3().powi(2) / (2.0 * mode.circle * work))
 }
 
-/// Adds the cells inside the body: one from its centre to each edge on its surface.
+/// Adds the cells inside the robot to a mesh of the gel. Each cell reaches from the robot's centre
+/// to one edge on its surface.
 fn add_inside(mesh: &mut Mesh) {
     let mut surface: Vec<([usize; 2], Curve)> = Vec::new();
     for cell in &mesh.cells {
@@ -141,10 +142,10 @@ mod tests {
         ]
     }
 
-    /// Checks that the elastic robot is less stiff than the rigid one, by a fraction that falls
-    /// with its modulus, finally in inverse proportion. The fraction is below 0.1 at 10³ times the
-    /// gel's modulus, for a slender body that bends across the force. It is below 0.02 at 10⁴
-    /// times. For a magnet at 10¹⁰ times it is below 2·10⁻⁸.
+    /// Checks that the gel resists an elastic robot less than a rigid one, by a fraction that falls
+    /// with the robot's modulus, finally in inverse proportion. At 10³ times the gel's modulus the
+    /// fraction is below 0.1, for a slender robot that bends across the force. At 10⁴ times the
+    /// modulus it is below 0.02. For a magnet with 10¹⁰ times the modulus it is below 2·10⁻⁸.
     #[test]
     fn a_stiff_robot_is_a_rigid_one() {
         let resolution = Resolution { order: 6, rim_layers: 3, ..Resolution::default() };
@@ -162,9 +163,10 @@ mod tests {
         }
     }
 
-    /// Checks a robot with the gel's modulus, which is a loaded ball inside a homogeneous medium.
-    /// In an unbounded medium its mean displacement is Kelvin's solution averaged twice over the
-    /// ball. The stiffness is then 5/6 of a rigid sphere's stiffness.
+    /// Checks the stiffness for a spherical robot with the elastic moduli of the gel. Robot and gel
+    /// are then one homogeneous medium with a force on the volume of a ball. In an unbounded medium
+    /// the mean displacement of the ball is Kelvin's solution, averaged over all pairs of points in
+    /// the ball. The stiffness is then 5/6 of the stiffness for a rigid sphere.
     #[test]
     fn a_robot_of_gel_moves_as_kelvin_says() {
         let (poisson_ratio, radius_m) = (0.3, 0.275e-3);

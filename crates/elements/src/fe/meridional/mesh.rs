@@ -1,9 +1,10 @@
-//! Mesh between a body and the outer sphere, on the half meridian r ≥ 0. It covers z ≥ 0, or both
-//! halves.
+//! Mesh of the gel between the robot, a body of revolution, and the outer sphere. It lies on the
+//! half meridian r ≥ 0, and covers either z ≥ 0 or both halves.
 
 use super::geometry::{Curve, Point, Ruled};
 
-/// Parts of the boundary on which a vertex lies. An edge lies on a part if both its ends do.
+/// Parts of the boundary on which a vertex lies. An edge lies on a part if both its end vertices
+/// do.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(in crate::fe) struct Boundary {
     pub(in crate::fe) body: bool,
@@ -28,15 +29,16 @@ impl Boundary {
     }
 }
 
-/// A cell: its map, and its vertices in the order inner start, inner end, outer start, outer end.
-/// Two vertices may coincide.
+/// A cell: its map from the unit square, and its vertices in the order inner start, inner end,
+/// outer start, outer end. Two vertices may coincide.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::fe) struct Cell {
     pub(in crate::fe) vertices: [usize; 4],
     pub(in crate::fe) map: Ruled,
 }
 
-/// Cells of the half meridian, and their vertices with the boundary parts on which these lie.
+/// Cells of the half meridian and their vertices. `boundaries` gives the parts of the boundary on
+/// which each vertex lies.
 #[derive(Debug, Clone, Default)]
 pub(in crate::fe) struct Mesh {
     pub points: Vec<Point>,
@@ -55,13 +57,14 @@ pub(in crate::fe) struct Chain {
 
 impl Mesh {
     /// Adds a vertex. It lies on the axis if r is exactly 0, and on the equator if z is exactly 0.
+    /// `surface` gives its other parts of the boundary.
     pub(in crate::fe) fn vertex(&mut self, point: Point, surface: Boundary) -> usize {
         self.points.push(point);
         self.boundaries.push(Boundary { axis: point[0] == 0.0, equator: point[1] == 0.0 && !self.is_whole, ..surface });
         self.points.len() - 1
     }
 
-    /// Chain of straight lines through these vertices.
+    /// Returns the chain of straight lines through the given vertices.
     pub(in crate::fe) fn polyline(&self, vertices: &[usize]) -> Chain {
         let segment = |pair: &[usize]| Curve::Segment { from: self.points[pair[0]], to: self.points[pair[1]] };
         Chain { vertices: vertices.to_vec(), curves: vertices.windows(2).map(segment).collect() }
@@ -94,8 +97,9 @@ impl Mesh {
         self.rule_layers(inner, outer, &[0.0, 1.0]);
     }
 
-    /// Adds layers of cells between two chains. `fractions`, from 0 to 1, are the positions of the
-    /// layers' boundaries between them.
+    /// Adds layers of cells between the chains `inner` and `outer`. `fractions` ascends from 0 to
+    /// 1. It gives the boundaries of the layers, as fractions of the distance from the inner to the
+    /// outer chain.
     pub(in crate::fe) fn rule_layers(&mut self, inner: &Chain, outer: &Chain, fractions: &[f64]) {
         let mut from = inner.vertices.clone();
         for across in fractions.windows(2) {
@@ -128,8 +132,8 @@ impl Mesh {
         whole
     }
 
-    /// Adds vertices between two chains, at a fraction of the distance from the inner to the outer
-    /// chain.
+    /// Adds vertices between two chains and returns their indices. `fraction` is their distance
+    /// from the inner chain, divided by the distance between the chains.
     fn between(&mut self, inner: &Chain, outer: &Chain, fraction: f64) -> Vec<usize> {
         let pairs = inner.vertices.iter().zip(&outer.vertices);
         let points: Vec<Point> = pairs

@@ -1,9 +1,9 @@
-//! The finite-strain gel: its unknowns, its balance, and the solution.
+//! The gel at finite strains around a robot: the unknowns, the balance of forces, and its solution.
 //!
-//! Unknowns are displacements in body radii and pressures in Pa. Displacements inside a cell, and
+//! Unknowns are displacements in robot radii and pressures in Pa. Displacements inside a cell, and
 //! its pressures except their mean, are eliminated cell by cell (static condensation). One unknown
-//! is the body's displacement. If the gel keeps its volume, the last cell's mean pressure is set to
-//! 0: a uniform pressure has no effect in a gel that is fixed all around.
+//! is the robot's displacement. If the gel keeps its volume, the last cell's mean pressure is set
+//! to 0: a uniform pressure has no effect in a gel that is fixed all around.
 
 use rayon::prelude::*;
 
@@ -14,9 +14,9 @@ use crate::fe::meridional::mesh::Mesh;
 use crate::fe::meridional::solver::Skeleton;
 use base::error::{Error, Result};
 
-/// Index of the body's displacement among the unknowns.
+/// Index of the robot's displacement among the unknowns.
 pub(super) const BODY: usize = 0;
-/// Largest change of a displacement, in body radii, at which Newton's method has converged.
+/// Largest change of a displacement, in robot radii, at which Newton's method has converged.
 const TOLERANCE: f64 = 1e-7;
 /// Ratio of successive changes in Newton's method above which the matrix is factorised again.
 const SLOW: f64 = 0.2;
@@ -27,7 +27,8 @@ const MOST_ITERATIONS: usize = 40;
 pub(super) struct VolumeResistance {
     /// Modulus of the resistance that depends only on the volume, divided by the shear modulus.
     pub(super) modulus_ratio: f64,
-    /// True if the conformation resists changes of shape only. The volume then resists separately.
+    /// True if the stress that follows from the conformation (the stretch of the polymer) resists
+    /// only changes of shape. The volume then has a separate resistance.
     pub(super) is_apart: bool,
 }
 
@@ -50,10 +51,10 @@ pub(super) struct FieldMesh {
 /// pressures.
 pub(super) struct FieldCell {
     pub(super) shape: CellShape,
-    /// Indices of the local values that are condensed.
+    /// Indices of the local values that static condensation eliminates.
     interior: Vec<usize>,
-    /// Indices of the local values that are not condensed: displacements on the edges, and the mean
-    /// pressure.
+    /// Indices of the local values that remain after static condensation: displacements on the
+    /// edges, and the mean pressure.
     edge: Vec<usize>,
     /// Index, among the unknowns of the mesh, of each local value; `None` if the value is fixed at
     /// 0.
@@ -72,7 +73,7 @@ impl FieldCell {
 
 impl FieldMesh {
     /// Numbers the unknowns of a mesh that has both halves of the meridian. The mesh's unit of
-    /// length is the body's radius.
+    /// length is the robot's radius.
     pub fn new(mesh: &Mesh, order: usize, volume: Option<VolumeResistance>) -> Result<Self> {
         let reference = Reference::new(order);
         let skeleton = Skeleton::new(mesh, order);
@@ -138,11 +139,12 @@ impl FieldMesh {
     }
 }
 
-/// Input of one stage of a time step: force, law and state at its start.
+/// Input of one Runge–Kutta stage of a time step: the force, the law, and the state at the start of
+/// the stage.
 pub(super) struct FieldStage<'a> {
-    /// Force on the body divided by the square of its radius, in Pa.
+    /// Force on the robot divided by the square of its radius, in Pa.
     pub(super) force_pa: f64,
-    /// Law over this stage.
+    /// Constitutive law of the gel, discretised in time over one Runge–Kutta stage of a time step.
     pub(super) law: StageLaw<'a>,
     /// Unknowns at the start of the stage, in the order of the mesh's numbering.
     pub(super) start: &'a [f64],
@@ -170,21 +172,21 @@ impl FieldStage<'_> {
     }
 }
 
-/// Residual of a cell after condensation: the residual on its edges, and the residual of its
-/// interior multiplied by the inverse of the interior's matrix.
+/// Forces that are not in balance in a cell, after condensation: those on its edges, and those in
+/// its interior multiplied by the inverse of the interior's matrix.
 struct CellForces {
     interior: Vec<f64>,
     edge: Vec<f64>,
 }
 
-/// The factorised matrix of one stage. Later stages reuse it.
+/// Factorised matrix of one Runge–Kutta stage. Later stages with steps of similar length reuse it.
 struct Factorised {
     cells: Vec<Condensed>,
     lu: SparseLu,
     rate_per_s: f64,
 }
 
-/// Solver that solves stages one after the other and keeps its last factorised matrix.
+/// Solver that solves Runge–Kutta stages one after the other and keeps its last factorised matrix.
 pub(super) struct Solver<'a> {
     mesh: &'a FieldMesh,
     factorised: Option<Factorised>,
@@ -199,7 +201,8 @@ impl<'a> Solver<'a> {
         Self { mesh, factorised: None, iterations: 0, factorisations: 0 }
     }
 
-    /// Solves for the unknowns that balance a stage, starting from a guess.
+    /// Solves for the unknowns at which the forces of a stage are in balance, starting from a
+    /// guess.
     pub(super) fn solve(&mut self, stage: &FieldStage, guess: Vec<f64>) -> Result<Vec<f64>> {
         let mesh = self.mesh;
         let starts: Vec<Vec<Gradient>> = mesh.cells.par_iter().map(|cell| mesh.gradients(cell, stage.start)).collect();
@@ -234,7 +237,8 @@ impl<'a> Solver<'a> {
         Err(lost())
     }
 
-    /// Solves for the unknowns that balance a stage at small strains, by one Newton step from rest.
+    /// Solves for the unknowns at which the forces of a stage are in balance at small strains, by
+    /// one Newton step from rest.
     pub(super) fn linear(&mut self, stage: &FieldStage) -> Result<Vec<f64>> {
         let mesh = self.mesh;
         let mut x = vec![0.0; mesh.n_unknowns];

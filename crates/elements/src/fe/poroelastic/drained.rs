@@ -1,5 +1,5 @@
-//! The porous body at one drained Poisson ratio. It holds the factor of the drained skeleton;
-//! conjugate gradients compute the pressures.
+//! The porous gel around a robot at one drained Poisson ratio. It holds the factor of the drained
+//! skeleton; conjugate gradients compute the pressures.
 
 use super::{PoreModel, pressure::PressureFactor};
 use crate::fe::factorisation::Factor;
@@ -12,7 +12,8 @@ const TOLERANCE: f64 = 1e-10;
 /// the number does not grow with the mesh. More iterations indicate a defect.
 const MOST_ITERATIONS: usize = 400;
 
-/// Pressures that solve the porous body's equations, with their product with the storage matrix.
+/// Pore pressures that solve the equations of the porous gel, with their product with the storage
+/// matrix.
 #[derive(Debug, Clone)]
 pub(super) struct Pressure {
     pub values: Vec<f64>,
@@ -20,7 +21,7 @@ pub(super) struct Pressure {
     pub stored: Vec<f64>,
 }
 
-/// Moduli of the porous body, for unit Young's modulus of the undrained body.
+/// Moduli of the porous gel, in units of Young's modulus of the undrained gel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Moduli {
     /// Stiffness of the base model at the drained Poisson ratio, for unit Young's modulus, divided
@@ -47,13 +48,13 @@ impl Moduli {
     }
 }
 
-/// The porous body at one drained Poisson ratio. Young's modulus of the undrained body and the
-/// force on the mesh are 1.
+/// The porous gel at one drained Poisson ratio. Young's modulus of the undrained gel and the force
+/// on the meshed part of the robot are 1.
 pub struct DrainedModel<'a> {
     pub(super) model: &'a PoreModel<'a>,
     pub(super) moduli: Moduli,
     factor: Factor<'a>,
-    /// Displacements of the drained skeleton for unit force on the mesh.
+    /// Displacements of the drained skeleton for a unit force on the meshed part of the robot.
     unit_response: Vec<f64>,
     /// Load on the pressures: the divergence of `unit_response`.
     pub(super) load: Vec<f64>,
@@ -68,15 +69,16 @@ impl<'a> DrainedModel<'a> {
         Ok(Self { model, moduli, factor, unit_response, load })
     }
 
-    /// Drained compliance in 1/m: displacement of the robot for unit force on the whole body and
-    /// unit Young's modulus, after all pressures have vanished.
+    /// Drained compliance in 1/m: displacement of the robot times Young's modulus of the undrained
+    /// gel, divided by the force on the robot. All pore pressures have vanished. The force acts on
+    /// the whole robot, also if symmetry allows to mesh only a part of it.
     pub fn drained_compliance_per_m(&self) -> f64 {
         self.share() * self.drained()
     }
 
     /// Compliance in 1/m at every drainage area τ ≥ 0 (mobility × modulus / Laplace variable, m²).
-    /// It is the displacement of the robot for unit force on the whole body and unit Young's
-    /// modulus.
+    /// The compliance is the displacement of the robot times Young's modulus of the undrained gel,
+    /// divided by the force on the whole robot.
     ///
     /// # Errors
     /// [`Error::Numerical`] if the iteration for the pressures does not converge.
@@ -85,17 +87,19 @@ impl<'a> DrainedModel<'a> {
         Ok(solved.iter().map(|p| self.share() * (self.drained() - dot(&self.load, &p.values))).collect())
     }
 
-    /// Fraction of the force on the whole robot that acts on the mesh.
+    /// Fraction of the force on the whole robot that acts on its meshed part.
     pub(super) fn share(&self) -> f64 {
         self.model.stiffness.assembly.unknowns.share()
     }
 
-    /// Displacement of the robot in the drained body, for unit force on the mesh.
+    /// Displacement of the robot in the drained gel, for a unit force on the meshed part of the
+    /// robot.
     pub(super) fn drained(&self) -> f64 {
         self.unit_response[self.unit_response.len() - 1]
     }
 
-    /// Displacements of all unknowns for a force (N) on the mesh and given pressures.
+    /// Displacements of all unknowns for a force (N) on the meshed part of the robot and given pore
+    /// pressures.
     pub(super) fn displacements(&self, force_n: f64, pressures: &[f64]) -> Vec<f64> {
         let mut field = vec![0.0; self.unit_response.len()];
         self.model.pressures.add_transposed_divergence(pressures, &mut field);

@@ -1,11 +1,13 @@
-//! The law as a network of elements, stepped element by element (physics §3.2).
+//! The law as a network of springs, dashpots and springpots, stepped element by element (physics
+//! §3.2).
 //!
-//! At the three stages of a step, stresses σ and strains ε are vectors of three. Every body relates
-//! them by a matrix and a history vector. A body in series is given its stress: ε = Jσ + h. A body
-//! in parallel is given its strain: σ = Gε + g. A spring of modulus E has J = I/E and h = 0. A
-//! dashpot of viscosity c has J = Δt A/c and h = ε at the start, with the step's length Δt and
-//! Radau's matrix A. In series J and h add; in parallel G and g add. G = J⁻¹ and g = −J⁻¹h convert
-//! one form to the other.
+//! A body is an element, or a group of elements in series or in parallel. At the three stages of a
+//! Runge–Kutta step, its stresses σ and strains ε are vectors of three. A matrix and a history
+//! vector relate them. A body in series is given its stress: ε = Jσ + h. A body in parallel is
+//! given its strain: σ = Gε + g. A spring of modulus E has J = I/E and h = 0. A dashpot of
+//! viscosity c has J = Δt A/c and h = ε at the start, with the step's length Δt and Radau's matrix
+//! A. In series J and h add; in parallel G and g add. G = J⁻¹ and g = −J⁻¹h convert one form to the
+//! other.
 //!
 //! After flattening, groups in series and in parallel alternate. One kind of group is therefore
 //! enough: its parts are parallel if the stress is given, and in series if the strain is given.
@@ -18,7 +20,7 @@ use laws::rheology::Element;
 use laws::stages::ElementPlace;
 use nalgebra::{Matrix3, Vector3};
 
-/// Quantity that the network prescribes to a body.
+/// Quantity that the network prescribes to a body (an element or a group of elements).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum PrescribedQuantity {
     /// Stress: the body is one of several in series.
@@ -36,16 +38,17 @@ impl PrescribedQuantity {
     }
 }
 
-/// Bodies in series, with their state.
+/// Bodies (elements or groups of elements) in series, with their state.
 #[derive(Debug, Clone)]
 pub(super) struct Network {
     bodies: Vec<NetworkBody>,
-    /// Index of the body that contains the state-dependent element, and the index of that element
-    /// among the body's parts.
+    /// Index of the body that contains the element with a state-dependent stress. If the body is a
+    /// group, also the index of that element in the group.
     depending: Option<(usize, Option<usize>)>,
 }
 
-/// Factors, one per stage, on the stress of a body or of one of its parts.
+/// Factors on the stress of one element of the network, one factor for each Runge–Kutta stage of a
+/// time step. `part` is the element's index if the element belongs to a group.
 #[derive(Debug, Clone, Copy)]
 struct Factors {
     part: Option<usize>,
@@ -56,7 +59,7 @@ struct Factors {
 struct NetworkBody {
     kind: BodyKind,
     /// Strain at zero stress (body in series) or stress at zero strain (body in parallel), at the
-    /// stages of the current step.
+    /// Runge–Kutta stages of the current step.
     history: Vector3<f64>,
 }
 
@@ -71,17 +74,19 @@ enum BodyKind {
 /// Coefficients of a network for steps of one length.
 #[derive(Debug, Clone)]
 pub(super) struct NetworkStep {
-    /// Strains of the whole network at the stages per stress at the stages, in 1/Pa.
+    /// Matrix that converts the stresses of the network at the Runge–Kutta stages to its strains at
+    /// the stages, in 1/Pa.
     pub compliance: Matrix3<f64>,
     bodies: Vec<BodyStep>,
 }
 
 #[derive(Debug, Clone)]
 struct BodyStep {
-    /// Matrix from the prescribed quantity (stress or strain) at the stages to the other quantity.
+    /// Matrix that converts the prescribed quantity (stress or strain) at the Runge–Kutta stages to
+    /// the other quantity.
     response: Matrix3<f64>,
     parts: Parts,
-    /// Factors on the body's stress, one per stage.
+    /// Factors on the stress of the element or group, one for each Runge–Kutta stage.
     factors: Vector3<f64>,
 }
 
@@ -104,8 +109,8 @@ impl Network {
         Ok(Self { bodies, depending: None })
     }
 
-    /// Builds a network in which the stress of one element, at `leaf`, is multiplied by a factor at
-    /// every stage.
+    /// Builds a network in which factors multiply the stress of the element at `leaf`, one factor
+    /// for each Runge–Kutta stage.
     ///
     /// # Errors
     /// Those of [`Self::new`], and [`Error::Numerical`] if the element has no strain of its own.
@@ -143,8 +148,8 @@ impl Network {
         self.prepare_with(radau, step_s, Vector3::repeat(1.0))
     }
 
-    /// Computes the coefficients for a step. Factors, one per stage, multiply the stress of the
-    /// state-dependent element.
+    /// Computes the coefficients for a time step. `at_stages` holds factors on the stress of the
+    /// state-dependent element, one for each Runge–Kutta stage.
     pub(super) fn prepare_with(&self, radau: &Radau, step_s: f64, at_stages: Vector3<f64>) -> NetworkStep {
         let of = |(place, body): (usize, &NetworkBody)| {
             let pair = self.depending.filter(|(depending, _)| *depending == place);
@@ -154,21 +159,22 @@ impl Network {
         NetworkStep { compliance: bodies.iter().map(|body| body.response).sum(), bodies }
     }
 
-    /// Strain at the stages of the body that contains the state-dependent element, for given stress
-    /// at the stages. Call it after [`Self::begin`]. Without such an element, returns the strain of
-    /// the whole network.
+    /// Strain, at the Runge–Kutta stages, of the body that contains the state-dependent element,
+    /// for given stress at the stages. Call it after [`Self::begin`]. Without such an element,
+    /// returns the strain of the whole network.
     pub(super) fn strain_of_depending(&self, step: &NetworkStep, stress: &Vector3<f64>) -> Vector3<f64> {
         let all = self.bodies.iter().zip(&step.bodies).enumerate();
         let is_meant = |place: usize| self.depending.is_none_or(|(depending, _)| depending == place);
         all.filter(|(place, _)| is_meant(*place)).map(|(_, (body, step))| step.response * stress + body.history).sum()
     }
 
-    /// Begins a step. Returns the strains at the stages for zero stress.
+    /// Begins a time step. Returns the strains at the Runge–Kutta stages for zero stress.
     pub fn begin(&mut self, step: &NetworkStep) -> Vector3<f64> {
         self.bodies.iter_mut().zip(&step.bodies).map(|(body, step)| body.begin(step, PrescribedQuantity::Stress)).sum()
     }
 
-    /// Ends a step: advances every body to the step's end, for given stress at the stages.
+    /// Ends a time step: advances every body to the step's end, for given stress at the Runge–Kutta
+    /// stages.
     pub(super) fn end(&mut self, step: &NetworkStep, stress: &Vector3<f64>) {
         for (body, step) in self.bodies.iter_mut().zip(&step.bodies) {
             body.end(step, PrescribedQuantity::Stress, stress);
@@ -183,10 +189,10 @@ enum MechanicalType {
     Body(BodyKind),
 }
 
-/// Builds the bodies of `elements`, all of which are given the same quantity. Elements without
-/// effect are omitted: rigid elements in series, and elements without resistance in parallel.
-/// Returns `None` if one element alone determines the response: an element without resistance in
-/// series, or a rigid element in parallel.
+/// Builds bodies (elements or groups) from `elements`. `given` is the quantity that the network
+/// prescribes to all of them. Elements without effect are omitted: rigid elements in series, and
+/// elements without resistance in parallel. Returns `None` if one element alone determines the
+/// response: an element without resistance in series, or a rigid element in parallel.
 fn bodies(elements: &[Element], given: PrescribedQuantity, range: RateRange) -> Option<Vec<NetworkBody>> {
     let mut found = Vec::with_capacity(elements.len());
     for element in elements {
@@ -264,7 +270,7 @@ fn sized(size: f64, kind: impl FnOnce() -> BodyKind) -> MechanicalType {
     }
 }
 
-/// Stiffness and viscosity that determine the rates of a body.
+/// Stiffness and viscosity that determine the rates of an element or a group of elements.
 struct NetworkSizes {
     /// Sum of the springs' moduli, in Pa.
     stiffness_pa: f64,

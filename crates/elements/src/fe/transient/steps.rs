@@ -1,4 +1,4 @@
-//! Step lengths: powers of two that grow with the time since the last switch.
+//! Step lengths: powers of two that grow with the time since the last switch of the force.
 
 use crate::fe::clock::{fit_step_to_stop, share_of_gap};
 
@@ -31,21 +31,22 @@ pub(super) struct Grading {
 }
 
 impl Grading {
-    /// Grading after a switch, if the next row or switch comes `gap_s` later. `jumps` tells whether
-    /// the force jumps at the switch.
+    /// Returns the bounds of the step lengths after a switch of the force at `switched_s`. The next
+    /// row or switch comes `gap_s` later. `jumps` is true if the force jumps at the switch.
     pub fn new(resolution: Resolution, switched_s: f64, gap_s: f64, jumps: bool) -> Self {
         let Resolution { steps_per_doubling, longest_step_s } = resolution;
         let growth = f64::from(steps_per_doubling.max(1)).recip();
         Self { growth, switched_s, scale_s: share_of_gap(jumps) * gap_s, longest_step_s }
     }
 
-    /// Grading after a force change at time 0, whose first steps resolve the time scale `scale_s`
-    /// (s).
+    /// Returns the bounds of the step lengths after a force change at time 0. The first steps
+    /// resolve the time scale `scale_s` (s).
     pub fn within(resolution: Resolution, scale_s: f64) -> Self {
         Self { scale_s, ..Self::new(resolution, 0.0, 0.0, true) }
     }
 
-    /// Length (s) of the step that starts at `now_s`, if the next switch is `left_s` away.
+    /// Length (s) of the step that starts at `now_s`, if the next switch of the force is `left_s`
+    /// away.
     pub(super) fn step_s(&self, now_s: f64, left_s: f64) -> f64 {
         let wanted_s = (self.growth * (now_s - self.switched_s + self.scale_s)).min(self.longest_step_s);
         let ladder_s = wanted_s.log2().floor().exp2();

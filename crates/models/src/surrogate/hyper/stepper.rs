@@ -37,7 +37,7 @@ const MOST_ITERATIONS: usize = 25;
 /// squares the relative error.
 const NEARLY: f64 = 1e-5;
 
-/// Cubature points and modes of a hyper-reduced model for one run.
+/// Cubature points (the few integration points at which the reduced model computes strains) and modes of a hyper-reduced model for one run.
 #[derive(Clone, Copy)]
 pub(super) struct Reduced<'a, const M: usize> {
     pub points: &'a CubaturePoints<M>,
@@ -56,7 +56,7 @@ pub(super) struct Fineness {
     pub strain_per_force: f64,
 }
 
-/// Law of the bodies, with the points and modes at which it is evaluated.
+/// Constitutive law, with the cubature points and the modes of the reduced model that uses it. `bodies` are the law's elements in series.
 #[derive(Clone, Copy)]
 pub(super) struct StepperMember<'a, N, const M: usize> {
     pub reduced: Reduced<'a, M>,
@@ -73,15 +73,15 @@ struct StepperState<'a, B: LaneBlock, const M: usize> {
     plain_load: Load<f64>,
     input: Switch<B::Scalar>,
     lagged_n: B::Scalar,
-    /// Strains of the bodies, by block and then by body.
+    /// Strains of the law's bodies (elements in series) at the cubature points, by block of points and then by body.
     histories: Vec<BlockTensor<B>>,
-    /// Strains of the bodies at the start of the present stage.
+    /// Strains of the law's bodies (elements in series) at the start of the present Runge–Kutta stage, in the order of `histories`.
     started: Vec<BlockTensor<B>>,
     rates: Vec<Vec<BlockTensor<B>>>,
     given: Vec<HistoryTerms<B>>,
     plain_given: Vec<HistoryTerms<Plain>>,
     coordinates: [B::Scalar; M],
-    /// Times in s and factors of the modes at earlier stages, from which the next factors are extrapolated.
+    /// Times in s and factors of the modes at earlier stages of time steps, from which the next factors are extrapolated.
     known: Vec<(f64, [f64; M])>,
     at: Vec<LinearisedLaw>,
     /// Largest factor of a mode so far.
@@ -342,8 +342,8 @@ impl<'a, B: LaneBlock, const M: usize> StepperState<'a, B, M> {
         guess
     }
 
-    /// Solves the balance of forces in one stage of a time step. The stage starts from the strains in `started`. The modes' factors and the
-    /// linearised law are stored.
+    /// Solves for the modes' factors at which forces are in balance in one Runge–Kutta stage of a time step. The stage starts from the
+    /// strains in `self.started`. Stores the factors in `self.coordinates` and the linearised law in `self.at`.
     #[inline(always)]
     fn solve<S: Simd>(
         &mut self,

@@ -1,5 +1,5 @@
-//! Box of coordinates with its trained trajectories. It holds a fit of the trajectories by a few time modes with polynomial
-//! amplitudes, or two halves of the box, or nothing.
+//! Box in the space of a law's coordinates, with a surrogate of the trajectories in it. The surrogate combines a few time modes (functions
+//! of time) with amplitudes that are polynomials of the coordinates. A box may instead consist of two halves, or have no surrogate.
 
 use super::polynomial::Basis;
 use base::number::Scalar;
@@ -7,9 +7,10 @@ use serde::{Deserialize, Serialize};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-/// Largest number of time modes.
+/// Largest number of time modes (functions of time that the surrogate of a box combines).
 const MOST_MODES: usize = 40;
-/// Largest fraction of the tolerance that remains as residuals of the training trajectories after their projection on the modes.
+/// Largest residual of a training trajectory after its projection on the time modes, as a fraction of the accepted error (tolerance). The
+/// rest of the tolerance remains for the polynomials.
 const SHARE_OF_MODES: f64 = 0.1;
 /// Largest number of times that a box is halved.
 const MOST_HALVINGS: usize = 2;
@@ -27,13 +28,13 @@ pub(super) struct CoordinateBox {
     lower: Vec<f64>,
     upper: Vec<f64>,
     n_halvings: usize,
-    /// Runs of the stepper for building the box; `None` before it is begun and after it is built.
+    /// Runs of the stepper for building the box; `None` before the building begins and after it is complete.
     work: Mutex<Option<Arc<BoxRuns>>>,
     made: OnceLock<BoxContent>,
 }
 
-/// Runs at the check points of a fit, followed by runs at its design points. The runs for one polynomial degree are the first runs for the
-/// next degree.
+/// Runs of the stepper at the check points of a fit, followed by runs at its design points. The runs for one polynomial degree are the
+/// first runs for the next degree.
 #[derive(Debug)]
 struct BoxRuns {
     /// Index of the next run to be started, for each degree.
@@ -190,7 +191,7 @@ impl CoordinateBox {
 
 impl Surface {
     /// Fits time modes and polynomials of one degree to the runs at the design points, and computes the fit's error at the check points.
-    /// `runs` has the check points first. The modes' residuals are at most a tenth of the tolerance.
+    /// `runs` has the check points first. Residuals after the projection on the time modes are at most a tenth of the tolerance.
     pub fn new(bases: &[Basis], level: usize, tolerance: f64, runs: &[&Trained]) -> Self {
         let basis = &bases[level];
         let (checks, design) = runs.split_at(basis.checks.len());

@@ -15,9 +15,9 @@ use base::number::{Dual, PointScalar};
 use laws::stages::{FieldStepper, LoadParameter, LoadUnit, Spatial, Stages};
 use record::{Force, OwnedForce};
 
-/// Largest accepted error of modes and polynomials at any row, in units of the noise standard deviation.
+/// Largest accepted error of the surrogate (time modes and polynomials) at any row, in units of the noise standard deviation.
 pub const EXTERNAL_TOLERANCE: f64 = 0.03;
-/// Degrees of the polynomials that are tried one after the other, as far as [`EXTERNAL_MAX_POINTS`] permits.
+/// Degrees of the polynomials, tried in this order as far as [`EXTERNAL_MAX_POINTS`] permits.
 const DEGREES: [usize; 8] = [2, 3, 4, 6, 8, 10, 14, 20];
 /// Largest number of training points of a box, without its check points.
 pub const EXTERNAL_MAX_POINTS: usize = 700;
@@ -28,15 +28,17 @@ const MAX_EXPECTED_ERROR: f64 = 0.5;
 const LEAST_TRIED: usize = 6;
 /// Number of points that check a box.
 const N_CHECKS: u32 = 24;
-/// Step for the derivative by a factor of the force, or by the force's offset divided by the largest force.
+/// Change of the load in the finite differences of its derivatives: of a factor of the force, or of the force's offset divided by the
+/// largest force.
 const LOAD_STEP: f64 = 0.05;
-/// Size of a force factor's change, or of an offset divided by the largest force, at which the error of its first-order term is measured.
+/// Change of the load at which the error of its first-order term is measured: of a factor of the force, or of the force's offset divided
+/// by the largest force.
 const USUAL_SIZE: f64 = 0.1;
 
 /// Function that returns the position (m) at the clock's times, from the parameters and from the force (N) at these times.
 pub type ExternalModelFn<'a> = dyn Fn(&[f64], &[f64]) -> Result<Vec<f64>> + Sync + 'a;
 
-/// Box of parameters and record for which an external program is trained.
+/// Ranges of parameters, and the record, for which a surrogate of an external program is trained.
 pub struct ExternalTraining<'a> {
     /// Smallest and largest value of every parameter; equal values if the parameter is fixed.
     pub ends: &'a [(f64, f64)],
@@ -68,8 +70,8 @@ pub struct ExternalSurface {
 }
 
 impl ExternalSurface {
-    /// Trains on an increasing number of points until errors at the check points are below [`EXTERNAL_TOLERANCE`], or until no
-    /// more points are allowed. It calls `piece_done` after every response of the program, from any thread.
+    /// Trains on an increasing number of points until errors at the check points are below [`EXTERNAL_TOLERANCE`], or until no more points
+    /// are allowed. `ask` runs the external program. `piece_done` is called after each of its responses, from any thread.
     ///
     /// # Errors
     /// Errors of `ask`, the external program. [`Error::Numerical`] if there are more parameters than the polynomials support.
@@ -222,7 +224,7 @@ impl ExternalStepper {
         if by_load.is_empty() {
             return Err(Error::numerical(
                 "the surrogate of the other program was trained for the commanded force only",
-                "leave effects of load out",
+                "remove the effects that change the force, such as `force-bias`, from the model",
             ));
         }
         let n = self.clock.n_points(n_rows);
