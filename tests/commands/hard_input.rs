@@ -36,7 +36,7 @@ fn a_network_of_a_thousand_bodies_is_refused() {
     let bodies: Vec<String> = (0..1_000).map(|k| format!("{{ dashpot = \"c{k}\" }}")).collect();
     std::fs::write(place.path().join("law.toml"), format!("[base.network]\nseries = [{}]\n", bodies.join(", ")))
         .unwrap();
-    refused_soon(place.path(), &["sample", "gel", "--base", "law.toml"], &["law.toml, line 2", "at most 64 bodies"]);
+    refused_soon(place.path(), &["sample", "gel", "--base", "law.toml"], &["law.toml, line 2", "at most 64 elements"]);
     assert!(!place.path().join("vitreo-uq-out").exists());
 }
 

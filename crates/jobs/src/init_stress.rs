@@ -14,6 +14,21 @@ const STRAIN: [&str; 4] = ["strain", "deformation", "dehnung", "déformation"];
 const MODULUS: [&str; 5] = ["modulus", "g(t)", "e(t)", "relaxationsmodul", "module"];
 /// Words and symbols by which the column of a creep compliance is recognised.
 const COMPLIANCE: [&str; 5] = ["compliance", "j(t)", "d(t)", "nachgiebigkeit", "complaisance"];
+/// Words by which a column of a measured quantity is recognised.
+const MEASURED: [&str; 12] = [
+    "stress",
+    "spannung",
+    "contrainte",
+    "strain",
+    "dehnung",
+    "force",
+    "kraft",
+    "load",
+    "position",
+    "displacement",
+    "weg",
+    "torque",
+];
 /// Words that exclude a column of moduli over frequency.
 const OF_FREQUENCY: [&str; 5] = ["storage", "loss", "complex", "'", "tan"];
 /// Word that excludes a column: a column of rates is neither stress nor strain.
@@ -83,7 +98,14 @@ impl StressStrain {
         columns: impl Iterator<Item = (usize, (&'a String, &'a Option<ParsedUnit>))>,
         called: &dyn Fn(&str, &[&str], &[&str]) -> bool,
     ) -> Option<([Option<String>; 2], [Option<String>; 2], Option<Control>)> {
+        let columns: Vec<_> = columns.collect();
+        // A modulus beside a force, a stress or a position was computed from them.
+        let measures_itself = columns.iter().any(|(_, (name, unit))| {
+            let dimension = unit.as_ref().map(|unit| unit.dimension);
+            called(name, &MEASURED, &MODULUS) || matches!(dimension, Some(Dimension::Force | Dimension::Length))
+        });
         let found: Vec<(usize, Control, f64)> = columns
+            .into_iter()
             .filter_map(|(place, (name, unit))| {
                 let is_modulus = called(name, &MODULUS, &OF_FREQUENCY);
                 let is_compliance = called(name, &COMPLIANCE, &OF_FREQUENCY);
@@ -100,6 +122,9 @@ impl StressStrain {
             })
             .collect();
         let [(place, control, size)] = found[..] else { return None };
+        if measures_itself {
+            return None;
+        }
         let number = Some((place + 1).to_string());
         let unit = |name: &str| Some(if size == 1.0 { name.to_string() } else { format!("{size} {name}") });
         Some(([number.clone(), number], [unit("N"), unit("m")], Some(control)))
@@ -162,6 +187,9 @@ mod tests {
         assert_eq!((modulus.constant, modulus.given.units[1].as_deref()), (Some(Control::Position), Some("1000 N")));
         let compliance = creep("t (s),J(t),n", None).expect("a compliance");
         assert_eq!((compliance.constant, compliance.given.columns[2].as_deref()), (Some(Control::Force), Some("2")));
-        assert_eq!(creep("Time [s],Storage modulus [Pa],Loss modulus [Pa]", None), None);
+        for header in ["Time [s],Storage modulus [Pa],Loss modulus [Pa]", "t (s),Force (uN),Position (um),Modulus (Pa)"]
+        {
+            assert_eq!(creep(header, None), None, "{header}");
+        }
     }
 }

@@ -13,11 +13,12 @@ use base::number::Dual;
 /// Largest relative distance of poles that are merged. Their weights add, and the merged rate is the weighted mean. The error is
 /// of second order in the distance.
 const SAME_POLE: f64 = 1e-9;
-/// Smallest distance of a zero from a pole that the bisection reaches, divided by half the distance between neighbouring poles.
+/// Smallest distance of a zero from a pole, divided by half the distance between neighbouring poles.
 const NEAREST: f64 = 1e-22;
-/// Number of bisections of the logarithm of a zero's distance from its pole. They reduce the bracket from a width of 50 to below
-/// rounding.
-const HALVINGS: u32 = 60;
+/// Largest number of Newton steps for a zero. Steps that leave the bracket bisect its logarithm, whose width is 50.
+const MOST_STEPS: u32 = 80;
+/// Relative change of a zero's distance from its pole at which the search ends.
+const ROUNDING: f64 = 4e-16;
 
 /// Function S(s) = b∞ + Σ b/(s + p) of the Laplace variable s. b∞ is the constant, and each pole has a weight b and a rate p ≥ 0.
 #[derive(Debug, Clone, Default)]
@@ -197,13 +198,37 @@ impl Stieltjes {
         // The zero's distance is measured from the nearer pole, so that it keeps its digits.
         let is_last = left + 1 == poles.len();
         let (origin, sign) = if is_last || value_at(left, reach) > 0.0 { (left, 1.0) } else { (left + 1, -1.0) };
-        let (mut near, mut far) = ((reach * NEAREST).ln(), reach.ln());
-        for _ in 0..HALVINGS {
-            let middle = 0.5 * (near + far);
+        // With the offset x from the pole, x S is smooth near the pole: h = x (b∞ + Σ_others b/(d − x)) − b. Newton's method finds its zero between the ends of a bracket.
+        let from = poles[origin].at.value;
+        let others = |offset: f64| {
+            let all = poles.iter().enumerate().filter(|(place, _)| *place != origin);
+            all.fold((self.constant.value, 0.0), |(value, slope), (_, pole)| {
+                let distance = pole.at.value - from - offset;
+                let share = pole.weight.value / distance;
+                (value + share, slope + share / distance)
+            })
+        };
+        let weight = poles[origin].weight.value;
+        let (mut near, mut far) = (reach * NEAREST, reach);
+        let mut size = (sign * weight / others(0.0).0).clamp(near, far);
+        for _ in 0..MOST_STEPS {
+            let (rest, slope) = others(sign * size);
+            let value = size * rest - sign * weight;
             // S(−x) increases with x from −∞ just above a pole to +∞ just below the next.
-            if value_at(origin, sign * middle.exp()) * sign < 0.0 { near = middle } else { far = middle }
+            if value * sign < 0.0 {
+                near = size
+            } else {
+                far = size
+            }
+            let newton = size - value / (rest + sign * size * slope);
+            let next = if newton > near && newton < far { newton } else { (near * far).sqrt() };
+            let is_found = (next - size).abs() <= ROUNDING * size;
+            size = next;
+            if is_found {
+                break;
+            }
         }
-        self.polished(poles, origin, sign * (0.5 * (near + far)).exp())
+        self.polished(poles, origin, sign * size)
     }
 
     /// Refines a zero by one Newton step in dual numbers, which makes its value accurate to rounding and its derivative exact.
