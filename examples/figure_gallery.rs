@@ -88,7 +88,7 @@ fn write_predictive(dir: &Path, stem: &str, protocol: &Protocol, title: &str, rn
         band_50_um: Band { lower: &limits[0], upper: &limits[1] },
         band_90_um: Band { lower: &limits[2], upper: &limits[3] },
         cycles: &cycles,
-        noise: Some((protocol.noise_um, "known noise")),
+        noise: Some((protocol.noise_um, "known")),
     })?;
     write_figure(dir, stem, &figure)
 }

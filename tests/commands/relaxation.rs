@@ -101,8 +101,8 @@ fn effects_of_the_field_are_refused_by_name() {
     let folder = tempfile::tempdir().unwrap();
     write_bead(folder.path(), 0.0);
     vitreo(folder.path(), &["fit", "bead", "--with", "interface-slip"])
-        .refuses(&["interface-slip", "prescribed position"]);
-    vitreo(folder.path(), &["fit", "bead", "--with", "inertia"]).refuses(&["inertia", "prescribed position"]);
+        .refuses(&["interface-slip", "prescribed force"]);
+    vitreo(folder.path(), &["fit", "bead", "--with", "inertia"]).refuses(&["inertia", "prescribed force"]);
 }
 
 /// A published relaxation modulus of a standard linear solid: 150 Pa + 400 Pa e^{−t/2 s} in shear, without a strain.

@@ -73,7 +73,7 @@ pub struct PredictiveData<'a> {
     pub band_90_um: Band<'a>,
     /// Cycles, in order of time.
     pub cycles: &'a [CycleSpan],
-    /// Noise standard deviation (µm) that residuals are compared with, and its source, such as `known noise`; `None` if it is unknown.
+    /// Noise standard deviation (µm) that residuals are compared with, and its source, such as `known`; `None` if it is unknown.
     pub noise: Option<(f64, &'a str)>,
 }
 
@@ -400,7 +400,8 @@ fn entries(data: &PredictiveData, names: CycleNames) -> Vec<Entry> {
         Entry::new(Mark::Area(Fill::new(BLUE, 0.22).into()), "90 % band"),
     ];
     if let Some((sd, name)) = data.noise {
-        let text = format!("90 % of the {} (σ = {} µm)", shorten(name, TICK_SIZE_PX, 200.0), format_significant(sd, 2));
+        let text =
+            format!("90 % of the noise ({}, σ = {} µm)", shorten(name, TICK_SIZE_PX, 200.0), format_significant(sd, 2));
         entries.push(Entry::new(Mark::Line(noise_stroke()), text));
     }
     let has = |kind| names != CycleNames::NumberAndKind && data.cycles.iter().any(|cycle| cycle.kind == kind);

@@ -211,8 +211,36 @@ pub struct Svg {
     body: String,
     /// Shapes of `body`, which the PNG is drawn from.
     shapes: Vec<SvgShape>,
+    /// Texts whose outlines are among the shapes.
+    texts: Vec<SvgText>,
     /// Window to which new shapes are clipped; `None` for no clipping.
     window: Option<Rect>,
+}
+
+/// Text of a drawing, with the index of its outline among the shapes.
+#[derive(Debug, Clone)]
+struct SvgText {
+    shape: usize,
+    text: String,
+    at: Point,
+    style: TextStyle,
+}
+
+impl SvgText {
+    /// Outline of a text in place of this one; `None` if the text has no outline.
+    fn outline(&self, text: &str) -> Option<tiny_skia::Path> {
+        let Self { at, style, .. } = self;
+        let width_px = font::text_width_px(text, style.size_px);
+        let along = match style.anchor {
+            Anchor::Start => 0.0,
+            Anchor::Middle => -0.5 * width_px as f32,
+            Anchor::End => -width_px as f32,
+        };
+        let turn_deg = if style.upwards { -90.0 } else { 0.0 };
+        let place = Transform::from_rotate(turn_deg);
+        let place = place.post_translate(Px(at.0).shown(), Px(at.1).shown()).pre_translate(along, 0.0);
+        font::text_outline(text, style.size_px).and_then(|outline| outline.transform(place))
+    }
 }
 
 /// Shape of a drawing, for the PNG.
@@ -256,7 +284,7 @@ impl Svg {
     /// Creates an empty white drawing. Screen readers read the description.
     pub fn new(width_px: f64, height_px: f64, description: &str) -> Self {
         let (description, body) = (description.to_owned(), String::new());
-        Self { width_px, height_px, description, body, shapes: Vec::new(), window: None }
+        Self { width_px, height_px, description, body, shapes: Vec::new(), texts: Vec::new(), window: None }
     }
     /// Width of the drawing in SVG units.
     pub fn width_px(&self) -> f64 {
@@ -319,15 +347,11 @@ impl Svg {
             Anchor::End => " text-anchor=\"end\"",
         };
         let turn = if style.upwards { format!(" transform=\"rotate(-90 {x} {y})\"") } else { String::new() };
-        let width_px = font::text_width_px(text, style.size_px);
-        let along = match style.anchor {
-            Anchor::Start => 0.0,
-            Anchor::Middle => -0.5 * width_px as f32,
-            Anchor::End => -width_px as f32,
-        };
-        let turn_deg = if style.upwards { -90.0 } else { 0.0 };
-        let place = Transform::from_rotate(turn_deg).post_translate(x.shown(), y.shown()).pre_translate(along, 0.0);
-        let outline = font::text_outline(text, style.size_px).and_then(|outline| outline.transform(place));
+        let written = SvgText { shape: self.shapes.len(), text: text.to_string(), at, style };
+        let outline = written.outline(text);
+        if outline.is_some() {
+            self.texts.push(written);
+        }
         self.push(outline, Fill::new(colour, 1.0).into(), FillRule::Winding, LineCap::Butt);
         let text = xml_text(text);
         let _ = writeln!(
@@ -369,6 +393,12 @@ impl Svg {
         if let Some(quantities) = quantities {
             self.description = quantities.translate(&self.description).into_owned();
             self.body = quantities.translate_drawing(&self.body);
+            for own in &self.texts {
+                let text = quantities.translate(&own.text);
+                if let (true, Some(outline)) = (text != own.text, own.outline(&text)) {
+                    self.shapes[own.shape].outline = outline;
+                }
+            }
         }
         self
     }
@@ -543,6 +573,20 @@ mod tests {
             });
         }
         assert!(svg.png().is_ok());
+    }
+
+    /// A translated drawing equals the drawing of the translated text, also as a bitmap.
+    #[test]
+    fn translated_texts_are_drawn_anew() {
+        let drawn = |text: &str| {
+            let mut svg = Svg::new(200.0, 40.0, text);
+            svg.text(text, (100.0, 20.0), TextStyle::new(12.0, Anchor::Middle));
+            svg
+        };
+        let translated = drawn("position (µm)").translated(Some(Quantities::Relaxation));
+        let expected = drawn("force (µN)");
+        assert_eq!(translated.document(), expected.document());
+        assert_eq!(translated.png().unwrap(), expected.png().unwrap());
     }
 
     #[test]

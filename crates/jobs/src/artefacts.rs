@@ -263,7 +263,7 @@ fn predictive_figure(
     let [lower_90, lower_50, median, upper_50, upper_90] = &predictions.quantiles_um;
     let force_un: Vec<f64> = record.force_n.iter().map(|f| 1e6 * f).collect();
     let noise = &result.summary.heldout.noise_origin;
-    let noise_name = format!("{noise} noise");
+    let noise_name = noise.clone();
     let summary = &result.summary;
     let by = if summary.heldout.fe_runs.is_some() { summary.model.full_model() } else { "the creep law" };
     predictive(&PredictiveData {

@@ -106,8 +106,8 @@ impl Model {
             }
             if let Some(effect) = effects.iter().find(|effect| needs_prescribed_force(**effect)) {
                 return refuse(
-                    format!("`{}` has no model for a prescribed position", effect.slug()),
-                    "leave it out, or give a record with a prescribed force",
+                    format!("`{}` needs a prescribed force", effect.slug()),
+                    "leave it out: its model cannot follow a prescribed position",
                 );
             }
         }
