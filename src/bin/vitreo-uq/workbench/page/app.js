@@ -49,6 +49,11 @@ async function describe(described) {
     return open(found.item);
   }
   const form = at("answers");
+  /** @type {(label: Element) => [string, HTMLInputElement|null]} */
+  const field = (label) => [label.firstChild?.textContent ?? "", label.querySelector("input, select")];
+  // Answers that are typed already stay if the roles of columns change.
+  const typed = new Map(form.dataset.upload === described.upload ? [...form.querySelectorAll("label")].map(field) : []);
+  form.dataset.upload = described.upload;
   form.replaceChildren(
     make("p", { textContent: `${described.file}: the table gives all other information.` }),
     ...(found.preview ? [previewOf(found.preview, described)] : []),
@@ -61,6 +66,11 @@ async function describe(described) {
     ...OPTIONAL.map(([name, words]) => make("label", {}, [words, make("input", { name, autocomplete: "off" })])),
     make("p", {}, [make("button", { className: "main", textContent: "Continue" })]),
   );
+  form.querySelectorAll("label").forEach((label) => {
+    const [words, input] = field(label);
+    const before = typed.get(words)?.value;
+    if (input && before) input.value = before;
+  });
   form.onsubmit = (event) => {
     event.preventDefault();
     const answers = { ...described.answers };
