@@ -97,9 +97,8 @@ impl Mesh {
         self.rule_layers(inner, outer, &[0.0, 1.0]);
     }
 
-    /// Adds layers of cells between the chains `inner` and `outer`. `fractions` ascends from 0 to
-    /// 1. It gives the boundaries of the layers, as fractions of the distance from the inner to the
-    /// outer chain.
+    /// Adds layers of cells between the chains `inner` and `outer`. The ascending `fractions`, from
+    /// 0 to 1, are the boundaries of the layers, as parts of the distance between the chains.
     pub(in crate::fe) fn rule_layers(&mut self, inner: &Chain, outer: &Chain, fractions: &[f64]) {
         let mut from = inner.vertices.clone();
         for across in fractions.windows(2) {
