@@ -82,7 +82,7 @@ fn a_missing_spring_is_found_and_added() {
         (&"missing".into(), &"instantaneous-elasticity".into())
     );
     let with = ["sample", "study", "--with", "instantaneous-elasticity", "--quiet"];
-    vitreo(dir, &with).refuses(&["m0 is of another model", "--force"]);
+    vitreo(dir, &with).refuses(&["m0 has another model", "--force"]);
     vitreo(dir, &[&with[..], &["--force"]].concat()).exits(0);
     // The diagnosis uses the study's own model.
     let found = vitreo(dir, &["diagnose", "study", "--json", "-"]).exits(0).json();

@@ -102,6 +102,8 @@ fn effects_of_the_field_are_refused_by_name() {
     write_bead(folder.path(), 0.0);
     vitreo(folder.path(), &["fit", "bead", "--with", "interface-slip"])
         .refuses(&["interface-slip", "prescribed force"]);
+    vitreo(folder.path(), &["simulate", "bead", "--out", "simulated"])
+        .refuses(&["the position of this record is prescribed"]);
     vitreo(folder.path(), &["fit", "bead", "--with", "inertia"]).refuses(&["inertia", "prescribed force"]);
 }
 

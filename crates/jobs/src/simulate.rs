@@ -19,7 +19,7 @@ use posterior::mechanics::FiniteElements;
 use posterior::monitor::Monitor;
 use posterior::prepared::field_models;
 use posterior::problem::Problem;
-use record::{OwnedForce, Record};
+use record::{Control, OwnedForce, Record};
 
 /// Largest number of displacement fields that a run writes.
 const MOST_FIELDS: usize = 20;
@@ -105,6 +105,12 @@ pub fn parameters(
 /// - The convergence table has too many levels, or the mesh comes from a file.
 pub fn check_request(problem: &Problem, request: &SimulationRequest, has_mesh_file: bool) -> Result<()> {
     finite_elements(problem)?;
+    if problem.experiment.control == Control::Position {
+        let found =
+            "the position of this record is prescribed, and a simulation writes the positions under a prescribed force";
+        let remedy = "give an experiment with a prescribed force, or fit this one";
+        return Err(Error::input(InputPlace::file(&problem.experiment.specimen_id), found, remedy));
+    }
     let refuse =
         |setting: Setting, found: String, remedy: &str| Err(Error::input(InputPlace::setting(setting), found, remedy));
     if request.scheme.is_some() && !problem.is_exponential() {
