@@ -55,7 +55,7 @@ pub fn run(request: &InitRequest, ask: Ask<'_>) -> Result<(InitSummary, String)>
         return cohort(request, &bytes, &stem.to_string_lossy(), &out, ask);
     }
     if request.known_columns.tables.as_deref() == Some(EACH_TABLE) {
-        return tests(request, &bytes, &stem.to_string_lossy(), &out, ask);
+        return each_table(request, &bytes, &stem.to_string_lossy(), &out, ask);
     }
     let toml_path = out.join("experiment.toml");
     if files::kind(&toml_path).is_some() && !request.replace {
@@ -66,24 +66,27 @@ pub fn run(request: &InitRequest, ask: Ask<'_>) -> Result<(InitSummary, String)>
         ));
     }
     let mut request = request.clone();
-    if request.known_columns.tables.is_none() && holds_oscillations_and_others(&request, &bytes) {
+    // A file without a table of numbers is refused below.
+    let tables = inspect_tables(&request.file, &bytes).unwrap_or_default();
+    let has_oscillation = tables.iter().any(|table| sweep_columns(table).is_some());
+    if request.known_columns.tables.is_none() && tables.len() > 1 && has_oscillation {
         request.known_columns.tables = Some(choose_table(&request.file, &bytes, ask)?.to_string());
     }
-    let request = &request;
-    if let Some(summary) = oscillation(request, &name, &bytes, &out)? {
+    let looked = chosen_table(tables, request.known_columns.tables.as_deref());
+    if let Some(looked) = &looked
+        && let Some(summary) = oscillation(&request, looked, (&name, &bytes), &out)?
+    {
         return Ok((summary, sha256_hex(&bytes)));
     }
-    let creep = chosen_table(request, &bytes)
-        .and_then(|looked| StressStrain::of(&looked, &request.known_columns, request.sizes[2]));
+    let creep = looked.and_then(|looked| StressStrain::of(&looked, &request.known_columns, request.sizes[2]));
     let given = creep.as_ref().map_or(&request.known_columns, |creep| &creep.given);
     let mut proposal = propose(&request.file, &bytes, given, ask)?;
     if let Some(creep) = &creep {
         if load_start_s(&proposal, Some(creep)).is_some() {
             proposal.reasons.push("the step began at 0, before the first row (load_start_s = 0)".into());
         }
-        proposal.reasons.extend(unused_sizes_remark(request));
+        proposal.reasons.extend(unused_sizes_remark(&request));
     }
-    let mut request = request.clone();
     let mut unknown = Vec::new();
     if creep.is_none() {
         for (size, asked) in request.sizes.iter_mut().zip(&SIZES) {
@@ -147,7 +150,13 @@ fn controlled(
 const EACH_TABLE: &str = "each";
 
 /// Writes one experiment for each table of a file that holds several tests. Each has its own directory inside `out`. Tables that cannot be read are named with the reason.
-fn tests(request: &InitRequest, bytes: &[u8], stem: &str, out: &Path, ask: Ask<'_>) -> Result<(InitSummary, String)> {
+fn each_table(
+    request: &InitRequest,
+    bytes: &[u8],
+    stem: &str,
+    out: &Path,
+    ask: Ask<'_>,
+) -> Result<(InitSummary, String)> {
     let (mut made, mut experiments, mut refused) = (None, Vec::new(), Vec::new());
     let mut first_refusal = None;
     for number in 1..=inspect_tables(&request.file, bytes)?.len() {
@@ -212,31 +221,28 @@ fn write(out: &Path, name: &str, bytes: &[u8], toml: &str) -> Result<()> {
     write_together(&[(&out.join(name), bytes), (&out.join("experiment.toml"), toml.as_bytes())])
 }
 
-/// The only table of a file, or the one that the user has chosen. `None` if several tables are to be joined.
-fn chosen_table(request: &InitRequest, bytes: &[u8]) -> Option<InspectedTable> {
-    let mut tables = inspect_tables(&request.file, bytes).ok()?;
-    let number = match request.known_columns.tables.as_deref() {
+/// The only one of the tables in a file, or the one that the user has chosen. `None` if several tables are to be joined.
+fn chosen_table(mut tables: Vec<InspectedTable>, chosen: Option<&str>) -> Option<InspectedTable> {
+    let number = match chosen {
         None => 1,
-        Some(number) => number.parse().ok().filter(|number| (1..=tables.len()).contains(number))?,
+        Some(number) => number.parse().ok()?,
     };
-    Some(tables.swap_remove(number - 1))
-}
-
-/// Whether the tables of a file hold different tests, of which at least one is an oscillation.
-fn holds_oscillations_and_others(request: &InitRequest, bytes: &[u8]) -> bool {
-    let tables = inspect_tables(&request.file, bytes).unwrap_or_default();
-    tables.len() > 1 && tables.iter().any(|table| sweep_columns(table).is_some())
+    (1..=tables.len()).contains(&number).then(|| tables.swap_remove(number - 1))
 }
 
 /// Writes an experiment for a rheometer's oscillation. `None` if the table is of another kind, or if the user names columns of a record over time.
-fn oscillation(request: &InitRequest, name: &str, bytes: &[u8], out: &Path) -> Result<Option<InitSummary>> {
+fn oscillation(
+    request: &InitRequest,
+    looked: &InspectedTable,
+    (name, bytes): (&str, &[u8]),
+    out: &Path,
+) -> Result<Option<InitSummary>> {
     let given = &request.known_columns;
     if given.columns.iter().chain(&given.axes).any(Option::is_some) {
         return Ok(None);
     }
-    let Some(looked) = chosen_table(request, bytes) else { return Ok(None) };
-    let Some(columns) = sweep_columns(&looked) else { return Ok(None) };
-    let (toml, mut summary) = describe_sweep(name, request.id.as_deref(), request.sizes[2], &looked, &columns)?;
+    let Some(columns) = sweep_columns(looked) else { return Ok(None) };
+    let (toml, mut summary) = describe_sweep(name, request.id.as_deref(), request.sizes[2], looked, &columns)?;
     summary.reasons.extend(unused_sizes_remark(request));
     write(out, name, bytes, &toml)?;
     let (sweep, _) = OscillationRecord::read(out)?;

@@ -4,7 +4,7 @@
 use base::error::Setting;
 use base::units::Dimension;
 use record::Control;
-use record::table::{InspectedTable, ParsedUnit, TableSettings};
+use record::table::{InspectedTable, TableSettings};
 
 /// Words by which the stress column is recognised.
 const STRESS: [&str; 3] = ["stress", "spannung", "contrainte"];
@@ -36,6 +36,13 @@ const RATE: &str = "rate";
 /// Poisson's ratio of a specimen that is nearly all water.
 const OF_WATER: f64 = 0.5;
 
+/// Whether a column's name contains one of the words and none of the others.
+fn called(name: &str, words: &[&str], others: &[&str]) -> bool {
+    let name = name.to_lowercase();
+    let contains = |word: &&str| name.contains(word);
+    words.iter().any(contains) && !others.iter().any(contains)
+}
+
 /// Stress and strain over time, of which one is commanded.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct StressStrain {
@@ -54,37 +61,30 @@ impl StressStrain {
             return None;
         }
         let columns = || looked.columns.iter().zip(&looked.units).enumerate();
-        let called = |name: &str, words: &[&str], other: &[&str]| {
-            let name = name.to_lowercase();
-            words.iter().any(|word| name.contains(word)) && !other.iter().any(|word| name.contains(word))
+        let stress = columns().find_map(|(place, (name, unit))| {
+            let unit = unit.as_ref().filter(|unit| unit.dimension == Dimension::Pressure)?;
+            called(name, &STRESS, &[RATE]).then(|| (place, unit.to_si(1.0)))
+        });
+        let strain = columns().find_map(|(place, (name, unit))| {
+            let part = match unit {
+                None => 1.0,
+                Some(unit) if unit.dimension == Dimension::Ratio => unit.to_si(1.0),
+                Some(_) => return None,
+            };
+            called(name, &STRAIN, &[RATE]).then_some((place, part))
+        });
+        let (stress, strain, constant) = match (stress, strain) {
+            (Some(stress), Some(strain)) => (stress, strain, None),
+            // The only column of values serves as both quantities until the table is described.
+            _ => Self::published(looked).map(|(column, control)| (column, column, Some(control)))?,
         };
-        let number = |place: usize| Some((place + 1).to_string());
-        let so_many = |many: f64, of: &str| Some(if many == 1.0 { of.to_string() } else { format!("{many} {of}") });
-        let (columns_of, units, constant) = {
-            let stress = columns().find_map(|(place, (name, unit))| {
-                let unit = unit.as_ref().filter(|unit| unit.dimension == Dimension::Pressure)?;
-                called(name, &STRESS, &[RATE]).then(|| (place, unit.to_si(1.0)))
-            });
-            let strain = columns().find_map(|(place, (name, unit))| {
-                let part = match unit {
-                    None => 1.0,
-                    Some(unit) if unit.dimension == Dimension::Ratio => unit.to_si(1.0),
-                    Some(_) => return None,
-                };
-                called(name, &STRAIN, &[RATE]).then_some((place, part))
-            });
-            match (stress, strain) {
-                (Some((stress, pascals)), Some((strain, part))) => {
-                    ([number(stress), number(strain)], [so_many(pascals, "N"), so_many(part, "m")], None)
-                }
-                _ => Self::published(columns(), &called)?,
-            }
-        };
-        let ([force, position], [force_unit, position_unit]) = (columns_of, units);
+        let number = |(place, _): (usize, f64)| Some((place + 1).to_string());
+        let so_many =
+            |(_, many): (usize, f64), of: &str| Some(if many == 1.0 { of.to_string() } else { format!("{many} {of}") });
         Some(Self {
             given: TableSettings {
-                columns: [None, force, position, None],
-                units: [given.units[0].clone(), force_unit, position_unit],
+                columns: [None, number(stress), number(strain), None],
+                units: [given.units[0].clone(), so_many(stress, "N"), so_many(strain, "m")],
                 ..given.clone()
             },
             compliance: 2.0 + 2.0 * poisson_ratio.unwrap_or(OF_WATER),
@@ -92,20 +92,16 @@ impl StressStrain {
         })
     }
 
-    /// Columns and units of a table with one modulus or one compliance over time. Its only column of values serves as both quantities until the table is described.
-    #[allow(clippy::type_complexity)]
-    fn published<'a>(
-        columns: impl Iterator<Item = (usize, (&'a String, &'a Option<ParsedUnit>))>,
-        called: &dyn Fn(&str, &[&str], &[&str]) -> bool,
-    ) -> Option<([Option<String>; 2], [Option<String>; 2], Option<Control>)> {
-        let columns: Vec<_> = columns.collect();
+    /// Column of a modulus or a compliance over time, as its index and the size of its unit in SI units, with the quantity that is commanded. `None` unless the table has
+    /// one such column and none of the quantities that it was computed from.
+    fn published(looked: &InspectedTable) -> Option<((usize, f64), Control)> {
+        let columns = || looked.columns.iter().zip(&looked.units).enumerate();
         // A modulus beside a force, a stress or a position was computed from them.
-        let measures_itself = columns.iter().any(|(_, (name, unit))| {
+        let measures_itself = columns().any(|(_, (name, unit))| {
             let dimension = unit.as_ref().map(|unit| unit.dimension);
             called(name, &MEASURED, &MODULUS) || matches!(dimension, Some(Dimension::Force | Dimension::Length))
         });
-        let found: Vec<(usize, Control, f64)> = columns
-            .into_iter()
+        let found: Vec<((usize, f64), Control)> = columns()
             .filter_map(|(place, (name, unit))| {
                 let is_modulus = called(name, &MODULUS, &OF_FREQUENCY);
                 let is_compliance = called(name, &COMPLIANCE, &OF_FREQUENCY);
@@ -113,21 +109,18 @@ impl StressStrain {
                 // A compliance has no unit that is known by name; 1/Pa is the only one in use.
                 match unit {
                     Some(unit) if is_modulus && unit.dimension == Dimension::Pressure => {
-                        Some((place, Control::Position, unit.to_si(1.0)))
+                        Some(((place, unit.to_si(1.0)), Control::Position))
                     }
-                    None if is_modulus => Some((place, Control::Position, 1.0)),
-                    None if is_compliance => Some((place, Control::Force, 1.0)),
+                    None if is_modulus => Some(((place, 1.0), Control::Position)),
+                    None if is_compliance => Some(((place, 1.0), Control::Force)),
                     _ => None,
                 }
             })
             .collect();
-        let [(place, control, size)] = found[..] else { return None };
-        if measures_itself {
-            return None;
+        match found[..] {
+            [found] if !measures_itself => Some(found),
+            _ => None,
         }
-        let number = Some((place + 1).to_string());
-        let unit = |name: &str| Some(if size == 1.0 { name.to_string() } else { format!("{size} {name}") });
-        Some(([number.clone(), number], [unit("N"), unit("m")], Some(control)))
     }
 
     /// Explains how the table is read, for the quantity that is commanded.

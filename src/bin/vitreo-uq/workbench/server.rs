@@ -24,8 +24,7 @@ use vitreo_uq::base::sha256::sha256_hex;
 use vitreo_uq::figures::predictive::{CycleKind, CycleSpan};
 use vitreo_uq::jobs::{artefacts, pages};
 use vitreo_uq::posterior::study::{
-    CORNER_NAME, DIAGNOSIS_NAME, EXTENSION_NAME, FINDINGS_NAME, LADDER_NAME, LEARNED_NAME, ORIGINAL, POSTERIOR_NAME,
-    Study,
+    DIAGNOSIS_NAME, EXTENSION_NAME, FINDINGS_NAME, LADDER_NAME, LEARNED_NAME, ORIGINAL, POSTERIOR_NAME, Study,
 };
 use vitreo_uq::record::Experiment;
 
@@ -307,7 +306,6 @@ fn study_of(bench: &Bench, name: &str, revision: Option<String>) -> Result<Value
         "revisions": revisions,
         "ladder": if item.revisions.is_empty() { Value::Null } else { document(&dir.join(LADDER_NAME)) },
         "item": item,
-        "overlay": files::is_file(&dir.join(CORNER_NAME)).then_some(CORNER_NAME),
         "parts": parts.into_iter().collect::<std::collections::BTreeMap<_, _>>(),
     }))
 }

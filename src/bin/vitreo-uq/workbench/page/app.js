@@ -9,7 +9,7 @@ import { ask, at, attempt, fault, listen, make, query, send, shown } from "./req
 /** @typedef {{item: string, kind: string, standing: string, words: string, at: number, commands: string[][], began_s: number, progress: [number, number]|null}} Job */
 /** @typedef {{name: string, posterior: any, comparison: any, diagnosis: any, learned: any, extension: any}} Revision */
 /** @typedef {{item: Item, record: any, noise_um: number|null, cycles: {cycle: number, from_s: number, to_s: number, serves: string, chosen: string}[],
- *   left_out_s: [number, number][], is_changed: boolean, revisions: Revision[], ladder: any, overlay: string|null, parts: Record<string, string>, axes: string[]}} Study */
+ *   left_out_s: [number, number][], is_changed: boolean, revisions: Revision[], ladder: any, parts: Record<string, string>, axes: string[]}} Study */
 /** @typedef {{leftOut: [number, number][], serves: string[]}} Draft */
 /** @typedef {{name: string, symbol: string, unit: string, value: number, low: number, high: number, null_value: number|null, is_logarithmic: boolean}} Knob */
 
