@@ -35,6 +35,16 @@ impl Quantities {
     /// All kinds.
     pub const ALL: [Self; 3] = [Self::Relaxation, Self::StressCreep, Self::StressRelaxation];
 
+    /// Quantities of a record; `None` for a commanded force and a measured position.
+    pub fn of(is_position_commanded: bool, is_stress_strain: bool) -> Option<Self> {
+        match (is_position_commanded, is_stress_strain) {
+            (false, false) => None,
+            (false, true) => Some(Self::StressCreep),
+            (true, false) => Some(Self::Relaxation),
+            (true, true) => Some(Self::StressRelaxation),
+        }
+    }
+
     /// Name in the header of documents.
     pub fn name(self) -> &'static str {
         match self {
@@ -58,10 +68,6 @@ impl Quantities {
         }
     }
 
-    fn place(self) -> usize {
-        Self::ALL.iter().position(|one| *one == self).unwrap_or(0)
-    }
-
     /// Exchanges words and units in a text. Names in backticks, and words that are parts of names with hyphens or underscores, stay as they are.
     pub fn translate(self, text: &str) -> Cow<'_, str> {
         if !WORDS.iter().any(|(word, _)| text.contains(word)) {
@@ -80,7 +86,7 @@ impl Quantities {
             }
             let (word, after) = rest.split_at(end);
             let other = WORDS.iter().find(|(own, _)| !is_code && *own == word);
-            translated.push_str(other.map_or(word, |(_, others)| others[self.place()]));
+            translated.push_str(other.map_or(word, |(_, others)| others[self as usize]));
             rest = after;
         }
         Cow::Owned(translated)
@@ -158,7 +164,7 @@ fn drawing_length(markup: &str) -> usize {
     markup.len()
 }
 
-/// Marks the keys of a document's quantities. The keys of the force come last, so that none of them takes the place of a key of the position.
+/// Whether a key of a document is that of a position or a force.
 fn is_key(key: &str) -> bool {
     key.ends_with("_um") || key.ends_with("_un")
 }

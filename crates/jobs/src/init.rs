@@ -7,6 +7,7 @@ use super::init_stress::StressStrain;
 use super::init_sweep::describe_sweep;
 use base::error::{Error, InputPlace, Result, Setting};
 use base::files::{self, Content, write_together};
+use base::quantities::Quantities;
 use base::sha256::sha256_hex;
 use base::toml_input::{UNKNOWN, quoted};
 use documents::init::{InitColumn, InitSummary};
@@ -14,7 +15,7 @@ use record::table::{
     Ask, ColumnName, InspectedTable, PositionColumns, Question, TableDescription, TableProposal, TableSettings,
     choose_table, inspect_tables, propose, tracks,
 };
-use record::{Control, Direction, Experiment, OscillationRecord, RELAXATION, STRESS_STRAIN, Zero, sweep_columns};
+use record::{Control, Direction, OscillationRecord, RELAXATION, STRESS_STRAIN, Zero, sweep_columns};
 
 /// Settings of `init` that the caller chooses.
 #[derive(Debug, Clone, Default)]
@@ -94,7 +95,9 @@ pub fn run(request: &InitRequest, ask: Ask<'_>) -> Result<(InitSummary, String)>
             unknown.extend(size.is_none().then(|| asked.key.to_string()));
         }
     }
-    let (control, toml) = controlled(&request, (&name, &bytes), &proposal, creep.as_ref());
+    let constant = creep.as_ref().and_then(|creep| creep.constant);
+    let control = request.control.or(constant).unwrap_or(proposal.control);
+    let toml = experiment_toml(&request, &name, &proposal, creep.as_ref(), control);
     if has_absolute_strain(creep.as_ref(), control) {
         proposal.reasons.retain(|reason| !["zero =", "direction ="].iter().any(|key| reason.contains(key)));
     }
@@ -110,7 +113,7 @@ pub fn run(request: &InitRequest, ask: Ask<'_>) -> Result<(InitSummary, String)>
         experiments: Vec::new(),
         directory: out.display().to_string(),
         file: name,
-        columns: columns(&proposal, creep.as_ref().and_then(|creep| creep.constant)),
+        columns: columns(&proposal, constant),
         others: others(&proposal),
         reasons: proposal.reasons,
         rows: proposal.n_rows,
@@ -118,32 +121,6 @@ pub fn run(request: &InitRequest, ask: Ask<'_>) -> Result<(InitSummary, String)>
         unknown,
     };
     Ok((summary, sha256_hex(&bytes)))
-}
-
-/// Returns the commanded quantity of a table, and the text of `experiment.toml`. If either the force or the position holds its values, that quantity is commanded.
-/// If neither does, the force is.
-fn controlled(
-    request: &InitRequest,
-    (name, bytes): (&str, &[u8]),
-    proposal: &TableProposal,
-    creep: Option<&StressStrain>,
-) -> (Control, String) {
-    let describe_with = |request: &InitRequest, control| experiment_toml(request, name, proposal, creep, control);
-    let describe = |control| describe_with(request, control);
-    let of_constant = creep.and_then(|creep| creep.constant);
-    if let Some(control) = request.control.or(of_constant) {
-        return (control, describe(control));
-    }
-    // Sizes that the user does not know yet make no difference to the rows.
-    let [robot, vitreous, poisson] = request.sizes;
-    let vitreous = vitreous.or(robot.map(|robot| 100.0 * robot)).unwrap_or(10.0);
-    let sizes = [robot.or(Some(0.01 * vitreous)), Some(vitreous), poisson.or(Some(0.45))];
-    let readable = describe_with(&InitRequest { sizes, ..request.clone() }, Control::Force);
-    let control = match Experiment::from_texts("experiment.toml", readable, name, bytes) {
-        Ok((experiment, _)) => experiment.record.likely_control(),
-        Err(_) => Control::Force,
-    };
-    (control, describe(control))
 }
 
 /// Value of the table setting that makes one experiment of each table of a file.
@@ -462,12 +439,8 @@ fn experiment_toml(
         let what = if of == Control::Force { "stress in every row, in Pa" } else { "strain in every row" };
         line("constant", "1.0".into(), what);
     }
-    let noise_key = match (control, creep.is_some()) {
-        (Control::Force, false) => "noise_um",
-        (Control::Force, true) => "noise_percent",
-        (Control::Position, false) => "noise_un",
-        (Control::Position, true) => "noise_pa",
-    };
+    let quantities = Quantities::of(control == Control::Position, creep.is_some());
+    let noise_key = &*quantities.map_or("noise_um".into(), |quantities| quantities.key("noise_um"));
     match request.noise {
         Some(noise) => line(noise_key, format!("{noise:?}"), "known noise of the measured quantity"),
         None => line(&format!("# {noise_key}"), "4.0".into(), "noise of the measured quantity, if it is known"),

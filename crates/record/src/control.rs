@@ -1,6 +1,5 @@
 //! The quantity that an experiment commands: the force, as in a creep test, or the position, as in a relaxation.
 
-use super::record::Record;
 use super::trajectory::Trajectory;
 use base::error::{Error, InputPlace, Result};
 use std::path::Path;
@@ -25,12 +24,13 @@ const MOSTLY: f64 = 0.6;
 /// Least part of successive changes with equal signs that shows a trend. For noise about a constant it is 1/3.
 const TREND: f64 = 0.7;
 
-impl Record {
-    /// The quantity that an experiment most likely commanded: the position if it holds for most of the time while the force drifts, otherwise the force.
-    pub fn likely_control(&self) -> Control {
-        let rows: Vec<usize> = (0..self.n_rows()).filter(|row| self.position_m[*row].is_some()).collect();
-        let force = changes(&rows.iter().map(|row| self.force_n[*row]).collect::<Vec<f64>>());
-        let position = changes(&rows.iter().filter_map(|row| self.position_m[*row]).collect::<Vec<f64>>());
+impl Control {
+    /// The quantity that an experiment most likely commanded, from the force (N) and the position (m) of each row: the position if it holds for most of the time while
+    /// the force drifts, otherwise the force.
+    pub(super) fn likely(force_n: &[f64], position_m: &[Option<f64>]) -> Self {
+        let rows = force_n.iter().zip(position_m).filter_map(|(force, position)| Some((*force, (*position)?)));
+        let (force_n, position_m): (Vec<f64>, Vec<f64>) = rows.unzip();
+        let (force, position) = (changes(&force_n), changes(&position_m));
         let is_held = |change: &f64| change.abs() < HELD;
         let part = |n: usize, of: usize| n as f64 / of.max(1) as f64;
         if part(position.iter().filter(|change| is_held(change)).count(), position.len()) < MOSTLY {
@@ -88,19 +88,11 @@ impl Trajectory {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ForceRule;
 
     fn control(force: impl Fn(f64) -> f64, position: impl Fn(f64) -> f64) -> Control {
-        let time_s: Vec<f64> = (0..1200).map(|row| 0.05 * f64::from(row)).collect();
-        let record = Record {
-            force_n: time_s.iter().map(|t| force(*t)).collect(),
-            position_m: time_s.iter().map(|t| Some(position(*t))).collect(),
-            cycle: vec![1; time_s.len()],
-            force_rule: ForceRule::Hold,
-            force_rows: Vec::new(),
-            time_s,
-        };
-        record.likely_control()
+        let rows = (0..1200).map(|row| 0.05 * f64::from(row)).map(|t| (force(t), Some(position(t))));
+        let (force_n, position_m): (Vec<f64>, Vec<Option<f64>>) = rows.unzip();
+        Control::likely(&force_n, &position_m)
     }
 
     #[test]

@@ -74,12 +74,8 @@ pub struct Experiment {
 impl Experiment {
     /// Words and units of the record's quantities; `None` for a commanded force in µN and a measured position in µm.
     pub fn quantities(&self) -> Option<Quantities> {
-        match (self.control, &self.apparatus) {
-            (Control::Force, Apparatus::Instrument { is_stress_strain: true, .. }) => Some(Quantities::StressCreep),
-            (Control::Position, Apparatus::Instrument { .. }) => Some(Quantities::StressRelaxation),
-            (Control::Position, _) => Some(Quantities::Relaxation),
-            (Control::Force, _) => None,
-        }
+        let is_stress_strain = matches!(self.apparatus, Apparatus::Instrument { is_stress_strain: true, .. });
+        Quantities::of(self.control == Control::Position, is_stress_strain)
     }
 
     /// Returns the experiment with the cycles for the comparison of revisions (formats §4). Only the last held-out cycle is scored, and all other

@@ -18,6 +18,7 @@ use super::table::{KEYS, TableDescription, decode_table, read_choice, read_descr
 use super::trajectory::{Trajectory, read_trajectory};
 use super::{Apparatus, Control, Experiment};
 use base::error::{Error, InputPlace, Result};
+use base::quantities::Quantities;
 use base::toml_input::{TomlInput, TomlTable, text_of};
 
 /// Smallest number of positions in a calibration cycle, twice the number of parameters of the default law and its noise.
@@ -101,11 +102,15 @@ fn command_key(measurement: TomlTable<'_>, control: Control, has_log: bool) -> R
     Ok(here)
 }
 
+/// Key of the known noise of the position. Other measured quantities have their own endings.
+const NOISE: &str = "noise_um";
+
 /// Known noise of the measured quantity in SI units: of the position in m, or of the force in N. A stress of 1 Pa counts as 1 µN, and a strain of 1 % as 1 µm.
 fn noise_sd(measurement: TomlTable<'_>, control: Control, is_stress_strain: bool) -> Result<Option<f64>> {
-    let keys = ["noise_um", "noise_un", "noise_percent", "noise_pa"];
-    let key = keys[usize::from(control == Control::Position) + 2 * usize::from(is_stress_strain)];
-    if let Some(other) = keys.iter().find(|other| **other != key && measurement.has(other)) {
+    let key_of = |quantities: Option<Quantities>| quantities.map_or(NOISE.into(), |quantities| quantities.key(NOISE));
+    let key = &*key_of(Quantities::of(control == Control::Position, is_stress_strain));
+    let keys: Vec<String> = std::iter::once(None).chain(Quantities::ALL.map(Some)).map(key_of).collect();
+    if let Some(other) = keys.iter().find(|other| *other != key && measurement.has(other)) {
         let found = format!("the noise of this record is given by `{key}`");
         return Err(measurement.refuse(other, found, format!("write `{key} = …` instead")));
     }

@@ -147,13 +147,7 @@ fn compliance_of(element: &Element) -> Option<Stieltjes> {
 }
 
 fn sum(parts: impl Iterator<Item = Option<Stieltjes>>) -> Option<Stieltjes> {
-    let mut total = Stieltjes::default();
-    for part in parts {
-        let part = part?;
-        total.constant += part.constant;
-        total.poles.extend(part.poles);
-    }
-    Some(total)
+    Some(sum_all(parts.collect::<Option<Vec<Stieltjes>>>()?.into_iter()))
 }
 
 impl Stieltjes {

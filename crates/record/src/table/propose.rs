@@ -9,6 +9,7 @@ use super::read::read_described;
 use super::roles::{ColumnMatch, KnownColumns, Role};
 use super::spelling::{ParsedUnit, clock_s, counted, is_date_time, unit};
 use super::text::{Decimal, Delimiter, Encoding, Thousands, cells, comment_sign, decode_detected, is_blank_or_comment};
+use crate::control::Control;
 use crate::force::has_noisy_levels;
 use crate::frame::{Direction, Frame, Zero, moves_against_force, rest_m};
 use crate::lost::repeated_outliers;
@@ -39,6 +40,8 @@ pub struct TableProposal {
     pub frame: Frame,
     /// True if the force is constant in every hold, apart from a sensor's noise.
     pub has_noisy_levels: bool,
+    /// Quantity that the experiment most likely commanded.
+    pub control: Control,
     /// Names of all columns; empty without a header.
     pub columns: Vec<String>,
     /// Reasons for the description, each a sentence for the user.
@@ -101,6 +104,12 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
             1e6 * projection.across_rms_m
         ));
     }
+    // A force at levels is commanded, and so is any force that moves a body in two or three dimensions.
+    let is_along = matches!(description.position, Some((PositionColumns::Along(_), _)));
+    let control = match is_along && !has_noisy_levels {
+        true => Control::likely(&trajectory.force_n, &trajectory.position_m),
+        false => Control::Force,
+    };
     let ends = |values: &mut dyn Iterator<Item = f64>| {
         values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)])
     };
@@ -116,6 +125,7 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
         description,
         frame,
         has_noisy_levels,
+        control,
     })
 }
 

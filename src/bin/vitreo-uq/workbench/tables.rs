@@ -8,7 +8,7 @@ use vitreo_uq::base::error::{Error, InputPlace, Result};
 use vitreo_uq::base::files::{self, Content};
 use vitreo_uq::documents::init::InitSummary;
 use vitreo_uq::jobs::init::{self, InitRequest};
-use vitreo_uq::record::table::{Delimiter, InspectedTable, Question, TableSettings, decode_detected, inspect_table};
+use vitreo_uq::record::table::{InspectedTable, Question, TableSettings, cells, decode_detected, inspect_table};
 
 use super::home::WorkbenchFolder;
 use super::project;
@@ -62,13 +62,7 @@ fn preview(file: &Path) -> Option<TablePreview> {
     let bytes = files::read(file, Content::Table, "").ok()?;
     let InspectedTable { layout, columns, said, .. } = inspect_table(file, &bytes).ok()?;
     let split = |line: &str| -> Vec<String> {
-        let cell = |cell: &str| cell.trim().trim_matches('"').to_string();
-        match layout.delimiter {
-            Delimiter::Spaces => line.split_whitespace().map(cell).collect(),
-            Delimiter::Comma => line.split(',').map(cell).collect(),
-            Delimiter::Semicolon => line.split(';').map(cell).collect(),
-            Delimiter::Tab => line.split('\t').map(cell).collect(),
-        }
+        cells(line, layout.delimiter).into_iter().map(std::borrow::Cow::into_owned).collect()
     };
     let text = decode_detected(&bytes);
     let rows: Vec<_> = text.lines().skip(layout.first_row_line - 1).take(PREVIEW_ROWS).map(split).collect();
