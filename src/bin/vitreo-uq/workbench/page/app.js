@@ -42,13 +42,15 @@ const OPTIONAL = [["noise", "Noise standard deviation, if known: of a position i
 
 /** @param {{upload: string, file: string, answers: Record<string, string>, noise_um?: number|null, groups?: (string|null)[], columns?: (string|null)[]}} described */
 async function describe(described) {
-  const found = await send("api/init", described);
+  const form = at("answers");
+  // The questions shown belong to earlier roles of columns until the new ones arrive.
+  form.inert = true;
+  const found = await send("api/init", described).finally(() => (form.inert = false));
   if (!found.questions) {
     at("questions").hidden = true;
     await refreshItems();
     return open(found.item);
   }
-  const form = at("answers");
   /** @type {(label: Element) => [string, HTMLInputElement|null]} */
   const field = (label) => [label.firstChild?.textContent ?? "", label.querySelector("input, select")];
   // Answers that are typed already stay if the roles of columns change.
