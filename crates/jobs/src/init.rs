@@ -3,10 +3,11 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
+use super::init_source::TableSource;
 use super::init_stress::StressStrain;
 use super::init_sweep::describe_sweep;
 use base::error::{Error, InputPlace, Result, Setting};
-use base::files::{self, Content, write_together};
+use base::files::{self, write_together};
 use base::quantities::Quantities;
 use base::sha256::sha256_hex;
 use base::toml_input::{UNKNOWN, quoted};
@@ -46,18 +47,24 @@ pub struct InitRequest {
 /// and the table's hash.
 ///
 /// # Errors
-/// The errors of [`propose`]; [`Error::Input`] if an experiment exists already; [`Error::File`] if the operating system refuses.
+/// The errors of [`TableSource::read`] and [`propose`]; [`Error::Input`] if an experiment exists already; [`Error::File`] if the operating system refuses.
 pub fn run(request: &InitRequest, ask: Ask<'_>) -> Result<(InitSummary, String)> {
-    let bytes = files::read(&request.file, Content::Table, "give a table that can be read")?;
-    let name = file_name(&request.file)?;
-    let stem = PathBuf::from(Path::new(&name).file_stem().unwrap_or_default());
-    let out = request.out.clone().unwrap_or_else(|| stem.clone());
-    if request.known_columns.track[1].as_deref() == Some(ALL_TRACKS) {
-        return cohort(request, &bytes, &stem.to_string_lossy(), &out, ask);
-    }
-    if request.known_columns.tables.as_deref() == Some(EACH_TABLE) {
-        return each_table(request, &bytes, &stem.to_string_lossy(), &out, ask);
-    }
+    let source = TableSource::read(&request.file)?;
+    let out = request.out.clone().unwrap_or_else(|| source.stem().into());
+    let mut summary = if request.known_columns.track[1].as_deref() == Some(ALL_TRACKS) {
+        cohort(request, &source, &out, ask)?
+    } else if request.known_columns.tables.as_deref() == Some(EACH_TABLE) {
+        each_table(request, &source, &out, ask)?
+    } else {
+        one(request, &source, &out, ask)?
+    };
+    summary.reasons.splice(..0, source.notes.iter().cloned());
+    Ok((summary, sha256_hex(&source.bytes)))
+}
+
+/// Writes one experiment.
+fn one(request: &InitRequest, source: &TableSource, out: &Path, ask: Ask<'_>) -> Result<InitSummary> {
+    let TableSource { place, name, bytes, .. } = source;
     let toml_path = out.join("experiment.toml");
     if files::kind(&toml_path).is_some() && !request.replace {
         return Err(Error::input(
@@ -68,20 +75,20 @@ pub fn run(request: &InitRequest, ask: Ask<'_>) -> Result<(InitSummary, String)>
     }
     let mut request = request.clone();
     // A file without a table of numbers is refused below.
-    let tables = inspect_tables(&request.file, &bytes).unwrap_or_default();
+    let tables = inspect_tables(place, bytes).unwrap_or_default();
     let has_oscillation = tables.iter().any(|table| sweep_columns(table).is_some());
     if request.known_columns.tables.is_none() && tables.len() > 1 && has_oscillation {
-        request.known_columns.tables = Some(choose_table(&request.file, &bytes, ask)?.to_string());
+        request.known_columns.tables = Some(choose_table(place, bytes, ask)?.to_string());
     }
     let looked = chosen_table(tables, request.known_columns.tables.as_deref());
     if let Some(looked) = &looked
-        && let Some(summary) = oscillation(&request, looked, (&name, &bytes), &out)?
+        && let Some(summary) = oscillation(&request, looked, source, out)?
     {
-        return Ok((summary, sha256_hex(&bytes)));
+        return Ok(summary);
     }
     let creep = looked.and_then(|looked| StressStrain::of(&looked, &request.known_columns, request.sizes[2]));
     let given = creep.as_ref().map_or(&request.known_columns, |creep| &creep.given);
-    let mut proposal = propose(&request.file, &bytes, given, ask)?;
+    let mut proposal = propose(place, bytes, given, ask)?;
     if let Some(creep) = &creep {
         if load_start_s(&proposal, Some(creep)).is_some() {
             proposal.reasons.push("the step began at 0, before the first row (load_start_s = 0)".into());
@@ -97,7 +104,7 @@ pub fn run(request: &InitRequest, ask: Ask<'_>) -> Result<(InitSummary, String)>
     }
     let constant = creep.as_ref().and_then(|creep| creep.constant);
     let control = request.control.or(constant).unwrap_or(proposal.control);
-    let toml = experiment_toml(&request, &name, &proposal, creep.as_ref(), control);
+    let toml = experiment_toml(&request, source, &proposal, creep.as_ref(), control);
     if has_absolute_strain(creep.as_ref(), control) {
         proposal.reasons.retain(|reason| !["zero =", "direction ="].iter().any(|key| reason.contains(key)));
     }
@@ -108,43 +115,36 @@ pub fn run(request: &InitRequest, ask: Ask<'_>) -> Result<(InitSummary, String)>
         ),
         (None, Control::Force) => {}
     }
-    write(&out, &name, &bytes, &toml)?;
-    let summary = InitSummary {
+    write(out, name, bytes, &toml)?;
+    Ok(InitSummary {
         experiments: Vec::new(),
         directory: out.display().to_string(),
-        file: name,
+        file: name.clone(),
         columns: columns(&proposal, constant),
         others: others(&proposal),
         reasons: proposal.reasons,
         rows: proposal.n_rows,
         rows_without_position: proposal.n_lost,
         unknown,
-    };
-    Ok((summary, sha256_hex(&bytes)))
+    })
 }
 
 /// Value of the table setting that makes one experiment of each table of a file.
 const EACH_TABLE: &str = "each";
 
 /// Writes one experiment for each table of a file that holds several tests. Each has its own directory inside `out`. Tables that cannot be read are named with the reason.
-fn each_table(
-    request: &InitRequest,
-    bytes: &[u8],
-    stem: &str,
-    out: &Path,
-    ask: Ask<'_>,
-) -> Result<(InitSummary, String)> {
+fn each_table(request: &InitRequest, source: &TableSource, out: &Path, ask: Ask<'_>) -> Result<InitSummary> {
     let (mut made, mut experiments, mut refused) = (None, Vec::new(), Vec::new());
     let mut first_refusal = None;
-    for number in 1..=inspect_tables(&request.file, bytes)?.len() {
+    for number in 1..=inspect_tables(&source.place, &source.bytes)?.len() {
         // Tests of one specimen share its name.
-        let id = Some(request.id.clone().unwrap_or_else(|| stem.to_string()));
+        let id = Some(request.id.clone().unwrap_or_else(|| source.stem()));
         let known_columns = TableSettings { tables: Some(number.to_string()), ..request.known_columns.clone() };
-        let of_table = InitRequest { out: Some(out.join(number.to_string())), id, known_columns, ..request.clone() };
-        match run(&of_table, ask) {
-            Ok((summary, sha256)) => {
+        let of_table = InitRequest { id, known_columns, ..request.clone() };
+        match one(&of_table, source, &out.join(number.to_string()), ask) {
+            Ok(summary) => {
                 experiments.push(summary.directory.clone());
-                made.get_or_insert((summary, sha256));
+                made.get_or_insert(summary);
             }
             Err(error @ Error::Input { .. }) => {
                 refused.push(format!("table {number} is left out: {error}"));
@@ -154,13 +154,13 @@ fn each_table(
         }
     }
     match (made, first_refusal) {
-        (Some((mut first, sha256)), _) => {
+        (Some(mut first), _) => {
             first.reasons.extend(refused);
-            Ok((InitSummary { directory: out.display().to_string(), experiments, ..first }, sha256))
+            Ok(InitSummary { directory: out.display().to_string(), experiments, ..first })
         }
         (None, Some(error)) => Err(error),
         (None, None) => {
-            Err(Error::input(InputPlace::file(&request.file), "the file has no table", "give another file"))
+            Err(Error::input(InputPlace::file(&source.place), "the file has no table", "give another file"))
         }
     }
 }
@@ -169,27 +169,28 @@ fn each_table(
 const ALL_TRACKS: &str = "all";
 
 /// Writes one experiment for each track (trajectory of one bead) in the table. Each experiment has its own directory inside `out`.
-fn cohort(request: &InitRequest, bytes: &[u8], stem: &str, out: &Path, ask: Ask<'_>) -> Result<(InitSummary, String)> {
+fn cohort(request: &InitRequest, source: &TableSource, out: &Path, ask: Ask<'_>) -> Result<InitSummary> {
     let mut made = None;
     let mut experiments = Vec::new();
-    for track in tracks(&request.file, bytes, &request.known_columns)? {
+    let stem = source.stem();
+    for track in tracks(&source.place, &source.bytes, &request.known_columns)? {
         // A track's name may contain any character, but a directory's name may not.
         let safe: String = track.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
         let given = TableSettings {
             track: [request.known_columns.track[0].clone(), Some(track)],
             ..request.known_columns.clone()
         };
-        let id = Some(format!("{}-{safe}", request.id.as_deref().unwrap_or(stem)));
-        let of_track = InitRequest { out: Some(out.join(&safe)), id, known_columns: given, ..request.clone() };
-        let (summary, sha256) = run(&of_track, ask)?;
+        let id = Some(format!("{}-{safe}", request.id.as_deref().unwrap_or(&stem)));
+        let of_track = InitRequest { id, known_columns: given, ..request.clone() };
+        let summary = one(&of_track, source, &out.join(&safe), ask)?;
         experiments.push(summary.directory.clone());
-        made.get_or_insert((summary, sha256));
+        made.get_or_insert(summary);
     }
-    let (first, sha256) = made.ok_or_else(|| {
+    let first = made.ok_or_else(|| {
         let remedy = format!("name the column of tracks with `{}`", Setting::TrackColumn);
-        Error::input(InputPlace::file(&request.file), "the table has no column of tracks", remedy)
+        Error::input(InputPlace::file(&source.place), "the table has no column of tracks", remedy)
     })?;
-    Ok((InitSummary { directory: out.display().to_string(), experiments, ..first }, sha256))
+    Ok(InitSummary { directory: out.display().to_string(), experiments, ..first })
 }
 
 /// Writes the experiment and a copy of its table. If one of the two files cannot be written, the other is not written either.
@@ -211,7 +212,7 @@ fn chosen_table(mut tables: Vec<InspectedTable>, chosen: Option<&str>) -> Option
 fn oscillation(
     request: &InitRequest,
     looked: &InspectedTable,
-    (name, bytes): (&str, &[u8]),
+    source: &TableSource,
     out: &Path,
 ) -> Result<Option<InitSummary>> {
     let given = &request.known_columns;
@@ -219,9 +220,9 @@ fn oscillation(
         return Ok(None);
     }
     let Some(columns) = sweep_columns(looked) else { return Ok(None) };
-    let (toml, mut summary) = describe_sweep(name, request.id.as_deref(), request.sizes[2], looked, &columns)?;
+    let (toml, mut summary) = describe_sweep(source, request.id.as_deref(), request.sizes[2], looked, &columns)?;
     summary.reasons.extend(unused_sizes_remark(request));
-    write(out, name, bytes, &toml)?;
+    write(out, &source.name, &source.bytes, &toml)?;
     let (sweep, _) = OscillationRecord::read(out)?;
     Ok(Some(InitSummary {
         directory: out.display().to_string(),
@@ -285,17 +286,6 @@ fn prompt_size(size: &PromptedSize, ask: Ask<'_>) -> Option<f64> {
             return None;
         }
     }
-}
-
-fn file_name(file: &Path) -> Result<String> {
-    let name = file.file_name().and_then(|name| name.to_str()).filter(|name| !name.contains(char::is_control));
-    name.map(String::from).ok_or_else(|| {
-        Error::input(
-            InputPlace::file(file),
-            "this file name contains control characters or is not Unicode",
-            "rename the table to letters, digits and dots",
-        )
-    })
 }
 
 fn name_of(column: &ColumnName) -> String {
@@ -381,14 +371,14 @@ fn load_start_s(proposal: &TableProposal, creep: Option<&StressStrain>) -> Optio
 /// Makes the text of `experiment.toml`, with a comment on each line.
 fn experiment_toml(
     request: &InitRequest,
-    file: &str,
+    source: &TableSource,
     proposal: &TableProposal,
     creep: Option<&StressStrain>,
     control: Control,
 ) -> String {
     let table = &proposal.description;
     let layout = &table.layout;
-    let stem = Path::new(file).file_stem().map_or("specimen".into(), |stem| stem.to_string_lossy().into_owned());
+    let stem = source.stem();
     let [diameter, vitreous, poisson] =
         request.sizes.map(|size| size.map_or_else(|| quoted(UNKNOWN), |size| format!("{size:?}")));
     let mut lines = String::from(
@@ -429,8 +419,8 @@ fn experiment_toml(
         line("poisson_ratio", poisson, "0.48 to 0.499 for a gel that is nearly incompressible");
         line("density_kg_m3", "1000.0".into(), "density of water, as a default");
     }
-    line("\n[measurement]\nfile", quoted(file), "unchanged copy of the table");
-    line("source", quoted("not stated"), "origin of the table; synthetic or measured");
+    line("\n[measurement]\nfile", quoted(&source.name), "copy of the table, as text");
+    line("source", quoted(&source.origin), "origin of the table; synthetic or measured");
     if control == Control::Position {
         line("kind", quoted(RELAXATION), "the position is commanded, and the force is measured");
     }

@@ -1,8 +1,8 @@
 //! `init` for a rheometer's oscillation: writes a description of the table.
 
 use std::fmt::Write as _;
-use std::path::Path;
 
+use super::init_source::TableSource;
 use base::error::{Error, InputPlace, Result};
 use base::toml_input::quoted;
 use base::units::Dimension;
@@ -30,13 +30,13 @@ fn unit_of(looked: &InspectedTable, column: SweepColumn, place: usize) -> Result
 
 /// Makes the text of `experiment.toml` for an oscillation, and the interpretation of the table.
 pub(super) fn describe_sweep(
-    file: &str,
+    source: &TableSource,
     id: Option<&str>,
     poisson_ratio: Option<f64>,
     looked: &InspectedTable,
     columns: &[(SweepColumn, usize)],
 ) -> Result<(String, InitSummary)> {
-    let stem = Path::new(file).file_stem().map_or("specimen".into(), |stem| stem.to_string_lossy().into_owned());
+    let stem = source.stem();
     let units: Vec<ParsedUnit> =
         columns.iter().map(|(column, place)| unit_of(looked, *column, *place)).collect::<Result<_>>()?;
     let mut lines = String::from("# Description of the experiment: an oscillation of a rheometer.\n");
@@ -49,8 +49,8 @@ pub(super) fn describe_sweep(
     let poisson = poisson_ratio.unwrap_or(0.5);
     line("\n[rheometer]\npoisson_ratio", format!("{poisson:?}"), "of the specimen; 0.5 if it is nearly all water");
     line("\n[measurement]\nkind", quoted(OSCILLATION), "moduli over frequency");
-    line("file", quoted(file), "unchanged copy of the table");
-    line("source", quoted("not stated"), "origin of the table; synthetic or measured");
+    line("file", quoted(&source.name), "copy of the table, as text");
+    line("source", quoted(&source.origin), "origin of the table; synthetic or measured");
     line("# heldout_hz", "[1.0]".into(), "frequencies that are not fitted; default: every third");
     let layout = &looked.layout;
     if !layout.row_lines.is_empty() {
@@ -99,7 +99,7 @@ pub(super) fn describe_sweep(
     let summary = InitSummary {
         experiments: Vec::new(),
         directory: String::new(),
-        file: file.into(),
+        file: source.name.clone(),
         reasons: vec![looked.said.clone(), "frequencies and shear moduli: an oscillation of a rheometer".into()],
         columns: columns.iter().zip(&units).map(shown).collect(),
         others: others.map(|(_, name)| name.clone()).collect(),

@@ -14,6 +14,7 @@ pub mod extend;
 pub mod first_revision;
 pub mod fit;
 pub mod init;
+pub mod init_source;
 mod init_stress;
 mod init_sweep;
 pub mod ladder;

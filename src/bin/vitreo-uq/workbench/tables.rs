@@ -5,9 +5,10 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 use vitreo_uq::base::error::{Error, InputPlace, Result};
-use vitreo_uq::base::files::{self, Content};
+use vitreo_uq::base::files;
 use vitreo_uq::documents::init::InitSummary;
 use vitreo_uq::jobs::init::{self, InitRequest};
+use vitreo_uq::jobs::init_source::TableSource;
 use vitreo_uq::record::table::{InspectedTable, Question, TableSettings, cells, decode_detected, inspect_table};
 
 use super::home::WorkbenchFolder;
@@ -59,7 +60,7 @@ const PREVIEW_ROWS: usize = 5;
 
 /// Reads the first rows of the first table in a file, for the eyes of the user.
 fn preview(file: &Path) -> Option<TablePreview> {
-    let bytes = files::read(file, Content::Table, "").ok()?;
+    let bytes = TableSource::read(file).ok()?.bytes;
     let InspectedTable { layout, columns, said, .. } = inspect_table(file, &bytes).ok()?;
     let split = |line: &str| -> Vec<String> {
         cells(line, layout.delimiter).into_iter().map(std::borrow::Cow::into_owned).collect()
@@ -166,13 +167,14 @@ fn written(home: &WorkbenchFolder, file: &Path, described: &Described) -> Result
     Ok(DescribeOutcome::Written { item, summary: Box::new(summary) })
 }
 
-/// Replaces the path of the stored table in an error by the table's original name.
+/// Removes the folder of the stored table from the path in an error.
 fn with_original_name(error: Error, file: &Path) -> Error {
     match error {
         Error::Input { mut place, found, remedy } => {
-            if let (true, Some(name)) = (place.file.as_deref() == Some(file), file.file_name()) {
-                place.file = Some(name.into());
-            }
+            place.file = place.file.map(|path| match path.strip_prefix(file.parent().unwrap_or(file)) {
+                Ok(name) => name.into(),
+                Err(_) => path,
+            });
             Error::Input { place, found, remedy }
         }
         other => other,
