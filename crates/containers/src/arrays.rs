@@ -7,7 +7,7 @@ use crate::table_text::{TableText, number};
 /// Largest number of columns of a matrix that counts as a table.
 const MOST_COLUMNS: usize = 64;
 /// Least number of values of a vector that counts as a column.
-const FEWEST_ROWS: usize = 3;
+pub const FEWEST_ROWS: usize = 3;
 /// Largest number of values in a container.
 pub const MOST_VALUES: usize = 50_000_000;
 
@@ -61,14 +61,16 @@ impl NumberType {
     }
 }
 
+/// Name of a column and its values.
+pub type Column = (String, Vec<f64>);
 /// Vectors of one group, by their length.
-type Group = BTreeMap<usize, Vec<(String, Vec<f64>)>>;
+type Group = BTreeMap<usize, Vec<Column>>;
 
 /// Collector of arrays. Vectors of equal length in one group form a table, and a matrix with few columns is a table by itself.
 #[derive(Debug, Default)]
 pub struct Arrays {
     groups: Vec<(String, Group)>,
-    matrices: Vec<(String, Vec<(String, Vec<f64>)>)>,
+    matrices: Vec<(String, Vec<Column>)>,
     scalars: Vec<String>,
     notes: Vec<String>,
     n_values: usize,
@@ -125,7 +127,7 @@ impl Arrays {
     }
 
     /// Adds a table whose columns belong together.
-    pub fn add_table(&mut self, title: &str, columns: Vec<(String, Vec<f64>)>) {
+    pub fn add_table(&mut self, title: &str, columns: Vec<Column>) {
         self.matrices.push((title.to_string(), columns));
     }
 

@@ -14,7 +14,9 @@ mod spreadsheet;
 mod table_text;
 mod trackmate;
 
+use std::cell::Cell;
 use std::path::Path;
+use std::sync::Once;
 
 use base::error::{Error, InputPlace, Result};
 
@@ -55,7 +57,7 @@ const FORMATS: [Format; 6] = [
 pub fn convert(file: &Path, bytes: &[u8]) -> Result<Option<Converted>> {
     let refuse = |found: String, remedy: &str| Err(Error::input(InputPlace::file(file), found, remedy));
     if let Some(format) = FORMATS.iter().find(|format| (format.recognises)(bytes)) {
-        return match (format.read)(bytes) {
+        return match read_guarded(format, bytes) {
             Ok(TableText { text, notes }) if !text.is_empty() => {
                 Ok(Some(Converted { format: format.name, text, notes }))
             }
@@ -78,6 +80,28 @@ pub fn convert(file: &Path, bytes: &[u8]) -> Result<Option<Converted>> {
     }
 }
 
+thread_local! {
+    static IS_READING: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Reads a container. The libraries that parse containers may panic on a damaged file; such a panic becomes the reason that is returned, and nothing is
+/// printed.
+fn read_guarded(format: &Format, bytes: &[u8]) -> std::result::Result<TableText, String> {
+    static QUIET: Once = Once::new();
+    QUIET.call_once(|| {
+        let before = std::panic::take_hook();
+        std::panic::set_hook(Box::new(move |panic| {
+            if !IS_READING.get() {
+                before(panic);
+            }
+        }));
+    });
+    IS_READING.set(true);
+    let read = std::panic::catch_unwind(|| (format.read)(bytes));
+    IS_READING.set(false);
+    read.unwrap_or_else(|_| Err("it is damaged".into()))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -87,6 +111,12 @@ mod tests {
         for text in ["time_s,force_uN\n0,1\n", "", "\u{feff}t;F\n", "<notes> 1 2 3"] {
             assert_eq!(convert(Path::new("a.csv"), text.as_bytes()).unwrap(), None, "{text}");
         }
+    }
+
+    #[test]
+    fn a_panic_of_a_parser_becomes_a_reason() {
+        let format = Format { name: "test", recognises: |_| true, read: |_| panic!("slice index") };
+        assert_eq!(read_guarded(&format, &[]).unwrap_err(), "it is damaged");
     }
 
     #[test]

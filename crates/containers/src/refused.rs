@@ -14,7 +14,12 @@ pub fn zip_entries(bytes: &[u8]) -> (Vec<String>, u64) {
 }
 
 /// First bytes of a format, its name, and the remedy.
-const BY_START: [(&[u8], &str, &str); 24] = [
+const BY_START: [(&[u8], &str, &str); 25] = [
+    (
+        b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1",
+        "an old workbook or project of Office or an instrument",
+        "open it with the program that wrote it or a spreadsheet program, and save it as .xlsx or CSV",
+    ),
     (b"TDSm", "a LabVIEW measurement (TDMS)", TABLE_IN_PROGRAM),
     (b"\x0e\x03\x13\x01", "an HDF4 file", "convert it to HDF5 with h4toh5, or export the table as text"),
     (
@@ -58,7 +63,9 @@ pub fn recognised(file: &Path, bytes: &[u8]) -> Option<(&'static str, &'static s
     if bytes.starts_with(IS_ZIP) {
         let entries = zip_entries(bytes).0;
         let has = |start: &str| entries.iter().any(|name| name.starts_with(start));
-        return Some(if has("word/") {
+        return Some(if has("xl/") {
+            ("a binary Excel workbook", "save it as .xlsx or CSV")
+        } else if has("word/") {
             ("a word processor's document", "copy the table into a spreadsheet, and save it as .xlsx or CSV")
         } else if has("header.properties") {
             (

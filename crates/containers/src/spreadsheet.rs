@@ -1,53 +1,103 @@
-//! Workbooks: Excel (.xlsx, .xlsm, .xlsb, .xls) and OpenDocument (.ods).
+//! Workbooks: Excel (.xlsx, .xlsm) and OpenDocument (.ods).
+//!
+//! Old Excel workbooks (.xls) are refused: a damaged one makes the parser request more memory than any machine has.
 
+use std::collections::BTreeMap;
 use std::io::Cursor;
 
-use calamine::{Data, ExcelDateTime, Reader, open_workbook_auto_from_rs};
+use calamine::{Data, ExcelDateTime, Ods, Reader, Xlsx};
 
-use crate::arrays::MOST_VALUES;
+use crate::arrays::{FEWEST_ROWS, MOST_VALUES};
 use crate::refused::{IS_ZIP, zip_entries};
 use crate::table_text::{TableText, number};
 
-/// First bytes of Microsoft's compound files, to which old Excel workbooks belong.
-const COMPOUND: &[u8] = &[0xd0, 0xcf, 0x11, 0xe0, 0xa1, 0xb1, 0x1a, 0xe1];
 /// Largest size of a workbook's parts after decompression, in bytes.
 const MOST_BYTES: u64 = 2 << 30;
 
 pub fn recognises(bytes: &[u8]) -> bool {
-    let is_workbook = |name: &String| name.starts_with("xl/workbook") || name == "content.xml";
-    bytes.starts_with(COMPOUND) || bytes.starts_with(IS_ZIP) && zip_entries(bytes).0.iter().any(is_workbook)
+    let is_workbook = |name: &String| name.starts_with("xl/workbook.xml") || name == "content.xml";
+    bytes.starts_with(IS_ZIP) && zip_entries(bytes).0.iter().any(is_workbook)
 }
 
 pub fn read(bytes: &[u8]) -> Result<TableText, String> {
-    if zip_entries(bytes).1 > MOST_BYTES {
+    let (entries, n_bytes) = zip_entries(bytes);
+    if n_bytes > MOST_BYTES {
         return Err("its parts take more than 2 GiB after decompression".into());
     }
-    let mut workbook = open_workbook_auto_from_rs(Cursor::new(bytes)).map_err(|error| error.to_string())?;
     let mut tables = TableText::default();
-    for sheet in workbook.sheet_names() {
-        let range = match workbook.worksheet_range(&sheet) {
-            Ok(range) => range,
-            Err(error) => {
-                tables.notes.push(format!("sheet `{sheet}` is not read: {error}"));
-                continue;
-            }
-        };
-        if range.height().saturating_mul(range.width()) > MOST_VALUES {
-            return Err(format!("sheet `{sheet}` has more than {MOST_VALUES} cells"));
+    let mut n_cells = 0;
+    let mut add = |name: &str, sheet: Result<Sheet, String>| match sheet {
+        Ok(sheet) => {
+            n_cells += sheet.values().map(BTreeMap::len).sum::<usize>();
+            write(name, &sheet, &mut tables);
         }
-        if range.is_empty() {
-            continue;
+        Err(why) => tables.notes.push(format!("sheet `{name}` is not read: {why}")),
+    };
+    if entries.iter().any(|name| name == "content.xml") {
+        let mut workbook = Ods::new(Cursor::new(bytes)).map_err(|error| error.to_string())?;
+        for name in workbook.sheet_names() {
+            let range = workbook.worksheet_range(&name).map_err(|error| error.to_string());
+            let sheet = |range: calamine::Range<Data>| {
+                let mut sheet = Sheet::new();
+                for (row, column, value) in range.used_cells() {
+                    sheet.entry(row).or_default().insert(column, text_of(value));
+                }
+                sheet
+            };
+            add(&name, range.map(sheet));
         }
-        tables.title(&format!("sheet {sheet}"));
-        for row in range.rows() {
-            tables.row(row.iter().map(cell));
+    } else {
+        let mut workbook = Xlsx::new(Cursor::new(bytes)).map_err(|error| error.to_string())?;
+        for name in workbook.sheet_names() {
+            let sheet = excel_sheet(&mut workbook, &name);
+            add(&name, sheet);
         }
+    }
+    if n_cells > MOST_VALUES {
+        return Err(format!("it has more than {MOST_VALUES} cells"));
     }
     Ok(tables)
 }
 
+/// Texts of a sheet's cells by row and column.
+type Sheet = BTreeMap<usize, BTreeMap<usize, String>>;
+
+/// Reads the cells of a sheet one by one. A table of all cells would take terabytes if a single cell stands in the last row and column.
+fn excel_sheet(workbook: &mut Xlsx<Cursor<&[u8]>>, name: &str) -> Result<Sheet, String> {
+    let mut sheet = Sheet::new();
+    let mut cells = workbook.worksheet_cells_reader(name).map_err(|error| error.to_string())?;
+    while let Some(cell) = cells.next_cell().map_err(|error| error.to_string())? {
+        let (row, column) = cell.get_position();
+        let value = Data::from(cell.get_value().clone());
+        if value != Data::Empty {
+            sheet.entry(row as usize).or_default().insert(column as usize, text_of(&value));
+        }
+    }
+    Ok(sheet)
+}
+
+fn write(name: &str, sheet: &Sheet, tables: &mut TableText) {
+    let Some(first) = sheet.values().filter_map(|row| row.keys().next()).min() else { return };
+    let mut n_values: BTreeMap<usize, usize> = BTreeMap::new();
+    for column in sheet.values().flat_map(BTreeMap::keys) {
+        *n_values.entry(*column).or_default() += 1;
+    }
+    // Tables end at the last column with several values. A cell to the right of it belongs to its row alone.
+    let width = n_values.iter().rev().find(|(_, n)| **n >= FEWEST_ROWS).map_or(*first, |(column, _)| *column);
+    tables.title(&format!("sheet {name}"));
+    let mut before = None;
+    for (row, cells) in sheet {
+        if before.is_some_and(|before| before + 1 < *row) {
+            tables.row([]);
+        }
+        before = Some(*row);
+        let last = cells.keys().next_back().map_or(width, |last| width.max(*last));
+        tables.row((*first..=last).map(|column| cells.get(&column).cloned().unwrap_or_default()));
+    }
+}
+
 /// Text of a cell. An error value of a formula becomes an empty cell.
-fn cell(cell: &Data) -> String {
+fn text_of(cell: &Data) -> String {
     match cell {
         Data::Int(value) => value.to_string(),
         Data::Float(value) => number(*value),
@@ -62,7 +112,8 @@ fn cell(cell: &Data) -> String {
 fn date_or_clock(time: &ExcelDateTime) -> String {
     let days = time.as_f64();
     if time.is_duration() || (0.0..1.0).contains(&days) {
-        let seconds = 86_400.0 * days;
+        // Microseconds are rounded first, so that no clock shows 60 seconds.
+        let seconds = (86_400e6 * days).round() / 1e6;
         let (hours, minutes) = ((seconds / 3600.0).floor(), (seconds / 60.0).floor() % 60.0);
         return format!("{hours:02}:{minutes:02}:{:09.6}", seconds % 60.0);
     }

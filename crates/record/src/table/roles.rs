@@ -106,7 +106,20 @@ impl Role {
     fn words(self) -> (&'static [&'static str], &'static [&'static str]) {
         match self {
             Self::Time => (
-                &["t", "time", "zeit", "temps", "tiempo", "tempo", "timestamp", "elapsed", "xvalue", "date", "datetime", "datum"],
+                &[
+                    "t",
+                    "time",
+                    "zeit",
+                    "temps",
+                    "tiempo",
+                    "tempo",
+                    "timestamp",
+                    "elapsed",
+                    "xvalue",
+                    "date",
+                    "datetime",
+                    "datum",
+                ],
                 &["time", "zeit", "elapsed", "frame"],
             ),
             Self::Force => (&["f", "force", "kraft", "fx", "load"], &["force", "kraft"]),
