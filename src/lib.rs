@@ -34,6 +34,7 @@
 //! Every crate uses only crates that this list names before it.
 //!
 //! - [`base`]: errors, files, units, parameters, distributions
+//! - [`containers`]: workbooks, array files and tracker files as text
 //! - [`record`]: experiments and tables of measurements
 //! - [`laws`]: viscoelastic laws, and the stages of a model
 //! - [`elements`]: meshes and full finite elements
@@ -49,6 +50,7 @@
 
 pub use base;
 pub use cohorts;
+pub use containers;
 pub use criticism;
 pub use documents;
 pub use elements;

@@ -431,3 +431,64 @@ fn a_record_that_starts_under_load_is_recognised() {
         assert!((record.time_s[1] + start_s).abs() < 1e-9 && record.time_s[0] == 0.0);
     }
 }
+
+/// Checks the layouts of programs whose headers differ from a single line of names: names in comments, units and remarks below the names, names in capitals, a
+/// preamble with the quantity of the first column, and rows that are numbered in a column without a name.
+#[test]
+fn headers_of_many_programs_are_read() {
+    let comma = |x: f64| format!("{x:.3}").replace('.', ",");
+    for (program, text) in [
+        (
+            "JPK",
+            format!(
+                "# xPosition: 1.0E-5\n# segment: pause\n#\n# columns: seriesTime vDeflection height\n# fancyNames: \"Series Time\" \"Vertical deflection\" \"Height\"\n# units: s N m\n{}",
+                rows(|_, [t, f, x]| format!("{t:.3} {:e} {:.9e}", 1e-6 * f, 1e-6 * x))
+            ),
+        ),
+        (
+            "Origin",
+            format!(
+                "Time\tForce\tPosition\ns\tuN\tum\n\tcoil\ttracked\n{}",
+                rows(|_, [t, f, x]| format!("{t:.3}\t{f}\t{x:.3}"))
+            ),
+        ),
+        (
+            "R",
+            format!(
+                "\"time_s\" \"force_uN\" \"position_um\"\n{}",
+                rows(|row, [t, f, x]| format!("\"{}\" {t:.3} {f} {x:.3}", row + 1))
+            ),
+        ),
+        (
+            "LabVIEW",
+            format!(
+                "LabVIEW Measurement\t\n***End_of_Header***\t\nChannels\t2\nX_Dimension\tTime\tTime\n***End_of_Header***\t\nX_Value\tForce (uN)\tPosition (um)\tComment\n{}",
+                rows(|_, [t, f, x]| format!("{t:.3}\t{f}\t{x:.3}"))
+            ),
+        ),
+        (
+            "CellScale",
+            format!(
+                "Step,TIME_S,Size_um,Displacement_um,Force_uN\n{}",
+                rows(|_, [t, f, x]| format!("hold,{t:.3},{:.3},{x:.3},{f}", 500.0 + x))
+            ),
+        ),
+        (
+            "a sequence of tests",
+            format!(
+                "Action,Time (action)(s),Time (sequence)(s),Force(uN),Position(um)\n{}",
+                rows(|_, [t, f, x]| format!("creep,{t:.3},{:.3},{f},{x:.3}", t + 60.0))
+            ),
+        ),
+        (
+            "a Russian program",
+            format!(
+                "Время (с);Сила (мкН);Перемещение (мкм);Температура\n{}",
+                rows(|_, [t, f, x]| format!("{};{};{};25", comma(t), comma(f), comma(x)))
+            ),
+        ),
+    ] {
+        println!("{program}");
+        assert_is_truth(&text, TableSettings::default());
+    }
+}

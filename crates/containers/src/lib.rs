@@ -1,4 +1,4 @@
-//! Tables in files that are not text: workbooks, arrays of MATLAB and NumPy, HDF5, and tracks of TrackMate.
+//! Tables in files that are not text: workbooks, arrays of MATLAB and NumPy, HDF5, and tracks of TrackMate. Also texts in encodings of single languages.
 //!
 //! Each reader recognises its format by content and writes all tables of the file as one text: a title, a header and rows, with tabs between cells. What
 //! reads text tables then reads these, so that columns, units and choices between tables follow the same rules for every format.
@@ -7,6 +7,7 @@
 
 mod arrays;
 mod hdf5;
+mod legacy_text;
 mod matlab;
 mod numpy;
 mod refused;
@@ -22,15 +23,17 @@ use base::error::{Error, InputPlace, Result};
 
 use table_text::TableText;
 
-/// Tables of a container as text.
+/// Tables of a container, or a text in an old encoding, as UTF-8.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Converted {
-    /// Name of the container's format, such as "Excel workbook".
-    pub format: &'static str,
-    /// Tables in UTF-8, each below its title and header, with tabs between cells.
+    /// Name of the format, such as "workbook".
+    pub format: String,
+    /// The text. Tables of a container stand below their titles and headers, with tabs between cells.
     pub text: String,
     /// Contents that are not in the text, each as a sentence for the user.
     pub notes: Vec<String>,
+    /// True if the lines are those of the file, which then is a text in another encoding.
+    pub keeps_lines: bool,
 }
 
 /// Format of a container: its name, a check of its first bytes, and its reader. The reader returns the reason if the file is damaged.
@@ -59,7 +62,7 @@ pub fn convert(file: &Path, bytes: &[u8]) -> Result<Option<Converted>> {
     if let Some(format) = FORMATS.iter().find(|format| (format.recognises)(bytes)) {
         return match read_guarded(format, bytes) {
             Ok(TableText { text, notes }) if !text.is_empty() => {
-                Ok(Some(Converted { format: format.name, text, notes }))
+                Ok(Some(Converted { format: format.name.into(), text, notes, keeps_lines: false }))
             }
             Ok(TableText { notes, .. }) => {
                 let why = notes.first().map_or(String::new(), |note| format!(": {note}"));
@@ -76,7 +79,12 @@ pub fn convert(file: &Path, bytes: &[u8]) -> Result<Option<Converted>> {
     }
     match refused::recognised(file, bytes) {
         Some((found, remedy)) => refuse(format!("the file is {found}, which is not read"), remedy),
-        None => Ok(None),
+        None => Ok(legacy_text::convert(bytes).map(|(encoding, text)| Converted {
+            format: format!("text in {encoding}"),
+            text,
+            notes: Vec::new(),
+            keeps_lines: true,
+        })),
     }
 }
 

@@ -29,17 +29,28 @@ impl TableSource {
     pub fn read(file: &Path) -> Result<Self> {
         let bytes = files::read(file, Content::Table, "give a table that can be read")?;
         let name = file_name(file)?;
-        let Some(Converted { format, text, mut notes }) = convert(file, &bytes)? else {
+        let Some(Converted { format, text, mut notes, keeps_lines }) = convert(file, &bytes)? else {
             return Ok(Self { place: file.into(), name, bytes, notes: Vec::new(), origin: "not stated".into() });
         };
+        let origin = format!("{format} {name}, SHA-256 {}", sha256_hex(&bytes));
+        let bytes = text.into_bytes();
+        if keeps_lines {
+            return Ok(Self {
+                place: file.into(),
+                name,
+                bytes,
+                notes: vec![format!("the {format} is converted to UTF-8")],
+                origin,
+            });
+        }
         notes.insert(0, format!("the tables of the {format} are converted to text, with tabs between cells"));
         let stem = Path::new(&name).file_stem().map_or("table".into(), |stem| stem.to_string_lossy().into_owned());
         Ok(Self {
             place: PathBuf::from(format!("{} (as text)", file.display())),
             name: format!("{stem}.tsv"),
-            bytes: text.into_bytes(),
+            bytes,
             notes,
-            origin: format!("{format} {name}, SHA-256 {}", sha256_hex(&bytes)),
+            origin,
         })
     }
 

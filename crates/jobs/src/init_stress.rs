@@ -43,6 +43,36 @@ fn called(name: &str, words: &[&str], others: &[&str]) -> bool {
     words.iter().any(contains) && !others.iter().any(contains)
 }
 
+/// Lower-case text of a column's name before its unit.
+fn symbol(name: &str) -> String {
+    name.to_lowercase().replace("(t)", "").split(['(', '[', '/']).next().unwrap_or_default().trim().to_string()
+}
+
+/// True if a name does not end in a bracket that holds a unit.
+fn has_no_unit(name: &str) -> bool {
+    let name = name.trim_end();
+    name.ends_with("(t)") || !name.ends_with([')', ']'])
+}
+
+/// Size of the unit of a compliance in 1/Pa. A name without a unit is in 1/Pa, unless it is only a letter. `None` for another unit.
+fn per_pa(name: &str, symbol: &str) -> Option<f64> {
+    let unit = name.trim_end().strip_suffix([')', ']']).and_then(|open| open.rsplit_once(['(', '[']));
+    let Some((_, unit)) = unit.filter(|_| !has_no_unit(name)) else {
+        return (symbol.len() > 1 || name.ends_with("(t)")).then_some(1.0);
+    };
+    let of = unit
+        .trim()
+        .strip_prefix("1/")
+        .or_else(|| ["^-1", "⁻¹", "-1"].iter().find_map(|end| unit.trim().strip_suffix(end)));
+    match of?.trim() {
+        "Pa" => Some(1.0),
+        "kPa" => Some(1e-3),
+        "MPa" => Some(1e-6),
+        "GPa" => Some(1e-9),
+        _ => None,
+    }
+}
+
 /// Stress and strain over time, of which one is commanded.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct StressStrain {
@@ -103,16 +133,18 @@ impl StressStrain {
         });
         let found: Vec<((usize, f64), Control)> = columns()
             .filter_map(|(place, (name, unit))| {
+                let symbol = symbol(name);
                 let is_modulus = called(name, &MODULUS, &OF_FREQUENCY);
-                let is_compliance = called(name, &COMPLIANCE, &OF_FREQUENCY);
-                let unit = unit.as_ref();
-                // A compliance has no unit that is known by name; 1/Pa is the only one in use.
-                match unit {
-                    Some(unit) if is_modulus && unit.dimension == Dimension::Pressure => {
+                let is_compliance = called(name, &COMPLIANCE, &OF_FREQUENCY) || ["j", "d"].contains(&symbol.as_str());
+                match unit.as_ref() {
+                    Some(unit)
+                        if unit.dimension == Dimension::Pressure
+                            && (is_modulus || ["g", "e"].contains(&symbol.as_str())) =>
+                    {
                         Some(((place, unit.to_si(1.0)), Control::Position))
                     }
-                    None if is_modulus => Some(((place, 1.0), Control::Position)),
-                    None if is_compliance => Some(((place, 1.0), Control::Force)),
+                    None if is_modulus && has_no_unit(name) => Some(((place, 1.0), Control::Position)),
+                    None if is_compliance => Some(((place, per_pa(name, &symbol)?), Control::Force)),
                     _ => None,
                 }
             })
@@ -180,8 +212,27 @@ mod tests {
         assert_eq!((modulus.constant, modulus.given.units[1].as_deref()), (Some(Control::Position), Some("1000 N")));
         let compliance = creep("t (s),J(t),n", None).expect("a compliance");
         assert_eq!((compliance.constant, compliance.given.columns[2].as_deref()), (Some(Control::Force), Some("2")));
-        for header in ["Time [s],Storage modulus [Pa],Loss modulus [Pa]", "t (s),Force (uN),Position (um),Modulus (Pa)"]
-        {
+        for (header, unit) in [
+            ("t,J (1/Pa),n", "m"),
+            ("t,J(t) [kPa^-1],n", "0.001 m"),
+            ("t,Compliance [1/MPa],n", "0.000001 m"),
+            ("t,Creep compliance,n", "m"),
+        ] {
+            let found = creep(header, None).unwrap_or_else(|| panic!("{header}"));
+            assert_eq!(
+                (found.constant, found.given.units[2].as_deref()),
+                (Some(Control::Force), Some(unit)),
+                "{header}"
+            );
+        }
+        assert_eq!(creep("t,G [kPa],n", None).unwrap().given.units[1].as_deref(), Some("1000 N"));
+        for header in [
+            "t,J,n",
+            "t,Compliance [mm²/N],n",
+            "t,Modulus [psi],n",
+            "Time [s],Storage modulus [Pa],Loss modulus [Pa]",
+            "t (s),Force (uN),Position (um),Modulus (Pa)",
+        ] {
             assert_eq!(creep(header, None), None, "{header}");
         }
     }

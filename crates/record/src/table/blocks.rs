@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 
 use super::spelling::{ParsedUnit, clock_s, is_date_time, split_unit, unit};
-use super::text::{Decimal, Delimiter, cells, header_cells, is_blank_or_comment};
+use super::text::{COLUMNS, Decimal, Delimiter, cells, comment_sign, header_cells, is_blank_or_comment};
 use crate::trajectory::is_lost;
 
 /// Largest number of lines from which the layout of cells is inferred.
@@ -199,24 +199,55 @@ fn names_in(line: &str, layout: &Layout, n_empty: usize) -> Option<Vec<String>> 
 
 /// Finds the header of a table with the given layout, among the lines from index `from` to the first row. The header is empty if there is none.
 fn header(lines: &[&str], from: usize, layout: &Layout, n_empty: usize) -> Header {
+    if let Some(header) = commented_header(lines, from, layout, n_empty) {
+        return header;
+    }
     let above: Vec<usize> =
-        (from..layout.first).rev().filter(|index| !lines[*index].trim().is_empty()).take(2).collect();
+        (from..layout.first).rev().filter(|index| !lines[*index].trim().is_empty()).take(3).collect();
     let names =
         |place: usize| above.get(place).and_then(|index| Some((*index, names_in(lines[*index], layout, n_empty)?)));
-    let Some((line, nearest)) = names(0) else { return Header::default() };
-    let units: Vec<Option<ParsedUnit>> = nearest.iter().map(|cell| unit(cell)).collect();
-    let length = |cell: &String| cell.trim_matches(['[', ']', '(', ')']).chars().count();
-    // A unit line may contain units that the program does not use, such as °C.
-    if let Some((line, names)) = names(1)
-        && units.iter().flatten().count() >= 2
-        && nearest.iter().all(|cell| length(cell) <= LONGEST_UNIT)
-    {
-        let is_foreign = |at: &usize| units[*at].is_none() && nearest[*at].chars().any(char::is_alphabetic);
+    // Programs write the units below the names, and some write a line of remarks below the units.
+    let with_units = |place: usize| {
+        let (_, cells) = names(place)?;
+        let units: Vec<Option<ParsedUnit>> = cells.iter().map(|cell| unit(cell)).collect();
+        let length = |cell: &String| cell.trim_matches(['[', ']', '(', ')']).chars().count();
+        if units.iter().flatten().count() < 2 || cells.iter().any(|cell| length(cell) > LONGEST_UNIT) {
+            return None;
+        }
+        let (line, names) = names(place + 1)?;
+        // A unit line may contain units that the program does not use, such as °C.
+        let is_foreign = |at: &usize| units[*at].is_none() && cells[*at].chars().any(char::is_alphabetic);
         let foreign = (0..units.len()).filter(is_foreign).collect();
-        return Header { line: Some(line), names, units, foreign };
+        Some(Header { line: Some(line), names, units, foreign })
+    };
+    if let Some(header) = with_units(0).or_else(|| with_units(1)) {
+        return header;
     }
-    let units = nearest.iter().map(|name| split_unit(name).1).collect();
-    Header { line: Some(line), names: nearest, units, foreign: Vec::new() }
+    let Some((line, names)) = names(0) else { return Header::default() };
+    // LabVIEW names the quantity of the first column in its preamble, and its times are in seconds.
+    let is_time = |line: &&str| line.starts_with("X_Dimension\tTime");
+    let unit_of = |name: &String| match name.as_str() {
+        "X_Value" if lines[..line].iter().any(is_time) => unit("s"),
+        name => split_unit(name).1,
+    };
+    let units = names.iter().map(unit_of).collect();
+    Header { line: Some(line), names, units, foreign: Vec::new() }
+}
+
+/// Finds a header in the comments above a table, as JPK writes it: `# columns: …` and `# units: …`. `None` without such comments.
+fn commented_header(lines: &[&str], from: usize, layout: &Layout, n_empty: usize) -> Option<Header> {
+    let comment = |key: &str| {
+        (from..layout.first).rev().find_map(|index| {
+            let line = lines[index].trim_start();
+            let (found, rest) = line[comment_sign(line, None)?.len()..].split_once(':')?;
+            (found.trim() == key).then_some((index, rest))
+        })
+    };
+    let (line, _) = comment(COLUMNS)?;
+    let names = names_in(lines[line], layout, n_empty)?;
+    let given: Vec<_> = comment("units").map_or(Vec::new(), |(_, units)| units.split_whitespace().map(unit).collect());
+    let units = if given.len() == names.len() { given } else { names.iter().map(|name| split_unit(name).1).collect() };
+    Some(Header { line: Some(line), names, units, foreign: Vec::new() })
 }
 
 /// Returns the nearest line above a table's header as its title; empty if there is none. The search ends at index `from`.

@@ -113,6 +113,10 @@ impl Role {
                     "temps",
                     "tiempo",
                     "tempo",
+                    "tijd",
+                    "время",
+                    "時間",
+                    "时间",
                     "timestamp",
                     "elapsed",
                     "xvalue",
@@ -120,12 +124,36 @@ impl Role {
                     "datetime",
                     "datum",
                 ],
-                &["time", "zeit", "elapsed", "frame"],
+                &["time", "zeit", "elapsed", "frame", "temps", "tiempo", "время", "時間", "时间"],
             ),
-            Self::Force => (&["f", "force", "kraft", "fx", "load"], &["force", "kraft"]),
+            Self::Force => (
+                &["f", "fx", "force", "kraft", "fuerza", "forza", "força", "kracht", "сила", "荷重", "力", "load"],
+                &["force", "kraft", "fuerza", "forza", "força", "kracht", "сила", "荷重", "力"],
+            ),
             Self::Position => (
                 &["x", "position", "pos", "displacement", "weg"],
-                &["position", "displac", "déplac", "deplac", "auslenk", "posx", "xpos", "xcoord"],
+                &[
+                    "position",
+                    "displac",
+                    "déplac",
+                    "deplac",
+                    "auslenk",
+                    "posx",
+                    "xpos",
+                    "xcoord",
+                    "desplaz",
+                    "posición",
+                    "spostam",
+                    "posizione",
+                    "deslocam",
+                    "posição",
+                    "verplaats",
+                    "перемещ",
+                    "смещен",
+                    "変位",
+                    "位移",
+                    "位置",
+                ],
             ),
             Self::Cycle => (&["cycle", "zyklus", "cyc"], &["cycle", "zyklus"]),
         }
@@ -138,7 +166,7 @@ fn fit(role: Role, name: &str, unit: Option<&ParsedUnit>) -> Option<u32> {
     let stem = counted(name).map_or_else(|| split_unit(name).0, |(stem, _)| stem);
     let plain: String = stem.to_lowercase().chars().filter(|c| c.is_alphanumeric()).collect();
     let (exact, parts) = role.words();
-    let by_name = match plain.as_str() {
+    let by_name: u32 = match plain.as_str() {
         plain if exact.contains(&plain) => 4,
         plain if parts.iter().any(|part| plain.contains(part)) => 2,
         _ => 0,
@@ -148,8 +176,10 @@ fn fit(role: Role, name: &str, unit: Option<&ParsedUnit>) -> Option<u32> {
         (_, Some(_)) => return None,
         _ => 0,
     };
+    // A test has its own clock, beside which exports may show the clock of a whole sequence.
+    let is_of_sequence = role == Role::Time && ["sequence", "total", "global"].iter().any(|part| plain.contains(part));
     // A unit counts less than a name, because it shows the quantity but not the body that has it.
-    Some(by_name + by_unit)
+    Some((by_name + by_unit).saturating_sub(u32::from(is_of_sequence)))
 }
 
 /// Columns of a table that were found for a role.

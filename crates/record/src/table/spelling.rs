@@ -3,7 +3,17 @@
 use base::units::{Dimension, UNITS};
 
 /// Spellings of units that differ from the program's own names, with their dimension and their value in SI units.
-const SPELLINGS: [(&str, Dimension, f64); 34] = [
+const SPELLINGS: [(&str, Dimension, f64); 44] = [
+    ("с", Dimension::Time, 1.0),
+    ("мс", Dimension::Time, 1e-3),
+    ("Н", Dimension::Force, 1.0),
+    ("мН", Dimension::Force, 1e-3),
+    ("мкН", Dimension::Force, 1e-6),
+    ("нН", Dimension::Force, 1e-9),
+    ("мм", Dimension::Length, 1e-3),
+    ("мкм", Dimension::Length, 1e-6),
+    ("нм", Dimension::Length, 1e-9),
+    ("кПа", Dimension::Pressure, 1e3),
     ("sec", Dimension::Time, 1.0),
     ("secs", Dimension::Time, 1.0),
     ("second", Dimension::Time, 1.0),
@@ -116,7 +126,7 @@ fn known_unit(plain: &str) -> Option<ParsedUnit> {
             scale: UnitScale::Over(item.per_si_unit),
         });
     }
-    let is_word = plain.len() > 2;
+    let is_word = plain.is_ascii() && plain.len() > 2;
     let same = |known: &str| if is_word { known.eq_ignore_ascii_case(plain) } else { known == plain };
     let (name, dimension, si_units) = SPELLINGS.iter().find(|(known, ..)| same(known))?;
     Some(ParsedUnit { dimension: *dimension, name: (*name).into(), scale: UnitScale::Times(*si_units) })
@@ -130,9 +140,19 @@ pub fn split_unit(name: &str) -> (&str, Option<ParsedUnit>) {
             return (stem, unit("rad/s"));
         }
     }
+    // Some programs write all names in capitals.
+    if let Some(stem) = name.strip_suffix("_S").filter(|stem| stem.to_lowercase().starts_with("time")) {
+        return (stem, unit("s"));
+    }
     let bracketed = name.trim_end().strip_suffix([']', ')']).and_then(|open| open.rsplit_once(['[', '(']));
-    let others = ["/", " in ", "_", " "].iter().filter_map(|joint| name.rsplit_once(joint));
-    let found = bracketed.into_iter().chain(others).find_map(|(stem, text)| Some((stem, unit(text)?)));
+    let found = match bracketed {
+        // Other text in brackets, such as `1/Pa`, is no unit either in part.
+        Some((stem, text)) => unit(text).map(|unit| (stem, unit)),
+        None => ["/", " in ", "_", " "]
+            .iter()
+            .filter_map(|joint| name.rsplit_once(joint))
+            .find_map(|(stem, text)| Some((stem, unit(text)?))),
+    };
     found.map_or((name, None), |(stem, unit)| (stem, Some(unit)))
 }
 
@@ -281,6 +301,9 @@ mod tests {
             let (stem, unit) = split_unit(name);
             assert_eq!((stem.trim(), unit.map(|unit| unit.name)), ("x", Some("um".into())), "{name}");
         }
+        assert_eq!(split_unit("J (1/Pa)").1, None);
+        assert_eq!(split_unit("TIME_S").1.map(|unit| unit.name), Some("s".into()));
+        assert_eq!(split_unit("Сила (мкН)").1.map(|unit| unit.to_si(1.0)), Some(1e-6));
         assert_eq!(split_unit("cycle").1, None);
         assert_eq!(split_unit("position").1, None);
     }

@@ -261,6 +261,9 @@ pub fn cells(line: &str, delimiter: Delimiter) -> Vec<Cow<'_, str>> {
     row.iter().map(|cell| Cow::Owned(cell.to_string())).collect()
 }
 
+/// Key of the comment that names the columns.
+pub const COLUMNS: &str = "columns";
+
 /// Splits a header into column names and removes a leading comment sign. The rows below the header have `n_cells` cells.
 ///
 /// If spaces separate the cells, names may contain single spaces. In this case at least two spaces must separate the names, or each name must end in
@@ -274,6 +277,13 @@ pub fn header_cells<'a>(
     let mut line = whole.trim_start();
     while let Some(sign) = comment_sign(line, comment) {
         line = line[sign.len()..].trim_start();
+    }
+    // Exports of JPK name the columns in a comment `# columns: …`.
+    if line.len() < whole.trim_start().len()
+        && let Some((key, names)) = line.split_once(':')
+        && key == COLUMNS
+    {
+        line = names;
     }
     if comment_sign(whole, comment).is_none() {
         // The first column may have no name, so its line may begin with a tab.
@@ -292,7 +302,14 @@ pub fn header_cells<'a>(
     };
     let by_wide_blanks = named(line.split("  ").flat_map(|part| part.split('\t')).collect());
     let by_brackets = named(line.split_inclusive([']', ')']).collect());
-    [by_wide_blanks, by_brackets].into_iter().find(|names| names.len() == n_cells).unwrap_or(by_each_blank)
+    if let Some(names) = [by_wide_blanks, by_brackets].into_iter().find(|names| names.len() == n_cells) {
+        return names;
+    }
+    // R's `write.table` numbers the rows in a column without a name.
+    if by_each_blank.len() + 1 == n_cells {
+        return std::iter::once(Cow::Borrowed("")).chain(by_each_blank).collect();
+    }
+    by_each_blank
 }
 
 #[cfg(test)]
@@ -344,6 +361,8 @@ mod tests {
         assert_eq!(spaces("t F x"), ["t", "F", "x"]);
         assert_eq!(spaces("elapsed time  F  x"), ["elapsed time", "F", "x"]);
         assert_eq!(header_cells("! t x", Delimiter::Spaces, Some("!"), 2), ["t", "x"]);
+        assert_eq!(spaces("# columns: seriesTime vDeflection height"), ["seriesTime", "vDeflection", "height"]);
+        assert_eq!(spaces("\"time_s\" \"force_uN\""), ["", "time_s", "force_uN"]);
         assert_eq!(header_cells("\t[s]\t[Pa]", Delimiter::Tab, None, 3), ["", "[s]", "[Pa]"]);
     }
 
