@@ -460,6 +460,27 @@ fn headers_of_many_programs_are_read() {
             ),
         ),
         (
+            "Igor",
+            format!(
+                "IGOR\nWAVES/D\ttime_s\tforce_uN\tposition_um\nBEGIN\n{}END\n",
+                rows(|_, [t, f, x]| format!("\t{t:.3}\t{f}\t{x:.3}"))
+            ),
+        ),
+        (
+            "thermal analysis",
+            format!(
+                "Version\tV7.5\nNsig\t3\nSig1\tTime (min)\nSig2\tForce (N)\nSig3\tDisplacement (mm)\nStartOfData\n{}",
+                rows(|_, [t, f, x]| format!("{:.9E}\t{:.6E}\t{:.9E}", t / 60.0, 1e-6 * f, 1e-3 * x))
+            ),
+        ),
+        (
+            "Fortran",
+            format!(
+                " TIME(S)  FORCE(N)  DISP(M)\n{}",
+                rows(|_, [t, f, x]| format!(" {t:.9E}  {:.6E}  {:.9E}", 1e-6 * f, 1e-6 * x).replace('E', "D"))
+            ),
+        ),
+        (
             "LabVIEW",
             format!(
                 "LabVIEW Measurement\t\n***End_of_Header***\t\nChannels\t2\nX_Dimension\tTime\tTime\n***End_of_Header***\t\nX_Value\tForce (uN)\tPosition (um)\tComment\n{}",

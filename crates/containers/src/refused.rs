@@ -92,10 +92,19 @@ pub fn recognised(file: &Path, bytes: &[u8]) -> Option<(&'static str, &'static s
             "open it in a spreadsheet program, and save it as .xlsx or CSV",
         ));
     }
-    if start.trim_ascii_start().starts_with(b"<?xml") || start.trim_ascii_start().starts_with(b"<!DOCTYPE") {
+    if has(b"<html")
+        || start.trim_ascii_start().starts_with(b"<?xml")
+        || start.trim_ascii_start().starts_with(b"<!DOCTYPE")
+    {
         return Some((
             "an XML or HTML document without tracks of TrackMate",
             "export the table as text, with one row a line",
+        ));
+    }
+    if matches!(start.trim_ascii_start(), [b'{', rest @ ..] if rest.trim_ascii_start().starts_with(b"\"")) {
+        return Some((
+            "a JSON document",
+            "export the table as text, with one row a line, as with `pandas.DataFrame(…).to_csv(…)`",
         ));
     }
     let ending = file.extension().map(|ending| ending.to_string_lossy().to_lowercase()).unwrap_or_default();

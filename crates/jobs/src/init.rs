@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
+use super::init_indenter::StatedTip;
 use super::init_source::TableSource;
 use super::init_stress::StressStrain;
 use super::init_sweep::describe_sweep;
@@ -96,7 +97,17 @@ fn one(request: &InitRequest, source: &TableSource, out: &Path, ask: Ask<'_>) ->
         proposal.reasons.extend(unused_sizes_remark(&request));
     }
     let mut unknown = Vec::new();
-    if creep.is_none() {
+    // A given size of the robot says that no tip was pressed into the gel.
+    let tip = (creep.is_none() && request.sizes[0].is_none())
+        .then(|| StatedTip::of(bytes, proposal.description.layout.first_row_line))
+        .flatten();
+    if let Some(tip) = &tip {
+        proposal.reasons.push(format!(
+            "line {} states the radius of a tip, so a spherical tip is pressed into the gel ([indenter])",
+            tip.radius_m.line
+        ));
+    }
+    if creep.is_none() && tip.is_none() {
         for (size, asked) in request.sizes.iter_mut().zip(&SIZES) {
             *size = size.or_else(|| prompt_size(asked, ask));
             unknown.extend(size.is_none().then(|| asked.key.to_string()));
@@ -104,7 +115,7 @@ fn one(request: &InitRequest, source: &TableSource, out: &Path, ask: Ask<'_>) ->
     }
     let constant = creep.as_ref().and_then(|creep| creep.constant);
     let control = request.control.or(constant).unwrap_or(proposal.control);
-    let toml = experiment_toml(&request, source, &proposal, creep.as_ref(), control);
+    let toml = experiment_toml(&request, source, &proposal, (creep.as_ref(), tip.as_ref()), control);
     if has_absolute_strain(creep.as_ref(), control) {
         proposal.reasons.retain(|reason| !["zero =", "direction ="].iter().any(|key| reason.contains(key)));
     }
@@ -120,7 +131,7 @@ fn one(request: &InitRequest, source: &TableSource, out: &Path, ask: Ask<'_>) ->
         experiments: Vec::new(),
         directory: out.display().to_string(),
         file: name.clone(),
-        columns: columns(&proposal, constant),
+        columns: columns(&proposal, creep.as_ref()),
         others: others(&proposal),
         reasons: proposal.reasons,
         rows: proposal.n_rows,
@@ -298,7 +309,7 @@ fn name_of(column: &ColumnName) -> String {
 /// Keys of the position's coordinates in `experiment.toml`.
 const AXES: [&str; 3] = ["position_x", "position_y", "position_z"];
 
-fn columns(proposal: &TableProposal, constant: Option<Control>) -> Vec<InitColumn> {
+fn columns(proposal: &TableProposal, stress_strain: Option<&StressStrain>) -> Vec<InitColumn> {
     let TableDescription { time, force, position, cycle, .. } = &proposal.description;
     let column = |role: &str, name: &ColumnName, unit: String, range| InitColumn {
         role: role.into(),
@@ -319,8 +330,18 @@ fn columns(proposal: &TableProposal, constant: Option<Control>) -> Vec<InitColum
         }
         None => {}
     }
-    let without = constant.map(|control| if control == Control::Force { "force" } else { "position" });
-    columns.retain(|column| Some(column.role.as_str()) != without);
+    if let Some(StressStrain { constant, .. }) = stress_strain {
+        let without = constant.map(|control| if control == Control::Force { "force" } else { "position" });
+        columns.retain(|column| Some(column.role.as_str()) != without);
+        for column in &mut columns {
+            let called = match column.role.as_str() {
+                "force" => ("stress", "Pa"),
+                "position" => ("strain", "%"),
+                _ => continue,
+            };
+            (column.role, column.unit) = (called.0.into(), called.1.into());
+        }
+    }
     columns.extend(cycle.as_ref().map(|cycle| column("cycle", cycle, String::new(), None)));
     columns
 }
@@ -368,12 +389,18 @@ fn load_start_s(proposal: &TableProposal, creep: Option<&StressStrain>) -> Optio
     (first_s > 0.0 && first_s <= FIRST_ROW * proposal.duration_s).then_some(0.0)
 }
 
+/// True if the column of the position is named as a depth of indentation, from which the instrument has subtracted the deflection of the spring.
+fn positions_are_depths(table: &TableDescription) -> bool {
+    let is_depth = |column: &ColumnName| name_of(column).to_lowercase().contains("indentation");
+    table.position.as_ref().is_some_and(|(columns, _)| columns.all().iter().any(is_depth))
+}
+
 /// Makes the text of `experiment.toml`, with a comment on each line.
 fn experiment_toml(
     request: &InitRequest,
     source: &TableSource,
     proposal: &TableProposal,
-    creep: Option<&StressStrain>,
+    (creep, tip): (Option<&StressStrain>, Option<&StatedTip>),
     control: Control,
 ) -> String {
     let table = &proposal.description;
@@ -408,6 +435,18 @@ fn experiment_toml(
         let value = format!("{compliance:?}");
         line("\n[instrument]\ncompliance_per_m", value, "2 + 2ν: Young's modulus over shear modulus; 1 for tension");
         line("measures", quoted(STRESS_STRAIN), "1 Pa is entered as 1 N, and a strain of 1 as 1 m");
+    } else if let Some(StatedTip { radius_m, stiffness_n_per_m }) = tip {
+        line("\n[indenter]\nexponent", "1.5".into(), "1.5 for a sphere, 2 for a cone or pyramid, 1 for a flat punch");
+        let radius_um = format!("{:?}", 1e6 * radius_m.value);
+        line("tip_radius_um", radius_um, &format!("from line {} of the table", radius_m.line));
+        let poisson = request.sizes[2].map_or("0.5".into(), |ratio| format!("{ratio:?}"));
+        line("poisson_ratio", poisson, "of the gel; 0.5 if it keeps its volume");
+        if let Some(stiffness) = stiffness_n_per_m {
+            let is_depth = positions_are_depths(table);
+            let key = if is_depth { "# cantilever_n_per_m" } else { "cantilever_n_per_m" };
+            let why = if is_depth { "; the table gives the depth, which the spring does not change" } else { "" };
+            line(key, format!("{:?}", stiffness.value), &format!("from line {} of the table{why}", stiffness.line));
+        }
     } else {
         line("\n[robot]\nshape", quoted("sphere"), "or \"ellipsoid\", \"cylinder\" with `length_mm` and `orientation`");
         line("diameter_mm", diameter, "of the moving body");
@@ -500,6 +539,7 @@ fn experiment_toml(
         Control::Force if proposal.has_noisy_levels => {
             line("force", quoted("levels"), "from a sensor: each hold takes its median; or \"hold\", \"linear\"");
         }
+        Control::Force if tip.is_some() => line("force", quoted("linear"), "measured at every row"),
         Control::Force => line("# force", quoted("hold"), "\"hold\" until the next row, or \"linear\" between rows"),
         Control::Position => {
             line("command", quoted("linear"), "between rows; \"hold\" until the next row, or \"levels\" of a sensor");

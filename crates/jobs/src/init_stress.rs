@@ -229,7 +229,7 @@ mod tests {
         for header in [
             "t,J,n",
             "t,Compliance [mm²/N],n",
-            "t,Modulus [psi],n",
+            "t,Modulus [bar],n",
             "Time [s],Storage modulus [Pa],Loss modulus [Pa]",
             "t (s),Force (uN),Position (um),Modulus (Pa)",
         ] {

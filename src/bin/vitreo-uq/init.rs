@@ -18,7 +18,7 @@ use crate::text::significant;
 /// Arguments of `init`.
 #[derive(Args)]
 pub struct InitArguments {
-    /// Table of force and position against time: text with cells separated by commas, semicolons, tabs or spaces
+    /// Table of force and position against time: text, a workbook (.xlsx, .ods), or a file of HDF5, MATLAB, NumPy or TrackMate (docs/instruments.md)
     #[arg(value_name = "FILE")]
     file: PathBuf,
     /// Directory to write [default: the table's name without its extension]

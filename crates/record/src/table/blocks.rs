@@ -199,11 +199,17 @@ fn names_in(line: &str, layout: &Layout, n_empty: usize) -> Option<Vec<String>> 
 
 /// Finds the header of a table with the given layout, among the lines from index `from` to the first row. The header is empty if there is none.
 fn header(lines: &[&str], from: usize, layout: &Layout, n_empty: usize) -> Header {
-    if let Some(header) = commented_header(lines, from, layout, n_empty) {
+    let in_preamble = || commented_header(lines, from, layout, n_empty).or_else(|| listed_header(lines, from, layout));
+    if let Some(header) = in_preamble() {
         return header;
     }
-    let above: Vec<usize> =
-        (from..layout.first).rev().filter(|index| !lines[*index].trim().is_empty()).take(3).collect();
+    let mut above: Vec<usize> =
+        (from..layout.first).rev().filter(|index| !lines[*index].trim().is_empty()).take(4).collect();
+    // A single word, such as `BEGIN`, marks where the rows begin.
+    let is_word = |line: &str| cells(line, layout.delimiter).len() == 1 && line.split_whitespace().count() == 1;
+    if above.first().is_some_and(|index| is_word(lines[*index])) {
+        above.remove(0);
+    }
     let names =
         |place: usize| above.get(place).and_then(|index| Some((*index, names_in(lines[*index], layout, n_empty)?)));
     // Programs write the units below the names, and some write a line of remarks below the units.
@@ -248,6 +254,20 @@ fn commented_header(lines: &[&str], from: usize, layout: &Layout, n_empty: usize
     let given: Vec<_> = comment("units").map_or(Vec::new(), |(_, units)| units.split_whitespace().map(unit).collect());
     let units = if given.len() == names.len() { given } else { names.iter().map(|name| split_unit(name).1).collect() };
     Some(Header { line: Some(line), names, units, foreign: Vec::new() })
+}
+
+/// Finds names that a preamble lists one a line, as instruments of thermal analysis write them: `Sig1`, a tab, `Time (min)`. `None` unless every column has
+/// such a line. The header has no line of its own, so columns are described by their numbers.
+fn listed_header(lines: &[&str], from: usize, layout: &Layout) -> Option<Header> {
+    let named = |number: usize| {
+        lines[from..layout.first].iter().find_map(|line| {
+            let (key, name) = line.split_once(['\t', ' '])?;
+            (key == format!("Sig{number}")).then(|| name.trim().to_string())
+        })
+    };
+    let names: Vec<String> = (1..=layout.n_cells).map(named).collect::<Option<_>>()?;
+    let units = names.iter().map(|name| split_unit(name).1).collect();
+    Some(Header { line: None, names, units, foreign: Vec::new() })
 }
 
 /// Returns the nearest line above a table's header as its title; empty if there is none. The search ends at index `from`.

@@ -340,7 +340,8 @@ impl DescribedFile<'_> {
             None if told(Role::Time).is_none() && clock_s(cell(Role::Time)).is_some() => TimeFormat::Clock,
             None => TimeFormat::Unit(unit_of(Role::Time)?),
         };
-        let name_at = |at: usize| match header.names.get(at) {
+        // Names that stand in several lines of a preamble are not found again by name.
+        let name_at = |at: usize| match header.names.get(at).filter(|_| header.line.is_some()) {
             Some(name) if header.names.iter().filter(|other| *other == name).count() == 1 && !name.is_empty() => {
                 ColumnName::Named(name.clone())
             }

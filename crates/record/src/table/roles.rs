@@ -123,6 +123,8 @@ impl Role {
                     "date",
                     "datetime",
                     "datum",
+                    "clock",
+                    "uhrzeit",
                 ],
                 &["time", "zeit", "elapsed", "frame", "temps", "tiempo", "время", "時間", "时间"],
             ),
@@ -131,7 +133,7 @@ impl Role {
                 &["force", "kraft", "fuerza", "forza", "força", "kracht", "сила", "荷重", "力"],
             ),
             Self::Position => (
-                &["x", "position", "pos", "displacement", "weg"],
+                &["x", "position", "pos", "displacement", "disp", "weg"],
                 &[
                     "position",
                     "displac",
@@ -153,6 +155,7 @@ impl Role {
                     "変位",
                     "位移",
                     "位置",
+                    "indentation",
                 ],
             ),
             Self::Cycle => (&["cycle", "zyklus", "cyc"], &["cycle", "zyklus"]),

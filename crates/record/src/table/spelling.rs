@@ -3,7 +3,7 @@
 use base::units::{Dimension, UNITS};
 
 /// Spellings of units that differ from the program's own names, with their dimension and their value in SI units.
-const SPELLINGS: [(&str, Dimension, f64); 44] = [
+const SPELLINGS: [(&str, Dimension, f64); 49] = [
     ("с", Dimension::Time, 1.0),
     ("мс", Dimension::Time, 1e-3),
     ("Н", Dimension::Force, 1.0),
@@ -43,6 +43,11 @@ const SPELLINGS: [(&str, Dimension, f64); 44] = [
     ("pa", Dimension::Pressure, 1.0),
     ("kPa", Dimension::Pressure, 1e3),
     ("MPa", Dimension::Pressure, 1e6),
+    ("GPa", Dimension::Pressure, 1e9),
+    ("dyn/cm^2", Dimension::Pressure, 0.1),
+    ("dyn/cm2", Dimension::Pressure, 0.1),
+    ("dyn/cm²", Dimension::Pressure, 0.1),
+    ("psi", Dimension::Pressure, 6_894.757_293_168),
     ("deg", Dimension::Angle, std::f64::consts::PI / 180.0),
     ("degrees", Dimension::Angle, std::f64::consts::PI / 180.0),
     ("°", Dimension::Angle, std::f64::consts::PI / 180.0),
@@ -147,6 +152,10 @@ pub fn split_unit(name: &str) -> (&str, Option<ParsedUnit>) {
     let bracketed = name.trim_end().strip_suffix([']', ')']).and_then(|open| open.rsplit_once(['[', '(']));
     let found = match bracketed {
         // Other text in brackets, such as `1/Pa`, is no unit either in part.
+        // Names in capitals have their unit in capitals.
+        Some((stem, "S" | "M")) if !name.contains(char::is_lowercase) => {
+            name.to_lowercase().split_once(['(', '[']).and_then(|(_, text)| Some((stem, unit(text)?)))
+        }
         Some((stem, text)) => unit(text).map(|unit| (stem, unit)),
         None => ["/", " in ", "_", " "]
             .iter()
@@ -302,6 +311,8 @@ mod tests {
             assert_eq!((stem.trim(), unit.map(|unit| unit.name)), ("x", Some("um".into())), "{name}");
         }
         assert_eq!(split_unit("J (1/Pa)").1, None);
+        assert_eq!(split_unit("DISP(M)").1.map(|unit| unit.name), Some("m".into()));
+        assert_eq!(split_unit("Conductance (S)").1, None);
         assert_eq!(split_unit("TIME_S").1.map(|unit| unit.name), Some("s".into()));
         assert_eq!(split_unit("Сила (мкН)").1.map(|unit| unit.to_si(1.0)), Some(1e-6));
         assert_eq!(split_unit("cycle").1, None);

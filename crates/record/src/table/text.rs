@@ -58,6 +58,11 @@ impl Decimal {
     /// separated (`4 600`, `4'600`).
     pub fn number(self, cell: &str) -> Option<f64> {
         let cell = &*plain(cell)?;
+        // Fortran writes double precision as `1.5D-3`.
+        let cell = &*match cell.find(['D', 'd']) {
+            Some(place) if place > 0 => Cow::Owned(format!("{}E{}", &cell[..place], &cell[place + 1..])),
+            _ => Cow::Borrowed(cell),
+        };
         let number = match self {
             Self::Point if cell.contains(',') => Cow::Owned(without_groups(cell, ',', '.')?),
             Self::Point => Cow::Borrowed(cell),
@@ -384,6 +389,7 @@ mod tests {
     fn numbers_are_those_of_their_decimal_sign() {
         assert_eq!(Decimal::Comma.number("-1,5e-3"), Some(-1.5e-3));
         assert_eq!(Decimal::Point.number("1.5"), Some(1.5));
+        assert_eq!(Decimal::Point.number("-1.5D-03"), Some(-1.5e-3));
         assert_eq!(Decimal::Point.number("-4,600.25"), Some(-4600.25));
         assert_eq!(Decimal::Comma.number("1.234.567,5"), Some(1_234_567.5));
         assert_eq!(Decimal::Point.number("\u{2212}4.6"), Some(-4.6));
@@ -408,6 +414,8 @@ mod tests {
             (Decimal::Point, "1 2"),
             (Decimal::Point, "12 34.5"),
             (Decimal::Point, "4-600"),
+            (Decimal::Point, "D-03"),
+            (Decimal::Point, "1.5d"),
             (Decimal::Point, ""),
         ] {
             assert_eq!(decimal.number(cell), None, "{cell}");
