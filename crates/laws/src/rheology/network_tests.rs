@@ -6,7 +6,7 @@ use nalgebra::Complex;
 use rand::{RngExt, SeedableRng};
 
 use super::spectrum_tests::{WINDOW, dual_compliance, times};
-use super::{Element, RetardationSpectrum};
+use super::{Element, RetardationSpectrum, stieltjes};
 use base::number::Dual;
 
 /// Returns the creep compliance J(t), as the inverse Laplace transform of J*(s)/s by the fixed Talbot method (Abate and Valkó
@@ -301,5 +301,17 @@ fn degenerate_networks_behave() {
             error.contains(&format!("a spectrum cannot cover times from {shortest_s} s to {longest_s} s")),
             "{error}"
         );
+    }
+}
+
+#[test]
+fn parameters_beyond_any_material_give_no_numbers_instead_of_a_panic() {
+    let spring = |modulus_pa: f64| Element::Spring { modulus_pa: Dual::constant(modulus_pa) };
+    let dashpot = |viscosity_pa_s: f64| Element::Dashpot { viscosity_pa_s: Dual::constant(viscosity_pa_s) };
+    for (modulus_pa, viscosity_pa_s) in [(1e-320, 1.0), (1.0, 1e-320), (1e300, 1e-300), (f64::INFINITY, 1e300)] {
+        let maxwell = |modulus_pa| Element::Series(vec![spring(modulus_pa), dashpot(viscosity_pa_s)]);
+        let network = Element::Parallel(vec![maxwell(modulus_pa), maxwell(1.0)]);
+        let spectrum = stieltjes::spectrum_of(&network).expect("a network without springpots");
+        assert!(spectrum.modes.len() <= 4, "{modulus_pa} {viscosity_pa_s}");
     }
 }

@@ -204,7 +204,8 @@ impl Stieltjes {
         };
         let weight = poles[origin].weight.value;
         let (mut near, mut far) = (reach * NEAREST, reach);
-        let mut size = (sign * weight / others(0.0).0).clamp(near, far);
+        // Parameters beyond any material overflow to rates that are no numbers. Then the zero is none either, and `clamp` would panic.
+        let mut size = (sign * weight / others(0.0).0).max(near).min(far);
         for _ in 0..MOST_STEPS {
             let (rest, slope) = others(sign * size);
             let value = size * rest - sign * weight;
