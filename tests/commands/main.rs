@@ -13,6 +13,7 @@ mod hard_input;
 mod http;
 mod indentation;
 mod ladder;
+mod laws;
 mod learn;
 mod links;
 #[path = "../mutators/mod.rs"]

@@ -21,6 +21,7 @@ OF_STUDY = [
     ("fit", ["fit", "study"]),
     ("effects", ["effects", "study"]),
     ("comparison", ["compare", "study"]),
+    ("laws", ["compare", "study", "--laws", "lethersich,maxwell"]),
     ("diagnosis", ["diagnose", "study"]),
     ("learned", ["learn", "study"]),
     ("extension", ["extend", "study", "--with", "clock-offset"]),

@@ -13,6 +13,7 @@ pub mod groups;
 pub mod init;
 pub mod joint;
 pub mod ladder;
+pub mod laws;
 pub mod learned;
 pub mod learned_cohort;
 pub mod oscillation;

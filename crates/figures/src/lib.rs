@@ -44,6 +44,7 @@ mod group_tests;
 pub mod labelled_netcdf;
 pub mod labels;
 pub mod ladder;
+pub mod laws;
 #[cfg(test)]
 mod layout_tests;
 pub mod learned;

@@ -20,6 +20,7 @@ mod init_stress;
 mod init_sweep;
 pub mod ladder;
 pub mod last_cycle;
+pub mod laws;
 pub mod learn;
 pub mod outcome;
 pub mod pages;

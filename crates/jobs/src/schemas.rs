@@ -17,6 +17,7 @@ use documents::groups::GroupsSummary;
 use documents::init::InitSummary;
 use documents::joint::JointSummary;
 use documents::ladder::LadderSummary;
+use documents::laws::LawComparison;
 use documents::learned::Learned;
 use documents::learned_cohort::LearnedCohort;
 use documents::oscillation::{OscillationDiagnosis, OscillationSummary};
@@ -78,6 +79,7 @@ pub fn all() -> Vec<DocumentSchema> {
         DocumentSchema::of::<GroupsSummary>("groups", "groups"),
         DocumentSchema::of::<InitSummary>("init", "init"),
         DocumentSchema::of::<LadderSummary>("ladder", "ladder"),
+        DocumentSchema::of::<LawComparison>("laws", "compare --laws"),
         DocumentSchema::of::<Learned>("learned", "learn"),
         DocumentSchema::of::<LearnedCohort>("learned-cohort", "learn"),
         DocumentSchema::of::<PosteriorSummary>("posterior", "sample"),

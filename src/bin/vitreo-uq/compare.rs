@@ -15,6 +15,9 @@ use crate::text::{outliers_left_out, significant};
 const FEWEST_SIMULATIONS: usize = 39;
 
 pub fn run(arguments: &CompareArguments) -> Result<ExitCode> {
+    if let Some(names) = &arguments.laws {
+        return crate::laws::run(arguments, names);
+    }
     let session = Session::begin(&arguments.common)?;
     if let Some(simulations) = arguments.simulations {
         options::check_simulations(simulations, FEWEST_SIMULATIONS)?;

@@ -22,6 +22,7 @@ mod init;
 mod interrupt;
 mod joint;
 mod ladder;
+mod laws;
 mod learn;
 mod options;
 mod output;

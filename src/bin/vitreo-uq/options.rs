@@ -161,6 +161,9 @@ pub struct CompareArguments {
     pub model: ModelOptions,
     #[command(flatten)]
     pub page: PageArguments,
+    /// Compare base laws instead: their evidence and their errors on the last cycle. Names or files of laws, separated by commas [default: all named laws]
+    #[arg(long, value_name = "LIST", num_args = 0..=1, default_missing_value = "", value_delimiter = ',', conflicts_with_all = ["simulations", "base"])]
+    pub laws: Option<Vec<String>>,
     /// Number of simulated records by which p is corrected for the number of tests [default: 199; fewer above 15,000 fitted rows, but at least 59]
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub simulations: Option<usize>,

@@ -186,11 +186,19 @@ impl<'a> CandidatePosterior<'a> {
             // Sequential Monte Carlo takes hundreds of thousands of trajectories. That is too many for models beside a claim, and for any diagnosis if trajectories are
             // computed one by one.
             Ok(_) => Err(Error::numerical(
-                format!("the importance weights of the model with {} are unreliable", candidate.effects.join(", ")),
+                format!("the importance weights of {} are unreliable", named(candidate)),
                 "sample it with `extend`, which takes more draws",
             )),
             Err(other) => Err(other),
         }
+    }
+}
+
+/// Name of a candidate's model in messages.
+fn named(candidate: &Candidate) -> String {
+    match candidate.effects.as_slice() {
+        [] => "the base law".into(),
+        effects => format!("the model with {}", effects.join(", ")),
     }
 }
 

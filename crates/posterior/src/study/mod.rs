@@ -41,6 +41,8 @@ pub const SIMULATION_NAME: &str = "simulation";
 pub const FIT_NAME: &str = "fit.json";
 /// File name of a study's comparison of its revisions. Its figures are `ladder.svg` and `ladder.png` beside it.
 pub const LADDER_NAME: &str = "ladder.json";
+/// Name of a comparison of laws, the result of `compare --laws`.
+pub const LAWS_NAME: &str = "laws.json";
 /// File name of a study's corner plot of several posteriors, if one was requested; `corner.png` is beside it.
 pub const CORNER_NAME: &str = "corner.svg";
 /// File name of a study's report for a browser.
@@ -333,6 +335,7 @@ fn hashes_of(files: &ExperimentFiles) -> Result<BTreeMap<String, String>> {
             SIMULATION_NAME,
             FIT_NAME,
             LADDER_NAME,
+            LAWS_NAME,
             PAGE_NAME,
             "ladder.svg",
             "ladder.png",

@@ -1,0 +1,74 @@
+//! Document of `compare --laws` (formats §5, `vitreo-uq/laws/1`).
+
+use serde::{Deserialize, Serialize};
+
+use super::diagnosis::RefitParameter;
+
+/// Result of `compare --laws`, which compares base laws on one record: body of the JSON document `vitreo-uq/laws/1`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
+pub struct LawComparison {
+    /// Specimen identifier.
+    pub experiment: String,
+    /// Cycles that every law is fitted to.
+    pub fitted_cycles: Vec<u32>,
+    /// The scored cycle; empty if no cycle is held out.
+    pub heldout_cycles: Vec<u32>,
+    /// Number of positions that every law is fitted to. A long record is thinned.
+    pub n_fitted: usize,
+    /// Known or estimated noise standard deviation, in µm; `None` if it is unknown.
+    pub noise_um: Option<f64>,
+    /// Laws by falling evidence. Laws that could not be fitted come last.
+    pub laws: Vec<LawRow>,
+    /// Summary of the comparison as a sentence.
+    pub sentence: String,
+}
+
+/// One law of a comparison.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
+pub struct LawRow {
+    /// Name of the law.
+    pub law: String,
+    /// Status of the law.
+    pub status: LawStatus,
+    /// Reason for which the law has no evidence; `None` for other laws.
+    pub reason: Option<String>,
+    /// Log evidence minus that of the likeliest law, in nats; `None` without evidence.
+    pub evidence_difference_nats: Option<f64>,
+    /// Standard error of the law's log evidence, in nats; `None` without evidence.
+    pub evidence_standard_error_nats: Option<f64>,
+    /// Root mean square residual of the fitted positions at the best fit, in µm; `None` without a fit.
+    pub rmse_fitted_um: Option<f64>,
+    /// Root mean square residual of the scored positions at the best fit, in µm; `None` without a fit or a scored cycle.
+    pub rmse_heldout_um: Option<f64>,
+    /// Posterior of each parameter of the law; empty without evidence.
+    pub parameters: Vec<RefitParameter>,
+}
+
+/// Status of a law in a comparison.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
+#[serde(rename_all = "snake_case")]
+pub enum LawStatus {
+    /// The record gives this law the largest evidence.
+    Likeliest,
+    /// The record cannot distinguish this law from the likeliest law.
+    Indistinguishable,
+    /// The record gives this law less evidence.
+    LessLikely,
+    /// The law has no evidence.
+    NotCompared,
+}
+
+impl LawStatus {
+    /// Text for readers.
+    pub fn text(self) -> &'static str {
+        match self {
+            Self::Likeliest => "likeliest",
+            Self::Indistinguishable => "indistinguishable",
+            Self::LessLikely => "less likely",
+            Self::NotCompared => "not compared",
+        }
+    }
+}

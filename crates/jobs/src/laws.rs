@@ -1,0 +1,251 @@
+//! `compare --laws`: fits several base laws to one record and compares their evidence and their errors on the last cycle.
+
+use std::path::Path;
+
+use base::error::{Error, Result};
+use base::files::{self, to_json};
+use criticism::evidence::evidence;
+use criticism::{Search, Subject};
+use documents::laws::{LawComparison, LawRow, LawStatus};
+use figures::svg::figure_files;
+use laws::rheology::BaseLaw;
+use models::effects::Library;
+use posterior::misfit::NOISE_FACTOR;
+use posterior::monitor::Monitor;
+use posterior::prepared::PreparedModel;
+use posterior::problem::Problem;
+use posterior::study::{LAWS_NAME, ModelSpecification, WithProvenance};
+
+use crate::outcome::Outcome;
+use crate::target::Target;
+
+/// Largest number of positions that laws are fitted to. A law with two springpots takes a second for a hundred thousand trajectories of so many rows.
+const MOST_ROWS: usize = 400;
+/// Smallest difference of log evidences, in nats, that distinguishes two laws: a Bayes factor of 20 (Kass and Raftery, *JASA* 90, 773, 1995, "strong").
+const DECISIVE_NATS: f64 = 3.0;
+/// Prior of all laws if none is given. A prior of one law's parameters would give that law an advantage.
+const WIDE_PRIOR: &str = "generic";
+
+/// Settings of the comparison that the caller chooses.
+pub struct LawsRequest {
+    /// Names or files of the laws. An empty list selects all laws that have a name.
+    pub laws: Vec<String>,
+    /// Seed of the random numbers.
+    pub seed: u64,
+}
+
+/// Compares base laws on a creep or relaxation record, and writes the comparison into the record's study. The laws have no effects. All have the same priors of the noise,
+/// and wide priors of their parameters unless the target names a prior.
+///
+/// # Errors
+/// [`Error::Input`] for other targets, an unknown law or a prior that a law cannot use; [`Error::Numerical`] if no law can be fitted.
+pub fn run(target: &Target, request: &LawsRequest, monitor: &dyn Monitor) -> Result<Outcome<LawComparison>> {
+    let target = target.creep()?;
+    target.check(monitor)?;
+    let names: Vec<String> = match request.laws.as_slice() {
+        [] => BaseLaw::names().map(String::from).collect(),
+        given => given.to_vec(),
+    };
+    let prior = target.request.prior.as_deref().unwrap_or(WIDE_PRIOR);
+    let of_law = |name: &String| {
+        ModelSpecification::default().with_options(
+            Some(name),
+            &[],
+            &target.request.noise,
+            Some(prior),
+            &target.request.set,
+        )
+    };
+    let specifications: Vec<ModelSpecification> = names.iter().map(of_law).collect::<Result<_>>()?;
+    let mesh = target.request.mesh.as_ref();
+    let library = Library::default();
+    let first = Problem::new(target.experiment.clone(), specifications[0].clone(), mesh, monitor)?;
+    // The geometry of the experiment is that of all laws.
+    let compliance = PreparedModel::unverified(&first, None, monitor)?.compliance;
+    let mut rows = Vec::new();
+    let mut compared = None;
+    for (place, (name, specification)) in names.iter().zip(specifications).enumerate() {
+        monitor.stage(&format!("law {} of {}: {name}", place + 1, names.len()));
+        monitor.progress(place, names.len());
+        let problem = first.with_model(specification, &library)?;
+        let subject = Subject::with_compliance(&problem, &library, compliance.clone())?;
+        let subject = subject.thinned(MOST_ROWS)?.unwrap_or(subject);
+        rows.push(match row(name, &subject, request.seed) {
+            Ok(row) => row,
+            Err(Error::Numerical { what, .. }) => not_compared(name, what),
+            Err(other) => return Err(other),
+        });
+        compared.get_or_insert((subject.n_fitted(), subject.noise_um(), subject.experiment().clone()));
+    }
+    let Some((n_fitted, noise_um, experiment)) = compared else {
+        return Err(Error::numerical("no law was given", "name at least one law"));
+    };
+    rank(&mut rows);
+    let sentence = sentence(&rows, noise_um);
+    let body = LawComparison {
+        experiment: experiment.specimen_id.clone(),
+        fitted_cycles: experiment.calibration_cycles.clone(),
+        heldout_cycles: experiment.heldout_cycles.clone(),
+        n_fitted,
+        noise_um,
+        laws: rows,
+        sentence,
+    };
+    monitor.stage("writing results and figures");
+    let study = target.make_study()?;
+    let quantities = target.experiment.quantities();
+    let provenance = study.provenance("laws", 1, request.seed).with_quantities(quantities);
+    let document = WithProvenance { provenance, body };
+    let [svg, png] = figure_files(study.dir(), "laws", &figures::laws::laws(&document.body).translated(quantities))?;
+    let path = study.dir().join(LAWS_NAME);
+    let json = (path.clone(), to_json(&path, &document)?);
+    let all: [(&Path, &[u8]); 3] = [&svg, &png, &json].map(|(path, bytes)| (path.as_path(), bytes.as_slice()));
+    files::write_together(&all)?;
+    let has_page = !study.revisions()?.is_empty();
+    Ok(Outcome { is_sound: true, document, written: svg.0, study: has_page.then_some(study) })
+}
+
+/// Fits a law and computes its evidence. A law whose evidence cannot be computed keeps its errors.
+///
+/// # Errors
+/// [`Error::Numerical`] if the law cannot be fitted.
+fn row(name: &str, subject: &Subject, seed: u64) -> Result<LawRow> {
+    let law = subject.base();
+    let fitted = subject.fit(&law, &[], Search::Wide)?;
+    let in_um = |positions_m: &[Option<f64>]| Some(1e6 * fitted.rmse_m(positions_m)?);
+    let mut row = LawRow {
+        rmse_fitted_um: in_um(&subject.fitted_m),
+        rmse_heldout_um: in_um(&subject.scored_m),
+        ..not_compared(name, String::new())
+    };
+    match evidence(subject, &law, &fitted, seed) {
+        Ok(found) => {
+            row.status = LawStatus::LessLikely;
+            row.reason = None;
+            row.evidence_difference_nats = Some(found.ln_evidence);
+            row.evidence_standard_error_nats = Some(found.standard_error);
+            row.parameters = found.parameters;
+        }
+        Err(Error::Numerical { what, .. }) => row.reason = Some(what),
+        Err(other) => return Err(other),
+    }
+    Ok(row)
+}
+
+fn not_compared(name: &str, why: String) -> LawRow {
+    LawRow {
+        law: name.into(),
+        status: LawStatus::NotCompared,
+        reason: Some(why),
+        evidence_difference_nats: None,
+        evidence_standard_error_nats: None,
+        rmse_fitted_um: None,
+        rmse_heldout_um: None,
+        parameters: Vec::new(),
+    }
+}
+
+/// Sorts the laws by falling evidence, makes the evidences relative to the largest, and sets the status of each law.
+fn rank(rows: &mut [LawRow]) {
+    let known = |row: &LawRow| row.evidence_difference_nats.unwrap_or(f64::NEG_INFINITY);
+    rows.sort_by(|a, b| known(b).total_cmp(&known(a)));
+    let best = rows.first().map_or(0.0, known);
+    let best_error = rows.first().and_then(|row| row.evidence_standard_error_nats).unwrap_or(0.0);
+    for (place, row) in rows.iter_mut().enumerate() {
+        let (Some(difference), Some(error)) = (&mut row.evidence_difference_nats, row.evidence_standard_error_nats)
+        else {
+            continue;
+        };
+        *difference -= best;
+        let is_near = -*difference <= DECISIVE_NATS.max(2.0 * best_error.hypot(error));
+        row.status = match (place, is_near) {
+            (0, _) => LawStatus::Likeliest,
+            (_, true) => LawStatus::Indistinguishable,
+            (_, false) => LawStatus::LessLikely,
+        };
+    }
+}
+
+fn sentence(rows: &[LawRow], noise_um: Option<f64>) -> String {
+    let with = |status: LawStatus| rows.iter().filter(move |row| row.status == status);
+    let Some(best) = with(LawStatus::Likeliest).next() else {
+        return "No law could be compared.".into();
+    };
+    let near: Vec<&str> = with(LawStatus::Indistinguishable).map(|row| row.law.as_str()).collect();
+    let next = with(LawStatus::LessLikely).next().and_then(|row| row.evidence_difference_nats);
+    let mut text = match (near.as_slice(), next) {
+        ([], None) => format!("{} is the only law that was compared.", best.law),
+        ([], Some(next)) => format!("{} is the likeliest law, by {:.1} nats.", best.law, -next),
+        (near, _) => format!("The record cannot distinguish {} from {}.", best.law, near.join(", ")),
+    };
+    let (error_um, which) = match (best.rmse_heldout_um, best.rmse_fitted_um) {
+        (Some(error_um), _) => (error_um, "the last cycle, which no fit has seen,"),
+        (None, Some(error_um)) => (error_um, "the fitted rows, since no cycle is held out,"),
+        (None, None) => return text,
+    };
+    match noise_um {
+        Some(noise_um) if error_um > NOISE_FACTOR * noise_um => {
+            let ratio = error_um / noise_um;
+            text += &format!(
+                " No law explains the record: the error of {} on {which} is {ratio:.1} times the noise.",
+                best.law
+            );
+        }
+        Some(noise_um) => {
+            text += &format!(" The error of {} on {which} is {:.2} times the noise.", best.law, error_um / noise_um);
+        }
+        None => text += " The noise is unknown, so it is open whether any law explains the record.",
+    }
+    // A law without evidence may be the best one.
+    let is_better =
+        |row: &&LawRow| row.rmse_fitted_um.zip(best.rmse_fitted_um).is_some_and(|(other, best)| other < best);
+    let better: Vec<&str> = with(LawStatus::NotCompared).filter(is_better).map(|row| row.law.as_str()).collect();
+    if !better.is_empty() {
+        text += &format!(" The evidence of {} could not be computed, and the fit is closer.", better.join(", "));
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(law: &str, evidence: f64, error: f64) -> LawRow {
+        LawRow {
+            evidence_difference_nats: Some(evidence),
+            evidence_standard_error_nats: Some(error),
+            rmse_heldout_um: Some(4.0),
+            reason: None,
+            ..not_compared(law, String::new())
+        }
+    }
+
+    #[test]
+    fn laws_are_told_apart_by_their_evidence_and_its_error() {
+        let mut rows =
+            vec![row("a", 90.0, 0.1), not_compared("b", "no fit".into()), row("c", 100.0, 0.1), row("d", 99.0, 0.1)];
+        rank(&mut rows);
+        let found: Vec<_> =
+            rows.iter().map(|row| (row.law.as_str(), row.status, row.evidence_difference_nats)).collect();
+        assert_eq!(
+            found,
+            [
+                ("c", LawStatus::Likeliest, Some(0.0)),
+                ("d", LawStatus::Indistinguishable, Some(-1.0)),
+                ("a", LawStatus::LessLikely, Some(-10.0)),
+                ("b", LawStatus::NotCompared, None),
+            ]
+        );
+        assert_eq!(
+            sentence(&rows, Some(4.0)),
+            "The record cannot distinguish c from d. The error of c on the last cycle, which no fit has seen, is 1.00 times the noise."
+        );
+        assert!(sentence(&rows, Some(1.0)).contains("No law explains the record"));
+        let mut rows = vec![row("a", 0.0, 3.0), row("b", -7.0, 3.0)];
+        rank(&mut rows);
+        assert_eq!(rows[1].status, LawStatus::Indistinguishable);
+        let mut rows = vec![row("a", 0.0, 0.1), row("b", -7.0, 0.1)];
+        rank(&mut rows);
+        assert!(sentence(&rows, None).starts_with("a is the likeliest law, by 7.0 nats. The noise is unknown"));
+    }
+}
