@@ -105,7 +105,7 @@ fn words(diagnosis: &Diagnosis, revision: &str, study: &Path, details: Details) 
         lines.extend(detectability_lines(diagnosis));
         lines.extend(diagnosis.remarks.iter().map(|remark| format!("Note: {}.", remark.trim_end_matches('.'))));
     }
-    lines.extend(next_line(diagnosis, study));
+    lines.extend(next_lines(diagnosis, study));
     lines.join("\n") + "\n"
 }
 
@@ -183,17 +183,21 @@ fn detectability_lines(diagnosis: &Diagnosis) -> Vec<String> {
     lines
 }
 
-/// Line with the command that adds the claimed effects; `None` if no effect is claimed.
-fn next_line(diagnosis: &Diagnosis, study: &Path) -> Option<String> {
-    if diagnosis.verdict.effects.is_empty() {
-        return None;
+/// Lines with the next commands: the claimed effects are added, and other laws are tried if effects do not explain the record.
+fn next_lines(diagnosis: &Diagnosis, study: &Path) -> Vec<String> {
+    let study = crate::child::in_shell(study);
+    let is_unexplained = diagnosis.verdict.kind == VerdictKind::Unexplained;
+    let mut lines = Vec::new();
+    if !diagnosis.verdict.effects.is_empty() {
+        let remark = if is_unexplained { "    (it explains part of the misfit)" } else { "" };
+        let effects = diagnosis.verdict.effects.join(",");
+        lines.push(format!("\nNext:  vitreo-uq extend {study} --with {effects}{remark}"));
     }
-    let command =
-        format!("vitreo-uq extend {} --with {}", crate::child::in_shell(study), diagnosis.verdict.effects.join(","));
-    Some(match diagnosis.verdict.kind {
-        VerdictKind::Missing => format!("\nNext:  {command}"),
-        _ => format!("\nNext:  {command}    (it explains part of the misfit)"),
-    })
+    if is_unexplained {
+        let start = if lines.is_empty() { "\nNext:" } else { "      " };
+        lines.push(format!("{start}  vitreo-uq compare {study} --laws    (another base law may explain it)"));
+    }
+    lines
 }
 
 /// Lines on the misfit that no effect explains: its size, and how much it widens predictions.

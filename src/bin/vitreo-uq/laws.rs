@@ -50,7 +50,7 @@ fn words(comparison: &LawComparison) -> String {
     lines.push(String::new());
     lines.push("(nats: log evidence minus that of the likeliest law; all laws have the same wide priors and the same noise terms)".into());
     if let Some(best) = comparison.laws.first().filter(|law| law.status == LawStatus::Likeliest) {
-        lines.push(format!("Next: vitreo-uq sample EXPERIMENT --base {} --prior generic", best.law));
+        lines.push(format!("Next: vitreo-uq sample EXPERIMENT --base {} --prior generic --out STUDY", best.law));
     }
     lines.join("\n") + "\n"
 }
