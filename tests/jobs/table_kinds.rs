@@ -513,3 +513,38 @@ fn headers_of_many_programs_are_read() {
         assert_is_truth(&text, TableSettings::default());
     }
 }
+
+/// Checks that a tracker's file and the log of the force become the true record. TrackMate's times are frames.
+#[test]
+fn tracks_and_the_log_of_the_force_are_joined() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name);
+    let spots: String = truth()
+        .iter()
+        .enumerate()
+        .map(|(row, [_, _, x])| format!("<detection t=\"{row}\" x=\"{x:.4}\" y=\"{:.4}\" z=\"0\"/>", 0.5 * x))
+        .collect();
+    let xml = format!(
+        "<?xml version=\"1.0\"?>\n<Tracks nTracks=\"1\" spaceUnits=\"micron\" frameInterval=\"{INTERVAL_S}\" timeUnits=\"sec\"><particle nSpots=\"{N_ROWS}\">{spots}</particle></Tracks>"
+    );
+    std::fs::write(at("tracks.xml"), xml).expect("room on the disk");
+    std::fs::write(at("coil.csv"), rows(|_, [t, f, _]| format!("{t:.3};{f}")).replace('.', ",")).expect("room");
+    let request = |force_file: Option<&str>| InitRequest {
+        file: at("tracks.xml"),
+        out: Some(at("out")),
+        sizes: [Some(0.55), Some(20.0), Some(0.48)],
+        force_file: force_file.map(at),
+        ..InitRequest::default()
+    };
+    let refused = |force_file| run(&request(force_file), &mut |_| None).expect_err("a refusal").to_string();
+    assert!(refused(None).contains("force_file"), "the remedy names the other file");
+    assert!(refused(Some("coil.csv")).contains("no column has a unit of time"), "the log has no header");
+    let named = format!("t (s);F (uN)\n{}", std::fs::read_to_string(at("coil.csv")).expect("the log"));
+    std::fs::write(at("coil.csv"), named).expect("room");
+    run(&request(Some("coil.csv")), &mut |_| None).expect("an experiment");
+    let (experiment, _) = Experiment::read(&at("out")).expect("a description that can be read");
+    let record = &experiment.record;
+    for (row, [t, f, _]) in truth().into_iter().enumerate() {
+        assert!((record.time_s[row] - t).abs() < 1e-6 && (1e6 * record.force_n[row] - f).abs() < 1e-6, "row {row}");
+    }
+}

@@ -158,6 +158,8 @@ settings! {
     Track "track"
     /// Force that an empty force cell stands for.
     BlankForce "blank_force"
+    /// File that contains the force, if the table does not.
+    ForceFile "force_file"
     /// Character that separates thousands in numbers.
     Thousands "thousands"
     /// Treatment of a clock that restarts within the record.

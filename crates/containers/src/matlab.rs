@@ -24,19 +24,20 @@ pub fn read(bytes: &[u8]) -> Result<TableText, String> {
     let elements =
         Elements { rest: bytes.get(HEADER..).unwrap_or_default(), is_big_endian: bytes.get(126) == Some(&b'M') };
     let mut arrays = Arrays::default();
-    add_all(elements, &mut arrays)?;
+    add_all(elements, true, &mut arrays)?;
     Ok(arrays.into_text())
 }
 
-fn add_all(mut elements: Elements<'_>, arrays: &mut Arrays) -> Result<(), String> {
+/// Adds all matrices. Compressed elements hold matrices alone, so they are not unpacked inside each other.
+fn add_all(mut elements: Elements<'_>, may_unpack: bool, arrays: &mut Arrays) -> Result<(), String> {
     while let Some((kind, data)) = elements.next()? {
         match kind {
             MATRIX => add(Elements { rest: data, ..elements }, "", None, DEEPEST, arrays)?,
-            COMPRESSED => {
+            COMPRESSED if may_unpack => {
                 let mut plain = Vec::new();
                 let mut unpacked = flate2::read::ZlibDecoder::new(data).take(8 * MOST_VALUES as u64);
                 unpacked.read_to_end(&mut plain).map_err(|error| error.to_string())?;
-                add_all(Elements { rest: &plain, ..elements }, arrays)?;
+                add_all(Elements { rest: &plain, ..elements }, false, arrays)?;
             }
             _ => {}
         }
@@ -89,7 +90,7 @@ fn add(
         2 if depth > 0 => {
             let length = parts.numbers()?.first().map_or(0, |n| *n as usize);
             let names = parts.text_of_fields(length)?;
-            let n_elements: usize = shape.iter().product();
+            let n_elements: usize = shape.iter().fold(1, |n, length| n.saturating_mul(*length));
             for place in 0.. {
                 let Some((kind, data)) = parts.next()? else { break };
                 let (Some(field), element) = (names.get(place % names.len().max(1)), place / names.len().max(1)) else {

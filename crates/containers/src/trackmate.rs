@@ -1,6 +1,6 @@
 //! Tracks of TrackMate: the exported tracks (`Tracks`) and the whole file (`TrackMate`), both XML.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use quick_xml::events::{BytesStart, Event};
 
@@ -22,7 +22,7 @@ pub fn read(bytes: &[u8]) -> Result<TableText, String> {
     // Spots by number, and tracks by name with their spots. In an exported file, spots stand in their tracks.
     let mut spots: HashMap<String, Spot> = HashMap::new();
     let mut tracks: Vec<(String, Vec<Spot>)> = Vec::new();
-    let mut in_track = Vec::new();
+    let mut in_track = HashSet::new();
     loop {
         let event = reader.read_event().map_err(|error| error.to_string())?;
         let (Event::Start(element) | Event::Empty(element)) = event else {
@@ -60,9 +60,9 @@ pub fn read(bytes: &[u8]) -> Result<TableText, String> {
                 let track = &mut tracks.last_mut().ok_or("an edge stands outside of a track")?.1;
                 for end in ["SPOT_SOURCE_ID", "SPOT_TARGET_ID"] {
                     let spot = attribute(&element, end).ok_or("an edge has no spot")?;
-                    if !in_track.contains(&spot) {
-                        track.push(*spots.get(&spot).ok_or_else(|| format!("spot {spot} is missing"))?);
-                        in_track.push(spot);
+                    let place = *spots.get(&spot).ok_or_else(|| format!("spot {spot} is missing"))?;
+                    if in_track.insert(spot) {
+                        track.push(place);
                     }
                 }
             }

@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
+use super::init_force_log::ForceLog;
 use super::init_indenter::StatedTip;
 use super::init_source::TableSource;
 use super::init_stress::StressStrain;
@@ -40,6 +41,8 @@ pub struct InitRequest {
     pub noise: Option<f64>,
     /// Quantity that the experiment commands: the force or the position. `None` to infer it from the table.
     pub control: Option<Control>,
+    /// File that contains the force, if the table does not.
+    pub force_file: Option<PathBuf>,
     /// True if an existing experiment may be overwritten.
     pub replace: bool,
 }
@@ -75,6 +78,8 @@ fn one(request: &InitRequest, source: &TableSource, out: &Path, ask: Ask<'_>) ->
         ));
     }
     let mut request = request.clone();
+    let log = request.force_file.as_deref().map(ForceLog::read).transpose()?;
+    request.known_columns.force_is_elsewhere = log.is_some();
     // A file without a table of numbers is refused below.
     let tables = inspect_tables(place, bytes).unwrap_or_default();
     let has_oscillation = tables.iter().any(|table| sweep_columns(table).is_some());
@@ -115,7 +120,7 @@ fn one(request: &InitRequest, source: &TableSource, out: &Path, ask: Ask<'_>) ->
     }
     let constant = creep.as_ref().and_then(|creep| creep.constant);
     let control = request.control.or(constant).unwrap_or(proposal.control);
-    let toml = experiment_toml(&request, source, &proposal, (creep.as_ref(), tip.as_ref()), control);
+    let mut toml = experiment_toml(&request, source, &proposal, (creep.as_ref(), tip.as_ref()), control);
     if has_absolute_strain(creep.as_ref(), control) {
         proposal.reasons.retain(|reason| !["zero =", "direction ="].iter().any(|key| reason.contains(key)));
     }
@@ -126,7 +131,21 @@ fn one(request: &InitRequest, source: &TableSource, out: &Path, ask: Ask<'_>) ->
         ),
         (None, Control::Force) => {}
     }
-    write(out, name, bytes, &toml)?;
+    if let Some(log) = &log {
+        toml += &log.toml();
+        proposal.reasons.push(format!("the force comes from {} ([actuation])", log.source.name));
+        if log.source.name == *name {
+            let remedy = "give one of the two files another name";
+            return Err(Error::input(
+                InputPlace::setting(Setting::ForceFile),
+                "the two files have the same name",
+                remedy,
+            ));
+        }
+        unknown.extend(toml.contains("calibration = \"?\"").then(|| "actuation.calibration".to_string()));
+    }
+    let log_file = log.as_ref().map(|log| (out.join(&log.source.name), log.source.bytes.as_slice()));
+    write(out, (name, bytes), &toml, log_file)?;
     Ok(InitSummary {
         experiments: Vec::new(),
         directory: out.display().to_string(),
@@ -204,10 +223,13 @@ fn cohort(request: &InitRequest, source: &TableSource, out: &Path, ask: Ask<'_>)
     Ok(InitSummary { directory: out.display().to_string(), experiments, ..first })
 }
 
-/// Writes the experiment and a copy of its table. If one of the two files cannot be written, the other is not written either.
-fn write(out: &Path, name: &str, bytes: &[u8], toml: &str) -> Result<()> {
+/// Writes the experiment with a copy of its table, and of the log of its force. If one of the files cannot be written, no other is written either.
+fn write(out: &Path, (name, bytes): (&str, &[u8]), toml: &str, log: Option<(PathBuf, &[u8])>) -> Result<()> {
     files::create_folders(out, "give a writable directory")?;
-    write_together(&[(&out.join(name), bytes), (&out.join("experiment.toml"), toml.as_bytes())])
+    let (table, description) = (out.join(name), out.join("experiment.toml"));
+    let mut all: Vec<(&Path, &[u8])> = vec![(&table, bytes), (&description, toml.as_bytes())];
+    all.extend(log.as_ref().map(|(path, bytes)| (path.as_path(), *bytes)));
+    write_together(&all)
 }
 
 /// The only one of the tables in a file, or the one that the user has chosen. `None` if several tables are to be joined.
@@ -233,7 +255,7 @@ fn oscillation(
     let Some(columns) = sweep_columns(looked) else { return Ok(None) };
     let (toml, mut summary) = describe_sweep(source, request.id.as_deref(), request.sizes[2], looked, &columns)?;
     summary.reasons.extend(unused_sizes_remark(request));
-    write(out, &source.name, &source.bytes, &toml)?;
+    write(out, (&source.name, &source.bytes), &toml, None)?;
     let (sweep, _) = OscillationRecord::read(out)?;
     Ok(Some(InitSummary {
         directory: out.display().to_string(),
@@ -540,6 +562,7 @@ fn experiment_toml(
             line("force", quoted("levels"), "from a sensor: each hold takes its median; or \"hold\", \"linear\"");
         }
         Control::Force if tip.is_some() => line("force", quoted("linear"), "measured at every row"),
+        Control::Force if table.force.is_none() => {}
         Control::Force => line("# force", quoted("hold"), "\"hold\" until the next row, or \"linear\" between rows"),
         Control::Position => {
             line("command", quoted("linear"), "between rows; \"hold\" until the next row, or \"levels\" of a sensor");

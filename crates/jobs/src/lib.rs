@@ -14,6 +14,7 @@ pub mod extend;
 pub mod first_revision;
 pub mod fit;
 pub mod init;
+mod init_force_log;
 mod init_indenter;
 pub mod init_source;
 mod init_stress;

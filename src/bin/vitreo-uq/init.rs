@@ -30,6 +30,9 @@ pub struct InitArguments {
     /// Column of the force
     #[arg(long, value_name = "COLUMN")]
     force: Option<String>,
+    /// File that contains the force or the coil current over time, if the table does not; both files use one clock
+    #[arg(long, value_name = "FILE", conflicts_with = "force")]
+    force_file: Option<PathBuf>,
     /// Column of the position along the force
     #[arg(long, value_name = "COLUMN")]
     position: Option<String>,
@@ -134,6 +137,7 @@ pub fn run(arguments: &InitArguments) -> Result<ExitCode> {
         thousands: arguments.thousands.clone(),
         time_restarts: arguments.time_restarts.clone(),
         time_ties: arguments.time_ties.clone(),
+        ..TableSettings::default()
     };
     let request = InitRequest {
         file: arguments.file.clone(),
@@ -148,6 +152,7 @@ pub fn run(arguments: &InitArguments) -> Result<ExitCode> {
             RecordKind::Creep => Control::Force,
             RecordKind::Relaxation => Control::Position,
         }),
+        force_file: arguments.force_file.clone(),
         replace: arguments.replace,
     };
     let may_ask = questions::can_ask_questions(arguments.quiet, arguments.json.as_deref());

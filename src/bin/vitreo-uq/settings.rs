@@ -38,6 +38,7 @@ pub fn option(setting: Setting) -> &'static str {
         Setting::TrackColumn => "--track-column",
         Setting::Track => "--track",
         Setting::BlankForce => "--blank-force",
+        Setting::ForceFile => "--force-file",
         Setting::Thousands => "--thousands",
         Setting::TimeRestarts => "--time-restarts",
         Setting::TimeTies => "--time-ties",

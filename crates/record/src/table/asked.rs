@@ -19,6 +19,8 @@ pub struct TableSettings {
     pub thousands: Option<String>,
     /// `join` if a clock that restarts continues from the previous row.
     pub time_restarts: Option<String>,
+    /// True if another file contains the force.
+    pub force_is_elsewhere: bool,
     /// `spread` if equal times of a coarse clock are spread evenly.
     pub time_ties: Option<String>,
 }

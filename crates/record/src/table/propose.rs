@@ -97,7 +97,7 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
             "the force varies about fixed levels like the signal of a sensor, so each hold gets its median (force = \"levels\")".into(),
         );
     }
-    let frame = frame(&trajectory, &mut reasons);
+    let frame = frame(&trajectory, description.force.is_some(), &mut reasons);
     if let Some(projection) = frame.apply(file, &mut trajectory)?.projection {
         reasons.push(format!(
             "positions are {projection}; across this line they vary by {:.3} µm (root mean square)",
@@ -106,7 +106,7 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
     }
     // A force at levels is commanded, and so is any force that moves a body in two or three dimensions.
     let is_along = matches!(description.position, Some((PositionColumns::Along(_), _)));
-    let control = match is_along && !has_noisy_levels {
+    let control = match is_along && !has_noisy_levels && description.force.is_some() {
         true => Control::likely(&trajectory.force_n, &trajectory.position_m),
         false => Control::Force,
     };
@@ -285,7 +285,8 @@ impl DescribedFile<'_> {
         let seen = KnownColumns { file, given, header, n_cells: layout.n_cells };
         let mut columns: [Option<usize>; 4] = [None; 4];
         let mut other_axes: Vec<usize> = Vec::new();
-        for role in Role::ALL {
+        let is_here = |role: &Role| *role != Role::Force || !given.force_is_elsewhere;
+        for role in Role::ALL.into_iter().filter(is_here) {
             let taken: Vec<usize> = columns.into_iter().flatten().chain(other_axes.iter().copied()).collect();
             match seen.column(role, &taken, ask)? {
                 ColumnMatch::Missing => {}
@@ -308,6 +309,7 @@ impl DescribedFile<'_> {
         let mut said = given.units.clone();
         let mut missing: Vec<Role> = [Role::Time, Role::Force, Role::Position]
             .into_iter()
+            .filter(is_here)
             .filter(|role| said[*role as usize].is_none() && own_unit(*role).is_none() && !has_form(*role))
             .collect();
         missing.retain(|role| {
@@ -379,7 +381,10 @@ impl DescribedFile<'_> {
                 ..written
             },
             time: (wanted(Role::Time), time_format),
-            force: Some((wanted(Role::Force), unit_of(Role::Force)?)),
+            force: match given.force_is_elsewhere {
+                true => None,
+                false => Some((wanted(Role::Force), unit_of(Role::Force)?)),
+            },
             position: Some((position, unit_of(Role::Position)?)),
             cycle: name(Role::Cycle),
             track,
@@ -733,7 +738,7 @@ fn describe_layout(tables: &[&TableBlock], lines: &[&str]) -> String {
 }
 
 /// Infers the rules for the zero and direction of positions, and adds the reasons to `reasons`.
-fn frame(trajectory: &Trajectory, reasons: &mut Vec<String>) -> Frame {
+fn frame(trajectory: &Trajectory, has_force: bool, reasons: &mut Vec<String>) -> Frame {
     let Trajectory { force_n, position_m, others_m, .. } = trajectory;
     let coordinates: Vec<&[Option<f64>]> = std::iter::once(position_m).chain(others_m).map(Vec::as_slice).collect();
     let range_m = |positions: &[Option<f64>]| {
@@ -746,7 +751,8 @@ fn frame(trajectory: &Trajectory, reasons: &mut Vec<String>) -> Frame {
         let um: Vec<String> = place.iter().map(|m| format!("{:.3}", 1e6 * m)).collect();
         format!("{} µm", um.join(" and "))
     };
-    let rest: Option<Vec<f64>> = coordinates.iter().map(|positions| rest_m(force_n, positions)).collect();
+    let rest: Option<Vec<f64>> =
+        coordinates.iter().map(|positions| rest_m(force_n, positions).filter(|_| has_force)).collect();
     let first: Option<Vec<f64>> = coordinates.iter().map(|positions| positions.first().copied().flatten()).collect();
     let zero = match (rest, first) {
         (Some(rest), _) if is_far(&rest) => {
@@ -768,7 +774,7 @@ fn frame(trajectory: &Trajectory, reasons: &mut Vec<String>) -> Frame {
     if !others_m.is_empty() {
         return Frame { zero, direction: Direction::Fit };
     }
-    if moves_against_force(force_n, position_m) {
+    if has_force && moves_against_force(force_n, position_m) {
         reasons.push("the position grows against the force, so its sign is reversed (direction = \"-\")".into());
         return Frame { zero, direction: Direction::Backward };
     }

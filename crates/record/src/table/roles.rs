@@ -319,12 +319,18 @@ impl KnownColumns<'_> {
                     |unit: &Option<ParsedUnit>| unit.as_ref().is_some_and(|unit| unit.dimension == Dimension::Current);
                 let of_current = match role {
                     Role::Force if header.units.iter().any(is_current) => {
-                        "; to convert a coil current to a force, use [actuation] (docs/experiment.md)"
+                        "; the force of a coil current is calibrated in [actuation] (docs/experiment.md)"
                     }
-                    Role::Force => "; for a force in a separate file, use [actuation] (docs/experiment.md)",
                     _ => "",
                 };
-                let remedy = format!("select it with `{setting} NAME` or its number; {}{of_current}", self.listed());
+                let elsewhere = match role {
+                    Role::Force => {
+                        format!("; if another file contains the force, name it with `{}`", Setting::ForceFile)
+                    }
+                    _ => String::new(),
+                };
+                let remedy =
+                    format!("select it with `{setting} NAME` or its number; {}{of_current}{elsewhere}", self.listed());
                 Err(Error::input(InputPlace::setting(setting), found, remedy))
             }
         }
