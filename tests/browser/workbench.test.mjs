@@ -408,7 +408,7 @@ test("a wrong description is corrected, and a record is renamed, copied, deleted
     await page.locator("#files a", { hasText: text }).first().click();
     return readFileSync(await (await download).path(), "utf8");
   };
-  assert.match(await downloaded(".tar"), /experiment\.toml/);
+  assert.match(await downloaded(".zip"), /experiment\.toml/);
   assert.match(await downloaded("parameters.csv"), /^parameter,median,90 % interval,unit\r\nE,/);
   assert.match(await downloaded("parameters.tex"), /\nc\$_\{1\}\$ & .* & Pa\$\\cdot\$s \\\\\n/);
   await page.locator("#description summary").click();

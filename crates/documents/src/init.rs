@@ -31,7 +31,8 @@ pub struct InitSummary {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct InitColumn {
-    /// Quantity in the column: time, force, position, position_x, position_y or cycle; for an oscillation frequency, storage, loss, modulus or phase.
+    /// Quantity in the column: time, force, position, position_x, position_y or cycle; stress and strain for such a table; for an oscillation frequency, storage, loss,
+    /// modulus or phase.
     pub role: String,
     /// Name of the column in the table's header, or `column N`.
     pub name: String,

@@ -1,6 +1,6 @@
 //! The records of a workbench's folder as one table, and changes of whole records: description, name, copy, deletion and its undo.
 
-use std::io::Read;
+use std::io::{Cursor, Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
@@ -11,6 +11,8 @@ use vitreo_uq::documents::posterior::{ParameterSummary, PosteriorSummary};
 use vitreo_uq::documents::trust::TrustLevel;
 use vitreo_uq::figures::labels::parameter_label;
 use vitreo_uq::posterior::study::{POSTERIOR_NAME, WithProvenance};
+use zip::ZipWriter;
+use zip::write::SimpleFileOptions;
 
 use super::choice::{read_description, replace_description, with_keys};
 use super::home::{DESCRIPTION, Item, WorkbenchFolder, is_plain, share_study};
@@ -290,10 +292,10 @@ fn undo(home: &WorkbenchFolder, number: u32) -> Result<Option<String>> {
 /// Largest size of an archive, in bytes.
 const LARGEST_ARCHIVE: u64 = 1 << 30;
 
-/// A tar archive of a record and its study, without hidden files and links.
+/// A ZIP archive of a record and its study, without hidden files and links.
 pub fn archive(home: &WorkbenchFolder, item: &Item) -> Result<Vec<u8>> {
     let mut left = LARGEST_ARCHIVE;
-    let mut archive = tar::Builder::new(Vec::new());
+    let mut archive = ZipWriter::new(Cursor::new(Vec::new()));
     let mut folders: Vec<PathBuf> = item.experiment.iter().chain([&item.study]).cloned().collect();
     folders.dedup();
     while let Some(inside) = folders.pop() {
@@ -324,19 +326,21 @@ pub fn archive(home: &WorkbenchFolder, item: &Item) -> Result<Vec<u8>> {
             }
         }
     }
-    archive.into_inner().map_err(|error| Error::at_path("archive", &item.study, error, "copy the folder by hand"))
+    let finished = archive.finish().map_err(std::io::Error::from);
+    let refused = |error| Error::at_path("archive", &item.study, error, "copy the folder by hand");
+    finished.map(Cursor::into_inner).map_err(refused)
 }
 
-fn append(archive: &mut tar::Builder<Vec<u8>>, path: &Path, bytes: &[u8]) -> std::io::Result<()> {
-    let mut header = tar::Header::new_gnu();
-    header.set_size(bytes.len() as u64);
-    header.set_mode(0o644);
-    archive.append_data(&mut header, path, bytes)
+/// Adds a file without times and owners.
+fn append(archive: &mut ZipWriter<Cursor<Vec<u8>>>, path: &Path, bytes: &[u8]) -> std::io::Result<()> {
+    archive.start_file_from_path(path, SimpleFileOptions::default())?;
+    archive.write_all(bytes)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use zip::ZipArchive;
 
     fn folder() -> (tempfile::TempDir, WorkbenchFolder) {
         let place = tempfile::tempdir().unwrap();
@@ -444,9 +448,8 @@ mod tests {
         let (place, home) = folder();
         std::fs::write(place.path().join("eye/.hidden"), "secret").unwrap();
         let bytes = archive(&home, &home.find("eye").unwrap()).unwrap();
-        let mut archive = tar::Archive::new(bytes.as_slice());
-        let mut names: Vec<String> =
-            archive.entries().unwrap().map(|entry| entry.unwrap().path().unwrap().display().to_string()).collect();
+        let archive = ZipArchive::new(Cursor::new(bytes)).unwrap();
+        let mut names: Vec<String> = archive.file_names().map(|name| name.unwrap().into_owned()).collect();
         names.sort();
         let study = "vitreo-uq-out/left";
         let wanted = ["eye/experiment.toml", "eye/trajectory.csv"].map(String::from).into_iter();

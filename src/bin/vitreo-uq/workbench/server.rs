@@ -199,7 +199,7 @@ async fn change_record(State(bench): State<SharedBench>, Json(change): Json<Reco
 async fn archive(State(bench): State<SharedBench>, Query(named): Query<ItemQuery>) -> Response {
     let made = move || project::archive(&bench.home, &bench.home.find(&named.item)?);
     match tokio::task::spawn_blocking(made).await {
-        Ok(Ok(bytes)) => ([(header::CONTENT_TYPE, "application/x-tar")], bytes).into_response(),
+        Ok(Ok(bytes)) => ([(header::CONTENT_TYPE, "application/zip")], bytes).into_response(),
         Ok(Err(error)) => (StatusCode::UNPROCESSABLE_ENTITY, error.to_string()).into_response(),
         Err(_) => StatusCode::INTERNAL_SERVER_ERROR.into_response(),
     }

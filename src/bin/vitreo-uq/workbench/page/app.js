@@ -535,7 +535,7 @@ function showFiles(study) {
   const name = state.revision;
   at("export").hidden = name === null;
   if (name === null) return;
-  const archive = make("a", { href: `api/archive?${query({ item: study.item.name })}`, textContent: `${study.item.name.split("/").pop()}.tar`, download: `${study.item.name.split("/").pop()}.tar` });
+  const archive = make("a", { href: `api/archive?${query({ item: study.item.name })}`, textContent: `${study.item.name.split("/").pop()}.zip`, download: `${study.item.name.split("/").pop()}.zip` });
   const list = [["report.html", "the whole study on one page"], [`${name}/figures/predictive.svg`, "measurement and predictions"], [`${name}/figures/corner.svg`, "the posterior"], [`${name}/figures/trace.svg`, "the chains of the sampler"], [`${name}/figures/comparison_map.svg`, "the failure map"],
     [`${name}/figures/diagnosis.svg`, "all candidate effects"], ["ladder.svg", "error of each revision"], [`${name}/predictions.csv`, "predictions for every row"], [`${name}/draws.csv`, "posterior draws"], [`${name}/posterior.nc`, "posterior draws for ArviZ"]];
   const revision = study.revisions.find((own) => own.name === name);
