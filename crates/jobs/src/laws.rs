@@ -186,10 +186,15 @@ fn sentence(rows: &[LawRow], noise_um: Option<f64>) -> String {
     match noise_um {
         Some(noise_um) if error_um > NOISE_FACTOR * noise_um => {
             let ratio = error_um / noise_um;
+            let digits = if ratio < 10.0 { 1 } else { 0 };
             text += &format!(
-                " No law explains the record: the error of {} on {which} is {ratio:.1} times the noise.",
+                " No law explains the record: the error of {} on {which} is {ratio:.digits$} times the noise. The noise terms then absorb the misfit, so the evidence says little.",
                 best.law
             );
+            let error = |row: &LawRow| row.rmse_heldout_um.or(row.rmse_fitted_um).unwrap_or(f64::INFINITY);
+            if let Some(closest) = rows.iter().min_by(|a, b| error(a).total_cmp(&error(b))) {
+                text += &format!(" {} has the smallest error.", closest.law);
+            }
         }
         Some(noise_um) => {
             text += &format!(" The error of {} on {which} is {:.2} times the noise.", best.law, error_um / noise_um);
@@ -240,7 +245,12 @@ mod tests {
             sentence(&rows, Some(4.0)),
             "The record cannot distinguish c from d. The error of c on the last cycle, which no fit has seen, is 1.00 times the noise."
         );
-        assert!(sentence(&rows, Some(1.0)).contains("No law explains the record"));
+        rows[2].rmse_heldout_um = Some(2.0);
+        let unexplained = sentence(&rows, Some(1.0));
+        assert!(
+            unexplained.contains("is 4.0 times the noise") && unexplained.ends_with("a has the smallest error."),
+            "{unexplained}"
+        );
         let mut rows = vec![row("a", 0.0, 3.0), row("b", -7.0, 3.0)];
         rank(&mut rows);
         assert_eq!(rows[1].status, LawStatus::Indistinguishable);
