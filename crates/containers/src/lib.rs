@@ -3,7 +3,7 @@
 //! Each reader recognises its format by content and writes all tables of the file as one text: a title, a header and rows, with tabs between cells. What
 //! reads text tables then reads these, so that columns, units and choices between tables follow the same rules for every format.
 //!
-//! To add a format, add a file with a function that makes a [`TableText`], and a line in [`FORMATS`]. To refuse one by name, add a line in `refused.rs`.
+//! To add a format, add a file with a function that makes a `TableText`, and a line in `FORMATS`. To refuse one by name, add a line in `refused.rs`.
 
 mod arrays;
 mod hdf5;
