@@ -55,9 +55,9 @@ impl NumberType {
         })
     }
 
-    /// Returns all numbers of an array; `None` if the type is not supported or a number is incomplete.
-    pub fn decode_all(self, bytes: &[u8]) -> Option<Vec<f64>> {
-        bytes.chunks(self.size.max(1)).map(|bytes| self.decode(bytes)).collect()
+    /// Returns the number at byte `place` of every element of `element_size` bytes; `None` if the type is not supported or a number is incomplete.
+    pub fn decode_all(self, bytes: &[u8], element_size: usize, place: usize) -> Option<Vec<f64>> {
+        bytes.chunks(element_size.max(1)).map(|element| self.decode(element.get(place..)?)).collect()
     }
 }
 
@@ -115,6 +115,12 @@ impl Arrays {
             }
             _ => self.note(format!("`{}` is an array of {shape:?} and is not read", join_path(group, name))),
         }
+    }
+
+    /// Adds an array with its values in row-major order, where the last dimension varies fastest. This is column-major order for the reversed shape.
+    pub fn add_row_major(&mut self, group: &str, name: &str, shape: &[usize], values: Vec<f64>) {
+        let reversed: Vec<usize> = shape.iter().rev().copied().collect();
+        self.add(group, name, &reversed, values);
     }
 
     /// Adds the columns of a matrix. They have no names, so they are numbered.

@@ -60,9 +60,8 @@ fn add(dataset: &Dataset, group: &str, name: &str, arrays: &mut Arrays) -> Resul
     arrays.reserve(n.saturating_mul(fields.len()))?;
     let size = dataset.raw_element_size().map_err(|error| error.to_string())?;
     let bytes = dataset.read_raw_bytes().map_err(|error| error.to_string())?;
-    let column = |place: usize, kind: NumberType| -> Result<Vec<f64>, String> {
-        let value = |element: &[u8]| element.get(place..).and_then(|bytes| kind.decode(bytes));
-        bytes.chunks(size.max(1)).map(value).collect::<Option<_>>().ok_or_else(|| "its data end early".into())
+    let column = |place: usize, kind: NumberType| {
+        kind.decode_all(&bytes, size, place).ok_or_else(|| "its data end early".to_string())
     };
     if matches!(dataset.dtype(), Datatype::Compound { .. }) {
         let columns = fields.into_iter().map(|(field, place, kind)| {
@@ -85,9 +84,8 @@ fn add(dataset: &Dataset, group: &str, name: &str, arrays: &mut Arrays) -> Resul
     {
         arrays.add_vector(group, TIME, (0..values.len()).map(|row| row as f64 / rate_hz).collect());
     }
-    // The last dimension varies fastest, which is column-major order for the reversed shape.
-    let shape: Vec<usize> = dataset.shape().iter().rev().filter_map(|n| usize::try_from(*n).ok()).collect();
-    arrays.add(group, &name, &shape, values);
+    let shape: Vec<usize> = dataset.shape().iter().filter_map(|n| usize::try_from(*n).ok()).collect();
+    arrays.add_row_major(group, &name, &shape, values);
     Ok(())
 }
 

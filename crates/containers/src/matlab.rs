@@ -169,7 +169,7 @@ impl<'a> Elements<'a> {
             other => return Err(format!("an element has the unknown type {other}")),
         };
         NumberType { kind, size, is_big_endian: self.is_big_endian }
-            .decode_all(data)
+            .decode_all(data, size, 0)
             .ok_or_else(|| "an element ends early".into())
     }
 

@@ -61,24 +61,17 @@ fn add(arrays: &mut Arrays, name: &str, bytes: &[u8]) -> Result<(), String> {
     let (fields, size) = fields(described).ok_or_else(|| format!("its values of type {described} are no numbers"))?;
     arrays.reserve(n.saturating_mul(fields.len()))?;
     let data = data.get(..n.checked_mul(size).ok_or("the array is too large")?).ok_or("the data end early")?;
-    let column = |place: usize, kind: NumberType| -> Result<Vec<f64>, String> {
-        let value = |element: &[u8]| element.get(place..).and_then(|bytes| kind.decode(bytes));
-        data.chunks(size.max(1))
-            .map(value)
-            .collect::<Option<_>>()
-            .ok_or_else(|| format!("its values of type {described} are not supported"))
+    let column = |place: usize, kind: NumberType| {
+        let values = kind.decode_all(data, size, place);
+        values.ok_or_else(|| format!("its values of type {described} are not supported"))
     };
     if let [(field, place, kind)] = fields.as_slice()
         && field.is_empty()
     {
         let values = column(*place, *kind)?;
-        let is_column_major = value_of(header, "fortran_order") == Some("True");
-        if is_column_major || shape.len() < 2 {
-            arrays.add("", name, &shape, values);
-        } else {
-            // The last dimension varies fastest, which is column-major order for the reversed shape.
-            let reversed: Vec<usize> = shape.iter().rev().copied().collect();
-            arrays.add("", name, &reversed, values);
+        match value_of(header, "fortran_order") {
+            Some("True") => arrays.add("", name, &shape, values),
+            _ => arrays.add_row_major("", name, &shape, values),
         }
         return Ok(());
     }
