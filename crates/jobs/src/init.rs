@@ -54,20 +54,35 @@ pub struct InitRequest {
 /// The errors of [`TableSource::read`] and [`propose`]; [`Error::Input`] if an experiment exists already; [`Error::File`] if the operating system refuses.
 pub fn run(request: &InitRequest, ask: Ask<'_>) -> Result<(InitSummary, String)> {
     let source = TableSource::read(&request.file)?;
+    let log = request.force_file.as_deref().map(ForceLog::read).transpose()?;
+    if log.as_ref().is_some_and(|log| log.source.name == source.name) {
+        let remedy = "give one of the two files another name";
+        return Err(Error::input(InputPlace::setting(Setting::ForceFile), "the two files have the same name", remedy));
+    }
+    let log = log.as_ref();
+    let mut request = request.clone();
+    request.known_columns.force_is_elsewhere = log.is_some();
+    let request = &request;
     let out = request.out.clone().unwrap_or_else(|| source.stem().into());
     let mut summary = if request.known_columns.track[1].as_deref() == Some(ALL_TRACKS) {
-        cohort(request, &source, &out, ask)?
+        cohort(request, &source, log, &out, ask)?
     } else if request.known_columns.tables.as_deref() == Some(EACH_TABLE) {
-        each_table(request, &source, &out, ask)?
+        each_table(request, &source, log, &out, ask)?
     } else {
-        one(request, &source, &out, ask)?
+        one(request, &source, log, &out, ask)?
     };
     summary.reasons.splice(..0, source.notes.iter().cloned());
     Ok((summary, sha256_hex(&source.bytes)))
 }
 
-/// Writes one experiment.
-fn one(request: &InitRequest, source: &TableSource, out: &Path, ask: Ask<'_>) -> Result<InitSummary> {
+/// Writes one experiment, whose force comes from the log if there is one.
+fn one(
+    request: &InitRequest,
+    source: &TableSource,
+    log: Option<&ForceLog>,
+    out: &Path,
+    ask: Ask<'_>,
+) -> Result<InitSummary> {
     let TableSource { place, name, bytes, .. } = source;
     let toml_path = out.join("experiment.toml");
     if files::kind(&toml_path).is_some() && !request.replace {
@@ -78,8 +93,6 @@ fn one(request: &InitRequest, source: &TableSource, out: &Path, ask: Ask<'_>) ->
         ));
     }
     let mut request = request.clone();
-    let log = request.force_file.as_deref().map(ForceLog::read).transpose()?;
-    request.known_columns.force_is_elsewhere = log.is_some();
     // A file without a table of numbers is refused below.
     let tables = inspect_tables(place, bytes).unwrap_or_default();
     let has_oscillation = tables.iter().any(|table| sweep_columns(table).is_some());
@@ -131,20 +144,12 @@ fn one(request: &InitRequest, source: &TableSource, out: &Path, ask: Ask<'_>) ->
         ),
         (None, Control::Force) => {}
     }
-    if let Some(log) = &log {
+    if let Some(log) = log {
         toml += &log.toml();
         proposal.reasons.push(format!("the force comes from {} ([actuation])", log.source.name));
-        if log.source.name == *name {
-            let remedy = "give one of the two files another name";
-            return Err(Error::input(
-                InputPlace::setting(Setting::ForceFile),
-                "the two files have the same name",
-                remedy,
-            ));
-        }
-        unknown.extend(toml.contains("calibration = \"?\"").then(|| "actuation.calibration".to_string()));
+        unknown.extend(log.is_current().then(|| "actuation.calibration".to_string()));
     }
-    let log_file = log.as_ref().map(|log| (out.join(&log.source.name), log.source.bytes.as_slice()));
+    let log_file = log.map(|log| (out.join(&log.source.name), log.source.bytes.as_slice()));
     write(out, (name, bytes), &toml, log_file)?;
     Ok(InitSummary {
         experiments: Vec::new(),
@@ -163,7 +168,13 @@ fn one(request: &InitRequest, source: &TableSource, out: &Path, ask: Ask<'_>) ->
 const EACH_TABLE: &str = "each";
 
 /// Writes one experiment for each table of a file that holds several tests. Each has its own directory inside `out`. Tables that cannot be read are named with the reason.
-fn each_table(request: &InitRequest, source: &TableSource, out: &Path, ask: Ask<'_>) -> Result<InitSummary> {
+fn each_table(
+    request: &InitRequest,
+    source: &TableSource,
+    log: Option<&ForceLog>,
+    out: &Path,
+    ask: Ask<'_>,
+) -> Result<InitSummary> {
     let (mut made, mut experiments, mut refused) = (None, Vec::new(), Vec::new());
     let mut first_refusal = None;
     for number in 1..=inspect_tables(&source.place, &source.bytes)?.len() {
@@ -171,7 +182,7 @@ fn each_table(request: &InitRequest, source: &TableSource, out: &Path, ask: Ask<
         let id = Some(request.id.clone().unwrap_or_else(|| source.stem()));
         let known_columns = TableSettings { tables: Some(number.to_string()), ..request.known_columns.clone() };
         let of_table = InitRequest { id, known_columns, ..request.clone() };
-        match one(&of_table, source, &out.join(number.to_string()), ask) {
+        match one(&of_table, source, log, &out.join(number.to_string()), ask) {
             Ok(summary) => {
                 experiments.push(summary.directory.clone());
                 made.get_or_insert(summary);
@@ -199,7 +210,13 @@ fn each_table(request: &InitRequest, source: &TableSource, out: &Path, ask: Ask<
 const ALL_TRACKS: &str = "all";
 
 /// Writes one experiment for each track (trajectory of one bead) in the table. Each experiment has its own directory inside `out`.
-fn cohort(request: &InitRequest, source: &TableSource, out: &Path, ask: Ask<'_>) -> Result<InitSummary> {
+fn cohort(
+    request: &InitRequest,
+    source: &TableSource,
+    log: Option<&ForceLog>,
+    out: &Path,
+    ask: Ask<'_>,
+) -> Result<InitSummary> {
     let mut made = None;
     let mut experiments = Vec::new();
     let stem = source.stem();
@@ -212,7 +229,7 @@ fn cohort(request: &InitRequest, source: &TableSource, out: &Path, ask: Ask<'_>)
         };
         let id = Some(format!("{}-{safe}", request.id.as_deref().unwrap_or(&stem)));
         let of_track = InitRequest { id, known_columns: given, ..request.clone() };
-        let summary = one(&of_track, source, &out.join(&safe), ask)?;
+        let summary = one(&of_track, source, log, &out.join(&safe), ask)?;
         experiments.push(summary.directory.clone());
         made.get_or_insert(summary);
     }

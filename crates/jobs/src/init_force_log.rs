@@ -55,10 +55,14 @@ impl ForceLog {
         Ok(Self { table, time, force, source })
     }
 
+    /// True if the log holds a current, whose conversion to a force must be given.
+    pub fn is_current(&self) -> bool {
+        self.force.unit.dimension == Dimension::Current
+    }
+
     /// Text of `[actuation]` in `experiment.toml`.
     pub fn toml(&self) -> String {
         let layout = &self.table.layout;
-        let is_current = self.force.unit.dimension == Dimension::Current;
         let mut lines = vec![
             "\n[actuation]".to_string(),
             format!("file = {}", quoted(&self.source.name)),
@@ -66,7 +70,7 @@ impl ForceLog {
             format!("delimiter = {}", quoted(layout.delimiter.name())),
             format!("decimal = {}", quoted(layout.decimal.name())),
         ];
-        if is_current {
+        if self.is_current() {
             lines.push(format!(
                 "calibration = {}                    # [a, b]: force in N = a + b × current in A",
                 quoted(UNKNOWN)
@@ -75,7 +79,7 @@ impl ForceLog {
         lines.extend(layout.encoding.map(|encoding| format!("encoding = {}", quoted(encoding.name()))));
         lines.extend(layout.header_line.map(|line| format!("header_line = {line}")));
         lines.push(format!("first_row_line = {}", layout.first_row_line));
-        let key = if is_current { "current" } else { "force" };
+        let key = if self.is_current() { "current" } else { "force" };
         lines.push(format!("\n[actuation.columns]\ntime = {}\n{key} = {}", self.time.number, self.force.number));
         let [time, force] = [&self.time, &self.force].map(|column| quoted(&column.unit.name));
         lines.push(format!("\n[actuation.units]\ntime = {time}\n{key} = {force}\n"));

@@ -75,7 +75,7 @@ pub fn run(target: &Target, request: &LawsRequest, monitor: &dyn Monitor) -> Res
             Err(Error::Numerical { what, .. }) => not_compared(name, what),
             Err(other) => return Err(other),
         });
-        compared.get_or_insert((subject.n_fitted(), subject.noise_um(), subject.experiment().clone()));
+        compared.get_or_insert_with(|| (subject.n_fitted(), subject.noise_um(), subject.experiment().clone()));
     }
     let Some((n_fitted, noise_um, experiment)) = compared else {
         return Err(Error::numerical("no law was given", "name at least one law"));
