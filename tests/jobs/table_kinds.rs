@@ -547,4 +547,17 @@ fn tracks_and_the_log_of_the_force_are_joined() {
     for (row, [t, f, _]) in truth().into_iter().enumerate() {
         assert!((record.time_s[row] - t).abs() < 1e-6 && (1e6 * record.force_n[row] - f).abs() < 1e-6, "row {row}");
     }
+    // A current needs a calibration, which only the user knows.
+    std::fs::write(at("coil.csv"), format!("t [s];I [mA]\n{}", rows(|_, [t, f, _]| format!("{t:.3};{f}"))))
+        .expect("room");
+    let replaced = InitRequest { replace: true, ..request(Some("coil.csv")) };
+    let (summary, _) = run(&replaced, &mut |_| None).expect("a description with a gap");
+    assert_eq!(summary.unknown, ["actuation.calibration"]);
+    assert!(Experiment::read(&at("out")).expect_err("a gap").to_string().contains("calibration"));
+    let toml = std::fs::read_to_string(at("out/experiment.toml")).expect("a description");
+    let known = toml.replace("calibration = \"?\"", "calibration = [0.0, 2e-6]");
+    std::fs::write(at("out/experiment.toml"), known).expect("room");
+    let (experiment, _) = Experiment::read(&at("out")).expect("a description that can be read");
+    // 4.6 mA at 2 µN/A.
+    assert!((experiment.record.force_n[1] - 9.2e-9).abs() < 1e-18, "{}", experiment.record.force_n[1]);
 }
