@@ -131,6 +131,19 @@ fn a_published_modulus_gives_the_law_and_its_unit() {
     vitreo(folder.path(), &["fit", "modulus", "--base", "standard-linear-soild"]).refuses(&["standard-linear-solid"]);
 }
 
+/// A published compliance counts from the zero of its table, though its first row is after the step. `init` and `check` report the same strains.
+#[test]
+fn a_published_compliance_keeps_its_zero() {
+    let folder = tempfile::tempdir().unwrap();
+    let rows = (1..60).map(|row| 0.5 * f64::from(row));
+    let table: String = rows.map(|t| format!("{t}\t{:.6}\n", 0.02 + 0.03 * (1.0 - (-t / 2.0).exp()))).collect();
+    std::fs::write(folder.path().join("compliance.txt"), format!("Time (s)\tCreep Compliance\n{table}")).unwrap();
+    let told = vitreo(folder.path(), &["init", "compliance.txt"]).exits(0);
+    assert!(told.stdout.contains("`Creep Compliance`: 2.664 to 5.000 %"), "{told}");
+    let checked = vitreo(folder.path(), &["check", "compliance"]).exits(0);
+    assert!(checked.stdout.contains("strain 2.66 to 5.00 %"), "{checked}");
+}
+
 /// A file with two relaxations and a frequency sweep of one gel becomes one posterior by two commands.
 #[test]
 fn several_tests_in_one_file_are_joined() {

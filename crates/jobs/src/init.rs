@@ -133,10 +133,10 @@ fn one(
     }
     let constant = creep.as_ref().and_then(|creep| creep.constant);
     let control = request.control.or(constant).unwrap_or(proposal.control);
-    let mut toml = experiment_toml(&request, source, &proposal, (creep.as_ref(), tip.as_ref()), control);
     if has_absolute_strain(creep.as_ref(), control) {
-        proposal.reasons.retain(|reason| !["zero =", "direction ="].iter().any(|key| reason.contains(key)));
+        proposal.keep_written_positions();
     }
+    let mut toml = experiment_toml(&request, source, &proposal, (creep.as_ref(), tip.as_ref()), control);
     match (&creep, control) {
         (Some(creep), _) => proposal.reasons.push(creep.reason(control)),
         (None, Control::Position) => proposal.reasons.push(
@@ -408,7 +408,8 @@ fn column_name(column: &ColumnName) -> String {
     }
 }
 
-/// Returns true if strains keep the zero and the sign of the table. A commanded strain does, and so does a published compliance or modulus.
+/// Returns true if strains keep the zero and the sign of the table. A commanded strain does, because a record may begin in the middle of a hold, and so does a
+/// published compliance or modulus.
 fn has_absolute_strain(stress_strain: Option<&StressStrain>, control: Control) -> bool {
     stress_strain.is_some_and(|own| control == Control::Position || own.constant.is_some())
 }
@@ -550,10 +551,7 @@ fn experiment_toml(
     if let Some((_, track)) = &table.track {
         line("track", quoted(track), "only the rows of this track are read");
     }
-    // A commanded strain counts from the zero of the table, and a record may begin in the middle of a hold.
-    let is_absolute = has_absolute_strain(creep, control);
-    let zero = if is_absolute { Zero::AsWritten } else { proposal.frame.zero };
-    match zero {
+    match proposal.frame.zero {
         Zero::AsWritten => {
             line("# zero", quoted("first"), "position that counts as 0: \"first\", \"rest\" or a number")
         }
@@ -564,7 +562,7 @@ fn experiment_toml(
         }
         Zero::Value(value) => line("zero", format!("{value:?}"), "this position counts as 0"),
     }
-    match if is_absolute { Direction::Forward } else { proposal.frame.direction } {
+    match proposal.frame.direction {
         Direction::Forward => line("direction", quoted("+"), "\"-\" if the position grows against the force"),
         Direction::Backward => line("direction", quoted("-"), "the position grows against the force"),
         Direction::Fit => line(

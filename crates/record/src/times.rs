@@ -7,8 +7,10 @@ use base::error::{Error, InputPlace, Result, Setting};
 const BEGAN_BEFORE: f64 = 0.5;
 /// Fraction of an interval by which the last row of a table is moved back if the next table begins at an equal time.
 const JUST_BEFORE: f64 = 1e-6;
-/// Smallest fraction of rows that repeat the previous row's time for which the clock counts as coarse.
+/// Smallest fraction of rows that repeat the previous row's time for which the clock counts as coarse. The rows from the first to the last repetition count.
 const COARSE: f64 = 0.2;
+/// Smallest number of such rows. Fewer are repeated rows rather than a coarse clock.
+const FEWEST_TIES: usize = 3;
 /// Least factor by which neighbouring rows are farther apart in position than rows at neighbouring times, if rows alternate between several tracks.
 const TRACKS: f64 = 3.0;
 
@@ -19,14 +21,25 @@ pub(crate) struct TimeChanges {
     pub restart_rows: Vec<usize>,
     /// Number of rows that repeat the previous row's time.
     pub n_ties: usize,
+    /// Number of rows from the first to the last repetition. A clock may be coarse in a part of the record only, as in times of four digits after 1,000 s.
+    pub n_rows_with_ties: usize,
     /// True if rows of equal time belong to several tracks.
     pub are_tracks: bool,
 }
 
 impl TimeChanges {
     /// True if the clock is coarser than the row spacing and all rows belong to one track.
-    pub fn is_coarse(&self, n_rows: usize) -> bool {
-        !self.are_tracks && self.n_ties as f64 >= COARSE * n_rows as f64
+    pub fn is_coarse(&self) -> bool {
+        !self.are_tracks && self.n_ties >= FEWEST_TIES && self.n_ties as f64 >= COARSE * self.n_rows_with_ties as f64
+    }
+
+    /// Counts the rows that repeat the previous row's time.
+    fn with_ties_of(self, time_s: &[f64]) -> Self {
+        let mut ties = (1..time_s.len()).filter(|row| time_s[*row] == time_s[row - 1]);
+        let first = ties.next();
+        let (n_more, last) = ties.fold((0, first), |(n, _), row| (n + 1, Some(row)));
+        let n_rows_with_ties = first.zip(last).map_or(0, |(first, last)| last - first + 2);
+        Self { n_ties: n_more + usize::from(first.is_some()), n_rows_with_ties, ..self }
     }
 }
 
@@ -72,7 +85,8 @@ pub(super) fn order_times(
     }
     if rules.spreads_ties {
         ordered.are_tracks = alternate(time_s, position_m);
-        ordered.n_ties = spread_ties(time_s);
+        ordered = ordered.with_ties_of(time_s);
+        spread_ties(time_s);
     }
     match time_s.windows(2).position(|pair| pair[1] <= pair[0]) {
         None => Ok(ordered),
@@ -106,8 +120,9 @@ fn is_restart(time_s: f64, before_s: f64, first_s: f64) -> bool {
     time_s < before_s && time_s - first_s <= 0.1 * (before_s - first_s)
 }
 
-/// Spreads the rows of each repeated time (s) evenly over the clock's step. Returns the number of rows that repeat the previous time.
-fn spread_ties(time_s: &mut [f64]) -> usize {
+/// Spreads the rows of each repeated time (s) evenly over the clock's step, which is the shorter one of the gaps before and after that time. Times that are not sorted stay
+/// as they are.
+fn spread_ties(time_s: &mut [f64]) {
     let mut runs: Vec<(usize, f64)> = Vec::new();
     for time in time_s.iter() {
         match runs.last_mut() {
@@ -115,31 +130,29 @@ fn spread_ties(time_s: &mut [f64]) -> usize {
             _ => runs.push((1, *time)),
         }
     }
-    let n_ties = time_s.len() - runs.len();
-    if n_ties == 0 || runs.len() < 3 || runs.windows(2).any(|pair| pair[1].1 < pair[0].1) {
-        return 0;
+    if runs.len() == time_s.len() || runs.len() < 3 || runs.windows(2).any(|pair| pair[1].1 < pair[0].1) {
+        return;
     }
-    let step_s = runs.windows(2).map(|pair| pair[1].1 - pair[0].1).fold(f64::INFINITY, f64::min);
+    let gap_s = |place: usize| runs.get(place + 1).map_or(f64::INFINITY, |(_, next)| next - runs[place].1);
     let usual = median(runs[1..runs.len() - 1].iter().map(|(count, _)| *count as f64).collect()).unwrap_or(1.0);
     let mut row = 0;
     for (place, (count, value)) in runs.iter().enumerate() {
         // The first step of the clock may have begun before the record, and the last step may end after the record. Both therefore count as steps of
         // usual length.
         let rows_a_step = if place == 0 || place + 1 == runs.len() { usual.max(*count as f64) } else { *count as f64 };
+        let step_s = gap_s(place).min(place.checked_sub(1).map_or(f64::INFINITY, gap_s));
         let left_out = if place == 0 { rows_a_step - *count as f64 } else { 0.0 };
         for k in 0..*count {
             time_s[row] = value + step_s * (left_out + k as f64) / rows_a_step;
             row += 1;
         }
     }
-    n_ties
 }
 
 /// Returns the error for a time that is not later than the previous time. The error names the cause that the rows suggest, and the remedy.
 fn refused(place: InputPlace, row: usize, time_s: &[f64], position_m: &[Option<f64>]) -> Error {
     let (time, before) = (time_s[row], time_s[row - 1]);
-    let n_ties = time_s.windows(2).filter(|pair| pair[1] == pair[0]).count();
-    let is_coarse = TimeChanges { n_ties, ..TimeChanges::default() }.is_coarse(time_s.len());
+    let is_coarse = TimeChanges::default().with_ties_of(time_s).is_coarse();
     let (found, remedy) = if time == before && is_coarse && alternate(time_s, position_m) {
         (
             format!(
@@ -230,8 +243,27 @@ mod tests {
     fn rows_of_a_coarse_clock_are_spread() {
         let truth: Vec<f64> = (2..13).map(|row| 0.25 * f64::from(row)).collect();
         let mut time_s: Vec<f64> = truth.iter().map(|time| time.floor()).collect();
-        assert_eq!(spread_ties(&mut time_s), 7);
+        assert_eq!(
+            TimeChanges::default().with_ties_of(&time_s),
+            TimeChanges { n_ties: 7, n_rows_with_ties: 10, ..TimeChanges::default() }
+        );
+        spread_ties(&mut time_s);
         assert_eq!(time_s, truth);
+    }
+
+    /// Times of four digits are coarse only after 1,000 s: rows every 0.6 s then have a step of 1 s. A repeated row is no coarse clock.
+    #[test]
+    fn a_clock_may_be_coarse_in_a_part_of_the_record() {
+        let truth: Vec<f64> = (0..400).map(|row| 800.0 + 0.6 * f64::from(row)).collect();
+        let mut time_s: Vec<f64> =
+            truth.iter().map(|time| if *time < 1e3 { (10.0 * time).round() / 10.0 } else { time.floor() }).collect();
+        let changes = TimeChanges::default().with_ties_of(&time_s);
+        assert!(changes.is_coarse() && (changes.n_ties as f64) < COARSE * 400.0, "{changes:?}");
+        spread_ties(&mut time_s);
+        let largest_s = truth.iter().zip(&time_s).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(largest_s < 1.0 && time_s.windows(2).all(|pair| pair[0] < pair[1]), "{largest_s}");
+        let repeated = [0.0, 1.0, 1.0, 2.0, 3.0];
+        assert!(!TimeChanges::default().with_ties_of(&repeated).is_coarse());
     }
 
     #[test]

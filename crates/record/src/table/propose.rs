@@ -58,6 +58,16 @@ pub struct TableProposal {
     pub force_n: [f64; 2],
     /// Smallest and largest position, relative to the zero, in m.
     pub position_m: [f64; 2],
+    /// Smallest and largest position as written in the table, in m.
+    written_position_m: [f64; 2],
+}
+
+impl TableProposal {
+    /// Replaces the inferred rules for zero and direction: positions count as written in the table.
+    pub fn keep_written_positions(&mut self) {
+        (self.frame, self.position_m) = (Frame::default(), self.written_position_m);
+        self.reasons.retain(|reason| !["zero =", "direction ="].iter().any(|key| reason.contains(key)));
+    }
 }
 
 /// Infers the description of a table. Errors name `file`. If the table does not determine a choice, `ask` asks the user.
@@ -97,6 +107,10 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
             "the force varies about fixed levels like the signal of a sensor, so each hold gets its median (force = \"levels\")".into(),
         );
     }
+    let ends = |values: &mut dyn Iterator<Item = f64>| {
+        values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)])
+    };
+    let written_position_m = ends(&mut trajectory.position_m.iter().flatten().copied());
     let frame = frame(&trajectory, description.force.is_some(), &mut reasons);
     if let Some(projection) = frame.apply(file, &mut trajectory)?.projection {
         reasons.push(format!(
@@ -110,9 +124,6 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
         true => Control::likely(&trajectory.force_n, &trajectory.position_m),
         false => Control::Force,
     };
-    let ends = |values: &mut dyn Iterator<Item = f64>| {
-        values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)])
-    };
     Ok(TableProposal {
         columns: named_columns(tables[0]),
         reasons,
@@ -122,6 +133,7 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
         duration_s: trajectory.time_s.last().zip(trajectory.time_s.first()).map_or(0.0, |(last, first)| last - first),
         force_n: ends(&mut trajectory.force_n.iter().copied()),
         position_m: ends(&mut trajectory.position_m.iter().flatten().copied()),
+        written_position_m,
         description,
         frame,
         has_noisy_levels,
@@ -574,7 +586,7 @@ impl DescribedFile<'_> {
                     restarts.len()
                 ));
             }
-            let is_coarse = trajectory.ordered.is_coarse(trajectory.time_s.len());
+            let is_coarse = trajectory.ordered.is_coarse();
             if is_coarse && description.track.is_none() && !told.spreads_ties {
                 description.time_rules.spreads_ties = true;
                 reasons.push(format!(
