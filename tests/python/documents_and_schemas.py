@@ -1,4 +1,4 @@
-"""Checks every command's document against its schema in `docs/schemas/` (JSON Schema, draft 2020-12).
+"""Checks every command's document against its schema in `docs/schemas/` (JSON Schema, draft 2020-12), and every figure's PDF against its PNG.
 
 usage: documents_and_schemas.py [--quick]; quick leaves out the commands that need finite elements.
 """
@@ -9,9 +9,14 @@ import sys
 import tempfile
 
 import jsonschema
+import matplotlib.image
+import numpy
+import pypdfium2
 
 import small_experiment
 
+# Largest fraction of pixels in which PDF and PNG may differ: thin edges.
+MOST_UNLIKE = 0.01
 SCHEMAS = small_experiment.ROOT / "docs" / "schemas"
 # On an instrument, in this order: later commands continue from earlier ones.
 OF_STUDY = [
@@ -58,6 +63,22 @@ def problems(kind, document):
     return [f"{kind}: {error.json_path}: {error.message[:200]}" for error in errors]
 
 
+def unlike_pdfs(folder):
+    """Figures whose PDF, drawn by PDFium, differs from their PNG. Both renderers smooth edges differently, so only pixels that differ by half count; `count` is the number of figures."""
+    found, count = [], 0
+    for path in pathlib.Path(folder).rglob("*.pdf"):
+        document = pypdfium2.PdfDocument(path)
+        # The PNG has 1.5 pixels per SVG unit, the PDF 0.75 points.
+        drawn = document[0].render(scale=2.0).to_numpy()[:, :, ::-1].astype(float) / 255.0
+        expected = matplotlib.image.imread(path.with_suffix(".png"))[:, :, :3]
+        height, width = (min(sizes) for sizes in zip(drawn.shape[:2], expected.shape[:2]))
+        unlike = numpy.abs(drawn[:height, :width] - expected[:height, :width]).max(axis=2) > 0.5
+        if len(document) != 1 or unlike.mean() > MOST_UNLIKE or abs(drawn.shape[0] - expected.shape[0]) > 2:
+            found.append(f"{path.name}: {len(document)} pages, {100 * unlike.mean():.2f} % of the pixels differ from the PNG")
+        count += 1
+    return found, count
+
+
 def main():
     commands = OF_STUDY if "--quick" in sys.argv else OF_STUDY + OF_FINITE_ELEMENTS
     found, seen = [], set()
@@ -83,11 +104,14 @@ def main():
             if (SCHEMAS / f"{kind}-1.json").exists():
                 seen.add(kind)
                 found += [f"{written.name}: {text}" for text in problems(kind, document)]
+        unlike, n_figures = unlike_pdfs(folder)
+        found += unlike
     assert "calibration" in seen, "no calibration was gathered"
+    assert n_figures > 20, f"only {n_figures} figures"
     if found:
         print("\n".join(found))
         sys.exit(1)
-    print(f"documents of {len(seen)} kinds match their schemas")
+    print(f"documents of {len(seen)} kinds match their schemas, and {n_figures} figures their PDF")
 
 
 if __name__ == "__main__":

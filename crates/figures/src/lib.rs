@@ -1,8 +1,7 @@
 //! Figures and file formats for results.
 //!
 //! All functions take plain slices, and no module depends on the sampler or the finite elements. A figure is built as [`svg::Svg`], in which text stays text.
-//! The function [`svg::write_figure`] writes it together with a PNG. The PNG is rendered from that SVG with the embedded font, so it looks equal on every
-//! machine. Equal input gives equal bytes.
+//! The function [`svg::write_figure`] writes it together with a PNG and a PDF. Both are drawn with the embedded font, so they look equal on every machine. Equal input gives equal bytes.
 //!
 //! Modules that figures share:
 //! - [`svg`], [`font`], [`number`] and [`palette`]: drawing, text, numbers and colours
@@ -54,6 +53,7 @@ mod netcdf_file;
 pub mod number;
 pub mod page;
 pub mod palette;
+mod pdf;
 pub mod predictions;
 pub mod predictive;
 pub mod record;

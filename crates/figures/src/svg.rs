@@ -1,4 +1,4 @@
-//! Canvas for figures, which are written as SVG and PNG.
+//! Canvas for figures, which are written as SVG, PNG and PDF.
 
 use std::fmt::Write as _;
 use std::path::{Path as FilePath, PathBuf};
@@ -7,10 +7,13 @@ use tiny_skia::{FillRule, LineCap, LineJoin, Mask, Paint, PathBuilder, Pixmap, S
 
 use super::font;
 use super::palette::{Colour, INK, WHITE};
+use super::pdf::{PdfShape, PdfStroke, pdf_page};
 use base::files::{remove_if_there, write_together, xml_text};
 use base::quantities::Quantities;
 use base::{Error, Result};
 
+/// Formats of a figure, by the ends of its file names.
+const FORMATS: [&str; 3] = ["svg", "png", "pdf"];
 /// Number of PNG pixels per SVG unit.
 const PNG_SCALE: f32 = 1.5;
 
@@ -201,7 +204,7 @@ impl Path {
     }
 }
 
-/// A drawing that can be written as SVG and PNG. Equal drawings give equal text, with at most two decimals for coordinates. The text has no identifiers, so
+/// A drawing that can be written as SVG, PNG and PDF. Equal drawings give equal text, with at most two decimals for coordinates. The text has no identifiers, so
 /// several drawings fit into one HTML page.
 #[derive(Debug, Clone)]
 pub struct Svg {
@@ -209,7 +212,7 @@ pub struct Svg {
     height_px: f64,
     description: String,
     body: String,
-    /// Shapes of `body`, which the PNG is drawn from.
+    /// Shapes of `body`, which PNG and PDF are drawn from.
     shapes: Vec<SvgShape>,
     /// Texts whose outlines are among the shapes.
     texts: Vec<SvgText>,
@@ -243,7 +246,7 @@ impl SvgText {
     }
 }
 
-/// Shape of a drawing, for the PNG.
+/// Shape of a drawing, for PNG and PDF.
 #[derive(Debug, Clone)]
 struct SvgShape {
     outline: tiny_skia::Path,
@@ -276,6 +279,26 @@ impl SvgShape {
                 ..tiny_skia::Stroke::default()
             };
             pixels.stroke_path(&self.outline, &paint(colour, opacity), &stroke, scale, mask);
+        }
+    }
+}
+
+impl SvgShape {
+    fn for_pdf(&self) -> PdfShape<'_> {
+        // A line of width 0 is invisible in SVG. A PDF would show it as the thinnest line.
+        let stroke = self.style.stroke.filter(|stroke| Px(stroke.width_px).shown() > 0.0);
+        PdfShape {
+            outline: &self.outline,
+            rule: self.rule,
+            fill: self.style.fill.map(|fill| (fill.colour, fill.opacity)),
+            stroke: stroke.map(|Stroke { colour, width_px, opacity, dash }| PdfStroke {
+                colour,
+                opacity,
+                width_px: Px(width_px).shown(),
+                cap: self.cap,
+                dash: dash.map(|(dash, gap)| [Px(dash).shown(), Px(gap).shown()]),
+            }),
+            window: self.window.and_then(outline_of),
         }
     }
 }
@@ -430,9 +453,15 @@ impl Svg {
         }
         pixels.encode_png().map_err(|error| failed(error.to_string()))
     }
+
+    /// Returns the drawing as a PDF document of one page, with texts as outlines.
+    pub fn pdf(&self) -> Vec<u8> {
+        let size_px = [self.width_px, self.height_px].map(|size| Px(size).shown());
+        pdf_page(size_px, &self.description, self.shapes.iter().map(SvgShape::for_pdf))
+    }
 }
 
-/// Writes `<stem>.svg` and `<stem>.png` into `dir`. Each file is written completely or not at all.
+/// Writes `<stem>.svg`, `<stem>.png` and `<stem>.pdf` into `dir`. Each file is written completely or not at all.
 ///
 /// # Errors
 /// [`Error::File`] if the directory cannot be written, [`Error::Numerical`] if the PNG cannot be rendered. In the latter case nothing is written.
@@ -441,13 +470,15 @@ pub fn write_figure(dir: &FilePath, stem: &str, svg: &Svg) -> Result<()> {
     write_together(&files.each_ref().map(|(path, bytes)| (path.as_path(), bytes.as_slice())))
 }
 
-/// Returns path and content of `<stem>.svg` and `<stem>.png`, for callers that write them together with other files.
+/// Returns path and content of `<stem>.svg`, `<stem>.png` and `<stem>.pdf`, for callers that write them together with other files.
 ///
 /// # Errors
 /// [`Error::Numerical`] if the PNG cannot be rendered.
-pub fn figure_files(dir: &FilePath, stem: &str, svg: &Svg) -> Result<[(PathBuf, Vec<u8>); 2]> {
+pub fn figure_files(dir: &FilePath, stem: &str, svg: &Svg) -> Result<[(PathBuf, Vec<u8>); 3]> {
     let png = svg.png()?;
-    Ok([(dir.join(format!("{stem}.svg")), svg.document().into_bytes()), (dir.join(format!("{stem}.png")), png)])
+    let path = |format: &str| dir.join(format!("{stem}.{format}"));
+    let [of_svg, of_png, of_pdf] = FORMATS.map(path);
+    Ok([(of_svg, svg.document().into_bytes()), (of_png, png), (of_pdf, svg.pdf())])
 }
 
 /// Removes the files that an earlier [`write_figure`] has written, if they exist.
@@ -455,8 +486,7 @@ pub fn figure_files(dir: &FilePath, stem: &str, svg: &Svg) -> Result<[(PathBuf, 
 /// # Errors
 /// [`Error::File`] if the directory cannot be written.
 pub fn remove_figure(dir: &FilePath, stem: &str) -> Result<()> {
-    remove_if_there(&dir.join(format!("{stem}.svg")))?;
-    remove_if_there(&dir.join(format!("{stem}.png")))
+    FORMATS.iter().try_for_each(|format| remove_if_there(&dir.join(format!("{stem}.{format}"))))
 }
 
 /// Rectangle as a path for the rasteriser; `None` if it has no area.

@@ -47,11 +47,11 @@ pub fn run(target: &Target, request: &LadderRequest, monitor: &dyn Monitor) -> R
     let quantities = problem.experiment.quantities();
     let provenance = provenance(&study, &summary, seed)?.with_quantities(quantities);
     let document = WithProvenance { provenance, body: summary };
-    let [svg, png] =
+    let [svg, png, pdf] =
         figure_files(study.dir(), "ladder", &figures::ladder::ladder(&document.body)?.translated(quantities))?;
     let json = study.dir().join(LADDER_NAME);
     let json = (json.clone(), files::to_json(&json, &document)?);
-    files::write_together(&[&svg, &png, &json].map(|(path, bytes)| (path.as_path(), bytes.as_slice())))?;
+    files::write_together(&[&svg, &png, &pdf, &json].map(|(path, bytes)| (path.as_path(), bytes.as_slice())))?;
     Ok(Outcome { is_sound: document.body.is_sound(), document, written: svg.0, study: Some(study) })
 }
 

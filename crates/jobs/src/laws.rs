@@ -96,10 +96,11 @@ pub fn run(target: &Target, request: &LawsRequest, monitor: &dyn Monitor) -> Res
     let quantities = target.experiment.quantities();
     let provenance = study.provenance("laws", 1, request.seed).with_quantities(quantities);
     let document = WithProvenance { provenance, body };
-    let [svg, png] = figure_files(study.dir(), "laws", &figures::laws::laws(&document.body).translated(quantities))?;
+    let [svg, png, pdf] =
+        figure_files(study.dir(), "laws", &figures::laws::laws(&document.body).translated(quantities))?;
     let path = study.dir().join(LAWS_NAME);
     let json = (path.clone(), to_json(&path, &document)?);
-    let all: [(&Path, &[u8]); 3] = [&svg, &png, &json].map(|(path, bytes)| (path.as_path(), bytes.as_slice()));
+    let all: [(&Path, &[u8]); 4] = [&svg, &png, &pdf, &json].map(|(path, bytes)| (path.as_path(), bytes.as_slice()));
     files::write_together(&all)?;
     let has_page = !study.revisions()?.is_empty();
     Ok(Outcome { is_sound: true, document, written: svg.0, study: has_page.then_some(study) })
