@@ -485,7 +485,7 @@ function showSuspects(study, revision) {
   at("missing-sentence").textContent = diagnosis?.verdict.sentence ?? "";
   at("suspects").innerHTML = study.parts.suspects ?? "";
   at("fingerprint-of").textContent = "";
-  plots.showFingerprint({ time_s: [0], left_um: [null], change_um: [null] });
+  plots.showFingerprint({ time_s: [0], left_um: [null], change_um: [null], claimed_um: [null] });
   const refused = new Set((diagnosis?.candidates ?? []).filter((/** @type {any} */ own) => own.refused).map((/** @type {any} */ own) => own.effect));
   at("suspects").querySelectorAll("tbody tr").forEach((row) => {
     const slug = row.querySelector("th")?.textContent ?? "";
@@ -493,7 +493,7 @@ function showSuspects(study, revision) {
     button.setAttribute("aria-label", `Add ${slug}`);
     row.querySelector("th")?.after(make("td", {}, refused.has(slug) ? [] : [button]));
   });
-  if (diagnosis && revision) showFingerprints(study, revision.name).catch(fault);
+  if (diagnosis && revision) showFingerprints(study, revision.name, diagnosis.verdict).catch(fault);
   at("suspects").querySelector("thead th")?.after(make("th", { scope: "col", textContent: "add to model" }));
   const parts = [];
   if (learned) {
@@ -504,8 +504,9 @@ function showSuspects(study, revision) {
   at("learned").replaceChildren(...parts);
 }
 
-/** Draws the fingerprint of the candidate effect under the pointer over the residuals. @param {Study} study @param {string} name */
-async function showFingerprints(study, name) {
+/** Draws over the residuals what the candidate effect under the pointer would explain, beside the claimed effect. Equivalent effects have nearly equal curves.
+ * @param {Study} study @param {string} name @param {{kind: string, effects: string[], equivalent: string[]}} verdict */
+async function showFingerprints(study, name, verdict) {
   const response = await fetch(fileOf(study, `${name}/fingerprints.csv`));
   // Diagnoses of other versions may have no fingerprints.
   if (!response.ok) return;
@@ -514,16 +515,22 @@ async function showFingerprints(study, name) {
   const [head, ...rows] = text.trim().split("\n").map((line) => line.split(","));
   const column = (/** @type {number} */ place) => rows.map((row) => Number(row[place]));
   const [time_s, left_um] = [column(0), rows.map((row) => (row[1] === "" ? null : Number(row[1])))];
+  const claimed = verdict.kind === "missing" ? verdict.effects[0] : "";
+  const claimed_um = head.includes(claimed) ? column(head.indexOf(claimed)) : rows.map(() => null);
+  const first = verdict.equivalent[0] ?? claimed;
   at("suspects").querySelectorAll("tbody tr").forEach((row) => {
     const place = head.indexOf(row.querySelector("th")?.textContent ?? "");
     if (place < 2) return;
-    const own = { time_s, left_um, change_um: column(place) };
+    const isClaimed = head[place] === claimed;
+    const own = { time_s, left_um, change_um: column(place), claimed_um: isClaimed ? rows.map(() => null) : claimed_um };
     const show = () => {
-      at("fingerprint-of").textContent = `Points: residuals. Line: part that ${head[place]} would explain.`;
+      const relation = verdict.equivalent.includes(head[place]) ? "which this record cannot distinguish from it" : "the claimed effect";
+      const other = claimed && !isClaimed ? ` Dashed: ${claimed}, ${relation}.` : "";
+      at("fingerprint-of").textContent = `Points: residuals. Line: part that ${head[place]} would explain.${other}`;
       plots.showFingerprint(own);
     };
     for (const kind of ["mouseenter", "focusin"]) row.addEventListener(kind, show);
-    if (row === row.parentElement?.firstElementChild) show();
+    if (head[place] === first || (!first && row === row.parentElement?.firstElementChild)) show();
   });
 }
 

@@ -57,7 +57,7 @@ export class Plots {
     /** @type {{from: number, to: number}[]} */ this.heldOut = [];
     /** @type {[number, number]|null} */ this.window = null;
     /** @type {any[]} */ this.plots = [];
-    /** @type {{time_s: number[], left_um: (number|null)[], change_um: (number|null)[]}|null} */ this.fingerprint = null;
+    /** @type {{time_s: number[], left_um: (number|null)[], change_um: (number|null)[], claimed_um: (number|null)[]}|null} */ this.fingerprint = null;
     /** @type {string} */ this.kind = "";
     /** Labels of the axes of measurement, residual and command, and the unit of the measurement. */ this.axes = ["position (µm)", "residual (µm)", "force (µN)", "µm"];
     this.isLogTime = false;
@@ -113,11 +113,11 @@ export class Plots {
     }
   }
 
-  /** Draws the residuals, and the part that an effect would explain. @param {{time_s: number[], left_um: (number|null)[], change_um: (number|null)[]}} own */
+  /** Draws the residuals, the part that an effect would explain, and the part that the claimed effect explains. @param {{time_s: number[], left_um: (number|null)[], change_um: (number|null)[], claimed_um: (number|null)[]}} own */
   showFingerprint(own) {
     this.fingerprint = own;
     const plot = this.plots[3];
-    if (plot && this.rows) plot.setData([own.time_s, own.left_um, own.change_um], false), this.rescale(plot);
+    if (plot && this.rows) plot.setData([own.time_s, own.left_um, own.change_um, own.claimed_um], false), this.rescale(plot);
   }
 
   /** @param {Tried|null} tried */
@@ -253,7 +253,7 @@ export class Plots {
     put("plot-residual", options(middle, this.axes[1], [{ label: "residual", ...dots(ink) }, { label: "beside", ...dots(SECOND) }, { label: "of the trial", ...dots(orange) }], [], false),
       `${this.axes[1]} against time`);
     put("plot-force", options(low, this.axes[2], [{ label: this.axes[2], stroke: green, width: 1.5, paths: uPlot.paths.stepped({ align: 1 }) }], [], true), `Commanded ${this.axes[2]} against time`);
-    put("plot-fingerprint", options(last, this.axes[1], [{ label: "residual", stroke: ink, width: 0, points: { show: true, size: 3, fill: ink }, paths: () => null }, { label: "explained by the effect", stroke: orange, width: 2.5 }], [], true), `${this.axes[1]}, and the part that the selected candidate effect would explain, against time`);
+    put("plot-fingerprint", options(last, this.axes[1], [{ label: "residual", stroke: ink, width: 0, points: { show: true, size: 3, fill: ink }, paths: () => null }, { label: "explained by the effect", stroke: orange, width: 2.5 }, { label: "explained by the claimed effect", stroke: SECOND, width: 1.5, dash: [6, 4] }], [], true), `${this.axes[1]}, and the parts that the selected and the claimed effect would explain, against time`);
     if (this.fingerprint) this.showFingerprint(this.fingerprint);
     this.refill();
   }
