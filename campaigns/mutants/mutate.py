@@ -196,8 +196,8 @@ class Copy:
         what = failed[0] if failed else "no end in time" if code is None else "the test program was stopped"
         return ": ".join([*binary, what])
 
-    def outcome(self, crates, name):
-        """Runs the stages until a test fails."""
+    def outcome(self, crates, name, n_stages):
+        """Runs the first stages until a test fails."""
         shutil.rmtree(self.cache, ignore_errors=True)
         packages = [f"--package=vitreo-uq-{other}" for other in above(crates, name)]
         stages = [
@@ -205,7 +205,7 @@ class Copy:
             ("unit tests above", [*packages, "--lib"] if packages else None),
             ("all tests", []),
         ]
-        for stage, arguments in stages:
+        for stage, arguments in stages[:n_stages]:
             if arguments is not None and (by := self.killer(arguments)):
                 return {"outcome": "killed", "stage": stage, "by": by}
         return {"outcome": "survived"}
@@ -221,6 +221,7 @@ def main():
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--out", type=pathlib.Path, default=ROOT / "target/campaigns/mutants")
     parser.add_argument("--list", action="store_true", help="show the draws and run nothing")
+    parser.add_argument("--stages", type=int, default=3, help="how many stages are run: 1 leaves out the tests of other crates and the integration tests, which take hours")
     parser.add_argument("--passed", action="store_true", help="the tests of this commit passed elsewhere: do not run them first")
     arguments = parser.parse_args()
     crates = library()
@@ -254,7 +255,7 @@ def main():
         started = time.monotonic()
         try:
             code, _ = copy.cargo("check", "--locked", f"--package=vitreo-uq-{mutant['crate']}")
-            mutant.update(copy.outcome(crates, mutant["crate"]) if code == 0 else {"outcome": "not compiled"})
+            mutant.update(copy.outcome(crates, mutant["crate"], arguments.stages) if code == 0 else {"outcome": "not compiled"})
         except NotCompiled:
             mutant["outcome"] = "not compiled"
         mutant["seconds"] = round(time.monotonic() - started)
