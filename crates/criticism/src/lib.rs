@@ -24,6 +24,8 @@ mod fit;
 pub mod future;
 mod large;
 pub mod learn;
+mod matched_cycles;
+mod noise_bounds;
 mod noise_fit;
 pub mod noise_learning;
 pub mod outliers;

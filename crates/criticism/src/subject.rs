@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, OnceLock};
 
-use super::{Candidate, score::Score};
+use super::{Candidate, noise_bounds::noise_bounds, score::Score};
 use base::error::{Error, InputPlace, Result, Setting};
 use base::number::Dual;
 use laws::stages::SharedStepper;
@@ -11,7 +11,7 @@ use models::effects::{Effect, Library};
 use models::model::{Compliance, Lanes, N_LANES, Response};
 use models::surrogate::trajectory;
 use posterior::monitor::Monitor;
-use posterior::noise::{NoiseLikelihood, NoiseModel};
+use posterior::noise::{NoiseBounds, NoiseLikelihood, NoiseModel};
 use posterior::prepared::{KeptSurrogate, PreparedModel};
 use posterior::problem::Problem;
 use posterior::study::ModelSpecification;
@@ -30,6 +30,8 @@ pub struct Subject {
     has_trajectory_memory: bool,
     /// True if the noise has only the terms of the model's specification.
     has_only_specified_noise: bool,
+    /// Plausible sizes of noise beside white noise; `None` if noise of any size is allowed.
+    noise_bounds: Option<NoiseBounds>,
     /// Number of trajectories computed for this subject and for subjects derived from it.
     n_evaluated: Arc<AtomicUsize>,
     /// Positions (m) of the fitted cycles, `None` elsewhere; one entry per row of the record.
@@ -109,6 +111,8 @@ impl Subject {
             .experiment
             .reference_noise()
             .map_or_else(|| UNKNOWN_NOISE * problem.experiment.scales().position_range_m, |yardstick| yardstick.sd_m);
+        let is_noise_known = problem.experiment.noise_sd_m.is_some();
+        let noise_bounds = is_noise_known.then(|| noise_bounds(&problem.experiment, reference_noise_m));
         let Experiment { record, calibration_cycles, heldout_cycles, .. } = &base.experiment;
         let response = Response::new(&record.time_s, record.force(), record.n_rows());
         let (fitted_m, scored_m) = (base.positions_of(calibration_cycles), base.positions_of(heldout_cycles));
@@ -123,7 +127,7 @@ impl Subject {
         let local = trajectory::with_trajectory_cache(&compliance, &record.time_s, record.force());
         let model = PreparedModel::given(&base, compliance, Vec::new());
         let shared = SharedParts { model, library, own_noise, reference_noise_m, local, response, large };
-        Ok(Self::of(Arc::new(shared), fitted_m, scored_m))
+        Ok(Self { noise_bounds, ..Self::of(Arc::new(shared), fitted_m, scored_m) })
     }
 
     /// Returns the subject with another library. The compliance must already serve the effects of that library.
@@ -160,11 +164,7 @@ impl Subject {
         let subject = self.with_experiment(experiment, &self.shared.library)?;
         let (fitted_m, scored_m) = (subject.problem().positions_of(fitted), subject.problem().positions_of(scored));
         let other = Self::of(subject.shared, fitted_m, scored_m);
-        Ok(Self {
-            has_trajectory_memory: self.has_trajectory_memory,
-            has_only_specified_noise: self.has_only_specified_noise,
-            ..other
-        })
+        Ok(other.treated_like(self))
     }
 
     fn of(shared: Arc<SharedParts>, fitted_m: Vec<Option<f64>>, scored_m: Vec<Option<f64>>) -> Self {
@@ -178,6 +178,7 @@ impl Subject {
             shared,
             has_trajectory_memory: false,
             has_only_specified_noise: false,
+            noise_bounds: None,
             n_evaluated: Arc::default(),
             fitted_m,
             scored_m,
@@ -208,13 +209,18 @@ impl Subject {
             left
         };
         let other = Self::of(self.shared.clone(), left(&self.fitted_m), left(&self.scored_m));
-        let n_evaluated = self.n_evaluated.clone();
-        Self {
-            has_trajectory_memory: self.has_trajectory_memory,
-            has_only_specified_noise: self.has_only_specified_noise,
-            n_evaluated,
-            ..other
-        }
+        Self { n_evaluated: self.n_evaluated.clone(), ..other.treated_like(self) }
+    }
+
+    /// Returns the subject with the noise and the trajectories of the fits of `other`.
+    fn treated_like(self, other: &Self) -> Self {
+        let Self { has_trajectory_memory, has_only_specified_noise, noise_bounds, .. } = *other;
+        Self { has_trajectory_memory, has_only_specified_noise, noise_bounds, ..self }
+    }
+
+    /// Returns the subject with slow noise, gains and offsets of any size. Fits find their way more easily under such noise, because it takes the misfit of a poor start.
+    pub(super) fn with_unbounded_noise(&self) -> Self {
+        Self { noise_bounds: None, ..self.clone() }
     }
 
     /// Returns the subject with about `most` of its positions, evenly chosen. The rows at which the force changes are kept, so trajectories at the remaining rows are
@@ -249,11 +255,7 @@ impl Subject {
             positions.iter().zip(&is_kept).filter(|(_, is_kept)| **is_kept).map(|(position, _)| *position).collect()
         };
         let other = Self::of(Arc::new(shared_parts), kept(&self.fitted_m), kept(&self.scored_m));
-        Ok(Some(Self {
-            has_trajectory_memory: self.has_trajectory_memory,
-            has_only_specified_noise: self.has_only_specified_noise,
-            ..other
-        }))
+        Ok(Some(other.treated_like(self)))
     }
 
     /// Returns the subject with only the noise terms of each model's specification, as in the fits of `sample` and `extend`.
@@ -387,6 +389,11 @@ impl Subject {
     /// Returns whether the experiment gives the noise.
     pub fn is_noise_known(&self) -> bool {
         self.problem().experiment.noise_sd_m.is_some()
+    }
+
+    /// Plausible sizes of noise beside white noise; `None` if noise of any size is allowed.
+    pub(super) fn noise_bounds(&self) -> Option<&NoiseBounds> {
+        self.noise_bounds.as_ref()
     }
 
     /// Compliance that converts the integral of creep compliance over force changes, ∫J dF, into a position, for every effect of the library.

@@ -120,8 +120,8 @@ fn estimate(record: &Record) -> Option<ReferenceNoise> {
     let rounding_sd_m = written_step_m(record).map_or(0.0, |step_m| step_m / 12_f64.sqrt());
     let short_lag = short_lag(record).map(|(sd_m, n_differences)| (sd_m.max(rounding_sd_m), n_differences));
     let rest = rest_residuals(record);
-    if rest.n_positions >= MIN_REST_POSITIONS && rest.sum_of_squares > 0.0 {
-        let sd_m = (rest.sum_of_squares / rest.degrees_of_freedom as f64).sqrt().max(rounding_sd_m);
+    if let Some(sd_m) = rest.sd_m() {
+        let sd_m = sd_m.max(rounding_sd_m);
         let short_lag_sd_m = short_lag.map(|(sd_m, _)| sd_m);
         let origin = NoiseOrigin::Rest { n_positions: rest.n_positions, n_windows: rest.n_windows, short_lag_sd_m };
         return Some(ReferenceNoise { sd_m, origin });
@@ -303,6 +303,18 @@ struct RestResiduals {
     degrees_of_freedom: usize,
     n_positions: usize,
     n_windows: usize,
+}
+
+impl RestResiduals {
+    fn sd_m(&self) -> Option<f64> {
+        let is_enough = self.n_positions >= MIN_REST_POSITIONS && self.sum_of_squares > 0.0;
+        is_enough.then(|| (self.sum_of_squares / self.degrees_of_freedom as f64).sqrt())
+    }
+}
+
+/// Standard deviation (m) of positions at rest about straight lines; `None` if there are too few positions.
+pub fn rest_sd_m(record: &Record) -> Option<f64> {
+    rest_residuals(record).sd_m()
 }
 
 fn rest_residuals(record: &Record) -> RestResiduals {

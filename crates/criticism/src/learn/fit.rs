@@ -150,26 +150,28 @@ pub fn search_all(
     (0..pairs.len()).into_par_iter().map(of).collect()
 }
 
-/// Refits pairs to all positions if the search used only some of them. Pairs without a fit are left out.
-pub fn finish_all(
+/// Refits pairs to the positions and under the noise of `subject`, starting from fits under other conditions.
+pub fn refit_all(
     subject: &Subject,
     base: &PairlessModel<'_>,
     sought: Vec<Option<SearchedFit>>,
-    was_thinned: bool,
-) -> Vec<PairFit> {
-    let of = |(pair, sought): (usize, Option<SearchedFit>)| {
-        let (candidate, fitted, evidence_nats) = match sought? {
-            (candidate, fitted, _) if was_thinned => {
-                let start = (fitted.theta, fitted.noise);
-                let (candidate, fitted, ln_evidence) = fit_with_evidence(subject, candidate, start)?;
-                (candidate, fitted, ln_evidence - base.ln_evidence)
-            }
-            sought => sought,
-        };
+) -> Vec<Option<SearchedFit>> {
+    let of = |sought: Option<SearchedFit>| {
+        let (candidate, fitted, _) = sought?;
+        let (candidate, fitted, ln_evidence) = fit_with_evidence(subject, candidate, (fitted.theta, fitted.noise))?;
+        Some((candidate, fitted, ln_evidence - base.ln_evidence))
+    };
+    sought.into_par_iter().map(of).collect()
+}
+
+/// Scores the predictions of fitted pairs. Pairs without a fit are left out.
+pub fn score_all(subject: &Subject, fits: Vec<Option<SearchedFit>>) -> Vec<PairFit> {
+    let of = |(pair, fit): (usize, Option<SearchedFit>)| {
+        let (candidate, fitted, evidence_nats) = fit?;
         let future = future(subject, &candidate, &fitted).ok()?;
         Some(PairFit { pair, candidate, fitted, evidence_nats, future })
     };
-    sought.into_par_iter().enumerate().filter_map(of).collect()
+    fits.into_par_iter().enumerate().filter_map(of).collect()
 }
 
 /// Fits the model of a pair (a quantity as a function of a state) to a subject with another noise model, and scores its predictions. `None` if there is no fit or no

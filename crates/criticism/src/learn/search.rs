@@ -1,7 +1,9 @@
 //! Search among pairs of a quantity and a state: fits of every pair added to a record's model, and the criteria for the leading pair.
 
 use super::distil::{FittedFormula, find_simplest_formula};
-use super::fit::{PairFit, PairlessModel, Screen, finish_all, fit_under, largest_gain, search_all};
+use super::fit::{
+    PairFit, PairlessModel, Screen, fit_under, largest_gain, refit_all as refit_pairs, score_all, search_all,
+};
 use super::pairs::{Pair, pairs};
 use crate::bootstrap::{Bootstrap, Simulations, simulated};
 use crate::outliers;
@@ -102,15 +104,24 @@ impl PairSearch {
         let (few, few_base) = match few {
             None => (subject.clone(), base.clone()),
             Some(few) => {
-                let start = (base.fitted.theta.clone(), base.fitted.noise);
-                let fitted = few.fit(&base.candidate, &[start], Search::Local)?;
-                let few_base = Refitted { fitted, future: None, ..base.clone() };
+                let few_base = refitted_base(&few, &base)?;
                 (few, few_base)
             }
         };
-        let sought = search_all(&few, &PairlessModel::new(&few, &few_base)?, &pairs, &candidates);
+        let few_model = PairlessModel::new(&few, &few_base)?;
+        let sought = if few.noise_bounds().is_some() {
+            // Under bounded noise, a fit that starts far from its best point stops early. So the search itself runs under noise of any size.
+            let free = few.with_unbounded_noise();
+            let free_base = refitted_base(&free, &few_base)?;
+            let sought = search_all(&free, &PairlessModel::new(&free, &free_base)?, &pairs, &candidates);
+            refit_pairs(&few, &few_model, sought)
+        } else {
+            search_all(&few, &few_model, &pairs, &candidates)
+        };
         let gain_nats = sought.iter().flatten().map(|(.., gain)| *gain).fold(f64::NEG_INFINITY, f64::max).max(0.0);
-        let mut learnt = finish_all(&subject, &PairlessModel::new(&subject, &base)?, sought, was_thinned);
+        let fits =
+            if was_thinned { refit_pairs(&subject, &PairlessModel::new(&subject, &base)?, sought) } else { sought };
+        let mut learnt = score_all(&subject, fits);
         learnt.sort_by(|a, b| b.evidence_nats.total_cmp(&a.evidence_nats));
         let searched = SearchedPositions { subject: few, base: few_base, gain_nats };
         Ok(Self { subject, pairs, is_monotone, candidates, base, learnt, searched })
@@ -210,9 +221,7 @@ impl PairSearch {
         let Some(few) = self.subject.thinned(MOST_SEARCHED_SLOWLY)? else {
             return Ok(refit_all(&self.subject, &candidates, &[&self.base], Search::Wide, monitor));
         };
-        let start = (self.base.fitted.theta.clone(), self.base.fitted.noise);
-        let fitted = few.fit(&self.base.candidate, &[start], Search::Local)?;
-        let base = Refitted { fitted, future: None, ..self.base.clone() };
+        let base = refitted_base(&few, &self.base)?;
         let sought = refit_all(&few, &candidates, &[&base], Search::Wide, monitor).into_iter().flatten();
         let finished = sought.map(|refitted| {
             let start = (refitted.fitted.theta, refitted.fitted.noise);
@@ -263,6 +272,13 @@ impl PairSearch {
         let entry = &self.pairs[other.pair];
         (entry.quantity, entry.state) != (pair.quantity, pair.state)
     }
+}
+
+/// Refits a base model under the positions and the noise of `subject`. The result has no score of future cycles.
+fn refitted_base(subject: &Subject, base: &Refitted) -> Result<Refitted> {
+    let start = (base.fitted.theta.clone(), base.fitted.noise);
+    let fitted = subject.fit(&base.candidate, &[start], Search::Local)?;
+    Ok(Refitted { fitted, future: None, ..base.clone() })
 }
 
 /// Fits a record's base model without outliers; returns the record without outliers and the model.

@@ -1,6 +1,7 @@
 //! Noise estimated from the record itself: from rests, neighbouring positions and successive cycles.
 
 use super::{CycleSpread, NoiseEstimateSd};
+use crate::matched_cycles::{FEWEST_MATCHED_ROWS, MatchTolerance, Phase, about_line, phases_of_cycles};
 use record::Record;
 use record::noise::{
     MIN_DIFFERENCES, MIN_PER_WINDOW, MIN_REST_POSITIONS, NO_FORCE_FRACTION, RECOVERY_FRACTION, SD_PER_MAD, holds,
@@ -10,11 +11,6 @@ use record::noise::{
 /// Relative standard error, times √n, of a standard deviation from the median absolute deviation of n second differences of neighbouring positions. It is 1.167 for
 /// independent differences (Rousseeuw & Croux, *JASA* 88, 1273, 1993), times √(1 + 2(⅔² + ⅙²)), since neighbouring differences overlap.
 const MAD_ERROR: f64 = 1.63;
-/// Largest difference of two rows' times within their cycles at which the rows count as simultaneous, as a fraction of the sample interval.
-const SAME_TIME_INTERVALS: f64 = 0.1;
-/// Largest difference of two force steps that count as equal, as a fraction of the force's range.
-const EQUAL_STEP_FRACTION: f64 = 0.05;
-const FEWEST_PER_PAIR: usize = 20;
 
 /// Noise from the scatter about straight lines while no force acts: before the first force, and late in rests; `None` if there are too few positions.
 pub(super) fn at_rest(record: &Record) -> Option<NoiseEstimateSd> {
@@ -53,12 +49,8 @@ pub(super) fn of_neighbours(record: &Record) -> Option<NoiseEstimateSd> {
 /// only if its last force step was equal in both cycles, because the true motions differ after different steps. The record's first step, which starts without force, often
 /// differs from all later ones.
 pub(super) fn of_cycles(record: &Record, fitted_m: &[f64]) -> Option<CycleSpread> {
-    let steps = record.force_step_rows();
-    let same = MatchTolerance {
-        time_s: SAME_TIME_INTERVALS * record.median_interval_s()?,
-        force_n: EQUAL_STEP_FRACTION * record.force_range_n(),
-    };
-    let cycles: Vec<Vec<Phase>> = (1..=record.n_cycles()).map(|cycle| phases(record, &steps, cycle)).collect();
+    let same = MatchTolerance::of(record)?;
+    let cycles = phases_of_cycles(record);
     let pairs = cycles.windows(2).filter_map(|pair| Pair::new(record, fitted_m, [&pair[0], &pair[1]], &same));
     let pairs: Vec<Pair> = pairs.collect();
     let n_pairs = pairs.len();
@@ -91,12 +83,6 @@ pub(super) fn of_cycles(record: &Record, fitted_m: &[f64]) -> Option<CycleSpread
     Some(CycleSpread { whole, within: within_one, gain_sd, gain_standard_error, gain_score, offset_score, n_pairs })
 }
 
-/// Tolerances within which times and forces count as equal.
-struct MatchTolerance {
-    time_s: f64,
-    force_n: f64,
-}
-
 /// Comparison of a cycle with the next one.
 struct Pair {
     difference_m: Vec<f64>,
@@ -111,58 +97,22 @@ struct Pair {
 
 impl Pair {
     fn new(record: &Record, fitted_m: &[f64], [phases, next]: [&[Phase]; 2], same: &MatchTolerance) -> Option<Self> {
-        let (same_s, equal_n) = (same.time_s, same.force_n);
         let (mut difference_m, mut position_m) = (Vec::new(), Vec::new());
         for row in phases {
-            let at = next.partition_point(|other| other.after_s < row.after_s - same_s);
-            if let (Some(other), Some(one_m)) = (next.get(at), record.position_m[row.row])
-                && other.after_s <= row.after_s + same_s
+            if let (Some(other), Some(one_m)) = (same.find(next, row), record.position_m[row.row])
                 && let Some(other_m) = record.position_m[other.row]
-                && (row.from_n - other.from_n).abs() <= equal_n
-                && (row.to_n - other.to_n).abs() <= equal_n
             {
                 difference_m.push((other_m - fitted_m[other.row]) - (one_m - fitted_m[row.row]));
                 position_m.push(0.5 * (fitted_m[row.row] + fitted_m[other.row]));
             }
         }
-        if difference_m.len() < FEWEST_PER_PAIR {
+        if difference_m.len() < FEWEST_MATCHED_ROWS {
             return None;
         }
         let shift_m = difference_m.iter().sum::<f64>() / difference_m.len() as f64;
         let ((gain_change, gain_weight_m2), left_m) = about_line(&position_m, &difference_m);
         Some(Self { difference_m, left_m, gain_change, shift_m, gain_weight_m2 })
     }
-}
-
-/// A row of a cycle, with its time in the cycle and the forces before and after the last force step.
-struct Phase {
-    row: usize,
-    after_s: f64,
-    from_n: f64,
-    to_n: f64,
-}
-
-/// Phases of the rows of a cycle; `steps` are the rows of all force steps.
-fn phases(record: &Record, steps: &[usize], cycle: u32) -> Vec<Phase> {
-    let first = record.cycle.partition_point(|other| *other < cycle);
-    let end = record.cycle.partition_point(|other| *other <= cycle);
-    let phase = |row: usize| {
-        // A position is the limit from the left: at the step's own row it still belongs to the previous hold.
-        let step = steps.partition_point(|step| *step < row).checked_sub(1).map(|place| steps[place]);
-        let before = |step: usize| step.checked_sub(1).map_or(0.0, |before| record.force_n[before]);
-        let (from_n, to_n) = step.map_or((0.0, 0.0), |step| (before(step), record.force_n[step]));
-        Phase { row, after_s: record.time_s[row] - record.time_s[first], from_n, to_n }
-    };
-    (first..end).map(phase).collect()
-}
-
-/// Slope of the least-squares line of y over x, the sum of squares of x about its mean, and the residuals of the line.
-fn about_line(x: &[f64], y: &[f64]) -> ((f64, f64), Vec<f64>) {
-    let n = x.len() as f64;
-    let (mean_x, mean_y) = (x.iter().sum::<f64>() / n, y.iter().sum::<f64>() / n);
-    let weight = x.iter().map(|x| (x - mean_x).powi(2)).sum::<f64>().max(f64::MIN_POSITIVE);
-    let slope = x.iter().zip(y).map(|(x, y)| (x - mean_x) * (y - mean_y)).sum::<f64>() / weight;
-    ((slope, weight), x.iter().zip(y).map(|(x, y)| y - mean_y - slope * (x - mean_x)).collect())
 }
 
 /// Standard deviation of `series` about 0, with `degrees` degrees of freedom. Its standard error accounts for the correlation of the series.

@@ -18,7 +18,7 @@ use record::{Apparatus, Control, Experiment, ExperimentFiles, ForceRule, Interpr
 
 use crate::monitor::Monitor;
 use figures::number::format_ranges;
-use quick_fit::{QuickFit, quick_fit};
+pub use quick_fit::{QuickFit, quick_fit};
 
 /// An experiment with the quantities that all checks share.
 struct CheckContext<'a> {

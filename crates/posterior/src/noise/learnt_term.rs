@@ -62,11 +62,34 @@ impl LearningPrior {
     }
 }
 
+/// Sizes of slow noise, gains and offsets that are plausible beside white noise of known size. A search would otherwise explain a model's misfit by noise of any size.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct NoiseBounds {
+    /// Prior scale of the standard deviation of slow noise, in µm.
+    pub slow_sd_um: f64,
+    /// Prior scale of the standard deviation of the cycles' gains.
+    pub gain_sd: f64,
+    /// Prior scale of the standard deviation of the cycles' offsets, in µm.
+    pub offset_sd_um: f64,
+}
+
+impl NoiseBounds {
+    /// Prior of a standard deviation with a bound `sd`.
+    pub(super) fn prior(sd: f64) -> LearningPrior {
+        LearningPrior::OfValue(Distribution::HalfNormal { sd })
+    }
+}
+
 /// Noise term that a search can learn.
 pub(super) trait LearntTerm {
-    /// Parameters of the term, in order. `priors` are the parameters' priors in `sample`, in the order of the parameters; the white noise does not use them. `is_known`
-    /// is true if the reference noise is known and false if it is estimated from short lags.
-    fn learnt(&self, scales: &NoiseScales, priors: &[Distribution], is_known: bool) -> Vec<LearntParameter>;
+    /// Parameters of the term, in order. `priors` are the parameters' priors in `sample`, in the order of the parameters; the white noise does not use them. `bounds`
+    /// is given if the reference noise is known, `None` if it is estimated from short lags.
+    fn learnt(
+        &self,
+        scales: &NoiseScales,
+        priors: &[Distribution],
+        bounds: Option<&NoiseBounds>,
+    ) -> Vec<LearntParameter>;
 
     /// Starting points of the searches, one per inner list: logarithms of the term's parameters.
     fn starts(&self, scales: &NoiseScales, priors: &[Distribution]) -> Vec<Vec<f64>>;

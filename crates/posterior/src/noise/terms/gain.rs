@@ -2,7 +2,7 @@
 
 use super::{Equations, NoiseTerm};
 use crate::noise::NoiseScales;
-use crate::noise::learnt_term::{DrawRow, LearningPrior, LearntParameter, LearntTerm, RowShare};
+use crate::noise::learnt_term::{DrawRow, LearningPrior, LearntParameter, LearntTerm, NoiseBounds, RowShare};
 use crate::noise::scales::FilterScales;
 use base::distribution::Distribution;
 use base::parameter::{GAIN_SD, OFFSET_SD, ParameterSpec};
@@ -43,18 +43,27 @@ impl NoiseTerm for Gain {
 }
 
 impl LearntTerm for Gain {
-    fn learnt(&self, scales: &NoiseScales, priors: &[Distribution], _: bool) -> Vec<LearntParameter> {
+    fn learnt(
+        &self,
+        scales: &NoiseScales,
+        priors: &[Distribution],
+        bounds: Option<&NoiseBounds>,
+    ) -> Vec<LearntParameter> {
         let ln_white_um = scales.noise_sd_um.ln();
+        let [gain_prior, offset_prior] = match bounds {
+            Some(bounds) => [bounds.gain_sd, bounds.offset_sd_um].map(NoiseBounds::prior),
+            None => [priors[0], priors[1]].map(LearningPrior::OfValue),
+        };
         let gain = LearntParameter {
             spec: GAIN_SD,
-            prior: LearningPrior::OfValue(priors[0]),
+            prior: gain_prior,
             ln_ends: [1e-5_f64.ln(), 0.5_f64.ln()],
             ln_white: 1e-4_f64.ln(),
             of_row: RowShare::Nothing,
         };
         let offset = LearntParameter {
             spec: OFFSET_SD,
-            prior: LearningPrior::OfValue(priors[1]),
+            prior: offset_prior,
             ln_ends: [ln_white_um - 7.0, ln_white_um + 7.0],
             ln_white: ln_white_um - 4.0,
             of_row: RowShare::Nothing,

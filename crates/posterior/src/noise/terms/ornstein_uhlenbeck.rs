@@ -2,7 +2,7 @@
 
 use super::{Equations, NoiseTerm};
 use crate::noise::NoiseScales;
-use crate::noise::learnt_term::{DrawRow, LearningPrior, LearntParameter, LearntTerm, RowShare};
+use crate::noise::learnt_term::{DrawRow, LearningPrior, LearntParameter, LearntTerm, NoiseBounds, RowShare};
 use crate::noise::scales::FilterScales;
 use base::distribution::Distribution;
 use base::parameter::{ParameterSpec, SLOW_NOISE_SD, SLOW_NOISE_TIME};
@@ -57,18 +57,24 @@ fn ln_time_s(priors: &[Distribution]) -> [f64; 2] {
 }
 
 impl LearntTerm for OrnsteinUhlenbeck {
-    fn learnt(&self, scales: &NoiseScales, priors: &[Distribution], is_known: bool) -> Vec<LearntParameter> {
+    fn learnt(
+        &self,
+        scales: &NoiseScales,
+        priors: &[Distribution],
+        bounds: Option<&NoiseBounds>,
+    ) -> Vec<LearntParameter> {
         let ln_white_um = scales.noise_sd_um.ln();
         let [shortest, longest] = ln_time_s(priors);
-        let sd = match priors[0] {
-            Distribution::LogNormal { median, .. } if !is_known => {
-                Distribution::LogNormal { median, log_sd: LOG_SD_OF_ESTIMATE }
+        let prior = match (bounds, priors[0]) {
+            (Some(bounds), _) => NoiseBounds::prior(bounds.slow_sd_um),
+            (None, Distribution::LogNormal { median, .. }) => {
+                LearningPrior::OfLog(Distribution::LogNormal { median, log_sd: LOG_SD_OF_ESTIMATE })
             }
-            known => known,
+            (None, other) => LearningPrior::OfLog(other),
         };
         let sd = LearntParameter {
             spec: SLOW_NOISE_SD,
-            prior: LearningPrior::OfLog(sd),
+            prior,
             ln_ends: [ln_white_um - 7.0, ln_white_um + 9.0],
             ln_white: ln_white_um - 3.0,
             of_row: RowShare::Sd,
