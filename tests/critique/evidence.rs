@@ -20,7 +20,7 @@ use vitreo_uq::sampling::evidence::importance::{self, ImportanceOptions};
 use vitreo_uq::sampling::{SamplerOptions, sample};
 
 /// The added drift (m/s) is about three posterior standard deviations, so draws still reach the null.
-const DRIFT_M_PER_S: f64 = 1.2e-7;
+const DRIFT_M_PER_S: f64 = 1.5e-7;
 
 /// The embedded replica with a small drift.
 fn subject() -> &'static Subject {

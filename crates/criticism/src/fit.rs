@@ -153,7 +153,7 @@ impl Subject {
             sample_interval_s: scales.sample_interval_s,
             cycle_s: scales.cycle_s,
         };
-        let all = NoisePrior::new(self.noise(), &scales, self.noise_bounds());
+        let all = NoisePrior::new(self.noise(), &scales, self.noise_knowledge());
         match self.own_noise() {
             Some(terms) => all.only(terms),
             None => all,

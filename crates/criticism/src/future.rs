@@ -17,7 +17,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::box_probability::{ln_box_probability, ln_within};
 use super::derivatives::columns_m;
-use super::noise_fit::{gain_floor, of_future};
+use super::noise_fit::of_future;
 use super::{Candidate, Fitted, Subject};
 use base::error::Result;
 use posterior::noise::NoiseLikelihood;
@@ -50,7 +50,7 @@ pub fn future_score(subject: &Subject, candidate: &Candidate, fitted: &Fitted) -
     let both: Vec<Option<f64>> = subject.fitted_m.iter().zip(&subject.scored_m).map(|(a, b)| a.or(*b)).collect();
     // The gains of three cycles may by chance hardly scatter, and the prediction of a fourth cycle would then be overconfident. All models use the same least gain, so it
     // does not contribute to a model's gain over another.
-    let noise = of_future(subject.noise(), fitted.noise, gain_floor(subject.noise_bounds()));
+    let noise = of_future(subject.noise(), fitted.noise);
     let mut columns = columns_m(subject, candidate, &fitted.theta)?;
     let n = columns.len();
     columns.push(both.iter().zip(&fitted.position_m).map(|(y, x)| y.map_or(0.0, |y| y - x)).collect());

@@ -7,7 +7,7 @@ use posterior::check::quick_fit;
 use posterior::noise::NoiseBounds;
 use record::noise::rest_sd_m;
 use record::robust::{SD_PER_MAD, median};
-use record::{Control, Experiment};
+use record::{Control, Record};
 
 use crate::matched_cycles::{FEWEST_MATCHED_ROWS, MatchTolerance, Phase, about_line, phases_of_cycles};
 
@@ -27,9 +27,8 @@ struct CycleNoise {
 }
 
 /// Bounds of the noise beside white noise with the standard deviation `white_m` (m).
-pub(super) fn noise_bounds(experiment: &Experiment, white_m: f64) -> NoiseBounds {
-    let record = &experiment.record;
-    let shown = shown_by_cycles(experiment, white_m).unwrap_or_default();
+pub(super) fn noise_bounds(record: &Record, control: Control, white_m: f64) -> NoiseBounds {
+    let shown = shown_by_cycles(record, control, white_m).unwrap_or_default();
     let positions = || record.position_m.iter().flatten().copied();
     let range_m = positions().fold(f64::NEG_INFINITY, f64::max) - positions().fold(f64::INFINITY, f64::min);
     let rest_m2 = rest_sd_m(record).map_or(0.0, |rest_m| (rest_m.powi(2) - white_m.powi(2)).max(0.0));
@@ -44,10 +43,9 @@ pub(super) fn noise_bounds(experiment: &Experiment, white_m: f64) -> NoiseBounds
 
 /// Noise that matching rows of successive cycles show, beside white noise; `None` if too few rows match. From three cycles on, second differences exclude even changes
 /// of a gel from cycle to cycle.
-fn shown_by_cycles(experiment: &Experiment, white_m: f64) -> Option<CycleNoise> {
-    let record = &experiment.record;
+fn shown_by_cycles(record: &Record, control: Control, white_m: f64) -> Option<CycleNoise> {
     let same = MatchTolerance::of(record)?;
-    let motion_m = match experiment.control {
+    let motion_m = match control {
         Control::Force => quick_fit(record, record.force_rule).map(|fit| fit.motion_m),
         Control::Position => None,
     };
@@ -101,8 +99,6 @@ fn without_outliers((x, y): (Vec<f64>, Vec<f64>)) -> Option<(Vec<f64>, Vec<f64>)
 
 #[cfg(test)]
 mod tests {
-    use record::Record;
-
     use super::*;
     use crate::NoiseValues;
     use crate::test_subjects::{Protocol, noise_of, subject, truth_of};
@@ -116,12 +112,11 @@ mod tests {
         let truth_m = truth_of(&subject, &[], &[]);
         let of = |seed: u64| {
             let noise_m = noise_of(&subject, &truth_m, &NoiseValues::new(noise), 700 + seed);
-            let mut experiment = subject.experiment().clone();
-            let Record { position_m, cycle, .. } = &mut experiment.record;
-            for (row, position_m) in position_m.iter_mut().enumerate() {
-                *position_m = Some(gain_of(cycle[row]) * truth_m[row] + noise_m[row]);
+            let mut record = subject.experiment().record.clone();
+            for (row, position_m) in record.position_m.iter_mut().enumerate() {
+                *position_m = Some(gain_of(record.cycle[row]) * truth_m[row] + noise_m[row]);
             }
-            noise_bounds(&experiment, WHITE_M)
+            noise_bounds(&record, Control::Force, WHITE_M)
         };
         let all: Vec<NoiseBounds> = (0..N_RECORDS).map(of).collect();
         let middle = |part: fn(&NoiseBounds) -> f64| median(all.iter().map(part).collect()).expect("records");

@@ -6,7 +6,7 @@ use base::parameter::GAIN_SD;
 use models::model::N_LANES;
 pub use posterior::noise::NoiseValues;
 use posterior::noise::{
-    LearningPrior, NoiseBounds, NoiseLearning, NoiseLikelihood, NoiseModel, NoiseScales, RowShare, SharedPosition,
+    LearningPrior, NoiseKnowledge, NoiseLearning, NoiseLikelihood, NoiseModel, NoiseScales, RowShare, SharedPosition,
 };
 use sampling::ensemble::RandomStream;
 
@@ -21,15 +21,15 @@ pub(super) struct NoisePrior {
     is_absent: Vec<bool>,
 }
 
-/// Smallest relative standard deviation of the gain in scores of future cycles, if the noise is estimated: a few cycles cannot show that the gain is smaller. It enters neither the reported noise
+/// Smallest relative standard deviation of the gain in scores of future cycles: a few cycles cannot show that the gain is smaller. It enters neither the reported noise
 /// nor the noise with which errors are compared.
-const GAIN_FLOOR: f64 = 0.01;
+pub(super) const GAIN_FLOOR: f64 = 0.01;
 
 impl NoisePrior {
     /// Makes the priors of the command `sample`, with these exceptions. The standard deviation of white errors is close to the reference noise (given or estimated). If the noise is
-    /// estimated, the slow process has a wider prior, because the estimate does not show it. If the noise is given, `bounds` limit slow noise, gains and offsets.
-    pub fn new(model: NoiseModel, scales: &NoiseScales, bounds: Option<&NoiseBounds>) -> Self {
-        let learning = model.learning(scales, bounds);
+    /// estimated, the slow process has a wider prior, because the estimate does not show it. Bounds, if there are any, limit slow noise, gains and offsets.
+    pub fn new(model: NoiseModel, scales: &NoiseScales, known: NoiseKnowledge) -> Self {
+        let learning = model.learning(scales, known);
         Self { is_absent: vec![false; learning.parameters.len()], learning }
     }
 
@@ -86,15 +86,10 @@ impl NoisePrior {
     }
 }
 
-/// Returns the smallest relative standard deviation of the gain in scores of future cycles.
-pub(super) fn gain_floor(bounds: Option<&NoiseBounds>) -> f64 {
-    bounds.map_or(GAIN_FLOOR, |bounds| bounds.gain_sd.min(GAIN_FLOOR))
-}
-
-/// Returns the noise of future cycles: the standard deviation of the gain is at least `floor`.
-pub(super) fn of_future(model: NoiseModel, mut noise: NoiseValues, floor: f64) -> NoiseValues {
+/// Returns the noise of future cycles: the standard deviation of the gain is at least [`GAIN_FLOOR`].
+pub(super) fn of_future(model: NoiseModel, mut noise: NoiseValues) -> NoiseValues {
     if let Some(place) = model.place(&GAIN_SD) {
-        noise[place] = noise[place].max(floor);
+        noise[place] = noise[place].max(GAIN_FLOOR);
     }
     noise
 }

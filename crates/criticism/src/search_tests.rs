@@ -163,7 +163,7 @@ fn a_pair_is_weighed_against_the_single() {
 /// If the single effect fails, a pair must pass and also predict better than the base as a whole. A failed addition is reported and not claimed.
 #[test]
 fn a_pair_beside_a_failed_single_has_to_make_good_what_that_lost() {
-    let data = measured(&small(), &["force-bias", "tracking-drift"], &[BIAS, 2.0 * DRIFT_M_PER_S], 7);
+    let data = measured(&small(), &["force-bias", "tracking-drift"], &[BIAS, DRIFT_M_PER_S], 7);
     // Ten simulated searches suffice to decide the second round.
     let criteria = Criteria { largest_p: 0.2, ..CRITERIA };
     let request = request(19, criteria);

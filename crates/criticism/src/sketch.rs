@@ -8,7 +8,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::bootstrap::simulated_m;
-use super::noise_fit::{gain_floor, of_future};
+use super::noise_fit::{GAIN_FLOOR, of_future};
 use super::rank::{Signature, signature};
 use super::refit::Refitted;
 use super::residual_structure::measure_misfit;
@@ -158,7 +158,7 @@ fn read_sets(
     let Some(whole) = whole else {
         return Ok((ScoreSet { fitted: readings, fitted_and_all: None }, vec![directions]));
     };
-    let noise = of_future(subject.noise(), fitted.noise, gain_floor(subject.noise_bounds()));
+    let noise = of_future(subject.noise(), fitted.noise);
     let wary = Fitted { noise, ..fitted.clone() };
     let (before, of_before) = read(subject, candidate, &wary, columns_m)?;
     let (after, of_after) = read(whole, candidate, &wary, columns_m)?;
@@ -169,10 +169,7 @@ fn read_sets(
 /// Simulates positions (m) from the base and its noise. Each held-out cycle gets a random gain of the size that its scoring assumes, even if few fitted cycles show none.
 fn with_gains_of_future_cycles(subject: &Subject, base: &Refitted, (seed, number): (u64, usize)) -> Vec<f64> {
     let mut position_m = simulated_m(subject, base, seed, number);
-    let gain_sd = (gain_floor(subject.noise_bounds()).powi(2)
-        - subject.noise().value(&base.fitted.noise, &GAIN_SD).powi(2))
-    .max(0.0)
-    .sqrt();
+    let gain_sd = (GAIN_FLOOR.powi(2) - subject.noise().value(&base.fitted.noise, &GAIN_SD).powi(2)).max(0.0).sqrt();
     let mut stream = RandomStream::new(seed ^ GAIN_STREAMS, number as u64);
     let experiment = subject.experiment();
     for cycle in &experiment.heldout_cycles {

@@ -11,7 +11,7 @@ use models::effects::{Effect, Library};
 use models::model::{Compliance, Lanes, N_LANES, Response};
 use models::surrogate::trajectory;
 use posterior::monitor::Monitor;
-use posterior::noise::{NoiseBounds, NoiseLikelihood, NoiseModel};
+use posterior::noise::{NoiseBounds, NoiseKnowledge, NoiseLikelihood, NoiseModel};
 use posterior::prepared::{KeptSurrogate, PreparedModel};
 use posterior::problem::Problem;
 use posterior::study::ModelSpecification;
@@ -111,8 +111,6 @@ impl Subject {
             .experiment
             .reference_noise()
             .map_or_else(|| UNKNOWN_NOISE * problem.experiment.scales().position_range_m, |yardstick| yardstick.sd_m);
-        let is_noise_known = problem.experiment.noise_sd_m.is_some();
-        let noise_bounds = is_noise_known.then(|| noise_bounds(&problem.experiment, reference_noise_m));
         let Experiment { record, calibration_cycles, heldout_cycles, .. } = &base.experiment;
         let response = Response::new(&record.time_s, record.force(), record.n_rows());
         let (fitted_m, scored_m) = (base.positions_of(calibration_cycles), base.positions_of(heldout_cycles));
@@ -127,7 +125,7 @@ impl Subject {
         let local = trajectory::with_trajectory_cache(&compliance, &record.time_s, record.force());
         let model = PreparedModel::given(&base, compliance, Vec::new());
         let shared = SharedParts { model, library, own_noise, reference_noise_m, local, response, large };
-        Ok(Self { noise_bounds, ..Self::of(Arc::new(shared), fitted_m, scored_m) })
+        Ok(Self::of(Arc::new(shared), fitted_m, scored_m))
     }
 
     /// Returns the subject with another library. The compliance must already serve the effects of that library.
@@ -218,9 +216,12 @@ impl Subject {
         Self { has_trajectory_memory, has_only_specified_noise, noise_bounds, ..self }
     }
 
-    /// Returns the subject with slow noise, gains and offsets of any size. Fits find their way more easily under such noise, because it takes the misfit of a poor start.
-    pub(super) fn with_unbounded_noise(&self) -> Self {
-        Self { noise_bounds: None, ..self.clone() }
+    /// Returns the subject with bounds on slow noise, gains and offsets, if the experiment gives the noise.
+    pub(super) fn with_bounded_noise(&self) -> Self {
+        let position_m = self.fitted_m.iter().zip(&self.scored_m).map(|(fitted, scored)| fitted.or(*scored)).collect();
+        let record = Record { position_m, ..self.experiment().record.clone() };
+        let bounds = || noise_bounds(&record, self.experiment().control, self.reference_noise_m());
+        Self { noise_bounds: self.is_noise_known().then(bounds), ..self.clone() }
     }
 
     /// Returns the subject with about `most` of its positions, evenly chosen. The rows at which the force changes are kept, so trajectories at the remaining rows are
@@ -391,9 +392,13 @@ impl Subject {
         self.problem().experiment.noise_sd_m.is_some()
     }
 
-    /// Plausible sizes of noise beside white noise; `None` if noise of any size is allowed.
-    pub(super) fn noise_bounds(&self) -> Option<&NoiseBounds> {
-        self.noise_bounds.as_ref()
+    /// Knowledge of the noise in fits that learn it.
+    pub(super) fn noise_knowledge(&self) -> NoiseKnowledge {
+        match self.noise_bounds {
+            Some(bounds) => NoiseKnowledge::Bounded(bounds),
+            None if self.is_noise_known() => NoiseKnowledge::Given,
+            None => NoiseKnowledge::Estimated,
+        }
     }
 
     /// Compliance that converts the integral of creep compliance over force changes, ∫J dF, into a position, for every effect of the library.

@@ -68,8 +68,9 @@ fn entries(diagnosis: &Diagnosis) -> Vec<Entry> {
         Entry::new(Mark::Area(Fill::new(colour, 1.0).into()), name)
     };
     let mut entries: Vec<Entry> = all.into_iter().filter(is_there).map(of_status).collect();
-    entries.push(Entry::new(Mark::Area(Fill::new(MUTED, 1.0).into()), "thick: gain in fit"));
-    let outlined = Style { fill: Some(Fill::new(WHITE, 1.0)), stroke: Some(Stroke::solid(MUTED, 1.4)) };
+    // These marks have a colour that no status has.
+    entries.push(Entry::new(Mark::Area(Fill::new(INK, 1.0).into()), "thick: gain in fit"));
+    let outlined = Style { fill: Some(Fill::new(WHITE, 1.0)), stroke: Some(Stroke::solid(INK, 1.4)) };
     entries.push(Entry::new(Mark::Area(outlined), "outlined: gain on held-out cycles"));
     entries.push(Entry::new(Mark::Line(CLAIM), format!("{CLAIM_NATS:.0} nats: minimum held-out gain of a claim")));
     entries
@@ -413,6 +414,21 @@ fn errors(svg: &mut Svg, diagnosis: &Diagnosis, top: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Colours of statuses, and of the marks that explain the bars, differ by at least 60 of 255 in one channel.
+    #[test]
+    fn the_colours_of_the_legend_differ() {
+        let statuses =
+            [Status::Claimed, Status::Equivalent, Status::Suggestive, Status::Unsupported, Status::Invisible];
+        let mut colours: Vec<Colour> = statuses.map(|status| status_style(status).0).to_vec();
+        colours.push(INK);
+        for (place, one) in colours.iter().enumerate() {
+            for other in &colours[..place] {
+                let channels = [(one.0, other.0), (one.1, other.1), (one.2, other.2)];
+                assert!(channels.iter().any(|(a, b)| a.abs_diff(*b) >= 60), "{one:?} {other:?}");
+            }
+        }
+    }
 
     #[test]
     fn the_words_of_every_status_fit_into_their_column() {

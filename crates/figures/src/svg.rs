@@ -574,18 +574,20 @@ mod tests {
     }
 
     #[test]
-    fn a_figure_is_two_files_with_the_same_bytes_each_time() {
+    fn a_figure_is_three_files_with_the_same_bytes_each_time() {
         let (first, second) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
         for dir in [&first, &second] {
             write_figure(dir.path(), "figure", &drawing()).unwrap();
         }
-        for name in ["figure.svg", "figure.png"] {
+        for name in ["figure.svg", "figure.png", "figure.pdf"] {
             assert_eq!(
                 std::fs::read(first.path().join(name)).unwrap(),
                 std::fs::read(second.path().join(name)).unwrap()
             );
         }
-        assert_eq!(std::fs::read_dir(first.path()).unwrap().count(), 2);
+        assert_eq!(std::fs::read_dir(first.path()).unwrap().count(), 3);
+        remove_figure(first.path(), "figure").unwrap();
+        assert_eq!(std::fs::read_dir(first.path()).unwrap().count(), 0);
     }
 
     #[test]

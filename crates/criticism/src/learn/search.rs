@@ -101,23 +101,24 @@ impl PairSearch {
         monitor.stage("fitting every quantity as a function of every state");
         let few = subject.thinned(MOST_SEARCHED)?;
         let was_thinned = few.is_some();
-        let (few, few_base) = match few {
+        let (mut few, mut few_base) = match few {
             None => (subject.clone(), base.clone()),
             Some(few) => {
                 let few_base = refitted_base(&few, &base)?;
                 (few, few_base)
             }
         };
-        let few_model = PairlessModel::new(&few, &few_base)?;
-        let sought = if few.noise_bounds().is_some() {
-            // Under bounded noise, a fit that starts far from its best point stops early. So the search itself runs under noise of any size.
-            let free = few.with_unbounded_noise();
-            let free_base = refitted_base(&free, &few_base)?;
-            let sought = search_all(&free, &PairlessModel::new(&free, &free_base)?, &pairs, &candidates);
-            refit_pairs(&few, &few_model, sought)
-        } else {
-            search_all(&few, &few_model, &pairs, &candidates)
-        };
+        let mut sought = search_all(&few, &PairlessModel::new(&few, &few_base)?, &pairs, &candidates);
+        let (mut subject, mut base) = (subject, base);
+        if subject.is_noise_known() {
+            // Known noise bounds all noise, so that a misfit does not count as slow noise. Fits under these bounds stop early if they start far from their best point. So
+            // the search above allows noise of any size, and its fits are the starts here.
+            subject = subject.with_bounded_noise();
+            base = Refitted::at(&subject, base.candidate.clone(), refitted_base(&subject, &base)?.fitted)?;
+            few = few.with_bounded_noise();
+            few_base = refitted_base(&few, &few_base)?;
+            sought = refit_pairs(&few, &PairlessModel::new(&few, &few_base)?, sought);
+        }
         let gain_nats = sought.iter().flatten().map(|(.., gain)| *gain).fold(f64::NEG_INFINITY, f64::max).max(0.0);
         let fits =
             if was_thinned { refit_pairs(&subject, &PairlessModel::new(&subject, &base)?, sought) } else { sought };

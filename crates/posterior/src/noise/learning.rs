@@ -6,7 +6,7 @@ use base::distribution::Distribution;
 use base::parameter::ParameterSpec;
 use sampling::ensemble::RandomStream;
 
-use super::learnt_term::{DrawRow, LearntParameter, LearntTerm, NoiseBounds};
+use super::learnt_term::{DrawRow, LearntParameter, LearntTerm, NoiseKnowledge};
 use super::terms::{MOST_PARAMETERS, NoiseTerm, TERMS};
 use super::{NoiseModel, NoiseScales};
 
@@ -97,15 +97,15 @@ impl NoiseModel {
         TERMS.iter().filter(|term| term.learning().is_some()).map(|term| term.name()).collect()
     }
 
-    /// Instructions for learning the model's parameters, without terms that a search cannot learn. `bounds` limit all noise that is not white, if the
-    /// reference noise is known.
-    pub fn learning(self, scales: &NoiseScales, bounds: Option<&NoiseBounds>) -> NoiseLearning {
+    /// Instructions for learning the model's parameters, without terms that a search cannot learn. `known` describes the
+    /// knowledge of the reference noise.
+    pub fn learning(self, scales: &NoiseScales, known: NoiseKnowledge) -> NoiseLearning {
         let (mut parameters, mut terms, mut starts) = (Vec::new(), Vec::new(), vec![NoiseValues::new([])]);
         for (term, learnt) in self.learnt_terms() {
             let specs = term.parameters().iter();
             let priors: Vec<Distribution> =
                 specs.filter_map(|spec| term.default_prior(spec, scales)).map(|(prior, _)| prior).collect();
-            parameters.extend(learnt.learnt(scales, &priors, bounds));
+            parameters.extend(learnt.learnt(scales, &priors, known));
             terms.resize(parameters.len(), term.name());
             let term_starts = learnt.starts(scales, &priors);
             let joined = |start: &NoiseValues| -> Vec<NoiseValues> {
@@ -177,7 +177,7 @@ mod tests {
         assert_eq!(names, ["white", "ou", "gain"]);
         let model = NoiseModel::named(&names, &InputPlace::default()).expect("sound");
         let scales = NoiseScales { noise_sd_um: 4.0, sample_interval_s: 0.05, cycle_s: 10.0 };
-        let learning = model.learning(&scales, None);
+        let learning = model.learning(&scales, NoiseKnowledge::Estimated);
         let specs: Vec<ParameterSpec> = learning.parameters.iter().map(|parameter| parameter.spec).collect();
         assert_eq!(specs, model.parameters());
         assert_eq!(learning.terms, ["white", "ou", "ou", "gain", "gain"]);

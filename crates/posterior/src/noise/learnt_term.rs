@@ -80,16 +80,22 @@ impl NoiseBounds {
     }
 }
 
+/// Knowledge of the reference noise in a search that learns the noise.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum NoiseKnowledge {
+    /// The reference noise is estimated from short lags.
+    Estimated,
+    /// The reference noise is given.
+    Given,
+    /// The reference noise is given, and all other noise has plausible sizes.
+    Bounded(NoiseBounds),
+}
+
 /// Noise term that a search can learn.
 pub(super) trait LearntTerm {
-    /// Parameters of the term, in order. `priors` are the parameters' priors in `sample`, in the order of the parameters; the white noise does not use them. `bounds`
-    /// is given if the reference noise is known, `None` if it is estimated from short lags.
-    fn learnt(
-        &self,
-        scales: &NoiseScales,
-        priors: &[Distribution],
-        bounds: Option<&NoiseBounds>,
-    ) -> Vec<LearntParameter>;
+    /// Parameters of the term, in order. `priors` are the parameters' priors in `sample`, in the order of the parameters; the white noise does not use them. `known`
+    /// describes the knowledge of the reference noise.
+    fn learnt(&self, scales: &NoiseScales, priors: &[Distribution], known: NoiseKnowledge) -> Vec<LearntParameter>;
 
     /// Starting points of the searches, one per inner list: logarithms of the term's parameters.
     fn starts(&self, scales: &NoiseScales, priors: &[Distribution]) -> Vec<Vec<f64>>;

@@ -55,7 +55,7 @@ mod dense_for_tests;
 
 pub use lanes::LANES;
 pub use learning::{NoiseLearning, NoiseValues};
-pub use learnt_term::{DrawRow, LearningPrior, LearntParameter, NoiseBounds, RowShare};
+pub use learnt_term::{DrawRow, LearningPrior, LearntParameter, NoiseBounds, NoiseKnowledge, RowShare};
 pub use likelihood::{NoiseLikelihood, SharedPosition};
 pub use model::NoiseModel;
 pub use pointwise::Conditional;

@@ -2,7 +2,9 @@
 
 use super::{Equations, NoiseTerm};
 use crate::noise::NoiseScales;
-use crate::noise::learnt_term::{DrawRow, LearningPrior, LearntParameter, LearntTerm, NoiseBounds, RowShare};
+use crate::noise::learnt_term::{
+    DrawRow, LearningPrior, LearntParameter, LearntTerm, NoiseBounds, NoiseKnowledge, RowShare,
+};
 use crate::noise::scales::FilterScales;
 use base::distribution::Distribution;
 use base::parameter::{GAIN_SD, OFFSET_SD, ParameterSpec};
@@ -43,16 +45,11 @@ impl NoiseTerm for Gain {
 }
 
 impl LearntTerm for Gain {
-    fn learnt(
-        &self,
-        scales: &NoiseScales,
-        priors: &[Distribution],
-        bounds: Option<&NoiseBounds>,
-    ) -> Vec<LearntParameter> {
+    fn learnt(&self, scales: &NoiseScales, priors: &[Distribution], known: NoiseKnowledge) -> Vec<LearntParameter> {
         let ln_white_um = scales.noise_sd_um.ln();
-        let [gain_prior, offset_prior] = match bounds {
-            Some(bounds) => [bounds.gain_sd, bounds.offset_sd_um].map(NoiseBounds::prior),
-            None => [priors[0], priors[1]].map(LearningPrior::OfValue),
+        let [gain_prior, offset_prior] = match known {
+            NoiseKnowledge::Bounded(bounds) => [bounds.gain_sd, bounds.offset_sd_um].map(NoiseBounds::prior),
+            _ => [priors[0], priors[1]].map(LearningPrior::OfValue),
         };
         let gain = LearntParameter {
             spec: GAIN_SD,

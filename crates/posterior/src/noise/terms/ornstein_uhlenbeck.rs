@@ -2,7 +2,9 @@
 
 use super::{Equations, NoiseTerm};
 use crate::noise::NoiseScales;
-use crate::noise::learnt_term::{DrawRow, LearningPrior, LearntParameter, LearntTerm, NoiseBounds, RowShare};
+use crate::noise::learnt_term::{
+    DrawRow, LearningPrior, LearntParameter, LearntTerm, NoiseBounds, NoiseKnowledge, RowShare,
+};
 use crate::noise::scales::FilterScales;
 use base::distribution::Distribution;
 use base::parameter::{ParameterSpec, SLOW_NOISE_SD, SLOW_NOISE_TIME};
@@ -57,20 +59,15 @@ fn ln_time_s(priors: &[Distribution]) -> [f64; 2] {
 }
 
 impl LearntTerm for OrnsteinUhlenbeck {
-    fn learnt(
-        &self,
-        scales: &NoiseScales,
-        priors: &[Distribution],
-        bounds: Option<&NoiseBounds>,
-    ) -> Vec<LearntParameter> {
+    fn learnt(&self, scales: &NoiseScales, priors: &[Distribution], known: NoiseKnowledge) -> Vec<LearntParameter> {
         let ln_white_um = scales.noise_sd_um.ln();
         let [shortest, longest] = ln_time_s(priors);
-        let prior = match (bounds, priors[0]) {
-            (Some(bounds), _) => NoiseBounds::prior(bounds.slow_sd_um),
-            (None, Distribution::LogNormal { median, .. }) => {
+        let prior = match (known, priors[0]) {
+            (NoiseKnowledge::Bounded(bounds), _) => NoiseBounds::prior(bounds.slow_sd_um),
+            (NoiseKnowledge::Estimated, Distribution::LogNormal { median, .. }) => {
                 LearningPrior::OfLog(Distribution::LogNormal { median, log_sd: LOG_SD_OF_ESTIMATE })
             }
-            (None, other) => LearningPrior::OfLog(other),
+            (_, other) => LearningPrior::OfLog(other),
         };
         let sd = LearntParameter {
             spec: SLOW_NOISE_SD,

@@ -2,7 +2,7 @@
 
 use super::{Equations, NoiseTerm};
 use crate::noise::NoiseScales;
-use crate::noise::learnt_term::{LearningPrior, LearntParameter, LearntTerm, NoiseBounds, RowShare};
+use crate::noise::learnt_term::{LearningPrior, LearntParameter, LearntTerm, NoiseKnowledge, RowShare};
 use crate::noise::scales::FilterScales;
 use base::distribution::Distribution;
 use base::parameter::{NOISE_SD, ParameterSpec};
@@ -41,7 +41,7 @@ impl NoiseTerm for White {
 const LOG_SD: f64 = 0.5;
 
 impl LearntTerm for White {
-    fn learnt(&self, scales: &NoiseScales, _: &[Distribution], _: Option<&NoiseBounds>) -> Vec<LearntParameter> {
+    fn learnt(&self, scales: &NoiseScales, _: &[Distribution], _: NoiseKnowledge) -> Vec<LearntParameter> {
         let ln_um = scales.noise_sd_um.ln();
         vec![LearntParameter {
             spec: NOISE_SD,
