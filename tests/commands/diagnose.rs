@@ -118,7 +118,9 @@ fn a_sealed_case_is_diagnosed_and_written_down() {
     for (name, bytes) in before.iter().filter(|(name, _)| !name.ends_with("report.html")) {
         assert!(after.get(name) == Some(bytes), "{}", name.display());
     }
-    for file in ["m0/diagnosis.json", "m0/figures/diagnosis.png", "m0/figures/diagnosis.svg"] {
+    for file in
+        ["m0/diagnosis.json", "m0/figures/diagnosis.pdf", "m0/figures/diagnosis.png", "m0/figures/diagnosis.svg"]
+    {
         assert!(after.contains_key(Path::new(file)), "{file}");
     }
     let is_drawn = after.contains_key(Path::new("m0/figures/discrepancy.png"));

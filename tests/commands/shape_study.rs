@@ -75,7 +75,7 @@ fn the_papers_claims_are_judged() {
     let expected = ["cylinder_horizontal", "cylinder_vertical", "ellipsoid_horizontal", "ellipsoid_vertical"]
         .map(|body| format!("{body}.vtu"));
     assert_eq!(names[..4], expected);
-    assert_eq!(names[4..], ["shapes.json", "shapes.png", "shapes.svg", "sphere.vtu"]);
+    assert_eq!(names[4..], ["shapes.json", "shapes.pdf", "shapes.png", "shapes.svg", "sphere.vtu"]);
     assert_large_strains(&document);
     let longest = document["longest"].as_array().unwrap();
     assert_eq!(longest.len(), 4);

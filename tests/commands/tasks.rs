@@ -259,7 +259,10 @@ fn a_calibration_is_the_same_in_any_blocks() {
     vitreo(dir.path(), &["gather", "one", "--quiet"]).exits(0);
     let (one, many) = (tree(&dir.path().join("one/gathered")), tree(&dir.path().join("many/gathered")));
     let names: Vec<String> = one.keys().map(|path| path.display().to_string()).collect();
-    assert_eq!(names, ["calibration.json", "figures/calibration.png", "figures/calibration.svg"]);
+    assert_eq!(
+        names,
+        ["calibration.json", "figures/calibration.pdf", "figures/calibration.png", "figures/calibration.svg"]
+    );
     assert!(one == many, "the gathered files depend on the blocks");
     let found: serde_json::Value = serde_json::from_slice(&one[Path::new("calibration.json")]).unwrap();
     assert_eq!((&found["schema"], &found["simulated_by"]), (&"vitreo-uq/calibration/1".into(), &"closed-form".into()));

@@ -13,7 +13,7 @@ use base::quantities::Quantities;
 use base::{Error, Result};
 
 /// Formats of a figure, by the ends of its file names.
-const FORMATS: [&str; 3] = ["svg", "png", "pdf"];
+pub const FIGURE_FORMATS: [&str; 3] = ["svg", "png", "pdf"];
 /// Number of PNG pixels per SVG unit.
 const PNG_SCALE: f32 = 1.5;
 
@@ -477,7 +477,7 @@ pub fn write_figure(dir: &FilePath, stem: &str, svg: &Svg) -> Result<()> {
 pub fn figure_files(dir: &FilePath, stem: &str, svg: &Svg) -> Result<[(PathBuf, Vec<u8>); 3]> {
     let png = svg.png()?;
     let path = |format: &str| dir.join(format!("{stem}.{format}"));
-    let [of_svg, of_png, of_pdf] = FORMATS.map(path);
+    let [of_svg, of_png, of_pdf] = FIGURE_FORMATS.map(path);
     Ok([(of_svg, svg.document().into_bytes()), (of_png, png), (of_pdf, svg.pdf())])
 }
 
@@ -486,7 +486,7 @@ pub fn figure_files(dir: &FilePath, stem: &str, svg: &Svg) -> Result<[(PathBuf, 
 /// # Errors
 /// [`Error::File`] if the directory cannot be written.
 pub fn remove_figure(dir: &FilePath, stem: &str) -> Result<()> {
-    FORMATS.iter().try_for_each(|format| remove_if_there(&dir.join(format!("{stem}.{format}"))))
+    FIGURE_FORMATS.iter().try_for_each(|format| remove_if_there(&dir.join(format!("{stem}.{format}"))))
 }
 
 /// Rectangle as a path for the rasteriser; `None` if it has no area.

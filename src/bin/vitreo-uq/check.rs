@@ -21,7 +21,7 @@ pub struct CheckArguments {
     /// Experiment (a directory with experiment.toml, or that file) or study [default: the embedded porcine replica]
     #[arg(value_name = "EXPERIMENT|STUDY")]
     target: Option<PathBuf>,
-    /// File name of the figure without extension; FILE.svg and FILE.png are written
+    /// File name of the figure without extension; FILE.svg, FILE.png and FILE.pdf are written
     #[arg(long, value_name = "FILE", default_value = "record")]
     out: PathBuf,
     /// Write the result as one JSON document to a file, or with `-` to standard output in place of the text
@@ -47,7 +47,7 @@ pub fn run(arguments: &CheckArguments) -> Result<ExitCode> {
     let provenance = Provenance::new("check", 1, 0, Study::hashes_of(&files)?).with_quantities(experiment.quantities());
     crate::output::show(arguments.json.as_deref(), &WithProvenance { provenance, body: &summary }, &words(&summary))?;
     if !arguments.quiet {
-        crate::interrupt::print_message(&format!("Figure: {}.svg and .png", arguments.out.display()));
+        crate::interrupt::print_message(&format!("Figure: {}.svg, .png and .pdf", arguments.out.display()));
     }
     Ok(ExitCode::from(if summary.is_sound() { 0 } else { WRONG }))
 }

@@ -12,7 +12,7 @@ use vitreo_uq::figures::density::{Support, estimate_support, sorted};
 use vitreo_uq::figures::draws::read_draws_csv;
 use vitreo_uq::figures::labels::{ParameterLabel, parameter_label};
 use vitreo_uq::figures::palette::series;
-use vitreo_uq::figures::svg::{Svg, write_figure};
+use vitreo_uq::figures::svg::{FIGURE_FORMATS, Svg, write_figure};
 use vitreo_uq::jobs::artefacts;
 use vitreo_uq::models::effects::Library;
 use vitreo_uq::posterior::monitor::Monitor;
@@ -75,7 +75,7 @@ pub fn run(arguments: &CornerArguments) -> Result<ExitCode> {
     std::fs::create_dir_all(&dir)
         .map_err(|source| Error::at_path("create", &dir, source, "choose a writable place with `--out`"))?;
     write_figure(&dir, &stem, &figure)?;
-    let files = ["svg", "png"].map(|extension| dir.join(format!("{stem}.{extension}")).display().to_string());
+    let files = FIGURE_FORMATS.map(|extension| dir.join(format!("{stem}.{extension}")).display().to_string());
     let document = serde_json::json!({
         "schema": "vitreo-uq/corner/1", "version": env!("CARGO_PKG_VERSION"), "posteriors": names, "data": data, "note": note, "files": files
     });
@@ -252,9 +252,9 @@ fn parameter<'a>(column: &'a Column, references: &BTreeMap<String, f64>) -> Para
     }
 }
 
-/// Directory of the figure's files, and their name without the extension `svg` or `png`.
+/// Directory of the figure's files, and their name without the extension of a figure.
 fn figure_path(out: &Path) -> Result<(PathBuf, String)> {
-    let is_figure = out.extension().is_some_and(|extension| extension == "svg" || extension == "png");
+    let is_figure = out.extension().is_some_and(|extension| FIGURE_FORMATS.iter().any(|format| extension == *format));
     let name = if is_figure { out.file_stem() } else { out.file_name() };
     let Some(stem) = name.filter(|_| !out.is_dir()) else {
         return Err(Error::input(

@@ -268,7 +268,7 @@ pub struct CornerArguments {
     /// [default: the study of the embedded porcine replica]
     #[arg(value_name = "STUDY|REVISION|DRAWS.csv")]
     pub paths: Vec<PathBuf>,
-    /// File name of the figure without extension; FILE.svg and FILE.png are written
+    /// File name of the figure without extension; FILE.svg, FILE.png and FILE.pdf are written
     #[arg(long, value_name = "FILE", default_value = "corner")]
     pub out: PathBuf,
     /// Draw only these parameters, separated by commas, by their names in draws.csv

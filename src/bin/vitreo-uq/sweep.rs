@@ -113,7 +113,7 @@ pub fn check(path: &Path, out: &Path, json: Option<&Path>, quiet: bool) -> Resul
     let words = summary.understood.sentences.join("\n") + "\n\nThe record agrees with its description.\n";
     crate::output::show(json, &WithProvenance { provenance, body: &summary }, &words)?;
     if !quiet {
-        crate::interrupt::print_message(&format!("Figure: {}.svg and .png", out.display()));
+        crate::interrupt::print_message(&format!("Figure: {}.svg, .png and .pdf", out.display()));
     }
     Ok(ExitCode::SUCCESS)
 }

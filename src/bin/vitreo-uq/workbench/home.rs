@@ -20,7 +20,7 @@ pub const DESCRIPTION: &str = "experiment.toml";
 /// Default folder of studies.
 const STUDIES: &str = "vitreo-uq-out";
 /// Extensions of the files in a study that the page may show or offer for download.
-const SHOWN: [&str; 7] = ["svg", "png", "html", "csv", "json", "toml", "nc"];
+const SHOWN: [&str; 8] = ["svg", "png", "pdf", "html", "csv", "json", "toml", "nc"];
 /// Maximum number of entries of a folder that are read.
 const MOST_ENTRIES: usize = 5000;
 

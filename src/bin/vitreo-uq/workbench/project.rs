@@ -232,7 +232,8 @@ fn paths_of_revision(item: &Item, name: &String) -> Result<Vec<PathBuf>> {
         let found = format!("{name} is not the last revision, and later ones were made from it");
         return Err(Error::input(InputPlace::file(&item.study), found, "delete the later revisions first"));
     }
-    let others = ["ladder", "corner"].map(|stem| ["json", "svg", "png"].map(|ending| format!("{stem}.{ending}")));
+    let others =
+        ["ladder", "laws", "corner"].map(|stem| ["json", "svg", "png", "pdf"].map(|ending| format!("{stem}.{ending}")));
     let others = others.into_iter().flatten().chain(["report.html".to_string()]);
     Ok(std::iter::once(name.clone()).chain(others).map(|inside| item.study.join(inside)).collect())
 }

@@ -566,6 +566,7 @@ async fn file(State(bench): State<SharedBench>, Query(asked): Query<AskedFile>) 
             let kind = match path.extension().and_then(|name| name.to_str()) {
                 Some("svg") => "image/svg+xml",
                 Some("png") => "image/png",
+                Some("pdf") => "application/pdf",
                 Some("html") => "text/html; charset=utf-8",
                 Some("json") => "application/json",
                 Some("csv") => "text/csv; charset=utf-8",
