@@ -135,7 +135,7 @@ const CSV_CASES: &[Case] = &[
     ("cycle runs back", "5.25,2", "5.25,1", 17, "cycle", "cycle 1 follows cycle 2", "in the order of time"),
     ("cycle is skipped", "0.25,2", "0.25,3", 12, "cycle", "cycle 3 follows cycle 1", "in the order of time"),
     ("cycles from 0", "0.25,1", "0.25,0", 2, "cycle", "`0` is not a cycle number", "1, 2, 3"),
-    ("first cycle is not 1", "0.25,1", "0.25,2", 2, "cycle", "cycle 2 follows the first row", "1, 2, 3"),
+    ("first cycle is not 1", "0.25,1", "0.25,2", 2, "cycle", "the first row belongs to cycle 2", "1, 2, 3"),
     ("cycle is no number", "3.25,1", "3.25,one", 5, "cycle", "`one` is not a cycle number", "remove the `cycle` column"),
 ];
 

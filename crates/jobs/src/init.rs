@@ -108,10 +108,7 @@ fn one(
     let creep = looked.and_then(|looked| StressStrain::of(&looked, &request.known_columns, request.sizes[2]));
     let given = creep.as_ref().map_or(&request.known_columns, |creep| &creep.given);
     let mut proposal = propose(place, bytes, given, ask)?;
-    if let Some(creep) = &creep {
-        if load_start_s(&proposal, Some(creep)).is_some() {
-            proposal.reasons.push("the step began at 0, before the first row (load_start_s = 0)".into());
-        }
+    if creep.is_some() {
         proposal.reasons.extend(unused_sizes_remark(&request));
     }
     let mut unknown = Vec::new();
@@ -135,6 +132,15 @@ fn one(
     let control = request.control.or(constant).unwrap_or(proposal.control);
     if has_absolute_strain(creep.as_ref(), control) {
         proposal.keep_written_positions();
+    }
+    if load_start_s(&proposal, (creep.as_ref(), tip.as_ref()), control).is_some() {
+        let text = match &creep {
+            Some(_) => "the step began at 0, before the first row (load_start_s = 0)",
+            None => {
+                "a force acts in the first row, which is after time 0: it is assumed to act since time 0 (load_start_s = 0); correct that line if it began at another time"
+            }
+        };
+        proposal.reasons.push(text.into());
     }
     let mut toml = experiment_toml(&request, source, &proposal, (creep.as_ref(), tip.as_ref()), control);
     match (&creep, control) {
@@ -417,16 +423,36 @@ fn has_absolute_strain(stress_strain: Option<&StressStrain>, control: Control) -
 /// Largest time of the first loaded row at which a rheometer's load still counts as begun at time 0, divided by the record's duration.
 const FIRST_ROW: f64 = 0.01;
 
-/// Time at which a rheometer's load begins, in s of the table's clock: 0 if the first loaded row follows soon after time 0, otherwise `None`.
-fn load_start_s(proposal: &TableProposal, creep: Option<&StressStrain>) -> Option<f64> {
+/// Least time of the first row, in intervals between rows, at which a bead's record counts as begun after its load. Clocks may count from 0 or from 1.
+const LATE_INTERVALS: f64 = 1.5;
+/// Largest such time, divided by the record's duration. Later first rows are times of another clock.
+const LATEST: f64 = 0.1;
+
+/// Time at which the load of the first row begins, in s of the table's clock: 0 if the first loaded row follows soon after time 0, otherwise `None`.
+fn load_start_s(
+    proposal: &TableProposal,
+    (creep, tip): (Option<&StressStrain>, Option<&StatedTip>),
+    control: Control,
+) -> Option<f64> {
+    // A tip is pressed from its own contact on, and a prescribed position has no load.
+    if tip.is_some() || creep.is_none() && control == Control::Position {
+        return None;
+    }
     // Times of a published compliance or modulus count from the step.
     if creep.is_some_and(|creep| creep.constant.is_some())
         && proposal.loaded_from_s.is_some_and(|first_s| first_s > 0.0)
     {
         return Some(0.0);
     }
-    let first_s = proposal.loaded_from_s.filter(|_| creep.is_some())?;
-    (first_s > 0.0 && first_s <= FIRST_ROW * proposal.duration_s).then_some(0.0)
+    let first_s = proposal.loaded_from_s?;
+    let begins_late = match creep {
+        Some(_) => first_s > 0.0 && first_s <= FIRST_ROW * proposal.duration_s,
+        None => {
+            let interval_s = proposal.duration_s / proposal.n_rows.saturating_sub(1).max(1) as f64;
+            first_s > LATE_INTERVALS * interval_s && first_s <= LATEST * proposal.duration_s
+        }
+    };
+    begins_late.then_some(0.0)
 }
 
 /// True if the column of the position is named as a depth of indentation, from which the instrument has subtracted the deflection of the spring.
@@ -583,7 +609,7 @@ fn experiment_toml(
             line("command", quoted("linear"), "between rows; \"hold\" until the next row, or \"levels\" of a sensor");
         }
     }
-    match load_start_s(proposal, creep) {
+    match load_start_s(proposal, (creep, tip), control) {
         Some(start_s) => {
             line("load_start_s", format!("{start_s:?}"), "time at which the force of the first row began");
         }

@@ -37,6 +37,21 @@ pub enum Direction {
     Fit,
 }
 
+/// Smallest ratio of the noise to the smallest difference of positions at which a position of exactly 0 is no coincidence.
+const DIGITS: f64 = 50.0;
+
+/// True if positions were probably measured from the first row's position, whose noise then shifts all positions: only the first position is exactly 0, although the
+/// noise (m) is many times the resolution of the positions.
+pub fn is_zeroed_by_first_row(position_m: &[Option<f64>], noise_m: f64) -> bool {
+    let mut positions: Vec<f64> = position_m.iter().flatten().copied().collect();
+    if positions.first() != Some(&0.0) || positions.iter().filter(|x| **x == 0.0).count() > 1 {
+        return false;
+    }
+    positions.sort_unstable_by(f64::total_cmp);
+    let steps = positions.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0);
+    steps.fold(f64::INFINITY, f64::min) <= noise_m / DIGITS
+}
+
 /// Rules for the zero and the direction of positions.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Frame {
@@ -367,6 +382,18 @@ fn direction(measurement: TomlTable<'_>, n_axes: usize) -> Result<Direction> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A first position of exactly 0 is no coincidence beside noise of many digits. Positions that are rounded to the noise are often 0.
+    #[test]
+    fn a_first_row_that_was_subtracted_is_recognised() {
+        // Hundredths of a micrometre, none of which is 0 but the first.
+        let fine: Vec<Option<f64>> = (0..400).map(|row| Some(1e-8 * f64::from(37 * row % 997))).collect();
+        assert!(is_zeroed_by_first_row(&fine, 3e-6));
+        assert!(!is_zeroed_by_first_row(&fine[1..], 3e-6));
+        let coarse: Vec<Option<f64>> = [0.0, 10e-6, 0.0, 10e-6].map(Some).to_vec();
+        assert!(!is_zeroed_by_first_row(&coarse, 3e-6));
+        assert!(!is_zeroed_by_first_row(&fine, 1e-9), "without noise the zero is exact");
+    }
 
     /// Returns the trajectory of a pull along a line at 30° towards falling coordinates, and the true positions along this line. The bead starts at
     /// (2500, 800) µm and oscillates across the pull by 0.5 µm. One row in twenty is an outlier across the pull.

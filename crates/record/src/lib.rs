@@ -8,7 +8,7 @@ mod contact;
 mod control;
 mod cycles;
 mod force;
-mod frame;
+pub mod frame;
 mod indenter;
 mod inputs;
 mod line;

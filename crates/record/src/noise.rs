@@ -95,7 +95,7 @@ impl Experiment {
     pub fn reference_noise(&self) -> Option<ReferenceNoise> {
         match self.noise_sd_m {
             Some(sd_m) => Some(ReferenceNoise { sd_m, origin: NoiseOrigin::Known }),
-            None => estimate(&self.record),
+            None => estimate_noise(&self.record),
         }
     }
 }
@@ -115,7 +115,8 @@ impl std::fmt::Display for ReferenceNoise {
     }
 }
 
-fn estimate(record: &Record) -> Option<ReferenceNoise> {
+/// Estimates the noise of single positions from the record itself: from rests, or else from neighbouring positions. `None` if there are too few.
+pub fn estimate_noise(record: &Record) -> Option<ReferenceNoise> {
     // Rounded positions of a smooth motion may lie exactly on lines. Their rounding errors still count as noise.
     let rounding_sd_m = written_step_m(record).map_or(0.0, |step_m| step_m / 12_f64.sqrt());
     let short_lag = short_lag(record).map(|(sd_m, n_differences)| (sd_m.max(rounding_sd_m), n_differences));
@@ -253,7 +254,7 @@ fn local_deviations(record: &Record, order: usize, fraction: f64) -> Vec<f64> {
     deviations
 }
 
-/// Single position that is far from the positions in its neighbouring rows.
+/// Position that is far from the positions in its neighbouring rows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Outlier {
     /// Index of the row, from 0.
@@ -262,7 +263,8 @@ pub struct Outlier {
     pub distance_m: f64,
 }
 
-/// Returns the single positions that are many noise standard deviations from their neighbouring rows, and farther than the motion explains.
+/// Returns positions that are many noise standard deviations from their neighbouring rows, and farther than the motion explains: single positions, and two in succession
+/// on the same side.
 pub fn outliers(record: &Record) -> Vec<Outlier> {
     let Some((sd_m, _)) = short_lag(record) else { return Vec::new() };
     let rows: Vec<usize> = (0..record.n_rows()).filter(|row| record.position_m[*row].is_some()).collect();
@@ -274,16 +276,24 @@ pub fn outliers(record: &Record) -> Vec<Outlier> {
         (x - xa - weight * (xb - xa), (xb - xa).abs(), 1.0 + weight.abs() + (1.0 - weight).abs())
     };
     let n = rows.len();
+    let beyond = |place: usize, (a, b): (usize, usize)| {
+        let (distance_m, flow_m, scale) = distance(place, a, b);
+        let is_far = distance_m.abs() > (OUTLIER_SDS * scale * sd_m).max(OUTLIER_FLOWS * flow_m);
+        is_far.then_some(Outlier { row: rows[place], distance_m })
+    };
     let far = |place: usize| {
-        let (a, b) = match place {
+        let around = match place {
             _ if n < 5 => return None,
             0 => (1, 2),
             _ if place + 1 == n => (n - 2, n - 3),
             _ => (place - 1, place + 1),
         };
-        let (distance_m, flow_m, scale) = distance(place, a, b);
-        let is_far = distance_m.abs() > (OUTLIER_SDS * scale * sd_m).max(OUTLIER_FLOWS * flow_m);
-        is_far.then_some(Outlier { row: rows[place], distance_m })
+        beyond(place, around)
+    };
+    let far_pair = |place: usize| {
+        let around = (place.checked_sub(1)?, Some(place + 2).filter(|next| *next < n && n >= 6)?);
+        let (one, other) = (beyond(place, around)?, beyond(place + 1, around)?);
+        (one.distance_m * other.distance_m > 0.0).then_some([one, other])
     };
     // Rows near a force step do not count, because the velocity jumps there.
     let least_n = STEADY * record.force_range_n();
@@ -294,7 +304,11 @@ pub fn outliers(record: &Record) -> Vec<Outlier> {
             force_n.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(*x), high.max(*x)]);
         outlier.row >= AROUND && ends[1] - ends[0] <= least_n
     };
-    (0..n).filter_map(far).filter(is_steady).collect()
+    let mut found: Vec<Outlier> = (0..n).filter_map(far).chain((0..n).filter_map(far_pair).flatten()).collect();
+    found.retain(is_steady);
+    found.sort_by_key(|outlier| outlier.row);
+    found.dedup_by_key(|outlier| outlier.row);
+    found
 }
 
 #[derive(Default)]
@@ -401,7 +415,7 @@ mod tests {
     /// standard errors, so false failures are below 1e-6.
     #[test]
     fn short_lags_find_the_noise_under_creep() {
-        let found = estimate(&noisy(&[(5.0, 1.0), (5.0, -1.0)].repeat(4), 11)).unwrap();
+        let found = estimate_noise(&noisy(&[(5.0, 1.0), (5.0, -1.0)].repeat(4), 11)).unwrap();
         assert!(matches!(found.origin, NoiseOrigin::ShortLag { n_differences } if n_differences > 250), "{found:?}");
         assert!((found.sd_m / NOISE_M - 1.0).abs() < 0.3, "{found}");
     }
@@ -410,7 +424,7 @@ mod tests {
     /// probability below 1e-6.
     #[test]
     fn a_rest_before_the_first_force_finds_the_noise() {
-        let found = estimate(&noisy(&[(10.0, 0.0), (5.0, 1.0), (5.0, -1.0)], 12)).unwrap();
+        let found = estimate_noise(&noisy(&[(10.0, 0.0), (5.0, 1.0), (5.0, -1.0)], 12)).unwrap();
         assert!(matches!(found.origin, NoiseOrigin::Rest { n_windows: 1, .. }), "{found:?}");
         assert!((found.sd_m / NOISE_M - 1.0).abs() < 0.26, "{found}");
     }
@@ -418,7 +432,7 @@ mod tests {
     /// Checks the estimate from rests between loads. The last quarters of three rests of 20 s have 280 positions and give a standard error of 4.3 %.
     #[test]
     fn late_rests_find_the_noise_after_recovery() {
-        let found = estimate(&noisy(&[(5.0, 1.0), (20.0, 0.0)].repeat(3), 13)).unwrap();
+        let found = estimate_noise(&noisy(&[(5.0, 1.0), (20.0, 0.0)].repeat(3), 13)).unwrap();
         assert!(matches!(found.origin, NoiseOrigin::Rest { n_windows: 3, .. }), "{found:?}");
         assert!((found.sd_m / NOISE_M - 1.0).abs() < 0.25, "{found}");
     }
@@ -438,13 +452,13 @@ mod tests {
         let record = smooth(&to_a_tenth);
         let step_m = written_step_m(&record).expect("a step");
         assert!((step_m / 1e-7 - 1.0).abs() < 1e-9, "{step_m:e}");
-        let found = estimate(&record).expect("an estimate");
+        let found = estimate_noise(&record).expect("an estimate");
         assert!(found.sd_m >= 1e-7 / 12_f64.sqrt() && found.sd_m < 1.5e-7, "{found}");
         assert_eq!(written_step_m(&smooth(&|x| x.sqrt())), None);
         let mut fine = noisy(&[(5.0, 1.0), (5.0, -1.0)].repeat(4), 11);
-        let before = estimate(&fine).expect("an estimate");
+        let before = estimate_noise(&fine).expect("an estimate");
         fine.position_m.iter_mut().flatten().for_each(|x| *x = (1e10 * *x).round() / 1e10);
-        let after = estimate(&fine).expect("an estimate");
+        let after = estimate_noise(&fine).expect("an estimate");
         assert!((after.sd_m / before.sd_m - 1.0).abs() < 1e-2, "{before} {after}");
     }
 
@@ -482,7 +496,7 @@ mod tests {
             record.position_m.push(Some(20e-6 * t_s.powf(0.35) + noise.sample(&mut rng)));
             record.cycle.push(1);
         }
-        let found = estimate(&record).expect("an estimate");
+        let found = estimate_noise(&record).expect("an estimate");
         assert!((found.sd_m / sd_m - 1.0).abs() < 0.5, "{found}");
     }
 
@@ -495,17 +509,23 @@ mod tests {
         for row in [60, last] {
             record.position_m[row] = record.position_m[row].map(|x| x + 100.0 * NOISE_M);
         }
-        let (before, after) = (estimate(&clean).unwrap(), estimate(&record).unwrap());
+        let (before, after) = (estimate_noise(&clean).unwrap(), estimate_noise(&record).unwrap());
         assert!((after.sd_m / before.sd_m - 1.0).abs() < 0.02, "{before} {after}");
         assert_eq!(outliers(&record).iter().map(|outlier| outlier.row).collect::<Vec<_>>(), [60, last]);
         assert!(outliers(&clean).is_empty());
+        // Two successive positions on the same side are named together.
+        let mut pair = clean.clone();
+        for row in [30, 31] {
+            pair.position_m[row] = pair.position_m[row].map(|x| x + 200e-6);
+        }
+        assert_eq!(outliers(&pair).iter().map(|outlier| outlier.row).collect::<Vec<_>>(), [30, 31]);
     }
 
     #[test]
     fn too_few_positions_give_nothing() {
         let mut record = noisy(&[(1.0, 1.0)], 14);
         record.position_m.iter_mut().skip(5).for_each(|position| *position = None);
-        assert_eq!(estimate(&record), None);
+        assert_eq!(estimate_noise(&record), None);
     }
 
     #[test]

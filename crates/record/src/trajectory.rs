@@ -444,10 +444,16 @@ fn next_cycle(place: &dyn Fn() -> InputPlace, text: &str, before: Option<u32>) -
     if allowed {
         return Ok(cycle);
     }
-    let before = before.map_or("the first row".to_string(), |before| format!("cycle {before}"));
+    let Some(before) = before else {
+        return Err(Error::input(
+            place(),
+            format!("the first row belongs to cycle {cycle}"),
+            "begin the table with cycle 1, because earlier cycles load the gel, too; if they are lost and the gel had recovered, number the cycles 1, 2, 3, … and set `zero = \"fit\"`",
+        ));
+    };
     Err(Error::input(
         place(),
-        format!("cycle {cycle} follows {before}"),
+        format!("cycle {cycle} follows cycle {before}"),
         "number the cycles 1, 2, 3, … in the order of time, or remove the `cycle` column; the force then determines the cycles",
     ))
 }

@@ -80,6 +80,7 @@ pub fn contradictions(experiment: &Experiment, understood: &Interpretation) -> V
         sizes::no_gel,
         sizes::leaves_its_container,
         noise::above_the_motion,
+        noise::above_the_record,
         times::units,
         times::few_rows,
         times::gaps,

@@ -5,6 +5,7 @@ use super::{CheckContext, found, um};
 use documents::check::Contradiction;
 use figures::number::format_significant;
 use record::MotionLine;
+use record::frame::is_zeroed_by_first_row;
 
 /// Number of positions at the record's start that the check of the zero uses.
 const FIRST: usize = 5;
@@ -18,8 +19,6 @@ const NOISES_WITHOUT_START: f64 = 12.0;
 const SHARE_WITHOUT_START: f64 = 0.15;
 /// Largest relative difference between the two estimates of the start position at which they agree.
 const AGREE: f64 = 0.5;
-/// Smallest ratio of the noise to the smallest difference of positions at which a position of exactly 0 is no coincidence.
-const DIGITS: f64 = 50.0;
 /// Smallest number of rows at rest (before any force acts) that can show a drift.
 const REST_ROWS: usize = 8;
 /// Smallest drift at rest that is reported, in noise standard deviations.
@@ -69,16 +68,8 @@ pub(super) fn off(looked: &CheckContext<'_>) -> Option<Contradiction> {
 /// Finds positions that were measured from the first row's position, whose noise then shifts all positions. The symptom is a first position of exactly 0, although the
 /// noise is many times the resolution of the positions.
 pub(super) fn is_a_row(looked: &CheckContext<'_>) -> Option<Contradiction> {
-    let noise_m = looked.experiment.noise_sd_m?;
-    let mut positions: Vec<f64> = looked.record.position_m.iter().flatten().copied().collect();
-    if looked.experiment.fits_position_offset || positions.first() != Some(&0.0) {
-        return None;
-    }
-    positions.sort_unstable_by(f64::total_cmp);
-    let steps = positions.windows(2).map(|pair| pair[1] - pair[0]);
-    let digit_m = steps.filter(|step| *step > 0.0).fold(f64::INFINITY, f64::min);
-    let n_zero = positions.iter().filter(|x| **x == 0.0).count();
-    if n_zero > 1 || digit_m > noise_m / DIGITS {
+    let noise_m = looked.noise_m;
+    if looked.experiment.fits_position_offset || !is_zeroed_by_first_row(&looked.record.position_m, noise_m) {
         return None;
     }
     let text = format!(

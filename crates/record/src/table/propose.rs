@@ -11,8 +11,9 @@ use super::spelling::{ParsedUnit, clock_s, counted, is_date_time, unit};
 use super::text::{Decimal, Delimiter, Encoding, Thousands, cells, comment_sign, decode_detected, is_blank_or_comment};
 use crate::control::Control;
 use crate::force::has_noisy_levels;
-use crate::frame::{Direction, Frame, Zero, moves_against_force, rest_m};
+use crate::frame::{Direction, Frame, Zero, is_zeroed_by_first_row, moves_against_force, rest_m};
 use crate::lost::repeated_outliers;
+use crate::robust::{SD_PER_MAD, median};
 use crate::times::TimeRules;
 use crate::trajectory::{Trajectory, is_lost};
 use base::error::{Error, InputPlace, Result, Setting};
@@ -363,6 +364,18 @@ impl DescribedFile<'_> {
         };
         let name = |role: Role| columns[role as usize].map(name_at);
         let wanted = |role: Role| name(role).unwrap_or(ColumnName::Number(1));
+        let unit_at = |at: usize| header.units.get(at).and_then(Option::as_ref);
+        let first_axis = columns[Role::Position as usize];
+        if let Some((at, first, other)) = other_axes.iter().find_map(|at| {
+            let (first, other) = (unit_at(first_axis?)?, unit_at(*at)?);
+            (first.to_si(1.0) != other.to_si(1.0)).then_some((*at, first, other))
+        }) {
+            return Err(Error::input(
+                InputPlace::file(self.file),
+                format!("`{}` is in {}, but the first coordinate is in {}", header.names[at], other.name, first.name),
+                "convert the coordinates to one unit, or read only those of one unit",
+            ));
+        }
         let position = if other_axes.is_empty() {
             PositionColumns::Along(wanted(Role::Position))
         } else {
@@ -749,6 +762,13 @@ fn describe_layout(tables: &[&TableBlock], lines: &[&str]) -> String {
     format!("{} columns separated by {between}{decimals}, {named}{above}", layout.n_cells)
 }
 
+/// Noise (m) of neighbouring positions, from their second differences.
+fn short_lag_noise_m(position_m: &[Option<f64>]) -> f64 {
+    let known: Vec<f64> = position_m.iter().flatten().copied().collect();
+    let sizes = known.windows(3).map(|triple| (triple[0] - 2.0 * triple[1] + triple[2]).abs()).collect();
+    SD_PER_MAD * median(sizes).unwrap_or(0.0) / 6_f64.sqrt()
+}
+
 /// Infers the rules for the zero and direction of positions, and adds the reasons to `reasons`.
 fn frame(trajectory: &Trajectory, has_force: bool, reasons: &mut Vec<String>) -> Frame {
     let Trajectory { force_n, position_m, others_m, .. } = trajectory;
@@ -779,6 +799,12 @@ fn frame(trajectory: &Trajectory, has_force: bool, reasons: &mut Vec<String>) ->
                 "the first position is {}, not 0; the zero is fitted with the model (zero = \"fit\"), because the noise of one row would shift all positions",
                 written(&first)
             ));
+            Zero::Fit
+        }
+        (None, Some(_)) if has_force && is_zeroed_by_first_row(position_m, short_lag_noise_m(position_m)) => {
+            reasons.push(
+                "the first position is exactly 0 although positions are noisy, so that row was probably subtracted from all others; the zero is fitted with the model (zero = \"fit\")".into(),
+            );
             Zero::Fit
         }
         _ => Zero::AsWritten,

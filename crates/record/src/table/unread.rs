@@ -45,7 +45,8 @@ pub(crate) fn unread_columns(
     let is_coordinate = |name: &str| match split_unit(name) {
         (_, Some(unit)) => unit.dimension == Dimension::Length,
         (stem, None) => {
-            let plain = stem.trim().to_lowercase();
+            // A unit that is unknown, as in `Z (slice)`, does not count.
+            let plain = stem.split(['(', '[']).next().unwrap_or(stem).trim().to_lowercase();
             ["x", "y", "z"].contains(&plain.as_str())
                 || ["pos", "displac", "coord"].iter().any(|part| plain.contains(part))
         }
