@@ -268,16 +268,18 @@ impl<N: PointScalar> Load<N> {
     pub fn switches(&self, time_s: &[f64], force: Force<'_>) -> Vec<Switch<N>> {
         let Some(&start_s) = time_s.first() else { return Vec::new() };
         let mut switches = vec![Switch::to(N::constant(start_s), self.start_n())];
-        let (mut commanded_n, mut slope_before) = (0.0, 0.0);
+        let (mut commanded_n, mut slope_before, mut sign_before) = (0.0, 0.0, None);
         for (row, (&row_s, &force_n)) in time_s.iter().zip(force.at_rows_n).enumerate() {
             let slope = force.slope_n_per_s(time_s, row);
             let jumps = force_n != commanded_n && (row == 0 || !force.is_linear());
             commanded_n = force_n;
-            if !jumps && slope == slope_before {
+            // A line that passes through zero at a row keeps its slope, but the factor of the other direction applies from there on.
+            let is_positive = force.is_positive(row);
+            let keeps_sign = sign_before.is_none_or(|before| before == is_positive);
+            if !jumps && slope == slope_before && keeps_sign {
                 continue;
             }
-            slope_before = slope;
-            let is_positive = force.is_positive(row);
+            (slope_before, sign_before) = (slope, Some(is_positive));
             switches.push(Switch {
                 time_s: self.action_time_s(row_s),
                 force_n: self.entering_n(force_n, is_positive),
@@ -417,4 +419,30 @@ pub fn balanced_exponent(a: f64, b: f64) -> f64 {
         }
     }
     f64::NAN
+}
+
+#[cfg(test)]
+mod tests {
+    use record::ForceRule;
+
+    use super::*;
+
+    /// A triangular wave with a row exactly at zero: the slope of the command stays equal there, and the factor changes.
+    #[test]
+    fn a_line_through_zero_switches_the_factor() {
+        let load = Load {
+            delay_s: 0.0,
+            positive_factor: 1.2,
+            negative_factor: 1.0,
+            offset_n: 0.0,
+            lag_time_s: 0.0,
+            gradient_per_m: 0.0,
+        };
+        let force = Force { at_rows_n: &[-1.0, 0.0, 1.0, 0.0], rule: ForceRule::Linear };
+        let slopes: Vec<(f64, f64)> = load.switches(&[0.0, 1.0, 2.0, 3.0], force)[1..]
+            .iter()
+            .map(|switch| (switch.time_s, switch.slope_n_per_s))
+            .collect();
+        assert_eq!(slopes, [(0.0, 1.0), (1.0, 1.2), (2.0, -1.2), (3.0, 0.0)]);
+    }
 }
