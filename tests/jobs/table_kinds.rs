@@ -187,6 +187,37 @@ fn times_that_begin_again_are_joined_where_the_recording_went_on() {
     assert!(refused(&unsorted, TableSettings::default()).contains("two rows have the time"));
 }
 
+/// A recording that begins after the load has moved the body: the force is taken to act since time 0, and `init` says so. A clock that counts from another time, with
+/// positions from the first row, has no such start.
+#[test]
+fn a_late_first_row_states_the_start_of_the_load() {
+    let late = |zero_um: f64| {
+        let part = truth().into_iter().filter(|row| row[0] >= 0.3);
+        let lines: String = part.map(|[t, f, x]| format!("{t:.3},{f},{:.3}\n", x - zero_um)).collect();
+        read(&format!("Time (s),Force (uN),Position (um)\n{lines}"), TableSettings::default()).expect("an experiment")
+    };
+    let states_start = |summary: &InitSummary| summary.reasons.iter().any(|text| text.contains("load_start_s = 0"));
+    let (summary, experiment, _) = late(0.0);
+    assert!(states_start(&summary), "{summary:?}");
+    assert_eq!((experiment.record.time_s[0], experiment.record.position_m[0]), (0.0, None));
+    assert!(!states_start(&late(truth()[6][2]).0));
+}
+
+/// Positions from which the first noisy row was subtracted: the zero is fitted, and `check` names a table in which it is not.
+#[test]
+fn a_zero_that_carries_the_noise_of_a_row_is_fitted() {
+    let first_um = truth()[0][2];
+    let text = format!(
+        "Time (s),Force (uN),Position (um)\n{}",
+        rows(|_, [t, f, x]| format!("{t:.3},{f},{:.3}", x - first_um))
+    );
+    let (summary, experiment, _) = read(&text, TableSettings::default()).expect("an experiment");
+    assert!(experiment.fits_position_offset, "{summary:?}");
+    let as_written = |toml: &str| toml.replace("zero = \"fit\"", "");
+    let (_, experiment, files) = edited(&text, TableSettings::default(), as_written).expect("an experiment");
+    assert_eq!(kinds(&experiment, &files), ["zero_is_a_row"]);
+}
+
 #[test]
 fn a_coarse_clock_is_spread_and_tracks_are_told_apart() {
     let clock = rows(|row, [_, f, x]| format!("10:00:{:02},{f},{x:.3}", row / 20));

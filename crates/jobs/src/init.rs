@@ -137,7 +137,7 @@ fn one(
         let text = match &creep {
             Some(_) => "the step began at 0, before the first row (load_start_s = 0)",
             None => {
-                "a force acts in the first row, which is after time 0: it is assumed to act since time 0 (load_start_s = 0); correct that line if it began at another time"
+                "a force acts in the first row, which is after time 0, and the body has moved before: the force is assumed to act since time 0 (load_start_s = 0); correct that line if it began at another time"
             }
         };
         proposal.reasons.push(text.into());
@@ -449,7 +449,9 @@ fn load_start_s(
         Some(_) => first_s > 0.0 && first_s <= FIRST_ROW * proposal.duration_s,
         None => {
             let interval_s = proposal.duration_s / proposal.n_rows.saturating_sub(1).max(1) as f64;
-            first_s > LATE_INTERVALS * interval_s && first_s <= LATEST * proposal.duration_s
+            first_s > LATE_INTERVALS * interval_s
+                && first_s <= LATEST * proposal.duration_s
+                && proposal.starts_displaced()
         }
     };
     begins_late.then_some(0.0)

@@ -61,9 +61,19 @@ pub struct TableProposal {
     pub position_m: [f64; 2],
     /// Smallest and largest position as written in the table, in m.
     written_position_m: [f64; 2],
+    /// First position as written in the table, in m.
+    first_written_m: Option<f64>,
 }
 
 impl TableProposal {
+    /// Returns whether the body has moved before the first row: its first position is far from 0, but within the travel of the record. Positions in the coordinates of a
+    /// camera are farther from 0.
+    pub fn starts_displaced(&self) -> bool {
+        let range_m = self.written_position_m[1] - self.written_position_m[0];
+        let is_displaced = |first_m: f64| first_m.abs() > NEAR_ZERO * range_m && first_m.abs() < range_m;
+        !self.description.time_rules.spreads_ties && self.first_written_m.is_some_and(is_displaced)
+    }
+
     /// Replaces the inferred rules for zero and direction: positions count as written in the table.
     pub fn keep_written_positions(&mut self) {
         (self.frame, self.position_m) = (Frame::default(), self.written_position_m);
@@ -112,6 +122,7 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
         values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)])
     };
     let written_position_m = ends(&mut trajectory.position_m.iter().flatten().copied());
+    let first_written_m = trajectory.position_m.first().copied().flatten();
     let frame = frame(&trajectory, description.force.is_some(), &mut reasons);
     if let Some(projection) = frame.apply(file, &mut trajectory)?.projection {
         reasons.push(format!(
@@ -135,6 +146,7 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
         force_n: ends(&mut trajectory.force_n.iter().copied()),
         position_m: ends(&mut trajectory.position_m.iter().flatten().copied()),
         written_position_m,
+        first_written_m,
         description,
         frame,
         has_noisy_levels,
