@@ -216,6 +216,11 @@ fn a_zero_that_carries_the_noise_of_a_row_is_fitted() {
     let as_written = |toml: &str| toml.replace("zero = \"fit\"", "");
     let (_, experiment, files) = edited(&text, TableSettings::default(), as_written).expect("an experiment");
     assert_eq!(kinds(&experiment, &files), ["zero_is_a_row"]);
+    // Positions that are cut to tens of micrometres: the zero is known to such a step only.
+    let coarse = rows(|_, [t, f, x]| format!("{t:.3},{f},{:.0}", 10.0 * ((x + 1.0) / 10.0).floor()));
+    let (summary, experiment, _) =
+        read(&format!("Time (s),Force (uN),Position (um)\n{coarse}"), TableSettings::default()).expect("an experiment");
+    assert!(experiment.fits_position_offset, "{summary:?}");
 }
 
 #[test]

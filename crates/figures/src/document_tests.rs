@@ -65,6 +65,13 @@ fn ladders_are_legible() {
     assert_legible("nothing scored", &ladder(&unscored).unwrap());
 }
 
+/// An estimated noise is never called known.
+#[test]
+fn a_ladder_names_the_origin_of_the_noise() {
+    let document = ladder(&ladder_of(three_rungs(), "gel", "x")).unwrap().document();
+    assert!(document.contains("estimated from short lags") && !document.contains("known noise"), "{document}");
+}
+
 /// Bars of the errors 40, 10 and 4.1 µm on one axis have widths in these proportions.
 #[test]
 fn bars_are_as_long_as_the_errors() {

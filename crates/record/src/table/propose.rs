@@ -774,6 +774,20 @@ fn describe_layout(tables: &[&TableBlock], lines: &[&str]) -> String {
     format!("{} columns separated by {between}{decimals}, {named}{above}", layout.n_cells)
 }
 
+/// Smallest number of positions from which their step is inferred.
+const FEWEST_FOR_STEP: usize = 50;
+/// Smallest step of written positions, as a fraction of their range, at which a zero of one row is too coarse.
+const COARSE_STEP: f64 = 2e-3;
+
+/// Step (m) of written positions, if it is coarse.
+fn coarse_step_m(position_m: &[Option<f64>], range_m: f64) -> Option<f64> {
+    let mut known: Vec<f64> = position_m.iter().flatten().copied().collect();
+    known.sort_unstable_by(f64::total_cmp);
+    let gaps = known.windows(2).map(|pair| pair[1] - pair[0]).filter(|gap| *gap > 0.0);
+    let step_m = gaps.fold(f64::INFINITY, f64::min);
+    (known.len() >= FEWEST_FOR_STEP && step_m.is_finite() && step_m > COARSE_STEP * range_m).then_some(step_m)
+}
+
 /// Noise (m) of neighbouring positions, from their second differences.
 fn short_lag_noise_m(position_m: &[Option<f64>]) -> f64 {
     let known: Vec<f64> = position_m.iter().flatten().copied().collect();
@@ -798,6 +812,9 @@ fn frame(trajectory: &Trajectory, has_force: bool, reasons: &mut Vec<String>) ->
     let rest: Option<Vec<f64>> =
         coordinates.iter().map(|positions| rest_m(force_n, positions).filter(|_| has_force)).collect();
     let first: Option<Vec<f64>> = coordinates.iter().map(|positions| positions.first().copied().flatten()).collect();
+    // A commanded position has no noise, and its zero is known.
+    let is_measured = has_force && Control::likely(force_n, position_m) == Control::Force;
+    let coarse_m = coarse_step_m(position_m, range_m).filter(|_| is_measured);
     let zero = match (rest, first) {
         (Some(rest), _) if is_far(&rest) => {
             reasons.push(format!(
@@ -813,7 +830,14 @@ fn frame(trajectory: &Trajectory, has_force: bool, reasons: &mut Vec<String>) ->
             ));
             Zero::Fit
         }
-        (None, Some(_)) if has_force && is_zeroed_by_first_row(position_m, short_lag_noise_m(position_m)) => {
+        (None, Some(first)) if first == [0.0] && coarse_m.is_some() => {
+            reasons.push(format!(
+                "positions have steps of {:.3} µm, so the first position of 0 is known to a step only; the zero is fitted with the model (zero = \"fit\")",
+                1e6 * coarse_m.unwrap_or(0.0)
+            ));
+            Zero::Fit
+        }
+        (None, Some(_)) if is_measured && is_zeroed_by_first_row(position_m, short_lag_noise_m(position_m)) => {
             reasons.push(
                 "the first position is exactly 0 although positions are noisy, so that row was probably subtracted from all others; the zero is fitted with the model (zero = \"fit\")".into(),
             );
