@@ -226,7 +226,14 @@ test("the missing effect is found and added, and the error falls to the noise", 
   const answer = JSON.parse(execFileSync(program, ["challenge", "reveal", join(home, ".hidden"), "--study", join(home, "vitreo-uq-out", study), "--json", "-", "--quiet"]));
   assert.equal(answer.right, true, "the study of a table in another layout is judged, although some rows are left out");
   await hasNoSeriousFaults("suspects");
+  // Another effect is drawn beside the claimed one.
+  assert.doesNotMatch(await page.locator("#fingerprint-of").textContent(), /Dashed/);
+  await page.locator("#suspects tbody tr").nth(1).hover();
+  await page.waitForFunction(() => document.getElementById("fingerprint-of").textContent.includes("Dashed: softening, the claimed effect"));
   await picture("8-suspects");
+  const figure = await page.locator("#files a", { hasText: /^pdf$/ }).first().getAttribute("href");
+  const bytes = await page.evaluate(async (href) => (await (await fetch(href)).text()).slice(0, 5), figure);
+  assert.equal(bytes, "%PDF-");
   // Another tab shows the same job.
   const other = await browser.newPage();
   await other.goto(link);

@@ -16,7 +16,7 @@ import pypdfium2
 import small_experiment
 
 # Largest fraction of pixels in which PDF and PNG may differ: thin edges.
-MOST_UNLIKE = 0.01
+MOST_UNLIKE = 0.005
 SCHEMAS = small_experiment.ROOT / "docs" / "schemas"
 # On an instrument, in this order: later commands continue from earlier ones.
 OF_STUDY = [

@@ -549,8 +549,8 @@ function showFiles(study) {
   const isThere = (/** @type {string} */ path) => !(path.includes("comparison") && !revision?.comparison) && !(path.includes("diagnosis") && !revision?.diagnosis) && !(path.startsWith("ladder") && !study.ladder);
   at("files").replaceChildren(make("li", {}, [archive, ": the record and its whole study"]), ...list.filter(([path]) => isThere(path)).map(([path, words]) => {
     const link = (/** @type {string} */ file, /** @type {string} */ text) => make("a", { href: fileOf(study, file), textContent: text, download: file.endsWith("html") ? "" : file.split("/").pop(), target: "_blank" });
-    const bitmap = path.replace(/svg$/, "png");
-    return make("li", {}, [link(path, path), ...(bitmap === path ? [] : [" (", link(bitmap, "png"), ")"]), `: ${words}`]);
+    const other = (/** @type {string} */ format) => link(path.replace(/svg$/, format), format);
+    return make("li", {}, [link(path, path), ...(path.endsWith("svg") ? [" (", other("png"), ", ", other("pdf"), ")"] : []), `: ${words}`]);
   }), ...showTable());
 }
 
