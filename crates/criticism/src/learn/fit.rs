@@ -151,7 +151,7 @@ pub fn search_all(
 }
 
 /// Refits pairs to the positions and under the noise of `subject`, starting from fits under other conditions.
-pub fn refit_all(
+pub fn refit_pairs(
     subject: &Subject,
     base: &PairlessModel<'_>,
     sought: Vec<Option<SearchedFit>>,

@@ -1,9 +1,7 @@
 //! Search among pairs of a quantity and a state: fits of every pair added to a record's model, and the criteria for the leading pair.
 
 use super::distil::{FittedFormula, find_simplest_formula};
-use super::fit::{
-    PairFit, PairlessModel, Screen, fit_under, largest_gain, refit_all as refit_pairs, score_all, search_all,
-};
+use super::fit::{PairFit, PairlessModel, Screen, fit_under, largest_gain, refit_pairs, score_all, search_all};
 use super::pairs::{Pair, pairs};
 use crate::bootstrap::{Bootstrap, Simulations, simulated};
 use crate::outliers;
