@@ -47,7 +47,7 @@ pub fn future_score(subject: &Subject, candidate: &Candidate, fitted: &Fitted) -
     if subject.scored_m.iter().all(Option::is_none) {
         return Ok(None);
     }
-    let both: Vec<Option<f64>> = subject.fitted_m.iter().zip(&subject.scored_m).map(|(a, b)| a.or(*b)).collect();
+    let both = subject.observed_m();
     // The gains of three cycles may by chance hardly scatter, and the prediction of a fourth cycle would then be overconfident. All models use the same least gain, so it
     // does not contribute to a model's gain over another.
     let noise = of_future(subject.noise(), fitted.noise);

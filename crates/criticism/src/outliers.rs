@@ -63,9 +63,12 @@ pub fn exclude_outliers(subject: &Subject, candidate: &Candidate) -> Result<(Sub
 
 /// Returns the rows of outliers (from 0, in order) among the fitted and the scored positions. The residuals are those of a fit, such as the base model's.
 pub fn find_outliers(subject: &Subject, fitted: &Fitted) -> Vec<usize> {
-    let observed = subject.fitted_m.iter().zip(&subject.scored_m).map(|(fitted, scored)| fitted.or(*scored));
-    let residual_m: Vec<Option<f64>> =
-        observed.zip(&fitted.position_m).map(|(observed, position)| Some(observed? - position)).collect();
+    let residual_m: Vec<Option<f64>> = subject
+        .observed_m()
+        .into_iter()
+        .zip(&fitted.position_m)
+        .map(|(observed, position)| Some(observed? - position))
+        .collect();
     rows_of(&subject.experiment().record, &residual_m, LEAST_SCALE * subject.reference_noise_m())
 }
 

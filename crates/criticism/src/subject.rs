@@ -78,6 +78,11 @@ impl NotLearnt {
     }
 }
 
+/// Positions (m) of the fitted and the scored cycles, one per row.
+fn fitted_and_scored(fitted_m: &[Option<f64>], scored_m: &[Option<f64>]) -> Vec<Option<f64>> {
+    fitted_m.iter().zip(scored_m).map(|(fitted, scored)| fitted.or(*scored)).collect()
+}
+
 impl Subject {
     /// Prepares the problem of a base model and splits its experiment into fitted and scored cycles.
     ///
@@ -170,7 +175,7 @@ impl Subject {
         let (record, recordings) = (&experiment.record, shared.model.problem.recordings());
         let likelihood =
             |positions: &[Option<f64>]| NoiseLikelihood::new(*noise, &record.time_s, &recordings, positions);
-        let both: Vec<Option<f64>> = fitted_m.iter().zip(&scored_m).map(|(a, b)| a.or(*b)).collect();
+        let both = fitted_and_scored(&fitted_m, &scored_m);
         let (fitted, all) = (likelihood(&fitted_m), likelihood(&both));
         Self {
             shared,
@@ -190,7 +195,7 @@ impl Subject {
         let replaced = |old: &[Option<f64>]| old.iter().zip(position_m).map(|(old, new)| old.map(|_| *new)).collect();
         let (fitted_m, scored_m): (Vec<Option<f64>>, Vec<Option<f64>>) =
             (replaced(&self.fitted_m), replaced(&self.scored_m));
-        let both: Vec<Option<f64>> = fitted_m.iter().zip(&scored_m).map(|(a, b)| a.or(*b)).collect();
+        let both = fitted_and_scored(&fitted_m, &scored_m);
         let (fitted, all) = (self.fitted.with_observed(&fitted_m), self.all.with_observed(&both));
         Self { fitted_m, scored_m, fitted, all, ..self.clone() }
     }
@@ -216,9 +221,14 @@ impl Subject {
         Self { has_trajectory_memory, has_only_specified_noise, noise_bounds, ..self }
     }
 
+    /// Positions (m) of the fitted and the scored cycles, `None` elsewhere; one entry per row of the record.
+    pub(super) fn observed_m(&self) -> Vec<Option<f64>> {
+        fitted_and_scored(&self.fitted_m, &self.scored_m)
+    }
+
     /// Returns the subject with bounds on slow noise, gains and offsets, if the experiment gives the noise.
     pub(super) fn with_bounded_noise(&self) -> Self {
-        let position_m = self.fitted_m.iter().zip(&self.scored_m).map(|(fitted, scored)| fitted.or(*scored)).collect();
+        let position_m = self.observed_m();
         let record = Record { position_m, ..self.experiment().record.clone() };
         let bounds = || noise_bounds(&record, self.experiment().control, self.reference_noise_m());
         Self { noise_bounds: self.is_noise_known().then(bounds), ..self.clone() }

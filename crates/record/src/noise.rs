@@ -118,7 +118,7 @@ impl std::fmt::Display for ReferenceNoise {
 /// Estimates the noise of single positions from the record itself: from rests, or else from neighbouring positions. `None` if there are too few.
 pub fn estimate_noise(record: &Record) -> Option<ReferenceNoise> {
     // Rounded positions of a smooth motion may lie exactly on lines. Their rounding errors still count as noise.
-    let rounding_sd_m = written_step_m(record).map_or(0.0, |step_m| step_m / 12_f64.sqrt());
+    let rounding_sd_m = written_step_m(&record.position_m).map_or(0.0, |step_m| step_m / 12_f64.sqrt());
     let short_lag = short_lag(record).map(|(sd_m, n_differences)| (sd_m.max(rounding_sd_m), n_differences));
     let rest = rest_residuals(record);
     if let Some(sd_m) = rest.sd_m() {
@@ -166,8 +166,8 @@ fn short_lag(record: &Record) -> Option<(f64, usize)> {
 }
 
 /// Returns the digital step (m) between written positions: the largest number that divides all their differences. `None` without such a step.
-fn written_step_m(record: &Record) -> Option<f64> {
-    let mut sorted: Vec<f64> = record.position_m.iter().flatten().copied().collect();
+pub(crate) fn written_step_m(position_m: &[Option<f64>]) -> Option<f64> {
+    let mut sorted: Vec<f64> = position_m.iter().flatten().copied().collect();
     sorted.sort_unstable_by(f64::total_cmp);
     let (first, last) = (*sorted.first()?, *sorted.last()?);
     // Positions that were equal in the file may differ by rounding, because a zero was subtracted.
@@ -450,11 +450,11 @@ mod tests {
         };
         let to_a_tenth = |x: f64| (1e7 * x).round() / 1e7 + 0.123_456_789e-3;
         let record = smooth(&to_a_tenth);
-        let step_m = written_step_m(&record).expect("a step");
+        let step_m = written_step_m(&record.position_m).expect("a step");
         assert!((step_m / 1e-7 - 1.0).abs() < 1e-9, "{step_m:e}");
         let found = estimate_noise(&record).expect("an estimate");
         assert!(found.sd_m >= 1e-7 / 12_f64.sqrt() && found.sd_m < 1.5e-7, "{found}");
-        assert_eq!(written_step_m(&smooth(&|x| x.sqrt())), None);
+        assert_eq!(written_step_m(&smooth(&|x| x.sqrt()).position_m), None);
         let mut fine = noisy(&[(5.0, 1.0), (5.0, -1.0)].repeat(4), 11);
         let before = estimate_noise(&fine).expect("an estimate");
         fine.position_m.iter_mut().flatten().for_each(|x| *x = (1e10 * *x).round() / 1e10);
@@ -473,11 +473,11 @@ mod tests {
                 let mut record = creep.clone();
                 let written = |x: f64| scale * (step * (x / step).round() + 0.123_456_789e-3);
                 record.position_m.iter_mut().flatten().for_each(|x| *x = written(*x));
-                let found = written_step_m(&record).map(|found| found / scale / step);
+                let found = written_step_m(&record.position_m).map(|found| found / scale / step);
                 assert!(found.is_some_and(|ratio| (ratio - 1.0).abs() < 1e-6), "{decade} {step}: {found:?}");
                 // Positions that are not rounded have no digital step.
                 record.position_m.iter_mut().flatten().for_each(|x| *x = scale * (x.abs() / scale).sqrt());
-                assert_eq!(written_step_m(&record), None, "{decade} {step}");
+                assert_eq!(written_step_m(&record.position_m), None, "{decade} {step}");
             }
         }
     }

@@ -58,7 +58,7 @@ fn comparison_figure(subject: &Subject, outcome: &ComparisonResult, name: &str) 
             of_noise.iter().fold(spread.powi(2), |sum, sd| sum + sd.powi(2)).sqrt()
         })
         .collect();
-    let observed = subject.fitted_m.iter().zip(&subject.scored_m).map(|(a, b)| a.or(*b).map(|y| 1e6 * y));
+    let observed = subject.observed_m().into_iter().map(|observed_m| observed_m.map(|y| 1e6 * y));
     let position_um: Vec<Option<f64>> = observed.collect();
     let rows = &outcome.comparison.outlier_rows;
     let outliers = rows.iter().filter_map(|row| Some((record.time_s[*row], 1e6 * record.position_m[*row]?))).collect();

@@ -160,7 +160,7 @@ fn residuals_m(observed_m: &[Option<f64>], position_m: &[f64]) -> Vec<f64> {
 
 /// Whitened residuals of the fitted and scored rows; `None` in other rows.
 fn whitened(subject: &Subject, fitted: &Fitted, noise: &NoiseValues) -> Vec<Option<f64>> {
-    let both: Vec<Option<f64>> = subject.fitted_m.iter().zip(&subject.scored_m).map(|(a, b)| a.or(*b)).collect();
+    let both = subject.observed_m();
     let residual_m = residuals_m(&both, &fitted.position_m);
     let mut white = subject.all.whiten(&[residual_m], &fitted.position_m, noise).concat().into_iter();
     both.iter().map(|y| y.and_then(|_| white.next())).collect()

@@ -13,6 +13,7 @@ use crate::control::Control;
 use crate::force::has_noisy_levels;
 use crate::frame::{Direction, Frame, Zero, is_zeroed_by_first_row, moves_against_force, rest_m};
 use crate::lost::repeated_outliers;
+use crate::noise::written_step_m;
 use crate::robust::{SD_PER_MAD, median};
 use crate::times::TimeRules;
 use crate::trajectory::{Trajectory, is_lost};
@@ -781,11 +782,8 @@ const COARSE_STEP: f64 = 2e-3;
 
 /// Step (m) of written positions, if it is coarse.
 fn coarse_step_m(position_m: &[Option<f64>], range_m: f64) -> Option<f64> {
-    let mut known: Vec<f64> = position_m.iter().flatten().copied().collect();
-    known.sort_unstable_by(f64::total_cmp);
-    let gaps = known.windows(2).map(|pair| pair[1] - pair[0]).filter(|gap| *gap > 0.0);
-    let step_m = gaps.fold(f64::INFINITY, f64::min);
-    (known.len() >= FEWEST_FOR_STEP && step_m.is_finite() && step_m > COARSE_STEP * range_m).then_some(step_m)
+    let has_enough = position_m.iter().flatten().count() >= FEWEST_FOR_STEP;
+    written_step_m(position_m).filter(|step_m| has_enough && *step_m > COARSE_STEP * range_m)
 }
 
 /// Noise (m) of neighbouring positions, from their second differences.
