@@ -386,11 +386,16 @@ test("models of another choice of rows are not shown, and come back with it", as
   await page.click("#fault-close");
 });
 
+/** Opens the form under the plots and waits for its contents. A record that still loads closes it, so it is opened as often as needed. */
+const openDescription = (item, words) => page.waitForFunction(([item, words]) => {
+  document.getElementById("description").open = true;
+  return document.getElementById("new-name").value === item && document.getElementById("description-text").value.includes(words);
+}, [item, words]);
+
 test("a wrong description is corrected, and a record is renamed, copied, deleted and brought back", async () => {
   await page.goto(`${link}#${encodeURIComponent(ITEM)}`);
-  await page.locator("#description summary").click();
+  await openDescription(ITEM, "diameter_mm");
   const text = page.locator("#description-text");
-  await page.waitForFunction(() => document.getElementById("description-text").value.includes("diameter_mm"));
   const good = await text.inputValue();
   await text.fill(good.replace(/diameter_mm = 0\.55\b/, "diameter_mm = -3"));
   await page.click("text=Save the description");
@@ -400,12 +405,11 @@ test("a wrong description is corrected, and a record is renamed, copied, deleted
   await text.fill(good.replace(/diameter_mm = 0\.55\b/, "diameter_mm = 0.551"));
   await page.click("text=Save the description");
   await page.waitForFunction(() => document.getElementById("next").textContent.includes("record has changed"));
-  await page.locator("#description summary").click();
-  await page.waitForFunction(() => document.getElementById("description-text").value.includes("0.551"));
+  await openDescription(ITEM, "0.551");
   await text.fill(good);
   await page.click("text=Save the description");
   await page.waitForSelector("#fails:visible");
-  await page.locator("#description summary").click();
+  await openDescription(ITEM, "diameter_mm");
   await page.click("#delete-revision");
   await page.waitForFunction(() => document.querySelectorAll("#revision option").length === 1);
   await page.click("#undo-do");
@@ -418,17 +422,16 @@ test("a wrong description is corrected, and a record is renamed, copied, deleted
   assert.match(await downloaded(".zip"), /experiment\.toml/);
   assert.match(await downloaded("parameters.csv"), /^parameter,median,90 % interval,unit\r\nE,/);
   assert.match(await downloaded("parameters.tex"), /\nc\$_\{1\}\$ & .* & Pa\$\\cdot\$s \\\\\n/);
-  await page.locator("#description summary").click();
+  await openDescription(ITEM, "diameter_mm");
   await page.fill("#new-name", "Kopie");
   await page.click("text=Copy under this name");
   await page.waitForFunction(() => location.hash === "#Kopie");
-  await page.locator("#description summary").click();
-  await page.waitForFunction(() => document.getElementById("new-name").value === "Kopie");
+  await openDescription("Kopie", "diameter_mm");
   await page.fill("#new-name", "other");
   await page.click("#rename button[value=rename]");
   await page.waitForFunction(() => location.hash === "#other");
   assert.ok(existsSync(join(home, "other", "experiment.toml")) && !existsSync(join(home, "Kopie")));
-  await page.locator("#description summary").click();
+  await openDescription("other", "diameter_mm");
   await page.click("#delete");
   await page.waitForSelector("#undo:not([hidden])");
   assert.ok(!existsSync(join(home, "other")));
