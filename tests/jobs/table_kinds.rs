@@ -323,6 +323,14 @@ fn signs_between_thousands_are_told_from_decimal_signs() {
     assert!(summary.reasons.iter().any(|reason| reason.contains("thousands separator")), "{summary:?}");
     let as_decimals = refused(&text, TableSettings { thousands: said("none"), ..TableSettings::default() });
     assert!(as_decimals.contains("is not a number"), "{as_decimals}");
+    // A spreadsheet quotes such numbers between commas, and writes smaller numbers without quotation marks.
+    let quoted = |value: f64| match grouped(value).replace('.', ",") {
+        number if number.contains(',') => format!("\"{number}\""),
+        number => number,
+    };
+    let text =
+        rows(|row, [_, f, x]| format!("{},{},{}", quoted(50.0 * row as f64), quoted(1000.0 * f), quoted(1000.0 * x)));
+    assert_is_truth(&format!("Time [ms],Force [nN],Position [nm]\n{text}"), TableSettings::default());
     // Three decimals in every row are decimals, not thousands.
     let decimals = rows(|_, [t, f, x]| format!("{t:.3};{f:.3};{:.3}", 100.0 + x));
     assert_is_truth(&format!("Zeit [s];Kraft [uN];Weg [um]\n{decimals}"), TableSettings::default());

@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 
 use super::spelling::{ParsedUnit, clock_s, is_date_time, split_unit, unit};
-use super::text::{COLUMNS, Decimal, Delimiter, cells, comment_sign, header_cells, is_blank_or_comment};
+use super::text::{COLUMNS, Decimal, Delimiter, Thousands, cells, comment_sign, header_cells, is_blank_or_comment};
 use crate::trajectory::is_lost;
 
 /// Largest number of lines from which the layout of cells is inferred.
@@ -48,14 +48,20 @@ impl TableBlock {
     }
 }
 
-pub(super) fn is_value(cell: &str, decimal: Decimal) -> bool {
-    decimal.number(cell).is_some() || clock_s(cell).is_some() || is_date_time(cell)
+/// True if a cell is a number or a time. Commas inside a quoted cell between commas separate thousands (`"1,094"`).
+fn is_value(cell: &str, delimiter: Delimiter, decimal: Decimal) -> bool {
+    let is_grouped = || {
+        let removed = Thousands::Comma.removed(cell);
+        delimiter == Delimiter::Comma && removed.is_some_and(|cell| decimal.number(&cell).is_some())
+    };
+    decimal.number(cell).is_some() || clock_s(cell).is_some() || is_date_time(cell) || is_grouped()
 }
 
 /// Returns the number of cells in a line that are numbers or times, and the number of other cells. Cells that mean a lost position do not count.
-fn counts(cells: &[Cow<'_, str>], decimal: Decimal) -> (i64, i64) {
-    let n_values = cells.iter().filter(|cell| is_value(cell, decimal)).count() as i64;
-    let n_others = cells.iter().filter(|cell| !is_value(cell, decimal) && !is_lost(cell)).count() as i64;
+fn counts(cells: &[Cow<'_, str>], delimiter: Delimiter, decimal: Decimal) -> (i64, i64) {
+    let is_value = |cell: &str| is_value(cell, delimiter, decimal);
+    let n_values = cells.iter().filter(|cell| is_value(cell)).count() as i64;
+    let n_others = cells.iter().filter(|cell| !is_value(cell) && !is_lost(cell)).count() as i64;
     (n_values, n_others)
 }
 
@@ -77,7 +83,7 @@ fn layout(lines: &[&str]) -> Option<Layout> {
             };
             for (index, line) in lines.iter().enumerate().filter(|(_, line)| !is_blank_or_comment(line, None)) {
                 let cells = cells(line, delimiter);
-                let (n_values, n_others) = counts(&cells, decimal);
+                let (n_values, n_others) = counts(&cells, delimiter, decimal);
                 if n_values < 2 || n_values < n_others {
                     finish(&mut run);
                     continue;
@@ -104,7 +110,7 @@ pub(super) fn blocks(lines: &[&str]) -> Option<Vec<TableBlock>> {
     let mut after = 0;
     for (index, line) in lines.iter().enumerate().filter(|(_, line)| !is_blank_or_comment(line, None)) {
         let cells = cells(line, found.delimiter);
-        let (n_values, n_others) = counts(&cells, found.decimal);
+        let (n_values, n_others) = counts(&cells, found.delimiter, found.decimal);
         // A row of a table that has begun may lack all values except its time.
         let is_row = n_values >= 2 && n_values >= n_others || n_values == 1 && n_others == 0 && !blocks.is_empty();
         // A line of words with two numbers is a preamble, such as one above the next table of an export.
@@ -193,7 +199,8 @@ fn names_in(line: &str, layout: &Layout, n_empty: usize) -> Option<Vec<String>> 
     if (layout.n_cells - n_empty.min(layout.n_cells)..layout.n_cells).contains(&found.len()) {
         found.resize(layout.n_cells, String::new());
     }
-    let n_words = found.iter().filter(|cell| !cell.is_empty() && !is_value(cell, layout.decimal)).count();
+    let n_words =
+        found.iter().filter(|cell| !cell.is_empty() && !is_value(cell, layout.delimiter, layout.decimal)).count();
     (found.len() == layout.n_cells && n_words >= 2).then_some(found)
 }
 

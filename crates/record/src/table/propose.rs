@@ -1,5 +1,6 @@
 //! Inference of the description of a table, with a reason for each choice.
 
+use std::borrow::Cow;
 use std::path::Path;
 
 use super::asked::{Ask, Question, TableSettings};
@@ -299,7 +300,7 @@ impl DescribedFile<'_> {
     }
 
     /// Iterates over the rows that are read, each as its cells. Blank lines and comments are skipped.
-    fn rows(&self) -> impl Iterator<Item = Vec<std::borrow::Cow<'_, str>>> {
+    fn rows(&self) -> impl Iterator<Item = Vec<Cow<'_, str>>> {
         let lines = self.tables.iter().flat_map(|table| &self.lines[table.layout.first..table.end]);
         lines.filter(|line| !is_blank_or_comment(line, None)).map(|line| cells(line, self.tables[0].layout.delimiter))
     }
@@ -512,8 +513,7 @@ impl DescribedFile<'_> {
                 )
             });
         }
-        let is_blank =
-            |row: &Vec<std::borrow::Cow<'_, str>>| force.and_then(|at| row.get(at)).is_some_and(|cell| is_lost(cell));
+        let is_blank = |row: &Vec<Cow<'_, str>>| force.and_then(|at| row.get(at)).is_some_and(|cell| is_lost(cell));
         if !self.rows().any(|row| is_blank(&row)) {
             return Ok(None);
         }
@@ -527,7 +527,7 @@ impl DescribedFile<'_> {
     }
 
     /// Returns the thousands separator if it could also be a decimal sign; otherwise `None`. All numbers with the sign must have groups of three
-    /// digits, and several smaller numbers must lack the sign.
+    /// digits, and several smaller numbers must lack the sign. A comma in a quoted cell between commas needs one smaller number only.
     fn thousands(&self, taken: &[usize], reasons: &mut Vec<String>) -> Result<Option<Thousands>> {
         let setting = Setting::Thousands;
         match self.given.thousands.as_deref() {
@@ -540,9 +540,13 @@ impl DescribedFile<'_> {
                 });
             }
         }
-        let sign = match self.tables[0].layout.decimal {
-            Decimal::Point => Thousands::Point,
-            Decimal::Comma => Thousands::Comma,
+        let layout = &self.tables[0].layout;
+        let has_comma =
+            |row: Vec<Cow<'_, str>>| taken.iter().filter_map(|at| row.get(*at)).any(|cell| cell.contains(','));
+        let is_quoted = layout.delimiter == Delimiter::Comma && self.rows().any(has_comma);
+        let sign = match layout.decimal {
+            Decimal::Point if !is_quoted => Thousands::Point,
+            _ => Thousands::Comma,
         };
         let (mut n_grouped, mut n_small) = (0, 0);
         for row in self.rows() {
@@ -559,7 +563,8 @@ impl DescribedFile<'_> {
                 }
             }
         }
-        if n_grouped < FEWEST_GROUPED || n_small < FEWEST_SMALL {
+        let [fewest_grouped, fewest_small] = if is_quoted { [1, 1] } else { [FEWEST_GROUPED, FEWEST_SMALL] };
+        if n_grouped < fewest_grouped || n_small < fewest_small {
             return Ok(None);
         }
         let sign_name = sign.name();
