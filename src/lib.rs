@@ -46,6 +46,7 @@
 //! - [`criticism`]: misfits of a model, and missing effects
 //! - [`cohorts`]: groups of specimens, and effects that a cohort lacks
 //! - [`validation`]: challenges, calibration, the study of robot shapes
+//! - [`prediction`]: robots under uncertainty, sensitivity, force plans
 //! - [`jobs`]: the function behind every command
 
 pub use base;
@@ -59,6 +60,7 @@ pub use jobs;
 pub use laws;
 pub use models;
 pub use posterior;
+pub use prediction;
 pub use record;
 pub use sampling;
 pub use validation;

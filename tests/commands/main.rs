@@ -21,6 +21,7 @@ mod mutators;
 mod numbers;
 mod oscillation;
 mod outside;
+mod predict;
 #[path = "../program/mod.rs"]
 mod program;
 mod relaxation;

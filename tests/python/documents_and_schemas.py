@@ -51,6 +51,8 @@ OF_FINITE_ELEMENTS = [
     ("effects", ["effects", "replica"]),
     ("simulation", ["simulate", "--out", "simulated"]),
     ("shapes", ["shapes", "--out", "replica"]),
+    ("prediction", ["predict", "replica"]),
+    ("plan", ["plan", "replica", "--reach-mm", "0.3", "--within-s", "3"]),
     ("challenge", ["challenge", "run", "--count", "2"]),
 ]
 

@@ -124,6 +124,14 @@ settings! {
     Force "force"
     /// Permission to replace an existing experiment.
     Replace "replace"
+    /// File of scenarios to predict.
+    Scenario "scenario"
+    /// Table of the force of a prediction.
+    ForceTable "force"
+    /// Name of the group of which a new specimen is predicted.
+    NewEye "new_eye"
+    /// Largest force of a plan, in µN.
+    LargestForce "max_force_un"
     /// Time integration scheme of a simulation.
     Scheme "scheme"
     /// Time step of a simulation in s.

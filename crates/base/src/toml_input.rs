@@ -275,21 +275,25 @@ impl<'a> TomlTable<'a> {
 
     /// Returns the list of intervals `[start, end]` of a key, with start ≤ end; `None` if the key is absent.
     pub fn intervals(&self, key: &str) -> Result<Option<Vec<[f64; 2]>>> {
+        self.pairs_that(key, "a pair of numbers with the smaller first", |[from, to]| from <= to)
+    }
+
+    /// Returns the list of pairs of finite numbers of a key; `None` if the key is absent.
+    pub fn pairs(&self, key: &str) -> Result<Option<Vec<[f64; 2]>>> {
+        self.pairs_that(key, "a pair of numbers", |_| true)
+    }
+
+    fn pairs_that(&self, key: &str, wanted: &str, is_valid: fn(&[f64; 2]) -> bool) -> Result<Option<Vec<[f64; 2]>>> {
         let example = format!("{key} = [[1.0, 2.5], [30.0, 31.0]]");
         let Some(values) = self.array(key, "a list of pairs of numbers", &example)? else { return Ok(None) };
-        let interval = |value: &DeValue<'_>| {
+        let pair = |value: &DeValue<'_>| {
             let DeValue::Array(ends) = value else { return None };
             let ends: Vec<f64> = ends.iter().map(|end| finite(end.get_ref())).collect::<Option<_>>()?;
-            <[f64; 2]>::try_from(ends).ok().filter(|[from, to]| from <= to)
+            <[f64; 2]>::try_from(ends).ok().filter(is_valid)
         };
         let found = values.iter().map(|value| {
-            interval(value.get_ref()).ok_or_else(|| {
-                self.refuse(
-                    key,
-                    "an entry is not a pair of numbers with the smaller first",
-                    format!("write `{example}`"),
-                )
-            })
+            let refusal = || self.refuse(key, format!("an entry is not {wanted}"), format!("write `{example}`"));
+            pair(value.get_ref()).ok_or_else(refusal)
         });
         found.collect::<Result<_>>().map(Some)
     }

@@ -90,6 +90,7 @@ pub fn write(
         write_atomically(&dir.join("groups.csv"), &groups_csv(summary)?)?;
         write_atomically(&dir.join("contrasts.csv"), &contrasts_csv(summary)?)?;
         write_atomically(&dir.join("specimens.csv"), &specimens_csv(summary)?)?;
+        write_atomically(&dir.join("new-specimens.csv"), &new_specimens_csv(found)?)?;
         figures::write_netcdf(&dir.join("population.nc"), found)?;
         figures::write(&dir.join("figures"), found, summary)
     })
@@ -104,6 +105,23 @@ fn table(header: &[&str], rows: impl Iterator<Item = Vec<String>>) -> Result<Vec
         writer.write_record(row).map_err(refused)?;
     }
     writer.into_inner().map_err(|error| Error::numerical(format!("a table cannot be written: {error}"), "use the JSON"))
+}
+
+/// Largest number of draws of a group in the table of new specimens.
+const MOST_NEW_SPECIMENS: usize = 4_000;
+
+/// Table of draws of new specimens: the name of the group, then the parameters in the units of their names.
+fn new_specimens_csv(found: &Comparison) -> Result<Vec<u8>> {
+    let header: Vec<&str> = std::iter::once("group").chain(found.parameters.iter().copied()).collect();
+    let rows = found.groups.iter().flat_map(|group| {
+        let draws = group.new_specimen.chunks_exact(found.parameters.len());
+        let every = draws.len().div_ceil(MOST_NEW_SPECIMENS).max(1);
+        draws.step_by(every).map(|draw| {
+            let values = draw.iter().zip(&found.scales).map(|(x, scale)| scale.value(*x).to_string());
+            std::iter::once(group.name.clone()).chain(values).collect()
+        })
+    });
+    table(&header, rows)
 }
 
 fn groups_csv(summary: &GroupsSummary) -> Result<Vec<u8>> {

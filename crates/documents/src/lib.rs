@@ -18,6 +18,7 @@ pub mod learned;
 pub mod learned_cohort;
 pub mod oscillation;
 pub mod posterior;
+pub mod prediction;
 pub mod shapes;
 pub mod simulation;
 pub mod tasks;

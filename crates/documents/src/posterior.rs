@@ -292,6 +292,10 @@ pub enum WarningKind {
     OutlyingSpecimen,
     /// The positions range over more than the diameter of the gel.
     ImpossiblePositions,
+    /// A prediction leaves the range of the record that taught the law, or the apparatus of that record.
+    Extrapolation,
+    /// The model that predicts lacks an effect, or the scenario depends on which of several equivalent effects is true.
+    ModelIncomplete,
 }
 
 impl WarningKind {
@@ -311,7 +315,7 @@ impl WarningKind {
             | LearntNoiseAboveKnown
             | ResidualsUntested
             | SystematicResidual => TrustLevel::Untrusted,
-            LargeStrain | LargeDisplacement | NoiseUnknown => TrustLevel::Effective,
+            LargeStrain | LargeDisplacement | NoiseUnknown | Extrapolation | ModelIncomplete => TrustLevel::Effective,
             Sampler
             | Mesh
             | MeshTooCoarse

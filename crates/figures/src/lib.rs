@@ -54,6 +54,7 @@ pub mod number;
 pub mod page;
 pub mod palette;
 mod pdf;
+pub mod prediction;
 pub mod predictions;
 pub mod predictive;
 pub mod record;

@@ -25,6 +25,7 @@ pub mod laws;
 pub mod learn;
 pub mod outcome;
 pub mod pages;
+pub mod prediction;
 pub mod sample;
 #[cfg(feature = "schemas")]
 pub mod schemas;

@@ -15,7 +15,7 @@ use base::files::{
 use documents::groups::GroupsSummary;
 use documents::posterior::PosteriorSummary;
 use documents::shapes::ShapesSummary;
-use figures::page::{self, Figure, LadderPage, Origin, RevisionPage, StudyPage};
+use figures::page::{self, Figure, LadderPage, Origin, PredictionPage, RevisionPage, StudyPage};
 use laws::rheology::BaseLaw;
 use models::effects::Library;
 use posterior::check;
@@ -93,6 +93,7 @@ fn content(study: &Study) -> Result<StudyPage> {
         record: check::summary(&experiment, &files),
         revisions: Vec::new(),
         ladder: None,
+        predictions: Vec::new(),
         version: String::new(),
         inputs_sha256: study.inputs_sha256().clone(),
         commands: Vec::new(),
@@ -127,7 +128,48 @@ fn content(study: &Study) -> Result<StudyPage> {
         content.commands.push(format!("vitreo-uq ladder STUDY --seed {}", provenance.seed));
         content.ladder = Some(LadderPage { summary, figure });
     }
+    content.predictions = predictions(study, &posteriors_sha256)?;
     Ok(content)
+}
+
+/// Predictions and plans of a study that were made from its present posteriors.
+fn predictions(study: &Study, posteriors_sha256: &BTreeMap<String, String>) -> Result<Vec<PredictionPage>> {
+    let is_present = |provenance: &Provenance| {
+        let inputs = &provenance.inputs_sha256;
+        posteriors_sha256.iter().any(|(name, hash)| inputs.get(name) == Some(hash))
+    };
+    let mut list = Vec::new();
+    let prediction = read::<documents::prediction::Prediction>(&study.dir().join("prediction.json"))?;
+    if let Some(document) = prediction.filter(|document| is_present(&document.provenance))
+        && let Some(figure) = read_figure(study.dir(), "prediction.svg")?
+    {
+        let of_scenario = |scenario: &documents::prediction::ScenarioPrediction| {
+            let name = scenario.name.clone();
+            scenario.quantities.iter().map(move |quantity| format!("{name}: {}", quantity.sentence)).collect::<Vec<_>>()
+        };
+        let found = document.body;
+        let of_scenarios = found.scenarios.iter().flat_map(|scenario| scenario.warnings.clone());
+        list.push(PredictionPage {
+            sentences: found.scenarios.iter().flat_map(of_scenario).collect(),
+            warnings: of_scenarios.chain(found.warnings.clone()).collect(),
+            caption: "Predicted positions: median, 50 % and 90 % bands",
+            figure,
+        });
+    }
+    let plan = read::<documents::prediction::Plan>(&study.dir().join("plan.json"))?;
+    if let Some(document) = plan.filter(|document| is_present(&document.provenance))
+        && let Some(figure) = read_figure(study.dir(), "plan.svg")?
+    {
+        let found = document.body;
+        let warnings = found.tube.warnings.into_iter().chain(found.warnings).collect();
+        list.push(PredictionPage {
+            sentences: vec![found.sentence],
+            warnings,
+            caption: "Planned force and expected position",
+            figure,
+        });
+    }
+    Ok(list)
 }
 
 /// Documents of one revision, as read from disk.

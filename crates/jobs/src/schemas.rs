@@ -22,6 +22,7 @@ use documents::learned::Learned;
 use documents::learned_cohort::LearnedCohort;
 use documents::oscillation::{OscillationDiagnosis, OscillationSummary};
 use documents::posterior::PosteriorSummary;
+use documents::prediction::{Plan, Prediction};
 use documents::shapes::ShapesSummary;
 use documents::simulation::SimulationSummary;
 use documents::tasks::{Gathered, TaskList};
@@ -82,7 +83,9 @@ pub fn all() -> Vec<DocumentSchema> {
         DocumentSchema::of::<LawComparison>("laws", "compare --laws"),
         DocumentSchema::of::<Learned>("learned", "learn"),
         DocumentSchema::of::<LearnedCohort>("learned-cohort", "learn"),
+        DocumentSchema::of::<Plan>("plan", "plan"),
         DocumentSchema::of::<PosteriorSummary>("posterior", "sample"),
+        DocumentSchema::of::<Prediction>("prediction", "predict"),
         DocumentSchema::of::<ShapesSummary>("shapes", "shapes"),
         DocumentSchema::of::<SimulationSummary>("simulation", "simulate"),
         DocumentSchema::of::<TaskList>("tasks", "tasks"),

@@ -16,7 +16,7 @@ use base::number::Dual;
 use base::parameter::ParameterSpec;
 use models::effects::{FieldEffect, Library, Stage};
 use models::model::{FullOrderForward, Model, TrainedRange};
-use record::{Apparatus, Experiment};
+use record::{Apparatus, CharacteristicSizes, Experiment};
 
 /// Prior mass beyond either end of the surrogate's trained range; the prior is truncated there.
 pub const TAIL_MASS: f64 = 1e-9;
@@ -116,6 +116,27 @@ impl Problem {
         library: &Library,
     ) -> Result<Self> {
         Self::with_mechanics(experiment, specification, library, self.mechanics.clone())
+    }
+
+    /// Returns the problem of the same gel with another apparatus and record. Parameters keep their meaning: sizes of the record stay those of the original, and
+    /// sizes of robot and gel become those of the new apparatus.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if the new apparatus does not support an effect of the model.
+    pub fn for_apparatus(&self, experiment: Experiment, mechanics: Arc<Mechanics>) -> Result<Self> {
+        let sizes = experiment.scales();
+        let scales = CharacteristicSizes {
+            poisson_ratio: sizes.poisson_ratio,
+            robot_radius_m: sizes.robot_radius_m,
+            outer_radius_m: sizes.outer_radius_m,
+            ..*self.model.scales()
+        };
+        let effects = self.model.effects().to_vec();
+        let model = Model::new(self.model.base(), effects, scales, &InputPlace::setting(Setting::Effects))?;
+        refuse_without_mesh(&model, &mechanics)?;
+        refuse_without_density(&model, &experiment)?;
+        let (specification, priors) = (self.specification.clone(), self.priors.clone());
+        Ok(Self { experiment, specification, model, noise: self.noise, priors, mechanics })
     }
 
     /// Replaces the positions (m, one entry per row) and keeps model and priors. Priors that depend on the range of positions still use the range of the original

@@ -261,10 +261,21 @@ impl Apparatus {
                 "add `[robot]` and `[vitreous]`, or `[indenter]` with `exponent = …` for a tip, or `[instrument]` with `compliance_per_m = …` for another device",
             ));
         }
-        let robot_table = root.required_table("robot")?;
-        let robot = robot_from(robot_table)?;
-        let vitreous_table = root.required_table("vitreous")?;
-        let vitreous = vitreous_from(vitreous_table)?;
+        let (robot, vitreous) = Self::robot_in_gel(root, None)?;
+        Ok(Self::Robot { robot, vitreous })
+    }
+
+    /// Reads `[robot]` and `[vitreous]`. `default` replaces a table that is absent.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if a table is missing or wrong, or if the robot does not fit into the gel.
+    pub fn robot_in_gel(root: TomlTable<'_>, default: Option<(Robot, Vitreous)>) -> Result<(Robot, Vitreous)> {
+        let table = |key: &str| if default.is_some() { root.table(key) } else { root.required_table(key).map(Some) };
+        let (robot_table, vitreous_table) = (table("robot")?, table("vitreous")?);
+        let robot = robot_table.map(robot_from).transpose()?.or(default.map(|(robot, _)| robot));
+        let vitreous = vitreous_table.map(vitreous_from).transpose()?.or(default.map(|(_, vitreous)| vitreous));
+        let (Some(robot), Some(vitreous)) = (robot, vitreous) else { return Err(root.missing("robot", "[robot]")) };
+        let (robot_table, vitreous_table) = (robot_table.unwrap_or(root), vitreous_table.unwrap_or(root));
         let reach_m = robot.shape.outer_radius_m();
         let farthest_m = robot.farthest_point_m();
         if let Some(offset) =
@@ -301,7 +312,7 @@ impl Apparatus {
                 "check `diameter_mm` in [vitreous] and the sizes in [robot]; a gel a thousand times larger than the robot already acts like an infinite one",
             ));
         }
-        Ok(Self::Robot { robot, vitreous })
+        Ok((robot, vitreous))
     }
 }
 

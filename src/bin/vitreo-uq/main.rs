@@ -26,6 +26,8 @@ mod laws;
 mod learn;
 mod options;
 mod output;
+mod plan;
+mod predict;
 mod questions;
 mod report;
 mod sample;
@@ -96,6 +98,10 @@ enum Command {
     Extend(ExtendArguments),
     /// Compare all revisions of a study on the same cycles, and show how the error falls
     Ladder(LadderArguments),
+    /// Predict robots in this gel: positions with bands, quantities of interest with probabilities, and what the uncertainty comes from
+    Predict(predict::PredictArguments),
+    /// Plan the force that brings a robot to a target with a given probability
+    Plan(plan::PlanArguments),
     /// Write a study as one self-contained HTML page
     Report(report::ReportArguments),
     /// Start a local web page: drop a table on it, see where the model fails, add missing effects, watch the error fall
@@ -140,6 +146,8 @@ fn main() -> ExitCode {
         Command::Learn(arguments) => learn::run(arguments),
         Command::Extend(arguments) => extend::run(arguments),
         Command::Ladder(arguments) => ladder::run(arguments),
+        Command::Predict(arguments) => predict::run(arguments),
+        Command::Plan(arguments) => plan::run(arguments),
         Command::Report(arguments) => report::run(arguments),
         Command::Workbench(arguments) => workbench::run(arguments),
         Command::Serve(arguments) => serve::run(arguments),

@@ -36,7 +36,7 @@ pub struct Common {
 }
 
 /// Options that choose the model of an experiment.
-#[derive(Args, Clone)]
+#[derive(Args, Clone, Default)]
 pub struct ModelOptions {
     /// Base law: lethersich, burgers, two-element, maxwell, kelvin-voigt, standard-linear-solid, springpot, fractional-kelvin-voigt, fractional-maxwell, spring-springpot, two-mode-maxwell, or a TOML file with a [base.network]
     #[arg(long, value_name = "LAW|FILE.toml")]

@@ -10,7 +10,7 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 use crate::number::format_significant;
 
 pub use sheets::{ChallengeResultsPage, Origin, groups, plays, shapes};
-pub use study::{LadderPage, RevisionPage, StudyPage, study, study_parts};
+pub use study::{LadderPage, PredictionPage, RevisionPage, StudyPage, study, study_parts};
 
 /// Maximum size of a page in bytes, so that it can be sent by mail.
 const MOST_BYTES: usize = 3_000_000;

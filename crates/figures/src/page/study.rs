@@ -28,6 +28,8 @@ pub struct StudyPage {
     pub revisions: Vec<RevisionPage>,
     /// Comparison of all revisions on equal cycles; `None` if `ladder` has not run.
     pub ladder: Option<LadderPage>,
+    /// Predictions and plans for robots in this gel.
+    pub predictions: Vec<PredictionPage>,
     /// Version of the program.
     pub version: String,
     /// SHA-256 hash of each input, by name.
@@ -63,6 +65,19 @@ pub struct LadderPage {
     /// Document of the comparison.
     pub summary: LadderSummary,
     /// Figure of the comparison.
+    pub figure: Figure,
+}
+
+/// Prediction or plan, with its figure.
+#[derive(Debug)]
+pub struct PredictionPage {
+    /// Results in words.
+    pub sentences: Vec<String>,
+    /// Warnings about these results.
+    pub warnings: Vec<Warning>,
+    /// Caption of the figure.
+    pub caption: &'static str,
+    /// Figure of the positions.
     pub figure: Figure,
 }
 
@@ -111,7 +126,9 @@ impl RevisionPage {
 /// HTML page of a study. Equal documents give equal bytes.
 pub fn study(mut content: StudyPage) -> String {
     let ladder = content.ladder.iter_mut().map(|ladder| &mut ladder.figure);
-    drop_largest_figures(content.revisions.iter_mut().flat_map(|revision| revision.figures.values_mut()).chain(ladder));
+    let predictions = content.predictions.iter_mut().map(|prediction| &mut prediction.figure);
+    let of_revisions = content.revisions.iter_mut().flat_map(|revision| revision.figures.values_mut());
+    drop_largest_figures(of_revisions.chain(ladder).chain(predictions));
     let content = &content;
     let name = &content.record.experiment;
     let sections = sections(content);
@@ -140,13 +157,14 @@ pub fn study_parts(content: &StudyPage) -> Vec<(&'static str, String)> {
 }
 
 /// Sections of the page in order: name for links, heading, and content.
-fn sections(content: &StudyPage) -> [(&'static str, &'static str, Markup); 9] {
+fn sections(content: &StudyPage) -> [(&'static str, &'static str, Markup); 10] {
     [
         ("measured", "Measurement", measured(content)),
         ("fit", "Model against measurement", against_measurement(content)),
         ("fails", "Misfits: where the model fails", failures(content)),
         ("missing", "Missing effects", missing(content)),
         ("ladder", "How the error fell", ladder_section(content)),
+        ("predicted", "Predictions and plans", predictions(content)),
         ("posterior", "Posterior", posterior(content)),
         ("errors", "Sources of uncertainty", errors(content)),
         ("warned", "Warnings", warnings_section(content)),
@@ -440,6 +458,19 @@ fn ladder_section(content: &StudyPage) -> Markup {
         (figure(drawing, "Error on the last held-out cycle for each revision, and the noise"))
         @if !shifts.is_empty() {
             (table(&format!("Parameters of the law before and after the missing effects were added: median and 90 % interval, both fitted to cycles {}", format_ranges(&summary.fitted_cycles)), &["parameter", &before, &after, "shift", "in sd"], &shifts))
+        }
+    }
+}
+
+fn predictions(content: &StudyPage) -> Markup {
+    html! {
+        @if content.predictions.is_empty() {
+            p { "Not computed: " code { "vitreo-uq predict STUDY --scenario FILE.toml" } " predicts other robots in this gel, and " code { "vitreo-uq plan STUDY" } " finds the force for a target." }
+        }
+        @for prediction in &content.predictions {
+            ul { @for sentence in &prediction.sentences { li { (sentence) } } }
+            (figure(&prediction.figure, prediction.caption))
+            @for warning in &prediction.warnings { p { "Note: " (warning.text) ". " (warning.advice) "." } }
         }
     }
 }

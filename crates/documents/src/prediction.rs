@@ -1,0 +1,189 @@
+//! Documents of `predict` and `plan` (formats §5, `vitreo-uq/prediction/1` and `vitreo-uq/plan/1`).
+
+use serde::{Deserialize, Serialize};
+
+use super::posterior::Warning;
+
+/// Result of `predict`: body of the JSON document `vitreo-uq/prediction/1`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
+pub struct Prediction {
+    /// Source of the gel's parameters, such as a revision of a study or a new specimen of a group.
+    pub gel: String,
+    /// Number of draws of the gel's parameters.
+    pub draws: usize,
+    /// Predicted scenarios, in the order of the file.
+    pub scenarios: Vec<ScenarioPrediction>,
+    /// Predictions with equivalent effects, which the record cannot distinguish from the effects of the model.
+    pub equivalent: Vec<EquivalentPrediction>,
+    /// Sensitivity of every quantity of interest to every uncertain input.
+    pub sensitivity: Vec<Sensitivity>,
+    /// Warnings that concern all scenarios.
+    pub warnings: Vec<Warning>,
+}
+
+/// Prediction of one scenario: a robot in a gel under a force.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
+pub struct ScenarioPrediction {
+    /// Name of the scenario.
+    pub name: String,
+    /// Robot and gel in words, with their sizes.
+    pub apparatus: String,
+    /// Times of the predicted positions, in s.
+    pub time_s: Vec<f64>,
+    /// Commanded force at each time, in µN.
+    pub force_un: Vec<f64>,
+    /// Quantiles of the robot's position over the draws, at each time, in µm. Measurement noise is not included.
+    pub position_um: PositionQuantiles,
+    /// Quantities of interest.
+    pub quantities: Vec<PredictedQuantity>,
+    /// Largest distance of the prediction from full finite elements over the checked draws and all times, in µm.
+    pub full_model_error_um: f64,
+    /// Number of draws that full finite elements have checked.
+    pub full_runs: usize,
+    /// Largest error of the position due to the finite-element mesh, in µm; `None` if it is unknown.
+    pub mesh_error_um: Option<f64>,
+    /// Warnings about this scenario, such as forces beyond the record that taught the law.
+    pub warnings: Vec<Warning>,
+}
+
+/// Quantiles of a position over time, in µm.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
+pub struct PositionQuantiles {
+    /// 5 % quantile at each time.
+    pub q05: Vec<f64>,
+    /// 25 % quantile at each time.
+    pub q25: Vec<f64>,
+    /// Median at each time.
+    pub median: Vec<f64>,
+    /// 75 % quantile at each time.
+    pub q75: Vec<f64>,
+    /// 95 % quantile at each time.
+    pub q95: Vec<f64>,
+}
+
+/// Quantity of interest with its uncertainty.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
+pub struct PredictedQuantity {
+    /// Name of the quantity, such as `position_at_s`.
+    pub name: String,
+    /// Time in s or distance in µm at which the quantity is taken; `None` for the whole scenario.
+    pub at: Option<f64>,
+    /// Unit of the values.
+    pub unit: String,
+    /// Median over the draws; `None` if fewer than half of the draws have a value, such as a time to reach a distance.
+    pub median: Option<f64>,
+    /// 5 % quantile; `None` if the quantile lies among draws without a value.
+    pub q05: Option<f64>,
+    /// 95 % quantile; `None` if the quantile lies among draws without a value.
+    pub q95: Option<f64>,
+    /// Probability of the event that the scenario names for this quantity; `None` without such an event.
+    pub probability: Option<f64>,
+    /// Monte Carlo standard error of the probability.
+    pub probability_se: Option<f64>,
+    /// Result in words.
+    pub sentence: String,
+}
+
+/// Quantities of interest of a scenario, predicted with an equivalent effect.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
+pub struct EquivalentPrediction {
+    /// Name of the scenario.
+    pub scenario: String,
+    /// Name of the equivalent effect, in place of the model's own.
+    pub effect: String,
+    /// Quantities of interest, in the order of the scenario.
+    pub quantities: Vec<PredictedQuantity>,
+    /// Largest distance between the medians of a quantity with this and with the model's own effect, divided by the half-width of the wider 90 % interval.
+    pub disagreement: f64,
+    /// True if the disagreement exceeds 1: the scenario depends on the effect that is true.
+    pub disagrees: bool,
+}
+
+/// Sensitivity indices of one quantity of interest to one input. For correlated inputs the indices are those of Kucherenko, Tarantola & Annoni (2012); for
+/// independent inputs they equal Sobol's.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
+pub struct Sensitivity {
+    /// Name of the scenario.
+    pub scenario: String,
+    /// Name of the quantity of interest, with its time or distance.
+    pub quantity: String,
+    /// Name of the input: a parameter or a tolerance.
+    pub input: String,
+    /// First-order index: share of the variance that would vanish if this input were known.
+    pub first_order: f64,
+    /// Standard error of the first-order index.
+    pub first_order_se: f64,
+    /// Total index: share of the variance that would remain if all other inputs were known.
+    pub total: f64,
+    /// Standard error of the total index.
+    pub total_se: f64,
+}
+
+impl Prediction {
+    /// True if no warning makes the prediction untrusted. The program exits with code 0 for such results.
+    pub fn is_sound(&self) -> bool {
+        let all = self.warnings.iter().chain(self.scenarios.iter().flat_map(|scenario| &scenario.warnings));
+        !all.into_iter().any(|warning| warning.kind.is_fatal())
+    }
+}
+
+/// Result of `plan`: body of the JSON document `vitreo-uq/plan/1`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
+pub struct Plan {
+    /// Source of the gel's parameters.
+    pub gel: String,
+    /// Robot and gel in words, with their sizes.
+    pub apparatus: String,
+    /// Distance that the robot must reach, in mm.
+    pub reach_mm: f64,
+    /// Time within which it must be reached, in s.
+    pub within_s: f64,
+    /// Requested probability.
+    pub probability: f64,
+    /// True if a force within the limits reaches the target with the requested probability.
+    pub feasible: bool,
+    /// Planned force: each value holds from its time until the next. If the target cannot be reached, the force with the highest probability.
+    pub force: Vec<ForceStep>,
+    /// Probability of success over the draws with which the force was planned.
+    pub probability_promised: f64,
+    /// Share of success among other draws, by full finite elements.
+    pub probability_checked: f64,
+    /// Binomial standard error of `probability_checked`.
+    pub probability_checked_se: f64,
+    /// Number of draws that full finite elements have checked.
+    pub full_runs: usize,
+    /// Limit that binds; empty if none does.
+    pub limit: String,
+    /// Position over time under the planned force.
+    pub tube: ScenarioPrediction,
+    /// File for the controller: time and force.
+    pub protocol_file: String,
+    /// Result in words.
+    pub sentence: String,
+    /// Warnings that concern the gel's parameters.
+    pub warnings: Vec<Warning>,
+}
+
+/// Change of the force to a new value.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
+pub struct ForceStep {
+    /// Time from which the force acts, in s.
+    pub time_s: f64,
+    /// Force in µN.
+    pub force_un: f64,
+}
+
+impl Plan {
+    /// True if the plan is feasible and no warning makes it untrusted. The program exits with code 0 for such results.
+    pub fn is_sound(&self) -> bool {
+        self.feasible && !self.warnings.iter().chain(&self.tube.warnings).any(|warning| warning.kind.is_fatal())
+    }
+}

@@ -1,0 +1,259 @@
+//! Source of a gel's parameters: a revision of a study, or a group of specimens.
+
+use std::path::{Path, PathBuf};
+
+use base::error::{Error, InputPlace, Result, Setting};
+use base::files::{self, Content};
+use documents::diagnosis::{Diagnosis, VerdictKind};
+use documents::groups::GroupsSummary;
+use documents::posterior::{PosteriorSummary, Warning, WarningKind};
+use documents::trust::TrustLevel;
+use figures::draws::read_draws_csv;
+use posterior::mechanics::Mechanics;
+use posterior::monitor::Monitor;
+use posterior::prepared::KeptSurrogate;
+use posterior::problem::Problem;
+use posterior::study::{DIAGNOSIS_NAME, ModelSpecification, POSTERIOR_NAME, Provenance, Study, WithProvenance};
+use prediction::ensemble::{Draws, Gel, MOST_DRAWS};
+use prediction::scenario::Scenario;
+use record::{Apparatus, Control, Experiment, Record, Robot, Vitreous};
+use sampling::SamplerOptions;
+use std::sync::Arc;
+
+use super::rivals::{Rival, rivals};
+use crate::first_revision::kept_surrogate;
+use crate::last_cycle::read_document;
+use crate::target::CreepTarget;
+
+/// Document of a comparison of groups.
+const GROUPS_NAME: &str = "groups.json";
+/// Table of draws of new specimens, beside that document.
+const NEW_SPECIMENS_NAME: &str = "new-specimens.csv";
+
+/// Where a gel's parameters come from.
+pub enum GelPlace<'a> {
+    /// A study, or an experiment whose study will be made.
+    Study(&'a CreepTarget),
+    /// Directory of a comparison of groups, and the name of the group.
+    Groups {
+        /// Directory that contains `groups.json`.
+        dir: &'a Path,
+        /// Name of the group; `None` if the comparison has one group only.
+        group: Option<&'a str>,
+    },
+}
+
+/// True if a directory contains a comparison of groups.
+pub fn is_groups(dir: &Path) -> bool {
+    dir.join(GROUPS_NAME).is_file()
+}
+
+/// Opened source: the model and its draws, and the directory of the results.
+pub(super) struct GelSource {
+    pub problem: Problem,
+    pub draws: Draws,
+    pub is_taught: bool,
+    pub kept: Option<KeptSurrogate>,
+    pub rivals: Vec<Rival>,
+    pub warnings: Vec<Warning>,
+    /// Directory of the results.
+    pub dir: PathBuf,
+    /// Study of the results; `None` for groups.
+    pub study: Option<Study>,
+    seed: u64,
+    provenance: Provenance,
+}
+
+/// Scenarios of a file with the apparatus of a place.
+pub(super) fn read_scenarios(path: &Path, place: &GelPlace<'_>) -> Result<Vec<Scenario>> {
+    Scenario::read(path, place.apparatus()?)
+}
+
+impl GelPlace<'_> {
+    /// Robot and gel of the study; `None` for groups.
+    pub(super) fn apparatus(&self) -> Result<Option<(Robot, Vitreous)>> {
+        match self {
+            Self::Groups { .. } => Ok(None),
+            Self::Study(target) => match &target.experiment.apparatus {
+                Apparatus::Robot { robot, vitreous } => Ok(Some((*robot, *vitreous))),
+                _ => Err(Error::input(
+                    InputPlace::file(&target.experiment.specimen_id).at_key("robot"),
+                    "the record is not of a robot in a gel, so that its moduli may have an unknown factor",
+                    "give a study with [robot] and [vitreous]",
+                )),
+            },
+        }
+    }
+
+    /// Opens the source. `first` is a scenario whose robot a group's gel is joined with.
+    ///
+    /// # Errors
+    /// Errors of reading and of sampling the first revision; [`Error::Input`] for a group or a model that cannot be predicted.
+    pub(super) fn open(&self, first: &Scenario, options: &SamplerOptions, monitor: &dyn Monitor) -> Result<GelSource> {
+        match self {
+            Self::Study(target) => of_study(target, options, monitor),
+            Self::Groups { dir, group } => of_group(dir, *group, first, options.seed),
+        }
+    }
+}
+
+impl GelSource {
+    pub fn gel(&self) -> Gel<'_> {
+        Gel { problem: &self.problem, draws: self.draws.clone(), is_taught: self.is_taught, seed: self.seed }
+    }
+
+    /// Header of a document about this source.
+    pub fn provenance(&self, kind: &str, seed: u64) -> Provenance {
+        Provenance { schema: format!("vitreo-uq/{kind}/1"), seed, ..self.provenance.clone() }
+    }
+}
+
+fn of_study(target: &CreepTarget, options: &SamplerOptions, monitor: &dyn Monitor) -> Result<GelSource> {
+    let revision = target.revision(options.clone(), monitor)?;
+    let (study, name, problem) = (revision.study, revision.name, revision.problem);
+    if problem.experiment.control == Control::Position && !problem.model.is_law_alone() {
+        return Err(Error::input(
+            InputPlace::file(study.dir()).at_key(&name),
+            "this revision has effects on a commanded position, which do not act under a commanded force",
+            format!("choose a revision without effects (`{} m0`)", Setting::Revision),
+        ));
+    }
+    let dir = study.revision_dir(&name)?;
+    let posterior = files::read(&dir.join(POSTERIOR_NAME), Content::Document, "run `vitreo-uq sample` again")?;
+    let table = read_draws_csv(&dir.join("draws.csv"))?;
+    let is_parameter = |k: &usize| problem.model.parameters().iter().any(|spec| spec.name == table.parameter_names[*k]);
+    let columns: Vec<usize> = (0..table.parameter_names.len()).filter(is_parameter).collect();
+    let n = table.parameter_names.len();
+    let draws = Draws {
+        source: format!("{}, revision {name}", problem.experiment.specimen_id),
+        names: columns.iter().map(|k| table.parameter_names[*k].clone()).collect(),
+        values: table.values.chunks_exact(n).map(|draw| columns.iter().map(|k| draw[*k]).collect()).collect(),
+    };
+    Ok(GelSource {
+        warnings: study_warnings(&dir, &name)?,
+        rivals: rivals(&study, &name, &problem, options, monitor)?,
+        kept: kept_surrogate(&study, monitor),
+        provenance: crate::artefacts::with_inputs(study.provenance("prediction", 1, options.seed), &problem)
+            .with_input(format!("{name}/{POSTERIOR_NAME}"), &posterior),
+        draws: draws.thinned(MOST_DRAWS),
+        is_taught: true,
+        dir: study.dir().to_path_buf(),
+        study: Some(study),
+        seed: options.seed,
+        problem,
+    })
+}
+
+/// Warnings of a revision that concern its predictions: those that limit the trust in its posterior, and a missing effect that a diagnosis has found.
+fn study_warnings(dir: &Path, revision: &str) -> Result<Vec<Warning>> {
+    let posterior: Option<WithProvenance<PosteriorSummary>> = read_document(&dir.join(POSTERIOR_NAME));
+    let all = posterior.map_or_else(Vec::new, |document| document.body.warnings);
+    let of_record =
+        |warning: Warning| Warning { text: format!("in the record that taught the law, {}", warning.text), ..warning };
+    let mut warnings: Vec<Warning> =
+        all.into_iter().filter(|warning| warning.kind.level() != TrustLevel::Trusted).map(of_record).collect();
+    let diagnosis: Option<WithProvenance<Diagnosis>> = read_document(&dir.join(DIAGNOSIS_NAME));
+    if let Some(verdict) =
+        diagnosis.map(|document| document.body.verdict).filter(|verdict| verdict.kind != VerdictKind::None)
+    {
+        warnings.push(Warning {
+            kind: WarningKind::ModelIncomplete,
+            text: format!("the diagnosis of {revision} finds: {}", verdict.sentence),
+            advice: "extend the study with the missing effect, then predict from the new revision".into(),
+        });
+    }
+    Ok(warnings)
+}
+
+fn of_group(dir: &Path, group: Option<&str>, first: &Scenario, seed: u64) -> Result<GelSource> {
+    let path = dir.join(GROUPS_NAME);
+    let bytes = files::read(&path, Content::Document, "give the directory that `vitreo-uq groups` has written")?;
+    let refuse = |found: String, remedy: String| Err(Error::input(InputPlace::file(&path), found, remedy));
+    let Ok(document) = serde_json::from_slice::<WithProvenance<GroupsSummary>>(&bytes) else {
+        return refuse("this is no result of `groups`".into(), "run `vitreo-uq groups` again".into());
+    };
+    let summary = document.body;
+    let names: Vec<&str> = summary.groups.iter().map(|group| group.name.as_str()).collect();
+    let name = match (group, &names[..]) {
+        (Some(name), _) if names.contains(&name) => name,
+        (None, [only]) => only,
+        (group, _) => {
+            let found =
+                group.map_or("the comparison has several groups".into(), |name| format!("there is no group `{name}`"));
+            return refuse(found, format!("give `{} NAME`, with one of: {}", Setting::NewEye, names.join("; ")));
+        }
+    };
+    let draws = new_specimens(&dir.join(NEW_SPECIMENS_NAME), name)?;
+    let specification = ModelSpecification::default().with_options(Some(&summary.law), &[], &[], None, &[])?;
+    let Scenario { robot, vitreous, .. } = *first;
+    let apparatus = Apparatus::Robot { robot, vitreous };
+    let mechanics = Arc::new(Mechanics::new(&apparatus, None)?);
+    let record = Record {
+        time_s: vec![0.0, 1.0],
+        force_n: vec![1e-6; 2],
+        position_m: vec![None; 2],
+        cycle: vec![1; 2],
+        ..Record::default()
+    };
+    let experiment = Experiment {
+        specimen_id: name.into(),
+        species: None,
+        region: None,
+        apparatus,
+        record,
+        calibration_cycles: vec![1],
+        heldout_cycles: Vec::new(),
+        noise_sd_m: None,
+        fits_position_offset: false,
+        source: "new specimen".into(),
+        control: Control::Force,
+    };
+    let problem = Problem::with_mechanics(experiment, specification, &models::effects::Library::default(), mechanics)?;
+    let mut warnings: Vec<Warning> = summary.warnings.into_iter().filter(|warning| warning.kind.is_fatal()).collect();
+    if !summary.effects.is_empty() {
+        warnings.push(Warning {
+            kind: WarningKind::ModelIncomplete,
+            text: format!(
+                "the specimens' models have effects that a new specimen is predicted without: {}",
+                summary.effects.join(", ")
+            ),
+            advice: "predict from the study of one specimen to include them".into(),
+        });
+    }
+    let inputs = [(GROUPS_NAME.to_string(), base::sha256::sha256_hex(&bytes))].into();
+    Ok(GelSource {
+        problem,
+        draws: draws.thinned(MOST_DRAWS),
+        is_taught: false,
+        kept: None,
+        rivals: Vec::new(),
+        warnings,
+        dir: dir.to_path_buf(),
+        study: None,
+        seed,
+        provenance: Provenance::new("prediction", 1, 1, inputs),
+    })
+}
+
+/// Draws of a new specimen of a group.
+fn new_specimens(path: &Path, group: &str) -> Result<Draws> {
+    let remedy = "run `vitreo-uq groups` again: it writes the draws of new specimens";
+    let bytes = files::read(path, Content::Table, remedy)?;
+    let refuse = |found: String| Error::input(InputPlace::file(path), found, remedy);
+    let mut reader = csv::Reader::from_reader(bytes.as_slice());
+    let header = reader.headers().map_err(|error| refuse(error.to_string()))?.clone();
+    let names: Vec<String> = header.iter().skip(1).map(String::from).collect();
+    let mut values = Vec::new();
+    for row in reader.records() {
+        let row = row.map_err(|error| refuse(error.to_string()))?;
+        if row.get(0) == Some(group) {
+            let draw: Option<Vec<f64>> =
+                row.iter().skip(1).map(|cell| cell.parse().ok().filter(|x: &f64| x.is_finite())).collect();
+            values.push(draw.ok_or_else(|| refuse(format!("a draw of {group} is not a list of numbers")))?);
+        }
+    }
+    if values.is_empty() {
+        return Err(refuse(format!("there are no draws of {group}")));
+    }
+    Ok(Draws { source: format!("a new specimen of {group}"), names, values })
+}

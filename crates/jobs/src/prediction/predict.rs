@@ -1,0 +1,320 @@
+//! `predict`: positions and quantities of interest of scenarios, with their uncertainty and its sources.
+
+use std::path::PathBuf;
+
+use base::error::{Error, InputPlace, Result, Setting};
+use base::files::{to_json, write_together};
+use documents::posterior::{Warning, WarningKind};
+use documents::prediction::{EquivalentPrediction, PredictedQuantity, Prediction, ScenarioPrediction, Sensitivity};
+use figures::number::format_significant;
+use figures::svg::figure_files;
+use models::model::Forward;
+use posterior::monitor::Monitor;
+use posterior::study::WithProvenance;
+use prediction::ensemble::{self, Ensemble, Gel};
+use prediction::force_history::ForceHistory;
+use prediction::quantity::Quantity;
+use prediction::scenario::{Scenario, Tolerances};
+use prediction::sensitivity::{Inputs, Marginal, indices};
+use record::Record;
+use sampling::SamplerOptions;
+
+use super::gel_source::{GelPlace, GelSource, read_scenarios};
+use crate::outcome::Outcome;
+
+/// Number of points from which each sensitivity index is computed.
+const N_SENSITIVITY: usize = 2_048;
+/// The same number if the position is not proportional to the force, where a trajectory takes milliseconds.
+const N_SENSITIVITY_SLOW: usize = 128;
+
+/// Settings of a prediction.
+pub struct PredictRequest {
+    /// File of scenarios; `None` for the study's own robot.
+    pub scenarios: Option<PathBuf>,
+    /// Table of the force, for scenarios without a force of their own.
+    pub force: Option<PathBuf>,
+    /// Sampler settings for revisions and equivalent models that must be sampled.
+    pub sampler: SamplerOptions,
+}
+
+/// Predicts scenarios, and writes the result beside the source of the gel.
+///
+/// # Errors
+/// [`Error::Input`] for scenarios that cannot be predicted; errors of models and files.
+pub fn run(place: &GelPlace<'_>, request: &PredictRequest, monitor: &dyn Monitor) -> Result<Outcome<Prediction>> {
+    let scenarios = scenarios(place, request)?;
+    let source = place.open(&scenarios[0].0, &request.sampler, monitor)?;
+    let (gel, seed) = (source.gel(), request.sampler.seed);
+    let mut found = Prediction {
+        gel: gel.draws.source.clone(),
+        draws: gel.draws.values.len(),
+        scenarios: Vec::new(),
+        equivalent: Vec::new(),
+        sensitivity: Vec::new(),
+        warnings: source.warnings.clone(),
+    };
+    for (scenario, record) in &scenarios {
+        let ensemble = Ensemble::new(&gel, scenario, record.clone(), source.kept.clone(), monitor)?;
+        monitor.stage(&format!("predicting {}", scenario.name));
+        let prediction = predicted(&gel, &ensemble, scenario, monitor)?;
+        found.sensitivity.extend(sensitivity(&gel, &ensemble, scenario, seed, monitor)?);
+        for rival in &source.rivals {
+            let gel = Gel { problem: &rival.problem, draws: rival.draws.clone(), is_taught: true, seed };
+            let ensemble = Ensemble::new(&gel, scenario, record.clone(), source.kept.clone(), monitor)?;
+            let trajectories_m = ensemble.trajectories_m(0..ensemble.parameters.len())?;
+            let quantities = quantities(&ensemble, scenario, &trajectories_m);
+            let disagreement = disagreement(&prediction.quantities, &quantities);
+            found.equivalent.push(EquivalentPrediction {
+                scenario: scenario.name.clone(),
+                effect: rival.effect.clone(),
+                disagrees: disagreement > 1.0,
+                disagreement,
+                quantities,
+            });
+        }
+        found.scenarios.push(prediction);
+    }
+    found.warnings.extend(disagreement_warnings(&found));
+    write(&source, found, seed, monitor)
+}
+
+/// Scenarios with their rows.
+fn scenarios(place: &GelPlace<'_>, request: &PredictRequest) -> Result<Vec<(Scenario, Record)>> {
+    let force = request.force.as_deref().map(ForceHistory::from_file).transpose()?;
+    let mut scenarios = match (&request.scenarios, place.apparatus()?) {
+        (Some(path), _) => read_scenarios(path, place)?,
+        (None, Some((robot, vitreous))) => vec![Scenario {
+            name: "own robot".into(),
+            robot,
+            vitreous,
+            force: None,
+            duration_s: None,
+            quantities: Vec::new(),
+            tolerances: Tolerances::default(),
+        }],
+        (None, None) => {
+            return Err(Error::input(
+                InputPlace::setting(Setting::Scenario),
+                "a comparison of groups has no robot of its own",
+                format!(
+                    "give a file with [[scenario]], [scenario.robot] and [scenario.vitreous] (`{}`)",
+                    Setting::Scenario
+                ),
+            ));
+        }
+    };
+    let with_record = |scenario: &mut Scenario| -> Result<(Scenario, Record)> {
+        if let Some(force) = &force {
+            if scenario.force.is_some() {
+                return Err(Error::input(
+                    InputPlace::setting(Setting::ForceTable),
+                    format!("the scenario `{}` has a force of its own", scenario.name),
+                    "remove `force` from the scenario, or leave out the table",
+                ));
+            }
+            scenario.force = Some(force.clone());
+        }
+        let record_of_study = match place {
+            GelPlace::Study(target) => Some(&target.experiment.record),
+            GelPlace::Groups { .. } => None,
+        };
+        if let (None, None, Some(of_study)) = (&scenario.force, &request.scenarios, record_of_study) {
+            let n = of_study.n_rows();
+            let record = Record { position_m: vec![None; n], cycle: vec![1; n], ..of_study.clone() };
+            let at_s = record.time_s[record.n_rows() - 1];
+            scenario.quantities = vec![Quantity::PositionAt { at_s, at_least_m: None }];
+            return Ok((scenario.clone(), record));
+        }
+        let (force, duration_s) = scenario.force_and_duration()?;
+        let also_s: Vec<f64> = scenario.quantities.iter().filter_map(Quantity::at_s).collect();
+        let record = force.record(duration_s, &also_s)?;
+        if scenario.quantities.is_empty() {
+            scenario.quantities = vec![Quantity::PositionAt { at_s: duration_s, at_least_m: None }];
+        }
+        if scenario.quantities.contains(&Quantity::Return) && prediction::quantity::last_release(&record).is_none() {
+            return Err(Error::input(
+                InputPlace::default().at_key(format!("scenario {}: quantity", scenario.name)),
+                "a return is asked, but the force never falls to zero",
+                "end the force with a step to 0 µN, and give the return some time by `duration_s`",
+            ));
+        }
+        Ok((scenario.clone(), record))
+    };
+    scenarios.iter_mut().map(with_record).collect()
+}
+
+/// Predicts one scenario.
+pub(super) fn predicted(
+    gel: &Gel<'_>,
+    ensemble: &Ensemble,
+    scenario: &Scenario,
+    monitor: &dyn Monitor,
+) -> Result<ScenarioPrediction> {
+    let trajectories_m = ensemble.trajectories_m(0..ensemble.parameters.len())?;
+    let position_um = ensemble::quantiles_um(&trajectories_m);
+    monitor.stage("checking draws by full finite elements");
+    let check = ensemble.check(&trajectories_m)?;
+    let largest_um = position_um.median.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+    let mut warnings = ensemble::warnings(gel, ensemble, &trajectories_m);
+    let record = ensemble.record();
+    let half_um =
+        position_um.q95.iter().zip(&position_um.q05).fold(0.0_f64, |most, (q95, q05)| most.max(0.5 * (q95 - q05)));
+    let error_um = 1e6 * check.error_m;
+    if error_um > 0.1 * half_um && error_um > 1e-3 * largest_um {
+        warnings.push(Warning {
+            kind: WarningKind::SurrogateInaccurate,
+            text: format!(
+                "the reduced model differs from full finite elements by up to {} µm",
+                format_significant(error_um, 3)
+            ),
+            advice: "compare with `vitreo-uq simulate` before a decision".into(),
+        });
+    }
+    Ok(ScenarioPrediction {
+        name: scenario.name.clone(),
+        apparatus: scenario.apparatus(),
+        time_s: record.time_s.clone(),
+        force_un: record.force_n.iter().map(|force| 1e6 * force).collect(),
+        quantities: quantities(ensemble, scenario, &trajectories_m),
+        position_um,
+        full_model_error_um: error_um,
+        full_runs: check.runs,
+        mesh_error_um: ensemble.mesh_error().map(|error| error * largest_um),
+        warnings,
+    })
+}
+
+fn quantities(ensemble: &Ensemble, scenario: &Scenario, trajectories_m: &[Vec<f64>]) -> Vec<PredictedQuantity> {
+    let summary = |quantity: &Quantity| {
+        let value = |x: &Vec<f64>| quantity.value(ensemble.record(), x, ensemble.strain_per_m);
+        quantity.summary(&trajectories_m.iter().map(value).collect::<Vec<f64>>())
+    };
+    scenario.quantities.iter().map(summary).collect()
+}
+
+/// Largest distance between medians, in half-widths of the wider 90 % interval. A quantity that only one of both has counts as the largest number.
+fn disagreement(quantities: &[PredictedQuantity], other: &[PredictedQuantity]) -> f64 {
+    let half = |q: &PredictedQuantity| q.q95.zip(q.q05).map_or(0.0, |(q95, q05)| 0.5 * (q95 - q05));
+    let distance = |(a, b): (&PredictedQuantity, &PredictedQuantity)| match (a.median, b.median) {
+        (Some(x), Some(y)) => (x - y).abs() / half(a).max(half(b)).max(f64::MIN_POSITIVE),
+        (None, None) => 0.0,
+        _ => f64::MAX,
+    };
+    quantities.iter().zip(other).map(distance).fold(0.0, f64::max)
+}
+
+fn disagreement_warnings(found: &Prediction) -> Vec<Warning> {
+    let disagreeing = found.equivalent.iter().filter(|other| other.disagrees);
+    let warning = |other: &EquivalentPrediction| {
+        let with_own = found.scenarios.iter().find(|scenario| scenario.name == other.scenario);
+        let sentences =
+            |list: &[PredictedQuantity]| list.iter().map(|q| q.sentence.clone()).collect::<Vec<String>>().join("; ");
+        Warning {
+            kind: WarningKind::ModelIncomplete,
+            text: format!(
+                "{}: the answer depends on the effect. With the model's own: {}. With {}, which the record cannot distinguish: {}",
+                other.scenario,
+                with_own.map_or(String::new(), |scenario| sentences(&scenario.quantities)),
+                other.effect,
+                sentences(&other.quantities)
+            ),
+            advice: "record the experiment that tells the effects apart (`vitreo-uq diagnose` proposes one)".into(),
+        }
+    };
+    disagreeing.map(warning).collect()
+}
+
+/// Sensitivity of every quantity to the parameters and tolerances. Times of arrival count as the scenario's duration if the robot does not arrive.
+fn sensitivity(
+    gel: &Gel<'_>,
+    ensemble: &Ensemble,
+    scenario: &Scenario,
+    seed: u64,
+    monitor: &dyn Monitor,
+) -> Result<Vec<Sensitivity>> {
+    if ensemble.is_slow() || gel.draws.values.is_empty() {
+        return Ok(Vec::new());
+    }
+    monitor.stage("attributing the variance to its sources");
+    let (mut inputs, kept) = Inputs::of_draws(&gel.draws.names, &gel.draws.values);
+    let tolerances = ensemble.tolerances;
+    for (name, tolerance) in ["diameter", "force calibration"].into_iter().zip(tolerances) {
+        if tolerance > 0.0 {
+            inputs.push_independent(name, Marginal::Uniform([-tolerance, tolerance]));
+        }
+    }
+    if inputs.names().is_empty() {
+        return Ok(Vec::new());
+    }
+    let (forward, record) = (ensemble.forward(), ensemble.record());
+    let duration_s = record.time_s[record.n_rows() - 1];
+    let values = |inputs: &[f64]| -> Result<Vec<f64>> {
+        let mut draw = gel.draws.values[0].clone();
+        kept.iter().zip(inputs).for_each(|(k, value)| draw[*k] = *value);
+        let mut others = inputs[kept.len()..].iter();
+        let mut next = |tolerance: f64| if tolerance > 0.0 { others.next().copied().unwrap_or(0.0) } else { 0.0 };
+        let [diameter, force] = [next(tolerances[0]), next(tolerances[1])];
+        let factor = ensemble.by_diameter_factor(diameter) * (1.0 + force);
+        let mut position_m = forward.trajectory_m(&gel.draws.parameters(ensemble.problem(), &draw))?;
+        position_m.iter_mut().for_each(|x| *x *= factor);
+        let value = |quantity: &Quantity| quantity.value(record, &position_m, ensemble.strain_per_m);
+        Ok(scenario
+            .quantities
+            .iter()
+            .map(value)
+            .map(|value| if value.is_finite() { value } else { duration_s })
+            .collect())
+    };
+    let n = if ensemble.is_linear()? { N_SENSITIVITY } else { N_SENSITIVITY_SLOW };
+    let found = indices(&inputs, n, seed, values)?;
+    let entries = scenario.quantities.iter().zip(found).flat_map(|(quantity, of_inputs)| {
+        let entry = move |(input, index): (&String, prediction::sensitivity::Index)| Sensitivity {
+            scenario: scenario.name.clone(),
+            quantity: quantity.label(),
+            input: input.clone(),
+            first_order: index.first_order[0],
+            first_order_se: index.first_order[1],
+            total: index.total[0],
+            total_se: index.total[1],
+        };
+        inputs.names().iter().zip(of_inputs).map(entry).collect::<Vec<Sensitivity>>()
+    });
+    Ok(entries.collect())
+}
+
+fn write(source: &GelSource, found: Prediction, seed: u64, monitor: &dyn Monitor) -> Result<Outcome<Prediction>> {
+    monitor.stage("writing results and figures");
+    let sentence = format!("{}, {} draws; without measurement noise", found.gel, found.draws);
+    let figure =
+        figures::prediction::prediction("Prediction of the robot's position", &sentence, &found.scenarios, None)?;
+    let document = WithProvenance { provenance: source.provenance("prediction", seed), body: found };
+    let json = source.dir.join("prediction.json");
+    let json = (json.clone(), to_json(&json, &document)?);
+    let csv = (source.dir.join("prediction.csv"), table(&document.body.scenarios));
+    let [svg, png, pdf] = figure_files(&source.dir, "prediction", &figure)?;
+    write_together(&[&svg, &png, &pdf, &csv, &json].map(|(path, bytes)| (path.as_path(), bytes.as_slice())))?;
+    Ok(Outcome { is_sound: document.body.is_sound(), document, written: svg.0, study: source.study.clone() })
+}
+
+/// Table of the positions of all scenarios.
+pub(super) fn table(scenarios: &[ScenarioPrediction]) -> Vec<u8> {
+    let mut text = String::from("scenario,time_s,force_un,q05_um,q25_um,median_um,q75_um,q95_um\n");
+    for scenario in scenarios {
+        let name = scenario.name.replace(['"', '\n', ','], " ");
+        let x = &scenario.position_um;
+        for row in 0..scenario.time_s.len() {
+            let numbers = [
+                scenario.time_s[row],
+                scenario.force_un[row],
+                x.q05[row],
+                x.q25[row],
+                x.median[row],
+                x.q75[row],
+                x.q95[row],
+            ];
+            let cells = numbers.map(|number| format!("{number:.9}"));
+            text += &format!("{name},{}\n", cells.join(","));
+        }
+    }
+    text.into_bytes()
+}

@@ -1,0 +1,506 @@
+//! Ensembles of trajectories: the draws of a model's parameters, propagated through a scenario.
+
+use base::error::{Error, InputPlace, Result};
+use documents::posterior::{Warning, WarningKind};
+use documents::prediction::PositionQuantiles;
+use elements::fe::meridional::{BodyOfRevolution, Direction, Resolution, solve};
+use elements::fe::strain::largest_principal_strain;
+use elements::fe::time::FullOrderModel;
+use figures::density::quantile_of_sorted;
+use figures::number::format_significant;
+use models::effects::Stage;
+use models::model::{Compliance, Forward, SurrogateForward};
+use posterior::advice::strain_warning;
+use posterior::mechanics::{FiniteElements, Mechanics};
+use posterior::monitor::Monitor;
+use posterior::prepared::{KeptSurrogate, PreparedModel};
+use posterior::problem::Problem;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+use record::{Apparatus, Control, Experiment, Force, Orientation, Record, Robot, RobotShape};
+use std::sync::Arc;
+
+use crate::scenario::{self, Scenario, Tolerances, with_diameter};
+
+/// Largest number of draws of a prediction.
+pub const MOST_DRAWS: usize = 10_000;
+/// Number of draws that full finite elements check.
+const CHECKED: usize = 8;
+/// Number of checked draws if the model solves for a displacement field, which takes seconds to minutes a run.
+const CHECKED_SLOW: usize = 1;
+/// Relative change of the diameter from which the sensitivity of the compliance is taken.
+const DIAMETER_STEP: f64 = 0.02;
+/// Smallest relative error of the mesh at the largest displacement that is named.
+const NAMED_MESH_ERROR: f64 = 0.01;
+/// Largest share of the record's largest force, duration and relative displacement that is not an extrapolation.
+const BEYOND: f64 = 1.05;
+/// Largest relative difference between twice a response and the response to twice the force in a linear model.
+const LINEAR: f64 = 1e-6;
+/// Number of the first random stream of the tolerances.
+const TOLERANCE_STREAM: u64 = 1 << 40;
+/// Bases of the Halton sequences of diameter and force.
+const HALTON_BASES: [u64; 2] = [2, 3];
+/// Largest relative error of a compliance in the meridian plane that is used.
+const TRUSTED: f64 = 1e-5;
+
+/// Draws of the parameters of a gel's model.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Draws {
+    /// Source of the draws in words.
+    pub source: String,
+    /// Names of the parameters that vary.
+    pub names: Vec<String>,
+    /// Values of the varying parameters in each draw.
+    pub values: Vec<Vec<f64>>,
+}
+
+impl Draws {
+    /// Returns at most `most` draws, evenly spaced.
+    pub fn thinned(&self, most: usize) -> Self {
+        let n = self.values.len();
+        let kept = most.min(n);
+        let values = (0..kept).map(|k| self.values[k * n / kept].clone()).collect();
+        Self { source: self.source.clone(), names: self.names.clone(), values }
+    }
+
+    /// Parameters of the model for one draw, in the order of the model. Parameters of the observation have their null values, because the prediction
+    /// is the robot's position and not the camera's.
+    pub fn parameters(&self, problem: &Problem, draw: &[f64]) -> Vec<f64> {
+        let model = &problem.model;
+        let value = |name: &str| {
+            let drawn = self.names.iter().position(|known| known == name).map(|k| draw[k]);
+            drawn.or_else(|| problem.specification.fixed.get(name).copied()).unwrap_or(f64::NAN)
+        };
+        let mut parameters: Vec<f64> = model.parameters().iter().map(|spec| value(spec.name)).collect();
+        let mut at = model.base().parameters().len();
+        for effect in model.nuisances().iter().chain(model.effects()) {
+            for parameter in effect.parameters() {
+                if effect.stage() == Stage::Observation
+                    && let Some(null) = (parameter.null)(model.scales())
+                {
+                    parameters[at] = null;
+                }
+                at += 1;
+            }
+        }
+        parameters
+    }
+}
+
+/// Model of a gel whose parameters are drawn: the problem that taught it, and its draws.
+pub struct Gel<'a> {
+    /// Problem whose record taught the parameters.
+    pub problem: &'a Problem,
+    /// Draws of the parameters.
+    pub draws: Draws,
+    /// True if the problem's record taught these draws, so that forces and times beyond it are extrapolations.
+    pub is_taught: bool,
+    /// Seed of the draws of tolerances.
+    pub seed: u64,
+}
+
+/// Prepared scenario: its reduced model, and the parameters of every draw.
+pub struct Ensemble {
+    prepared: PreparedModel,
+    /// Parameters of every draw, in the order of the model.
+    pub parameters: Vec<Vec<f64>>,
+    /// Factor of the displacements in each draw, from the tolerances of diameter and force; 1 without tolerances.
+    pub factors: Vec<f64>,
+    /// Relative tolerances of the robot's diameter and of the force.
+    pub tolerances: [f64; 2],
+    /// Change of the compliance's logarithm by the logarithm of the diameter; 0 without a tolerance of the diameter.
+    pub by_diameter: f64,
+    /// Largest principal strain of the gel per displacement of the robot, in 1/m.
+    pub strain_per_m: f64,
+    mesh: MeshCorrection,
+    seed: u64,
+}
+
+/// Correction of a new robot's mesh.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct MeshCorrection {
+    /// Factor of the displacements.
+    factor: f64,
+    /// Relative error that remains; `None` if it is unknown.
+    error: Option<f64>,
+}
+
+impl MeshCorrection {
+    /// Corrects the compliance of the new robot's mesh to that of high-order elements in the meridian plane, relative to the same correction of the robot that
+    /// taught the law: the law has absorbed the error of that robot's mesh. A law with effects is not corrected, and its error is the difference between two
+    /// meshes, of which the true error is a part.
+    fn new(taught: Option<&Problem>, asked: &Problem) -> Result<Self> {
+        let fe = finite_elements(asked)?;
+        let mesh_per_m = compliance_per_m(fe)?;
+        let exact = if asked.model.is_law_alone() { meridional(&asked.experiment.apparatus) } else { None };
+        let Some((exact_per_m, error)) = exact else {
+            let error = fe.comparison.map(|other| other.relative_error(mesh_per_m).abs());
+            return Ok(Self { factor: 1.0, error });
+        };
+        let absorbed = match taught.and_then(|taught| Some((taught, meridional(&taught.experiment.apparatus)?))) {
+            Some((taught, (exact_per_m, _))) => compliance_per_m(finite_elements(taught)?)? / exact_per_m,
+            None => 1.0,
+        };
+        Ok(Self { factor: absorbed * exact_per_m / mesh_per_m, error: Some(error) })
+    }
+}
+
+/// Compliance (1/m) of a body of revolution at the centre of the gel, with its relative error; `None` for other bodies.
+fn meridional(apparatus: &Apparatus) -> Option<(f64, f64)> {
+    let Apparatus::Robot { robot: Robot { shape, offset: None, .. }, vitreous } = apparatus else { return None };
+    let (body, orientation) = match *shape {
+        RobotShape::Sphere { diameter_m } => (BodyOfRevolution::sphere(0.5 * diameter_m), Orientation::Horizontal),
+        RobotShape::Ellipsoid { length_m, diameter_m, orientation } => {
+            let body =
+                BodyOfRevolution::Spheroid { semi_axis_along_m: 0.5 * length_m, semi_axis_across_m: 0.5 * diameter_m };
+            (body, orientation)
+        }
+        RobotShape::Cylinder { length_m, diameter_m, orientation } => {
+            (BodyOfRevolution::Cylinder { length_m, diameter_m }, orientation)
+        }
+    };
+    let direction = if orientation == Orientation::Horizontal { Direction::Axial } else { Direction::Transverse };
+    let solved =
+        solve(body, 0.5 * vitreous.diameter_m, vitreous.poisson_ratio, direction, Resolution::default()).ok()?;
+    (solved.relative_error < TRUSTED).then_some((1.0 / solved.stiffness_m, solved.relative_error))
+}
+
+/// Result of the check of draws by full finite elements.
+pub struct FullModelCheck {
+    /// Number of full-order runs.
+    pub runs: usize,
+    /// Largest distance from the reduced model, in m.
+    pub error_m: f64,
+}
+
+impl Ensemble {
+    /// Prepares a scenario with the given rows of time and force.
+    ///
+    /// # Errors
+    /// Errors of meshing and of the reduced model; [`Error::Input`] if a tolerance is given for a model that is not linear.
+    pub fn new(
+        gel: &Gel<'_>,
+        scenario: &Scenario,
+        record: Record,
+        kept: Option<KeptSurrogate>,
+        monitor: &dyn Monitor,
+    ) -> Result<Self> {
+        let taught = &gel.problem.experiment;
+        let apparatus = Apparatus::Robot { robot: scenario.robot, vitreous: scenario.vitreous };
+        let is_own = taught.apparatus == apparatus;
+        let mechanics = if is_own {
+            gel.problem.mechanics.clone()
+        } else {
+            monitor.stage("meshing the robot and assembling the finite elements");
+            Arc::new(Mechanics::new(&apparatus, None)?)
+        };
+        let experiment = Experiment {
+            apparatus,
+            record,
+            calibration_cycles: vec![1],
+            heldout_cycles: Vec::new(),
+            control: Control::Force,
+            ..taught.clone()
+        };
+        let problem = gel.problem.for_apparatus(experiment, mechanics)?;
+        let mesh = match is_own && gel.is_taught {
+            true => MeshCorrection { factor: 1.0, error: Some(0.0) },
+            false => MeshCorrection::new(gel.is_taught.then_some(gel.problem), &problem)?,
+        };
+        let prepared = prepare(&problem, mesh.factor, kept.filter(|_| is_own), monitor)?;
+        let strain_per_m = strain_per_m(finite_elements(&problem)?)?;
+        let none = (Vec::new(), Vec::new());
+        let found = Self {
+            prepared,
+            parameters: none.0,
+            factors: none.1,
+            tolerances: [0.0; 2],
+            by_diameter: 0.0,
+            strain_per_m,
+            mesh,
+            seed: gel.seed,
+        };
+        let found = found.with_draws(&gel.draws, 0);
+        let tolerances = found.read_tolerances(scenario)?;
+        let by_diameter = if tolerances[0] > 0.0 { by_diameter(scenario)? } else { 0.0 };
+        Ok(Self { tolerances, by_diameter, ..found }.with_draws(&gel.draws, 0))
+    }
+
+    /// Relative tolerances of diameter and force.
+    fn read_tolerances(&self, scenario: &Scenario) -> Result<[f64; 2]> {
+        let Tolerances { diameter_m, force } = scenario.tolerances;
+        if (diameter_m > 0.0 || force > 0.0) && !self.is_linear()? {
+            return Err(Error::input(
+                InputPlace::default().at_key(format!("scenario {}: tolerance", scenario.name)),
+                "the position of this model is not proportional to the force, so that a tolerance has no fixed factor",
+                "remove the tolerance, and compare scenarios with a larger and a smaller force or diameter instead",
+            ));
+        }
+        Ok([diameter_m / scenario::diameter_m(&scenario.robot), force])
+    }
+
+    /// The same scenario with other draws. `stream` is the number of the random stream of their tolerances.
+    pub fn with_draws(&self, draws: &Draws, stream: u64) -> Self {
+        let problem = self.problem();
+        let parameters: Vec<Vec<f64>> = draws.values.iter().map(|draw| draws.parameters(problem, draw)).collect();
+        let mut random = ChaCha8Rng::seed_from_u64(self.seed);
+        random.set_stream(TOLERANCE_STREAM + stream);
+        let shifts: [f64; 2] = [random.random(), random.random()];
+        // A shifted Halton sequence covers both tolerances evenly, so that they add little sampling noise.
+        let factor = |number: usize| {
+            let uniform = |k: usize| (halton(number as u64 + 1, HALTON_BASES[k]) + shifts[k]).fract();
+            let [diameter, force] = [0, 1].map(|k| self.tolerances[k] * (2.0 * uniform(k) - 1.0));
+            self.by_diameter_factor(diameter) * (1.0 + force)
+        };
+        let factors = (0..parameters.len()).map(factor).collect();
+        Self { prepared: self.prepared.clone(), parameters, factors, ..*self }
+    }
+
+    /// The same draws under another force, with rows of its own.
+    pub fn with_record(&self, record: Record) -> Self {
+        let mut problem = self.prepared.problem.clone();
+        problem.experiment.record = record;
+        let (parameters, factors) = (self.parameters.clone(), self.factors.clone());
+        Self { prepared: self.prepared.for_problem(problem), parameters, factors, ..*self }
+    }
+
+    /// Factor of the displacements for a diameter that differs by the fraction `relative`.
+    pub fn by_diameter_factor(&self, relative: f64) -> f64 {
+        (1.0 + relative).powf(self.by_diameter)
+    }
+
+    /// Problem of the scenario.
+    pub fn problem(&self) -> &Problem {
+        &self.prepared.problem
+    }
+
+    /// Rows of the scenario.
+    pub fn record(&self) -> &Record {
+        &self.prepared.problem.experiment.record
+    }
+
+    /// Reduced forward model of the scenario.
+    pub fn forward(&self) -> SurrogateForward<'_> {
+        self.prepared.forward()
+    }
+
+    /// True if the position is proportional to the force: the response to twice the force is twice the response.
+    ///
+    /// # Errors
+    /// Errors of the model.
+    pub fn is_linear(&self) -> Result<bool> {
+        let Some(first) = self.parameters.first() else { return Ok(true) };
+        let position_m = self.forward().trajectory_m(first)?;
+        let force_n = self.record().force_n.iter().map(|force| 2.0 * force).collect();
+        let doubled_m = self.with_record(Record { force_n, ..self.record().clone() }).forward().trajectory_m(first)?;
+        let largest_m = doubled_m.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+        Ok(position_m.iter().zip(&doubled_m).all(|(x, twice)| (2.0 * x - twice).abs() <= LINEAR * largest_m))
+    }
+
+    /// Trajectories (m at every row) of the given draws.
+    ///
+    /// # Errors
+    /// Errors of the model for any draw.
+    pub fn trajectories_m(
+        &self,
+        draws: impl IntoParallelIterator<Item = usize, Iter: IndexedParallelIterator>,
+    ) -> Result<Vec<Vec<f64>>> {
+        let forward = self.forward();
+        let trajectory = |draw: usize| {
+            let mut position_m = forward.trajectory_m(&self.parameters[draw])?;
+            position_m.iter_mut().for_each(|x| *x *= self.factors[draw]);
+            Ok(position_m)
+        };
+        draws.into_par_iter().map(trajectory).collect()
+    }
+
+    /// Trajectories (m) of the given draws by full finite elements.
+    ///
+    /// # Errors
+    /// Errors of the full-order model.
+    pub fn full_trajectories_m(&self, draws: &[usize]) -> Result<Vec<Vec<f64>>> {
+        let Some(full) = self.problem().full_forward()? else { return Ok(Vec::new()) };
+        let trajectory = |draw: &usize| {
+            let mut position_m = full.trajectory_m(&self.parameters[*draw])?;
+            position_m.iter_mut().for_each(|x| *x *= self.mesh.factor * self.factors[*draw]);
+            Ok(position_m)
+        };
+        draws.par_iter().map(trajectory).collect()
+    }
+
+    /// True if a run of the full-order model takes seconds or more.
+    pub fn is_slow(&self) -> bool {
+        self.problem().model.field().is_some()
+    }
+
+    /// Checks some draws by full finite elements, evenly spaced among all.
+    ///
+    /// # Errors
+    /// Errors of the full-order model.
+    pub fn check(&self, trajectories_m: &[Vec<f64>]) -> Result<FullModelCheck> {
+        let n = self.parameters.len();
+        let checked = if self.is_slow() { CHECKED_SLOW } else { CHECKED }.min(n);
+        let draws: Vec<usize> = (0..checked).map(|k| k * n / checked).collect();
+        let full_m = self.full_trajectories_m(&draws)?;
+        let distance = |(draw, full): (&usize, &Vec<f64>)| {
+            trajectories_m[*draw].iter().zip(full).fold(0.0_f64, |most, (x, y)| most.max((x - y).abs()))
+        };
+        Ok(FullModelCheck { runs: full_m.len(), error_m: draws.iter().zip(&full_m).map(distance).fold(0.0, f64::max) })
+    }
+
+    /// Largest error of a position due to the mesh, as a fraction of the position; `None` if it is unknown. The robot that taught the law has none, because
+    /// the law has absorbed it.
+    pub fn mesh_error(&self) -> Option<f64> {
+        self.mesh.error
+    }
+}
+
+/// Change of the compliance's logarithm by the logarithm of the diameter, from two meshes.
+fn by_diameter(scenario: &Scenario) -> Result<f64> {
+    let compliance = |factor: f64| {
+        let robot = with_diameter(&scenario.robot, factor * scenario::diameter_m(&scenario.robot));
+        match Mechanics::new(&Apparatus::Robot { robot, vitreous: scenario.vitreous }, None)? {
+            Mechanics::FiniteElements(fe) => compliance_per_m(&fe),
+            _ => Ok(f64::NAN),
+        }
+    };
+    let [less, more] = [1.0 - DIAMETER_STEP, 1.0 + DIAMETER_STEP];
+    Ok((compliance(more)? / compliance(less)?).ln() / (more / less).ln())
+}
+
+/// Displacement of the robot per force at unit creep compliance, in 1/m.
+fn compliance_per_m(fe: &FiniteElements) -> Result<f64> {
+    Ok(FullOrderModel::new(&fe.stiffness, fe.poisson_ratio)?.compliance_per_m())
+}
+
+/// Prepares the reduced model. A law without effects needs the compliance of the finite elements only.
+fn prepare(
+    problem: &Problem,
+    mesh_factor: f64,
+    kept: Option<KeptSurrogate>,
+    monitor: &dyn Monitor,
+) -> Result<PreparedModel> {
+    if !problem.model.is_law_alone() {
+        return PreparedModel::unverified(problem, kept, monitor);
+    }
+    let compliance = Compliance::fixed(mesh_factor * compliance_per_m(finite_elements(problem)?)?);
+    Ok(PreparedModel::given(problem, compliance, Vec::new()))
+}
+
+fn finite_elements(problem: &Problem) -> Result<&FiniteElements> {
+    problem.finite_elements().ok_or_else(|| {
+        Error::input(
+            InputPlace::default().at_key("robot"),
+            "the position of another program's model cannot be predicted for a new robot",
+            "give a study with a base law of this program",
+        )
+    })
+}
+
+/// Entry of the van der Corput sequence in a base: the number's digits mirrored at the point.
+fn halton(mut number: u64, base: u64) -> f64 {
+    let (mut value, mut digit) = (0.0, 1.0 / base as f64);
+    while number > 0 {
+        value += digit * (number % base) as f64;
+        number /= base;
+        digit /= base as f64;
+    }
+    value
+}
+
+/// Largest principal strain of the gel per displacement of the robot (1/m), of the linear displacement field.
+fn strain_per_m(fe: &FiniteElements) -> Result<f64> {
+    let response = fe.stiffness.factor(fe.poisson_ratio)?.unit_response();
+    let unknowns = &fe.stiffness.assembly.unknowns;
+    let moved = response[unknowns.robot()];
+    let field: Vec<f64> = response.iter().map(|u| u / moved).collect();
+    largest_principal_strain(&fe.mesh, &unknowns.nodal_displacement(&field))
+}
+
+/// Quantiles of the position over the trajectories, in µm.
+pub fn quantiles_um(trajectories_m: &[Vec<f64>]) -> PositionQuantiles {
+    let n_rows = trajectories_m.first().map_or(0, Vec::len);
+    let at_row = |row: usize| {
+        let mut ascending: Vec<f64> = trajectories_m.iter().map(|trajectory| 1e6 * trajectory[row]).collect();
+        ascending.sort_unstable_by(f64::total_cmp);
+        [0.05, 0.25, 0.5, 0.75, 0.95].map(|probability| quantile_of_sorted(&ascending, probability))
+    };
+    let rows: Vec<[f64; 5]> = (0..n_rows).into_par_iter().map(at_row).collect();
+    let [q05, q25, median, q75, q95] = [0, 1, 2, 3, 4].map(|k| rows.iter().map(|row| row[k]).collect());
+    PositionQuantiles { q05, q25, median, q75, q95 }
+}
+
+/// Warnings about a scenario: extrapolation beyond the record that taught the law, large strains, a coarse mesh, and effects that are left out.
+pub fn warnings(gel: &Gel<'_>, ensemble: &Ensemble, trajectories_m: &[Vec<f64>]) -> Vec<Warning> {
+    let farthest_m = trajectories_m.iter().flatten().fold(0.0_f64, |most, x| most.max(x.abs()));
+    let of_prediction = |warning: Warning| {
+        Warning {
+        advice: "the prediction assumes that the fitted law holds at this amplitude: test it by a record with as large a displacement".into(),
+        ..warning
+    }
+    };
+    let mut warnings: Vec<Warning> =
+        strain_warning(ensemble.strain_per_m * farthest_m).map(of_prediction).into_iter().collect();
+    if let Some(error) = ensemble.mesh_error().filter(|error| *error > NAMED_MESH_ERROR) {
+        warnings.push(Warning {
+            kind: WarningKind::MeshTooCoarse,
+            text: format!(
+                "two meshes of this robot differ by {} % in the displacement",
+                format_significant(100.0 * error, 2)
+            ),
+            advice: "read the bands as this much wider".into(),
+        });
+    }
+    if gel.is_taught {
+        warnings.extend(extrapolations(gel.problem, ensemble, farthest_m));
+    }
+    let model = &ensemble.problem().model;
+    let observed = model.effects().iter().filter(|effect| effect.stage() == Stage::Observation);
+    for effect in observed {
+        warnings.push(Warning {
+            kind: WarningKind::Extrapolation,
+            text: format!(
+                "{} belongs to the camera of the record and is left out: the prediction is the robot's position",
+                effect.slug()
+            ),
+            advice: "add it to the prediction before a comparison with a record of the same camera".into(),
+        });
+    }
+    for effect in model.effects().iter().filter(|effect| effect.stage() == Stage::Load) {
+        warnings.push(Warning {
+            kind: WarningKind::Extrapolation,
+            text: format!(
+                "{} belongs to the actuator of the record; the prediction holds for the same actuator",
+                effect.slug()
+            ),
+            advice: "for another actuator, predict with a revision without this effect, and compare".into(),
+        });
+    }
+    warnings
+}
+
+/// Warnings about forces, durations and displacements beyond the record that taught the law.
+fn extrapolations(problem: &Problem, ensemble: &Ensemble, farthest_m: f64) -> Vec<Warning> {
+    let (taught, asked) = (&problem.experiment.record, ensemble.record());
+    let largest = |force: Force<'_>| force.at_rows_n.iter().fold(0.0_f64, |most, force| most.max(force.abs()));
+    let duration_s =
+        |record: &Record| record.time_s.last().copied().unwrap_or(0.0) - record.time_s.first().copied().unwrap_or(0.0);
+    let radius_m = |problem: &Problem| problem.model.scales().robot_radius_m;
+    let taught_m = problem.experiment.record.position_m.iter().flatten().fold(0.0_f64, |most, x| most.max(x.abs()));
+    let mut list: Vec<(String, f64)> = vec![("the duration".into(), duration_s(asked) / duration_s(taught))];
+    if problem.experiment.control == Control::Force {
+        list.push(("the largest force".into(), largest(asked.force()) / largest(taught.force())));
+        if let (Some(taught_radius_m), Some(radius_m)) = (radius_m(problem), radius_m(ensemble.problem())) {
+            let ratio = (farthest_m / radius_m) / (taught_m / taught_radius_m);
+            list.push(("the largest displacement over the robot's radius".into(), ratio));
+        }
+    }
+    let beyond = list.into_iter().filter(|(_, ratio)| *ratio > BEYOND);
+    let warning = |(quantity, ratio): (String, f64)| Warning {
+        kind: WarningKind::Extrapolation,
+        text: format!("{quantity} is {} times that of the record that taught the law", format_significant(ratio, 3)),
+        advice: "the law is not tested there: record a cycle in this range, or stay within the record".into(),
+    };
+    beyond.map(warning).collect()
+}

@@ -1,0 +1,239 @@
+//! Commanded force of a scenario, and the rows at which a trajectory is predicted.
+
+use std::path::Path;
+
+use base::error::{Error, InputPlace, Result};
+use base::files::{self, Content};
+use base::toml_input::TomlTable;
+use record::{ForceRule, Record};
+
+/// Number of evenly spaced rows of a prediction, besides the changes of the force.
+const N_ROWS: usize = 400;
+/// Smallest number of rows in one period of a sine. The straight lines between rows then deviate by less than 10⁻³ of the amplitude.
+const ROWS_A_PERIOD: f64 = 80.0;
+/// Largest number of rows of a prediction.
+const MOST_ROWS: usize = 20_000;
+const UN_PER_N: f64 = 1e6;
+/// Example of a force in a scenario, for errors.
+const EXAMPLE: &str = "force = { steps_un = [[0, 20], [5, 0]] }";
+
+/// Commanded force over time.
+#[derive(Debug, Clone, PartialEq)]
+pub enum ForceHistory {
+    /// Values in N, each from its time (s) until the next.
+    Steps(Vec<[f64; 2]>),
+    /// Values in N at times (s), with straight lines between.
+    Lines(Vec<[f64; 2]>),
+    /// Constant rate in N/s from time 0.
+    Ramp {
+        /// Change of the force per time, in N/s.
+        rate_n_per_s: f64,
+    },
+    /// Sine from time 0.
+    Sine {
+        /// Amplitude in N.
+        amplitude_n: f64,
+        /// Frequency in Hz.
+        frequency_hz: f64,
+    },
+}
+
+impl ForceHistory {
+    /// Reads `force = { … }` of a scenario. Names of files are relative to `folder`.
+    ///
+    /// # Errors
+    /// [`Error::Input`] with the place if the force is described wrongly or in two ways.
+    pub fn read(table: TomlTable<'_>, folder: &Path) -> Result<Self> {
+        table.only(&["file", "steps_un", "ramp_un_per_s", "sine_un", "frequency_hz"])?;
+        let kinds = ["file", "steps_un", "ramp_un_per_s", "sine_un"];
+        let given: Vec<&str> = kinds.into_iter().filter(|kind| table.has(kind)).collect();
+        let [kind] = given[..] else {
+            let found = format!("the force is described in {} ways, by {}", given.len(), given.join(" and "));
+            return Err(table.refuse_whole(found, format!("describe it in one way, as in `{EXAMPLE}`")));
+        };
+        if kind != "sine_un" && table.has("frequency_hz") {
+            return Err(table.refuse("frequency_hz", "only a sine has a frequency", "remove it, or give `sine_un`"));
+        }
+        match kind {
+            "file" => Self::from_file(&folder.join(table.required_text("file", "file = \"force.csv\"")?)),
+            "steps_un" => {
+                let steps = table.pairs("steps_un")?.unwrap_or_default();
+                let steps: Vec<[f64; 2]> = steps.iter().map(|[time_s, un]| [*time_s, un / UN_PER_N]).collect();
+                if let Some(fault) = fault(&steps) {
+                    let remedy = "write pairs of time in s and force in µN in the order of time, as in `steps_un = [[0, 20], [5, 0]]`";
+                    return Err(table.refuse("steps_un", fault, remedy));
+                }
+                Ok(Self::Steps(steps))
+            }
+            "ramp_un_per_s" => {
+                Ok(Self::Ramp { rate_n_per_s: table.required_number(kind, "ramp_un_per_s = 2")? / UN_PER_N })
+            }
+            _ => Ok(Self::Sine {
+                amplitude_n: table.required_number(kind, "sine_un = 20")? / UN_PER_N,
+                frequency_hz: table.required_within("frequency_hz", "frequency_hz = 0.5", [1e-6, 1e4])?,
+            }),
+        }
+    }
+
+    /// Reads a table of time in s and force in µN with the header `time_s,force_un`. Each value holds until the next row.
+    ///
+    /// # Errors
+    /// [`Error::Input`] with the line if a cell is not a number or the times do not ascend.
+    pub fn from_file(path: &Path) -> Result<Self> {
+        let bytes = files::read(path, Content::Table, "check the path of the force's table")?;
+        let text = String::from_utf8_lossy(&bytes);
+        let refuse = |line: usize, found: String| {
+            let remedy =
+                "write the header `time_s,force_un`, then one row for each change of the force, in the order of time";
+            Err(Error::input(InputPlace::file(path).at_line(line), found, remedy))
+        };
+        let mut steps: Vec<[f64; 2]> = Vec::new();
+        let mut lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty() && !line.starts_with('#'));
+        match lines.next() {
+            Some((_, header))
+                if header.trim().trim_start_matches('\u{feff}').replace("uN", "un") == "time_s,force_un" => {}
+            header => return refuse(1, format!("the header is `{}`", header.map_or("", |(_, line)| line.trim()))),
+        }
+        for (index, line) in lines {
+            let cells: Vec<Option<f64>> = line.split(',').map(|cell| cell.trim().parse().ok()).collect();
+            let [Some(time_s), Some(un)] = cells[..] else {
+                return refuse(index + 1, format!("`{}` is not a time and a force", line.trim()));
+            };
+            steps.push([time_s, un / UN_PER_N]);
+            if let Some(fault) = fault(&steps) {
+                return refuse(index + 1, fault);
+            }
+        }
+        if steps.is_empty() { refuse(2, "the table has no rows".into()) } else { Ok(Self::Steps(steps)) }
+    }
+
+    /// Time of the last value, in s; 0 for a ramp or sine.
+    pub fn last_change_s(&self) -> f64 {
+        match self {
+            Self::Steps(values) | Self::Lines(values) => values.last().map_or(0.0, |[time_s, _]| *time_s),
+            Self::Ramp { .. } | Self::Sine { .. } => 0.0,
+        }
+    }
+
+    /// Record of this force until `duration_s`, without measured positions. Its rows are evenly spaced; the changes of the force and the times
+    /// `also_s` are rows, too.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if the force changes too often.
+    pub fn record(&self, duration_s: f64, also_s: &[f64]) -> Result<Record> {
+        let n_even = match self {
+            Self::Sine { frequency_hz, .. } => N_ROWS.max((ROWS_A_PERIOD * frequency_hz * duration_s).ceil() as usize),
+            _ => N_ROWS,
+        };
+        let changes_s: Vec<f64> = match self {
+            Self::Steps(values) | Self::Lines(values) => values.iter().map(|[time_s, _]| *time_s).collect(),
+            Self::Ramp { .. } | Self::Sine { .. } => Vec::new(),
+        };
+        if n_even + changes_s.len() > MOST_ROWS {
+            return Err(Error::input(
+                InputPlace::default().at_key("force"),
+                format!("the prediction would need {} times", n_even + changes_s.len()),
+                format!("shorten it, or lower the frequency: the limit is {MOST_ROWS} times"),
+            ));
+        }
+        let even = (0..=n_even).map(|row| duration_s * row as f64 / n_even as f64);
+        let mut time_s: Vec<f64> = even
+            .chain(changes_s)
+            .chain(also_s.iter().copied())
+            .filter(|time| (0.0..=duration_s).contains(time))
+            .collect();
+        time_s.sort_by(f64::total_cmp);
+        let closest_s = 1e-9 * duration_s;
+        time_s.dedup_by(|later, earlier| *later - *earlier < closest_s);
+        let force_n = time_s.iter().map(|time_s| self.at_n(*time_s + 0.5 * closest_s)).collect();
+        let (n, force_rule) =
+            (time_s.len(), if let Self::Steps(_) = self { ForceRule::Hold } else { ForceRule::Linear });
+        Ok(Record { time_s, force_n, position_m: vec![None; n], cycle: vec![1; n], force_rule, force_rows: Vec::new() })
+    }
+
+    /// Force (N) at a time (s).
+    fn at_n(&self, time_s: f64) -> f64 {
+        match self {
+            Self::Steps(values) => values.iter().rev().find(|[from_s, _]| *from_s <= time_s).map_or(0.0, |[_, n]| *n),
+            Self::Lines(values) => {
+                let next = values.partition_point(|[at_s, _]| *at_s <= time_s);
+                match (next.checked_sub(1).map(|before| values[before]), values.get(next)) {
+                    (Some([from_s, from_n]), Some([to_s, to_n])) => {
+                        from_n + (to_n - from_n) * (time_s - from_s) / (to_s - from_s)
+                    }
+                    (Some([_, last_n]), None) => last_n,
+                    (None, _) => 0.0,
+                }
+            }
+            Self::Ramp { rate_n_per_s } => rate_n_per_s * time_s,
+            Self::Sine { amplitude_n, frequency_hz } => {
+                amplitude_n * (2.0 * std::f64::consts::PI * frequency_hz * time_s).sin()
+            }
+        }
+    }
+}
+
+/// Fault of a list of times and forces, in words; `None` if there is none.
+fn fault(steps: &[[f64; 2]]) -> Option<String> {
+    if steps.is_empty() {
+        return Some("the list is empty".into());
+    }
+    if let Some([time_s, _]) = steps.iter().find(|[time_s, n]| !(time_s.is_finite() && n.is_finite() && *time_s >= 0.0))
+    {
+        return Some(format!("the time {time_s} s is negative, or a value is not finite"));
+    }
+    let pair = steps.windows(2).find(|pair| pair[0][0] >= pair[1][0])?;
+    Some(format!("the time {} s follows {} s", pair[1][0], pair[0][0]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use base::toml_input::TomlInput;
+
+    fn read(text: &str) -> Result<ForceHistory> {
+        let document = TomlInput::parse(Path::new("scenario.toml"), text).expect("TOML");
+        ForceHistory::read(document.root().required_table("force").expect("a force"), Path::new("."))
+    }
+
+    #[test]
+    fn steps_ramp_and_sine_give_the_written_force() {
+        let steps = read("force = { steps_un = [[0, 20], [5, -10]] }").expect("steps");
+        let record = steps.record(8.0, &[6.789]).expect("a record");
+        assert!(record.time_s.contains(&6.789) && record.time_s.contains(&5.0));
+        for (time_s, force_n) in record.time_s.iter().zip(&record.force_n) {
+            let expected = if *time_s < 5.0 { 20e-6 } else { -10e-6 };
+            assert!((force_n - expected).abs() < 1e-18, "{time_s} s: {force_n} N");
+        }
+        let ramp = read("force = { ramp_un_per_s = 2 }").expect("a ramp").record(10.0, &[]).expect("a record");
+        assert!((ramp.force_n.last().expect("rows") - 20e-6).abs() < 1e-13 && ramp.force_rule == ForceRule::Linear);
+        let sine =
+            read("force = { sine_un = 3, frequency_hz = 2 }").expect("a sine").record(20.0, &[]).expect("a record");
+        assert!(sine.n_rows() as f64 >= ROWS_A_PERIOD * 40.0);
+        let largest = sine.force_n.iter().fold(0.0_f64, |most, force| most.max(force.abs()));
+        assert!((largest - 3e-6).abs() < 1e-9, "{largest}");
+    }
+
+    #[test]
+    fn wrong_forces_are_refused_with_their_key() {
+        let refusal = |text: &str| read(text).expect_err("a refusal").to_string();
+        assert!(refusal("force = { steps_un = [[5, 1], [0, 2]] }").contains("0 s follows 5 s"));
+        assert!(refusal("force = { steps_un = [] }").contains("empty"));
+        assert!(refusal("force = { steps_un = [[0, 1]], sine_un = 3 }").contains("steps_un and sine_un"));
+        assert!(refusal("force = { sine_un = 3 }").contains("frequency_hz"));
+        assert!(refusal("force = { step_un = [[0, 1]] }").contains("steps_un"));
+    }
+
+    #[test]
+    fn a_file_of_the_force_is_read_or_refused_with_its_line() {
+        let dir = tempfile::tempdir().expect("a directory");
+        let path = dir.path().join("force.csv");
+        std::fs::write(&path, "time_s,force_uN\n0,20\n5,0\n").expect("a file");
+        assert_eq!(
+            ForceHistory::from_file(&path).expect("a force"),
+            ForceHistory::Steps(vec![[0.0, 2e-5], [5.0, 0.0]])
+        );
+        std::fs::write(&path, "time_s,force_un\n0,20\nx,0\n").expect("a file");
+        assert!(ForceHistory::from_file(&path).expect_err("a refusal").to_string().contains("line 3"));
+    }
+}

@@ -1,0 +1,11 @@
+//! Prediction under uncertainty: the motion of a robot in a gel whose parameters are known as draws, its sensitivity, and force plans.
+//!
+//! [`scenario`] reads robots, gels and forces. [`ensemble`] turns the draws of a model into trajectories, and checks some by full finite elements.
+//! [`quantity`] takes quantities of interest from trajectories, [`sensitivity`] attributes their variance, and [`plan`] searches for forces.
+
+pub mod ensemble;
+pub mod force_history;
+pub mod plan;
+pub mod quantity;
+pub mod scenario;
+pub mod sensitivity;

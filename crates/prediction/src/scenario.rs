@@ -1,0 +1,217 @@
+//! Scenarios: a robot in a gel, the force on it, and the quantities of interest.
+
+use std::path::Path;
+
+use base::error::{Error, InputPlace, Result};
+use base::files::{self, Content};
+use base::toml_input::{TomlInput, TomlTable, text_of};
+use record::{Apparatus, Orientation, Robot, RobotShape, Vitreous};
+
+use crate::force_history::ForceHistory;
+use crate::quantity::{Quantity, plain};
+
+/// Longest scenario in s: ten days.
+const LONGEST_S: f64 = 864_000.0;
+
+/// Robot in a gel under a force, with quantities of interest.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scenario {
+    /// Name in documents and figures.
+    pub name: String,
+    /// The robot.
+    pub robot: Robot,
+    /// The gel around the robot.
+    pub vitreous: Vitreous,
+    /// Force on the robot; `None` if the file gives none, as for a plan.
+    pub force: Option<ForceHistory>,
+    /// Duration in s; `None` if the file gives none.
+    pub duration_s: Option<f64>,
+    /// Quantities of interest; empty for the position at the end.
+    pub quantities: Vec<Quantity>,
+    /// Tolerances of the apparatus.
+    pub tolerances: Tolerances,
+}
+
+/// Uncertainty of the apparatus, as half-widths of uniform distributions.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Tolerances {
+    /// Half-width of the robot's diameter, in m.
+    pub diameter_m: f64,
+    /// Half-width of the force's calibration, as a fraction of the force.
+    pub force: f64,
+}
+
+impl Scenario {
+    /// Reads all scenarios of a file. `default` is the apparatus of the study, which a scenario may leave out.
+    ///
+    /// # Errors
+    /// [`Error::Input`] with line and key for anything that is missing, unknown or impossible.
+    pub fn read(path: &Path, default: Option<(Robot, Vitreous)>) -> Result<Vec<Self>> {
+        let bytes = files::read(path, Content::Settings, "check the path of the scenarios' file")?;
+        let document = TomlInput::parse(path, text_of(path, &bytes)?)?;
+        let root = document.root();
+        root.only(&["scenario"])?;
+        let folder = path.parent().unwrap_or(Path::new("."));
+        let tables = root.tables("scenario", "[[scenario]]")?;
+        let scenarios: Vec<Self> =
+            tables.iter().map(|table| Self::from_table(*table, folder, default)).collect::<Result<_>>()?;
+        for (index, scenario) in scenarios.iter().enumerate() {
+            if scenarios[..index].iter().any(|other| other.name == scenario.name) {
+                let found = format!("two scenarios have the name `{}`", scenario.name);
+                return Err(tables[index].refuse("name", found, "give each scenario a different name"));
+            }
+        }
+        Ok(scenarios)
+    }
+
+    fn from_table(table: TomlTable<'_>, folder: &Path, default: Option<(Robot, Vitreous)>) -> Result<Self> {
+        table.only(&["name", "robot", "vitreous", "force", "duration_s", "quantity", "tolerance"])?;
+        let name = table.required_text("name", "name = \"cylinder\"")?;
+        let (robot, vitreous) = Apparatus::robot_in_gel(table, default)?;
+        let force = table.table("force")?.map(|force| ForceHistory::read(force, folder)).transpose()?;
+        let example = "duration_s = 10";
+        let duration_s =
+            table.positive("duration_s", example)?.map(|s| table.require_range("duration_s", s, [1e-6, LONGEST_S]));
+        let quantities = match table.has("quantity") {
+            true => table.tables("quantity", "[[scenario.quantity]]")?,
+            false => Vec::new(),
+        };
+        let quantities: Vec<Quantity> = quantities.into_iter().map(Quantity::read).collect::<Result<_>>()?;
+        let duration_s = duration_s.transpose()?;
+        if let (Some(duration_s), Some(at_s)) =
+            (duration_s, latest_s(&quantities).filter(|at_s| Some(*at_s) > duration_s))
+        {
+            let found = format!("a quantity is taken at {at_s} s, but the scenario ends at {duration_s} s");
+            return Err(table.refuse("duration_s", found, "give a longer duration or an earlier time"));
+        }
+        let tolerances = match table.table("tolerance")? {
+            None => Tolerances::default(),
+            Some(tolerance) => {
+                tolerance.only(&["diameter_um", "force_percent"])?;
+                let diameter_um = tolerance.positive("diameter_um", "diameter_um = 5")?.unwrap_or(0.0);
+                let percent = tolerance.positive("force_percent", "force_percent = 3")?.unwrap_or(0.0);
+                if 1e-6 * diameter_um > 0.2 * diameter_m(&robot) {
+                    let found = format!("{diameter_um} µm is more than a fifth of the robot's diameter");
+                    return Err(tolerance.refuse("diameter_um", found, "give the half-width of the diameter in µm"));
+                }
+                tolerance.require_range("force_percent", percent, [0.0, 50.0])?;
+                Tolerances { diameter_m: 1e-6 * diameter_um, force: 0.01 * percent }
+            }
+        };
+        Ok(Self { name, robot, vitreous, force, duration_s, quantities, tolerances })
+    }
+
+    /// Force and duration (s) of a prediction. The default duration is the later one of the last change of the force and the last quantity.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if the scenario has no force, or if nothing determines its duration.
+    pub fn force_and_duration(&self) -> Result<(&ForceHistory, f64)> {
+        let refuse = |key: &str, found: &str, remedy: &str| {
+            let place = InputPlace::default().at_key(format!("scenario {}: {key}", self.name));
+            Err(Error::input(place, found, remedy))
+        };
+        let Some(force) = &self.force else {
+            let remedy =
+                "add a force, as in `force = { steps_un = [[0, 20], [5, 0]] }`, or give a table with `--force`";
+            return refuse("force", "the scenario has no force", remedy);
+        };
+        let latest = latest_s(&self.quantities).unwrap_or(0.0).max(force.last_change_s());
+        match self.duration_s {
+            Some(duration_s) => Ok((force, duration_s)),
+            None if latest > 0.0 => Ok((force, latest)),
+            None => refuse("duration_s", "nothing gives the scenario's duration", "add `duration_s = 10`"),
+        }
+    }
+
+    /// Robot and gel in words, with their sizes.
+    pub fn apparatus(&self) -> String {
+        let mm = |metres: f64| plain(1e3 * metres);
+        let turned = |orientation| match orientation {
+            Orientation::Horizontal => "along the force",
+            Orientation::Vertical => "across the force",
+        };
+        let robot = match self.robot.shape {
+            RobotShape::Sphere { diameter_m } => format!("sphere of {} mm", mm(diameter_m)),
+            RobotShape::Ellipsoid { length_m, diameter_m, orientation } => {
+                format!("ellipsoid of {} mm × {} mm, {}", mm(length_m), mm(diameter_m), turned(orientation))
+            }
+            RobotShape::Cylinder { length_m, diameter_m, orientation } => {
+                format!("cylinder of {} mm × {} mm, {}", mm(length_m), mm(diameter_m), turned(orientation))
+            }
+        };
+        let place = self.robot.offset.map_or(String::new(), |offset| {
+            format!(", {} mm off the centre {} the force", mm(offset.distance_m), offset.direction.name())
+        });
+        let Vitreous { diameter_m, poisson_ratio, .. } = self.vitreous;
+        format!("{robot}{place}; gel of {} mm, Poisson ratio {poisson_ratio}", mm(diameter_m))
+    }
+}
+
+/// Diameter of a robot, in m.
+pub fn diameter_m(robot: &Robot) -> f64 {
+    match robot.shape {
+        RobotShape::Sphere { diameter_m }
+        | RobotShape::Ellipsoid { diameter_m, .. }
+        | RobotShape::Cylinder { diameter_m, .. } => diameter_m,
+    }
+}
+
+/// The same robot with another diameter, in m.
+pub fn with_diameter(robot: &Robot, diameter_m: f64) -> Robot {
+    let shape = match robot.shape {
+        RobotShape::Sphere { .. } => RobotShape::Sphere { diameter_m },
+        RobotShape::Ellipsoid { length_m, orientation, .. } => {
+            RobotShape::Ellipsoid { length_m, diameter_m, orientation }
+        }
+        RobotShape::Cylinder { length_m, orientation, .. } => {
+            RobotShape::Cylinder { length_m, diameter_m, orientation }
+        }
+    };
+    Robot { shape, ..*robot }
+}
+
+/// Latest time (s) at which a quantity is taken; `None` if no quantity has a time.
+fn latest_s(quantities: &[Quantity]) -> Option<f64> {
+    quantities.iter().filter_map(Quantity::at_s).reduce(f64::max)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str) -> Result<Vec<Scenario>> {
+        let dir = tempfile::tempdir().expect("a directory");
+        let path = dir.path().join("scenarios.toml");
+        std::fs::write(&path, text).expect("a file");
+        let vitreous = Vitreous { diameter_m: 0.02, poisson_ratio: 0.48, density_kg_m3: None };
+        let shape = RobotShape::Sphere { diameter_m: 0.55e-3 };
+        Scenario::read(&path, Some((Robot { shape, density_kg_m3: None, offset: None }, vitreous)))
+    }
+
+    const CYLINDER: &str = "[[scenario]]\nname = \"cylinder\"\nforce = { steps_un = [[0, 20], [5, 0]] }\n[scenario.robot]\nshape = \"cylinder\"\nlength_mm = 2.04\ndiameter_mm = 0.21\norientation = \"horizontal\"\n[[scenario.quantity]]\nkind = \"position_at\"\nat_s = 7\n";
+
+    #[test]
+    fn what_a_scenario_leaves_out_is_the_study_s() {
+        let found = &read(CYLINDER).expect("scenarios")[0];
+        assert_eq!(found.vitreous.diameter_m, 0.02);
+        assert_eq!(found.force_and_duration().expect("a force").1, 7.0);
+        assert!(
+            found.apparatus().starts_with("cylinder of 2.04 mm × 0.21 mm, along the force"),
+            "{}",
+            found.apparatus()
+        );
+    }
+
+    #[test]
+    fn impossible_scenarios_are_refused_with_line_and_key() {
+        let refusal = |text: &str| read(text).expect_err("a refusal").to_string();
+        let too_large = CYLINDER.replace("length_mm = 2.04", "length_mm = 30");
+        assert!(refusal(&too_large).contains("does not fit inside"));
+        let twice = format!("{CYLINDER}{CYLINDER}");
+        assert!(refusal(&twice).contains("two scenarios"));
+        let early = CYLINDER.replace("name =", "duration_s = 6\nname =");
+        assert!(refusal(&early).contains("ends at 6 s"));
+        assert!(refusal("[[scenarios]]\n").contains("`scenario`"));
+        assert!(refusal(&CYLINDER.replace("position_at", "speeed")).contains("line 10"));
+    }
+}

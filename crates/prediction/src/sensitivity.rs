@@ -1,0 +1,274 @@
+//! Variance-based sensitivity indices for correlated inputs.
+//!
+//! The inputs have a Gaussian copula: normal scores with the correlations of the draws' ranks, and the draws' own marginal distributions. First-order and
+//! total indices are those of Kucherenko, Tarantola & Annoni (2012), Comput. Phys. Commun. 183:937, which equal Sobol's for independent inputs.
+
+use base::error::{Error, Result};
+use figures::density::quantile_of_sorted;
+use nalgebra::{DMatrix, DVector};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+use rayon::prelude::*;
+use statrs::distribution::{ContinuousCDF, Normal};
+
+/// Marginal distribution of an input.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Marginal {
+    /// Distribution of draws, in ascending order.
+    Draws(Vec<f64>),
+    /// Uniform distribution between two values.
+    Uniform([f64; 2]),
+}
+
+/// Uncertain inputs with their correlations.
+#[derive(Debug, Clone)]
+pub struct Inputs {
+    names: Vec<String>,
+    marginals: Vec<Marginal>,
+    correlation: DMatrix<f64>,
+}
+
+/// First-order and total index of one quantity to one input, with standard errors.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Index {
+    /// First-order index and its standard error.
+    pub first_order: [f64; 2],
+    /// Total index and its standard error.
+    pub total: [f64; 2],
+}
+
+impl Inputs {
+    /// Inputs with the joint distribution of draws. `values` holds one list per draw. Inputs that do not vary are left out; the returned indices tell which
+    /// columns remain.
+    pub fn of_draws(names: &[String], values: &[Vec<f64>]) -> (Self, Vec<usize>) {
+        let column = |k: usize| values.iter().map(|draw| draw[k]).collect::<Vec<f64>>();
+        let varies = |k: &usize| values.iter().any(|draw| draw[*k] != values[0][*k]);
+        let kept: Vec<usize> = (0..names.len()).filter(varies).collect();
+        let scores: Vec<Vec<f64>> = kept.iter().map(|k| normal_scores(&column(*k))).collect();
+        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
+        let correlation = DMatrix::from_fn(kept.len(), kept.len(), |i, j| {
+            dot(&scores[i], &scores[j]) / (dot(&scores[i], &scores[i]) * dot(&scores[j], &scores[j])).sqrt()
+        });
+        let sorted = |k: &usize| {
+            let mut ascending = column(*k);
+            ascending.sort_by(f64::total_cmp);
+            Marginal::Draws(ascending)
+        };
+        let marginals = kept.iter().map(sorted).collect();
+        (Self { names: kept.iter().map(|k| names[*k].clone()).collect(), marginals, correlation }, kept)
+    }
+
+    /// Adds an input that is independent of all others.
+    pub fn push_independent(&mut self, name: &str, marginal: Marginal) {
+        let n = self.names.len();
+        self.names.push(name.into());
+        self.marginals.push(marginal);
+        self.correlation = self.correlation.clone().insert_row(n, 0.0).insert_column(n, 0.0);
+        self.correlation[(n, n)] = 1.0;
+    }
+
+    /// Names of the inputs.
+    pub fn names(&self) -> &[String] {
+        &self.names
+    }
+
+    /// Values of the inputs at normal scores.
+    fn values(&self, scores: &[f64]) -> Vec<f64> {
+        let normal = Normal::standard();
+        let value = |(score, marginal): (&f64, &Marginal)| {
+            let probability = normal.cdf(*score);
+            match marginal {
+                Marginal::Draws(ascending) => quantile_of_sorted(ascending, probability),
+                Marginal::Uniform([lower, upper]) => lower + (upper - lower) * probability,
+            }
+        };
+        scores.iter().zip(&self.marginals).map(value).collect()
+    }
+}
+
+/// Normal scores of the ranks of values.
+fn normal_scores(values: &[f64]) -> Vec<f64> {
+    let normal = Normal::standard();
+    let mut order: Vec<usize> = (0..values.len()).collect();
+    order.sort_by(|a, b| values[*a].total_cmp(&values[*b]));
+    let mut scores = vec![0.0; values.len()];
+    for (rank, index) in order.into_iter().enumerate() {
+        scores[index] = normal.inverse_cdf((rank as f64 + 0.5) / values.len() as f64);
+    }
+    scores
+}
+
+/// Computes the indices of every quantity to every input from `n` pairs of points for each index. `quantities` returns the values of all quantities at the
+/// inputs' values. The result is indexed by quantity, then by input.
+///
+/// # Errors
+/// [`Error::Numerical`] if the correlations are singular; errors of `quantities`.
+pub fn indices(
+    inputs: &Inputs,
+    n: usize,
+    seed: u64,
+    quantities: impl Fn(&[f64]) -> Result<Vec<f64>> + Sync,
+) -> Result<Vec<Vec<Index>>> {
+    let d = inputs.names.len();
+    let singular = || {
+        Error::numerical("inputs of the sensitivity depend on each other exactly", "fix one of the parameters that do")
+    };
+    let correlation = &inputs.correlation;
+    let factor = correlation.clone().cholesky().ok_or_else(singular)?;
+    let precision = factor.inverse();
+    let lower = factor.l();
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut normals = |count: usize| DVector::from_fn(count, |_, _| StandardNormal.sample(&mut random));
+    let points: Vec<DVector<f64>> = (0..n).map(|_| &lower * normals(d)).collect();
+    let evaluate = |points: &[DVector<f64>]| -> Result<Vec<Vec<f64>>> {
+        points.par_iter().map(|point| quantities(&inputs.values(point.as_slice()))).collect()
+    };
+    let base = evaluate(&points)?;
+    let n_quantities = base.first().map_or(0, Vec::len);
+    let mut found = vec![Vec::with_capacity(d); n_quantities];
+    for i in 0..d {
+        // Keeps input i, and draws the others given it.
+        let others: Vec<usize> = (0..d).filter(|j| *j != i).collect();
+        let slope = DVector::from_iterator(d - 1, others.iter().map(|j| correlation[(*j, i)]));
+        let rest =
+            DMatrix::from_fn(d - 1, d - 1, |a, b| correlation[(others[a], others[b])]) - &slope * slope.transpose();
+        let rest = if d > 1 { rest.cholesky().ok_or_else(singular)?.l() } else { rest };
+        let with_kept: Vec<DVector<f64>> = points
+            .iter()
+            .map(|point| {
+                let drawn = &slope * point[i] + &rest * normals(d - 1);
+                let mut new = point.clone();
+                others.iter().zip(drawn.iter()).for_each(|(j, value)| new[*j] = *value);
+                new
+            })
+            .collect();
+        // Keeps the others, and draws input i given them.
+        let with_drawn: Vec<DVector<f64>> = points
+            .iter()
+            .map(|point| {
+                let mean = -others.iter().map(|j| precision[(i, *j)] * point[*j]).sum::<f64>() / precision[(i, i)];
+                let mut new = point.clone();
+                new[i] = mean + normals(1)[0] / precision[(i, i)].sqrt();
+                new
+            })
+            .collect();
+        let (kept, drawn) = (evaluate(&with_kept)?, evaluate(&with_drawn)?);
+        for (q, list) in found.iter_mut().enumerate() {
+            let pairs =
+                |other: &[Vec<f64>]| -> Vec<[f64; 2]> { base.iter().zip(other).map(|(a, b)| [a[q], b[q]]).collect() };
+            let first_order = ratio(&pairs(&kept), |a, b| a * b);
+            let total = ratio(&pairs(&drawn), |a, b| 0.5 * (a - b) * (a - b));
+            list.push(Index { first_order, total });
+        }
+    }
+    Ok(found)
+}
+
+/// Ratio of the mean of `numerator`, taken of the deviations from the mean, to the variance of all values; with its standard error from the variance of the
+/// ratio's linearisation.
+fn ratio(pairs: &[[f64; 2]], numerator: impl Fn(f64, f64) -> f64) -> [f64; 2] {
+    let n = pairs.len() as f64;
+    let mean = pairs.iter().flatten().sum::<f64>() / (2.0 * n);
+    let variance = pairs.iter().flatten().map(|y| (y - mean) * (y - mean)).sum::<f64>() / (2.0 * n);
+    if variance <= 0.0 {
+        return [0.0, 0.0];
+    }
+    let terms: Vec<[f64; 2]> = pairs
+        .iter()
+        .map(|[a, b]| {
+            let (a, b) = (a - mean, b - mean);
+            [numerator(a, b), 0.5 * (a * a + b * b)]
+        })
+        .collect();
+    let index = terms.iter().map(|term| term[0]).sum::<f64>() / (n * variance);
+    let error = terms.iter().map(|term| ((term[0] - index * term[1]) / variance).powi(2)).sum::<f64>();
+    [index, error.sqrt() / n]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::PI;
+
+    /// Largest distance in standard errors. Twenty-two indices are compared; each fails falsely with probability 3·10⁻⁴, all together below 1 %; the seed is
+    /// fixed.
+    const MOST_ERRORS: f64 = 3.6;
+    const N: usize = 20_000;
+
+    fn independent(n: usize, range: [f64; 2]) -> Inputs {
+        let mut inputs = Inputs { names: Vec::new(), marginals: Vec::new(), correlation: DMatrix::zeros(0, 0) };
+        (0..n).for_each(|k| inputs.push_independent(&format!("x{k}"), Marginal::Uniform(range)));
+        inputs
+    }
+
+    fn assert_near(found: [f64; 2], expected: f64, what: &str) {
+        let [value, error] = found;
+        assert!(
+            error < 0.03 && (value - expected).abs() <= MOST_ERRORS * error.max(1e-9),
+            "{what}: {value} ± {error}, exact {expected}"
+        );
+    }
+
+    #[test]
+    fn ishigami_has_its_exact_indices() {
+        let (a, b) = (7.0, 0.1);
+        let ishigami = |x: &[f64]| Ok(vec![x[0].sin() + a * x[1].sin().powi(2) + b * x[2].powi(4) * x[0].sin()]);
+        let found = &indices(&independent(3, [-PI, PI]), N, 1, ishigami).expect("indices")[0];
+        let variance = a * a / 8.0 + b * PI.powi(4) / 5.0 + b * b * PI.powi(8) / 18.0 + 0.5;
+        let [v1, v2] = [0.5 * (1.0 + b * PI.powi(4) / 5.0).powi(2), a * a / 8.0].map(|v| v / variance);
+        let v13 = b * b * PI.powi(8) * (1.0 / 18.0 - 1.0 / 50.0) / variance;
+        for (k, (first, total)) in [(v1, v1 + v13), (v2, v2), (0.0, v13)].into_iter().enumerate() {
+            assert_near(found[k].first_order, first, &format!("first order {k}"));
+            assert_near(found[k].total, total, &format!("total {k}"));
+        }
+    }
+
+    #[test]
+    fn sobol_g_of_eight_inputs_has_its_exact_indices() {
+        let a = [0.0, 1.0, 4.5, 9.0, 99.0, 99.0, 99.0, 99.0];
+        let g = |x: &[f64]| Ok(vec![x.iter().zip(a).map(|(x, a)| ((4.0 * x - 2.0).abs() + a) / (1.0 + a)).product()]);
+        let found = &indices(&independent(8, [0.0, 1.0]), N, 2, g).expect("indices")[0];
+        let part = a.map(|a: f64| 1.0 / (3.0 * (1.0 + a) * (1.0 + a)));
+        let variance = part.iter().map(|v| 1.0 + v).product::<f64>() - 1.0;
+        for k in 0..4 {
+            assert_near(found[k].first_order, part[k] / variance, &format!("first order {k}"));
+            let others: f64 = (0..8).filter(|j| *j != k).map(|j| 1.0 + part[j]).product();
+            assert_near(found[k].total, part[k] * others / variance, &format!("total {k}"));
+        }
+    }
+
+    #[test]
+    fn correlated_normal_inputs_of_a_linear_model_have_their_closed_forms() {
+        let n = 20_000;
+        let normal = Normal::standard();
+        let draws =
+            |sd: f64| Marginal::Draws((0..n).map(|k| sd * normal.inverse_cdf((k as f64 + 0.5) / n as f64)).collect());
+        let sd = [1.0, 2.0, 1.0];
+        let correlation = DMatrix::from_row_slice(3, 3, &[1.0, 0.6, 0.0, 0.6, 1.0, 0.0, 0.0, 0.0, 1.0]);
+        let names = ["a", "b", "c"].map(String::from).to_vec();
+        let inputs = Inputs { names, marginals: sd.map(draws).to_vec(), correlation: correlation.clone() };
+        let found = &indices(&inputs, N, 3, |x| Ok(vec![x.iter().sum()])).expect("indices")[0];
+        let covariance = DMatrix::from_fn(3, 3, |i, j| correlation[(i, j)] * sd[i] * sd[j]);
+        let variance = covariance.sum();
+        let precision = covariance.clone().try_inverse().expect("an inverse");
+        for k in 0..3 {
+            let with_sum: f64 = covariance.row(k).sum();
+            assert_near(found[k].first_order, with_sum * with_sum / (covariance[(k, k)] * variance), "first order");
+            assert_near(found[k].total, 1.0 / (precision[(k, k)] * variance), "total");
+        }
+    }
+
+    #[test]
+    fn draws_give_back_their_correlation_and_constants_are_left_out() {
+        let mut random = ChaCha8Rng::seed_from_u64(5);
+        let draw = |_| {
+            let [a, b]: [f64; 2] = [StandardNormal.sample(&mut random), StandardNormal.sample(&mut random)];
+            vec![a.exp(), 7.0, 0.8 * a + 0.6 * b]
+        };
+        let values: Vec<Vec<f64>> = (0..5_000).map(draw).collect();
+        let (inputs, kept) = Inputs::of_draws(&["a", "b", "c"].map(String::from), &values);
+        assert_eq!((kept, inputs.names()), (vec![0, 2], &["a", "c"].map(String::from)[..]));
+        assert!((inputs.correlation[(0, 1)] - 0.8).abs() < 0.02);
+    }
+}

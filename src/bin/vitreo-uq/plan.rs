@@ -1,0 +1,108 @@
+//! `plan`: the force that brings a robot to a target with a given probability.
+
+use std::process::ExitCode;
+
+use clap::Args;
+use vitreo_uq::base::error::{Error, InputPlace, Result};
+use vitreo_uq::documents::prediction::Plan;
+use vitreo_uq::jobs::prediction::plan::{self, PlanRequest};
+use vitreo_uq::prediction::plan::{Rest, Target};
+
+use crate::predict::{GelArguments, scenario_lines, warning_lines};
+use crate::session::Session;
+
+/// Arguments of `plan`.
+#[derive(Args)]
+pub struct PlanArguments {
+    #[command(flatten)]
+    gel: GelArguments,
+    /// Distance to reach, in mm; negative against the positive force
+    #[arg(long, value_name = "MILLIMETRE", allow_negative_numbers = true)]
+    reach_mm: f64,
+    /// Time within which it is reached
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
+    within_s: f64,
+    /// Probability with which it is reached
+    #[arg(long, value_name = "P", default_value_t = 0.95, allow_negative_numbers = true)]
+    probability: f64,
+    /// Largest force in µN [default: that of the study's record]
+    #[arg(long, value_name = "MICRONEWTON", allow_negative_numbers = true)]
+    max_force_un: Option<f64>,
+    /// Largest change of the force per second, in µN/s [default: no limit]
+    #[arg(long, value_name = "MICRONEWTON/S", allow_negative_numbers = true)]
+    max_slew_un_per_s: Option<f64>,
+    /// Largest principal strain of the gel [default: no limit]
+    #[arg(long, value_name = "STRAIN", allow_negative_numbers = true)]
+    max_strain: Option<f64>,
+    /// Stop at the target: largest distance from it during the rest, in µm
+    #[arg(long, value_name = "MICROMETRE", requires = "rest_s", allow_negative_numbers = true)]
+    rest_within_um: Option<f64>,
+    /// Duration of the rest at the target
+    #[arg(long, value_name = "SECONDS", requires = "rest_within_um", allow_negative_numbers = true)]
+    rest_s: Option<f64>,
+    /// Magnetic moment of the robot in A·m²: adds the field gradient to the controller's file
+    #[arg(long, value_name = "A*M2", allow_negative_numbers = true)]
+    moment_a_m2: Option<f64>,
+}
+
+/// Largest time of a plan, in s: ten days.
+const LONGEST_S: f64 = 864_000.0;
+
+pub fn run(arguments: &PlanArguments) -> Result<ExitCode> {
+    let common = arguments.gel.common();
+    let target = target(arguments)?;
+    let session = Session::begin(&common)?;
+    let outcome = arguments.gel.with_place(&session, |place, sampler| {
+        let scenario = arguments.gel.scenario.clone();
+        plan::run(
+            place,
+            &PlanRequest { scenario, target, moment_a_m2: arguments.moment_a_m2, sampler },
+            &session.terminal,
+        )
+    })?;
+    session.end(&outcome, &words(&outcome.document.body), "Figure", &arguments.gel.page)
+}
+
+fn target(arguments: &PlanArguments) -> Result<Target> {
+    let positive = |option: &str, value: Option<f64>, largest: f64| match value {
+        Some(value) if !(value > 0.0 && value <= largest) => Err(Error::input(
+            InputPlace::default().at_key(option),
+            format!("{value}"),
+            format!("give a number above 0 and at most {largest}"),
+        )),
+        other => Ok(other),
+    };
+    let reach_mm = arguments.reach_mm;
+    positive("--reach-mm", Some(reach_mm.abs()), 1e4)?;
+    positive("--within-s", Some(arguments.within_s), LONGEST_S)?;
+    let largest_un = positive("--max-force-un", arguments.max_force_un, 1e9)?;
+    let slew_un = positive("--max-slew-un-per-s", arguments.max_slew_un_per_s, 1e12)?;
+    let largest_strain = positive("--max-strain", arguments.max_strain, 100.0)?;
+    let within_um = positive("--rest-within-um", arguments.rest_within_um, 1e7)?;
+    let rest_s = positive("--rest-s", arguments.rest_s, LONGEST_S)?;
+    positive("--moment-a-m2", arguments.moment_a_m2, 1e3)?;
+    let probability = arguments.probability;
+    if !(0.5..=0.999).contains(&probability) {
+        let found = format!("a probability of {probability}");
+        let remedy = "give a probability between 0.5 and 0.999: the draws resolve no larger one";
+        return Err(Error::input(InputPlace::default().at_key("--probability"), found, remedy));
+    }
+    Ok(Target {
+        reach_m: 1e-3 * reach_mm,
+        within_s: arguments.within_s,
+        probability,
+        largest_force_n: largest_un.map_or(0.0, |un| 1e-6 * un),
+        slew_n_per_s: slew_un.map(|un| 1e-6 * un),
+        largest_strain,
+        rest: within_um.zip(rest_s).map(|(um, for_s)| Rest { within_m: 1e-6 * um, for_s }),
+    })
+}
+
+fn words(found: &Plan) -> String {
+    let mut lines = vec![format!("Plan for {}", found.gel), found.sentence.clone(), String::new()];
+    lines.extend(scenario_lines(&found.tube));
+    lines.push(format!("  Controller's file: {}", found.protocol_file));
+    lines.extend(warning_lines(&found.tube.warnings));
+    lines.extend(warning_lines(&found.warnings));
+    lines.join("\n") + "\n"
+}

@@ -1,0 +1,167 @@
+//! `predict`: positions of robots in a gel whose parameters a study or a comparison of groups has taught.
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use clap::Args;
+use vitreo_uq::base::error::{Error, InputPlace, Result};
+use vitreo_uq::documents::posterior::Warning;
+use vitreo_uq::documents::prediction::{Prediction, ScenarioPrediction};
+use vitreo_uq::jobs::outcome::Outcome;
+use vitreo_uq::jobs::prediction::predict::{self, PredictRequest};
+use vitreo_uq::jobs::prediction::{GelPlace, is_groups};
+use vitreo_uq::sampling::SamplerOptions;
+
+use crate::options::{Common, ModelOptions};
+use crate::report::PageArguments;
+use crate::session::Session;
+use crate::text::{significant, warning_text};
+
+/// Arguments that `predict` and `plan` share.
+#[derive(Args)]
+pub struct GelArguments {
+    /// Study, experiment, or directory that `groups` has written [default: the embedded porcine replica]
+    #[arg(value_name = "STUDY|GROUPS")]
+    target: Option<PathBuf>,
+    /// Study directory [default: vitreo-uq-out/<specimen id>]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Write the result as one JSON document to a file, or with `-` to standard output in place of the text
+    #[arg(long, value_name = "FILE|-")]
+    json: Option<PathBuf>,
+    /// Seed of all random numbers
+    #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true)]
+    pub seed: u64,
+    /// Number of threads; 0 for as many as there are cores
+    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
+    threads: usize,
+    /// Do not show progress on standard error
+    #[arg(long)]
+    quiet: bool,
+    /// Use this revision of the study [default: the last]
+    #[arg(long, value_name = "REV")]
+    from: Option<String>,
+    /// Comparison of groups only: predict a new specimen of this group
+    #[arg(long, value_name = "GROUP")]
+    new_eye: Option<String>,
+    /// File with one or more [[scenario]]: robot, gel, force and quantities of interest (docs/predict.md)
+    #[arg(long, value_name = "FILE.toml")]
+    pub scenario: Option<PathBuf>,
+    #[command(flatten)]
+    pub page: PageArguments,
+}
+
+impl GelArguments {
+    /// Options that every command has.
+    pub fn common(&self) -> Common {
+        let Self { target, out, json, seed, threads, quiet, .. } = self;
+        let (target, out, json) = (target.clone(), out.clone(), json.clone());
+        Common { target, out, json, seed: *seed, threads: *threads, quiet: *quiet, force: false }
+    }
+
+    /// Opens the source of the gel's parameters, and passes it to `run`.
+    pub fn with_place<D>(
+        &self,
+        session: &Session<'_>,
+        run: impl FnOnce(&GelPlace<'_>, SamplerOptions) -> Result<Outcome<D>>,
+    ) -> Result<Outcome<D>> {
+        let sampler = session.default_sampler();
+        if let Some(dir) = self.target.as_deref().filter(|dir| is_groups(dir)) {
+            return run(&GelPlace::Groups { dir, group: self.new_eye.as_deref() }, sampler);
+        }
+        let refuse = |option: &str, found: String, remedy: String| {
+            Err(Error::input(InputPlace::default().at_key(option), found, remedy))
+        };
+        if let Some(inner) = self.target.as_deref().and_then(inner_groups) {
+            let found = "this directory contains comparisons of groups".into();
+            return refuse("STUDY|GROUPS", found, format!("give one of them, such as {}", inner.display()));
+        }
+        if let Some(group) = &self.new_eye {
+            let found = format!("a new specimen of `{group}` needs a comparison of groups");
+            return refuse(
+                "--new-eye",
+                found,
+                "run `vitreo-uq groups` first, and give the directory that it writes".into(),
+            );
+        }
+        let model = ModelOptions { from: self.from.clone(), ..ModelOptions::default() };
+        let target = session.open(&model, &[], &[])?;
+        run(&GelPlace::Study(target.creep()?), sampler)
+    }
+}
+
+/// Comparison of groups directly below a directory; `None` if there is none.
+fn inner_groups(dir: &Path) -> Option<PathBuf> {
+    let mut found: Vec<PathBuf> = dir.read_dir().ok()?.filter_map(|entry| Some(entry.ok()?.path())).collect();
+    found.sort();
+    found.into_iter().find(|inner| is_groups(inner))
+}
+
+/// Arguments of `predict`.
+#[derive(Args)]
+pub struct PredictArguments {
+    #[command(flatten)]
+    gel: GelArguments,
+    /// Table with the header `time_s,force_un`, for scenarios without a force; without a scenario, for the study's own robot
+    #[arg(long, value_name = "FILE.csv")]
+    force: Option<PathBuf>,
+}
+
+pub fn run(arguments: &PredictArguments) -> Result<ExitCode> {
+    let common = arguments.gel.common();
+    let session = Session::begin(&common)?;
+    let outcome = arguments.gel.with_place(&session, |place, sampler| {
+        let request =
+            PredictRequest { scenarios: arguments.gel.scenario.clone(), force: arguments.force.clone(), sampler };
+        predict::run(place, &request, &session.terminal)
+    })?;
+    session.end(&outcome, &words(&outcome.document.body), "Figure", &arguments.gel.page)
+}
+
+fn words(found: &Prediction) -> String {
+    let mut lines = vec![format!("Prediction for {}, {} draws", found.gel, found.draws)];
+    for scenario in &found.scenarios {
+        lines.push(String::new());
+        lines.extend(scenario_lines(scenario));
+        for other in found.equivalent.iter().filter(|other| other.scenario == scenario.name) {
+            let verdict = if other.disagrees { "differs" } else { "agrees within the uncertainty" };
+            lines.push(format!("  With {} instead, which the record cannot distinguish: {verdict}", other.effect));
+            lines.extend(other.quantities.iter().map(|quantity| format!("    {}", quantity.sentence)));
+        }
+        let mut entries = found.sensitivity.iter().filter(|entry| entry.scenario == scenario.name).peekable();
+        if entries.peek().is_some() {
+            lines.push(String::new());
+            lines.push(format!("  {:<28}{:<24}{:>14}{:>14}", "share of the variance", "input", "first order", "total"));
+        }
+        for entry in entries {
+            let share = |value: f64, error: f64| format!("{value:.3} ± {error:.3}");
+            let [first, total] = [share(entry.first_order, entry.first_order_se), share(entry.total, entry.total_se)];
+            lines.push(format!("  {:<28}{:<24}{first:>14}{total:>14}", entry.quantity, entry.input));
+        }
+        lines.extend(warning_lines(&scenario.warnings));
+    }
+    lines.extend(warning_lines(&found.warnings));
+    lines.join("\n") + "\n"
+}
+
+/// Lines with the robot, the quantities and the numerical error of a scenario.
+pub fn scenario_lines(scenario: &ScenarioPrediction) -> Vec<String> {
+    let mut lines = vec![format!("{}: {}", scenario.name, scenario.apparatus)];
+    lines.extend(scenario.quantities.iter().map(|quantity| format!("  {}", quantity.sentence)));
+    let mesh = match scenario.mesh_error_um {
+        None => "; the mesh's error is unknown".into(),
+        Some(0.0) => "; the law has absorbed the mesh's error".into(),
+        Some(error_um) => format!("; at most {} µm from the mesh", significant(error_um)),
+    };
+    lines.push(format!(
+        "  Numerical error: {} µm from {} full finite-element runs{mesh}",
+        significant(scenario.full_model_error_um),
+        scenario.full_runs
+    ));
+    lines
+}
+
+/// Warnings, each after an empty line.
+pub fn warning_lines(warnings: &[Warning]) -> Vec<String> {
+    warnings.iter().flat_map(|warning| [String::new(), warning_text(warning)]).collect()
+}
