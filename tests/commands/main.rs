@@ -4,6 +4,7 @@
 mod closed_forms;
 mod cohort;
 mod compare;
+mod design;
 mod diagnose;
 mod effects_extend;
 mod examples;

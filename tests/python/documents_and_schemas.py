@@ -52,6 +52,7 @@ OF_FINITE_ELEMENTS = [
     ("simulation", ["simulate", "--out", "simulated"]),
     ("shapes", ["shapes", "--out", "replica"]),
     ("prediction", ["predict", "replica"]),
+    ("design", ["design", "replica"]),
     ("plan", ["plan", "replica", "--reach-mm", "0.3", "--within-s", "3"]),
     ("challenge", ["challenge", "run", "--count", "2"]),
 ]

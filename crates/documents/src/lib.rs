@@ -4,6 +4,7 @@ pub mod calibration;
 pub mod check;
 pub mod cohort;
 pub mod comparison;
+pub mod design;
 pub mod diagnosis;
 pub mod effects;
 pub mod errors;

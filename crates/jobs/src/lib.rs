@@ -7,6 +7,7 @@ pub mod artefacts;
 pub mod bridge;
 pub mod compare;
 pub mod convergence;
+pub mod design;
 pub mod diagnose;
 pub mod equivalents;
 mod exchange;

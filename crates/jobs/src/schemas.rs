@@ -9,6 +9,7 @@ use documents::calibration::Calibration;
 use documents::check::CheckSummary;
 use documents::cohort::CohortDiagnosis;
 use documents::comparison::Comparison;
+use documents::design::Design;
 use documents::diagnosis::Diagnosis;
 use documents::effects::EffectsSummary;
 use documents::extension::ExtensionSummary;
@@ -69,6 +70,7 @@ pub fn all() -> Vec<DocumentSchema> {
         DocumentSchema::of::<CheckSummary>("check", "check"),
         DocumentSchema::of::<CohortDiagnosis>("cohort-diagnosis", "diagnose"),
         DocumentSchema::of::<Comparison>("comparison", "compare"),
+        DocumentSchema::of::<Design>("design", "design"),
         DocumentSchema::of::<Diagnosis>("diagnosis", "diagnose"),
         DocumentSchema::of::<JointSummary>("joint", "sample"),
         DocumentSchema::of::<OscillationSummary>("oscillation", "sample"),

@@ -193,6 +193,9 @@ fn next_lines(diagnosis: &Diagnosis, study: &Path) -> Vec<String> {
         let effects = diagnosis.verdict.effects.join(",");
         lines.push(format!("\nNext:  vitreo-uq extend {study} --with {effects}{remark}"));
     }
+    if diagnosis.verdict.kind == VerdictKind::Missing && !diagnosis.verdict.equivalent.is_empty() {
+        lines.push(format!("       vitreo-uq design {study}    (a protocol that tells the equivalent effects apart)"));
+    }
     if is_unexplained {
         let start = if lines.is_empty() { "\nNext:" } else { "      " };
         lines.push(format!("{start}  vitreo-uq compare {study} --laws    (another base law may explain it)"));

@@ -10,6 +10,7 @@ mod cohort;
 mod compare;
 mod corner;
 mod corner_data;
+mod design;
 mod diagnose;
 mod effects;
 mod extend;
@@ -102,6 +103,8 @@ enum Command {
     Predict(predict::PredictArguments),
     /// Plan the force that brings a robot to a target with a given probability
     Plan(plan::PlanArguments),
+    /// Design the protocol of the next record: one that tells equivalent effects apart, or makes the parameters better known
+    Design(design::DesignArguments),
     /// Write a study as one self-contained HTML page
     Report(report::ReportArguments),
     /// Start a local web page: drop a table on it, see where the model fails, add missing effects, watch the error fall
@@ -148,6 +151,7 @@ fn main() -> ExitCode {
         Command::Ladder(arguments) => ladder::run(arguments),
         Command::Predict(arguments) => predict::run(arguments),
         Command::Plan(arguments) => plan::run(arguments),
+        Command::Design(arguments) => design::run(arguments),
         Command::Report(arguments) => report::run(arguments),
         Command::Workbench(arguments) => workbench::run(arguments),
         Command::Serve(arguments) => serve::run(arguments),

@@ -5,9 +5,12 @@
 
 mod change;
 mod degeneracies;
+pub mod design;
+mod family;
 
 pub use change::{Change, changes};
 pub use degeneracies::{Degeneracy, exact_degeneracies};
+pub use family::{DesignLimits, DesignedDrive, DriveShape};
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;

@@ -232,7 +232,7 @@ fn paths_of_revision(item: &Item, name: &String) -> Result<Vec<PathBuf>> {
         let found = format!("{name} is not the last revision, and later ones were made from it");
         return Err(Error::input(InputPlace::file(&item.study), found, "delete the later revisions first"));
     }
-    let others = ["ladder", "laws", "corner", "prediction", "plan"]
+    let others = ["ladder", "laws", "corner", "prediction", "plan", "design"]
         .map(|stem| ["json", "svg", "png", "pdf"].map(|ending| format!("{stem}.{ending}")));
     let tables = ["prediction.csv", "plan-tube.csv", "plan-protocol.csv", "report.html"].map(String::from);
     let others = others.into_iter().flatten().chain(tables);

@@ -1,0 +1,363 @@
+//! Search for the protocol of the next record that teaches most: about the parameters, or about which of several equivalent effects is true.
+//!
+//! The information about parameters is that of the linear-Gaussian model at a fit: ½ ln det(P + F) − ½ ln det P, with the precision P of what is known now and the Fisher
+//! information F of the new record under the noise of the fit (Chaloner & Verdinelli 1995, Stat. Sci. 10:273). Two effects are as far apart as the best fit of one to noise-free data of the
+//! other ([`crate::separation`]); the expected lead in log likelihood is half the squared distance.
+//!
+//! A family of protocols is screened on few rows; the best protocols of holds are then improved by exchanging one level or boundary after the other. The best few are judged
+//! on all rows.
+
+use nalgebra::DMatrix;
+use rayon::prelude::*;
+
+use super::family::{DesignLimits, DesignedDrive, family};
+use super::{Members, n_right, separation};
+use crate::derivatives::columns_m;
+use crate::separation::{RivalFit, RivalTruth, SEPARATED_SIGMA};
+use crate::{Candidate, Fitted, NoiseValues, Subject};
+use base::error::{Error, Result};
+use posterior::monitor::{Counter, Monitor, refuse_if_stopped};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+use record::{Experiment, Record};
+
+/// Largest number of rows in the screen.
+const SCREENED_ROWS: f64 = 160.0;
+/// Number of protocols that are improved by exchange, and that are judged on all rows.
+const N_IMPROVED: usize = 3;
+const N_JUDGED: usize = 6;
+/// Largest number of rounds of exchanges.
+const MOST_ROUNDS: usize = 4;
+/// Relative improvement below which exchanges end.
+const LEAST_IMPROVEMENT: f64 = 5e-3;
+/// Number of parameter draws over which the information of the best protocol is averaged.
+const N_ROBUST: usize = 8;
+/// Results that remain if the user stops a search.
+const NOTHING_KEPT: &str = "nothing was written";
+/// Number of simulated records that judge the verdict.
+pub const N_REPEATS: usize = 40;
+
+/// Purpose of a design.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum DesignGoal {
+    /// Smallest uncertainty of the model's parameters.
+    Parameters,
+    /// Largest distance between equivalent effects.
+    Effects,
+}
+
+/// Best protocol of a search.
+pub struct DesignedProtocol {
+    /// The protocol.
+    pub drive: DesignedDrive,
+    /// Its rows, sampled as the apparatus does.
+    pub record: Record,
+    /// Expected information about the parameters of the first model, in nats.
+    pub information_nats: f64,
+    /// Expected posterior standard deviations of the first model's free parameters, in their coordinates.
+    pub sd: Vec<f64>,
+    /// Smallest distance (σ) between two models, and the index of the model that is closest to the first; `None` for one model.
+    pub closest: Option<(f64, usize)>,
+    /// Number of protocols that were compared.
+    pub n_tried: usize,
+}
+
+/// A search for protocols around the fits of one or several models.
+pub struct Designer<'a> {
+    subject: &'a Subject,
+    members: &'a Members<'a>,
+    goal: DesignGoal,
+    /// Precision of the first model's parameters in their coordinates, before the new record.
+    precision: DMatrix<f64>,
+}
+
+impl<'a> Designer<'a> {
+    /// Begins a search. The first of the `members` is the model whose parameters are to be known.
+    ///
+    /// # Errors
+    /// [`Error::Numerical`] if the first model has no derivatives, or if there is nothing to distinguish.
+    pub fn new(subject: &'a Subject, members: &'a Members<'a>, goal: DesignGoal) -> Result<Self> {
+        if goal == DesignGoal::Effects && members.len() < 2 {
+            return Err(Error::numerical("there is one model only", "design for its parameters"));
+        }
+        let (candidate, fitted) = members[0];
+        let information = information(subject, candidate, fitted, fitted.noise)?;
+        Ok(Self { subject, members, goal, precision: information + prior_precision(candidate) })
+    }
+
+    /// Standard deviations of the first model's free parameters now, in their coordinates.
+    ///
+    /// # Errors
+    /// [`Error::Numerical`] if the record does not determine them.
+    pub fn sd_now(&self) -> Result<Vec<f64>> {
+        standard_deviations(&self.precision)
+    }
+
+    /// Distance (σ) of the closest models in the present record; `None` for one model.
+    ///
+    /// # Errors
+    /// Errors of the fits.
+    pub fn distance_now(&self) -> Result<Option<f64>> {
+        if self.members.len() < 2 { Ok(None) } else { Ok(Some(separation(self.subject, self.members)?.distance)) }
+    }
+
+    /// Finds the best protocol within the limits. `also` are further protocols to compare, such as the best of a shorter duration.
+    ///
+    /// # Errors
+    /// [`Error::Numerical`] if no protocol can be computed; [`Error::Interrupted`] if the user stops the search.
+    pub fn search(
+        &self,
+        limits: &DesignLimits,
+        also: &[DesignedDrive],
+        seed: u64,
+        monitor: &dyn Monitor,
+    ) -> Result<DesignedProtocol> {
+        let drives: Vec<DesignedDrive> = also.iter().cloned().chain(family(limits, seed)).collect();
+        let coarse_s = limits.interval_s.max(limits.duration_s / SCREENED_ROWS);
+        let counter = Counter::new(monitor, drives.len());
+        let screened: Vec<Option<f64>> = drives
+            .par_iter()
+            .map(|drive| {
+                refuse_if_stopped(monitor, NOTHING_KEPT).ok()?;
+                let value = self.value(drive, limits, coarse_s);
+                counter.add_one();
+                value
+            })
+            .collect();
+        refuse_if_stopped(monitor, NOTHING_KEPT)?;
+        let mut ranked: Vec<(f64, DesignedDrive)> =
+            screened.into_iter().zip(drives).filter_map(|(value, drive)| Some((value?, drive))).collect();
+        let mut n_tried = ranked.len();
+        let by_value = |a: &(f64, DesignedDrive), b: &(f64, DesignedDrive)| b.0.total_cmp(&a.0);
+        ranked.sort_by(by_value);
+        let is_steps = |(_, drive): &&(f64, DesignedDrive)| !drive.neighbours(limits).is_empty();
+        let begun: Vec<(f64, DesignedDrive)> = ranked.iter().filter(is_steps).take(N_IMPROVED).cloned().collect();
+        for start in begun {
+            let (improved, n) = self.improve(start, limits, coarse_s, monitor)?;
+            n_tried += n;
+            ranked.push(improved);
+        }
+        ranked.sort_by(by_value);
+        ranked.dedup_by(|a, b| a.1.shape == b.1.shape);
+        ranked.truncate(N_JUDGED);
+        ranked.extend(also.iter().map(|drive| (0.0, drive.clone())));
+        let judged: Vec<Result<DesignedProtocol>> =
+            ranked.into_par_iter().map(|(_, drive)| self.judge(drive, limits, n_tried)).collect();
+        let possible = judged.into_iter().filter_map(Result::ok);
+        let best = possible.reduce(|a, b| if self.objective(&b) > self.objective(&a) { b } else { a });
+        best.ok_or_else(|| {
+            Error::numerical(
+                "no protocol stays within the limits",
+                "allow a larger displacement, a longer duration or a shorter hold",
+            )
+        })
+    }
+
+    fn objective(&self, protocol: &DesignedProtocol) -> f64 {
+        match self.goal {
+            DesignGoal::Parameters => protocol.information_nats,
+            DesignGoal::Effects => protocol.closest.map_or(0.0, |(distance, _)| distance),
+        }
+    }
+
+    /// Improves a protocol of holds by the best exchange of one level or boundary in each round. Also returns the number of protocols that were compared.
+    fn improve(
+        &self,
+        mut best: (f64, DesignedDrive),
+        limits: &DesignLimits,
+        interval_s: f64,
+        monitor: &dyn Monitor,
+    ) -> Result<((f64, DesignedDrive), usize)> {
+        let mut n_tried = 0;
+        for _ in 0..MOST_ROUNDS {
+            refuse_if_stopped(monitor, NOTHING_KEPT)?;
+            let neighbours = best.1.neighbours(limits);
+            n_tried += neighbours.len();
+            let values: Vec<Option<f64>> =
+                neighbours.par_iter().map(|drive| self.value(drive, limits, interval_s)).collect();
+            let found = values.into_iter().zip(neighbours).filter_map(|(value, drive)| Some((value?, drive)));
+            let Some(found) = found.reduce(|a, b| if b.0 > a.0 { b } else { a }) else { break };
+            let gain = found.0 - best.0;
+            if gain <= 0.0 {
+                break;
+            }
+            let is_small = gain < LEAST_IMPROVEMENT * best.0.abs();
+            best = found;
+            if is_small {
+                break;
+            }
+        }
+        Ok((best, n_tried))
+    }
+
+    /// Value of a protocol for the goal on coarse rows, scaled to the rows of the apparatus; `None` if a model has no solution under it.
+    fn value(&self, drive: &DesignedDrive, limits: &DesignLimits, interval_s: f64) -> Option<f64> {
+        let subject = self.under(&drive.record(limits, interval_s)).ok()?;
+        self.refuse_beyond(&subject, limits).ok()?;
+        let more_rows = interval_s / limits.interval_s;
+        let value = match self.goal {
+            DesignGoal::Parameters => self.gain(&(self.information(&subject).ok()? * more_rows)).ok()?.0,
+            DesignGoal::Effects => more_rows.sqrt() * self.first_order_distance(&subject)?,
+        };
+        value.is_finite().then_some(value)
+    }
+
+    /// Refuses a protocol that moves the robot farther than the limit.
+    fn refuse_beyond(&self, subject: &Subject, limits: &DesignLimits) -> Result<()> {
+        let (candidate, fitted) = self.members[0];
+        let position_m = subject.trajectory_m(candidate, &fitted.theta)?;
+        let farthest_m = position_m.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+        if farthest_m > limits.largest_position_m {
+            return Err(Error::numerical(
+                "the protocol moves the robot beyond the limit",
+                "allow a larger displacement",
+            ));
+        }
+        Ok(())
+    }
+
+    /// Smallest distance (σ) between the first model and another, to first order around the other's own fit: the other model's parameters absorb the difference linearly.
+    fn first_order_distance(&self, subject: &Subject) -> Option<f64> {
+        let mut smallest = f64::INFINITY;
+        for other in 1..self.members.len() {
+            for (truth, model) in [(0, other), (other, 0)] {
+                let (candidate, fitted) = self.members[truth];
+                let position_m = subject.trajectory_m(candidate, &fitted.theta).ok()?;
+                let noise = self.members[0].1.noise;
+                let truth = RivalTruth { candidate, theta: &fitted.theta, noise, position_m: &position_m };
+                let (candidate, fitted) = self.members[model];
+                let (left, _) = RivalFit::new(subject, candidate, &truth).left(&fitted.theta, &fitted.theta)?;
+                smallest = smallest.min(left.norm());
+            }
+        }
+        Some(smallest)
+    }
+
+    /// Fisher information of the first model's parameters in a record.
+    fn information(&self, subject: &Subject) -> Result<DMatrix<f64>> {
+        let (candidate, fitted) = self.members[0];
+        information(subject, candidate, fitted, fitted.noise)
+    }
+
+    /// Expected information (nats) and standard deviations for a Fisher information.
+    fn gain(&self, information: &DMatrix<f64>) -> Result<(f64, Vec<f64>)> {
+        let then = &self.precision + information;
+        let gain = 0.5 * (log_determinant(&then)? - log_determinant(&self.precision)?);
+        Ok((gain, standard_deviations(&then)?))
+    }
+
+    /// Judges a protocol on all rows.
+    fn judge(&self, drive: DesignedDrive, limits: &DesignLimits, n_tried: usize) -> Result<DesignedProtocol> {
+        let record = drive.record(limits, limits.interval_s);
+        let subject = self.under(&record)?;
+        self.refuse_beyond(&subject, limits)?;
+        let (information_nats, sd) = self.gain(&self.information(&subject)?)?;
+        let closest = match self.members.len() {
+            1 => None,
+            _ => Some(separation(&subject, self.members)?).map(|found| (found.distance, found.other)),
+        };
+        Ok(DesignedProtocol { drive, record, information_nats, sd, closest, n_tried })
+    }
+
+    /// Mean of the expected information (nats) over parameters drawn from what is known now, with its standard error.
+    ///
+    /// # Errors
+    /// Errors of the models.
+    pub fn mean_information(&self, protocol: &DesignedProtocol, seed: u64) -> Result<[f64; 2]> {
+        let subject = self.under(&protocol.record)?;
+        let (candidate, fitted) = self.members[0];
+        let covariance = self.precision.clone().cholesky().ok_or_else(undetermined)?.inverse();
+        let lower = covariance.cholesky().ok_or_else(undetermined)?.l();
+        let gains = (0..N_ROBUST).map(|draw| {
+            let mut random = ChaCha8Rng::seed_from_u64(seed);
+            random.set_stream(draw as u64);
+            let normals = nalgebra::DVector::from_fn(lower.nrows(), |_, _| StandardNormal.sample(&mut random));
+            let moved = &lower * normals;
+            let theta = fitted.theta.iter().zip(moved.iter()).zip(&candidate.free);
+            let theta = theta.map(|((theta, by), free)| free.clamped(theta + by)).collect();
+            let drawn = Fitted { theta, ..fitted.clone() };
+            Ok(self.gain(&information(&subject, candidate, &drawn, fitted.noise)?)?.0)
+        });
+        let gains: Vec<f64> = gains.collect::<Result<_>>()?;
+        let n = gains.len() as f64;
+        let mean = gains.iter().sum::<f64>() / n;
+        let variance = gains.iter().map(|gain| (gain - mean).powi(2)).sum::<f64>() / (n - 1.0);
+        Ok([mean, (variance / n).sqrt()])
+    }
+
+    /// Smallest distance (σ) between the models under other limits, by the shape of a protocol.
+    ///
+    /// # Errors
+    /// Errors of the models.
+    pub fn distance_within(&self, drive: &DesignedDrive, limits: &DesignLimits) -> Result<f64> {
+        let subject = self.under(&drive.record(limits, limits.interval_s))?;
+        Ok(separation(&subject, self.members)?.distance)
+    }
+
+    /// Number of [`N_REPEATS`] simulated records of a protocol in which the true model leads every other by more than 4 nats.
+    ///
+    /// # Errors
+    /// Errors of the fits.
+    pub fn n_right(&self, protocol: &DesignedProtocol, seed: u64) -> Result<usize> {
+        let subject = self.under(&protocol.record)?;
+        n_right(&subject, self.members, protocol.closest.map_or(1, |(_, other)| other), (N_REPEATS, seed))
+    }
+
+    /// Subject of a record that has this protocol; all its rows are fitted.
+    fn under(&self, record: &Record) -> Result<Subject> {
+        let subject = self.subject;
+        let range_m = subject.experiment().scales().position_range_m;
+        // Placeholder positions cover the measured range, which scales priors of effects.
+        let places = (0..record.n_rows()).map(|row| Some(range_m * row as f64 / record.n_rows() as f64)).collect();
+        let experiment = Experiment {
+            record: Record { position_m: places, ..record.clone() },
+            noise_sd_m: Some(subject.reference_noise_m()),
+            calibration_cycles: vec![1],
+            heldout_cycles: Vec::new(),
+            ..subject.experiment().clone()
+        };
+        let problem =
+            subject.problem().with_experiment(experiment, subject.specification().clone(), subject.library())?;
+        Subject::with_compliance(&problem, subject.library(), subject.compliance().clone())
+    }
+}
+
+/// True if a distance separates two effects.
+pub fn separates(distance: f64) -> bool {
+    distance >= SEPARATED_SIGMA
+}
+
+/// Fisher information of a candidate's free parameters in the fitted rows of a subject, in their coordinates.
+fn information(subject: &Subject, candidate: &Candidate, fitted: &Fitted, noise: NoiseValues) -> Result<DMatrix<f64>> {
+    let position_m = subject.trajectory_m(candidate, &fitted.theta)?;
+    let columns = columns_m(subject, candidate, &fitted.theta)?;
+    let white = subject.fitted.whiten(&columns, &position_m, &noise);
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
+    Ok(DMatrix::from_fn(white.len(), white.len(), |i, j| dot(&white[i], &white[j])))
+}
+
+/// Precision of the priors of a candidate's free parameters, in their coordinates. A parameter of an effect has its prior's own width.
+fn prior_precision(candidate: &Candidate) -> DMatrix<f64> {
+    let precision = candidate.free.iter().map(|free| {
+        let (_, sd) = free.prior.unwrap_or_else(|| free.as_normal());
+        if sd > 0.0 { 1.0 / (sd * sd) } else { 0.0 }
+    });
+    DMatrix::from_diagonal(&nalgebra::DVector::from_vec(precision.collect()))
+}
+
+/// Logarithm of the determinant of a positive definite matrix.
+fn log_determinant(matrix: &DMatrix<f64>) -> Result<f64> {
+    let factor = matrix.clone().cholesky().ok_or_else(undetermined)?;
+    Ok(2.0 * factor.l().diagonal().iter().map(|entry| entry.ln()).sum::<f64>())
+}
+
+/// Standard deviations of parameters with a given precision.
+fn standard_deviations(precision: &DMatrix<f64>) -> Result<Vec<f64>> {
+    let covariance = precision.clone().cholesky().ok_or_else(undetermined)?.inverse();
+    Ok(covariance.diagonal().iter().map(|variance| variance.sqrt()).collect())
+}
+
+fn undetermined() -> Error {
+    Error::numerical("the parameters have no finite uncertainty", "fix one of the model's parameters")
+}

@@ -1,0 +1,110 @@
+//! Document of `design` (formats §5, `vitreo-uq/design/1`).
+
+use serde::{Deserialize, Serialize};
+
+use super::posterior::Warning;
+
+/// Result of `design`, the protocol of the next record: body of the JSON document `vitreo-uq/design/1`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
+pub struct Design {
+    /// Specimen identifier.
+    pub experiment: String,
+    /// Name of the revision whose model is designed for.
+    pub revision: String,
+    /// Purpose: `parameters` or `effects`.
+    pub goal: String,
+    /// Effects that the present record cannot distinguish, the claimed one first; empty for the goal `parameters`.
+    pub effects: Vec<String>,
+    /// Distance of the closest two models in the present record, in standard deviations of the noise; `None` for one model.
+    pub separation_now_sigma: Option<f64>,
+    /// Largest force of the protocols, in µN.
+    pub largest_force_un: f64,
+    /// Largest distance of the expected position from its start, in µm.
+    pub largest_displacement_um: f64,
+    /// Time between samples, in s.
+    pub interval_s: f64,
+    /// Number of protocols that were compared.
+    pub protocols_tried: usize,
+    /// Recommended protocol.
+    pub recommended: RecommendedProtocol,
+    /// Best protocol of each duration.
+    pub front: Vec<FrontProtocol>,
+    /// Pairs of effects that the recommended protocol does not separate.
+    pub helpless: Vec<HelplessPair>,
+    /// Warnings about the result, for the user.
+    pub warnings: Vec<Warning>,
+}
+
+/// Recommended protocol with the expected knowledge after its record.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
+pub struct RecommendedProtocol {
+    /// File for the controller: time and force.
+    pub protocol_file: String,
+    /// Protocol in words.
+    pub protocol: String,
+    /// Duration in s.
+    pub duration_s: f64,
+    /// Expected information about the parameters, in nats, averaged over draws of the parameters.
+    pub expected_information_nats: f64,
+    /// Standard error of the expected information, from the draws.
+    pub standard_error: f64,
+    /// Parameters with their uncertainty now and after the record.
+    pub parameters: Vec<DesignedParameter>,
+    /// Distance of the closest two models after the record, in standard deviations of the noise; `None` for one model.
+    pub separation_sigma: Option<f64>,
+    /// Share of simulated records in which the true effect leads every other by more than 4 nats; `None` for one model.
+    pub verdict_right_probability: Option<f64>,
+    /// Number of these simulated records.
+    pub simulated_records: usize,
+    /// Recommendation in words.
+    pub sentence: String,
+}
+
+/// Expected uncertainty of a parameter.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
+pub struct DesignedParameter {
+    /// Name of the parameter, with its unit.
+    pub name: String,
+    /// Value at the fit.
+    pub value: f64,
+    /// Standard deviation now.
+    pub sd_now: f64,
+    /// Expected standard deviation after the present and the designed record.
+    pub sd_expected: f64,
+}
+
+/// Best protocol of one duration.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
+pub struct FrontProtocol {
+    /// Duration in s.
+    pub duration_s: f64,
+    /// Expected information about the parameters, in nats.
+    pub expected_information_nats: f64,
+    /// Distance of the closest two models, in standard deviations of the noise; `None` for one model.
+    pub separation_sigma: Option<f64>,
+    /// Protocol in words.
+    pub protocol: String,
+    /// File for the controller.
+    pub protocol_file: String,
+}
+
+/// Pair of effects that no protocol within the limits separates.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
+pub struct HelplessPair {
+    /// Names of the effects.
+    pub pair: [String; 2],
+    /// Limit whose change would separate them, with the factor; or that none of the tried changes does.
+    pub limit: String,
+}
+
+impl Design {
+    /// True if the protocol serves the goal: the effects are separated, or the parameters become better known. The program exits with code 0 for such results.
+    pub fn is_sound(&self) -> bool {
+        self.helpless.is_empty() && !self.warnings.iter().any(|warning| warning.kind.is_fatal())
+    }
+}

@@ -1,0 +1,128 @@
+//! `design`: the protocol of the next record.
+
+use std::process::ExitCode;
+
+use clap::{Args, ValueEnum};
+use vitreo_uq::base::error::{Error, InputPlace, Result};
+use vitreo_uq::criticism::protocol::design::DesignGoal;
+use vitreo_uq::documents::design::{Design, FrontProtocol};
+use vitreo_uq::figures::labels::parameter_label;
+use vitreo_uq::jobs::design::{self, DesignRequest};
+
+use crate::options::{Common, ModelOptions};
+use crate::predict::warning_lines;
+use crate::report::PageArguments;
+use crate::session::Session;
+use crate::text::significant;
+
+/// Arguments of `design`.
+#[derive(Args)]
+pub struct DesignArguments {
+    #[command(flatten)]
+    common: Common,
+    #[command(flatten)]
+    model: ModelOptions,
+    /// Purpose [default: effects, if a diagnosis could not distinguish some; otherwise parameters]
+    #[arg(long, value_name = "GOAL", value_enum)]
+    goal: Option<Goal>,
+    /// Duration of the new record, in s [default: that of the present record]
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
+    budget_s: Option<f64>,
+    /// Largest force in µN [default: that of the present record]
+    #[arg(long, value_name = "MICRONEWTON", allow_negative_numbers = true)]
+    max_force_un: Option<f64>,
+    /// Largest distance from the start, in µm [default: that of the present record]
+    #[arg(long, value_name = "MICROMETRE", allow_negative_numbers = true)]
+    max_displacement_um: Option<f64>,
+    /// Time between samples, in s [default: that of the present record]
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
+    interval_s: Option<f64>,
+    /// Shortest time for which a force is held, in s [default: four samples]
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
+    min_hold_s: Option<f64>,
+}
+
+/// Purposes of a design.
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Goal {
+    /// Smallest uncertainty of the parameters
+    Parameters,
+    /// Tell the equivalent effects of the last diagnosis apart
+    Effects,
+}
+
+pub fn run(arguments: &DesignArguments) -> Result<ExitCode> {
+    let positive = |option: &str, value: Option<f64>, largest: f64| match value {
+        Some(value) if !(value > 0.0 && value <= largest) => Err(Error::input(
+            InputPlace::default().at_key(option),
+            format!("{value}"),
+            format!("give a number above 0 and at most {largest}"),
+        )),
+        other => Ok(other),
+    };
+    let budget_s = positive("--budget-s", arguments.budget_s, 864_000.0)?;
+    let largest_force_un = positive("--max-force-un", arguments.max_force_un, 1e9)?;
+    let largest_position_um = positive("--max-displacement-um", arguments.max_displacement_um, 1e9)?;
+    let interval_s = positive("--interval-s", arguments.interval_s, 3_600.0)?;
+    let shortest_hold_s = positive("--min-hold-s", arguments.min_hold_s, 86_400.0)?;
+    let session = Session::begin(&arguments.common)?;
+    let target = session.open(&arguments.model, &[], &[])?;
+    let request = DesignRequest {
+        goal: arguments.goal.map(|goal| match goal {
+            Goal::Parameters => DesignGoal::Parameters,
+            Goal::Effects => DesignGoal::Effects,
+        }),
+        budget_s,
+        largest_force_n: largest_force_un.map(|un| 1e-6 * un),
+        interval_s,
+        shortest_hold_s,
+        largest_position_m: largest_position_um.map(|um| 1e-6 * um),
+        sampler: session.default_sampler(),
+    };
+    let outcome = design::run(&target, &request, &session.terminal)?;
+    session.end(&outcome, &words(&outcome.document.body), "Figure", &PageArguments { no_report: true })
+}
+
+fn words(found: &Design) -> String {
+    let recommended = &found.recommended;
+    let mut lines = vec![format!("{} ({}): design for the {}", found.experiment, found.revision, found.goal)];
+    lines.push(recommended.sentence.clone());
+    lines.push(String::new());
+    lines.push(format!("  {:<34}{:>14}{:>14}{:>14}", "parameter", "value", "± now", "± expected"));
+    for parameter in &recommended.parameters {
+        lines.push(format!(
+            "  {:<34}{:>14}{:>14}{:>14}",
+            parameter_label(&parameter.name).axis(),
+            significant(parameter.value),
+            significant(parameter.sd_now),
+            significant(parameter.sd_expected)
+        ));
+    }
+    lines.push(String::new());
+    lines.push(format!("  {:>12}{:>20}{:>16}   {}", "duration (s)", "information (nats)", "distance (σ)", "protocol"));
+    lines.extend(found.front.iter().map(front_line));
+    for pair in &found.helpless {
+        lines.push(String::new());
+        lines.push(format!(
+            "Not separated: {} and {}. Limit that would have to change: {}.",
+            pair.pair[0], pair.pair[1], pair.limit
+        ));
+    }
+    lines.push(String::new());
+    lines.push(format!(
+        "{} protocols were compared. Controller's file: {}",
+        found.protocols_tried, recommended.protocol_file
+    ));
+    lines.extend(warning_lines(&found.warnings));
+    lines.join("\n") + "\n"
+}
+
+fn front_line(entry: &FrontProtocol) -> String {
+    let distance = entry.separation_sigma.map_or("–".into(), significant);
+    format!(
+        "  {:>12}{:>20}{distance:>16}   {}",
+        significant(entry.duration_s),
+        significant(entry.expected_information_nats),
+        entry.protocol
+    )
+}
