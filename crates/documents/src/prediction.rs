@@ -167,8 +167,20 @@ pub struct Plan {
     pub protocol_file: String,
     /// Result in words.
     pub sentence: String,
-    /// Warnings that concern the gel's parameters.
+    /// Success of the planned force with equivalent effects, which the record cannot distinguish from the effects of the model.
+    pub equivalent: Vec<EquivalentPlan>,
+    /// Warnings that concern the gel's parameters and its effects.
     pub warnings: Vec<Warning>,
+}
+
+/// Success of a planned force with an equivalent effect.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
+pub struct EquivalentPlan {
+    /// Name of the equivalent effect, in place of the model's own.
+    pub effect: String,
+    /// Probability of success over the draws of its model.
+    pub probability: f64,
 }
 
 /// Change of the force to a new value.

@@ -84,7 +84,8 @@ pub fn run(target: &Target, request: &DesignRequest, monitor: &dyn Monitor) -> R
     let kept = kept_surrogate(&revision.study, monitor);
     let subject = match &class {
         Some(_) => Subject::new(problem, &Library::default(), kept, monitor)?,
-        None => revision.subject(monitor)?,
+        // The expected posterior has the noise of the revision, not that of a diagnosis.
+        None => revision.subject(monitor)?.with_specified_noise(),
     };
     let cycles: Vec<u32> =
         [&subject.experiment().calibration_cycles[..], &subject.experiment().heldout_cycles].concat();

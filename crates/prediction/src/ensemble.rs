@@ -193,7 +193,7 @@ impl Ensemble {
             gel.problem.mechanics.clone()
         } else {
             monitor.stage("meshing the robot and assembling the finite elements");
-            Arc::new(Mechanics::new(&apparatus, None)?)
+            Arc::new(Mechanics::new(&apparatus, None).map_err(|error| of_scenario(error, scenario))?)
         };
         let experiment = Experiment {
             apparatus,
@@ -204,6 +204,7 @@ impl Ensemble {
             ..taught.clone()
         };
         let problem = gel.problem.for_apparatus(experiment, mechanics)?;
+        refuse_unpredictable(&problem, scenario)?;
         let mesh = match is_own && gel.is_taught {
             true => MeshCorrection { factor: 1.0, error: Some(0.0) },
             false => MeshCorrection::new(gel.is_taught.then_some(gel.problem), &problem)?,
@@ -369,6 +370,33 @@ fn by_diameter(scenario: &Scenario) -> Result<f64> {
     Ok((compliance(more)? / compliance(less)?).ln() / (more / less).ln())
 }
 
+/// Refuses scenarios that the model cannot predict.
+fn refuse_unpredictable(problem: &Problem, scenario: &Scenario) -> Result<()> {
+    let refuse = |key: &str, found: String, remedy: &str| {
+        Err(Error::input(InputPlace::default().at_key(format!("scenario {}: {key}", scenario.name)), found, remedy))
+    };
+    if let Some(effect) = problem.model.effects().iter().find(|effect| effect.is_learnt_for_record()) {
+        let found =
+            format!("the reduced model of {} is learnt for one record, and holds for that record only", effect.slug());
+        return refuse("effects", found, "predict from a revision without this effect");
+    }
+    if problem.experiment.record.force_n.iter().all(|force| *force == 0.0) {
+        return refuse("force", "the force is zero at all times".into(), "give a force that moves the robot");
+    }
+    Ok(())
+}
+
+/// Error about a robot's mesh, with the scenario as its place.
+fn of_scenario(error: Error, scenario: &Scenario) -> Error {
+    match error {
+        Error::Input { found, .. } => {
+            let place = InputPlace::default().at_key(format!("scenario {}: robot", scenario.name));
+            Error::input(place, found, "change the size or the offset of the scenario's robot")
+        }
+        other => other,
+    }
+}
+
 /// Displacement of the robot per force at unit creep compliance, in 1/m.
 fn compliance_per_m(fe: &FiniteElements) -> Result<f64> {
     Ok(FullOrderModel::new(&fe.stiffness, fe.poisson_ratio)?.compliance_per_m())
@@ -452,8 +480,10 @@ pub fn warnings(gel: &Gel<'_>, ensemble: &Ensemble, trajectories_m: &[Vec<f64>])
             advice: "read the bands as this much wider".into(),
         });
     }
+    warnings.extend(beyond_the_gel(ensemble, farthest_m));
     if gel.is_taught {
         warnings.extend(extrapolations(gel.problem, ensemble, farthest_m));
+        warnings.extend(other_poisson_ratio(gel.problem, ensemble.problem()));
     }
     let model = &ensemble.problem().model;
     let observed = model.effects().iter().filter(|effect| effect.stage() == Stage::Observation);
@@ -478,6 +508,32 @@ pub fn warnings(gel: &Gel<'_>, ensemble: &Ensemble, trajectories_m: &[Vec<f64>])
         });
     }
     warnings
+}
+
+/// Warning about a robot that would leave the gel.
+fn beyond_the_gel(ensemble: &Ensemble, farthest_m: f64) -> Option<Warning> {
+    let Apparatus::Robot { robot, vitreous } = &ensemble.problem().experiment.apparatus else { return None };
+    let free_m = 0.5 * vitreous.diameter_m - robot.farthest_point_m();
+    (farthest_m > free_m).then(|| Warning {
+        kind: WarningKind::ImpossiblePositions,
+        text: format!(
+            "the robot moves by {} µm, but the gel's outer surface is {} µm away",
+            format_significant(1e6 * farthest_m, 4),
+            format_significant(1e6 * free_m, 4)
+        ),
+        advice: "give a smaller force or a shorter time".into(),
+    })
+}
+
+/// Warning about a Poisson ratio other than that with which the law was inferred.
+fn other_poisson_ratio(taught: &Problem, asked: &Problem) -> Option<Warning> {
+    let ratio = |problem: &Problem| problem.experiment.scales().poisson_ratio;
+    let (taught, asked) = (ratio(taught)?, ratio(asked)?);
+    (taught != asked).then(|| Warning {
+        kind: WarningKind::Extrapolation,
+        text: format!("the law was inferred at a Poisson ratio of {taught}, and the scenario has {asked}: the record determines the moduli for its own ratio only"),
+        advice: "fit the record again with this Poisson ratio, or keep that of the record".into(),
+    })
 }
 
 /// Warnings about forces, durations and displacements beyond the record that taught the law.

@@ -5,15 +5,26 @@ use std::path::Path;
 use base::error::{Error, InputPlace, Result};
 use base::files::{self, Content};
 use base::toml_input::TomlTable;
+use record::table::decode_detected;
 use record::{ForceRule, Record};
 
 /// Number of evenly spaced rows of a prediction, besides the changes of the force.
 const N_ROWS: usize = 400;
 /// Smallest number of rows in one period of a sine. The straight lines between rows then deviate by less than 10⁻³ of the amplitude.
 const ROWS_A_PERIOD: f64 = 80.0;
+/// Number of rows per decade of the time since a change of the force, as long as there are few changes. Creep is smooth in the logarithm of this time.
+const ROWS_A_DECADE: usize = 40;
+/// Number of decades of the time since a change that have rows of their own.
+const DECADES: usize = 6;
+/// Largest number of rows after all changes together.
+const MOST_ROWS_AFTER_CHANGES: usize = 4_000;
 /// Largest number of rows of a prediction.
 const MOST_ROWS: usize = 20_000;
+/// Largest absolute force in N, far above any microrobot's.
+const LARGEST_N: f64 = 1e3;
 const UN_PER_N: f64 = 1e6;
+/// Headers of a table of the force. `plan` writes the second one for a given magnetic moment; the gradient is not read.
+const HEADERS: [&str; 2] = ["time_s,force_un", "time_s,force_un,gradient_t_per_m"];
 /// Example of a force in a scenario, for errors.
 const EXAMPLE: &str = "force = { steps_un = [[0, 20], [5, 0]] }";
 
@@ -66,10 +77,16 @@ impl ForceHistory {
                 Ok(Self::Steps(steps))
             }
             "ramp_un_per_s" => {
-                Ok(Self::Ramp { rate_n_per_s: table.required_number(kind, "ramp_un_per_s = 2")? / UN_PER_N })
+                let rate = table.required_number(kind, "ramp_un_per_s = 2")?;
+                let largest = LARGEST_N * UN_PER_N;
+                Ok(Self::Ramp { rate_n_per_s: table.require_range(kind, rate, [-largest, largest])? / UN_PER_N })
             }
             _ => Ok(Self::Sine {
-                amplitude_n: table.required_number(kind, "sine_un = 20")? / UN_PER_N,
+                amplitude_n: {
+                    let largest = LARGEST_N * UN_PER_N;
+                    let amplitude = table.required_number(kind, "sine_un = 20")?;
+                    table.require_range(kind, amplitude, [-largest, largest])? / UN_PER_N
+                },
                 frequency_hz: table.required_within("frequency_hz", "frequency_hz = 0.5", [1e-6, 1e4])?,
             }),
         }
@@ -81,7 +98,7 @@ impl ForceHistory {
     /// [`Error::Input`] with the line if a cell is not a number or the times do not ascend.
     pub fn from_file(path: &Path) -> Result<Self> {
         let bytes = files::read(path, Content::Table, "check the path of the force's table")?;
-        let text = String::from_utf8_lossy(&bytes);
+        let text = decode_detected(&bytes);
         let refuse = |line: usize, found: String| {
             let remedy =
                 "write the header `time_s,force_un`, then one row for each change of the force, in the order of time";
@@ -90,13 +107,12 @@ impl ForceHistory {
         let mut steps: Vec<[f64; 2]> = Vec::new();
         let mut lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty() && !line.starts_with('#'));
         match lines.next() {
-            Some((_, header))
-                if header.trim().trim_start_matches('\u{feff}').replace("uN", "un") == "time_s,force_un" => {}
+            Some((_, header)) if HEADERS.contains(&header.trim().replace("uN", "un").as_str()) => {}
             header => return refuse(1, format!("the header is `{}`", header.map_or("", |(_, line)| line.trim()))),
         }
         for (index, line) in lines {
             let cells: Vec<Option<f64>> = line.split(',').map(|cell| cell.trim().parse().ok()).collect();
-            let [Some(time_s), Some(un)] = cells[..] else {
+            let [Some(time_s), Some(un), ..] = cells[..] else {
                 return refuse(index + 1, format!("`{}` is not a time and a force", line.trim()));
             };
             steps.push([time_s, un / UN_PER_N]);
@@ -137,13 +153,15 @@ impl ForceHistory {
             ));
         }
         let even = (0..=n_even).map(|row| duration_s * row as f64 / n_even as f64);
+        let after_changes = rows_after_changes(&changes_s, duration_s);
         let mut time_s: Vec<f64> = even
             .chain(changes_s)
+            .chain(after_changes)
             .chain(also_s.iter().copied())
             .filter(|time| (0.0..=duration_s).contains(time))
             .collect();
         time_s.sort_by(f64::total_cmp);
-        let closest_s = 1e-9 * duration_s;
+        let closest_s = 1e-12 * duration_s;
         time_s.dedup_by(|later, earlier| *later - *earlier < closest_s);
         let force_n = time_s.iter().map(|time_s| self.at_n(*time_s + 0.5 * closest_s)).collect();
         let (n, force_rule) =
@@ -173,6 +191,23 @@ impl ForceHistory {
     }
 }
 
+/// Times (s) at equal distances in the logarithm of the time since each change, or since time 0, until the next change.
+fn rows_after_changes(changes_s: &[f64], duration_s: f64) -> Vec<f64> {
+    let mut begins: Vec<f64> = std::iter::once(0.0).chain(changes_s.iter().copied()).collect();
+    begins.dedup();
+    let a_decade = ROWS_A_DECADE.min(MOST_ROWS_AFTER_CHANGES / DECADES / begins.len());
+    if a_decade == 0 {
+        return Vec::new();
+    }
+    let mut list = Vec::new();
+    for (k, begin_s) in begins.iter().enumerate() {
+        let length_s = begins.get(k + 1).map_or(duration_s, |next| next.min(duration_s)) - begin_s;
+        let share = |row: usize| 10_f64.powf(-(row as f64) / a_decade as f64);
+        list.extend((1..DECADES * a_decade).map(|row| begin_s + length_s * share(row)));
+    }
+    list
+}
+
 /// Fault of a list of times and forces, in words; `None` if there is none.
 fn fault(steps: &[[f64; 2]]) -> Option<String> {
     if steps.is_empty() {
@@ -181,6 +216,9 @@ fn fault(steps: &[[f64; 2]]) -> Option<String> {
     if let Some([time_s, _]) = steps.iter().find(|[time_s, n]| !(time_s.is_finite() && n.is_finite() && *time_s >= 0.0))
     {
         return Some(format!("the time {time_s} s is negative, or a value is not finite"));
+    }
+    if let Some([_, n]) = steps.iter().find(|[_, n]| n.abs() > LARGEST_N) {
+        return Some(format!("a force of {:e} µN is beyond any actuator", UN_PER_N * n));
     }
     let pair = steps.windows(2).find(|pair| pair[0][0] >= pair[1][0])?;
     Some(format!("the time {} s follows {} s", pair[1][0], pair[0][0]))

@@ -15,16 +15,25 @@ use crate::force_history::ForceHistory;
 use crate::quantity::time_to_reach_s;
 use crate::scenario::Scenario;
 
-/// Largest number of draws that the search uses.
-const MOST_PLANNED: usize = 2_000;
 /// Number of other draws that full finite elements check, and their number if a run takes seconds or more.
 const CHECKED: [usize; 2] = [128, 8];
-/// Number of halvings of the interval of the force. The force is then known to 10⁻⁹ of its limit.
-const HALVINGS: usize = 30;
-/// Number of changes of the force during the rest at the target.
-const REST_STEPS: usize = 12;
+/// Numbers of halvings of the interval of the force: where trajectories are scaled, and where they are computed anew.
+const HALVINGS: usize = 60;
+const HALVINGS_SLOW: usize = 24;
+/// Numbers of changes of the force during the rest at the target that are tried.
+const REST_STEPS: [usize; 3] = [12, 24, 48];
+/// Parts of the largest force that are tried for the way to a rest.
+const TRAVEL_PARTS: [f64; 4] = [1.0, 0.8, 0.6, 0.4];
+/// Number of times at which the position of a rest is compared with the target.
+const N_REST_ROWS: usize = 240;
 /// Number of equal steps into which a limited slew rate divides a change of the force.
-const SLEW_STEPS: usize = 10;
+const SLEW_STEPS: usize = 20;
+/// Number of rounds in which the sizes and durations of changes are found in turn.
+const SLEW_ROUNDS: usize = 4;
+/// Number of forces that are tried if the strain binds.
+const N_STRAIN_FORCES: usize = 60;
+/// Factor of a limit that counts as no limit.
+const MUCH: f64 = 100.0;
 /// Number of sweeps over the changes of the force in the least-squares search.
 const SWEEPS: usize = 2_000;
 
@@ -80,6 +89,16 @@ impl Target {
         self.within_s + self.rest.map_or(0.0, |rest| rest.for_s)
     }
 
+    /// Share of an ensemble's draws that meet the target.
+    ///
+    /// # Errors
+    /// Errors of the model.
+    pub fn probability_under(&self, ensemble: &Ensemble) -> Result<f64> {
+        let trajectories_m = ensemble.trajectories_m(0..ensemble.parameters.len())?;
+        let met = trajectories_m.iter().filter(|x| self.is_met(ensemble.record(), x, ensemble.strain_per_m)).count();
+        Ok(met as f64 / trajectories_m.len().max(1) as f64)
+    }
+
     /// True if a trajectory reaches the target in time, rests there and stays below the largest strain.
     fn is_met(&self, record: &Record, position_m: &[f64], strain_per_m: f64) -> bool {
         let arrives = time_to_reach_s(record, position_m, self.reach_m) <= self.within_s * (1.0 + 1e-9);
@@ -95,11 +114,20 @@ impl Target {
         let largest = strain_per_m * position_m.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
         self.largest_strain.is_none_or(|limit| largest <= limit)
     }
+}
 
-    /// Time that a full change of the force takes, in s.
-    fn ramp_s(&self) -> f64 {
-        self.slew_n_per_s.map_or(0.0, |slew| 2.0 * self.largest_force_n / slew)
-    }
+/// A force as its changes, with the probability of success over the draws of the search.
+struct Tried {
+    changes: Vec<[f64; 2]>,
+    probability: f64,
+}
+
+/// A search for forces.
+struct ForceSearch<'a> {
+    target: &'a Target,
+    /// Scenario with the draws of the search.
+    ensemble: Ensemble,
+    is_linear: bool,
 }
 
 /// Plans the force of a scenario.
@@ -114,17 +142,15 @@ pub fn plan(
     monitor: &dyn Monitor,
 ) -> Result<PlannedForce> {
     let [planned, unused] = halves(&gel.draws);
-    let planned = Gel { draws: planned.thinned(MOST_PLANNED), ..*gel };
-    let sign = target.reach_m.signum();
-    let constant = |force_n: f64| stepped(&[[0.0, sign * force_n]], target.ramp_s());
-    let record =
-        ForceHistory::Steps(constant(target.largest_force_n)).record(target.duration_s(), &[target.within_s])?;
+    let planned = Gel { draws: planned, ..*gel };
+    let record = target.record(&[[0.0, target.sign() * target.largest_force_n]])?;
     let ensemble = Ensemble::new(&planned, scenario, record, kept, monitor)?;
     monitor.stage("searching for the force");
     let is_linear = ensemble.is_linear()?;
-    let steps = match target.rest {
-        None => constant(smallest_force_n(&ensemble, target, is_linear, &constant)?),
-        Some(_) if is_linear => force_with_rest(&ensemble, target)?,
+    let search = ForceSearch { target, ensemble, is_linear };
+    let found = match target.rest {
+        None => search.constant()?,
+        Some(_) if is_linear => search.with_rest()?,
         Some(_) => {
             return Err(Error::input(
                 InputPlace::default().at_key("rest"),
@@ -133,36 +159,23 @@ pub fn plan(
             ));
         }
     };
-    let record = ForceHistory::Steps(steps.clone()).record(target.duration_s(), &[target.within_s])?;
-    let ensemble = ensemble.with_record(record.clone());
-    let all = ensemble.trajectories_m(0..ensemble.parameters.len())?;
-    let share = |met: usize, n: usize| met as f64 / n.max(1) as f64;
-    let strain_per_m = ensemble.strain_per_m;
-    let met = all.iter().filter(|x| target.is_met(&record, x, strain_per_m)).count();
-    let promised = share(met, all.len());
-    let is_feasible = promised >= target.probability;
-    let arrived = Target { largest_strain: None, ..*target };
-    let without_strain = share(all.iter().filter(|x| arrived.is_met(&record, x, strain_per_m)).count(), all.len());
-    let largest_n = steps.iter().fold(0.0_f64, |most, [_, n]| most.max(n.abs()));
-    let limit = match () {
-        () if is_feasible => "",
-        () if without_strain >= target.probability => "strain",
-        () if largest_n >= target.largest_force_n * (1.0 - 1e-6) && target.rest.is_none() => "force",
-        () if target.rest.is_some() => "uncertainty of the gel",
-        () => "force",
-    };
+    let is_feasible = found.probability >= target.probability;
+    let limit = if is_feasible { "" } else { search.limit()? };
+    let record = target.record(&found.changes)?;
     monitor.stage("checking unused draws by full finite elements");
-    let other = ensemble.with_draws(&unused.thinned(CHECKED[usize::from(ensemble.is_slow())]), 1);
+    let other = search.ensemble.with_record(record.clone());
+    let other = other.with_draws(&unused.thinned(CHECKED[usize::from(other.is_slow())]), 1);
     let full_m = other.full_trajectories_m(&(0..other.parameters.len()).collect::<Vec<usize>>())?;
-    let met = full_m.iter().filter(|x| target.is_met(&record, x, strain_per_m)).count();
+    let met = full_m.iter().filter(|x| target.is_met(&record, x, other.strain_per_m)).count();
+    let step = |[time_s, n]: &[f64; 2]| ForceStep { time_s: *time_s, force_un: 1e6 * n };
     Ok(PlannedForce {
-        steps: steps.iter().map(|[time_s, n]| ForceStep { time_s: *time_s, force_un: 1e6 * n }).collect(),
+        steps: target.stepped(&found.changes).iter().map(step).collect(),
         is_feasible,
-        promised,
-        checked: share(met, full_m.len()),
+        promised: found.probability,
+        checked: met as f64 / full_m.len().max(1) as f64,
         full_runs: full_m.len(),
         limit,
-        ensemble,
+        ensemble: search.ensemble.with_record(record),
     })
 }
 
@@ -175,96 +188,201 @@ fn halves(draws: &Draws) -> [Draws; 2] {
     })
 }
 
-/// Changes of the force, each spread over `ramp_s` in equal steps if this is not 0.
-fn stepped(changes: &[[f64; 2]], ramp_s: f64) -> Vec<[f64; 2]> {
-    if ramp_s == 0.0 {
-        return changes.to_vec();
+impl Target {
+    fn sign(&self) -> f64 {
+        self.reach_m.signum()
     }
-    let mut before_n = 0.0;
-    let mut steps = Vec::new();
-    for [time_s, force_n] in changes {
-        for k in 1..=SLEW_STEPS {
-            let share = k as f64 / SLEW_STEPS as f64;
-            steps.push([time_s + ramp_s * (share - 0.5 / SLEW_STEPS as f64), before_n + share * (force_n - before_n)]);
+
+    /// Changes of the force, each spread over the time that the slew rate needs, in equal steps. Steps after the end are left out.
+    fn stepped(&self, changes: &[[f64; 2]]) -> Vec<[f64; 2]> {
+        let Some(slew_n_per_s) = self.slew_n_per_s else { return changes.to_vec() };
+        let mut steps: Vec<[f64; 2]> = Vec::new();
+        let mut before_n = 0.0;
+        for (k, [time_s, force_n]) in changes.iter().enumerate() {
+            let until_s = changes.get(k + 1).map_or(self.duration_s(), |next| next[0]);
+            let change_n = force_n - before_n;
+            let ramp_s = change_n.abs() / slew_n_per_s;
+            let mut reached_n = before_n;
+            for step in 1..=SLEW_STEPS {
+                let share = step as f64 / SLEW_STEPS as f64;
+                let at_s = time_s + ramp_s * (share - 0.5 / SLEW_STEPS as f64);
+                if at_s < until_s && change_n != 0.0 {
+                    reached_n = before_n + share * change_n;
+                    steps.push([at_s, reached_n]);
+                }
+            }
+            before_n = reached_n;
         }
-        before_n = *force_n;
+        if steps.is_empty() { vec![[0.0, 0.0]] } else { steps }
     }
-    steps
+
+    /// Rows of a force with these changes.
+    fn record(&self, changes: &[[f64; 2]]) -> Result<Record> {
+        ForceHistory::Steps(self.stepped(changes)).record(self.duration_s(), &[self.within_s])
+    }
 }
 
-/// Smallest constant force (N) with the requested probability of arrival; the largest force if none has it.
-fn smallest_force_n(
-    ensemble: &Ensemble,
-    target: &Target,
-    is_linear: bool,
-    constant: &dyn Fn(f64) -> Vec<[f64; 2]>,
-) -> Result<f64> {
-    let all = 0..ensemble.parameters.len();
-    let record = ensemble.record();
-    let at_limit = ensemble.trajectories_m(all.clone())?;
-    let share = |force_n: f64| -> Result<f64> {
-        let part = force_n / target.largest_force_n;
-        let times: Vec<f64> = if is_linear {
-            at_limit.iter().map(|x| time_to_reach_s(record, x, target.reach_m / part)).collect()
-        } else {
-            let history = ForceHistory::Steps(constant(force_n));
-            let under_force = ensemble.with_record(history.record(target.duration_s(), &[target.within_s])?);
-            under_force
-                .trajectories_m(all.clone())?
-                .iter()
-                .map(|x| time_to_reach_s(record, x, target.reach_m))
-                .collect()
+impl ForceSearch<'_> {
+    fn trajectories_m(&self, changes: &[[f64; 2]]) -> Result<(Record, Vec<Vec<f64>>)> {
+        let record = self.target.record(changes)?;
+        let under_force = self.ensemble.with_record(record.clone());
+        let trajectories_m = under_force.trajectories_m(0..self.ensemble.parameters.len())?;
+        Ok((record, trajectories_m))
+    }
+
+    /// Share of the draws that meet a target under a force.
+    fn share(&self, target: &Target, changes: &[[f64; 2]]) -> Result<f64> {
+        let (record, trajectories_m) = self.trajectories_m(changes)?;
+        let is_met = |x: &&Vec<f64>| target.is_met(&record, x, self.ensemble.strain_per_m);
+        Ok(trajectories_m.iter().filter(is_met).count() as f64 / trajectories_m.len().max(1) as f64)
+    }
+
+    /// Smallest constant force with the requested probability. Without one, the force with the highest probability that keeps the strain.
+    fn constant(&self) -> Result<Tried> {
+        let target = self.target;
+        let changes = |force_n: f64| vec![[0.0, target.sign() * force_n]];
+        let without_strain = Target { largest_strain: None, ..*target };
+        let at_limit = self.ensemble.trajectories_m(0..self.ensemble.parameters.len())?;
+        let can_scale = self.is_linear && target.slew_n_per_s.is_none();
+        let arrivals = |force_n: f64| -> Result<f64> {
+            if !can_scale {
+                return self.share(&without_strain, &changes(force_n));
+            }
+            let (record, part) = (self.ensemble.record(), force_n / target.largest_force_n);
+            let arrives =
+                |x: &&Vec<f64>| time_to_reach_s(record, x, target.reach_m / part) <= target.within_s * (1.0 + 1e-9);
+            Ok(at_limit.iter().filter(arrives).count() as f64 / at_limit.len().max(1) as f64)
         };
-        Ok(times.iter().filter(|time_s| **time_s <= target.within_s).count() as f64 / times.len().max(1) as f64)
-    };
-    if share(target.largest_force_n)? < target.probability {
-        return Ok(target.largest_force_n);
-    }
-    let [mut fails_n, mut succeeds_n] = [0.0, target.largest_force_n];
-    for _ in 0..HALVINGS {
-        let middle_n = 0.5 * (fails_n + succeeds_n);
-        if share(middle_n)? >= target.probability {
-            succeeds_n = middle_n;
-        } else {
-            fails_n = middle_n;
+        let mut force_n = target.largest_force_n;
+        if arrivals(force_n)? >= target.probability {
+            let [mut fails_n, mut succeeds_n] = [0.0, force_n];
+            for _ in 0..if can_scale { HALVINGS } else { HALVINGS_SLOW } {
+                // Forces may differ by many decades.
+                let middle_n =
+                    if fails_n < 1e-3 * succeeds_n { 0.1 * succeeds_n } else { 0.5 * (fails_n + succeeds_n) };
+                if arrivals(middle_n)? >= target.probability {
+                    succeeds_n = middle_n;
+                } else {
+                    fails_n = middle_n;
+                }
+            }
+            // Rounding must not lose the draw at the limit.
+            force_n = (succeeds_n * (1.0 + 1e-6)).min(target.largest_force_n);
         }
+        let probability = self.share(target, &changes(force_n))?;
+        if probability >= target.probability || target.largest_strain.is_none() {
+            return Ok(Tried { changes: changes(force_n), probability });
+        }
+        // The strain binds: among smaller forces, the one that succeeds most often; of equal ones the largest that keeps the strain.
+        let largest_n = force_n;
+        let mut best = Tried { changes: changes(0.0), probability: 0.0 };
+        for k in 1..=N_STRAIN_FORCES {
+            let force_n = largest_n * k as f64 / N_STRAIN_FORCES as f64;
+            let (record, trajectories_m) = self.trajectories_m(&changes(force_n))?;
+            let n = trajectories_m.len().max(1) as f64;
+            let strain_per_m = self.ensemble.strain_per_m;
+            let keeps = trajectories_m.iter().filter(|x| target.strain_is_met(x, strain_per_m)).count() as f64 / n;
+            let met = trajectories_m.iter().filter(|x| target.is_met(&record, x, strain_per_m)).count() as f64 / n;
+            if met >= best.probability && keeps >= target.probability {
+                best = Tried { changes: changes(force_n), probability: met };
+            }
+        }
+        Ok(best)
     }
-    Ok(succeeds_n)
-}
 
-/// Fastest stepwise force: the largest force until the mean arrives, then steps that keep the mean at the target in the sense of least squares.
-fn force_with_rest(ensemble: &Ensemble, target: &Target) -> Result<Vec<[f64; 2]>> {
-    let record = ensemble.record();
-    let mean_m = mean(&ensemble.trajectories_m(0..ensemble.parameters.len())?);
-    // Response of the mean to a step to the largest force, against the time since the step.
-    let response_m = |since_s: f64| if since_s <= 0.0 { 0.0 } else { interpolated(&record.time_s, &mean_m, since_s) };
-    let arrival_s = time_to_reach_s(record, &mean_m, target.reach_m);
-    if arrival_s > target.within_s {
-        return Ok(stepped(&[[0.0, target.reach_m.signum() * target.largest_force_n]], target.ramp_s()));
-    }
-    let (ramp_s, end_s) = (target.ramp_s(), target.duration_s());
-    let begin_s = (arrival_s - ramp_s).max(0.0);
-    // The changes follow each other ever more slowly, as the creep of the gel does.
-    let change_s = |k: usize| begin_s + (end_s - begin_s) * (k as f64 / REST_STEPS as f64).powi(2);
-    let mut changes_s: Vec<f64> = vec![0.0];
-    for k in 0..REST_STEPS {
-        let time_s = change_s(k);
-        if time_s - changes_s[changes_s.len() - 1] >= ramp_s.max(1e-3 * end_s) {
-            changes_s.push(time_s);
+    /// Stepwise force with the highest probability: the largest force, or a part of it, until the mean arrives, then steps that keep the mean at the target.
+    fn with_rest(&self) -> Result<Tried> {
+        let mut best: Option<Tried> = None;
+        for part in TRAVEL_PARTS {
+            for n_steps in REST_STEPS {
+                let changes = self.rest_changes(part, n_steps)?;
+                let probability = self.share(self.target, &changes)?;
+                if best.as_ref().is_none_or(|best| probability > best.probability) {
+                    best = Some(Tried { changes, probability });
+                }
+                if best.as_ref().is_some_and(|best| best.probability >= self.target.probability) {
+                    break;
+                }
+            }
         }
+        Ok(best.unwrap_or(Tried { changes: vec![[0.0, 0.0]], probability: 0.0 }))
     }
-    let rows: Vec<f64> = record.time_s.iter().copied().filter(|time_s| *time_s >= arrival_s.max(1e-9)).collect();
-    let matrix = DMatrix::from_fn(rows.len(), changes_s.len(), |row, k| {
-        // The force of interval k acts from its change until the next.
-        let until = changes_s.get(k + 1).map_or(0.0, |next_s| response_m(rows[row] - next_s));
-        response_m(rows[row] - changes_s[k]) - until
-    });
-    let wanted = DVector::from_element(rows.len(), target.reach_m);
-    let sign = target.reach_m.signum();
-    let parts = bounded_least_squares(&matrix, &wanted, changes_s.len());
-    let changes: Vec<[f64; 2]> =
-        changes_s.iter().zip(&parts).map(|(time_s, part)| [*time_s, sign * part * target.largest_force_n]).collect();
-    Ok(stepped(&changes, ramp_s))
+
+    /// Changes of a stepwise force: `part` of the largest force until the mean arrives, then `n_steps` changes that keep the mean at the target in the sense of
+    /// least squares.
+    fn rest_changes(&self, part: f64, n_steps: usize) -> Result<Vec<[f64; 2]>> {
+        let target = self.target;
+        let travel = Target { largest_force_n: part * target.largest_force_n, slew_n_per_s: None, ..*target };
+        let whole = [[0.0, target.sign() * travel.largest_force_n]];
+        let unlimited = ForceSearch {
+            target: &travel,
+            ensemble: self.ensemble.with_record(travel.record(&whole)?),
+            is_linear: true,
+        };
+        let (record, trajectories_m) = unlimited.trajectories_m(&whole)?;
+        let mean_m = mean(&trajectories_m);
+        let step_m = |since_s: f64| if since_s <= 0.0 { 0.0 } else { interpolated(&record.time_s, &mean_m, since_s) };
+        // Response to a change that the slew rate spreads over a time.
+        let response_m = |since_s: f64, ramp_s: f64| {
+            let at = |k: usize| step_m(since_s - ramp_s * (k as f64 + 0.5) / SLEW_STEPS as f64);
+            if ramp_s == 0.0 { step_m(since_s) } else { (0..SLEW_STEPS).map(at).sum::<f64>() / SLEW_STEPS as f64 }
+        };
+        let arrival_s = time_to_reach_s(&record, &mean_m, target.reach_m);
+        let end_s = target.duration_s();
+        if arrival_s > target.within_s {
+            return Ok(whole.to_vec());
+        }
+        // The changes follow each other ever more slowly, as the creep of the gel does.
+        let change_s = |k: usize| arrival_s + (end_s - arrival_s) * (k as f64 / n_steps as f64).powi(2);
+        let mut changes_s: Vec<f64> = vec![0.0];
+        for k in 0..n_steps {
+            let time_s = change_s(k);
+            if time_s - changes_s[changes_s.len() - 1] >= 1e-3 * end_s {
+                changes_s.push(time_s);
+            }
+        }
+        let begin_s = arrival_s + 0.5 * (target.within_s - arrival_s);
+        let rows: Vec<f64> =
+            (0..=N_REST_ROWS).map(|k| begin_s + (end_s - begin_s) * k as f64 / N_REST_ROWS as f64).collect();
+        let wanted = DVector::from_element(rows.len(), target.reach_m);
+        let mut ramps_s = vec![0.0; changes_s.len()];
+        let mut parts = Vec::new();
+        // The time that a change takes depends on its size, so that both are found in turn.
+        for _ in 0..if target.slew_n_per_s.is_some() { SLEW_ROUNDS } else { 1 } {
+            let matrix = DMatrix::from_fn(rows.len(), changes_s.len(), |row, k| {
+                // The force of interval k acts from its change until the next.
+                let until = changes_s.get(k + 1).map_or(0.0, |next_s| response_m(rows[row] - next_s, ramps_s[k + 1]));
+                response_m(rows[row] - changes_s[k], ramps_s[k]) - until
+            });
+            parts = bounded_least_squares(&matrix, &wanted, 1.0 / part);
+            if let Some(slew) = target.slew_n_per_s {
+                let before = std::iter::once(&0.0).chain(&parts);
+                let change_n = before.zip(&parts).map(|(a, b)| (b - a).abs() * travel.largest_force_n);
+                ramps_s = change_n.map(|change_n| change_n / slew).collect();
+            }
+        }
+        let force_n = |part: &f64| target.sign() * part * travel.largest_force_n;
+        Ok(changes_s.iter().zip(&parts).map(|(time_s, part)| [*time_s, force_n(part)]).collect())
+    }
+
+    /// Limit that keeps the probability below the request: the first whose removal helps.
+    fn limit(&self) -> Result<&'static str> {
+        let relaxed = [
+            ("strain", Target { largest_strain: None, ..*self.target }),
+            ("slew rate", Target { slew_n_per_s: None, ..*self.target }),
+            ("force", Target { largest_force_n: MUCH * self.target.largest_force_n, ..*self.target }),
+        ];
+        for (limit, target) in relaxed.iter().filter(|(_, target)| target != self.target) {
+            let whole = [[0.0, target.sign() * target.largest_force_n]];
+            let ensemble = self.ensemble.with_record(target.record(&whole)?);
+            let search = ForceSearch { target, ensemble, is_linear: self.is_linear };
+            let found = if target.rest.is_some() { search.with_rest()? } else { search.constant()? };
+            if found.probability >= self.target.probability {
+                return Ok(limit);
+            }
+        }
+        Ok(if self.target.rest.is_some() { "uncertainty of the gel" } else { "combination of all limits" })
+    }
 }
 
 /// Mean trajectory.
@@ -287,8 +405,9 @@ fn interpolated(time_s: &[f64], values: &[f64], at_s: f64) -> f64 {
     }
 }
 
-/// Minimises |A x − b|² over x between −1 and 1, by descent in one coordinate after the other. The first coordinate begins at 1.
-fn bounded_least_squares(matrix: &DMatrix<f64>, wanted: &DVector<f64>, n: usize) -> Vec<f64> {
+/// Minimises |A x − b|² over x between −`bound` and `bound`, by descent in one coordinate after the other. The first coordinate begins at 1.
+fn bounded_least_squares(matrix: &DMatrix<f64>, wanted: &DVector<f64>, bound: f64) -> Vec<f64> {
+    let n = matrix.ncols();
     let mut x = DVector::zeros(n);
     x[0] = 1.0;
     let mut residual = matrix * &x - wanted;
@@ -297,7 +416,7 @@ fn bounded_least_squares(matrix: &DMatrix<f64>, wanted: &DVector<f64>, n: usize)
         for k in 0..n {
             if square[k] > 0.0 {
                 let old: f64 = x[k];
-                x[k] = (old - matrix.column(k).dot(&residual) / square[k]).clamp(-1.0, 1.0);
+                x[k] = (old - matrix.column(k).dot(&residual) / square[k]).clamp(-bound, bound);
                 residual.axpy(x[k] - old, &matrix.column(k), 1.0);
             }
         }
@@ -313,19 +432,27 @@ mod tests {
     fn bounded_least_squares_finds_the_constrained_minimum() {
         // Unconstrained minimum (2, 0.5): the first coordinate stays at its bound, and the second compensates.
         let matrix = DMatrix::from_row_slice(2, 2, &[1.0, 1.0, 0.0, 1.0]);
-        let x = bounded_least_squares(&matrix, &DVector::from_vec(vec![2.5, 0.5]), 2);
+        let x = bounded_least_squares(&matrix, &DVector::from_vec(vec![2.5, 0.5]), 1.0);
         assert!((x[0] - 1.0).abs() < 1e-12 && (x[1] - 1.0).abs() < 1e-9, "{x:?}");
     }
 
     #[test]
-    fn a_limited_slew_rate_divides_changes_into_small_steps() {
-        let steps = stepped(&[[0.0, 1.0], [5.0, -1.0]], 2.0);
-        assert_eq!(steps.len(), 2 * SLEW_STEPS);
-        let fastest = steps
-            .windows(2)
-            .map(|pair| ((pair[1][1] - pair[0][1]) / (pair[1][0] - pair[0][0])).abs())
-            .fold(0.0, f64::max);
-        assert!(fastest <= 1.0 + 1e-9, "{fastest}");
-        assert_eq!(steps[steps.len() - 1][1], -1.0);
+    fn a_limited_slew_rate_divides_changes_into_steps_of_its_slope() {
+        let target = Target {
+            reach_m: 1e-3,
+            within_s: 6.0,
+            probability: 0.95,
+            largest_force_n: 100.0,
+            slew_n_per_s: Some(1.0),
+            largest_strain: None,
+            rest: None,
+        };
+        let steps = target.stepped(&[[0.0, 1.0], [5.0, -1.0]]);
+        let slope = |pair: &[[f64; 2]]| ((pair[1][1] - pair[0][1]) / (pair[1][0] - pair[0][0])).abs();
+        // The second change needs 2 s and has 1 s until the end: half of its steps remain.
+        assert_eq!(steps.len(), SLEW_STEPS + SLEW_STEPS / 2);
+        assert!(steps[..SLEW_STEPS].windows(2).all(|pair| (slope(pair) - 1.0).abs() < 1e-9), "{steps:?}");
+        assert!(steps.windows(2).all(|pair| pair[1][0] > pair[0][0] && slope(pair) <= 1.0 + 1e-9), "{steps:?}");
+        assert!((steps[steps.len() - 1][1]).abs() < 1e-9 && steps[SLEW_STEPS - 1][1] == 1.0, "{steps:?}");
     }
 }

@@ -14,7 +14,7 @@ const SPEED_WINDOW: f64 = 0.1;
 /// Quantity of interest, with the event whose probability is asked.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Quantity {
-    /// Position at a time. Event: it is at least `at_least_m`.
+    /// Position at a time. Event: it is at least `at_least_m`, or at most if that is negative.
     PositionAt {
         /// Time in s.
         at_s: f64,
@@ -78,12 +78,13 @@ impl Quantity {
         }
     }
 
-    /// Time (s) at which the quantity needs a row of the prediction; `None` for no certain time.
-    pub fn at_s(&self) -> Option<f64> {
+    /// Times (s) at which the quantity needs rows of the prediction, in ascending order.
+    pub fn times_s(&self) -> Vec<f64> {
         match *self {
-            Self::PositionAt { at_s, .. } | Self::Speed { at_s } => Some(at_s),
-            Self::TimeToReach { within_s, .. } => within_s,
-            Self::PeakStrain | Self::Return => None,
+            Self::PositionAt { at_s, .. } => vec![at_s],
+            Self::Speed { at_s } => vec![(1.0 - SPEED_WINDOW) * at_s, at_s],
+            Self::TimeToReach { within_s, .. } => within_s.into_iter().collect(),
+            Self::PeakStrain | Self::Return => Vec::new(),
         }
     }
 
@@ -185,10 +186,15 @@ impl Quantity {
             unit => format!(" {}", unit.replace("um", "µm")),
         };
         let [q05, median, q95] = quantiles.map(shown);
-        let value = format!("{}: {median}{unit} (90 %: {q05} to {q95})", self.label());
+        let value = match quantiles[1] {
+            None if quantiles[0].is_none() => format!("{}: not reached", self.label()),
+            None => format!("{}: not reached by the median draw (5 % quantile {q05}{unit})", self.label()),
+            Some(_) => format!("{}: {median}{unit} (90 %: {q05} to {q95})", self.label()),
+        };
         let event = match (self, probability) {
             (Self::PositionAt { at_least_m: Some(m), .. }, Some(p)) => {
-                format!("; at least {} µm in {} % of draws", plain(UM_PER_M * m), percent(p))
+                let bound = if *m < 0.0 { "at most" } else { "at least" };
+                format!("; {bound} {} µm in {} % of draws", plain(UM_PER_M * m), percent(p))
             }
             (Self::TimeToReach { within_s: Some(s), .. }, Some(p)) => {
                 format!("; within {} s in {} % of draws", plain(*s), percent(p))
@@ -236,10 +242,11 @@ pub fn time_to_reach_s(record: &Record, position_m: &[f64], distance_m: f64) -> 
     }
 }
 
-/// Row at which the force last falls to zero; `None` if it does not.
+/// Row from which the force is zero until the end of the record; `None` if the force is not zero at the end, or only in the last row.
 pub fn last_release(record: &Record) -> Option<usize> {
     let force_n = &record.force_n;
-    (1..force_n.len()).rev().find(|row| force_n[*row] == 0.0 && force_n[row - 1] != 0.0)
+    let row = force_n.iter().rposition(|force| *force != 0.0)? + 1;
+    (row + 1 < force_n.len()).then_some(row)
 }
 
 #[cfg(test)]

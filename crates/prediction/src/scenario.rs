@@ -115,6 +115,9 @@ impl Scenario {
                 "add a force, as in `force = { steps_un = [[0, 20], [5, 0]] }`, or give a table with `--force`";
             return refuse("force", "the scenario has no force", remedy);
         };
+        if force.last_change_s() > LONGEST_S {
+            return refuse("force", "the force changes after more than ten days", "give times in seconds");
+        }
         let latest = latest_s(&self.quantities).unwrap_or(0.0).max(force.last_change_s());
         match self.duration_s {
             Some(duration_s) => Ok((force, duration_s)),
@@ -172,7 +175,7 @@ pub fn with_diameter(robot: &Robot, diameter_m: f64) -> Robot {
 
 /// Latest time (s) at which a quantity is taken; `None` if no quantity has a time.
 fn latest_s(quantities: &[Quantity]) -> Option<f64> {
-    quantities.iter().filter_map(Quantity::at_s).reduce(f64::max)
+    quantities.iter().flat_map(Quantity::times_s).reduce(f64::max)
 }
 
 #[cfg(test)]

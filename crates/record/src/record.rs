@@ -41,6 +41,27 @@ impl Record {
         hex(&hash.finalize())
     }
 
+    /// Returns the record with further rows without positions, at which the force is that of the record.
+    pub fn with_times(&self, also_s: &[f64]) -> Self {
+        let mut time_s: Vec<f64> = self.time_s.iter().chain(also_s).copied().collect();
+        time_s.sort_by(f64::total_cmp);
+        time_s.dedup();
+        let row_of = |time: &f64| self.time_s.partition_point(|row_s| row_s <= time).saturating_sub(1);
+        let at_row = |time: &f64| {
+            let row = row_of(time);
+            if self.force_rule == ForceRule::Hold { self.force_n[row] } else { self.force().at_n(&self.time_s, *time) }
+        };
+        let position = |time: &f64| self.position_m[row_of(time)].filter(|_| self.time_s[row_of(time)] == *time);
+        Self {
+            force_n: time_s.iter().map(at_row).collect(),
+            position_m: time_s.iter().map(position).collect(),
+            cycle: time_s.iter().map(|time| self.cycle[row_of(time)]).collect(),
+            force_rule: self.force_rule,
+            force_rows: Vec::new(),
+            time_s,
+        }
+    }
+
     /// Returns the commanded force over time.
     pub fn force(&self) -> Force<'_> {
         Force { at_rows_n: &self.force_n, rule: self.force_rule }

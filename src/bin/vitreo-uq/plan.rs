@@ -34,7 +34,7 @@ pub struct PlanArguments {
     /// Largest principal strain of the gel [default: no limit]
     #[arg(long, value_name = "STRAIN", allow_negative_numbers = true)]
     max_strain: Option<f64>,
-    /// Stop at the target: largest distance from it during the rest, in µm
+    /// Rest at the target from `--within-s` on: largest distance from it, in µm
     #[arg(long, value_name = "MICROMETRE", requires = "rest_s", allow_negative_numbers = true)]
     rest_within_um: Option<f64>,
     /// Duration of the rest at the target
@@ -73,7 +73,10 @@ fn target(arguments: &PlanArguments) -> Result<Target> {
         other => Ok(other),
     };
     let reach_mm = arguments.reach_mm;
-    positive("--reach-mm", Some(reach_mm.abs()), 1e4)?;
+    if !(reach_mm != 0.0 && reach_mm.abs() <= 1e4) {
+        let (found, remedy) = (format!("{reach_mm} mm"), "give a distance other than 0, of at most 10000 mm");
+        return Err(Error::input(InputPlace::default().at_key("--reach-mm"), found, remedy));
+    }
     positive("--within-s", Some(arguments.within_s), LONGEST_S)?;
     let largest_un = positive("--max-force-un", arguments.max_force_un, 1e9)?;
     let slew_un = positive("--max-slew-un-per-s", arguments.max_slew_un_per_s, 1e12)?;

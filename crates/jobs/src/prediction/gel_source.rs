@@ -60,7 +60,7 @@ pub(super) struct GelSource {
     pub dir: PathBuf,
     /// Study of the results; `None` for groups.
     pub study: Option<Study>,
-    seed: u64,
+    pub seed: u64,
     provenance: Provenance,
 }
 
@@ -158,7 +158,7 @@ fn study_warnings(dir: &Path, revision: &str) -> Result<Vec<Warning>> {
     {
         warnings.push(Warning {
             kind: WarningKind::ModelIncomplete,
-            text: format!("the diagnosis of {revision} finds: {}", verdict.sentence),
+            text: format!("the diagnosis of {revision} finds: {}", verdict.sentence.trim_end_matches('.')),
             advice: "extend the study with the missing effect, then predict from the new revision".into(),
         });
     }

@@ -4,18 +4,21 @@ use std::path::PathBuf;
 
 use base::error::Result;
 use base::files::{to_json, write_together};
-use documents::prediction::{ForceStep, Plan};
+use documents::posterior::{Warning, WarningKind};
+use documents::prediction::{EquivalentPlan, ForceStep, Plan};
 use figures::number::format_significant;
 use figures::svg::figure_files;
 use posterior::monitor::Monitor;
 use posterior::study::WithProvenance;
+use prediction::ensemble::{Ensemble, Gel};
 use prediction::plan::{PlannedForce, Target, plan};
 use prediction::quantity::{Quantity, percent, plain};
 use prediction::scenario::{Scenario, Tolerances};
 use sampling::SamplerOptions;
 
-use super::gel_source::{GelPlace, read_scenarios};
-use super::predict::{predicted, table};
+use super::gel_source::{GelPlace, GelSource, read_scenarios};
+use super::predict::{digits, predicted, table};
+use super::rivals::Rival;
 use crate::outcome::Outcome;
 use base::error::{Error, InputPlace, Setting};
 
@@ -73,11 +76,27 @@ pub fn run(place: &GelPlace<'_>, request: &PlanRequest, monitor: &dyn Monitor) -
         target.largest_force_n =
             study.experiment.record.force_n.iter().fold(0.0_f64, |most, force| most.max(force.abs()));
     }
-    scenario.quantities = vec![Quantity::TimeToReach { distance_m: target.reach_m, within_s: Some(target.within_s) }];
+    scenario.quantities = match target.rest {
+        None => vec![Quantity::TimeToReach { distance_m: target.reach_m, within_s: Some(target.within_s) }],
+        Some(_) => {
+            [target.within_s, target.duration_s()].map(|at_s| Quantity::PositionAt { at_s, at_least_m: None }).to_vec()
+        }
+    };
     let source = place.open(&scenario, &request.sampler, monitor)?;
     let gel = source.gel();
     let planned = plan(&gel, &scenario, &target, source.kept.clone(), monitor)?;
     let tube = predicted(&gel, &planned.ensemble, &scenario, monitor)?;
+    let equivalent = equivalent(&source, &scenario, &target, &planned, monitor)?;
+    let mut warnings = source.warnings.clone();
+    warnings.extend(equivalent.iter().filter(|other| other.probability < target.probability).map(|other| Warning {
+        kind: WarningKind::ModelIncomplete,
+        text: format!(
+            "with {}, which the record cannot distinguish from the model's own effect, this force succeeds with {} % probability",
+            other.effect,
+            percent(other.probability)
+        ),
+        advice: "record the experiment that tells the effects apart (`vitreo-uq design`), or plan for a higher probability".into(),
+    }));
     let checked = planned.checked;
     let found = Plan {
         gel: gel.draws.source.clone(),
@@ -95,7 +114,8 @@ pub fn run(place: &GelPlace<'_>, request: &PlanRequest, monitor: &dyn Monitor) -
         force: planned.steps,
         tube,
         protocol_file: source.dir.join(PROTOCOL_NAME).display().to_string(),
-        warnings: source.warnings.clone(),
+        equivalent,
+        warnings,
     };
     monitor.stage("writing results and figures");
     let figure = figures::prediction::prediction(
@@ -118,6 +138,23 @@ pub fn run(place: &GelPlace<'_>, request: &PlanRequest, monitor: &dyn Monitor) -
     Ok(Outcome { is_sound: document.body.is_sound(), document, written: svg.0, study: source.study.clone() })
 }
 
+/// Probability of success of the planned force with each equivalent effect.
+fn equivalent(
+    source: &GelSource,
+    scenario: &Scenario,
+    target: &Target,
+    planned: &PlannedForce,
+    monitor: &dyn Monitor,
+) -> Result<Vec<EquivalentPlan>> {
+    let of_rival = |rival: &Rival| {
+        let gel = Gel { problem: &rival.problem, draws: rival.draws.clone(), is_taught: true, seed: source.seed };
+        let record = planned.ensemble.record().clone();
+        let ensemble = Ensemble::new(&gel, scenario, record, source.kept.clone(), monitor)?;
+        Ok(EquivalentPlan { effect: rival.effect.clone(), probability: target.probability_under(&ensemble)? })
+    };
+    source.rivals.iter().map(of_rival).collect()
+}
+
 fn sentence(planned: &PlannedForce, target: &Target) -> String {
     let largest_un = planned
         .steps
@@ -132,7 +169,11 @@ fn sentence(planned: &PlannedForce, target: &Target) -> String {
         format!("{} % of {} unused draws by full finite elements", percent(planned.checked), planned.full_runs);
     let force = format!("{} µN", format_significant(largest_un, 4));
     if planned.is_feasible {
-        let kind = if target.rest.is_some() { "A stepwise force of at most" } else { "A constant force of" };
+        let kind = match (target.rest, target.slew_n_per_s) {
+            (Some(_), _) => "A stepwise force of at most",
+            (None, Some(_)) => "A force that rises to",
+            (None, None) => "A constant force of",
+        };
         return format!(
             "{kind} {force} reaches {goal}{rest} with {} % probability ({checked}).",
             percent(planned.promised)
@@ -152,8 +193,8 @@ fn protocol(steps: &[ForceStep], end_s: f64, moment_a_m2: Option<f64>) -> String
     let column = if moment_a_m2.is_some() { ",gradient_t_per_m" } else { "" };
     let mut text = format!("time_s,force_un{column}\n");
     for ForceStep { time_s, force_un } in steps.iter().copied().chain(last) {
-        let gradient = moment_a_m2.map_or(String::new(), |moment| format!(",{:.9e}", 1e-6 * force_un / moment));
-        text += &format!("{time_s:.6},{force_un:.6}{gradient}\n");
+        let gradient = moment_a_m2.map_or(String::new(), |moment| format!(",{}", digits(1e-6 * force_un / moment)));
+        text += &format!("{},{}{gradient}\n", digits(time_s), digits(force_un));
     }
     text
 }

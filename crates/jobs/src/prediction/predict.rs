@@ -13,7 +13,7 @@ use posterior::monitor::Monitor;
 use posterior::study::WithProvenance;
 use prediction::ensemble::{self, Ensemble, Gel};
 use prediction::force_history::ForceHistory;
-use prediction::quantity::Quantity;
+use prediction::quantity::{Quantity, time_to_reach_s};
 use prediction::scenario::{Scenario, Tolerances};
 use prediction::sensitivity::{Inputs, Marginal, indices};
 use record::Record;
@@ -22,6 +22,13 @@ use sampling::SamplerOptions;
 use super::gel_source::{GelPlace, GelSource, read_scenarios};
 use crate::outcome::Outcome;
 
+/// Largest number of positions of one scenario, over all draws and rows, and the smallest number of draws. They bound the memory.
+const MOST_VALUES: usize = 20_000_000;
+const FEWEST_DRAWS: usize = 1_000;
+/// Number of rows that are added around the arrivals at a distance.
+const N_ARRIVAL_ROWS: usize = 100;
+/// Smallest difference of the reduced model from full finite elements that is named, in µm: rounding is below it.
+const NAMED_ERROR_UM: f64 = 1e-6;
 /// Number of points from which each sensitivity index is computed.
 const N_SENSITIVITY: usize = 2_048;
 /// The same number if the position is not proportional to the force, where a trajectory takes milliseconds.
@@ -54,7 +61,10 @@ pub fn run(place: &GelPlace<'_>, request: &PredictRequest, monitor: &dyn Monitor
         warnings: source.warnings.clone(),
     };
     for (scenario, record) in &scenarios {
+        let gel = Gel { draws: gel.draws.thinned((MOST_VALUES / record.n_rows()).max(FEWEST_DRAWS)), ..gel };
         let ensemble = Ensemble::new(&gel, scenario, record.clone(), source.kept.clone(), monitor)?;
+        let ensemble = with_arrivals(ensemble, scenario)?;
+        let record = ensemble.record();
         monitor.stage(&format!("predicting {}", scenario.name));
         let prediction = predicted(&gel, &ensemble, scenario, monitor)?;
         found.sensitivity.extend(sensitivity(&gel, &ensemble, scenario, seed, monitor)?);
@@ -112,6 +122,13 @@ fn scenarios(place: &GelPlace<'_>, request: &PredictRequest) -> Result<Vec<(Scen
                     "remove `force` from the scenario, or leave out the table",
                 ));
             }
+            if force.last_change_s() == 0.0 && scenario.duration_s.is_none() && scenario.quantities.is_empty() {
+                return Err(Error::input(
+                    InputPlace::setting(Setting::ForceTable),
+                    "the table ends at 0 s",
+                    "add a row with the time at which the prediction ends",
+                ));
+            }
             scenario.force = Some(force.clone());
         }
         let record_of_study = match place {
@@ -126,7 +143,7 @@ fn scenarios(place: &GelPlace<'_>, request: &PredictRequest) -> Result<Vec<(Scen
             return Ok((scenario.clone(), record));
         }
         let (force, duration_s) = scenario.force_and_duration()?;
-        let also_s: Vec<f64> = scenario.quantities.iter().filter_map(Quantity::at_s).collect();
+        let also_s: Vec<f64> = scenario.quantities.iter().flat_map(Quantity::times_s).collect();
         let record = force.record(duration_s, &also_s)?;
         if scenario.quantities.is_empty() {
             scenario.quantities = vec![Quantity::PositionAt { at_s: duration_s, at_least_m: None }];
@@ -134,13 +151,40 @@ fn scenarios(place: &GelPlace<'_>, request: &PredictRequest) -> Result<Vec<(Scen
         if scenario.quantities.contains(&Quantity::Return) && prediction::quantity::last_release(&record).is_none() {
             return Err(Error::input(
                 InputPlace::default().at_key(format!("scenario {}: quantity", scenario.name)),
-                "a return is asked, but the force never falls to zero",
-                "end the force with a step to 0 µN, and give the return some time by `duration_s`",
+                "a return is asked, but the force is not zero over some time at the end",
+                "end the force with a step to 0 µN before the end, which `duration_s` sets",
             ));
         }
         Ok((scenario.clone(), record))
     };
     scenarios.iter_mut().map(with_record).collect()
+}
+
+/// Adds rows between the first and the last arrival of a draw at each distance that the scenario asks for, so that times of arrival are exact to the row.
+fn with_arrivals(ensemble: Ensemble, scenario: &Scenario) -> Result<Ensemble> {
+    let distances_m = scenario.quantities.iter().filter_map(|quantity| match quantity {
+        Quantity::TimeToReach { distance_m, .. } => Some(*distance_m),
+        _ => None,
+    });
+    let distances_m: Vec<f64> = distances_m.collect();
+    if distances_m.is_empty() {
+        return Ok(ensemble);
+    }
+    let trajectories_m = ensemble.trajectories_m(0..ensemble.parameters.len())?;
+    let record = ensemble.record().clone();
+    let mut also_s = Vec::new();
+    for distance_m in distances_m {
+        let times_s = trajectories_m.iter().map(|x| time_to_reach_s(&record, x, distance_m)).filter(|s| s.is_finite());
+        let ends = times_s.fold([f64::INFINITY, 0.0_f64], |[first, last], s| [first.min(s), last.max(s)]);
+        // The row before the first arrival and the row after the last one enclose all of them.
+        let before = record.time_s.partition_point(|s| *s < ends[0]).saturating_sub(1);
+        let after = record.time_s.partition_point(|s| *s <= ends[1]).min(record.n_rows() - 1);
+        if before < after {
+            let (from_s, to_s) = (record.time_s[before], record.time_s[after]);
+            also_s.extend((1..N_ARRIVAL_ROWS).map(|k| from_s + (to_s - from_s) * k as f64 / N_ARRIVAL_ROWS as f64));
+        }
+    }
+    Ok(ensemble.with_record(record.with_times(&also_s)))
 }
 
 /// Predicts one scenario.
@@ -160,7 +204,7 @@ pub(super) fn predicted(
     let half_um =
         position_um.q95.iter().zip(&position_um.q05).fold(0.0_f64, |most, (q95, q05)| most.max(0.5 * (q95 - q05)));
     let error_um = 1e6 * check.error_m;
-    if error_um > 0.1 * half_um && error_um > 1e-3 * largest_um {
+    if error_um > 0.1 * half_um && error_um > 1e-3 * largest_um && error_um > NAMED_ERROR_UM {
         warnings.push(Warning {
             kind: WarningKind::SurrogateInaccurate,
             text: format!(
@@ -296,11 +340,16 @@ fn write(source: &GelSource, found: Prediction, seed: u64, monitor: &dyn Monitor
     Ok(Outcome { is_sound: document.body.is_sound(), document, written: svg.0, study: source.study.clone() })
 }
 
-/// Table of the positions of all scenarios.
+/// A number with ten significant digits, without trailing zeros.
+pub(super) fn digits(number: f64) -> String {
+    format!("{number:.9e}").parse::<f64>().unwrap_or(number).to_string()
+}
+
+/// Table of the positions of all scenarios. Names with commas or quotation marks are quoted.
 pub(super) fn table(scenarios: &[ScenarioPrediction]) -> Vec<u8> {
     let mut text = String::from("scenario,time_s,force_un,q05_um,q25_um,median_um,q75_um,q95_um\n");
     for scenario in scenarios {
-        let name = scenario.name.replace(['"', '\n', ','], " ");
+        let name = format!("\"{}\"", scenario.name.replace('"', "\"\""));
         let x = &scenario.position_um;
         for row in 0..scenario.time_s.len() {
             let numbers = [
@@ -312,7 +361,7 @@ pub(super) fn table(scenarios: &[ScenarioPrediction]) -> Vec<u8> {
                 x.q75[row],
                 x.q95[row],
             ];
-            let cells = numbers.map(|number| format!("{number:.9}"));
+            let cells = numbers.map(digits);
             text += &format!("{name},{}\n", cells.join(","));
         }
     }
