@@ -191,7 +191,7 @@ fn wrong_scenarios_and_targets_are_refused() {
     };
     refuses("[[scenario]]\nname = \"a\"\n", &["force", "steps_un"]);
     refuses("[[scenario]]\nname = \"a\"\nforce = { ramp_un_per_s = 1 }\n", &["duration_s = 10"]);
-    refuses(&SPHERE.replace("position_at", "return").replace("at_s = 3\n", ""), &["never falls to zero"]);
+    refuses(&SPHERE.replace("position_at", "return").replace("at_s = 3\n", ""), &["not zero over some time"]);
     let thin =
         "[scenario.robot]\nshape = \"cylinder\"\nlength_mm = 30\ndiameter_mm = 0.2\norientation = \"horizontal\"\n";
     refuses(

@@ -205,7 +205,8 @@ impl Target {
             let mut reached_n = before_n;
             for step in 1..=SLEW_STEPS {
                 let share = step as f64 / SLEW_STEPS as f64;
-                let at_s = time_s + ramp_s * (share - 0.5 / SLEW_STEPS as f64);
+                // Each step follows the time that it needs, so that no two steps are steeper than the slew rate.
+                let at_s = time_s + ramp_s * share;
                 if at_s < until_s && change_n != 0.0 {
                     reached_n = before_n + share * change_n;
                     steps.push([at_s, reached_n]);
@@ -213,7 +214,10 @@ impl Target {
             }
             before_n = reached_n;
         }
-        if steps.is_empty() { vec![[0.0, 0.0]] } else { steps }
+        if steps.first().is_none_or(|first| first[0] > 0.0) {
+            steps.insert(0, [0.0, 0.0]);
+        }
+        steps
     }
 
     /// Rows of a force with these changes.
@@ -324,7 +328,7 @@ impl ForceSearch<'_> {
         let step_m = |since_s: f64| if since_s <= 0.0 { 0.0 } else { interpolated(&record.time_s, &mean_m, since_s) };
         // Response to a change that the slew rate spreads over a time.
         let response_m = |since_s: f64, ramp_s: f64| {
-            let at = |k: usize| step_m(since_s - ramp_s * (k as f64 + 0.5) / SLEW_STEPS as f64);
+            let at = |k: usize| step_m(since_s - ramp_s * (k as f64 + 1.0) / SLEW_STEPS as f64);
             if ramp_s == 0.0 { step_m(since_s) } else { (0..SLEW_STEPS).map(at).sum::<f64>() / SLEW_STEPS as f64 }
         };
         let arrival_s = time_to_reach_s(&record, &mean_m, target.reach_m);
@@ -449,10 +453,10 @@ mod tests {
         };
         let steps = target.stepped(&[[0.0, 1.0], [5.0, -1.0]]);
         let slope = |pair: &[[f64; 2]]| ((pair[1][1] - pair[0][1]) / (pair[1][0] - pair[0][0])).abs();
-        // The second change needs 2 s and has 1 s until the end: half of its steps remain.
-        assert_eq!(steps.len(), SLEW_STEPS + SLEW_STEPS / 2);
-        assert!(steps[..SLEW_STEPS].windows(2).all(|pair| (slope(pair) - 1.0).abs() < 1e-9), "{steps:?}");
+        // The second change needs 2 s and has 1 s until the end: nine of its twenty steps remain.
+        assert_eq!(steps.len(), 1 + SLEW_STEPS + 9);
         assert!(steps.windows(2).all(|pair| pair[1][0] > pair[0][0] && slope(pair) <= 1.0 + 1e-9), "{steps:?}");
-        assert!((steps[steps.len() - 1][1]).abs() < 1e-9 && steps[SLEW_STEPS - 1][1] == 1.0, "{steps:?}");
+        assert_eq!((steps[0], steps[SLEW_STEPS]), ([0.0, 0.0], [1.0, 1.0]));
+        assert!((steps[steps.len() - 1][1] - 0.1).abs() < 1e-9, "{steps:?}");
     }
 }
