@@ -294,18 +294,18 @@ impl ForceSearch<'_> {
         Ok(best)
     }
 
-    /// Stepwise force with the highest probability: the largest force, or a part of it, until the mean arrives, then steps that keep the mean at the target.
+    /// First stepwise force with the requested probability, or the one with the highest: the largest force, or a part of it, until the mean arrives, then steps that keep the mean at the target.
     fn with_rest(&self) -> Result<Tried> {
         let mut best: Option<Tried> = None;
         for part in TRAVEL_PARTS {
             for n_steps in REST_STEPS {
                 let changes = self.rest_changes(part, n_steps)?;
                 let probability = self.share(self.target, &changes)?;
+                if probability >= self.target.probability {
+                    return Ok(Tried { changes, probability });
+                }
                 if best.as_ref().is_none_or(|best| probability > best.probability) {
                     best = Some(Tried { changes, probability });
-                }
-                if best.as_ref().is_some_and(|best| best.probability >= self.target.probability) {
-                    break;
                 }
             }
         }

@@ -1,6 +1,6 @@
 //! Search for the protocol of the next record that teaches most: about the parameters, or about which of several equivalent effects is true.
 //!
-//! The information about parameters is that of the linear-Gaussian model at a fit: ½ ln det(P + F) − ½ ln det P, with the precision P of what is known now and the Fisher
+//! The information about parameters is that of the linear-Gaussian model at a fit: ½ ln det(P + F) − ½ ln det P, with the present precision P and the Fisher
 //! information F of the new record under the noise of the fit (Chaloner & Verdinelli 1995, Stat. Sci. 10:273). Two effects are as far apart as the best fit of one to noise-free data of the
 //! other ([`crate::separation`]); the expected lead in log likelihood is half the squared distance.
 //!

@@ -144,7 +144,7 @@ fn of_study(target: &CreepTarget, options: &SamplerOptions, monitor: &dyn Monito
     })
 }
 
-/// Warnings of a revision that concern its predictions: those that limit the trust in its posterior, and a missing effect that a diagnosis has found.
+/// Warnings of a revision about its predictions: all warnings that limit the trust in its posterior, and the missing effect of its diagnosis.
 fn study_warnings(dir: &Path, revision: &str) -> Result<Vec<Warning>> {
     let posterior: Option<WithProvenance<PosteriorSummary>> = read_document(&dir.join(POSTERIOR_NAME));
     let all = posterior.map_or_else(Vec::new, |document| document.body.warnings);
