@@ -268,7 +268,7 @@ impl Apparatus {
     /// Reads `[robot]` and `[vitreous]`. `default` replaces a table that is absent.
     ///
     /// # Errors
-    /// [`Error::Input`] if a table is missing or wrong, or if the robot does not fit into the gel.
+    /// [`base::Error::Input`] if a table is missing or wrong, or if the robot does not fit into the gel.
     pub fn robot_in_gel(root: TomlTable<'_>, default: Option<(Robot, Vitreous)>) -> Result<(Robot, Vitreous)> {
         let table = |key: &str| if default.is_some() { root.table(key) } else { root.required_table(key).map(Some) };
         let (robot_table, vitreous_table) = (table("robot")?, table("vitreous")?);
