@@ -33,8 +33,6 @@ const EXAMPLE: &str = "force = { steps_un = [[0, 20], [5, 0]] }";
 pub enum ForceHistory {
     /// Values in N, each from its time (s) until the next.
     Steps(Vec<[f64; 2]>),
-    /// Values in N at times (s), with straight lines between.
-    Lines(Vec<[f64; 2]>),
     /// Constant rate in N/s from time 0.
     Ramp {
         /// Change of the force per time, in N/s.
@@ -126,7 +124,7 @@ impl ForceHistory {
     /// Time of the last value, in s; 0 for a ramp or sine.
     pub fn last_change_s(&self) -> f64 {
         match self {
-            Self::Steps(values) | Self::Lines(values) => values.last().map_or(0.0, |[time_s, _]| *time_s),
+            Self::Steps(values) => values.last().map_or(0.0, |[time_s, _]| *time_s),
             Self::Ramp { .. } | Self::Sine { .. } => 0.0,
         }
     }
@@ -142,7 +140,7 @@ impl ForceHistory {
             _ => N_ROWS,
         };
         let changes_s: Vec<f64> = match self {
-            Self::Steps(values) | Self::Lines(values) => values.iter().map(|[time_s, _]| *time_s).collect(),
+            Self::Steps(values) => values.iter().map(|[time_s, _]| *time_s).collect(),
             Self::Ramp { .. } | Self::Sine { .. } => Vec::new(),
         };
         if n_even + changes_s.len() > MOST_ROWS {
@@ -173,16 +171,6 @@ impl ForceHistory {
     fn at_n(&self, time_s: f64) -> f64 {
         match self {
             Self::Steps(values) => values.iter().rev().find(|[from_s, _]| *from_s <= time_s).map_or(0.0, |[_, n]| *n),
-            Self::Lines(values) => {
-                let next = values.partition_point(|[at_s, _]| *at_s <= time_s);
-                match (next.checked_sub(1).map(|before| values[before]), values.get(next)) {
-                    (Some([from_s, from_n]), Some([to_s, to_n])) => {
-                        from_n + (to_n - from_n) * (time_s - from_s) / (to_s - from_s)
-                    }
-                    (Some([_, last_n]), None) => last_n,
-                    (None, _) => 0.0,
-                }
-            }
             Self::Ramp { rate_n_per_s } => rate_n_per_s * time_s,
             Self::Sine { amplitude_n, frequency_hz } => {
                 amplitude_n * (2.0 * std::f64::consts::PI * frequency_hz * time_s).sin()

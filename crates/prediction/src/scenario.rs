@@ -53,6 +53,9 @@ impl Scenario {
         root.only(&["scenario"])?;
         let folder = path.parent().unwrap_or(Path::new("."));
         let tables = root.tables("scenario", "[[scenario]]")?;
+        if tables.is_empty() {
+            return Err(root.refuse("scenario", "the list of scenarios is empty", "add a table `[[scenario]]`"));
+        }
         let scenarios: Vec<Self> =
             tables.iter().map(|table| Self::from_table(*table, folder, default)).collect::<Result<_>>()?;
         for (index, scenario) in scenarios.iter().enumerate() {
@@ -215,6 +218,7 @@ mod tests {
         let early = CYLINDER.replace("name =", "duration_s = 6\nname =");
         assert!(refusal(&early).contains("ends at 6 s"));
         assert!(refusal("[[scenarios]]\n").contains("`scenario`"));
+        assert!(refusal("scenario = []\n").contains("empty"));
         assert!(refusal(&CYLINDER.replace("position_at", "speeed")).contains("line 10"));
     }
 }

@@ -15,7 +15,7 @@ use posterior::prepared::KeptSurrogate;
 use posterior::problem::Problem;
 use posterior::study::{DIAGNOSIS_NAME, ModelSpecification, POSTERIOR_NAME, Provenance, Study, WithProvenance};
 use prediction::ensemble::{Draws, Gel, MOST_DRAWS};
-use prediction::scenario::Scenario;
+use prediction::scenario::{Scenario, Tolerances};
 use record::{Apparatus, Control, Experiment, Record, Robot, Vitreous};
 use sampling::SamplerOptions;
 use std::sync::Arc;
@@ -64,14 +64,9 @@ pub(super) struct GelSource {
     provenance: Provenance,
 }
 
-/// Scenarios of a file with the apparatus of a place.
-pub(super) fn read_scenarios(path: &Path, place: &GelPlace<'_>) -> Result<Vec<Scenario>> {
-    Scenario::read(path, place.apparatus()?)
-}
-
 impl GelPlace<'_> {
     /// Robot and gel of the study; `None` for groups.
-    pub(super) fn apparatus(&self) -> Result<Option<(Robot, Vitreous)>> {
+    fn apparatus(&self) -> Result<Option<(Robot, Vitreous)>> {
         match self {
             Self::Groups { .. } => Ok(None),
             Self::Study(target) => match &target.experiment.apparatus {
@@ -82,6 +77,33 @@ impl GelPlace<'_> {
                     "give a study with [robot] and [vitreous]",
                 )),
             },
+        }
+    }
+
+    /// Scenarios of a file, at least one. Without a file, the study's own robot is the only scenario, with neither force nor quantities.
+    ///
+    /// # Errors
+    /// Errors of reading; [`Error::Input`] if there is neither a file nor a robot of the study.
+    pub(super) fn scenarios(&self, path: Option<&Path>) -> Result<Vec<Scenario>> {
+        match (path, self.apparatus()?) {
+            (Some(path), apparatus) => Scenario::read(path, apparatus),
+            (None, Some((robot, vitreous))) => Ok(vec![Scenario {
+                name: "own robot".into(),
+                robot,
+                vitreous,
+                force: None,
+                duration_s: None,
+                quantities: Vec::new(),
+                tolerances: Tolerances::default(),
+            }]),
+            (None, None) => Err(Error::input(
+                InputPlace::setting(Setting::Scenario),
+                "a comparison of groups has no robot of its own",
+                format!(
+                    "give a file with [[scenario]], [scenario.robot] and [scenario.vitreous] (`{}`)",
+                    Setting::Scenario
+                ),
+            )),
         }
     }
 

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use base::error::Result;
+use base::error::{Error, InputPlace, Result, Setting};
 use base::files::{to_json, write_together};
 use documents::posterior::{Warning, WarningKind};
 use documents::prediction::{EquivalentPlan, ForceStep, Plan};
@@ -13,14 +13,13 @@ use posterior::study::WithProvenance;
 use prediction::ensemble::{Ensemble, Gel};
 use prediction::plan::{PlannedForce, Target, plan};
 use prediction::quantity::{Quantity, percent, plain};
-use prediction::scenario::{Scenario, Tolerances};
+use prediction::scenario::Scenario;
 use sampling::SamplerOptions;
 
-use super::gel_source::{GelPlace, GelSource, read_scenarios};
+use super::gel_source::{GelPlace, GelSource};
 use super::predict::{digits, predicted, table};
 use super::rivals::Rival;
 use crate::outcome::Outcome;
-use base::error::{Error, InputPlace, Setting};
 
 /// Name of the file for the controller.
 const PROTOCOL_NAME: &str = "plan-protocol.csv";
@@ -43,28 +42,7 @@ pub struct PlanRequest {
 /// [`Error::Input`] for a target without limits; errors of models and files.
 pub fn run(place: &GelPlace<'_>, request: &PlanRequest, monitor: &dyn Monitor) -> Result<Outcome<Plan>> {
     let mut target = request.target;
-    let mut scenario = match (&request.scenario, place.apparatus()?) {
-        (Some(path), _) => read_scenarios(path, place)?.remove(0),
-        (None, Some((robot, vitreous))) => Scenario {
-            name: "own robot".into(),
-            robot,
-            vitreous,
-            force: None,
-            duration_s: None,
-            quantities: Vec::new(),
-            tolerances: Tolerances::default(),
-        },
-        (None, None) => {
-            return Err(Error::input(
-                InputPlace::setting(Setting::Scenario),
-                "a comparison of groups has no robot of its own",
-                format!(
-                    "give a file with [[scenario]], [scenario.robot] and [scenario.vitreous] (`{}`)",
-                    Setting::Scenario
-                ),
-            ));
-        }
-    };
+    let mut scenario = place.scenarios(request.scenario.as_deref())?.remove(0);
     if target.largest_force_n == 0.0 {
         let GelPlace::Study(study) = place else {
             return Err(Error::input(

@@ -14,12 +14,12 @@ use posterior::study::WithProvenance;
 use prediction::ensemble::{self, Ensemble, Gel};
 use prediction::force_history::ForceHistory;
 use prediction::quantity::{Quantity, time_to_reach_s};
-use prediction::scenario::{Scenario, Tolerances};
+use prediction::scenario::Scenario;
 use prediction::sensitivity::{Inputs, Marginal, indices};
 use record::Record;
 use sampling::SamplerOptions;
 
-use super::gel_source::{GelPlace, GelSource, read_scenarios};
+use super::gel_source::{GelPlace, GelSource};
 use crate::outcome::Outcome;
 
 /// Largest number of positions of one scenario, over all draws and rows, and the smallest number of draws. They bound the memory.
@@ -91,28 +91,7 @@ pub fn run(place: &GelPlace<'_>, request: &PredictRequest, monitor: &dyn Monitor
 /// Scenarios with their rows.
 fn scenarios(place: &GelPlace<'_>, request: &PredictRequest) -> Result<Vec<(Scenario, Record)>> {
     let force = request.force.as_deref().map(ForceHistory::from_file).transpose()?;
-    let mut scenarios = match (&request.scenarios, place.apparatus()?) {
-        (Some(path), _) => read_scenarios(path, place)?,
-        (None, Some((robot, vitreous))) => vec![Scenario {
-            name: "own robot".into(),
-            robot,
-            vitreous,
-            force: None,
-            duration_s: None,
-            quantities: Vec::new(),
-            tolerances: Tolerances::default(),
-        }],
-        (None, None) => {
-            return Err(Error::input(
-                InputPlace::setting(Setting::Scenario),
-                "a comparison of groups has no robot of its own",
-                format!(
-                    "give a file with [[scenario]], [scenario.robot] and [scenario.vitreous] (`{}`)",
-                    Setting::Scenario
-                ),
-            ));
-        }
-    };
+    let mut scenarios = place.scenarios(request.scenarios.as_deref())?;
     let with_record = |scenario: &mut Scenario| -> Result<(Scenario, Record)> {
         if let Some(force) = &force {
             if scenario.force.is_some() {
