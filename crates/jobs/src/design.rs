@@ -15,7 +15,7 @@ use models::effects::Library;
 use posterior::monitor::Monitor;
 use posterior::problem::Problem;
 use posterior::study::{DIAGNOSIS_NAME, ModelSpecification, Study, WithProvenance};
-use record::{Control, ForceRule, Record};
+use record::{Control, Experiment, ForceRule, Record};
 use sampling::SamplerOptions;
 use std::path::PathBuf;
 
@@ -95,7 +95,7 @@ pub fn run(target: &Target, request: &DesignRequest, monitor: &dyn Monitor) -> R
     let members: Vec<(&Candidate, &Fitted)> = models.iter().map(|(candidate, fitted)| (candidate, fitted)).collect();
     let designer = Designer::new(&subject, &members, goal)?;
     let farthest_m = models[0].1.position_m.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
-    let limits = limits(&subject.experiment().record, farthest_m, request)?;
+    let limits = limits(subject.experiment(), farthest_m, request)?;
     let mut front: Vec<(DesignLimits, DesignedProtocol)> = Vec::new();
     for factor in FRONT {
         monitor.stage(&format!("comparing protocols of {} s", format_significant(factor * limits.duration_s, 3)));
@@ -161,7 +161,7 @@ pub fn run(target: &Target, request: &DesignRequest, monitor: &dyn Monitor) -> R
         warnings: Vec::new(),
     };
     monitor.stage("writing results and figures");
-    let figure = figure(&subject, &models[0], &best, &found)?;
+    let figure = figure(&designer.expected_m(&best)?, subject.reference_noise_m(), &best.record, &found)?;
     let provenance = artefacts::with_inputs(revision.study.provenance("design", 1, seed), &revision.problem);
     let document = WithProvenance { provenance, body: found };
     let json = study_dir.join("design.json");
@@ -251,12 +251,11 @@ fn models(subject: &Subject, class: Option<&Class>) -> Result<Vec<(Candidate, Fi
 }
 
 /// Limits of the new record: those of the present one where the request gives none.
-fn limits(record: &Record, farthest_m: f64, request: &DesignRequest) -> Result<DesignLimits> {
-    let largest_n = record.force_n.iter().fold(0.0_f64, |most, force| most.max(force.abs()));
-    let interval_s = request.interval_s.or(record.median_interval_s()).unwrap_or(0.0);
-    let whole_s = record.time_s.last().copied().unwrap_or(0.0) - record.time_s.first().copied().unwrap_or(0.0);
-    let duration_s = request.budget_s.unwrap_or(whole_s + interval_s);
-    let largest_force_n = request.largest_force_n.unwrap_or(largest_n);
+fn limits(experiment: &Experiment, farthest_m: f64, request: &DesignRequest) -> Result<DesignLimits> {
+    let interval_s = request.interval_s.or(experiment.record.median_interval_s()).unwrap_or(0.0);
+    let scales = experiment.scales();
+    let duration_s = request.budget_s.unwrap_or(scales.duration_s + interval_s);
+    let largest_force_n = request.largest_force_n.unwrap_or(scales.largest_force_n);
     let shortest_hold_s = request.shortest_hold_s.unwrap_or(4.0 * interval_s);
     if !(interval_s > 0.0 && duration_s >= 20.0 * interval_s && largest_force_n > 0.0) {
         return Err(Error::input(
@@ -362,27 +361,15 @@ fn protocol_csv(record: &Record) -> Vec<u8> {
     text.into_bytes()
 }
 
-/// Figure of the recommended force and of the expected position with the noise.
-fn figure(
-    subject: &Subject,
-    (candidate, fitted): &(Candidate, Fitted),
-    best: &DesignedProtocol,
-    found: &Design,
-) -> Result<figures::svg::Svg> {
-    let (time_s, force) = (&best.record.time_s, best.record.force());
-    let response = models::model::Response::new(time_s, force, best.record.n_rows());
-    let constants: Vec<base::number::Dual> =
-        candidate.parameters(&fitted.theta).into_iter().map(base::number::Dual::constant).collect();
-    let mut stages = candidate.model.stages(&constants)?;
-    let compliance_per_m = subject.compliance().resolve(&mut stages)?;
-    let position_m = response.trajectory_m(&stages, compliance_per_m.value)?;
-    let noise_um = 1e6 * subject.reference_noise_m();
+/// Figure of the recommended force and of the expected position (m at every row), with bands of the noise (m).
+fn figure(position_m: &[f64], noise_m: f64, record: &Record, found: &Design) -> Result<figures::svg::Svg> {
+    let noise_um = 1e6 * noise_m;
     let shifted = |sd: f64| position_m.iter().map(|x| 1e6 * x + sd * noise_um).collect::<Vec<f64>>();
     let expected = ScenarioPrediction {
         name: found.recommended.protocol.clone(),
         apparatus: "expected positions, with the bands of the noise".into(),
-        time_s: time_s.clone(),
-        force_un: best.record.force_n.iter().map(|force| 1e6 * force).collect(),
+        time_s: record.time_s.clone(),
+        force_un: record.force_n.iter().map(|force| 1e6 * force).collect(),
         position_um: PositionQuantiles {
             q05: shifted(-1.645),
             q25: shifted(-0.674),

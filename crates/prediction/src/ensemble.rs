@@ -18,7 +18,7 @@ use posterior::problem::Problem;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
-use record::{Apparatus, Control, Experiment, Force, Orientation, Record, Robot, RobotShape};
+use record::{Apparatus, Control, Experiment, Orientation, Record, Robot, RobotShape};
 use std::sync::Arc;
 
 use crate::scenario::{self, Scenario, Tolerances, with_diameter};
@@ -211,18 +211,18 @@ impl Ensemble {
         };
         let prepared = prepare(&problem, mesh.factor, kept.filter(|_| is_own), monitor)?;
         let strain_per_m = strain_per_m(finite_elements(&problem)?)?;
-        let none = (Vec::new(), Vec::new());
         let found = Self {
             prepared,
-            parameters: none.0,
-            factors: none.1,
+            parameters: Vec::new(),
+            factors: Vec::new(),
             tolerances: [0.0; 2],
             by_diameter: 0.0,
             strain_per_m,
             mesh,
             seed: gel.seed,
         };
-        let found = found.with_draws(&gel.draws, 0);
+        // One draw tells whether the model is linear, which tolerances need.
+        let found = found.with_draws(&gel.draws.thinned(1), 0);
         let tolerances = found.read_tolerances(scenario)?;
         let by_diameter = if tolerances[0] > 0.0 { by_diameter(scenario)? } else { 0.0 };
         Ok(Self { tolerances, by_diameter, ..found }.with_draws(&gel.draws, 0))
@@ -538,16 +538,12 @@ fn other_poisson_ratio(taught: &Problem, asked: &Problem) -> Option<Warning> {
 
 /// Warnings about forces, durations and displacements beyond the record that taught the law.
 fn extrapolations(problem: &Problem, ensemble: &Ensemble, farthest_m: f64) -> Vec<Warning> {
-    let (taught, asked) = (&problem.experiment.record, ensemble.record());
-    let largest = |force: Force<'_>| force.at_rows_n.iter().fold(0.0_f64, |most, force| most.max(force.abs()));
-    let duration_s =
-        |record: &Record| record.time_s.last().copied().unwrap_or(0.0) - record.time_s.first().copied().unwrap_or(0.0);
-    let radius_m = |problem: &Problem| problem.model.scales().robot_radius_m;
+    let (taught, asked) = (problem.experiment.scales(), ensemble.problem().experiment.scales());
     let taught_m = problem.experiment.record.position_m.iter().flatten().fold(0.0_f64, |most, x| most.max(x.abs()));
-    let mut list: Vec<(String, f64)> = vec![("the duration".into(), duration_s(asked) / duration_s(taught))];
+    let mut list: Vec<(String, f64)> = vec![("the duration".into(), asked.duration_s / taught.duration_s)];
     if problem.experiment.control == Control::Force {
-        list.push(("the largest force".into(), largest(asked.force()) / largest(taught.force())));
-        if let (Some(taught_radius_m), Some(radius_m)) = (radius_m(problem), radius_m(ensemble.problem())) {
+        list.push(("the largest force".into(), asked.largest_force_n / taught.largest_force_n));
+        if let (Some(taught_radius_m), Some(radius_m)) = (taught.robot_radius_m, asked.robot_radius_m) {
             let ratio = (farthest_m / radius_m) / (taught_m / taught_radius_m);
             list.push(("the largest displacement over the robot's radius".into(), ratio));
         }

@@ -11,7 +11,7 @@ use nalgebra::DMatrix;
 use rayon::prelude::*;
 
 use super::family::{DesignLimits, DesignedDrive, family};
-use super::{Members, n_right, separation};
+use super::{Members, n_right, separation, under_protocol};
 use crate::derivatives::columns_m;
 use crate::separation::{RivalFit, RivalTruth, SEPARATED_SIGMA};
 use crate::{Candidate, Fitted, NoiseValues, Subject};
@@ -20,7 +20,7 @@ use posterior::monitor::{Counter, Monitor, refuse_if_stopped};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
-use record::{Experiment, Record};
+use record::Record;
 
 /// Largest number of rows in the screen.
 const SCREENED_ROWS: f64 = 160.0;
@@ -306,20 +306,16 @@ impl<'a> Designer<'a> {
 
     /// Subject of a record that has this protocol; all its rows are fitted.
     fn under(&self, record: &Record) -> Result<Subject> {
-        let subject = self.subject;
-        let range_m = subject.experiment().scales().position_range_m;
-        // Placeholder positions cover the measured range, which scales priors of effects.
-        let places = (0..record.n_rows()).map(|row| Some(range_m * row as f64 / record.n_rows() as f64)).collect();
-        let experiment = Experiment {
-            record: Record { position_m: places, ..record.clone() },
-            noise_sd_m: Some(subject.reference_noise_m()),
-            calibration_cycles: vec![1],
-            heldout_cycles: Vec::new(),
-            ..subject.experiment().clone()
-        };
-        let problem =
-            subject.problem().with_experiment(experiment, subject.specification().clone(), subject.library())?;
-        Subject::with_compliance(&problem, subject.library(), subject.compliance().clone())
+        under_protocol(self.subject, record, &[1], &[])
+    }
+
+    /// Expected position (m) of the first model at every row of a protocol.
+    ///
+    /// # Errors
+    /// Errors of the model.
+    pub fn expected_m(&self, protocol: &DesignedProtocol) -> Result<Vec<f64>> {
+        let (candidate, fitted) = self.members[0];
+        self.under(&protocol.record)?.trajectory_m(candidate, &fitted.theta)
     }
 }
 

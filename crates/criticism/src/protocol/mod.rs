@@ -121,12 +121,20 @@ fn sentence(advice: &Advice, n_tried: usize) -> String {
 
 /// Returns the subject of a changed protocol. Apparatus, noise, and the choice of fitted and scored cycles are those of `subject`.
 fn changed(subject: &Subject, record: &Record) -> Result<Subject> {
+    let Experiment { calibration_cycles, heldout_cycles, .. } = subject.experiment();
+    under_protocol(subject, record, calibration_cycles, heldout_cycles)
+}
+
+/// Returns the subject of a protocol with the given fitted and scored cycles. Apparatus and noise are those of `subject`.
+fn under_protocol(subject: &Subject, record: &Record, fitted: &[u32], scored: &[u32]) -> Result<Subject> {
     let range_m = subject.experiment().scales().position_range_m;
     // Placeholder positions cover the measured range, which scales priors of effects.
     let places = (0..record.n_rows()).map(|row| Some(range_m * row as f64 / record.n_rows() as f64)).collect();
     let experiment = Experiment {
         record: Record { position_m: places, ..record.clone() },
         noise_sd_m: Some(subject.reference_noise_m()),
+        calibration_cycles: fitted.to_vec(),
+        heldout_cycles: scored.to_vec(),
         ..subject.experiment().clone()
     };
     let problem = subject.problem().with_experiment(experiment, subject.specification().clone(), subject.library())?;

@@ -51,8 +51,7 @@ pub fn run(place: &GelPlace<'_>, request: &PlanRequest, monitor: &dyn Monitor) -
                 format!("give the actuator's largest force in µN with `{}`", Setting::LargestForce),
             ));
         };
-        target.largest_force_n =
-            study.experiment.record.force_n.iter().fold(0.0_f64, |most, force| most.max(force.abs()));
+        target.largest_force_n = study.experiment.scales().largest_force_n;
     }
     scenario.quantities = match target.rest {
         None => vec![Quantity::TimeToReach { distance_m: target.reach_m, within_s: Some(target.within_s) }],
