@@ -218,6 +218,36 @@ test("an effect is tried by hand", async () => {
   await page.click("#try-reset");
 });
 
+test("another force and another robot are predicted with sliders", async () => {
+  const slider = (words) => page.locator("#predict-sliders label", { hasText: words }).locator("input");
+  await slider("Force").waitFor();
+  const said = () => page.locator("#predict-words").textContent();
+  const changed = (text) => page.waitForFunction((before) => document.getElementById("predict-words").textContent !== before, text);
+  await page.waitForFunction(() => document.getElementById("predict-words").textContent.includes("position at"));
+  const median = (text) => parseFloat(/position at [^:]*: ([\d.]+)/.exec(text)[1]);
+  const before = await said();
+  // Force and size have logarithmic sliders: 1000 steps are a factor of 250, or of 25. The position is proportional to the force.
+  const keys = async (input, key, times) => {
+    await input.focus();
+    for (let step = 0; step < times; step++) await page.keyboard.press(key);
+  };
+  await keys(slider("Force"), "ArrowLeft", 20);
+  await changed(before);
+  await page.waitForTimeout(600);
+  const weaker = await said();
+  assert.ok(Math.abs(median(weaker) / median(before) - 250 ** -0.02) < 0.01, `${before} | ${weaker}`);
+  await keys(slider("size"), "ArrowRight", 60);
+  await changed(weaker);
+  await page.waitForTimeout(1200);
+  const larger = await said();
+  assert.ok(median(larger) < 0.9 * median(weaker), `a larger robot moves less: ${weaker} | ${larger}`);
+  await keys(slider("Distance"), "ArrowRight", 100);
+  await page.waitForFunction(() => document.getElementById("predict-words").textContent.includes("time to reach"));
+  await page.locator("#predict").scrollIntoViewIfNeeded();
+  await hasNoSeriousFaults("predict");
+  await picture("7b-prediction");
+});
+
 test("the missing effect is found and added, and the error falls to the noise", async () => {
   await run("diagnose");
   await page.waitForSelector("#suspects table");

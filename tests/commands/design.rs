@@ -49,6 +49,52 @@ fn one_viscosity_is_learnt_best_from_a_constant_force() {
     assert!((expected - nats).abs() < 3.0 * error + 0.01, "{expected} ± {error} against {nats}");
 }
 
+/// With E and c₁ fixed, the position at time t under a constant force F is C·F·(J + t/c₂). So its standard deviation is C·F·t/c₂ times the relative one of c₂, now and
+/// after the designed record. The files for the new record are a description that `check` reads, with the positions missing.
+#[test]
+fn a_decision_is_designed_for_by_its_own_derivative() {
+    let dir = tempfile::tempdir().unwrap();
+    let fixed = ["--set", "young_modulus_pa=3.527", "--set", "viscosity_1_pa_s=1.402"];
+    vitreo(dir.path(), &[&["sample", "--out", "study", "--no-report"], &fixed[..]].concat()).exits(0);
+    let scenario = "[[scenario]]\nname = \"push\"\nforce = { steps_un = [[0, 3]] }\n[[scenario.quantity]]\nkind = \"position_at\"\nat_s = 10\n";
+    std::fs::write(dir.path().join("push.toml"), scenario).unwrap();
+    let run = ["design", "study", "--scenario", "push.toml", "--no-report", "--json", "-"];
+    let document = vitreo(dir.path(), &run).exits(0).json();
+    let (parameter, quantity) = (&document["recommended"]["parameters"][0], &document["quantity"]);
+    let c2 = number(&parameter["value"]);
+    let slope_um = COMPLIANCE_PER_M * 3.0 * 10.0 / c2;
+    for key in ["sd_now", "sd_expected"] {
+        let expected = slope_um * number(&parameter[key]) / c2;
+        assert!(
+            (number(&quantity[key]) / expected - 1.0).abs() < 1e-3,
+            "{key}: {quantity}, {expected} by the closed form"
+        );
+    }
+    assert!(number(&quantity["sd_expected"]) < number(&quantity["sd_now"]), "{quantity}");
+    assert_eq!((&document["goal"], &quantity["quantity"]), (&"decision".into(), &"position at 10 s".into()));
+    let refusal = vitreo(dir.path(), &["check", "study/next-record"]).exits(2);
+    assert!(refusal.stderr.contains("has 0 positions"), "{refusal}");
+    let refusal = vitreo(dir.path(), &["design", "study", "--goal", "decision"]).exits(2);
+    assert!(refusal.stderr.contains("--scenario"), "{refusal}");
+}
+
+/// The designed record shows at least the effects that the present one shows, each at the size that the result states for the present record's own diagnosis.
+#[test]
+#[ignore = "thorough"]
+fn a_record_is_designed_for_the_effects_that_it_shows() {
+    let dir = tempfile::tempdir().unwrap();
+    vitreo(dir.path(), &["sample", "--out", "study", "--no-report"]).exits(0);
+    let document = vitreo(dir.path(), &["design", "study", "--goal", "detection", "--json", "-"]).exits(0).json();
+    let all = document["detectable"].as_array().unwrap();
+    let seen = |key: &str| all.iter().filter(|found| !found[key].is_null()).count();
+    assert!(all.len() > 15 && seen("smallest_expected") >= seen("smallest_now"), "{document}");
+    let finer = |found: &&Value| {
+        let [now, then] = ["smallest_now", "smallest_expected"].map(|key| found[key].as_f64().map(f64::abs));
+        found["effect"] == "force-bias" && now.zip(then).is_some_and(|(now, then)| then < now)
+    };
+    assert!(all.iter().any(|found| finer(&found)), "{document}");
+}
+
 /// A longer record never teaches less, and the default protocol stays within the displacement of the present record.
 #[test]
 fn longer_records_teach_more_within_the_limits() {

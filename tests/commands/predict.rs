@@ -204,3 +204,76 @@ fn wrong_scenarios_and_targets_are_refused() {
     let sure = ["plan", "study", "--reach-mm", "0.1", "--within-s", "3", "--probability", "1"];
     vitreo(dir.path(), &sure).exits(2).refuses(&["--probability"]);
 }
+
+/// A linear gel: the force that a robot needs is inversely proportional to its compliance. At ν = 0.48 the resistance of the cylinder along the force is 1.2934
+/// times that of the sphere of its volume, and of the ellipsoid 1.25 times (docs/shapes.md). Another robot then needs a force of that ratio.
+#[test]
+fn robots_are_compared_by_the_force_that_they_need() {
+    let dir = tempfile::tempdir().unwrap();
+    sampled(dir.path());
+    // Volume of a sphere of 0.55 mm: bodies of length to diameter 68/7.
+    let robots = "[[scenario]]\nname = \"sphere\"\n[scenario.vary]\nsize = [1, 2]\n\
+        [[scenario]]\nname = \"ellipsoid\"\n[scenario.robot]\nshape = \"ellipsoid\"\nlength_mm = 0.55\ndiameter_mm = 0.55\norientation = \"horizontal\"\n[scenario.vary]\naspect = [9.714285714]\n\
+        [[scenario]]\nname = \"cylinder\"\n[scenario.robot]\nshape = \"cylinder\"\nlength_mm = 0.48046\ndiameter_mm = 0.48046\norientation = \"horizontal\"\n[scenario.vary]\naspect = [9.714285714]\n";
+    std::fs::write(dir.path().join("robots.toml"), robots).unwrap();
+    let run = [
+        "plan",
+        "study",
+        "--scenario",
+        "robots.toml",
+        "--reach-mm",
+        "0.3",
+        "--within-s",
+        "3",
+        "--no-report",
+        "--json",
+        "-",
+    ];
+    let plan = vitreo(dir.path(), &run).exits(0).json();
+    let all = plan["robots"].as_array().unwrap();
+    let force = |name: &str| number(&all.iter().find(|robot| robot["name"] == name).unwrap()["force_un"]);
+    let sphere = force("sphere, size 1");
+    for (name, resistance, accuracy) in [
+        ("ellipsoid, aspect 9.714285714", 1.25, 2e-4),
+        ("cylinder, aspect 9.714285714", 1.2934, 2e-4),
+        ("sphere, size 2", 2.0, 0.1),
+    ] {
+        assert!((force(name) / sphere / resistance - 1.0).abs() < accuracy, "{name}: {}", force(name) / sphere);
+    }
+    let front: Vec<&Value> = all.iter().filter(|robot| robot["on_front"] == true).map(|robot| &robot["name"]).collect();
+    assert_eq!(front, ["sphere, size 1", "sphere, size 2"]);
+    assert!(
+        plan["sentence"].as_str().unwrap().starts_with("The smallest force of 4 robots is that on sphere, size 1."),
+        "{plan}"
+    );
+    assert!(dir.path().join("study/plan-robots.svg").is_file());
+}
+
+/// The largest sphere under a force, and the smallest under a force that grows with its volume. A sphere of radius a in an infinite gel moves by F·J/(6π a ·
+/// const), so that twice the force moves a sphere of twice the size as far, up to the effect of the container; the plan for the robot that is found must need
+/// the whole force.
+#[test]
+fn sizes_are_found_at_their_limit() {
+    let dir = tempfile::tempdir().unwrap();
+    sampled(dir.path());
+    let run = |more: &[&str]| {
+        let words = ["plan", "study", "--reach-mm", "0.1", "--within-s", "3", "--no-report", "--json", "-"];
+        vitreo(dir.path(), &[&words[..], more].concat()).exits(0).json()
+    };
+    let diameter_mm = |plan: &Value| (6.0 / std::f64::consts::PI * number(&plan["robots"][0]["volume_mm3"])).cbrt();
+    let [once, twice] = ["1", "2"].map(|force| run(&["--largest-robot", "--max-force-un", force]));
+    let ratio = diameter_mm(&twice) / diameter_mm(&once);
+    assert!((ratio - 2.0).abs() < 0.3, "{ratio}");
+    for (plan, largest_un) in [(&once, 1.0), (&twice, 2.0)] {
+        let robot = &plan["robots"][0];
+        assert!((number(&robot["force_un"]) / largest_un - 1.0).abs() < 1e-3, "{robot}");
+        assert!(
+            plan["sentence"].as_str().unwrap().starts_with("The largest robot that succeeds is a sphere of"),
+            "{plan}"
+        );
+    }
+    // The same sphere as a magnet: its force per volume leads back to it.
+    let density = 1.0 / number(&once["robots"][0]["volume_mm3"]);
+    let magnet = run(&["--smallest-magnet-un-per-mm3", &density.to_string()]);
+    assert!((diameter_mm(&magnet) / diameter_mm(&once) - 1.0).abs() < 1e-3, "{magnet}");
+}

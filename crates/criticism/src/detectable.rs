@@ -11,7 +11,7 @@ use super::{Candidate, Fitted, Subject};
 use base::error::{Error, Result};
 
 /// Prior probability beyond either end of the range of tested sizes.
-const RANGE_TAIL: f64 = 0.005;
+pub(super) const RANGE_TAIL: f64 = 0.005;
 /// Number of sizes tested to first order, each half of the previous one.
 const N_HALVINGS: i32 = 16;
 /// Number of halvings of the largest size after which an effect's signature counts as its signature at the null.

@@ -12,7 +12,7 @@ pub struct Design {
     pub experiment: String,
     /// Name of the revision whose model is designed for.
     pub revision: String,
-    /// Purpose: `parameters` or `effects`.
+    /// Purpose: `parameters`, `effects`, `detection` or `decision`.
     pub goal: String,
     /// Effects that the present record cannot distinguish, the claimed one first; empty for the goal `parameters`.
     pub effects: Vec<String>,
@@ -28,6 +28,10 @@ pub struct Design {
     pub protocols_tried: usize,
     /// Recommended protocol.
     pub recommended: RecommendedProtocol,
+    /// Quantity of interest that the protocol is designed for; `None` for other purposes.
+    pub quantity: Option<DesignedQuantity>,
+    /// Smallest detectable size of every effect that the model lacks; empty for other purposes.
+    pub detectable: Vec<DesignedDetection>,
     /// Best protocol of each duration.
     pub front: Vec<FrontProtocol>,
     /// Pairs of effects that the recommended protocol does not separate.
@@ -42,6 +46,8 @@ pub struct Design {
 pub struct RecommendedProtocol {
     /// File for the controller: time and force.
     pub protocol_file: String,
+    /// Directory with a description and a table for the new record, in which the positions are missing.
+    pub record_dir: String,
     /// Protocol in words.
     pub protocol: String,
     /// Duration in s.
@@ -74,6 +80,38 @@ pub struct DesignedParameter {
     pub sd_now: f64,
     /// Expected standard deviation after the present and the designed record.
     pub sd_expected: f64,
+}
+
+/// Expected uncertainty of a quantity of interest.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
+pub struct DesignedQuantity {
+    /// Name of its scenario.
+    pub scenario: String,
+    /// Quantity, with its time or distance.
+    pub quantity: String,
+    /// Unit of the values.
+    pub unit: String,
+    /// Value at the fit.
+    pub value: f64,
+    /// Standard deviation now.
+    pub sd_now: f64,
+    /// Expected standard deviation after the present and the designed record.
+    pub sd_expected: f64,
+}
+
+/// Smallest size of an effect that the present and the designed record show, each by itself.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
+pub struct DesignedDetection {
+    /// Name of the effect.
+    pub effect: String,
+    /// Name of its first parameter, with its unit.
+    pub parameter: String,
+    /// Smallest detectable value in the present record; `None` if no value in the prior's range is detectable.
+    pub smallest_now: Option<f64>,
+    /// Smallest detectable value in the designed record; `None` if no value in the prior's range is detectable.
+    pub smallest_expected: Option<f64>,
 }
 
 /// Best protocol of one duration.

@@ -18,7 +18,9 @@ pub struct LawComparison {
     pub n_fitted: usize,
     /// Known or estimated noise standard deviation, in µm; `None` if it is unknown.
     pub noise_um: Option<f64>,
-    /// Laws by falling evidence. Laws that could not be fitted come last.
+    /// Whether the first law leaves no more than the noise; `None` if the noise is unknown.
+    pub is_explained: Option<bool>,
+    /// Laws by falling evidence, or by rising error if the record is not explained. Laws that could not be fitted come last.
     pub laws: Vec<LawRow>,
     /// Summary of the comparison as a sentence.
     pub sentence: String,
@@ -57,6 +59,10 @@ pub enum LawStatus {
     Indistinguishable,
     /// The record gives this law less evidence.
     LessLikely,
+    /// No law explains the record, and this law has the smallest error.
+    Closest,
+    /// No law explains the record, and this law has a larger error.
+    FartherOff,
     /// The law has no evidence.
     NotCompared,
 }
@@ -68,6 +74,8 @@ impl LawStatus {
             Self::Likeliest => "likeliest",
             Self::Indistinguishable => "indistinguishable",
             Self::LessLikely => "less likely",
+            Self::Closest => "closest",
+            Self::FartherOff => "farther off",
             Self::NotCompared => "not compared",
         }
     }

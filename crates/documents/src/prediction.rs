@@ -141,6 +141,8 @@ pub struct Plan {
     pub gel: String,
     /// Robot and gel in words, with their sizes.
     pub apparatus: String,
+    /// Robots that were compared, in the order of the file; empty for one robot of a given size.
+    pub robots: Vec<PlannedRobot>,
     /// Distance that the robot must reach, in mm.
     pub reach_mm: f64,
     /// Time within which it must be reached, in s.
@@ -171,6 +173,32 @@ pub struct Plan {
     pub equivalent: Vec<EquivalentPlan>,
     /// Warnings that concern the gel's parameters and its effects.
     pub warnings: Vec<Warning>,
+}
+
+/// Robot of a comparison, with the force that it needs for the target.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
+pub struct PlannedRobot {
+    /// Name of its scenario.
+    pub name: String,
+    /// Robot and gel in words, with their sizes.
+    pub apparatus: String,
+    /// Volume of the robot, in mm³.
+    pub volume_mm3: f64,
+    /// Largest force of the limits for this robot, in µN.
+    pub largest_force_un: f64,
+    /// True if a force within the limits reaches the target with the requested probability.
+    pub feasible: bool,
+    /// Largest force of the plan for this robot, in µN.
+    pub force_un: f64,
+    /// Probability of success under that force.
+    pub probability: f64,
+    /// Distance that the largest force of the limits reaches in time with the requested probability, in mm.
+    pub reach_mm: f64,
+    /// True if no other feasible robot of at least this volume needs a smaller force: the robot is on the Pareto front of volume against force.
+    pub on_front: bool,
+    /// True for the robot that the plan is for.
+    pub chosen: bool,
 }
 
 /// Success of a planned force with an equivalent effect.

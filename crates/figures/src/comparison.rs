@@ -71,7 +71,7 @@ pub fn comparison(data: &ComparisonData) -> Result<Svg> {
         .fold(0.0, f64::max)
         + 42.0;
     let width = WIDTH_PX - left - 18.0;
-    let entries = entries(data);
+    let entries = entries(data, &position, &left_scale);
     let top = 36.0 + legend::row_height_px(&entries, width) + 8.0;
     let main = Axes { frame: Rect { x: left, y: top, width, height: MAIN_HEIGHT_PX }, x: time, y: position };
     let below = |above: &Axes, y: AxisScale| {
@@ -92,6 +92,8 @@ pub fn comparison(data: &ComparisonData) -> Result<Svg> {
     residual.y_axis(&mut svg, AxisStyle::new(Some("whitened residual (σ)"), 6, left - 8.0).grid());
     draw_main(&mut svg, &main, data);
     svg.clipped(difference.frame, |svg| {
+        let [lower, upper] = residual_band_um(data);
+        difference.band(svg, data.time_s, &lower, &upper, Fill::new(BLUE, 0.25));
         difference.horizontal(svg, 0.0, Stroke::solid(BLUE, 1.3));
         for limit in limits_um {
             difference.horizontal(svg, limit, KNOWN);
@@ -108,11 +110,15 @@ pub fn comparison(data: &ComparisonData) -> Result<Svg> {
     Ok(svg)
 }
 
-fn entries(data: &ComparisonData) -> Vec<Entry> {
+fn entries(data: &ComparisonData, position: &AxisScale, residual: &AxisScale) -> Vec<Entry> {
+    let [lower, upper] = residual_band_um(data);
+    let thickness_px = (MAIN_HEIGHT_PX * position.largest_distance(&lower, &upper))
+        .max(RESIDUAL_HEIGHT_PX * residual.largest_distance(&lower, &upper));
+    let band = legend::band_text("90 % predictive band, with the fitted noise", thickness_px);
     let mut entries = vec![
         Entry::new(Mark::Dot(INK, 3.6), "measured"),
         Entry::new(Mark::Line(Stroke::solid(BLUE, 1.8)), "model"),
-        Entry::new(Mark::Area(Fill::new(BLUE, 0.3).into()), "90 % predictive band, with the fitted noise"),
+        Entry::new(Mark::Area(Fill::new(BLUE, 0.3).into()), band),
         Entry::new(Mark::Dot(VERMILLION, 4.5), "whitened residual beyond 3 σ"),
     ];
     if let Some((um, origin)) = data.noise {
@@ -126,6 +132,11 @@ fn entries(data: &ComparisonData) -> Vec<Entry> {
         entries.push(Entry::new(Mark::Area(Fill::new(SKY, 0.3).into()), "held out"));
     }
     entries
+}
+
+/// Limits of the 90 % predictive band about the model at each row, in µm.
+fn residual_band_um(data: &ComparisonData) -> [Vec<f64>; 2] {
+    [-NORMAL_90, NORMAL_90].map(|factor| data.sd_um.iter().map(|sd| factor * sd).collect())
 }
 
 fn shade(svg: &mut Svg, axes: &Axes, data: &ComparisonData) {

@@ -51,7 +51,7 @@ fn row(svg: &mut Svg, law: &LawRow, top: f64) {
         svg.text(law.status.text(), (left, baseline), TextStyle::new(TEXT_PX, Anchor::Start).colour(MUTED));
         return;
     };
-    let colour = if law.status == LawStatus::LessLikely { SKY } else { BLUE };
+    let colour = if matches!(law.status, LawStatus::LessLikely | LawStatus::FartherOff) { SKY } else { BLUE };
     let length = BAR_PX * (-difference / LONGEST_NATS).clamp(0.0, 1.0);
     // The likeliest law has a difference of 0, which still needs a mark.
     let bar = Rect { x: left, y: top + 0.25 * ROW_PX, width: length.max(3.0), height: 0.5 * ROW_PX };

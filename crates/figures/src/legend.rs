@@ -9,6 +9,8 @@ const MARK_WIDTH_PX: f64 = 22.0;
 /// Distance in pixels from the left edge of a legend's sample to its text.
 pub const MARK_ADVANCE_PX: f64 = MARK_WIDTH_PX + 6.0;
 const LINE_HEIGHT_PX: f64 = 1.6;
+/// A band that is thinner than this is hidden by the line of its median.
+const THINNEST_BAND_PX: f64 = 2.5;
 
 /// Sample of a line, area or dot in a legend.
 #[derive(Debug, Clone, Copy)]
@@ -59,6 +61,12 @@ impl Entry {
         let text = shorten(&self.text, size_px, text_width);
         svg.text(&text, (at.0 + MARK_ADVANCE_PX, at.1), TextStyle::new(size_px, Anchor::Start));
     }
+}
+
+/// Text of the entry of a band. It says so where the line over the band hides it. `thickness_px` is the band's thickness at its thickest place.
+pub fn band_text(name: &str, thickness_px: f64) -> String {
+    let is_hidden = thickness_px < THINNEST_BAND_PX;
+    if is_hidden { format!("{name} (thinner than the line)") } else { name.to_owned() }
 }
 
 /// Draws a legend whose entries are below each other. Returns its height in pixels.

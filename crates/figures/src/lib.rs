@@ -59,6 +59,7 @@ pub mod predictions;
 pub mod predictive;
 pub mod record;
 mod record_netcdf;
+pub mod robots;
 #[cfg(test)]
 mod rung_for_tests;
 pub mod shapes;

@@ -7,7 +7,7 @@ use super::svg::{Anchor, Fill, Rect, Stroke, Svg, TextStyle};
 use super::ticks::AxisScale;
 use base::error::InputPlace;
 use base::{Error, Result};
-use documents::prediction::ScenarioPrediction;
+use documents::prediction::{PositionQuantiles, ScenarioPrediction};
 
 const WIDTH_PX: f64 = 960.0;
 const MARGIN_PX: f64 = 20.0;
@@ -39,7 +39,7 @@ pub fn prediction(
     let draw = |svg: &mut Svg| {
         let width = WIDTH_PX - 2.0 * MARGIN_PX;
         let below = MARGIN_PX + title_with_text(svg, title, sentence, (MARGIN_PX, MARGIN_PX), width) + 10.0;
-        let below = below + legend::row(svg, &entries(scenarios.len(), target_um), (MARGIN_PX, below), width) + 8.0;
+        let below = below + legend::row(svg, &entries(scenarios, target_um), (MARGIN_PX, below), width) + 8.0;
         scenarios.iter().enumerate().fold(below, |top, (k, scenario)| panel(svg, scenario, k, target_um, top))
     };
     // The figure is drawn once to determine its height, and then again.
@@ -49,18 +49,30 @@ pub fn prediction(
     Ok(svg)
 }
 
-fn entries(n_scenarios: usize, target_um: Option<f64>) -> Vec<Entry> {
-    let colour = if n_scenarios == 1 { series(0) } else { MUTED };
+fn entries(scenarios: &[ScenarioPrediction], target_um: Option<f64>) -> Vec<Entry> {
+    let colour = if scenarios.len() == 1 { series(0) } else { MUTED };
     let area = |opacity| Mark::Area(Fill::new(colour, opacity).into());
+    let band = |name: &str, limits: fn(&PositionQuantiles) -> [&Vec<f64>; 2]| {
+        let thickness = |scenario: &ScenarioPrediction| {
+            let [lower, upper] = limits(&scenario.position_um);
+            POSITION_HEIGHT_PX * position_scale(scenario, target_um).largest_distance(lower, upper)
+        };
+        legend::band_text(name, scenarios.iter().map(thickness).fold(0.0, f64::max))
+    };
     let mut entries = vec![
         Entry::new(Mark::Line(Stroke::solid(colour, 2.2)), "median"),
-        Entry::new(area(OPACITY[0] + OPACITY[1]), "50 % band"),
-        Entry::new(area(OPACITY[0]), "90 % band"),
+        Entry::new(area(OPACITY[0] + OPACITY[1]), band("50 % band", |position| [&position.q25, &position.q75])),
+        Entry::new(area(OPACITY[0]), band("90 % band", |position| [&position.q05, &position.q95])),
     ];
     if target_um.is_some() {
         entries.push(Entry::new(Mark::Line(TARGET), "target"));
     }
     entries
+}
+
+fn position_scale(scenario: &ScenarioPrediction, target_um: Option<f64>) -> AxisScale {
+    let position_um = &scenario.position_um;
+    AxisScale::over(position_um.q05.iter().chain(&position_um.q95).copied().chain(target_um).chain([0.0]), 0.06)
 }
 
 /// Draws one scenario with its upper edge at `top`, and returns the position of its lower edge.
@@ -69,8 +81,7 @@ fn panel(svg: &mut Svg, scenario: &ScenarioPrediction, index: usize, target_um: 
     let colour = series(index);
     let x = AxisScale::linear(time_s[0], time_s[time_s.len() - 1]);
     let force = AxisScale::over(force_un.iter().copied().chain([0.0]), 0.1);
-    let values = position_um.q05.iter().chain(&position_um.q95).copied().chain(target_um).chain([0.0]);
-    let position = AxisScale::over(values, 0.06);
+    let position = position_scale(scenario, target_um);
     let widest = widest_y_number_px(&force, 3).max(widest_y_number_px(&position, 6));
     let left = widest + 48.0;
     let width = WIDTH_PX - left - MARGIN_PX;
@@ -122,7 +133,6 @@ fn stairs(time_s: &[f64], force_un: &[f64]) -> (Vec<f64>, Vec<f64>) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use documents::prediction::PositionQuantiles;
 
     fn scenario() -> ScenarioPrediction {
         let time_s: Vec<f64> = (0..50).map(f64::from).collect();
@@ -155,6 +165,21 @@ mod tests {
         assert_eq!((count(&one, "time (s)"), count(&two, "time (s)")), (1, 2));
         assert_eq!((count(&one, ">target<"), count(&two, ">target<")), (1, 0));
         assert!(prediction("title", "", &[], None).is_err());
+    }
+
+    /// Bands of a precise posterior are thinner than the line of the median. The legend says which of them cannot be seen.
+    #[test]
+    fn the_legend_says_which_bands_are_hidden() {
+        let mut precise = scenario();
+        let PositionQuantiles { q25, median, q75, .. } = &mut precise.position_um;
+        for (middle, [lower, upper]) in median.iter().zip(q25.iter_mut().zip(q75).map(|(lower, upper)| [lower, upper]))
+        {
+            (*lower, *upper) = (0.9999 * middle, 1.0001 * middle);
+        }
+        let figure = |scenario| prediction("title", "", &[scenario], None).expect("a figure").document();
+        let (wide, thin) = (figure(scenario()), figure(precise));
+        assert!(wide.contains(">50 % band<") && wide.contains(">90 % band<"));
+        assert!(thin.contains(">50 % band (thinner than the line)<") && thin.contains(">90 % band<"));
     }
 
     #[test]

@@ -88,7 +88,7 @@ pub fn predictive(data: &PredictiveData) -> Result<Svg> {
     let left = scales.widest_number_px() + 42.0;
     let width = WIDTH_PX - left - 18.0;
     let names = CycleNames::fitting(data.cycles, &scales.time, width);
-    let entries = entries(data, names);
+    let entries = entries(data, names, &scales);
     let legend_top = if data.title.is_empty() { 8.0 } else { 36.0 };
     let mut top = legend_top + legend::row_height_px(&entries, width) + 8.0;
     let mut frame = |height: f64, gap: f64| {
@@ -392,12 +392,18 @@ fn dot_diameter_px(data: &PredictiveData) -> f64 {
 }
 
 /// Entries of the legend. They explain the colours of cycles if the strip above the force has no room for names.
-fn entries(data: &PredictiveData, names: CycleNames) -> Vec<Entry> {
+fn entries(data: &PredictiveData, names: CycleNames, scales: &PredictiveScales) -> Vec<Entry> {
+    let band = |name: &str, band: Band| {
+        let in_panel = |scale: &AxisScale, height_px: f64| height_px * scale.largest_distance(band.lower, band.upper);
+        let (main, residual) =
+            (in_panel(&scales.position, MAIN_HEIGHT_PX), in_panel(&scales.residual, RESIDUAL_HEIGHT_PX));
+        legend::band_text(name, main.max(residual))
+    };
     let mut entries = vec![
         Entry::new(Mark::Dot(INK, 3.6), "measured"),
         Entry::new(Mark::Line(Stroke::solid(BLUE, 1.8)), "predictive median"),
-        Entry::new(Mark::Area(Fill::new(BLUE, 0.5).into()), "50 % band"),
-        Entry::new(Mark::Area(Fill::new(BLUE, 0.22).into()), "90 % band"),
+        Entry::new(Mark::Area(Fill::new(BLUE, 0.5).into()), band("50 % band", data.band_50_um)),
+        Entry::new(Mark::Area(Fill::new(BLUE, 0.22).into()), band("90 % band", data.band_90_um)),
     ];
     if let Some((sd, name)) = data.noise {
         let text =

@@ -114,6 +114,12 @@ impl AxisScale {
         }
     }
 
+    /// Largest distance between two curves, as a fraction of the axis. Distances that are not finite are left out.
+    pub fn largest_distance(&self, lower: &[f64], upper: &[f64]) -> f64 {
+        let distances = lower.iter().zip(upper).map(|(lower, upper)| self.fraction(*upper) - self.fraction(*lower));
+        distances.filter(|distance| distance.is_finite()).fold(0.0, f64::max)
+    }
+
     /// Returns the marks at round numbers. At most `most` of them have labels.
     pub fn ticks(&self, most: usize) -> Ticks {
         match self.kind {
@@ -304,6 +310,26 @@ mod tests {
                 let (middle, half) = (scale.fraction(*value) * length, text_width_px(label, 11.0) / 2.0);
                 assert!(middle - half > end, "{length}: {ticks:?}");
                 end = middle + half;
+            }
+        }
+    }
+
+    /// Axes of corner plots have two numbers or more at every size of panel, around values of any size, and for posteriors that are as narrow as 10⁻⁶.
+    #[test]
+    fn axes_of_corner_plots_have_more_than_one_number() {
+        for length in [155.0, 165.0, 178.0, 200.0, 235.0, 290.0, 380.0] {
+            let most = if length > 210.0 { 6 } else { 5 };
+            for k in 0..600 {
+                let middle = 10f64.powf(0.0203 * f64::from(k) - 6.0);
+                for width in [1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 0.5, 0.9] {
+                    let scale = AxisScale::linear(middle * (1.0 - width), middle * (1.0 + width));
+                    let ticks = scale.ticks_side_by_side(most, length, 11.0, 5.5);
+                    let shown = ticks.major.iter().filter(|(_, label)| !label.is_empty()).count();
+                    assert!(
+                        (2..=most).contains(&shown),
+                        "{shown} numbers on {length} px around {middle} ± {width}: {ticks:?}"
+                    );
+                }
             }
         }
     }

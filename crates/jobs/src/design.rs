@@ -1,20 +1,29 @@
 //! `design`: the protocol of the next record.
 
-use base::error::{Error, InputPlace, Result};
-use base::files::{to_json, write_together};
-use criticism::protocol::design::{DesignGoal, DesignedProtocol, Designer, N_REPEATS, separates};
-use criticism::protocol::{DesignLimits, DesignedDrive};
+use base::error::{Error, InputPlace, Result, Setting};
+use base::files::{self, Content, to_json, write_together};
+use base::toml_input::quoted;
+use criticism::criteria::Criteria;
+use criticism::detectable::{Detectability, find_smallest_detectable};
+use criticism::protocol::design::{DesignedProtocol, Designer, N_REPEATS, separates};
+use criticism::protocol::{DesignLimits, DesignedDrive, Sought, SoughtEffect};
 use criticism::{Candidate, Fitted, Search, Subject};
-use documents::design::{Design, DesignedParameter, FrontProtocol, HelplessPair, RecommendedProtocol};
+use documents::design::{
+    Design, DesignedDetection, DesignedParameter, DesignedQuantity, FrontProtocol, HelplessPair, RecommendedProtocol,
+};
 use documents::diagnosis::{Diagnosis, VerdictKind};
 use documents::prediction::{PositionQuantiles, ScenarioPrediction};
 use figures::labels::parameter_label;
 use figures::number::format_significant;
 use figures::svg::figure_files;
 use models::effects::Library;
+use models::model::Forward;
+use nalgebra::DVector;
 use posterior::monitor::Monitor;
 use posterior::problem::Problem;
-use posterior::study::{DIAGNOSIS_NAME, ModelSpecification, Study, WithProvenance};
+use posterior::study::{DIAGNOSIS_NAME, ModelSpecification, POSTERIOR_NAME, Study, WithProvenance};
+use prediction::ensemble::Ensemble;
+use prediction::quantity::Quantity;
 use record::{Control, Experiment, ForceRule, Record};
 use sampling::SamplerOptions;
 use std::path::PathBuf;
@@ -23,7 +32,9 @@ use crate::artefacts;
 use crate::first_revision::kept_surrogate;
 use crate::last_cycle::read_document;
 use crate::outcome::Outcome;
-use crate::target::{Revision, Target};
+use crate::prediction::GelPlace;
+use crate::simulation_files::description_toml;
+use crate::target::{CreepTarget, Revision, Target};
 
 /// Durations of the front in ascending order, relative to that of the recommended protocol.
 const FRONT: [f64; 4] = [0.25, 0.5, 1.0, 2.0];
@@ -36,10 +47,42 @@ const CHANGES: [(&str, [f64; 3]); 5] = [
     ("duration", [1.0, 10.0, 1.0]),
 ];
 
+/// Purpose of a design.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum DesignGoal {
+    /// Smallest uncertainty of the model's parameters.
+    Parameters,
+    /// Largest distance between the equivalent effects of the last diagnosis.
+    Effects,
+    /// Smallest detectable sizes of the effects that the model lacks.
+    Detection,
+    /// Smallest uncertainty of the first quantity of the first scenario.
+    Decision,
+}
+
+impl DesignGoal {
+    /// Name in documents.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Parameters => "parameters",
+            Self::Effects => "effects",
+            Self::Detection => "detection",
+            Self::Decision => "decision",
+        }
+    }
+}
+
+/// Step of the free coordinates for derivatives of a quantity of interest.
+const DERIVATIVE_STEP: f64 = 1e-4;
+/// Directory of the description of the new record.
+const RECORD_DIR: &str = "next-record";
+
 /// Settings of a design. A limit of `None` is that of the present record.
 pub struct DesignRequest {
-    /// Purpose; `None` for the effects if a diagnosis could not distinguish some, and otherwise for the parameters.
+    /// Purpose; `None` for a decision if a scenario is given, for the effects if a diagnosis could not distinguish some, and otherwise for the parameters.
     pub goal: Option<DesignGoal>,
+    /// File whose first scenario has the quantity of a decision.
+    pub scenario: Option<PathBuf>,
     /// Duration of the new record, in s.
     pub budget_s: Option<f64>,
     /// Largest force, in N.
@@ -71,7 +114,19 @@ pub fn run(target: &Target, request: &DesignRequest, monitor: &dyn Monitor) -> R
     refuse_other_records(&revision)?;
     let seed = request.sampler.seed;
     let class = class(&revision)?;
-    let goal = request.goal.unwrap_or(if class.is_some() { DesignGoal::Effects } else { DesignGoal::Parameters });
+    let goal = match (request.goal, &request.scenario, &class) {
+        (Some(goal), _, _) => goal,
+        (None, Some(_), _) => DesignGoal::Decision,
+        (None, None, Some(_)) => DesignGoal::Effects,
+        (None, None, None) => DesignGoal::Parameters,
+    };
+    if (goal == DesignGoal::Decision) != request.scenario.is_some() {
+        return Err(Error::input(
+            InputPlace::setting(Setting::Scenario),
+            "a decision needs a scenario, and other goals have none",
+            format!("give `{} FILE.toml` with a quantity for the goal `decision` only", Setting::Scenario),
+        ));
+    }
     let class = class.filter(|_| goal == DesignGoal::Effects);
     if goal == DesignGoal::Effects && class.is_none() {
         return Err(Error::input(
@@ -84,6 +139,9 @@ pub fn run(target: &Target, request: &DesignRequest, monitor: &dyn Monitor) -> R
     let kept = kept_surrogate(&revision.study, monitor);
     let subject = match &class {
         Some(_) => Subject::new(problem, &Library::default(), kept, monitor)?,
+        None if goal == DesignGoal::Detection => {
+            Subject::new(problem, &Library::default(), kept, monitor)?.with_specified_noise()
+        }
         // The expected posterior has the noise of the revision, not that of a diagnosis.
         None => revision.subject(monitor)?.with_specified_noise(),
     };
@@ -93,7 +151,27 @@ pub fn run(target: &Target, request: &DesignRequest, monitor: &dyn Monitor) -> R
     monitor.stage("fitting the models to all cycles");
     let models = models(&subject, class.as_ref())?;
     let members: Vec<(&Candidate, &Fitted)> = models.iter().map(|(candidate, fitted)| (candidate, fitted)).collect();
-    let designer = Designer::new(&subject, &members, goal)?;
+    let asked = match goal {
+        DesignGoal::Decision => Some(AskedQuantity::new(target.creep()?, request, monitor)?),
+        _ => None,
+    };
+    let now_detectable = match goal {
+        DesignGoal::Detection => {
+            monitor.stage("computing the smallest detectable size of every effect");
+            find_smallest_detectable(&subject, members[0], threshold_sigma())?
+        }
+        _ => Vec::new(),
+    };
+    let sought = match (goal, &asked) {
+        (DesignGoal::Decision, Some(asked)) => Sought::Quantity(asked.derivatives(members[0])?),
+        (DesignGoal::Effects, _) => Sought::Effects,
+        (DesignGoal::Detection, _) => Sought::Sizes {
+            effects: SoughtEffect::all(&subject, members[0], &now_detectable),
+            threshold_sigma: threshold_sigma(),
+        },
+        _ => Sought::Parameters,
+    };
+    let designer = Designer::new(&subject, &members, sought)?;
     let farthest_m = models[0].1.position_m.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
     let limits = limits(subject.experiment(), farthest_m, request)?;
     let mut front: Vec<(DesignLimits, DesignedProtocol)> = Vec::new();
@@ -118,11 +196,17 @@ pub fn run(target: &Target, request: &DesignRequest, monitor: &dyn Monitor) -> R
     let right = best.closest.map(|_| designer.n_right(&best, seed)).transpose()?;
     let [information_nats, standard_error] = designer.mean_information(&best, seed)?;
     let helpless = helpless(&designer, &best, &limits, &effects);
+    let quantity = asked.map(|asked| asked.designed(members[0], designer.quantity_sd(&best)?)).transpose()?;
+    let detectable = match goal {
+        DesignGoal::Detection => detections(&now_detectable, &designer.detectable(&best, threshold_sigma())?),
+        _ => Vec::new(),
+    };
     let study_dir = revision.study.dir().to_path_buf();
     let file = |stem: &str| study_dir.join(format!("{stem}.csv"));
     let parameters = parameters(&models[0], &designer.sd_now()?, &best.sd);
     let recommended = RecommendedProtocol {
         protocol_file: file("design-protocol").display().to_string(),
+        record_dir: study_dir.join(RECORD_DIR).display().to_string(),
         protocol: best.drive.described(&limits),
         duration_s: limits.duration_s,
         expected_information_nats: information_nats,
@@ -130,7 +214,11 @@ pub fn run(target: &Target, request: &DesignRequest, monitor: &dyn Monitor) -> R
         separation_sigma: best.closest.map(|(distance, _)| distance),
         verdict_right_probability: right.map(|right| right as f64 / N_REPEATS as f64),
         simulated_records: if right.is_some() { N_REPEATS } else { 0 },
-        sentence: sentence(&best, &limits, now, right, &effects, &parameters),
+        sentence: match (&quantity, goal) {
+            (Some(quantity), _) => with_quantity(&best, &limits, quantity),
+            (None, DesignGoal::Detection) => with_detection(&best, &limits, &detectable),
+            (None, _) => sentence(&best, &limits, now, right, &effects, &parameters),
+        },
         parameters,
     };
     let entry = |limits: &DesignLimits, protocol: &DesignedProtocol, file: PathBuf| FrontProtocol {
@@ -148,7 +236,7 @@ pub fn run(target: &Target, request: &DesignRequest, monitor: &dyn Monitor) -> R
     let found = Design {
         experiment: subject.experiment().specimen_id.clone(),
         revision: name,
-        goal: if goal == DesignGoal::Effects { "effects".into() } else { "parameters".into() },
+        goal: goal.name().into(),
         effects: if class.is_some() { effects } else { Vec::new() },
         separation_now_sigma: now,
         largest_force_un: 1e6 * limits.largest_force_n,
@@ -156,23 +244,120 @@ pub fn run(target: &Target, request: &DesignRequest, monitor: &dyn Monitor) -> R
         interval_s: limits.interval_s,
         protocols_tried: best.n_tried,
         recommended,
+        quantity,
+        detectable,
         front: entries,
         helpless,
         warnings: Vec::new(),
     };
     monitor.stage("writing results and figures");
     let figure = figure(&designer.expected_m(&best)?, subject.reference_noise_m(), &best.record, &found)?;
-    let provenance = artefacts::with_inputs(revision.study.provenance("design", 1, seed), &revision.problem);
+    let posterior = revision.study.revision_dir(&revision.name)?.join(POSTERIOR_NAME);
+    let posterior = files::read(&posterior, Content::Document, "run `vitreo-uq sample` again")?;
+    let provenance = artefacts::with_inputs(revision.study.provenance("design", 1, seed), &revision.problem)
+        .with_input(format!("{}/{POSTERIOR_NAME}", revision.name), &posterior);
     let document = WithProvenance { provenance, body: found };
     let json = study_dir.join("design.json");
     let json = (json.clone(), to_json(&json, &document)?);
     let mut tables = vec![(file("design-protocol"), protocol_csv(&best.record))];
     tables.extend(front.iter().enumerate().map(|(k, (_, protocol))| (of_front(k), protocol_csv(&protocol.record))));
+    let record_dir = study_dir.join(RECORD_DIR);
+    files::create_folders(&record_dir, "check the permissions of the study's directory")?;
+    let (description, table) = next_record(subject.experiment(), &best.record);
+    tables.push((record_dir.join("experiment.toml"), description));
+    tables.push((record_dir.join("trajectory.csv"), table));
     let [svg, png, pdf] = figure_files(&study_dir, "design", &figure)?;
     let written = [&svg, &png, &pdf, &json].into_iter().chain(&tables);
     let written: Vec<_> = written.map(|(path, bytes)| (path.as_path(), bytes.as_slice())).collect();
     write_together(&written)?;
-    Ok(Outcome { is_sound: document.body.is_sound(), document, written: svg.0, study: None })
+    Ok(Outcome { is_sound: document.body.is_sound(), document, written: svg.0, study: Some(revision.study) })
+}
+
+/// Distance (σ) from which an effect is detected: a lead of twice the least gain of a diagnosis, and one standard deviation more, so that most records show it.
+fn threshold_sigma() -> f64 {
+    (2.0 * Criteria::RECORD.least_gain_nats).sqrt() + 1.0
+}
+
+/// Quantity of interest of a scenario, as a function of the model's parameters.
+struct AskedQuantity {
+    scenario: String,
+    quantity: Quantity,
+    ensemble: Ensemble,
+}
+
+impl AskedQuantity {
+    fn new(target: &CreepTarget, request: &DesignRequest, monitor: &dyn Monitor) -> Result<Self> {
+        let place = GelPlace::Study(target);
+        let scenario = place.scenarios(request.scenario.as_deref())?.remove(0);
+        let Some(quantity) = scenario.quantities.first().copied() else {
+            return Err(Error::input(
+                InputPlace::default().at_key(format!("scenario {}: quantity", scenario.name)),
+                "a decision needs a quantity of interest, and the first scenario has none",
+                "add [[scenario.quantity]] to it",
+            ));
+        };
+        let source = place.open(&scenario, &request.sampler, monitor)?;
+        let (force, duration_s) = scenario.force_and_duration()?;
+        let record = force.record(duration_s, &quantity.times_s())?;
+        let ensemble = Ensemble::new(&source.gel(), &scenario, record, source.kept.clone(), monitor)?;
+        Ok(Self { scenario: scenario.name, quantity, ensemble })
+    }
+
+    /// Value for coordinates of the model.
+    fn value(&self, candidate: &Candidate, theta: &[f64]) -> Result<f64> {
+        let position_m = self.ensemble.forward().trajectory_m(&candidate.parameters(theta))?;
+        let value = self.quantity.value(self.ensemble.record(), &position_m, self.ensemble.strain_per_m);
+        if value.is_finite() {
+            return Ok(value);
+        }
+        Err(Error::input(
+            InputPlace::default().at_key(format!("scenario {}: quantity", self.scenario)),
+            format!("the quantity `{}` has no value at the fit", self.quantity.label()),
+            "give a longer duration, a larger force or a smaller distance",
+        ))
+    }
+
+    /// Derivatives by the model's free coordinates, by central differences.
+    fn derivatives(&self, (candidate, fitted): (&Candidate, &Fitted)) -> Result<DVector<f64>> {
+        let derivative = |k: usize| {
+            let at = |step: f64| {
+                let mut theta = fitted.theta.clone();
+                theta[k] = candidate.free[k].clamped(theta[k] + step);
+                Ok::<_, Error>((theta[k], self.value(candidate, &theta)?))
+            };
+            let ((lower, less), (upper, more)) = (at(-DERIVATIVE_STEP)?, at(DERIVATIVE_STEP)?);
+            Ok((more - less) / (upper - lower))
+        };
+        let all: Vec<f64> = (0..candidate.free.len()).map(derivative).collect::<Result<_>>()?;
+        Ok(DVector::from_vec(all))
+    }
+
+    fn designed(&self, (candidate, fitted): (&Candidate, &Fitted), sd: Option<[f64; 2]>) -> Result<DesignedQuantity> {
+        let [sd_now, sd_expected] = sd.unwrap_or([f64::NAN; 2]);
+        Ok(DesignedQuantity {
+            scenario: self.scenario.clone(),
+            quantity: self.quantity.label(),
+            unit: self.quantity.unit().into(),
+            value: self.value(candidate, &fitted.theta)?,
+            sd_now,
+            sd_expected,
+        })
+    }
+}
+
+/// Effects with their smallest detectable sizes in the present and in the designed record.
+fn detections(now: &[Detectability], expected: &[Detectability]) -> Vec<DesignedDetection> {
+    let of_effect = |now: &Detectability| {
+        let then = expected.iter().find(|then| then.effect == now.effect)?;
+        let effect = Library::default().get(&now.effect)?;
+        Some(DesignedDetection {
+            effect: now.effect.clone(),
+            parameter: effect.parameters().first()?.spec.name.into(),
+            smallest_now: now.smallest,
+            smallest_expected: then.smallest,
+        })
+    };
+    now.iter().filter_map(of_effect).collect()
 }
 
 /// Refuses records whose designed protocol this search cannot make.
@@ -315,6 +500,43 @@ fn helpless(
     vec![HelplessPair { pair: [effects[0].clone(), effects[other].clone()], limit }]
 }
 
+/// The protocol as an instruction.
+fn instruction(best: &DesignedProtocol, limits: &DesignLimits) -> String {
+    format!("Apply {} ({} s in all).", best.drive.described(limits), format_significant(limits.duration_s, 3))
+}
+
+fn with_quantity(best: &DesignedProtocol, limits: &DesignLimits, quantity: &DesignedQuantity) -> String {
+    let unit = quantity.unit.replace("um", "µm");
+    let unit = if unit == "1" { String::new() } else { format!(" {unit}") };
+    let [value, now, then] =
+        [quantity.value, quantity.sd_now, quantity.sd_expected].map(|value| format_significant(value, 3));
+    format!(
+        "{} The {} of {} ({value}{unit}) becomes known to ± {then}{unit} (now ± {now}{unit}).",
+        instruction(best, limits),
+        quantity.quantity,
+        quantity.scenario
+    )
+}
+
+fn with_detection(best: &DesignedProtocol, limits: &DesignLimits, detectable: &[DesignedDetection]) -> String {
+    let opened: Vec<&str> = detectable
+        .iter()
+        .filter(|found| found.smallest_now.is_none() && found.smallest_expected.is_some())
+        .map(|found| found.effect.as_str())
+        .collect();
+    let blind = detectable.iter().filter(|found| found.smallest_expected.is_none()).count();
+    let visible = detectable.len() - blind;
+    let mut text = format!(
+        "{} The new record shows {visible} of {} effects at some size of their priors.",
+        instruction(best, limits),
+        detectable.len()
+    );
+    if !opened.is_empty() {
+        text += &format!(" Visible for the first time: {}.", opened.join(", "));
+    }
+    text
+}
+
 fn sentence(
     best: &DesignedProtocol,
     limits: &DesignLimits,
@@ -324,7 +546,7 @@ fn sentence(
     parameters: &[DesignedParameter],
 ) -> String {
     let short = |value: f64| format_significant(value, 3);
-    let mut text = format!("Apply {} ({} s in all).", best.drive.described(limits), short(limits.duration_s));
+    let mut text = instruction(best, limits);
     if let (Some((distance, other)), Some(now), Some(right)) = (best.closest, now, right) {
         let verb = if separates(distance) { "This separates" } else { "This does not separate" };
         text += &format!(
@@ -359,6 +581,27 @@ fn protocol_csv(record: &Record) -> Vec<u8> {
         }
     }
     text.into_bytes()
+}
+
+/// Description and table for the new record, with the same apparatus. The positions are missing; the last third is held out.
+fn next_record(experiment: &Experiment, record: &Record) -> (Vec<u8>, Vec<u8>) {
+    let mut measurement = vec![
+        "calibration_cycles = [1]".to_string(),
+        "heldout_cycles = [2]".into(),
+        format!("force = \"{}\"", record.force_rule.name()),
+        format!("source = {}", quoted("to be recorded: protocol of vitreo-uq design")),
+    ];
+    measurement.extend(experiment.noise_sd_m.map(|sd_m| format!("noise_um = {}", 1e6 * sd_m)));
+    let head =
+        "# Protocol of `vitreo-uq design`. Replace trajectory.csv by the record, or fill in its column position_um.";
+    let toml = description_toml(head, &format!("{}-next", experiment.specimen_id), experiment, &measurement);
+    let mut table = String::from("time_s,force_uN,position_um,cycle\n");
+    let last = record.n_rows() - 1;
+    for row in 0..=last {
+        let cycle = if 3 * row < 2 * last { 1 } else { 2 };
+        table += &format!("{:.6},{:.6},,{cycle}\n", record.time_s[row], 1e6 * record.force_n[row]);
+    }
+    (toml.into_bytes(), table.into_bytes())
 }
 
 /// Figure of the recommended force and of the expected position (m at every row), with bands of the noise (m).

@@ -81,6 +81,10 @@ pub fn run(target: &Target, request: &LawsRequest, monitor: &dyn Monitor) -> Res
         return Err(Error::numerical("no law was given", "name at least one law"));
     };
     rank(&mut rows);
+    let is_explained = is_explained(&rows, noise_um);
+    if is_explained == Some(false) {
+        rank_by_error(&mut rows);
+    }
     let sentence = sentence(&rows, noise_um);
     let body = LawComparison {
         experiment: experiment.specimen_id.clone(),
@@ -88,6 +92,7 @@ pub fn run(target: &Target, request: &LawsRequest, monitor: &dyn Monitor) -> Res
         heldout_cycles: experiment.heldout_cycles.clone(),
         n_fitted,
         noise_um,
+        is_explained,
         laws: rows,
         sentence,
     };
@@ -103,7 +108,8 @@ pub fn run(target: &Target, request: &LawsRequest, monitor: &dyn Monitor) -> Res
     let all: [(&Path, &[u8]); 4] = [&svg, &png, &pdf, &json].map(|(path, bytes)| (path.as_path(), bytes.as_slice()));
     files::write_together(&all)?;
     let has_page = !study.revisions()?.is_empty();
-    Ok(Outcome { is_sound: true, document, written: svg.0, study: has_page.then_some(study) })
+    let is_sound = is_explained == Some(true);
+    Ok(Outcome { is_sound, document, written: svg.0, study: has_page.then_some(study) })
 }
 
 /// Fits a law and computes its evidence. A law whose evidence cannot be computed keeps its errors.
@@ -167,8 +173,51 @@ fn rank(rows: &mut [LawRow]) {
     }
 }
 
+/// Root mean square residual (µm) on the scored cycle; on the fitted rows if no cycle is held out.
+fn error_um(row: &LawRow) -> Option<f64> {
+    row.rmse_heldout_um.or(row.rmse_fitted_um)
+}
+
+/// Whether the first law leaves no more than the noise; `None` if the noise is unknown.
+fn is_explained(rows: &[LawRow], noise_um: Option<f64>) -> Option<bool> {
+    Some(rows.first().and_then(error_um)? <= NOISE_FACTOR * noise_um?)
+}
+
+/// Sorts the laws of a record that the likeliest law does not explain. The noise terms absorb its misfit, so the evidence compares noise terms more than laws.
+fn rank_by_error(rows: &mut [LawRow]) {
+    let error = |row: &LawRow| error_um(row).unwrap_or(f64::INFINITY);
+    rows.sort_by(|a, b| error(a).total_cmp(&error(b)));
+    let fitted = rows.iter_mut().filter(|row| row.rmse_fitted_um.is_some());
+    fitted
+        .enumerate()
+        .for_each(|(place, row)| row.status = if place == 0 { LawStatus::Closest } else { LawStatus::FartherOff });
+}
+
 fn sentence(rows: &[LawRow], noise_um: Option<f64>) -> String {
     let with = |status: LawStatus| rows.iter().filter(move |row| row.status == status);
+    let scored = |row: &LawRow| {
+        if row.rmse_heldout_um.is_some() {
+            "the last cycle, which no fit has seen,"
+        } else {
+            "the fitted rows, since no cycle is held out,"
+        }
+    };
+    if let (Some(best), Some(noise_um)) = (with(LawStatus::Closest).next(), noise_um) {
+        let ratio = error_um(best).unwrap_or(f64::NAN) / noise_um;
+        if ratio <= NOISE_FACTOR {
+            return format!(
+                "The likeliest law does not explain the record. {} does: its error on {} is {ratio:.2} times the noise. The laws are ranked by this error.",
+                best.law,
+                scored(best)
+            );
+        }
+        let digits = if ratio < 10.0 { 1 } else { 0 };
+        return format!(
+            "No law explains the record. {} is the closest: its error on {} is {ratio:.digits$} times the noise. The laws are ranked by this error, since noise terms absorb the misfit and the evidence says little.",
+            best.law,
+            scored(best)
+        );
+    }
     let Some(best) = with(LawStatus::Likeliest).next() else {
         return "No law could be compared.".into();
     };
@@ -179,29 +228,12 @@ fn sentence(rows: &[LawRow], noise_um: Option<f64>) -> String {
         ([], Some(next)) => format!("{} is the likeliest law, by {:.1} nats.", best.law, -next),
         (near, _) => format!("The record cannot distinguish {} from {}.", best.law, near.join(", ")),
     };
-    let (error_um, which) = match (best.rmse_heldout_um, best.rmse_fitted_um) {
-        (Some(error_um), _) => (error_um, "the last cycle, which no fit has seen,"),
-        (None, Some(error_um)) => (error_um, "the fitted rows, since no cycle is held out,"),
-        (None, None) => return text,
+    text += &match (error_um(best), noise_um) {
+        (Some(error_um), Some(noise_um)) => {
+            format!(" The error of {} on {} is {:.2} times the noise.", best.law, scored(best), error_um / noise_um)
+        }
+        _ => " The noise is unknown, so it is open whether any law explains the record.".into(),
     };
-    match noise_um {
-        Some(noise_um) if error_um > NOISE_FACTOR * noise_um => {
-            let ratio = error_um / noise_um;
-            let digits = if ratio < 10.0 { 1 } else { 0 };
-            text += &format!(
-                " No law explains the record: the error of {} on {which} is {ratio:.digits$} times the noise. The noise terms then absorb the misfit, so the evidence says little.",
-                best.law
-            );
-            let error = |row: &LawRow| row.rmse_heldout_um.or(row.rmse_fitted_um).unwrap_or(f64::INFINITY);
-            if let Some(closest) = rows.iter().min_by(|a, b| error(a).total_cmp(&error(b))) {
-                text += &format!(" {} has the smallest error.", closest.law);
-            }
-        }
-        Some(noise_um) => {
-            text += &format!(" The error of {} on {which} is {:.2} times the noise.", best.law, error_um / noise_um);
-        }
-        None => text += " The noise is unknown, so it is open whether any law explains the record.",
-    }
     // A law without evidence may be the best one.
     let is_better =
         |row: &&LawRow| row.rmse_fitted_um.zip(best.rmse_fitted_um).is_some_and(|(other, best)| other < best);
@@ -220,6 +252,7 @@ mod tests {
         LawRow {
             evidence_difference_nats: Some(evidence),
             evidence_standard_error_nats: Some(error),
+            rmse_fitted_um: Some(4.0),
             rmse_heldout_um: Some(4.0),
             reason: None,
             ..not_compared(law, String::new())
@@ -246,11 +279,9 @@ mod tests {
             sentence(&rows, Some(4.0)),
             "The record cannot distinguish c from d. The error of c on the last cycle, which no fit has seen, is 1.00 times the noise."
         );
-        rows[2].rmse_heldout_um = Some(2.0);
-        let unexplained = sentence(&rows, Some(1.0));
-        assert!(
-            unexplained.contains("is 4.0 times the noise") && unexplained.ends_with("a has the smallest error."),
-            "{unexplained}"
+        assert_eq!(
+            [Some(4.0), Some(1.0), None].map(|noise_um| is_explained(&rows, noise_um)),
+            [Some(true), Some(false), None]
         );
         let mut rows = vec![row("a", 0.0, 3.0), row("b", -7.0, 3.0)];
         rank(&mut rows);
@@ -258,5 +289,23 @@ mod tests {
         let mut rows = vec![row("a", 0.0, 0.1), row("b", -7.0, 0.1)];
         rank(&mut rows);
         assert!(sentence(&rows, None).starts_with("a is the likeliest law, by 7.0 nats. The noise is unknown"));
+    }
+
+    /// The evidence of laws that leave more than the noise compares noise terms. Errors then rank the laws.
+    #[test]
+    fn laws_that_do_not_explain_a_record_are_ranked_by_their_errors() {
+        let mut rows = vec![row("a", 90.0, 0.1), not_compared("b", "no fit".into()), row("c", 100.0, 0.1)];
+        rows[0].rmse_heldout_um = Some(2.0);
+        rank(&mut rows);
+        rank_by_error(&mut rows);
+        let found: Vec<_> = rows.iter().map(|row| (row.law.as_str(), row.status)).collect();
+        assert_eq!(found, [("a", LawStatus::Closest), ("c", LawStatus::FartherOff), ("b", LawStatus::NotCompared)]);
+        let text = sentence(&rows, Some(0.5));
+        assert!(
+            text.starts_with("No law explains the record. a is the closest") && text.contains("is 4.0 times"),
+            "{text}"
+        );
+        let text = sentence(&rows, Some(1.9));
+        assert!(text.starts_with("The likeliest law does not explain the record. a does"), "{text}");
     }
 }

@@ -168,6 +168,26 @@ fn predictions(study: &Study, posteriors_sha256: &BTreeMap<String, String>) -> R
             caption: "Planned force and expected position",
             figure,
         });
+        if let Some(figure) = read_figure(study.dir(), "plan-robots.svg")? {
+            list.push(PredictionPage {
+                sentences: Vec::new(),
+                warnings: Vec::new(),
+                caption: "Compared robots: the force that each needs against its volume",
+                figure,
+            });
+        }
+    }
+    let design = read::<documents::design::Design>(&study.dir().join("design.json"))?;
+    if let Some(document) = design.filter(|document| is_present(&document.provenance))
+        && let Some(figure) = read_figure(study.dir(), "design.svg")?
+    {
+        let found = document.body;
+        list.push(PredictionPage {
+            sentences: vec![found.recommended.sentence],
+            warnings: found.warnings,
+            caption: "Protocol of the next record and expected position",
+            figure,
+        });
     }
     Ok(list)
 }

@@ -8,7 +8,7 @@ use base::toml_input::quoted;
 use documents::simulation::SimulationSummary;
 use elements::mesh::vtu::{PointData, TimeStep, write_pvd, write_vtu};
 use posterior::problem::Problem;
-use record::{Apparatus, Offset, Orientation, Record, RobotShape, density_toml};
+use record::{Apparatus, Experiment, Offset, Orientation, Record, RobotShape, density_toml};
 
 /// Writes the trajectory, the description and the fields into `dir`. The directory can then be read as an experiment.
 ///
@@ -51,25 +51,27 @@ fn trajectory_csv(record: &Record, position_m: &[f64]) -> String {
 
 fn experiment_toml(problem: &Problem, summary: &SimulationSummary) -> String {
     let experiment = &problem.experiment;
-    let mut lines = vec![
-        "# SYNTHETIC. Made by `vitreo-uq simulate`: full finite elements, no noise.".to_string(),
-        "[specimen]".into(),
-        format!("id = {}", quoted(&format!("{}-simulated", experiment.specimen_id))),
-    ];
-    lines.extend(experiment.species.iter().map(|species| format!("species = {}", quoted(species))));
-    lines.extend(experiment.region.iter().map(|region| format!("region = {}", quoted(region))));
-    lines.push(apparatus_toml(&experiment.apparatus));
     let values: Vec<String> = summary.parameters.iter().map(|p| format!("{} = {}", p.name, p.value)).collect();
     let source =
         format!("synthetic: full finite elements with {} unknowns, no noise; {}", summary.unknowns, values.join(", "));
-    lines.extend([
-        "[measurement]".into(),
-        "file = \"trajectory.csv\"".into(),
+    let measurement = [
         format!("calibration_cycles = {:?}", experiment.calibration_cycles),
         format!("heldout_cycles = {:?}", experiment.heldout_cycles),
         format!("force = \"{}\"", experiment.record.force_rule.name()),
         format!("source = {}", quoted(&source)),
-    ]);
+    ];
+    let head = "# SYNTHETIC. Made by `vitreo-uq simulate`: full finite elements, no noise.";
+    description_toml(head, &format!("{}-simulated", experiment.specimen_id), experiment, &measurement)
+}
+
+/// Description of a record with the apparatus of an experiment, in the table `trajectory.csv`. `measurement` has the further lines of its section.
+pub fn description_toml(head: &str, id: &str, experiment: &Experiment, measurement: &[String]) -> String {
+    let mut lines = vec![head.to_string(), "[specimen]".into(), format!("id = {}", quoted(id))];
+    lines.extend(experiment.species.iter().map(|species| format!("species = {}", quoted(species))));
+    lines.extend(experiment.region.iter().map(|region| format!("region = {}", quoted(region))));
+    lines.push(apparatus_toml(&experiment.apparatus));
+    lines.extend(["[measurement]".to_string(), "file = \"trajectory.csv\"".into()]);
+    lines.extend_from_slice(measurement);
     lines.join("\n") + "\n"
 }
 

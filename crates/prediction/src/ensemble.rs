@@ -3,7 +3,6 @@
 use base::error::{Error, InputPlace, Result};
 use documents::posterior::{Warning, WarningKind};
 use documents::prediction::PositionQuantiles;
-use elements::fe::meridional::{BodyOfRevolution, Direction, Resolution, solve};
 use elements::fe::strain::largest_principal_strain;
 use elements::fe::time::FullOrderModel;
 use figures::density::quantile_of_sorted;
@@ -18,10 +17,11 @@ use posterior::problem::Problem;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
-use record::{Apparatus, Control, Experiment, Orientation, Record, Robot, RobotShape};
+use record::{Apparatus, Control, Experiment, Record};
 use std::sync::Arc;
 
-use crate::scenario::{self, Scenario, Tolerances, with_diameter};
+use crate::body;
+use crate::scenario::{self, Scenario, Tolerances, resized};
 
 /// Largest number of draws of a prediction.
 pub const MOST_DRAWS: usize = 10_000;
@@ -41,8 +41,6 @@ const LINEAR: f64 = 1e-6;
 const TOLERANCE_STREAM: u64 = 1 << 40;
 /// Bases of the Halton sequences of diameter and force.
 const HALTON_BASES: [u64; 2] = [2, 3];
-/// Largest relative error of a compliance in the meridian plane that is used.
-const TRUSTED: f64 = 1e-5;
 
 /// Draws of the parameters of a gel's model.
 #[derive(Debug, Clone, PartialEq)]
@@ -133,12 +131,12 @@ impl MeshCorrection {
     fn new(taught: Option<&Problem>, asked: &Problem) -> Result<Self> {
         let fe = finite_elements(asked)?;
         let mesh_per_m = compliance_per_m(fe)?;
-        let exact = if asked.model.is_law_alone() { meridional(&asked.experiment.apparatus) } else { None };
+        let exact = if asked.model.is_law_alone() { accurate(&asked.experiment.apparatus) } else { None };
         let Some((exact_per_m, error)) = exact else {
             let error = fe.comparison.map(|other| other.relative_error(mesh_per_m).abs());
             return Ok(Self { factor: 1.0, error });
         };
-        let absorbed = match taught.and_then(|taught| Some((taught, meridional(&taught.experiment.apparatus)?))) {
+        let absorbed = match taught.and_then(|taught| Some((taught, accurate(&taught.experiment.apparatus)?))) {
             Some((taught, (exact_per_m, _))) => compliance_per_m(finite_elements(taught)?)? / exact_per_m,
             None => 1.0,
         };
@@ -146,24 +144,10 @@ impl MeshCorrection {
     }
 }
 
-/// Compliance (1/m) of a body of revolution at the centre of the gel, with its relative error; `None` for other bodies.
-fn meridional(apparatus: &Apparatus) -> Option<(f64, f64)> {
-    let Apparatus::Robot { robot: Robot { shape, offset: None, .. }, vitreous } = apparatus else { return None };
-    let (body, orientation) = match *shape {
-        RobotShape::Sphere { diameter_m } => (BodyOfRevolution::sphere(0.5 * diameter_m), Orientation::Horizontal),
-        RobotShape::Ellipsoid { length_m, diameter_m, orientation } => {
-            let body =
-                BodyOfRevolution::Spheroid { semi_axis_along_m: 0.5 * length_m, semi_axis_across_m: 0.5 * diameter_m };
-            (body, orientation)
-        }
-        RobotShape::Cylinder { length_m, diameter_m, orientation } => {
-            (BodyOfRevolution::Cylinder { length_m, diameter_m }, orientation)
-        }
-    };
-    let direction = if orientation == Orientation::Horizontal { Direction::Axial } else { Direction::Transverse };
-    let solved =
-        solve(body, 0.5 * vitreous.diameter_m, vitreous.poisson_ratio, direction, Resolution::default()).ok()?;
-    (solved.relative_error < TRUSTED).then_some((1.0 / solved.stiffness_m, solved.relative_error))
+/// Accurate compliance (1/m) of the robot in the middle of the gel, with its relative error; `None` for other apparatus.
+fn accurate(apparatus: &Apparatus) -> Option<(f64, f64)> {
+    let Apparatus::Robot { robot, vitreous } = apparatus else { return None };
+    body::compliance_per_m(robot, vitreous)
 }
 
 /// Result of the check of draws by full finite elements.
@@ -266,6 +250,25 @@ impl Ensemble {
         Self { prepared: self.prepared.for_problem(problem), parameters, factors, ..*self }
     }
 
+    /// The same draws for another robot in the middle of a gel, whose displacements differ by one factor. `reference_per_m` is the compliance of this ensemble's robot by
+    /// [`body::compliance_per_m`]. `None` for models with effects, for tolerances, and for bodies without an accurate compliance. The strain is unknown.
+    pub fn for_robot(&self, scenario: &Scenario, reference_per_m: f64) -> Option<Self> {
+        let is_plain = self.tolerances == [0.0; 2] && scenario.tolerances == Tolerances::default();
+        if !(is_plain && self.problem().model.is_law_alone()) {
+            return None;
+        }
+        let (compliance_per_m, error) = body::compliance_per_m(&scenario.robot, &scenario.vitreous)?;
+        let factor = compliance_per_m / reference_per_m;
+        Some(Self {
+            prepared: self.prepared.clone(),
+            parameters: self.parameters.clone(),
+            factors: self.factors.iter().map(|other| factor * other).collect(),
+            strain_per_m: f64::NAN,
+            mesh: MeshCorrection { factor: f64::NAN, error: Some(error) },
+            ..*self
+        })
+    }
+
     /// Factor of the displacements for a diameter that differs by the fraction `relative`.
     pub fn by_diameter_factor(&self, relative: f64) -> f64 {
         (1.0 + relative).powf(self.by_diameter)
@@ -357,10 +360,13 @@ impl Ensemble {
     }
 }
 
-/// Change of the compliance's logarithm by the logarithm of the diameter, from two meshes.
+/// Change of the compliance's logarithm by the logarithm of the diameter, in the meridian plane or from two meshes.
 fn by_diameter(scenario: &Scenario) -> Result<f64> {
     let compliance = |factor: f64| {
-        let robot = with_diameter(&scenario.robot, factor * scenario::diameter_m(&scenario.robot));
+        let robot = resized(&scenario.robot, 1.0, factor);
+        if let Some((accurate_per_m, _)) = body::compliance_per_m(&robot, &scenario.vitreous) {
+            return Ok(accurate_per_m);
+        }
         match Mechanics::new(&Apparatus::Robot { robot, vitreous: scenario.vitreous }, None)? {
             Mechanics::FiniteElements(fe) => compliance_per_m(&fe),
             _ => Ok(f64::NAN),

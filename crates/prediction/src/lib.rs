@@ -2,10 +2,13 @@
 //!
 //! [`scenario`] reads robots, gels and forces. [`ensemble`] turns the draws of a model into trajectories, and checks some by full finite elements.
 //! [`quantity`] takes quantities of interest from trajectories, [`sensitivity`] attributes their variance, and [`plan`] searches for forces.
+//! [`robot_size`] searches for the largest robot of a shape and for the smallest magnet that reach a target.
 
+pub mod body;
 pub mod ensemble;
 pub mod force_history;
 pub mod plan;
 pub mod quantity;
+pub mod robot_size;
 pub mod scenario;
 pub mod sensitivity;

@@ -5,11 +5,13 @@
 
 use base::error::{Error, InputPlace, Result};
 use documents::prediction::ForceStep;
+use figures::density::quantile_of_sorted;
 use nalgebra::{DMatrix, DVector};
 use posterior::monitor::Monitor;
 use posterior::prepared::KeptSurrogate;
 use record::Record;
 
+use crate::body;
 use crate::ensemble::{Draws, Ensemble, Gel};
 use crate::force_history::ForceHistory;
 use crate::quantity::time_to_reach_s;
@@ -110,7 +112,8 @@ impl Target {
         (if self.rest.is_some() { rests } else { arrives }) && self.strain_is_met(position_m, strain_per_m)
     }
 
-    fn strain_is_met(&self, position_m: &[f64], strain_per_m: f64) -> bool {
+    /// True if the strain stays below its limit.
+    pub(crate) fn strain_is_met(&self, position_m: &[f64], strain_per_m: f64) -> bool {
         let largest = strain_per_m * position_m.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
         self.largest_strain.is_none_or(|limit| largest <= limit)
     }
@@ -142,23 +145,8 @@ pub fn plan(
     monitor: &dyn Monitor,
 ) -> Result<PlannedForce> {
     let [planned, unused] = halves(&gel.draws);
-    let planned = Gel { draws: planned, ..*gel };
-    let record = target.record(&[[0.0, target.sign() * target.largest_force_n]])?;
-    let ensemble = Ensemble::new(&planned, scenario, record, kept, monitor)?;
-    monitor.stage("searching for the force");
-    let is_linear = ensemble.is_linear()?;
-    let search = ForceSearch { target, ensemble, is_linear };
-    let found = match target.rest {
-        None => search.constant()?,
-        Some(_) if is_linear => search.with_rest()?,
-        Some(_) => {
-            return Err(Error::input(
-                InputPlace::default().at_key("rest"),
-                "a rest at the target is planned for models whose position is proportional to the force, and this model's is not",
-                "plan without a rest, or use a revision without the nonlinear effect",
-            ));
-        }
-    };
+    let search = ForceSearch::new(&Gel { draws: planned, ..*gel }, scenario, target, kept, monitor)?;
+    let found = search.found()?;
     let is_feasible = found.probability >= target.probability;
     let limit = if is_feasible { "" } else { search.limit()? };
     let record = target.record(&found.changes)?;
@@ -179,8 +167,67 @@ pub fn plan(
     })
 }
 
+/// Force that a robot needs for a target.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct NeededForce {
+    /// Largest absolute force of the plan, in N.
+    pub force_n: f64,
+    /// Probability of success over the draws of the search.
+    pub probability: f64,
+    /// Distance in m that the largest force reaches in time with the requested probability.
+    pub reach_m: f64,
+}
+
+/// Robots that are compared for one target, each without the check by full finite elements.
+pub struct RobotComparison<'a> {
+    gel: Gel<'a>,
+    kept: Option<KeptSurrogate>,
+    /// Ensemble of the first robot with its accurate compliance, from which those of others follow.
+    first: Option<(Ensemble, f64)>,
+}
+
+impl<'a> RobotComparison<'a> {
+    /// Begins a comparison with the draws of a gel that serve the search.
+    pub fn new(gel: &Gel<'a>, kept: Option<KeptSurrogate>) -> Self {
+        let [planned, _] = halves(&gel.draws);
+        Self { gel: Gel { draws: planned, ..*gel }, kept, first: None }
+    }
+
+    /// Finds the force that a robot needs.
+    ///
+    /// # Errors
+    /// The errors of [`plan`].
+    pub fn needed_force(&mut self, scenario: &Scenario, target: &Target, monitor: &dyn Monitor) -> Result<NeededForce> {
+        // The strain depends on the shape, so that a limit of it needs each robot's own elements.
+        let first = self.first.as_ref().filter(|_| target.largest_strain.is_none());
+        let search = match first.and_then(|(first, compliance_per_m)| first.for_robot(scenario, *compliance_per_m)) {
+            Some(ensemble) => ForceSearch::of(ensemble.with_record(target.at_largest_force()?), target)?,
+            None => ForceSearch::new(&self.gel, scenario, target, self.kept.clone(), monitor)?,
+        };
+        let found = needed(&search)?;
+        if self.first.is_none() {
+            let compliance = body::compliance_per_m(&scenario.robot, &scenario.vitreous);
+            self.first = compliance.map(|(compliance_per_m, _)| (search.ensemble, compliance_per_m));
+        }
+        Ok(found)
+    }
+}
+
+fn needed(search: &ForceSearch<'_>) -> Result<NeededForce> {
+    let (target, found) = (search.target, search.found()?);
+    let (record, trajectories_m) = search.trajectories_m(&target.whole())?;
+    let row = record.time_s.partition_point(|time_s| *time_s < target.within_s).min(record.n_rows() - 1);
+    let mut reached_m: Vec<f64> = trajectories_m.iter().map(|x| target.sign() * x[row]).collect();
+    reached_m.sort_unstable_by(f64::total_cmp);
+    Ok(NeededForce {
+        force_n: found.changes.iter().fold(0.0_f64, |most, change| most.max(change[1].abs())),
+        probability: found.probability,
+        reach_m: target.sign() * quantile_of_sorted(&reached_m, 1.0 - target.probability),
+    })
+}
+
 /// Draws with even and odd numbers.
-fn halves(draws: &Draws) -> [Draws; 2] {
+pub(crate) fn halves(draws: &Draws) -> [Draws; 2] {
     [0, 1].map(|first| Draws {
         source: draws.source.clone(),
         names: draws.names.clone(),
@@ -220,13 +267,58 @@ impl Target {
         steps
     }
 
+    /// The largest force from the start on, as its changes.
+    fn whole(&self) -> [[f64; 2]; 1] {
+        [[0.0, self.sign() * self.largest_force_n]]
+    }
+
+    /// Rows of the largest force from the start on.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for a duration without rows.
+    pub(crate) fn at_largest_force(&self) -> Result<Record> {
+        self.record(&self.whole())
+    }
+
     /// Rows of a force with these changes.
     fn record(&self, changes: &[[f64; 2]]) -> Result<Record> {
         ForceHistory::Steps(self.stepped(changes)).record(self.duration_s(), &[self.within_s])
     }
 }
 
-impl ForceSearch<'_> {
+impl<'a> ForceSearch<'a> {
+    /// Prepares the scenario under the largest force.
+    fn new(
+        gel: &Gel<'_>,
+        scenario: &Scenario,
+        target: &'a Target,
+        kept: Option<KeptSurrogate>,
+        monitor: &dyn Monitor,
+    ) -> Result<Self> {
+        let ensemble = Ensemble::new(gel, scenario, target.at_largest_force()?, kept, monitor)?;
+        monitor.stage(&format!("searching for the force of {}", scenario.name));
+        Self::of(ensemble, target)
+    }
+
+    /// Search for the force on an ensemble under the largest force.
+    fn of(ensemble: Ensemble, target: &'a Target) -> Result<Self> {
+        let is_linear = ensemble.is_linear()?;
+        Ok(Self { target, ensemble, is_linear })
+    }
+
+    /// Best force that the search finds.
+    fn found(&self) -> Result<Tried> {
+        match self.target.rest {
+            None => self.constant(),
+            Some(_) if self.is_linear => self.with_rest(),
+            Some(_) => Err(Error::input(
+                InputPlace::default().at_key("rest"),
+                "a rest at the target is planned for models whose position is proportional to the force, and this model's is not",
+                "plan without a rest, or use a revision without the nonlinear effect",
+            )),
+        }
+    }
+
     fn trajectories_m(&self, changes: &[[f64; 2]]) -> Result<(Record, Vec<Vec<f64>>)> {
         let record = self.target.record(changes)?;
         let under_force = self.ensemble.with_record(record.clone());
@@ -317,10 +409,10 @@ impl ForceSearch<'_> {
     fn rest_changes(&self, part: f64, n_steps: usize) -> Result<Vec<[f64; 2]>> {
         let target = self.target;
         let travel = Target { largest_force_n: part * target.largest_force_n, slew_n_per_s: None, ..*target };
-        let whole = [[0.0, target.sign() * travel.largest_force_n]];
+        let whole = travel.whole();
         let unlimited = ForceSearch {
             target: &travel,
-            ensemble: self.ensemble.with_record(travel.record(&whole)?),
+            ensemble: self.ensemble.with_record(travel.at_largest_force()?),
             is_linear: true,
         };
         let (record, trajectories_m) = unlimited.trajectories_m(&whole)?;
@@ -377,11 +469,9 @@ impl ForceSearch<'_> {
             ("force", Target { largest_force_n: MUCH * self.target.largest_force_n, ..*self.target }),
         ];
         for (limit, target) in relaxed.iter().filter(|(_, target)| target != self.target) {
-            let whole = [[0.0, target.sign() * target.largest_force_n]];
-            let ensemble = self.ensemble.with_record(target.record(&whole)?);
+            let ensemble = self.ensemble.with_record(target.at_largest_force()?);
             let search = ForceSearch { target, ensemble, is_linear: self.is_linear };
-            let found = if target.rest.is_some() { search.with_rest()? } else { search.constant()? };
-            if found.probability >= self.target.probability {
+            if search.found()?.probability >= self.target.probability {
                 return Ok(limit);
             }
         }

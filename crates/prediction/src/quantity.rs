@@ -112,7 +112,8 @@ impl Quantity {
         }
     }
 
-    fn unit(&self) -> &'static str {
+    /// Unit of the values.
+    pub fn unit(&self) -> &'static str {
         match self {
             Self::PositionAt { .. } => "um",
             Self::TimeToReach { .. } => "s",

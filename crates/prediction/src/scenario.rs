@@ -12,6 +12,8 @@ use crate::quantity::{Quantity, plain};
 
 /// Longest scenario in s: ten days.
 const LONGEST_S: f64 = 864_000.0;
+/// Largest number of scenarios of a file.
+const MOST_SCENARIOS: usize = 100;
 
 /// Robot in a gel under a force, with quantities of interest.
 #[derive(Debug, Clone, PartialEq)]
@@ -56,19 +58,28 @@ impl Scenario {
         if tables.is_empty() {
             return Err(root.refuse("scenario", "the list of scenarios is empty", "add a table `[[scenario]]`"));
         }
-        let scenarios: Vec<Self> =
-            tables.iter().map(|table| Self::from_table(*table, folder, default)).collect::<Result<_>>()?;
-        for (index, scenario) in scenarios.iter().enumerate() {
-            if scenarios[..index].iter().any(|other| other.name == scenario.name) {
-                let found = format!("two scenarios have the name `{}`", scenario.name);
-                return Err(tables[index].refuse("name", found, "give each scenario a different name"));
+        let mut scenarios: Vec<Self> = Vec::new();
+        for table in tables {
+            let scenario = Self::from_table(table, folder, default)?;
+            let of_table = match table.table("vary")? {
+                Some(vary) => scenario.varied(vary)?,
+                None => vec![scenario],
+            };
+            if let Some(twice) = of_table.iter().find(|one| scenarios.iter().any(|other| other.name == one.name)) {
+                let found = format!("two scenarios have the name `{}`", twice.name);
+                return Err(table.refuse("name", found, "give each scenario a different name"));
             }
+            scenarios.extend(of_table);
+        }
+        if scenarios.len() > MOST_SCENARIOS {
+            let found = format!("there are {} scenarios", scenarios.len());
+            return Err(root.refuse("scenario", found, format!("give at most {MOST_SCENARIOS} in one file")));
         }
         Ok(scenarios)
     }
 
     fn from_table(table: TomlTable<'_>, folder: &Path, default: Option<(Robot, Vitreous)>) -> Result<Self> {
-        table.only(&["name", "robot", "vitreous", "force", "duration_s", "quantity", "tolerance"])?;
+        table.only(&["name", "robot", "vitreous", "force", "duration_s", "quantity", "tolerance", "vary"])?;
         let name = table.required_text("name", "name = \"cylinder\"")?;
         let (robot, vitreous) = Apparatus::robot_in_gel(table, default)?;
         let force = table.table("force")?.map(|force| ForceHistory::read(force, folder)).transpose()?;
@@ -102,6 +113,54 @@ impl Scenario {
             }
         };
         Ok(Self { name, robot, vitreous, force, duration_s, quantities, tolerances })
+    }
+
+    /// The scenario with every combination of the sizes and aspect ratios of a table `[scenario.vary]`.
+    fn varied(&self, vary: TomlTable<'_>) -> Result<Vec<Self>> {
+        vary.only(&["size", "aspect"])?;
+        let of_key = |key: &str| -> Result<Vec<Option<f64>>> {
+            let Some(numbers) = vary.numbers(key)? else { return Ok(vec![None]) };
+            if numbers.is_empty() {
+                return Err(vary.refuse(
+                    key,
+                    "the list is empty",
+                    format!("give numbers, as in `{key} = [0.5, 1, 2]`"),
+                ));
+            }
+            for number in &numbers {
+                vary.require_range(key, *number, [0.01, 100.0])?;
+            }
+            Ok(numbers.into_iter().map(Some).collect())
+        };
+        let (sizes, aspects) = (of_key("size")?, of_key("aspect")?);
+        let mut all = Vec::new();
+        for aspect in &aspects {
+            for size in &sizes {
+                let mut one = self.clone();
+                if let Some(aspect) = aspect {
+                    let (RobotShape::Ellipsoid { length_m, diameter_m, .. }
+                    | RobotShape::Cylinder { length_m, diameter_m, .. }) = self.robot.shape
+                    else {
+                        let remedy = "give an ellipsoid or a cylinder, or vary `size` only";
+                        return Err(vary.refuse("aspect", "a sphere has no other aspect ratio", remedy));
+                    };
+                    // Length over diameter changes by this factor, and the volume stays.
+                    let factor = aspect * diameter_m / length_m;
+                    one.robot = resized(&one.robot, factor.powf(2.0 / 3.0), factor.powf(-1.0 / 3.0));
+                    one.name += &format!(", aspect {aspect}");
+                }
+                if let Some(size) = size {
+                    one.robot = resized(&one.robot, *size, *size);
+                    one.name += &format!(", size {size}");
+                }
+                if one.robot.farthest_point_m() >= 0.5 * one.vitreous.diameter_m {
+                    let found = format!("the robot of `{}` does not fit inside the gel", one.name);
+                    return Err(vary.refuse("size", found, "leave out this combination"));
+                }
+                all.push(one);
+            }
+        }
+        Ok(all)
     }
 
     /// Force and duration (s) of a prediction. The default duration is the later one of the last change of the force and the last quantity.
@@ -162,16 +221,20 @@ pub fn diameter_m(robot: &Robot) -> f64 {
     }
 }
 
-/// The same robot with another diameter, in m.
-pub fn with_diameter(robot: &Robot, diameter_m: f64) -> Robot {
+/// The same robot with its length and its diameter multiplied by factors. A sphere takes the factor of the diameter.
+pub fn resized(robot: &Robot, length_factor: f64, diameter_factor: f64) -> Robot {
     let shape = match robot.shape {
-        RobotShape::Sphere { .. } => RobotShape::Sphere { diameter_m },
-        RobotShape::Ellipsoid { length_m, orientation, .. } => {
-            RobotShape::Ellipsoid { length_m, diameter_m, orientation }
-        }
-        RobotShape::Cylinder { length_m, orientation, .. } => {
-            RobotShape::Cylinder { length_m, diameter_m, orientation }
-        }
+        RobotShape::Sphere { diameter_m } => RobotShape::Sphere { diameter_m: diameter_factor * diameter_m },
+        RobotShape::Ellipsoid { length_m, diameter_m, orientation } => RobotShape::Ellipsoid {
+            length_m: length_factor * length_m,
+            diameter_m: diameter_factor * diameter_m,
+            orientation,
+        },
+        RobotShape::Cylinder { length_m, diameter_m, orientation } => RobotShape::Cylinder {
+            length_m: length_factor * length_m,
+            diameter_m: diameter_factor * diameter_m,
+            orientation,
+        },
     };
     Robot { shape, ..*robot }
 }
@@ -217,8 +280,34 @@ mod tests {
         assert!(refusal(&twice).contains("two scenarios"));
         let early = CYLINDER.replace("name =", "duration_s = 6\nname =");
         assert!(refusal(&early).contains("ends at 6 s"));
+        let vary = |line: &str| format!("{CYLINDER}[scenario.vary]\n{line}\n");
+        assert!(refusal(&vary("size = [1, 20]")).contains("`cylinder, size 20` does not fit"));
+        assert!(refusal(&vary("aspect = []")).contains("empty"));
         assert!(refusal("[[scenarios]]\n").contains("`scenario`"));
         assert!(refusal("scenario = []\n").contains("empty"));
         assert!(refusal(&CYLINDER.replace("position_at", "speeed")).contains("line 10"));
+    }
+
+    /// Aspect ratios keep the volume, and sizes the aspect ratio.
+    #[test]
+    fn robots_are_varied_in_aspect_ratio_and_size() {
+        let found = read(&format!("{CYLINDER}[scenario.vary]\naspect = [2, 5]\nsize = [1, 3]\n")).expect("scenarios");
+        let names: Vec<&str> = found.iter().map(|scenario| scenario.name.as_str()).collect();
+        assert_eq!(
+            names,
+            [
+                "cylinder, aspect 2, size 1",
+                "cylinder, aspect 2, size 3",
+                "cylinder, aspect 5, size 1",
+                "cylinder, aspect 5, size 3"
+            ]
+        );
+        let volume_m3 = 0.25 * std::f64::consts::PI * 0.21e-3_f64.powi(2) * 2.04e-3;
+        for (scenario, [aspect, size]) in found.iter().zip([[2.0, 1.0], [2.0, 3.0], [5.0, 1.0], [5.0, 3.0_f64]]) {
+            let RobotShape::Cylinder { length_m, diameter_m, .. } = scenario.robot.shape else { panic!("no cylinder") };
+            assert!((length_m / diameter_m / aspect - 1.0).abs() < 1e-12, "{}", scenario.name);
+            let expected_m3 = volume_m3 * size.powi(3);
+            assert!((scenario.robot.shape.volume_m3() / expected_m3 - 1.0).abs() < 1e-12, "{}", scenario.name);
+        }
     }
 }

@@ -1,13 +1,13 @@
 //! `design`: the protocol of the next record.
 
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Args, ValueEnum};
 use vitreo_uq::base::error::{Error, InputPlace, Result};
-use vitreo_uq::criticism::protocol::design::DesignGoal;
-use vitreo_uq::documents::design::{Design, FrontProtocol};
+use vitreo_uq::documents::design::{Design, DesignedDetection, FrontProtocol};
 use vitreo_uq::figures::labels::parameter_label;
-use vitreo_uq::jobs::design::{self, DesignRequest};
+use vitreo_uq::jobs::design::{self, DesignGoal, DesignRequest};
 
 use crate::options::{Common, ModelOptions};
 use crate::predict::warning_lines;
@@ -25,6 +25,9 @@ pub struct DesignArguments {
     /// Purpose [default: effects, if a diagnosis could not distinguish some; otherwise parameters]
     #[arg(long, value_name = "GOAL", value_enum)]
     goal: Option<Goal>,
+    /// File whose first [[scenario]] has the quantity of a decision (docs/predict.md); chooses the goal `decision`
+    #[arg(long, value_name = "FILE.toml")]
+    scenario: Option<PathBuf>,
     /// Duration of the new record, in s [default: that of the present record]
     #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
     budget_s: Option<f64>,
@@ -40,6 +43,8 @@ pub struct DesignArguments {
     /// Shortest time for which a force is held, in s [default: four samples]
     #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
     min_hold_s: Option<f64>,
+    #[command(flatten)]
+    page: PageArguments,
 }
 
 /// Purposes of a design.
@@ -49,6 +54,10 @@ pub enum Goal {
     Parameters,
     /// Tell the equivalent effects of the last diagnosis apart
     Effects,
+    /// Smallest detectable sizes of the effects that the model lacks
+    Detection,
+    /// Smallest uncertainty of the quantity of `--scenario`
+    Decision,
 }
 
 pub fn run(arguments: &DesignArguments) -> Result<ExitCode> {
@@ -71,7 +80,10 @@ pub fn run(arguments: &DesignArguments) -> Result<ExitCode> {
         goal: arguments.goal.map(|goal| match goal {
             Goal::Parameters => DesignGoal::Parameters,
             Goal::Effects => DesignGoal::Effects,
+            Goal::Detection => DesignGoal::Detection,
+            Goal::Decision => DesignGoal::Decision,
         }),
+        scenario: arguments.scenario.clone(),
         budget_s,
         largest_force_n: largest_force_un.map(|un| 1e-6 * un),
         interval_s,
@@ -80,7 +92,7 @@ pub fn run(arguments: &DesignArguments) -> Result<ExitCode> {
         sampler: session.default_sampler(),
     };
     let outcome = design::run(&target, &request, &session.terminal)?;
-    session.end(&outcome, &words(&outcome.document.body), "Figure", &PageArguments { no_report: true })
+    session.end(&outcome, &words(&outcome.document.body), "Figure", &arguments.page)
 }
 
 fn words(found: &Design) -> String {
@@ -98,6 +110,11 @@ fn words(found: &Design) -> String {
             significant(parameter.sd_expected)
         ));
     }
+    if !found.detectable.is_empty() {
+        lines.push(String::new());
+        lines.push(format!("  {:<28}{:<34}{:>14}{:>14}", "smallest detectable size", "parameter", "now", "expected"));
+        lines.extend(found.detectable.iter().map(detection_line));
+    }
     lines.push(String::new());
     lines.push(format!("  {:>12}{:>20}{:>16}   {}", "duration (s)", "information (nats)", "distance (σ)", "protocol"));
     lines.extend(found.front.iter().map(front_line));
@@ -110,11 +127,17 @@ fn words(found: &Design) -> String {
     }
     lines.push(String::new());
     lines.push(format!(
-        "{} protocols were compared. Controller's file: {}",
-        found.protocols_tried, recommended.protocol_file
+        "{} protocols were compared. Controller's file: {}. Description for the new record: {}",
+        found.protocols_tried, recommended.protocol_file, recommended.record_dir
     ));
     lines.extend(warning_lines(&found.warnings));
     lines.join("\n") + "\n"
+}
+
+fn detection_line(found: &DesignedDetection) -> String {
+    let size = |value: Option<f64>| value.map_or("none".into(), significant);
+    let label = parameter_label(&found.parameter).axis();
+    format!("  {:<28}{label:<34}{:>14}{:>14}", found.effect, size(found.smallest_now), size(found.smallest_expected))
 }
 
 fn front_line(entry: &FrontProtocol) -> String {

@@ -36,8 +36,10 @@ fn words(comparison: &LawComparison) -> String {
         format!("  {:<26}{:>12}{:>14}{:>16}   status", "law", "nats", "fitted (µm)", "held out (µm)"),
     ];
     lines.extend(comparison.laws.iter().map(row));
-    for law in
-        comparison.laws.iter().filter(|law| matches!(law.status, LawStatus::Likeliest | LawStatus::Indistinguishable))
+    for law in comparison
+        .laws
+        .iter()
+        .filter(|law| matches!(law.status, LawStatus::Likeliest | LawStatus::Indistinguishable | LawStatus::Closest))
     {
         lines.push(String::new());
         lines.push(format!("{} (mean and 90 % interval)", law.law));
@@ -49,8 +51,9 @@ fn words(comparison: &LawComparison) -> String {
     }
     lines.push(String::new());
     lines.push("(nats: log evidence minus that of the likeliest law; all laws have the same wide priors and the same noise terms)".into());
-    if let Some(best) = comparison.laws.first().filter(|law| law.status == LawStatus::Likeliest) {
-        lines.push(format!("Next: vitreo-uq sample EXPERIMENT --base {} --prior generic --out STUDY", best.law));
+    if let Some(best) = comparison.laws.first().filter(|law| law.status != LawStatus::NotCompared) {
+        let command = if best.status == LawStatus::Closest { "diagnose" } else { "sample" };
+        lines.push(format!("Next: vitreo-uq {command} EXPERIMENT --base {} --prior generic --out STUDY", best.law));
     }
     lines.join("\n") + "\n"
 }

@@ -4,12 +4,14 @@ use std::process::ExitCode;
 
 use clap::Args;
 use vitreo_uq::base::error::{Error, InputPlace, Result};
-use vitreo_uq::documents::prediction::Plan;
+use vitreo_uq::documents::prediction::{Plan, PlannedRobot};
 use vitreo_uq::jobs::prediction::plan::{self, PlanRequest};
 use vitreo_uq::prediction::plan::{Rest, Target};
+use vitreo_uq::prediction::robot_size::RobotSize;
 
 use crate::predict::{GelArguments, scenario_lines, warning_lines};
 use crate::session::Session;
+use crate::text::significant;
 
 /// Arguments of `plan`.
 #[derive(Args)]
@@ -40,6 +42,12 @@ pub struct PlanArguments {
     /// Duration of the rest at the target
     #[arg(long, value_name = "SECONDS", requires = "rest_within_um", allow_negative_numbers = true)]
     rest_s: Option<f64>,
+    /// Search for the largest robot of this shape that the largest force moves to the target
+    #[arg(long, conflicts_with_all = ["smallest_magnet_un_per_mm3", "rest_within_um", "max_slew_un_per_s"])]
+    largest_robot: bool,
+    /// Search for the smallest robot of this shape that reaches the target if the largest force is this one per mm³ of its volume (magnetisation times field gradient)
+    #[arg(long, value_name = "MICRONEWTON/MM3", conflicts_with_all = ["max_force_un", "rest_within_um", "max_slew_un_per_s"], allow_negative_numbers = true)]
+    smallest_magnet_un_per_mm3: Option<f64>,
     /// Magnetic moment of the robot in A·m²: adds the field gradient to the controller's file
     #[arg(long, value_name = "A*M2", allow_negative_numbers = true)]
     moment_a_m2: Option<f64>,
@@ -50,28 +58,39 @@ const LONGEST_S: f64 = 864_000.0;
 
 pub fn run(arguments: &PlanArguments) -> Result<ExitCode> {
     let common = arguments.gel.common();
-    let target = target(arguments)?;
+    let (target, size) = (target(arguments)?, size(arguments)?);
     let session = Session::begin(&common)?;
     let outcome = arguments.gel.with_place(&session, |place, sampler| {
         let scenario = arguments.gel.scenario.clone();
         plan::run(
             place,
-            &PlanRequest { scenario, target, moment_a_m2: arguments.moment_a_m2, sampler },
+            &PlanRequest { scenario, target, size, moment_a_m2: arguments.moment_a_m2, sampler },
             &session.terminal,
         )
     })?;
     session.end(&outcome, &words(&outcome.document.body), "Figure", &arguments.gel.page)
 }
 
-fn target(arguments: &PlanArguments) -> Result<Target> {
-    let positive = |option: &str, value: Option<f64>, largest: f64| match value {
+/// The value of an option that must be above 0 and at most `largest`.
+fn positive(option: &str, value: Option<f64>, largest: f64) -> Result<Option<f64>> {
+    match value {
         Some(value) if !(value > 0.0 && value <= largest) => Err(Error::input(
             InputPlace::default().at_key(option),
             format!("{value}"),
             format!("give a number above 0 and at most {largest}"),
         )),
         other => Ok(other),
-    };
+    }
+}
+
+fn size(arguments: &PlanArguments) -> Result<Option<RobotSize>> {
+    let un_per_mm3 = positive("--smallest-magnet-un-per-mm3", arguments.smallest_magnet_un_per_mm3, 1e9)?;
+    // 1 µN/mm³ is 1000 N/m³.
+    let magnet = un_per_mm3.map(|density| RobotSize::SmallestMagnet { force_per_volume_n_m3: 1e3 * density });
+    Ok(magnet.or(arguments.largest_robot.then_some(RobotSize::Largest)))
+}
+
+fn target(arguments: &PlanArguments) -> Result<Target> {
     let reach_mm = arguments.reach_mm;
     if !(reach_mm != 0.0 && reach_mm.abs() <= 1e4) {
         let (found, remedy) = (format!("{reach_mm} mm"), "give a distance other than 0, of at most 10000 mm");
@@ -103,9 +122,25 @@ fn target(arguments: &PlanArguments) -> Result<Target> {
 
 fn words(found: &Plan) -> String {
     let mut lines = vec![format!("Plan for {}", found.gel), found.sentence.clone(), String::new()];
+    if found.robots.len() > 1 {
+        lines.push(format!(
+            "  {:<34}{:>12}{:>12}{:>14}{:>14}   front",
+            "robot", "mm³", "force (µN)", "probability", "reach (mm)"
+        ));
+        lines.extend(found.robots.iter().map(robot_line));
+        lines.push("  (reach: distance that the largest force reaches in time with the requested probability; front: no larger robot needs less force)".into());
+        lines.push(String::new());
+    }
     lines.extend(scenario_lines(&found.tube));
     lines.push(format!("  Controller's file: {}", found.protocol_file));
     lines.extend(warning_lines(&found.tube.warnings));
     lines.extend(warning_lines(&found.warnings));
     lines.join("\n") + "\n"
+}
+
+fn robot_line(robot: &PlannedRobot) -> String {
+    let [volume, force, reach] = [robot.volume_mm3, robot.force_un, robot.reach_mm].map(significant);
+    let force = if robot.feasible { force } else { "too weak".into() };
+    let front = if robot.on_front { "yes" } else { "" };
+    format!("  {:<34}{volume:>12}{force:>12}{:>14.3}{reach:>14}   {front}", robot.name, robot.probability)
 }

@@ -1,4 +1,5 @@
-//! Search for the protocol of the next record that teaches most: about the parameters, or about which of several equivalent effects is true.
+//! Search for the protocol of the next record that teaches most: about the parameters, about which of several equivalent effects is true, about effects that the model
+//! lacks, or about a quantity of interest.
 //!
 //! The information about parameters is that of the linear-Gaussian model at a fit: ½ ln det(P + F) − ½ ln det P, with the present precision P and the Fisher
 //! information F of the new record under the noise of the fit (Chaloner & Verdinelli 1995, Stat. Sci. 10:273). Two effects are as far apart as the best fit of one to noise-free data of the
@@ -11,10 +12,11 @@ use nalgebra::DMatrix;
 use rayon::prelude::*;
 
 use super::family::{DesignLimits, DesignedDrive, family};
+use super::sought::{RecordInformation, Sought, SoughtEffect, sd_of};
 use super::{Members, n_right, separation, under_protocol};
-use crate::derivatives::columns_m;
+use crate::detectable::{Detectability, find_smallest_detectable};
 use crate::separation::{RivalFit, RivalTruth, SEPARATED_SIGMA};
-use crate::{Candidate, Fitted, NoiseValues, Subject};
+use crate::{Candidate, Fitted, Subject};
 use base::error::{Error, Result};
 use posterior::monitor::{Counter, Monitor, refuse_if_stopped};
 use rand::SeedableRng;
@@ -33,19 +35,12 @@ const MOST_ROUNDS: usize = 4;
 const LEAST_IMPROVEMENT: f64 = 5e-3;
 /// Number of parameter draws over which the information of the best protocol is averaged.
 const N_ROBUST: usize = 8;
+/// Value of a visible effect beside the information about its size, in nats.
+const VISIBLE_NATS: f64 = 10.0;
 /// Results that remain if the user stops a search.
 const NOTHING_KEPT: &str = "nothing was written";
 /// Number of simulated records that judge the verdict.
 pub const N_REPEATS: usize = 40;
-
-/// Purpose of a design.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum DesignGoal {
-    /// Smallest uncertainty of the model's parameters.
-    Parameters,
-    /// Largest distance between equivalent effects.
-    Effects,
-}
 
 /// Best protocol of a search.
 pub struct DesignedProtocol {
@@ -59,6 +54,8 @@ pub struct DesignedProtocol {
     pub sd: Vec<f64>,
     /// Smallest distance (σ) between two models, and the index of the model that is closest to the first; `None` for one model.
     pub closest: Option<(f64, usize)>,
+    /// Value of the protocol for the purpose of the search; larger is better.
+    pub value: f64,
     /// Number of protocols that were compared.
     pub n_tried: usize,
 }
@@ -67,7 +64,7 @@ pub struct DesignedProtocol {
 pub struct Designer<'a> {
     subject: &'a Subject,
     members: &'a Members<'a>,
-    goal: DesignGoal,
+    sought: Sought,
     /// Precision of the first model's parameters in their coordinates, before the new record.
     precision: DMatrix<f64>,
 }
@@ -77,13 +74,13 @@ impl<'a> Designer<'a> {
     ///
     /// # Errors
     /// [`Error::Numerical`] if the first model has no derivatives, or if there is nothing to distinguish.
-    pub fn new(subject: &'a Subject, members: &'a Members<'a>, goal: DesignGoal) -> Result<Self> {
-        if goal == DesignGoal::Effects && members.len() < 2 {
+    pub fn new(subject: &'a Subject, members: &'a Members<'a>, sought: Sought) -> Result<Self> {
+        if matches!(sought, Sought::Effects) && members.len() < 2 {
             return Err(Error::numerical("there is one model only", "design for its parameters"));
         }
         let (candidate, fitted) = members[0];
-        let information = information(subject, candidate, fitted, fitted.noise)?;
-        Ok(Self { subject, members, goal, precision: information + prior_precision(candidate) })
+        let information = RecordInformation::new(subject, (candidate, fitted))?.matrix;
+        Ok(Self { subject, members, sought, precision: information + prior_precision(candidate) })
     }
 
     /// Standard deviations of the first model's free parameters now, in their coordinates.
@@ -145,20 +142,13 @@ impl<'a> Designer<'a> {
         let judged: Vec<Result<DesignedProtocol>> =
             ranked.into_par_iter().map(|(_, drive)| self.judge(drive, limits, n_tried)).collect();
         let possible = judged.into_iter().filter_map(Result::ok);
-        let best = possible.reduce(|a, b| if self.objective(&b) > self.objective(&a) { b } else { a });
+        let best = possible.reduce(|a, b| if b.value > a.value { b } else { a });
         best.ok_or_else(|| {
             Error::numerical(
                 "no protocol stays within the limits",
                 "allow a larger displacement, a longer duration or a shorter hold",
             )
         })
-    }
-
-    fn objective(&self, protocol: &DesignedProtocol) -> f64 {
-        match self.goal {
-            DesignGoal::Parameters => protocol.information_nats,
-            DesignGoal::Effects => protocol.closest.map_or(0.0, |(distance, _)| distance),
-        }
     }
 
     /// Improves a protocol of holds by the best exchange of one level or boundary in each round. Also returns the number of protocols that were compared.
@@ -196,11 +186,53 @@ impl<'a> Designer<'a> {
         let subject = self.under(&drive.record(limits, interval_s)).ok()?;
         self.refuse_beyond(&subject, limits).ok()?;
         let more_rows = interval_s / limits.interval_s;
-        let value = match self.goal {
-            DesignGoal::Parameters => self.gain(&(self.information(&subject).ok()? * more_rows)).ok()?.0,
-            DesignGoal::Effects => more_rows.sqrt() * self.first_order_distance(&subject)?,
+        let value = match &self.sought {
+            Sought::Effects => more_rows.sqrt() * self.first_order_distance(&subject)?,
+            _ => self.linear_value(&subject, &self.information(&subject).ok()?, more_rows).ok()?,
         };
         value.is_finite().then_some(value)
+    }
+
+    /// Value of a record for a purpose other than the distance of effects, by the linear-Gaussian model. `more` is the number of rows for each row of the subject.
+    fn linear_value(&self, subject: &Subject, information: &RecordInformation, more: f64) -> Result<f64> {
+        let then = &self.precision + &information.matrix * more;
+        Ok(match &self.sought {
+            Sought::Parameters | Sought::Effects => 0.5 * (log_determinant(&then)? - log_determinant(&self.precision)?),
+            Sought::Quantity(derivatives) => (sd_of(derivatives, &self.precision)? / sd_of(derivatives, &then)?).ln(),
+            Sought::Sizes { effects, threshold_sigma } => {
+                let precision = prior_precision(self.members[0].0) * more.recip() + &information.matrix;
+                let all = effects.iter().filter(|effect| more == 1.0 || !effect.is_slow());
+                let squared =
+                    |effect: &SoughtEffect| effect.squared_distance(subject, self.members[0], information, &precision);
+                // Information about each effect's size, if the compared size is the width of its prior. Another visible effect counts more than finer sizes.
+                let value = |squared: f64| {
+                    let is_visible = squared >= threshold_sigma * threshold_sigma;
+                    0.5 * squared.max(0.0).ln_1p() + if is_visible { VISIBLE_NATS } else { 0.0 }
+                };
+                all.filter_map(squared).map(|squared| value(more * squared)).sum()
+            }
+        })
+    }
+
+    /// Standard deviation of the sought quantity now and after the record of a protocol; `None` for other purposes.
+    ///
+    /// # Errors
+    /// Errors of the models.
+    pub fn quantity_sd(&self, protocol: &DesignedProtocol) -> Result<Option<[f64; 2]>> {
+        let Sought::Quantity(derivatives) = &self.sought else { return Ok(None) };
+        let then = &self.precision + self.information(&self.under(&protocol.record)?)?.matrix;
+        Ok(Some([sd_of(derivatives, &self.precision)?, sd_of(derivatives, &then)?]))
+    }
+
+    /// Smallest detectable size of every effect in the record of a protocol.
+    ///
+    /// # Errors
+    /// Errors of the models.
+    pub fn detectable(&self, protocol: &DesignedProtocol, threshold_sigma: f64) -> Result<Vec<Detectability>> {
+        let (candidate, fitted) = self.members[0];
+        let subject = self.under(&protocol.record)?;
+        let position_m = subject.trajectory_m(candidate, &fitted.theta)?;
+        find_smallest_detectable(&subject, (candidate, &Fitted { position_m, ..fitted.clone() }), threshold_sigma)
     }
 
     /// Refuses a protocol that moves the robot farther than the limit.
@@ -235,9 +267,8 @@ impl<'a> Designer<'a> {
     }
 
     /// Fisher information of the first model's parameters in a record.
-    fn information(&self, subject: &Subject) -> Result<DMatrix<f64>> {
-        let (candidate, fitted) = self.members[0];
-        information(subject, candidate, fitted, fitted.noise)
+    fn information(&self, subject: &Subject) -> Result<RecordInformation> {
+        RecordInformation::new(subject, self.members[0])
     }
 
     /// Expected information (nats) and standard deviations for a Fisher information.
@@ -252,12 +283,17 @@ impl<'a> Designer<'a> {
         let record = drive.record(limits, limits.interval_s);
         let subject = self.under(&record)?;
         self.refuse_beyond(&subject, limits)?;
-        let (information_nats, sd) = self.gain(&self.information(&subject)?)?;
+        let information = self.information(&subject)?;
+        let (information_nats, sd) = self.gain(&information.matrix)?;
         let closest = match self.members.len() {
             1 => None,
             _ => Some(separation(&subject, self.members)?).map(|found| (found.distance, found.other)),
         };
-        Ok(DesignedProtocol { drive, record, information_nats, sd, closest, n_tried })
+        let value = match (&self.sought, closest) {
+            (Sought::Effects, Some((distance, _))) => distance,
+            _ => self.linear_value(&subject, &information, 1.0)?,
+        };
+        Ok(DesignedProtocol { drive, record, information_nats, sd, closest, value, n_tried })
     }
 
     /// Mean of the expected information (nats) over parameters drawn from what is known now, with its standard error.
@@ -277,7 +313,7 @@ impl<'a> Designer<'a> {
             let theta = fitted.theta.iter().zip(moved.iter()).zip(&candidate.free);
             let theta = theta.map(|((theta, by), free)| free.clamped(theta + by)).collect();
             let drawn = Fitted { theta, ..fitted.clone() };
-            Ok(self.gain(&information(&subject, candidate, &drawn, fitted.noise)?)?.0)
+            Ok(self.gain(&RecordInformation::new(&subject, (candidate, &drawn))?.matrix)?.0)
         });
         let gains: Vec<f64> = gains.collect::<Result<_>>()?;
         let n = gains.len() as f64;
@@ -322,15 +358,6 @@ impl<'a> Designer<'a> {
 /// True if a distance separates two effects.
 pub fn separates(distance: f64) -> bool {
     distance >= SEPARATED_SIGMA
-}
-
-/// Fisher information of a candidate's free parameters in the fitted rows of a subject, in their coordinates.
-fn information(subject: &Subject, candidate: &Candidate, fitted: &Fitted, noise: NoiseValues) -> Result<DMatrix<f64>> {
-    let position_m = subject.trajectory_m(candidate, &fitted.theta)?;
-    let columns = columns_m(subject, candidate, &fitted.theta)?;
-    let white = subject.fitted.whiten(&columns, &position_m, &noise);
-    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
-    Ok(DMatrix::from_fn(white.len(), white.len(), |i, j| dot(&white[i], &white[j])))
 }
 
 /// Precision of the priors of a candidate's free parameters, in their coordinates. A parameter of an effect has its prior's own width.

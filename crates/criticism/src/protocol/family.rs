@@ -111,7 +111,11 @@ impl DesignedDrive {
         }
         let parts = || holds.iter().map(|hold| hold[0]);
         let [shortest, longest] = [parts().fold(f64::INFINITY, f64::min), parts().fold(0.0, f64::max)];
-        format!("{} holds of {} to {} s at up to {} µN", holds.len(), seconds(shortest), seconds(longest), un(1.0))
+        let durations = match (seconds(shortest), seconds(longest)) {
+            (shortest, longest) if shortest == longest => shortest,
+            (shortest, longest) => format!("{shortest} to {longest}"),
+        };
+        format!("{} holds of {durations} s at up to {} µN", holds.len(), un(1.0))
     }
 
     /// True if every hold and every half period is long enough.

@@ -7,10 +7,12 @@ mod change;
 mod degeneracies;
 pub mod design;
 mod family;
+mod sought;
 
 pub use change::{Change, changes};
 pub use degeneracies::{Degeneracy, exact_degeneracies};
 pub use family::{DesignLimits, DesignedDrive, DriveShape};
+pub use sought::{Sought, SoughtEffect};
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;

@@ -49,7 +49,7 @@ pub fn is_groups(dir: &Path) -> bool {
 }
 
 /// Opened source: the model and its draws, and the directory of the results.
-pub(super) struct GelSource {
+pub(crate) struct GelSource {
     pub problem: Problem,
     pub draws: Draws,
     pub is_taught: bool,
@@ -84,7 +84,7 @@ impl GelPlace<'_> {
     ///
     /// # Errors
     /// Errors of reading; [`Error::Input`] if there is neither a file nor a robot of the study.
-    pub(super) fn scenarios(&self, path: Option<&Path>) -> Result<Vec<Scenario>> {
+    pub(crate) fn scenarios(&self, path: Option<&Path>) -> Result<Vec<Scenario>> {
         match (path, self.apparatus()?) {
             (Some(path), apparatus) => Scenario::read(path, apparatus),
             (None, Some((robot, vitreous))) => Ok(vec![Scenario {
@@ -111,7 +111,7 @@ impl GelPlace<'_> {
     ///
     /// # Errors
     /// Errors of reading and of sampling the first revision; [`Error::Input`] for a group or a model that cannot be predicted.
-    pub(super) fn open(&self, first: &Scenario, options: &SamplerOptions, monitor: &dyn Monitor) -> Result<GelSource> {
+    pub(crate) fn open(&self, first: &Scenario, options: &SamplerOptions, monitor: &dyn Monitor) -> Result<GelSource> {
         match self {
             Self::Study(target) => of_study(target, options, monitor),
             Self::Groups { dir, group } => of_group(dir, *group, first, options.seed),
@@ -142,6 +142,24 @@ fn of_study(target: &CreepTarget, options: &SamplerOptions, monitor: &dyn Monito
     }
     let dir = study.revision_dir(&name)?;
     let posterior = files::read(&dir.join(POSTERIOR_NAME), Content::Document, "run `vitreo-uq sample` again")?;
+    let draws = draws_of_revision(&dir, &name, &problem)?;
+    Ok(GelSource {
+        warnings: study_warnings(&dir, &name)?,
+        rivals: rivals(&study, &name, &problem, options, monitor)?,
+        kept: kept_surrogate(&study, monitor),
+        provenance: crate::artefacts::with_inputs(study.provenance("prediction", 1, options.seed), &problem)
+            .with_input(format!("{name}/{POSTERIOR_NAME}"), &posterior),
+        draws,
+        is_taught: true,
+        dir: study.dir().to_path_buf(),
+        study: Some(study),
+        seed: options.seed,
+        problem,
+    })
+}
+
+/// Draws of the parameters of a revision's model, at most as many as a prediction takes.
+pub(super) fn draws_of_revision(dir: &Path, name: &str, problem: &Problem) -> Result<Draws> {
     let table = read_draws_csv(&dir.join("draws.csv"))?;
     let is_parameter = |k: &usize| problem.model.parameters().iter().any(|spec| spec.name == table.parameter_names[*k]);
     let columns: Vec<usize> = (0..table.parameter_names.len()).filter(is_parameter).collect();
@@ -151,19 +169,7 @@ fn of_study(target: &CreepTarget, options: &SamplerOptions, monitor: &dyn Monito
         names: columns.iter().map(|k| table.parameter_names[*k].clone()).collect(),
         values: table.values.chunks_exact(n).map(|draw| columns.iter().map(|k| draw[*k]).collect()).collect(),
     };
-    Ok(GelSource {
-        warnings: study_warnings(&dir, &name)?,
-        rivals: rivals(&study, &name, &problem, options, monitor)?,
-        kept: kept_surrogate(&study, monitor),
-        provenance: crate::artefacts::with_inputs(study.provenance("prediction", 1, options.seed), &problem)
-            .with_input(format!("{name}/{POSTERIOR_NAME}"), &posterior),
-        draws: draws.thinned(MOST_DRAWS),
-        is_taught: true,
-        dir: study.dir().to_path_buf(),
-        study: Some(study),
-        seed: options.seed,
-        problem,
-    })
+    Ok(draws.thinned(MOST_DRAWS))
 }
 
 /// Warnings of a revision about its predictions: all warnings that limit the trust in its posterior, and the missing effect of its diagnosis.

@@ -1,5 +1,6 @@
 //! `predict` and `plan`: robots in a gel whose parameters a study or a comparison of groups has taught.
 
+pub mod foresight;
 mod gel_source;
 pub mod plan;
 pub mod predict;

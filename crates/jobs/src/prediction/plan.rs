@@ -5,14 +5,15 @@ use std::path::PathBuf;
 use base::error::{Error, InputPlace, Result, Setting};
 use base::files::{to_json, write_together};
 use documents::posterior::{Warning, WarningKind};
-use documents::prediction::{EquivalentPlan, ForceStep, Plan};
+use documents::prediction::{EquivalentPlan, ForceStep, Plan, PlannedRobot};
 use figures::number::format_significant;
-use figures::svg::figure_files;
+use figures::svg::{figure_files, remove_figure};
 use posterior::monitor::Monitor;
 use posterior::study::WithProvenance;
 use prediction::ensemble::{Ensemble, Gel};
-use prediction::plan::{PlannedForce, Target, plan};
+use prediction::plan::{PlannedForce, RobotComparison, Target, plan};
 use prediction::quantity::{Quantity, percent, plain};
+use prediction::robot_size::{self, RobotSize};
 use prediction::scenario::Scenario;
 use sampling::SamplerOptions;
 
@@ -24,12 +25,17 @@ use crate::outcome::Outcome;
 /// Name of the file for the controller.
 const PROTOCOL_NAME: &str = "plan-protocol.csv";
 
+/// Name of the figure of compared robots.
+const ROBOTS_NAME: &str = "plan-robots";
+
 /// Settings of a plan.
 pub struct PlanRequest {
-    /// File whose first scenario names robot and gel; `None` for the study's own.
+    /// File whose scenarios name robots and gels; `None` for the study's own.
     pub scenario: Option<PathBuf>,
     /// Target and limits. A largest force of 0 stands for that of the study's record.
     pub target: Target,
+    /// Size of the robot that is searched; `None` for the sizes of the scenarios.
+    pub size: Option<RobotSize>,
     /// Magnetic moment of the robot in A·m²; `None` for no field gradient in the protocol.
     pub moment_a_m2: Option<f64>,
     /// Sampler settings for a first revision.
@@ -42,8 +48,8 @@ pub struct PlanRequest {
 /// [`Error::Input`] for a target without limits; errors of models and files.
 pub fn run(place: &GelPlace<'_>, request: &PlanRequest, monitor: &dyn Monitor) -> Result<Outcome<Plan>> {
     let mut target = request.target;
-    let mut scenario = place.scenarios(request.scenario.as_deref())?.remove(0);
-    if target.largest_force_n == 0.0 {
+    let mut scenarios = place.scenarios(request.scenario.as_deref())?;
+    if target.largest_force_n == 0.0 && !matches!(request.size, Some(RobotSize::SmallestMagnet { .. })) {
         let GelPlace::Study(study) = place else {
             return Err(Error::input(
                 InputPlace::setting(Setting::LargestForce),
@@ -53,14 +59,17 @@ pub fn run(place: &GelPlace<'_>, request: &PlanRequest, monitor: &dyn Monitor) -
         };
         target.largest_force_n = study.experiment.scales().largest_force_n;
     }
-    scenario.quantities = match target.rest {
-        None => vec![Quantity::TimeToReach { distance_m: target.reach_m, within_s: Some(target.within_s) }],
-        Some(_) => {
-            [target.within_s, target.duration_s()].map(|at_s| Quantity::PositionAt { at_s, at_least_m: None }).to_vec()
-        }
-    };
-    let source = place.open(&scenario, &request.sampler, monitor)?;
+    for scenario in &mut scenarios {
+        scenario.quantities = match target.rest {
+            None => vec![Quantity::TimeToReach { distance_m: target.reach_m, within_s: Some(target.within_s) }],
+            Some(_) => [target.within_s, target.duration_s()]
+                .map(|at_s| Quantity::PositionAt { at_s, at_least_m: None })
+                .to_vec(),
+        };
+    }
+    let source = place.open(&scenarios[0], &request.sampler, monitor)?;
     let gel = source.gel();
+    let (scenario, target, robots) = chosen_robot(&source, scenarios, &target, request.size, monitor)?;
     let planned = plan(&gel, &scenario, &target, source.kept.clone(), monitor)?;
     let tube = predicted(&gel, &planned.ensemble, &scenario, monitor)?;
     let equivalent = equivalent(&source, &scenario, &target, &planned, monitor)?;
@@ -87,7 +96,8 @@ pub fn run(place: &GelPlace<'_>, request: &PlanRequest, monitor: &dyn Monitor) -
         probability_checked_se: (checked * (1.0 - checked) / planned.full_runs.max(1) as f64).sqrt(),
         full_runs: planned.full_runs,
         limit: planned.limit.into(),
-        sentence: sentence(&planned, &target),
+        sentence: sentence(&planned, &target, request.size, &robots),
+        robots,
         force: planned.steps,
         tube,
         protocol_file: source.dir.join(PROTOCOL_NAME).display().to_string(),
@@ -109,10 +119,93 @@ pub fn run(place: &GelPlace<'_>, request: &PlanRequest, monitor: &dyn Monitor) -
     let protocol = (source.dir.join(PROTOCOL_NAME), protocol.into_bytes());
     let tube = (source.dir.join("plan-tube.csv"), table(std::slice::from_ref(&document.body.tube)));
     let [svg, png, pdf] = figure_files(&source.dir, "plan", &figure)?;
-    write_together(
-        &[&svg, &png, &pdf, &protocol, &tube, &json].map(|(path, bytes)| (path.as_path(), bytes.as_slice())),
-    )?;
+    let compared = match document.body.robots.as_slice() {
+        [] | [_] => {
+            remove_figure(&source.dir, ROBOTS_NAME)?;
+            Vec::new()
+        }
+        robots => {
+            let title = "Force that robots of several shapes and sizes need";
+            figure_files(&source.dir, ROBOTS_NAME, &figures::robots::robots(title, &robots_sentence(&target), robots))?
+                .to_vec()
+        }
+    };
+    let all = [&svg, &png, &pdf, &protocol, &tube, &json].into_iter().chain(&compared);
+    write_together(&all.map(|(path, bytes)| (path.as_path(), bytes.as_slice())).collect::<Vec<_>>())?;
     Ok(Outcome { is_sound: document.body.is_sound(), document, written: svg.0, study: source.study.clone() })
+}
+
+/// Compares the robots of the scenarios, and returns the one that the plan is for, its target with the largest force on it, and the comparison. The comparison is
+/// empty for one robot of a given size.
+fn chosen_robot(
+    source: &GelSource,
+    scenarios: Vec<Scenario>,
+    target: &Target,
+    size: Option<RobotSize>,
+    monitor: &dyn Monitor,
+) -> Result<(Scenario, Target, Vec<PlannedRobot>)> {
+    let gel = source.gel();
+    let mut comparison = RobotComparison::new(&gel, source.kept.clone());
+    let mut compared = Vec::new();
+    let is_only = scenarios.len() == 1 && size.is_none();
+    for mut scenario in scenarios {
+        if is_only {
+            return Ok((scenario, *target, Vec::new()));
+        }
+        let mut target = *target;
+        if let Some(size) = size {
+            if let Some(robot) = robot_size::sized(&gel, &scenario, &target, size, source.kept.clone(), monitor)? {
+                scenario.robot = robot;
+            }
+            target.largest_force_n = size.largest_force_n(&scenario.robot, &target);
+        }
+        let needed = comparison.needed_force(&scenario, &target, monitor)?;
+        let robot = PlannedRobot {
+            name: scenario.name.clone(),
+            apparatus: scenario.apparatus(),
+            volume_mm3: 1e9 * scenario.robot.shape.volume_m3(),
+            largest_force_un: 1e6 * target.largest_force_n,
+            feasible: needed.probability >= target.probability,
+            force_un: 1e6 * needed.force_n,
+            probability: needed.probability,
+            reach_mm: 1e3 * needed.reach_m,
+            on_front: false,
+            chosen: false,
+        };
+        compared.push((scenario, target, robot));
+    }
+    // Infeasible robots come last, by their probability.
+    let rank = |robot: &PlannedRobot| match (robot.feasible, size) {
+        (false, _) => (1, -robot.probability),
+        (true, Some(RobotSize::Largest)) => (0, -robot.volume_mm3),
+        (true, Some(RobotSize::SmallestMagnet { .. })) => (0, robot.volume_mm3),
+        (true, None) => (0, robot.force_un),
+    };
+    let order = |a: &PlannedRobot, b: &PlannedRobot| {
+        let ((a_group, a_value), (b_group, b_value)) = (rank(a), rank(b));
+        a_group.cmp(&b_group).then(a_value.total_cmp(&b_value))
+    };
+    let (mut scenarios, mut robots) = (Vec::new(), Vec::new());
+    for (scenario, target, robot) in compared {
+        scenarios.push((scenario, target));
+        robots.push(robot);
+    }
+    let best = (0..robots.len()).min_by(|a, b| order(&robots[*a], &robots[*b])).unwrap_or(0);
+    let on_front: Vec<bool> = robots.iter().map(|robot| robot.feasible && !is_dominated(robot, &robots)).collect();
+    for (robot, on_front) in robots.iter_mut().zip(on_front) {
+        robot.on_front = on_front;
+    }
+    robots[best].chosen = true;
+    let (scenario, target) = scenarios.swap_remove(best);
+    Ok((scenario, target, robots))
+}
+
+/// True if another feasible robot is at least as large and needs at most the same force, and differs in one of both.
+fn is_dominated(robot: &PlannedRobot, robots: &[PlannedRobot]) -> bool {
+    robots.iter().filter(|other| other.feasible).any(|other| {
+        let [larger, easier] = [other.volume_mm3 >= robot.volume_mm3, other.force_un <= robot.force_un];
+        larger && easier && (other.volume_mm3 > robot.volume_mm3 || other.force_un < robot.force_un)
+    })
 }
 
 /// Probability of success of the planned force with each equivalent effect.
@@ -132,7 +225,33 @@ fn equivalent(
     source.rivals.iter().map(of_rival).collect()
 }
 
-fn sentence(planned: &PlannedForce, target: &Target) -> String {
+fn sentence(planned: &PlannedForce, target: &Target, size: Option<RobotSize>, robots: &[PlannedRobot]) -> String {
+    let of_force = force_sentence(planned, target);
+    let Some(chosen) = robots.iter().find(|robot| robot.chosen) else { return of_force };
+    let shape = chosen.apparatus.split(';').next().unwrap_or(&chosen.apparatus);
+    let of_many = if robots.len() > 1 { format!(" of {} robots", robots.len()) } else { String::new() };
+    let of_robot = match (planned.is_feasible, size) {
+        (false, None) => format!("The most probable{of_many} is {}.", chosen.name),
+        (false, Some(_)) => format!("No size{of_many} within the limits reaches the target; the given size is shown."),
+        (true, None) => format!("The smallest force{of_many} is that on {}.", chosen.name),
+        (true, Some(RobotSize::Largest)) => format!("The largest robot{of_many} that succeeds is a {shape}."),
+        (true, Some(RobotSize::SmallestMagnet { .. })) => {
+            format!("The smallest magnet{of_many} that succeeds is a {shape}.")
+        }
+    };
+    format!("{of_robot} {of_force}")
+}
+
+fn robots_sentence(target: &Target) -> String {
+    format!(
+        "Smallest force that reaches {} mm within {} s with {} % probability. The front: no larger robot needs less force.",
+        plain(1e3 * target.reach_m),
+        plain(target.within_s),
+        percent(target.probability)
+    )
+}
+
+fn force_sentence(planned: &PlannedForce, target: &Target) -> String {
     let largest_un = planned
         .steps
         .iter()

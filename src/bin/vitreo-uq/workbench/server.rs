@@ -22,6 +22,7 @@ use vitreo_uq::base::files::{self, Content};
 use vitreo_uq::base::quantities::Quantities;
 use vitreo_uq::base::sha256::sha256_hex;
 use vitreo_uq::figures::predictive::{CycleKind, CycleSpan};
+use vitreo_uq::jobs::prediction::foresight::{Foresight, ForesightRequest};
 use vitreo_uq::jobs::{artefacts, pages};
 use vitreo_uq::posterior::study::{
     DIAGNOSIS_NAME, EXTENSION_NAME, FINDINGS_NAME, LADDER_NAME, LEARNED_NAME, ORIGINAL, POSTERIOR_NAME, Study,
@@ -55,11 +56,12 @@ const LOOK: Duration = Duration::from_secs(2);
 const FILE_POLICY: &str = "sandbox; default-src 'none'; img-src data:; style-src 'unsafe-inline'";
 
 /// Files of the page: path, media type and content.
-const FILES: [(&str, &str, &str); 11] = [
+const FILES: [(&str, &str, &str); 12] = [
     ("", "text/html; charset=utf-8", include_str!("page/index.html")),
     ("app.js", "text/javascript; charset=utf-8", include_str!("page/app.js")),
     ("project.js", "text/javascript; charset=utf-8", include_str!("page/project.js")),
     ("requests.js", "text/javascript; charset=utf-8", include_str!("page/requests.js")),
+    ("predict.js", "text/javascript; charset=utf-8", include_str!("page/predict.js")),
     ("posterior.js", "text/javascript; charset=utf-8", include_str!("page/posterior.js")),
     ("plots.js", "text/javascript; charset=utf-8", include_str!("page/plots.js")),
     ("style.css", "text/css; charset=utf-8", include_str!("page/style.css")),
@@ -75,6 +77,7 @@ struct Bench {
     records: FileCache<CheckedRecord>,
     predictions: FileCache<Predictions>,
     trials: FileCache<Trial>,
+    foresights: FileCache<Foresight>,
     news: watch::Sender<u64>,
     /// Hash of the folder's state, with the number of the event for which it was computed; `None` before the first event.
     folder: tokio::sync::Mutex<Option<(u64, String)>>,
@@ -95,6 +98,7 @@ pub fn run(listener: TcpListener, home: WorkbenchFolder, token: String, names: G
         records: FileCache::default(),
         predictions: FileCache::default(),
         trials: FileCache::default(),
+        foresights: FileCache::default(),
         news,
         folder: tokio::sync::Mutex::default(),
         uploads: AtomicU64::new(0),
@@ -121,6 +125,8 @@ fn router(bench: SharedBench, token: &str, names: Guard) -> Router {
         .route(&at("api/corner"), get(corner_plot))
         .route(&at("api/knobs"), post(knobs))
         .route(&at("api/try"), post(try_model))
+        .route(&at("api/foresight"), get(foresight))
+        .route(&at("api/predict"), post(predict))
         .route(&at("api/init"), post(init))
         .route(&at("api/choice"), post(choice))
         .route(&at("api/events"), get(events))
@@ -430,7 +436,39 @@ async fn try_model(State(bench): State<SharedBench>, Json(tried): Json<TrialRequ
     .await
 }
 
+#[derive(Deserialize)]
+struct AskedForesight {
+    item: String,
+    revision: String,
+}
+
+#[derive(Deserialize)]
+struct AskedPrediction {
+    #[serde(flatten)]
+    of: AskedForesight,
+    #[serde(flatten)]
+    request: ForesightRequest,
+}
+
+/// Ranges of the sliders of a prediction; `null` for records and models that cannot be predicted.
+async fn foresight(State(bench): State<SharedBench>, Query(asked): Query<AskedForesight>) -> Response {
+    answer(move || Ok(bench.foresight(&asked).ok().map(|foresight| foresight.limits().clone()))).await
+}
+
+async fn predict(State(bench): State<SharedBench>, Json(asked): Json<AskedPrediction>) -> Response {
+    answer(move || bench.foresight(&asked.of)?.predicted(&asked.request)).await
+}
+
 impl Bench {
+    /// The prepared prediction of a revision. It is prepared once and then cached.
+    fn foresight(&self, asked: &AskedForesight) -> Result<Arc<Foresight>> {
+        let study = self.home.dir().join(&self.home.find(&asked.item)?.study);
+        let revision = study.join(&asked.revision);
+        self.foresights.get(&revision, &[revision.join(POSTERIOR_NAME)], || {
+            Foresight::open(&Study::open(&study)?, &asked.revision)
+        })
+    }
+
     /// Refuses a fit that would replace models of another record. This happens if another record has the same specimen id, and therefore the same study.
     fn refuse_shared(&self, item: &Item, is_changed: bool) -> Result<()> {
         if is_changed && self.home.shares_study(item) {

@@ -2,6 +2,7 @@
 // Workbench page: shows the documents that commands write, and starts commands. It computes only the layout of drawings.
 import { Plots } from "./plots.js";
 import { PosteriorView } from "./posterior.js";
+import { PredictionView } from "./predict.js";
 import { Project } from "./project.js";
 import { ask, at, attempt, fault, listen, make, query, send, shown } from "./requests.js";
 
@@ -189,6 +190,8 @@ async function refresh() {
   at("item").hidden = false;
   plots.setHeldOut(study.cycles.filter((own) => own.serves === "held out").map(({ from_s, to_s }) => ({ from: from_s, to: to_s })));
   showStudy(study);
+  const shownRevision = study.revisions.find((own) => own.name === state.revision);
+  predictionView.show(study.item.name, state.revision, JSON.stringify(shownRevision?.posterior?.parameters ?? null)).catch(fault);
   await Promise.all([refreshRows(), refreshKnobs()]);
 }
 
@@ -291,6 +294,7 @@ function showPosterior(study, details) {
   show();
 }
 const posteriorView = new PosteriorView();
+const predictionView = new PredictionView();
 
 /** Shows the choice of fitted, held-out and unused cycles, and of omitted time ranges. @param {Study} study */
 function showChoice(study) {

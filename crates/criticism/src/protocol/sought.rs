@@ -1,0 +1,115 @@
+//! What a designed protocol shall teach, and how much it teaches in the linear-Gaussian model around a fit.
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::derivatives::columns_m;
+use crate::detectable::{Detectability, RANGE_TAIL};
+use crate::{Candidate, Fitted, Subject};
+use base::error::{Error, Result};
+
+/// Purpose of a design.
+pub enum Sought {
+    /// Smallest uncertainty of the model's parameters.
+    Parameters,
+    /// Largest distance between equivalent effects.
+    Effects,
+    /// Largest number of detectable effects among those that the model lacks, then their smallest detectable sizes.
+    Sizes {
+        /// The effects.
+        effects: Vec<SoughtEffect>,
+        /// Distance (σ) from which an effect is detectable.
+        threshold_sigma: f64,
+    },
+    /// Smallest uncertainty of a quantity of interest, by its derivatives with respect to the model's free coordinates.
+    Quantity(DVector<f64>),
+}
+
+/// An effect that the model lacks, at the size for which protocols are compared.
+pub struct SoughtEffect {
+    candidate: Candidate,
+    /// Coordinates of the candidate at the null of the effect, and at the compared size.
+    null: Vec<f64>,
+    point: Vec<f64>,
+}
+
+/// Derivatives of a record by the model's free coordinates: whitened columns and their products.
+pub(super) struct RecordInformation {
+    columns: Vec<Vec<f64>>,
+    /// Fisher information.
+    pub matrix: DMatrix<f64>,
+}
+
+impl RecordInformation {
+    /// Derivatives of the fitted rows of a subject at a fit.
+    pub fn new(subject: &Subject, (candidate, fitted): (&Candidate, &Fitted)) -> Result<Self> {
+        let position_m = subject.trajectory_m(candidate, &fitted.theta)?;
+        let columns_m = columns_m(subject, candidate, &fitted.theta)?;
+        let columns = subject.fitted.whiten(&columns_m, &position_m, &fitted.noise);
+        let matrix = DMatrix::from_fn(columns.len(), columns.len(), |i, j| dot(&columns[i], &columns[j]));
+        Ok(Self { columns, matrix })
+    }
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(x, y)| x * y).sum()
+}
+
+impl SoughtEffect {
+    /// Effects that can be added to a base model, each at its smallest detectable size in the present record, or at the largest size of its prior where none is
+    /// detectable. Effects that cannot be added are left out.
+    pub fn all(subject: &Subject, base: (&Candidate, &Fitted), detectable: &[Detectability]) -> Vec<Self> {
+        let effect = |now: &Detectability| -> Option<Self> {
+            let names = base.0.effects.get(subject.specification().effects.len()..).unwrap_or(&[]);
+            let slugs: Vec<&str> = names.iter().map(String::as_str).chain([now.effect.as_str()]).collect();
+            let candidate = subject.extended(&slugs).ok()?;
+            let last = candidate.effects.len() - 1;
+            let of_effect = |free: &crate::Free| free.effect == Some(last);
+            let place = candidate.free.iter().position(|free| of_effect(free) && free.null.is_some())?;
+            let mut null = candidate.embed(base.0, &base.1.theta);
+            for (value, free) in null.iter_mut().zip(&candidate.free) {
+                if of_effect(free) && free.null.is_none() {
+                    *value = free.quantile(0.5);
+                }
+            }
+            let mut point = null.clone();
+            let size = &candidate.free[place];
+            point[place] =
+                now.smallest.map_or_else(|| size.quantile(1.0 - RANGE_TAIL), |value| size.coordinate.theta(value));
+            Some(Self { candidate, null, point })
+        };
+        detectable.iter().filter_map(effect).collect()
+    }
+
+    /// True if a trajectory of the effect takes milliseconds, too long for the screen of all protocols.
+    pub(super) fn is_slow(&self) -> bool {
+        self.candidate.is_slow()
+    }
+
+    /// Squared distance (σ²) of the base model from data with the effect, to first order. `precision` is that of the base model's parameters in this record, priors
+    /// included; `None` if the effect has no solution.
+    pub(super) fn squared_distance(
+        &self,
+        subject: &Subject,
+        base: (&Candidate, &Fitted),
+        information: &RecordInformation,
+        precision: &DMatrix<f64>,
+    ) -> Option<f64> {
+        let [without_m, with_m] =
+            [&self.null, &self.point].map(|theta| subject.trajectory_m(&self.candidate, theta).ok());
+        let (without_m, with_m) = (without_m?, with_m?);
+        let change_m: Vec<f64> = with_m.iter().zip(&without_m).map(|(with, without)| with - without).collect();
+        let white = subject.fitted.whiten(&[change_m], &without_m, &base.1.noise).swap_remove(0);
+        let products = information.columns.iter().map(|column| dot(column, &white));
+        let slope = DVector::from_iterator(information.columns.len(), products);
+        let absorbed = precision.clone().cholesky()?.solve(&slope).dot(&slope);
+        Some(dot(&white, &white) - absorbed).filter(|squared| squared.is_finite())
+    }
+}
+
+/// Standard deviation of a quantity with these derivatives, for parameters of a given precision.
+pub(super) fn sd_of(derivatives: &DVector<f64>, precision: &DMatrix<f64>) -> Result<f64> {
+    let factor = precision.clone().cholesky().ok_or_else(|| {
+        Error::numerical("the parameters have no finite uncertainty", "fix one of the model's parameters")
+    })?;
+    Ok(factor.solve(derivatives).dot(derivatives).max(0.0).sqrt())
+}

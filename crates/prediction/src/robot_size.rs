@@ -1,0 +1,139 @@
+//! Size of a robot for a target: the largest robot of a shape that a force moves far enough, and the smallest magnet that is strong enough.
+
+use base::error::{Error, InputPlace, Result, Setting};
+use posterior::monitor::Monitor;
+use posterior::prepared::KeptSurrogate;
+use rayon::prelude::*;
+use record::Robot;
+
+use crate::body;
+use crate::ensemble::{Ensemble, Gel};
+use crate::plan::{Target, halves};
+use crate::quantity::time_to_reach_s;
+use crate::scenario::{Scenario, diameter_m, resized};
+
+/// Smallest size that is tried, as a factor of the robot's length and diameter.
+const SMALLEST: f64 = 0.02;
+/// Largest distance of the robot's surface from its centre that is tried, as a fraction of the gel's radius.
+const MOST_OF_GEL: f64 = 0.8;
+/// Number of sizes that are tried first, with equal ratios between them.
+const N_SIZES: usize = 40;
+/// Number of halvings between the last size that fails and the first that succeeds.
+const HALVINGS: usize = 24;
+/// Relative distance from the limit, so that rounding does not lose the draw at the limit.
+const MARGIN: f64 = 1e-6;
+
+/// Size that is asked for. Length and diameter keep their ratio.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum RobotSize {
+    /// The largest robot that the largest force moves to the target.
+    Largest,
+    /// The smallest robot that reaches the target if the force grows with its volume, as for a magnet in a field gradient.
+    SmallestMagnet {
+        /// Force per volume of the robot, in N/m³: magnetisation times field gradient.
+        force_per_volume_n_m3: f64,
+    },
+}
+
+impl RobotSize {
+    /// Largest force (N) on a robot.
+    pub fn largest_force_n(&self, robot: &Robot, target: &Target) -> f64 {
+        match self {
+            Self::Largest => target.largest_force_n,
+            Self::SmallestMagnet { force_per_volume_n_m3 } => force_per_volume_n_m3 * robot.shape.volume_m3(),
+        }
+    }
+}
+
+/// Finds the robot of the size that is asked for; `None` if no size reaches the target with the requested probability.
+///
+/// # Errors
+/// [`Error::Input`] for a model with effects, a robot with an offset, a rest or a limited slew rate; errors of the models.
+pub fn sized(
+    gel: &Gel<'_>,
+    scenario: &Scenario,
+    target: &Target,
+    size: RobotSize,
+    kept: Option<KeptSurrogate>,
+    monitor: &dyn Monitor,
+) -> Result<Option<Robot>> {
+    let refuse = |found: &str, remedy: String| {
+        Err(Error::input(InputPlace::default().at_key(format!("scenario {}: robot", scenario.name)), found, remedy))
+    };
+    if !gel.problem.model.is_law_alone() {
+        return refuse(
+            "the size is searched for models without effects, and this one has some",
+            format!("give a revision without effects (`{} m0`), or plan for robots of given sizes", Setting::Revision),
+        );
+    }
+    if target.rest.is_some() || target.slew_n_per_s.is_some() {
+        let remedy = "leave out the rest and the slew rate, then plan again with them for the robot that is found";
+        return refuse("the size is searched for a constant force", remedy.into());
+    }
+    let reference = body::compliance_per_m(&scenario.robot, &scenario.vitreous);
+    let Some((reference_per_m, _)) = reference else {
+        return refuse("the size is searched for robots in the middle of the gel", "remove the offset".into());
+    };
+    let [planned, _] = halves(&gel.draws);
+    let planned = Gel { draws: planned, ..*gel };
+    let force_n = size.largest_force_n(&scenario.robot, target);
+    let record = Target { largest_force_n: force_n, ..*target }.at_largest_force()?;
+    let ensemble = Ensemble::new(&planned, scenario, record, kept, monitor)?;
+    let trajectories_m = ensemble.trajectories_m(0..ensemble.parameters.len())?;
+    monitor.stage("searching for the size of the robot");
+    // The law is linear: all trajectories of a size are those of the given robot times one factor.
+    let is_met = |factor: f64| {
+        let robot = resized(&scenario.robot, factor, factor);
+        let Some((compliance_per_m, _)) = body::compliance_per_m(&robot, &scenario.vitreous) else { return false };
+        let times = compliance_per_m / reference_per_m * size.largest_force_n(&robot, target) / force_n;
+        // Strain per displacement falls with the size of the body.
+        let strain_per_m = ensemble.strain_per_m / factor;
+        let arrives = |x: &&Vec<f64>| {
+            time_to_reach_s(ensemble.record(), x, target.reach_m / times) <= target.within_s * (1.0 + 1e-9)
+                && target.strain_is_met(x, strain_per_m * times)
+        };
+        let met = trajectories_m.iter().filter(arrives).count() as f64;
+        met >= target.probability * trajectories_m.len().max(1) as f64
+    };
+    let largest = MOST_OF_GEL * 0.5 * scenario.vitreous.diameter_m / scenario.robot.shape.outer_radius_m();
+    if largest <= SMALLEST {
+        return Ok(None);
+    }
+    let at = |k: usize| SMALLEST * (largest / SMALLEST).powf(k as f64 / (N_SIZES - 1) as f64);
+    let succeeds: Vec<bool> = (0..N_SIZES).into_par_iter().map(|k| is_met(at(k))).collect();
+    let found = match size {
+        RobotSize::Largest => succeeds.iter().rposition(|met| *met).map(|k| (k, (k + 1).min(N_SIZES - 1))),
+        RobotSize::SmallestMagnet { .. } => succeeds.iter().position(|met| *met).map(|k| (k, k.saturating_sub(1))),
+    };
+    let Some((success, failure)) = found else { return Ok(None) };
+    let [mut succeeds, mut fails] = [at(success), at(failure)];
+    for _ in 0..if success == failure { 0 } else { HALVINGS } {
+        let middle = (succeeds * fails).sqrt();
+        *(if is_met(middle) { &mut succeeds } else { &mut fails }) = middle;
+    }
+    if success == failure {
+        return Ok(Some(resized(&scenario.robot, succeeds, succeeds)));
+    }
+    let towards = (succeeds - fails).signum();
+    let diameter_m = diameter_m(&scenario.robot);
+    let factor = rounded(diameter_m * succeeds * (1.0 + MARGIN * towards), towards) / diameter_m;
+    Ok(Some(resized(&scenario.robot, factor, factor)))
+}
+
+/// A length with four significant digits, rounded up or down.
+fn rounded(length_m: f64, towards: f64) -> f64 {
+    let unit = 10f64.powi(length_m.log10().floor() as i32 - 3);
+    let digits = length_m / unit;
+    unit * if towards > 0.0 { digits.ceil() } else { digits.floor() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::rounded;
+
+    #[test]
+    fn lengths_are_rounded_towards_success() {
+        assert!((rounded(1.809_165e-3, -1.0) - 1.809e-3).abs() < 1e-12);
+        assert!((rounded(0.298_066e-3, 1.0) - 0.2981e-3).abs() < 1e-12);
+    }
+}
