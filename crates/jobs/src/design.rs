@@ -145,10 +145,12 @@ pub fn run(target: &Target, request: &DesignRequest, monitor: &dyn Monitor) -> R
         // The expected posterior has the noise of the revision, not that of a diagnosis.
         None => revision.subject(monitor)?.with_specified_noise(),
     };
-    let cycles: Vec<u32> =
-        [&subject.experiment().calibration_cycles[..], &subject.experiment().heldout_cycles].concat();
+    // Expected uncertainties continue those of `sample`, which fits the calibration cycles; a distance of effects uses all rows.
+    let holds_out = matches!(goal, DesignGoal::Effects | DesignGoal::Detection);
+    let mut cycles = subject.experiment().calibration_cycles.clone();
+    cycles.extend(subject.experiment().heldout_cycles.iter().filter(|_| holds_out));
     let subject = subject.with_cycles(&cycles, &[])?;
-    monitor.stage("fitting the models to all cycles");
+    monitor.stage("fitting the models");
     let models = models(&subject, class.as_ref())?;
     let members: Vec<(&Candidate, &Fitted)> = models.iter().map(|(candidate, fitted)| (candidate, fitted)).collect();
     let asked = match goal {
@@ -263,7 +265,7 @@ pub fn run(target: &Target, request: &DesignRequest, monitor: &dyn Monitor) -> R
     tables.extend(front.iter().enumerate().map(|(k, (_, protocol))| (of_front(k), protocol_csv(&protocol.record))));
     let record_dir = study_dir.join(RECORD_DIR);
     files::create_folders(&record_dir, "check the permissions of the study's directory")?;
-    let (description, table) = next_record(subject.experiment(), &best.record);
+    let (description, table) = next_record(subject.experiment(), &best.record, holds_out);
     tables.push((record_dir.join("experiment.toml"), description));
     tables.push((record_dir.join("trajectory.csv"), table));
     let [svg, png, pdf] = figure_files(&study_dir, "design", &figure)?;
@@ -583,11 +585,11 @@ fn protocol_csv(record: &Record) -> Vec<u8> {
     text.into_bytes()
 }
 
-/// Description and table for the new record, with the same apparatus. The positions are missing; the last third is held out.
-fn next_record(experiment: &Experiment, record: &Record) -> (Vec<u8>, Vec<u8>) {
+/// Description and table for the new record, with the same apparatus. The positions are missing. The last third is a cycle of its own if it is held out.
+fn next_record(experiment: &Experiment, record: &Record, holds_out: bool) -> (Vec<u8>, Vec<u8>) {
     let mut measurement = vec![
         "calibration_cycles = [1]".to_string(),
-        "heldout_cycles = [2]".into(),
+        format!("heldout_cycles = [{}]", if holds_out { "2" } else { "" }),
         format!("force = \"{}\"", record.force_rule.name()),
         format!("source = {}", quoted("to be recorded: protocol of vitreo-uq design")),
     ];
@@ -598,7 +600,7 @@ fn next_record(experiment: &Experiment, record: &Record) -> (Vec<u8>, Vec<u8>) {
     let mut table = String::from("time_s,force_uN,position_um,cycle\n");
     let last = record.n_rows() - 1;
     for row in 0..=last {
-        let cycle = if 3 * row < 2 * last { 1 } else { 2 };
+        let cycle = if holds_out && 3 * row >= 2 * last { 2 } else { 1 };
         table += &format!("{:.6},{:.6},,{cycle}\n", record.time_s[row], 1e6 * record.force_n[row]);
     }
     (toml.into_bytes(), table.into_bytes())

@@ -130,7 +130,14 @@ fn one(
     }
     let constant = creep.as_ref().and_then(|creep| creep.constant);
     let control = request.control.or(constant).unwrap_or(proposal.control);
-    if has_absolute_strain(creep.as_ref(), control) {
+    let is_stretch = creep.as_ref().is_some_and(|creep| creep.is_told) && proposal.is_stretch();
+    if is_stretch {
+        proposal.reasons.push(
+            "the strain begins near 1 and changes, so that it is read as a stretch: the first row counts as unstrained"
+                .into(),
+        );
+        proposal.count_from_first_row();
+    } else if has_absolute_strain(creep.as_ref(), control) {
         proposal.keep_written_positions();
     }
     if load_start_s(&proposal, (creep.as_ref(), tip.as_ref()), control).is_some() {

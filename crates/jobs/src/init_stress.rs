@@ -4,7 +4,7 @@
 use base::error::Setting;
 use base::units::Dimension;
 use record::Control;
-use record::table::{InspectedTable, TableSettings};
+use record::table::{InspectedTable, TableSettings, unit};
 
 /// Words by which the stress column is recognised.
 const STRESS: [&str; 3] = ["stress", "spannung", "contrainte"];
@@ -82,11 +82,25 @@ pub(super) struct StressStrain {
     pub compliance: f64,
     /// Quantity that is commanded with the constant value 1, in a table of a compliance or a modulus; `None` if the table has both stress and strain.
     pub constant: Option<Control>,
+    /// True if the user's units say that the columns are stress and strain, whatever their names.
+    pub is_told: bool,
+}
+
+/// A unit of `many` times another.
+fn so_many(many: f64, of: &str) -> Option<String> {
+    Some(if many == 1.0 { of.to_string() } else { format!("{many} {of}") })
 }
 
 impl StressStrain {
     /// Finds the columns of stress and strain, of a modulus, or of a compliance; `None` if the table has none of them.
     pub fn of(looked: &InspectedTable, given: &TableSettings, poisson_ratio: Option<f64>) -> Option<Self> {
+        let told = |place: usize, dimension: Dimension| {
+            given.units[place].as_deref().and_then(unit).filter(|unit| unit.dimension == dimension)
+        };
+        let told = told(1, Dimension::Pressure).zip(told(2, Dimension::Ratio));
+        if let Some((stress, strain)) = told.filter(|_| given.axes.iter().all(Option::is_none)) {
+            return Self::told(looked, given, [stress.to_si(1.0), strain.to_si(1.0)], poisson_ratio);
+        }
         if given.columns.iter().chain(&given.axes).any(Option::is_some) {
             return None;
         }
@@ -109,16 +123,43 @@ impl StressStrain {
             _ => Self::published(looked).map(|(column, control)| (column, column, Some(control)))?,
         };
         let number = |(place, _): (usize, f64)| Some((place + 1).to_string());
-        let so_many =
-            |(_, many): (usize, f64), of: &str| Some(if many == 1.0 { of.to_string() } else { format!("{many} {of}") });
         Some(Self {
             given: TableSettings {
                 columns: [None, number(stress), number(strain), None],
-                units: [given.units[0].clone(), so_many(stress, "N"), so_many(strain, "m")],
+                units: [given.units[0].clone(), so_many(stress.1, "N"), so_many(strain.1, "m")],
                 ..given.clone()
             },
             compliance: 2.0 + 2.0 * poisson_ratio.unwrap_or(OF_WATER),
             constant,
+            is_told: false,
+        })
+    }
+
+    /// Stress and strain by the units that the user gives, in the given columns or in those that are called so.
+    fn told(
+        looked: &InspectedTable,
+        given: &TableSettings,
+        [stress, strain]: [f64; 2],
+        poisson_ratio: Option<f64>,
+    ) -> Option<Self> {
+        let column = |place: usize, words: &[&str]| {
+            let named = || looked.columns.iter().position(|name| called(name, words, &[RATE]));
+            given.columns[place].clone().or_else(|| Some((named()? + 1).to_string()))
+        };
+        Some(Self {
+            given: TableSettings {
+                columns: [
+                    given.columns[0].clone(),
+                    Some(column(1, &STRESS)?),
+                    Some(column(2, &STRAIN)?),
+                    given.columns[3].clone(),
+                ],
+                units: [given.units[0].clone(), so_many(stress, "N"), so_many(strain, "m")],
+                ..given.clone()
+            },
+            compliance: 2.0 + 2.0 * poisson_ratio.unwrap_or(OF_WATER),
+            constant: None,
+            is_told: true,
         })
     }
 
@@ -195,6 +236,20 @@ mod tests {
         let plain = creep("Zeit in s,Dehnung,Spannung in Pa", None).expect("a creep");
         assert_eq!(plain.given.units, [None, Some("N".into()), Some("m".into())]);
         assert_eq!(plain.compliance, 3.0);
+    }
+
+    /// Units on the command line say what the columns are. Without names of stress and strain, the columns are given, too.
+    #[test]
+    fn units_that_are_told_make_a_creep_of_any_columns() {
+        let looked = inspect_table("m.csv".as_ref(), b"Time,L,F\n0,0,1\n1,5,1\n2,6,1\n").expect("a table");
+        let units = [Some("s".into()), Some("kPa".into()), Some("%".into())];
+        let columns = [None, Some("F".into()), Some("L".into()), None];
+        let given = TableSettings { units: units.clone(), columns, ..TableSettings::default() };
+        let found = StressStrain::of(&looked, &given, None).expect("a creep");
+        assert_eq!(found.given.columns, [None, Some("F".into()), Some("L".into()), None]);
+        assert_eq!(found.given.units, [Some("s".into()), Some("1000 N".into()), Some("0.01 m".into())]);
+        let unnamed = TableSettings { units, ..TableSettings::default() };
+        assert_eq!(StressStrain::of(&looked, &unnamed, None), None);
     }
 
     #[test]

@@ -25,6 +25,8 @@ use crate::outcome::Outcome;
 /// Name of the file for the controller.
 const PROTOCOL_NAME: &str = "plan-protocol.csv";
 
+/// Relative difference of volumes or forces that counts as none.
+const ROUNDING: f64 = 1e-9;
 /// Name of the figure of compared robots.
 const ROBOTS_NAME: &str = "plan-robots";
 
@@ -202,9 +204,10 @@ fn chosen_robot(
 
 /// True if another feasible robot is at least as large and needs at most the same force, and differs in one of both.
 fn is_dominated(robot: &PlannedRobot, robots: &[PlannedRobot]) -> bool {
+    // Ratios above 1 favour the other robot; equal sizes differ by rounding.
     robots.iter().filter(|other| other.feasible).any(|other| {
-        let [larger, easier] = [other.volume_mm3 >= robot.volume_mm3, other.force_un <= robot.force_un];
-        larger && easier && (other.volume_mm3 > robot.volume_mm3 || other.force_un < robot.force_un)
+        let [volume, force] = [other.volume_mm3 / robot.volume_mm3, robot.force_un / other.force_un];
+        volume.min(force) > 1.0 - ROUNDING && volume.max(force) > 1.0 + ROUNDING
     })
 }
 

@@ -19,6 +19,7 @@ use crate::robust::{SD_PER_MAD, median};
 use crate::times::TimeRules;
 use crate::trajectory::{Trajectory, is_lost};
 use base::error::{Error, InputPlace, Result, Setting};
+use base::units::Dimension;
 
 /// Lower-case names of columns that name a tracker's tracks; `id` may follow.
 const TRACKS: [&str; 5] = ["track", "particle", "trajectory", "bead", "spottrack"];
@@ -74,6 +75,20 @@ impl TableProposal {
         let range_m = self.written_position_m[1] - self.written_position_m[0];
         let is_displaced = |first_m: f64| first_m.abs() > NEAR_ZERO * range_m && first_m.abs() < range_m;
         !self.description.time_rules.spreads_ties && self.first_written_m.is_some_and(is_displaced)
+    }
+
+    /// Returns whether the positions are stretches, of which 1 is the unstrained length: they begin near 1 and change by more than a hundredth.
+    pub fn is_stretch(&self) -> bool {
+        let range_m = self.written_position_m[1] - self.written_position_m[0];
+        range_m > 0.01 && self.first_written_m.is_some_and(|first_m| (0.5..1.5).contains(&first_m))
+    }
+
+    /// Replaces the inferred rules for zero and direction: positions count from that of the first row.
+    pub fn count_from_first_row(&mut self) {
+        let first_m = self.first_written_m.unwrap_or(0.0);
+        self.frame = Frame { zero: Zero::First, direction: Direction::Forward };
+        self.position_m = self.written_position_m.map(|position_m| position_m - first_m);
+        self.reasons.retain(|reason| !["zero =", "direction ="].iter().any(|key| reason.contains(key)));
     }
 
     /// Replaces the inferred rules for zero and direction: positions count as written in the table.
@@ -359,7 +374,18 @@ impl DescribedFile<'_> {
             let found = told(role).map_or_else(|| own_unit(role), unit);
             found.filter(|unit| Some(unit.dimension) == role.dimension()).ok_or_else(|| {
                 let found = format!("`{}` is not a unit of {}", told(role).unwrap_or_default(), role.name());
-                let remedy = format!("give the unit, as in `{}`", role.unit_option(called(role)));
+                let is_of_stress = |role: Role| {
+                    let dimension = told(role).and_then(unit).map(|unit| unit.dimension);
+                    matches!(dimension, Some(Dimension::Pressure | Dimension::Ratio))
+                };
+                let remedy = if [Role::Force, Role::Position].into_iter().any(is_of_stress) {
+                    format!(
+                        "for stress and strain give both units and, unless their names say so, both columns: `{} F {} L {} kPa {} %`",
+                        Setting::ForceColumn, Setting::PositionColumn, Role::Force.unit_setting(), Role::Position.unit_setting()
+                    )
+                } else {
+                    format!("give the unit, as in `{}`", role.unit_option(called(role)))
+                };
                 Error::input(InputPlace::setting(role.unit_setting()), found, remedy)
             })
         };
