@@ -156,13 +156,13 @@ impl AxisScale {
         if let Some(ticks) = free.into_iter().find(|ticks| (2..=most).contains(&shown(ticks))) {
             return ticks;
         }
-        // Long labels: of each number of marks, those are labelled that do not touch the label before.
+        // Long labels: of each number of marks, those are labelled that do not touch the label before; half the gap must do.
         let thinned = |candidate: usize| {
             let (mut ticks, _) = fitted(candidate);
             let mut previous_end = f64::NEG_INFINITY;
             for (value, label) in ticks.major.iter_mut().filter(|(_, label)| !label.is_empty()) {
                 let (middle, half) = (middle_px(*value), half_px(label));
-                if middle - half > previous_end + gap_px {
+                if middle - half > previous_end + 0.5 * gap_px {
                     previous_end = middle + half;
                 } else {
                     label.clear();
@@ -170,7 +170,7 @@ impl AxisScale {
             }
             ticks
         };
-        (2..=2 * most).map(thinned).max_by_key(shown).unwrap_or_default()
+        (2..=4 * most).map(thinned).max_by_key(shown).unwrap_or_default()
     }
 
     fn linear_ticks(&self, most: usize) -> Ticks {
