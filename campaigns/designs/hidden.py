@@ -59,6 +59,11 @@ def ramps_um(truth, time_s, force_un, parts=20):
     return [sum(step * creep_um_per_un(truth, t - since) for since, step in changes if t > since) for t in time_s]
 
 
+def first_protocol():
+    """Rows of time (s), force (µN) and cycle: four cycles of 5 s in each direction, as in the paper."""
+    return [(0.05 * k, 4.6 if 0.05 * k % 10 < 5 - 1e-9 else -4.6, 1 + min(3, k // 200)) for k in range(801)]
+
+
 def write_table(path, rows, clean_um, stream):
     with path.open("w", encoding="utf-8", newline="") as file:
         table = csv.writer(file)
@@ -83,8 +88,7 @@ def case(program, number, seed):
         eye = folder / "eye"
         eye.mkdir()
         (eye / "experiment.toml").write_text(DESCRIPTION, encoding="utf-8")
-        # Four cycles of 5 s in each direction, as in the paper.
-        rows = [(0.05 * k, 4.6 if 0.05 * k % 10 < 5 - 1e-9 else -4.6, 1 + min(3, k // 200)) for k in range(801)]
+        rows = first_protocol()
         write_table(eye / "trajectory.csv", rows, positions_um(truth, [r[0] for r in rows], [r[1] for r in rows]), stream)
         vitreo("sample", "eye", "--out", "study", "--no-report")
         design = vitreo("design", "study", "--no-report")

@@ -18,9 +18,9 @@ pub struct LawComparison {
     pub n_fitted: usize,
     /// Known or estimated noise standard deviation, in µm; `None` if it is unknown.
     pub noise_um: Option<f64>,
-    /// Whether the first law leaves no more than the noise; `None` if the noise is unknown.
+    /// Whether a law leaves no more than the noise; `None` if the noise is unknown.
     pub is_explained: Option<bool>,
-    /// Laws by falling evidence, or by rising error if the record is not explained. Laws that could not be fitted come last.
+    /// Laws by falling evidence, or by rising error if no law explains the record. Without an explanation there is no evidence. Laws that could not be fitted come last.
     pub laws: Vec<LawRow>,
     /// Summary of the comparison as a sentence.
     pub sentence: String,

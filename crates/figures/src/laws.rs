@@ -25,12 +25,16 @@ pub fn laws(comparison: &LawComparison) -> Svg {
         let top =
             MARGIN_PX + title_with_text(svg, &heading, &comparison.sentence, (MARGIN_PX, MARGIN_PX), width) + 26.0;
         let small = |anchor| TextStyle::new(TEXT_PX, anchor).colour(MUTED);
-        svg.text("log evidence below the likeliest law", (MARGIN_PX + LABEL_PX, top - 8.0), small(Anchor::Start));
+        let has_evidence = comparison.laws.iter().any(|law| law.evidence_difference_nats.is_some());
+        let of_bars =
+            if has_evidence { "log evidence below the likeliest law" } else { "error relative to the largest" };
+        let largest_um = comparison.laws.iter().filter_map(error_um).fold(0.0_f64, f64::max);
+        svg.text(of_bars, (MARGIN_PX + LABEL_PX, top - 8.0), small(Anchor::Start));
         for (words, right) in NUMBERS {
             svg.text(words, (right, top - 8.0), small(Anchor::End));
         }
         for (place, law) in comparison.laws.iter().enumerate() {
-            row(svg, law, top + ROW_PX * place as f64);
+            row(svg, law, (has_evidence, largest_um), top + ROW_PX * place as f64);
         }
         top + ROW_PX * comparison.laws.len() as f64 + MARGIN_PX
     };
@@ -41,23 +45,32 @@ pub fn laws(comparison: &LawComparison) -> Svg {
     svg
 }
 
-fn row(svg: &mut Svg, law: &LawRow, top: f64) {
+/// Error by which laws without evidence are ranked, in µm.
+fn error_um(law: &LawRow) -> Option<f64> {
+    law.rmse_heldout_um.or(law.rmse_fitted_um)
+}
+
+fn row(svg: &mut Svg, law: &LawRow, (has_evidence, largest_um): (bool, f64), top: f64) {
     let baseline = top + 0.65 * ROW_PX;
     let ink = if law.status == LawStatus::NotCompared { MUTED } else { INK };
     svg.text(&law.law, (MARGIN_PX, baseline), TextStyle::new(TEXT_PX, Anchor::Start).colour(ink));
     svg.line((MARGIN_PX, top + ROW_PX), (WIDTH_PX - MARGIN_PX, top + ROW_PX), Stroke::solid(GRID, 1.0));
     let left = MARGIN_PX + LABEL_PX;
-    let Some(difference) = law.evidence_difference_nats else {
+    let part = match law.evidence_difference_nats {
+        Some(difference) => Some((-difference / LONGEST_NATS).clamp(0.0, 1.0)),
+        None => error_um(law).filter(|_| !has_evidence).map(|error_um| error_um / largest_um),
+    };
+    let Some(part) = part else {
         svg.text(law.status.text(), (left, baseline), TextStyle::new(TEXT_PX, Anchor::Start).colour(MUTED));
         return;
     };
     let colour = if matches!(law.status, LawStatus::LessLikely | LawStatus::FartherOff) { SKY } else { BLUE };
-    let length = BAR_PX * (-difference / LONGEST_NATS).clamp(0.0, 1.0);
     // The likeliest law has a difference of 0, which still needs a mark.
-    let bar = Rect { x: left, y: top + 0.25 * ROW_PX, width: length.max(3.0), height: 0.5 * ROW_PX };
+    let bar = Rect { x: left, y: top + 0.25 * ROW_PX, width: (BAR_PX * part).max(3.0), height: 0.5 * ROW_PX };
     svg.rect(bar, Fill::new(colour, 1.0));
     let error = |value: Option<f64>| value.map_or("–".into(), |value| format_significant(value, 3));
-    let texts = [format_decimals(difference, 1), error(law.rmse_fitted_um), error(law.rmse_heldout_um)];
+    let nats = law.evidence_difference_nats.map_or("–".into(), |difference| format_decimals(difference, 1));
+    let texts = [nats, error(law.rmse_fitted_um), error(law.rmse_heldout_um)];
     for ((_, right), text) in NUMBERS.iter().zip(texts) {
         svg.text(&text, (*right, baseline), TextStyle::new(TEXT_PX, Anchor::End));
     }

@@ -33,6 +33,8 @@ const MEASURED: [&str; 12] = [
 const OF_FREQUENCY: [&str; 5] = ["storage", "loss", "complex", "'", "tan"];
 /// Word that excludes a column: a column of rates is neither stress nor strain.
 const RATE: &str = "rate";
+/// Units of a strain as a plain number.
+const PLAIN: [&str; 2] = ["1", "-"];
 /// Poisson's ratio of a specimen that is nearly all water.
 const OF_WATER: f64 = 0.5;
 
@@ -95,11 +97,14 @@ impl StressStrain {
     /// Finds the columns of stress and strain, of a modulus, or of a compliance; `None` if the table has none of them.
     pub fn of(looked: &InspectedTable, given: &TableSettings, poisson_ratio: Option<f64>) -> Option<Self> {
         let told = |place: usize, dimension: Dimension| {
-            given.units[place].as_deref().and_then(unit).filter(|unit| unit.dimension == dimension)
+            let parsed = given.units[place].as_deref().and_then(unit);
+            parsed.filter(|unit| unit.dimension == dimension).map(|unit| unit.to_si(1.0))
         };
-        let told = told(1, Dimension::Pressure).zip(told(2, Dimension::Ratio));
-        if let Some((stress, strain)) = told.filter(|_| given.axes.iter().all(Option::is_none)) {
-            return Self::told(looked, given, [stress.to_si(1.0), strain.to_si(1.0)], poisson_ratio);
+        let is_plain = given.units[2].as_deref().is_some_and(|text| PLAIN.contains(&text.trim()));
+        let strain = if is_plain { Some(1.0) } else { told(2, Dimension::Ratio) };
+        let units = told(1, Dimension::Pressure).zip(strain);
+        if let Some((stress, strain)) = units.filter(|_| given.axes.iter().all(Option::is_none)) {
+            return Self::told(looked, given, [stress, strain], poisson_ratio);
         }
         if given.columns.iter().chain(&given.axes).any(Option::is_some) {
             return None;
@@ -248,6 +253,9 @@ mod tests {
         let found = StressStrain::of(&looked, &given, None).expect("a creep");
         assert_eq!(found.given.columns, [None, Some("F".into()), Some("L".into()), None]);
         assert_eq!(found.given.units, [Some("s".into()), Some("1000 N".into()), Some("0.01 m".into())]);
+        let plain = TableSettings { units: [None, Some("Pa".into()), Some("1".into())], ..given };
+        let found = StressStrain::of(&looked, &plain, None).expect("a creep");
+        assert_eq!(found.given.units, [None, Some("N".into()), Some("m".into())]);
         let unnamed = TableSettings { units, ..TableSettings::default() };
         assert_eq!(StressStrain::of(&looked, &unnamed, None), None);
     }

@@ -24,6 +24,9 @@ const MOSTLY: f64 = 0.6;
 /// Least part of successive changes with equal signs that shows a trend. For noise about a constant it is 1/3.
 const TREND: f64 = 0.7;
 
+/// Least change of the force over the longest hold of the position, as a part of its range, that shows a relaxation.
+const DRIFT: f64 = 0.15;
+
 impl Control {
     /// The quantity that an experiment most likely commanded, from the force (N) and the position (m) of each row: the position if it holds for most of the time while
     /// the force drifts, otherwise the force.
@@ -39,7 +42,14 @@ impl Control {
         let pairs = position.windows(2).zip(force.windows(2)).filter(|(x, _)| x.iter().all(is_held));
         let alike: Vec<bool> = pairs.map(|(_, force)| force[0] * force[1] > 0.0).collect();
         let is_trend = part(alike.iter().filter(|alike| **alike).count(), alike.len()) > TREND;
-        if is_trend { Control::Position } else { Control::Force }
+        // Noise hides the trend of a slow decay from block to block, but not over a whole hold.
+        let held = position.chunk_by(|a, b| is_held(a) == is_held(b)).scan(0, |at, run| {
+            *at += run.len();
+            Some((run, &force[*at - run.len()..*at]))
+        });
+        let longest = held.filter(|(run, _)| is_held(&run[0])).max_by_key(|(run, _)| run.len());
+        let drifts = longest.is_some_and(|(_, force)| force.iter().sum::<f64>().abs() > DRIFT);
+        if is_trend || drifts { Control::Position } else { Control::Force }
     }
 }
 
@@ -93,6 +103,17 @@ mod tests {
         let rows = (0..1200).map(|row| 0.05 * f64::from(row)).map(|t| (force(t), Some(position(t))));
         let (force_n, position_m): (Vec<f64>, Vec<Option<f64>>) = rows.unzip();
         Control::likely(&force_n, &position_m)
+    }
+
+    /// A ramp, then a hold whose force decays beneath noise that exceeds its change from row to row.
+    #[test]
+    fn a_noisy_decay_during_a_hold_is_a_relaxation() {
+        let noise = |t: f64| 0.06 * (((1.0 + t) * 12.9898).sin() * 43_758.545_3).fract();
+        let ramp = |t: f64| (t / 5.0).min(1.0);
+        let force = |t: f64| if t < 5.0 { t / 5.0 } else { 0.6 + 0.4 * (-(t - 5.0) / 15.0).exp() };
+        assert_eq!(control(|t| force(t) + noise(t), ramp), Control::Position);
+        // The force holds beneath the same noise, and the position reaches its plateau.
+        assert_eq!(control(|t| 1.0 + noise(t), |t| 1.0 - (-t / 2.0).exp()), Control::Force);
     }
 
     #[test]

@@ -36,10 +36,8 @@ fn words(comparison: &LawComparison) -> String {
         format!("  {:<26}{:>12}{:>14}{:>16}   status", "law", "nats", "fitted (µm)", "held out (µm)"),
     ];
     lines.extend(comparison.laws.iter().map(row));
-    for law in comparison
-        .laws
-        .iter()
-        .filter(|law| matches!(law.status, LawStatus::Likeliest | LawStatus::Indistinguishable | LawStatus::Closest))
+    for law in
+        comparison.laws.iter().filter(|law| matches!(law.status, LawStatus::Likeliest | LawStatus::Indistinguishable))
     {
         lines.push(String::new());
         lines.push(format!("{} (mean and 90 % interval)", law.law));
@@ -50,7 +48,9 @@ fn words(comparison: &LawComparison) -> String {
         }));
     }
     lines.push(String::new());
-    lines.push("(nats: log evidence minus that of the likeliest law; all laws have the same wide priors and the same noise terms)".into());
+    if comparison.laws.iter().any(|law| law.evidence_difference_nats.is_some()) {
+        lines.push("(nats: log evidence minus that of the likeliest law; all laws have the same wide priors and the same noise terms)".into());
+    }
     if let Some(best) = comparison.laws.first().filter(|law| law.status != LawStatus::NotCompared) {
         let command = if best.status == LawStatus::Closest { "diagnose" } else { "sample" };
         lines.push(format!("Next: vitreo-uq {command} EXPERIMENT --base {} --prior generic --out STUDY", best.law));

@@ -64,7 +64,7 @@ export class PredictionView {
     const input = make("input", { type: "range", min: "0", max: "1000", step: "1", value: String((1000 * (bent(value) - from)) / (to - from)) });
     input.setAttribute("aria-label", `${words} (${unit})`);
     input.addEventListener("input", () => {
-      let own = straight(from + ((to - from) * Number(/** @type {HTMLInputElement} */ (input).value)) / 1000);
+      let own = Number(straight(from + ((to - from) * Number(/** @type {HTMLInputElement} */ (input).value)) / 1000).toPrecision(3));
       // A body shorter than a third of its diameter has no use here.
       if (name === "aspect" && own > 0 && own < 0.3) own = 0;
       output.textContent = text(own);
