@@ -48,7 +48,12 @@ impl Control {
             Some((run, &force[*at - run.len()..*at]))
         });
         let longest = held.filter(|(run, _)| is_held(&run[0])).max_by_key(|(run, _)| run.len());
-        let drifts = longest.is_some_and(|(_, force)| force.iter().sum::<f64>().abs() > DRIFT);
+        // A commanded force may change at once during the hold of a body that flows only.
+        let drifts = longest.is_some_and(|(_, force)| {
+            let (sum, largest) =
+                force.iter().fold((0.0, 0.0_f64), |(sum, most), change| (sum + change, most.max(change.abs())));
+            sum.abs() > DRIFT && largest < 0.5 * sum.abs()
+        });
         if is_trend || drifts { Control::Position } else { Control::Force }
     }
 }
