@@ -22,22 +22,7 @@ def figures(raw):
         own = named[name]
         return " ".join(f"{scale * own[key]:.3g}" for key in ("median", "q05", "q95"))
 
-    def words(own):
-        if "refused" in own:
-            return own["refused"]
-        unit = {"um": "µm", "percent": "%", "pa": "Pa"}[own["unit"]]
-        baseline = own["baselines"][own["best_baseline"]]
-        verdict = "explained" if own["is_explained"] else "unexplained"
-        return (
-            f"{own['law']} {own['error']:.3g} {unit}, {own['best_baseline']} {baseline:.3g} {unit}, ratio {own['error'] / baseline:.2f}, "
-            f"{own['error'] / own['noise']:.3g} times the noise, {verdict}"
-        )
-
-    records = {f"record: {own['record']}": words(own) for own in each["records"]}
-    compared = [own for own in each["records"] if "refused" not in own]
-    near = sum(own["error"] <= 1.1 * own["baselines"][own["best_baseline"]] for own in compared)
-    return records | {
-        "records where the closest law is at most 1.1 times the best baseline": f"{near} of {len(each['records'])}",
+    return {
         "sample: held-out error": f"{heldout['rmse_um']:.2g} µm, {heldout['rmse_um'] / heldout['noise_um']:.0f} times the noise",
         "diagnose: before": f"{diagnosis['base']['rmse_heldout_um']:.2g} µm",
         "diagnose: with what helps": f"{after:.2g} µm" if after else "–",

@@ -7,8 +7,6 @@ if [[ ! -d $data/keizer-2022-cycles ]]; then
     exit 0
 fi
 begin measured
-# The base laws against closed forms by least squares, on thirteen records; needs NumPy (PYTHON=target/python-checks-venv/bin/python).
-run_in records "$python" "$root/campaigns/measured/records.py" "$program" "$data" --work "$raw/records" --json "$raw/records.json"
 for command in sample diagnose; do
     run_in "$command" "$program" "$command" "$data/keizer-2022-cycles" --out "$raw/keizer" --json "$raw/$command.json" --quiet
 done
