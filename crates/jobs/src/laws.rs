@@ -71,7 +71,9 @@ pub fn run(target: &Target, request: &LawsRequest, monitor: &dyn Monitor) -> Res
     let Some((_, subject)) = subjects.first() else {
         return Err(Error::numerical("no law was given", "name at least one law"));
     };
-    let (n_fitted, noise_um, experiment) = (subject.n_fitted(), subject.noise_um(), subject.experiment().clone());
+    let (n_fitted, experiment) = (subject.n_fitted(), subject.experiment().clone());
+    // The noise of all rows, as in other commands: rows that are farther apart give another estimate.
+    let noise_um = target.experiment.reference_noise().map(|reference| 1e6 * reference.sd_m);
     // Without slow noise and gains, which would absorb misfits.
     let mut rows =
         rows_of(&subjects, monitor, |name, subject| Ok(fitted(name, &subject.clone().with_specified_noise())?.0))?;
