@@ -72,19 +72,25 @@ def write_table(path, rows, clean_um, stream):
             table.writerow([f"{time_s:.6f}", f"{force_un:.6f}", f"{x + NOISE_UM * stream.gauss(0, 1):.4f}", cycle])
 
 
+def runner(program, folder, number):
+    """A function that runs a command in a folder and returns its document. Exit code 1 (not to be trusted) is a result."""
+
+    def vitreo(*arguments):
+        command = [program, *map(str, arguments), "--seed", str(number + 1), "--quiet", "--json", "-"]
+        done = subprocess.run(command, cwd=folder, check=False, capture_output=True, text=True)
+        if done.returncode not in (0, 1):
+            raise SystemExit(f"{' '.join(command)}: {done.stderr}")
+        return json.loads(done.stdout)
+
+    return vitreo
+
+
 def case(program, number, seed):
     stream = random.Random(f"{seed} {number}")
     truth = {name: mean * FACTOR ** stream.uniform(-1, 1) for name, mean in MEANS.items()}
     with tempfile.TemporaryDirectory() as place:
         folder = pathlib.Path(place)
-
-        def vitreo(*arguments):
-            command = [program, *map(str, arguments), "--seed", str(number + 1), "--quiet", "--json", "-"]
-            done = subprocess.run(command, cwd=folder, check=False, capture_output=True, text=True)
-            if done.returncode not in (0, 1):
-                raise SystemExit(f"{' '.join(command)}: {done.stderr}")
-            return json.loads(done.stdout)
-
+        vitreo = runner(program, folder, number)
         eye = folder / "eye"
         eye.mkdir()
         (eye / "experiment.toml").write_text(DESCRIPTION, encoding="utf-8")
@@ -115,20 +121,21 @@ def case(program, number, seed):
     return {"converged": both["converged"], "protocol": design["recommended"]["protocol"], "parameters": parameters}
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__)
+def main(case, description):
+    """Plays the cases that the command line asks for, and writes their results as one document."""
+    parser = argparse.ArgumentParser(description=description)
     parser.add_argument("program")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--count", type=int, default=2)
+    parser.add_argument("--count", type=int, default=1)
     parser.add_argument("--json", type=pathlib.Path)
     arguments = parser.parse_args()
     cases = [case(arguments.program, number, arguments.seed) for number in range(arguments.first, arguments.first + arguments.count)]
     for found in cases:
-        print(found["protocol"], [f"{p['name']} {p['realised'] / p['expected']:.3f}" for p in found["parameters"]])
+        print(found)
     if arguments.json:
         arguments.json.write_text(json.dumps(cases, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":
-    main()
+    main(case, __doc__)

@@ -4,11 +4,9 @@
 The truth is the closed form of the law, so that no solver of the program makes the data.
 """
 
-import argparse
-import json
+import math
 import pathlib
 import random
-import subprocess
 import sys
 import tempfile
 
@@ -43,7 +41,7 @@ def species(stream):
 
     def eye():
         # The parameters are those of the mean times a log-normal factor each.
-        return {name: value * 2.718281828459045 ** (SCATTER[name] * stream.gauss(0, 1)) for name, value in mean.items()}
+        return {name: value * math.exp(SCATTER[name] * stream.gauss(0, 1)) for name, value in mean.items()}
 
     return eye
 
@@ -63,14 +61,7 @@ def case(program, number, seed):
             clean = hidden.positions_um(truth, [row[0] for row in rows], [row[1] for row in rows])
             hidden.write_table(own / "trajectory.csv", rows, clean, stream)
         (folder / "bead.toml").write_text(SCENARIO, encoding="utf-8")
-
-        def vitreo(*arguments):
-            command = [program, *arguments, "--seed", str(number + 1), "--quiet", "--json", "-"]
-            done = subprocess.run(command, cwd=folder, check=False, capture_output=True, text=True)
-            if done.returncode not in (0, 1):
-                raise SystemExit(f"{' '.join(command)}: {done.stderr}")
-            return json.loads(done.stdout)
-
+        vitreo = hidden.runner(program, folder, number)
         vitreo("groups", "cohort", "--by", "species", "--out", "eyes")
         where = "eyes/species" if (folder / "eyes/species").is_dir() else "eyes"
         found = vitreo("predict", where, "--new-eye", "synthetic", "--scenario", "bead.toml")
@@ -83,20 +74,5 @@ def case(program, number, seed):
     return {"inside": inside, "bands_um": bands}
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("program")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--count", type=int, default=1)
-    parser.add_argument("--json", type=pathlib.Path)
-    arguments = parser.parse_args()
-    cases = [case(arguments.program, number, arguments.seed) for number in range(arguments.first, arguments.first + arguments.count)]
-    for found in cases:
-        print(found)
-    if arguments.json:
-        arguments.json.write_text(json.dumps(cases) + "\n", encoding="utf-8")
-
-
 if __name__ == "__main__":
-    main()
+    hidden.main(case, __doc__)

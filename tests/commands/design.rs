@@ -78,7 +78,7 @@ fn a_decision_is_designed_for_by_its_own_derivative() {
     assert!(refusal.stderr.contains("--scenario"), "{refusal}");
 }
 
-/// The designed record shows at least the effects that the present one shows, each at the size that the result states for the present record's own diagnosis.
+/// The designed record shows at least as many effects as the present one, and a smaller bias of the force.
 #[test]
 #[ignore = "thorough"]
 fn a_record_is_designed_for_the_effects_that_it_shows() {

@@ -44,6 +44,19 @@ pub struct Tolerances {
 }
 
 impl Scenario {
+    /// A robot in a gel, without a force, quantities or tolerances.
+    pub fn of_robot(name: &str, robot: Robot, vitreous: Vitreous) -> Self {
+        Self {
+            name: name.into(),
+            robot,
+            vitreous,
+            force: None,
+            duration_s: None,
+            quantities: Vec::new(),
+            tolerances: Tolerances::default(),
+        }
+    }
+
     /// Reads all scenarios of a file. `default` is the apparatus of the study, which a scenario may leave out.
     ///
     /// # Errors

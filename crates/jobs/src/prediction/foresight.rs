@@ -10,7 +10,7 @@ use prediction::body;
 use prediction::ensemble::{Ensemble, Gel, quantiles_um};
 use prediction::force_history::ForceHistory;
 use prediction::quantity::Quantity;
-use prediction::scenario::{Scenario, Tolerances, resized};
+use prediction::scenario::{Scenario, resized};
 use record::{Apparatus, Control, Robot, RobotShape};
 use serde::{Deserialize, Serialize};
 
@@ -96,15 +96,7 @@ impl Foresight {
         let problem = Problem::new(experiment, specification, None, &SilentMonitor)?;
         let scales = problem.experiment.scales();
         let draws = draws_of_revision(&dir, revision, &problem)?.thinned(MOST_DRAWS);
-        let scenario = Scenario {
-            name: "robot".into(),
-            robot,
-            vitreous,
-            force: None,
-            duration_s: None,
-            quantities: Vec::new(),
-            tolerances: Tolerances::default(),
-        };
+        let scenario = Scenario::of_robot("robot", robot, vitreous);
         let gel = Gel { problem: &problem, draws, is_taught: true, seed: SEED };
         let record = ForceHistory::Steps(vec![[0.0, scales.largest_force_n]]).record(scales.duration_s, &[])?;
         let kept = kept_surrogate(study, &SilentMonitor);

@@ -15,7 +15,7 @@ use posterior::prepared::KeptSurrogate;
 use posterior::problem::Problem;
 use posterior::study::{DIAGNOSIS_NAME, ModelSpecification, POSTERIOR_NAME, Provenance, Study, WithProvenance};
 use prediction::ensemble::{Draws, Gel, MOST_DRAWS};
-use prediction::scenario::{Scenario, Tolerances};
+use prediction::scenario::Scenario;
 use record::{Apparatus, Control, Experiment, Record, Robot, Vitreous};
 use sampling::SamplerOptions;
 use std::sync::Arc;
@@ -87,15 +87,7 @@ impl GelPlace<'_> {
     pub(crate) fn scenarios(&self, path: Option<&Path>) -> Result<Vec<Scenario>> {
         match (path, self.apparatus()?) {
             (Some(path), apparatus) => Scenario::read(path, apparatus),
-            (None, Some((robot, vitreous))) => Ok(vec![Scenario {
-                name: "own robot".into(),
-                robot,
-                vitreous,
-                force: None,
-                duration_s: None,
-                quantities: Vec::new(),
-                tolerances: Tolerances::default(),
-            }]),
+            (None, Some((robot, vitreous))) => Ok(vec![Scenario::of_robot("own robot", robot, vitreous)]),
             (None, None) => Err(Error::input(
                 InputPlace::setting(Setting::Scenario),
                 "a comparison of groups has no robot of its own",
