@@ -86,7 +86,7 @@ fn a_cohort_is_compared_and_written_down() {
 
 /// A study is used with the model of its last revision.
 #[test]
-#[ignore = "thorough"]
+#[ignore = "campaigns/long-tests"]
 fn studies_bring_their_models() {
     let dir = tempfile::tempdir().unwrap();
     copied(dir.path(), &SOME[..4]);

@@ -174,7 +174,7 @@ fn a_function_that_may_only_rise_or_fall_does() {
 
 /// Six dashpots, each hardening at its own rate: the law is learned from three and confirmed on the other three. Without hardening nothing is confirmed.
 #[test]
-#[ignore = "thorough"]
+#[ignore = "campaigns/long-tests"]
 fn half_of_a_cohort_confirms_what_the_other_half_wrote() {
     for hardens in [true, false] {
         let dir = tempfile::tempdir().unwrap();

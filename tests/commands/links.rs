@@ -319,7 +319,7 @@ fn nothing_outside_a_crafted_study_is_touched() {
 }
 
 #[test]
-#[ignore = "thorough"]
+#[ignore = "campaigns/long-tests"]
 fn nothing_outside_200_crafted_studies_is_touched() {
     play(0..N_STUDIES);
 }

@@ -24,6 +24,7 @@ use posterior::problem::Problem;
 use posterior::study::{DIAGNOSIS_NAME, ModelSpecification, POSTERIOR_NAME, Study, WithProvenance};
 use prediction::ensemble::Ensemble;
 use prediction::quantity::Quantity;
+use prediction::scenario::Scenario;
 use record::{Control, Experiment, ForceRule, Record};
 use sampling::SamplerOptions;
 use std::path::PathBuf;
@@ -282,7 +283,7 @@ fn threshold_sigma() -> f64 {
 
 /// Quantity of interest of a scenario, as a function of the model's parameters.
 struct AskedQuantity {
-    scenario: String,
+    scenario: Scenario,
     quantity: Quantity,
     ensemble: Ensemble,
 }
@@ -293,7 +294,7 @@ impl AskedQuantity {
         let scenario = place.scenarios(request.scenario.as_deref())?.remove(0);
         let Some(quantity) = scenario.quantities.first().copied() else {
             return Err(Error::input(
-                InputPlace::default().at_key(format!("scenario {}: quantity", scenario.name)),
+                scenario.place("quantity"),
                 "a decision needs a quantity of interest, and the first scenario has none",
                 "add [[scenario.quantity]] to it",
             ));
@@ -302,7 +303,7 @@ impl AskedQuantity {
         let (force, duration_s) = scenario.force_and_duration()?;
         let record = force.record(duration_s, &quantity.times_s())?;
         let ensemble = Ensemble::new(&source.gel(), &scenario, record, source.kept.clone(), monitor)?;
-        Ok(Self { scenario: scenario.name, quantity, ensemble })
+        Ok(Self { scenario, quantity, ensemble })
     }
 
     /// Value for coordinates of the model.
@@ -313,7 +314,7 @@ impl AskedQuantity {
             return Ok(value);
         }
         Err(Error::input(
-            InputPlace::default().at_key(format!("scenario {}: quantity", self.scenario)),
+            self.scenario.place("quantity"),
             format!("the quantity `{}` has no value at the fit", self.quantity.label()),
             "give a longer duration, a larger force or a smaller distance",
         ))
@@ -337,7 +338,7 @@ impl AskedQuantity {
     fn designed(&self, (candidate, fitted): (&Candidate, &Fitted), sd: Option<[f64; 2]>) -> Result<DesignedQuantity> {
         let [sd_now, sd_expected] = sd.unwrap_or([f64::NAN; 2]);
         Ok(DesignedQuantity {
-            scenario: self.scenario.clone(),
+            scenario: self.scenario.name.clone(),
             quantity: self.quantity.label(),
             unit: self.quantity.unit().into(),
             value: self.value(candidate, &fitted.theta)?,

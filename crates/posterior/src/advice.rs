@@ -21,6 +21,8 @@ const MESH_SHARE: f64 = 0.25;
 const PARETO_LIMIT: f64 = 0.7;
 /// Strain up to which the gel is known to be linear (below 1 %, by the literature).
 const LINEAR_STRAIN: f64 = 0.01;
+/// Strain up to which records of stress and strain are judged as linear. Fibrous gels stiffen from about a tenth on.
+const LINEAR_RECORDED_STRAIN: f64 = 0.1;
 /// Strain above which a wrong unit is the only explanation. For comparison, the bead of the paper strains its gel by 2.6.
 const IMPOSSIBLE_STRAIN: f64 = 20.0;
 /// Advice that precedes all other advice if a strain, a position or a parameter has an implausible value.
@@ -79,7 +81,8 @@ pub fn warnings(findings: &WarningInputs) -> Vec<Warning> {
         let Warning { kind, text, advice } = nothing_held_out_warning();
         add(kind, text, &advice);
     }
-    if let Some(warning) = summary.largest_strain.and_then(strain_warning) {
+    let by_strain = if summary.surrogate.fe_unknowns.is_some() { strain_warning } else { recorded_strain_warning };
+    if let Some(warning) = summary.largest_strain.and_then(by_strain) {
         add(warning.kind, warning.text, &warning.advice);
     }
     if summary.surrogate.fe_unknowns.is_none() && !summary.model.is_external() {
@@ -167,6 +170,20 @@ pub fn strain_warning(largest_strain: f64) -> Option<Warning> {
             "check the units of force, position and sizes first: no gel is strained by twenty times its own length"
         } else {
             "read E, c₁ and c₂ as effective values at this amplitude, or repeat with a smaller force"
+        }
+        .into(),
+    })
+}
+
+/// Warning about a recorded strain at which many gels are not linear.
+pub fn recorded_strain_warning(largest_strain: f64) -> Option<Warning> {
+    (largest_strain > LINEAR_RECORDED_STRAIN).then(|| Warning {
+        kind: WarningKind::LargeStrain,
+        text: format!("the largest strain of the record is {largest_strain:.2}, and many gels are linear only below {LINEAR_RECORDED_STRAIN}"),
+        advice: if largest_strain > IMPOSSIBLE_STRAIN {
+            "check the units of stress and strain first: no gel is strained by twenty times its own length"
+        } else {
+            "read the law's parameters as effective values at this amplitude, or repeat with a smaller one: equal parameters show that the gel is linear"
         }
         .into(),
     })

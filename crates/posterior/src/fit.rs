@@ -11,7 +11,8 @@ use rayon::prelude::*;
 
 use super::fitted_rows::{FittedRows, MOST_SEARCHED, SAME_MINIMUM, is_same_minimum, refine_minima};
 use crate::advice::{
-    impossible_positions_warning, mesh_warning, nothing_held_out_warning, strain_warning, surrogate_warning,
+    impossible_positions_warning, mesh_warning, nothing_held_out_warning, recorded_strain_warning, strain_warning,
+    surrogate_warning,
 };
 use crate::full_check::{largest_strain, rmse_m};
 use crate::judgement::{Judgement, Prediction};
@@ -468,6 +469,8 @@ fn summarise(
     summary.converged &= at_end.is_empty();
     let impossible = impossible_positions_warning(&problem.experiment);
     summary.warnings = warnings(&summary, &judgement, (&at_end, &at_null), impossible);
+    let recorded_strain = problem.experiment.recorded_strain();
+    summary.warnings.extend(recorded_strain.and_then(recorded_strain_warning));
     summary.warnings.extend(full.and_then(|full| full.largest_strain).and_then(strain_warning));
     summary.warnings.extend(problem.finite_elements().into_iter().flat_map(|fe| fe.mesh_warnings.clone()));
     summary.trust = trust(&summary.warnings);

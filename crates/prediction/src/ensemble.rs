@@ -217,7 +217,7 @@ impl Ensemble {
         let Tolerances { diameter_m, force } = scenario.tolerances;
         if (diameter_m > 0.0 || force > 0.0) && !self.is_linear()? {
             return Err(Error::input(
-                InputPlace::default().at_key(format!("scenario {}: tolerance", scenario.name)),
+                scenario.place("tolerance"),
                 "the position of this model is not proportional to the force, so that a tolerance has no fixed factor",
                 "remove the tolerance, and compare scenarios with a larger and a smaller force or diameter instead",
             ));
@@ -378,9 +378,7 @@ fn by_diameter(scenario: &Scenario) -> Result<f64> {
 
 /// Refuses scenarios that the model cannot predict.
 fn refuse_unpredictable(problem: &Problem, scenario: &Scenario) -> Result<()> {
-    let refuse = |key: &str, found: String, remedy: &str| {
-        Err(Error::input(InputPlace::default().at_key(format!("scenario {}: {key}", scenario.name)), found, remedy))
-    };
+    let refuse = |key: &str, found: String, remedy: &str| Err(Error::input(scenario.place(key), found, remedy));
     if let Some(effect) = problem.model.effects().iter().find(|effect| effect.is_learnt_for_record()) {
         let found =
             format!("the reduced model of {} is learnt for one record, and holds for that record only", effect.slug());
@@ -396,7 +394,7 @@ fn refuse_unpredictable(problem: &Problem, scenario: &Scenario) -> Result<()> {
 fn of_scenario(error: Error, scenario: &Scenario) -> Error {
     match error {
         Error::Input { found, .. } => {
-            let place = InputPlace::default().at_key(format!("scenario {}: robot", scenario.name));
+            let place = scenario.place("robot");
             Error::input(place, found, "change the size or the offset of the scenario's robot")
         }
         other => other,

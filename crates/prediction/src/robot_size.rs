@@ -57,9 +57,7 @@ pub fn sized(
     kept: Option<KeptSurrogate>,
     monitor: &dyn Monitor,
 ) -> Result<Option<Robot>> {
-    let refuse = |found: &str, remedy: String| {
-        Err(Error::input(InputPlace::default().at_key(format!("scenario {}: robot", scenario.name)), found, remedy))
-    };
+    let refuse = |found: &str, remedy: String| Err(Error::input(scenario.place("robot"), found, remedy));
     if !gel.problem.model.is_law_alone() {
         return refuse(
             "the size is searched for models without effects, and this one has some",

@@ -12,6 +12,8 @@ use crate::quantity::{Quantity, plain};
 
 /// Longest scenario in s: ten days.
 const LONGEST_S: f64 = 864_000.0;
+/// Longest name of a scenario, in characters.
+const LONGEST_NAME: usize = 100;
 /// Largest number of scenarios of a file.
 const MOST_SCENARIOS: usize = 100;
 
@@ -20,6 +22,8 @@ const MOST_SCENARIOS: usize = 100;
 pub struct Scenario {
     /// Name in documents and figures.
     pub name: String,
+    /// Place of its table in a file; without file and line for the study's own robot.
+    place: InputPlace,
     /// The robot.
     pub robot: Robot,
     /// The gel around the robot.
@@ -48,6 +52,7 @@ impl Scenario {
     pub fn of_robot(name: &str, robot: Robot, vitreous: Vitreous) -> Self {
         Self {
             name: name.into(),
+            place: InputPlace::default(),
             robot,
             vitreous,
             force: None,
@@ -55,6 +60,11 @@ impl Scenario {
             quantities: Vec::new(),
             tolerances: Tolerances::default(),
         }
+    }
+
+    /// Place of an error about a key of the scenario.
+    pub fn place(&self, key: &str) -> InputPlace {
+        self.place.clone().at_key(format!("scenario {}: {key}", self.name))
     }
 
     /// Reads all scenarios of a file. `default` is the apparatus of the study, which a scenario may leave out.
@@ -94,6 +104,10 @@ impl Scenario {
     fn from_table(table: TomlTable<'_>, folder: &Path, default: Option<(Robot, Vitreous)>) -> Result<Self> {
         table.only(&["name", "robot", "vitreous", "force", "duration_s", "quantity", "tolerance", "vary"])?;
         let name = table.required_text("name", "name = \"cylinder\"")?;
+        if name.trim().is_empty() || name.contains(char::is_control) || name.chars().count() > LONGEST_NAME {
+            let remedy = format!("give a name of 1 to {LONGEST_NAME} characters without control characters");
+            return Err(table.refuse("name", "this name cannot be shown", remedy));
+        }
         let (robot, vitreous) = Apparatus::robot_in_gel(table, default)?;
         let force = table.table("force")?.map(|force| ForceHistory::read(force, folder)).transpose()?;
         let example = "duration_s = 10";
@@ -125,7 +139,7 @@ impl Scenario {
                 Tolerances { diameter_m: 1e-6 * diameter_um, force: 0.01 * percent }
             }
         };
-        Ok(Self { name, robot, vitreous, force, duration_s, quantities, tolerances })
+        Ok(Self { name, place: table.place("name"), robot, vitreous, force, duration_s, quantities, tolerances })
     }
 
     /// The scenario with every combination of the sizes and aspect ratios of a table `[scenario.vary]`.
@@ -181,10 +195,7 @@ impl Scenario {
     /// # Errors
     /// [`Error::Input`] if the scenario has no force, or if nothing determines its duration.
     pub fn force_and_duration(&self) -> Result<(&ForceHistory, f64)> {
-        let refuse = |key: &str, found: &str, remedy: &str| {
-            let place = InputPlace::default().at_key(format!("scenario {}: {key}", self.name));
-            Err(Error::input(place, found, remedy))
-        };
+        let refuse = |key: &str, found: &str, remedy: &str| Err(Error::input(self.place(key), found, remedy));
         let Some(force) = &self.force else {
             let remedy =
                 "add a force, as in `force = { steps_un = [[0, 20], [5, 0]] }`, or give a table with `--force`";
@@ -296,6 +307,10 @@ mod tests {
         let vary = |line: &str| format!("{CYLINDER}[scenario.vary]\n{line}\n");
         assert!(refusal(&vary("size = [1, 20]")).contains("`cylinder, size 20` does not fit"));
         assert!(refusal(&vary("aspect = []")).contains("empty"));
+        let force = "force = { steps_un = [[0, 20], [5, 0]] }\n";
+        let forceless = read(&CYLINDER.replace(force, "")).expect("a scenario")[0].force_and_duration().unwrap_err();
+        assert!(forceless.to_string().contains("scenarios.toml, line 2, `scenario cylinder: force`"), "{forceless}");
+        assert!(refusal(&CYLINDER.replace("\"cylinder\"\nforce", "\"\\u001b[2J\"\nforce")).contains("cannot be shown"));
         assert!(refusal("[[scenarios]]\n").contains("`scenario`"));
         assert!(refusal("scenario = []\n").contains("empty"));
         assert!(refusal(&CYLINDER.replace("position_at", "speeed")).contains("line 10"));

@@ -78,6 +78,21 @@ impl Experiment {
         Quantities::of(self.control == Control::Position, is_stress_strain)
     }
 
+    /// Largest strain in a record of stress and strain; `None` for other records.
+    pub fn recorded_strain(&self) -> Option<f64> {
+        let strains_m: Vec<f64> = match self.quantities()? {
+            Quantities::Relaxation => return None,
+            Quantities::StressCreep => self.record.position_m.iter().flatten().copied().collect(),
+            Quantities::StressRelaxation => self.record.force_n.clone(),
+        };
+        let ends = |ends: [f64; 2], x: &f64| [ends[0].min(*x), ends[1].max(*x)];
+        // The unstrained length is the zero, unless it is unknown.
+        let start = if self.fits_position_offset { [f64::INFINITY, f64::NEG_INFINITY] } else { [0.0; 2] };
+        let [smallest, largest] = strains_m.iter().fold(start, ends);
+        let strain_m = if self.fits_position_offset { largest - smallest } else { largest.max(-smallest) };
+        Some(strain_m / OF_STRESS_STRAIN[1])
+    }
+
     /// Returns the experiment with the cycles for the comparison of revisions (formats §4). Only the last held-out cycle is scored, and all other
     /// cycles are fitted. If no cycle is held out, all cycles are fitted and none is scored.
     pub fn for_comparison(&self) -> Self {

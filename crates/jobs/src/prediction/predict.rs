@@ -129,7 +129,7 @@ fn scenarios(place: &GelPlace<'_>, request: &PredictRequest) -> Result<Vec<(Scen
         }
         if scenario.quantities.contains(&Quantity::Return) && prediction::quantity::last_release(&record).is_none() {
             return Err(Error::input(
-                InputPlace::default().at_key(format!("scenario {}: quantity", scenario.name)),
+                scenario.place("quantity"),
                 "a return is asked, but the force is not zero over some time at the end",
                 "end the force with a step to 0 µN before the end, which `duration_s` sets",
             ));
@@ -241,7 +241,7 @@ fn disagreement_warnings(found: &Prediction) -> Vec<Warning> {
                 other.effect,
                 sentences(&other.quantities)
             ),
-            advice: "record the experiment that tells the effects apart (`vitreo-uq diagnose` proposes one)".into(),
+            advice: "record the experiment that tells the effects apart (`vitreo-uq design` computes one)".into(),
         }
     };
     disagreeing.map(warning).collect()

@@ -9,6 +9,7 @@ mod description;
 mod propose;
 mod read;
 mod roles;
+mod several;
 mod spelling;
 mod text;
 mod unread;

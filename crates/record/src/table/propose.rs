@@ -1,13 +1,15 @@
 //! Inference of the description of a table, with a reason for each choice.
 
 use std::borrow::Cow;
+use std::ops::Range;
 use std::path::Path;
 
 use super::asked::{Ask, Question, TableSettings};
-use super::blocks::{Header, TableBlock, blocks};
+use super::blocks::{Header, TableBlock};
 use super::description::{BlankForce, ColumnName, PositionColumns, TableDescription, TableLayout, TimeFormat};
 use super::read::read_described;
 use super::roles::{ColumnMatch, KnownColumns, Role};
+use super::several::{ask_table, chosen_tables, describe_tables, tables_of};
 use super::spelling::{ParsedUnit, clock_s, counted, is_date_time, unit};
 use super::text::{Decimal, Delimiter, Encoding, Thousands, cells, comment_sign, decode_detected, is_blank_or_comment};
 use crate::control::Control;
@@ -32,6 +34,8 @@ const FEWEST_GROUPED: usize = 8;
 const FEWEST_SMALL: usize = 2;
 /// Largest jump of the position from one table to the next within one recording. It is a fraction of the position's range in the earlier table.
 const GOES_ON: f64 = 0.1;
+/// Longest pause of the clock between two tables of one recording, as a multiple of the intervals between rows beside it.
+const LONGEST_PAUSE: f64 = 3.0;
 /// Largest distance of a position from 0 at which it counts as 0, as a fraction of the positions' range.
 const NEAR_ZERO: f64 = 0.02;
 
@@ -108,22 +112,15 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
     let lines: Vec<&str> = text.lines().collect();
     let all = tables_of(file, &lines)?;
     let mut reasons = Vec::new();
-    let mut chosen = chosen_tables(file, &all, given, ask)?;
-    if let ChosenTables::Joined(tables) = &chosen
-        && given.tables.is_none()
-        && tables.len() > 1
-    {
+    let mut tables = chosen_tables(file, &all, given, ask)?;
+    if given.tables.is_none() && tables.len() > 1 {
         // Times and positions decide whether several tables form one recording.
-        let described = DescribedFile { file, bytes, text, lines: &lines, given, tables };
+        let described = DescribedFile { file, bytes, text, lines: &lines, given, tables: &tables };
         let description = described.description(&mut Vec::new(), ask)?;
-        if !described.goes_on(&description)? {
-            chosen = ChosenTables::One(ask_table(file, &all, "each starts anew, so they are not one recording", ask)?);
+        if let Some(why) = described.separation(&description)? {
+            tables = vec![ask_table(file, &all, why, ask)?];
         }
     }
-    let tables = match chosen {
-        ChosenTables::Joined(tables) => tables,
-        ChosenTables::One(table) => vec![table],
-    };
     reasons.push(describe_layout(&tables, &lines));
     reasons.extend(describe_tables(&all, &tables));
     let described = DescribedFile { file, bytes, text, lines: &lines, given, tables: &tables };
@@ -193,110 +190,6 @@ pub fn tracks(file: &Path, bytes: &[u8], given: &TableSettings) -> Result<Vec<St
     let seen = KnownColumns { file, given, header: described.header(), n_cells: all[0].layout.n_cells };
     let column = described.track_column(&seen, &[])?;
     Ok(column.map_or(Vec::new(), |at| described.tracks(at).into_iter().map(|(track, _)| track).collect()))
-}
-
-fn tables_of(file: &Path, lines: &[&str]) -> Result<Vec<TableBlock>> {
-    blocks(lines).filter(|blocks| !blocks.is_empty()).ok_or_else(|| {
-        Error::input(
-            InputPlace::file(file),
-            "the file has no two columns of numbers",
-            "export the table as text: one sample on each line, with commas, semicolons, tabs or blanks between cells",
-        )
-    })
-}
-
-/// Tables that are read from a file with one or more tables.
-enum ChosenTables<'a> {
-    /// Several tables, joined in time.
-    Joined(Vec<&'a TableBlock>),
-    /// A single table.
-    One(&'a TableBlock),
-}
-
-/// Returns the text for one table in a list: its number, title, lines, number of rows and columns.
-fn listed_table(number: usize, table: &TableBlock) -> String {
-    let [first, last] = table.lines();
-    let title = if table.title.is_empty() { String::new() } else { format!(" \"{}\"", table.title) };
-    format!(
-        "table {number}{title}: lines {first} to {last}, {} rows of {}",
-        table.n_rows,
-        table.header.names.join(", ")
-    )
-}
-
-fn chosen_tables<'a>(
-    file: &Path,
-    all: &'a [TableBlock],
-    given: &TableSettings,
-    ask: Ask<'_>,
-) -> Result<ChosenTables<'a>> {
-    let setting = Setting::Tables;
-    let Some(said) = given.tables.as_deref() else {
-        let first = &all[0];
-        let is_like =
-            |other: &TableBlock| other.header.names == first.header.names && other.header.units == first.header.units;
-        if all.iter().all(is_like) {
-            return Ok(ChosenTables::Joined(all.iter().collect()));
-        }
-        return ask_table(file, all, "their columns differ", ask).map(ChosenTables::One);
-    };
-    if said == "all" {
-        return Ok(ChosenTables::Joined(all.iter().collect()));
-    }
-    let numbers =
-        said.split(',').map(|number| number.trim().parse::<usize>().ok().filter(|n| (1..=all.len()).contains(n)));
-    let mut numbers: Vec<usize> = numbers.collect::<Option<_>>().ok_or_else(|| {
-        let remedy =
-            format!("give numbers from 1 to {}, as in `{setting} 1` or `{setting} 1,2`, or `{setting} all`", all.len());
-        Error::input(
-            InputPlace::setting(setting),
-            format!("`{said}` is not a list of tables in {}", file.display()),
-            remedy,
-        )
-    })?;
-    numbers.sort_unstable();
-    numbers.dedup();
-    Ok(ChosenTables::Joined(numbers.into_iter().map(|number| &all[number - 1]).collect()))
-}
-
-/// Asks the user to choose one of several tables that cannot be read as one recording. `why` is the reason that the error names if the user gives no
-/// answer.
-fn ask_table<'a>(file: &Path, all: &'a [TableBlock], why: &str, ask: Ask<'_>) -> Result<&'a TableBlock> {
-    let list: Vec<String> = all.iter().enumerate().map(|(place, table)| listed_table(place + 1, table)).collect();
-    let question = Question {
-        text: format!("which table ({})", list.join("; ")),
-        choices: (1..=all.len()).map(|number| number.to_string()).collect(),
-        also: Vec::new(),
-        proposal: None,
-    };
-    match ask(&question).and_then(|answer| all.get(answer.parse::<usize>().ok()?.checked_sub(1)?)) {
-        Some(table) => Ok(table),
-        None => Err(Error::input(
-            InputPlace::file(file),
-            format!("the file contains {} tables, and {why}:\n    {}", all.len(), list.join("\n    ")),
-            format!(
-                "choose one with `{0} 1`; join several steps of one test with `{0} 1,2` or `{0} all`",
-                Setting::Tables
-            ),
-        )),
-    }
-}
-
-/// Returns sentences that tell for each table of a file whether it is read; empty for a single table.
-fn describe_tables(all: &[TableBlock], read: &[&TableBlock]) -> Vec<String> {
-    if all.len() == 1 {
-        return Vec::new();
-    }
-    let is_read = |table: &TableBlock| read.iter().any(|other| other.lines() == table.lines());
-    let said = |(place, table): (usize, &TableBlock)| {
-        let how = if is_read(table) { "read" } else { "not read" };
-        format!("{}: {how}", listed_table(place + 1, table))
-    };
-    let mut sentences: Vec<String> = all.iter().enumerate().map(said).collect();
-    if read.len() > 1 {
-        sentences.push("the tables are joined in time, each with its own force".into());
-    }
-    sentences
 }
 
 /// File with the user's settings for it, and the tables that are read from it.
@@ -600,26 +493,36 @@ impl DescribedFile<'_> {
         Ok(Some(sign))
     }
 
-    /// True if several tables form one recording, because the position at the start of each table is near the position at the end of the previous
-    /// table.
-    fn goes_on(&self, description: &TableDescription) -> Result<bool> {
+    /// Returns why several tables are not one recording; `None` if they are. In one recording, each table's clock continues that of the previous table without a
+    /// pause, or its position starts near the end of the previous table.
+    fn separation(&self, description: &TableDescription) -> Result<Option<&'static str>> {
         let joined = with_times(description, TimeRules { joins_restarts: true, spreads_ties: true });
-        let trajectory = read_described(self.file, self.text, &joined)?;
-        let mut ends = Vec::new();
-        for table in self.tables {
+        let Trajectory { time_s, position_m, lines, ordered, .. } = read_described(self.file, self.text, &joined)?;
+        let rows_of = |table: &TableBlock| {
             let [first, last] = table.lines();
-            let rows = trajectory.lines.partition_point(|line| *line < first)
-                ..trajectory.lines.partition_point(|line| *line <= last);
-            let known = trajectory.position_m[rows].iter().flatten().copied();
-            let Some([first, last, low, high]) = known.fold(None, |ends: Option<[f64; 4]>, x| {
-                Some(ends.map_or([x; 4], |[first, _, low, high]| [first, x, low.min(x), high.max(x)]))
-            }) else {
-                return Ok(false);
-            };
-            ends.push([first, last, high - low]);
+            lines.partition_point(|line| *line < first)..lines.partition_point(|line| *line <= last)
+        };
+        for pair in self.tables.windows(2) {
+            let [before, after] = [pair[0], pair[1]].map(rows_of);
+            let restarts = ordered.restart_rows.contains(&after.start);
+            let interval_s = |row: usize| Some(time_s.get(row)? - time_s.get(row.checked_sub(1)?)?);
+            let usual_s =
+                [before.end.saturating_sub(1), after.start + 1].into_iter().filter_map(interval_s).fold(0.0, f64::max);
+            if !restarts && interval_s(after.start).is_some_and(|pause_s| pause_s <= LONGEST_PAUSE * usual_s) {
+                continue;
+            }
+            let known = |rows: Range<usize>| position_m[rows].iter().flatten().copied();
+            let range_m = known(before.clone()).fold(f64::NEG_INFINITY, f64::max)
+                - known(before.clone()).fold(f64::INFINITY, f64::min);
+            let jump_m = known(before).last().zip(known(after).next()).map(|(last, first)| (first - last).abs());
+            if jump_m.is_none_or(|jump_m| jump_m > GOES_ON * range_m) {
+                return Ok(Some(match restarts {
+                    true => "each starts anew, so they are not one recording",
+                    false => "the position jumps between them after a pause, so they may not be one recording",
+                }));
+            }
         }
-        let follows = |pair: &[[f64; 3]]| (pair[1][0] - pair[0][1]).abs() <= GOES_ON * pair[0][2];
-        Ok(ends.windows(2).all(follows))
+        Ok(None)
     }
 
     /// Reads the rows, and completes the description with properties of the rows: a clock that restarts or is coarse, values for lost positions, and
@@ -929,6 +832,31 @@ mod tests {
         );
         assert_eq!(proposal.description.force.unwrap().1.name, "uN");
         assert_eq!(proposal.position_m, [0.0, 3e-6]);
+    }
+
+    /// Checks that tables are joined where the clock goes on or the position does, and that the question names the reason otherwise. The fourth case has the columns of
+    /// the second table in another order.
+    #[test]
+    fn tables_of_one_recording_are_joined() {
+        let header = "t [s],F [uN],x [um]\n";
+        let first = "0,0,0\n1,0,0\n2,0,1\n";
+        let joined = |header_2: &str, second: &str, tables: Option<&str>| {
+            let text = format!("{header}{first}\n{header_2}{second}");
+            let given = TableSettings { tables: tables.map(String::from), ..TableSettings::default() };
+            propose(Path::new("t.csv"), text.as_bytes(), &given, &mut |_| None)
+                .map(|proposal| proposal.n_rows)
+                .map_err(|error| error.to_string())
+        };
+        assert_eq!(joined(header, "3,5,40\n4,5,50\n5,5,55\n", None), Ok(6));
+        assert!(joined(header, "300,5,40\n301,5,50\n302,5,55\n", None).unwrap_err().contains("after a pause"));
+        assert!(joined(header, "0,5,40\n1,5,50\n2,5,55\n", None).unwrap_err().contains("starts anew"));
+        let other = "t [s],x [um],F [uN]\n";
+        for header_2 in [other, "t [s],F [mN],x [um]\n"] {
+            let refused = joined(header_2, "3,40,5\n4,50,5\n5,55,5\n", Some("all")).unwrap_err();
+            assert!(refused.contains("tables 1 and 2 cannot be joined"), "{refused}");
+        }
+        assert_eq!(joined(other, "3,40,5\n4,50,5\n5,55,5\n", Some("2")), Ok(3));
+        assert_eq!(joined(header, "0,5,40\n1,5,50\n2,5,55\n", Some("all")), Ok(6));
     }
 
     /// Checks that a comment column without cells, as LabVIEW writes it, is ignored. Counts of camera pixels and frames are converted with given

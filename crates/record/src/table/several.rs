@@ -1,0 +1,121 @@
+//! The tables of a file with several: which of them are read, and how they are listed.
+
+use std::path::Path;
+
+use super::asked::{Ask, Question, TableSettings};
+use super::blocks::{TableBlock, blocks};
+use base::error::{Error, InputPlace, Result, Setting};
+
+/// Returns the tables of a file's text; at least one.
+pub(super) fn tables_of(file: &Path, lines: &[&str]) -> Result<Vec<TableBlock>> {
+    blocks(lines).filter(|blocks| !blocks.is_empty()).ok_or_else(|| {
+        Error::input(
+            InputPlace::file(file),
+            "the file has no two columns of numbers",
+            "export the table as text: one sample on each line, with commas, semicolons, tabs or blanks between cells",
+        )
+    })
+}
+
+/// Returns the text for one table in a list: its number, title, lines, number of rows and columns.
+fn listed_table(number: usize, table: &TableBlock) -> String {
+    let [first, last] = table.lines();
+    let title = if table.title.is_empty() { String::new() } else { format!(" \"{}\"", table.title) };
+    format!(
+        "table {number}{title}: lines {first} to {last}, {} rows of {}",
+        table.n_rows,
+        table.header.names.join(", ")
+    )
+}
+
+/// Returns the tables that the user chose. Without a choice these are all tables if their columns are equal; otherwise `ask` asks for one.
+pub(super) fn chosen_tables<'a>(
+    file: &Path,
+    all: &'a [TableBlock],
+    given: &TableSettings,
+    ask: Ask<'_>,
+) -> Result<Vec<&'a TableBlock>> {
+    let setting = Setting::Tables;
+    let Some(said) = given.tables.as_deref() else {
+        return match all[1..].iter().all(|other| has_columns_of(&all[0], other)) {
+            true => Ok(all.iter().collect()),
+            false => Ok(vec![ask_table(file, all, "their columns differ", ask)?]),
+        };
+    };
+    let numbers =
+        said.split(',').map(|number| number.trim().parse::<usize>().ok().filter(|n| (1..=all.len()).contains(n)));
+    let numbers = if said == "all" { Some((1..=all.len()).collect()) } else { numbers.collect() };
+    let mut numbers: Vec<usize> = numbers.ok_or_else(|| {
+        let remedy =
+            format!("give numbers from 1 to {}, as in `{setting} 1` or `{setting} 1,2`, or `{setting} all`", all.len());
+        Error::input(
+            InputPlace::setting(setting),
+            format!("`{said}` is not a list of tables in {}", file.display()),
+            remedy,
+        )
+    })?;
+    numbers.sort_unstable();
+    numbers.dedup();
+    let first = numbers[0];
+    if let Some(other) = numbers.iter().copied().find(|other| !has_columns_of(&all[first - 1], &all[*other - 1])) {
+        let listed = |number: usize| listed_table(number, &all[number - 1]);
+        return Err(Error::input(
+            InputPlace::file(file),
+            format!(
+                "tables {first} and {other} cannot be joined, because their columns differ:\n    {}\n    {}",
+                listed(first),
+                listed(other)
+            ),
+            format!(
+                "choose tables with equal columns and units, or one with `{setting} {first}`; tables of different tests are several records"
+            ),
+        ));
+    }
+    Ok(numbers.into_iter().map(|number| &all[number - 1]).collect())
+}
+
+/// True if a table has the columns and units of another, in the same order. A table without a header has those of the table above it.
+fn has_columns_of(first: &TableBlock, other: &TableBlock) -> bool {
+    let is_bare = other.header.names.is_empty() && other.layout.n_cells == first.layout.n_cells;
+    is_bare || other.header.names == first.header.names && other.header.units == first.header.units
+}
+
+/// Asks the user to choose one of several tables that cannot be read as one recording. `why` is the reason that the error names if the user gives no
+/// answer.
+pub(super) fn ask_table<'a>(file: &Path, all: &'a [TableBlock], why: &str, ask: Ask<'_>) -> Result<&'a TableBlock> {
+    let list: Vec<String> = all.iter().enumerate().map(|(place, table)| listed_table(place + 1, table)).collect();
+    let question = Question {
+        text: format!("which table ({})", list.join("; ")),
+        choices: (1..=all.len()).map(|number| number.to_string()).collect(),
+        also: Vec::new(),
+        proposal: None,
+    };
+    match ask(&question).and_then(|answer| all.get(answer.parse::<usize>().ok()?.checked_sub(1)?)) {
+        Some(table) => Ok(table),
+        None => Err(Error::input(
+            InputPlace::file(file),
+            format!("the file contains {} tables, and {why}:\n    {}", all.len(), list.join("\n    ")),
+            format!(
+                "choose one with `{0} 1`; join several steps of one test with `{0} 1,2` or `{0} all`",
+                Setting::Tables
+            ),
+        )),
+    }
+}
+
+/// Returns sentences that tell for each table of a file whether it is read; empty for a single table.
+pub(super) fn describe_tables(all: &[TableBlock], read: &[&TableBlock]) -> Vec<String> {
+    if all.len() == 1 {
+        return Vec::new();
+    }
+    let is_read = |table: &TableBlock| read.iter().any(|other| other.lines() == table.lines());
+    let said = |(place, table): (usize, &TableBlock)| {
+        let how = if is_read(table) { "read" } else { "not read" };
+        format!("{}: {how}", listed_table(place + 1, table))
+    };
+    let mut sentences: Vec<String> = all.iter().enumerate().map(said).collect();
+    if read.len() > 1 {
+        sentences.push("the tables are joined in time, each with its own force".into());
+    }
+    sentences
+}
