@@ -23,7 +23,7 @@ use vitreo_uq::prediction::ensemble::{Draws, Ensemble, Gel, quantiles_um};
 use vitreo_uq::prediction::force_history::ForceHistory;
 use vitreo_uq::prediction::plan::{Target, plan};
 use vitreo_uq::prediction::quantity::time_to_reach_s;
-use vitreo_uq::prediction::scenario::{Scenario, Tolerances};
+use vitreo_uq::prediction::scenario::Scenario;
 use vitreo_uq::record::{Apparatus, Orientation, Record, Robot, RobotShape, Vitreous};
 use vitreo_uq::sampling::SamplerOptions;
 
@@ -131,15 +131,7 @@ impl Bench {
         let gel = Gel { problem: &problem, draws, is_taught: true, seed };
         let (name, robot, stiffness) = &self.truths[(number % 3) as usize];
         let (kind, history) = force(&mut random);
-        let mut scenario = Scenario {
-            name: (*name).into(),
-            robot: *robot,
-            vitreous: self.vitreous,
-            force: Some(history.clone()),
-            duration_s: Some(DURATION_S),
-            quantities: Vec::new(),
-            tolerances: Tolerances::default(),
-        };
+        let mut scenario = Scenario::of_robot(name, *robot, self.vitreous);
         let record = history.record(DURATION_S, &[])?;
         let ensemble = Ensemble::new(&gel, &scenario, record.clone(), None, &SilentMonitor)?;
         let band = quantiles_um(&ensemble.trajectories_m(0..N_DRAWS)?);

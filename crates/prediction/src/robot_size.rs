@@ -1,6 +1,6 @@
 //! Size of a robot for a target: the largest robot of a shape that a force moves far enough, and the smallest magnet that is strong enough.
 
-use base::error::{Error, InputPlace, Result, Setting};
+use base::error::{Error, Result, Setting};
 use posterior::monitor::Monitor;
 use posterior::prepared::KeptSurrogate;
 use rayon::prelude::*;

@@ -41,6 +41,7 @@ pub use scales::CharacteristicSizes;
 pub use sweep::{OscillationRecord, SweepColumn, SweepForm, SweepRow, sweep_columns};
 pub use times::TimeRules;
 
+use crate::apparatus::OF_STRESS_STRAIN;
 use base::quantities::Quantities;
 
 /// One checked experiment, in SI units.
