@@ -144,6 +144,29 @@ fn a_published_compliance_keeps_its_zero() {
     assert!(checked.stdout.contains("strain 2.66 to 5.00 %"), "{checked}");
 }
 
+/// A rheometer's first row, at time 0, shows the strain after the step. It is the gel's instantaneous answer, and the spring of it is found: 3/(0.1/Pa) = 30 Pa. The strains of
+/// the record, up to 6, limit the trust.
+#[test]
+fn a_strain_at_time_0_is_the_gels_answer() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut normal = normals();
+    let mut table = String::from("time [s],stress [Pa],strain [%]\n");
+    for row in 0..400 {
+        let t = 0.05 * f64::from(row);
+        let compliance_per_pa = 0.1 + 0.2 * (1.0 - (-t / 2.0).exp()) + 0.02 * t;
+        let _ = writeln!(table, "{t:.2},10,{:.3}", 1000.0 * compliance_per_pa + normal());
+    }
+    std::fs::write(dir.path().join("creep.csv"), table).unwrap();
+    let said = vitreo(dir.path(), &["init", "creep.csv", "--out", "creep"]).exits(0).stdout;
+    assert!(said.contains("instantaneous answer"), "{said}");
+    let fitted = ["fit", "creep", "--base", "burgers", "--prior", "generic", "--json", "-"];
+    let document = vitreo(dir.path(), &fitted).exits(0).json();
+    for (found, exact) in estimates(&document).iter().zip([15.0, 30.0, 150.0, 30.0]) {
+        assert!((found / exact - 1.0).abs() < 0.02, "{document}");
+    }
+    assert_eq!(document["trust"]["level"], "effective", "{document}");
+}
+
 /// A file with two relaxations and a frequency sweep of one gel becomes one posterior by two commands.
 #[test]
 fn several_tests_in_one_file_are_joined() {

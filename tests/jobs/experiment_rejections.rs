@@ -234,6 +234,8 @@ fn fewer_than_eight_positions_in_a_calibration_cycle_are_refused() {
     let second = TOML.replace("[2]", "[]").replace("[1]", "[1, 2]");
     let words = ("calibration cycle 2 starts here and has 1 positions", "measure more");
     assert_refused("cycle 2", read(second, without(10..19)), "dir/trajectory.csv", 12, "position_um", words);
+    let words = ("the column is empty", "write the measured positions");
+    assert_refused("a protocol", read(TOML, without(0..1000)), "dir/trajectory.csv", 2, "position_um", words);
     // A held-out cycle may be short.
     read(TOML, without(10..19)).unwrap();
 }

@@ -137,11 +137,17 @@ fn one(
                 .into(),
         );
         proposal.count_from_first_row();
-    } else if has_absolute_strain(creep.as_ref(), control) {
+    } else if has_absolute_strain(creep.as_ref(), control)
+        || creep.is_some() && control == Control::Force && answers_at_once(&proposal)
+    {
         proposal.keep_written_positions();
     }
     if load_start_s(&proposal, (creep.as_ref(), tip.as_ref()), control).is_some() {
         let text = match &creep {
+            Some(_) if answers_at_once(&proposal) => {
+                "the strain of the first row, at time 0, is not 0, and a stress acts: the step is assumed to have begun just before it (load_start_s), so that this strain is the gel's instantaneous answer; \
+                 if the instrument's zero was off, remove that line and write zero = \"fit\""
+            }
             Some(_) => "the step began at 0, before the first row (load_start_s = 0)",
             None => {
                 "a force acts in the first row, which is after time 0, and the body has moved before: the force is assumed to act since time 0 (load_start_s = 0); correct that line if it began at another time"
@@ -430,6 +436,14 @@ fn has_absolute_strain(stress_strain: Option<&StressStrain>, control: Control) -
 /// Largest time of the first loaded row at which a rheometer's load still counts as begun at time 0, divided by the record's duration.
 const FIRST_ROW: f64 = 0.01;
 
+/// Time from a rheometer's step to the first row at time 0, divided by the record's duration, where that row shows the strain after the step.
+const JUST_BEFORE: f64 = 1e-9;
+
+/// True if a stress acts in the first row, at time 0, and the strain has already jumped.
+fn answers_at_once(proposal: &TableProposal) -> bool {
+    proposal.loaded_from_s == Some(0.0) && proposal.starts_displaced()
+}
+
 /// Least time of the first row, in intervals between rows, at which a bead's record counts as begun after its load. Clocks may count from 0 or from 1.
 const LATE_INTERVALS: f64 = 1.5;
 /// Largest such time, divided by the record's duration. Later first rows are times of another clock.
@@ -452,6 +466,9 @@ fn load_start_s(
         return Some(0.0);
     }
     let first_s = proposal.loaded_from_s?;
+    if creep.is_some() && answers_at_once(proposal) {
+        return Some(-JUST_BEFORE * proposal.duration_s);
+    }
     let begins_late = match creep {
         Some(_) => first_s > 0.0 && first_s <= FIRST_ROW * proposal.duration_s,
         None => {

@@ -530,6 +530,13 @@ fn check_driven(csv_place: &Path, trajectory: &Trajectory) -> Result<()> {
 
 fn check_positions(record: &Record, calibration_cycles: &[u32], place: &InputPlace, lines: &[usize]) -> Result<()> {
     let counts = record.n_positions();
+    if counts.iter().all(|n_positions| *n_positions == 0) {
+        return Err(Error::input(
+            place.clone().at_line(lines.first().copied().unwrap_or(1)),
+            "the column is empty: no position is measured yet",
+            "write the measured positions into this column; a table from `design` or `plan` has only the protocol",
+        ));
+    }
     for &cycle in calibration_cycles {
         let n_positions = counts.get(cycle as usize).copied().unwrap_or(0);
         if n_positions < MIN_POSITIONS {

@@ -727,6 +727,12 @@ fn short_lag_noise_m(position_m: &[Option<f64>]) -> f64 {
     SD_PER_MAD * median(sizes).unwrap_or(0.0) / 6_f64.sqrt()
 }
 
+/// A number with six significant digits.
+fn six_digits(value: f64) -> String {
+    let scale = 10f64.powi(5 - value.abs().max(f64::MIN_POSITIVE).log10().floor() as i32);
+    format!("{}", (value * scale).round() / scale)
+}
+
 /// Infers the rules for the zero and direction of positions, and adds the reasons to `reasons`.
 fn frame(trajectory: &Trajectory, has_force: bool, reasons: &mut Vec<String>) -> Frame {
     let Trajectory { force_n, position_m, others_m, .. } = trajectory;
@@ -738,8 +744,8 @@ fn frame(trajectory: &Trajectory, has_force: bool, reasons: &mut Vec<String>) ->
     let range_m = coordinates.iter().map(|positions| range_m(positions)).fold(0.0, f64::max);
     let is_far = |place: &[f64]| place.iter().any(|x| x.abs() > NEAR_ZERO * range_m);
     let written = |place: &[f64]| {
-        let um: Vec<String> = place.iter().map(|m| format!("{:.3}", 1e6 * m)).collect();
-        format!("{} µm", um.join(" and "))
+        let shown: Vec<String> = place.iter().map(|m| six_digits(as_written(*m, trajectory.position_unit_m))).collect();
+        format!("{} in the table", shown.join(" and "))
     };
     let rest: Option<Vec<f64>> =
         coordinates.iter().map(|positions| rest_m(force_n, positions).filter(|_| has_force)).collect();
