@@ -67,7 +67,7 @@ impl Scenario {
         self.place.clone().at_key(format!("scenario {}: {key}", self.name))
     }
 
-    /// Reads all scenarios of a file. `default` is the apparatus of the study, which a scenario may leave out.
+    /// Reads all scenarios of a file. `default` is the apparatus of the study, which a scenario may leave out, as it may leave out densities.
     ///
     /// # Errors
     /// [`Error::Input`] with line and key for anything that is missing, unknown or impossible.
@@ -108,7 +108,11 @@ impl Scenario {
             let remedy = format!("give a name of 1 to {LONGEST_NAME} characters without control characters");
             return Err(table.refuse("name", "this name cannot be shown", remedy));
         }
-        let (robot, vitreous) = Apparatus::robot_in_gel(table, default)?;
+        let (mut robot, mut vitreous) = Apparatus::robot_in_gel(table, default)?;
+        if let Some((own_robot, own_vitreous)) = default {
+            robot.density_kg_m3 = robot.density_kg_m3.or(own_robot.density_kg_m3);
+            vitreous.density_kg_m3 = vitreous.density_kg_m3.or(own_vitreous.density_kg_m3);
+        }
         let force = table.table("force")?.map(|force| ForceHistory::read(force, folder)).transpose()?;
         let example = "duration_s = 10";
         let duration_s =
@@ -278,7 +282,7 @@ mod tests {
         std::fs::write(&path, text).expect("a file");
         let vitreous = Vitreous { diameter_m: 0.02, poisson_ratio: 0.48, density_kg_m3: None };
         let shape = RobotShape::Sphere { diameter_m: 0.55e-3 };
-        Scenario::read(&path, Some((Robot { shape, density_kg_m3: None, offset: None }, vitreous)))
+        Scenario::read(&path, Some((Robot { shape, density_kg_m3: Some(7500.0), offset: None }, vitreous)))
     }
 
     const CYLINDER: &str = "[[scenario]]\nname = \"cylinder\"\nforce = { steps_un = [[0, 20], [5, 0]] }\n[scenario.robot]\nshape = \"cylinder\"\nlength_mm = 2.04\ndiameter_mm = 0.21\norientation = \"horizontal\"\n[[scenario.quantity]]\nkind = \"position_at\"\nat_s = 7\n";
@@ -287,6 +291,7 @@ mod tests {
     fn what_a_scenario_leaves_out_is_the_study_s() {
         let found = &read(CYLINDER).expect("scenarios")[0];
         assert_eq!(found.vitreous.diameter_m, 0.02);
+        assert_eq!(found.robot.density_kg_m3, Some(7500.0));
         assert_eq!(found.force_and_duration().expect("a force").1, 7.0);
         assert!(
             found.apparatus().starts_with("cylinder of 2.04 mm × 0.21 mm, along the force"),

@@ -70,7 +70,13 @@ pub fn run(place: &GelPlace<'_>, request: &PredictRequest, monitor: &dyn Monitor
         found.sensitivity.extend(sensitivity(&gel, &ensemble, scenario, seed, monitor)?);
         for rival in &source.rivals {
             let gel = Gel { problem: &rival.problem, draws: rival.draws.clone(), is_taught: true, seed };
-            let ensemble = Ensemble::new(&gel, scenario, record.clone(), source.kept.clone(), monitor)?;
+            let ensemble = match Ensemble::new(&gel, scenario, record.clone(), source.kept.clone(), monitor) {
+                Err(Error::Input { found: reason, .. }) => {
+                    found.warnings.push(missing_rival(&scenario.name, &rival.effect, &reason));
+                    continue;
+                }
+                ensemble => ensemble?,
+            };
             let trajectories_m = ensemble.trajectories_m(0..ensemble.parameters.len())?;
             let quantities = quantities(&ensemble, scenario, &trajectories_m);
             let disagreement = disagreement(&prediction.quantities, &quantities);
@@ -224,6 +230,15 @@ fn disagreement(quantities: &[PredictedQuantity], other: &[PredictedQuantity]) -
         _ => f64::MAX,
     };
     quantities.iter().zip(other).map(distance).fold(0.0, f64::max)
+}
+
+/// Warning that an equivalent effect cannot be predicted for a scenario.
+fn missing_rival(scenario: &str, effect: &str, reason: &str) -> Warning {
+    Warning {
+        kind: WarningKind::ModelIncomplete,
+        text: format!("{scenario}: {effect}, which the record cannot distinguish, is not predicted: {reason}"),
+        advice: "complete the scenario's robot and gel, or record the experiment that tells the effects apart (`vitreo-uq design` computes one)".into(),
+    }
 }
 
 fn disagreement_warnings(found: &Prediction) -> Vec<Warning> {
