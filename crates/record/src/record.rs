@@ -62,6 +62,22 @@ impl Record {
         }
     }
 
+    /// Returns the rows at which the force changes, those at the given times, and the last one. The force over time stays the same.
+    pub fn with_rows_at(&self, at_s: &[f64]) -> Self {
+        let is_kept = |row: &usize| {
+            self.force().changes_at(*row) || *row + 1 == self.n_rows() || at_s.contains(&self.time_s[*row])
+        };
+        let rows: Vec<usize> = (0..self.n_rows()).filter(is_kept).collect();
+        Self {
+            time_s: rows.iter().map(|row| self.time_s[*row]).collect(),
+            force_n: rows.iter().map(|row| self.force_n[*row]).collect(),
+            position_m: rows.iter().map(|row| self.position_m[*row]).collect(),
+            cycle: rows.iter().map(|row| self.cycle[*row]).collect(),
+            force_rule: self.force_rule,
+            force_rows: Vec::new(),
+        }
+    }
+
     /// Returns the commanded force over time.
     pub fn force(&self) -> Force<'_> {
         Force { at_rows_n: &self.force_n, rule: self.force_rule }

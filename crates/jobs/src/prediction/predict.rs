@@ -284,6 +284,13 @@ fn sensitivity(
     if inputs.names().is_empty() {
         return Ok(Vec::new());
     }
+    let is_linear = ensemble.is_linear()?;
+    // Of a linear model, positions at given times need no other rows.
+    let are_positions = scenario.quantities.iter().all(|quantity| matches!(quantity, Quantity::PositionAt { .. }));
+    let times_s: Vec<f64> = scenario.quantities.iter().flat_map(Quantity::times_s).collect();
+    let of_few_rows =
+        (is_linear && are_positions).then(|| ensemble.with_record(ensemble.record().with_rows_at(&times_s)));
+    let ensemble = of_few_rows.as_ref().unwrap_or(ensemble);
     let (forward, record) = (ensemble.forward(), ensemble.record());
     let duration_s = record.time_s[record.n_rows() - 1];
     let values = |inputs: &[f64]| -> Result<Vec<f64>> {
@@ -303,7 +310,7 @@ fn sensitivity(
             .map(|value| if value.is_finite() { value } else { duration_s })
             .collect())
     };
-    let n = if ensemble.is_linear()? { N_SENSITIVITY } else { N_SENSITIVITY_SLOW };
+    let n = if is_linear { N_SENSITIVITY } else { N_SENSITIVITY_SLOW };
     let found = indices(&inputs, n, seed, values)?;
     let entries = scenario.quantities.iter().zip(found).flat_map(|(quantity, of_inputs)| {
         let entry = move |(input, index): (&String, prediction::sensitivity::Index)| Sensitivity {

@@ -66,9 +66,7 @@ pub(super) fn chosen_tables<'a>(
                 listed(first),
                 listed(other)
             ),
-            format!(
-                "choose tables with equal columns and units, or one with `{setting} {first}`; tables of different tests are several records"
-            ),
+            format!("choose tables with equal columns and units, or make a record of each table with `{setting} each`"),
         ));
     }
     Ok(numbers.into_iter().map(|number| &all[number - 1]).collect())
@@ -96,7 +94,7 @@ pub(super) fn ask_table<'a>(file: &Path, all: &'a [TableBlock], why: &str, ask: 
             InputPlace::file(file),
             format!("the file contains {} tables, and {why}:\n    {}", all.len(), list.join("\n    ")),
             format!(
-                "choose one with `{0} 1`; join several steps of one test with `{0} 1,2` or `{0} all`",
+                "choose one with `{0} 1`; join several steps of one test with `{0} 1,2` or `{0} all`; make a record of each table with `{0} each`",
                 Setting::Tables
             ),
         )),
