@@ -43,6 +43,7 @@ pub fn subject_with(cycles: &[&[f64]], library: &Library, effects: &[&str]) -> S
         fits_position_offset: false,
         source: "synthetic".into(),
         control: record::Control::Force,
+        largest_strain: None,
     };
     let effects = effects.iter().map(|slug| slug.to_string()).collect();
     let specification = ModelSpecification { effects, ..ModelSpecification::default() };

@@ -469,8 +469,7 @@ fn summarise(
     summary.converged &= at_end.is_empty();
     let impossible = impossible_positions_warning(&problem.experiment);
     summary.warnings = warnings(&summary, &judgement, (&at_end, &at_null), impossible);
-    let recorded_strain = problem.experiment.recorded_strain();
-    summary.warnings.extend(recorded_strain.and_then(recorded_strain_warning));
+    summary.warnings.extend(problem.experiment.largest_strain.and_then(recorded_strain_warning));
     summary.warnings.extend(full.and_then(|full| full.largest_strain).and_then(strain_warning));
     summary.warnings.extend(problem.finite_elements().into_iter().flat_map(|fe| fe.mesh_warnings.clone()));
     summary.trust = trust(&summary.warnings);

@@ -115,7 +115,7 @@ pub fn check(prepared: &PreparedModel, draws: &[NaturalDraw]) -> Result<FullChec
             noise,
             draws,
             trajectories_m,
-            largest_strain: problem.experiment.recorded_strain(),
+            largest_strain: problem.experiment.largest_strain,
             discretisation_m: None,
         });
     };

@@ -41,7 +41,6 @@ pub use scales::CharacteristicSizes;
 pub use sweep::{OscillationRecord, SweepColumn, SweepForm, SweepRow, sweep_columns};
 pub use times::TimeRules;
 
-use crate::apparatus::OF_STRESS_STRAIN;
 use base::quantities::Quantities;
 
 /// One checked experiment, in SI units.
@@ -70,6 +69,8 @@ pub struct Experiment {
     pub source: String,
     /// Quantity that is commanded.
     pub control: Control,
+    /// Largest strain of a record of stress and strain; `None` for other records, and for a published compliance or modulus.
+    pub largest_strain: Option<f64>,
 }
 
 impl Experiment {
@@ -77,21 +78,6 @@ impl Experiment {
     pub fn quantities(&self) -> Option<Quantities> {
         let is_stress_strain = matches!(self.apparatus, Apparatus::Instrument { is_stress_strain: true, .. });
         Quantities::of(self.control == Control::Position, is_stress_strain)
-    }
-
-    /// Largest strain in a record of stress and strain; `None` for other records.
-    pub fn recorded_strain(&self) -> Option<f64> {
-        let strains_m: Vec<f64> = match self.quantities()? {
-            Quantities::Relaxation => return None,
-            Quantities::StressCreep => self.record.position_m.iter().flatten().copied().collect(),
-            Quantities::StressRelaxation => self.record.force_n.clone(),
-        };
-        let ends = |ends: [f64; 2], x: &f64| [ends[0].min(*x), ends[1].max(*x)];
-        // The unstrained length is the zero, unless it is unknown.
-        let start = if self.fits_position_offset { [f64::INFINITY, f64::NEG_INFINITY] } else { [0.0; 2] };
-        let [smallest, largest] = strains_m.iter().fold(start, ends);
-        let strain_m = if self.fits_position_offset { largest - smallest } else { largest.max(-smallest) };
-        Some(strain_m / OF_STRESS_STRAIN[1])
     }
 
     /// Returns the experiment with the cycles for the comparison of revisions (formats §4). Only the last held-out cycle is scored, and all other

@@ -23,6 +23,8 @@ use base::toml_input::{TomlInput, TomlTable, text_of};
 
 /// Smallest number of positions in a calibration cycle, twice the number of parameters of the default law and its noise.
 const MIN_POSITIONS: usize = 8;
+/// Constant by which a table of a compliance or a modulus is described: a stress of 1 Pa or a strain of 1.
+const NORMALISED: f64 = 1.0;
 /// Value of the key `force` for a force that is constant in every hold, apart from a sensor's noise.
 const LEVELS: &str = "levels";
 /// Allowed noise standard deviations of the position, in µm.
@@ -438,7 +440,10 @@ impl Specification {
             notes,
             interpretation: Interpretation { force_rule_given: self.force_rule_given, settled, n_left_out, unread },
         };
+        let has_strain = matches!(self.apparatus, Apparatus::Instrument { is_stress_strain: true, .. })
+            && self.constant != Some(NORMALISED);
         let experiment = Experiment {
+            largest_strain: has_strain.then(|| largest_strain(&record, self.control, self.fits_position_offset)),
             specimen_id: self.specimen_id,
             species: self.species,
             region: self.region,
@@ -551,6 +556,18 @@ fn check_positions(record: &Record, calibration_cycles: &[u32], place: &InputPla
         }
     }
     Ok(())
+}
+
+/// Largest strain of a record of stress and strain. Without a known zero it is the range of the strains.
+fn largest_strain(record: &Record, control: Control, is_zero_unknown: bool) -> f64 {
+    let strains_m: Vec<f64> = match control {
+        Control::Force => record.position_m.iter().flatten().copied().collect(),
+        Control::Position => record.force_n.clone(),
+    };
+    let start = if is_zero_unknown { [f64::INFINITY, f64::NEG_INFINITY] } else { [0.0; 2] };
+    let [smallest, largest] = strains_m.iter().fold(start, |[low, high], x| [low.min(*x), high.max(*x)]);
+    let strain_m = if is_zero_unknown { largest - smallest } else { largest.max(-smallest) };
+    strain_m / OF_STRESS_STRAIN[1]
 }
 
 /// Largest minus smallest position of the record, in m.

@@ -227,6 +227,7 @@ fn of_group(dir: &Path, group: Option<&str>, first: &Scenario, seed: u64) -> Res
         fits_position_offset: false,
         source: "new specimen".into(),
         control: Control::Force,
+        largest_strain: None,
     };
     let problem = Problem::with_mechanics(experiment, specification, &models::effects::Library::default(), mechanics)?;
     let mut warnings: Vec<Warning> = summary.warnings.into_iter().filter(|warning| warning.kind.is_fatal()).collect();

@@ -93,6 +93,7 @@ impl Protocol {
             fits_position_offset: false,
             source: "synthetic: full finite elements, with a sealed answer".into(),
             control: record::Control::Force,
+            largest_strain: None,
         }
     }
 }
