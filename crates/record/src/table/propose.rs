@@ -729,7 +729,10 @@ fn short_lag_noise_m(position_m: &[Option<f64>]) -> f64 {
 
 /// A number with six significant digits.
 fn six_digits(value: f64) -> String {
-    let scale = 10f64.powi(5 - value.abs().max(f64::MIN_POSITIVE).log10().floor() as i32);
+    if value == 0.0 {
+        return "0".into();
+    }
+    let scale = 10f64.powi(5 - value.abs().log10().floor() as i32);
     format!("{}", (value * scale).round() / scale)
 }
 
@@ -894,5 +897,8 @@ mod tests {
             assert!((proposal.position_m[1] - 10e-6).abs() < 1e-12, "{header}: {:?}", proposal.position_m);
         }
         assert_eq!(plane("t_s,F_uN,x (um),y (mm)").description.n_axes(), 1);
+        let text = "t_s,F_uN,x (um),y (um)\n0,1,0,500.25\n1,1,3,504\n2,1,6,508\n";
+        let far = propose(Path::new("t.csv"), text.as_bytes(), &TableSettings::default(), &mut |_| None).unwrap();
+        assert!(far.reasons.iter().any(|reason| reason.contains("is 0 and 500.25 in the table")), "{:?}", far.reasons);
     }
 }
