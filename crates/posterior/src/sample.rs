@@ -215,6 +215,8 @@ fn fingerprint(problem: &Problem, posterior: &ReducedPosterior) -> String {
         fits_position_offset,
         source,
         control,
+        // It follows from the rows.
+        largest_strain: _,
     } = experiment;
     let cycles = (calibration_cycles, heldout_cycles);
     let described =
