@@ -169,6 +169,29 @@ fn a_strain_at_time_0_is_the_gels_answer() {
     assert_eq!(document["trust"]["level"], "effective", "{document}");
 }
 
+/// A commanded strain that is not 0 at time 0 answers to nothing, and a stretch counts from its first row: neither begins before it.
+#[test]
+fn commanded_strains_and_stretches_begin_in_their_first_row() {
+    let dir = tempfile::tempdir().unwrap();
+    let begins_before =
+        |name: &str, header: &str, strain: &dyn Fn(f64) -> f64, stress: &dyn Fn(f64) -> f64, more: &[&str]| {
+            let times = (0..200).map(|row| 0.1 * f64::from(row));
+            let rows: String = times.map(|t| format!("{t:.1},{:.5},{:.5}\n", stress(t), strain(t))).collect();
+            std::fs::write(dir.path().join(format!("{name}.csv")), format!("{header}\n{rows}")).unwrap();
+            let file = format!("{name}.csv");
+            vitreo(dir.path(), &[&["init", &file, "--out", name], more].concat()).exits(0);
+            let toml = std::fs::read_to_string(dir.path().join(name).join("experiment.toml")).unwrap();
+            toml.lines().any(|line| line.starts_with("load_start_s"))
+        };
+    let ramp = |t: f64| if t < 2.0 { 3.0 + 3.5 * t } else { 10.0 };
+    let relaxing = |t: f64| 5.0 + 2.0 * (-t / 3.0).exp();
+    let kind = ["--kind", "relaxation"];
+    assert!(!begins_before("held", "time [s],stress [Pa],strain [%]", &ramp, &relaxing, &kind));
+    let units = ["--force", "F", "--position", "L", "--unit-time", "s", "--unit-force", "Pa", "--unit-position", "1"];
+    let stretch = |t: f64| 1.0 + 2.0 * (1.0 - (-t / 3.0).exp());
+    assert!(!begins_before("stretch", "time,F,L", &stretch, &|_| 10.0, &units));
+}
+
 /// A file with two relaxations and a frequency sweep of one gel becomes one posterior by two commands.
 #[test]
 fn several_tests_in_one_file_are_joined() {

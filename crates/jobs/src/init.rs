@@ -130,21 +130,18 @@ fn one(
     }
     let constant = creep.as_ref().and_then(|creep| creep.constant);
     let control = request.control.or(constant).unwrap_or(proposal.control);
-    let is_stretch = creep.as_ref().is_some_and(|creep| creep.is_told) && proposal.is_stretch();
-    if is_stretch {
+    if is_stretch(&proposal, creep.as_ref()) {
         proposal.reasons.push(
             "the strain begins near 1 and changes, so that it is read as a stretch: the first row counts as unstrained"
                 .into(),
         );
         proposal.count_from_first_row();
-    } else if has_absolute_strain(creep.as_ref(), control)
-        || creep.is_some() && control == Control::Force && answers_at_once(&proposal)
-    {
+    } else if has_absolute_strain(creep.as_ref(), control) || answers_at_once(&proposal, creep.as_ref(), control) {
         proposal.keep_written_positions();
     }
     if load_start_s(&proposal, (creep.as_ref(), tip.as_ref()), control).is_some() {
         let text = match &creep {
-            Some(_) if answers_at_once(&proposal) => {
+            Some(_) if answers_at_once(&proposal, creep.as_ref(), control) => {
                 "the strain of the first row, at time 0, is not 0, and a stress acts: the step is assumed to have begun just before it (load_start_s), so that this strain is the gel's instantaneous answer; \
                  if the instrument's zero was off, remove that line and write zero = \"fit\""
             }
@@ -439,9 +436,18 @@ const FIRST_ROW: f64 = 0.01;
 /// Time from a rheometer's step to the first row at time 0, divided by the record's duration, where that row shows the strain after the step.
 const JUST_BEFORE: f64 = 1e-9;
 
-/// True if a stress acts in the first row, at time 0, and the strain has already jumped.
-fn answers_at_once(proposal: &TableProposal) -> bool {
-    proposal.loaded_from_s == Some(0.0) && proposal.starts_displaced()
+/// True if the user's units say that the columns are stress and strain, and the strains are stretches.
+fn is_stretch(proposal: &TableProposal, stress_strain: Option<&StressStrain>) -> bool {
+    stress_strain.is_some_and(|own| own.is_told) && proposal.is_stretch()
+}
+
+/// True for a creep of stress and strain if a stress acts in the first row, at time 0, and the strain has already jumped. Stretches count from the first row.
+fn answers_at_once(proposal: &TableProposal, stress_strain: Option<&StressStrain>, control: Control) -> bool {
+    stress_strain.is_some()
+        && control == Control::Force
+        && !is_stretch(proposal, stress_strain)
+        && proposal.loaded_from_s == Some(0.0)
+        && proposal.starts_displaced()
 }
 
 /// Least time of the first row, in intervals between rows, at which a bead's record counts as begun after its load. Clocks may count from 0 or from 1.
@@ -466,7 +472,7 @@ fn load_start_s(
         return Some(0.0);
     }
     let first_s = proposal.loaded_from_s?;
-    if creep.is_some() && answers_at_once(proposal) {
+    if answers_at_once(proposal, creep, control) {
         return Some(-JUST_BEFORE * proposal.duration_s);
     }
     let begins_late = match creep {
