@@ -249,7 +249,7 @@ impl Subject {
         let is_placed = |row: usize| self.fitted_m[row].is_some() || self.scored_m[row].is_some();
         let Some(is_kept) = select_rows(record, most, is_placed) else { return Ok(None) };
         let mut experiment = self.experiment().clone();
-        experiment.record = of_rows(record, &is_kept);
+        experiment.record = record.of_rows(&is_kept);
         let base = self.problem();
         let problem = base.with_experiment(experiment, base.specification.clone(), &shared.library)?;
         let record = &problem.experiment.record;
@@ -505,20 +505,6 @@ fn select_rows(record: &Record, most: usize, is_placed: impl Fn(usize) -> bool) 
         is_chosen || record.force().changes_at(row)
     };
     Some((0..n_rows).map(is_kept).collect())
-}
-
-/// Returns a record of the rows that `is_kept` marks.
-fn of_rows(record: &Record, is_kept: &[bool]) -> Record {
-    let rows: Vec<usize> = (0..record.n_rows()).filter(|row| is_kept[*row]).collect();
-    let is_of_force = |row: &usize| record.force_rows.binary_search(row).is_ok();
-    Record {
-        time_s: rows.iter().map(|row| record.time_s[*row]).collect(),
-        force_n: rows.iter().map(|row| record.force_n[*row]).collect(),
-        position_m: rows.iter().map(|row| record.position_m[*row]).collect(),
-        cycle: rows.iter().map(|row| record.cycle[*row]).collect(),
-        force_rule: record.force_rule,
-        force_rows: (0..rows.len()).filter(|place| is_of_force(&rows[*place])).collect(),
-    }
 }
 
 #[cfg(test)]

@@ -62,19 +62,17 @@ impl Record {
         }
     }
 
-    /// Returns the rows at which the force changes, those at the given times, and the last one. The force over time stays the same.
-    pub fn with_rows_at(&self, at_s: &[f64]) -> Self {
-        let is_kept = |row: &usize| {
-            self.force().changes_at(*row) || *row + 1 == self.n_rows() || at_s.contains(&self.time_s[*row])
-        };
-        let rows: Vec<usize> = (0..self.n_rows()).filter(is_kept).collect();
+    /// Returns a record of the rows that `is_kept` marks.
+    pub fn of_rows(&self, is_kept: &[bool]) -> Self {
+        let rows: Vec<usize> = (0..self.n_rows()).filter(|row| is_kept[*row]).collect();
+        let is_of_force = |row: &usize| self.force_rows.binary_search(row).is_ok();
         Self {
             time_s: rows.iter().map(|row| self.time_s[*row]).collect(),
             force_n: rows.iter().map(|row| self.force_n[*row]).collect(),
             position_m: rows.iter().map(|row| self.position_m[*row]).collect(),
             cycle: rows.iter().map(|row| self.cycle[*row]).collect(),
             force_rule: self.force_rule,
-            force_rows: Vec::new(),
+            force_rows: (0..rows.len()).filter(|place| is_of_force(&rows[*place])).collect(),
         }
     }
 

@@ -285,11 +285,15 @@ fn sensitivity(
         return Ok(Vec::new());
     }
     let is_linear = ensemble.is_linear()?;
-    // Of a linear model, positions at given times need no other rows.
     let are_positions = scenario.quantities.iter().all(|quantity| matches!(quantity, Quantity::PositionAt { .. }));
     let times_s: Vec<f64> = scenario.quantities.iter().flat_map(Quantity::times_s).collect();
-    let of_few_rows =
-        (is_linear && are_positions).then(|| ensemble.with_record(ensemble.record().with_rows_at(&times_s)));
+    let record = ensemble.record();
+    // Of a linear model, positions at given times need these rows and those at which the force changes. The last row is the end of the scenario.
+    let is_needed = |row: usize| {
+        record.force().changes_at(row) || times_s.contains(&record.time_s[row]) || row + 1 == record.n_rows()
+    };
+    let needed: Vec<bool> = (0..record.n_rows()).map(is_needed).collect();
+    let of_few_rows = (is_linear && are_positions).then(|| ensemble.with_record(record.of_rows(&needed)));
     let ensemble = of_few_rows.as_ref().unwrap_or(ensemble);
     let (forward, record) = (ensemble.forward(), ensemble.record());
     let duration_s = record.time_s[record.n_rows() - 1];
