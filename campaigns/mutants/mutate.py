@@ -1,7 +1,9 @@
 #!/usr/bin/env python3
-"""Draws small faults in the library's code, puts each into a copy of the commit, and notes which test finds it."""
+"""Draws small faults in the library's code, puts all of them into a copy of the commit, where an environment variable chooses one, and notes which test finds it."""
 
 import argparse
+import contextlib
+import dataclasses
 import json
 import os
 import pathlib
@@ -11,12 +13,15 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 BESIDE = {"python", "source-hash"}
-# A stage of tests that takes longer, compiling left out, has found the mutant.
-MOST_SECONDS = 1800
+# Chooses the mutant while the tests run.
+CHOICE = "VITREO_UQ_MUTANT"
+# A test program that takes this many times as long as without a mutant, and a minute more, has found it.
+SLOWER = 10
 # Characters of a masked text that were no code. Same length as the text, so that places agree.
 HIDDEN = re.compile(r'//[^\n]*|/\*.*?\*/|b?r(#*)".*?"\1|b?"(?:\\.|[^"\\])*"|b?\'(?:\\[^\n]*?|[^\'\\\n])\'', re.S)
 
@@ -156,7 +161,43 @@ def draws(crates, seed):
             "kind": kind,
             "before": text[start:end].strip(),
             "after": (text[start:first] + new + text[last:end]).strip(),
-        }, text[:first] + new + text[last:]
+        }, (first, last, new)
+
+
+def bodies(code):
+    """Places of the bodies of functions, braces included; constant functions are left out, because they cannot choose."""
+    for match in re.finditer(r"(\bconst\s+)?\bfn\s+\w+", code):
+        depth = 0
+        for place in range(match.end(), len(code)):
+            depth += (code[place] in "([") - (code[place] in ")]")
+            if depth == 0 and code[place] in ";{":
+                if code[place] == "{" and not match[1]:
+                    yield place, closing(code, place, "{}")
+                break
+
+
+def with_choices(text, changes):
+    """A source text in which every function with mutants asks which one it has; `changes` are numbers and places. None where a mutant stands outside functions."""
+    inside = {}
+    code = masked(text)
+    for number, (first, last, new) in changes:
+        around = [body for body in bodies(code) if body[0] < first and last < body[1]]
+        if not around:
+            return None
+        start, end = max(around)
+        inside.setdefault((start, end), []).append((number, text[start:first] + new + text[last:end]))
+    for (start, end), mutated in sorted(inside.items(), reverse=True):
+        branches = "".join(f"if crate::has_mutant({number}) {body} else " for number, body in mutated)
+        text = f"{text[:start]}{{ {branches}{text[start:end]} }}{text[end:]}"
+    return text
+
+
+CHOOSES = f"""
+pub(crate) fn has_mutant(number: u32) -> bool {{
+    static CHOSEN: std::sync::OnceLock<Option<u32>> = std::sync::OnceLock::new();
+    *CHOSEN.get_or_init(|| std::env::var("{CHOICE}").ok()?.parse().ok()) == Some(number)
+}}
+"""
 
 
 class Copy:
@@ -170,49 +211,93 @@ class Copy:
         subprocess.run(["tar", "x"], cwd=self.tree, input=archive.stdout, check=True)
         self.environment = {**os.environ, "CARGO_TARGET_DIR": str(out / "target"), "VITREO_UQ_CACHE": str(self.cache)}
 
-    def cargo(self, *arguments, seconds=None):
-        """Exit code of a cargo command, None after `seconds`; and what it said."""
+    @contextlib.contextmanager
+    def changed(self, mutants):
+        """Has mutants in the sources for a while: at choice, or the only one where it stands outside functions. `mutants` are numbers, descriptions and places."""
+        texts = {}
+        for file in {description["file"] for _, description, _ in mutants}:
+            changes = [(number, place) for number, description, place in mutants if description["file"] == file]
+            texts[self.tree / file] = with_choices(read(self.tree / file), changes) or alone(read(self.tree / file), changes)
+        for name in {description["crate"] for _, description, _ in mutants}:
+            root = self.tree / "crates" / name / "src/lib.rs"
+            texts[root] = texts.get(root, read(root)) + CHOOSES
+        sound = {path: read(path) for path in texts}
+        try:
+            for path, text in texts.items():
+                path.write_text(text, encoding="utf-8")
+            yield
+        finally:
+            for path, text in sound.items():
+                path.write_text(text, encoding="utf-8")
+
+    def compiles(self, mutant):
+        with self.changed([mutant]), self.log.open("w", encoding="utf-8") as log:
+            command = ["cargo", "check", "--locked", f"--package=vitreo-uq-{mutant[1]['crate']}"]
+            return subprocess.run(command, cwd=self.tree, env=self.environment, stdout=log, stderr=log, check=False).returncode == 0
+
+    def programs(self):
+        """Test programs of the sources as they are: package, kind, name and path of each."""
+        command = ["cargo", "test", "--locked", "--no-run", "--message-format=json"]
         with self.log.open("w", encoding="utf-8") as log:
-            command = ["cargo", *arguments]
-            process = subprocess.Popen(command, cwd=self.tree, env=self.environment, stdout=log, stderr=log, start_new_session=True)
-            try:
-                code = process.wait(seconds)
-            except subprocess.TimeoutExpired:
+            built = subprocess.run(command, cwd=self.tree, env=self.environment, stdout=subprocess.PIPE, stderr=log, check=True, text=True)
+        messages = [json.loads(line) for line in built.stdout.splitlines()]
+        tests = [message for message in messages if message.get("executable") and message["profile"]["test"]]
+        return [Program(pathlib.Path(test["manifest_path"]).parent, test["target"]["name"], test["target"]["kind"][0], test["executable"]) for test in tests]
+
+    def killer(self, program, number, most_seconds):
+        """The test of a program that fails; None where all pass."""
+        environment = {**self.environment, "CARGO_MANIFEST_DIR": str(program.package), **({CHOICE: str(number)} if number else {})}
+        process = subprocess.Popen(
+            [program.path], cwd=program.package, env=environment, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, errors="replace", start_new_session=True
+        )
+        stop = threading.Timer(most_seconds, os.killpg, [process.pid, signal.SIGKILL]) if most_seconds else None
+        if stop:
+            stop.start()
+        try:
+            for line in process.stdout:
+                if failed := re.match(r"test (.*?) \.\.\. FAILED", line):
+                    return failed[1]
+            if process.wait() == 0:
+                return None
+            return "no end in time" if stop and stop.finished.is_set() else "the test program was stopped"
+        finally:
+            if stop:
+                stop.cancel()
+            with contextlib.suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGKILL)
-                process.wait()
-                code = None
-        return code, self.log.read_text(encoding="utf-8", errors="replace")
+            process.wait()
 
-    def killer(self, arguments):
-        """The test that fails; None where all pass. Raises where the tests do not compile."""
-        code, said = self.cargo("test", "--locked", "--no-run", *arguments)
-        if code != 0:
-            raise NotCompiled(said[-2000:])
-        code, said = self.cargo("test", "--locked", *arguments, seconds=MOST_SECONDS)
-        if code == 0:
-            return None
-        binary = re.findall(r"^ +(?:Running|Doc-tests) (.*?)(?: \(.*\))?$", said, re.M)[-1:]
-        failed = re.findall(r"^test (.*?) \.\.\. FAILED$", said, re.M)[:1]
-        what = failed[0] if failed else "no end in time" if code is None else "the test program was stopped"
-        return ": ".join([*binary, what])
-
-    def outcome(self, crates, name, n_stages):
-        """Runs the first stages until a test fails."""
+    def outcome(self, crates, number, mutant, programs):
+        """Runs the unit tests of the faulty crate, then the other tests, until one fails."""
         shutil.rmtree(self.cache, ignore_errors=True)
-        packages = [f"--package=vitreo-uq-{other}" for other in above(crates, name)]
-        stages = [
-            ("own unit tests", [f"--package=vitreo-uq-{name}", "--lib"]),
-            ("unit tests above", [*packages, "--lib"] if packages else None),
-            ("all tests", []),
-        ]
-        for stage, arguments in stages[:n_stages]:
-            if arguments is not None and (by := self.killer(arguments)):
-                return {"outcome": "killed", "stage": stage, "by": by}
+        own = self.tree / "crates" / mutant["crate"]
+        touched = {own, self.tree, *(self.tree / "crates" / name for name in above(crates, mutant["crate"]))}
+        ordered = sorted((program for program in programs if program.package in touched), key=lambda program: (program.package != own, program.kind != "lib"))
+        for program in ordered:
+            if by := self.killer(program, number, 60 + SLOWER * program.seconds):
+                stage = "own tests" if program.package == own else "other tests"
+                return {"outcome": "killed", "stage": stage, "by": f"{program.package.name} {program.name}: {by}"}
         return {"outcome": "survived"}
 
 
-class NotCompiled(Exception):
-    """Tests that a mutant keeps from compiling."""
+@dataclasses.dataclass
+class Program:
+    package: pathlib.Path
+    name: str
+    kind: str
+    path: str
+    # Without a mutant.
+    seconds: float = 0.0
+
+
+def read(path):
+    return path.read_text(encoding="utf-8")
+
+
+def alone(text, changes):
+    """A source text with its one mutant."""
+    ((_, (first, last, new)),) = changes
+    return text[:first] + new + text[last:]
 
 
 def main():
@@ -221,8 +306,6 @@ def main():
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--out", type=pathlib.Path, default=ROOT / "target/campaigns/mutants")
     parser.add_argument("--list", action="store_true", help="show the draws and run nothing")
-    parser.add_argument("--stages", type=int, default=3, help="how many stages are run: 1 leaves out the tests of other crates and the integration tests, which take hours")
-    parser.add_argument("--passed", action="store_true", help="the tests of this commit passed elsewhere: do not run them first")
     arguments = parser.parse_args()
     crates = library()
     drawn = draws(crates, arguments.seed)
@@ -237,34 +320,54 @@ def main():
         sys.exit("crates/ differs from the commit, and mutants are drawn in a commit: commit or stash the changes first")
     arguments.out.mkdir(parents=True, exist_ok=True)
     path = arguments.out / "mutants.json"
-    noted = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {"commit": head, "seed": arguments.seed, "mutants": []}
+    noted = json.loads(read(path)) if path.exists() else {"commit": head, "seed": arguments.seed, "mutants": []}
     if (noted["commit"], noted["seed"]) != (head, arguments.seed):
         sys.exit(f"{path} is of commit {noted['commit']} and seed {noted['seed']}: begin anew without RESUME")
-    mutants = noted["mutants"]
-    copy = Copy(arguments.out)
-    if not (mutants or arguments.passed) and (by := copy.killer([])):
-        sys.exit(f"a test fails without any mutant: {by}")
-    # The draws come in the same order again; those with an outcome are passed over.
-    for _ in mutants:
-        next(drawn)
-    while sum(mutant["outcome"] != "not compiled" for mutant in mutants) < arguments.count:
-        mutant, text = next(drawn)
-        place = copy.tree / mutant["file"]
-        sound = place.read_text(encoding="utf-8")
-        place.write_text(text, encoding="utf-8")
-        started = time.monotonic()
-        try:
-            code, _ = copy.cargo("check", "--locked", f"--package=vitreo-uq-{mutant['crate']}")
-            mutant.update(copy.outcome(crates, mutant["crate"], arguments.stages) if code == 0 else {"outcome": "not compiled"})
-        except NotCompiled:
-            mutant["outcome"] = "not compiled"
-        mutant["seconds"] = round(time.monotonic() - started)
-        place.write_text(sound, encoding="utf-8")
-        mutants.append(mutant)
+
+    def note():
         fresh = path.with_suffix(".new")
         fresh.write_text(json.dumps(noted, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
         fresh.replace(path)
-        print(f"{mutant['file']}:{mutant['line']} {mutant['outcome']} {mutant.get('by', '')}", flush=True)
+
+    copy = Copy(arguments.out)
+    mutants = noted["mutants"]
+    # The draws come in the same order again.
+    places = [next(drawn)[1] for _ in mutants]
+    while sum(mutant["compiles"] for mutant in mutants) < arguments.count:
+        mutant, place = next(drawn)
+        mutant["compiles"] = copy.compiles((len(mutants) + 1, mutant, place))
+        mutants.append(mutant)
+        places.append(place)
+        note()
+
+    numbered = [(number, mutant, place) for number, (mutant, place) in enumerate(zip(mutants, places, strict=True), 1) if mutant["compiles"]]
+    at_choice = [one for one in numbered if with_choices(read(copy.tree / one[1]["file"]), [(one[0], one[2])])]
+
+    def play(number, mutant, choice, programs):
+        started = time.monotonic()
+        mutant.update(copy.outcome(crates, choice, mutant, programs))
+        mutant["seconds"] = round(time.monotonic() - started)
+        note()
+        print(f"{number} {mutant['file']}:{mutant['line']} {mutant['outcome']} {mutant.get('by', '')}", flush=True)
+
+    with copy.changed(at_choice):
+        programs = copy.programs()
+    for program in programs:
+        started = time.monotonic()
+        if by := copy.killer(program, None, None):
+            sys.exit(f"a test of {program.name} fails without any mutant: {by}")
+        program.seconds = time.monotonic() - started
+    for number, mutant, _ in at_choice:
+        if "outcome" not in mutant:
+            play(number, mutant, number, programs)
+    seconds = {(program.package, program.name): program.seconds for program in programs}
+    for one in numbered:
+        if "outcome" not in one[1]:
+            with copy.changed([one]):
+                programs = copy.programs()
+            for program in programs:
+                program.seconds = seconds[program.package, program.name]
+            play(one[0], one[1], None, programs)
 
 
 if __name__ == "__main__":
