@@ -67,6 +67,7 @@ fn best_of<'a>(subject: &Subject, slugs: impl Iterator<Item = &'a str>) -> Resul
         kind: if is_claimed { VerdictKind::Missing } else { VerdictKind::None },
         effects: if is_claimed { vec![found[0].0.clone()] } else { Vec::new() },
         equivalent: equivalent.map(|entry| entry.0.clone()).collect(),
+        base_law: None,
         sentence: "a stand-in".into(),
     };
     let candidates = found.iter().map(|(slug, gain, last, _)| CandidateEntry {

@@ -312,7 +312,7 @@ impl Verdict {
     /// Verdict for a document, with its sentence.
     pub fn document(&self, sentence: String) -> diagnosis::Verdict {
         let Self { kind, effects, equivalent, .. } = self.clone();
-        diagnosis::Verdict { kind, effects, equivalent, sentence }
+        diagnosis::Verdict { kind, effects, equivalent, base_law: None, sentence }
     }
 
     /// Status of an effect of the library under this verdict.

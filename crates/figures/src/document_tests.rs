@@ -119,6 +119,7 @@ fn a_diagnosis(experiment: &str, sentence: &str) -> Diagnosis {
             kind: VerdictKind::Missing,
             effects: vec!["actuator-lag".into()],
             equivalent: vec!["clock-offset".into(), "fractional-damping".into()],
+            base_law: None,
             sentence: sentence.into(),
         },
         fitted_cycles: vec![1, 2, 3],

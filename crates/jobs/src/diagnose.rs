@@ -22,6 +22,7 @@ use sampling::SamplerOptions;
 use serde::Serialize;
 
 use crate::artefacts::with_prior;
+use crate::laws::find_explaining_law;
 use crate::outcome::Outcome;
 use crate::sweep;
 use crate::target::{CohortTarget, CreepTarget, SweepTarget, Target, unsupported_target};
@@ -85,8 +86,17 @@ fn of_creep(
     let of_search = DiagnosisRequest { criteria, n_simulations: request.simulations, seed, base_errors, ..default };
     let mut found = diagnose(&revision.subject_for_effects(monitor)?, &of_search, monitor)?;
     if found.diagnosis.verdict.kind == VerdictKind::Unexplained {
-        // No effect explains the residuals, so a learned correction of the law is tried.
-        found.diagnosis.remarks.extend(preview_learning(&found.subject, &found.found.base, monitor)?);
+        // No effect explains the residuals, so other laws are tried, then a learned correction of the law.
+        let (verdict, base) = (&mut found.diagnosis.verdict, &found.diagnosis.base);
+        match find_explaining_law(&revision.problem, base, monitor)? {
+            Some((law, sentence)) => {
+                verdict.sentence = format!("The base law {sentence} {}", verdict.sentence);
+                verdict.base_law = Some(law);
+            }
+            None => {
+                found.diagnosis.remarks.extend(preview_learning(&found.subject, &found.found.base, monitor)?);
+            }
+        }
     }
     monitor.stage("writing results and figures");
     let body = DiagnoseDocument::Creep(Box::new(found.diagnosis.clone()));

@@ -167,6 +167,7 @@ mod tests {
                 kind: VerdictKind::Missing,
                 effects: names(effects),
                 equivalent: names(equivalent),
+                base_law: None,
                 sentence: String::new(),
             },
             fitted_cycles: vec![1, 2],

@@ -6,6 +6,7 @@ use base::error::{Error, Result};
 use base::files::{self, to_json};
 use criticism::evidence::evidence;
 use criticism::{Fitted, Search, Subject};
+use documents::diagnosis::BaseErrors;
 use documents::laws::{LawComparison, LawRow, LawStatus};
 use figures::svg::figure_files;
 use laws::rheology::BaseLaw;
@@ -15,9 +16,10 @@ use posterior::monitor::Monitor;
 use posterior::prepared::PreparedModel;
 use posterior::problem::Problem;
 use posterior::study::{LAWS_NAME, ModelSpecification, WithProvenance};
+use record::Experiment;
 
 use crate::outcome::Outcome;
-use crate::target::Target;
+use crate::target::{ModelRequest, Target};
 
 /// Largest number of positions that laws are fitted to. A law with two springpots takes a second for a hundred thousand trajectories of so many rows.
 const MOST_ROWS: usize = 400;
@@ -46,44 +48,21 @@ pub fn run(target: &Target, request: &LawsRequest, monitor: &dyn Monitor) -> Res
         [] => BaseLaw::names().map(String::from).collect(),
         given => given.to_vec(),
     };
-    let prior = target.request.prior.as_deref().unwrap_or(WIDE_PRIOR);
-    let of_law = |name: &String| {
-        ModelSpecification::default().with_options(
-            Some(name),
-            &[],
-            &target.request.noise,
-            Some(prior),
-            &target.request.set,
-        )
-    };
-    let specifications: Vec<ModelSpecification> = names.iter().map(of_law).collect::<Result<_>>()?;
-    let mesh = target.request.mesh.as_ref();
-    let library = Library::default();
-    let first = Problem::new(target.experiment.clone(), specifications[0].clone(), mesh, monitor)?;
-    // The geometry of the experiment is that of all laws.
-    let compliance = PreparedModel::unverified(&first, None, monitor)?.compliance;
-    let mut subjects = Vec::new();
-    for (name, specification) in names.iter().zip(specifications) {
-        let problem = first.with_model(specification, &library)?;
-        let subject = Subject::with_compliance(&problem, &library, compliance.clone())?;
-        subjects.push((name, subject.thinned(MOST_ROWS)?.unwrap_or(subject)));
-    }
-    let Some((_, subject)) = subjects.first() else {
-        return Err(Error::numerical("no law was given", "name at least one law"));
-    };
+    let of_law = |name: &String| Ok((name.clone(), specification(name, &target.request)?));
+    let specifications: Vec<(String, ModelSpecification)> = names.iter().map(of_law).collect::<Result<_>>()?;
+    let first = specifications[0].1.clone();
+    let problem = Problem::new(target.experiment.clone(), first, target.request.mesh.as_ref(), monitor)?;
+    let subjects = subjects(&problem, specifications, monitor)?;
+    let subject = &subjects[0].1;
     let (n_fitted, experiment) = (subject.n_fitted(), subject.experiment().clone());
-    // The noise of all rows, as in other commands: rows that are farther apart give another estimate.
-    let noise_um = target.experiment.reference_noise().map(|reference| 1e6 * reference.sd_m);
-    // Without slow noise and gains, which would absorb misfits.
-    let mut rows =
-        rows_of(&subjects, monitor, |name, subject| Ok(fitted(name, &subject.clone().with_specified_noise())?.0))?;
-    rank_by_error(&mut rows);
-    let is_explained = self::is_explained(&rows, noise_um);
+    let noise_um = noise_um(&target.experiment);
+    let mut rows = rows_by_error(&subjects, monitor)?;
+    let is_explained = rows.first().and_then(|row| self::is_explained(row, noise_um));
     if is_explained != Some(false) {
         let mut by_evidence = rows_of(&subjects, monitor, |name, subject| with_evidence(name, subject, request.seed))?;
         rank(&mut by_evidence);
         // Evidence that prefers a law which does not predict is that of its noise terms.
-        if self::is_explained(&by_evidence, noise_um) != Some(false) {
+        if by_evidence.first().and_then(|row| self::is_explained(row, noise_um)) != Some(false) {
             rows = by_evidence;
         }
     }
@@ -114,13 +93,74 @@ pub fn run(target: &Target, request: &LawsRequest, monitor: &dyn Monitor) -> Res
     Ok(Outcome { is_sound, document, written: svg.0, study: has_page.then_some(study) })
 }
 
+/// Finds the named base law with the fewest parameters that explains a record without an effect, where the model that `errors` belong to does not. Returns its name and a
+/// sentence.
+///
+/// # Errors
+/// Errors of preparing the laws' models.
+pub fn find_explaining_law(
+    problem: &Problem,
+    errors: &BaseErrors,
+    monitor: &dyn Monitor,
+) -> Result<Option<(String, String)>> {
+    let Some(noise_um) = noise_um(&problem.experiment) else { return Ok(None) };
+    let is_fitted = !exceeds_noise(errors.rmse_fitted_um, errors.rmse_heldout_um, noise_um);
+    if is_fitted || problem.outside_forward().is_some() {
+        return Ok(None);
+    }
+    let of_law = |name: &str| Ok((name.to_string(), specification(name, &ModelRequest::default())?));
+    let specifications = BaseLaw::names().map(of_law).collect::<Result<_>>()?;
+    let subjects = subjects(problem, specifications, monitor)?;
+    let rows = rows_by_error(&subjects, monitor)?;
+    let explaining = rows.iter().filter(|row| is_explained(row, Some(noise_um)) == Some(true));
+    let n_parameters = |row: &&LawRow| BaseLaw::named(&row.law).map(|law| law.parameters().len());
+    let simplest = explaining.min_by_key(n_parameters);
+    Ok(simplest.map(|row| (row.law.clone(), explains(row, noise_um))))
+}
+
+/// Model of a base law without effects.
+fn specification(law: &str, request: &ModelRequest) -> Result<ModelSpecification> {
+    let prior = request.prior.as_deref().unwrap_or(WIDE_PRIOR);
+    ModelSpecification::default().with_options(Some(law), &[], &request.noise, Some(prior), &request.set)
+}
+
+/// Models of laws on the record and the mechanics of a problem, each with the name of its law.
+fn subjects(
+    problem: &Problem,
+    specifications: Vec<(String, ModelSpecification)>,
+    monitor: &dyn Monitor,
+) -> Result<Vec<(String, Subject)>> {
+    let library = Library::default();
+    let mut subjects: Vec<(String, Subject)> = Vec::new();
+    let mut compliance = None;
+    for (name, specification) in specifications {
+        let problem = problem.with_model(specification, &library)?;
+        // The geometry of the experiment is that of all laws.
+        let known = match &compliance {
+            Some(known) => known,
+            None => compliance.insert(PreparedModel::unverified(&problem, None, monitor)?.compliance),
+        };
+        let subject = Subject::with_compliance(&problem, &library, known.clone())?;
+        subjects.push((name, subject.thinned(MOST_ROWS)?.unwrap_or(subject)));
+    }
+    Ok(subjects)
+}
+
+/// Rows of fitted laws, the closest first. They are fitted without slow noise and gains, which would absorb misfits.
+fn rows_by_error(subjects: &[(String, Subject)], monitor: &dyn Monitor) -> Result<Vec<LawRow>> {
+    let mut rows =
+        rows_of(subjects, monitor, |name, subject| Ok(fitted(name, &subject.clone().with_specified_noise())?.0))?;
+    rank_by_error(&mut rows);
+    Ok(rows)
+}
+
 /// Rows of all laws. A law that cannot be fitted has the reason in its row.
 fn rows_of(
-    subjects: &[(&String, Subject)],
+    subjects: &[(String, Subject)],
     monitor: &dyn Monitor,
     row: impl Fn(&str, &Subject) -> Result<LawRow>,
 ) -> Result<Vec<LawRow>> {
-    let of_law = |(place, (name, subject)): (usize, &(&String, Subject))| {
+    let of_law = |(place, (name, subject)): (usize, &(String, Subject))| {
         monitor.stage(&format!("law {} of {}: {name}", place + 1, subjects.len()));
         monitor.progress(place, subjects.len());
         match row(name, subject) {
@@ -205,10 +245,19 @@ fn error_um(row: &LawRow) -> Option<f64> {
     row.rmse_heldout_um.or(row.rmse_fitted_um)
 }
 
-/// Whether the first law leaves no more than the noise on the fitted and on the scored rows; `None` if the noise is unknown.
-fn is_explained(rows: &[LawRow], noise_um: Option<f64>) -> Option<bool> {
-    let row = rows.first()?;
-    Some(error_um(row)?.max(row.rmse_fitted_um?) <= NOISE_FACTOR * noise_um?)
+/// Whether a law leaves no more than the noise on the fitted and on the scored rows; `None` if the noise is unknown.
+fn is_explained(row: &LawRow, noise_um: Option<f64>) -> Option<bool> {
+    Some(!exceeds_noise(row.rmse_fitted_um?, row.rmse_heldout_um, noise_um?))
+}
+
+/// Whether a fit leaves more than the noise on the fitted or on the scored rows.
+fn exceeds_noise(fitted_um: f64, heldout_um: Option<f64>, noise_um: f64) -> bool {
+    heldout_um.unwrap_or(fitted_um).max(fitted_um) > NOISE_FACTOR * noise_um
+}
+
+/// Noise (µm) of all rows, as in other commands: rows that are farther apart give another estimate.
+fn noise_um(experiment: &Experiment) -> Option<f64> {
+    experiment.reference_noise().map(|reference| 1e6 * reference.sd_m)
 }
 
 /// Sorts laws by their errors, and names the closest one. The evidence of laws that do not explain a record compares the noise terms that absorb the misfits.
@@ -221,22 +270,29 @@ fn rank_by_error(rows: &mut [LawRow]) {
         .for_each(|(place, row)| row.status = if place == 0 { LawStatus::Closest } else { LawStatus::FartherOff });
 }
 
+/// Rows on which the error of a law is computed.
+fn scored(row: &LawRow) -> &'static str {
+    if row.rmse_heldout_um.is_some() {
+        "the last cycle, which no fit has seen,"
+    } else {
+        "the fitted rows, since no cycle is held out,"
+    }
+}
+
+/// Sentence on a law that explains the record.
+fn explains(row: &LawRow, noise_um: f64) -> String {
+    let ratio = error_um(row).unwrap_or(f64::NAN) / noise_um;
+    format!("{} explains the record: its error on {} is {ratio:.2} times the noise.", row.law, scored(row))
+}
+
 fn sentence(rows: &[LawRow], noise_um: Option<f64>) -> String {
     let with = |status: LawStatus| rows.iter().filter(move |row| row.status == status);
-    let scored = |row: &LawRow| {
-        if row.rmse_heldout_um.is_some() {
-            "the last cycle, which no fit has seen,"
-        } else {
-            "the fitted rows, since no cycle is held out,"
-        }
-    };
     if let (Some(best), Some(noise_um)) = (with(LawStatus::Closest).next(), noise_um) {
         let ratio = error_um(best).unwrap_or(f64::NAN) / noise_um;
-        if is_explained(std::slice::from_ref(best), Some(noise_um)) == Some(true) {
+        if is_explained(best, Some(noise_um)) == Some(true) {
+            let explains = explains(best, noise_um);
             return format!(
-                "{} explains the record: its error on {} is {ratio:.2} times the noise. The laws are ranked by this error, since the law with the largest evidence does not predict.",
-                best.law,
-                scored(best)
+                "{explains} The laws are ranked by this error, since the law with the largest evidence does not predict."
             );
         }
         let times = |ratio: f64| format!("{ratio:.digits$} times the noise", digits = if ratio < 10.0 { 1 } else { 0 });
@@ -313,7 +369,7 @@ mod tests {
             "The record cannot distinguish c from d. The error of c on the last cycle, which no fit has seen, is 1.00 times the noise."
         );
         assert_eq!(
-            [Some(4.0), Some(1.0), None].map(|noise_um| is_explained(&rows, noise_um)),
+            [Some(4.0), Some(1.0), None].map(|noise_um| is_explained(&rows[0], noise_um)),
             [Some(true), Some(false), None]
         );
         let mut rows = vec![row("a", 0.0, 3.0), row("b", -7.0, 3.0)];

@@ -183,24 +183,26 @@ fn detectability_lines(diagnosis: &Diagnosis) -> Vec<String> {
     lines
 }
 
-/// Lines with the next commands: the claimed effects are added, and other laws are tried if effects do not explain the record.
+/// Lines with the next commands: the law that explains the record or the claimed effects; other laws if neither does.
 fn next_lines(diagnosis: &Diagnosis, study: &Path) -> Vec<String> {
     let study = crate::child::in_shell(study);
     let is_unexplained = diagnosis.verdict.kind == VerdictKind::Unexplained;
-    let mut lines = Vec::new();
+    let mut commands = Vec::new();
+    if let Some(law) = &diagnosis.verdict.base_law {
+        commands.push(format!("sample EXPERIMENT --base {law} --prior generic --out STUDY"));
+    }
     if !diagnosis.verdict.effects.is_empty() {
         let remark = if is_unexplained { "    (it explains part of the misfit)" } else { "" };
-        let effects = diagnosis.verdict.effects.join(",");
-        lines.push(format!("\nNext:  vitreo-uq extend {study} --with {effects}{remark}"));
+        commands.push(format!("extend {study} --with {}{remark}", diagnosis.verdict.effects.join(",")));
     }
     if diagnosis.verdict.kind == VerdictKind::Missing && !diagnosis.verdict.equivalent.is_empty() {
-        lines.push(format!("       vitreo-uq design {study}    (a protocol that tells the equivalent effects apart)"));
+        commands.push(format!("design {study}    (a protocol that tells the equivalent effects apart)"));
     }
-    if is_unexplained {
-        let start = if lines.is_empty() { "\nNext:" } else { "      " };
-        lines.push(format!("{start}  vitreo-uq compare {study} --laws    (another base law may explain it)"));
+    if is_unexplained && diagnosis.verdict.base_law.is_none() {
+        commands.push(format!("compare {study} --laws    (other base laws, each with its misfit)"));
     }
-    lines
+    let start = |place: usize| if place == 0 { "\nNext:" } else { "      " };
+    commands.iter().enumerate().map(|(place, command)| format!("{}  vitreo-uq {command}", start(place))).collect()
 }
 
 /// Lines on the misfit that no effect explains: its size, and how much it widens predictions.

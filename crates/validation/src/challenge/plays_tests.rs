@@ -58,7 +58,13 @@ fn diagnosis(kind: VerdictKind, effects: &[&str], equivalent: &[&str]) -> Diagno
     let strings = |slugs: &[&str]| slugs.iter().map(|slug| slug.to_string()).collect();
     Diagnosis {
         experiment: "by hand".into(),
-        verdict: Verdict { kind, effects: strings(effects), equivalent: strings(equivalent), sentence: String::new() },
+        verdict: Verdict {
+            kind,
+            effects: strings(effects),
+            equivalent: strings(equivalent),
+            base_law: None,
+            sentence: String::new(),
+        },
         fitted_cycles: vec![1, 2, 3],
         heldout_cycles: vec![4],
         base: BaseErrors { rmse_fitted_um: 9.0, rmse_heldout_um: Some(9.0), noise_um: Some(4.0) },
