@@ -78,6 +78,43 @@ fn a_decision_is_designed_for_by_its_own_derivative() {
     assert!(refusal.stderr.contains("--scenario"), "{refusal}");
 }
 
+/// The same record once more has the same information, so that the standard deviation of the only parameter falls by √2. A filled-in record is never overwritten, and a record of
+/// another robot is refused.
+#[test]
+fn a_later_record_adds_its_information() {
+    let dir = tempfile::tempdir().unwrap();
+    let fixed = ["--set", "young_modulus_pa=3.527", "--set", "viscosity_1_pa_s=1.402"];
+    vitreo(dir.path(), &[&["sample", "--out", "study", "--no-report"], &fixed[..]].concat()).exits(0);
+    let replica = concat!(env!("CARGO_MANIFEST_DIR"), "/data/porcine-replica");
+    let design = |after: &[&str]| {
+        vitreo(dir.path(), &[&["design", "study", "--no-report", "--json", "-"], after].concat()).exits(0).json()
+    };
+    let (alone, after) = (design(&[]), design(&["--after", replica]));
+    let sd = |document: &Value| number(&document["recommended"]["parameters"][0]["sd_now"]);
+    let ratio = sd(&alone) / sd(&after);
+    assert!((ratio / 2.0_f64.sqrt() - 1.0).abs() < 0.01, "{ratio}");
+    let record = &after["after"][0];
+    assert!((number(&record["rmse_um"]) / number(&record["noise_um"]) - 1.0).abs() < 0.1, "{record}");
+    assert_eq!(alone.get("after"), None);
+
+    let table = dir.path().join("study/next-record/trajectory.csv");
+    let filled = std::fs::read_to_string(&table).unwrap().replacen(",,", ",1.5,", 1);
+    std::fs::write(&table, &filled).unwrap();
+    let next = design(&[]);
+    assert!(next["recommended"]["record_dir"].as_str().unwrap().ends_with("next-record-2"), "{next}");
+    assert_eq!(std::fs::read_to_string(&table).unwrap(), filled);
+
+    let other = dir.path().join("other");
+    std::fs::create_dir(&other).unwrap();
+    let toml = std::fs::read_to_string(format!("{replica}/experiment.toml")).unwrap();
+    let diameter = toml.lines().find(|line| line.starts_with("diameter_mm")).unwrap();
+    std::fs::write(other.join("experiment.toml"), toml.replacen(diameter, "diameter_mm = 0.6", 1)).unwrap();
+    std::fs::copy(format!("{replica}/trajectory.csv"), other.join("trajectory.csv")).unwrap();
+    vitreo(dir.path(), &["design", "study", "--after", "other"]).refuses(&["another apparatus"]);
+    let detection = ["design", "study", "--after", replica, "--goal", "detection"];
+    vitreo(dir.path(), &detection).refuses(&["--after", "one record"]);
+}
+
 /// The designed record shows at least as many effects as the present one, and a smaller bias of the force.
 #[test]
 #[ignore = "thorough"]
@@ -184,6 +221,16 @@ fn a_designed_record_tells_equivalent_effects_apart() {
         (&verdict["verdict"]["effects"], &verdict["verdict"]["equivalent"]),
         (&serde_json::json!(["instantaneous-elasticity"]), &serde_json::json!([]))
     );
+    // Both records together reject the other effect, and the design ends.
+    let after = ["design", "study", "--after", "next", "--no-report", "--json", "-"];
+    let after = vitreo(dir.path(), &after).exits(0).json();
+    assert!(after["stop"].as_str().unwrap().contains("instantaneous-elasticity leads outer-wall-compliance"), "{after}");
+    assert_eq!((&after["goal"], &after["effects"]), (&"parameters".into(), &serde_json::json!([])));
+    let likeliest = &after["models"][0];
+    assert_eq!(likeliest["effects"], "instantaneous-elasticity");
+    assert!(number(&likeliest["probability"]) > 0.98, "{after}");
+    let record = &after["after"][0];
+    assert!((number(&record["rmse_um"]) / 4.0 - 1.0).abs() < 0.1, "{record}");
 }
 
 /// Bad limits and records without a goal are refused with the remedy.

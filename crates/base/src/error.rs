@@ -126,6 +126,8 @@ settings! {
     Replace "replace"
     /// File of scenarios to predict.
     Scenario "scenario"
+    /// Later records of a specimen.
+    After "after"
     /// Table of the force of a prediction.
     ForceTable "force"
     /// Name of the group of which a new specimen is predicted.

@@ -9,6 +9,7 @@
 
 use super::candidate::Coordinate;
 use super::derivatives::derivatives_m;
+use super::joint_fit::Elsewhere;
 use super::noise_fit::{self, LogNoise, NoisePrior};
 use super::steps::{Steps, damped_steps, normal_equations};
 use super::{Candidate, Subject};
@@ -129,7 +130,21 @@ impl Subject {
     /// # Errors
     /// [`Error::Numerical`] if the candidate's model has no solution at any start.
     pub fn fit(&self, candidate: &Candidate, also: &[(Vec<f64>, NoiseValues)], search: Search) -> Result<Fitted> {
-        let climber = Climber { subject: self, candidate, noise_prior: self.noise_prior(), search };
+        self.fit_beside(candidate, also, search, None)
+    }
+
+    /// Fits a candidate to this record and, to second order, to other records of the specimen. The objective then includes the log likelihood of the others.
+    ///
+    /// # Errors
+    /// As [`Subject::fit`].
+    pub(super) fn fit_beside(
+        &self,
+        candidate: &Candidate,
+        also: &[(Vec<f64>, NoiseValues)],
+        search: Search,
+        elsewhere: Option<&Elsewhere>,
+    ) -> Result<Fitted> {
+        let climber = Climber { subject: self, candidate, noise_prior: self.noise_prior(), search, elsewhere };
         let mut ended: Vec<FitPoint> = Vec::new();
         for start in climber.starts(also) {
             let point = climber.climb(start, &ended);
@@ -174,9 +189,16 @@ struct Climber<'a> {
     candidate: &'a Candidate,
     noise_prior: NoisePrior,
     search: Search,
+    /// Log likelihood of other records.
+    elsewhere: Option<&'a Elsewhere>,
 }
 
 impl Climber<'_> {
+    /// Log prior density at coordinates plus the log likelihood of other records.
+    fn ln_known(&self, theta: &[f64]) -> f64 {
+        self.candidate.ln_prior(theta) + self.elsewhere.map_or(0.0, |elsewhere| elsewhere.ln_likelihood(theta))
+    }
+
     /// Positions (m, one lane per point) and objectives of one to eight points under one noise. The objective is −∞ if the model has no solution or the point is outside
     /// the ends of the search.
     fn objectives(&self, points: &[Vec<f64>], log_noise: &LogNoise) -> (Vec<Lanes>, [f64; N_LANES]) {
@@ -189,7 +211,7 @@ impl Climber<'_> {
         for (lane, value) in out.iter_mut().enumerate() {
             *value = match points.get(lane) {
                 Some(theta) if is_valid[lane] && value.is_finite() => {
-                    *value + self.candidate.ln_prior(theta) + of_noise
+                    *value + self.ln_known(theta) + of_noise
                 }
                 _ => f64::NEG_INFINITY,
             };
@@ -376,7 +398,7 @@ impl Climber<'_> {
     fn climb_noise(&self, point: FitPoint, widely: bool) -> FitPoint {
         let (log_noise, value) =
             noise_fit::fit(&self.subject.fitted, &self.noise_prior, &point.position_m, &point.log_noise, widely);
-        let objective = value + self.candidate.ln_prior(&point.theta);
+        let objective = value + self.ln_known(&point.theta);
         if objective > point.objective { FitPoint { log_noise, objective, ..point } } else { point }
     }
 
@@ -445,6 +467,9 @@ impl Climber<'_> {
                 normal[(k, k)] += 1.0 / (sd * sd);
                 slope[k] += (mean - point.theta[k]) / (sd * sd);
             }
+        }
+        if let Some(elsewhere) = self.elsewhere {
+            elsewhere.add_to(&point.theta, &mut normal, &mut slope);
         }
         damped_steps(candidate, &point.theta, &normal, &slope)
     }

@@ -22,6 +22,7 @@ pub mod evidence;
 pub mod fingerprints;
 mod fit;
 pub mod future;
+pub mod joint_fit;
 mod large;
 pub mod learn;
 mod matched_cycles;

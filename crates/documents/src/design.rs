@@ -36,8 +36,41 @@ pub struct Design {
     pub front: Vec<FrontProtocol>,
     /// Pairs of effects that the recommended protocol does not separate.
     pub helpless: Vec<HelplessPair>,
+    /// Later records of the specimen that the design takes into account.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub after: Vec<LaterRecord>,
+    /// Models of the class and their standing by all records; empty for one model.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub models: Vec<ModelStanding>,
+    /// Reason why no further record is needed; `None` if one is.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stop: Option<String>,
     /// Warnings about the result, for the user.
     pub warnings: Vec<Warning>,
+}
+
+/// Later record of the specimen.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
+pub struct LaterRecord {
+    /// Its specimen identifier.
+    pub experiment: String,
+    /// Root mean square residual (µm) of the likeliest model, fitted to all records.
+    pub rmse_um: f64,
+    /// Noise standard deviation of a position (µm), known or estimated; `None` if it is unknown.
+    pub noise_um: Option<f64>,
+}
+
+/// Standing of one of several models after all records.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
+pub struct ModelStanding {
+    /// Effects of the model.
+    pub effects: String,
+    /// Log likelihood by which its best fit trails that of the first model, in nats.
+    pub trails_by_nats: f64,
+    /// Probability among the models, all equally probable before the records, by Laplace's approximation.
+    pub probability: f64,
 }
 
 /// Recommended protocol with the expected knowledge after its record.

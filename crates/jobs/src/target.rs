@@ -404,7 +404,7 @@ fn refuse_out_of_study(study: &Path, out: Option<&Path>) -> Result<()> {
     }
 }
 
-fn report_notes(experiment: &Experiment, files: &ExperimentFiles, monitor: &dyn Monitor) {
+pub(crate) fn report_notes(experiment: &Experiment, files: &ExperimentFiles, monitor: &dyn Monitor) {
     for note in &files.notes {
         let text = note.to_string();
         match experiment.quantities() {

@@ -28,6 +28,9 @@ pub struct DesignArguments {
     /// File whose first [[scenario]] has the quantity of a decision (docs/predict.md); chooses the goal `decision`
     #[arg(long, value_name = "FILE.toml")]
     scenario: Option<PathBuf>,
+    /// Later record of the specimen on the same apparatus (a directory with experiment.toml); may be repeated
+    #[arg(long, value_name = "EXPERIMENT")]
+    after: Vec<PathBuf>,
     /// Duration of the new record, in s [default: that of the present record]
     #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
     budget_s: Option<f64>,
@@ -89,6 +92,7 @@ pub fn run(arguments: &DesignArguments) -> Result<ExitCode> {
         interval_s,
         shortest_hold_s,
         largest_position_m: largest_position_um.map(|um| 1e-6 * um),
+        after: arguments.after.clone(),
         sampler: session.default_sampler(),
     };
     let outcome = design::run(&target, &request, &session.terminal)?;
@@ -98,8 +102,17 @@ pub fn run(arguments: &DesignArguments) -> Result<ExitCode> {
 fn words(found: &Design) -> String {
     let recommended = &found.recommended;
     let mut lines = vec![format!("{} ({}): design for the {}", found.experiment, found.revision, found.goal)];
+    lines.extend(found.stop.clone());
     lines.push(recommended.sentence.clone());
     lines.push(String::new());
+    if !found.models.is_empty() {
+        lines.push(format!("  {:<44}{:>18}{:>14}", "model after the records so far", "trails by (nats)", "probability"));
+        lines.extend(found.models.iter().map(|model| {
+            let probability = format!("{:.1} %", 100.0 * model.probability);
+            format!("  {:<44}{:>18}{probability:>14}", model.effects, significant(model.trails_by_nats))
+        }));
+        lines.push(String::new());
+    }
     lines.push(format!("  {:<34}{:>14}{:>14}{:>14}", "parameter", "value", "± now", "± expected"));
     for parameter in &recommended.parameters {
         lines.push(format!(

@@ -22,6 +22,7 @@ pub fn option(setting: Setting) -> &'static str {
         Setting::Out => "--out",
         Setting::Force | Setting::ForceColumn | Setting::ForceTable => "--force",
         Setting::Scenario => "--scenario",
+        Setting::After => "--after",
         Setting::NewEye => "--new-eye",
         Setting::LargestForce => "--max-force-un",
         Setting::Replace => "--replace",

@@ -16,7 +16,8 @@ use super::sought::{RecordInformation, Sought, SoughtEffect, sd_of};
 use super::{Members, n_right, separation, under_protocol};
 use crate::detectable::{Detectability, find_smallest_detectable};
 use crate::separation::{RivalFit, RivalTruth, SEPARATED_SIGMA};
-use crate::{Candidate, Fitted, Subject};
+use crate::joint_fit::JointFit;
+use crate::{Candidate, Fitted, Free, Subject};
 use base::error::{Error, Result};
 use posterior::monitor::{Counter, Monitor, refuse_if_stopped};
 use rand::SeedableRng;
@@ -70,17 +71,22 @@ pub struct Designer<'a> {
 }
 
 impl<'a> Designer<'a> {
-    /// Begins a search. The first of the `members` is the model whose parameters are to be known.
+    /// Begins a search. The first of the `members` is the model whose parameters are to be known; `elsewhere` is the Fisher information about them in other records of the specimen.
     ///
     /// # Errors
     /// [`Error::Numerical`] if the first model has no derivatives, or if there is nothing to distinguish.
-    pub fn new(subject: &'a Subject, members: &'a Members<'a>, sought: Sought) -> Result<Self> {
+    pub fn new(
+        subject: &'a Subject,
+        members: &'a Members<'a>,
+        sought: Sought,
+        elsewhere: &DMatrix<f64>,
+    ) -> Result<Self> {
         if matches!(sought, Sought::Effects) && members.len() < 2 {
             return Err(Error::numerical("there is one model only", "design for its parameters"));
         }
         let (candidate, fitted) = members[0];
         let information = RecordInformation::new(subject, (candidate, fitted))?.matrix;
-        Ok(Self { subject, members, sought, precision: information + prior_precision(candidate) })
+        Ok(Self { subject, members, sought, precision: information + elsewhere + prior_precision(candidate) })
     }
 
     /// Standard deviations of the first model's free parameters now, in their coordinates.
@@ -358,6 +364,22 @@ impl<'a> Designer<'a> {
 /// True if a distance separates two effects.
 pub fn separates(distance: f64) -> bool {
     distance >= SEPARATED_SIGMA
+}
+
+/// Log evidence of a model in several records, up to a constant that all models of one law share: Laplace's approximation around the joint fit, with the normal approximations
+/// of the effects' priors.
+///
+/// # Errors
+/// [`Error::Numerical`] if the records do not determine the parameters.
+pub fn ln_evidence(subject: &Subject, candidate: &Candidate, fit: &JointFit) -> Result<f64> {
+    let first = RecordInformation::new(subject, (candidate, &fit.records[0]))?.matrix;
+    let precision = first + &fit.information_elsewhere + prior_precision(candidate);
+    let of_effect = |(free, theta): (&Free, &f64)| {
+        let (mean, sd) = free.as_normal();
+        free.prior.is_none().then(|| -0.5 * ((theta - mean) / sd).powi(2) - sd.ln())
+    };
+    let of_effects: f64 = candidate.free.iter().zip(fit.theta()).filter_map(of_effect).sum();
+    Ok(fit.objective + of_effects - 0.5 * log_determinant(&precision)?)
 }
 
 /// Precision of the priors of a candidate's free parameters, in their coordinates. A parameter of an effect has its prior's own width.

@@ -25,7 +25,7 @@ use base::error::{Error, Result};
 use record::{Experiment, Record};
 
 /// Lead (nats) at which a model rejects another in a simulated repetition.
-const REJECTED_NATS: f64 = 4.0;
+pub const REJECTED_NATS: f64 = 4.0;
 
 /// Advice on a change of the protocol.
 #[derive(Debug, Clone)]

@@ -47,6 +47,12 @@ impl Provenance {
         self.inputs_sha256.insert(name.into(), sha256_hex(bytes));
         self
     }
+
+    /// Adds the hashes of further inputs.
+    pub fn with_hashes(mut self, hashes: impl IntoIterator<Item = (String, String)>) -> Self {
+        self.inputs_sha256.extend(hashes);
+        self
+    }
 }
 
 /// A JSON document that consists of a header and a body. The keys of both are at the top level. For records with other quantities than a commanded force and a

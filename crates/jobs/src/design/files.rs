@@ -1,0 +1,65 @@
+//! Files for the controller and for the new record.
+
+use std::path::{Path, PathBuf};
+
+use base::toml_input::quoted;
+use record::{Experiment, ForceRule, Record};
+
+use crate::simulation_files::description_toml;
+
+/// Directory of the description of the new record.
+const RECORD_DIR: &str = "next-record";
+const TABLE_NAME: &str = "trajectory.csv";
+
+/// Directory for the description of the new record: the first that does not exist or whose table has no positions yet. A record that was filled in is kept.
+pub fn record_dir(study: &Path) -> PathBuf {
+    let numbered = |number: usize| match number {
+        1 => study.join(RECORD_DIR),
+        _ => study.join(format!("{RECORD_DIR}-{number}")),
+    };
+    let is_free = |dir: &PathBuf| !dir.exists() || is_unfilled(dir);
+    (1..).map(numbered).find(is_free).unwrap_or_else(|| study.join(RECORD_DIR))
+}
+
+/// Whether a directory has only the files of a design, with a table without positions.
+fn is_unfilled(dir: &Path) -> bool {
+    let Ok(entries) = std::fs::read_dir(dir) else { return false };
+    let names: Vec<_> = entries.filter_map(|entry| Some(entry.ok()?.file_name())).collect();
+    let Ok(table) = std::fs::read_to_string(dir.join(TABLE_NAME)) else { return names.is_empty() };
+    names.iter().all(|name| name == TABLE_NAME || name == "experiment.toml")
+        && table.lines().skip(1).all(|line| line.split(',').nth(2) == Some(""))
+}
+
+/// Table for the controller. Each force holds until the next row; a force that changes at every row has a row for each sample.
+pub fn protocol_csv(record: &Record) -> Vec<u8> {
+    let mut text = String::from("time_s,force_un\n");
+    let last = record.n_rows() - 1;
+    for row in 0..=last {
+        let is_change = row == 0 || row == last || record.force_n[row] != record.force_n[row - 1];
+        if is_change || record.force_rule == ForceRule::Linear {
+            text += &format!("{:.6},{:.6}\n", record.time_s[row], 1e6 * record.force_n[row]);
+        }
+    }
+    text.into_bytes()
+}
+
+/// Description and table for the new record, with the same apparatus. The positions are missing. The last third is a cycle of its own if it is held out.
+pub fn next_record(experiment: &Experiment, record: &Record, holds_out: bool) -> (Vec<u8>, Vec<u8>) {
+    let mut measurement = vec![
+        "calibration_cycles = [1]".to_string(),
+        format!("heldout_cycles = [{}]", if holds_out { "2" } else { "" }),
+        format!("force = \"{}\"", record.force_rule.name()),
+        format!("source = {}", quoted("to be recorded: protocol of vitreo-uq design")),
+    ];
+    measurement.extend(experiment.noise_sd_m.map(|sd_m| format!("noise_um = {}", 1e6 * sd_m)));
+    let head =
+        "# Protocol of `vitreo-uq design`. Replace trajectory.csv by the record, or fill in its column position_um.";
+    let toml = description_toml(head, &format!("{}-next", experiment.specimen_id), experiment, &measurement);
+    let mut table = String::from("time_s,force_uN,position_um,cycle\n");
+    let last = record.n_rows() - 1;
+    for row in 0..=last {
+        let cycle = if holds_out && 3 * row >= 2 * last { 2 } else { 1 };
+        table += &format!("{:.6},{:.6},,{cycle}\n", record.time_s[row], 1e6 * record.force_n[row]);
+    }
+    (toml.into_bytes(), table.into_bytes())
+}

@@ -1,0 +1,364 @@
+//! `design`: the protocol of the next record.
+
+mod decision;
+mod files;
+mod request;
+mod sequence;
+mod words;
+
+use std::path::PathBuf;
+
+use base::error::{Error, InputPlace, Result, Setting};
+use base::files::{Content, create_folders, read, to_json, write_together};
+use criticism::criteria::Criteria;
+use criticism::detectable::{Detectability, find_smallest_detectable};
+use criticism::protocol::design::{DesignedProtocol, Designer, N_REPEATS, separates};
+use criticism::protocol::{DesignLimits, DesignedDrive, Sought, SoughtEffect};
+use criticism::{Candidate, Fitted, Subject};
+use documents::design::{
+    Design, DesignedDetection, DesignedParameter, FrontProtocol, HelplessPair, RecommendedProtocol,
+};
+use documents::prediction::{PositionQuantiles, ScenarioPrediction};
+use figures::number::format_significant;
+use figures::svg::figure_files;
+use models::effects::Library;
+use posterior::monitor::Monitor;
+use posterior::problem::Problem;
+use posterior::study::{POSTERIOR_NAME, WithProvenance};
+use record::{Control, Record};
+
+use self::decision::AskedQuantity;
+use self::files::{next_record, protocol_csv, record_dir};
+use self::request::limits;
+pub use self::request::{DesignGoal, DesignRequest};
+use self::sequence::{FittedModel, Later, class, judge_later, keep_possible, models, read_later, standings};
+use self::words::{sentence, stop_sentence, with_detection, with_quantity};
+use crate::artefacts;
+use crate::first_revision::kept_surrogate;
+use crate::outcome::Outcome;
+use crate::target::{Revision, Target};
+
+/// Durations of the front in ascending order, relative to that of the recommended protocol.
+const FRONT: [f64; 4] = [0.25, 0.5, 1.0, 2.0];
+/// Changes of the limits that are tried if no protocol separates two effects: the limit in words, factor of the force, of the duration, and of the sampling rate.
+const CHANGES: [(&str, [f64; 3]); 5] = [
+    ("duration", [1.0, 3.0, 1.0]),
+    ("sampling rate", [1.0, 1.0, 4.0]),
+    ("largest force", [2.0, 1.0, 1.0]),
+    ("largest force", [4.0, 1.0, 1.0]),
+    ("duration", [1.0, 10.0, 1.0]),
+];
+
+/// Designs the next record of a creep record's specimen, and writes the result into the study.
+///
+/// # Errors
+/// [`Error::Input`] for any target except a creep record under force control; errors of fits and files.
+pub fn run(target: &Target, request: &DesignRequest, monitor: &dyn Monitor) -> Result<Outcome<Design>> {
+    let revision = target.creep()?.revision(request.sampler.clone(), monitor)?;
+    refuse_other_records(&revision)?;
+    let later = read_later(&request.after, &revision.problem.experiment, monitor)?;
+    let seed = request.sampler.seed;
+    let class = class(&revision)?;
+    let mut goal = match (request.goal, &request.scenario, &class) {
+        (Some(goal), _, _) => goal,
+        (None, Some(_), _) => DesignGoal::Decision,
+        (None, None, Some(_)) => DesignGoal::Effects,
+        (None, None, None) => DesignGoal::Parameters,
+    };
+    if (goal == DesignGoal::Decision) != request.scenario.is_some() {
+        return Err(Error::input(
+            InputPlace::setting(Setting::Scenario),
+            "a decision needs a scenario, and other goals have none",
+            format!("give `{} FILE.toml` with a quantity for the goal `decision` only", Setting::Scenario),
+        ));
+    }
+    if goal == DesignGoal::Detection && !later.is_empty() {
+        return Err(Error::input(
+            InputPlace::setting(Setting::After),
+            "the smallest detectable sizes are those of one record",
+            format!("leave out `{}`, or choose another goal", Setting::After),
+        ));
+    }
+    let class = class.filter(|_| goal == DesignGoal::Effects);
+    if goal == DesignGoal::Effects && class.is_none() {
+        return Err(Error::input(
+            InputPlace::file(revision.study.dir()),
+            "no diagnosis of this study names effects that the record cannot distinguish",
+            "run `vitreo-uq diagnose` on the study first, or design for the parameters",
+        ));
+    }
+    let problem = class.as_ref().map_or(&revision.problem, |class| &class.problem);
+    let kept = kept_surrogate(&revision.study, monitor);
+    let subject = match &class {
+        Some(_) => Subject::new(problem, &Library::default(), kept, monitor)?,
+        None if goal == DesignGoal::Detection => {
+            Subject::new(problem, &Library::default(), kept, monitor)?.with_specified_noise()
+        }
+        // The expected posterior has the noise of the revision, not that of a diagnosis.
+        None => revision.subject(monitor)?.with_specified_noise(),
+    };
+    // Expected uncertainties continue those of `sample`, which fits the calibration cycles; a distance of effects uses all rows.
+    let holds_out = matches!(goal, DesignGoal::Effects | DesignGoal::Detection);
+    let mut cycles = subject.experiment().calibration_cycles.clone();
+    cycles.extend(subject.experiment().heldout_cycles.iter().filter(|_| holds_out));
+    let mut subjects = vec![subject.with_cycles(&cycles, &[])?];
+    for record in &later {
+        subjects.push(later_subject(record, &subjects[0], (problem, class.is_some()), holds_out)?);
+    }
+    let subject = &subjects[0];
+    monitor.stage("fitting the models");
+    let mut models = models(&subjects, class.as_ref())?;
+    let standings = if models.len() > 1 { standings(subject, &models) } else { Vec::new() };
+    let (after, warnings) = judge_later(&subjects, &models[0]);
+    let mut stop = if class.is_some() && !later.is_empty() { keep_possible(&mut models) } else { None };
+    if stop.is_some() {
+        goal = DesignGoal::Parameters;
+    }
+    let members: Vec<(&Candidate, &Fitted)> = models.iter().map(FittedModel::first).collect();
+    let asked = match goal {
+        DesignGoal::Decision => Some(AskedQuantity::new(target.creep()?, request.scenario.as_deref(), &request.sampler, monitor)?),
+        _ => None,
+    };
+    let now_detectable = match goal {
+        DesignGoal::Detection => {
+            monitor.stage("computing the smallest detectable size of every effect");
+            find_smallest_detectable(subject, members[0], threshold_sigma())?
+        }
+        _ => Vec::new(),
+    };
+    let sought = match (goal, &asked) {
+        (DesignGoal::Decision, Some(asked)) => Sought::Quantity(asked.derivatives(members[0])?),
+        (DesignGoal::Effects, _) => Sought::Effects,
+        (DesignGoal::Detection, _) => Sought::Sizes {
+            effects: SoughtEffect::all(subject, members[0], &now_detectable),
+            threshold_sigma: threshold_sigma(),
+        },
+        _ => Sought::Parameters,
+    };
+    let designer = Designer::new(subject, &members, sought, &models[0].fit.information_elsewhere)?;
+    let farthest_m = members[0].1.position_m.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+    let limits = limits(subject.experiment(), farthest_m, request)?;
+    let mut front: Vec<(DesignLimits, DesignedProtocol)> = Vec::new();
+    for factor in FRONT {
+        monitor.stage(&format!("comparing protocols of {} s", format_significant(factor * limits.duration_s, 3)));
+        let within = DesignLimits { duration_s: factor * limits.duration_s, ..limits };
+        let shorter = front
+            .last()
+            .and_then(|(shorter, protocol)| protocol.drive.followed_by_rest(shorter.duration_s / within.duration_s));
+        match designer.search(&within, shorter.as_slice(), seed, monitor) {
+            // A short duration in which no protocol fits is left out.
+            Err(Error::Numerical { .. }) if factor < 1.0 => {}
+            found => front.push((within, found?)),
+        }
+    }
+    let place = front.iter().position(|(within, _)| within.duration_s == limits.duration_s).unwrap_or(0);
+    let best = front.remove(place).1;
+    monitor.stage("simulating records of the best protocol");
+    let effects: Vec<String> = models.iter().map(FittedModel::name).collect();
+    let name = class.as_ref().map_or(&revision.name, |class| &class.revision).clone();
+    // The distance of models that share several records is not the one of the first.
+    let now = if later.is_empty() { designer.distance_now()? } else { None };
+    let right = best.closest.map(|_| designer.n_right(&best, seed)).transpose()?;
+    let [information_nats, standard_error] = designer.mean_information(&best, seed)?;
+    let helpless = helpless(&designer, &best, &limits, &effects);
+    let quantity = asked.map(|asked| asked.designed(members[0], designer.quantity_sd(&best)?)).transpose()?;
+    let detectable = match goal {
+        DesignGoal::Detection => detections(&now_detectable, &designer.detectable(&best, threshold_sigma())?),
+        _ => Vec::new(),
+    };
+    let study_dir = revision.study.dir().to_path_buf();
+    let file = |stem: &str| study_dir.join(format!("{stem}.csv"));
+    let record_dir = record_dir(&study_dir);
+    let parameters = parameters(members[0], &designer.sd_now()?, &best.sd);
+    let uncertainties = parameters.iter().map(|parameter| [parameter.sd_now, parameter.sd_expected]);
+    stop = stop.or_else(|| match (goal, &quantity) {
+        (DesignGoal::Parameters, _) => stop_sentence(&limits, uncertainties),
+        (_, Some(quantity)) => stop_sentence(&limits, std::iter::once([quantity.sd_now, quantity.sd_expected])),
+        _ => None,
+    });
+    let recommended = RecommendedProtocol {
+        protocol_file: file("design-protocol").display().to_string(),
+        record_dir: record_dir.display().to_string(),
+        protocol: best.drive.described(&limits),
+        duration_s: limits.duration_s,
+        expected_information_nats: information_nats,
+        standard_error,
+        separation_sigma: best.closest.map(|(distance, _)| distance),
+        verdict_right_probability: right.map(|right| right as f64 / N_REPEATS as f64),
+        simulated_records: if right.is_some() { N_REPEATS } else { 0 },
+        sentence: match (&quantity, goal) {
+            (Some(quantity), _) => with_quantity(&best, &limits, quantity),
+            (None, DesignGoal::Detection) => with_detection(&best, &limits, &detectable),
+            (None, _) => sentence(&best, &limits, now, right, &effects, &parameters),
+        },
+        parameters,
+    };
+    let entry = |limits: &DesignLimits, protocol: &DesignedProtocol, file: PathBuf| FrontProtocol {
+        duration_s: limits.duration_s,
+        expected_information_nats: protocol.information_nats,
+        separation_sigma: protocol.closest.map(|(distance, _)| distance),
+        protocol: protocol.drive.described(limits),
+        protocol_file: file.display().to_string(),
+    };
+    let of_front = |index: usize| file(&format!("design-front-{}", index + 1));
+    let mut entries: Vec<FrontProtocol> =
+        front.iter().enumerate().map(|(k, (limits, protocol))| entry(limits, protocol, of_front(k))).collect();
+    entries.push(entry(&limits, &best, file("design-protocol")));
+    entries.sort_by(|a, b| a.duration_s.total_cmp(&b.duration_s));
+    let found = Design {
+        experiment: subject.experiment().specimen_id.clone(),
+        revision: name,
+        goal: goal.name().into(),
+        effects: if effects.len() > 1 { effects } else { Vec::new() },
+        separation_now_sigma: now,
+        largest_force_un: 1e6 * limits.largest_force_n,
+        largest_displacement_um: 1e6 * limits.largest_position_m,
+        interval_s: limits.interval_s,
+        protocols_tried: best.n_tried,
+        recommended,
+        quantity,
+        detectable,
+        front: entries,
+        helpless,
+        after,
+        models: standings,
+        stop,
+        warnings,
+    };
+    monitor.stage("writing results and figures");
+    let figure = figure(&designer.expected_m(&best)?, subject.reference_noise_m(), &best.record, &found)?;
+    let posterior = revision.study.revision_dir(&revision.name)?.join(POSTERIOR_NAME);
+    let posterior = read(&posterior, Content::Document, "run `vitreo-uq sample` again")?;
+    let provenance = artefacts::with_inputs(revision.study.provenance("design", 1, seed), &revision.problem)
+        .with_input(format!("{}/{POSTERIOR_NAME}", revision.name), &posterior)
+        .with_hashes(later.iter().enumerate().flat_map(|(k, later)| later.named_hashes(k + 1)));
+    let document = WithProvenance { provenance, body: found };
+    let json = study_dir.join("design.json");
+    let json = (json.clone(), to_json(&json, &document)?);
+    let mut tables = vec![(file("design-protocol"), protocol_csv(&best.record))];
+    tables.extend(front.iter().enumerate().map(|(k, (_, protocol))| (of_front(k), protocol_csv(&protocol.record))));
+    create_folders(&record_dir, "check the permissions of the study's directory")?;
+    let (description, table) = next_record(subject.experiment(), &best.record, holds_out);
+    tables.push((record_dir.join("experiment.toml"), description));
+    tables.push((record_dir.join("trajectory.csv"), table));
+    let [svg, png, pdf] = figure_files(&study_dir, "design", &figure)?;
+    let written = [&svg, &png, &pdf, &json].into_iter().chain(&tables);
+    let written: Vec<_> = written.map(|(path, bytes)| (path.as_path(), bytes.as_slice())).collect();
+    write_together(&written)?;
+    Ok(Outcome { is_sound: document.body.is_sound(), document, written: svg.0, study: Some(revision.study) })
+}
+
+/// Refuses records whose designed protocol this search cannot make.
+fn refuse_other_records(revision: &Revision) -> Result<()> {
+    let experiment = &revision.problem.experiment;
+    let refuse = |found: &str, remedy: &str| {
+        Err(Error::input(InputPlace::file(&experiment.specimen_id).at_key("kind"), found, remedy))
+    };
+    if experiment.control == Control::Position {
+        return refuse(
+            "protocols are designed for a commanded force, and this record commands a position",
+            "give a record under a commanded force",
+        );
+    }
+    if experiment.scales().depth_exponent.is_some() {
+        return refuse(
+            "a tip in contact cannot be pulled, as designed protocols do",
+            "give a record of a bead or of an instrument",
+        );
+    }
+    Ok(())
+}
+
+/// Subject of a later record, with the rows and the noise terms of the first.
+fn later_subject(
+    record: &Later,
+    first: &Subject,
+    (problem, has_learnt_noise): (&Problem, bool),
+    holds_out: bool,
+) -> Result<Subject> {
+    let subject = record.subject(problem, first)?;
+    let subject = if has_learnt_noise { subject } else { subject.with_specified_noise() };
+    let mut cycles = record.experiment.calibration_cycles.clone();
+    cycles.extend(record.experiment.heldout_cycles.iter().filter(|_| holds_out));
+    subject.with_cycles(&cycles, &[])
+}
+
+/// Distance (σ) from which an effect is detected: a lead of twice the least gain of a diagnosis, and one standard deviation more, so that most records show it.
+fn threshold_sigma() -> f64 {
+    (2.0 * Criteria::RECORD.least_gain_nats).sqrt() + 1.0
+}
+
+/// Effects with their smallest detectable sizes in the present and in the designed record.
+fn detections(now: &[Detectability], expected: &[Detectability]) -> Vec<DesignedDetection> {
+    let of_effect = |now: &Detectability| {
+        let then = expected.iter().find(|then| then.effect == now.effect)?;
+        let effect = Library::default().get(&now.effect)?;
+        Some(DesignedDetection {
+            effect: now.effect.clone(),
+            parameter: effect.parameters().first()?.spec.name.into(),
+            smallest_now: now.smallest,
+            smallest_expected: then.smallest,
+        })
+    };
+    now.iter().filter_map(of_effect).collect()
+}
+
+/// Parameters of the first model with their standard deviations now and later, in the parameters' units.
+fn parameters((candidate, fitted): (&Candidate, &Fitted), now: &[f64], then: &[f64]) -> Vec<DesignedParameter> {
+    let entry = |(k, free): (usize, &criticism::Free)| {
+        let unit = free.coordinate.unit(fitted.theta[k]).abs();
+        let value = free.coordinate.value(fitted.theta[k]);
+        DesignedParameter { name: free.name.into(), value, sd_now: unit * now[k], sd_expected: unit * then[k] }
+    };
+    candidate.free.iter().enumerate().map(entry).collect()
+}
+
+/// Pairs that stay together, each with the change of a limit that would separate them.
+fn helpless(
+    designer: &Designer<'_>,
+    best: &DesignedProtocol,
+    limits: &DesignLimits,
+    effects: &[String],
+) -> Vec<HelplessPair> {
+    let Some((distance, other)) = best.closest.filter(|(distance, _)| !separates(*distance)) else { return Vec::new() };
+    let with = |[force, duration, rate]: [f64; 3]| DesignLimits {
+        largest_force_n: force * limits.largest_force_n,
+        duration_s: duration * limits.duration_s,
+        interval_s: limits.interval_s / rate,
+        ..*limits
+    };
+    let helps = |drive: &DesignedDrive, factors| designer.distance_within(drive, &with(factors)).is_ok_and(separates);
+    let limit = CHANGES.into_iter().find(|(_, factors)| helps(&best.drive, *factors)).map_or_else(
+        || format!("none of the tried changes separates them (distance {} σ)", format_significant(distance, 2)),
+        |(limit, factors)| {
+            let factor = factors.into_iter().fold(1.0, f64::max);
+            format!("{limit} × {factor}")
+        },
+    );
+    vec![HelplessPair { pair: [effects[0].clone(), effects[other].clone()], limit }]
+}
+
+/// Figure of the recommended force and of the expected position (m at every row), with bands of the noise (m).
+fn figure(position_m: &[f64], noise_m: f64, record: &Record, found: &Design) -> Result<figures::svg::Svg> {
+    let noise_um = 1e6 * noise_m;
+    let shifted = |sd: f64| position_m.iter().map(|x| 1e6 * x + sd * noise_um).collect::<Vec<f64>>();
+    let expected = ScenarioPrediction {
+        name: found.recommended.protocol.clone(),
+        apparatus: "expected positions, with the bands of the noise".into(),
+        time_s: record.time_s.clone(),
+        force_un: record.force_n.iter().map(|force| 1e6 * force).collect(),
+        position_um: PositionQuantiles {
+            q05: shifted(-1.645),
+            q25: shifted(-0.674),
+            median: shifted(0.0),
+            q75: shifted(0.674),
+            q95: shifted(1.645),
+        },
+        quantities: Vec::new(),
+        full_model_error_um: 0.0,
+        full_runs: 0,
+        mesh_error_um: None,
+        warnings: Vec::new(),
+    };
+    figures::prediction::prediction("Protocol of the next record", &found.recommended.sentence, &[expected], None)
+}

@@ -1,0 +1,85 @@
+//! Settings of a design, and the limits that follow from them.
+
+use std::path::PathBuf;
+
+use base::error::{Error, InputPlace, Result};
+use criticism::protocol::DesignLimits;
+use record::Experiment;
+use sampling::SamplerOptions;
+
+/// Purpose of a design.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum DesignGoal {
+    /// Smallest uncertainty of the model's parameters.
+    Parameters,
+    /// Largest distance between the equivalent effects of the last diagnosis.
+    Effects,
+    /// Smallest detectable sizes of the effects that the model lacks.
+    Detection,
+    /// Smallest uncertainty of the first quantity of the first scenario.
+    Decision,
+}
+
+impl DesignGoal {
+    /// Name in documents.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Parameters => "parameters",
+            Self::Effects => "effects",
+            Self::Detection => "detection",
+            Self::Decision => "decision",
+        }
+    }
+}
+
+/// Settings of a design. A limit of `None` is that of the present record.
+pub struct DesignRequest {
+    /// Purpose; `None` for a decision if a scenario is given, for the effects if a diagnosis could not distinguish some, and otherwise for the parameters.
+    pub goal: Option<DesignGoal>,
+    /// File whose first scenario has the quantity of a decision.
+    pub scenario: Option<PathBuf>,
+    /// Duration of the new record, in s.
+    pub budget_s: Option<f64>,
+    /// Largest force, in N.
+    pub largest_force_n: Option<f64>,
+    /// Time between samples, in s.
+    pub interval_s: Option<f64>,
+    /// Shortest time for which a force is held, in s.
+    pub shortest_hold_s: Option<f64>,
+    /// Largest distance from the start, in m.
+    pub largest_position_m: Option<f64>,
+    /// Directories of later records of the specimen, on the same apparatus.
+    pub after: Vec<PathBuf>,
+    /// Sampler settings for a first revision; the seed also serves the search.
+    pub sampler: SamplerOptions,
+}
+
+/// Limits of the new record: those of the present one where the request gives none.
+pub fn limits(experiment: &Experiment, farthest_m: f64, request: &DesignRequest) -> Result<DesignLimits> {
+    let interval_s = request.interval_s.or(experiment.record.median_interval_s()).unwrap_or(0.0);
+    let scales = experiment.scales();
+    let duration_s = request.budget_s.unwrap_or(scales.duration_s + interval_s);
+    let largest_force_n = request.largest_force_n.unwrap_or(scales.largest_force_n);
+    let shortest_hold_s = request.shortest_hold_s.unwrap_or(4.0 * interval_s);
+    if !(interval_s > 0.0 && duration_s >= 20.0 * interval_s && largest_force_n > 0.0) {
+        return Err(Error::input(
+            InputPlace::default().at_key("limits"),
+            format!("a record of {duration_s} s with a sample every {interval_s} s and at most {largest_force_n} N"),
+            "give a force above 0, and a duration of at least 20 samples",
+        ));
+    }
+    if duration_s / interval_s > MOST_ROWS {
+        return Err(Error::input(
+            InputPlace::default().at_key("limits"),
+            format!("the new record would have {:.0} rows", duration_s / interval_s),
+            format!("give a longer interval or a shorter duration: the limit is {MOST_ROWS} rows"),
+        ));
+    }
+    let largest_position_m = request.largest_position_m.unwrap_or(BEYOND * farthest_m);
+    Ok(DesignLimits { largest_force_n, duration_s, interval_s, shortest_hold_s, largest_position_m })
+}
+
+/// Largest distance of a designed record from its start, relative to that of the present record, unless it is given.
+const BEYOND: f64 = 1.05;
+/// Largest number of rows of a designed record of the recommended duration.
+const MOST_ROWS: f64 = 10_000.0;
