@@ -300,6 +300,12 @@ def alone(text, changes):
     return text[:first] + new + text[last:]
 
 
+def stop(why):
+    """Ends the campaign; exit code 1 would be a result."""
+    print(why, file=sys.stderr)
+    sys.exit(2)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=40)
@@ -317,12 +323,12 @@ def main():
 
     head = subprocess.run(["git", "rev-parse", "HEAD"], cwd=ROOT, check=True, stdout=subprocess.PIPE, text=True).stdout.strip()
     if subprocess.run(["git", "diff", "--quiet", "HEAD", "--", "crates"], cwd=ROOT, check=False).returncode:
-        sys.exit("crates/ differs from the commit, and mutants are drawn in a commit: commit or stash the changes first")
+        stop("crates/ differs from the commit, and mutants are drawn in a commit: commit or stash the changes first")
     arguments.out.mkdir(parents=True, exist_ok=True)
     path = arguments.out / "mutants.json"
     noted = json.loads(read(path)) if path.exists() else {"commit": head, "seed": arguments.seed, "mutants": []}
     if (noted["commit"], noted["seed"]) != (head, arguments.seed):
-        sys.exit(f"{path} is of commit {noted['commit']} and seed {noted['seed']}: begin anew without RESUME")
+        stop(f"{path} is of commit {noted['commit']} and seed {noted['seed']}: begin anew without RESUME")
 
     def note():
         fresh = path.with_suffix(".new")
@@ -355,7 +361,7 @@ def main():
     for program in programs:
         started = time.monotonic()
         if by := copy.killer(program, None, None):
-            sys.exit(f"a test of {program.name} fails without any mutant: {by}")
+            stop(f"a test of {program.name} fails without any mutant: {by}")
         program.seconds = time.monotonic() - started
     for number, mutant, _ in at_choice:
         if "outcome" not in mutant:

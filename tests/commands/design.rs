@@ -23,6 +23,14 @@ fn protocol(path: &std::path::Path) -> Vec<[f64; 2]> {
     text.lines().skip(1).map(row).collect()
 }
 
+/// Summary of a parameter by `sample`.
+fn sampled(dir: &std::path::Path, name: &str) -> Value {
+    let posterior = std::fs::read_to_string(dir.join("study/m0/posterior.json")).unwrap();
+    let posterior: Value = serde_json::from_str(&posterior).unwrap();
+    let parameters = posterior["parameters"].as_array().unwrap();
+    parameters.iter().find(|parameter| parameter["name"] == name).unwrap().clone()
+}
+
 /// One free parameter: with E and c₁ fixed, the position is C(J + ∫F dt/c₂), so dx/d ln c₂ = −C∫F dt/c₂. The information of white noise σ is the sum of its
 /// squares over σ². Under |F| ≤ F_max it is largest for a constant force, and the expected standard deviation follows.
 #[test]
@@ -38,9 +46,9 @@ fn one_viscosity_is_learnt_best_from_a_constant_force() {
     let parameter = &document["recommended"]["parameters"][0];
     assert_eq!(parameter["name"], "viscosity_2_pa_s");
     let [c2, now, then] = ["value", "sd_now", "sd_expected"].map(|key| number(&parameter[key]));
-    // 401 samples at 0.05 s, none of which moves at time 0; noise of 4 µm. The learnt noise is within a few per cent of it.
+    // 401 samples at 0.05 s, none of which moves at time 0, with the noise that `sample` learns.
     let squares: f64 = (1..=400).map(|k| (COMPLIANCE_PER_M * 4.6 * 0.05 * f64::from(k) / c2).powi(2)).sum();
-    let information = squares / 16.0;
+    let information = squares / number(&sampled(dir.path(), "noise_sd_um")["mean"]).powi(2);
     let found = (c2 / then).powi(2) - (c2 / now).powi(2);
     assert!((found / information - 1.0).abs() < 0.1, "{found} against {information}");
     let nats = 0.5 * ((c2 / then).powi(2) / (c2 / now).powi(2)).ln();
@@ -91,6 +99,8 @@ fn a_later_record_adds_its_information() {
     };
     let (alone, after) = (design(&[]), design(&["--after", replica]));
     let sd = |document: &Value| number(&document["recommended"]["parameters"][0]["sd_now"]);
+    let sampled = number(&sampled(dir.path(), "viscosity_2_pa_s")["sd"]);
+    assert!((sd(&alone) / sampled - 1.0).abs() < 0.1, "{} against {sampled} by `sample`", sd(&alone));
     let ratio = sd(&alone) / sd(&after);
     assert!((ratio / 2.0_f64.sqrt() - 1.0).abs() < 0.01, "{ratio}");
     let record = &after["after"][0];
@@ -224,7 +234,10 @@ fn a_designed_record_tells_equivalent_effects_apart() {
     // Both records together reject the other effect, and the design ends.
     let after = ["design", "study", "--after", "next", "--no-report", "--json", "-"];
     let after = vitreo(dir.path(), &after).exits(0).json();
-    assert!(after["stop"].as_str().unwrap().contains("instantaneous-elasticity leads outer-wall-compliance"), "{after}");
+    assert!(
+        after["stop"].as_str().unwrap().contains("instantaneous-elasticity leads outer-wall-compliance"),
+        "{after}"
+    );
     assert_eq!((&after["goal"], &after["effects"]), (&"parameters".into(), &serde_json::json!([])));
     let likeliest = &after["models"][0];
     assert_eq!(likeliest["effects"], "instantaneous-elasticity");

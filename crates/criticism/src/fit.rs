@@ -210,9 +210,7 @@ impl Climber<'_> {
         let of_noise = self.noise_prior.ln_density(log_noise);
         for (lane, value) in out.iter_mut().enumerate() {
             *value = match points.get(lane) {
-                Some(theta) if is_valid[lane] && value.is_finite() => {
-                    *value + self.ln_known(theta) + of_noise
-                }
+                Some(theta) if is_valid[lane] && value.is_finite() => *value + self.ln_known(theta) + of_noise,
                 _ => f64::NEG_INFINITY,
             };
         }

@@ -28,8 +28,7 @@ impl Elsewhere {
     fn about(theta: &[f64], candidate: &Candidate, records: &[(&Subject, &Fitted)]) -> Result<Self> {
         let n = theta.len();
         let at = DVector::from_column_slice(theta);
-        let mut sum =
-            Self { at, ln_likelihood: 0.0, slope: DVector::zeros(n), information: DMatrix::zeros(n, n) };
+        let mut sum = Self { at, ln_likelihood: 0.0, slope: DVector::zeros(n), information: DMatrix::zeros(n, n) };
         for (subject, Fitted { noise, .. }) in records {
             let position_m = subject.trajectory_m(candidate, theta)?;
             let mut columns = columns_m(subject, candidate, theta)?;
@@ -119,7 +118,13 @@ impl JointFit {
             let of_noise = subject.noise_prior().ln_density(&noise.map(f64::ln));
             objective += ln_likelihood + of_noise;
             let of_record = candidate.ln_prior(theta) + ln_likelihood + of_noise;
-            records.push(Fitted { theta: theta.to_vec(), noise: *noise, position_m, objective: of_record, ln_likelihood });
+            records.push(Fitted {
+                theta: theta.to_vec(),
+                noise: *noise,
+                position_m,
+                objective: of_record,
+                ln_likelihood,
+            });
         }
         let later: Vec<(&Subject, &Fitted)> = subjects.iter().zip(&records).skip(1).collect();
         let information_elsewhere = Elsewhere::about(theta, candidate, &later)?.information;

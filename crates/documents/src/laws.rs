@@ -18,7 +18,8 @@ pub struct LawComparison {
     pub n_fitted: usize,
     /// Known or estimated noise standard deviation, in µm; `None` if it is unknown.
     pub noise_um: Option<f64>,
-    /// Whether a law leaves no more than the noise; `None` if the noise is unknown.
+    /// Whether a law leaves no more on the fitted positions than the noise, and on the scored ones than the noise and the uncertainty of its parameters; `None` if the noise is
+    /// unknown.
     pub is_explained: Option<bool>,
     /// Laws by falling evidence, or by rising error if no law explains the record. Without an explanation there is no evidence. Laws that could not be fitted come last.
     pub laws: Vec<LawRow>,
@@ -44,6 +45,8 @@ pub struct LawRow {
     pub rmse_fitted_um: Option<f64>,
     /// Root mean square residual of the scored positions at the best fit, in µm; `None` without a fit or a scored cycle.
     pub rmse_heldout_um: Option<f64>,
+    /// Error on the scored positions divided by the one expected from white noise and the uncertainty of the parameters; `None` without a fit or a scored cycle.
+    pub heldout_over_expected: Option<f64>,
     /// Posterior of each parameter of the law; empty without evidence.
     pub parameters: Vec<RefitParameter>,
 }

@@ -5,6 +5,7 @@ use std::path::Path;
 use base::error::{Error, Result};
 use base::files::{self, to_json};
 use criticism::evidence::evidence;
+use criticism::predicted::error_over_white_noise;
 use criticism::{Fitted, Search, Subject};
 use documents::diagnosis::BaseErrors;
 use documents::laws::{LawComparison, LawRow, LawStatus};
@@ -104,8 +105,8 @@ pub fn find_explaining_law(
     monitor: &dyn Monitor,
 ) -> Result<Option<(String, String)>> {
     let Some(noise_um) = noise_um(&problem.experiment) else { return Ok(None) };
-    let is_fitted = !exceeds_noise(errors.rmse_fitted_um, errors.rmse_heldout_um, noise_um);
-    if is_fitted || problem.outside_forward().is_some() {
+    let largest_um = errors.rmse_heldout_um.unwrap_or(errors.rmse_fitted_um).max(errors.rmse_fitted_um);
+    if largest_um <= NOISE_FACTOR * noise_um || problem.outside_forward().is_some() {
         return Ok(None);
     }
     let of_law = |name: &str| Ok((name.to_string(), specification(name, &ModelRequest::default())?));
@@ -181,6 +182,7 @@ fn fitted(name: &str, subject: &Subject) -> Result<(LawRow, Fitted)> {
     let row = LawRow {
         rmse_fitted_um: in_um(&subject.fitted_m),
         rmse_heldout_um: in_um(&subject.scored_m),
+        heldout_over_expected: error_over_white_noise(subject, (&subject.base(), &fitted)),
         reason: None,
         ..not_compared(name, String::new())
     };
@@ -215,6 +217,7 @@ fn not_compared(name: &str, why: String) -> LawRow {
         evidence_standard_error_nats: None,
         rmse_fitted_um: None,
         rmse_heldout_um: None,
+        heldout_over_expected: None,
         parameters: Vec::new(),
     }
 }
@@ -245,14 +248,11 @@ fn error_um(row: &LawRow) -> Option<f64> {
     row.rmse_heldout_um.or(row.rmse_fitted_um)
 }
 
-/// Whether a law leaves no more than the noise on the fitted and on the scored rows; `None` if the noise is unknown.
+/// Whether a law leaves no more than the noise on the fitted rows, and no more than the noise and the uncertainty of its parameters on the scored rows; `None` if the noise is
+/// unknown.
 fn is_explained(row: &LawRow, noise_um: Option<f64>) -> Option<bool> {
-    Some(!exceeds_noise(row.rmse_fitted_um?, row.rmse_heldout_um, noise_um?))
-}
-
-/// Whether a fit leaves more than the noise on the fitted or on the scored rows.
-fn exceeds_noise(fitted_um: f64, heldout_um: Option<f64>, noise_um: f64) -> bool {
-    heldout_um.unwrap_or(fitted_um).max(fitted_um) > NOISE_FACTOR * noise_um
+    let leaves = row.heldout_over_expected.unwrap_or(0.0).max(row.rmse_fitted_um? / noise_um?);
+    Some(leaves <= NOISE_FACTOR)
 }
 
 /// Noise (µm) of all rows, as in other commands: rows that are farther apart give another estimate.
@@ -282,7 +282,13 @@ fn scored(row: &LawRow) -> &'static str {
 /// Sentence on a law that explains the record.
 fn explains(row: &LawRow, noise_um: f64) -> String {
     let ratio = error_um(row).unwrap_or(f64::NAN) / noise_um;
-    format!("{} explains the record: its error on {} is {ratio:.2} times the noise.", row.law, scored(row))
+    let expected = match row.heldout_over_expected {
+        Some(expected) if ratio > NOISE_FACTOR => {
+            format!(", and {expected:.2} times the one expected from the noise and the uncertainty of its parameters")
+        }
+        _ => String::new(),
+    };
+    format!("{} explains the record: its error on {} is {ratio:.2} times the noise{expected}.", row.law, scored(row))
 }
 
 fn sentence(rows: &[LawRow], noise_um: Option<f64>) -> String {
@@ -372,6 +378,11 @@ mod tests {
             [Some(4.0), Some(1.0), None].map(|noise_um| is_explained(&rows[0], noise_um)),
             [Some(true), Some(false), None]
         );
+        // Parameters that are known badly explain an error beyond the noise, but not one beyond their uncertainty.
+        for (expected, is_so) in [(1.1, true), (1.6, false)] {
+            let row = LawRow { rmse_heldout_um: Some(9.0), heldout_over_expected: Some(expected), ..rows[0].clone() };
+            assert_eq!(is_explained(&row, Some(4.0)), Some(is_so));
+        }
         let mut rows = vec![row("a", 0.0, 3.0), row("b", -7.0, 3.0)];
         rank(&mut rows);
         assert_eq!(rows[1].status, LawStatus::Indistinguishable);

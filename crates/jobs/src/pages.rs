@@ -183,7 +183,7 @@ fn predictions(study: &Study, posteriors_sha256: &BTreeMap<String, String>) -> R
     {
         let found = document.body;
         list.push(PredictionPage {
-            sentences: vec![found.recommended.sentence],
+            sentences: found.stop.into_iter().chain([found.recommended.sentence]).collect(),
             warnings: found.warnings,
             caption: "Protocol of the next record and expected position",
             figure,

@@ -106,7 +106,8 @@ fn words(found: &Design) -> String {
     lines.push(recommended.sentence.clone());
     lines.push(String::new());
     if !found.models.is_empty() {
-        lines.push(format!("  {:<44}{:>18}{:>14}", "model after the records so far", "trails by (nats)", "probability"));
+        lines
+            .push(format!("  {:<44}{:>18}{:>14}", "model after the records so far", "trails by (nats)", "probability"));
         lines.extend(found.models.iter().map(|model| {
             let probability = format!("{:.1} %", 100.0 * model.probability);
             format!("  {:<44}{:>18}{probability:>14}", model.effects, significant(model.trails_by_nats))

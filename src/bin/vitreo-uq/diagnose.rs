@@ -201,7 +201,7 @@ fn next_lines(diagnosis: &Diagnosis, study: &Path) -> Vec<String> {
     if is_unexplained && diagnosis.verdict.base_law.is_none() {
         commands.push(format!("compare {study} --laws    (other base laws, each with its misfit)"));
     }
-    let start = |place: usize| if place == 0 { "\nNext:" } else { "      " };
+    let start = |place: usize| if place == 0 { "\nNext:" } else { "     " };
     commands.iter().enumerate().map(|(place, command)| format!("{}  vitreo-uq {command}", start(place))).collect()
 }
 

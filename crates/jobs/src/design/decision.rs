@@ -77,7 +77,11 @@ impl AskedQuantity {
         Ok(DVector::from_vec(all))
     }
 
-    pub fn designed(&self, (candidate, fitted): (&Candidate, &Fitted), sd: Option<[f64; 2]>) -> Result<DesignedQuantity> {
+    pub fn designed(
+        &self,
+        (candidate, fitted): (&Candidate, &Fitted),
+        sd: Option<[f64; 2]>,
+    ) -> Result<DesignedQuantity> {
         let [sd_now, sd_expected] = sd.unwrap_or([f64::NAN; 2]);
         Ok(DesignedQuantity {
             scenario: self.scenario.name.clone(),

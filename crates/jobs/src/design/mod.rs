@@ -25,7 +25,7 @@ use models::effects::Library;
 use posterior::monitor::Monitor;
 use posterior::problem::Problem;
 use posterior::study::{POSTERIOR_NAME, WithProvenance};
-use record::{Control, Record};
+use record::{Control, Experiment, Record};
 
 use self::decision::AskedQuantity;
 use self::files::{next_record, protocol_csv, record_dir};
@@ -99,9 +99,7 @@ pub fn run(target: &Target, request: &DesignRequest, monitor: &dyn Monitor) -> R
     };
     // Expected uncertainties continue those of `sample`, which fits the calibration cycles; a distance of effects uses all rows.
     let holds_out = matches!(goal, DesignGoal::Effects | DesignGoal::Detection);
-    let mut cycles = subject.experiment().calibration_cycles.clone();
-    cycles.extend(subject.experiment().heldout_cycles.iter().filter(|_| holds_out));
-    let mut subjects = vec![subject.with_cycles(&cycles, &[])?];
+    let mut subjects = vec![subject.with_cycles(&fitted_cycles(&problem.experiment, holds_out), &[])?];
     for record in &later {
         subjects.push(later_subject(record, &subjects[0], (problem, class.is_some()), holds_out)?);
     }
@@ -116,7 +114,9 @@ pub fn run(target: &Target, request: &DesignRequest, monitor: &dyn Monitor) -> R
     }
     let members: Vec<(&Candidate, &Fitted)> = models.iter().map(FittedModel::first).collect();
     let asked = match goal {
-        DesignGoal::Decision => Some(AskedQuantity::new(target.creep()?, request.scenario.as_deref(), &request.sampler, monitor)?),
+        DesignGoal::Decision => {
+            Some(AskedQuantity::new(target.creep()?, request.scenario.as_deref(), &request.sampler, monitor)?)
+        }
         _ => None,
     };
     let now_detectable = match goal {
@@ -278,9 +278,13 @@ fn later_subject(
 ) -> Result<Subject> {
     let subject = record.subject(problem, first)?;
     let subject = if has_learnt_noise { subject } else { subject.with_specified_noise() };
-    let mut cycles = record.experiment.calibration_cycles.clone();
-    cycles.extend(record.experiment.heldout_cycles.iter().filter(|_| holds_out));
-    subject.with_cycles(&cycles, &[])
+    subject.with_cycles(&fitted_cycles(&record.experiment, holds_out), &[])
+}
+
+/// Cycles of a record that are fitted: those of `sample`, or all.
+fn fitted_cycles(experiment: &Experiment, are_all: bool) -> Vec<u32> {
+    let held_out = experiment.heldout_cycles.iter().filter(|_| are_all);
+    experiment.calibration_cycles.iter().chain(held_out).copied().collect()
 }
 
 /// Distance (σ) from which an effect is detected: a lead of twice the least gain of a diagnosis, and one standard deviation more, so that most records show it.

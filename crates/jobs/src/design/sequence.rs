@@ -197,7 +197,11 @@ pub fn judge_later(subjects: &[Subject], model: &FittedModel) -> (Vec<LaterRecor
         let factor = record.rmse_um / record.noise_um?;
         (factor > NOISE_FACTOR).then(|| Warning {
             kind: WarningKind::MisfitAboveNoise,
-            text: format!("{}: no model of the class explains this record; the likeliest leaves {} times the noise", record.experiment, format_significant(factor, 2)),
+            text: format!(
+                "{}: no model of the class explains this record; the likeliest leaves {} times the noise",
+                record.experiment,
+                format_significant(factor, 2)
+            ),
             advice: "run `vitreo-uq diagnose` on this record: another effect may be present".into(),
         })
     };
