@@ -9,7 +9,7 @@
 
 use super::candidate::Coordinate;
 use super::derivatives::derivatives_m;
-use super::joint_fit::Elsewhere;
+use super::elsewhere::Elsewhere;
 use super::noise_fit::{self, LogNoise, NoisePrior};
 use super::steps::{Steps, damped_steps, normal_equations};
 use super::{Candidate, Subject};

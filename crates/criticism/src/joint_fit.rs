@@ -3,58 +3,16 @@
 //! Every record has its own noise. While one record is fitted, the log likelihoods of the others are replaced by their Gauss–Newton expansions about the last fit. Expansions and
 //! fits alternate until the exact objective, the sum over all records, gains nothing more.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
 
-use super::derivatives::columns_m;
-use super::steps::normal_equations;
+use super::elsewhere::Elsewhere;
 use super::{Candidate, Fitted, Search, Subject};
+use crate::NoiseValues;
 use base::error::{Error, Result};
 
 /// Gain (nats) of a round below which a joint fit has converged.
 const LEAST_GAIN_NATS: f64 = 1e-2;
 const MOST_ROUNDS: usize = 12;
-
-/// Gauss–Newton expansion of the log likelihood of other records about a point.
-pub(super) struct Elsewhere {
-    at: DVector<f64>,
-    ln_likelihood: f64,
-    slope: DVector<f64>,
-    /// Fisher information.
-    information: DMatrix<f64>,
-}
-
-impl Elsewhere {
-    /// Expansion about a point, as the sum over records with their own noise.
-    fn about(theta: &[f64], candidate: &Candidate, records: &[(&Subject, &Fitted)]) -> Result<Self> {
-        let n = theta.len();
-        let at = DVector::from_column_slice(theta);
-        let mut sum = Self { at, ln_likelihood: 0.0, slope: DVector::zeros(n), information: DMatrix::zeros(n, n) };
-        for (subject, Fitted { noise, .. }) in records {
-            let position_m = subject.trajectory_m(candidate, theta)?;
-            let mut columns = columns_m(subject, candidate, theta)?;
-            let rows = subject.fitted_m.iter().zip(&position_m);
-            columns.push(rows.map(|(y, x)| y.map_or(0.0, |y| y - x)).collect());
-            let (normal, slope) = normal_equations(&subject.fitted.whiten(&columns, &position_m, noise));
-            sum.ln_likelihood += subject.fitted.ln_likelihood(&position_m, noise);
-            sum.slope += slope;
-            sum.information += normal;
-        }
-        Ok(sum)
-    }
-
-    /// Log likelihood of the other records at a point.
-    pub(super) fn ln_likelihood(&self, theta: &[f64]) -> f64 {
-        let step = DVector::from_column_slice(theta) - &self.at;
-        self.ln_likelihood + self.slope.dot(&step) - 0.5 * (&self.information * &step).dot(&step)
-    }
-
-    /// Adds curvature and slope at a point to those of the fitted record.
-    pub(super) fn add_to(&self, theta: &[f64], normal: &mut DMatrix<f64>, slope: &mut DVector<f64>) {
-        let step = DVector::from_column_slice(theta) - &self.at;
-        *normal += &self.information;
-        *slope += &self.slope - &self.information * step;
-    }
-}
 
 /// One model fitted to several records of one specimen.
 #[derive(Debug, Clone)]
@@ -78,7 +36,7 @@ impl JointFit {
         };
         let mut fits = vec![first.fit(candidate, &[], Search::Wide)?];
         for subject in others {
-            let before: Vec<(&Subject, &Fitted)> = subjects.iter().zip(&fits).collect();
+            let before: Vec<(&Subject, &NoiseValues)> = with_noise(subjects, &fits).collect();
             let theta = fits[fits.len() - 1].theta.clone();
             let elsewhere = Elsewhere::about(&theta, candidate, &before)?;
             fits.push(subject.fit_beside(candidate, &[(theta, fits[0].noise)], Search::Wide, Some(&elsewhere))?);
@@ -88,8 +46,8 @@ impl JointFit {
             let mut fits = best.records.clone();
             for (place, subject) in subjects.iter().enumerate() {
                 let (theta, noise) = (fits[place].theta.clone(), fits[place].noise);
-                let records = subjects.iter().zip(&fits).enumerate();
-                let rest: Vec<(&Subject, &Fitted)> =
+                let records = with_noise(subjects, &fits).enumerate();
+                let rest: Vec<(&Subject, &NoiseValues)> =
                     records.filter(|(other, _)| *other != place).map(|(_, record)| record).collect();
                 let elsewhere = Elsewhere::about(&theta, candidate, &rest)?;
                 let found = subject.fit_beside(candidate, &[(theta, noise)], Search::Local, Some(&elsewhere))?;
@@ -126,7 +84,7 @@ impl JointFit {
                 ln_likelihood,
             });
         }
-        let later: Vec<(&Subject, &Fitted)> = subjects.iter().zip(&records).skip(1).collect();
+        let later: Vec<(&Subject, &NoiseValues)> = with_noise(subjects, &records).skip(1).collect();
         let information_elsewhere = Elsewhere::about(theta, candidate, &later)?.information;
         Ok(Self { records, objective, information_elsewhere })
     }
@@ -135,6 +93,10 @@ impl JointFit {
     pub fn theta(&self) -> &[f64] {
         &self.records[0].theta
     }
+}
+
+fn with_noise<'a>(subjects: &'a [Subject], fits: &'a [Fitted]) -> impl Iterator<Item = (&'a Subject, &'a NoiseValues)> {
+    subjects.iter().zip(fits.iter().map(|fit| &fit.noise))
 }
 
 #[cfg(test)]

@@ -1,4 +1,5 @@
 use super::*;
+use crate::derivatives::columns_m;
 use crate::test_replica::replica;
 
 /// Cycles of one record, fitted as separate records, have the exact joint likelihood of one fit to all of them, which uses no expansion. Only the estimates of the noise differ: a
@@ -40,7 +41,7 @@ fn an_expansion_has_the_value_and_the_slope_of_the_likelihood() {
         let position_m = subject.trajectory_m(&candidate, theta).expect("a solution");
         subject.fitted.ln_likelihood(&position_m, &fitted.noise)
     };
-    let expansion = Elsewhere::about(&theta, &candidate, &[(&subject, &fitted)]).expect("derivatives");
+    let expansion = Elsewhere::about(&theta, &candidate, &[(&subject, &fitted.noise)]).expect("derivatives");
     assert_eq!(expansion.ln_likelihood(&theta), exact(&theta));
     for k in 0..theta.len() {
         let moved = |step: f64| {

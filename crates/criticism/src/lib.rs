@@ -18,6 +18,7 @@ pub mod derivatives;
 pub mod detectable;
 pub mod diagnose;
 mod document;
+mod elsewhere;
 pub mod evidence;
 pub mod fingerprints;
 mod fit;
