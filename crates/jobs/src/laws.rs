@@ -251,8 +251,10 @@ fn error_um(row: &LawRow) -> Option<f64> {
 /// Whether a law leaves no more than the noise on the fitted rows, and no more than the noise and the uncertainty of its parameters on the scored rows; `None` if the noise is
 /// unknown.
 fn is_explained(row: &LawRow, noise_um: Option<f64>) -> Option<bool> {
-    let leaves = row.heldout_over_expected.unwrap_or(0.0).max(row.rmse_fitted_um? / noise_um?);
-    Some(leaves <= NOISE_FACTOR)
+    let over_noise = |error_um: f64| noise_um.map(|noise_um| error_um / noise_um);
+    // Parameters whose uncertainty is unknown explain nothing.
+    let heldout = row.heldout_over_expected.or(row.rmse_heldout_um.and_then(over_noise)).unwrap_or(0.0);
+    Some(heldout.max(over_noise(row.rmse_fitted_um?)?) <= NOISE_FACTOR)
 }
 
 /// Noise (µm) of all rows, as in other commands: rows that are farther apart give another estimate.
@@ -379,8 +381,8 @@ mod tests {
             [Some(true), Some(false), None]
         );
         // Parameters that are known badly explain an error beyond the noise, but not one beyond their uncertainty.
-        for (expected, is_so) in [(1.1, true), (1.6, false)] {
-            let row = LawRow { rmse_heldout_um: Some(9.0), heldout_over_expected: Some(expected), ..rows[0].clone() };
+        for (expected, is_so) in [(Some(1.1), true), (Some(1.6), false), (None, false)] {
+            let row = LawRow { rmse_heldout_um: Some(9.0), heldout_over_expected: expected, ..rows[0].clone() };
             assert_eq!(is_explained(&row, Some(4.0)), Some(is_so));
         }
         let mut rows = vec![row("a", 0.0, 3.0), row("b", -7.0, 3.0)];
