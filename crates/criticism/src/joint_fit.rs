@@ -21,8 +21,8 @@ pub struct JointFit {
     pub records: Vec<Fitted>,
     /// Log likelihoods of all records plus the log priors of the law and of all noise, in nats, up to constants that all candidates share.
     pub objective: f64,
-    /// Fisher information of the records after the first about the free coordinates.
-    pub information_elsewhere: DMatrix<f64>,
+    /// Fisher information of all records about the free coordinates.
+    pub information: DMatrix<f64>,
 }
 
 impl JointFit {
@@ -41,9 +41,9 @@ impl JointFit {
             let elsewhere = Elsewhere::about(&theta, candidate, &before)?;
             fits.push(subject.fit_beside(candidate, &[(theta, fits[0].noise)], Search::Wide, Some(&elsewhere))?);
         }
-        let mut best = Self::at(subjects, candidate, &fits[fits.len() - 1].theta, &fits)?;
+        let (mut best, mut objective) = at(subjects, candidate, &fits)?;
         for _ in 0..if others.is_empty() { 0 } else { MOST_ROUNDS } {
-            let mut fits = best.records.clone();
+            let mut fits = best.clone();
             for (place, subject) in subjects.iter().enumerate() {
                 let (theta, noise) = (fits[place].theta.clone(), fits[place].noise);
                 let records = with_noise(subjects, &fits).enumerate();
@@ -54,45 +54,40 @@ impl JointFit {
                 fits.iter_mut().for_each(|fit| fit.theta.clone_from(&found.theta));
                 fits[place] = found;
             }
-            let next = Self::at(subjects, candidate, &fits[0].theta, &fits)?;
-            let gain = next.objective - best.objective;
+            let (next, next_objective) = at(subjects, candidate, &fits)?;
+            let gain = next_objective - objective;
             if gain > 0.0 {
-                best = next;
+                (best, objective) = (next, next_objective);
             }
             if gain < LEAST_GAIN_NATS {
                 break;
             }
         }
-        Ok(best)
-    }
-
-    /// The exact objective at a point, with the noise of each record's fit.
-    fn at(subjects: &[Subject], candidate: &Candidate, theta: &[f64], fits: &[Fitted]) -> Result<Self> {
-        let mut objective = candidate.ln_prior(theta);
-        let mut records = Vec::new();
-        for (subject, Fitted { noise, .. }) in subjects.iter().zip(fits) {
-            let position_m = subject.trajectory_m(candidate, theta)?;
-            let ln_likelihood = subject.fitted.ln_likelihood(&position_m, noise);
-            let of_noise = subject.noise_prior().ln_density(&noise.map(f64::ln));
-            objective += ln_likelihood + of_noise;
-            let of_record = candidate.ln_prior(theta) + ln_likelihood + of_noise;
-            records.push(Fitted {
-                theta: theta.to_vec(),
-                noise: *noise,
-                position_m,
-                objective: of_record,
-                ln_likelihood,
-            });
-        }
-        let later: Vec<(&Subject, &NoiseValues)> = with_noise(subjects, &records).skip(1).collect();
-        let information_elsewhere = Elsewhere::about(theta, candidate, &later)?.information;
-        Ok(Self { records, objective, information_elsewhere })
+        let all: Vec<(&Subject, &NoiseValues)> = with_noise(subjects, &best).collect();
+        let information = Elsewhere::about(&best[0].theta, candidate, &all)?.information;
+        Ok(Self { records: best, objective, information })
     }
 
     /// Coordinates of the fit.
     pub fn theta(&self) -> &[f64] {
         &self.records[0].theta
     }
+}
+
+/// Fits of all records at the coordinates of the last, each with its own noise, and their exact objective.
+fn at(subjects: &[Subject], candidate: &Candidate, fits: &[Fitted]) -> Result<(Vec<Fitted>, f64)> {
+    let theta = &fits[fits.len() - 1].theta;
+    let ln_prior = candidate.ln_prior(theta);
+    let of_record = |(subject, fit): (&Subject, &Fitted)| {
+        let (theta, noise) = (theta.clone(), fit.noise);
+        let position_m = subject.trajectory_m(candidate, &theta)?;
+        let ln_likelihood = subject.fitted.ln_likelihood(&position_m, &noise);
+        let objective = ln_prior + ln_likelihood + subject.noise_prior().ln_density(&noise.map(f64::ln));
+        Ok(Fitted { theta, noise, position_m, objective, ln_likelihood })
+    };
+    let records: Vec<Fitted> = subjects.iter().zip(fits).map(of_record).collect::<Result<_>>()?;
+    let objective = ln_prior + records.iter().map(|record| record.objective - ln_prior).sum::<f64>();
+    Ok((records, objective))
 }
 
 fn with_noise<'a>(subjects: &'a [Subject], fits: &'a [Fitted]) -> impl Iterator<Item = (&'a Subject, &'a NoiseValues)> {

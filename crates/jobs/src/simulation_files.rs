@@ -75,7 +75,8 @@ pub fn description_toml(head: &str, id: &str, experiment: &Experiment, measureme
     lines.join("\n") + "\n"
 }
 
-fn apparatus_toml(apparatus: &Apparatus) -> String {
+/// Tables that describe an apparatus.
+pub fn apparatus_toml(apparatus: &Apparatus) -> String {
     let mm = |metres: f64| decimal(1e3 * metres);
     match apparatus {
         Apparatus::Instrument { compliance_per_m, .. } => {

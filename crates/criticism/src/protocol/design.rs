@@ -71,22 +71,20 @@ pub struct Designer<'a> {
 }
 
 impl<'a> Designer<'a> {
-    /// Begins a search. The first of the `members` is the model whose parameters are to be known; `elsewhere` is the Fisher information about them in other records of the specimen.
+    /// Begins a search. The first of the `members` is the model whose parameters are to be known; `information` is the Fisher information about them in the records so far.
     ///
     /// # Errors
-    /// [`Error::Numerical`] if the first model has no derivatives, or if there is nothing to distinguish.
+    /// [`Error::Numerical`] if there is nothing to distinguish.
     pub fn new(
         subject: &'a Subject,
         members: &'a Members<'a>,
         sought: Sought,
-        elsewhere: &DMatrix<f64>,
+        information: &DMatrix<f64>,
     ) -> Result<Self> {
         if matches!(sought, Sought::Effects) && members.len() < 2 {
             return Err(Error::numerical("there is one model only", "design for its parameters"));
         }
-        let (candidate, fitted) = members[0];
-        let information = RecordInformation::new(subject, (candidate, fitted))?.matrix;
-        Ok(Self { subject, members, sought, precision: information + elsewhere + prior_precision(candidate) })
+        Ok(Self { subject, members, sought, precision: information + prior_precision(members[0].0) })
     }
 
     /// Standard deviations of the first model's free parameters now, in their coordinates.
@@ -371,9 +369,8 @@ pub fn separates(distance: f64) -> bool {
 ///
 /// # Errors
 /// [`Error::Numerical`] if the records do not determine the parameters.
-pub fn ln_evidence(subject: &Subject, candidate: &Candidate, fit: &JointFit) -> Result<f64> {
-    let first = RecordInformation::new(subject, (candidate, &fit.records[0]))?.matrix;
-    let precision = first + &fit.information_elsewhere + prior_precision(candidate);
+pub fn ln_evidence(candidate: &Candidate, fit: &JointFit) -> Result<f64> {
+    let precision = &fit.information + prior_precision(candidate);
     let of_effect = |(free, theta): (&Free, &f64)| {
         let (mean, sd) = free.as_normal();
         free.prior.is_none().then(|| -0.5 * ((theta - mean) / sd).powi(2) - sd.ln())

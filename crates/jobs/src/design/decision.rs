@@ -18,6 +18,7 @@ use crate::target::CreepTarget;
 
 /// Step of the free coordinates for derivatives of a quantity of interest.
 const DERIVATIVE_STEP: f64 = 1e-4;
+
 /// Quantity of interest of a scenario, as a function of the model's parameters.
 pub struct AskedQuantity {
     scenario: Scenario,

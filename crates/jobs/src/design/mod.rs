@@ -106,7 +106,7 @@ pub fn run(target: &Target, request: &DesignRequest, monitor: &dyn Monitor) -> R
     let subject = &subjects[0];
     monitor.stage("fitting the models");
     let mut models = models(&subjects, class.as_ref())?;
-    let standings = if models.len() > 1 { standings(subject, &models) } else { Vec::new() };
+    let standings = if models.len() > 1 { standings(&models) } else { Vec::new() };
     let (after, warnings) = judge_later(&subjects, &models[0]);
     let mut stop = if class.is_some() && !later.is_empty() { keep_possible(&mut models) } else { None };
     if stop.is_some() {
@@ -135,7 +135,7 @@ pub fn run(target: &Target, request: &DesignRequest, monitor: &dyn Monitor) -> R
         },
         _ => Sought::Parameters,
     };
-    let designer = Designer::new(subject, &members, sought, &models[0].fit.information_elsewhere)?;
+    let designer = Designer::new(subject, &members, sought, &models[0].fit.information)?;
     let farthest_m = members[0].1.position_m.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
     let limits = limits(subject.experiment(), farthest_m, request)?;
     let mut front: Vec<(DesignLimits, DesignedProtocol)> = Vec::new();

@@ -21,7 +21,7 @@ use posterior::study::{DIAGNOSIS_NAME, ModelSpecification, Study};
 use record::Experiment;
 
 use crate::last_cycle::read_document;
-use crate::simulation_files::description_toml;
+use crate::simulation_files::apparatus_toml;
 use crate::target::{Revision, report_notes};
 
 /// Class of effects that a diagnosis could not distinguish.
@@ -68,14 +68,15 @@ pub struct Later {
 /// # Errors
 /// [`Error::Input`] for another apparatus or a position with an unknown offset; errors of reading.
 pub fn read_later(paths: &[PathBuf], first: &Experiment, monitor: &dyn Monitor) -> Result<Vec<Later>> {
-    let apparatus = |experiment: &Experiment| description_toml("", "", experiment, &[]);
     let read = |path: &PathBuf| {
-        let (mut experiment, files) = Experiment::read(path)?;
+        let (experiment, files) = Experiment::read(path)?;
         report_notes(&experiment, &files, monitor);
         refuse_contradictions(&experiment, &files.interpretation, monitor)?;
-        (experiment.species, experiment.region) = (first.species.clone(), first.region.clone());
         let refuse = |found: &str, remedy: &str| Err(Error::input(InputPlace::file(path.as_path()), found, remedy));
-        if apparatus(&experiment) != apparatus(first) || experiment.control != first.control {
+        // Descriptions are compared, because lengths in mm are rounded when a designed record is described.
+        if apparatus_toml(&experiment.apparatus) != apparatus_toml(&first.apparatus)
+            || experiment.control != first.control
+        {
             return refuse(
                 "this record comes from another apparatus than the study's",
                 "give records of the same robot and vitreous; `vitreo-uq sample` joins records of others",
@@ -157,8 +158,8 @@ pub fn models(subjects: &[Subject], class: Option<&Class>) -> Result<Vec<FittedM
 }
 
 /// Probabilities of the models, all equally probable before the records; empty if the records do not determine the parameters of one.
-pub fn standings(first: &Subject, models: &[FittedModel]) -> Vec<ModelStanding> {
-    let evidence = models.iter().map(|model| ln_evidence(first, &model.candidate, &model.fit));
+pub fn standings(models: &[FittedModel]) -> Vec<ModelStanding> {
+    let evidence = models.iter().map(|model| ln_evidence(&model.candidate, &model.fit));
     let Ok(evidence) = evidence.collect::<Result<Vec<f64>>>() else { return Vec::new() };
     let largest = evidence.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let sum: f64 = evidence.iter().map(|value| (value - largest).exp()).sum();
@@ -176,7 +177,7 @@ pub fn keep_possible(models: &mut Vec<FittedModel>) -> Option<String> {
     let is_possible = |model: &FittedModel| best - model.fit.objective <= REJECTED_NATS;
     let rejected: Vec<String> = models.iter().filter(|model| !is_possible(model)).map(FittedModel::name).collect();
     models.retain(is_possible);
-    (models.len() == 1).then(|| {
+    (models.len() == 1 && !rejected.is_empty()).then(|| {
         format!(
             "The records tell the effects apart: {} leads {} by more than {REJECTED_NATS:.0} nats. No further record is needed for this question.",
             models[0].name(),
