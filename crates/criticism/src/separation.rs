@@ -64,12 +64,22 @@ pub struct RivalPoint {
 
 /// Fits a model to the noise-free data of a truth, and returns the model's closest point.
 pub fn fit_rival(subject: &Subject, other: &Candidate, truth: &RivalTruth) -> Result<RivalPoint> {
-    RivalFit::new(subject, other, truth).best(&other.embed(truth.candidate, truth.theta))
+    RivalFit::new(subject, other, truth).best(&other.embed(truth.candidate, truth.theta), None)
+}
+
+/// As [`fit_rival`], for a model whose point for other data is known.
+pub(super) fn fit_rival_near(
+    subject: &Subject,
+    other: &Candidate,
+    truth: &RivalTruth,
+    known: &[f64],
+) -> Result<RivalPoint> {
+    RivalFit::new(subject, other, truth).best(&other.embed(truth.candidate, truth.theta), Some(known))
 }
 
 /// Fits a model to the noise-free data of a truth, without priors: the distance follows from the protocol alone.
 pub(super) fn closest_without_priors(subject: &Subject, other: &Candidate, truth: &RivalTruth) -> Result<RivalPoint> {
-    RivalFit::new(subject, other, truth).without_priors().best(&other.embed(truth.candidate, truth.theta))
+    RivalFit::new(subject, other, truth).without_priors().best(&other.embed(truth.candidate, truth.theta), None)
 }
 
 /// A rival fit: one model is fitted to the noise-free data of another model (the truth), or compared with them.
@@ -103,6 +113,18 @@ impl AbsorbingCoordinates {
     fn slope(&self, white: &[f64]) -> DVector<f64> {
         let dot = |column: &Vec<f64>| column.iter().zip(white).map(|(a, b)| a * b).sum::<f64>();
         DVector::from_iterator(self.columns.len(), self.columns.iter().map(dot))
+    }
+
+    /// Residual that is left of a whitened residual, and the remaining fraction of its square.
+    fn left(&self, white: &[f64]) -> (DVector<f64>, f64) {
+        let step = &self.inverse * self.slope(white);
+        let mut left = DVector::from_column_slice(white);
+        for (column, step) in self.columns.iter().zip(step.iter()) {
+            left.iter_mut().zip(column).for_each(|(left, value)| *left -= step * value);
+        }
+        let whole = white.iter().map(|w| w * w).sum::<f64>();
+        let fraction = if whole > 0.0 { left.norm_squared() / whole } else { 0.0 };
+        (left, fraction)
     }
 }
 
@@ -144,20 +166,23 @@ impl<'a> RivalFit<'a> {
     pub fn left(&self, null: &[f64], point: &[f64]) -> Option<(DVector<f64>, f64)> {
         let absorbing = self.absorbing(null)?;
         let white = self.differences(&[point.to_vec()]).swap_remove(0)?;
-        let step = &absorbing.inverse * absorbing.slope(&white);
-        let mut left = DVector::from_column_slice(&white);
-        for (column, step) in absorbing.columns.iter().zip(step.iter()) {
-            left.iter_mut().zip(column).for_each(|(left, value)| *left -= step * value);
-        }
-        let whole = white.iter().map(|w| w * w).sum::<f64>();
-        let fraction = if whole > 0.0 { left.norm_squared() / whole } else { 0.0 };
-        Some((left, fraction))
+        Some(absorbing.left(&white))
     }
 
-    /// Finds the best fit, from the nulls of effects and from several sizes and grid points.
-    pub fn best(&self, null: &[f64]) -> Result<RivalPoint> {
-        let mut starts = vec![null.to_vec()];
-        starts.extend(self.promising(null));
+    /// Distance (σ) of the other model after absorption, to first order around a point with these positions (m) and derivatives ([`columns_m`]).
+    pub fn first_order(&self, theta: &[f64], position_m: &[f64], columns_m: &[Vec<f64>]) -> Option<f64> {
+        let difference_m = self.truth_m.iter().zip(position_m).map(|(truth_m, x)| truth_m - x).collect();
+        let white = self.whiten(&[difference_m]).swap_remove(0);
+        Some(self.absorbing_by(theta, columns_m)?.left(&white).0.norm())
+    }
+
+    /// Finds the best fit, from a known point for other data, the nulls of effects, and several sizes and grid points. The last are left out if a point is known and trajectories
+    /// are computed one by one, which takes long.
+    pub fn best(&self, null: &[f64], known: Option<&[f64]>) -> Result<RivalPoint> {
+        let mut starts: Vec<Vec<f64>> = known.into_iter().chain([null]).map(<[f64]>::to_vec).collect();
+        if known.is_none() || !self.other.is_slow() {
+            starts.extend(self.promising(null));
+        }
         let mut best: Option<Point> = None;
         for start in starts {
             let Some(point) = self.descend(start) else { continue };
@@ -202,55 +227,72 @@ impl<'a> RivalFit<'a> {
         pairs.filter_map(|(prior, theta)| prior.map(|(mean, sd)| ((theta - mean) / sd).powi(2))).sum()
     }
 
-    fn squared(&self, theta: &[f64], white: &Option<Vec<f64>>) -> f64 {
+    fn squared(&self, theta: &[f64], white: Option<&Vec<f64>>) -> f64 {
         let of = |white: &Vec<f64>| white.iter().map(|w| w * w).sum::<f64>() + self.of_priors(theta);
-        white.as_ref().map_or(f64::INFINITY, of)
+        white.map_or(f64::INFINITY, of)
     }
 
-    /// Gauss–Newton descent with several dampings tried at once; `None` if the model has no solution.
+    /// Gauss–Newton descent with several dampings tried at once; `None` if the model has no solution. If trajectories are computed one by one, derivatives are computed anew only
+    /// where a step gained less than promised, and at the end.
     fn descend(&self, start: Vec<f64>) -> Option<Point> {
-        let mut white = self.differences(std::slice::from_ref(&start)).swap_remove(0);
-        let mut point = Point { squared: self.squared(&start, &white), theta: start };
+        let mut white = self.differences(std::slice::from_ref(&start)).swap_remove(0)?;
+        let mut point = Point { squared: self.squared(&start, Some(&white)), theta: start };
+        let mut kept = None;
         for _ in 0..MOST_STEPS {
-            let residual = white.take()?;
             if point.squared < NOTHING {
                 break;
             }
-            let Some(steps) = self.steps(&point.theta, residual) else { break };
-            if 2.0 * steps.promised < LEAST_PART * point.squared {
-                break;
-            }
-            let (mut tried, mut squares) = (Vec::new(), Vec::new());
-            let mut least = point.squared;
-            for chunk in steps.in_turn(self.other) {
-                let white = self.differences(chunk);
-                squares.extend(chunk.iter().zip(&white).map(|(theta, white)| self.squared(theta, white)));
-                tried.extend(white);
-                let before = least;
-                least = squares.iter().copied().fold(before, f64::min);
-                let is_past = before < point.squared && least >= before;
-                if is_past || point.squared - least > SUFFICIENT_GAIN_RATIO * 2.0 * steps.promised {
+            let is_new = kept.is_none();
+            let known = kept.take().or_else(|| self.columns(&point.theta));
+            let Some(mut columns) = known else { break };
+            columns.push(white.clone());
+            let steps = self.steps(&point.theta, &columns);
+            columns.pop();
+            let steps = steps.filter(|steps| 2.0 * steps.promised >= LEAST_PART * point.squared);
+            let step = steps.and_then(|steps| Some((steps.promised, self.step(&point, &steps)?)));
+            let Some((promised, (next, left))) = step else {
+                if is_new {
                     break;
                 }
-            }
-            let best = (0..squares.len()).min_by(|&a, &b| squares[a].total_cmp(&squares[b])).unwrap_or(0);
-            let taken = point.squared - squares[best];
-            if taken <= 0.0 {
+                continue;
+            };
+            let taken = point.squared - next.squared;
+            (point, white) = (next, left);
+            if taken < LEAST_PART * point.squared && is_new {
                 break;
             }
-            point = Point { theta: steps.trials[best].clone(), squared: squares[best] };
-            white = tried.swap_remove(best);
-            if taken < LEAST_PART * point.squared {
-                break;
-            }
+            kept = (self.other.is_slow() && taken > promised).then_some(columns);
         }
         Some(point)
     }
 
-    fn steps(&self, theta: &[f64], residual: Vec<f64>) -> Option<Steps> {
-        let mut white = self.whiten(&columns_m(self.subject, self.other, theta).ok()?);
-        white.push(residual);
-        let (mut normal, mut slope) = normal_equations(&white);
+    /// The best of the steps from a point, with its whitened residual; `None` if none gains.
+    fn step(&self, from: &Point, steps: &Steps) -> Option<(Point, Vec<f64>)> {
+        let mut best: Option<(Point, Vec<f64>)> = None;
+        for chunk in steps.in_turn(self.other) {
+            let before = best.as_ref().map_or(from.squared, |(point, _)| point.squared);
+            for (theta, white) in chunk.iter().zip(self.differences(chunk)) {
+                let squared = self.squared(theta, white.as_ref());
+                if squared < best.as_ref().map_or(from.squared, |(point, _)| point.squared) {
+                    best = Some((Point { theta: theta.clone(), squared }, white?));
+                }
+            }
+            let least = best.as_ref().map_or(from.squared, |(point, _)| point.squared);
+            let is_past = before < from.squared && least >= before;
+            if is_past || from.squared - least > SUFFICIENT_GAIN_RATIO * 2.0 * steps.promised {
+                break;
+            }
+        }
+        best
+    }
+
+    fn columns(&self, theta: &[f64]) -> Option<Vec<Vec<f64>>> {
+        Some(self.whiten(&columns_m(self.subject, self.other, theta).ok()?))
+    }
+
+    /// Steps by whitened derivatives, followed by the whitened residual.
+    fn steps(&self, theta: &[f64], white: &[Vec<f64>]) -> Option<Steps> {
+        let (mut normal, mut slope) = normal_equations(white);
         for (k, prior) in self.priors.iter().enumerate() {
             if let Some((mean, sd)) = prior {
                 normal[(k, k)] += 1.0 / (sd * sd);
@@ -271,11 +313,14 @@ impl<'a> RivalFit<'a> {
 
     /// Linear algebra of the coordinates of the law and of effects away from their null.
     fn absorbing(&self, theta: &[f64]) -> Option<AbsorbingCoordinates> {
+        self.absorbing_by(theta, &columns_m(self.subject, self.other, theta).ok()?)
+    }
+
+    fn absorbing_by(&self, theta: &[f64], columns_m: &[Vec<f64>]) -> Option<AbsorbingCoordinates> {
         let is_on =
             |k: usize| self.other.free.get(k).is_none_or(|f| f.effect.is_none_or(|e| !is_off(self.other, e, theta)));
         let active: Vec<usize> = (0..self.other.dimension()).filter(|k| is_on(*k)).collect();
-        let all = columns_m(self.subject, self.other, theta).ok()?;
-        let mut columns = self.whiten(&active.iter().map(|k| all[*k].clone()).collect::<Vec<_>>());
+        let mut columns = self.whiten(&active.iter().map(|k| columns_m[*k].clone()).collect::<Vec<_>>());
         columns.push(Vec::new());
         let (mut normal, _) = normal_equations(&columns);
         columns.pop();

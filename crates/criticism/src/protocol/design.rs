@@ -12,11 +12,12 @@ use nalgebra::DMatrix;
 use rayon::prelude::*;
 
 use super::family::{DesignLimits, DesignedDrive, family};
+use super::farthest::{ANY, Pair, UnderProtocol, farthest};
 use super::sought::{RecordInformation, Sought, SoughtEffect, sd_of};
-use super::{Members, n_right, separation, under_protocol};
+use super::{Members, n_right, under_protocol};
 use crate::detectable::{Detectability, find_smallest_detectable};
 use crate::joint_fit::JointFit;
-use crate::separation::{RivalFit, RivalTruth, SEPARATED_SIGMA};
+use crate::separation::SEPARATED_SIGMA;
 use crate::{Candidate, Fitted, Free, Subject};
 use base::error::{Error, Result};
 use posterior::monitor::{Counter, Monitor, refuse_if_stopped};
@@ -55,8 +56,6 @@ pub struct DesignedProtocol {
     pub sd: Vec<f64>,
     /// Smallest distance (σ) between two models, and the index of the model that is closest to the first; `None` for one model.
     pub closest: Option<(f64, usize)>,
-    /// Value of the protocol for the purpose of the search; larger is better.
-    pub value: f64,
     /// Number of protocols that were compared.
     pub n_tried: usize,
 }
@@ -68,6 +67,8 @@ pub struct Designer<'a> {
     sought: Sought,
     /// Precision of the first model's parameters in their coordinates, before the new record.
     precision: DMatrix<f64>,
+    /// Pairs of models to compare, those that are closest in the present record first. One pair stands for every other purpose.
+    pairs: Vec<Pair>,
 }
 
 impl<'a> Designer<'a> {
@@ -84,7 +85,11 @@ impl<'a> Designer<'a> {
         if matches!(sought, Sought::Effects) && members.len() < 2 {
             return Err(Error::numerical("there is one model only", "design for its parameters"));
         }
-        Ok(Self { subject, members, sought, precision: information + prior_precision(members[0].0) })
+        let pairs = match sought {
+            Sought::Effects => UnderProtocol::new(subject.clone(), members).pairs(),
+            _ => vec![[0, 0]],
+        };
+        Ok(Self { subject, members, sought, precision: information + prior_precision(members[0].0), pairs })
     }
 
     /// Standard deviations of the first model's free parameters now, in their coordinates.
@@ -100,7 +105,10 @@ impl<'a> Designer<'a> {
     /// # Errors
     /// Errors of the fits.
     pub fn distance_now(&self) -> Result<Option<f64>> {
-        if self.members.len() < 2 { Ok(None) } else { Ok(Some(separation(self.subject, self.members)?.distance)) }
+        if self.members.len() < 2 {
+            return Ok(None);
+        }
+        Ok(Some(UnderProtocol::new(self.subject.clone(), self.members).separation()?.distance))
     }
 
     /// Finds the best protocol within the limits. `also` are further protocols to compare, such as the best of a shorter duration.
@@ -117,84 +125,60 @@ impl<'a> Designer<'a> {
         let drives: Vec<DesignedDrive> = also.iter().cloned().chain(family(limits, seed)).collect();
         let coarse_s = limits.interval_s.max(limits.duration_s / SCREENED_ROWS);
         let counter = Counter::new(monitor, drives.len());
-        let screened: Vec<Option<f64>> = drives
-            .par_iter()
-            .map(|drive| {
-                refuse_if_stopped(monitor, NOTHING_KEPT).ok()?;
-                let value = self.value(drive, limits, coarse_s);
-                counter.add_one();
-                value
-            })
-            .collect();
-        refuse_if_stopped(monitor, NOTHING_KEPT)?;
-        let mut ranked: Vec<(f64, DesignedDrive)> =
-            screened.into_iter().zip(drives).filter_map(|(value, drive)| Some((value?, drive))).collect();
-        let mut n_tried = ranked.len();
-        let by_value = |a: &(f64, DesignedDrive), b: &(f64, DesignedDrive)| b.0.total_cmp(&a.0);
-        ranked.sort_by(by_value);
-        let is_steps = |(_, drive): &&(f64, DesignedDrive)| !drive.neighbours(limits).is_empty();
-        let begun: Vec<(f64, DesignedDrive)> = ranked.iter().filter(is_steps).take(N_IMPROVED).cloned().collect();
+        let mut n_tried = drives.len();
+        let (holds, others): (Vec<_>, Vec<_>) =
+            drives.into_iter().partition(|drive| !drive.neighbours(limits).is_empty());
+        let screen = Screen { designer: self, limits, interval_s: coarse_s, monitor };
+        let mut ranked = screen.best(holds, (N_JUDGED, f64::NEG_INFINITY), Some(&counter))?;
+        let begun: Vec<(f64, DesignedDrive)> = ranked.iter().take(N_IMPROVED).cloned().collect();
+        ranked.extend(screen.best(others, (N_JUDGED, f64::NEG_INFINITY), Some(&counter))?);
         for start in begun {
-            let (improved, n) = self.improve(start, limits, coarse_s, monitor)?;
+            let (improved, n) = screen.improve(start)?;
             n_tried += n;
             ranked.push(improved);
         }
-        ranked.sort_by(by_value);
+        ranked.sort_by(|a, b| b.0.total_cmp(&a.0));
         ranked.dedup_by(|a, b| a.1.shape == b.1.shape);
         ranked.truncate(N_JUDGED);
-        ranked.extend(also.iter().map(|drive| (0.0, drive.clone())));
-        let judged: Vec<Result<DesignedProtocol>> =
-            ranked.into_par_iter().map(|(_, drive)| self.judge(drive, limits, n_tried)).collect();
-        let possible = judged.into_iter().filter_map(Result::ok);
-        let best = possible.reduce(|a, b| if b.value > a.value { b } else { a });
-        best.ok_or_else(|| {
-            Error::numerical(
+        let drives = ranked.into_iter().map(|(_, drive)| drive).chain(also.iter().cloned());
+        let tried = drives.filter_map(|drive| self.tried(drive, limits, limits.interval_s).ok()).collect();
+        let value = |tried: &TriedDrive, pair| match self.sought {
+            Sought::Effects => {
+                refuse_if_stopped(monitor, NOTHING_KEPT)?;
+                Ok(tried.models.closest_point(pair)?.distance)
+            }
+            _ => self.linear_value(&tried.models.subject, &self.information(&tried.models.subject)?, 1.0),
+        };
+        let best = farthest(tried, &self.pairs, ANY, value)?.into_iter().next();
+        let Some((separation, TriedDrive { drive, models })) = best else {
+            return Err(Error::numerical(
                 "no protocol stays within the limits",
                 "allow a larger displacement, a longer duration or a shorter hold",
-            )
+            ));
+        };
+        let (information_nats, sd) = self.gain(&self.information(&models.subject)?.matrix)?;
+        let has_rivals = matches!(self.sought, Sought::Effects);
+        Ok(DesignedProtocol {
+            drive,
+            record: models.subject.experiment().record.clone(),
+            information_nats,
+            sd,
+            closest: has_rivals.then_some((separation.distance, separation.other)),
+            n_tried,
         })
     }
 
-    /// Improves a protocol of holds by the best exchange of one level or boundary in each round. Also returns the number of protocols that were compared.
-    fn improve(
-        &self,
-        mut best: (f64, DesignedDrive),
-        limits: &DesignLimits,
-        interval_s: f64,
-        monitor: &dyn Monitor,
-    ) -> Result<((f64, DesignedDrive), usize)> {
-        let mut n_tried = 0;
-        for _ in 0..MOST_ROUNDS {
-            refuse_if_stopped(monitor, NOTHING_KEPT)?;
-            let neighbours = best.1.neighbours(limits);
-            n_tried += neighbours.len();
-            let values: Vec<Option<f64>> =
-                neighbours.par_iter().map(|drive| self.value(drive, limits, interval_s)).collect();
-            let found = values.into_iter().zip(neighbours).filter_map(|(value, drive)| Some((value?, drive)));
-            let Some(found) = found.reduce(|a, b| if b.0 > a.0 { b } else { a }) else { break };
-            let gain = found.0 - best.0;
-            if gain <= 0.0 {
-                break;
-            }
-            let is_small = gain < LEAST_IMPROVEMENT * best.0.abs();
-            best = found;
-            if is_small {
-                break;
-            }
+    /// A protocol with rows at the given interval; an error if it moves the robot farther than the limit.
+    fn tried(&self, drive: DesignedDrive, limits: &DesignLimits, interval_s: f64) -> Result<TriedDrive<'a>> {
+        let models = UnderProtocol::new(self.under(&drive.record(limits, interval_s))?, self.members);
+        let farthest_m = models.position_m(0)?.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+        if farthest_m > limits.largest_position_m {
+            return Err(Error::numerical(
+                "the protocol moves the robot beyond the limit",
+                "allow a larger displacement",
+            ));
         }
-        Ok((best, n_tried))
-    }
-
-    /// Value of a protocol for the goal on coarse rows, scaled to the rows of the apparatus; `None` if a model has no solution under it.
-    fn value(&self, drive: &DesignedDrive, limits: &DesignLimits, interval_s: f64) -> Option<f64> {
-        let subject = self.under(&drive.record(limits, interval_s)).ok()?;
-        self.refuse_beyond(&subject, limits).ok()?;
-        let more_rows = interval_s / limits.interval_s;
-        let value = match &self.sought {
-            Sought::Effects => more_rows.sqrt() * self.first_order_distance(&subject)?,
-            _ => self.linear_value(&subject, &self.information(&subject).ok()?, more_rows).ok()?,
-        };
-        value.is_finite().then_some(value)
+        Ok(TriedDrive { drive, models })
     }
 
     /// Value of a record for a purpose other than the distance of effects, by the linear-Gaussian model. `more` is the number of rows for each row of the subject.
@@ -239,37 +223,6 @@ impl<'a> Designer<'a> {
         find_smallest_detectable(&subject, (candidate, &Fitted { position_m, ..fitted.clone() }), threshold_sigma)
     }
 
-    /// Refuses a protocol that moves the robot farther than the limit.
-    fn refuse_beyond(&self, subject: &Subject, limits: &DesignLimits) -> Result<()> {
-        let (candidate, fitted) = self.members[0];
-        let position_m = subject.trajectory_m(candidate, &fitted.theta)?;
-        let farthest_m = position_m.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
-        if farthest_m > limits.largest_position_m {
-            return Err(Error::numerical(
-                "the protocol moves the robot beyond the limit",
-                "allow a larger displacement",
-            ));
-        }
-        Ok(())
-    }
-
-    /// Smallest distance (σ) between the first model and another, to first order around the other's own fit: the other model's parameters absorb the difference linearly.
-    fn first_order_distance(&self, subject: &Subject) -> Option<f64> {
-        let mut smallest = f64::INFINITY;
-        for other in 1..self.members.len() {
-            for (truth, model) in [(0, other), (other, 0)] {
-                let (candidate, fitted) = self.members[truth];
-                let position_m = subject.trajectory_m(candidate, &fitted.theta).ok()?;
-                let noise = self.members[0].1.noise;
-                let truth = RivalTruth { candidate, theta: &fitted.theta, noise, position_m: &position_m };
-                let (candidate, fitted) = self.members[model];
-                let (left, _) = RivalFit::new(subject, candidate, &truth).left(&fitted.theta, &fitted.theta)?;
-                smallest = smallest.min(left.norm());
-            }
-        }
-        Some(smallest)
-    }
-
     /// Fisher information of the first model's parameters in a record.
     fn information(&self, subject: &Subject) -> Result<RecordInformation> {
         RecordInformation::new(subject, self.members[0])
@@ -280,24 +233,6 @@ impl<'a> Designer<'a> {
         let then = &self.precision + information;
         let gain = 0.5 * (log_determinant(&then)? - log_determinant(&self.precision)?);
         Ok((gain, standard_deviations(&then)?))
-    }
-
-    /// Judges a protocol on all rows.
-    fn judge(&self, drive: DesignedDrive, limits: &DesignLimits, n_tried: usize) -> Result<DesignedProtocol> {
-        let record = drive.record(limits, limits.interval_s);
-        let subject = self.under(&record)?;
-        self.refuse_beyond(&subject, limits)?;
-        let information = self.information(&subject)?;
-        let (information_nats, sd) = self.gain(&information.matrix)?;
-        let closest = match self.members.len() {
-            1 => None,
-            _ => Some(separation(&subject, self.members)?).map(|found| (found.distance, found.other)),
-        };
-        let value = match (&self.sought, closest) {
-            (Sought::Effects, Some((distance, _))) => distance,
-            _ => self.linear_value(&subject, &information, 1.0)?,
-        };
-        Ok(DesignedProtocol { drive, record, information_nats, sd, closest, value, n_tried })
     }
 
     /// Mean of the expected information (nats) over parameters drawn from what is known now, with its standard error.
@@ -332,7 +267,7 @@ impl<'a> Designer<'a> {
     /// Errors of the models.
     pub fn distance_within(&self, drive: &DesignedDrive, limits: &DesignLimits) -> Result<f64> {
         let subject = self.under(&drive.record(limits, limits.interval_s))?;
-        Ok(separation(&subject, self.members)?.distance)
+        Ok(UnderProtocol::new(subject, self.members).separation()?.distance)
     }
 
     /// Number of [`N_REPEATS`] simulated records of a protocol in which the true model leads every other by more than 4 nats.
@@ -340,8 +275,8 @@ impl<'a> Designer<'a> {
     /// # Errors
     /// Errors of the fits.
     pub fn n_right(&self, protocol: &DesignedProtocol, seed: u64) -> Result<usize> {
-        let subject = self.under(&protocol.record)?;
-        n_right(&subject, self.members, protocol.closest.map_or(1, |(_, other)| other), (N_REPEATS, seed))
+        let models = UnderProtocol::new(self.under(&protocol.record)?, self.members);
+        n_right(&models, self.members, protocol.closest.map_or(1, |(_, other)| other), (N_REPEATS, seed))
     }
 
     /// Subject of a record that has this protocol; all its rows are fitted.
@@ -356,6 +291,69 @@ impl<'a> Designer<'a> {
     pub fn expected_m(&self, protocol: &DesignedProtocol) -> Result<Vec<f64>> {
         let (candidate, fitted) = self.members[0];
         self.under(&protocol.record)?.trajectory_m(candidate, &fitted.theta)
+    }
+}
+
+/// A protocol with the models under it.
+struct TriedDrive<'a> {
+    drive: DesignedDrive,
+    models: UnderProtocol<'a>,
+}
+
+/// Comparison of protocols on coarse rows, with the models to first order.
+struct Screen<'a, 'b> {
+    designer: &'b Designer<'a>,
+    limits: &'b DesignLimits,
+    interval_s: f64,
+    monitor: &'b dyn Monitor,
+}
+
+impl Screen<'_, '_> {
+    /// The best few of several protocols above a value, with their values, scaled to the rows of the apparatus.
+    fn best(
+        &self,
+        drives: Vec<DesignedDrive>,
+        (keep, floor): (usize, f64),
+        counter: Option<&Counter>,
+    ) -> Result<Vec<(f64, DesignedDrive)>> {
+        let designer = self.designer;
+        let tried = drives.into_par_iter().filter_map(|drive| {
+            refuse_if_stopped(self.monitor, NOTHING_KEPT).ok()?;
+            designer.tried(drive, self.limits, self.interval_s).ok()
+        });
+        let tried: Vec<TriedDrive> = tried.collect();
+        refuse_if_stopped(self.monitor, NOTHING_KEPT)?;
+        let more_rows = self.interval_s / self.limits.interval_s;
+        let value = |tried: &TriedDrive, pair| {
+            refuse_if_stopped(self.monitor, NOTHING_KEPT)?;
+            let subject = &tried.models.subject;
+            let value = match designer.sought {
+                Sought::Effects => more_rows.sqrt() * tried.models.first_order_distance(pair)?,
+                _ => designer.linear_value(subject, &designer.information(subject)?, more_rows)?,
+            };
+            if pair == designer.pairs[0] {
+                counter.into_iter().for_each(Counter::add_one);
+            }
+            if value.is_finite() { Ok(value) } else { Err(undetermined()) }
+        };
+        let best = farthest(tried, &designer.pairs, (keep, floor), value)?;
+        Ok(best.into_iter().map(|(separation, tried)| (separation.distance, tried.drive)).collect())
+    }
+
+    /// Improves a protocol of holds by the best exchange of one level or boundary in each round. Also returns the number of protocols that were compared.
+    fn improve(&self, mut best: (f64, DesignedDrive)) -> Result<((f64, DesignedDrive), usize)> {
+        let mut n_tried = 0;
+        for _ in 0..MOST_ROUNDS {
+            let neighbours = best.1.neighbours(self.limits);
+            n_tried += neighbours.len();
+            let Some(found) = self.best(neighbours, (1, best.0), None)?.into_iter().next() else { break };
+            let is_small = found.0 - best.0 < LEAST_IMPROVEMENT * best.0.abs();
+            best = found;
+            if is_small {
+                break;
+            }
+        }
+        Ok((best, n_tried))
     }
 }
 

@@ -7,6 +7,7 @@ mod change;
 mod degeneracies;
 pub mod design;
 mod family;
+mod farthest;
 mod sought;
 
 pub use change::{Change, changes};
@@ -18,7 +19,8 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::separation::{RivalTruth, SEPARATED_SIGMA, fit_rival};
+use self::farthest::{ANY, UnderProtocol, farthest};
+use super::separation::SEPARATED_SIGMA;
 use super::{Candidate, Fitted, Search, Subject};
 use crate::NoiseValues;
 use base::error::{Error, Result};
@@ -75,21 +77,20 @@ pub fn find_best_change(subject: &Subject, members: &Members, n_repeats: usize, 
             "compare models without columns",
         ));
     }
-    let now = separation(subject, members)?;
+    let now = UnderProtocol::new(subject.clone(), members);
+    let pairs = now.pairs();
+    let now = now.separation()?;
     let tried = changes(&subject.experiment().record, subject.experiment().scales().hold_s);
-    let judged = tried.into_par_iter().map(|change| {
+    let under = |change: Change| {
         let changed = changed(subject, &change.record)?;
-        let separation = separation(&changed, members)?;
-        Ok::<_, Error>((change, changed, separation))
-    });
+        Ok((change, UnderProtocol::new(changed, members)))
+    };
+    let tried: Vec<(Change, UnderProtocol)> = tried.into_iter().map(under).collect::<Result<_>>()?;
+    let n_tried = tried.len();
     // A model at its fitted size may have no trajectory under another protocol, such as a force gradient under longer holds. Such changes are skipped.
-    let judged: Vec<Result<(Change, Subject, Separation)>> = judged.collect();
-    let is_possible = |tried: &Result<_>| !matches!(tried, Err(Error::Numerical { .. }));
-    let judged: Vec<(Change, Subject, Separation)> = judged.into_iter().filter(is_possible).collect::<Result<_>>()?;
-    let n_tried = judged.len();
-    let best = judged.into_iter().reduce(|a, b| if b.2.distance > a.2.distance { b } else { a });
-    let Some((change, changed, then)) = best else { return Ok(None) };
-    let n_right = n_right(&changed, members, then.other, (n_repeats, seed))?;
+    let best = farthest(tried, &pairs, ANY, |(_, models), pair| Ok(models.closest_point(pair)?.distance))?;
+    let Some((then, (change, models))) = best.into_iter().next() else { return Ok(None) };
+    let n_right = n_right(&models, members, then.other, (n_repeats, seed))?;
     let name = |place: usize| members[place].0.effects.join(" + ");
     let mut advice = Advice {
         change,
@@ -143,37 +144,11 @@ fn under_protocol(subject: &Subject, record: &Record, fitted: &[u32], scored: &[
     Subject::with_compliance(&problem, subject.library(), subject.compliance().clone())
 }
 
-/// Smallest distance (σ) between the first of several models and any other model, with either of the two as the truth.
-struct Separation {
-    distance: f64,
-    /// Index of the closest other model.
-    other: usize,
-}
-
-fn separation(subject: &Subject, members: &Members) -> Result<Separation> {
-    let noise = members[0].1.noise;
-    let positions = members.iter().map(|(candidate, fitted)| subject.trajectory_m(candidate, &fitted.theta));
-    let positions: Vec<Vec<f64>> = positions.collect::<Result<_>>()?;
-    let between = |truth: usize, other: usize| {
-        let (candidate, fitted) = members[truth];
-        let truth = RivalTruth { candidate, theta: &fitted.theta, noise, position_m: &positions[truth] };
-        Ok::<f64, Error>(fit_rival(subject, members[other].0, &truth)?.distance)
-    };
-    let mut smallest = Separation { distance: f64::INFINITY, other: 1 };
-    for other in 1..members.len() {
-        let distance = between(0, other)?.min(between(other, 0)?);
-        if distance < smallest.distance {
-            smallest = Separation { distance, other };
-        }
-    }
-    Ok(smallest)
-}
-
 /// Counts the simulated repetitions in which the truth leads every other model by more than [`REJECTED_NATS`]. The truth is alternately the first model and `other`;
 /// noise is estimated anew for each fit.
-fn n_right(subject: &Subject, members: &Members, other: usize, (n_repeats, seed): (usize, u64)) -> Result<usize> {
-    let truths = [starts(subject, members, 0)?, starts(subject, members, other)?];
-    let is_right = |repeat: usize| is_right(subject, members, &truths[repeat % 2], (seed, repeat));
+fn n_right(models: &UnderProtocol, members: &Members, other: usize, (n_repeats, seed): (usize, u64)) -> Result<usize> {
+    let truths = [starts(models, members, 0)?, starts(models, members, other)?];
+    let is_right = |repeat: usize| is_right(&models.subject, members, &truths[repeat % 2], (seed, repeat));
     let right: Result<Vec<bool>> = (0..n_repeats).into_par_iter().map(is_right).collect();
     Ok(right?.into_iter().filter(|right| *right).count())
 }
@@ -189,7 +164,10 @@ fn is_right(subject: &Subject, members: &Members, truth: &RepeatTruth, (seed, re
         Ok(data.fit(members[place].0, &also, Search::Local)?.objective)
     };
     let value = objective(truth.place)?;
-    for place in (0..members.len()).filter(|place| *place != truth.place) {
+    let mut others: Vec<usize> = (0..members.len()).filter(|place| *place != truth.place).collect();
+    // One model that is not rejected decides, so those that take long come last.
+    others.sort_by_key(|place| members[*place].0.is_slow());
+    for place in others {
         if value - objective(place)? <= REJECTED_NATS {
             return Ok(false);
         }
@@ -215,15 +193,12 @@ impl RepeatTruth {
     }
 }
 
-fn starts(subject: &Subject, members: &Members, place: usize) -> Result<RepeatTruth> {
-    let (candidate, fitted) = members[place];
-    let position_m = subject.trajectory_m(candidate, &fitted.theta)?;
-    let truth = RivalTruth { candidate, theta: &fitted.theta, noise: members[0].1.noise, position_m: &position_m };
+fn starts(models: &UnderProtocol, members: &Members, place: usize) -> Result<RepeatTruth> {
     let theta = |at: usize| {
-        if at == place { Ok(fitted.theta.clone()) } else { Ok(fit_rival(subject, members[at].0, &truth)?.theta) }
+        if at == place { Ok(members[place].1.theta.clone()) } else { Ok(models.closest_point([place, at])?.theta) }
     };
-    let thetas = (0..members.len()).map(theta).collect::<Result<_>>()?;
-    Ok(RepeatTruth { place, position_m, thetas })
+    let thetas = (0..members.len()).into_par_iter().map(theta).collect::<Result<_>>()?;
+    Ok(RepeatTruth { place, position_m: models.position_m(place)?.to_vec(), thetas })
 }
 
 #[cfg(test)]

@@ -51,7 +51,8 @@ fn repeats_are_right_as_often_as_the_distance_says() {
     let (truth, distance) = (drift(velocity), far(velocity));
     assert!((distance - 3.0).abs() < 0.5, "{distance}");
     let members = [(&truth.0, &truth.1), (&spring.0, &spring.1)];
-    let truths = starts(&subject, &members, 0).expect("a truth");
+    let models = UnderProtocol::new(subject.clone(), &members);
+    let truths = starts(&models, &members, 0).expect("a truth");
     let n_repeats = 300;
     let right =
         (0..n_repeats).filter(|repeat| is_right(&subject, &members, &truths, (11, *repeat)).expect("fits")).count();
