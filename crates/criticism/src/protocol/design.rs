@@ -92,6 +92,11 @@ impl<'a> Designer<'a> {
         Ok(Self { subject, members, sought, precision: information + prior_precision(members[0].0), pairs })
     }
 
+    /// The first model with its fit.
+    pub fn first(&self) -> (&'a Candidate, &'a Fitted) {
+        self.members[0]
+    }
+
     /// Standard deviations of the first model's free parameters now, in their coordinates.
     ///
     /// # Errors

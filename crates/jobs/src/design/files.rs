@@ -2,7 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
+use base::error::Result;
+use base::files::{create_folders, to_json, write_together};
 use base::toml_input::quoted;
+use criticism::protocol::DesignLimits;
+use criticism::protocol::design::DesignedProtocol;
+use documents::design::{Design, FrontProtocol};
+use figures::svg::{Svg, figure_files};
+use posterior::study::WithProvenance;
 use record::{Experiment, ForceRule, Record};
 
 use crate::simulation_files::description_toml;
@@ -11,8 +18,76 @@ use crate::simulation_files::description_toml;
 const RECORD_DIR: &str = "next-record";
 const TABLE_NAME: &str = "trajectory.csv";
 
+/// Files of a design in a study.
+pub struct DesignFiles {
+    study: PathBuf,
+    /// Table of the recommended protocol for the controller.
+    pub protocol: PathBuf,
+    /// Directory of the description of the new record.
+    pub record_dir: PathBuf,
+}
+
+impl DesignFiles {
+    pub fn new(study: &Path) -> Self {
+        Self { study: study.into(), protocol: study.join("design-protocol.csv"), record_dir: record_dir(study) }
+    }
+
+    /// Table of a protocol of the front, by its number from 0.
+    fn of_front(&self, number: usize) -> PathBuf {
+        self.study.join(format!("design-front-{}.csv", number + 1))
+    }
+
+    /// The recommended protocol among those of other durations, in ascending order of the duration.
+    pub fn front(
+        &self,
+        (limits, best): (&DesignLimits, &DesignedProtocol),
+        others: &[(DesignLimits, DesignedProtocol)],
+    ) -> Vec<FrontProtocol> {
+        let entry = |limits: &DesignLimits, protocol: &DesignedProtocol, file: &Path| FrontProtocol {
+            duration_s: limits.duration_s,
+            expected_information_nats: protocol.information_nats,
+            separation_sigma: protocol.closest.map(|(distance, _)| distance),
+            protocol: protocol.drive.described(limits),
+            protocol_file: file.display().to_string(),
+        };
+        let of_other = |(k, (limits, protocol)): (usize, &(DesignLimits, DesignedProtocol))| {
+            entry(limits, protocol, &self.of_front(k))
+        };
+        let mut entries: Vec<FrontProtocol> = others.iter().enumerate().map(of_other).collect();
+        entries.push(entry(limits, best, &self.protocol));
+        entries.sort_by(|a, b| a.duration_s.total_cmp(&b.duration_s));
+        entries
+    }
+
+    /// Writes the document, the figure, the tables for the controller, and description and table of the new record. Returns the path of the figure.
+    pub fn write(
+        &self,
+        document: &WithProvenance<Design>,
+        figure: &Svg,
+        best: &DesignedProtocol,
+        others: &[(DesignLimits, DesignedProtocol)],
+        (description, table): (Vec<u8>, Vec<u8>),
+    ) -> Result<PathBuf> {
+        let json = self.study.join("design.json");
+        let json = (json.clone(), to_json(&json, document)?);
+        let mut tables = vec![(self.protocol.clone(), protocol_csv(&best.record))];
+        let of_other = |(k, (_, protocol)): (usize, &(DesignLimits, DesignedProtocol))| {
+            (self.of_front(k), protocol_csv(&protocol.record))
+        };
+        tables.extend(others.iter().enumerate().map(of_other));
+        create_folders(&self.record_dir, "check the permissions of the study's directory")?;
+        tables.push((self.record_dir.join("experiment.toml"), description));
+        tables.push((self.record_dir.join(TABLE_NAME), table));
+        let [svg, png, pdf] = figure_files(&self.study, "design", figure)?;
+        let written = [&svg, &png, &pdf, &json].into_iter().chain(&tables);
+        let written: Vec<_> = written.map(|(path, bytes)| (path.as_path(), bytes.as_slice())).collect();
+        write_together(&written)?;
+        Ok(svg.0)
+    }
+}
+
 /// Directory for the description of the new record: the first that does not exist or whose table has no positions yet. A record that was filled in is kept.
-pub fn record_dir(study: &Path) -> PathBuf {
+fn record_dir(study: &Path) -> PathBuf {
     let numbered = |number: usize| match number {
         1 => study.join(RECORD_DIR),
         _ => study.join(format!("{RECORD_DIR}-{number}")),
@@ -31,7 +106,7 @@ fn is_unfilled(dir: &Path) -> bool {
 }
 
 /// Table for the controller. Each force holds until the next row; a force that changes at every row has a row for each sample.
-pub fn protocol_csv(record: &Record) -> Vec<u8> {
+fn protocol_csv(record: &Record) -> Vec<u8> {
     let mut text = String::from("time_s,force_un\n");
     let last = record.n_rows() - 1;
     for row in 0..=last {

@@ -6,21 +6,16 @@ mod request;
 mod sequence;
 mod words;
 
-use std::path::PathBuf;
-
 use base::error::{Error, InputPlace, Result, Setting};
-use base::files::{Content, create_folders, read, to_json, write_together};
+use base::files::{Content, read};
 use criticism::criteria::Criteria;
 use criticism::detectable::{Detectability, find_smallest_detectable};
 use criticism::protocol::design::{DesignedProtocol, Designer, N_REPEATS, separates};
 use criticism::protocol::{DesignLimits, DesignedDrive, Sought, SoughtEffect};
 use criticism::{Candidate, Fitted, Subject};
-use documents::design::{
-    Design, DesignedDetection, DesignedParameter, FrontProtocol, HelplessPair, RecommendedProtocol,
-};
+use documents::design::{Design, DesignedDetection, DesignedParameter, HelplessPair, RecommendedProtocol};
 use documents::prediction::{PositionQuantiles, ScenarioPrediction};
 use figures::number::format_significant;
-use figures::svg::figure_files;
 use models::effects::Library;
 use posterior::monitor::Monitor;
 use posterior::problem::Problem;
@@ -28,10 +23,10 @@ use posterior::study::{POSTERIOR_NAME, WithProvenance};
 use record::{Control, Experiment, Record};
 
 use self::decision::AskedQuantity;
-use self::files::{next_record, protocol_csv, record_dir};
+use self::files::{DesignFiles, next_record};
 use self::request::limits;
 pub use self::request::{DesignGoal, DesignRequest};
-use self::sequence::{FittedModel, Later, class, judge_later, keep_possible, models, read_later, standings};
+use self::sequence::{Class, FittedModel, Later, class, judge_later, keep_possible, models, read_later, standings};
 use self::words::{sentence, stop_sentence, with_detection, with_quantity};
 use crate::artefacts;
 use crate::first_revision::kept_surrogate;
@@ -57,9 +52,117 @@ pub fn run(target: &Target, request: &DesignRequest, monitor: &dyn Monitor) -> R
     let revision = target.creep()?.revision(request.sampler.clone(), monitor)?;
     refuse_other_records(&revision)?;
     let later = read_later(&request.after, &revision.problem.experiment, monitor)?;
-    let seed = request.sampler.seed;
-    let class = class(&revision)?;
-    let mut goal = match (request.goal, &request.scenario, &class) {
+    let (mut goal, class) = goal(request, class(&revision)?, &revision, !later.is_empty())?;
+    let problem = class.as_ref().map_or(&revision.problem, |class| &class.problem);
+    // Expected uncertainties continue those of `sample`, which fits the calibration cycles; a distance of effects uses all rows.
+    let holds_out = matches!(goal, DesignGoal::Effects | DesignGoal::Detection);
+    let first = first_subject(&revision, class.as_ref(), goal, monitor)?;
+    let mut subjects = vec![first.with_cycles(&fitted_cycles(&problem.experiment, holds_out), &[])?];
+    for record in &later {
+        subjects.push(later_subject(record, &subjects[0], (problem, class.is_some()), holds_out)?);
+    }
+    monitor.stage("fitting the models");
+    let mut models = models(&subjects, class.as_ref())?;
+    let standings = if models.len() > 1 { standings(&models) } else { Vec::new() };
+    let (after, warnings) = judge_later(&subjects, &models[0]);
+    let decided = if class.is_some() && !later.is_empty() { keep_possible(&mut models) } else { None };
+    if decided.is_some() {
+        goal = DesignGoal::Parameters;
+    }
+    let (subject, first) = (&subjects[0], models[0].first());
+    let asked = match goal {
+        DesignGoal::Decision => {
+            Some(AskedQuantity::new(target.creep()?, request.scenario.as_deref(), &request.sampler, monitor)?)
+        }
+        _ => None,
+    };
+    let now_detectable = match goal {
+        DesignGoal::Detection => {
+            monitor.stage("computing the smallest detectable size of every effect");
+            find_smallest_detectable(subject, first, threshold_sigma())?
+        }
+        _ => Vec::new(),
+    };
+    let sought = match (goal, &asked) {
+        (DesignGoal::Decision, Some(asked)) => Sought::Quantity(asked.derivatives(first)?),
+        (DesignGoal::Effects, _) => Sought::Effects,
+        (DesignGoal::Detection, _) => Sought::Sizes {
+            effects: SoughtEffect::all(subject, first, &now_detectable),
+            threshold_sigma: threshold_sigma(),
+        },
+        _ => Sought::Parameters,
+    };
+    let members: Vec<(&Candidate, &Fitted)> = models.iter().map(FittedModel::first).collect();
+    let designer = Designer::new(subject, &members, sought, &models[0].fit.information)?;
+    let farthest_m = first.1.position_m.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+    let limits = limits(subject.experiment(), farthest_m, request)?;
+    let (best, front) = search(&designer, &limits, request.sampler.seed, monitor)?;
+    monitor.stage("simulating records of the best protocol");
+    let effects: Vec<String> = models.iter().map(FittedModel::name).collect();
+    let detectable = match goal {
+        DesignGoal::Detection => detections(&now_detectable, &designer.detectable(&best, threshold_sigma())?),
+        _ => Vec::new(),
+    };
+    let quantity = asked.map(|asked| asked.designed(first, designer.quantity_sd(&best)?)).transpose()?;
+    // The distance of models that share several records is not the one of the first.
+    let now = if later.is_empty() { designer.distance_now()? } else { None };
+    let files = DesignFiles::new(revision.study.dir());
+    let recommended = recommended(&designer, &best, &limits, (&effects, now), request.sampler.seed, &files)?;
+    let recommended = match &quantity {
+        Some(quantity) => RecommendedProtocol { sentence: with_quantity(&best, &limits, quantity), ..recommended },
+        None if goal == DesignGoal::Detection => {
+            RecommendedProtocol { sentence: with_detection(&best, &limits, &detectable), ..recommended }
+        }
+        None => recommended,
+    };
+    let uncertainties = recommended.parameters.iter().map(|parameter| [parameter.sd_now, parameter.sd_expected]);
+    let stop = decided.or_else(|| match (goal, &quantity) {
+        (DesignGoal::Parameters, _) => stop_sentence(&limits, uncertainties),
+        (_, Some(quantity)) => stop_sentence(&limits, std::iter::once([quantity.sd_now, quantity.sd_expected])),
+        _ => None,
+    });
+    let found = Design {
+        experiment: subject.experiment().specimen_id.clone(),
+        revision: class.as_ref().map_or(&revision.name, |class| &class.revision).clone(),
+        goal: goal.name().into(),
+        separation_now_sigma: now,
+        largest_force_un: 1e6 * limits.largest_force_n,
+        largest_displacement_um: 1e6 * limits.largest_position_m,
+        interval_s: limits.interval_s,
+        protocols_tried: best.n_tried,
+        helpless: helpless(&designer, &best, &limits, &effects),
+        effects: if effects.len() > 1 { effects } else { Vec::new() },
+        front: files.front((&limits, &best), &front),
+        recommended,
+        quantity,
+        detectable,
+        after,
+        models: standings,
+        stop,
+        warnings,
+    };
+    monitor.stage("writing results and figures");
+    let figure = figure(&designer.expected_m(&best)?, subject.reference_noise_m(), &best.record, &found)?;
+    let posterior = revision.study.revision_dir(&revision.name)?.join(POSTERIOR_NAME);
+    let posterior = read(&posterior, Content::Document, "run `vitreo-uq sample` again")?;
+    let provenance = revision.study.provenance("design", 1, request.sampler.seed);
+    let provenance = artefacts::with_inputs(provenance, &revision.problem)
+        .with_input(format!("{}/{POSTERIOR_NAME}", revision.name), &posterior)
+        .with_hashes(later.iter().enumerate().flat_map(|(k, later)| later.named_hashes(k + 1)));
+    let document = WithProvenance { provenance, body: found };
+    let next = next_record(subject.experiment(), &best.record, holds_out);
+    let written = files.write(&document, &figure, &best, &front, next)?;
+    Ok(Outcome { is_sound: document.body.is_sound(), document, written, study: Some(revision.study) })
+}
+
+/// Goal of a design, and the class of equivalent effects if the goal is to distinguish them.
+fn goal(
+    request: &DesignRequest,
+    class: Option<Class>,
+    revision: &Revision,
+    has_later: bool,
+) -> Result<(DesignGoal, Option<Class>)> {
+    let goal = match (request.goal, &request.scenario, &class) {
         (Some(goal), _, _) => goal,
         (None, Some(_), _) => DesignGoal::Decision,
         (None, None, Some(_)) => DesignGoal::Effects,
@@ -72,14 +175,13 @@ pub fn run(target: &Target, request: &DesignRequest, monitor: &dyn Monitor) -> R
             format!("give `{} FILE.toml` with a quantity for the goal `decision` only", Setting::Scenario),
         ));
     }
-    if goal == DesignGoal::Detection && !later.is_empty() {
+    if goal == DesignGoal::Detection && has_later {
         return Err(Error::input(
             InputPlace::setting(Setting::After),
             "the smallest detectable sizes are those of one record",
             format!("leave out `{}`, or choose another goal", Setting::After),
         ));
     }
-    let class = class.filter(|_| goal == DesignGoal::Effects);
     if goal == DesignGoal::Effects && class.is_none() {
         return Err(Error::input(
             InputPlace::file(revision.study.dir()),
@@ -87,61 +189,37 @@ pub fn run(target: &Target, request: &DesignRequest, monitor: &dyn Monitor) -> R
             "run `vitreo-uq diagnose` on the study first, or design for the parameters",
         ));
     }
-    let problem = class.as_ref().map_or(&revision.problem, |class| &class.problem);
+    Ok((goal, class.filter(|_| goal == DesignGoal::Effects)))
+}
+
+/// Subject of the study's own record. A diagnosis learns its noise; an expected posterior has the noise of the revision.
+fn first_subject(
+    revision: &Revision,
+    class: Option<&Class>,
+    goal: DesignGoal,
+    monitor: &dyn Monitor,
+) -> Result<Subject> {
     let kept = kept_surrogate(&revision.study, monitor);
-    let subject = match &class {
-        Some(_) => Subject::new(problem, &Library::default(), kept, monitor)?,
+    match class {
+        Some(class) => Subject::new(&class.problem, &Library::default(), kept, monitor),
         None if goal == DesignGoal::Detection => {
-            Subject::new(problem, &Library::default(), kept, monitor)?.with_specified_noise()
+            Ok(Subject::new(&revision.problem, &Library::default(), kept, monitor)?.with_specified_noise())
         }
-        // The expected posterior has the noise of the revision, not that of a diagnosis.
-        None => revision.subject(monitor)?.with_specified_noise(),
-    };
-    // Expected uncertainties continue those of `sample`, which fits the calibration cycles; a distance of effects uses all rows.
-    let holds_out = matches!(goal, DesignGoal::Effects | DesignGoal::Detection);
-    let mut subjects = vec![subject.with_cycles(&fitted_cycles(&problem.experiment, holds_out), &[])?];
-    for record in &later {
-        subjects.push(later_subject(record, &subjects[0], (problem, class.is_some()), holds_out)?);
+        None => Ok(revision.subject(monitor)?.with_specified_noise()),
     }
-    let subject = &subjects[0];
-    monitor.stage("fitting the models");
-    let mut models = models(&subjects, class.as_ref())?;
-    let standings = if models.len() > 1 { standings(&models) } else { Vec::new() };
-    let (after, warnings) = judge_later(&subjects, &models[0]);
-    let mut stop = if class.is_some() && !later.is_empty() { keep_possible(&mut models) } else { None };
-    if stop.is_some() {
-        goal = DesignGoal::Parameters;
-    }
-    let members: Vec<(&Candidate, &Fitted)> = models.iter().map(FittedModel::first).collect();
-    let asked = match goal {
-        DesignGoal::Decision => {
-            Some(AskedQuantity::new(target.creep()?, request.scenario.as_deref(), &request.sampler, monitor)?)
-        }
-        _ => None,
-    };
-    let now_detectable = match goal {
-        DesignGoal::Detection => {
-            monitor.stage("computing the smallest detectable size of every effect");
-            find_smallest_detectable(subject, members[0], threshold_sigma())?
-        }
-        _ => Vec::new(),
-    };
-    let sought = match (goal, &asked) {
-        (DesignGoal::Decision, Some(asked)) => Sought::Quantity(asked.derivatives(members[0])?),
-        (DesignGoal::Effects, _) => Sought::Effects,
-        (DesignGoal::Detection, _) => Sought::Sizes {
-            effects: SoughtEffect::all(subject, members[0], &now_detectable),
-            threshold_sigma: threshold_sigma(),
-        },
-        _ => Sought::Parameters,
-    };
-    let designer = Designer::new(subject, &members, sought, &models[0].fit.information)?;
-    let farthest_m = members[0].1.position_m.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
-    let limits = limits(subject.experiment(), farthest_m, request)?;
+}
+
+/// Best protocol of the recommended duration, and the best of others in ascending order, each with its limits.
+fn search(
+    designer: &Designer<'_>,
+    limits: &DesignLimits,
+    seed: u64,
+    monitor: &dyn Monitor,
+) -> Result<(DesignedProtocol, Vec<(DesignLimits, DesignedProtocol)>)> {
     let mut front: Vec<(DesignLimits, DesignedProtocol)> = Vec::new();
     for factor in FRONT {
         monitor.stage(&format!("comparing protocols of {} s", format_significant(factor * limits.duration_s, 3)));
-        let within = DesignLimits { duration_s: factor * limits.duration_s, ..limits };
+        let within = DesignLimits { duration_s: factor * limits.duration_s, ..*limits };
         let shorter = front
             .last()
             .and_then(|(shorter, protocol)| protocol.drive.followed_by_rest(shorter.duration_s / within.duration_s));
@@ -152,100 +230,35 @@ pub fn run(target: &Target, request: &DesignRequest, monitor: &dyn Monitor) -> R
         }
     }
     let place = front.iter().position(|(within, _)| within.duration_s == limits.duration_s).unwrap_or(0);
-    let best = front.remove(place).1;
-    monitor.stage("simulating records of the best protocol");
-    let effects: Vec<String> = models.iter().map(FittedModel::name).collect();
-    let name = class.as_ref().map_or(&revision.name, |class| &class.revision).clone();
-    // The distance of models that share several records is not the one of the first.
-    let now = if later.is_empty() { designer.distance_now()? } else { None };
-    let right = best.closest.map(|_| designer.n_right(&best, seed)).transpose()?;
-    let [information_nats, standard_error] = designer.mean_information(&best, seed)?;
-    let helpless = helpless(&designer, &best, &limits, &effects);
-    let quantity = asked.map(|asked| asked.designed(members[0], designer.quantity_sd(&best)?)).transpose()?;
-    let detectable = match goal {
-        DesignGoal::Detection => detections(&now_detectable, &designer.detectable(&best, threshold_sigma())?),
-        _ => Vec::new(),
-    };
-    let study_dir = revision.study.dir().to_path_buf();
-    let file = |stem: &str| study_dir.join(format!("{stem}.csv"));
-    let record_dir = record_dir(&study_dir);
-    let parameters = parameters(members[0], &designer.sd_now()?, &best.sd);
-    let uncertainties = parameters.iter().map(|parameter| [parameter.sd_now, parameter.sd_expected]);
-    stop = stop.or_else(|| match (goal, &quantity) {
-        (DesignGoal::Parameters, _) => stop_sentence(&limits, uncertainties),
-        (_, Some(quantity)) => stop_sentence(&limits, std::iter::once([quantity.sd_now, quantity.sd_expected])),
-        _ => None,
-    });
-    let recommended = RecommendedProtocol {
-        protocol_file: file("design-protocol").display().to_string(),
-        record_dir: record_dir.display().to_string(),
-        protocol: best.drive.described(&limits),
+    let (_, best) = front.remove(place);
+    Ok((best, front))
+}
+
+/// The best protocol for parameters or effects, with its expected information and verdicts. `effects` are the names of the models, with their present distance (σ).
+fn recommended(
+    designer: &Designer<'_>,
+    best: &DesignedProtocol,
+    limits: &DesignLimits,
+    (effects, now): (&[String], Option<f64>),
+    seed: u64,
+    files: &DesignFiles,
+) -> Result<RecommendedProtocol> {
+    let right = best.closest.map(|_| designer.n_right(best, seed)).transpose()?;
+    let [information_nats, standard_error] = designer.mean_information(best, seed)?;
+    let parameters = parameters(designer.first(), &designer.sd_now()?, &best.sd);
+    Ok(RecommendedProtocol {
+        protocol_file: files.protocol.display().to_string(),
+        record_dir: files.record_dir.display().to_string(),
+        protocol: best.drive.described(limits),
         duration_s: limits.duration_s,
         expected_information_nats: information_nats,
         standard_error,
         separation_sigma: best.closest.map(|(distance, _)| distance),
         verdict_right_probability: right.map(|right| right as f64 / N_REPEATS as f64),
         simulated_records: if right.is_some() { N_REPEATS } else { 0 },
-        sentence: match (&quantity, goal) {
-            (Some(quantity), _) => with_quantity(&best, &limits, quantity),
-            (None, DesignGoal::Detection) => with_detection(&best, &limits, &detectable),
-            (None, _) => sentence(&best, &limits, now, right, &effects, &parameters),
-        },
+        sentence: sentence(best, limits, now, right, effects, &parameters),
         parameters,
-    };
-    let entry = |limits: &DesignLimits, protocol: &DesignedProtocol, file: PathBuf| FrontProtocol {
-        duration_s: limits.duration_s,
-        expected_information_nats: protocol.information_nats,
-        separation_sigma: protocol.closest.map(|(distance, _)| distance),
-        protocol: protocol.drive.described(limits),
-        protocol_file: file.display().to_string(),
-    };
-    let of_front = |index: usize| file(&format!("design-front-{}", index + 1));
-    let mut entries: Vec<FrontProtocol> =
-        front.iter().enumerate().map(|(k, (limits, protocol))| entry(limits, protocol, of_front(k))).collect();
-    entries.push(entry(&limits, &best, file("design-protocol")));
-    entries.sort_by(|a, b| a.duration_s.total_cmp(&b.duration_s));
-    let found = Design {
-        experiment: subject.experiment().specimen_id.clone(),
-        revision: name,
-        goal: goal.name().into(),
-        effects: if effects.len() > 1 { effects } else { Vec::new() },
-        separation_now_sigma: now,
-        largest_force_un: 1e6 * limits.largest_force_n,
-        largest_displacement_um: 1e6 * limits.largest_position_m,
-        interval_s: limits.interval_s,
-        protocols_tried: best.n_tried,
-        recommended,
-        quantity,
-        detectable,
-        front: entries,
-        helpless,
-        after,
-        models: standings,
-        stop,
-        warnings,
-    };
-    monitor.stage("writing results and figures");
-    let figure = figure(&designer.expected_m(&best)?, subject.reference_noise_m(), &best.record, &found)?;
-    let posterior = revision.study.revision_dir(&revision.name)?.join(POSTERIOR_NAME);
-    let posterior = read(&posterior, Content::Document, "run `vitreo-uq sample` again")?;
-    let provenance = artefacts::with_inputs(revision.study.provenance("design", 1, seed), &revision.problem)
-        .with_input(format!("{}/{POSTERIOR_NAME}", revision.name), &posterior)
-        .with_hashes(later.iter().enumerate().flat_map(|(k, later)| later.named_hashes(k + 1)));
-    let document = WithProvenance { provenance, body: found };
-    let json = study_dir.join("design.json");
-    let json = (json.clone(), to_json(&json, &document)?);
-    let mut tables = vec![(file("design-protocol"), protocol_csv(&best.record))];
-    tables.extend(front.iter().enumerate().map(|(k, (_, protocol))| (of_front(k), protocol_csv(&protocol.record))));
-    create_folders(&record_dir, "check the permissions of the study's directory")?;
-    let (description, table) = next_record(subject.experiment(), &best.record, holds_out);
-    tables.push((record_dir.join("experiment.toml"), description));
-    tables.push((record_dir.join("trajectory.csv"), table));
-    let [svg, png, pdf] = figure_files(&study_dir, "design", &figure)?;
-    let written = [&svg, &png, &pdf, &json].into_iter().chain(&tables);
-    let written: Vec<_> = written.map(|(path, bytes)| (path.as_path(), bytes.as_slice())).collect();
-    write_together(&written)?;
-    Ok(Outcome { is_sound: document.body.is_sound(), document, written: svg.0, study: Some(revision.study) })
+    })
 }
 
 /// Refuses records whose designed protocol this search cannot make.
