@@ -52,6 +52,21 @@ fn a_diagnosis_names_the_law_that_explains_a_record() {
     vitreo(folder.path(), &remedy).exits(0);
 }
 
+/// Two springpots in series, of orders 0.15 and 0.8; Γ(1.15) and Γ(1.8) from tables. The record hardly determines one direction of their parameters, in which the prediction errs by more than
+/// the noise.
+#[test]
+fn a_law_with_badly_known_parameters_explains_its_record() {
+    let folder = tempfile::tempdir().unwrap();
+    write_record(folder.path(), |t| {
+        1000.0 * (t.powf(0.15) / (10.0 * 0.933_040_931_1) + t.powf(0.8) / (40.0 * 0.931_383_770_9))
+    });
+    let (document, printed) = compared(folder.path(), "fractional-maxwell", 0);
+    let law = &document["laws"][0];
+    assert!(law["rmse_heldout_um"].as_f64().unwrap() > 1.5 * NOISE_UM, "{printed}");
+    // √(χ²/n) of 100 positions is above 1.25 once in 3,000 records.
+    assert!((0.75..1.25).contains(&law["heldout_over_expected"].as_f64().unwrap()), "{printed}");
+}
+
 #[test]
 fn the_law_that_made_a_record_is_the_likeliest() {
     let solid = |t: f64| {

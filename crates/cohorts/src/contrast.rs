@@ -57,8 +57,7 @@ impl Contrast {
 
 /// Ratios between every pair of groups, for each parameter. `is_declared` marks the ratios whose sign can be stated.
 ///
-/// Signs are stated in the order of their probability, as long as all stated signs are correct together in at least a fraction [`SIGN_CERTAINTY`] of the
-/// draws.
+/// A sign is stated if it and all more probable signs are correct together in at least a fraction [`SIGN_CERTAINTY`] of the draws.
 pub fn contrasts(design: &Design, draws: &[&PopulationDraw], scales: &[SizeScale]) -> Vec<Contrast> {
     let (n_groups, n_parameters) = (design.groups.len(), scales.len());
     let mut all = Vec::new();

@@ -145,12 +145,28 @@ impl Tangent {
     /// # Errors
     /// Errors of [`Tangent::new`].
     pub fn position_variance_m2(&self, subject: &Subject, candidate: &Candidate, fitted: &Fitted) -> Result<Vec<f64>> {
+        let factor = self.position_factor_m(subject, candidate, fitted)?;
+        Ok(factor.iter().map(DVector::norm_squared).collect())
+    }
+
+    /// Vector (m) of every row of the record, such that the covariance of two rows' positions due to uncertain coordinates is the product of their vectors. Infinite without a
+    /// covariance of the coordinates.
+    ///
+    /// # Errors
+    /// Errors of [`Tangent::new`].
+    pub fn position_factor_m(
+        &self,
+        subject: &Subject,
+        candidate: &Candidate,
+        fitted: &Fitted,
+    ) -> Result<Vec<DVector<f64>>> {
         let columns = columns_m(subject, candidate, &fitted.theta)?;
-        let variance = |row: usize| {
+        let of_row = |row: usize| {
             let slopes = DVector::from_fn(columns.len(), |k, _| columns[k][row] / self.norms[k]);
-            self.triangle.tr_solve_upper_triangular(&slopes).map_or(f64::INFINITY, |solved| solved.norm_squared())
+            let solved = self.triangle.tr_solve_upper_triangular(&slopes);
+            solved.unwrap_or_else(|| DVector::from_element(columns.len(), f64::INFINITY))
         };
-        Ok((0..fitted.position_m.len()).map(variance).collect())
+        Ok((0..fitted.position_m.len()).map(of_row).collect())
     }
 
     /// Converts independent standard normal numbers into a deviation of the candidate's coordinates from the fit, with mean 0 and the covariance of the coordinates.

@@ -18,8 +18,7 @@ pub struct LawComparison {
     pub n_fitted: usize,
     /// Known or estimated noise standard deviation, in µm; `None` if it is unknown.
     pub noise_um: Option<f64>,
-    /// Whether a law leaves no more on the fitted positions than the noise, and on the scored ones than the noise and the uncertainty of its parameters; `None` if the noise is
-    /// unknown.
+    /// True if the best law leaves only noise on the fitted positions, and only noise and uncertain parameters on the scored ones. `None` if the noise is unknown.
     pub is_explained: Option<bool>,
     /// Laws by falling evidence, or by rising error if no law explains the record. Without an explanation there is no evidence. Laws that could not be fitted come last.
     pub laws: Vec<LawRow>,
@@ -45,7 +44,7 @@ pub struct LawRow {
     pub rmse_fitted_um: Option<f64>,
     /// Root mean square residual of the scored positions at the best fit, in µm; `None` without a fit or a scored cycle.
     pub rmse_heldout_um: Option<f64>,
-    /// Error on the scored positions divided by the one expected from white noise and the uncertainty of the parameters; `None` without a fit or a scored cycle.
+    /// Distance of the scored positions from the law's prediction, per position: √(rᵀΣ⁻¹r/n) with the covariance Σ of white noise and uncertain parameters. About 1 for the true law; `None` without a fit or a scored cycle.
     pub heldout_over_expected: Option<f64>,
     /// Posterior of each parameter of the law; empty without evidence.
     pub parameters: Vec<RefitParameter>,

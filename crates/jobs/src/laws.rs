@@ -5,7 +5,7 @@ use std::path::Path;
 use base::error::{Error, Result};
 use base::files::{self, to_json};
 use criticism::evidence::evidence;
-use criticism::predicted::error_over_white_noise;
+use criticism::predicted::distance_from_prediction;
 use criticism::{Fitted, Search, Subject};
 use documents::diagnosis::BaseErrors;
 use documents::laws::{LawComparison, LawRow, LawStatus};
@@ -182,7 +182,7 @@ fn fitted(name: &str, subject: &Subject) -> Result<(LawRow, Fitted)> {
     let row = LawRow {
         rmse_fitted_um: in_um(&subject.fitted_m),
         rmse_heldout_um: in_um(&subject.scored_m),
-        heldout_over_expected: error_over_white_noise(subject, (&subject.base(), &fitted)),
+        heldout_over_expected: distance_from_prediction(subject, (&subject.base(), &fitted)),
         reason: None,
         ..not_compared(name, String::new())
     };
@@ -248,8 +248,7 @@ fn error_um(row: &LawRow) -> Option<f64> {
     row.rmse_heldout_um.or(row.rmse_fitted_um)
 }
 
-/// Whether a law leaves no more than the noise on the fitted rows, and no more than the noise and the uncertainty of its parameters on the scored rows; `None` if the noise is
-/// unknown.
+/// True if the fitted rows show only noise, and the scored rows only noise and uncertain parameters. `None` if the noise is unknown.
 fn is_explained(row: &LawRow, noise_um: Option<f64>) -> Option<bool> {
     let over_noise = |error_um: f64| noise_um.map(|noise_um| error_um / noise_um);
     // Parameters whose uncertainty is unknown explain nothing.
@@ -286,7 +285,7 @@ fn explains(row: &LawRow, noise_um: f64) -> String {
     let ratio = error_um(row).unwrap_or(f64::NAN) / noise_um;
     let expected = match row.heldout_over_expected {
         Some(expected) if ratio > NOISE_FACTOR => {
-            format!(", and {expected:.2} times the one expected from the noise and the uncertainty of its parameters")
+            format!(", and with the uncertainty of its parameters {expected:.2} times")
         }
         _ => String::new(),
     };

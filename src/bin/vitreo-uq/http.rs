@@ -216,8 +216,7 @@ impl Connections {
     }
 }
 
-/// Closes one connection: among those that `is_meant` selects and whose peer has to act next, the one whose peer has the least time left. Returns false if
-/// there is no such connection.
+/// Of the connections that `is_meant` selects and that wait for their peer, closes the one with the least time left. Returns false if there is none.
 fn close_latest(all: &mut Vec<Arc<ConnectionState>>, is_meant: &dyn Fn(&ConnectionState) -> bool) -> bool {
     let until = |(index, state): (usize, &Arc<ConnectionState>)| match state.turn() {
         NextActor::Peer { until } if is_meant(state) => Some((until, index)),
