@@ -21,6 +21,15 @@ begin() {
     fi
 }
 
+# measured FOLDER: sets `data` to ../shared/data, and ends the campaign if the folder is not there.
+measured() {
+    data=$root/../shared/data
+    if [[ ! -d $data/$1 ]]; then
+        echo "measured records are not here ($data/$1): nothing was run" >&2
+        exit 0
+    fi
+}
+
 # shown PROGRAM ARGUMENTS…: a command line as results quote it.
 shown() {
     local words=("$@")

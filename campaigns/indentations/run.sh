@@ -2,11 +2,7 @@
 # Measured force-clamp indentations, where ../shared/data is there: laws fitted to the approach and two seconds of the hold, the last second predicted. The tips' shapes are not known, so that
 # each record is taken as a sphere's and as a cone's. The same of the hold alone, by least squares, where a second retarded body is asked for, too. Records are read and never copied into the project.
 source "$(dirname "${BASH_SOURCE[0]}")/../common.sh"
-data=$root/../shared/data/afm-force-clamp
-if [[ ! -d $data ]]; then
-    echo "measured indentations are not here ($data): nothing was run" >&2
-    exit 0
-fi
+measured afm-force-clamp
 begin indentations
 own=$root/campaigns/indentations
 
@@ -22,14 +18,14 @@ for record in polymergel brain; do
         label=$record.${tip%=*}
         experiment=$raw/experiment.$label
         mkdir -p "$experiment"
-        install -m 644 "$data/$record.csv" "$experiment/force-clamp.csv"
+        install -m 644 "$data/afm-force-clamp/$record.csv" "$experiment/force-clamp.csv"
         sed "s/RECORD/$record/; s/EXPONENT/${tip#*=}/" "$own/experiment.toml" >"$experiment/experiment.toml"
         fitted sample "$label.lethersich" "$experiment"
         fitted sample "$label.burgers" "$experiment" --base burgers
         fitted sample "$label.springpot" "$experiment" --base "$own/springpot.toml"
         hold=$raw/experiment.$label.hold
         mkdir -p "$hold"
-        install -m 644 "$data/$record.csv" "$hold/force-clamp.csv"
+        install -m 644 "$data/afm-force-clamp/$record.csv" "$hold/force-clamp.csv"
         # The approach loads the gel, and is neither fitted nor predicted.
         sed 's/^cycle_starts_s = .*/cycle_starts_s = [0, 3, 5]\ncalibration_cycles = [2]\nheldout_cycles = [3]/' "$experiment/experiment.toml" >"$hold/experiment.toml"
         fitted fit "$label.hold.burgers" "$hold" --base burgers
