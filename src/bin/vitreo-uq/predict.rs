@@ -1,4 +1,4 @@
-//! `predict`: positions of robots in a gel whose parameters a study or a comparison of groups has taught.
+//! `predict`: positions of robots in a gel whose parameters come from a study, a comparison of groups or a prior.
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -10,6 +10,7 @@ use vitreo_uq::documents::prediction::{Prediction, ScenarioPrediction};
 use vitreo_uq::jobs::outcome::Outcome;
 use vitreo_uq::jobs::prediction::predict::{self, PredictRequest};
 use vitreo_uq::jobs::prediction::{GelPlace, is_groups};
+use vitreo_uq::posterior::study::Study;
 use vitreo_uq::sampling::SamplerOptions;
 
 use crate::options::{Common, ModelOptions};
@@ -44,6 +45,9 @@ pub struct GelArguments {
     /// Comparison of groups only: predict a new specimen of this group
     #[arg(long, value_name = "GROUP")]
     new_eye: Option<String>,
+    /// Predict a gel of this prior, without a record: a name that `sample --help` lists, or a file
+    #[arg(long, value_name = "NAME|FILE", conflicts_with_all = ["target", "new_eye", "from"])]
+    prior: Option<String>,
     /// File with one or more [[scenario]]: robot, gel, force and quantities of interest (docs/predict.md)
     #[arg(long, value_name = "FILE.toml")]
     pub scenario: Option<PathBuf>,
@@ -66,6 +70,11 @@ impl GelArguments {
         run: impl FnOnce(&GelPlace<'_>, SamplerOptions) -> Result<Outcome<D>>,
     ) -> Result<Outcome<D>> {
         let sampler = session.default_sampler();
+        if let Some(name) = &self.prior {
+            let stem = Path::new(name).file_stem().unwrap_or_default().to_string_lossy();
+            let dir = self.out.clone().unwrap_or_else(|| Study::default_dir(&format!("prior-{stem}")));
+            return run(&GelPlace::Prior { name, dir: &dir }, sampler);
+        }
         if let Some(dir) = self.target.as_deref().filter(|dir| is_groups(dir)) {
             return run(&GelPlace::Groups { dir, group: self.new_eye.as_deref() }, sampler);
         }

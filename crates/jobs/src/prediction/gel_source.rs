@@ -1,4 +1,4 @@
-//! Source of a gel's parameters: a revision of a study, or a group of specimens.
+//! Source of a gel's parameters: a revision of a study, a group of specimens, or a prior.
 
 use std::path::{Path, PathBuf};
 
@@ -16,6 +16,8 @@ use posterior::problem::Problem;
 use posterior::study::{DIAGNOSIS_NAME, ModelSpecification, POSTERIOR_NAME, Provenance, Study, WithProvenance};
 use prediction::ensemble::{Draws, Gel, MOST_DRAWS};
 use prediction::scenario::Scenario;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
 use record::{Apparatus, Control, Experiment, Record, Robot, Vitreous};
 use sampling::SamplerOptions;
 use std::sync::Arc;
@@ -41,6 +43,13 @@ pub enum GelPlace<'a> {
         /// Name of the group; `None` if the comparison has one group only.
         group: Option<&'a str>,
     },
+    /// A prior, without any record.
+    Prior {
+        /// Name of a built-in prior, or a file.
+        name: &'a str,
+        /// Directory of the results.
+        dir: &'a Path,
+    },
 }
 
 /// True if a directory contains a comparison of groups.
@@ -58,17 +67,17 @@ pub(crate) struct GelSource {
     pub warnings: Vec<Warning>,
     /// Directory of the results.
     pub dir: PathBuf,
-    /// Study of the results; `None` for groups.
+    /// Study of the results; `None` for groups and priors.
     pub study: Option<Study>,
     pub seed: u64,
     provenance: Provenance,
 }
 
 impl GelPlace<'_> {
-    /// Robot and gel of the study; `None` for groups.
+    /// Robot and gel of the study; `None` for other sources.
     fn apparatus(&self) -> Result<Option<(Robot, Vitreous)>> {
         match self {
-            Self::Groups { .. } => Ok(None),
+            Self::Groups { .. } | Self::Prior { .. } => Ok(None),
             Self::Study(target) => match &target.experiment.apparatus {
                 Apparatus::Robot { robot, vitreous } => Ok(Some((*robot, *vitreous))),
                 _ => Err(Error::input(
@@ -90,7 +99,7 @@ impl GelPlace<'_> {
             (None, Some((robot, vitreous))) => Ok(vec![Scenario::of_robot("own robot", robot, vitreous)]),
             (None, None) => Err(Error::input(
                 InputPlace::setting(Setting::Scenario),
-                "a comparison of groups has no robot of its own",
+                "only a study has a robot of its own",
                 format!(
                     "give a file with [[scenario]], [scenario.robot] and [scenario.vitreous] (`{}`)",
                     Setting::Scenario
@@ -99,14 +108,15 @@ impl GelPlace<'_> {
         }
     }
 
-    /// Opens the source. `first` is a scenario whose robot a group's gel is joined with.
+    /// Opens the source. `first` is a scenario whose robot the gel of a group or prior is joined with.
     ///
     /// # Errors
-    /// Errors of reading and of sampling the first revision; [`Error::Input`] for a group or a model that cannot be predicted.
+    /// Errors of reading and of sampling the first revision; [`Error::Input`] for a group, prior or model that cannot be predicted.
     pub(crate) fn open(&self, first: &Scenario, options: &SamplerOptions, monitor: &dyn Monitor) -> Result<GelSource> {
         match self {
             Self::Study(target) => of_study(target, options, monitor),
             Self::Groups { dir, group } => of_group(dir, *group, first, options.seed),
+            Self::Prior { name, dir } => of_prior(name, dir, first, options.seed),
         }
     }
 }
@@ -205,31 +215,7 @@ fn of_group(dir: &Path, group: Option<&str>, first: &Scenario, seed: u64) -> Res
     };
     let draws = new_specimens(&dir.join(NEW_SPECIMENS_NAME), name)?;
     let specification = ModelSpecification::default().with_options(Some(&summary.law), &[], &[], None, &[])?;
-    let Scenario { robot, vitreous, .. } = *first;
-    let apparatus = Apparatus::Robot { robot, vitreous };
-    let mechanics = Arc::new(Mechanics::new(&apparatus, None)?);
-    let record = Record {
-        time_s: vec![0.0, 1.0],
-        force_n: vec![1e-6; 2],
-        position_m: vec![None; 2],
-        cycle: vec![1; 2],
-        ..Record::default()
-    };
-    let experiment = Experiment {
-        specimen_id: name.into(),
-        species: None,
-        region: None,
-        apparatus,
-        record,
-        calibration_cycles: vec![1],
-        heldout_cycles: Vec::new(),
-        noise_sd_m: None,
-        fits_position_offset: false,
-        source: "new specimen".into(),
-        control: Control::Force,
-        largest_strain: None,
-    };
-    let problem = Problem::with_mechanics(experiment, specification, &models::effects::Library::default(), mechanics)?;
+    let problem = problem_of_gel(name, specification, first)?;
     let mut warnings: Vec<Warning> = summary.warnings.into_iter().filter(|warning| warning.kind.is_fatal()).collect();
     if !summary.effects.is_empty() {
         warnings.push(Warning {
@@ -254,6 +240,68 @@ fn of_group(dir: &Path, group: Option<&str>, first: &Scenario, seed: u64) -> Res
         seed,
         provenance: Provenance::new("prediction", 1, 1, inputs),
     })
+}
+
+fn of_prior(name: &str, dir: &Path, first: &Scenario, seed: u64) -> Result<GelSource> {
+    let specification = ModelSpecification::default().with_options(None, &[], &[], Some(name), &[])?;
+    let problem = problem_of_gel(name, specification, first)?;
+    let parameters = problem.model.parameters();
+    let is_parameter = |name: &str| parameters.iter().any(|spec| spec.name == name);
+    let names: Vec<&str> = problem.priors.names().collect();
+    let columns: Vec<usize> = (0..names.len()).filter(|k| is_parameter(names[*k])).collect();
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut draw = || {
+        let all = problem.priors.draw(&mut random);
+        columns.iter().map(|k| all[*k]).collect()
+    };
+    let draws = Draws {
+        source: format!("the prior {name}"),
+        values: (0..MOST_DRAWS).map(|_| draw()).collect(),
+        names: columns.iter().map(|k| names[*k].to_string()).collect(),
+    };
+    files::create_folders(dir, "choose another directory with `--out`")?;
+    let inputs = [("prior".to_string(), base::sha256::sha256_hex(problem.priors.text().as_bytes()))].into();
+    Ok(GelSource {
+        problem,
+        draws,
+        is_taught: false,
+        kept: None,
+        rivals: Vec::new(),
+        warnings: Vec::new(),
+        dir: dir.to_path_buf(),
+        study: None,
+        seed,
+        provenance: Provenance::new("prediction", 1, 1, inputs),
+    })
+}
+
+/// Model of a gel without a record, with the robot of a scenario.
+fn problem_of_gel(name: &str, specification: ModelSpecification, first: &Scenario) -> Result<Problem> {
+    let Scenario { robot, vitreous, .. } = *first;
+    let apparatus = Apparatus::Robot { robot, vitreous };
+    let mechanics = Arc::new(Mechanics::new(&apparatus, None)?);
+    let record = Record {
+        time_s: vec![0.0, 1.0],
+        force_n: vec![1e-6; 2],
+        position_m: vec![None; 2],
+        cycle: vec![1; 2],
+        ..Record::default()
+    };
+    let experiment = Experiment {
+        specimen_id: name.into(),
+        species: None,
+        region: None,
+        apparatus,
+        record,
+        calibration_cycles: vec![1],
+        heldout_cycles: Vec::new(),
+        noise_sd_m: None,
+        fits_position_offset: false,
+        source: "no record".into(),
+        control: Control::Force,
+        largest_strain: None,
+    };
+    Problem::with_mechanics(experiment, specification, &models::effects::Library::default(), mechanics)
 }
 
 /// Draws of a new specimen of a group.

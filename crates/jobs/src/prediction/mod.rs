@@ -1,4 +1,4 @@
-//! `predict` and `plan`: robots in a gel whose parameters a study or a comparison of groups has taught.
+//! `predict` and `plan`: robots in a gel whose parameters come from a study, a comparison of groups or a prior.
 
 pub mod foresight;
 mod gel_source;

@@ -55,7 +55,7 @@ pub fn run(place: &GelPlace<'_>, request: &PlanRequest, monitor: &dyn Monitor) -
         let GelPlace::Study(study) = place else {
             return Err(Error::input(
                 InputPlace::setting(Setting::LargestForce),
-                "a comparison of groups has no largest force of its own",
+                "only a study has a largest force of its own",
                 format!("give the actuator's largest force in µN with `{}`", Setting::LargestForce),
             ));
         };

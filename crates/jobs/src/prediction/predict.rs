@@ -118,7 +118,7 @@ fn scenarios(place: &GelPlace<'_>, request: &PredictRequest) -> Result<Vec<(Scen
         }
         let record_of_study = match place {
             GelPlace::Study(target) => Some(&target.experiment.record),
-            GelPlace::Groups { .. } => None,
+            GelPlace::Groups { .. } | GelPlace::Prior { .. } => None,
         };
         if let (None, None, Some(of_study)) = (&scenario.force, &request.scenarios, record_of_study) {
             let n = of_study.n_rows();
