@@ -299,3 +299,42 @@ fn mutated_files_are_refused_by_the_program_in_words() {
         let _ = std::fs::remove_dir_all(place.path().join("study"));
     }
 }
+
+/// Exports of the replica whose rows are incomplete or out of order: what would bias the law is refused with a remedy. A missing first row, and missing rows without a switch, leave the law
+/// (E, c₁, c₂) as it is.
+#[test]
+fn missing_and_unsorted_rows_do_not_bias_the_law() {
+    let place = tempfile::tempdir().unwrap();
+    let table = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/data/porcine-replica/trajectory.csv"));
+    let table = table.unwrap();
+    let rows: Vec<&str> = table.lines().skip(1).map(|row| row.rsplit_once(',').unwrap().0).collect();
+    let described = |name: &str, header: &str, rows: &[&str]| {
+        let file = format!("{name}.csv");
+        std::fs::write(place.path().join(&file), format!("{header}\n{}\n", rows.join("\n"))).unwrap();
+        let sizes = ["--robot-diameter-mm", "0.55", "--vitreous-diameter-mm", "20", "--poisson-ratio", "0.48"];
+        vitreo(place.path(), &[&["init", &file, "--out", name], &sizes[..]].concat())
+    };
+    let header = "t (s),F (uN),x (um)";
+    let without = |left_out: &[usize]| -> Vec<&str> {
+        (0..rows.len()).filter(|row| !left_out.contains(row)).map(|row| rows[row]).collect()
+    };
+    // The force switches in row 100.
+    for (name, left_out) in [("one", &[100][..]), ("three", &[100, 101, 102])] {
+        described(name, header, &without(left_out)).exits(0);
+        refused_soon(place.path(), &["fit", name, "--out", "study"], &["switch_between_rows", "rows are missing"]);
+    }
+    for (name, left_out) in [("first", &[0][..]), ("inside", &[50, 51, 230])] {
+        described(name, header, &without(left_out)).exits(0);
+        let fit = vitreo(place.path(), &["fit", name, "--out", &format!("of-{name}"), "--json", "-"]).exits(0).json();
+        for (parameter, expected) in fit["parameters"].as_array().unwrap().iter().zip([3.526, 1.406, 47.48]) {
+            let value = parameter["value"].as_f64().unwrap();
+            assert!((value / expected - 1.0).abs() < 0.005, "{name}: {parameter}");
+        }
+    }
+    let backward: Vec<&str> = rows.iter().rev().copied().collect();
+    described("backward", header, &backward).refuses(&["not increasing", "sort the rows by time"]);
+    let of_eye = |eye: &str| rows.iter().map(|row| format!("{eye},{row}")).collect::<Vec<String>>();
+    let eyes = [of_eye("a"), of_eye("b")].concat();
+    let eyes: Vec<&str> = eyes.iter().map(String::as_str).collect();
+    described("eyes", "eye,t (s),F (uN),x (um)", &eyes).refuses(&["the column `eye` changes", "--track all"]);
+}

@@ -111,6 +111,34 @@ fn a_constant_force_moves_the_sphere_by_the_closed_form() {
     assert_eq!(one, document, "another number of threads");
 }
 
+/// A force limit that the slew rate keeps out of reach changes nothing, a strain limit far below what the target needs is named, and a plan without a solution keeps the controller's file.
+#[test]
+fn limits_that_do_not_bind_change_no_plan() {
+    let dir = tempfile::tempdir().unwrap();
+    sampled(dir.path());
+    let plan = |more: &[&str], code: i32| {
+        let target = ["plan", "study", "--reach-mm", "0.1", "--within-s", "3", "--json", "-", "--no-report"];
+        vitreo(dir.path(), &[&target, more].concat()).exits(code).json()
+    };
+    let slew = ["--max-slew-un-per-s", "1"];
+    let [near, far] = ["4.6", "1000"].map(|limit| plan(&[&slew[..], &["--max-force-un", limit]].concat(), 0));
+    let largest = |plan: &Value| {
+        let steps = plan["force"].as_array().unwrap();
+        steps.iter().map(|step| number(&step["force_un"])).fold(0.0, f64::max)
+    };
+    assert!((largest(&near) / largest(&far) - 1.0).abs() < 1e-4, "{} against {}", largest(&near), largest(&far));
+    let protocol = || std::fs::read(dir.path().join("study/plan-protocol.csv")).unwrap();
+    let kept = protocol();
+    let strained = plan(&["--max-strain", "0.001"], 1);
+    assert_eq!((&strained["feasible"], &strained["limit"]), (&false.into(), &"strain".into()));
+    assert_eq!(strained["protocol_file"], "");
+    assert!(protocol() == kept);
+    // The strain of a constant force grows with it: the strain limit divides it by the ratio of the strains.
+    let per_force = largest(&strained) / 0.001;
+    let other = plan(&["--max-strain", "0.002"], 1);
+    assert!((largest(&other) / (0.002 * per_force) - 1.0).abs() < 1e-3, "{other}");
+}
+
 /// Without a record the gel is that of a prior. Under a constant force a gel that only springs moves by F k/E, so quantiles of the position are those of the prior.
 /// The standard error of a 5 % quantile from 10,000 draws is 0.2 % of the range of E.
 #[test]

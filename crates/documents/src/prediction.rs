@@ -165,7 +165,7 @@ pub struct Plan {
     pub limit: String,
     /// Position over time under the planned force.
     pub tube: ScenarioPrediction,
-    /// File for the controller: time and force.
+    /// File for the controller: time and force. Empty if the plan is not feasible.
     pub protocol_file: String,
     /// Result in words.
     pub sentence: String,

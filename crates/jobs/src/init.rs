@@ -105,9 +105,15 @@ fn one(
     {
         return Ok(summary);
     }
-    let creep = looked.and_then(|looked| StressStrain::of(&looked, &request.known_columns, request.sizes[2]));
+    let creep = match &looked {
+        Some(looked) => StressStrain::of(looked, &request.known_columns, request.sizes[2])?,
+        None => None,
+    };
     let given = creep.as_ref().map_or(&request.known_columns, |creep| &creep.given);
     let mut proposal = propose(place, bytes, given, ask)?;
+    if let Some(creep) = &creep {
+        creep.refuse_large_plain(proposal.position_m.iter().fold(0.0, |most, strain| strain.abs().max(most)))?;
+    }
     if creep.is_some() {
         proposal.reasons.extend(unused_sizes_remark(&request));
     }
@@ -452,6 +458,9 @@ fn answers_at_once(proposal: &TableProposal, stress_strain: Option<&StressStrain
 
 /// Least time of the first row, in intervals between rows, at which a bead's record counts as begun after its load. Clocks may count from 0 or from 1.
 const LATE_INTERVALS: f64 = 1.5;
+/// Least such time if the first position is what the load moves the bead by in that time, and the range of the ratio of the two.
+const FIRST_INTERVAL: f64 = 0.5;
+const AS_LOADED: [f64; 2] = [0.6, 1.6];
 /// Largest such time, divided by the record's duration. Later first rows are times of another clock.
 const LATEST: f64 = 0.1;
 
@@ -479,9 +488,11 @@ fn load_start_s(
         Some(_) => first_s > 0.0 && first_s <= FIRST_ROW * proposal.duration_s,
         None => {
             let interval_s = proposal.duration_s / proposal.n_rows.saturating_sub(1).max(1) as f64;
-            first_s > LATE_INTERVALS * interval_s
+            let is_as_loaded = proposal.first_answer.is_some_and(|ratio| (AS_LOADED[0]..AS_LOADED[1]).contains(&ratio));
+            let least = if is_as_loaded { FIRST_INTERVAL } else { LATE_INTERVALS };
+            first_s > least * interval_s
                 && first_s <= LATEST * proposal.duration_s
-                && proposal.starts_displaced()
+                && (is_as_loaded || proposal.starts_displaced())
         }
     };
     begins_late.then_some(0.0)

@@ -1,7 +1,7 @@
 //! `init` for stress and strain over time, and for published tables of a compliance or a modulus: stress is read as the force, and strain as the position
 //! (docs/experiment.md).
 
-use base::error::Setting;
+use base::error::{Error, InputPlace, Result, Setting};
 use base::units::Dimension;
 use record::Control;
 use record::table::{InspectedTable, TableSettings, unit};
@@ -35,8 +35,44 @@ const OF_FREQUENCY: [&str; 5] = ["storage", "loss", "complex", "'", "tan"];
 const RATE: &str = "rate";
 /// Units of a strain as a plain number.
 const PLAIN: [&str; 2] = ["1", "-"];
+/// Words and symbols in a strain's name that state its unit, the longer ones first.
+const PARTS: [(&str, f64); 15] = [
+    ("microstrain", 1e-6),
+    ("ustrain", 1e-6),
+    ("µstrain", 1e-6),
+    ("um/m", 1e-6),
+    ("µm/m", 1e-6),
+    ("millistrain", 1e-3),
+    ("mm/m", 1e-3),
+    ("‰", 1e-3),
+    ("percent", 1e-2),
+    ("prozent", 1e-2),
+    ("pourcent", 1e-2),
+    ("pct", 1e-2),
+    ("%", 1e-2),
+    ("mm/mm", 1.0),
+    ("frac", 1.0),
+];
+/// Words that name a test in tension or compression, whose strain is the stress divided by the modulus without a factor.
+const UNIAXIAL: [&str; 8] = ["tens", "compress", "uniax", "axial", "young", "zug", "druck", "traction"];
+/// Largest strain that is taken as a plain number if no unit is stated. A larger one is more likely in percent.
+const LARGEST_PLAIN: f64 = 1.0;
 /// Poisson's ratio of a specimen that is nearly all water.
 const OF_WATER: f64 = 0.5;
+
+/// Size of the unit of a strain by its column's name; `None` if a bracket states an unknown unit.
+fn strain_part(name: &str) -> Option<f64> {
+    let name = name.to_lowercase().replace('μ', "µ");
+    // A strain of mm/mm is a plain number, although the text contains mm/m.
+    if name.contains("mm/mm") {
+        return Some(1.0);
+    }
+    if let Some((_, part)) = PARTS.iter().find(|(text, _)| name.contains(text)) {
+        return Some(*part);
+    }
+    let stated = name.trim_end().strip_suffix([')', ']']).and_then(|open| open.rsplit_once(['(', '[']));
+    stated.is_none_or(|(_, text)| text.trim().is_empty() || PLAIN.contains(&text.trim())).then_some(1.0)
+}
 
 /// Whether a column's name contains one of the words and none of the others.
 fn called(name: &str, words: &[&str], others: &[&str]) -> bool {
@@ -54,6 +90,12 @@ fn symbol(name: &str) -> String {
 fn has_no_unit(name: &str) -> bool {
     let name = name.trim_end();
     name.ends_with("(t)") || !name.ends_with([')', ']'])
+}
+
+/// True if a strain's name states no unit, not even that it is a plain number.
+fn states_nothing(name: &str) -> bool {
+    let name = name.to_lowercase();
+    !PARTS.iter().any(|(text, _)| name.contains(text)) && !name.trim_end().ends_with([')', ']'])
 }
 
 /// Size of the unit of a compliance in 1/Pa. A name without a unit is in 1/Pa, unless it is only a letter. `None` for another unit.
@@ -86,6 +128,8 @@ pub(super) struct StressStrain {
     pub constant: Option<Control>,
     /// True if the user's units say that the columns are stress and strain, whatever their names.
     pub is_told: bool,
+    /// True if the strain is taken as a plain number because nothing states its unit.
+    is_assumed_plain: bool,
 }
 
 /// A unit of `many` times another.
@@ -95,7 +139,10 @@ fn so_many(many: f64, of: &str) -> Option<String> {
 
 impl StressStrain {
     /// Finds the columns of stress and strain, of a modulus, or of a compliance; `None` if the table has none of them.
-    pub fn of(looked: &InspectedTable, given: &TableSettings, poisson_ratio: Option<f64>) -> Option<Self> {
+    ///
+    /// # Errors
+    /// [`Error::Input`] for a strain in a unit that is not known.
+    pub fn of(looked: &InspectedTable, given: &TableSettings, poisson_ratio: Option<f64>) -> Result<Option<Self>> {
         let told = |place: usize, dimension: Dimension| {
             let parsed = given.units[place].as_deref().and_then(unit);
             parsed.filter(|unit| unit.dimension == dimension).map(|unit| unit.to_si(1.0))
@@ -104,11 +151,12 @@ impl StressStrain {
         let strain = if is_plain { Some(1.0) } else { told(2, Dimension::Ratio) };
         let units = told(1, Dimension::Pressure).zip(strain);
         if let Some((stress, strain)) = units.filter(|_| given.axes.iter().all(Option::is_none)) {
-            return Self::told(looked, given, [stress, strain], poisson_ratio);
+            return Ok(Self::told(looked, given, [stress, strain], poisson_ratio));
         }
         if given.columns.iter().chain(&given.axes).any(Option::is_some) {
-            return None;
+            return Ok(None);
         }
+        let told_strain = strain;
         let columns = || looked.columns.iter().zip(&looked.units).enumerate();
         let stress = columns().find_map(|(place, (name, unit))| {
             let unit = unit.as_ref().filter(|unit| unit.dimension == Dimension::Pressure)?;
@@ -116,28 +164,66 @@ impl StressStrain {
         });
         let strain = columns().find_map(|(place, (name, unit))| {
             let part = match unit {
-                None => 1.0,
-                Some(unit) if unit.dimension == Dimension::Ratio => unit.to_si(1.0),
+                None => told_strain.or_else(|| strain_part(name)),
+                Some(unit) if unit.dimension == Dimension::Ratio => Some(unit.to_si(1.0)),
                 Some(_) => return None,
             };
             called(name, &STRAIN, &[RATE]).then_some((place, part))
         });
+        let name = |place: usize| looked.columns[place].as_str();
         let (stress, strain, constant) = match (stress, strain) {
-            (Some(stress), Some(strain)) => (stress, strain, None),
+            (Some(_), Some((place, None))) => {
+                return Err(Error::input(
+                    InputPlace::setting(Setting::PositionUnit),
+                    format!("the unit of the strain `{}` is not known", name(place)),
+                    format!(
+                        "give it: `{0} %` for percent, `{0} 1` for a plain number, `{0} \"0.1 %\"` for thousandths",
+                        Setting::PositionUnit
+                    ),
+                ));
+            }
+            (Some(stress), Some((place, Some(part)))) => (stress, (place, part), None),
             // The only column of values serves as both quantities until the table is described.
-            _ => Self::published(looked).map(|(column, control)| (column, column, Some(control)))?,
+            _ => match Self::published(looked) {
+                Some((column, control)) => (column, column, Some(control)),
+                None => return Ok(None),
+            },
         };
+        let is_uniaxial = [stress.0, strain.0].into_iter().any(|place| {
+            called(name(place), &UNIAXIAL, &[])
+                || constant.is_some() && ["e", "d"].contains(&symbol(name(place)).as_str())
+        });
+        let has_stated = looked.units[strain.0].is_some() || told_strain.is_some() || constant.is_some();
         let number = |(place, _): (usize, f64)| Some((place + 1).to_string());
-        Some(Self {
+        Ok(Some(Self {
             given: TableSettings {
                 columns: [None, number(stress), number(strain), None],
                 units: [given.units[0].clone(), so_many(stress.1, "N"), so_many(strain.1, "m")],
                 ..given.clone()
             },
-            compliance: 2.0 + 2.0 * poisson_ratio.unwrap_or(OF_WATER),
+            compliance: if is_uniaxial { 1.0 } else { 2.0 + 2.0 * poisson_ratio.unwrap_or(OF_WATER) },
             constant,
             is_told: false,
-        })
+            is_assumed_plain: !has_stated && states_nothing(name(strain.0)),
+        }))
+    }
+
+    /// Refuses strains without a stated unit that are too large for a plain number. `largest` is the largest absolute strain.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for such strains.
+    pub fn refuse_large_plain(&self, largest: f64) -> Result<()> {
+        if !self.is_assumed_plain || largest <= LARGEST_PLAIN {
+            return Ok(());
+        }
+        Err(Error::input(
+            InputPlace::setting(Setting::PositionUnit),
+            format!(
+                "no unit of the strain is stated, and it reaches {}",
+                figures::number::format_significant(largest, 3)
+            ),
+            format!("give the unit: `{0} %` for percent, `{0} 1` for a plain number", Setting::PositionUnit),
+        ))
     }
 
     /// Stress and strain by the units that the user gives, in the given columns or in those that are called so.
@@ -165,6 +251,7 @@ impl StressStrain {
             compliance: 2.0 + 2.0 * poisson_ratio.unwrap_or(OF_WATER),
             constant: None,
             is_told: true,
+            is_assumed_plain: false,
         })
     }
 
@@ -213,9 +300,12 @@ impl StressStrain {
                 "a relaxation modulus over time: the stress at a strain of 1 from time 0 (a table without a unit is in Pa)"
             }
         };
+        let factor = match self.compliance {
+            1.0 => "compliance_per_m = 1, because a column is of tension or compression; write 2 + 2ν for shear".into(),
+            shear => format!("compliance_per_m = {shear} = 2 + 2ν for shear; write 1 for tension"),
+        };
         format!(
-            "{what}. 1 Pa is entered as 1 N and a strain of 1 as 1 m, with compliance_per_m = {} = 2 + 2ν for shear; write 1 for tension. Use `{} generic` for a gel other than vitreous humour",
-            self.compliance,
+            "{what}. 1 Pa is entered as 1 N and a strain of 1 as 1 m, with {factor}. Use `{} generic` for a gel other than vitreous humour",
             Setting::Prior
         )
     }
@@ -229,7 +319,52 @@ mod tests {
     fn creep(header: &str, poisson_ratio: Option<f64>) -> Option<StressStrain> {
         let text = format!("{header}\n0,0,1\n1,5,1\n2,6,1\n");
         let looked = inspect_table("creep.csv".as_ref(), text.as_bytes()).expect("a table");
-        StressStrain::of(&looked, &TableSettings::default(), poisson_ratio)
+        StressStrain::of(&looked, &TableSettings::default(), poisson_ratio).expect("a known unit")
+    }
+
+    #[test]
+    fn strains_have_the_unit_that_their_name_states() {
+        for (name, unit) in [
+            ("Strain", "m"),
+            ("Strain [-]", "m"),
+            ("Strain (mm/mm)", "m"),
+            ("Strain (fraction)", "m"),
+            ("strain_percent", "0.01 m"),
+            ("Strain Pct", "0.01 m"),
+            ("% strain", "0.01 m"),
+            ("Dehnung (Prozent)", "0.01 m"),
+            ("Strain (‰)", "0.001 m"),
+            ("Strain (mm/m)", "0.001 m"),
+            ("Strain (microstrain)", "0.000001 m"),
+            ("Strain (um/m)", "0.000001 m"),
+        ] {
+            let found = creep(&format!("Time [s],{name},Stress [Pa]"), None).unwrap_or_else(|| panic!("{name}"));
+            assert_eq!(found.given.units[2].as_deref(), Some(unit), "{name}");
+            assert_eq!(found.refuse_large_plain(16.0).is_err(), name == "Strain", "{name}");
+            assert!(found.refuse_large_plain(0.9).is_ok(), "{name}");
+        }
+        let looked =
+            inspect_table("s.csv".as_ref(), b"Time [s],Strain [mod],Stress [Pa]\n0,0,1\n1,5,1\n2,6,1\n").unwrap();
+        let refused = StressStrain::of(&looked, &TableSettings::default(), None).unwrap_err().to_string();
+        assert!(refused.contains("`Strain [mod]` is not known"), "{refused}");
+        let told = TableSettings { units: [None, None, Some("%".into())], ..TableSettings::default() };
+        let found = StressStrain::of(&looked, &told, None).unwrap().expect("a creep");
+        assert_eq!(found.given.units[2].as_deref(), Some("0.01 m"));
+    }
+
+    #[test]
+    fn tension_has_no_factor() {
+        for (header, factor) in [
+            ("Time (s),Tensile stress (Pa),Tensile strain (%)", 1.0),
+            ("Time (s),Compressive stress (Pa),Strain (%)", 1.0),
+            ("t (s),E(t) (kPa),n", 1.0),
+            ("t (s),D(t),n", 1.0),
+            ("t (s),G(t) (kPa),n", 3.0),
+            ("Time (s),Extension stress (Pa),Strain (%)", 3.0),
+        ] {
+            let found = creep(header, None).unwrap_or_else(|| panic!("{header}"));
+            assert_eq!(found.compliance, factor, "{header}");
+        }
     }
 
     #[test]
@@ -250,14 +385,14 @@ mod tests {
         let units = [Some("s".into()), Some("kPa".into()), Some("%".into())];
         let columns = [None, Some("F".into()), Some("L".into()), None];
         let given = TableSettings { units: units.clone(), columns, ..TableSettings::default() };
-        let found = StressStrain::of(&looked, &given, None).expect("a creep");
+        let found = StressStrain::of(&looked, &given, None).unwrap().expect("a creep");
         assert_eq!(found.given.columns, [None, Some("F".into()), Some("L".into()), None]);
         assert_eq!(found.given.units, [Some("s".into()), Some("1000 N".into()), Some("0.01 m".into())]);
         let plain = TableSettings { units: [None, Some("Pa".into()), Some("1".into())], ..given };
-        let found = StressStrain::of(&looked, &plain, None).expect("a creep");
+        let found = StressStrain::of(&looked, &plain, None).unwrap().expect("a creep");
         assert_eq!(found.given.units, [None, Some("N".into()), Some("m".into())]);
         let unnamed = TableSettings { units, ..TableSettings::default() };
-        assert_eq!(StressStrain::of(&looked, &unnamed, None), None);
+        assert_eq!(StressStrain::of(&looked, &unnamed, None).unwrap(), None);
     }
 
     #[test]

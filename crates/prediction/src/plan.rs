@@ -32,8 +32,6 @@ const N_REST_ROWS: usize = 240;
 const SLEW_STEPS: usize = 20;
 /// Number of rounds in which the sizes and durations of changes are found in turn.
 const SLEW_ROUNDS: usize = 4;
-/// Number of forces that are tried if the strain binds.
-const N_STRAIN_FORCES: usize = 60;
 /// Factor of a limit that counts as no limit.
 const MUCH: f64 = 100.0;
 /// Number of sweeps over the changes of the force in the least-squares search.
@@ -240,14 +238,15 @@ impl Target {
         self.reach_m.signum()
     }
 
-    /// Changes of the force, each spread over the time that the slew rate needs, in equal steps. Steps after the end are left out.
+    /// Changes of the force, each spread over the time that the slew rate needs, in equal steps. A change that needs longer than until the next ends there.
     fn stepped(&self, changes: &[[f64; 2]]) -> Vec<[f64; 2]> {
         let Some(slew_n_per_s) = self.slew_n_per_s else { return changes.to_vec() };
         let mut steps: Vec<[f64; 2]> = Vec::new();
         let mut before_n = 0.0;
         for (k, [time_s, force_n]) in changes.iter().enumerate() {
             let until_s = changes.get(k + 1).map_or(self.duration_s(), |next| next[0]);
-            let change_n = force_n - before_n;
+            let most_n = slew_n_per_s * (until_s - time_s);
+            let change_n = (force_n - before_n).clamp(-most_n, most_n);
             let ramp_s = change_n.abs() / slew_n_per_s;
             let mut reached_n = before_n;
             for step in 1..=SLEW_STEPS {
@@ -369,21 +368,25 @@ impl<'a> ForceSearch<'a> {
         if probability >= target.probability || target.largest_strain.is_none() {
             return Ok(Tried { changes: changes(force_n), probability });
         }
-        // The strain binds: among smaller forces, the one that succeeds most often; of equal ones the largest that keeps the strain.
-        let largest_n = force_n;
-        let mut best = Tried { changes: changes(0.0), probability: 0.0 };
-        for k in 1..=N_STRAIN_FORCES {
-            let force_n = largest_n * k as f64 / N_STRAIN_FORCES as f64;
-            let (record, trajectories_m) = self.trajectories_m(&changes(force_n))?;
-            let n = trajectories_m.len().max(1) as f64;
-            let strain_per_m = self.ensemble.strain_per_m;
-            let keeps = trajectories_m.iter().filter(|x| target.strain_is_met(x, strain_per_m)).count() as f64 / n;
-            let met = trajectories_m.iter().filter(|x| target.is_met(&record, x, strain_per_m)).count() as f64 / n;
-            if met >= best.probability && keeps >= target.probability {
-                best = Tried { changes: changes(force_n), probability: met };
+        // The strain binds: the largest force that keeps it succeeds most often among those that do.
+        let keeps = |force_n: f64| -> Result<bool> {
+            let (_, trajectories_m) = self.trajectories_m(&changes(force_n))?;
+            let kept = trajectories_m.iter().filter(|x| target.strain_is_met(x, self.ensemble.strain_per_m)).count();
+            Ok(kept as f64 >= target.probability * trajectories_m.len() as f64)
+        };
+        let [mut keeps_n, mut breaks_n] = [0.0, force_n];
+        if keeps(force_n)? {
+            return Ok(Tried { changes: changes(force_n), probability });
+        }
+        for _ in 0..HALVINGS_SLOW {
+            let middle_n = if keeps_n == 0.0 { 0.1 * breaks_n } else { 0.5 * (keeps_n + breaks_n) };
+            if keeps(middle_n)? {
+                keeps_n = middle_n;
+            } else {
+                breaks_n = middle_n;
             }
         }
-        Ok(best)
+        Ok(Tried { probability: self.share(target, &changes(keeps_n))?, changes: changes(keeps_n) })
     }
 
     /// First stepwise force with the requested probability, or the one with the highest: the largest force, or a part of it, until the mean arrives, then steps that keep the mean at the target.
@@ -543,10 +546,13 @@ mod tests {
         };
         let steps = target.stepped(&[[0.0, 1.0], [5.0, -1.0]]);
         let slope = |pair: &[[f64; 2]]| ((pair[1][1] - pair[0][1]) / (pair[1][0] - pair[0][0])).abs();
-        // The second change needs 2 s and has 1 s until the end: nine of its twenty steps remain.
-        assert_eq!(steps.len(), 1 + SLEW_STEPS + 9);
+        // The second change needs 2 s and has 1 s until the end, where its last step falls.
+        assert_eq!(steps.len(), 1 + SLEW_STEPS + SLEW_STEPS - 1);
         assert!(steps.windows(2).all(|pair| pair[1][0] > pair[0][0] && slope(pair) <= 1.0 + 1e-9), "{steps:?}");
         assert_eq!((steps[0], steps[SLEW_STEPS]), ([0.0, 0.0], [1.0, 1.0]));
-        assert!((steps[steps.len() - 1][1] - 0.1).abs() < 1e-9, "{steps:?}");
+        assert!((steps[steps.len() - 1][1] - 0.05).abs() < 1e-9, "{steps:?}");
+        // A limit of the force that the slew rate does not reach changes nothing.
+        let [near, far] = [10.0, 1e6].map(|force_n| target.stepped(&[[0.0, force_n]]));
+        assert_eq!(near, far);
     }
 }

@@ -14,6 +14,10 @@ const FEWEST_TIES: usize = 3;
 /// Least factor by which neighbouring rows are farther apart in position than rows at neighbouring times, if rows alternate between several tracks.
 const TRACKS: f64 = 3.0;
 
+/// Smallest number of falls of the time, and their fraction of the rows, from which rows count as unsorted.
+const FEWEST_FALLS: usize = 4;
+const UNSORTED: f64 = 0.1;
+
 /// Changes that were made to the times of a table.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct TimeChanges {
@@ -117,7 +121,13 @@ fn join_restarts(time_s: &mut [f64]) -> Vec<usize> {
 
 /// True if the clock restarted between `before_s` and `time_s`: the time falls back to near the record's first time.
 fn is_restart(time_s: f64, before_s: f64, first_s: f64) -> bool {
-    time_s < before_s && time_s - first_s <= 0.1 * (before_s - first_s)
+    time_s < before_s && before_s > first_s && time_s - first_s <= 0.1 * (before_s - first_s)
+}
+
+/// True if times fall so often that the rows are in no order, instead of a clock that restarts.
+fn are_unsorted(time_s: &[f64]) -> bool {
+    let n_falls = time_s.windows(2).filter(|pair| pair[1] < pair[0]).count();
+    n_falls >= FEWEST_FALLS && n_falls as f64 > UNSORTED * time_s.len() as f64
 }
 
 /// Spreads the rows of each repeated time (s) evenly over the clock's step, which is the shorter one of the gaps before and after that time. Times that are not sorted stay
@@ -177,7 +187,7 @@ fn refused(place: InputPlace, row: usize, time_s: &[f64], position_m: &[Option<f
             format!("time is not increasing: two rows have the time {time} s"),
             "remove the row if it is repeated, or give it its own time".to_string(),
         )
-    } else if is_restart(time, before, time_s[0]) {
+    } else if is_restart(time, before, time_s[0]) && !are_unsorted(time_s) {
         (
             format!("time restarts: {time} s follows {before} s"),
             format!(

@@ -132,7 +132,10 @@ fn words(found: &Plan) -> String {
         lines.push(String::new());
     }
     lines.extend(scenario_lines(&found.tube));
-    lines.push(format!("  Controller's file: {}", found.protocol_file));
+    lines.push(match found.feasible {
+        true => format!("  Controller's file: {}", found.protocol_file),
+        false => "  No controller's file is written, because the plan does not reach the target.".into(),
+    });
     lines.extend(warning_lines(&found.tube.warnings));
     lines.extend(warning_lines(&found.warnings));
     lines.join("\n") + "\n"

@@ -17,6 +17,8 @@ use crate::simulation_files::description_toml;
 /// Directory of the description of the new record.
 const RECORD_DIR: &str = "next-record";
 const TABLE_NAME: &str = "trajectory.csv";
+/// Ending of the name of the new record.
+pub const NEXT: &str = "-next";
 
 /// Files of a design in a study.
 pub struct DesignFiles {
@@ -129,7 +131,7 @@ pub fn next_record(experiment: &Experiment, record: &Record, holds_out: bool) ->
     measurement.extend(experiment.noise_sd_m.map(|sd_m| format!("noise_um = {}", 1e6 * sd_m)));
     let head =
         "# Protocol of `vitreo-uq design`. Replace trajectory.csv by the record, or fill in its column position_um.";
-    let toml = description_toml(head, &format!("{}-next", experiment.specimen_id), experiment, &measurement);
+    let toml = description_toml(head, &format!("{}{NEXT}", experiment.specimen_id), experiment, &measurement);
     let mut table = String::from("time_s,force_uN,position_um,cycle\n");
     let last = record.n_rows() - 1;
     for row in 0..=last {

@@ -1,7 +1,7 @@
 //! `design`: the protocol of the next record.
 
 mod decision;
-mod files;
+pub(crate) mod files;
 mod request;
 mod sequence;
 mod words;

@@ -66,7 +66,7 @@ pub struct Later {
 /// Reads later records.
 ///
 /// # Errors
-/// [`Error::Input`] for another apparatus or a position with an unknown offset; errors of reading.
+/// [`Error::Input`] for a record that is given twice, another apparatus or a position with an unknown offset; errors of reading.
 pub fn read_later(paths: &[PathBuf], first: &Experiment, monitor: &dyn Monitor) -> Result<Vec<Later>> {
     let read = |path: &PathBuf| {
         let (experiment, files) = Experiment::read(path)?;
@@ -90,7 +90,20 @@ pub fn read_later(paths: &[PathBuf], first: &Experiment, monitor: &dyn Monitor) 
         }
         Ok(Later { experiment, hashes: Study::hashes_of(&files)? })
     };
-    paths.iter().map(read).collect()
+    let mut all: Vec<Later> = Vec::new();
+    for path in paths {
+        let later = read(path)?;
+        let earlier = std::iter::once(first).chain(all.iter().map(|later| &later.experiment));
+        if earlier.into_iter().any(|earlier| earlier.record == later.experiment.record) {
+            return Err(Error::input(
+                InputPlace::file(path.as_path()),
+                "the study or an earlier record has the same rows, and rows that count twice would feign information",
+                "give every record once",
+            ));
+        }
+        all.push(later);
+    }
+    Ok(all)
 }
 
 impl Later {

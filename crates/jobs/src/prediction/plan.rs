@@ -102,7 +102,10 @@ pub fn run(place: &GelPlace<'_>, request: &PlanRequest, monitor: &dyn Monitor) -
         robots,
         force: planned.steps,
         tube,
-        protocol_file: source.dir.join(PROTOCOL_NAME).display().to_string(),
+        protocol_file: match planned.is_feasible {
+            true => source.dir.join(PROTOCOL_NAME).display().to_string(),
+            false => String::new(),
+        },
         equivalent,
         warnings,
     };
@@ -132,7 +135,9 @@ pub fn run(place: &GelPlace<'_>, request: &PlanRequest, monitor: &dyn Monitor) -
                 .to_vec()
         }
     };
-    let all = [&svg, &png, &pdf, &protocol, &tube, &json].into_iter().chain(&compared);
+    // The file of an earlier plan that succeeds is kept.
+    let protocol = document.body.feasible.then_some(&protocol);
+    let all = [&svg, &png, &pdf, &tube, &json].into_iter().chain(&compared).chain(protocol);
     write_together(&all.map(|(path, bytes)| (path.as_path(), bytes.as_slice())).collect::<Vec<_>>())?;
     Ok(Outcome { is_sound: document.body.is_sound(), document, written: svg.0, study: source.study.clone() })
 }

@@ -22,6 +22,8 @@ use sampling::ensemble::{Progress, RunControl, SampleOutcome};
 use sampling::optimum::{Mode, find_modes};
 use sampling::{LogDensity, SamplerOptions, sample as sample_density};
 
+use crate::design::files::NEXT;
+
 /// Number of starting points of each search, drawn from the prior.
 const N_STARTS: usize = 48;
 /// p of the agreement test below which the records count as disagreeing.
@@ -232,7 +234,9 @@ fn warnings(
         let advice = "compare the records' own laws above, and `diagnose` each record: a missing effect biases its law";
         warn(WarningKind::MisfitAboveNoise, text, advice);
     }
-    let mut ids: Vec<&str> = records.iter().map(|record| record.id.as_str()).collect();
+    // A record that `design` has prepared has the name of its specimen with an ending.
+    let specimen = |record: &'_ JointRecord| record.id.trim_end_matches(NEXT).to_string();
+    let mut ids: Vec<String> = records.iter().map(specimen).collect();
     ids.sort_unstable();
     ids.dedup();
     if ids.len() > 1 {

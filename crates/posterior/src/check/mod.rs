@@ -90,6 +90,7 @@ pub fn contradictions(experiment: &Experiment, understood: &Interpretation) -> V
         positions::outliers,
         positions::unread,
         switches::between_rows,
+        switches::after_missing_rows,
         switches::logged_late,
         zero::starts_under_load,
     ];

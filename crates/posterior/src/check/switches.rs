@@ -17,6 +17,14 @@ const ERRORS: f64 = 5.0;
 /// Smallest median excess that counts as a motion before the stated switch, in noise standard deviations.
 const NOISES: f64 = 2.0;
 
+/// Smallest motion that counts, as a fraction of the positions' range.
+const LEAST_PART: f64 = 1e-3;
+/// Intervals between two rows from which a row is missing between them, and from which the gap is too long for the line through the rows before it.
+const MISSING: f64 = 1.5;
+const MOST_MISSING: f64 = 6.0;
+/// Factor on the curvature of the motion before a missing row, by which it may grow until the switch.
+const CURVED: f64 = 1.5;
+
 /// Difference (m) between a row's position and the line through the last four known positions before it; `None` if too many positions are lost.
 fn excess_m(looked: &CheckContext<'_>, row: usize) -> Option<f64> {
     let record = looked.record;
@@ -56,13 +64,49 @@ pub(super) fn between_rows(looked: &CheckContext<'_>) -> Option<Contradiction> {
     // The excess of a row minus the excess of the previous row weights six positions by 1, −2, ½, ½, ½ and −½. Its standard deviation is √6 times the noise. The
     // standard error of the median of n such values is 1.25/√n times this standard deviation.
     let error_m = 1.25 * 6.0_f64.sqrt() * noise_m / (excesses.len() as f64).sqrt();
-    if middle_m <= (ERRORS * error_m).max(NOISES * noise_m) || middle_m <= 1e-3 * looked.range_m {
+    if middle_m <= (ERRORS * error_m).max(NOISES * noise_m) || middle_m <= LEAST_PART * looked.range_m {
         return None;
     }
     let text = format!(
         "at {} steps of the force, the position has already moved by about {} µm in the row of the step: the force switched between two rows",
         excesses.len(),
         um(middle_m)
+    );
+    let advice = "give every switch a separate row at its time, with the new force and an empty position";
+    Some(found("switch_between_rows", true, text, advice))
+}
+
+/// Finds switches of the force behind a missing row in which the position has already moved: the force switched in the missing row or near it.
+pub(super) fn after_missing_rows(looked: &CheckContext<'_>) -> Option<Contradiction> {
+    let record = looked.record;
+    let has_moved = |row: &usize| {
+        let row = *row;
+        let is_held =
+            row > WITHIN && (row - WITHIN - 1..row).all(|before| record.force_n[before] == record.force_n[row - 1]);
+        if !is_held {
+            return false;
+        }
+        let before_s = (record.time_s[row - 1] - record.time_s[row - 1 - BEFORE]) / BEFORE as f64;
+        let intervals = (record.time_s[row] - record.time_s[row - 1]) / before_s;
+        let known_before = (row - WITHIN..row).rev().find(|before| record.position_m[*before].is_some());
+        let curved_m = known_before.and_then(|before| excess_m(looked, before)).unwrap_or(f64::INFINITY).abs();
+        if !(MISSING..MOST_MISSING).contains(&intervals) {
+            return false;
+        }
+        let sign = (record.force_n[row] - record.force_n[row - 1]).signum();
+        // The line through four rows, extrapolated over this many intervals, has the variance ¼ + (1.5 + n)²/5 of a position; the curvature of the motion grows with n².
+        let sd = (1.25 + (1.5 + intervals).powi(2) / 5.0).sqrt();
+        let least_m = ERRORS * sd * looked.noise_m + CURVED * intervals * intervals * curved_m.max(looked.noise_m);
+        excess_m(looked, row).is_some_and(|excess_m| sign * excess_m > least_m.max(LEAST_PART * looked.range_m))
+    };
+    let rows: Vec<usize> = record.force_step_rows().into_iter().filter(|row| *row > 0).filter(has_moved).collect();
+    let first = *rows.first()?;
+    let number = |time_s: f64| format_significant(time_s, 5);
+    let text = format!(
+        "rows are missing at {} of the force's switches, and the next position has already moved: the first between {} and {} s",
+        rows.len(),
+        number(record.time_s[first - 1]),
+        number(record.time_s[first])
     );
     let advice = "give every switch a separate row at its time, with the new force and an empty position";
     Some(found("switch_between_rows", true, text, advice))

@@ -70,6 +70,9 @@ pub struct TableProposal {
     written_position_m: [f64; 2],
     /// First position as written in the table, in m.
     first_written_m: Option<f64>,
+    /// First position as written, divided by the motion that the first force causes in the time of the first row, as other switches of the force show it. `None` if no
+    /// switch shows it.
+    pub first_answer: Option<f64>,
 }
 
 impl TableProposal {
@@ -137,6 +140,7 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
     };
     let written_position_m = ends(&mut trajectory.position_m.iter().flatten().copied());
     let first_written_m = trajectory.position_m.first().copied().flatten();
+    let first_answer = first_answer(&trajectory);
     let frame = frame(&trajectory, description.force.is_some(), &mut reasons);
     if let Some(projection) = frame.apply(file, &mut trajectory)?.projection {
         reasons.push(format!(
@@ -161,6 +165,7 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
         position_m: ends(&mut trajectory.position_m.iter().flatten().copied()),
         written_position_m,
         first_written_m,
+        first_answer,
         description,
         frame,
         has_noisy_levels,
@@ -266,7 +271,8 @@ impl DescribedFile<'_> {
         let unit_of = |role: Role| -> Result<ParsedUnit> {
             let found = told(role).map_or_else(|| own_unit(role), unit);
             found.filter(|unit| Some(unit.dimension) == role.dimension()).ok_or_else(|| {
-                let found = format!("`{}` is not a unit of {}", told(role).unwrap_or_default(), role.name());
+                let stated = told(role).map_or_else(|| own_unit(role).map_or_else(String::new, |unit| unit.name), String::from);
+                let found = format!("`{stated}` is not a unit of {}", role.name());
                 let is_of_stress = |role: Role| {
                     let dimension = told(role).and_then(unit).map(|unit| unit.dimension);
                     matches!(dimension, Some(Dimension::Pressure | Dimension::Ratio))
@@ -527,6 +533,35 @@ impl DescribedFile<'_> {
 
     /// Reads the rows, and completes the description with properties of the rows: a clock that restarts or is coarse, values for lost positions, and
     /// a constant coordinate.
+    /// An error about a clock that restarts, with the column that changes exactly where it does: it may name specimens.
+    fn with_specimens(&self, error: Error, joined: &Trajectory) -> Error {
+        let restarts = &joined.ordered.restart_rows;
+        let Error::Input { place, found, remedy } = error else { return error };
+        let delimiter = self.tables[0].layout.delimiter;
+        let rows: Vec<Vec<Cow<'_, str>>> =
+            joined.lines.iter().map(|line| cells(self.lines[line - 1], delimiter)).collect();
+        let changes = |at: usize| -> Vec<usize> {
+            (1..rows.len()).filter(|row| rows[*row].get(at) != rows[row - 1].get(at)).collect()
+        };
+        let names = &self.header().names;
+        let column = (0..names.len()).find(|at| !restarts.is_empty() && changes(*at) == *restarts);
+        match column {
+            Some(at) => Error::input(
+                place,
+                format!("{found}, where the column `{}` changes", names[at]),
+                format!(
+                    "if its values are specimens, read one with `{column} \"{name}\" {track} {value}` or all with `{column} \"{name}\" {track} all`; if one recording went on, use `{restarts} join`",
+                    column = Setting::TrackColumn,
+                    name = names[at],
+                    track = Setting::Track,
+                    value = rows[0].get(at).map_or("NAME", AsRef::as_ref),
+                    restarts = Setting::TimeRestarts,
+                ),
+            ),
+            None => Error::input(place, found, remedy),
+        }
+    }
+
     fn completed(&self, description: &mut TableDescription, reasons: &mut Vec<String>) -> Result<Trajectory> {
         let read = |description: &TableDescription| read_described(self.file, self.text, description);
         let told = description.time_rules;
@@ -555,7 +590,10 @@ impl DescribedFile<'_> {
                 ));
             }
         }
-        let mut trajectory = read(description)?;
+        let mut trajectory = read(description).map_err(|error| match read(&lenient) {
+            Ok(joined) => self.with_specimens(error, &joined),
+            Err(_) => error,
+        })?;
         if let Some((PositionColumns::Axes(axes), _)) = &mut description.position
             && axes.len() == 3
         {
@@ -725,6 +763,27 @@ fn short_lag_noise_m(position_m: &[Option<f64>]) -> f64 {
     let known: Vec<f64> = position_m.iter().flatten().copied().collect();
     let sizes = known.windows(3).map(|triple| (triple[0] - 2.0 * triple[1] + triple[2]).abs()).collect();
     SD_PER_MAD * median(sizes).unwrap_or(0.0) / 6_f64.sqrt()
+}
+
+/// Largest relative difference of the interval after a switch from the time of the first row.
+const SAME_INTERVAL: f64 = 0.2;
+/// Least motion that shows an answer, in standard deviations of the noise.
+const SHOWS: f64 = 8.0;
+
+/// First position divided by the motion that the first force causes in the time of the first row (s of the table's clock). Other switches of at least half the first force show it; a
+/// row's position is that before its switch.
+fn first_answer(trajectory: &Trajectory) -> Option<f64> {
+    let Trajectory { time_s, force_n, position_m, clock_zero_s, .. } = trajectory;
+    let (first_n, first_m) = (*force_n.first()?, (*position_m.first()?)?);
+    let first_s = time_s[0] + clock_zero_s;
+    let of_switch = |row: usize| {
+        let switch_n = force_n[row] - force_n[row - 1];
+        let interval_s = time_s.get(row + 1)? - time_s[row];
+        let is_alike = switch_n.abs() >= 0.5 * first_n.abs() && (interval_s / first_s - 1.0).abs() < SAME_INTERVAL;
+        is_alike.then_some(((*position_m.get(row + 1)?)? - position_m[row]?) / switch_n)
+    };
+    let expected_m = first_n * median((1..force_n.len()).filter_map(of_switch).collect())?;
+    (expected_m.abs() > SHOWS * short_lag_noise_m(position_m)).then(|| first_m / expected_m)
 }
 
 /// A number with six significant digits.

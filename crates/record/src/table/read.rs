@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::description::{BlankForce, ColumnName, TableDescription, TableLayout, TimeFormat};
 use super::spelling::{DateOrder, clock_s, date_time_s};
-use super::text::{Encoding, cells, header_cells, is_blank_or_comment};
+use super::text::{Decimal, Encoding, cells, header_cells, is_blank_or_comment};
 use crate::times::{TimeRows, order_times};
 use crate::trajectory::{CYCLE, FORCE, POSITION, TIME, TableRow, Trajectory, is_lost};
 use base::error::{Error, InputPlace, Result, Setting};
@@ -218,7 +218,18 @@ pub(crate) fn read_described(file: &Path, text: &str, description: &TableDescrip
 fn not_a_number(cell: &str, layout: &TableLayout) -> String {
     let thousands =
         layout.thousands.map_or(String::new(), |sign| format!(" and the thousands separator `{}`", sign.name()));
-    format!("`{cell}` is not a number with the decimal sign `{}`{thousands}", layout.decimal.name())
+    let mut text = format!("`{cell}` is not a number with the decimal sign `{}`{thousands}", layout.decimal.name());
+    // A sign between groups of three digits may separate thousands.
+    let sign = if layout.decimal == Decimal::Comma { '.' } else { ',' };
+    let n_digits = |group: &str| group.bytes().take_while(u8::is_ascii_digit).count();
+    let mut groups = cell.trim().trim_start_matches(['-', '+']).split(sign);
+    let begins = groups.next().is_some_and(|group| (1..=3).contains(&group.len()) && n_digits(group) == group.len());
+    let later: Vec<&str> = groups.collect();
+    let is_grouped = begins && !later.is_empty() && later.iter().all(|group| n_digits(group) == 3);
+    if layout.thousands.is_none() && is_grouped {
+        text += &format!(" (if `{sign}` separates thousands, use `{} {sign}`)", Setting::Thousands);
+    }
+    text
 }
 
 fn blank_force(place: InputPlace) -> Error {
