@@ -111,7 +111,7 @@ fn a_constant_force_moves_the_sphere_by_the_closed_form() {
     assert_eq!(one, document, "another number of threads");
 }
 
-/// A force limit that the slew rate keeps out of reach changes nothing, a strain limit far below what the target needs is named, and a plan without a solution keeps the controller's file.
+/// The slew rate does not reach the second limit of the force, so that the plan stays the same. A far too small limit of the strain is named. A plan without a solution keeps the controller's file.
 #[test]
 fn limits_that_do_not_bind_change_no_plan() {
     let dir = tempfile::tempdir().unwrap();

@@ -458,7 +458,7 @@ fn answers_at_once(proposal: &TableProposal, stress_strain: Option<&StressStrain
 
 /// Least time of the first row, in intervals between rows, at which a bead's record counts as begun after its load. Clocks may count from 0 or from 1.
 const LATE_INTERVALS: f64 = 1.5;
-/// Least such time if the first position is what the load moves the bead by in that time, and the range of the ratio of the two.
+/// Least such time if the first position is the motion that the load causes in it. The two are equal if their ratio is in this range.
 const FIRST_INTERVAL: f64 = 0.5;
 const AS_LOADED: [f64; 2] = [0.6, 1.6];
 /// Largest such time, divided by the record's duration. Later first rows are times of another clock.

@@ -539,7 +539,7 @@ fn check_positions(record: &Record, calibration_cycles: &[u32], place: &InputPla
         return Err(Error::input(
             place.clone().at_line(lines.first().copied().unwrap_or(1)),
             "the column is empty: no position is measured yet",
-            "write the measured positions into this column; a table from `design` or `plan` has only the protocol",
+            "write the measured positions into this column; a table from `design` or `plan` has only the protocol, for which `simulate` accepts zeros",
         ));
     }
     for &cycle in calibration_cycles {

@@ -100,12 +100,30 @@ impl DesignedDrive {
         Some(Self { words: self.words.clone(), shape: DriveShape::Holds(holds) })
     }
 
+    /// Holds as the rows of the record show them: the duration of each in s and its level. Neighbours of one level are one hold. `None` for other protocols.
+    fn sampled_holds(&self, limits: &DesignLimits) -> Option<Vec<[f64; 2]>> {
+        let DriveShape::Holds(holds) = &self.shape else { return None };
+        let n_rows = (limits.duration_s / limits.interval_s).round().max(2.0);
+        let mut sampled: Vec<[f64; 2]> = Vec::new();
+        let (mut end, mut before_s) = (0.0, 0.0);
+        for [part, level] in holds {
+            end += part;
+            let end_s = limits.duration_s * (n_rows * end - 1e-6).ceil() / n_rows;
+            match sampled.last_mut() {
+                Some(last) if last[1] == *level => last[0] += end_s - before_s,
+                _ => sampled.push([end_s - before_s, *level]),
+            }
+            before_s = end_s;
+        }
+        Some(sampled)
+    }
+
     /// The protocol in words, with forces and times.
     pub fn described(&self, limits: &DesignLimits) -> String {
-        let DriveShape::Holds(holds) = &self.shape else { return format!("a {}", self.words) };
+        let Some(holds) = self.sampled_holds(limits) else { return format!("a {}", self.words) };
         let un = |level: f64| format_significant(1e6 * level * limits.largest_force_n, 3);
-        let seconds = |part: f64| format_significant(part * limits.duration_s, 3);
-        let shown = |[part, level]: &[f64; 2]| format!("{} µN for {} s", un(*level), seconds(*part));
+        let seconds = |time_s: f64| format_significant(time_s, 3);
+        let shown = |[time_s, level]: &[f64; 2]| format!("{} µN for {} s", un(*level), seconds(*time_s));
         if holds.len() <= MOST_SHOWN {
             return holds.iter().map(shown).collect::<Vec<String>>().join(", ");
         }
@@ -276,6 +294,19 @@ mod tests {
             }
         }
         assert_eq!(list, family(&LIMITS, 1));
+    }
+
+    #[test]
+    fn words_are_those_of_the_sampled_holds() {
+        let holds = vec![[0.113, 1.0], [0.25, 1.0], [0.637, -0.5]];
+        let drive = DesignedDrive { words: String::new(), shape: DriveShape::Holds(holds) };
+        let record = drive.record(&LIMITS, LIMITS.interval_s);
+        let switch_s = record.time_s[record.force().step_rows()[1]];
+        let un = 1e6 * LIMITS.largest_force_n;
+        let rest_s = LIMITS.duration_s - switch_s;
+        let expected = [(un, switch_s), (-0.5 * un, rest_s)]
+            .map(|(un, time_s)| format!("{} µN for {} s", format_significant(un, 3), format_significant(time_s, 3)));
+        assert_eq!(drive.described(&LIMITS), expected.join(", "));
     }
 
     #[test]

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use base::error::{Error, InputPlace, Result};
 use criticism::protocol::DesignLimits;
+use figures::number::format_significant;
 use record::Experiment;
 use sampling::SamplerOptions;
 
@@ -64,7 +65,12 @@ pub fn limits(experiment: &Experiment, farthest_m: f64, request: &DesignRequest)
     if !(interval_s > 0.0 && duration_s >= 20.0 * interval_s && largest_force_n > 0.0) {
         return Err(Error::input(
             InputPlace::default().at_key("limits"),
-            format!("a record of {duration_s} s with a sample every {interval_s} s and at most {largest_force_n} N"),
+            format!(
+                "a record of {} s with a sample every {} s and at most {} µN",
+                format_significant(duration_s, 4),
+                format_significant(interval_s, 4),
+                format_significant(1e6 * largest_force_n, 4)
+            ),
             "give a force above 0, and a duration of at least 20 samples",
         ));
     }

@@ -69,11 +69,11 @@ pub fn sentence(
     if let (Some((distance, other)), Some(right)) = (best.closest, right) {
         let verb = if separates(distance) { "This separates" } else { "This does not separate" };
         text += &format!(
-            " {verb} {} from {}: their distance becomes {} σ{}, and the true effect is recognised in {right} of {N_REPEATS} simulated records.",
+            " {verb} {} from {}: their distance is {} σ in the new record{}, and the true effect is recognised in {right} of {N_REPEATS} simulated records.",
             effects[0],
             effects[other],
             short(distance),
-            now.map_or(String::new(), |now| format!(" instead of {} σ", short(now)))
+            now.map_or(String::new(), |now| format!(" ({} σ in the present one)", short(now)))
         );
     }
     let improved = parameters.iter().min_by(|a, b| (a.sd_expected / a.sd_now).total_cmp(&(b.sd_expected / b.sd_now)));

@@ -51,6 +51,7 @@ pub struct PlanRequest {
 pub fn run(place: &GelPlace<'_>, request: &PlanRequest, monitor: &dyn Monitor) -> Result<Outcome<Plan>> {
     let mut target = request.target;
     let mut scenarios = place.scenarios(request.scenario.as_deref())?;
+    refuse_outside(&scenarios, &target)?;
     if target.largest_force_n == 0.0 && !matches!(request.size, Some(RobotSize::SmallestMagnet { .. })) {
         let GelPlace::Study(study) = place else {
             return Err(Error::input(
@@ -140,6 +141,23 @@ pub fn run(place: &GelPlace<'_>, request: &PlanRequest, monitor: &dyn Monitor) -
     let all = [&svg, &png, &pdf, &tube, &json].into_iter().chain(&compared).chain(protocol);
     write_together(&all.map(|(path, bytes)| (path.as_path(), bytes.as_slice())).collect::<Vec<_>>())?;
     Ok(Outcome { is_sound: document.body.is_sound(), document, written: svg.0, study: source.study.clone() })
+}
+
+/// Refuses a target outside the gel.
+fn refuse_outside(scenarios: &[Scenario], target: &Target) -> Result<()> {
+    match scenarios.iter().find(|scenario| target.reach_m.abs() >= 0.5 * scenario.vitreous.diameter_m) {
+        None => Ok(()),
+        Some(scenario) => Err(Error::input(
+            InputPlace::default().at_key("reach"),
+            format!(
+                "a target at {} mm lies outside the gel of {}, whose diameter is {} mm",
+                plain(1e3 * target.reach_m),
+                scenario.name,
+                plain(1e3 * scenario.vitreous.diameter_m)
+            ),
+            "give a distance in mm that is far smaller than the gel",
+        )),
+    }
 }
 
 /// Compares the robots of the scenarios, and returns the one that the plan is for, its target with the largest force on it, and the comparison. The comparison is
@@ -271,7 +289,15 @@ fn force_sentence(planned: &PlannedForce, target: &Target) -> String {
     });
     let checked =
         format!("{} % of {} unused draws by full finite elements", percent(planned.checked), planned.full_runs);
-    let force = format!("{} µN", format_significant(largest_un, 4));
+    // Rounded up, because a smaller force succeeds less often than promised.
+    let unit = 10_f64.powf(largest_un.abs().max(f64::MIN_POSITIVE).log10().floor() - 3.0);
+    let force = format!(
+        "{} µN",
+        format_significant(
+            (largest_un / unit - 1e-9 * largest_un.signum()).abs().ceil() * unit * largest_un.signum(),
+            4
+        )
+    );
     if planned.is_feasible {
         let kind = match (target.rest, target.slew_n_per_s) {
             (Some(_), _) => "A stepwise force of at most",
