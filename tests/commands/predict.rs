@@ -192,12 +192,13 @@ fn plans_name_their_limit_and_rest_at_the_target() {
     let run = |more: &[&str]| {
         vitreo(dir.path(), &[&["plan", "study", "--within-s", "3", "--no-report", "--json", "-"], more].concat())
     };
-    let far = run(&["--reach-mm", "30"]).exits(1).json();
+    let far = run(&["--reach-mm", "5"]).exits(1).json();
     assert_eq!(
         (&far["feasible"], &far["limit"], &far["probability_promised"]),
         (&false.into(), &"force".into(), &0.0.into())
     );
     assert!(far["sentence"].as_str().unwrap().contains("The limit that binds is the force"), "{far}");
+    run(&["--reach-mm", "30"]).refuses(&["outside the gel", "20 mm"]);
     let strained = run(&["--reach-mm", "0.3", "--max-strain", "0.1"]).exits(1).json();
     assert_eq!(strained["limit"], "strain");
     let rest = run(&["--reach-mm", "0.3", "--rest-within-um", "5", "--rest-s", "4", "--max-slew-un-per-s", "20"])

@@ -15,6 +15,7 @@ mod line;
 mod lost;
 pub mod noise;
 mod notes;
+pub mod protocol_change;
 mod read;
 mod record;
 pub mod robust;

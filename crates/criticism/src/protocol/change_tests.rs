@@ -1,4 +1,6 @@
-use super::*;
+use record::Record;
+use record::protocol_change::{Change, changes};
+
 use crate::separation::tests::{ONE_LEVEL, TWO_LEVELS, record};
 
 fn find<'a>(list: &'a [Change], words: &str) -> &'a Change {
@@ -48,9 +50,4 @@ fn changes_do_what_they_say() {
     assert_eq!(find(&list, "Sample 4 times as fast, every 0.025 s").record.n_rows(), 1600);
     let one_way = changes(&record(&[&[3.0, 0.0][..]; 3]), 5.0);
     assert_eq!(forces_un(&find(&one_way, "Reverse").record, 5.0), [3.0, 0.0, -3.0, 0.0, 3.0, 0.0]);
-}
-
-#[test]
-fn numbers_are_written_short() {
-    assert_eq!([0.025, 2.3, 3.45, 10.0, 120.0, 0.0].map(short), ["0.025", "2.3", "3.45", "10", "120", "0"]);
 }

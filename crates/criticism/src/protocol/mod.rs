@@ -1,16 +1,14 @@
 //! Changes of the protocol that would separate models that an experiment cannot distinguish.
 //!
-//! Changed protocols come from the user's own protocol ([`changes`]). For each changed protocol, the reduced model computes the noise-free data of every model at its fitted
+//! Changed protocols come from the user's own protocol ([`record::protocol_change`]). For each changed protocol, the reduced model computes the noise-free data of every model at its fitted
 //! size. The other models are fitted to these data ([`super::separation`]). Refits of simulated, noisy repetitions confirm the protocol with the largest separation.
 
-mod change;
 mod degeneracies;
 pub mod design;
 mod family;
 mod farthest;
 mod sought;
 
-pub use change::{Change, changes};
 pub use degeneracies::{Degeneracy, exact_degeneracies};
 pub use family::{DesignLimits, DesignedDrive, DriveShape};
 pub use sought::{Sought, SoughtEffect};
@@ -24,6 +22,7 @@ use super::separation::SEPARATED_SIGMA;
 use super::{Candidate, Fitted, Search, Subject};
 use crate::NoiseValues;
 use base::error::{Error, Result};
+use record::protocol_change::{Change, changes};
 use record::{Experiment, Record};
 
 /// Lead (nats) at which a model rejects another in a simulated repetition.
@@ -201,5 +200,7 @@ fn starts(models: &UnderProtocol, members: &Members, place: usize) -> Result<Rep
     Ok(RepeatTruth { place, position_m: models.position_m(place)?.to_vec(), thetas })
 }
 
+#[cfg(test)]
+mod change_tests;
 #[cfg(test)]
 mod tests;

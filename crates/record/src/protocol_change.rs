@@ -1,6 +1,6 @@
 //! Changed protocols derived from the user's own protocol, with equal length, an equal number of cycles, and no larger force.
 
-use record::{ForceRule, Record};
+use crate::{ForceRule, Record};
 
 /// A changed protocol, with the instruction for the change.
 #[derive(Debug, Clone)]
@@ -204,5 +204,11 @@ fn short(value: f64) -> String {
 }
 
 #[cfg(test)]
-#[path = "change_tests.rs"]
-mod tests;
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_written_short() {
+        assert_eq!([0.025, 2.3, 3.45, 10.0, 120.0, 0.0].map(short), ["0.025", "2.3", "3.45", "10", "120", "0"]);
+    }
+}
