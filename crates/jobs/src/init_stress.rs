@@ -54,7 +54,9 @@ const PARTS: [(&str, f64); 15] = [
     ("frac", 1.0),
 ];
 /// Words that name a test in tension or compression, whose strain is the stress divided by the modulus without a factor.
-const UNIAXIAL: [&str; 8] = ["tens", "compress", "uniax", "axial", "young", "zug", "druck", "traction"];
+const UNIAXIAL: [&str; 8] = ["tensil", "tension", "compress", "axial", "young", "zug", "druck", "traction"];
+/// Words that exclude such a test.
+const MULTIAXIAL: [&str; 3] = ["biaxial", "triaxial", "shear"];
 /// Largest strain that is taken as a plain number if no unit is stated. A larger one is more likely in percent.
 const LARGEST_PLAIN: f64 = 1.0;
 /// Poisson's ratio of a specimen that is nearly all water.
@@ -190,7 +192,7 @@ impl StressStrain {
             },
         };
         let is_uniaxial = [stress.0, strain.0].into_iter().any(|place| {
-            called(name(place), &UNIAXIAL, &[])
+            called(name(place), &UNIAXIAL, &MULTIAXIAL)
                 || constant.is_some() && ["e", "d"].contains(&symbol(name(place)).as_str())
         });
         let has_stated = looked.units[strain.0].is_some() || told_strain.is_some() || constant.is_some();
@@ -360,7 +362,9 @@ mod tests {
             ("t (s),E(t) (kPa),n", 1.0),
             ("t (s),D(t),n", 1.0),
             ("t (s),G(t) (kPa),n", 3.0),
-            ("Time (s),Extension stress (Pa),Strain (%)", 3.0),
+            ("Time (s),Extension stress (Pa),Strain (%)", 1.0),
+            ("Time (s),Shear stress (Pa),Strain (%)", 3.0),
+            ("Time (s),Biaxial stress (Pa),Strain (%)", 3.0),
         ] {
             let found = creep(header, None).unwrap_or_else(|| panic!("{header}"));
             assert_eq!(found.compliance, factor, "{header}");
