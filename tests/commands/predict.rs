@@ -111,7 +111,7 @@ fn a_constant_force_moves_the_sphere_by_the_closed_form() {
     assert_eq!(one, document, "another number of threads");
 }
 
-/// A limit of the strain far below what the target needs is named with the force that keeps it, and the controller's file of an earlier plan is kept.
+/// A plan that fails names the strain as its limit, and the largest force that keeps it. It keeps the controller's file of an earlier plan.
 #[test]
 fn a_strain_far_too_small_is_named() {
     let dir = tempfile::tempdir().unwrap();

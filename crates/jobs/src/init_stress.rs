@@ -43,6 +43,7 @@ const PARTS: [(&str, f64); 15] = [
     ("um/m", 1e-6),
     ("µm/m", 1e-6),
     ("millistrain", 1e-3),
+    ("mm/mm", 1.0),
     ("mm/m", 1e-3),
     ("‰", 1e-3),
     ("percent", 1e-2),
@@ -50,7 +51,6 @@ const PARTS: [(&str, f64); 15] = [
     ("pourcent", 1e-2),
     ("pct", 1e-2),
     ("%", 1e-2),
-    ("mm/mm", 1.0),
     ("frac", 1.0),
 ];
 /// Words that name a test in tension or compression, whose strain is the stress divided by the modulus without a factor.
@@ -62,18 +62,20 @@ const LARGEST_PLAIN: f64 = 1.0;
 /// Poisson's ratio of a specimen that is nearly all water.
 const OF_WATER: f64 = 0.5;
 
-/// Size of the unit of a strain by its column's name; `None` if a bracket states an unknown unit.
-fn strain_part(name: &str) -> Option<f64> {
+/// Size of the unit that a strain's name states, and whether the name can be read: a bracket may hold another unit.
+fn stated_part(name: &str) -> (Option<f64>, bool) {
     let name = name.to_lowercase().replace('μ', "µ");
-    // A strain of mm/mm is a plain number, although the text contains mm/m.
-    if name.contains("mm/mm") {
-        return Some(1.0);
-    }
     if let Some((_, part)) = PARTS.iter().find(|(text, _)| name.contains(text)) {
-        return Some(*part);
+        return (Some(*part), true);
     }
-    let stated = name.trim_end().strip_suffix([')', ']']).and_then(|open| open.rsplit_once(['(', '[']));
-    stated.is_none_or(|(_, text)| text.trim().is_empty() || PLAIN.contains(&text.trim())).then_some(1.0)
+    let bracket = name.trim_end().strip_suffix([')', ']']).and_then(|open| open.rsplit_once(['(', '[']));
+    match bracket.map(|(_, text)| text.trim()) {
+        None => (None, true),
+        Some(text) => {
+            let is_plain = text.is_empty() || PLAIN.contains(&text);
+            (is_plain.then_some(1.0), is_plain)
+        }
+    }
 }
 
 /// Whether a column's name contains one of the words and none of the others.
@@ -92,12 +94,6 @@ fn symbol(name: &str) -> String {
 fn has_no_unit(name: &str) -> bool {
     let name = name.trim_end();
     name.ends_with("(t)") || !name.ends_with([')', ']'])
-}
-
-/// True if a strain's name states no unit, not even that it is a plain number.
-fn states_nothing(name: &str) -> bool {
-    let name = name.to_lowercase();
-    !PARTS.iter().any(|(text, _)| name.contains(text)) && !name.trim_end().ends_with([')', ']'])
 }
 
 /// Size of the unit of a compliance in 1/Pa. A name without a unit is in 1/Pa, unless it is only a letter. `None` for another unit.
@@ -166,7 +162,10 @@ impl StressStrain {
         });
         let strain = columns().find_map(|(place, (name, unit))| {
             let part = match unit {
-                None => told_strain.or_else(|| strain_part(name)),
+                None => {
+                    let (stated, is_read) = stated_part(name);
+                    told_strain.or(stated).or(is_read.then_some(1.0))
+                }
                 Some(unit) if unit.dimension == Dimension::Ratio => Some(unit.to_si(1.0)),
                 Some(_) => return None,
             };
@@ -206,7 +205,7 @@ impl StressStrain {
             compliance: if is_uniaxial { 1.0 } else { 2.0 + 2.0 * poisson_ratio.unwrap_or(OF_WATER) },
             constant,
             is_told: false,
-            is_assumed_plain: !has_stated && states_nothing(name(strain.0)),
+            is_assumed_plain: !has_stated && stated_part(name(strain.0)).0.is_none(),
         }))
     }
 

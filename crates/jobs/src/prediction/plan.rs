@@ -290,14 +290,10 @@ fn force_sentence(planned: &PlannedForce, target: &Target) -> String {
     let checked =
         format!("{} % of {} unused draws by full finite elements", percent(planned.checked), planned.full_runs);
     // Rounded up, because a smaller force succeeds less often than promised.
-    let unit = 10_f64.powf(largest_un.abs().max(f64::MIN_POSITIVE).log10().floor() - 3.0);
-    let force = format!(
-        "{} µN",
-        format_significant(
-            (largest_un / unit - 1e-9 * largest_un.signum()).abs().ceil() * unit * largest_un.signum(),
-            4
-        )
-    );
+    let size_un = largest_un.abs();
+    let unit_un = 10_f64.powf(size_un.log10().floor() - 3.0);
+    let rounded_un = if size_un > 0.0 { (size_un / unit_un - 1e-9).ceil() * unit_un } else { 0.0 };
+    let force = format!("{} µN", format_significant(rounded_un.copysign(largest_un), 4));
     if planned.is_feasible {
         let kind = match (target.rest, target.slew_n_per_s) {
             (Some(_), _) => "A stepwise force of at most",

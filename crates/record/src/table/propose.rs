@@ -271,7 +271,7 @@ impl DescribedFile<'_> {
         let unit_of = |role: Role| -> Result<ParsedUnit> {
             let found = told(role).map_or_else(|| own_unit(role), unit);
             found.filter(|unit| Some(unit.dimension) == role.dimension()).ok_or_else(|| {
-                let stated = told(role).map_or_else(|| own_unit(role).map_or_else(String::new, |unit| unit.name), String::from);
+                let stated = told(role).map(String::from).or_else(|| Some(own_unit(role)?.name)).unwrap_or_default();
                 let found = format!("`{stated}` is not a unit of {}", role.name());
                 let is_of_stress = |role: Role| {
                     let dimension = told(role).and_then(unit).map(|unit| unit.dimension);
@@ -531,8 +531,6 @@ impl DescribedFile<'_> {
         Ok(None)
     }
 
-    /// Reads the rows, and completes the description with properties of the rows: a clock that restarts or is coarse, values for lost positions, and
-    /// a constant coordinate.
     /// An error about a clock that restarts, with the column that changes exactly where it does: it may name specimens.
     fn with_specimens(&self, error: Error, joined: &Trajectory) -> Error {
         let restarts = &joined.ordered.restart_rows;
@@ -562,6 +560,8 @@ impl DescribedFile<'_> {
         }
     }
 
+    /// Reads the rows, and completes the description with properties of the rows: a clock that restarts or is coarse, values for lost positions, and
+    /// a constant coordinate.
     fn completed(&self, description: &mut TableDescription, reasons: &mut Vec<String>) -> Result<Trajectory> {
         let read = |description: &TableDescription| read_described(self.file, self.text, description);
         let told = description.time_rules;
