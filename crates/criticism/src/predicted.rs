@@ -41,17 +41,22 @@ pub fn error_over_predicted_noise(subject: &Subject, model: (&Candidate, &Fitted
 /// The white noise is the known or estimated noise, or the root mean square residual of the fitted cycles if that is larger. `None` if no cycle is scored.
 pub fn error_over_white_noise(subject: &Subject, model: (&Candidate, &Fitted)) -> Option<f64> {
     let (candidate, fitted) = model;
-    let (error_m, left_m) = (fitted.rmse_m(&subject.scored_m)?, fitted.rmse_m(&subject.fitted_m)?);
-    let white = Fitted { noise: subject.noise_prior().white().map(f64::exp), ..fitted.clone() };
+    let error_m = fitted.rmse_m(&subject.scored_m)?;
+    let (white, noise_m) = with_white_noise(subject, fitted)?;
     let of_parameters_um = noise_um(subject, (candidate, &white), &subject.scored_m, 0.0)?;
-    Some(1e6 * error_m / of_parameters_um.hypot(1e6 * subject.reference_noise_m().max(left_m)))
+    Some(1e6 * error_m / of_parameters_um.hypot(1e6 * noise_m))
+}
+
+/// A fit with white noise in place of the learnt noise, and the white noise (m) of its positions. `None` if no row is fitted.
+fn with_white_noise(subject: &Subject, fitted: &Fitted) -> Option<(Fitted, f64)> {
+    let noise_m = subject.reference_noise_m().max(fitted.rmse_m(&subject.fitted_m)?);
+    Some((Fitted { noise: subject.noise_prior().white().map(f64::exp), ..fitted.clone() }, noise_m))
 }
 
 /// Distance of the scored positions from a model's prediction, per position: √(rᵀΣ⁻¹r/n) with the covariance Σ of white noise and of the uncertain parameters. It is about 1 for a
 /// model that is right, however uncertain its parameters are. The white noise is that of [`error_over_white_noise`]. `None` if no cycle is scored.
 pub fn distance_from_prediction(subject: &Subject, (candidate, fitted): (&Candidate, &Fitted)) -> Option<f64> {
-    let noise_m = subject.reference_noise_m().max(fitted.rmse_m(&subject.fitted_m)?);
-    let white = Fitted { noise: subject.noise_prior().white().map(f64::exp), ..fitted.clone() };
+    let (white, noise_m) = with_white_noise(subject, fitted)?;
     let factor = Tangent::new(subject, candidate, &white).ok()?.position_factor_m(subject, candidate, &white).ok()?;
     let rows = subject.scored_m.iter().zip(&fitted.position_m).zip(&factor);
     let of_scored = rows.filter_map(|((y, x), factor)| Some(((y.as_ref()? - x) / noise_m, factor / noise_m)));

@@ -281,7 +281,7 @@ impl<'a> Designer<'a> {
     /// Errors of the fits.
     pub fn n_right(&self, protocol: &DesignedProtocol, seed: u64) -> Result<usize> {
         let models = UnderProtocol::new(self.under(&protocol.record)?, self.members);
-        n_right(&models, self.members, protocol.closest.map_or(1, |(_, other)| other), (N_REPEATS, seed))
+        n_right(&models, protocol.closest.map_or(1, |(_, other)| other), (N_REPEATS, seed))
     }
 
     /// Subject of a record that has this protocol; all its rows are fitted.

@@ -27,7 +27,7 @@ pub(super) struct Separation {
 /// Models under a protocol. Positions and derivatives are computed once, when they are needed.
 pub(super) struct UnderProtocol<'a> {
     pub subject: Subject,
-    members: &'a Members<'a>,
+    pub members: &'a Members<'a>,
     positions_m: Vec<OnceLock<Option<Vec<f64>>>>,
     columns_m: Vec<OnceLock<Option<Vec<Vec<f64>>>>>,
 }
@@ -178,5 +178,47 @@ pub(super) fn farthest<T: Sync + Send>(
             return Err(failed);
         }
         list.retain(|tried| tried.n_compared != usize::MAX && tried.least.distance > floor);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
+    use super::*;
+
+    /// Distances that follow no order, one of fifty without a solution. The best three are those that all pairs of all protocols give, and most pairs need not be compared.
+    #[test]
+    fn the_best_are_those_of_all_pairs() {
+        let pairs = all_pairs(6);
+        let distance = |protocol: usize, [truth, model]: Pair| {
+            let number = (7919 * (protocol + 1) + 104_729 * truth + 1_299_709 * model) % 10_007;
+            if number.is_multiple_of(50) {
+                return Err(Error::numerical("no solution", "none"));
+            }
+            Ok(1.0 + number as f64 + 50.0 * protocol as f64)
+        };
+        let n_compared = AtomicUsize::new(0);
+        let counted = |protocol: &usize, pair: Pair| {
+            n_compared.fetch_add(1, Ordering::Relaxed);
+            distance(*protocol, pair)
+        };
+        let mut all: Vec<(f64, usize)> = Vec::new();
+        for protocol in 0..200 {
+            let of_pairs: Result<Vec<f64>> = pairs.iter().map(|pair| distance(protocol, *pair)).collect();
+            if let Ok(of_pairs) = of_pairs {
+                all.push((of_pairs.into_iter().fold(f64::INFINITY, f64::min), protocol));
+            }
+        }
+        all.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let found = |keep, floor| {
+            let best = farthest((0..200).collect(), &pairs, (keep, floor), counted).expect("no other error");
+            best.into_iter().map(|(least, protocol)| (least.distance, protocol)).collect::<Vec<_>>()
+        };
+        assert_eq!(found(3, f64::NEG_INFINITY), all[..3]);
+        assert!(n_compared.load(Ordering::Relaxed) < 200 * pairs.len() / 2, "{n_compared:?} pairs were compared");
+        assert_eq!(found(3, all[1].0), all[..1]);
+        let stopped = farthest(vec![0], &pairs, ANY, |_: &usize, _| Err(Error::Interrupted { kept: String::new() }));
+        assert!(matches!(stopped, Err(Error::Interrupted { .. })));
     }
 }

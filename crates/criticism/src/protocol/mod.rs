@@ -89,7 +89,7 @@ pub fn find_best_change(subject: &Subject, members: &Members, n_repeats: usize, 
     // A model at its fitted size may have no trajectory under another protocol, such as a force gradient under longer holds. Such changes are skipped.
     let best = farthest(tried, &pairs, ANY, |(_, models), pair| Ok(models.closest_point(pair)?.distance))?;
     let Some((then, (change, models))) = best.into_iter().next() else { return Ok(None) };
-    let n_right = n_right(&models, members, then.other, (n_repeats, seed))?;
+    let n_right = n_right(&models, then.other, (n_repeats, seed))?;
     let name = |place: usize| members[place].0.effects.join(" + ");
     let mut advice = Advice {
         change,
@@ -145,15 +145,16 @@ fn under_protocol(subject: &Subject, record: &Record, fitted: &[u32], scored: &[
 
 /// Counts the simulated repetitions in which the truth leads every other model by more than [`REJECTED_NATS`]. The truth is alternately the first model and `other`;
 /// noise is estimated anew for each fit.
-fn n_right(models: &UnderProtocol, members: &Members, other: usize, (n_repeats, seed): (usize, u64)) -> Result<usize> {
-    let truths = [starts(models, members, 0)?, starts(models, members, other)?];
-    let is_right = |repeat: usize| is_right(&models.subject, members, &truths[repeat % 2], (seed, repeat));
+fn n_right(models: &UnderProtocol, other: usize, (n_repeats, seed): (usize, u64)) -> Result<usize> {
+    let truths = [starts(models, 0)?, starts(models, other)?];
+    let is_right = |repeat: usize| is_right(models, &truths[repeat % 2], (seed, repeat));
     let right: Result<Vec<bool>> = (0..n_repeats).into_par_iter().map(is_right).collect();
     Ok(right?.into_iter().filter(|right| *right).count())
 }
 
 /// Returns whether a truth leads every other model by more than [`REJECTED_NATS`] in one repetition.
-fn is_right(subject: &Subject, members: &Members, truth: &RepeatTruth, (seed, repeat): (u64, usize)) -> Result<bool> {
+fn is_right(models: &UnderProtocol, truth: &RepeatTruth, (seed, repeat): (u64, usize)) -> Result<bool> {
+    let (subject, members) = (&models.subject, models.members);
     let noise = members[0].1.noise;
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     random.set_stream(repeat as u64);
@@ -192,7 +193,8 @@ impl RepeatTruth {
     }
 }
 
-fn starts(models: &UnderProtocol, members: &Members, place: usize) -> Result<RepeatTruth> {
+fn starts(models: &UnderProtocol, place: usize) -> Result<RepeatTruth> {
+    let members = models.members;
     let theta = |at: usize| {
         if at == place { Ok(members[place].1.theta.clone()) } else { Ok(models.closest_point([place, at])?.theta) }
     };

@@ -52,10 +52,9 @@ fn repeats_are_right_as_often_as_the_distance_says() {
     assert!((distance - 3.0).abs() < 0.5, "{distance}");
     let members = [(&truth.0, &truth.1), (&spring.0, &spring.1)];
     let models = UnderProtocol::new(subject.clone(), &members);
-    let truths = starts(&models, &members, 0).expect("a truth");
+    let truths = starts(&models, 0).expect("a truth");
     let n_repeats = 300;
-    let right =
-        (0..n_repeats).filter(|repeat| is_right(&subject, &members, &truths, (11, *repeat)).expect("fits")).count();
+    let right = (0..n_repeats).filter(|repeat| is_right(&models, &truths, (11, *repeat)).expect("fits")).count();
     let expected = Normal::new(0.0, 1.0).expect("a normal").cdf((0.5 * distance * distance - 4.0) / distance);
     let found = right as f64 / n_repeats as f64;
     assert!((found - expected).abs() < 0.18, "{found} against {expected} at {distance} σ");

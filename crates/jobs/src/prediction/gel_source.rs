@@ -126,6 +126,23 @@ impl GelSource {
         Gel { problem: &self.problem, draws: self.draws.clone(), is_taught: self.is_taught, seed: self.seed }
     }
 
+    /// Source of a gel that no record of its own has taught. `input` is the name and the bytes of the file that the draws come from.
+    fn without_record(problem: Problem, draws: Draws, dir: &Path, seed: u64, input: (&str, &[u8])) -> Self {
+        let inputs = [(input.0.to_string(), base::sha256::sha256_hex(input.1))].into();
+        Self {
+            problem,
+            draws,
+            is_taught: false,
+            kept: None,
+            rivals: Vec::new(),
+            warnings: Vec::new(),
+            dir: dir.to_path_buf(),
+            study: None,
+            seed,
+            provenance: Provenance::new("prediction", 1, 1, inputs),
+        }
+    }
+
     /// Header of a document about this source.
     pub fn provenance(&self, kind: &str, seed: u64) -> Provenance {
         Provenance { schema: format!("vitreo-uq/{kind}/1"), seed, ..self.provenance.clone() }
@@ -227,19 +244,8 @@ fn of_group(dir: &Path, group: Option<&str>, first: &Scenario, seed: u64) -> Res
             advice: "predict from the study of one specimen to include them".into(),
         });
     }
-    let inputs = [(GROUPS_NAME.to_string(), base::sha256::sha256_hex(&bytes))].into();
-    Ok(GelSource {
-        problem,
-        draws: draws.thinned(MOST_DRAWS),
-        is_taught: false,
-        kept: None,
-        rivals: Vec::new(),
-        warnings,
-        dir: dir.to_path_buf(),
-        study: None,
-        seed,
-        provenance: Provenance::new("prediction", 1, 1, inputs),
-    })
+    let draws = draws.thinned(MOST_DRAWS);
+    Ok(GelSource { warnings, ..GelSource::without_record(problem, draws, dir, seed, (GROUPS_NAME, &bytes)) })
 }
 
 fn of_prior(name: &str, dir: &Path, first: &Scenario, seed: u64) -> Result<GelSource> {
@@ -260,19 +266,8 @@ fn of_prior(name: &str, dir: &Path, first: &Scenario, seed: u64) -> Result<GelSo
         names: columns.iter().map(|k| names[*k].to_string()).collect(),
     };
     files::create_folders(dir, "choose another directory with `--out`")?;
-    let inputs = [("prior".to_string(), base::sha256::sha256_hex(problem.priors.text().as_bytes()))].into();
-    Ok(GelSource {
-        problem,
-        draws,
-        is_taught: false,
-        kept: None,
-        rivals: Vec::new(),
-        warnings: Vec::new(),
-        dir: dir.to_path_buf(),
-        study: None,
-        seed,
-        provenance: Provenance::new("prediction", 1, 1, inputs),
-    })
+    let text = problem.priors.text().to_string();
+    Ok(GelSource::without_record(problem, draws, dir, seed, ("prior", text.as_bytes())))
 }
 
 /// Model of a gel without a record, with the robot of a scenario.
