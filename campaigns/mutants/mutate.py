@@ -236,13 +236,13 @@ class Copy:
             return subprocess.run(command, cwd=self.tree, env=self.environment, stdout=log, stderr=log, check=False).returncode == 0
 
     def programs(self):
-        """Test programs of the sources as they are: package, kind, name and path of each."""
+        """Test programs of the sources as they are: package, name and path of each."""
         command = ["cargo", "test", "--locked", "--no-run", "--message-format=json"]
         with self.log.open("w", encoding="utf-8") as log:
             built = subprocess.run(command, cwd=self.tree, env=self.environment, stdout=subprocess.PIPE, stderr=log, check=True, text=True)
         messages = [json.loads(line) for line in built.stdout.splitlines()]
         tests = [message for message in messages if message.get("executable") and message["profile"]["test"]]
-        return [Program(pathlib.Path(test["manifest_path"]).parent, test["target"]["name"], test["target"]["kind"][0], test["executable"]) for test in tests]
+        return [Program(pathlib.Path(test["manifest_path"]).parent, test["target"]["name"], test["executable"]) for test in tests]
 
     def killer(self, program, number, most_seconds):
         """The test of a program that fails; None where all pass."""
@@ -268,11 +268,11 @@ class Copy:
             process.wait()
 
     def outcome(self, crates, number, mutant, programs):
-        """Runs the unit tests of the faulty crate, then the other tests, until one fails."""
+        """Runs the tests of the faulty crate, then the others, the fast programs first, until one fails."""
         shutil.rmtree(self.cache, ignore_errors=True)
         own = self.tree / "crates" / mutant["crate"]
         touched = {own, self.tree, *(self.tree / "crates" / name for name in above(crates, mutant["crate"]))}
-        ordered = sorted((program for program in programs if program.package in touched), key=lambda program: (program.package != own, program.kind != "lib"))
+        ordered = sorted((program for program in programs if program.package in touched), key=lambda program: (program.package != own, program.seconds))
         for program in ordered:
             if by := self.killer(program, number, 60 + SLOWER * program.seconds):
                 stage = "own tests" if program.package == own else "other tests"
@@ -284,7 +284,6 @@ class Copy:
 class Program:
     package: pathlib.Path
     name: str
-    kind: str
     path: str
     # Without a mutant.
     seconds: float = 0.0
