@@ -226,4 +226,7 @@ fn several_tests_in_one_file_are_joined() {
         assert!((median / expected - 1.0).abs() < 0.01, "{own} {expected}");
     }
     assert!(joint["parameters"].to_string().contains("noise_sd_pa"), "{}", joint["parameters"]);
+    for twice in [["sample", "gel/1", "gel/1"], ["sample", "gel/3", "gel/3"]] {
+        vitreo(folder.path(), &twice).refuses(&["the same rows", "give every record once"]);
+    }
 }

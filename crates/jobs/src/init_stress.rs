@@ -54,9 +54,9 @@ const PARTS: [(&str, f64); 15] = [
     ("frac", 1.0),
 ];
 /// Words that name a test in tension or compression, whose strain is the stress divided by the modulus without a factor.
-const UNIAXIAL: [&str; 8] = ["tensil", "tension", "compress", "axial", "young", "zug", "druck", "traction"];
+pub(super) const UNIAXIAL: [&str; 8] = ["tensil", "tension", "compress", "axial", "young", "zug", "druck", "traction"];
 /// Words that exclude such a test.
-const MULTIAXIAL: [&str; 3] = ["biaxial", "triaxial", "shear"];
+pub(super) const MULTIAXIAL: [&str; 3] = ["biaxial", "triaxial", "shear"];
 /// Largest strain that is taken as a plain number if no unit is stated. A larger one is more likely in percent.
 const LARGEST_PLAIN: f64 = 1.0;
 /// Poisson's ratio of a specimen that is nearly all water.
@@ -79,7 +79,7 @@ fn stated_part(name: &str) -> (Option<f64>, bool) {
 }
 
 /// Whether a column's name contains one of the words and none of the others.
-fn called(name: &str, words: &[&str], others: &[&str]) -> bool {
+pub(super) fn called(name: &str, words: &[&str], others: &[&str]) -> bool {
     let name = name.to_lowercase();
     let contains = |word: &&str| name.contains(word);
     words.iter().any(contains) && !others.iter().any(contains)
@@ -430,7 +430,7 @@ mod tests {
         for header in [
             "t,J,n",
             "t,Compliance [mm²/N],n",
-            "t,Modulus [bar],n",
+            "t,Modulus [atm],n",
             "Time [s],Storage modulus [Pa],Loss modulus [Pa]",
             "t (s),Force (uN),Position (um),Modulus (Pa)",
         ] {

@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use super::init_source::TableSource;
+use super::init_stress::{MULTIAXIAL, UNIAXIAL, called};
 use base::error::{Error, InputPlace, Result};
 use base::toml_input::quoted;
 use base::units::Dimension;
@@ -15,6 +16,9 @@ fn unit_of(looked: &InspectedTable, column: SweepColumn, place: usize) -> Result
     if let Some(parsed_unit) = &looked.units[place] {
         return Ok(parsed_unit.clone());
     }
+    if column == SweepColumn::LossTangent {
+        return Ok(ParsedUnit::one());
+    }
     let name = &looked.columns[place];
     let what = match column.dimension() {
         Dimension::Frequency => "Hz or rad/s",
@@ -26,6 +30,16 @@ fn unit_of(looked: &InspectedTable, column: SweepColumn, place: usize) -> Result
         format!("the table does not say the unit of the {}", column.key()),
         format!("add the unit to the column name, {what}, as in `{name} [{}]`", what.split(' ').next().unwrap_or("Pa")),
     ))
+}
+
+/// True if the name of a column of moduli is of tension, compression or bending: it says so, or its symbol is E.
+fn is_of_tension(name: &str) -> bool {
+    let is_symbol = |word: &str| {
+        let rest = word.trim_start_matches('|').strip_prefix('E');
+        rest.is_some_and(|rest| rest.is_empty() || rest.starts_with(['\'', '′', '″', '"', '`', '´', '*', '_']))
+    };
+    called(name, &[&UNIAXIAL[..], &["flexur", "bending"]].concat(), &MULTIAXIAL)
+        || name.split([' ', '(', '[']).any(is_symbol)
 }
 
 /// Makes the text of `experiment.toml` for an oscillation, and the interpretation of the table.
@@ -51,6 +65,9 @@ pub(super) fn describe_sweep(
     line("\n[measurement]\nkind", quoted(OSCILLATION), "moduli over frequency");
     line("file", quoted(&source.name), "copy of the table, as text");
     line("source", quoted(&source.origin), "origin of the table; synthetic or measured");
+    let is_young = columns.iter().any(|(_, place)| is_of_tension(&looked.columns[*place]));
+    let key = if is_young { "moduli" } else { "# moduli" };
+    line(key, quoted("young"), "for moduli of tension, compression or bending");
     line("# heldout_hz", "[1.0]".into(), "frequencies that are not fitted; default: every third");
     let layout = &looked.layout;
     if !layout.row_lines.is_empty() {
@@ -79,7 +96,8 @@ pub(super) fn describe_sweep(
         quoted("…"),
         "columns of errors, if the table has them: storage_sd and loss_sd, or modulus_sd and phase_sd",
     );
-    for (index, ((column, _), unit)) in columns.iter().zip(&units).enumerate() {
+    let with_units = columns.iter().zip(&units).filter(|((column, _), _)| *column != SweepColumn::LossTangent);
+    for (index, ((column, _), unit)) in with_units.enumerate() {
         let key = format!("{}{}", if index == 0 { "\n[measurement.units]\n" } else { "" }, column.key());
         let known = match column.dimension() {
             Dimension::Frequency => "Hz or rad/s",
@@ -88,6 +106,12 @@ pub(super) fn describe_sweep(
         };
         line(&key, quoted(&unit.name), known);
     }
+    let reason = match is_young {
+        true => {
+            "frequencies and moduli of tension: an oscillation; moduli are divided by 2 + 2ν (`moduli = \"young\"`)"
+        }
+        false => "frequencies and shear moduli: an oscillation of a rheometer (write `moduli = \"young\"` for tension)",
+    };
     let shown = |((column, place), unit): (&(SweepColumn, usize), &ParsedUnit)| InitColumn {
         role: column.key().into(),
         name: looked.columns[*place].clone(),
@@ -100,7 +124,7 @@ pub(super) fn describe_sweep(
         experiments: Vec::new(),
         directory: String::new(),
         file: source.name.clone(),
-        reasons: vec![looked.said.clone(), "frequencies and shear moduli: an oscillation of a rheometer".into()],
+        reasons: vec![looked.said.clone(), reason.into()],
         columns: columns.iter().zip(&units).map(shown).collect(),
         others: others.map(|(_, name)| name.clone()).collect(),
         rows: 0,

@@ -543,6 +543,14 @@ impl TargetRecord {
         }
     }
 
+    fn has_rows_of(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Creep(one, _), Self::Creep(other, _)) => one.record == other.record,
+            (Self::Oscillation(one, _), Self::Oscillation(other, _)) => one.rows == other.rows,
+            _ => false,
+        }
+    }
+
     /// Files of the record.
     pub fn files(&self) -> &ExperimentFiles {
         match self {
@@ -569,7 +577,15 @@ impl JointTarget {
             let (experiment, files) = Experiment::read(path)?;
             Ok(TargetRecord::Creep(Box::new(experiment), files))
         };
-        Ok(Self { records: paths.iter().map(record).collect::<Result<_>>()?, specification, out })
+        let mut records: Vec<TargetRecord> = Vec::new();
+        for path in &paths {
+            let next = record(path)?;
+            if records.iter().any(|earlier| earlier.has_rows_of(&next)) {
+                return Err(repeated_rows(path));
+            }
+            records.push(next);
+        }
+        Ok(Self { records, specification, out })
     }
 }
 
@@ -583,6 +599,15 @@ pub(crate) fn refuse_options_of_one(options: &[(Setting, bool)]) -> Result<()> {
         )),
         None => Ok(()),
     }
+}
+
+/// Makes the error for a record whose rows an earlier record of the same inference has.
+pub(crate) fn repeated_rows(path: &Path) -> Error {
+    Error::input(
+        InputPlace::file(path),
+        "an earlier record has the same rows, and rows that count twice would feign information",
+        "give every record once",
+    )
 }
 
 /// Several specimens, named by paths. The options apply to all of them.

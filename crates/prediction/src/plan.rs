@@ -19,9 +19,9 @@ use crate::scenario::Scenario;
 
 /// Number of other draws that full finite elements check, and their number if a run takes seconds or more.
 const CHECKED: [usize; 2] = [128, 8];
-/// Numbers of halvings of the interval of the force: where trajectories are scaled, and where they are computed anew.
-const HALVINGS: usize = 60;
-const HALVINGS_SLOW: usize = 24;
+/// Relative width of the interval in which a limiting force is found, and the largest number of forces that are tried.
+const FORCE_WIDTH: f64 = 1e-6;
+const MOST_TRIALS: usize = 40;
 /// Numbers of changes of the force during the rest at the target that are tried.
 const REST_STEPS: [usize; 3] = [12, 24, 48];
 /// Parts of the largest force that are tried for the way to a rest.
@@ -336,65 +336,43 @@ impl<'a> ForceSearch<'a> {
     fn constant(&self) -> Result<Tried> {
         let target = self.target;
         let changes = |force_n: f64| vec![[0.0, target.sign() * force_n]];
-        let without_strain = Target { largest_strain: None, ..*target };
-        let at_limit = self.ensemble.trajectories_m(0..self.ensemble.parameters.len())?;
-        let can_scale = self.is_linear && target.slew_n_per_s.is_none();
-        let arrivals = |force_n: f64| -> Result<f64> {
-            if !can_scale {
-                return self.share(&without_strain, &changes(force_n));
-            }
-            let (record, part) = (self.ensemble.record(), force_n / target.largest_force_n);
-            let arrives =
-                |x: &&Vec<f64>| time_to_reach_s(record, x, target.reach_m / part) <= target.within_s * (1.0 + 1e-9);
-            Ok(at_limit.iter().filter(arrives).count() as f64 / at_limit.len().max(1) as f64)
+        // Farthest position in time of the draw that just meets the probability, as a part of the distance.
+        let reached = |force_n: f64| {
+            let (record, trajectories_m) = self.trajectories_m(&changes(force_n))?;
+            let n_rows = record.time_s.partition_point(|time_s| *time_s <= target.within_s * (1.0 + 1e-9));
+            let farthest = |x: &Vec<f64>| x[..n_rows].iter().fold(0.0_f64, |most, x| most.max(x / target.reach_m));
+            Ok(-within_share(trajectories_m.iter().map(|x| -farthest(x)), target.probability))
         };
-        let mut force_n = target.largest_force_n;
-        if arrivals(force_n)? >= target.probability {
-            let [mut fails_n, mut succeeds_n] = [0.0, force_n];
-            for _ in 0..if can_scale { HALVINGS } else { HALVINGS_SLOW } {
-                // Forces may differ by many decades.
-                let middle_n =
-                    if fails_n < 1e-3 * succeeds_n { 0.1 * succeeds_n } else { 0.5 * (fails_n + succeeds_n) };
-                if arrivals(middle_n)? >= target.probability {
-                    succeeds_n = middle_n;
-                } else {
-                    fails_n = middle_n;
-                }
-            }
-            // Rounding must not lose the draw at the limit.
-            force_n = (succeeds_n * (1.0 + 1e-6)).min(target.largest_force_n);
-        }
+        let [_, force_n] = crossing(target.largest_force_n, reached)?;
+        // Rounding must not lose the draw at the limit.
+        let force_n = (force_n * (1.0 + 1e-6)).min(target.largest_force_n);
         let probability = self.share(target, &changes(force_n))?;
-        if probability >= target.probability || target.largest_strain.is_none() {
+        let Some(largest_strain) = target.largest_strain.filter(|_| probability < target.probability) else {
             return Ok(Tried { changes: changes(force_n), probability });
-        }
-        // The strain binds: the largest force that keeps it succeeds most often among those that do.
-        let keeps = |force_n: f64| -> Result<bool> {
-            let (_, trajectories_m) = self.trajectories_m(&changes(force_n))?;
-            let kept = trajectories_m.iter().filter(|x| target.strain_is_met(x, self.ensemble.strain_per_m)).count();
-            Ok(kept as f64 >= target.probability * trajectories_m.len() as f64)
         };
-        let [mut keeps_n, mut breaks_n] = [0.0, force_n];
-        if keeps(force_n)? {
+        // Where the strain binds, the largest force that keeps it succeeds most often among those that do.
+        let strain = |force_n: f64| {
+            let (_, trajectories_m) = self.trajectories_m(&changes(force_n))?;
+            let part = self.ensemble.strain_per_m / largest_strain;
+            let largest = |x: &Vec<f64>| x.iter().fold(0.0_f64, |most, x| most.max(part * x.abs()));
+            Ok(within_share(trajectories_m.iter().map(largest), target.probability))
+        };
+        if strain(force_n)? <= 1.0 {
             return Ok(Tried { changes: changes(force_n), probability });
         }
-        for _ in 0..HALVINGS_SLOW {
-            let middle_n = if keeps_n == 0.0 { 0.1 * breaks_n } else { 0.5 * (keeps_n + breaks_n) };
-            if keeps(middle_n)? {
-                keeps_n = middle_n;
-            } else {
-                breaks_n = middle_n;
-            }
-        }
-        Ok(Tried { probability: self.share(target, &changes(keeps_n))?, changes: changes(keeps_n) })
+        let [force_n, _] = crossing(force_n, strain)?;
+        Ok(Tried { probability: self.share(target, &changes(force_n))?, changes: changes(force_n) })
     }
 
     /// First stepwise force with the requested probability, or the one with the highest: the largest force, or a part of it, until the mean arrives, then steps that keep the mean at the target.
     fn with_rest(&self) -> Result<Tried> {
         let mut best: Option<Tried> = None;
+        let record = Target { slew_n_per_s: None, ..*self.target }.at_largest_force()?;
+        let all = 0..self.ensemble.parameters.len();
+        let mean_m = mean(&self.ensemble.with_record(record.clone()).trajectories_m(all)?);
         for part in TRAVEL_PARTS {
             for n_steps in REST_STEPS {
-                let changes = self.rest_changes(part, n_steps)?;
+                let changes = self.rest_changes(part, n_steps, &record, &mean_m);
                 let probability = self.share(self.target, &changes)?;
                 if probability >= self.target.probability {
                     return Ok(Tried { changes, probability });
@@ -408,28 +386,21 @@ impl<'a> ForceSearch<'a> {
     }
 
     /// Changes of a stepwise force: `part` of the largest force until the mean arrives, then `n_steps` changes that keep the mean at the target in the sense of
-    /// least squares.
-    fn rest_changes(&self, part: f64, n_steps: usize) -> Result<Vec<[f64; 2]>> {
+    /// least squares. `mean_m` is the mean position (m) under the largest force at the rows of `record`.
+    fn rest_changes(&self, part: f64, n_steps: usize, record: &Record, mean_m: &[f64]) -> Vec<[f64; 2]> {
         let target = self.target;
-        let travel = Target { largest_force_n: part * target.largest_force_n, slew_n_per_s: None, ..*target };
-        let whole = travel.whole();
-        let unlimited = ForceSearch {
-            target: &travel,
-            ensemble: self.ensemble.with_record(travel.at_largest_force()?),
-            is_linear: true,
-        };
-        let (record, trajectories_m) = unlimited.trajectories_m(&whole)?;
-        let mean_m = mean(&trajectories_m);
-        let step_m = |since_s: f64| if since_s <= 0.0 { 0.0 } else { interpolated(&record.time_s, &mean_m, since_s) };
+        let travel_n = part * target.sign() * target.largest_force_n;
+        let step_m =
+            |since_s: f64| if since_s <= 0.0 { 0.0 } else { part * interpolated(&record.time_s, mean_m, since_s) };
         // Response to a change that the slew rate spreads over a time.
         let response_m = |since_s: f64, ramp_s: f64| {
             let at = |k: usize| step_m(since_s - ramp_s * (k as f64 + 1.0) / SLEW_STEPS as f64);
             if ramp_s == 0.0 { step_m(since_s) } else { (0..SLEW_STEPS).map(at).sum::<f64>() / SLEW_STEPS as f64 }
         };
-        let arrival_s = time_to_reach_s(&record, &mean_m, target.reach_m);
+        let arrival_s = time_to_reach_s(record, mean_m, target.reach_m / part);
         let end_s = target.duration_s();
         if arrival_s > target.within_s {
-            return Ok(whole.to_vec());
+            return vec![[0.0, travel_n]];
         }
         // The changes follow each other ever more slowly, as the creep of the gel does.
         let change_s = |k: usize| arrival_s + (end_s - arrival_s) * (k as f64 / n_steps as f64).powi(2);
@@ -456,12 +427,11 @@ impl<'a> ForceSearch<'a> {
             parts = bounded_least_squares(&matrix, &wanted, 1.0 / part);
             if let Some(slew) = target.slew_n_per_s {
                 let before = std::iter::once(&0.0).chain(&parts);
-                let change_n = before.zip(&parts).map(|(a, b)| (b - a).abs() * travel.largest_force_n);
+                let change_n = before.zip(&parts).map(|(a, b)| ((b - a) * travel_n).abs());
                 ramps_s = change_n.map(|change_n| change_n / slew).collect();
             }
         }
-        let force_n = |part: &f64| target.sign() * part * travel.largest_force_n;
-        Ok(changes_s.iter().zip(&parts).map(|(time_s, part)| [*time_s, force_n(part)]).collect())
+        changes_s.iter().zip(&parts).map(|(time_s, part)| [*time_s, part * travel_n]).collect()
     }
 
     /// Limit that keeps the probability below the request: the first whose removal helps.
@@ -480,6 +450,46 @@ impl<'a> ForceSearch<'a> {
         }
         Ok(if self.target.rest.is_some() { "uncertainty of the gel" } else { "combination of all limits" })
     }
+}
+
+/// Smallest value that the share `probability` of all values does not exceed.
+fn within_share(values: impl Iterator<Item = f64>, probability: f64) -> f64 {
+    let mut ascending: Vec<f64> = values.collect();
+    ascending.sort_unstable_by(f64::total_cmp);
+    let n = (probability * ascending.len() as f64 - 1e-9).ceil().max(1.0) as usize;
+    n.min(ascending.len()).checked_sub(1).map_or(f64::NAN, |last| ascending[last])
+}
+
+/// Forces on both sides of the one at which a quantity reaches 1, up to the largest force; the second is the largest force if it is not reached. The quantity grows with the force
+/// from 0. False position with the modification "Illinois", which is exact after one step where the quantity is proportional to the force.
+fn crossing(largest_n: f64, quantity: impl Fn(f64) -> Result<f64>) -> Result<[f64; 2]> {
+    let ([mut low_n, mut high_n], [mut low, mut high]) = ([0.0, largest_n], [-1.0, quantity(largest_n)? - 1.0]);
+    if high <= 0.0 {
+        return Ok([largest_n; 2]);
+    }
+    // Side that the last trial replaced.
+    let mut last = None;
+    for _ in 0..MOST_TRIALS {
+        if high_n - low_n <= FORCE_WIDTH * high_n {
+            break;
+        }
+        // Aims beside the crossing, so that both sides close in on it.
+        let aim_n = (low_n * high - high_n * low) / (high - low);
+        let beside_n = 0.4 * FORCE_WIDTH * aim_n;
+        let force_n = if last == Some(false) { aim_n + beside_n } else { aim_n - beside_n };
+        let force_n = force_n.clamp(low_n + 0.1 * beside_n, high_n - 0.1 * beside_n);
+        let found = quantity(force_n)? - 1.0;
+        let is_high = found >= 0.0;
+        if is_high {
+            (high_n, high) = (force_n, found);
+            low *= if last == Some(true) { 0.5 } else { 1.0 };
+        } else {
+            (low_n, low) = (force_n, found);
+            high *= if last == Some(false) { 0.5 } else { 1.0 };
+        }
+        last = Some(is_high);
+    }
+    Ok([low_n, high_n])
 }
 
 /// Mean trajectory.
@@ -531,6 +541,36 @@ mod tests {
         let matrix = DMatrix::from_row_slice(2, 2, &[1.0, 1.0, 0.0, 1.0]);
         let x = bounded_least_squares(&matrix, &DVector::from_vec(vec![2.5, 0.5]), 1.0);
         assert!((x[0] - 1.0).abs() < 1e-12 && (x[1] - 1.0).abs() < 1e-9, "{x:?}");
+    }
+
+    /// Checks crossings of 1 by functions with known inverses, over many decades, and the number of trials: three of a proportional quantity.
+    #[test]
+    fn a_crossing_is_found_between_two_near_forces() {
+        let functions: [(&str, usize, fn(f64) -> f64, f64); 5] = [
+            ("proportional", 3, |x| x / 0.3, 0.3),
+            ("far below the limit", 6, |x| x / 3e-9, 3e-9),
+            ("square", 14, |x| (x / 0.02).powi(2), 0.02),
+            ("root", 14, |x| (x / 0.02).sqrt(), 0.02),
+            ("saturated", 14, |x| (x / 0.4).min(1.5), 0.4),
+        ];
+        for (name, most, function, expected) in functions {
+            let trials = std::cell::Cell::new(0);
+            let counted = |x: f64| {
+                trials.set(trials.get() + 1);
+                Ok(function(x))
+            };
+            let [low, high] = crossing(1.0, counted).unwrap();
+            assert!(function(low) < 1.0 && function(high) >= 1.0, "{name}: {low} {high}");
+            assert!(high - low <= FORCE_WIDTH * high && (high / expected - 1.0).abs() < 2.0 * FORCE_WIDTH, "{name}");
+            assert!(trials.get() <= most, "{name}: {}", trials.get());
+        }
+        assert_eq!(crossing(2.0, |x| Ok(0.4 * x)).unwrap(), [2.0; 2]);
+    }
+
+    #[test]
+    fn a_share_counts_whole_draws() {
+        let values = || (1..=20).map(f64::from);
+        assert_eq!([0.0, 0.5, 0.95, 0.951, 1.0].map(|p| within_share(values(), p)), [1.0, 10.0, 19.0, 20.0, 20.0]);
     }
 
     #[test]

@@ -9,7 +9,7 @@ use super::inputs::{
 };
 use super::table::{
     ColumnName, ColumnNames, InspectedTable, ParsedUnit, SWEEP_KEYS, TableLayout, Units, cells, column, decode_table,
-    is_blank_or_comment, split_unit,
+    is_blank_or_comment, read_choice, split_unit,
 };
 use base::error::{Error, InputPlace, Result};
 use base::files::refuse_long_lines;
@@ -51,6 +51,16 @@ impl SweepForm {
         match self {
             Self::StorageAndLoss => pair,
             Self::ModulusAndPhase => [pair[0] * pair[1].cos(), pair[0] * pair[1].sin()],
+        }
+    }
+
+    /// Divides the moduli of rows and their errors.
+    fn divide(self, rows: &mut [SweepRow], by: f64) {
+        let n_moduli = if self == Self::StorageAndLoss { 2 } else { 1 };
+        for row in rows {
+            for pair in std::iter::once(&mut row.pair).chain(&mut row.sd) {
+                pair[..n_moduli].iter_mut().for_each(|modulus| *modulus /= by);
+            }
         }
     }
 
@@ -106,6 +116,8 @@ pub enum SweepColumn {
     Modulus,
     /// Phase δ by which strain lags behind stress.
     Phase,
+    /// Loss tangent tan δ = G″/G′, in place of the loss modulus or the phase.
+    LossTangent,
     /// Standard deviation of the storage modulus G′.
     StorageSd,
     /// Standard deviation of the loss modulus G″.
@@ -118,12 +130,13 @@ pub enum SweepColumn {
 
 impl SweepColumn {
     /// All quantities that a column may contain.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::Frequency,
         Self::Storage,
         Self::Loss,
         Self::Modulus,
         Self::Phase,
+        Self::LossTangent,
         Self::StorageSd,
         Self::LossSd,
         Self::ModulusSd,
@@ -138,6 +151,7 @@ impl SweepColumn {
             Self::Loss => "loss",
             Self::Modulus => "modulus",
             Self::Phase => "phase",
+            Self::LossTangent => "loss_tangent",
             Self::StorageSd => "storage_sd",
             Self::LossSd => "loss_sd",
             Self::ModulusSd => "modulus_sd",
@@ -150,6 +164,7 @@ impl SweepColumn {
         match self {
             Self::Frequency => Dimension::Frequency,
             Self::Phase | Self::PhaseSd => Dimension::Angle,
+            Self::LossTangent => Dimension::Ratio,
             _ => Dimension::Pressure,
         }
     }
@@ -159,16 +174,37 @@ impl SweepColumn {
     fn from_name(name: &str, unit: Option<&ParsedUnit>) -> Option<Self> {
         let stem = split_unit(name).0.to_lowercase();
         let plain: String = stem.chars().filter(|c| !c.is_whitespace() && !"_-|*.()".contains(*c)).collect();
+        let plain =
+            plain.trim_start_matches("tensile").trim_start_matches("flexural").trim_start_matches("compressive");
+        // Moduli of tension are called E′ and E″.
+        let plain = match plain.strip_prefix('e') {
+            Some(rest) if rest.chars().all(|c| "'′″\"`´".contains(c)) => format!("g{rest}"),
+            _ => plain.to_string(),
+        };
+        let by_words = [
+            ("storagemodulus", Self::Storage),
+            ("lossmodulus", Self::Loss),
+            ("complexmodulus", Self::Modulus),
+            ("phaseangle", Self::Phase),
+        ];
+        // A symbol of up to three characters may follow, as in `Storage modulus E'`.
+        let with_symbol = by_words.into_iter().find(|(words, _)| {
+            plain
+                .strip_prefix(words)
+                .is_some_and(|rest| rest.is_empty() || rest.chars().count() <= 3 && rest.starts_with(['g', 'e', 'δ']))
+        });
         let found = match plain.as_str() {
+            _ if with_symbol.is_some() => with_symbol?.1,
             "f" | "freq" | "frequency" | "angularfrequency" | "omega" | "ω" | "frequenz" | "kreisfrequenz" => {
                 Self::Frequency
             }
-            "g'" | "g′" | "g`" | "g´" | "storage" | "storagemodulus" | "gprime" | "speichermodul" => Self::Storage,
-            "g''" | "g″" | "g′′" | "g\"" | "g``" | "g´´" | "loss" | "lossmodulus" | "gdoubleprime" | "verlustmodul" => {
+            "g'" | "g′" | "g`" | "g´" | "storage" | "gprime" | "speichermodul" => Self::Storage,
+            "g''" | "g″" | "g′′" | "g\"" | "g``" | "g´´" | "loss" | "gdoubleprime" | "verlustmodul" => {
                 Self::Loss
             }
-            "g" | "modulus" | "complexmodulus" | "complexshearmodulus" => Self::Modulus,
-            "phase" | "phaseangle" | "delta" | "δ" | "phasenwinkel" => Self::Phase,
+            "g" | "modulus" | "complexshearmodulus" => Self::Modulus,
+            "phase" | "delta" | "δ" | "phasenwinkel" => Self::Phase,
+            "tandelta" | "tanδ" | "tand" | "losstangent" | "lossfactor" | "verlustfaktor" => Self::LossTangent,
             _ => return None,
         };
         unit.is_none_or(|unit| unit.dimension == found.dimension()).then_some(found)
@@ -184,7 +220,12 @@ pub fn sweep_columns(looked: &InspectedTable) -> Option<Vec<(SweepColumn, usize)
             places.find(|(_, (name, unit))| SweepColumn::from_name(name, unit.as_ref()) == Some(column))?;
         Some((column, place))
     };
-    let pairs = [[SweepColumn::Storage, SweepColumn::Loss], [SweepColumn::Modulus, SweepColumn::Phase]];
+    let pairs = [
+        [SweepColumn::Storage, SweepColumn::Loss],
+        [SweepColumn::Modulus, SweepColumn::Phase],
+        [SweepColumn::Storage, SweepColumn::LossTangent],
+        [SweepColumn::Modulus, SweepColumn::LossTangent],
+    ];
     let frequency = called(SweepColumn::Frequency)?;
     let pair = pairs.into_iter().find_map(|[a, b]| Some([called(a)?, called(b)?]))?;
     Some(vec![frequency, pair[0], pair[1]])
@@ -215,7 +256,7 @@ impl OscillationRecord {
         let specimen = root.required_table("specimen")?;
         specimen.only(&["id", "species", "region"])?;
         let measurement = root.required_table("measurement")?;
-        measurement.only(&[&["kind", "file", "heldout_hz", "source"], SWEEP_KEYS].concat())?;
+        measurement.only(&[&["kind", "file", "heldout_hz", "source", "moduli"], SWEEP_KEYS].concat())?;
         let csv_name = plain_path(measurement, "sweep.csv")?;
         let csv_path = toml_path.with_file_name(&csv_name);
         let remedy = "put the table where `file` in [measurement] says, beside the TOML";
@@ -226,6 +267,12 @@ impl OscillationRecord {
         let columns = Columns::new(&csv_path, &text, measurement, &layout)?;
         let (mut rows, n_incomplete) = columns.rows(&csv_path, &text, &layout)?;
         rows.sort_by(|a, b| a.frequency_hz.total_cmp(&b.frequency_hz));
+        let poisson_ratio = poisson_ratio(root)?;
+        if read_choice(measurement, "moduli", &[false, true], |is_young| if is_young { "young" } else { "shear" })?
+            == Some(true)
+        {
+            columns.form.divide(&mut rows, 2.0 + 2.0 * poisson_ratio);
+        }
         hold_out(measurement, &mut rows)?;
         if let [first, .., last] = &rows[..]
             && last.frequency_hz <= (1.0 + ONE_FREQUENCY) * first.frequency_hz
@@ -244,7 +291,7 @@ impl OscillationRecord {
         }
         let sweep = Self {
             specimen_id: specimen.required_text("id", "id = \"porcine-01\"")?,
-            poisson_ratio: poisson_ratio(root)?,
+            poisson_ratio,
             form: columns.form,
             rows,
             n_incomplete,
@@ -301,6 +348,8 @@ fn poisson_ratio(root: TomlTable<'_>) -> Result<f64> {
 /// Column index, name and unit of each measured quantity.
 struct Columns {
     form: SweepForm,
+    /// True if the second quantity is written as the loss tangent.
+    has_tangent: bool,
     frequency: (usize, String, ParsedUnit),
     pair: [(usize, String, ParsedUnit); 2],
     sd: Option<[(usize, String, ParsedUnit); 2]>,
@@ -325,7 +374,10 @@ impl Columns {
                     }
                 }
             };
-            let unit = units.of(wanted.key(), wanted.dimension(), &name)?;
+            let unit = match wanted {
+                SweepColumn::LossTangent => ParsedUnit::one(),
+                _ => units.of(wanted.key(), wanted.dimension(), &name)?,
+            };
             let (place, shown) = names.place(&name)?;
             Ok(Some((place, shown, unit)))
         };
@@ -339,17 +391,32 @@ impl Columns {
         };
         let frequency = find(SweepColumn::Frequency)?.ok_or_else(|| missing("frequency", "`frequency_hz`"))?;
         let pair = |a, b| Ok::<_, Error>(find(a)?.zip(find(b)?).map(|(a, b)| [a, b]));
-        if let Some(moduli) = pair(SweepColumn::Storage, SweepColumn::Loss)? {
-            let sd = pair(SweepColumn::StorageSd, SweepColumn::LossSd)?;
-            return Ok(Self { form: SweepForm::StorageAndLoss, frequency, pair: moduli, sd });
-        }
-        match pair(SweepColumn::Modulus, SweepColumn::Phase)? {
-            Some(polar) => {
-                let sd = pair(SweepColumn::ModulusSd, SweepColumn::PhaseSd)?;
-                Ok(Self { form: SweepForm::ModulusAndPhase, frequency, pair: polar, sd })
+        let polar = (SweepForm::ModulusAndPhase, [SweepColumn::Modulus, SweepColumn::Phase]);
+        let moduli = (SweepForm::StorageAndLoss, [SweepColumn::Storage, SweepColumn::Loss]);
+        for (form, [first, second]) in [moduli, polar] {
+            if let Some(columns) = pair(first, second)? {
+                let sd = match form {
+                    SweepForm::StorageAndLoss => pair(SweepColumn::StorageSd, SweepColumn::LossSd)?,
+                    SweepForm::ModulusAndPhase => pair(SweepColumn::ModulusSd, SweepColumn::PhaseSd)?,
+                };
+                return Ok(Self { form, has_tangent: false, frequency, pair: columns, sd });
             }
-            None => Err(missing("moduli", "`storage_pa` and `loss_pa`, or `modulus_pa` and `phase_deg`")),
         }
+        for (form, [first, _]) in [moduli, polar] {
+            if let Some(columns) = pair(first, SweepColumn::LossTangent)? {
+                for sd in [SweepColumn::StorageSd, SweepColumn::LossSd, SweepColumn::ModulusSd, SweepColumn::PhaseSd] {
+                    if let Some((_, name, _)) = find(sd)? {
+                        return Err(Error::input(
+                            InputPlace::file(file).at_key(name),
+                            "errors are read of a loss modulus or a phase, not of a loss tangent",
+                            "write the loss modulus or the phase with its error, or remove the columns of errors",
+                        ));
+                    }
+                }
+                return Ok(Self { form, has_tangent: true, frequency, pair: columns, sd: None });
+            }
+        }
+        Err(missing("moduli", "`storage_pa` and `loss_pa`, or `modulus_pa` and `phase_deg`"))
     }
 
     /// Reads the table's rows. Returns the complete rows, and the number of rows that lack a number.
@@ -395,7 +462,12 @@ impl Columns {
                 let remedy = "give a standard deviation above 0, or remove the error columns";
                 return Err(refuse(column, format!("the standard deviation is {sd}"), remedy));
             }
-            rows.push(SweepRow { frequency_hz, pair: pair.into(), sd, is_heldout: false });
+            let pair = match (self.has_tangent, self.form) {
+                (false, _) => pair.into(),
+                (true, SweepForm::StorageAndLoss) => [pair.0, pair.0 * pair.1],
+                (true, SweepForm::ModulusAndPhase) => [pair.0, pair.1.atan()],
+            };
+            rows.push(SweepRow { frequency_hz, pair, sd, is_heldout: false });
         }
         Ok((rows, n_incomplete))
     }

@@ -89,3 +89,52 @@ fn a_rheometers_own_names_are_known() {
         super::super::table::inspect_table("b.csv".as_ref(), b"time_s,force_uN,position_um\n0,1,2\n1,1,3\n").unwrap();
     assert_eq!(sweep_columns(&creep), None);
 }
+
+/// Checks one sweep in four spellings: G′ and G″, G′ and tan δ, |G*| and tan δ, and Young's moduli, which are 2 + 2ν times as large.
+#[test]
+fn tangents_and_youngs_moduli_are_the_same_sweep() {
+    let columns = |first: &str, second: &str| {
+        format!(
+            "[measurement.columns]\nfrequency = \"frequency_hz\"\n{first} = 2\n{second} = 3\n[measurement.units]\n{first} = \"kPa\"\n"
+        )
+    };
+    let moduli = |row: f64| [row + 1.0, 0.5 * row];
+    let table = |values: &dyn Fn([f64; 2]) -> [f64; 2]| {
+        let row = |k: i32| {
+            let [a, b] = values(moduli(f64::from(k)));
+            format!("{k},{a:?},{b:?}\n")
+        };
+        format!("frequency_hz,a,b\n{}", (1..=5).map(row).collect::<String>())
+    };
+    let young = format!("moduli = \"young\"\n{}loss = \"kPa\"\n", columns("storage", "loss"));
+    for (values, measurement) in [
+        (&(|[g, h]: [f64; 2]| [g, h / g]) as &dyn Fn([f64; 2]) -> [f64; 2], columns("storage", "loss_tangent")),
+        (&|[g, h]| [g.hypot(h), h / g], columns("modulus", "loss_tangent")),
+        (&|moduli| moduli.map(|modulus| 3.0 * modulus), young),
+    ] {
+        let sweep = read(&table(values), &measurement).unwrap();
+        for row in &sweep.rows {
+            let expected = moduli(row.frequency_hz).map(|kpa| 1e3 * kpa);
+            let found = sweep.form.moduli(row.pair);
+            assert!(found.iter().zip(expected).all(|(x, y)| (x / y - 1.0).abs() < 1e-12), "{measurement}: {row:?}");
+        }
+    }
+    let with_errors = columns("storage", "loss_tangent")
+        .replace("[measurement.units]", "storage_sd = 3\n[measurement.units]\nstorage_sd = \"Pa\"");
+    assert!(read(&table(&|moduli| moduli), &with_errors).unwrap_err().to_string().contains("not of a loss tangent"));
+}
+
+#[test]
+fn names_of_tension_and_of_tangents_are_known() {
+    for (header, expected) in [
+        ("Frequency (mHz),E' (MPa),E'' (MPa),tan(delta)", [SweepColumn::Storage, SweepColumn::Loss]),
+        ("Frequency (Hz),Storage modulus E' (MPa),Loss modulus E'' (MPa)", [SweepColumn::Storage, SweepColumn::Loss]),
+        ("Frequency (Hz),Tensile Storage Modulus (kPa),Tan(delta)", [SweepColumn::Storage, SweepColumn::LossTangent]),
+        ("omega (rad/s),|G*| (Pa),tan δ", [SweepColumn::Modulus, SweepColumn::LossTangent]),
+    ] {
+        let text = format!("{header}\n{0}\n{0}\n{0}\n", vec!["1"; header.split(',').count()].join(","));
+        let looked = super::super::table::inspect_table("a.csv".as_ref(), text.as_bytes()).unwrap();
+        let found: Vec<SweepColumn> = sweep_columns(&looked).unwrap().into_iter().map(|(column, _)| column).collect();
+        assert_eq!(found[1..], expected, "{header}");
+    }
+}

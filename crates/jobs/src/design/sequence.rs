@@ -22,7 +22,7 @@ use record::Experiment;
 
 use crate::last_cycle::read_document;
 use crate::simulation_files::apparatus_toml;
-use crate::target::{Revision, report_notes};
+use crate::target::{Revision, repeated_rows, report_notes};
 
 /// Class of effects that a diagnosis could not distinguish.
 pub struct Class {
@@ -72,6 +72,14 @@ pub fn read_later(paths: &[PathBuf], first: &Experiment, monitor: &dyn Monitor) 
         let (experiment, files) = Experiment::read(path)?;
         report_notes(&experiment, &files, monitor);
         refuse_contradictions(&experiment, &files.interpretation, monitor)?;
+        if experiment.specimen_id != first.specimen_id {
+            monitor.warn(&format!(
+                "{}: the specimen is `{}`, and the study's is `{}`; both are taken for one",
+                path.display(),
+                experiment.specimen_id,
+                first.specimen_id
+            ));
+        }
         let refuse = |found: &str, remedy: &str| Err(Error::input(InputPlace::file(path.as_path()), found, remedy));
         // Descriptions are compared, because lengths in mm are rounded when a designed record is described.
         if apparatus_toml(&experiment.apparatus) != apparatus_toml(&first.apparatus)
@@ -95,11 +103,7 @@ pub fn read_later(paths: &[PathBuf], first: &Experiment, monitor: &dyn Monitor) 
         let later = read(path)?;
         let earlier = std::iter::once(first).chain(all.iter().map(|later| &later.experiment));
         if earlier.into_iter().any(|earlier| earlier.record == later.experiment.record) {
-            return Err(Error::input(
-                InputPlace::file(path.as_path()),
-                "the study or an earlier record has the same rows, and rows that count twice would feign information",
-                "give every record once",
-            ));
+            return Err(repeated_rows(path));
         }
         all.push(later);
     }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use base::error::{Error, InputPlace, Result, Setting};
 use base::files::{to_json, write_together};
 use documents::posterior::{Warning, WarningKind};
-use documents::prediction::{EquivalentPlan, ForceStep, Plan, PlannedRobot};
+use documents::prediction::{EquivalentPlan, ForceStep, Plan, PlannedRobot, ScenarioPrediction};
 use figures::number::format_significant;
 use figures::svg::{figure_files, remove_figure};
 use posterior::monitor::Monitor;
@@ -99,7 +99,7 @@ pub fn run(place: &GelPlace<'_>, request: &PlanRequest, monitor: &dyn Monitor) -
         probability_checked_se: (checked * (1.0 - checked) / planned.full_runs.max(1) as f64).sqrt(),
         full_runs: planned.full_runs,
         limit: planned.limit.into(),
-        sentence: sentence(&planned, &target, request.size, &robots),
+        sentence: sentence(&planned, &target, request.size, &robots) + &overshoot_sentence(&target, &tube),
         robots,
         force: planned.steps,
         tube,
@@ -266,6 +266,20 @@ fn sentence(planned: &PlannedForce, target: &Target, size: Option<RobotSize>, ro
         }
     };
     format!("{of_robot} {of_force}")
+}
+
+/// Tells how far the robot goes beyond a target at which it rests; empty if it stays within the tolerance.
+fn overshoot_sentence(target: &Target, tube: &ScenarioPrediction) -> String {
+    let Some(rest) = target.rest else { return String::new() };
+    let farthest = if target.reach_m > 0.0 { &tube.position_um.q95 } else { &tube.position_um.q05 };
+    let beyond_um = farthest.iter().fold(0.0_f64, |most, x| most.max(x.abs())) - 1e6 * target.reach_m.abs();
+    match beyond_um > 1e6 * rest.within_m * (1.0 + ROUNDING) {
+        true => format!(
+            " On the way it goes up to {} µm beyond the target (95 % quantile).",
+            format_significant(beyond_um, 2)
+        ),
+        false => String::new(),
+    }
 }
 
 fn robots_sentence(target: &Target) -> String {

@@ -14,6 +14,8 @@ const LONGEST_UNIT: usize = 8;
 const REMARKS: [&str; 6] = ["", "comment", "comments", "note", "notes", "remarks"];
 /// Smallest number of rows of a table. Fewer rows of numbers count as a preamble.
 const FEWEST_ROWS: usize = 3;
+/// Largest number of lines below a table that count as means and the like.
+const MOST_SUMMARIES: usize = 10;
 /// Longest displayed title of a table, in characters.
 const LONGEST_TITLE: usize = 60;
 
@@ -39,6 +41,8 @@ pub(super) struct TableBlock {
     pub title: String,
     /// Number of columns at the end that are empty in every row, because rows may end in a delimiter.
     pub n_empty: usize,
+    /// Line numbers and first words of the lines behind the last row that contain a word in place of the first value, such as `Mean`.
+    pub summaries: Vec<(usize, String)>,
 }
 
 impl TableBlock {
@@ -116,6 +120,17 @@ pub(super) fn blocks(lines: &[&str]) -> Option<Vec<TableBlock>> {
         // A line of words with two numbers is a preamble, such as one above the next table of an export.
         let is_preamble = n_others > 0
             && blocks.last().is_some_and(|block| block.n_rows >= FEWEST_ROWS && cells.len() < block.layout.n_cells);
+        // Programs write means and standard deviations below a table.
+        if let Some(block) = blocks.last_mut()
+            && block.n_rows >= FEWEST_ROWS
+            && block.layout.n_cells == cells.len()
+            && n_values > 0
+            && is_word(&cells[0])
+            && begins_with_value(lines[block.layout.first], &found)
+        {
+            block.summaries.push((index + 1, cells[0].to_string()));
+            continue;
+        }
         if !is_row || is_preamble {
             continue;
         }
@@ -133,6 +148,7 @@ pub(super) fn blocks(lines: &[&str]) -> Option<Vec<TableBlock>> {
                 header: Header::default(),
                 title: String::new(),
                 n_empty: 0,
+                summaries: Vec::new(),
             });
         }
         if let Some(block) = blocks.last_mut() {
@@ -153,6 +169,13 @@ pub(super) fn blocks(lines: &[&str]) -> Option<Vec<TableBlock>> {
     }
     let mut before = 0;
     for block in &mut blocks {
+        block.summaries.retain(|(line, _)| *line > block.end);
+        // So many lines are rows, whose first column contains names and numbers.
+        if block.summaries.len() > MOST_SUMMARIES {
+            (block.end, block.n_rows) =
+                (block.summaries[block.summaries.len() - 1].0, block.n_rows + block.summaries.len());
+            block.summaries.clear();
+        }
         let rows = &lines[block.layout.first..block.end];
         block.n_empty = n_empty_at_end(rows, &block.layout);
         block.header = header(lines, before, &block.layout, block.n_empty);
@@ -162,6 +185,14 @@ pub(super) fn blocks(lines: &[&str]) -> Option<Vec<TableBlock>> {
     let has_tables = blocks.iter().any(|block| block.n_rows >= FEWEST_ROWS);
     blocks.retain(|block| !has_tables || block.n_rows >= FEWEST_ROWS);
     Some(blocks)
+}
+
+fn is_word(cell: &str) -> bool {
+    cell.contains(char::is_alphabetic) && !cell.contains(|c: char| c.is_ascii_digit()) && !is_lost(cell)
+}
+
+fn begins_with_value(line: &str, layout: &Layout) -> bool {
+    cells(line, layout.delimiter).first().is_some_and(|cell| is_value(cell, layout.delimiter, layout.decimal))
 }
 
 /// Number of columns at the end that are empty in every row, because rows may end in a delimiter.

@@ -8,8 +8,8 @@ use super::asked::{Ask, Question, TableSettings};
 use super::blocks::{Header, TableBlock};
 use super::description::{BlankForce, ColumnName, PositionColumns, TableDescription, TableLayout, TimeFormat};
 use super::read::read_described;
-use super::roles::{ColumnMatch, KnownColumns, Role};
-use super::several::{ask_table, chosen_tables, describe_tables, tables_of};
+use super::roles::{ColumnMatch, KnownColumns, Role, unknown_unit};
+use super::several::{ask_table, chosen_tables, describe_summaries, describe_tables, tables_of};
 use super::spelling::{ParsedUnit, clock_s, counted, is_date_time, unit};
 use super::text::{Decimal, Delimiter, Encoding, Thousands, cells, comment_sign, decode_detected, is_blank_or_comment};
 use crate::control::Control;
@@ -125,6 +125,7 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
         }
     }
     reasons.push(describe_layout(&tables, &lines));
+    reasons.extend(describe_summaries(&tables));
     reasons.extend(describe_tables(&all, &tables));
     let described = DescribedFile { file, bytes, text, lines: &lines, given, tables: &tables };
     let mut description = described.description(&mut reasons, ask)?;
@@ -259,6 +260,15 @@ impl DescribedFile<'_> {
         if let Some(first) = missing.first() {
             let names: Vec<&str> = missing.iter().map(|role| role.name()).collect();
             let options: Vec<String> = missing.iter().map(|role| role.unit_option(called(*role))).collect();
+            let unknown: Vec<(Role, &str)> =
+                missing.iter().filter_map(|role| Some((*role, unknown_unit(called(*role))?.1))).collect();
+            if let Some((role, text)) = unknown.first().filter(|(_, text)| !text.is_empty()) {
+                return Err(Error::input(
+                    InputPlace::file(file).at_key(called(*role)),
+                    format!("`{text}` is no known unit of {}", role.name()),
+                    format!("give its size in a known unit, as in `{}`", role.multiple_option()),
+                ));
+            }
             let counts: Vec<&str> = missing.iter().filter_map(|role| Some(counted(called(*role))?.1)).collect();
             let of_counts = counts.first().map_or(String::new(), |what| format!(" if one {what} is that long"));
             return Err(Error::input(
@@ -294,6 +304,18 @@ impl DescribedFile<'_> {
             None if told(Role::Time).is_none() && clock_s(cell(Role::Time)).is_some() => TimeFormat::Clock,
             None => TimeFormat::Unit(unit_of(Role::Time)?),
         };
+        for role in [Role::Time, Role::Force, Role::Position] {
+            if let Some((said, written)) = told(role).zip(own_unit(role))
+                && unit(said).is_none_or(|said| said.to_si(1.0) != written.to_si(1.0))
+            {
+                reasons.push(format!(
+                    "the {} is read in {said}, as `{}` says, although the table says {}",
+                    role.name(),
+                    role.unit_setting(),
+                    written.name
+                ));
+            }
+        }
         // Names that stand in several lines of a preamble are not found again by name.
         let name_at = |at: usize| match header.names.get(at).filter(|_| header.line.is_some()) {
             Some(name) if header.names.iter().filter(|other| *other == name).count() == 1 && !name.is_empty() => {
@@ -877,6 +899,49 @@ mod tests {
         let current = refused("t [s],coil [A],x [um]\n0,1,0\n1,1,2\n");
         assert!(current.contains("[actuation]"), "{current}");
         assert!(refused("nothing\nhere\n").contains("no two columns"));
+    }
+
+    #[test]
+    fn an_unknown_unit_is_named_with_its_column() {
+        let text = |unit: &str| format!("t [s],Load ({unit}),x [um]\n0,1,0\n1,1,2\n2,1,3\n");
+        let read = |unit: &str, given: &TableSettings| {
+            propose(Path::new("t.csv"), text(unit).as_bytes(), given, &mut |_| None).map_err(|error| error.to_string())
+        };
+        let refused = read("ozf", &TableSettings::default()).unwrap_err();
+        for words in ["`Load (ozf)`", "`ozf` is no known unit of force", "unit_force \"9.81 mN\""] {
+            assert!(refused.contains(words), "{refused}");
+        }
+        let given = |unit: &str| TableSettings { units: [None, Some(unit.into()), None], ..TableSettings::default() };
+        assert!((read("ozf", &given("278 mN")).unwrap().force_n[1] - 0.278).abs() < 1e-12);
+        let other = read("mN", &given("uN")).unwrap();
+        assert!(
+            other.force_n[1] < 2e-6 && other.reasons.iter().any(|reason| reason.contains("although the table says mN"))
+        );
+        assert!(read("mN", &given("1 mN")).unwrap().reasons.iter().all(|reason| !reason.contains("although")));
+        assert!((read("dyn", &TableSettings::default()).unwrap().force_n[1] - 1e-5).abs() < 1e-18);
+    }
+
+    /// Checks that means below a table are named and not read, that a word within the rows is refused, and that a first column of names and numbers is no mean.
+    #[test]
+    fn means_below_a_table_are_named() {
+        let read = |text: &str| {
+            propose(Path::new("t.csv"), text.as_bytes(), &TableSettings::default(), &mut |_| None)
+                .map_err(|error| error.to_string())
+        };
+        let rows = "t [s],F [uN],x [um]\n0,1,0\n1,1,2\n2,1,3\n3,1,4\n";
+        let summary = "Mean,1,2.2\nSD,0,1.7\n";
+        for text in
+            [format!("{rows}{summary}"), format!("{rows}\n,,\n{summary}"), format!("{rows}{summary}End of data\n")]
+        {
+            let found = read(&text).unwrap();
+            assert_eq!((found.n_rows, found.position_m), (4, [0.0, 4e-6]), "{text}");
+            assert!(found.reasons.iter().any(|reason| reason.contains("(`Mean`), line ")), "{:?}", found.reasons);
+        }
+        let within = read(&format!("{rows}paused,1,4\n4,1,5\n5,1,6\n")).unwrap_err();
+        assert!(within.contains("line 6") && within.contains("begin it with `#` or delete it"), "{within}");
+        let specimens: String = (0..30).map(|k| format!("{},{k},1,{k}\n", if k < 15 { "1" } else { "A" })).collect();
+        let many = read(&format!("eye,t [s],F [uN],x [um]\n{specimens}")).unwrap();
+        assert_eq!(many.n_rows, 30);
     }
 
     #[test]

@@ -263,7 +263,14 @@ impl Clock {
         place: &dyn Fn() -> InputPlace,
     ) -> Result<f64> {
         let refuse = |what: &str| {
-            Error::input(place(), format!("`{cell}` is {what}"), "correct the time, or `time` in [measurement.units]")
+            let remedy = match cell.contains(|c: char| c.is_ascii_digit()) {
+                true => "correct the time, or `time` in [measurement.units]".into(),
+                false => {
+                    let comment = layout.comment.as_deref().unwrap_or("#");
+                    format!("write the time; if the line is no row, begin it with `{comment}` or delete it")
+                }
+            };
+            Error::input(place(), format!("`{cell}` is {what}"), remedy)
         };
         let since = match format {
             TimeFormat::Unit(unit) => {

@@ -61,6 +61,16 @@ impl Role {
         format!("{} {unit}", self.unit_setting())
     }
 
+    /// Returns an example of the setting that gives a unit as a multiple of a known one, for messages.
+    pub fn multiple_option(self) -> String {
+        let unit = match self {
+            Self::Time => "0.05 s",
+            Self::Force => "9.81 mN",
+            Self::Position | Self::Cycle => "25.4 mm",
+        };
+        format!("{} \"{unit}\"", self.unit_setting())
+    }
+
     fn unit_question(self) -> Question {
         let (choices, proposal) = match self {
             Self::Time => ("s, ms, us, min, h, clock, iso", "s"),
@@ -166,7 +176,14 @@ impl Role {
 /// Returns the score of a column for a role, which is higher the more likely the column has the role. `None` if the column's unit contradicts the
 /// role.
 fn fit(role: Role, name: &str, unit: Option<&ParsedUnit>) -> Option<u32> {
-    let stem = counted(name).map_or_else(|| split_unit(name).0, |(stem, _)| stem);
+    let stem = match counted(name) {
+        Some((stem, _)) => stem,
+        // A letter alone, as in `T (°C)`, may be another quantity.
+        None => match unknown_unit(name) {
+            Some((stem, _)) if stem.chars().count() > 2 => stem,
+            _ => split_unit(name).0,
+        },
+    };
     let plain: String = stem.to_lowercase().chars().filter(|c| c.is_alphanumeric()).collect();
     let (exact, parts) = role.words();
     let by_name: u32 = match plain.as_str() {
@@ -183,6 +200,12 @@ fn fit(role: Role, name: &str, unit: Option<&ParsedUnit>) -> Option<u32> {
     let is_of_sequence = role == Role::Time && ["sequence", "total", "global"].iter().any(|part| plain.contains(part));
     // A unit counts less than a name, because it shows the quantity but not the body that has it.
     Some((by_name + by_unit).saturating_sub(u32::from(is_of_sequence)))
+}
+
+/// Splits a column name with a unit in brackets that is not known, such as `Force (ozf)`, into the name and that text. `None` for other names.
+pub(super) fn unknown_unit(name: &str) -> Option<(&str, &str)> {
+    let (stem, text) = name.trim_end().strip_suffix([']', ')'])?.rsplit_once(['[', '('])?;
+    (split_unit(name).1.is_none() && counted(name).is_none()).then_some((stem.trim(), text.trim()))
 }
 
 /// Columns of a table that were found for a role.

@@ -101,6 +101,13 @@ pub(super) fn ask_table<'a>(file: &Path, all: &'a [TableBlock], why: &str, ask: 
     }
 }
 
+/// Returns a sentence that names the lines below the rows that are not read, such as a line of means; `None` without such lines.
+pub(super) fn describe_summaries(read: &[&TableBlock]) -> Option<String> {
+    let named = |(line, word): &(usize, String)| format!("line {line} (`{word}`)");
+    let lines: Vec<String> = read.iter().flat_map(|table| &table.summaries).map(named).collect();
+    (!lines.is_empty()).then(|| format!("left out below the rows: {}", lines.join(", ")))
+}
+
 /// Returns sentences that tell for each table of a file whether it is read; empty for a single table.
 pub(super) fn describe_tables(all: &[TableBlock], read: &[&TableBlock]) -> Vec<String> {
     if all.len() == 1 {

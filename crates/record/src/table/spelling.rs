@@ -2,8 +2,11 @@
 
 use base::units::{Dimension, UNITS};
 
+/// Weight of a gram in standard gravity, in N.
+const GRAM_FORCE_N: f64 = 9.806_65e-3;
+
 /// Spellings of units that differ from the program's own names, with their dimension and their value in SI units.
-const SPELLINGS: [(&str, Dimension, f64); 49] = [
+const SPELLINGS: [(&str, Dimension, f64); 72] = [
     ("с", Dimension::Time, 1.0),
     ("мс", Dimension::Time, 1e-3),
     ("Н", Dimension::Force, 1.0),
@@ -27,21 +30,44 @@ const SPELLINGS: [(&str, Dimension, f64); 49] = [
     ("min", Dimension::Time, 60.0),
     ("mins", Dimension::Time, 60.0),
     ("minutes", Dimension::Time, 60.0),
+    ("minute", Dimension::Time, 60.0),
     ("h", Dimension::Time, 3600.0),
+    ("hr", Dimension::Time, 3600.0),
+    ("hrs", Dimension::Time, 3600.0),
+    ("hour", Dimension::Time, 3600.0),
     ("hours", Dimension::Time, 3600.0),
     ("newton", Dimension::Force, 1.0),
     ("newtons", Dimension::Force, 1.0),
     ("fN", Dimension::Force, 1e-15),
+    ("cN", Dimension::Force, 1e-2),
+    ("kN", Dimension::Force, 1e3),
+    ("dyn", Dimension::Force, 1e-5),
+    ("dyne", Dimension::Force, 1e-5),
+    ("dynes", Dimension::Force, 1e-5),
+    ("gf", Dimension::Force, GRAM_FORCE_N),
+    ("mgf", Dimension::Force, 1e-3 * GRAM_FORCE_N),
+    ("kgf", Dimension::Force, 1e3 * GRAM_FORCE_N),
+    ("lbf", Dimension::Force, 453.592_37 * GRAM_FORCE_N),
     ("micron", Dimension::Length, 1e-6),
     ("microns", Dimension::Length, 1e-6),
     ("micrometer", Dimension::Length, 1e-6),
     ("micrometre", Dimension::Length, 1e-6),
     ("cm", Dimension::Length, 1e-2),
+    ("inch", Dimension::Length, 0.0254),
+    ("inches", Dimension::Length, 0.0254),
+    ("mil", Dimension::Length, 2.54e-5),
+    ("mils", Dimension::Length, 2.54e-5),
+    ("Å", Dimension::Length, 1e-10),
     ("pm", Dimension::Length, 1e-12),
     ("hz", Dimension::Frequency, 1.0),
+    ("mHz", Dimension::Frequency, 1e-3),
+    ("kHz", Dimension::Frequency, 1e3),
     ("rad/s", Dimension::Frequency, 0.5 * std::f64::consts::FRAC_1_PI),
     ("pa", Dimension::Pressure, 1.0),
     ("kPa", Dimension::Pressure, 1e3),
+    ("hPa", Dimension::Pressure, 1e2),
+    ("bar", Dimension::Pressure, 1e5),
+    ("mbar", Dimension::Pressure, 1e2),
     ("MPa", Dimension::Pressure, 1e6),
     ("GPa", Dimension::Pressure, 1e9),
     ("dyn/cm^2", Dimension::Pressure, 0.1),
@@ -73,6 +99,11 @@ enum UnitScale {
 }
 
 impl ParsedUnit {
+    /// Unit of a plain number.
+    pub fn one() -> Self {
+        Self { dimension: Dimension::Ratio, name: "1".into(), scale: UnitScale::Times(1.0) }
+    }
+
     /// Converts a value in this unit to SI units.
     pub fn to_si(&self, value: f64) -> f64 {
         match self.scale {
@@ -132,7 +163,12 @@ fn known_unit(plain: &str) -> Option<ParsedUnit> {
         });
     }
     let is_word = plain.is_ascii() && plain.len() > 2;
-    let same = |known: &str| if is_word { known.eq_ignore_ascii_case(plain) } else { known == plain };
+    // The case of a prefix tells `mPa` from `MPa`, and `mHz` from `MHz`.
+    let has_other_prefix = |known: &str| {
+        known.contains(char::is_uppercase) && known.starts_with(['m', 'M']) && known.get(..1) != plain.get(..1)
+    };
+    let is_same_word = |known: &str| is_word && known.eq_ignore_ascii_case(plain) && !has_other_prefix(known);
+    let same = |known: &str| known == plain || is_same_word(known);
     let (name, dimension, si_units) = SPELLINGS.iter().find(|(known, ..)| same(known))?;
     Some(ParsedUnit { dimension: *dimension, name: (*name).into(), scale: UnitScale::Times(*si_units) })
 }
@@ -156,6 +192,8 @@ pub fn split_unit(name: &str) -> (&str, Option<ParsedUnit>) {
         Some((stem, "S" | "M")) if !name.contains(char::is_lowercase) => {
             name.to_lowercase().split_once(['(', '[']).and_then(|(_, text)| Some((stem, unit(text)?)))
         }
+        // Elsewhere the word `in` is no unit, as in `x in µm`.
+        Some((stem, "in")) => unit("inch").map(|unit| (stem, unit)),
         Some((stem, text)) => unit(text).map(|unit| (stem, unit)),
         None => ["/", " in ", "_", " "]
             .iter()
@@ -184,7 +222,8 @@ pub fn counted(name: &str) -> Option<(&str, &'static str)> {
     parts.chain([(name, name)]).find_map(|(stem, text)| Some((stem.trim(), of(text)?)))
 }
 
-/// Returns the seconds since midnight for a time of day `hh:mm:ss.fff`, `mm:ss.fff` or `hh:mm:ss AM`; `None` for other text.
+/// Returns the seconds since midnight for a time of day `hh:mm:ss.fff`, `hh:mm:ss:fff` with three digits of milliseconds, `mm:ss.fff` or `hh:mm:ss AM`; `None` for
+/// other text.
 pub fn clock_s(cell: &str) -> Option<f64> {
     let half = cell.trim_end().get(cell.trim_end().len().saturating_sub(3)..).unwrap_or("");
     let later_h = match half.to_ascii_uppercase().as_str() {
@@ -198,17 +237,23 @@ pub fn clock_s(cell: &str) -> Option<f64> {
         return Some(of_half.rem_euclid(43_200.0) + 3600.0 * later_h);
     }
     let parts: Vec<&str> = cell.split(':').collect();
+    let are_digits = |text: &str| text.bytes().all(|byte| byte.is_ascii_digit());
+    let (parts, milliseconds_s) = match parts.as_slice() {
+        // Two digits behind the seconds may count frames.
+        [time @ .., last] if time.len() == 3 && last.len() == 3 && are_digits(last) && are_digits(time[2]) => {
+            (time, 1e-3 * last.parse::<f64>().ok()?)
+        }
+        parts => (parts, 0.0),
+    };
     let (seconds, larger) = parts.split_last()?;
     if larger.is_empty() || larger.len() > 2 {
         return None;
     }
-    let whole = |text: &&str| {
-        (!text.is_empty() && text.len() <= 4 && text.bytes().all(|b| b.is_ascii_digit()))
-            .then(|| text.parse::<u32>().ok())?
-    };
+    let whole =
+        |text: &&str| (!text.is_empty() && text.len() <= 4 && are_digits(text)).then(|| text.parse::<u32>().ok())?;
     let larger: Option<Vec<u32>> = larger.iter().map(whole).collect();
     let seconds: f64 = seconds.replace(',', ".").parse().ok().filter(|s: &f64| (0.0..61.0).contains(s))?;
-    Some(larger?.iter().fold(0.0, |sum, part| (sum + f64::from(*part)) * 60.0) + seconds)
+    Some(larger?.iter().fold(0.0, |sum, part| (sum + f64::from(*part)) * 60.0) + seconds + milliseconds_s)
 }
 
 /// Order of day, month and year in a date, named by the first of them.
@@ -292,6 +337,11 @@ mod tests {
             ("micron", "micron", 1e-6),
             ("nanometers", "nm", 1e-9),
             ("{millisec}", "ms", 1e-3),
+            ("dyn", "dyn", 1e-5),
+            ("[kN]", "kN", 1e3),
+            ("Inches", "inches", 0.0254),
+            ("mHz", "mHz", 1e-3),
+            ("MPA", "MPa", 1e6),
         ] {
             let found = unit(text).unwrap_or_else(|| panic!("{text}"));
             assert_eq!((found.name.as_str(), found.to_si(1.0)), (name, value), "{text}");
@@ -299,7 +349,9 @@ mod tests {
         let pixel = unit("0.65 µm").expect("so many of a unit");
         assert_eq!((pixel.name.as_str(), pixel.dimension), ("0.65 um", Dimension::Length));
         assert!((pixel.to_si(2.0) - 1.3e-6).abs() < 1e-20);
-        for text in ["", "MN", "Um", "MM", "a.u.", "V", "px", "-1 um", "0 um", "inf um", "0.65 px", "um 2"] {
+        for text in
+            ["", "MN", "Um", "MHz", "mpa", "MM", "a.u.", "V", "px", "-1 um", "0 um", "inf um", "0.65 px", "um 2"]
+        {
             assert_eq!(unit(text), None, "{text}");
         }
     }
@@ -313,6 +365,8 @@ mod tests {
         assert_eq!(split_unit("J (1/Pa)").1, None);
         assert_eq!(split_unit("DISP(M)").1.map(|unit| unit.name), Some("m".into()));
         assert_eq!(split_unit("Conductance (S)").1, None);
+        assert_eq!(split_unit("Displacement (in)").1.map(|unit| unit.name), Some("inch".into()));
+        assert_eq!(split_unit("x_in").1, None);
         assert_eq!(split_unit("TIME_S").1.map(|unit| unit.name), Some("s".into()));
         assert_eq!(split_unit("Сила (мкН)").1.map(|unit| unit.to_si(1.0)), Some(1e-6));
         assert_eq!(split_unit("cycle").1, None);
@@ -337,6 +391,7 @@ mod tests {
     fn times_of_day_and_dates_are_seconds() {
         assert_eq!(clock_s("01:02:03.5"), Some(3723.5));
         assert_eq!(clock_s("02:03,5"), Some(123.5));
+        assert_eq!(clock_s("01:02:03:250"), Some(3723.25));
         assert_eq!(clock_s("12:00:01.5 AM"), Some(1.5));
         assert_eq!(clock_s("12:00:01 pm"), Some(43_201.0));
         assert_eq!(clock_s("1:00:00 PM"), Some(46_800.0));
@@ -344,7 +399,7 @@ mod tests {
         assert_eq!(iso_s("1970-01-02T00:00:01Z"), Some(86_401.0));
         assert_eq!(iso_s("2000-03-01 12:00:00"), Some(951_912_000.0));
         assert_eq!(iso_s("2024-02-29T01:00:00.25+01:00"), Some(1_709_164_800.25));
-        for text in ["12", "1:2:3:4", "a:b", "12:99", "13:00:00 PM", "0:10:00 AM", " AM"] {
+        for text in ["12", "1:2:3:4", "1:2:3:+25", "1:2:3:4:250", "a:b", "12:99", "13:00:00 PM", "0:10:00 AM", " AM"] {
             assert_eq!(clock_s(text), None, "{text}");
         }
         for text in ["2024-13-01T00:00:00", "2024-02-29", "yesterday 10:00"] {
