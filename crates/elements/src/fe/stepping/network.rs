@@ -362,3 +362,23 @@ impl NetworkBody {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A Kelvin body responds at its E/η, and a dashpot alone has no rate.
+    #[test]
+    fn the_fastest_rate_is_that_of_the_stiffest_body() {
+        let range = RateRange::between(1e-3, 10.0);
+        let rate = |law: &[Element]| Network::new(law, range).unwrap().fastest_rate_per_s(range);
+        let kelvin = |modulus_pa, viscosity_pa_s| {
+            Element::Parallel(vec![Element::Spring { modulus_pa }, Element::Dashpot { viscosity_pa_s }])
+        };
+        let fluid = Element::Dashpot { viscosity_pa_s: 0.01 };
+        assert_eq!(rate(&[kelvin(100.0, 50.0), kelvin(30.0, 5.0), fluid.clone()]), 6.0);
+        assert_eq!(rate(&[Element::Spring { modulus_pa: 7.0 }, fluid]), 0.0);
+        let springpot = Element::Springpot { modulus_pa: 1.0, time_s: 1.0, order: 0.5 };
+        assert_eq!(rate(&[kelvin(100.0, 50.0), springpot]), range.highest_per_s());
+    }
+}
