@@ -209,6 +209,11 @@ fn plans_name_their_limit_and_rest_at_the_target() {
     for (time_s, x) in times.iter().zip(median).filter(|(time_s, _)| number(time_s) >= 3.0) {
         assert!((number(x) - 300.0).abs() < 5.0, "{x} µm at {time_s} s");
     }
+    // On the way there the robot does not pass the target.
+    assert!(
+        median.iter().all(|x| number(x) < 305.0) && !rest["sentence"].as_str().unwrap().contains("beyond"),
+        "{rest}"
+    );
 }
 
 /// A model with an effect that the record cannot distinguish from another: both are predicted, and the answer says whether they agree.

@@ -26,6 +26,11 @@ const MOST_TRIALS: usize = 40;
 const REST_STEPS: [usize; 3] = [12, 24, 48];
 /// Parts of the largest force that are tried for the way to a rest.
 const TRAVEL_PARTS: [f64; 4] = [1.0, 0.8, 0.6, 0.4];
+/// Times from which the position of a rest is compared with the target, as parts of the way from the arrival to the deadline. The first keeps the robot from going far beyond the target.
+const REST_BEGINS: [f64; 2] = [0.0, 0.5];
+/// Number of draws that judge a rest first, and the difference from the requested probability up to which all draws judge it.
+const N_FIRST_DRAWS: usize = 400;
+const NEAR_PROBABILITY: f64 = 0.1;
 /// Number of times at which the position of a rest is compared with the target.
 const N_REST_ROWS: usize = 240;
 /// Number of equal steps into which a limited slew rate divides a change of the force.
@@ -327,7 +332,14 @@ impl<'a> ForceSearch<'a> {
 
     /// Share of the draws that meet a target under a force.
     fn share(&self, target: &Target, changes: &[[f64; 2]]) -> Result<f64> {
-        let (record, trajectories_m) = self.trajectories_m(changes)?;
+        self.share_of(target, changes, 1)
+    }
+
+    /// Share of every `step`-th draw.
+    fn share_of(&self, target: &Target, changes: &[[f64; 2]], step: usize) -> Result<f64> {
+        let record = self.target.record(changes)?;
+        let draws: Vec<usize> = (0..self.ensemble.parameters.len()).step_by(step).collect();
+        let trajectories_m = self.ensemble.with_record(record.clone()).trajectories_m(draws)?;
         let is_met = |x: &&Vec<f64>| target.is_met(&record, x, self.ensemble.strain_per_m);
         Ok(trajectories_m.iter().filter(is_met).count() as f64 / trajectories_m.len().max(1) as f64)
     }
@@ -370,10 +382,14 @@ impl<'a> ForceSearch<'a> {
         let record = Target { slew_n_per_s: None, ..*self.target }.at_largest_force()?;
         let all = 0..self.ensemble.parameters.len();
         let mean_m = mean(&self.ensemble.with_record(record.clone()).trajectories_m(all)?);
-        for part in TRAVEL_PARTS {
-            for n_steps in REST_STEPS {
-                let changes = self.rest_changes(part, n_steps, &record, &mean_m);
-                let probability = self.share(self.target, &changes)?;
+        let first_draws = (self.ensemble.parameters.len() / N_FIRST_DRAWS).max(1);
+        for begin in REST_BEGINS {
+            for (part, n_steps) in TRAVEL_PARTS.into_iter().flat_map(|part| REST_STEPS.map(|n_steps| (part, n_steps))) {
+                let changes = self.rest_changes(part, begin, n_steps, &record, &mean_m);
+                let mut probability = self.share_of(self.target, &changes, first_draws)?;
+                if probability >= self.target.probability - NEAR_PROBABILITY {
+                    probability = self.share(self.target, &changes)?;
+                }
                 if probability >= self.target.probability {
                     return Ok(Tried { changes, probability });
                 }
@@ -382,12 +398,13 @@ impl<'a> ForceSearch<'a> {
                 }
             }
         }
-        Ok(best.unwrap_or(Tried { changes: vec![[0.0, 0.0]], probability: 0.0 }))
+        let changes = best.map_or(vec![[0.0, 0.0]], |best| best.changes);
+        Ok(Tried { probability: self.share(self.target, &changes)?, changes })
     }
 
     /// Changes of a stepwise force: `part` of the largest force until the mean arrives, then `n_steps` changes that keep the mean at the target in the sense of
-    /// least squares. `mean_m` is the mean position (m) under the largest force at the rows of `record`.
-    fn rest_changes(&self, part: f64, n_steps: usize, record: &Record, mean_m: &[f64]) -> Vec<[f64; 2]> {
+    /// least squares. `begin` is one of [`REST_BEGINS`], and `mean_m` is the mean position (m) under the largest force at the rows of `record`.
+    fn rest_changes(&self, part: f64, begin: f64, n_steps: usize, record: &Record, mean_m: &[f64]) -> Vec<[f64; 2]> {
         let target = self.target;
         let travel_n = part * target.sign() * target.largest_force_n;
         let step_m =
@@ -411,7 +428,7 @@ impl<'a> ForceSearch<'a> {
                 changes_s.push(time_s);
             }
         }
-        let begin_s = arrival_s + 0.5 * (target.within_s - arrival_s);
+        let begin_s = arrival_s + begin * (target.within_s - arrival_s);
         let rows: Vec<f64> =
             (0..=N_REST_ROWS).map(|k| begin_s + (end_s - begin_s) * k as f64 / N_REST_ROWS as f64).collect();
         let wanted = DVector::from_element(rows.len(), target.reach_m);
@@ -546,7 +563,8 @@ mod tests {
     /// Checks crossings of 1 by functions with known inverses, over many decades, and the number of trials: three of a proportional quantity.
     #[test]
     fn a_crossing_is_found_between_two_near_forces() {
-        let functions: [(&str, usize, fn(f64) -> f64, f64); 5] = [
+        type Case = (&'static str, usize, fn(f64) -> f64, f64);
+        let functions: [Case; 5] = [
             ("proportional", 3, |x| x / 0.3, 0.3),
             ("far below the limit", 6, |x| x / 3e-9, 3e-9),
             ("square", 14, |x| (x / 0.02).powi(2), 0.02),

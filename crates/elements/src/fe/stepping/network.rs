@@ -372,13 +372,13 @@ mod tests {
     fn the_fastest_rate_is_that_of_the_stiffest_body() {
         let range = RateRange::between(1e-3, 10.0);
         let rate = |law: &[Element]| Network::new(law, range).unwrap().fastest_rate_per_s(range);
-        let kelvin = |modulus_pa, viscosity_pa_s| {
-            Element::Parallel(vec![Element::Spring { modulus_pa }, Element::Dashpot { viscosity_pa_s }])
-        };
-        let fluid = Element::Dashpot { viscosity_pa_s: 0.01 };
-        assert_eq!(rate(&[kelvin(100.0, 50.0), kelvin(30.0, 5.0), fluid.clone()]), 6.0);
-        assert_eq!(rate(&[Element::Spring { modulus_pa: 7.0 }, fluid]), 0.0);
-        let springpot = Element::Springpot { modulus_pa: 1.0, time_s: 1.0, order: 0.5 };
+        let spring = |modulus_pa: f64| Element::Spring { modulus_pa: modulus_pa.into() };
+        let dashpot = |viscosity_pa_s: f64| Element::Dashpot { viscosity_pa_s: viscosity_pa_s.into() };
+        let kelvin =
+            |modulus_pa: f64, viscosity_pa_s: f64| Element::Parallel(vec![spring(modulus_pa), dashpot(viscosity_pa_s)]);
+        assert_eq!(rate(&[kelvin(100.0, 50.0), kelvin(30.0, 5.0), dashpot(0.01)]), 6.0);
+        assert_eq!(rate(&[spring(7.0), dashpot(0.01)]), 0.0);
+        let springpot = Element::Springpot { modulus_pa: 1.0.into(), time_s: 1.0.into(), order: 0.5.into() };
         assert_eq!(rate(&[kelvin(100.0, 50.0), springpot]), range.highest_per_s());
     }
 }
