@@ -921,7 +921,7 @@ mod tests {
         assert!((read("dyn", &TableSettings::default()).unwrap().force_n[1] - 1e-5).abs() < 1e-18);
     }
 
-    /// Checks that means below a table are named and not read, that a word within the rows is refused, and that a first column of names and numbers is no mean.
+    /// Means below a table are named and not read. A word within the rows is refused. Many rows that begin with a name are rows.
     #[test]
     fn means_below_a_table_are_named() {
         let read = |text: &str| {
