@@ -349,6 +349,7 @@ mod tests {
         Judgement {
             misfit: Some(misfit_of(summary)).filter(|_| !is_noise_unknown),
             is_noise_unknown,
+            exceeded_estimate_m: None,
             systematic: is_noise_unknown.then_some(white),
             learnt_noise_m: Some(1e-6 * summary.error_budget_um.noise),
             joint_p: summary.heldout.joint_p,

@@ -1,13 +1,14 @@
 //! Judgement of a model's residuals: does the model describe the record? The commands `fit`, `sample`, `extend` and `ladder` share its rule (docs/diagnosis.md).
 //!
 //! If the noise is given or estimated, residuals are compared with it ([`Misfit`]). If it is unknown, the held-out residuals are compared with the fitted ones, and the
-//! residuals are tested for patterns ([`SystematicTest`]). If posterior draws predict the held-out cycles, the joint predictive band is a further test.
+//! residuals are tested for patterns ([`SystematicTest`]). They are also tested for patterns if they exceed an estimate, which may lack slow noise, and their size
+//! alone cannot tell slow noise from a misfit. If posterior draws predict the held-out cycles, the joint predictive band is a further test.
 
 use documents::posterior::{Warning, WarningKind};
 use figures::number::format_significant;
 use record::{NoiseOrigin, ReferenceNoise};
 
-use super::misfit::{GainKnowledge, Misfit, OUTSIDE_BAND, Residuals};
+use super::misfit::{GainKnowledge, Misfit, NOISE_FACTOR, OUTSIDE_BAND, Residuals};
 use super::noise::{NoiseLikelihood, NoiseModel};
 use super::problem::Problem;
 use super::systematic::SystematicTest;
@@ -37,7 +38,10 @@ pub struct Judgement {
     pub misfit: Option<Misfit>,
     /// True if the noise is neither given nor estimated.
     pub is_noise_unknown: bool,
-    /// Test of the residuals for patterns, if the noise is unknown and they can be tested.
+    /// Estimated noise standard deviation (m) that the fitted residuals exceed by so much that they are slow noise or a misfit. `None` if they do not, or if
+    /// [`Judgement::misfit`] calls them a misfit already.
+    pub exceeded_estimate_m: Option<f64>,
+    /// Test of the residuals for patterns, if the noise is unknown or its estimate is exceeded, and they can be tested.
     pub systematic: Option<SystematicTest>,
     /// Standard deviation (m) of the learnt noise, as in [`Prediction::learnt_noise_m`].
     pub learnt_noise_m: Option<f64>,
@@ -69,7 +73,13 @@ impl Judgement {
             Some(ReferenceNoise { sd_m, origin }) => Misfit::of(&remainder, sd_m, matches!(origin, NoiseOrigin::Known)),
             None => Misfit::relative_to_fitted(&remainder),
         };
-        let systematic = yardstick.is_none().then(|| {
+        let is_above_estimate = |noise: &ReferenceNoise| {
+            !matches!(noise.origin, NoiseOrigin::Known)
+                && misfit
+                    .is_some_and(|misfit| !misfit.is_too_large() && misfit.fitted.rms_m > NOISE_FACTOR * noise.sd_m)
+        };
+        let exceeded_estimate_m = yardstick.filter(is_above_estimate).map(|noise| noise.sd_m);
+        let systematic = (yardstick.is_none() || exceeded_estimate_m.is_some()).then(|| {
             let mut columns: Vec<Vec<f64>> = columns_m.to_vec();
             columns.push(remainder.fitted_m.iter().map(|left| left.unwrap_or(0.0)).collect());
             let likelihood = NoiseLikelihood::new(noise, &record.time_s, &problem.recordings(), &fitted);
@@ -80,7 +90,8 @@ impl Judgement {
         let is_rounding = misfit.is_some_and(|misfit| misfit.fitted.rms_m < ROUNDING * range_m);
         let systematic =
             systematic.flatten().map(|test| if is_rounding { SystematicTest { p: 1.0, ..test } } else { test });
-        Self { misfit, is_noise_unknown: yardstick.is_none(), systematic, learnt_noise_m, joint_p, has_gain }
+        let is_noise_unknown = yardstick.is_none();
+        Self { misfit, is_noise_unknown, exceeded_estimate_m, systematic, learnt_noise_m, joint_p, has_gain }
     }
 
     /// Returns true if the held-out cycles lie outside the joint predictive band.
@@ -160,35 +171,53 @@ impl Judgement {
         list
     }
 
+    /// Warning of residuals whose size does not show whether they are noise, because the noise is unknown or its estimate may lack slow noise.
     fn of_unknown_noise(&self) -> Option<Warning> {
         const ADVICE: &str = "give `noise_um` in [measurement], or record the bead at rest";
-        if !self.is_noise_unknown {
-            return None;
-        }
-        let (kind, text, advice) = match self.systematic {
-            Some(test) if test.is_systematic() => (
+        let pattern = self.systematic.filter(SystematicTest::is_systematic).map(|test| {
+            format!(
+                "systematic (autocorrelation {:.2} at lag 1, runs of one sign {:.1} standard deviations {} than by chance, p {}): they are no noise of the fitted kind",
+                test.first_autocorrelation,
+                test.runs_score.abs(),
+                if test.runs_score < 0.0 { "longer" } else { "shorter" },
+                format_significant(test.p, 1)
+            )
+        });
+        let (kind, text, advice) = match (self.is_noise_unknown, self.exceeded_estimate_m, pattern, self.systematic) {
+            (true, _, Some(pattern), _) => (
                 WarningKind::SystematicResidual,
-                format!(
-                    "the residuals of the fitted cycles are systematic (autocorrelation {:.2} at lag 1, runs of one sign {:.1} standard deviations {} than by chance, p \
-                     {}): they are no noise of the fitted kind",
-                    test.first_autocorrelation,
-                    test.runs_score.abs(),
-                    if test.runs_score < 0.0 { "longer" } else { "shorter" },
-                    format_significant(test.p, 1)
-                ),
+                format!("the residuals of the fitted cycles are {pattern}"),
                 "the law is wrong, or the noise is slow: run `vitreo-uq diagnose`, try another law (--base), or give `noise_um` in [measurement]",
             ),
-            Some(_) => (
+            (true, _, None, Some(_)) => (
                 WarningKind::NoiseUnknown,
                 "the noise is neither given nor can it be estimated; the residuals look like noise of the fitted size, so a misfit that looks like noise cannot be ruled out".into(),
                 ADVICE,
             ),
-            None => (
+            (true, _, None, None) => (
                 WarningKind::ResidualsUntested,
                 "the noise is neither given nor can it be estimated, and the residuals are too few for a test of patterns: the size of a misfit cannot be judged".into(),
                 ADVICE,
             ),
+            (false, Some(estimate_m), Some(pattern), _) => {
+                let rms_m = self.misfit.map_or(f64::NAN, |misfit| misfit.fitted.rms_m);
+                let [rms_um, noise_um] = [rms_m, estimate_m].map(|m| format_significant(1e6 * m, 3));
+                let over = rms_m / estimate_m;
+                (
+                    WarningKind::SystematicResidual,
+                    format!(
+                        "the residuals of the fitted cycles, {rms_um} µm or {over:.1} × the estimated noise of {noise_um} µm, are {pattern}"
+                    ),
+                    "the law is wrong, or the record has slow noise that the estimate lacks: run `vitreo-uq diagnose`; if the tracker drifts, sample it with slow noise \
+                    (--noise white,ou)",
+                )
+            }
+            (false, ..) => return None,
         };
         Some(Warning { kind, text, advice: advice.into() })
     }
 }
+
+#[cfg(test)]
+#[path = "judgement_tests.rs"]
+mod tests;
