@@ -90,14 +90,21 @@ pub(super) fn ask_table<'a>(file: &Path, all: &'a [TableBlock], why: &str, ask: 
     };
     match ask(&question).and_then(|answer| all.get(answer.parse::<usize>().ok()?.checked_sub(1)?)) {
         Some(table) => Ok(table),
-        None => Err(Error::input(
-            InputPlace::file(file),
-            format!("the file contains {} tables, and {why}:\n    {}", all.len(), list.join("\n    ")),
-            format!(
-                "choose one with `{0} 1`; join several steps of one test with `{0} 1,2` or `{0} all`; make a record of each table with `{0} each`",
-                Setting::Tables
-            ),
-        )),
+        None => {
+            let setting = Setting::Tables;
+            let mut alike = (0..all.len()).flat_map(|first| (first + 1..all.len()).map(move |other| [first, other]));
+            let join = match alike.find(|[first, other]| has_columns_of(&all[*first], &all[*other])) {
+                Some([first, other]) => {
+                    format!(" join steps of one test, as in `{setting} {},{}`;", first + 1, other + 1)
+                }
+                None => String::new(),
+            };
+            Err(Error::input(
+                InputPlace::file(file),
+                format!("the file contains {} tables, and {why}:\n    {}", all.len(), list.join("\n    ")),
+                format!("choose one with `{setting} 1`;{join} make a record of each table with `{setting} each`"),
+            ))
+        }
     }
 }
 
