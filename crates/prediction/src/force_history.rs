@@ -152,19 +152,20 @@ impl ForceHistory {
         }
         let even = (0..=n_even).map(|row| duration_s * row as f64 / n_even as f64);
         let after_changes = rows_after_changes(&changes_s, duration_s);
-        let mut time_s: Vec<f64> = even
-            .chain(changes_s)
-            .chain(after_changes)
-            .chain(also_s.iter().copied())
-            .filter(|time| (0.0..=duration_s).contains(time))
-            .collect();
+        Ok(self
+            .record_at(even.chain(changes_s).chain(after_changes).chain(also_s.iter().copied()).collect(), duration_s))
+    }
+
+    /// Rows at given times (s) between 0 and the duration (s). A force that changes in steps needs a row at each change.
+    pub fn record_at(&self, mut time_s: Vec<f64>, duration_s: f64) -> Record {
+        time_s.retain(|time| (0.0..=duration_s).contains(time));
         time_s.sort_by(f64::total_cmp);
         let closest_s = 1e-12 * duration_s;
         time_s.dedup_by(|later, earlier| *later - *earlier < closest_s);
         let force_n = time_s.iter().map(|time_s| self.at_n(*time_s + 0.5 * closest_s)).collect();
         let (n, force_rule) =
             (time_s.len(), if let Self::Steps(_) = self { ForceRule::Hold } else { ForceRule::Linear });
-        Ok(Record { time_s, force_n, position_m: vec![None; n], cycle: vec![1; n], force_rule, force_rows: Vec::new() })
+        Record { time_s, force_n, position_m: vec![None; n], cycle: vec![1; n], force_rule, force_rows: Vec::new() }
     }
 
     /// Force (N) at a time (s).

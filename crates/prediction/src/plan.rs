@@ -35,6 +35,8 @@ const NEAR_PROBABILITY: f64 = 0.1;
 const N_REST_ROWS: usize = 240;
 /// Number of equal steps into which a limited slew rate divides a change of the force.
 const SLEW_STEPS: usize = 20;
+/// Number of equal intervals at whose ends a constant force is searched, beside the changes of the force, if the position is proportional to it.
+const N_SEARCH_ROWS: usize = 32;
 /// Number of rounds in which the sizes and durations of changes are found in turn.
 const SLEW_ROUNDS: usize = 4;
 /// Factor of a limit that counts as no limit.
@@ -284,6 +286,14 @@ impl Target {
         self.record(&self.whole())
     }
 
+    /// Few rows of a force with these changes: at the changes, at equal distances and at the deadline.
+    fn few_rows(&self, changes: &[[f64; 2]]) -> Record {
+        let steps = self.stepped(changes);
+        let even = (0..=N_SEARCH_ROWS).map(|row| self.duration_s() * row as f64 / N_SEARCH_ROWS as f64);
+        let time_s = even.chain(steps.iter().map(|step| step[0])).chain([self.within_s]).collect();
+        ForceHistory::Steps(steps).record_at(time_s, self.duration_s())
+    }
+
     /// Rows of a force with these changes.
     fn record(&self, changes: &[[f64; 2]]) -> Result<Record> {
         ForceHistory::Steps(self.stepped(changes)).record(self.duration_s(), &[self.within_s])
@@ -323,8 +333,20 @@ impl<'a> ForceSearch<'a> {
         }
     }
 
+    /// Trajectories (m) under a force, on few rows if the model is linear: its position grows as long as the force does, so that few rows hold the farthest one.
+    fn trajectories_on_few_rows_m(&self, changes: &[[f64; 2]]) -> Result<(Record, Vec<Vec<f64>>)> {
+        let record = match self.is_linear {
+            true => self.target.few_rows(changes),
+            false => self.target.record(changes)?,
+        };
+        self.trajectories_at_m(record)
+    }
+
     fn trajectories_m(&self, changes: &[[f64; 2]]) -> Result<(Record, Vec<Vec<f64>>)> {
-        let record = self.target.record(changes)?;
+        self.trajectories_at_m(self.target.record(changes)?)
+    }
+
+    fn trajectories_at_m(&self, record: Record) -> Result<(Record, Vec<Vec<f64>>)> {
         let under_force = self.ensemble.with_record(record.clone());
         let trajectories_m = under_force.trajectories_m(0..self.ensemble.parameters.len())?;
         Ok((record, trajectories_m))
@@ -350,7 +372,7 @@ impl<'a> ForceSearch<'a> {
         let changes = |force_n: f64| vec![[0.0, target.sign() * force_n]];
         // Farthest position in time of the draw that just meets the probability, as a part of the distance.
         let reached = |force_n: f64| {
-            let (record, trajectories_m) = self.trajectories_m(&changes(force_n))?;
+            let (record, trajectories_m) = self.trajectories_on_few_rows_m(&changes(force_n))?;
             let n_rows = record.time_s.partition_point(|time_s| *time_s <= target.within_s * (1.0 + 1e-9));
             let farthest = |x: &Vec<f64>| x[..n_rows].iter().fold(0.0_f64, |most, x| most.max(x / target.reach_m));
             Ok(-within_share(trajectories_m.iter().map(|x| -farthest(x)), target.probability))
@@ -364,7 +386,7 @@ impl<'a> ForceSearch<'a> {
         };
         // Where the strain binds, the largest force that keeps it succeeds most often among those that do.
         let strain = |force_n: f64| {
-            let (_, trajectories_m) = self.trajectories_m(&changes(force_n))?;
+            let (_, trajectories_m) = self.trajectories_on_few_rows_m(&changes(force_n))?;
             let part = self.ensemble.strain_per_m / largest_strain;
             let largest = |x: &Vec<f64>| x.iter().fold(0.0_f64, |most, x| most.max(part * x.abs()));
             Ok(within_share(trajectories_m.iter().map(largest), target.probability))
