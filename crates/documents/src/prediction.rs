@@ -104,8 +104,8 @@ pub struct EquivalentPrediction {
     pub disagrees: bool,
 }
 
-/// Sensitivity indices of one quantity of interest to one input. For correlated inputs the indices are those of Kucherenko, Tarantola & Annoni (2012); for
-/// independent inputs they equal Sobol's.
+/// Sensitivity indices of one quantity of interest to one input. For correlated inputs the first-order and total indices are those of Kucherenko, Tarantola & Annoni
+/// (2012); for independent inputs they equal Sobol's.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Sensitivity {
@@ -123,6 +123,10 @@ pub struct Sensitivity {
     pub total: f64,
     /// Standard error of the total index.
     pub total_se: f64,
+    /// Shapley effect: share of the variance that is due to this input. The shares of all inputs add up to 1.
+    pub shapley: f64,
+    /// Standard error of the Shapley effect.
+    pub shapley_se: f64,
 }
 
 impl Prediction {

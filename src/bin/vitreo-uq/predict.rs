@@ -140,12 +140,16 @@ fn words(found: &Prediction) -> String {
         let mut entries = found.sensitivity.iter().filter(|entry| entry.scenario == scenario.name).peekable();
         if entries.peek().is_some() {
             lines.push(String::new());
-            lines.push(format!("  {:<28}{:<24}{:>14}{:>14}", "share of the variance", "input", "first order", "total"));
+            lines.push(format!(
+                "  {:<28}{:<24}{:>15}{:>15}{:>15}",
+                "share of the variance", "input", "due to it", "first order", "total"
+            ));
         }
         for entry in entries {
             let share = |value: f64, error: f64| format!("{value:.3} ± {error:.3}");
+            let due = share(entry.shapley, entry.shapley_se);
             let [first, total] = [share(entry.first_order, entry.first_order_se), share(entry.total, entry.total_se)];
-            lines.push(format!("  {:<28}{:<24}{first:>14}{total:>14}", entry.quantity, entry.input));
+            lines.push(format!("  {:<28}{:<24}{due:>15}{first:>15}{total:>15}", entry.quantity, entry.input));
         }
         lines.extend(warning_lines(&scenario.warnings));
     }

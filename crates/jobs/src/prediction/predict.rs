@@ -325,6 +325,8 @@ fn sensitivity(
             first_order_se: index.first_order[1],
             total: index.total[0],
             total_se: index.total[1],
+            shapley: index.shapley[0],
+            shapley_se: index.shapley[1],
         };
         inputs.names().iter().zip(of_inputs).map(entry).collect::<Vec<Sensitivity>>()
     });
