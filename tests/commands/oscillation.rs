@@ -67,6 +67,24 @@ fn a_table_of_moduli_becomes_a_posterior() {
     vitreo(dir, &["sample", "sweep", "--noise", "white,ou"]).refuses(&["--noise", "no rows over time"]);
 }
 
+/// A line above the table says tension where the columns say neither tension nor shear.
+#[test]
+fn a_line_above_moduli_names_tension() {
+    let place = tempfile::tempdir().unwrap();
+    let dir = place.path();
+    write_table(&dir.join("plain.txt"), 47.0, 1e9);
+    let text = std::fs::read_to_string(dir.join("plain.txt")).unwrap();
+    for (name, line, is_young) in
+        [("film", "Clamp: Tension, film", true), ("plate", "Geometry: parallel plate 25 mm", false)]
+    {
+        std::fs::write(dir.join(format!("{name}.txt")), format!("{line}\n{text}")).unwrap();
+        let said = vitreo(dir, &["init", &format!("{name}.txt")]).exits(0);
+        assert_eq!(said.stdout.contains(line), is_young, "{said}");
+        let toml = std::fs::read_to_string(dir.join(name).join("experiment.toml")).unwrap();
+        assert_eq!(toml.contains("\nmoduli = \"young\""), is_young, "{toml}");
+    }
+}
+
 /// `sample` and `diagnose` agree on a law that lacks a spring. With the spring nothing is missing.
 #[test]
 #[ignore = "thorough"]

@@ -1,6 +1,7 @@
 //! `init` for stress and strain over time, and for published tables of a compliance or a modulus: stress is read as the force, and strain as the position
 //! (docs/experiment.md).
 
+use super::init_preamble::uniaxial_line;
 use base::error::{Error, InputPlace, Result, Setting};
 use base::units::Dimension;
 use record::Control;
@@ -126,6 +127,8 @@ pub(super) struct StressStrain {
     pub constant: Option<Control>,
     /// True if the user's units say that the columns are stress and strain, whatever their names.
     pub is_told: bool,
+    /// Line above the table that says tension, compression or bending, if no column does.
+    uniaxial_line: Option<String>,
     /// True if the strain is taken as a plain number because nothing states its unit.
     is_assumed_plain: bool,
 }
@@ -194,6 +197,10 @@ impl StressStrain {
             called(name(place), &UNIAXIAL, &MULTIAXIAL)
                 || constant.is_some() && ["e", "d"].contains(&symbol(name(place)).as_str())
         });
+        let names = || [stress.0, strain.0].into_iter().map(name);
+        let is_open = !is_uniaxial && constant.is_none() && !names().any(|name| called(name, &MULTIAXIAL, &[]));
+        let uniaxial_line = if is_open { uniaxial_line(&looked.preamble).map(String::from) } else { None };
+        let is_uniaxial = is_uniaxial || uniaxial_line.is_some();
         let has_stated = looked.units[strain.0].is_some() || told_strain.is_some() || constant.is_some();
         let number = |(place, _): (usize, f64)| Some((place + 1).to_string());
         Ok(Some(Self {
@@ -205,6 +212,7 @@ impl StressStrain {
             compliance: if is_uniaxial { 1.0 } else { 2.0 + 2.0 * poisson_ratio.unwrap_or(OF_WATER) },
             constant,
             is_told: false,
+            uniaxial_line,
             is_assumed_plain: !has_stated && stated_part(name(strain.0)).0.is_none(),
         }))
     }
@@ -238,6 +246,8 @@ impl StressStrain {
             let named = || looked.columns.iter().position(|name| called(name, words, &[RATE]));
             given.columns[place].clone().or_else(|| Some((named()? + 1).to_string()))
         };
+        let is_shear = looked.columns.iter().any(|name| called(name, &MULTIAXIAL, &[]));
+        let uniaxial_line = if is_shear { None } else { uniaxial_line(&looked.preamble).map(String::from) };
         Some(Self {
             given: TableSettings {
                 columns: [
@@ -249,9 +259,10 @@ impl StressStrain {
                 units: [given.units[0].clone(), so_many(stress, "N"), so_many(strain, "m")],
                 ..given.clone()
             },
-            compliance: 2.0 + 2.0 * poisson_ratio.unwrap_or(OF_WATER),
+            compliance: if uniaxial_line.is_some() { 1.0 } else { 2.0 + 2.0 * poisson_ratio.unwrap_or(OF_WATER) },
             constant: None,
             is_told: true,
+            uniaxial_line,
             is_assumed_plain: false,
         })
     }
@@ -302,6 +313,9 @@ impl StressStrain {
             }
         };
         let factor = match self.compliance {
+            1.0 if let Some(line) = &self.uniaxial_line => {
+                format!("compliance_per_m = 1, because a line above the table is `{line}`; write 2 + 2ν for shear")
+            }
             1.0 => "compliance_per_m = 1, because a column is of tension or compression; write 2 + 2ν for shear".into(),
             shear => format!("compliance_per_m = {shear} = 2 + 2ν for shear; write 1 for tension"),
         };
@@ -367,6 +381,22 @@ mod tests {
         ] {
             let found = creep(header, None).unwrap_or_else(|| panic!("{header}"));
             assert_eq!(found.compliance, factor, "{header}");
+        }
+    }
+
+    /// A line above the table decides only where no column does.
+    #[test]
+    fn a_line_above_the_table_names_tension() {
+        for (line, header, factor) in [
+            ("Clamp: Tension film", "Time [s],Strain [%],Stress [Pa]", 1.0),
+            ("Clamp: Tension film", "Time [s],Shear strain [%],Shear stress [Pa]", 3.0),
+            ("Geometry: cone plate", "Time [s],Strain [%],Stress [Pa]", 3.0),
+        ] {
+            let text = format!("Sample: gel\n{line}\n\n{header}\n0,0,1\n1,5,1\n2,6,1\n");
+            let looked = inspect_table("creep.csv".as_ref(), text.as_bytes()).expect("a table");
+            let found = StressStrain::of(&looked, &TableSettings::default(), None).unwrap().expect("a creep");
+            assert_eq!(found.compliance, factor, "{line} {header}");
+            assert_eq!(found.reason(Control::Force).contains(line), factor == 1.0, "{line} {header}");
         }
     }
 

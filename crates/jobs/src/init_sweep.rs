@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use super::init_preamble::uniaxial_line;
 use super::init_source::TableSource;
 use super::init_stress::{MULTIAXIAL, UNIAXIAL, called};
 use base::error::{Error, InputPlace, Result};
@@ -32,14 +33,23 @@ fn unit_of(looked: &InspectedTable, column: SweepColumn, place: usize) -> Result
     ))
 }
 
-/// True if the name of a column of moduli is of tension, compression or bending: it says so, or its symbol is E.
-fn is_of_tension(name: &str) -> bool {
+/// True if a word of a column's name is the symbol of a modulus, such as E or E′.
+fn has_symbol(name: &str, letter: char) -> bool {
     let is_symbol = |word: &str| {
-        let rest = word.trim_start_matches('|').strip_prefix('E');
+        let rest = word.trim_start_matches('|').strip_prefix(letter);
         rest.is_some_and(|rest| rest.is_empty() || rest.starts_with(['\'', '′', '″', '"', '`', '´', '*', '_']))
     };
-    called(name, &[&UNIAXIAL[..], &["flexur", "bending"]].concat(), &MULTIAXIAL)
-        || name.split([' ', '(', '[']).any(is_symbol)
+    name.split([' ', '(', '[']).any(is_symbol)
+}
+
+/// True if the name of a column of moduli is of tension, compression or bending: it says so, or its symbol is E.
+fn is_of_tension(name: &str) -> bool {
+    called(name, &[&UNIAXIAL[..], &["flexur", "bending"]].concat(), &MULTIAXIAL) || has_symbol(name, 'E')
+}
+
+/// True if the name of a column of moduli is of shear: it says so, or its symbol is G.
+fn is_of_shear(name: &str) -> bool {
+    called(name, &MULTIAXIAL, &[]) || has_symbol(name, 'G')
 }
 
 /// Makes the text of `experiment.toml` for an oscillation, and the interpretation of the table.
@@ -65,7 +75,10 @@ pub(super) fn describe_sweep(
     line("\n[measurement]\nkind", quoted(OSCILLATION), "moduli over frequency");
     line("file", quoted(&source.name), "copy of the table, as text");
     line("source", quoted(&source.origin), "origin of the table; synthetic or measured");
-    let is_young = columns.iter().any(|(_, place)| is_of_tension(&looked.columns[*place]));
+    let names = || columns.iter().map(|(_, place)| looked.columns[*place].as_str());
+    let is_named_young = names().any(is_of_tension);
+    let uniaxial = uniaxial_line(&looked.preamble).filter(|_| !names().any(is_of_shear));
+    let is_young = is_named_young || uniaxial.is_some();
     let key = if is_young { "moduli" } else { "# moduli" };
     line(key, quoted("young"), "for moduli of tension, compression or bending");
     line("# heldout_hz", "[1.0]".into(), "frequencies that are not fitted; default: every third");
@@ -106,11 +119,15 @@ pub(super) fn describe_sweep(
         };
         line(&key, quoted(&unit.name), known);
     }
+    let because =
+        uniaxial.filter(|_| !is_named_young).map(|line| format!(", because a line above the table is `{line}`"));
     let reason = match is_young {
-        true => {
-            "frequencies and moduli of tension: an oscillation; moduli are divided by 2 + 2ν (`moduli = \"young\"`)"
-        }
-        false => "frequencies and shear moduli: an oscillation of a rheometer (write `moduli = \"young\"` for tension)",
+        true => format!(
+            "frequencies and moduli of tension: an oscillation; moduli are divided by 2 + 2ν (`moduli = \"young\"`){}",
+            because.unwrap_or_default()
+        ),
+        false => "frequencies and shear moduli: an oscillation of a rheometer (write `moduli = \"young\"` for tension)"
+            .into(),
     };
     let shown = |((column, place), unit): (&(SweepColumn, usize), &ParsedUnit)| InitColumn {
         role: column.key().into(),
@@ -124,7 +141,7 @@ pub(super) fn describe_sweep(
         experiments: Vec::new(),
         directory: String::new(),
         file: source.name.clone(),
-        reasons: vec![looked.said.clone(), reason.into()],
+        reasons: vec![looked.said.clone(), reason],
         columns: columns.iter().zip(&units).map(shown).collect(),
         others: others.map(|(_, name)| name.clone()).collect(),
         rows: 0,

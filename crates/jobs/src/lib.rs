@@ -17,6 +17,7 @@ pub mod fit;
 pub mod init;
 mod init_force_log;
 mod init_indenter;
+mod init_preamble;
 pub mod init_source;
 mod init_stress;
 mod init_sweep;

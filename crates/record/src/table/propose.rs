@@ -691,6 +691,8 @@ pub struct InspectedTable {
     pub units: Vec<Option<ParsedUnit>>,
     /// Sentence that describes the layout of the table for the user.
     pub said: String,
+    /// Lines above the table that are rows of no table.
+    pub preamble: Vec<String>,
 }
 
 /// Finds the layout and header of the first table in a file. Errors name `file`.
@@ -716,7 +718,10 @@ pub fn inspect_tables(file: &Path, bytes: &[u8]) -> Result<Vec<InspectedTable>> 
         if all.len() > 1 {
             layout.row_lines = vec![table.lines()];
         }
-        InspectedTable { layout, columns: names, units, said }
+        let is_row = |line: usize| all.iter().any(|table| (table.lines()[0]..=table.lines()[1]).contains(&line));
+        let above = lines.iter().enumerate().take(table.lines()[0] - 1).filter(|(place, _)| !is_row(place + 1));
+        let preamble = above.map(|(_, line)| line.to_string()).collect();
+        InspectedTable { layout, columns: names, units, said, preamble }
     };
     Ok(all.iter().map(inspected).collect())
 }
