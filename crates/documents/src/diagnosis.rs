@@ -109,7 +109,7 @@ pub struct Verdict {
     pub effects: Vec<String>,
     /// Effects that this experiment cannot distinguish from the verdict's effects.
     pub equivalent: Vec<String>,
-    /// Base law that explains the record without an effect; searched only if no effect of the library explains it.
+    /// Base law that explains the record without an effect; searched only if the model with the verdict's effects leaves more than 1.5 times the noise.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub base_law: Option<String>,
     /// Verdict as a sentence.

@@ -14,15 +14,17 @@ use documents::diagnosis::{Diagnosis, VerdictKind};
 use documents::oscillation::OscillationDiagnosis;
 use figures::diagnosis as figure;
 use figures::fingerprints::{fingerprints as fingerprints_figure, write_fingerprints};
+use figures::number::format_significant;
 use figures::svg::{Svg, remove_figure, write_figure};
 use models::effects::Library;
+use posterior::misfit::NOISE_FACTOR;
 use posterior::monitor::Monitor;
 use posterior::study::{DIAGNOSIS_NAME, FINGERPRINTS_NAME, WithProvenance};
 use sampling::SamplerOptions;
 use serde::Serialize;
 
 use crate::artefacts::with_prior;
-use crate::laws::find_explaining_law;
+use crate::laws::{ExplainingLaw, find_explaining_law};
 use crate::outcome::Outcome;
 use crate::sweep;
 use crate::target::{CohortTarget, CreepTarget, SweepTarget, Target, unsupported_target};
@@ -85,18 +87,28 @@ fn of_creep(
     let criteria = Criteria { smallest_change: request.smallest, ..default.criteria };
     let of_search = DiagnosisRequest { criteria, n_simulations: request.simulations, seed, base_errors, ..default };
     let mut found = diagnose(&revision.subject_for_effects(monitor)?, &of_search, monitor)?;
-    if found.diagnosis.verdict.kind == VerdictKind::Unexplained {
-        // No effect explains the residuals, so other laws are tried, then a learned correction of the law.
-        let (verdict, base) = (&mut found.diagnosis.verdict, &found.diagnosis.base);
-        match find_explaining_law(&revision.problem, base, monitor)? {
-            Some((law, sentence)) => {
-                verdict.sentence = format!("The base law {sentence} {}", verdict.sentence);
-                verdict.base_law = Some(law);
-            }
-            None => {
-                found.diagnosis.remarks.extend(preview_learning(&found.subject, &found.found.base, monitor)?);
-            }
+    let is_unexplained = found.diagnosis.verdict.kind == VerdictKind::Unexplained;
+    let left_um = left_um(&found.diagnosis);
+    let law = find_explaining_law(&revision.problem, left_um, monitor)?;
+    // A law in place of a claimed effect has to leave clearly less than the claim does.
+    match law.filter(|law| is_unexplained || NOISE_FACTOR * law.error_um < left_um) {
+        Some(ExplainingLaw { law, sentence, .. }) => {
+            let verdict = &mut found.diagnosis.verdict;
+            verdict.sentence = match is_unexplained {
+                true => format!("The base law {sentence} {}", verdict.sentence),
+                false => format!(
+                    "{} The model with it still leaves {} µm, and the base law {sentence} The law rather than an effect may be wrong.",
+                    verdict.sentence,
+                    format_significant(left_um, 3)
+                ),
+            };
+            verdict.base_law = Some(law);
         }
+        None if is_unexplained => {
+            // Neither an effect nor a law explains the residuals, so a learned correction of the law is tried.
+            found.diagnosis.remarks.extend(preview_learning(&found.subject, &found.found.base, monitor)?);
+        }
+        None => {}
     }
     monitor.stage("writing results and figures");
     let body = DiagnoseDocument::Creep(Box::new(found.diagnosis.clone()));
@@ -115,6 +127,17 @@ fn of_creep(
             None => remove_figure(&figures, DISCREPANCY_FIGURE),
         }
     })
+}
+
+/// Largest error (µm) in the fitted and the scored cycles that the verdict's model leaves: the model with the claimed effects, or the base model. 0 if nothing is missing.
+fn left_um(diagnosis: &Diagnosis) -> f64 {
+    let (base, extended) = (&diagnosis.base, &diagnosis.extended);
+    let [fitted_um, heldout_um] = match (diagnosis.verdict.kind, extended) {
+        (VerdictKind::None, _) => return 0.0,
+        (VerdictKind::Missing, Some(extended)) => [Some(extended.rmse_fitted_um), extended.rmse_heldout_um],
+        _ => [Some(base.rmse_fitted_um), base.rmse_heldout_um],
+    };
+    fitted_um.into_iter().chain(heldout_um).fold(0.0, f64::max)
 }
 
 fn of_oscillation(

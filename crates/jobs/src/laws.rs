@@ -7,7 +7,6 @@ use base::files::{self, to_json};
 use criticism::evidence::evidence;
 use criticism::predicted::distance_from_prediction;
 use criticism::{Fitted, Search, Subject};
-use documents::diagnosis::BaseErrors;
 use documents::laws::{LawComparison, LawRow, LawStatus};
 use figures::svg::figure_files;
 use laws::rheology::BaseLaw;
@@ -94,19 +93,23 @@ pub fn run(target: &Target, request: &LawsRequest, monitor: &dyn Monitor) -> Res
     Ok(Outcome { is_sound, document, written: svg.0, study: has_page.then_some(study) })
 }
 
-/// Finds the named base law with the fewest parameters that explains a record without an effect, where the model that `errors` belong to does not. Returns its name and a
-/// sentence.
+/// Base law that explains a record without an effect.
+pub struct ExplainingLaw {
+    /// Name of the law.
+    pub law: String,
+    /// Sentence on its error, which begins with its name.
+    pub sentence: String,
+    /// Its error on the scored cycle, or on the fitted ones if none is scored, in µm.
+    pub error_um: f64,
+}
+
+/// Finds the named base law with the fewest parameters that explains a record without an effect, where a model that leaves errors of `left_um` does not.
 ///
 /// # Errors
 /// Errors of preparing the laws' models.
-pub fn find_explaining_law(
-    problem: &Problem,
-    errors: &BaseErrors,
-    monitor: &dyn Monitor,
-) -> Result<Option<(String, String)>> {
+pub fn find_explaining_law(problem: &Problem, left_um: f64, monitor: &dyn Monitor) -> Result<Option<ExplainingLaw>> {
     let Some(noise_um) = noise_um(&problem.experiment) else { return Ok(None) };
-    let largest_um = errors.rmse_heldout_um.unwrap_or(errors.rmse_fitted_um).max(errors.rmse_fitted_um);
-    if largest_um <= NOISE_FACTOR * noise_um || problem.outside_forward().is_some() {
+    if left_um <= NOISE_FACTOR * noise_um || problem.outside_forward().is_some() {
         return Ok(None);
     }
     let of_law = |name: &str| Ok((name.to_string(), specification(name, &ModelRequest::default())?));
@@ -116,7 +119,11 @@ pub fn find_explaining_law(
     let explaining = rows.iter().filter(|row| is_explained(row, Some(noise_um)) == Some(true));
     let n_parameters = |row: &&LawRow| BaseLaw::named(&row.law).map(|law| law.parameters().len());
     let simplest = explaining.min_by_key(n_parameters);
-    Ok(simplest.map(|row| (row.law.clone(), explains(row, noise_um))))
+    Ok(simplest.map(|row| ExplainingLaw {
+        law: row.law.clone(),
+        sentence: explains(row, noise_um),
+        error_um: error_um(row).unwrap_or(f64::INFINITY),
+    }))
 }
 
 /// Model of a base law without effects.
