@@ -72,7 +72,7 @@ fn ranks(base: &Problem, seed: u64) -> Vec<f64> {
     let position_m = prepared.forward().trajectory_m(&truth[..n_model]).expect("a model");
     let mut experiment = base.experiment.clone();
     let record = &mut experiment.record;
-    let noise_m = base.noise.simulate_m(&record.time_s, &record.cycle, &position_m, &truth[n_model..], &mut rng);
+    let noise_m = base.noise.simulate_m(&record.time_s, &base.recordings(), &position_m, &truth[n_model..], &mut rng);
     record.position_m = position_m.iter().zip(noise_m).map(|(x, e)| Some(x + e)).collect();
     let problem = base.with_experiment(experiment, base.specification.clone(), &Default::default()).expect("a model");
     let prepared = prepared.for_problem(problem);
