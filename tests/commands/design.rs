@@ -57,6 +57,63 @@ fn one_viscosity_is_learnt_best_from_a_constant_force() {
     assert!((expected - nats).abs() < 3.0 * error + 0.01, "{expected} ± {error} against {nats}");
 }
 
+/// Before any data the only free parameter has the prior's width, and the information is that of the closed form with the given noise. A record under this protocol, made by the closed form, then has
+/// the expected standard deviation.
+#[test]
+fn a_first_record_is_designed_from_the_prior() {
+    let dir = tempfile::tempdir().unwrap();
+    let replica = concat!(env!("CARGO_MANIFEST_DIR"), "/data/porcine-replica");
+    let first = dir.path().join("first");
+    std::fs::create_dir(&first).unwrap();
+    std::fs::copy(format!("{replica}/experiment.toml"), first.join("experiment.toml")).unwrap();
+    let table = std::fs::read_to_string(format!("{replica}/trajectory.csv")).unwrap();
+    let without_position = |line: &str| {
+        let mut cells: Vec<&str> = line.split(',').collect();
+        if cells[0] != "time_s" {
+            cells[2] = "";
+        }
+        cells.join(",") + "\n"
+    };
+    std::fs::write(first.join("trajectory.csv"), table.lines().map(without_position).collect::<String>()).unwrap();
+    let fixed = ["--set", "young_modulus_pa=3.527", "--set", "viscosity_1_pa_s=1.402"];
+    let run = ["design", "first", "--max-displacement-um", "1e6", "--budget-s", "20", "--out", "plan", "--json", "-"];
+    let document = vitreo(dir.path(), &[&run[..], &fixed[..]].concat()).exits(0).json();
+    assert_eq!((&document["revision"], &document["goal"]), (&"prior".into(), &"parameters".into()));
+    let parameter = &document["recommended"]["parameters"][0];
+    let [c2, now, then] = ["value", "sd_now", "sd_expected"].map(|key| number(&parameter[key]));
+    let squares: f64 = (1..=400).map(|k| (COMPLIANCE_PER_M * 4.6 * 0.05 * f64::from(k) / c2).powi(2)).sum();
+    let (found, information) = ((c2 / then).powi(2) - (c2 / now).powi(2), squares / 16.0);
+    assert!((found / information - 1.0).abs() < 0.01, "{found} against {information}");
+    assert!(now / c2 > 0.1, "the prior is {c2} ± {now}");
+
+    let mut normal = normals();
+    let next = dir.path().join("plan/next-record");
+    let table = std::fs::read_to_string(next.join("trajectory.csv")).unwrap();
+    // The force is the same at all times.
+    let force_un = protocol(&dir.path().join("plan/design-protocol.csv"))[0][1];
+    let measured = |line: &str| {
+        let mut cells: Vec<String> = line.split(',').map(String::from).collect();
+        if let Ok(time_s) = cells[0].parse::<f64>() {
+            let creep = (1.0 - (-time_s * 3.527 / 1.402).exp()) / 3.527 + time_s / c2;
+            cells[2] = format!("{:.4}", COMPLIANCE_PER_M * force_un * creep + 4.0 * normal());
+        }
+        cells.join(",") + "\n"
+    };
+    std::fs::write(next.join("trajectory.csv"), table.lines().map(measured).collect::<String>()).unwrap();
+    vitreo(dir.path(), &[&["sample", "plan/next-record", "--out", "study", "--no-report"], &fixed[..]].concat())
+        .exits(0);
+    // The standard deviation that 401 rows with learnt noise give has an error of 5 %.
+    let sd = number(&sampled(dir.path(), "viscosity_2_pa_s")["sd"]);
+    assert!((sd / then - 1.0).abs() < 0.2, "{sd} sampled, {then} expected");
+    // Other goals need a record, and so does an unknown noise.
+    vitreo(dir.path(), &["design", "first", "--goal", "detection"]).refuses(&["detection", "no position is measured"]);
+    let toml = std::fs::read_to_string(first.join("experiment.toml")).unwrap();
+    let without_noise: String =
+        toml.lines().filter(|line| !line.starts_with("noise_um")).map(|line| format!("{line}\n")).collect();
+    std::fs::write(first.join("experiment.toml"), without_noise).unwrap();
+    vitreo(dir.path(), &["design", "first"]).refuses(&["noise_um"]);
+}
+
 /// With E and c₁ fixed, the position at time t under a constant force F is C·F·(J + t/c₂). So its standard deviation is C·F·t/c₂ times the relative one of c₂, now and
 /// after the designed record. The files for the new record are a description that `check` reads, with the positions missing.
 #[test]

@@ -55,7 +55,8 @@ fn experiment() -> Experiment {
     // Irregular times with a gap.
     record.time_s = (0..200).map(|i| 0.2 * f64::from(i) + if i % 3 == 1 { 0.05 } else { 0.0 }).collect();
     record.time_s.iter_mut().skip(120).for_each(|t| *t += 3.0);
-    record.force_n = (0..200).map(|i| if (i / 12) % 2 == 0 { 4.6e-6 } else { -4.6e-6 }).collect();
+    // The force changes where a cycle begins: cycles within one hold would share their gain.
+    record.force_n = (0..200).map(|i| if i % 25 < 12 { 4.6e-6 } else { -4.6e-6 }).collect();
     record.cycle = (0..200).map(|i| 1 + i / 25).collect();
     record.position_m = vec![Some(0.0); 200];
     experiment.calibration_cycles = (1..=8).collect();

@@ -7,7 +7,7 @@
 //! steps tried at once. Few rounds are needed, since the Fisher information of a Gaussian model has no cross terms between mean and noise. If trajectories are slow,
 //! Broyden's rule updates the derivatives after each step. They are computed anew if the steps gain less than predicted, and before a search ends.
 
-use super::candidate::Coordinate;
+use super::candidate::{Coordinate, Free};
 use super::derivatives::derivatives_m;
 use super::elsewhere::Elsewhere;
 use super::noise_fit::{self, LogNoise, NoisePrior};
@@ -131,6 +131,19 @@ impl Subject {
     /// [`Error::Numerical`] if the candidate's model has no solution at any start.
     pub fn fit(&self, candidate: &Candidate, also: &[(Vec<f64>, NoiseValues)], search: Search) -> Result<Fitted> {
         self.fit_beside(candidate, also, search, None)
+    }
+
+    /// A candidate at the middle of its priors, with white noise of the known size. No position is used.
+    ///
+    /// # Errors
+    /// As [`Subject::trajectory_m`].
+    pub fn at_prior(&self, candidate: &Candidate) -> Result<Fitted> {
+        let middle = |free: &Free| free.clamped(free.prior.unwrap_or_else(|| free.as_normal()).0);
+        let theta: Vec<f64> = candidate.free.iter().map(middle).collect();
+        let position_m = self.trajectory_m(candidate, &theta)?;
+        let noise = noise_fit::natural(&self.noise_prior().white());
+        let ln_likelihood = self.fitted.ln_likelihood(&position_m, &noise);
+        Ok(Fitted { theta, noise, position_m, objective: ln_likelihood, ln_likelihood })
     }
 
     /// Fits a candidate to this record and, to second order, to other records of the specimen. The objective then includes the log likelihood of the others.

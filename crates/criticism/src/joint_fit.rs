@@ -68,6 +68,16 @@ impl JointFit {
         Ok(Self { records: best, objective, information })
     }
 
+    /// A candidate before any record: at the middle of its priors, without information from data.
+    ///
+    /// # Errors
+    /// As [`Subject::at_prior`].
+    pub fn before_data(subject: &Subject, candidate: &Candidate) -> Result<Self> {
+        let fitted = subject.at_prior(candidate)?;
+        let n = candidate.free.len();
+        Ok(Self { objective: fitted.objective, records: vec![fitted], information: DMatrix::zeros(n, n) })
+    }
+
     /// Coordinates of the fit.
     pub fn theta(&self) -> &[f64] {
         &self.records[0].theta

@@ -415,7 +415,7 @@ pub(crate) fn report_notes(experiment: &Experiment, files: &ExperimentFiles, mon
 }
 
 /// Model of the named revision, the last revision or the default, changed by the options.
-fn specification(
+pub(crate) fn specification(
     study: Option<&Study>,
     model: &ModelRequest,
     default_revision: Option<&str>,

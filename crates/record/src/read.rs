@@ -36,12 +36,26 @@ impl Experiment {
     /// # Errors
     /// [`Error::File`] if a file cannot be read, [`Error::Input`] for input that formats §1 refuses.
     pub fn read(path: &Path) -> Result<(Self, ExperimentFiles)> {
+        Self::read_with(path, &Positions::Needed)
+    }
+
+    /// Reads an experiment in which no position is measured yet; `None` if one is. `path` is as in [`Self::read`].
+    ///
+    /// # Errors
+    /// As [`Self::read`], except for missing positions.
+    pub fn read_before_measurement(path: &Path) -> Result<Option<(Self, ExperimentFiles)>> {
+        let (experiment, files) = Self::read_with(path, &Positions::MayBeMissing)?;
+        let is_measured = experiment.record.position_m.iter().any(Option::is_some);
+        Ok((!is_measured).then_some((experiment, files)))
+    }
+
+    fn read_with(path: &Path, positions: &Positions) -> Result<(Self, ExperimentFiles)> {
         let (toml_path, toml_bytes) = read_toml(path)?;
         let specification = Specification::read(&toml_path, &toml_bytes)?;
         let csv_path = toml_path.with_file_name(&specification.csv_name);
         let remedy = "put the CSV where `file` in [measurement] says, beside the TOML";
         let csv_bytes = read_table(&toml_path, &specification.csv_name, remedy)?;
-        specification.complete(&toml_path, &toml_bytes, &csv_path, &csv_bytes)
+        specification.complete((&toml_path, &toml_bytes), (&csv_path, &csv_bytes), positions)
     }
 
     /// Reads an experiment from the texts of its TOML and CSV file. The paths `toml_place` and `csv_place` only occur in errors.
@@ -56,8 +70,16 @@ impl Experiment {
     ) -> Result<(Self, ExperimentFiles)> {
         let (toml_place, csv_place) = (toml_place.into(), csv_place.into());
         let specification = Specification::read(&toml_place, toml_text.as_ref())?;
-        specification.complete(&toml_place, toml_text.as_ref(), &csv_place, csv_text.as_ref())
+        let (toml, csv) = ((&*toml_place, toml_text.as_ref()), (&*csv_place, csv_text.as_ref()));
+        specification.complete(toml, csv, &Positions::Needed)
     }
+}
+
+/// Whether an experiment can be read without positions.
+#[derive(PartialEq, Eq)]
+enum Positions {
+    Needed,
+    MayBeMissing,
 }
 
 /// Checked content of `experiment.toml`, before the table's rows are read.
@@ -349,10 +371,9 @@ impl Specification {
 
     fn complete(
         self,
-        toml_place: &Path,
-        toml_bytes: &[u8],
-        csv_place: &Path,
-        csv_bytes: &[u8],
+        (toml_place, toml_bytes): (&Path, &[u8]),
+        (csv_place, csv_bytes): (&Path, &[u8]),
+        positions: &Positions,
     ) -> Result<(Experiment, ExperimentFiles)> {
         let mut unread = Vec::new();
         let mut trajectory = match &self.table {
@@ -423,7 +444,10 @@ impl Specification {
         let n_left_out = self.left_out.leave_out(&mut record)?;
         notes.extend((n_left_out > 0).then_some(Note::PositionsLeftOut { n_left_out, n_rows: record.n_samples() }));
         let (calibration_cycles, heldout_cycles) = self.choose_cycles(record.n_cycles())?;
-        check_positions(&record, &calibration_cycles, &InputPlace::file(csv_place).at_key(position_column), &lines)?;
+        if *positions == Positions::Needed || record.position_m.iter().any(Option::is_some) {
+            let place = InputPlace::file(csv_place).at_key(position_column);
+            check_positions(&record, &calibration_cycles, &place, &lines)?;
+        }
         note_data(&record, &heldout_cycles, self.source.is_none(), &mut notes);
         if let Some(projection) = &settled.projection {
             let range_m = range_m(&record);
@@ -539,7 +563,7 @@ fn check_positions(record: &Record, calibration_cycles: &[u32], place: &InputPla
         return Err(Error::input(
             place.clone().at_line(lines.first().copied().unwrap_or(1)),
             "the column is empty: no position is measured yet",
-            "write the measured positions into this column; a table from `design` or `plan` has only the protocol, for which `simulate` accepts zeros",
+            "write the measured positions into this column; a table from `design` or `plan` has only the protocol, for which `simulate` accepts zeros; `design` plans a first record without positions",
         ));
     }
     for &cycle in calibration_cycles {

@@ -7,12 +7,12 @@ use clap::{Args, ValueEnum};
 use vitreo_uq::base::error::{Error, InputPlace, Result};
 use vitreo_uq::documents::design::{Design, DesignedDetection, FrontProtocol};
 use vitreo_uq::figures::labels::parameter_label;
-use vitreo_uq::jobs::design::{self, DesignGoal, DesignRequest};
+use vitreo_uq::jobs::design::{self, DesignGoal, DesignRequest, is_before_measurement, run_before_measurement};
 
 use crate::options::{Common, ModelOptions};
 use crate::predict::warning_lines;
 use crate::report::PageArguments;
-use crate::session::Session;
+use crate::session::{Session, target_request};
 use crate::text::significant;
 
 /// Arguments of `design`.
@@ -78,7 +78,6 @@ pub fn run(arguments: &DesignArguments) -> Result<ExitCode> {
     let interval_s = positive("--interval-s", arguments.interval_s, 3_600.0)?;
     let shortest_hold_s = positive("--min-hold-s", arguments.min_hold_s, 86_400.0)?;
     let session = Session::begin(&arguments.common)?;
-    let target = session.open(&arguments.model, &[], &[])?;
     let request = DesignRequest {
         goal: arguments.goal.map(|goal| match goal {
             Goal::Parameters => DesignGoal::Parameters,
@@ -95,7 +94,13 @@ pub fn run(arguments: &DesignArguments) -> Result<ExitCode> {
         after: arguments.after.clone(),
         sampler: session.default_sampler(),
     };
-    let outcome = design::run(&target, &request, &session.terminal)?;
+    let outcome = match &arguments.common.target {
+        Some(path) if is_before_measurement(path) => {
+            let target = target_request(&arguments.common, &arguments.model, &[]);
+            run_before_measurement(&target, &request, &session.terminal)
+        }
+        _ => design::run(&session.open(&arguments.model, &[], &[])?, &request, &session.terminal),
+    }?;
     session.end(&outcome, &words(&outcome.document.body), "Figure", &arguments.page)
 }
 

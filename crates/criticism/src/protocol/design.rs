@@ -152,6 +152,8 @@ impl<'a> Designer<'a> {
                 refuse_if_stopped(monitor, NOTHING_KEPT)?;
                 Ok(tried.models.closest_point(pair)?.distance)
             }
+            // What is known now may be so little that the best protocol at its middle is not the best on average.
+            Sought::Parameters if !self.members[0].0.is_slow() => Ok(self.mean_gain(&tried.models.subject, seed)?[0]),
             _ => self.linear_value(&tried.models.subject, &self.information(&tried.models.subject)?, 1.0),
         };
         let best = farthest(tried, &self.pairs, ANY, value)?.into_iter().next();
@@ -245,7 +247,10 @@ impl<'a> Designer<'a> {
     /// # Errors
     /// Errors of the models.
     pub fn mean_information(&self, protocol: &DesignedProtocol, seed: u64) -> Result<[f64; 2]> {
-        let subject = self.under(&protocol.record)?;
+        self.mean_gain(&self.under(&protocol.record)?, seed)
+    }
+
+    fn mean_gain(&self, subject: &Subject, seed: u64) -> Result<[f64; 2]> {
         let (candidate, fitted) = self.members[0];
         let covariance = self.precision.clone().cholesky().ok_or_else(undetermined)?.inverse();
         let lower = covariance.cholesky().ok_or_else(undetermined)?.l();
@@ -257,7 +262,7 @@ impl<'a> Designer<'a> {
             let theta = fitted.theta.iter().zip(moved.iter()).zip(&candidate.free);
             let theta = theta.map(|((theta, by), free)| free.clamped(theta + by)).collect();
             let drawn = Fitted { theta, ..fitted.clone() };
-            Ok(self.gain(&RecordInformation::new(&subject, (candidate, &drawn))?.matrix)?.0)
+            Ok(self.gain(&RecordInformation::new(subject, (candidate, &drawn))?.matrix)?.0)
         });
         let gains: Vec<f64> = gains.collect::<Result<_>>()?;
         let n = gains.len() as f64;

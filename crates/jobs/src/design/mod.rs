@@ -1,10 +1,13 @@
 //! `design`: the protocol of the next record.
 
+mod before;
 mod decision;
 pub(crate) mod files;
 mod request;
 mod sequence;
 mod words;
+
+use std::path::PathBuf;
 
 use base::error::{Error, InputPlace, Result, Setting};
 use base::files::{Content, read};
@@ -13,15 +16,19 @@ use criticism::detectable::{Detectability, find_smallest_detectable};
 use criticism::protocol::design::{DesignedProtocol, Designer, N_REPEATS, separates};
 use criticism::protocol::{DesignLimits, DesignedDrive, Sought, SoughtEffect};
 use criticism::{Candidate, Fitted, Subject};
-use documents::design::{Design, DesignedDetection, DesignedParameter, HelplessPair, RecommendedProtocol};
+use documents::design::{
+    Design, DesignedDetection, DesignedParameter, HelplessPair, LaterRecord, ModelStanding, RecommendedProtocol,
+};
+use documents::posterior::Warning;
 use documents::prediction::{PositionQuantiles, ScenarioPrediction};
 use figures::number::format_significant;
 use models::effects::Library;
 use posterior::monitor::Monitor;
 use posterior::problem::Problem;
-use posterior::study::{POSTERIOR_NAME, WithProvenance};
+use posterior::study::{POSTERIOR_NAME, Provenance, Study, WithProvenance};
 use record::{Control, Experiment, Record};
 
+pub use self::before::{is_before_measurement, run_before_measurement};
 use self::decision::AskedQuantity;
 use self::files::{DesignFiles, next_record};
 use self::request::limits;
@@ -31,7 +38,7 @@ use self::words::{sentence, stop_sentence, with_detection, with_quantity};
 use crate::artefacts;
 use crate::first_revision::kept_surrogate;
 use crate::outcome::Outcome;
-use crate::target::{Revision, Target};
+use crate::target::{CreepTarget, Revision, Target};
 
 /// Durations of the front in ascending order, relative to that of the recommended protocol.
 const FRONT: [f64; 4] = [0.25, 0.5, 1.0, 2.0];
@@ -44,13 +51,43 @@ const CHANGES: [(&str, [f64; 3]); 5] = [
     ("duration", [1.0, 10.0, 1.0]),
 ];
 
+/// What is known before the new record.
+struct Known {
+    /// Directory of the results.
+    dir: PathBuf,
+    /// Study of the present record; `None` before any record.
+    study: Option<Study>,
+    /// Name of the revision, or of what takes its place.
+    revision: String,
+    goal: DesignGoal,
+    /// Present records, each prepared for fits.
+    subjects: Vec<Subject>,
+    /// Models with their fits to all records.
+    models: Vec<FittedModel>,
+    /// True if the last third of the new record is held out.
+    holds_out: bool,
+    standings: Vec<ModelStanding>,
+    after: Vec<LaterRecord>,
+    warnings: Vec<Warning>,
+    /// Reason to stop if the records tell the effects apart.
+    decided: Option<String>,
+    /// Quantity of interest of a decision.
+    asked: Option<AskedQuantity>,
+    provenance: Provenance,
+}
+
 /// Designs the next record of a creep record's specimen, and writes the result into the study.
 ///
 /// # Errors
 /// [`Error::Input`] for any target except a creep record under force control; errors of fits and files.
 pub fn run(target: &Target, request: &DesignRequest, monitor: &dyn Monitor) -> Result<Outcome<Design>> {
-    let revision = target.creep()?.revision(request.sampler.clone(), monitor)?;
-    refuse_other_records(&revision)?;
+    designed(known(target.creep()?, request, monitor)?, request, monitor)
+}
+
+/// What a study's record and later records of the specimen say.
+fn known(target: &CreepTarget, request: &DesignRequest, monitor: &dyn Monitor) -> Result<Known> {
+    let revision = target.revision(request.sampler.clone(), monitor)?;
+    refuse_other_records(&revision.problem.experiment)?;
     let later = read_later(&request.after, &revision.problem.experiment, monitor)?;
     let (mut goal, class) = goal(request, class(&revision)?, &revision, !later.is_empty())?;
     let problem = class.as_ref().map_or(&revision.problem, |class| &class.problem);
@@ -69,13 +106,40 @@ pub fn run(target: &Target, request: &DesignRequest, monitor: &dyn Monitor) -> R
     if decided.is_some() {
         goal = DesignGoal::Parameters;
     }
-    let (subject, first) = (&subjects[0], models[0].first());
     let asked = match goal {
         DesignGoal::Decision => {
-            Some(AskedQuantity::new(target.creep()?, request.scenario.as_deref(), &request.sampler, monitor)?)
+            Some(AskedQuantity::new(target, request.scenario.as_deref(), &request.sampler, monitor)?)
         }
         _ => None,
     };
+    let posterior = revision.study.revision_dir(&revision.name)?.join(POSTERIOR_NAME);
+    let posterior = read(&posterior, Content::Document, "run `vitreo-uq sample` again")?;
+    let provenance = revision.study.provenance("design", 1, request.sampler.seed);
+    let provenance = artefacts::with_inputs(provenance, &revision.problem)
+        .with_input(format!("{}/{POSTERIOR_NAME}", revision.name), &posterior)
+        .with_hashes(later.iter().enumerate().flat_map(|(k, later)| later.named_hashes(k + 1)));
+    Ok(Known {
+        dir: revision.study.dir().into(),
+        revision: class.as_ref().map_or(&revision.name, |class| &class.revision).clone(),
+        study: Some(revision.study),
+        goal,
+        subjects,
+        models,
+        holds_out,
+        standings,
+        after,
+        warnings,
+        decided,
+        asked,
+        provenance,
+    })
+}
+
+/// Searches the protocol, and writes the result.
+fn designed(known: Known, request: &DesignRequest, monitor: &dyn Monitor) -> Result<Outcome<Design>> {
+    let Known { dir, study, revision, goal, subjects, models, holds_out, asked, provenance, .. } = known;
+    let seed = request.sampler.seed;
+    let (subject, first) = (&subjects[0], models[0].first());
     let now_detectable = match goal {
         DesignGoal::Detection => {
             monitor.stage("computing the smallest detectable size of every effect");
@@ -96,18 +160,18 @@ pub fn run(target: &Target, request: &DesignRequest, monitor: &dyn Monitor) -> R
     let designer = Designer::new(subject, &members, sought, &models[0].fit.information)?;
     let farthest_m = first.1.position_m.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
     let limits = limits(subject.experiment(), farthest_m, request)?;
-    let (best, front) = search(&designer, &limits, request.sampler.seed, monitor)?;
+    let (best, front) = search(&designer, &limits, seed, monitor)?;
     monitor.stage("simulating records of the best protocol");
     let effects: Vec<String> = models.iter().map(FittedModel::name).collect();
     let detectable = match goal {
         DesignGoal::Detection => detections(&now_detectable, &designer.detectable(&best, threshold_sigma())?),
         _ => Vec::new(),
     };
-    let quantity = asked.map(|asked| asked.designed(first, designer.quantity_sd(&best)?)).transpose()?;
+    let quantity = asked.as_ref().map(|asked| asked.designed(first, designer.quantity_sd(&best)?)).transpose()?;
     // The distance of models that share several records is not the one of the first.
-    let now = if later.is_empty() { designer.distance_now()? } else { None };
-    let files = DesignFiles::new(revision.study.dir());
-    let recommended = recommended(&designer, &best, &limits, (&effects, now), request.sampler.seed, &files)?;
+    let now = if subjects.len() == 1 { designer.distance_now()? } else { None };
+    let files = DesignFiles::new(&dir);
+    let recommended = recommended(&designer, &best, &limits, (&effects, now), seed, &files)?;
     let recommended = match &quantity {
         Some(quantity) => RecommendedProtocol { sentence: with_quantity(&best, &limits, quantity), ..recommended },
         None if goal == DesignGoal::Detection => {
@@ -116,14 +180,14 @@ pub fn run(target: &Target, request: &DesignRequest, monitor: &dyn Monitor) -> R
         None => recommended,
     };
     let uncertainties = recommended.parameters.iter().map(|parameter| [parameter.sd_now, parameter.sd_expected]);
-    let stop = decided.or_else(|| match (goal, &quantity) {
+    let stop = known.decided.or_else(|| match (goal, &quantity) {
         (DesignGoal::Parameters, _) => stop_sentence(&limits, uncertainties),
         (_, Some(quantity)) => stop_sentence(&limits, std::iter::once([quantity.sd_now, quantity.sd_expected])),
         _ => None,
     });
     let found = Design {
         experiment: subject.experiment().specimen_id.clone(),
-        revision: class.as_ref().map_or(&revision.name, |class| &class.revision).clone(),
+        revision,
         goal: goal.name().into(),
         separation_now_sigma: now,
         largest_force_un: 1e6 * limits.largest_force_n,
@@ -136,23 +200,17 @@ pub fn run(target: &Target, request: &DesignRequest, monitor: &dyn Monitor) -> R
         recommended,
         quantity,
         detectable,
-        after,
-        models: standings,
+        after: known.after,
+        models: known.standings,
         stop,
-        warnings,
+        warnings: known.warnings,
     };
     monitor.stage("writing results and figures");
     let figure = figure(&designer.expected_m(&best)?, subject.reference_noise_m(), &best.record, &found)?;
-    let posterior = revision.study.revision_dir(&revision.name)?.join(POSTERIOR_NAME);
-    let posterior = read(&posterior, Content::Document, "run `vitreo-uq sample` again")?;
-    let provenance = revision.study.provenance("design", 1, request.sampler.seed);
-    let provenance = artefacts::with_inputs(provenance, &revision.problem)
-        .with_input(format!("{}/{POSTERIOR_NAME}", revision.name), &posterior)
-        .with_hashes(later.iter().enumerate().flat_map(|(k, later)| later.named_hashes(k + 1)));
     let document = WithProvenance { provenance, body: found };
     let next = next_record(subject.experiment(), &best.record, holds_out);
     let written = files.write(&document, &figure, &best, &front, next)?;
-    Ok(Outcome { is_sound: document.body.is_sound(), document, written, study: Some(revision.study) })
+    Ok(Outcome { is_sound: document.body.is_sound(), document, written, study })
 }
 
 /// Goal of a design, and the class of equivalent effects if the goal is to distinguish them.
@@ -262,8 +320,7 @@ fn recommended(
 }
 
 /// Refuses records whose designed protocol this search cannot make.
-fn refuse_other_records(revision: &Revision) -> Result<()> {
-    let experiment = &revision.problem.experiment;
+fn refuse_other_records(experiment: &Experiment) -> Result<()> {
     let refuse = |found: &str, remedy: &str| {
         Err(Error::input(InputPlace::file(&experiment.specimen_id).at_key("kind"), found, remedy))
     };
