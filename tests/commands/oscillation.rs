@@ -85,6 +85,18 @@ fn a_line_above_moduli_names_tension() {
     }
 }
 
+/// A frequency is known by its unit, and a negative modulus is told.
+#[test]
+fn a_sweep_with_inertia_is_told() {
+    let place = tempfile::tempdir().unwrap();
+    let row = |k: i32| format!("{},{},{}\n", 0.1 * 1.5f64.powi(k), 100.0 - 0.1 * f64::from(k * k * k), 10.0);
+    let text = "w (rad/s),G'(Pa),G''(Pa)\n".to_string() + &(0..14).map(row).collect::<String>();
+    std::fs::write(place.path().join("sweep.csv"), text).unwrap();
+    vitreo(place.path(), &["init", "sweep.csv"]).exits(0);
+    let said = vitreo(place.path(), &["check", "sweep"]).exits(0);
+    assert!(said.stdout.contains("a modulus is negative at 3 of 14 frequencies"), "{said}");
+}
+
 /// `sample` and `diagnose` agree on a law that lacks a spring. With the spring nothing is missing.
 #[test]
 #[ignore = "thorough"]

@@ -605,3 +605,61 @@ fn tracks_and_the_log_of_the_force_are_joined() {
     // 4.6 mA at 2 µN/A.
     assert!((experiment.record.force_n[1] - 9.2e-9).abs() < 1e-18, "{}", experiment.record.force_n[1]);
 }
+
+/// Kinds of tests in which force and position both change, or the position falls while the force rises.
+#[test]
+fn the_commanded_quantity_and_its_direction_are_told() {
+    // Approach of a tip: the separation (m) falls during 2 s while the force rises, then holds, with noise, for 40 s while the force decays.
+    let relaxation = |sign: f64| -> String {
+        let line = |row: usize| {
+            let t = 0.02 * row as f64;
+            let depth = 8e-6 * (t / 2.0).min(1.0);
+            let force = 2e-6 * if t < 2.0 { t / 2.0 } else { 0.5 + 0.5 * (-(t - 2.0) / 6.0).exp() };
+            format!("{t:.2},{:e},{:e}\n", force + 1e-8 * noise(row), 2e-5 + sign * depth + 2e-8 * noise(row + 9_999))
+        };
+        "Time [s],vDeflection [N],separation [m]\n".to_string() + &(0..2_100).map(line).collect::<String>()
+    };
+    for (sign, direction) in [(-1.0, "direction = \"-\""), (1.0, "direction = \"+\"")] {
+        let folder = tempfile::tempdir().expect("a folder");
+        let (file, out) = (folder.path().join("a.csv"), folder.path().join("a"));
+        std::fs::write(&file, relaxation(sign)).expect("room on the disk");
+        let columns = [Some("1".into()), Some("2".into()), Some("3".into()), None];
+        let known_columns = TableSettings { columns, ..TableSettings::default() };
+        let request = InitRequest { file, out: Some(out.clone()), known_columns, ..InitRequest::default() };
+        let (summary, _) = run(&request, &mut |_| None).expect("a relaxation");
+        assert!(summary.reasons.iter().any(|reason| reason.contains("a relaxation")), "{:?}", summary.reasons);
+        let toml = std::fs::read_to_string(out.join("experiment.toml")).expect("a description");
+        assert!(toml.contains("kind = \"relaxation\"") && toml.contains(direction), "{toml}");
+    }
+
+    // A stretch at a constant rate, forth and back, whose stress bends.
+    let line = |row: usize| {
+        let t = 0.5 * row as f64;
+        let strain = if row < 50 { t } else { 50.0 - t };
+        format!("{t},{strain:.3},{:.5}\n", 8.0 * (1.0 - (-strain / 6.0).exp()) + 0.004 * noise(row))
+    };
+    let text = "Time [s],Strain [%],Stress [kPa]\n".to_string() + &(0..100).map(line).collect::<String>();
+    let folder = tempfile::tempdir().expect("a folder");
+    let (file, out) = (folder.path().join("a.csv"), folder.path().join("a"));
+    std::fs::write(&file, text).expect("room on the disk");
+    let request = InitRequest { file, out: Some(out.clone()), ..InitRequest::default() };
+    let (summary, _) = run(&request, &mut |_| None).expect("a stretch");
+    let reasons = summary.reasons.join("\n");
+    assert!(reasons.contains("both change all the time, and the strain is taken for the commanded"), "{reasons}");
+    assert!(!reasons.contains("holds"), "{reasons}");
+
+    let twice = TableSettings { columns: [None, Some("2".into()), Some("2".into()), None], ..TableSettings::default() };
+    assert!(refused(&plain(), twice).contains("given for two quantities"));
+}
+
+/// The sheets of a workbook are tables of their own, also if their header has too few names.
+#[test]
+fn sheets_are_tables_of_their_own() {
+    let rows: String = truth().iter().map(|[t, f, x]| format!("{t:.3}\t{f}\t{x:.3}\n")).collect();
+    let text = format!("sheet one\nTime (s)\tForce (uN)\tPosition (um)\n{rows}\nsheet two\nSpecimen\tB\n{rows}");
+    let refusal = refused(&text, TableSettings::default());
+    assert!(refusal.contains("2 tables") && refusal.contains("starts anew"), "{refusal}");
+    let second = TableSettings { tables: Some("2".into()), ..TableSettings::default() };
+    let (_, experiment, _) = read(&text, second).expect("the second sheet");
+    assert!(distances(&experiment)[2] < 0.01);
+}

@@ -93,6 +93,7 @@ fn one(
         ));
     }
     let mut request = request.clone();
+    refuse_one_column_for_two(&request.known_columns)?;
     // A file without a table of numbers is refused below.
     let tables = inspect_tables(place, bytes).unwrap_or_default();
     let has_oscillation = tables.iter().any(|table| sweep_columns(table).is_some());
@@ -105,7 +106,7 @@ fn one(
     {
         return Ok(summary);
     }
-    let creep = match &looked {
+    let mut creep = match &looked {
         Some(looked) => StressStrain::of(looked, &request.known_columns, request.sizes[2])?,
         None => None,
     };
@@ -142,6 +143,9 @@ fn one(
                 .into(),
         );
         proposal.count_from_first_row();
+        if let (Some(creep), Some(looked)) = (&mut creep, &looked) {
+            creep.take_stretch_for_tension(looked);
+        }
     } else if has_absolute_strain(creep.as_ref(), control) || answers_at_once(&proposal, creep.as_ref(), control) {
         proposal.keep_written_positions();
     }
@@ -160,10 +164,18 @@ fn one(
     }
     let mut toml = experiment_toml(&request, source, &proposal, (creep.as_ref(), tip.as_ref()), control);
     match (&creep, control) {
-        (Some(creep), _) => proposal.reasons.push(creep.reason(control)),
-        (None, Control::Position) => proposal.reasons.push(
-            "the position holds and the force changes: a relaxation, whose position is commanded and whose force is measured".into(),
-        ),
+        (Some(creep), _) => proposal.reasons.push(creep.reason(control, proposal.nothing_holds)),
+        (None, Control::Position) => {
+            let seen = if proposal.nothing_holds { "the position moves" } else { "the position holds" };
+            proposal.reasons.push(format!(
+                "{seen} and the force follows: a relaxation, whose position is commanded and whose force is measured"
+            ));
+        }
+        (None, Control::Force) if proposal.nothing_holds && proposal.description.force.is_some() => {
+            proposal.reasons.push(
+                "force and position both change all the time, and the force is taken for the commanded quantity; if the position is commanded, use kind = \"relaxation\"".into(),
+            );
+        }
         (None, Control::Force) => {}
     }
     if let Some(log) = log {
@@ -183,6 +195,19 @@ fn one(
         rows: proposal.n_rows,
         rows_without_position: proposal.n_lost,
         unknown,
+    })
+}
+
+/// Refuses the same column for two quantities.
+fn refuse_one_column_for_two(given: &TableSettings) -> Result<()> {
+    let named: Vec<&String> = given.columns[..3].iter().flatten().collect();
+    let twice = named.iter().enumerate().find(|(place, name)| named[..*place].contains(name));
+    twice.map_or(Ok(()), |(_, name)| {
+        Err(Error::input(
+            InputPlace::default().at_key(name.as_str()),
+            "this column is given for two quantities",
+            "give time, force and position a column each",
+        ))
     })
 }
 

@@ -86,6 +86,11 @@ pub(super) fn called(name: &str, words: &[&str], others: &[&str]) -> bool {
     words.iter().any(contains) && !others.iter().any(contains)
 }
 
+/// Reason that a line above the table gives for tension, compression or bending.
+fn said_above(looked: &InspectedTable) -> Option<String> {
+    uniaxial_line(&looked.preamble).map(|line| format!("a line above the table is `{line}`"))
+}
+
 /// Lower-case text of a column's name before its unit.
 fn symbol(name: &str) -> String {
     name.to_lowercase().replace("(t)", "").split(['(', '[', '/']).next().unwrap_or_default().trim().to_string()
@@ -127,8 +132,8 @@ pub(super) struct StressStrain {
     pub constant: Option<Control>,
     /// True if the user's units say that the columns are stress and strain, whatever their names.
     pub is_told: bool,
-    /// Line above the table that says tension, compression or bending, if no column does.
-    uniaxial_line: Option<String>,
+    /// Reason for which the test is one of tension, compression or bending, if no column says so.
+    uniaxial_because: Option<String>,
     /// True if the strain is taken as a plain number because nothing states its unit.
     is_assumed_plain: bool,
 }
@@ -199,8 +204,8 @@ impl StressStrain {
         });
         let names = || [stress.0, strain.0].into_iter().map(name);
         let is_open = !is_uniaxial && constant.is_none() && !names().any(|name| called(name, &MULTIAXIAL, &[]));
-        let uniaxial_line = if is_open { uniaxial_line(&looked.preamble).map(String::from) } else { None };
-        let is_uniaxial = is_uniaxial || uniaxial_line.is_some();
+        let uniaxial_because = if is_open { said_above(looked) } else { None };
+        let is_uniaxial = is_uniaxial || uniaxial_because.is_some();
         let has_stated = looked.units[strain.0].is_some() || told_strain.is_some() || constant.is_some();
         let number = |(place, _): (usize, f64)| Some((place + 1).to_string());
         Ok(Some(Self {
@@ -212,9 +217,17 @@ impl StressStrain {
             compliance: if is_uniaxial { 1.0 } else { 2.0 + 2.0 * poisson_ratio.unwrap_or(OF_WATER) },
             constant,
             is_told: false,
-            uniaxial_line,
+            uniaxial_because,
             is_assumed_plain: !has_stated && stated_part(name(strain.0)).0.is_none(),
         }))
+    }
+
+    /// Takes a stretch for tension, unless a column says otherwise: a shear has no stretch.
+    pub fn take_stretch_for_tension(&mut self, looked: &InspectedTable) {
+        if self.compliance != 1.0 && !looked.columns.iter().any(|name| called(name, &MULTIAXIAL, &[])) {
+            self.compliance = 1.0;
+            self.uniaxial_because = Some("a stretch is one of tension".into());
+        }
     }
 
     /// Refuses strains without a stated unit that are too large for a plain number. `largest` is the largest absolute strain.
@@ -247,7 +260,7 @@ impl StressStrain {
             given.columns[place].clone().or_else(|| Some((named()? + 1).to_string()))
         };
         let is_shear = looked.columns.iter().any(|name| called(name, &MULTIAXIAL, &[]));
-        let uniaxial_line = if is_shear { None } else { uniaxial_line(&looked.preamble).map(String::from) };
+        let uniaxial_because = if is_shear { None } else { said_above(looked) };
         Some(Self {
             given: TableSettings {
                 columns: [
@@ -259,10 +272,10 @@ impl StressStrain {
                 units: [given.units[0].clone(), so_many(stress, "N"), so_many(strain, "m")],
                 ..given.clone()
             },
-            compliance: if uniaxial_line.is_some() { 1.0 } else { 2.0 + 2.0 * poisson_ratio.unwrap_or(OF_WATER) },
+            compliance: if uniaxial_because.is_some() { 1.0 } else { 2.0 + 2.0 * poisson_ratio.unwrap_or(OF_WATER) },
             constant: None,
             is_told: true,
-            uniaxial_line,
+            uniaxial_because,
             is_assumed_plain: false,
         })
     }
@@ -271,11 +284,14 @@ impl StressStrain {
     /// one such column and none of the quantities that it was computed from.
     fn published(looked: &InspectedTable) -> Option<((usize, f64), Control)> {
         let columns = || looked.columns.iter().zip(&looked.units).enumerate();
-        // A modulus beside a force, a stress or a position was computed from them.
-        let measures_itself = columns().any(|(_, (name, unit))| {
-            let dimension = unit.as_ref().map(|unit| unit.dimension);
-            called(name, &MEASURED, &MODULUS) || matches!(dimension, Some(Dimension::Force | Dimension::Length))
-        });
+        // A modulus or a compliance beside the quantities from which it was computed is not read. A compliance beside the strain alone is: the stress is not in the table.
+        let measures = |words: &[&str]| {
+            columns().any(|(_, (name, unit))| {
+                let dimension = unit.as_ref().map(|unit| unit.dimension);
+                called(name, words, &MODULUS) || matches!(dimension, Some(Dimension::Force | Dimension::Length))
+            })
+        };
+        let others: Vec<&str> = MEASURED.into_iter().filter(|word| !STRAIN.contains(word)).collect();
         let found: Vec<((usize, f64), Control)> = columns()
             .filter_map(|(place, (name, unit))| {
                 let symbol = symbol(name);
@@ -295,14 +311,20 @@ impl StressStrain {
             })
             .collect();
         match found[..] {
-            [found] if !measures_itself => Some(found),
+            [found] if !measures(&MEASURED) || found.1 == Control::Force && !measures(&others) => Some(found),
             _ => None,
         }
     }
 
-    /// Explains how the table is read, for the quantity that is commanded.
-    pub fn reason(&self, control: Control) -> String {
+    /// Explains how the table is read, for the quantity that is commanded. `nothing_holds` is true if stress and strain both change all the time.
+    pub fn reason(&self, control: Control, nothing_holds: bool) -> String {
         let what = match (self.constant, control) {
+            (None, Control::Force) if nothing_holds => {
+                "stress and strain both change all the time, and the stress is taken for the commanded quantity (if the strain is commanded, use kind = \"relaxation\")"
+            }
+            (None, Control::Position) if nothing_holds => {
+                "stress and strain both change all the time, and the strain is taken for the commanded quantity (if the stress is commanded, use kind = \"creep\")"
+            }
             (None, Control::Force) => "stress and strain over time, and the stress holds: a creep test",
             (None, Control::Position) => "stress and strain over time, and the strain holds: a relaxation",
             (Some(_), Control::Force) => {
@@ -313,8 +335,8 @@ impl StressStrain {
             }
         };
         let factor = match self.compliance {
-            1.0 if let Some(line) = &self.uniaxial_line => {
-                format!("compliance_per_m = 1, because a line above the table is `{line}`; write 2 + 2ν for shear")
+            1.0 if let Some(because) = &self.uniaxial_because => {
+                format!("compliance_per_m = 1, because {because}; write 2 + 2ν for shear")
             }
             1.0 => "compliance_per_m = 1, because a column is of tension or compression; write 2 + 2ν for shear".into(),
             shear => format!("compliance_per_m = {shear} = 2 + 2ν for shear; write 1 for tension"),
@@ -396,7 +418,7 @@ mod tests {
             let looked = inspect_table("creep.csv".as_ref(), text.as_bytes()).expect("a table");
             let found = StressStrain::of(&looked, &TableSettings::default(), None).unwrap().expect("a creep");
             assert_eq!(found.compliance, factor, "{line} {header}");
-            assert_eq!(found.reason(Control::Force).contains(line), factor == 1.0, "{line} {header}");
+            assert_eq!(found.reason(Control::Force, false).contains(line), factor == 1.0, "{line} {header}");
         }
     }
 
@@ -456,6 +478,8 @@ mod tests {
                 "{header}"
             );
         }
+        let beside_strain = creep("Time [h],Creep Strain [-],Creep Compliance [MPa^-1]", None).expect("a compliance");
+        assert_eq!(beside_strain.given.columns[2].as_deref(), Some("3"));
         assert_eq!(creep("t,G [kPa],n", None).unwrap().given.units[1].as_deref(), Some("1000 N"));
         for header in [
             "t,J,n",

@@ -24,17 +24,23 @@ const MOSTLY: f64 = 0.6;
 /// Least part of successive changes with equal signs that shows a trend. For noise about a constant it is 1/3.
 const TREND: f64 = 0.7;
 
+/// Changes of equal size differ by less than this part.
+const ALIKE: f64 = 0.03;
+
 /// Least change of the force over the longest hold of the position, as a part of its range, that shows a relaxation.
 const DRIFT: f64 = 0.15;
 
 impl Control {
     /// The quantity that an experiment most likely commanded, from the force (N) and the position (m) of each row: the position if it holds for most of the time while
-    /// the force drifts, otherwise the force.
+    /// the force drifts, or if it changes at one rate and the force does not; otherwise the force.
     pub(super) fn likely(force_n: &[f64], position_m: &[Option<f64>]) -> Self {
         let rows = force_n.iter().zip(position_m).filter_map(|(force, position)| Some((*force, (*position)?)));
         let (force_n, position_m): (Vec<f64>, Vec<f64>) = rows.unzip();
         let (force, position) = (changes(&force_n), changes(&position_m));
         let is_held = |change: &f64| change.abs() < HELD;
+        if has_one_rate(&position) && !has_one_rate(&force) && has_trend(&force) {
+            return Control::Position;
+        }
         let part = |n: usize, of: usize| n as f64 / of.max(1) as f64;
         if part(position.iter().filter(|change| is_held(change)).count(), position.len()) < MOSTLY {
             return Control::Force;
@@ -56,6 +62,43 @@ impl Control {
         });
         if is_trend || drifts { Control::Position } else { Control::Force }
     }
+}
+
+/// True if neither quantity holds for most of the time: both change in most blocks of rows.
+pub(super) fn nothing_holds(force_n: &[f64], position_m: &[Option<f64>]) -> bool {
+    let positions_m: Vec<f64> = position_m.iter().flatten().copied().collect();
+    [changes(force_n), changes(&positions_m)].iter().all(|changes| {
+        // A creep moves ever more slowly, but a quantity that moves at one rate never does.
+        let largest = changes.iter().fold(0.0_f64, |most, change| most.max(change.abs()));
+        let moving = changes.iter().filter(|change| change.abs() > ALIKE * largest).count();
+        moving as f64 > MOSTLY * changes.len() as f64 && has_trend(changes)
+    })
+}
+
+/// True if most changes are of one size, as those of a ramp or a triangle are.
+fn has_one_rate(changes: &[f64]) -> bool {
+    let mut sizes: Vec<f64> = changes.iter().map(|change| change.abs()).collect();
+    sizes.sort_by(f64::total_cmp);
+    let middle = sizes.get(sizes.len() / 2).copied().unwrap_or(0.0);
+    let alike = sizes.iter().filter(|size| (**size - middle).abs() <= ALIKE * middle).count();
+    middle > 0.0 && alike as f64 > 0.8 * sizes.len() as f64
+}
+
+/// True if most successive changes have equal signs.
+fn has_trend(changes: &[f64]) -> bool {
+    let alike = changes.windows(2).filter(|pair| pair[0] * pair[1] > 0.0).count();
+    alike as f64 > TREND * changes.len().saturating_sub(1).max(1) as f64
+}
+
+/// Correlation of the changes of force and position from block to block of rows; 0 if one of them does not change. It is positive for a passive body of which a part is elastic, and
+/// noise during long holds does not hide it.
+pub(super) fn correlation_of_changes(force_n: &[f64], position_m: &[Option<f64>]) -> f64 {
+    let rows = force_n.iter().zip(position_m).filter_map(|(force, position)| Some((*force, (*position)?)));
+    let (force_n, position_m): (Vec<f64>, Vec<f64>) = rows.unzip();
+    let (force, position) = (changes(&force_n), changes(&position_m));
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let size = (dot(&force, &force) * dot(&position, &position)).sqrt();
+    if size > 0.0 { dot(&force, &position) / size } else { 0.0 }
 }
 
 /// Changes of a quantity from block to block of rows, as parts of its range. The range includes 0, at which every record starts.
@@ -119,6 +162,22 @@ mod tests {
         assert_eq!(control(|t| force(t) + noise(t), ramp), Control::Position);
         // The force holds beneath the same noise, and the position reaches its plateau.
         assert_eq!(control(|t| 1.0 + noise(t), |t| 1.0 - (-t / 2.0).exp()), Control::Force);
+    }
+
+    /// A stretch at a constant rate, forth and back, whose force bends.
+    #[test]
+    fn a_position_at_a_constant_rate_is_commanded() {
+        let triangle = |t: f64| if t < 30.0 { t } else { 60.0 - t };
+        let force = |t: f64| 5.0 * (1.0 - (-triangle(t) / 8.0).exp());
+        assert_eq!(control(force, triangle), Control::Position);
+        assert_eq!(control(triangle, force), Control::Force);
+        // A fluid under a constant force moves at one rate.
+        assert_eq!(control(|_| 1.0, |t| t), Control::Force);
+        let rows = |of: &dyn Fn(f64) -> f64| (0..1200).map(|row| of(0.05 * f64::from(row))).collect::<Vec<f64>>();
+        let some = |values: Vec<f64>| values.into_iter().map(Some).collect::<Vec<_>>();
+        assert!(nothing_holds(&rows(&force), &some(rows(&triangle))));
+        assert!(!nothing_holds(&rows(&|t: f64| f64::from(u8::from(t % 20.0 < 10.0))), &some(rows(&triangle))));
+        assert!(correlation_of_changes(&rows(&force), &some(rows(&|t: f64| -triangle(t)))) < -0.5);
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use super::control::correlation_of_changes;
 use super::force::Force;
 use super::robust::median;
 use super::trajectory::Trajectory;
@@ -250,6 +251,9 @@ pub fn is_work_negative(force_n: &[f64], position_m: &[Option<f64>], share: f64)
     work < -share * size && work < 0.0
 }
 
+/// Correlation of the changes of force and position below which the position grows against the force.
+const AGAINST: f64 = -0.5;
+
 /// True if positions clearly grow against the force, which is impossible for a passive body. Each step of the position is paired with the force some
 /// rows later, by the shift with the largest absolute work. Without a shift, the work does not show the sign of the motion if force and positions are
 /// not synchronous.
@@ -261,8 +265,9 @@ pub(super) fn moves_against_force(force_n: &[f64], position_m: &[Option<f64>]) -
         if size > 0.0 { work / size } else { 0.0 }
     };
     let lags = 0..=(shortest / 2).min(MOST_LAGS).min(force_n.len() / 4);
-    let best = lags.map(share).max_by(|a, b| a.abs().total_cmp(&b.abs()));
-    best.is_some_and(|share| share < -CLEARLY)
+    let best = lags.map(share).max_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap_or(0.0);
+    // The noise of a long hold adds to the sum of absolute values, so that the work then shows nothing.
+    best < -CLEARLY || best < CLEARLY && correlation_of_changes(force_n, position_m) < AGAINST
 }
 
 /// Returns the unit vector normal to `axis` that is nearest to `direction`. If `direction` lies along the axis, any normal unit vector is returned.

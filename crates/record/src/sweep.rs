@@ -198,6 +198,8 @@ impl SweepColumn {
             "f" | "freq" | "frequency" | "angularfrequency" | "omega" | "ω" | "frequenz" | "kreisfrequenz" => {
                 Self::Frequency
             }
+            // A letter alone says too little without its unit.
+            "w" if unit.is_some() => Self::Frequency,
             "g'" | "g′" | "g`" | "g´" | "storage" | "gprime" | "speichermodul" => Self::Storage,
             "g''" | "g″" | "g′′" | "g\"" | "g``" | "g´´" | "loss" | "gdoubleprime" | "verlustmodul" => {
                 Self::Loss

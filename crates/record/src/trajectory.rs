@@ -415,10 +415,10 @@ fn finite(place: &dyn Fn() -> InputPlace, text: &str, remedy: &str) -> Result<f6
 }
 
 /// Allowed absolute values of times, forces and positions in SI units. Larger or smaller values have wrong units, and would later exceed the range of
-/// floating-point numbers.
+/// floating-point numbers. A modulus over time is read in place of a position.
 const TIMES_S: [f64; 2] = [1e-12, 1e12];
 const FORCES_N: [f64; 2] = [1e-24, 1e12];
-const POSITIONS_M: [f64; 2] = [0.0, 1e6];
+const POSITIONS_M: [f64; 2] = [0.0, 1e12];
 
 fn plausible(place: &dyn Fn() -> InputPlace, value: f64, [smallest, largest]: [f64; 2], unit: &str) -> Result<()> {
     if value == 0.0 || (smallest..=largest).contains(&value.abs()) {

@@ -84,7 +84,7 @@ fn draw(arguments: &CheckArguments, experiment: &Experiment, files: &ExperimentF
     write_figure(&dir, &stem, &svg.translated(experiment.quantities()))
 }
 
-fn words(summary: &CheckSummary) -> String {
+pub fn words(summary: &CheckSummary) -> String {
     let mut lines = summary.understood.sentences.clone();
     lines.push(String::new());
     if summary.contradictions.is_empty() {

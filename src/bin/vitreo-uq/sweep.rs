@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use vitreo_uq::base::error::Result;
-use vitreo_uq::documents::check::{CheckSummary, RecordReading};
+use vitreo_uq::documents::check::{CheckSummary, Contradiction, RecordReading};
 use vitreo_uq::documents::oscillation::{
     OscillationCandidate, OscillationDiagnosis, OscillationMisfit, OscillationSummary,
 };
@@ -12,7 +12,7 @@ use vitreo_uq::figures::labels::{model_title, parameter_label};
 use vitreo_uq::figures::svg::write_figure;
 use vitreo_uq::jobs::sweep::artefacts;
 use vitreo_uq::posterior::study::{Provenance, Study, WithProvenance};
-use vitreo_uq::record::{OscillationRecord, SweepForm};
+use vitreo_uq::record::{OscillationRecord, SweepForm, SweepRow};
 
 use crate::text::{parameter_table, significant, warning_text};
 
@@ -110,8 +110,7 @@ pub fn check(path: &Path, out: &Path, json: Option<&Path>, quiet: bool) -> Resul
     write_figure(&dir, &stem, &artefacts::raw_figure(&sweep)?)?;
     let summary = understood(&sweep);
     let provenance = Provenance::new("check", 1, 0, Study::hashes_of(&files)?);
-    let words = summary.understood.sentences.join("\n") + "\n\nThe record agrees with its description.\n";
-    crate::output::show(json, &WithProvenance { provenance, body: &summary }, &words)?;
+    crate::output::show(json, &WithProvenance { provenance, body: &summary }, &crate::check::words(&summary))?;
     if !quiet {
         crate::interrupt::print_message(&format!("Figure: {}.svg, .png and .pdf", out.display()));
     }
@@ -148,5 +147,21 @@ fn understood(sweep: &OscillationRecord) -> CheckSummary {
         format!("{} frequencies are fitted, {n_heldout} are held out.", sweep.rows.len() - n_heldout),
     ];
     let understood = RecordReading { rows: sweep.rows.len(), positions: sweep.rows.len(), cycles: 1, sentences };
-    CheckSummary { experiment: sweep.specimen_id.clone(), understood, contradictions: Vec::new() }
+    let contradictions = negative_moduli(sweep).into_iter().collect();
+    CheckSummary { experiment: sweep.specimen_id.clone(), understood, contradictions }
+}
+
+/// Moduli that no passive material has.
+fn negative_moduli(sweep: &OscillationRecord) -> Option<Contradiction> {
+    let is_negative = |row: &&SweepRow| sweep.form.moduli(row.pair).iter().any(|modulus| *modulus < 0.0);
+    let found: Vec<f64> = sweep.rows.iter().filter(is_negative).map(|row| row.frequency_hz).collect();
+    let [first_hz, last_hz] = [found.first()?, found.last()?].map(|hz| significant(*hz));
+    let between =
+        if found.len() == 1 { format!("at {first_hz} Hz") } else { format!("between {first_hz} and {last_hz} Hz") };
+    Some(Contradiction {
+        kind: "negative-modulus".into(),
+        certain: false,
+        text: format!("a modulus is negative at {} of {} frequencies, {between}: no passive gel has such a modulus", found.len(), sweep.rows.len()),
+        advice: "the inertia of the instrument or noise is likely: delete these rows, and the rows next to them that bend towards them".into(),
+    })
 }

@@ -12,6 +12,8 @@ const LOOKED_AT: usize = 5_000;
 const LONGEST_UNIT: usize = 8;
 /// Lower-case names of columns that contain comments instead of numbers.
 const REMARKS: [&str; 6] = ["", "comment", "comments", "note", "notes", "remarks"];
+/// Beginning of the line above the tables of a workbook's sheet, in the text of a workbook.
+const SHEET: &str = "sheet ";
 /// Smallest number of rows of a table. Fewer rows of numbers count as a preamble.
 const FEWEST_ROWS: usize = 3;
 /// Largest number of lines below a table that count as means and the like.
@@ -106,7 +108,7 @@ fn layout(lines: &[&str]) -> Option<Layout> {
 
 /// Finds the tables of a text, in order. Returns at least one table, or `None` if there is no block of numbers.
 ///
-/// A header between rows begins a new table. Other lines between rows belong to the current table and cause an error when it is read.
+/// A header or the name of a workbook's sheet between rows begins a new table. Other lines between rows belong to the current table and cause an error when it is read.
 pub(super) fn blocks(lines: &[&str]) -> Option<Vec<TableBlock>> {
     let found = layout(&lines[..lines.len().min(LOOKED_AT)])?;
     let mut blocks: Vec<TableBlock> = Vec::new();
@@ -138,7 +140,10 @@ pub(super) fn blocks(lines: &[&str]) -> Option<Vec<TableBlock>> {
         let begins = match blocks.last() {
             None => true,
             Some(_) if after == index => false,
-            Some(_) => header(lines, after, &fresh, 0).line.is_some(),
+            Some(_) => {
+                lines[after..index].iter().any(|line| line.starts_with(SHEET))
+                    || header(lines, after, &fresh, 0).line.is_some()
+            }
         };
         if begins {
             blocks.push(TableBlock {

@@ -12,7 +12,7 @@ use super::roles::{ColumnMatch, KnownColumns, Role, unknown_unit};
 use super::several::{ask_table, chosen_tables, describe_summaries, describe_tables, tables_of};
 use super::spelling::{ParsedUnit, clock_s, counted, is_date_time, unit};
 use super::text::{Decimal, Delimiter, Encoding, Thousands, cells, comment_sign, decode_detected, is_blank_or_comment};
-use crate::control::Control;
+use crate::control::{Control, nothing_holds};
 use crate::force::has_noisy_levels;
 use crate::frame::{Direction, Frame, Zero, is_zeroed_by_first_row, moves_against_force, rest_m};
 use crate::lost::repeated_outliers;
@@ -50,6 +50,8 @@ pub struct TableProposal {
     pub has_noisy_levels: bool,
     /// Quantity that the experiment most likely commanded.
     pub control: Control,
+    /// True if neither force nor position holds for most of the time, so that the commanded quantity is hard to tell.
+    pub nothing_holds: bool,
     /// Names of all columns; empty without a header.
     pub columns: Vec<String>,
     /// Reasons for the description, each a sentence for the user.
@@ -169,6 +171,7 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
         first_answer,
         description,
         frame,
+        nothing_holds: is_along && nothing_holds(&trajectory.force_n, &trajectory.position_m),
         has_noisy_levels,
         control,
     })
