@@ -659,7 +659,11 @@ fn sheets_are_tables_of_their_own() {
     let text = format!("sheet one\nTime (s)\tForce (uN)\tPosition (um)\n{rows}\nsheet two\nSpecimen\tB\n{rows}");
     let refusal = refused(&text, TableSettings::default());
     assert!(refusal.contains("2 tables") && refusal.contains("starts anew"), "{refusal}");
-    let second = TableSettings { tables: Some("2".into()), ..TableSettings::default() };
+    let some = |texts: [&str; 3]| texts.map(|text| Some(text.to_string()));
+    let [time, force, position] = some(["1", "2", "3"]);
+    let columns = [time, force, position, None];
+    let second =
+        TableSettings { tables: Some("2".into()), columns, units: some(["s", "uN", "um"]), ..TableSettings::default() };
     let (_, experiment, _) = read(&text, second).expect("the second sheet");
     assert!(distances(&experiment)[2] < 0.01);
 }

@@ -56,7 +56,7 @@ fn residuals_far_above_an_estimate_are_told_unless_the_noise_explains_them() {
         [WarningKind::SystematicResidual],
         "{told:?}"
     );
-    assert!(told[0].text.contains("× the estimated noise of 1 µm"), "{told:?}");
+    assert!(told[0].text.contains("× the estimated noise of 1.00 µm"), "{told:?}");
     let explained = warnings_of(12.0, 1.0, &["white", "ou"], &[1.0, 12.0, 1.0], ESTIMATED);
     assert_eq!(explained, []);
 }

@@ -5,12 +5,13 @@ use std::process::ExitCode;
 
 use clap::Args;
 use vitreo_uq::base::error::Result;
-use vitreo_uq::documents::check::CheckSummary;
 use vitreo_uq::figures::record::{RawRecord, raw_record};
 use vitreo_uq::figures::svg::write_figure;
 use vitreo_uq::posterior::study::{Provenance, Study, WithProvenance};
 use vitreo_uq::posterior::{check, replica};
 use vitreo_uq::record::{Experiment, ExperimentFiles, OscillationRecord};
+
+use crate::text::check_text;
 
 /// Exit code if the data certainly contradict their description.
 const WRONG: u8 = 2;
@@ -45,7 +46,11 @@ pub fn run(arguments: &CheckArguments) -> Result<ExitCode> {
     let summary = check::summary(&experiment, &files);
     draw(arguments, &experiment, &files)?;
     let provenance = Provenance::new("check", 1, 0, Study::hashes_of(&files)?).with_quantities(experiment.quantities());
-    crate::output::show(arguments.json.as_deref(), &WithProvenance { provenance, body: &summary }, &words(&summary))?;
+    crate::output::show(
+        arguments.json.as_deref(),
+        &WithProvenance { provenance, body: &summary },
+        &check_text(&summary),
+    )?;
     if !arguments.quiet {
         crate::interrupt::print_message(&format!("Figure: {}.svg, .png and .pdf", arguments.out.display()));
     }
@@ -82,18 +87,4 @@ fn draw(arguments: &CheckArguments, experiment: &Experiment, files: &ExperimentF
         arguments.out.parent().filter(|dir| !dir.as_os_str().is_empty()).map_or(PathBuf::from("."), PathBuf::from);
     let stem = arguments.out.file_name().map_or("record".into(), |name| name.to_string_lossy().into_owned());
     write_figure(&dir, &stem, &svg.translated(experiment.quantities()))
-}
-
-pub fn words(summary: &CheckSummary) -> String {
-    let mut lines = summary.understood.sentences.clone();
-    lines.push(String::new());
-    if summary.contradictions.is_empty() {
-        lines.push("The record agrees with its description.".into());
-    }
-    for contradiction in &summary.contradictions {
-        let sure = if contradiction.certain { "WRONG" } else { "may be wrong" };
-        lines.push(format!("{sure}: {}", contradiction.text));
-        lines.push(format!("  what to do: {}", contradiction.advice));
-    }
-    lines.join("\n") + "\n"
 }

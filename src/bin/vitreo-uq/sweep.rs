@@ -14,7 +14,7 @@ use vitreo_uq::jobs::sweep::artefacts;
 use vitreo_uq::posterior::study::{Provenance, Study, WithProvenance};
 use vitreo_uq::record::{OscillationRecord, SweepForm, SweepRow};
 
-use crate::text::{parameter_table, significant, warning_text};
+use crate::text::{check_text, parameter_table, significant, warning_text};
 
 fn errors_words(misfit: &OscillationMisfit) -> String {
     let percent = |share: f64| format!("{} %", significant(100.0 * share));
@@ -110,7 +110,7 @@ pub fn check(path: &Path, out: &Path, json: Option<&Path>, quiet: bool) -> Resul
     write_figure(&dir, &stem, &artefacts::raw_figure(&sweep)?)?;
     let summary = understood(&sweep);
     let provenance = Provenance::new("check", 1, 0, Study::hashes_of(&files)?);
-    crate::output::show(json, &WithProvenance { provenance, body: &summary }, &crate::check::words(&summary))?;
+    crate::output::show(json, &WithProvenance { provenance, body: &summary }, &check_text(&summary))?;
     if !quiet {
         crate::interrupt::print_message(&format!("Figure: {}.svg, .png and .pdf", out.display()));
     }

@@ -1,5 +1,6 @@
 //! Formats results as text and tables.
 
+use vitreo_uq::documents::check::CheckSummary;
 use vitreo_uq::documents::posterior::{ParameterSummary, PosteriorSummary, Warning};
 use vitreo_uq::figures::labels::model_title;
 use vitreo_uq::figures::labels::parameter_label;
@@ -140,4 +141,19 @@ pub fn outliers_left_out(n: usize) -> Option<String> {
         1 => Some("One position was left out as an outlier.".into()),
         n => Some(format!("{n} positions were left out as outliers.")),
     }
+}
+
+/// How a record was read, and its contradictions.
+pub fn check_text(summary: &CheckSummary) -> String {
+    let mut lines = summary.understood.sentences.clone();
+    lines.push(String::new());
+    if summary.contradictions.is_empty() {
+        lines.push("The record agrees with its description.".into());
+    }
+    for contradiction in &summary.contradictions {
+        let sure = if contradiction.certain { "WRONG" } else { "may be wrong" };
+        lines.push(format!("{sure}: {}", contradiction.text));
+        lines.push(format!("  what to do: {}", contradiction.advice));
+    }
+    lines.join("\n") + "\n"
 }
