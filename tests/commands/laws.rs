@@ -52,6 +52,21 @@ fn a_diagnosis_names_the_law_that_explains_a_record() {
     vitreo(folder.path(), &remedy).exits(0);
 }
 
+/// A claimed effect that leaves about twice the noise is told together with the law that leaves the noise alone.
+#[test]
+fn a_diagnosis_names_the_law_beside_a_claim_that_leaves_more() {
+    let folder = tempfile::tempdir().unwrap();
+    write_record(folder.path(), |t| 8.0 * power_law_um(t));
+    let run = vitreo(folder.path(), &["diagnose", ".", "--prior", "generic", "--out", "study"]).exits(0);
+    let text = std::fs::read_to_string(folder.path().join("study/m0/diagnosis.json")).unwrap();
+    let document: Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(
+        (&document["verdict"]["kind"], &document["verdict"]["base_law"]),
+        (&"missing".into(), &"springpot".into())
+    );
+    assert!(run.stdout.contains("The law rather than an effect may be wrong"), "{run}");
+}
+
 /// Two springpots in series, of orders 0.15 and 0.8; Γ(1.15) and Γ(1.8) from tables. The record hardly determines one direction of their parameters, in which the prediction errs by more than
 /// the noise.
 #[test]

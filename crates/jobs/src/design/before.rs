@@ -17,7 +17,7 @@ use super::sequence::FittedModel;
 use super::{DesignGoal, DesignRequest, Known, designed, fitted_cycles, refuse_other_records};
 use crate::artefacts;
 use crate::outcome::Outcome;
-use crate::target::{TargetRequest, report_notes, specification};
+use crate::target::{TargetRequest, specification};
 
 /// Name that takes the place of a revision.
 const OF_PRIOR: &str = "prior";
@@ -43,7 +43,6 @@ pub fn run_before_measurement(
     let Some((experiment, files)) = Experiment::read_before_measurement(path)? else {
         return Err(Error::input(InputPlace::file(path), "the experiment has positions", "design its next record"));
     };
-    report_notes(&experiment, &files, monitor);
     refuse_other_records(&experiment)?;
     if experiment.noise_sd_m.is_none() {
         return Err(Error::input(

@@ -71,7 +71,7 @@ pub fn limits(experiment: &Experiment, farthest_m: f64, request: &DesignRequest)
                 format_significant(interval_s, 4),
                 format_significant(1e6 * largest_force_n, 4)
             ),
-            "give a force above 0, and a duration of at least 20 samples",
+            "give a force above 0, and a duration of at least 20 samples; the time between samples is that of the table unless it is given",
         ));
     }
     if duration_s / interval_s > MOST_ROWS {

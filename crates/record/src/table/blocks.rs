@@ -122,8 +122,10 @@ pub(super) fn blocks(lines: &[&str]) -> Option<Vec<TableBlock>> {
         // A line of words with two numbers is a preamble, such as one above the next table of an export.
         let is_preamble = n_others > 0
             && blocks.last().is_some_and(|block| block.n_rows >= FEWEST_ROWS && cells.len() < block.layout.n_cells);
+        let is_new_sheet = lines[after..index].iter().any(|line| line.starts_with(SHEET));
         // Programs write means and standard deviations below a table.
         if let Some(block) = blocks.last_mut()
+            && !is_new_sheet
             && block.n_rows >= FEWEST_ROWS
             && block.layout.n_cells == cells.len()
             && n_values > 0
@@ -140,10 +142,7 @@ pub(super) fn blocks(lines: &[&str]) -> Option<Vec<TableBlock>> {
         let begins = match blocks.last() {
             None => true,
             Some(_) if after == index => false,
-            Some(_) => {
-                lines[after..index].iter().any(|line| line.starts_with(SHEET))
-                    || header(lines, after, &fresh, 0).line.is_some()
-            }
+            Some(_) => is_new_sheet || header(lines, after, &fresh, 0).line.is_some(),
         };
         if begins {
             blocks.push(TableBlock {
@@ -313,10 +312,11 @@ fn listed_header(lines: &[&str], from: usize, layout: &Layout) -> Option<Header>
     Some(Header { line: None, names, units, foreign: Vec::new() })
 }
 
-/// Returns the nearest line above a table's header as its title; empty if there is none. The search ends at index `from`.
+/// Returns the name of the sheet that begins above a table, or the nearest line above its header; empty if there is none. The search ends at index `from`.
 fn title(lines: &[&str], from: usize, block: &TableBlock) -> String {
-    let above =
-        (from..block.header.line.unwrap_or(block.layout.first)).rev().find(|index| !lines[*index].trim().is_empty());
+    let mut above = from..block.header.line.unwrap_or(block.layout.first);
+    let sheet = above.clone().rfind(|index| lines[*index].starts_with(SHEET));
+    let above = sheet.or_else(|| above.rfind(|index| !lines[*index].trim().is_empty()));
     let words = above.map_or(Vec::new(), |index| lines[index].split_whitespace().collect());
     words.join(" ").chars().take(LONGEST_TITLE).collect()
 }

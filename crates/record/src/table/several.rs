@@ -17,15 +17,31 @@ pub(super) fn tables_of(file: &Path, lines: &[&str]) -> Result<Vec<TableBlock>> 
     })
 }
 
-/// Returns the text for one table in a list: its number, title, lines, number of rows and columns.
+/// Returns the text for each table in a list. Columns that are those of the table above it are not repeated.
+fn list(all: &[TableBlock]) -> impl Iterator<Item = String> {
+    let is_repeated = |place: usize| place > 0 && all[place - 1].header.names == all[place].header.names;
+    (0..all.len()).map(move |place| {
+        let columns = if is_repeated(place) { "the same columns".into() } else { columns(&all[place]) };
+        listed(place + 1, &all[place], &columns)
+    })
+}
+
+/// Returns the text for one table: its number, title, lines, number of rows and columns.
 fn listed_table(number: usize, table: &TableBlock) -> String {
+    listed(number, table, &columns(table))
+}
+
+fn columns(table: &TableBlock) -> String {
+    match &table.header.names[..] {
+        [] => format!("{} columns without names", table.layout.n_cells - table.n_empty.min(table.layout.n_cells)),
+        names => names.join(", "),
+    }
+}
+
+fn listed(number: usize, table: &TableBlock, columns: &str) -> String {
     let [first, last] = table.lines();
     let title = if table.title.is_empty() { String::new() } else { format!(" \"{}\"", table.title) };
-    format!(
-        "table {number}{title}: lines {first} to {last}, {} rows of {}",
-        table.n_rows,
-        table.header.names.join(", ")
-    )
+    format!("table {number}{title}: lines {first} to {last}, {} rows of {columns}", table.n_rows)
 }
 
 /// Returns the tables that the user chose. Without a choice these are all tables if their columns are equal; otherwise `ask` asks for one.
@@ -81,7 +97,7 @@ fn has_columns_of(first: &TableBlock, other: &TableBlock) -> bool {
 /// Asks the user to choose one of several tables that cannot be read as one recording. `why` is the reason that the error names if the user gives no
 /// answer.
 pub(super) fn ask_table<'a>(file: &Path, all: &'a [TableBlock], why: &str, ask: Ask<'_>) -> Result<&'a TableBlock> {
-    let list: Vec<String> = all.iter().enumerate().map(|(place, table)| listed_table(place + 1, table)).collect();
+    let list: Vec<String> = list(all).collect();
     let question = Question {
         text: format!("which table ({})", list.join("; ")),
         choices: (1..=all.len()).map(|number| number.to_string()).collect(),
@@ -121,11 +137,11 @@ pub(super) fn describe_tables(all: &[TableBlock], read: &[&TableBlock]) -> Vec<S
         return Vec::new();
     }
     let is_read = |table: &TableBlock| read.iter().any(|other| other.lines() == table.lines());
-    let said = |(place, table): (usize, &TableBlock)| {
+    let said = |(text, table): (String, &TableBlock)| {
         let how = if is_read(table) { "read" } else { "not read" };
-        format!("{}: {how}", listed_table(place + 1, table))
+        format!("{text}: {how}")
     };
-    let mut sentences: Vec<String> = all.iter().enumerate().map(said).collect();
+    let mut sentences: Vec<String> = list(all).zip(all).map(said).collect();
     if read.len() > 1 {
         sentences.push("the tables are joined in time, each with its own force".into());
     }
