@@ -23,12 +23,12 @@ fn warnings_of(slow_um: f64, slow_s: f64, noise: &[&str], values: &[f64], origin
     let mut rng = ChaCha8Rng::seed_from_u64(71);
     let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
     let mut slow = normal();
-    for row in 0..exact_m.len() {
+    for (row, x) in exact_m.iter().enumerate() {
         if row > 0 {
             let kept = (-(record.time_s[row] - record.time_s[row - 1]) / slow_s).exp();
             slow = kept * slow + (1.0 - kept * kept).sqrt() * normal();
         }
-        record.position_m[row] = Some(exact_m[row] + 1e-6 * (WHITE_UM * normal() + slow_um * slow));
+        record.position_m[row] = Some(x + 1e-6 * (WHITE_UM * normal() + slow_um * slow));
     }
     experiment.apparatus =
         record::Apparatus::Instrument { compliance_per_m: COMPLIANCE_PER_M, is_stress_strain: false };
