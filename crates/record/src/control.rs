@@ -68,7 +68,7 @@ impl Control {
 pub(super) fn nothing_holds(force_n: &[f64], position_m: &[Option<f64>]) -> bool {
     let positions_m: Vec<f64> = position_m.iter().flatten().copied().collect();
     [changes(force_n), changes(&positions_m)].iter().all(|changes| {
-        // A creep moves ever more slowly, but a quantity that moves at one rate never does.
+        // A quantity that holds has a few large changes, and is at rest or noise between them.
         let largest = changes.iter().fold(0.0_f64, |most, change| most.max(change.abs()));
         let moving = changes.iter().filter(|change| change.abs() > ALIKE * largest).count();
         moving as f64 > MOSTLY * changes.len() as f64 && has_trend(changes)
