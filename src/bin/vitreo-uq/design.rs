@@ -7,7 +7,7 @@ use clap::{Args, ValueEnum};
 use vitreo_uq::base::error::{Error, InputPlace, Result};
 use vitreo_uq::documents::design::{Design, DesignedDetection, FrontProtocol};
 use vitreo_uq::figures::labels::parameter_label;
-use vitreo_uq::jobs::design::{self, DesignGoal, DesignRequest, is_before_measurement, run_before_measurement};
+use vitreo_uq::jobs::design::{self, DesignGoal, DesignRequest, Unmeasured, run_before_measurement};
 
 use crate::options::{Common, ModelOptions};
 use crate::predict::warning_lines;
@@ -94,12 +94,12 @@ pub fn run(arguments: &DesignArguments) -> Result<ExitCode> {
         after: arguments.after.clone(),
         sampler: session.default_sampler(),
     };
-    let outcome = match &arguments.common.target {
-        Some(path) if is_before_measurement(path) => {
+    let outcome = match arguments.common.target.as_deref().and_then(Unmeasured::read) {
+        Some(unmeasured) => {
             let target = target_request(&arguments.common, &arguments.model, &[]);
-            run_before_measurement(&target, &request, &session.terminal)
+            run_before_measurement(unmeasured, &target, &request, &session.terminal)
         }
-        _ => design::run(&session.open(&arguments.model, &[], &[])?, &request, &session.terminal),
+        None => design::run(&session.open(&arguments.model, &[], &[])?, &request, &session.terminal),
     }?;
     session.end(&outcome, &words(&outcome.document.body), "Figure", &arguments.page)
 }

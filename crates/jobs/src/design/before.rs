@@ -11,7 +11,7 @@ use posterior::monitor::Monitor;
 use posterior::prepared::PreparedModel;
 use posterior::problem::Problem;
 use posterior::study::{Provenance, Study};
-use record::{Experiment, Record};
+use record::{Experiment, ExperimentFiles, Record};
 
 use super::sequence::FittedModel;
 use super::{DesignGoal, DesignRequest, Known, designed, fitted_cycles, refuse_other_records};
@@ -24,29 +24,35 @@ const OF_PRIOR: &str = "prior";
 /// Range of the positions (m) until the model has predicted them. It scales priors of effects.
 const RANGE_M: f64 = 1e-3;
 
-/// True if a path is an experiment in whose table no position is measured yet.
-pub fn is_before_measurement(path: &Path) -> bool {
-    !Study::is_study(path) && Experiment::read_before_measurement(path).is_ok_and(|read| read.is_some())
+/// An experiment in whose table no position is measured yet.
+pub struct Unmeasured {
+    experiment: Experiment,
+    files: ExperimentFiles,
+}
+
+impl Unmeasured {
+    /// Reads a path; `None` for anything else, whose errors its own reader reports.
+    pub fn read(path: &Path) -> Option<Self> {
+        let read = if Study::is_study(path) { None } else { Experiment::read_before_measurement(path).ok()? };
+        read.map(|(experiment, files)| Self { experiment, files })
+    }
 }
 
 /// Designs the first record of a specimen. The table of the experiment has the force of a draft, without positions.
 ///
 /// # Errors
-/// [`Error::Input`] for an experiment with positions or without a known noise, and for goals that need a record; errors of models and files.
+/// [`Error::Input`] for an experiment without a known noise, and for goals that need a record; errors of models and files.
 pub fn run_before_measurement(
+    Unmeasured { experiment, files }: Unmeasured,
     target: &TargetRequest,
     request: &DesignRequest,
     monitor: &dyn Monitor,
 ) -> Result<Outcome<Design>> {
     refuse_needing_a_record(request)?;
-    let path = target.paths.first().map_or(Path::new("."), |path| path.as_path());
-    let Some((experiment, files)) = Experiment::read_before_measurement(path)? else {
-        return Err(Error::input(InputPlace::file(path), "the experiment has positions", "design its next record"));
-    };
     refuse_other_records(&experiment)?;
     if experiment.noise_sd_m.is_none() {
         return Err(Error::input(
-            InputPlace::file(path.join(&files.toml_name)).at_key("measurement.noise_um"),
+            InputPlace::file(&files.toml_name).at_key("measurement.noise_um"),
             "the noise is not given, and there are no positions from which it can be estimated",
             "give the standard deviation of a single position, as in `noise_um = 4.0`",
         ));
@@ -91,26 +97,23 @@ pub fn run_before_measurement(
 }
 
 fn refuse_needing_a_record(request: &DesignRequest) -> Result<()> {
-    let refuse = |setting: Setting, found: &str| {
-        let remedy = "design for the parameters now, and for other goals after the first record";
-        Err(Error::input(InputPlace::setting(setting), found, remedy))
+    let refuse = |place: InputPlace, found: String| {
+        Err(Error::input(place, found, "design for the parameters now, and for other goals after the first record"))
     };
     if !request.after.is_empty() {
-        return refuse(Setting::After, "the experiment has no positions yet, so there is no earlier record");
+        let found = "the experiment has no positions yet, so there is no earlier record";
+        return refuse(InputPlace::setting(Setting::After), found.into());
     }
     if request.scenario.is_some() {
-        return refuse(
-            Setting::Scenario,
-            "a decision needs the posterior of a record, and no position is measured yet",
-        );
+        let found = "a decision needs the posterior of a record, and no position is measured yet";
+        return refuse(InputPlace::setting(Setting::Scenario), found.into());
     }
     match request.goal {
         None | Some(DesignGoal::Parameters) => Ok(()),
-        Some(goal) => Err(Error::input(
+        Some(goal) => refuse(
             InputPlace::default().at_key("goal"),
             format!("the goal `{}` needs a record, and no position is measured yet", goal.name()),
-            "design for the parameters now, and for other goals after the first record",
-        )),
+        ),
     }
 }
 

@@ -28,7 +28,7 @@ use posterior::problem::Problem;
 use posterior::study::{POSTERIOR_NAME, Provenance, Study, WithProvenance};
 use record::{Control, Experiment, Record};
 
-pub use self::before::{is_before_measurement, run_before_measurement};
+pub use self::before::{Unmeasured, run_before_measurement};
 use self::decision::AskedQuantity;
 use self::files::{DesignFiles, next_record};
 use self::request::limits;
