@@ -3,6 +3,7 @@
 mod actuation;
 mod cohort_data;
 mod contradictions;
+mod devices;
 mod draw_tables;
 mod drives;
 mod experiment_reading;

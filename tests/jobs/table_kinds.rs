@@ -546,6 +546,13 @@ fn headers_of_many_programs_are_read() {
             ),
         ),
         (
+            "names of columns without cells",
+            format!(
+                "Time (s),Force (uN),Position (um),Note,Flag\n{}",
+                rows(|_, [t, f, x]| format!("{t:.3},{f},{x:.3}"))
+            ),
+        ),
+        (
             "a Russian program",
             format!(
                 "Время (с);Сила (мкН);Перемещение (мкм);Температура\n{}",

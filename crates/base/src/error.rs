@@ -182,6 +182,16 @@ settings! {
     ForceUnit "unit_force"
     /// Unit of the position in a table.
     PositionUnit "unit_position"
+    /// Diameter of a bead or robot, in mm.
+    RobotDiameter "robot_diameter_mm"
+    /// Radius of a tip that is pressed into a gel, in µm.
+    TipRadius "tip_radius_um"
+    /// Stiffness in N/m of the spring that carries a tip.
+    CantileverStiffness "cantilever_n_per_m"
+    /// Length of a specimen along the force, in mm.
+    SpecimenLength "specimen_length_mm"
+    /// Cross-section of a specimen, in mm².
+    SpecimenArea "specimen_area_mm2"
     /// Number of the task to run in a list of tasks.
     Task "task"
     /// Number of the part of a task list to run.

@@ -216,21 +216,27 @@ impl SweepColumn {
 /// Returns the columns of a rheometer's table with their indices: frequency, then the two measured quantities. `None` if the table is not a
 /// rheometer's.
 pub fn sweep_columns(looked: &InspectedTable) -> Option<Vec<(SweepColumn, usize)>> {
-    let called = |column: SweepColumn| {
-        let mut places = looked.columns.iter().zip(&looked.units).enumerate();
-        let (place, _) =
-            places.find(|(_, (name, unit))| SweepColumn::from_name(name, unit.as_ref()) == Some(column))?;
-        Some((column, place))
-    };
+    let frequency = column_of(looked, SweepColumn::Frequency)?;
+    let pair = moduli_columns(looked)?;
+    Some(vec![frequency, pair[0], pair[1]])
+}
+
+/// Returns the two columns with the moduli of an oscillation, or with a modulus and a phase, with their indices. `None` if the table has none.
+pub fn moduli_columns(looked: &InspectedTable) -> Option<[(SweepColumn, usize); 2]> {
     let pairs = [
         [SweepColumn::Storage, SweepColumn::Loss],
         [SweepColumn::Modulus, SweepColumn::Phase],
         [SweepColumn::Storage, SweepColumn::LossTangent],
         [SweepColumn::Modulus, SweepColumn::LossTangent],
     ];
-    let frequency = called(SweepColumn::Frequency)?;
-    let pair = pairs.into_iter().find_map(|[a, b]| Some([called(a)?, called(b)?]))?;
-    Some(vec![frequency, pair[0], pair[1]])
+    pairs.into_iter().find_map(|[a, b]| Some([column_of(looked, a)?, column_of(looked, b)?]))
+}
+
+/// First column whose name is that of a quantity of an oscillation, with its index.
+fn column_of(looked: &InspectedTable, column: SweepColumn) -> Option<(SweepColumn, usize)> {
+    let mut places = looked.columns.iter().zip(&looked.units).enumerate();
+    let (place, _) = places.find(|(_, (name, unit))| SweepColumn::from_name(name, unit.as_ref()) == Some(column))?;
+    Some((column, place))
 }
 
 impl OscillationRecord {

@@ -99,6 +99,18 @@ pub struct InitArguments {
     /// Poisson ratio of the vitreous
     #[arg(long, value_name = "RATIO", allow_negative_numbers = true)]
     poisson_ratio: Option<f64>,
+    /// Radius in µm of a spherical tip that is pressed into the gel, in place of a bead
+    #[arg(long, value_name = "UM", conflicts_with_all = ["robot_diameter_mm", "specimen_length_mm", "specimen_area_mm2"])]
+    tip_radius_um: Option<f64>,
+    /// Stiffness in N/m of the spring that carries the tip, if the position is not the tip's own
+    #[arg(long, value_name = "N/M", conflicts_with_all = ["robot_diameter_mm", "specimen_length_mm", "specimen_area_mm2"])]
+    cantilever_n_per_m: Option<f64>,
+    /// Length in mm of a specimen that is stretched or compressed between grips or plates, in place of a bead
+    #[arg(long, value_name = "MM", conflicts_with = "robot_diameter_mm")]
+    specimen_length_mm: Option<f64>,
+    /// Cross-section of the specimen in mm²
+    #[arg(long, value_name = "MM²", conflicts_with = "robot_diameter_mm")]
+    specimen_area_mm2: Option<f64>,
     /// Quantity that was commanded: the force in a creep test, or the position in a relaxation [default: the one that holds]
     #[arg(long, value_enum)]
     kind: Option<RecordKind>,
@@ -146,6 +158,8 @@ pub fn run(arguments: &InitArguments) -> Result<ExitCode> {
         id: arguments.id.clone(),
         groups: [arguments.species.clone(), arguments.region.clone()],
         sizes: [arguments.robot_diameter_mm, arguments.vitreous_diameter_mm, arguments.poisson_ratio],
+        tip: [arguments.tip_radius_um, arguments.cantilever_n_per_m],
+        specimen: [arguments.specimen_length_mm, arguments.specimen_area_mm2],
         robot_density_kg_m3: arguments.robot_density_kg_m3,
         noise: arguments.noise_um,
         control: arguments.kind.map(|kind| match kind {

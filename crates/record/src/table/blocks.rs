@@ -225,9 +225,9 @@ pub(super) struct Header {
 fn names_in(line: &str, layout: &Layout, n_empty: usize) -> Option<Vec<String>> {
     let mut found: Vec<String> =
         header_cells(line, layout.delimiter, None, layout.n_cells).into_iter().map(Cow::into_owned).collect();
-    // A comment column may have a name although the rows have no cells for it.
-    while found.len() > layout.n_cells
-        && found.last().is_some_and(|last| REMARKS.contains(&last.to_lowercase().as_str()))
+    // Columns at the end may have a name although the rows have no cells for them. Between blanks, the words of a name are cells of their own.
+    let is_remark = |last: &String| REMARKS.contains(&last.to_lowercase().as_str());
+    while found.len() > layout.n_cells && (layout.delimiter != Delimiter::Spaces || found.last().is_some_and(is_remark))
     {
         found.pop();
     }

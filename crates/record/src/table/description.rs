@@ -17,6 +17,15 @@ pub enum ColumnName {
     Number(usize),
 }
 
+impl std::fmt::Display for ColumnName {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Named(name) => f.write_str(name),
+            Self::Number(number) => write!(f, "column {number}"),
+        }
+    }
+}
+
 /// Format of the times in a table.
 #[derive(Debug, Clone, PartialEq)]
 pub enum TimeFormat {

@@ -92,6 +92,25 @@ impl TableProposal {
         range_m > 0.01 && self.first_written_m.is_some_and(|first_m| (0.5..1.5).contains(&first_m))
     }
 
+    /// Multiplies forces and positions by a factor each, by other units: the sizes of a specimen make stresses (1 Pa as 1 N) and strains (1 as 1 m) of them.
+    pub fn rescale(&mut self, [of_force, of_position]: [f64; 2]) {
+        let times = |parsed: &mut ParsedUnit, factor: f64, si: &str| {
+            if let Some(scaled) = unit(&format!("{:e} {si}", parsed.to_si(1.0) * factor)) {
+                *parsed = scaled;
+            }
+        };
+        if let Some((_, unit)) = &mut self.description.force {
+            times(unit, of_force, "N");
+        }
+        if let Some((_, unit)) = &mut self.description.position {
+            times(unit, of_position, "m");
+        }
+        self.force_n = self.force_n.map(|force_n| force_n * of_force);
+        self.position_m = self.position_m.map(|position_m| position_m * of_position);
+        self.written_position_m = self.written_position_m.map(|position_m| position_m * of_position);
+        self.first_written_m = self.first_written_m.map(|position_m| position_m * of_position);
+    }
+
     /// Replaces the inferred rules for zero and direction: positions count from that of the first row.
     pub fn count_from_first_row(&mut self) {
         let first_m = self.first_written_m.unwrap_or(0.0);
@@ -695,7 +714,7 @@ pub struct InspectedTable {
     /// Sentence that describes the layout of the table for the user.
     pub said: String,
     /// Lines above the table that are rows of no table.
-    pub preamble: Vec<String>,
+    pub preamble: Vec<(usize, String)>,
 }
 
 /// Finds the layout and header of the first table in a file. Errors name `file`.
@@ -723,7 +742,7 @@ pub fn inspect_tables(file: &Path, bytes: &[u8]) -> Result<Vec<InspectedTable>> 
         }
         let is_row = |line: usize| all.iter().any(|table| (table.lines()[0]..=table.lines()[1]).contains(&line));
         let above = lines.iter().enumerate().take(table.lines()[0] - 1).filter(|(place, _)| !is_row(place + 1));
-        let preamble = above.map(|(_, line)| line.to_string()).collect();
+        let preamble = above.map(|(place, line)| (place + 1, line.to_string())).collect();
         InspectedTable { layout, columns: names, units, said, preamble }
     };
     Ok(all.iter().map(inspected).collect())

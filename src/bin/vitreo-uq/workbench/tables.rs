@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 use vitreo_uq::base::error::{Error, InputPlace, Result};
 use vitreo_uq::base::files;
 use vitreo_uq::documents::init::InitSummary;
+use vitreo_uq::jobs::init::source::TableSource;
 use vitreo_uq::jobs::init::{self, InitRequest};
-use vitreo_uq::jobs::init_source::TableSource;
 use vitreo_uq::record::table::{InspectedTable, Question, TableSettings, cells, decode_detected, inspect_table};
 
 use super::home::WorkbenchFolder;

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::init_source::TableSource;
+use super::source::TableSource;
 use base::error::{Error, InputPlace, Result, Setting};
 use base::toml_input::{UNKNOWN, quoted};
 use base::units::Dimension;

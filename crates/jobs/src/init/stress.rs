@@ -1,7 +1,7 @@
 //! `init` for stress and strain over time, and for published tables of a compliance or a modulus: stress is read as the force, and strain as the position
 //! (docs/experiment.md).
 
-use super::init_preamble::uniaxial_line;
+use super::preamble::Preamble;
 use base::error::{Error, InputPlace, Result, Setting};
 use base::units::Dimension;
 use record::Control;
@@ -88,7 +88,7 @@ pub(super) fn called(name: &str, words: &[&str], others: &[&str]) -> bool {
 
 /// Reason that a line above the table gives for tension, compression or bending.
 fn said_above(looked: &InspectedTable) -> Option<String> {
-    uniaxial_line(&looked.preamble).map(|line| format!("a line above the table is `{line}`"))
+    Preamble(&looked.preamble).uniaxial_line().map(|line| format!("a line above the table is `{line}`"))
 }
 
 /// Lower-case text of a column's name before its unit.
@@ -220,6 +220,18 @@ impl StressStrain {
             uniaxial_because,
             is_assumed_plain: !has_stated && stated_part(name(strain.0)).0.is_none(),
         }))
+    }
+
+    /// Stress and strain of a specimen in tension or compression, whose `sizes` have turned its forces and positions into them.
+    pub fn of_specimen(sizes: String) -> Self {
+        Self {
+            given: TableSettings::default(),
+            compliance: 1.0,
+            constant: None,
+            is_told: false,
+            uniaxial_because: Some(sizes),
+            is_assumed_plain: false,
+        }
     }
 
     /// Takes a stretch for tension, unless a column says otherwise: a shear has no stretch.

@@ -1,10 +1,11 @@
 //! `init` for a rheometer's oscillation: writes a description of the table.
 
 use std::fmt::Write as _;
+use std::path::Path;
 
-use super::init_preamble::uniaxial_line;
-use super::init_source::TableSource;
-use super::init_stress::{MULTIAXIAL, UNIAXIAL, called};
+use super::preamble::Preamble;
+use super::source::TableSource;
+use super::stress::{MULTIAXIAL, UNIAXIAL, called};
 use base::error::{Error, InputPlace, Result};
 use base::toml_input::quoted;
 use base::units::Dimension;
@@ -12,25 +13,33 @@ use documents::init::{InitColumn, InitSummary};
 use record::table::{InspectedTable, ParsedUnit};
 use record::{OSCILLATION, SweepColumn};
 
-/// Unit of a column, as the table states it. If the table states no unit, the error asks the user to write the unit into the column's name.
-fn unit_of(looked: &InspectedTable, column: SweepColumn, place: usize) -> Result<ParsedUnit> {
-    if let Some(parsed_unit) = &looked.units[place] {
-        return Ok(parsed_unit.clone());
-    }
-    if column == SweepColumn::LossTangent {
-        return Ok(ParsedUnit::one());
-    }
-    let name = &looked.columns[place];
-    let what = match column.dimension() {
-        Dimension::Frequency => "Hz or rad/s",
-        Dimension::Angle => "deg or rad",
-        _ => "Pa or kPa",
+/// Units of the columns, as the table states them. If it does not state all of them, the error asks the user to write them into the columns' names.
+fn units_of(place: &Path, looked: &InspectedTable, columns: &[(SweepColumn, usize)]) -> Result<Vec<ParsedUnit>> {
+    let found = |(column, place): &(SweepColumn, usize)| match &looked.units[*place] {
+        None if *column == SweepColumn::LossTangent => Some(ParsedUnit::one()),
+        stated => stated.clone(),
     };
-    Err(Error::input(
-        InputPlace::default().at_key(name.as_str()),
-        format!("the table does not say the unit of the {}", column.key()),
-        format!("add the unit to the column name, {what}, as in `{name} [{}]`", what.split(' ').next().unwrap_or("Pa")),
-    ))
+    let missing: Vec<String> = columns
+        .iter()
+        .filter(|column| found(column).is_none())
+        .map(|(column, place)| {
+            let name = &looked.columns[*place];
+            let is_angular = ["angular", "omega", "ω"].iter().any(|word| name.to_lowercase().contains(word));
+            match column.dimension() {
+                Dimension::Frequency if is_angular => format!("`{name} [rad/s]`"),
+                Dimension::Frequency => format!("`{name} [Hz]` or `{name} [rad/s]`"),
+                Dimension::Angle => format!("`{name} [deg]` or `{name} [rad]`"),
+                _ => format!("`{name} [Pa]` or `{name} [kPa]`"),
+            }
+        })
+        .collect();
+    columns.iter().map(found).collect::<Option<_>>().ok_or_else(|| {
+        Error::input(
+            InputPlace::file(place),
+            "the table does not state all units of the oscillation",
+            format!("add them to the names of the columns: {}", missing.join("; ")),
+        )
+    })
 }
 
 /// True if a word of a column's name is the symbol of a modulus, such as E or E′.
@@ -61,8 +70,7 @@ pub(super) fn describe_sweep(
     columns: &[(SweepColumn, usize)],
 ) -> Result<(String, InitSummary)> {
     let stem = source.stem();
-    let units: Vec<ParsedUnit> =
-        columns.iter().map(|(column, place)| unit_of(looked, *column, *place)).collect::<Result<_>>()?;
+    let units = units_of(&source.place, looked, columns)?;
     let mut lines = String::from("# Description of the experiment: an oscillation of a rheometer.\n");
     let mut line = |key: &str, value: String, comment: &str| {
         let (head, key) = key.rsplit_once('\n').map_or(("", key), |(head, key)| (head, key));
@@ -77,7 +85,7 @@ pub(super) fn describe_sweep(
     line("source", quoted(&source.origin), "origin of the table; synthetic or measured");
     let names = || columns.iter().map(|(_, place)| looked.columns[*place].as_str());
     let is_named_young = names().any(is_of_tension);
-    let uniaxial = uniaxial_line(&looked.preamble).filter(|_| !names().any(is_of_shear));
+    let uniaxial = Preamble(&looked.preamble).uniaxial_line().filter(|_| !names().any(is_of_shear));
     let is_young = is_named_young || uniaxial.is_some();
     let key = if is_young { "moduli" } else { "# moduli" };
     line(key, quoted("young"), "for moduli of tension, compression or bending");

@@ -1,0 +1,387 @@
+//! `init`: makes an experiment that the program can read from a table of any origin.
+
+use std::path::{Path, PathBuf};
+
+mod device;
+mod force_log;
+mod preamble;
+mod request;
+pub mod source;
+mod start;
+mod stress;
+mod sweep;
+mod toml;
+
+use self::device::Device;
+use self::force_log::ForceLog;
+use self::preamble::Preamble;
+pub use self::request::InitRequest;
+use self::source::TableSource;
+use self::start::{answers_at_once, has_absolute_strain, is_stretch, load_start_s};
+use self::stress::StressStrain;
+use self::sweep::describe_sweep;
+use self::toml::{AXES, experiment_toml};
+use base::error::{Error, InputPlace, Result, Setting};
+use base::files::{self, write_together};
+use base::sha256::sha256_hex;
+use base::units::Dimension;
+use documents::init::{InitColumn, InitSummary};
+use record::table::{
+    Ask, ColumnName, InspectedTable, PositionColumns, TableDescription, TableProposal, TableSettings, choose_table,
+    inspect_tables, propose, tracks,
+};
+use record::{Control, OscillationRecord, moduli_columns, sweep_columns};
+
+/// Reads the table, asks the user for missing information, and writes the experiment with a copy of the table. Returns the interpretation of the table
+/// and the table's hash.
+///
+/// # Errors
+/// The errors of [`TableSource::read`] and [`propose`]; [`Error::Input`] if an experiment exists already; [`Error::File`] if the operating system refuses.
+pub fn run(request: &InitRequest, ask: Ask<'_>) -> Result<(InitSummary, String)> {
+    let source = TableSource::read(&request.file)?;
+    let log = request.force_file.as_deref().map(ForceLog::read).transpose()?;
+    if log.as_ref().is_some_and(|log| log.source.name == source.name) {
+        let remedy = "give one of the two files another name";
+        return Err(Error::input(InputPlace::setting(Setting::ForceFile), "the two files have the same name", remedy));
+    }
+    let log = log.as_ref();
+    let mut request = request.clone();
+    request.known_columns.force_is_elsewhere = log.is_some();
+    let request = &request;
+    let out = request.out.clone().unwrap_or_else(|| source.stem().into());
+    let mut summary = if request.known_columns.track[1].as_deref() == Some(ALL_TRACKS) {
+        cohort(request, &source, log, &out, ask)?
+    } else if request.known_columns.tables.as_deref() == Some(EACH_TABLE) {
+        each_table(request, &source, log, &out, ask)?
+    } else {
+        one(request, &source, log, &out, ask)?
+    };
+    summary.reasons.splice(..0, source.notes.iter().cloned());
+    Ok((summary, sha256_hex(&source.bytes)))
+}
+
+/// Writes one experiment, whose force comes from the log if there is one.
+fn one(
+    request: &InitRequest,
+    source: &TableSource,
+    log: Option<&ForceLog>,
+    out: &Path,
+    ask: Ask<'_>,
+) -> Result<InitSummary> {
+    let TableSource { place, name, bytes, .. } = source;
+    let toml_path = out.join("experiment.toml");
+    if files::kind(&toml_path).is_some() && !request.replace {
+        return Err(Error::input(
+            InputPlace::file(&toml_path),
+            "there is already an experiment here",
+            format!("give another directory with `{}`, or overwrite it with `{}`", Setting::Out, Setting::Replace),
+        ));
+    }
+    let mut request = request.clone();
+    refuse_one_column_for_two(&request.known_columns)?;
+    request.refuse_impossible_sizes()?;
+    // A file without a table of numbers is refused below.
+    let tables = inspect_tables(place, bytes).unwrap_or_default();
+    let preamble = tables.first().map_or(Vec::new(), |table| table.preamble.clone());
+    let has_oscillation = tables.iter().any(|table| sweep_columns(table).is_some());
+    if request.known_columns.tables.is_none() && tables.len() > 1 && has_oscillation {
+        request.known_columns.tables = Some(choose_table(place, bytes, ask)?.to_string());
+    }
+    let looked = chosen_table(tables, request.known_columns.tables.as_deref());
+    if let Some(looked) = &looked
+        && let Some(summary) = oscillation(&request, looked, source, out)?
+    {
+        return Ok(summary);
+    }
+    let creep = match &looked {
+        Some(looked) => StressStrain::of(looked, &request.known_columns, request.sizes[2])?,
+        None => None,
+    };
+    if creep.is_none()
+        && let Some(looked) = &looked
+    {
+        refuse_without_frequency(place, &request.known_columns, looked)?;
+    }
+    let given = creep.as_ref().map_or(&request.known_columns, |creep| &creep.given);
+    let mut proposal = propose(place, bytes, given, ask)?;
+    let mut device = match creep {
+        Some(creep) => {
+            creep.refuse_large_plain(proposal.position_m.iter().fold(0.0, |most, strain| strain.abs().max(most)))?;
+            proposal.reasons.extend(unused_sizes_remark(&request));
+            Device::StressStrain(creep)
+        }
+        None => Device::of(&request, Preamble(&preamble), &mut proposal, ask),
+    };
+    let constant = device.stress_strain().and_then(|creep| creep.constant);
+    let control = request.control.or(constant).unwrap_or(proposal.control);
+    if is_stretch(&proposal, device.stress_strain()) {
+        proposal.reasons.push(
+            "the strain begins near 1 and changes, so that it is read as a stretch: the first row counts as unstrained"
+                .into(),
+        );
+        proposal.count_from_first_row();
+        if let (Device::StressStrain(creep), Some(looked)) = (&mut device, &looked) {
+            creep.take_stretch_for_tension(looked);
+        }
+    } else if has_absolute_strain(device.stress_strain(), control)
+        || answers_at_once(&proposal, device.stress_strain(), control)
+    {
+        proposal.keep_written_positions();
+    }
+    let creep = device.stress_strain();
+    if load_start_s(&proposal, &device, control).is_some() {
+        let text = match creep {
+            Some(_) if answers_at_once(&proposal, creep, control) => {
+                "the strain of the first row, at time 0, is not 0, and a stress acts: the step is assumed to have begun just before it (load_start_s), so that this strain is the gel's instantaneous answer; \
+                 if the instrument's zero was off, remove that line and write zero = \"fit\""
+            }
+            Some(_) => "the step began at 0, before the first row (load_start_s = 0)",
+            None => {
+                "a force acts in the first row, which is after time 0, and the body has moved before: the force is assumed to act since time 0 (load_start_s = 0); correct that line if it began at another time"
+            }
+        };
+        proposal.reasons.push(text.into());
+    }
+    let mut toml = experiment_toml(&request, source, &proposal, &device, control);
+    match (creep, control) {
+        (Some(creep), _) => proposal.reasons.push(creep.reason(control, proposal.nothing_holds)),
+        (None, Control::Position) => {
+            let seen = if proposal.nothing_holds { "the position moves" } else { "the position holds" };
+            proposal.reasons.push(format!(
+                "{seen} and the force follows: a relaxation, whose position is commanded and whose force is measured"
+            ));
+        }
+        (None, Control::Force) if proposal.nothing_holds && proposal.description.force.is_some() => {
+            proposal.reasons.push(
+                "force and position both change all the time, and the force is taken for the commanded quantity; if the position is commanded, use kind = \"relaxation\"".into(),
+            );
+        }
+        (None, Control::Force) => {}
+    }
+    let mut unknown = device.unknown();
+    if let Some(log) = log {
+        toml += &log.toml();
+        proposal.reasons.push(format!("the force comes from {} ([actuation])", log.source.name));
+        unknown.extend(log.is_current().then(|| "actuation.calibration".to_string()));
+    }
+    let log_file = log.map(|log| (out.join(&log.source.name), log.source.bytes.as_slice()));
+    write(out, (name, bytes), &toml, log_file)?;
+    Ok(InitSummary {
+        experiments: Vec::new(),
+        directory: out.display().to_string(),
+        file: name.clone(),
+        columns: columns(&proposal, creep),
+        others: others(&proposal),
+        reasons: proposal.reasons,
+        rows: proposal.n_rows,
+        rows_without_position: proposal.n_lost,
+        unknown,
+    })
+}
+
+/// Refuses the same column for two quantities.
+fn refuse_one_column_for_two(given: &TableSettings) -> Result<()> {
+    let named: Vec<&String> = given.columns[..3].iter().flatten().collect();
+    let twice = named.iter().enumerate().find(|(place, name)| named[..*place].contains(name));
+    twice.map_or(Ok(()), |(_, name)| {
+        Err(Error::input(
+            InputPlace::default().at_key(name.as_str()),
+            "this column is given for two quantities",
+            "give time, force and position a column each",
+        ))
+    })
+}
+
+/// Refuses a table with the moduli of an oscillation, but without a column that is named as a frequency, a force or a position.
+fn refuse_without_frequency(place: &Path, given: &TableSettings, looked: &InspectedTable) -> Result<()> {
+    let is_record = given.columns.iter().chain(&given.axes).any(Option::is_some)
+        || looked.units.iter().flatten().any(|unit| matches!(unit.dimension, Dimension::Force | Dimension::Length));
+    let Some([(_, first), (_, second)]) = moduli_columns(looked).filter(|_| !is_record) else { return Ok(()) };
+    let name = |column: usize| &looked.columns[column];
+    Err(Error::input(
+        InputPlace::file(place),
+        format!(
+            "`{}` and `{}` are moduli of an oscillation, and no column is named as a frequency",
+            name(first),
+            name(second)
+        ),
+        "name the column of the frequency with its unit, as in `frequency [rad/s]`; moduli over time, strain or temperature are not read",
+    ))
+}
+
+/// Value of the table setting that makes one experiment of each table of a file.
+const EACH_TABLE: &str = "each";
+
+/// Writes one experiment for each table of a file that holds several tests. Each has its own directory inside `out`. Tables that cannot be read are named with the reason.
+fn each_table(
+    request: &InitRequest,
+    source: &TableSource,
+    log: Option<&ForceLog>,
+    out: &Path,
+    ask: Ask<'_>,
+) -> Result<InitSummary> {
+    let (mut made, mut experiments, mut refused) = (None, Vec::new(), Vec::new());
+    let mut first_refusal = None;
+    for number in 1..=inspect_tables(&source.place, &source.bytes)?.len() {
+        // Tests of one specimen share its name.
+        let id = Some(request.id.clone().unwrap_or_else(|| source.stem()));
+        let known_columns = TableSettings { tables: Some(number.to_string()), ..request.known_columns.clone() };
+        let of_table = InitRequest { id, known_columns, ..request.clone() };
+        match one(&of_table, source, log, &out.join(number.to_string()), ask) {
+            Ok(summary) => {
+                experiments.push(summary.directory.clone());
+                made.get_or_insert(summary);
+            }
+            Err(error @ Error::Input { .. }) => {
+                refused.push(format!("table {number} is left out: {error}"));
+                first_refusal.get_or_insert(error);
+            }
+            Err(error) => return Err(error),
+        }
+    }
+    match (made, first_refusal) {
+        (Some(mut first), _) => {
+            first.reasons.extend(refused);
+            Ok(InitSummary { directory: out.display().to_string(), experiments, ..first })
+        }
+        (None, Some(error)) => Err(error),
+        (None, None) => {
+            Err(Error::input(InputPlace::file(&source.place), "the file has no table", "give another file"))
+        }
+    }
+}
+
+/// Value of the track setting that selects all tracks of a table.
+const ALL_TRACKS: &str = "all";
+
+/// Writes one experiment for each track (trajectory of one bead) in the table. Each experiment has its own directory inside `out`.
+fn cohort(
+    request: &InitRequest,
+    source: &TableSource,
+    log: Option<&ForceLog>,
+    out: &Path,
+    ask: Ask<'_>,
+) -> Result<InitSummary> {
+    let mut made = None;
+    let mut experiments = Vec::new();
+    let stem = source.stem();
+    for track in tracks(&source.place, &source.bytes, &request.known_columns)? {
+        // A track's name may contain any character, but a directory's name may not.
+        let safe: String = track.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
+        let given = TableSettings {
+            track: [request.known_columns.track[0].clone(), Some(track)],
+            ..request.known_columns.clone()
+        };
+        let id = Some(format!("{}-{safe}", request.id.as_deref().unwrap_or(&stem)));
+        let of_track = InitRequest { id, known_columns: given, ..request.clone() };
+        let summary = one(&of_track, source, log, &out.join(&safe), ask)?;
+        experiments.push(summary.directory.clone());
+        made.get_or_insert(summary);
+    }
+    let first = made.ok_or_else(|| {
+        let remedy = format!("name the column of tracks with `{}`", Setting::TrackColumn);
+        Error::input(InputPlace::file(&source.place), "the table has no column of tracks", remedy)
+    })?;
+    Ok(InitSummary { directory: out.display().to_string(), experiments, ..first })
+}
+
+/// Writes the experiment with a copy of its table, and of the log of its force. If one of the files cannot be written, no other is written either.
+fn write(out: &Path, (name, bytes): (&str, &[u8]), toml: &str, log: Option<(PathBuf, &[u8])>) -> Result<()> {
+    files::create_folders(out, "give a writable directory")?;
+    let (table, description) = (out.join(name), out.join("experiment.toml"));
+    let mut all: Vec<(&Path, &[u8])> = vec![(&table, bytes), (&description, toml.as_bytes())];
+    all.extend(log.as_ref().map(|(path, bytes)| (path.as_path(), *bytes)));
+    write_together(&all)
+}
+
+/// The only one of the tables in a file, or the one that the user has chosen. `None` if several tables are to be joined.
+fn chosen_table(mut tables: Vec<InspectedTable>, chosen: Option<&str>) -> Option<InspectedTable> {
+    let number = match chosen {
+        None => 1,
+        Some(number) => number.parse().ok()?,
+    };
+    (1..=tables.len()).contains(&number).then(|| tables.swap_remove(number - 1))
+}
+
+/// Writes an experiment for a rheometer's oscillation. `None` if the table is of another kind, or if the user names columns of a record over time.
+fn oscillation(
+    request: &InitRequest,
+    looked: &InspectedTable,
+    source: &TableSource,
+    out: &Path,
+) -> Result<Option<InitSummary>> {
+    let given = &request.known_columns;
+    if given.columns.iter().chain(&given.axes).any(Option::is_some) {
+        return Ok(None);
+    }
+    let Some(columns) = sweep_columns(looked) else { return Ok(None) };
+    let (toml, mut summary) = describe_sweep(source, request.id.as_deref(), request.sizes[2], looked, &columns)?;
+    summary.reasons.extend(unused_sizes_remark(request));
+    write(out, (&source.name, &source.bytes), &toml, None)?;
+    let (sweep, _) = OscillationRecord::read(out)?;
+    Ok(Some(InitSummary {
+        directory: out.display().to_string(),
+        rows: sweep.rows.len() + sweep.n_incomplete,
+        ..summary
+    }))
+}
+
+/// Remark that given sizes are ignored, because stress and strain do not depend on them. `None` if no sizes were given.
+fn unused_sizes_remark(request: &InitRequest) -> Option<String> {
+    let sizes = request.sizes[..2].iter().chain(&request.tip).chain(&request.specimen);
+    let is_given = sizes.chain([&request.robot_density_kg_m3]).any(Option::is_some);
+    is_given.then(|| "the sizes of the body are ignored: stress and strain do not depend on them".into())
+}
+
+fn columns(proposal: &TableProposal, stress_strain: Option<&StressStrain>) -> Vec<InitColumn> {
+    let TableDescription { time, force, position, cycle, .. } = &proposal.description;
+    let column = |role: &str, name: &ColumnName, unit: String, range| InitColumn {
+        role: role.into(),
+        name: name.to_string(),
+        unit,
+        range,
+    };
+    let micro = |range: [f64; 2]| Some(range.map(|x| 1e6 * x));
+    let mut columns = vec![column("time", &time.0, time.1.name().into(), Some([0.0, proposal.duration_s]))];
+    columns
+        .extend(force.as_ref().map(|(name, unit)| column("force", name, unit.name.clone(), micro(proposal.force_n))));
+    match position {
+        Some((PositionColumns::Along(name), unit)) => {
+            columns.push(column("position", name, unit.name.clone(), micro(proposal.position_m)));
+        }
+        Some((PositionColumns::Axes(axes), unit)) => {
+            columns.extend(AXES.iter().zip(axes).map(|(key, axis)| column(key, axis, unit.name.clone(), None)));
+        }
+        None => {}
+    }
+    if let Some(StressStrain { constant, .. }) = stress_strain {
+        let without = constant.map(|control| if control == Control::Force { "force" } else { "position" });
+        columns.retain(|column| Some(column.role.as_str()) != without);
+        for column in &mut columns {
+            let called = match column.role.as_str() {
+                "force" => ("stress", "Pa"),
+                "position" => ("strain", "%"),
+                _ => continue,
+            };
+            (column.role, column.unit) = (called.0.into(), called.1.into());
+        }
+    }
+    columns.extend(cycle.as_ref().map(|cycle| column("cycle", cycle, String::new(), None)));
+    columns
+}
+
+fn others(proposal: &TableProposal) -> Vec<String> {
+    let TableDescription { time, force, position, cycle, track, .. } = &proposal.description;
+    let positions = position.iter().flat_map(|(columns, _)| columns.all());
+    let [force, track] = [force.iter().map(|(name, _)| name).next(), track.iter().map(|(name, _)| name).next()];
+    let used: Vec<&ColumnName> =
+        std::iter::once(&time.0).chain(force).chain(positions).chain(cycle).chain(track).collect();
+    let is_used = |(at, name): &(usize, &String)| {
+        used.iter().any(|column| match column {
+            ColumnName::Named(label) => label == *name,
+            ColumnName::Number(number) => *number == at + 1,
+        })
+    };
+    let free = proposal.columns.iter().enumerate().filter(|column| !is_used(column));
+    free.map(|(at, name)| if name.is_empty() { format!("column {}", at + 1) } else { name.clone() }).collect()
+}

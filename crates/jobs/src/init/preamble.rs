@@ -1,0 +1,161 @@
+//! What the lines above a table say of the test: how the specimen is held, and sizes.
+
+use base::units::Dimension;
+use record::table::{split_unit, unit};
+
+/// Words of lines that name how a specimen is held and loaded.
+const KEYS: [&str; 11] =
+    ["geometry", "clamp", "mode", "fixture", "grip", "deformation", "test", "loading", "method", "instrument", "probe"];
+/// Words for tension, compression and bending.
+const UNIAXIAL: [&str; 10] = [
+    "tension",
+    "tensile",
+    "uniaxial",
+    "compression",
+    "cantilever",
+    "bending",
+    "flexur",
+    "three-point",
+    "three point",
+    "3-point",
+];
+/// Words for shear, and for the geometries of rotational rheometers, which also compress their specimens.
+const SHEAR: [&str; 8] = ["shear", "torsion", "rotation", "cone", "couette", "cylinder", "vane", "plate"];
+/// Signs between a name and its value.
+const BETWEEN: [char; 5] = ['\t', ':', '=', ',', ';'];
+
+/// Lines above a table, each with its number from 1.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Preamble<'a>(pub &'a [(usize, String)]);
+
+/// Value that a line above the table states.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct StatedValue {
+    /// The value, in SI units.
+    pub value: f64,
+    /// Number of the line, from 1.
+    pub line: usize,
+}
+
+impl<'a> Preamble<'a> {
+    /// Line that says that the specimen is tested in tension, compression or bending. `None` without such a line, or if another line names shear.
+    pub fn uniaxial_line(self) -> Option<&'a str> {
+        let of_test = || {
+            let lines = self.0.iter().map(|(_, line)| (line.trim(), line.to_lowercase()));
+            lines.filter(|(_, lower)| KEYS.iter().any(|key| lower.contains(key)))
+        };
+        let says = |words: &[&str], lower: &str| words.iter().any(|word| lower.contains(word));
+        if of_test().any(|(_, lower)| says(&SHEAR, &lower)) {
+            return None;
+        }
+        of_test().find(|(_, lower)| says(&UNIAXIAL, lower) && !lower.contains("surface tension")).map(|(line, _)| line)
+    }
+
+    /// Length in m that a line states with its unit under one of the names, which are in lower case.
+    pub fn length_m(self, names: &[&str]) -> Option<StatedValue> {
+        self.stated(names, |name, value| {
+            let (number, behind) = number_and_unit(value)?;
+            let unit = split_unit(name).1.or_else(|| unit(behind))?;
+            (unit.dimension == Dimension::Length).then(|| unit.to_si(number))
+        })
+    }
+
+    /// Area in m² that a line states with its unit under one of the names, which are in lower case.
+    pub fn area_m2(self, names: &[&str]) -> Option<StatedValue> {
+        self.stated(names, |name, value| {
+            let (number, behind) = number_and_unit(value)?;
+            let bracket = name.trim_end().strip_suffix([')', ']']).and_then(|open| open.rsplit_once(['(', '[']));
+            let square = bracket.map_or(behind, |(_, text)| text).trim();
+            let side = ["^2", "²", "2"].iter().find_map(|power| square.strip_suffix(power))?;
+            let side_m = unit(side).filter(|unit| unit.dimension == Dimension::Length)?.to_si(1.0);
+            Some(number * side_m * side_m)
+        })
+    }
+
+    /// Number that a line states under one of the names, which are in lower case.
+    pub fn number(self, names: &[&str]) -> Option<StatedValue> {
+        self.stated(names, |_, value| number_and_unit(value).map(|(number, _)| number))
+    }
+
+    /// First value above zero that a line states under one of the names.
+    fn stated(self, names: &[&str], si: fn(&str, &str) -> Option<f64>) -> Option<StatedValue> {
+        self.0.iter().find_map(|(number, line)| {
+            let line = line.trim_start_matches(['#', '%', '/', ';', ' ', '"']);
+            let (name, rest) = line.split_once(BETWEEN)?;
+            let name = name.trim_end_matches('"');
+            let called = name.trim().to_lowercase();
+            let before_bracket = called.split(['(', '[']).next().unwrap_or_default().trim();
+            if !names
+                .iter()
+                .any(|known| [called.as_str(), split_unit(&called).0.trim(), before_bracket].contains(known))
+            {
+                return None;
+            }
+            let value = rest.trim_start_matches(|c| BETWEEN.contains(&c) || c == ' ' || c == '"');
+            let value = si(name, value)?;
+            (value > 0.0 && value.is_finite()).then_some(StatedValue { value, line: *number })
+        })
+    }
+}
+
+/// Number at the start of a text, with a point or a comma, and the unit behind it, also in the next cell.
+fn number_and_unit(value: &str) -> Option<(f64, &str)> {
+    let value = value.trim();
+    let end = value.find(|c: char| !(c.is_ascii_digit() || ['.', ',', '+', '-', 'e', 'E'].contains(&c)));
+    let (number, behind) = value.split_at(end.unwrap_or(value.len()));
+    let number = number.trim_end_matches(',').replace(',', ".").parse().ok()?;
+    Some((number, behind.trim_matches(|c| BETWEEN.contains(&c) || c == ' ' || c == '"')))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn lines(text: &str) -> Vec<(usize, String)> {
+        text.lines().enumerate().map(|(place, line)| (place + 1, line.to_string())).collect()
+    }
+
+    #[test]
+    fn a_preamble_names_tension_unless_it_names_shear() {
+        let line_of = |text: &str| Preamble(&lines(text)).uniaxial_line().map(String::from);
+        for line in [
+            "Clamp\tTension: Film",
+            "Mode: 3-Point Bending",
+            "Geometry name,DMA Single Cantilever",
+            "Test type = tensile",
+        ] {
+            assert_eq!(line_of(&format!("Sample: gel\n{line}")).as_deref(), Some(line));
+            assert_eq!(line_of(&format!("Geometry: parallel plate\n{line}")), None);
+        }
+        for line in
+            ["Clamp: shear sandwich", "Surface tension of the test liquid 72 mN/m", "Sample: compression stockings", ""]
+        {
+            assert_eq!(line_of(line), None, "{line}");
+        }
+    }
+
+    #[test]
+    fn sizes_are_read_with_their_unit_and_line() {
+        for (text, length_mm) in [
+            ("Gauge length: 10 mm", Some(10.0)),
+            ("sample gel\n\"Gauge length\",\"12,5\",\"mm\"", Some(12.5)),
+            ("# gauge length (um) = 800", Some(0.8)),
+            ("Gauge length;25.0;mm", Some(25.0)),
+            ("Gauge length: 10", None),
+            ("Gauge length: -3 mm", None),
+            ("Gauge: 10 mm", None),
+        ] {
+            let found = Preamble(&lines(text)).length_m(&["gauge length"]);
+            assert_eq!(found.map(|found| (1e9 * found.value).round() / 1e6), length_mm, "{text}");
+        }
+        for (text, area_mm2) in [
+            ("Area: 12 mm^2", Some(12.0)),
+            ("Area (mm²): 12", Some(12.0)),
+            ("Area\t0.2\tcm2", Some(20.0)),
+            ("Area: 12 mm", None),
+        ] {
+            let found = Preamble(&lines(text)).area_m2(&["area"]);
+            assert_eq!(found.map(|found| (1e9 * found.value).round() / 1e3), area_mm2, "{text}");
+        }
+    }
+}

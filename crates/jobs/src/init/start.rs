@@ -1,0 +1,75 @@
+//! Zero of the strains and begin of the load, where the table shows them only in its first rows.
+
+use super::device::Device;
+use super::stress::StressStrain;
+use record::Control;
+use record::table::TableProposal;
+
+/// Returns true if strains keep the zero and the sign of the table. A commanded strain does, because a record may begin in the middle of a hold, and so does a
+/// published compliance or modulus.
+pub(super) fn has_absolute_strain(stress_strain: Option<&StressStrain>, control: Control) -> bool {
+    stress_strain.is_some_and(|own| control == Control::Position || own.constant.is_some())
+}
+
+/// Largest time of the first loaded row at which a rheometer's load still counts as begun at time 0, divided by the record's duration.
+const FIRST_ROW: f64 = 0.01;
+
+/// Time from a rheometer's step to the first row at time 0, divided by the record's duration, where that row shows the strain after the step.
+const JUST_BEFORE: f64 = 1e-9;
+
+/// True if the user's units say that the columns are stress and strain, and the strains are stretches.
+pub(super) fn is_stretch(proposal: &TableProposal, stress_strain: Option<&StressStrain>) -> bool {
+    stress_strain.is_some_and(|own| own.is_told) && proposal.is_stretch()
+}
+
+/// True for a creep of stress and strain if a stress acts in the first row, at time 0, and the strain has already jumped. Stretches count from the first row.
+pub(super) fn answers_at_once(
+    proposal: &TableProposal,
+    stress_strain: Option<&StressStrain>,
+    control: Control,
+) -> bool {
+    stress_strain.is_some()
+        && control == Control::Force
+        && !is_stretch(proposal, stress_strain)
+        && proposal.loaded_from_s == Some(0.0)
+        && proposal.starts_displaced()
+}
+
+/// Least time of the first row, in intervals between rows, at which a bead's record counts as begun after its load. Clocks may count from 0 or from 1.
+const LATE_INTERVALS: f64 = 1.5;
+/// Least such time if the first position is the motion that the load causes in it. The two are equal if their ratio is in this range.
+const FIRST_INTERVAL: f64 = 0.5;
+const AS_LOADED: [f64; 2] = [0.6, 1.6];
+/// Largest such time, divided by the record's duration. Later first rows are times of another clock.
+const LATEST: f64 = 0.1;
+
+/// Time at which the load of the first row begins, in s of the table's clock: 0 if the first loaded row follows soon after time 0, otherwise `None`.
+pub(super) fn load_start_s(proposal: &TableProposal, device: &Device, control: Control) -> Option<f64> {
+    let creep = device.stress_strain();
+    // A tip is pressed from its own contact on, and a prescribed position has no load.
+    if device.is_tip() || creep.is_none() && control == Control::Position {
+        return None;
+    }
+    // Times of a published compliance or modulus count from the step.
+    if creep.is_some_and(|creep| creep.constant.is_some())
+        && proposal.loaded_from_s.is_some_and(|first_s| first_s > 0.0)
+    {
+        return Some(0.0);
+    }
+    let first_s = proposal.loaded_from_s?;
+    if answers_at_once(proposal, creep, control) {
+        return Some(-JUST_BEFORE * proposal.duration_s);
+    }
+    let begins_late = match creep {
+        Some(_) => first_s > 0.0 && first_s <= FIRST_ROW * proposal.duration_s,
+        None => {
+            let interval_s = proposal.duration_s / proposal.n_rows.saturating_sub(1).max(1) as f64;
+            let is_as_loaded = proposal.first_answer.is_some_and(|ratio| (AS_LOADED[0]..AS_LOADED[1]).contains(&ratio));
+            let least = if is_as_loaded { FIRST_INTERVAL } else { LATE_INTERVALS };
+            first_s > least * interval_s
+                && first_s <= LATEST * proposal.duration_s
+                && (is_as_loaded || proposal.starts_displaced())
+        }
+    };
+    begins_late.then_some(0.0)
+}

@@ -1,0 +1,108 @@
+//! Device that `init` describes: a bead in a gel, a tip that is pressed into it, or a specimen between grips or plates, as options, lines above the table and names of
+//! columns say.
+
+use vitreo_uq::documents::init::InitSummary;
+use vitreo_uq::jobs::init::{InitRequest, run};
+use vitreo_uq::record::{Apparatus, Experiment};
+
+/// Applies `init` to a creep of 400 rows with a force in N and a position in mm. Returns the summary and the description.
+fn described(
+    above: &str,
+    names: [&str; 2],
+    sizes: InitRequest,
+) -> Result<(InitSummary, String, Result<Experiment, String>), String> {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (file, out) = (folder.path().join("creep.csv"), folder.path().join("creep"));
+    let rows: String = (0..400)
+        .map(|row| {
+            let t = 0.1 * f64::from(row);
+            let (force, position) = if t < 1.0 { (0.0, 0.0) } else { (6.0, 2.0 * (1.0 - (-(t - 1.0) / 9.0).exp())) };
+            format!("{t:.1},{force},{position:.6}\n")
+        })
+        .collect();
+    std::fs::write(&file, format!("{above}Time (s),{} (N),{} (mm)\n{rows}", names[0], names[1])).expect("room");
+    let request = InitRequest { file, out: Some(out.clone()), ..sizes };
+    let (summary, _) = run(&request, &mut |_| None).map_err(|error| error.to_string())?;
+    let toml = std::fs::read_to_string(out.join("experiment.toml")).expect("a description");
+    let read = Experiment::read(&out).map(|(experiment, _)| experiment).map_err(|error| error.to_string());
+    Ok((summary, toml, read))
+}
+
+fn specimen(length_mm: f64, area_mm2: f64) -> InitRequest {
+    InitRequest { specimen: [Some(length_mm), Some(area_mm2)], ..InitRequest::default() }
+}
+
+/// 6 N on 12 mm² is 0.5 MPa, and 2 mm of 40 mm is a strain of 5 %, whether the sizes are options or lines above the table.
+#[test]
+fn sizes_of_a_specimen_make_stress_and_strain() {
+    let lines = "Gauge length: 40 mm\nWidth,6,mm\nThickness,2,mm\n\n";
+    for (above, names, request) in [
+        ("", ["Force", "Position"], specimen(40.0, 12.0)),
+        ("", ["Load", "Extension"], specimen(40.0, 12.0)),
+        (lines, ["Load", "Extension"], InitRequest::default()),
+        ("Specimen length: 4 cm\nArea: 0.12 cm^2\n\n", ["Force", "Position"], InitRequest::default()),
+    ] {
+        let (summary, toml, experiment) = described(above, names, request).expect("a description");
+        assert!(summary.is_complete() && toml.contains("measures = \"stress and strain\""), "{toml}");
+        let reasons = summary.reasons.join("\n");
+        assert!(reasons.contains("40 mm long") && reasons.contains("12 mm²"), "{reasons}");
+        let experiment = experiment.expect("a record");
+        assert!(matches!(experiment.apparatus, Apparatus::Instrument { is_stress_strain: true, .. }));
+        let record = &experiment.record;
+        // A stress of 1 Pa is kept as 1 µN, and a strain of 1 % as 1 µm.
+        let (last, force) = (record.position_m[399].unwrap(), record.force_n[399]);
+        let strain = 0.05 * (1.0 - (-(39.9 - 1.0) / 9.0_f64).exp());
+        assert!((1e4 * last - strain).abs() < 1e-6 * strain, "{last}");
+        assert!((1e6 * force - 5e5).abs() < 1e-3, "{force}");
+        let columns: Vec<&str> = summary.columns.iter().map(|column| column.role.as_str()).collect();
+        assert_eq!(columns, ["time", "stress", "strain"]);
+    }
+}
+
+#[test]
+fn a_tip_is_taken_from_options_lines_and_names() {
+    let given = || InitRequest { tip: [Some(27.5), Some(0.019)], ..InitRequest::default() };
+    let lines = "k (N/m)\t0.019\nTip radius (um)\t27.500\n";
+    for (above, names, request) in [
+        ("", ["Force", "Position"], given()),
+        (lines, ["Load", "Z"], InitRequest::default()),
+        ("# tipRadius: 27.5 um\n# springConstant: 0.019\n", ["Force", "Position"], InitRequest::default()),
+    ] {
+        let (summary, toml, experiment) = described(above, names, request).expect("a description");
+        assert!(summary.is_complete(), "{summary:?}");
+        assert!(toml.contains("tip_radius_um = 27.5 ") && toml.contains("\ncantilever_n_per_m = 0.019 "), "{toml}");
+        let experiment = experiment.expect("a record");
+        let Apparatus::Indenter(indenter) = experiment.apparatus else { panic!("{toml}") };
+        assert!((indenter.size.unwrap() - 27.5e-6).abs() < 1e-15 && indenter.cantilever_n_per_m == Some(0.019));
+    }
+    // Without its unit, a radius is not read; a size of a bead says that no tip was pressed into the gel.
+    let (summary, ..) = described("tip radius: 5\n", ["Force", "Position"], InitRequest::default()).unwrap();
+    assert_eq!(summary.unknown.len(), 3);
+    let bead = InitRequest { sizes: [Some(0.5), Some(20.0), Some(0.48)], ..InitRequest::default() };
+    let (_, toml, _) = described(lines, ["Force", "Indentation"], bead).unwrap();
+    assert!(toml.contains("[robot]"), "{toml}");
+}
+
+/// Names of columns decide the device, but its sizes stay open.
+#[test]
+fn names_of_columns_tell_the_device() {
+    for (names, section, open, option) in [
+        (["Load", "Indentation"], "[indenter]", "indenter.tip_radius_um", "robot_diameter_mm"),
+        (["Load", "Crosshead"], "[instrument]", "instrument.compliance_per_m", "specimen_length_mm"),
+        (["Force", "Position"], "[robot]", "robot.diameter_mm", "tip_radius_um"),
+    ] {
+        let (summary, toml, read) = described("", names, InitRequest::default()).expect("a description");
+        assert!(toml.contains(section) && summary.unknown[0] == open, "{toml} {:?}", summary.unknown);
+        let reasons = summary.reasons.join("\n");
+        assert!(reasons.contains(option), "{reasons}");
+        assert!(read.unwrap_err().contains("not filled in yet"));
+    }
+}
+
+#[test]
+fn impossible_sizes_are_refused() {
+    for request in [specimen(0.0, 12.0), specimen(40.0, -1.0), specimen(f64::INFINITY, 1.0)] {
+        let refused = described("", ["Force", "Position"], request).map(|(summary, ..)| summary).unwrap_err();
+        assert!(refused.contains("is not above 0"), "{refused}");
+    }
+}
