@@ -61,19 +61,22 @@ fn sizes_of_a_specimen_make_stress_and_strain() {
 
 #[test]
 fn a_tip_is_taken_from_options_lines_and_names() {
-    let given = || InitRequest { tip: [Some(27.5), Some(0.019)], ..InitRequest::default() };
-    let lines = "k (N/m)\t0.019\nTip radius (um)\t27.500\n";
+    let given = || InitRequest { tip: [Some(27.5), Some(1.9e9)], ..InitRequest::default() };
+    let lines = "k (N/m)\t1.9e9\nTip radius (um)\t27.500\n";
     for (above, names, request) in [
         ("", ["Force", "Position"], given()),
         (lines, ["Load", "Z"], InitRequest::default()),
-        ("# tipRadius: 27.5 um\n# springConstant: 0.019\n", ["Force", "Position"], InitRequest::default()),
+        ("# tipRadius: 27.5 um\n# springConstant: 1.9e9\n", ["Force", "Position"], InitRequest::default()),
     ] {
         let (summary, toml, experiment) = described(above, names, request).expect("a description");
         assert!(summary.is_complete(), "{summary:?}");
-        assert!(toml.contains("tip_radius_um = 27.5 ") && toml.contains("\ncantilever_n_per_m = 0.019 "), "{toml}");
+        assert!(
+            toml.contains("tip_radius_um = 27.5 ") && toml.contains("\ncantilever_n_per_m = 1900000000.0 "),
+            "{toml}"
+        );
         let experiment = experiment.expect("a record");
         let Apparatus::Indenter(indenter) = experiment.apparatus else { panic!("{toml}") };
-        assert!((indenter.size.unwrap() - 27.5e-6).abs() < 1e-15 && indenter.cantilever_n_per_m == Some(0.019));
+        assert!((indenter.size.unwrap() - 27.5e-6).abs() < 1e-15 && indenter.cantilever_n_per_m == Some(1.9e9));
     }
     // Without its unit, a radius is not read; a size of a bead says that no tip was pressed into the gel.
     let (summary, ..) = described("tip radius: 5\n", ["Force", "Position"], InitRequest::default()).unwrap();

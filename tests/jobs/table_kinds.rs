@@ -674,3 +674,97 @@ fn sheets_are_tables_of_their_own() {
     let (_, experiment, _) = read(&text, second).expect("the second sheet");
     assert!(distances(&experiment)[2] < 0.01);
 }
+
+/// A relaxation whose first row, at time 0, already has the strain of the hold: the step is taken to begin just before it, and the stress of this row is not compared.
+#[test]
+fn a_relaxation_that_begins_with_its_hold_is_read() {
+    let rows: String = (0..200)
+        .map(|row| {
+            let t = 0.2 * f64::from(row);
+            format!("{t:.1},1.0,{:.4}\n", 5.0 + 15.0 * (-t / 8.0).exp())
+        })
+        .collect();
+    let (summary, experiment, files) =
+        read(&format!("Time [s],Strain [%],Stress [Pa]\n{rows}"), TableSettings::default()).expect("a relaxation");
+    assert!(summary.reasons.iter().any(|reason| reason.contains("left_out_s")), "{:?}", summary.reasons);
+    let record = &experiment.record;
+    assert_eq!((record.position_m[0], record.position_m[1]), (None, None));
+    assert!(record.force_n[1..].iter().all(|strain| (strain - 1e-6).abs() < 1e-18), "{:?}", &record.force_n[..4]);
+    assert!((record.position_m[2].unwrap() - 1e-6 * (5.0 + 15.0 * (-0.2_f64 / 8.0).exp())).abs() < 1e-10);
+    assert!(kinds(&experiment, &files).is_empty(), "{:?}", kinds(&experiment, &files));
+}
+
+/// Decimal commas in quotes, between commas.
+#[test]
+fn quoted_decimal_commas_between_commas_are_read() {
+    let comma = |x: f64| format!("\"{}\"", format!("{x:.3}").replace('.', ","));
+    let text = format!(
+        "Time (s),Force (uN),Position (um)\n{}",
+        rows(|_, [t, f, x]| format!("{},{},{}", comma(t), comma(f), comma(x)))
+    );
+    assert_is_truth(&text, TableSettings::default());
+}
+
+/// Exports with a line of empty cells, or of a remark, between the names and the units.
+#[test]
+fn lines_between_names_and_units_are_passed() {
+    for between in [",,,", ",Constant component,,"] {
+        let text = format!(
+            "Test:,creep,,\n{between}\nInterval data:,Time,Force,Position\n{between}\n,[s],[uN],[um]\n{}",
+            rows(|_, [t, f, x]| format!(",{t:.3},{f},{x:.3}"))
+        );
+        assert_is_truth(&text, TableSettings::default());
+    }
+}
+
+/// A table of a sweep at several temperatures is refused, and leaves no folder; so is one with two columns of a modulus, or without a frequency.
+#[test]
+fn several_sweeps_in_one_table_are_refused() {
+    let sweep = |factor: f64| -> String {
+        (1..=20)
+            .map(|row| {
+                let f = 0.1 * f64::from(row);
+                format!("{f:.1},{:.3},{:.3}\n", factor * (100.0 + f), factor * 10.0 * f)
+            })
+            .collect()
+    };
+    let folder = tempfile::tempdir().expect("a folder");
+    let tried = |text: &str| {
+        let (file, out) = (folder.path().join("a.csv"), folder.path().join("a"));
+        std::fs::write(&file, text).expect("room on the disk");
+        let request = InitRequest { file, out: Some(out.clone()), replace: true, ..InitRequest::default() };
+        let tried = run(&request, &mut |_| None).map(|(summary, _)| summary.rows).map_err(|error| error.to_string());
+        assert_eq!(out.exists(), tried.is_ok());
+        let _ = std::fs::remove_dir_all(out);
+        tried
+    };
+    let header = "Frequency [Hz],G' [Pa],G'' [Pa]\n";
+    assert_eq!(tried(&format!("{header}{}", sweep(1.0))), Ok(20));
+    // Repeats of one sweep differ by their scatter.
+    assert_eq!(tried(&format!("{header}{}{}", sweep(1.0), sweep(1.05))), Ok(40));
+    let refused = tried(&format!("{header}{}{}", sweep(1.0), sweep(4.0))).unwrap_err();
+    assert!(refused.contains("these are several sweeps") && refused.contains("row_lines"), "{refused}");
+    let twice = sweep(1.0).replace('\n', ",1,2\n");
+    let refused = tried(&format!("Frequency [Hz],G' [Pa],G'' [Pa],G' [Pa],G'' [Pa]\n{twice}")).unwrap_err();
+    assert!(refused.contains("2 columns are named as the storage"), "{refused}");
+    let refused = tried(&format!("x,G' [Pa],G'' [Pa]\n{}", sweep(1.0))).unwrap_err();
+    assert!(refused.contains("no column is named as a frequency"), "{refused}");
+    let refused = tried(&format!("omega,G',G''\n{}", sweep(1.0))).unwrap_err();
+    assert!(refused.contains("`omega [rad/s]`; `G' [Pa]`"), "{refused}");
+}
+
+/// Two of three tables of stress and strain are joined by their numbers.
+#[test]
+fn chosen_tables_of_stress_and_strain_are_joined() {
+    let table = |from: f64, stress: f64| -> String {
+        let rows: String = (1..=30)
+            .map(|row| format!("{:.1}\t{stress}\t{:.4}\n", from + 0.5 * f64::from(row), 0.01 * f64::from(row)))
+            .collect();
+        format!("Interval\nTime\tShear Stress\tShear Strain\n[s]\t[Pa]\t[%]\n{rows}\n")
+    };
+    let text = [table(0.0, 2.0), table(15.0, 1.0), table(0.0, 5.0)].concat();
+    let given = |tables: &str| TableSettings { tables: Some(tables.into()), ..TableSettings::default() };
+    let (_, experiment, _) = read(&text, given("1,2")).expect("a creep");
+    assert_eq!(experiment.record.position_m.iter().flatten().count(), 60);
+    assert_eq!(read(&text, given("3")).expect("a creep").1.record.position_m.iter().flatten().count(), 30);
+}

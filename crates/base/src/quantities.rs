@@ -31,6 +31,9 @@ const WORDS: [(&str, [&str; 3]); 12] = [
     ("tracker", ["sensor", "instrument", "instrument"]),
 ];
 
+/// Units of parameters that are exchanged, as in [`WORDS`]. A record of stress and strain has 1 µN for 1 Pa and 1 µm for 1 %.
+const UNITS: [(&str, [&str; 3]); 2] = [("m", ["N", "10⁶ %", "MPa"]), ("N", ["m", "MPa", "10⁶ %"])];
+
 impl Quantities {
     /// All kinds.
     pub const ALL: [Self; 3] = [Self::Relaxation, Self::StressCreep, Self::StressRelaxation];
@@ -70,7 +73,7 @@ impl Quantities {
 
     /// Exchanges words and units in a text. Names in backticks, and words that are parts of names with hyphens or underscores, stay as they are.
     pub fn translate(self, text: &str) -> Cow<'_, str> {
-        if !WORDS.iter().any(|(word, _)| text.contains(word)) {
+        if !WORDS.iter().chain(&UNITS).any(|(word, _)| text.contains(word)) {
             return Cow::Borrowed(text);
         }
         let is_of_name = |c: char| c.is_alphanumeric() || matches!(c, '-' | '_' | 'µ');
@@ -85,6 +88,13 @@ impl Quantities {
                 continue;
             }
             let (word, after) = rest.split_at(end);
+            // Units of parameters stand in brackets.
+            let is_unit = translated.ends_with('(') && (after.starts_with(')') || after.starts_with("/s)"));
+            if let Some((_, others)) = UNITS.iter().find(|(own, _)| is_unit && !is_code && *own == word) {
+                translated.push_str(others[self as usize]);
+                rest = after;
+                continue;
+            }
             let other = WORDS.iter().find(|(own, _)| !is_code && *own == word);
             translated.push_str(other.map_or(word, |(_, others)| others[self as usize]));
             rest = after;
@@ -216,6 +226,11 @@ mod tests {
             "Force 4.79 to 4.21 µN (sensor), position 4.6 µm: `force-bias` and position-offset, x_um, in µN·s";
         assert_eq!(Quantities::Relaxation.translate(text), expected);
         assert_eq!(Quantities::StressCreep.translate("positions in µm, forces in µN"), "strains in %, stresses in Pa");
+        // An offset of 1 µm stands for one of 1 %, and 1 N for 1 MPa.
+        let units = "offset b (m), drift v (m/s), bias (N), modulus E (Pa), 3 m, `x (m)`";
+        let expected = "offset b (10⁶ %), drift v (10⁶ %/s), bias (MPa), modulus E (Pa), 3 m, `x (m)`";
+        assert_eq!(Quantities::StressCreep.translate(units), expected);
+        assert_eq!(Quantities::Relaxation.translate("offset b (m)"), "offset b (N)");
         assert_eq!(Quantities::StressRelaxation.translate("`position` (µm)"), "`position` (Pa)");
         assert_eq!(Quantities::Relaxation.translate("nothing"), "nothing");
     }

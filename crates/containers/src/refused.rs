@@ -8,9 +8,11 @@ pub const IS_ZIP: &[u8] = b"PK\x03\x04";
 
 /// Names of the parts of a ZIP archive, and their total size in bytes after decompression. Both are empty for other files.
 pub fn zip_entries(bytes: &[u8]) -> (Vec<String>, u64) {
-    let Ok(archive) = zip::ZipArchive::new(Cursor::new(bytes)) else { return (Vec::new(), 0) };
-    let size = archive.decompressed_size().unwrap_or(u128::MAX);
-    (archive.file_names().flatten().map(String::from).collect(), u64::try_from(size).unwrap_or(u64::MAX))
+    let Ok(mut archive) = zip::ZipArchive::new(Cursor::new(bytes)) else { return (Vec::new(), 0) };
+    // Sizes come from the central directory: programs that write a workbook as a stream leave them out of the parts themselves.
+    let sizes = (0..archive.len()).map(|place| archive.by_index_raw(place).map_or(u64::MAX, |part| part.size()));
+    let n_bytes = sizes.fold(0, u64::saturating_add);
+    (archive.file_names().flatten().map(String::from).collect(), n_bytes)
 }
 
 /// First bytes of a format, its name, and the remedy.

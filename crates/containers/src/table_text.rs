@@ -31,20 +31,9 @@ impl TableText {
     }
 }
 
-/// Text of a cell without characters that would change the layout of the table.
+/// Text of a cell without characters that would change the layout of the table. A double prime, as in G", becomes two apostrophes.
 fn plain(cell: &str) -> String {
-    cell.trim()
-        .chars()
-        .map(|c| {
-            if c.is_control() {
-                ' '
-            } else if c == '"' {
-                '\''
-            } else {
-                c
-            }
-        })
-        .collect()
+    cell.trim().replace('"', "''").replace(char::is_control, " ")
 }
 
 /// Largest whole number that is written without an exponent or decimals.
@@ -70,6 +59,6 @@ mod tests {
         table.title("Sheet\t1");
         table.row(["", "a\nb", "12\" disc", ""].map(String::from));
         table.row([0.1 + 0.2, f64::NAN, -1e-30, -0.0, 3.0, 1e16].map(number));
-        assert_eq!(table.text, "Sheet 1\n\ta b\t12' disc\t\n0.30000000000000004\t\t-1e-30\t0\t3\t1e16\n");
+        assert_eq!(table.text, "Sheet 1\n\ta b\t12'' disc\t\n0.30000000000000004\t\t-1e-30\t0\t3\t1e16\n");
     }
 }

@@ -349,8 +349,16 @@ impl Report<'_> {
         if self.verdict.has_structure {
             return format!("No effect of the library explains the model's residual.{rest}");
         }
+        // A residual that only its size reveals may also be noise that is larger than the given one.
+        let (wrong, remedy) = match self.left.is_known && self.left.returning_m.is_none() {
+            true => (
+                "The model or the given noise",
+                " If the given noise is not certain, leave out `noise_um`: the program then estimates it.",
+            ),
+            false => ("The model", ""),
+        };
         format!(
-            "The model is wrong, and no effect of the library or known structure explains why: its residual is {}.{rest}",
+            "{wrong} is wrong, and no effect of the library or known structure explains why: its residual is {}.{rest}{remedy}",
             self.excess_words()
         )
     }
@@ -433,7 +441,10 @@ fn error_without_cycle_gains(rmse_um: f64, left_um: f64) -> String {
     if rmse_um < WORTH_SAYING * left_um {
         return String::new();
     }
-    format!(", or {} µm after removal of each cycle's gain and offset, which are part of the noise", short(left_um))
+    let left = short(left_um);
+    format!(
+        ", or {left} µm after removal of each cycle's gain and offset, which are part of the noise here; in `sample` they are a misfit unless its noise is `white,gain`"
+    )
 }
 
 fn entry(outside: &OutsideStructure) -> UnexplainedMisfit {

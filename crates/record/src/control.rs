@@ -24,30 +24,68 @@ const MOSTLY: f64 = 0.6;
 /// Least part of successive changes with equal signs that shows a trend. For noise about a constant it is 1/3.
 const TREND: f64 = 0.7;
 
-/// Changes of equal size differ by less than this part.
+/// A quantity moves in a change of more than this part of the largest one.
 const ALIKE: f64 = 0.03;
 
 /// Least change of the force over the longest hold of the position, as a part of its range, that shows a relaxation.
 const DRIFT: f64 = 0.15;
 
+/// Largest spread of the rates of a ramp, as a part of the rate.
+const STEADY: f64 = 0.1;
+/// Least part of the blocks in which a ramp moves.
+const RAMPING: f64 = 0.3;
+
 impl Control {
     /// The quantity that an experiment most likely commanded, from the force (N) and the position (m) of each row: the position if it holds for most of the time while
-    /// the force drifts, or if it changes at one rate and the force does not; otherwise the force.
+    /// the force drifts, or if it changes at a much steadier rate than the force; otherwise the force.
     pub(super) fn likely(force_n: &[f64], position_m: &[Option<f64>]) -> Self {
+        Changes::of(force_n, position_m).control()
+    }
+}
+
+/// True if neither quantity holds for most of the time: both change in most blocks of rows.
+pub(super) fn nothing_holds(force_n: &[f64], position_m: &[Option<f64>]) -> bool {
+    let Changes { force, position } = Changes::of(force_n, position_m);
+    [force, position]
+        .iter()
+        .all(|changes| moving(changes).len() as f64 > MOSTLY * changes.len() as f64 && has_trend(changes))
+}
+
+/// Correlation of the changes of force and position from block to block of rows; 0 if one of them does not change. It is positive for a passive body of which a part is elastic, and
+/// noise during long holds does not hide it.
+pub(super) fn correlation_of_changes(force_n: &[f64], position_m: &[Option<f64>]) -> f64 {
+    let Changes { force, position } = Changes::of(force_n, position_m);
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let size = (dot(&force, &force) * dot(&position, &position)).sqrt();
+    if size > 0.0 { dot(&force, &position) / size } else { 0.0 }
+}
+
+/// Changes of force and position from block to block of the rows that have both, as parts of their ranges.
+struct Changes {
+    force: Vec<f64>,
+    position: Vec<f64>,
+}
+
+impl Changes {
+    fn of(force_n: &[f64], position_m: &[Option<f64>]) -> Self {
         let rows = force_n.iter().zip(position_m).filter_map(|(force, position)| Some((*force, (*position)?)));
         let (force_n, position_m): (Vec<f64>, Vec<f64>) = rows.unzip();
-        let (force, position) = (changes(&force_n), changes(&position_m));
+        Self { force: changes(&force_n), position: changes(&position_m) }
+    }
+
+    fn control(&self) -> Control {
+        let Self { force, position } = self;
         let is_held = |change: &f64| change.abs() < HELD;
-        if has_one_rate(&position) && !has_one_rate(&force) && has_trend(&force) {
+        let spread = rate_spread(position);
+        if spread < STEADY && rate_spread(force) > 3.0 * spread && has_trend(force) {
             return Control::Position;
         }
-        let part = |n: usize, of: usize| n as f64 / of.max(1) as f64;
-        if part(position.iter().filter(|change| is_held(change)).count(), position.len()) < MOSTLY {
+        if (position.iter().filter(|change| is_held(change)).count() as f64) < MOSTLY * position.len().max(1) as f64 {
             return Control::Force;
         }
         let pairs = position.windows(2).zip(force.windows(2)).filter(|(x, _)| x.iter().all(is_held));
         let alike: Vec<bool> = pairs.map(|(_, force)| force[0] * force[1] > 0.0).collect();
-        let is_trend = part(alike.iter().filter(|alike| **alike).count(), alike.len()) > TREND;
+        let is_trend = are_mostly(&alike);
         // Noise hides the trend of a slow decay from block to block, but not over a whole hold.
         let held = position.chunk_by(|a, b| is_held(a) == is_held(b)).scan(0, |at, run| {
             *at += run.len();
@@ -64,41 +102,35 @@ impl Control {
     }
 }
 
-/// True if neither quantity holds for most of the time: both change in most blocks of rows.
-pub(super) fn nothing_holds(force_n: &[f64], position_m: &[Option<f64>]) -> bool {
-    let positions_m: Vec<f64> = position_m.iter().flatten().copied().collect();
-    [changes(force_n), changes(&positions_m)].iter().all(|changes| {
-        // A quantity that holds has a few large changes, and is at rest or noise between them.
-        let largest = changes.iter().fold(0.0_f64, |most, change| most.max(change.abs()));
-        let moving = changes.iter().filter(|change| change.abs() > ALIKE * largest).count();
-        moving as f64 > MOSTLY * changes.len() as f64 && has_trend(changes)
-    })
+/// Sizes of the changes in which a quantity moves. One that holds has a few large changes, and is at rest or noise between them.
+fn moving(changes: &[f64]) -> Vec<f64> {
+    let largest = changes.iter().fold(0.0_f64, |most, change| most.max(change.abs()));
+    changes.iter().map(|change| change.abs()).filter(|size| *size > ALIKE * largest).collect()
 }
 
-/// True if most changes are of one size, as those of a ramp or a triangle are.
-fn has_one_rate(changes: &[f64]) -> bool {
-    let mut sizes: Vec<f64> = changes.iter().map(|change| change.abs()).collect();
-    sizes.sort_by(f64::total_cmp);
-    let middle = sizes.get(sizes.len() / 2).copied().unwrap_or(0.0);
-    let alike = sizes.iter().filter(|size| (**size - middle).abs() <= ALIKE * middle).count();
-    middle > 0.0 && alike as f64 > 0.8 * sizes.len() as f64
+/// Spread of the rates with which a quantity moves, as a part of the middle rate: small for a ramp or a triangle, with or without holds. Infinite if it hardly moves.
+fn rate_spread(changes: &[f64]) -> f64 {
+    let mut sizes = moving(changes);
+    if sizes.is_empty() || (sizes.len() as f64) < RAMPING * changes.len() as f64 {
+        return f64::INFINITY;
+    }
+    let middle_of = |values: &mut Vec<f64>| {
+        values.sort_by(f64::total_cmp);
+        values[values.len() / 2]
+    };
+    let middle = middle_of(&mut sizes);
+    let mut apart: Vec<f64> = sizes.iter().map(|size| (size / middle - 1.0).abs()).collect();
+    middle_of(&mut apart)
 }
 
 /// True if most successive changes have equal signs.
 fn has_trend(changes: &[f64]) -> bool {
-    let alike = changes.windows(2).filter(|pair| pair[0] * pair[1] > 0.0).count();
-    alike as f64 > TREND * changes.len().saturating_sub(1).max(1) as f64
+    are_mostly(&changes.windows(2).map(|pair| pair[0] * pair[1] > 0.0).collect::<Vec<_>>())
 }
 
-/// Correlation of the changes of force and position from block to block of rows; 0 if one of them does not change. It is positive for a passive body of which a part is elastic, and
-/// noise during long holds does not hide it.
-pub(super) fn correlation_of_changes(force_n: &[f64], position_m: &[Option<f64>]) -> f64 {
-    let rows = force_n.iter().zip(position_m).filter_map(|(force, position)| Some((*force, (*position)?)));
-    let (force_n, position_m): (Vec<f64>, Vec<f64>) = rows.unzip();
-    let (force, position) = (changes(&force_n), changes(&position_m));
-    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-    let size = (dot(&force, &force) * dot(&position, &position)).sqrt();
-    if size > 0.0 { dot(&force, &position) / size } else { 0.0 }
+/// True if most pairs of changes have equal signs.
+fn are_mostly(alike: &[bool]) -> bool {
+    alike.iter().filter(|alike| **alike).count() as f64 > TREND * alike.len().max(1) as f64
 }
 
 /// Changes of a quantity from block to block of rows, as parts of its range. The range includes 0, at which every record starts.
@@ -171,6 +203,10 @@ mod tests {
         let force = |t: f64| 5.0 * (1.0 - (-triangle(t) / 8.0).exp());
         assert_eq!(control(force, triangle), Control::Position);
         assert_eq!(control(triangle, force), Control::Force);
+        // A ramp with jitter, then a hold.
+        let jittered = |t: f64| (1.0 + 0.002 * (9.0 * t).sin()) * t.min(36.0);
+        let answer = |t: f64| if t < 36.0 { 8.0 * t - 0.1 * t * t } else { 158.4 * (0.8 + 0.2 * (36.0 - t).exp()) };
+        assert_eq!(control(answer, jittered), Control::Position);
         // A fluid under a constant force moves at one rate.
         assert_eq!(control(|_| 1.0, |t| t), Control::Force);
         let rows = |of: &dyn Fn(f64) -> f64| (0..1200).map(|row| of(0.05 * f64::from(row))).collect::<Vec<f64>>();

@@ -18,6 +18,8 @@ use base::units::Dimension;
 
 /// Largest relative range of the frequencies of a test at one frequency.
 const ONE_FREQUENCY: f64 = 1e-3;
+/// Largest ratio of the moduli of repeats at one frequency.
+const LIKE_REPEATS: f64 = 1.3;
 /// Smallest number of rows that are not held out.
 const FEWEST_FITTED: usize = 4;
 /// Smallest number of frequencies at which rows are held out by default.
@@ -200,10 +202,11 @@ impl SweepColumn {
             }
             // A letter alone says too little without its unit.
             "w" if unit.is_some() => Self::Frequency,
-            "g'" | "g′" | "g`" | "g´" | "storage" | "gprime" | "speichermodul" => Self::Storage,
-            "g''" | "g″" | "g′′" | "g\"" | "g``" | "g´´" | "loss" | "gdoubleprime" | "verlustmodul" => {
-                Self::Loss
+            "g'" | "g′" | "g`" | "g´" | "storage" | "gstorage" | "estorage" | "gprime" | "speichermodul" => {
+                Self::Storage
             }
+            "g''" | "g″" | "g′′" | "g\"" | "g``" | "g´´" | "loss" | "gloss" | "eloss" | "gdoubleprime"
+            | "verlustmodul" => Self::Loss,
             "g" | "modulus" | "complexshearmodulus" => Self::Modulus,
             "phase" | "delta" | "δ" | "phasenwinkel" => Self::Phase,
             "tandelta" | "tanδ" | "tand" | "losstangent" | "lossfactor" | "verlustfaktor" => Self::LossTangent,
@@ -234,9 +237,15 @@ pub fn moduli_columns(looked: &InspectedTable) -> Option<[(SweepColumn, usize); 
 
 /// First column whose name is that of a quantity of an oscillation, with its index.
 fn column_of(looked: &InspectedTable, column: SweepColumn) -> Option<(SweepColumn, usize)> {
-    let mut places = looked.columns.iter().zip(&looked.units).enumerate();
-    let (place, _) = places.find(|(_, (name, unit))| SweepColumn::from_name(name, unit.as_ref()) == Some(column))?;
-    Some((column, place))
+    Some((column, columns_of(looked, column).next()?))
+}
+
+/// Indices of the columns whose name is that of a quantity of an oscillation.
+pub fn columns_of(looked: &InspectedTable, column: SweepColumn) -> impl Iterator<Item = usize> {
+    let places = looked.columns.iter().zip(&looked.units).enumerate();
+    places
+        .filter(move |(_, (name, unit))| SweepColumn::from_name(name, unit.as_ref()) == Some(column))
+        .map(|(place, _)| place)
 }
 
 impl OscillationRecord {
@@ -282,6 +291,7 @@ impl OscillationRecord {
             columns.form.divide(&mut rows, 2.0 + 2.0 * poisson_ratio);
         }
         hold_out(measurement, &mut rows)?;
+        refuse_several_states(&csv_path, columns.form, &rows)?;
         if let [first, .., last] = &rows[..]
             && last.frequency_hz <= (1.0 + ONE_FREQUENCY) * first.frequency_hz
         {
@@ -330,6 +340,27 @@ impl OscillationRecord {
         let ends = [self.rows.first(), self.rows.last()];
         ends.map(|row| row.map_or(1.0, |row| row.frequency_hz))
     }
+}
+
+/// Refuses rows of one frequency whose moduli differ more than repeats do: the table then holds sweeps at several temperatures or strains, or of several specimens.
+fn refuse_several_states(file: &Path, form: SweepForm, rows: &[SweepRow]) -> Result<()> {
+    let modulus_pa = |row: &SweepRow| form.moduli(row.pair).into_iter().fold(0.0, f64::hypot);
+    for repeats in rows.chunk_by(|a, b| b.frequency_hz <= (1.0 + ONE_FREQUENCY) * a.frequency_hz) {
+        let moduli = || repeats.iter().map(modulus_pa);
+        let (least, most) = (moduli().fold(f64::INFINITY, f64::min), moduli().fold(0.0, f64::max));
+        if most > LIKE_REPEATS * least {
+            return Err(Error::input(
+                InputPlace::file(file),
+                format!(
+                    "{} rows have the frequency {:.4} Hz, and their moduli lie between {least:.3e} and {most:.3e} Pa: these are several sweeps, such as of several temperatures or strains",
+                    repeats.len(),
+                    repeats[0].frequency_hz
+                ),
+                "keep the rows of one sweep in the table, or give their first and last line, as in `row_lines = [[4, 34]]` of [measurement] in place of `first_row_line`",
+            ));
+        }
+    }
+    Ok(())
 }
 
 /// Reads the Poisson ratio from `[rheometer]`, otherwise from `[vitreous]`. The default is 0.5.

@@ -319,9 +319,9 @@ impl Device {
     }
 }
 
-/// Number with four significant digits, as a sentence shows it.
-fn significant(value: f64) -> String {
-    figures::number::format_significant(value, 4)
+/// Number with at most four significant digits, as a sentence shows it.
+fn significant(value: f64) -> f64 {
+    format!("{value:.3e}").parse().unwrap_or(value)
 }
 
 /// Cross-section that the lines above a table state, or that follows from its sides or its diameter.

@@ -17,7 +17,7 @@ use self::force_log::ForceLog;
 use self::preamble::Preamble;
 pub use self::request::InitRequest;
 use self::source::TableSource;
-use self::start::{answers_at_once, has_absolute_strain, is_stretch, load_start_s};
+use self::start::{answers_at_once, has_absolute_strain, is_stretch, left_out_s, load_start_s};
 use self::stress::StressStrain;
 use self::sweep::describe_sweep;
 use self::toml::{AXES, experiment_toml};
@@ -30,7 +30,7 @@ use record::table::{
     Ask, ColumnName, InspectedTable, PositionColumns, TableDescription, TableProposal, TableSettings, choose_table,
     inspect_tables, propose, tracks,
 };
-use record::{Control, OscillationRecord, moduli_columns, sweep_columns};
+use record::{Control, OscillationRecord, columns_of, moduli_columns, sweep_columns};
 
 /// Reads the table, asks the user for missing information, and writes the experiment with a copy of the table. Returns the interpretation of the table
 /// and the table's hash.
@@ -114,6 +114,14 @@ fn one(
     };
     let constant = device.stress_strain().and_then(|creep| creep.constant);
     let control = request.control.or(constant).unwrap_or(proposal.control);
+    if proposal.description.force.is_some() && constant.is_none() && proposal.force_n == [0.0, 0.0] {
+        let column = proposal.description.force.as_ref().map_or(String::new(), |(name, _)| name.to_string());
+        return Err(Error::input(
+            InputPlace::file(place).at_key(column),
+            "the force is 0 in every row, so that the record shows nothing of the gel",
+            format!("give another column with `{}`, or join the table with the one before it", Setting::ForceColumn),
+        ));
+    }
     if is_stretch(&proposal, device.stress_strain()) {
         proposal.reasons.push(
             "the strain begins near 1 and changes, so that it is read as a stretch: the first row counts as unstrained"
@@ -131,6 +139,9 @@ fn one(
     let creep = device.stress_strain();
     if load_start_s(&proposal, &device, control).is_some() {
         let text = match creep {
+            Some(_) if left_out_s(&proposal, &device, control).is_some() => {
+                "the strain of the first row, at time 0, is that of the hold: the step is assumed to have begun just before it (load_start_s), and the stress of this row is left out (left_out_s), because it depends on how the strain rises"
+            }
             Some(_) if answers_at_once(&proposal, creep, control) => {
                 "the strain of the first row, at time 0, is not 0, and a stress acts: the step is assumed to have begun just before it (load_start_s), so that this strain is the gel's instantaneous answer; \
                  if the instrument's zero was off, remove that line and write zero = \"fit\""
@@ -209,6 +220,8 @@ fn refuse_without_frequency(place: &Path, given: &TableSettings, looked: &Inspec
     ))
 }
 
+/// Value of the table setting that joins all tables of a file.
+const ALL_TABLES: &str = "all";
 /// Value of the table setting that makes one experiment of each table of a file.
 const EACH_TABLE: &str = "each";
 
@@ -294,13 +307,19 @@ fn write(out: &Path, (name, bytes): (&str, &[u8]), toml: &str, log: Option<(Path
     write_together(&all)
 }
 
-/// The only one of the tables in a file, or the one that the user has chosen. `None` if several tables are to be joined.
+/// The table in a file, or the first of those that the user has chosen, with the lines of all of them: tables that are joined have equal columns.
 fn chosen_table(mut tables: Vec<InspectedTable>, chosen: Option<&str>) -> Option<InspectedTable> {
-    let number = match chosen {
-        None => 1,
-        Some(number) => number.parse().ok()?,
+    let numbers: Vec<usize> = match chosen {
+        None => vec![1],
+        Some(ALL_TABLES) => (1..=tables.len()).collect(),
+        Some(list) => list.split(',').map(|number| number.trim().parse().ok()).collect::<Option<_>>()?,
     };
-    (1..=tables.len()).contains(&number).then(|| tables.swap_remove(number - 1))
+    let row_lines =
+        numbers.iter().map(|number| tables.get(number.checked_sub(1)?).map(|table| table.layout.row_lines.clone()));
+    let row_lines = row_lines.collect::<Option<Vec<_>>>()?.concat();
+    let mut first = tables.swap_remove(*numbers.first()? - 1);
+    first.layout.row_lines = row_lines;
+    Some(first)
 }
 
 /// Writes an experiment for a rheometer's oscillation. `None` if the table is of another kind, or if the user names columns of a record over time.
@@ -317,13 +336,41 @@ fn oscillation(
     let Some(columns) = sweep_columns(looked) else { return Ok(None) };
     let (toml, mut summary) = describe_sweep(source, request.id.as_deref(), request.sizes[2], looked, &columns)?;
     summary.reasons.extend(unused_sizes_remark(request));
+    refuse_several_columns(&source.place, looked)?;
+    let is_new = files::kind(out).is_none();
     write(out, (&source.name, &source.bytes), &toml, None)?;
-    let (sweep, _) = OscillationRecord::read(out)?;
+    let sweep = match OscillationRecord::read(out) {
+        Ok((sweep, _)) => sweep,
+        // A description that cannot be read would be in the way of the next one.
+        Err(error) => {
+            if is_new {
+                let _ = files::remove_all(out);
+            }
+            return Err(error);
+        }
+    };
     Ok(Some(InitSummary {
         directory: out.display().to_string(),
         rows: sweep.rows.len() + sweep.n_incomplete,
         ..summary
     }))
+}
+
+/// Refuses a table with several columns of one modulus, such as of several specimens.
+fn refuse_several_columns(place: &Path, looked: &InspectedTable) -> Result<()> {
+    for (column, _) in moduli_columns(looked).into_iter().flatten() {
+        let names: Vec<String> =
+            columns_of(looked, column).map(|place| format!("`{}`", looked.columns[place])).collect();
+        if names.len() > 1 {
+            let shown = names.iter().take(4).cloned().collect::<Vec<_>>().join(", ");
+            return Err(Error::input(
+                InputPlace::file(place),
+                format!("{} columns are named as the {}: {shown}", names.len(), column.key()),
+                "keep the columns of one sweep in the table",
+            ));
+        }
+    }
+    Ok(())
 }
 
 /// Remark that given sizes are ignored, because stress and strain do not depend on them. `None` if no sizes were given.

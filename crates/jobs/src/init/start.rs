@@ -22,17 +22,26 @@ pub(super) fn is_stretch(proposal: &TableProposal, stress_strain: Option<&Stress
     stress_strain.is_some_and(|own| own.is_told) && proposal.is_stretch()
 }
 
-/// True for a creep of stress and strain if a stress acts in the first row, at time 0, and the strain has already jumped. Stretches count from the first row.
+/// True for stress and strain if the step has begun before the first row, at time 0: a stress acts, and the strain has already jumped. A commanded strain is then at its hold.
+/// Stretches count from the first row.
 pub(super) fn answers_at_once(
     proposal: &TableProposal,
     stress_strain: Option<&StressStrain>,
     control: Control,
 ) -> bool {
     stress_strain.is_some()
-        && control == Control::Force
         && !is_stretch(proposal, stress_strain)
         && proposal.loaded_from_s == Some(0.0)
-        && proposal.starts_displaced()
+        && match control {
+            Control::Force => proposal.starts_displaced(),
+            Control::Position => proposal.starts_at_hold(),
+        }
+}
+
+/// Interval (s) with the first row of a relaxation whose step has begun just before it. A stress in the middle of the step depends on how the strain rises.
+pub(super) fn left_out_s(proposal: &TableProposal, device: &Device, control: Control) -> Option<[f64; 2]> {
+    let is_relaxation = control == Control::Position && answers_at_once(proposal, device.stress_strain(), control);
+    is_relaxation.then_some([0.0, 2.0 * JUST_BEFORE * proposal.duration_s])
 }
 
 /// Least time of the first row, in intervals between rows, at which a bead's record counts as begun after its load. Clocks may count from 0 or from 1.

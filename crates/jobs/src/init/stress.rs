@@ -12,7 +12,7 @@ const STRESS: [&str; 3] = ["stress", "spannung", "contrainte"];
 /// Words by which the strain column is recognised.
 const STRAIN: [&str; 4] = ["strain", "deformation", "dehnung", "déformation"];
 /// Words and symbols by which the column of a relaxation modulus is recognised.
-const MODULUS: [&str; 5] = ["modulus", "g(t)", "e(t)", "relaxationsmodul", "module"];
+const MODULUS: [&str; 7] = ["modulus", "g(t)", "e(t)", "g_relax", "e_relax", "relaxationsmodul", "module"];
 /// Words and symbols by which the column of a creep compliance is recognised.
 const COMPLIANCE: [&str; 5] = ["compliance", "j(t)", "d(t)", "nachgiebigkeit", "complaisance"];
 /// Words by which a column of a measured quantity is recognised.
@@ -200,7 +200,7 @@ impl StressStrain {
         };
         let is_uniaxial = [stress.0, strain.0].into_iter().any(|place| {
             called(name(place), &UNIAXIAL, &MULTIAXIAL)
-                || constant.is_some() && ["e", "d"].contains(&symbol(name(place)).as_str())
+                || constant.is_some() && ["e", "d", "e_relax"].contains(&symbol(name(place)).as_str())
         });
         let names = || [stress.0, strain.0].into_iter().map(name);
         let is_open = !is_uniaxial && constant.is_none() && !names().any(|name| called(name, &MULTIAXIAL, &[]));

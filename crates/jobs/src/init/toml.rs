@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use super::device::Device;
 use super::request::InitRequest;
 use super::source::TableSource;
-use super::start::load_start_s;
+use super::start::{left_out_s, load_start_s};
 use base::quantities::Quantities;
 use base::toml_input::quoted;
 use record::table::{ColumnName, PositionColumns, TableProposal};
@@ -149,6 +149,9 @@ pub(super) fn experiment_toml(
         None => {
             line("# load_start_s", "-3.0".into(), "time at which the force of the first row began, if before that row")
         }
+    }
+    if let Some(interval_s) = left_out_s(proposal, device, control) {
+        line("left_out_s", format!("[{interval_s:?}]"), "the first row, in the middle of the step");
     }
     line("\n[measurement.columns]\ntime", column_name(&table.time.0), "name in the header, or number from 1");
     if let Some((force, _)) = table.force.as_ref().filter(|_| constant != Some(Control::Force)) {

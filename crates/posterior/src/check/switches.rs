@@ -37,6 +37,9 @@ fn excess_m(looked: &CheckContext<'_>, row: usize) -> Option<f64> {
     Some(MotionLine::through(points.iter().copied()).excess((record.time_s[row], record.position_m[row]?)))
 }
 
+/// Factor by which a few switches must stand out more than many.
+const FEW: f64 = 4.0;
+
 /// Finds positions that have already moved in the row in which the force is stated to switch. A row's position is measured just before a switch in that row, so
 /// the force must have switched earlier.
 pub(super) fn between_rows(looked: &CheckContext<'_>) -> Option<Contradiction> {
@@ -53,7 +56,9 @@ pub(super) fn between_rows(looked: &CheckContext<'_>) -> Option<Contradiction> {
             is_held.then_some(sign * (excess_m(looked, row)? - excess_m(looked, before)?))
         })
         .collect();
-    if excesses.len() < STEPS {
+    // A few switches alone may be outliers, so that they must stand out more, and do not stop a fit.
+    let is_sure = excesses.len() >= STEPS;
+    if excesses.is_empty() {
         return None;
     }
     let mut sorted = excesses.clone();
@@ -64,16 +69,20 @@ pub(super) fn between_rows(looked: &CheckContext<'_>) -> Option<Contradiction> {
     // The excess of a row minus the excess of the previous row weights six positions by 1, −2, ½, ½, ½ and −½. Its standard deviation is √6 times the noise. The
     // standard error of the median of n such values is 1.25/√n times this standard deviation.
     let error_m = 1.25 * 6.0_f64.sqrt() * noise_m / (excesses.len() as f64).sqrt();
+    let error_m = if is_sure { error_m } else { FEW * error_m };
     if middle_m <= (ERRORS * error_m).max(NOISES * noise_m) || middle_m <= LEAST_PART * looked.range_m {
         return None;
     }
     let text = format!(
-        "at {} steps of the force, the position has already moved by about {} µm in the row of the step: the force switched between two rows",
-        excesses.len(),
+        "at {} of the force, the position has already moved by about {} µm in the row of the step: the force switched between two rows",
+        match excesses.len() {
+            1 => "one step".into(),
+            n => format!("{n} steps"),
+        },
         um(middle_m)
     );
     let advice = "give every switch a separate row at its time, with the new force and an empty position";
-    Some(found("switch_between_rows", true, text, advice))
+    Some(found("switch_between_rows", is_sure, text, advice))
 }
 
 /// Finds switches of the force behind a missing row in which the position has already moved: the force switched in the missing row or near it.
@@ -155,6 +164,11 @@ pub(super) fn logged_late(looked: &CheckContext<'_>) -> Option<Contradiction> {
     let begins: Vec<(f64, f64)> =
         steps.iter().filter_map(|step| Some((record.time_s[begin(*step)? - 1], record.time_s[*step]))).collect();
     let late_s = record::robust::median(begins.iter().map(|(begin_s, step_s)| step_s - begin_s).collect())?;
+    // Half of the rows of a hold may be nearly all of its time. The law's own misfit then looks like a motion.
+    let holds_s = steps.windows(2).map(|pair| record.time_s[pair[1]] - record.time_s[pair[0]]);
+    if late_s > 0.5 * holds_s.fold(f64::INFINITY, f64::min) {
+        return None;
+    }
     let listed: Vec<String> = begins.iter().take(LISTED).map(|(begin_s, _)| format_significant(*begin_s, 5)).collect();
     let text = format!(
         "the force column lags the motion: the body moves about {} s before the rows in which the force switches. The force was logged late or too rarely",

@@ -76,7 +76,10 @@ fn layout(lines: &[&str]) -> Option<Layout> {
     let mut best: Option<(i64, Layout)> = None;
     for delimiter in Delimiter::ALL {
         for decimal in Decimal::ALL {
-            if (delimiter, decimal) == (Delimiter::Comma, Decimal::Comma) {
+            // Quotes keep decimal commas apart from those between cells.
+            if (delimiter, decimal) == (Delimiter::Comma, Decimal::Comma)
+                && !lines.iter().any(|line| line.contains('"'))
+            {
                 continue;
             }
             let mut run: Option<(i64, Layout)> = None;
@@ -245,8 +248,8 @@ fn header(lines: &[&str], from: usize, layout: &Layout, n_empty: usize) -> Heade
     if let Some(header) = in_preamble() {
         return header;
     }
-    let mut above: Vec<usize> =
-        (from..layout.first).rev().filter(|index| !lines[*index].trim().is_empty()).take(4).collect();
+    let has_cell = |line: &str| cells(line, layout.delimiter).iter().any(|cell| !cell.is_empty());
+    let mut above: Vec<usize> = (from..layout.first).rev().filter(|index| has_cell(lines[*index])).take(4).collect();
     // A single word, such as `BEGIN`, marks where the rows begin.
     let is_word = |line: &str| cells(line, layout.delimiter).len() == 1 && line.split_whitespace().count() == 1;
     if above.first().is_some_and(|index| is_word(lines[*index])) {
@@ -262,7 +265,8 @@ fn header(lines: &[&str], from: usize, layout: &Layout, n_empty: usize) -> Heade
         if units.iter().flatten().count() < 2 || cells.iter().any(|cell| length(cell) > LONGEST_UNIT) {
             return None;
         }
-        let (line, names) = names(place + 1)?;
+        // A line of remarks may also stand between names and units.
+        let (line, names) = names(place + 1).or_else(|| names(place + 2))?;
         // A unit line may contain units that the program does not use, such as °C.
         let is_foreign = |at: &usize| units[*at].is_none() && cells[*at].chars().any(char::is_alphabetic);
         let foreign = (0..units.len()).filter(is_foreign).collect();

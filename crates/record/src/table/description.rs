@@ -275,10 +275,6 @@ impl TableLayout {
         let delimiter =
             read_choice(measurement, "delimiter", &Delimiter::ALL, Delimiter::name)?.unwrap_or(Delimiter::Comma);
         let decimal = read_choice(measurement, "decimal", &Decimal::ALL, Decimal::name)?.unwrap_or(Decimal::Point);
-        if delimiter == Delimiter::Comma && decimal == Decimal::Comma {
-            let remedy = "change `delimiter` or `decimal`";
-            return Err(measurement.refuse("decimal", "the comma is both delimiter and decimal sign", remedy));
-        }
         let header_line = line(measurement, "header_line")?;
         let row_lines = row_lines(measurement)?;
         let first_row_line = match row_lines.first() {

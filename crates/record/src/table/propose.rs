@@ -86,6 +86,12 @@ impl TableProposal {
         !self.description.time_rules.spreads_ties && self.first_written_m.is_some_and(is_displaced)
     }
 
+    /// Returns whether the first position is already within a tenth of the farthest one, as in the hold of a relaxation that begins with the record.
+    pub fn starts_at_hold(&self) -> bool {
+        let farthest_m = self.written_position_m.into_iter().fold(0.0, |most: f64, x| most.max(x.abs()));
+        self.first_written_m.is_some_and(|first_m| first_m.abs() > 0.9 * farthest_m && farthest_m > 0.0)
+    }
+
     /// Returns whether the positions are stretches, of which 1 is the unstrained length: they begin near 1 and change by more than a hundredth.
     pub fn is_stretch(&self) -> bool {
         let range_m = self.written_position_m[1] - self.written_position_m[0];
@@ -737,7 +743,7 @@ pub fn inspect_tables(file: &Path, bytes: &[u8]) -> Result<Vec<InspectedTable>> 
         let said = describe_layout(&[table], &lines);
         let Header { names, units, .. } = table.header.clone();
         let mut layout = written(bytes, &lines, table);
-        if all.len() > 1 {
+        if all.len() > 1 || lines[table.end..].iter().any(|line| !is_blank_or_comment(line, None)) {
             layout.row_lines = vec![table.lines()];
         }
         let is_row = |line: usize| all.iter().any(|table| (table.lines()[0]..=table.lines()[1]).contains(&line));

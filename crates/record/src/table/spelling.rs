@@ -6,7 +6,7 @@ use base::units::{Dimension, UNITS};
 const GRAM_FORCE_N: f64 = 9.806_65e-3;
 
 /// Spellings of units that differ from the program's own names, with their dimension and their value in SI units.
-const SPELLINGS: [(&str, Dimension, f64); 72] = [
+const SPELLINGS: [(&str, Dimension, f64); 75] = [
     ("с", Dimension::Time, 1.0),
     ("мс", Dimension::Time, 1e-3),
     ("Н", Dimension::Force, 1.0),
@@ -79,6 +79,9 @@ const SPELLINGS: [(&str, Dimension, f64); 72] = [
     ("°", Dimension::Angle, std::f64::consts::PI / 180.0),
     ("mrad", Dimension::Angle, 1e-3),
     ("%", Dimension::Ratio, 1e-2),
+    ("mm/mm", Dimension::Ratio, 1.0),
+    ("m/m", Dimension::Ratio, 1.0),
+    ("in/in", Dimension::Ratio, 1.0),
 ];
 
 /// Unit that was recognised in a text.
