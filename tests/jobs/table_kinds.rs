@@ -743,7 +743,7 @@ fn several_sweeps_in_one_table_are_refused() {
     // Repeats of one sweep differ by their scatter.
     assert_eq!(tried(&format!("{header}{}{}", sweep(1.0), sweep(1.05))), Ok(40));
     let refused = tried(&format!("{header}{}{}", sweep(1.0), sweep(4.0))).unwrap_err();
-    assert!(refused.contains("these are several sweeps") && refused.contains("row_lines"), "{refused}");
+    assert!(refused.contains("these are several sweeps"), "{refused}");
     let twice = sweep(1.0).replace('\n', ",1,2\n");
     let refused = tried(&format!("Frequency [Hz],G' [Pa],G'' [Pa],G' [Pa],G'' [Pa]\n{twice}")).unwrap_err();
     assert!(refused.contains("2 columns are named as the storage"), "{refused}");

@@ -163,13 +163,14 @@ pub fn strain_warning(largest_strain: f64) -> Option<Warning> {
     (largest_strain > LINEAR_STRAIN).then(|| Warning {
         kind: WarningKind::LargeStrain,
         text: format!(
-            "the largest strain at the integration points is {largest_strain:.2} (up to a tenth more at the robot's surface), but the gel is known to be linear \
-             only below {LINEAR_STRAIN}"
+            "the largest strain at the integration points is {} (up to a tenth more at the robot's surface), but the gel is known to be linear \
+             only below {LINEAR_STRAIN}",
+            figures::number::format_significant(largest_strain, 2)
         ),
         advice: if largest_strain > IMPOSSIBLE_STRAIN {
             "check the units of force, position and sizes first: no gel is strained by twenty times its own length"
         } else {
-            "read E, c₁ and c₂ as effective values at this amplitude, or repeat with a smaller force"
+            "read the parameters as effective values at this amplitude, or repeat with a smaller force"
         }
         .into(),
     })
@@ -452,7 +453,7 @@ mod tests {
             assert!(advice.starts_with("check the units"), "{advice}");
         }
         assert!(strain_warning(30.0).expect("large").advice.contains("check the units"));
-        assert!(strain_warning(2.6).expect("the paper's").advice.starts_with("read E"));
+        assert!(strain_warning(2.6).expect("the paper's").advice.starts_with("read the parameters"));
     }
 
     /// The test multiplies the positions of a 300 µm record by 1000, as if µm had been read as mm.

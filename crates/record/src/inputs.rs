@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use super::frame::AppliedFrame;
 use super::notes::Note;
 use super::table::UnreadColumn;
-use base::error::Result;
+use base::error::{Error, InputPlace, Result};
 use base::files::{self, Content};
 use base::toml_input::TomlTable;
 
@@ -54,6 +54,10 @@ const WHAT: &str = "an experiment";
 /// Returns the path and bytes of an experiment's TOML file. `path` is the experiment's directory or the TOML file itself.
 pub(super) fn read_toml(path: &Path) -> Result<(PathBuf, Vec<u8>)> {
     let remedy = "give a directory that holds experiment.toml, or the path of the TOML file";
+    if path.is_file() && path.extension().is_none_or(|extension| extension != "toml") {
+        let remedy = "make an experiment of a table with `init`, or give a directory that holds experiment.toml";
+        return Err(Error::input(InputPlace::file(path), "this file is no description of an experiment", remedy));
+    }
     if !path.is_dir() {
         return Ok((path.to_path_buf(), files::read(path, Content::Settings, remedy)?));
     }

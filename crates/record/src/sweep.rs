@@ -356,7 +356,7 @@ fn refuse_several_states(file: &Path, form: SweepForm, rows: &[SweepRow]) -> Res
                     repeats.len(),
                     repeats[0].frequency_hz
                 ),
-                "keep the rows of one sweep in the table, or give their first and last line, as in `row_lines = [[4, 34]]` of [measurement] in place of `first_row_line`",
+                "give a table with the rows of one sweep",
             ));
         }
     }

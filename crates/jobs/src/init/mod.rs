@@ -157,7 +157,11 @@ fn one(
     match (creep, control) {
         (Some(creep), _) => proposal.reasons.push(creep.reason(control, proposal.nothing_holds)),
         (None, Control::Position) => {
-            let seen = if proposal.nothing_holds { "the position moves" } else { "the position holds" };
+            let seen = if proposal.nothing_holds {
+                "the position moves"
+            } else {
+                "the position holds or moves at a constant rate"
+            };
             proposal.reasons.push(format!(
                 "{seen} and the force follows: a relaxation, whose position is commanded and whose force is measured"
             ));

@@ -338,7 +338,9 @@ impl StressStrain {
                 "stress and strain both change all the time, and the strain is taken for the commanded quantity (if the stress is commanded, use kind = \"creep\")"
             }
             (None, Control::Force) => "stress and strain over time, and the stress holds: a creep test",
-            (None, Control::Position) => "stress and strain over time, and the strain holds: a relaxation",
+            (None, Control::Position) => {
+                "stress and strain over time, and the strain holds or changes at a constant rate: a relaxation"
+            }
             (Some(_), Control::Force) => {
                 "a creep compliance over time: the strain at a stress of 1 Pa from time 0 (a table without a unit is in 1/Pa)"
             }

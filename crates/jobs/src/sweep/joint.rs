@@ -227,9 +227,9 @@ fn warnings(
     messages.iter().for_each(|text| warn(WarningKind::Sampler, text.clone(), "check the corner plot"));
     if agreement.p < LEAST_P {
         let text = format!(
-            "the records do not agree on one law: separate laws gain {:.1} nats more than by chance (p = {:.1e})",
+            "the records do not agree on one law: separate laws gain {:.1} nats more than by chance (p {})",
             0.5 * (agreement.statistic - agreement.degrees_of_freedom as f64),
-            agreement.p
+            if agreement.p < 1e-10 { "< 1e-10".into() } else { format!("= {:.1e}", agreement.p) }
         );
         let advice = "compare the records' own laws above, and `diagnose` each record: a missing effect biases its law";
         warn(WarningKind::MisfitAboveNoise, text, advice);
