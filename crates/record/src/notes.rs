@@ -92,7 +92,7 @@ impl std::fmt::Display for Note {
             Self::HeldOutCycleEmpty { cycle } => write!(f, "held-out cycle {cycle} has no positions and is not scored"),
             Self::FirstPositionNotZero { position_m } => write!(
                 f,
-                "the first position is {:.4} µm, but the record should start at 0 before the force acts; subtract the rest position",
+                "the first position is {:.4} µm, but the record should start at 0 before the force acts: give `load_start_s` if the load began before the first row; otherwise subtract the rest position",
                 position_m * UM_PER_M
             ),
             Self::MovesAcross { line, rms_m, range_m } => write!(

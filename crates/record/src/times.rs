@@ -185,7 +185,10 @@ fn refused(place: InputPlace, row: usize, time_s: &[f64], position_m: &[Option<f
     } else if time == before {
         (
             format!("time is not increasing: two rows have the time {time} s"),
-            "remove the row if it is repeated, or give it its own time".to_string(),
+            format!(
+                "remove the row if it is repeated, give it its own time, or use `{} spread` if the clock is coarse",
+                Setting::TimeTies
+            ),
         )
     } else if is_restart(time, before, time_s[0]) && !are_unsorted(time_s) {
         (
@@ -196,7 +199,10 @@ fn refused(place: InputPlace, row: usize, time_s: &[f64], position_m: &[Option<f
             ),
         )
     } else {
-        (format!("time is not increasing: {time} s follows {before} s"), "sort the rows by time".to_string())
+        (
+            format!("time is not increasing: {time} s follows {before} s"),
+            "sort the rows by time, unless they belong to several recordings, which need a file each".to_string(),
+        )
     };
     Error::input(place, found, remedy)
 }

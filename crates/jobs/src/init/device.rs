@@ -48,7 +48,7 @@ const THICKNESS: [&str; 4] = ["thickness", "specimen thickness", "sample thickne
 const DIAMETER: [&str; 4] = ["diameter", "specimen diameter", "sample diameter", "durchmesser"];
 
 /// Words in the names of columns that instruments with a tip write.
-const OF_TIP: [&str; 6] = ["indentation", "cantilever", "tip-sample", "tip sample", "piezo", "vdeflection"];
+const OF_TIP: [&str; 7] = ["indentation", "depth", "cantilever", "tip-sample", "tip sample", "piezo", "vdeflection"];
 /// Words in the names of positions that testing machines write.
 const OF_SPECIMEN: [&str; 8] =
     ["extension", "elongation", "crosshead", "cross-head", "stroke", "standardweg", "traverse", "verlängerung"];
@@ -224,8 +224,8 @@ impl Device {
         let (Some(length_m), Some(area_m2)) = (length_m, area_m2) else {
             let because = because.map_or(String::new(), |because| format!("{because}, so "));
             proposal.reasons.push(format!(
-                "{because}a specimen between grips or plates is stretched or compressed; run `init` again with `{}` and `{}`, or with `{}` for a bead in the gel",
-                Setting::SpecimenLength, Setting::SpecimenArea, Setting::RobotDiameter
+                "{because}a specimen between grips or plates is stretched or compressed; run `init` again with `{}`, `{}` and `{}`, or with `{}` for a bead in the gel",
+                Setting::Replace, Setting::SpecimenLength, Setting::SpecimenArea, Setting::RobotDiameter
             ));
             return Self::Specimen;
         };
