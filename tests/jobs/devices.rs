@@ -59,6 +59,29 @@ fn sizes_of_a_specimen_make_stress_and_strain() {
     }
 }
 
+/// A machine that presses counts its position down while the force grows.
+#[test]
+fn a_compression_keeps_its_sign() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let rows: String = (0..400)
+        .map(|row| {
+            let t = 0.1 * f64::from(row);
+            let position = -(0.05 * t).min(0.5);
+            let force = if t < 10.0 { 0.9 * t - 0.02 * t * t } else { 4.0 + 3.0 * ((10.0 - t) / 6.0).exp() };
+            format!("{t:.1},{force:.4},{position:.4}\n")
+        })
+        .collect();
+    let (file, out) = (folder.path().join("press.csv"), folder.path().join("press"));
+    std::fs::write(&file, format!("Time (s),Load (N),Extension (mm)\n{rows}")).expect("room");
+    let request = InitRequest { file, out: Some(out.clone()), ..specimen(10.0, 50.0) };
+    run(&request, &mut |_| None).expect("a description");
+    let (experiment, _) = Experiment::read(&out).expect("a record");
+    let record = &experiment.record;
+    assert!(record.force_n[200] > 0.0 && record.position_m[200].unwrap() > 0.0);
+    // A strain of 5 % is kept as 5 µm.
+    assert!((1e6 * record.force_n[200] - 5.0).abs() < 1e-3, "{}", record.force_n[200]);
+}
+
 #[test]
 fn a_tip_is_taken_from_options_lines_and_names() {
     let given = || InitRequest { tip: [Some(27.5), Some(1.9e9)], ..InitRequest::default() };

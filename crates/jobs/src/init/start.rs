@@ -2,13 +2,13 @@
 
 use super::device::Device;
 use super::stress::StressStrain;
-use record::Control;
 use record::table::TableProposal;
+use record::{Control, Direction};
 
 /// Returns true if strains keep the zero and the sign of the table. A commanded strain does, because a record may begin in the middle of a hold, and so does a
-/// published compliance or modulus.
+/// published compliance or modulus. The position of a testing machine has any zero and any sign.
 pub(super) fn has_absolute_strain(stress_strain: Option<&StressStrain>, control: Control) -> bool {
-    stress_strain.is_some_and(|own| control == Control::Position || own.constant.is_some())
+    stress_strain.is_some_and(|own| control == Control::Position && !own.is_of_specimen || own.constant.is_some())
 }
 
 /// Largest time of the first loaded row at which a rheometer's load still counts as begun at time 0, divided by the record's duration.
@@ -29,7 +29,7 @@ pub(super) fn answers_at_once(
     stress_strain: Option<&StressStrain>,
     control: Control,
 ) -> bool {
-    stress_strain.is_some()
+    stress_strain.is_some_and(|own| !own.is_of_specimen || proposal.frame.direction == Direction::Forward)
         && !is_stretch(proposal, stress_strain)
         && proposal.loaded_from_s == Some(0.0)
         && match control {

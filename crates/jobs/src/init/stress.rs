@@ -132,6 +132,8 @@ pub(super) struct StressStrain {
     pub constant: Option<Control>,
     /// True if the user's units say that the columns are stress and strain, whatever their names.
     pub is_told: bool,
+    /// True if the sizes of a specimen have turned a machine's force and position into them.
+    pub is_of_specimen: bool,
     /// Reason for which the test is one of tension, compression or bending, if no column says so.
     uniaxial_because: Option<String>,
     /// True if the strain is taken as a plain number because nothing states its unit.
@@ -217,6 +219,7 @@ impl StressStrain {
             compliance: if is_uniaxial { 1.0 } else { 2.0 + 2.0 * poisson_ratio.unwrap_or(OF_WATER) },
             constant,
             is_told: false,
+            is_of_specimen: false,
             uniaxial_because,
             is_assumed_plain: !has_stated && stated_part(name(strain.0)).0.is_none(),
         }))
@@ -229,6 +232,7 @@ impl StressStrain {
             compliance: 1.0,
             constant: None,
             is_told: false,
+            is_of_specimen: true,
             uniaxial_because: Some(sizes),
             is_assumed_plain: false,
         }
@@ -287,6 +291,7 @@ impl StressStrain {
             compliance: if uniaxial_because.is_some() { 1.0 } else { 2.0 + 2.0 * poisson_ratio.unwrap_or(OF_WATER) },
             constant: None,
             is_told: true,
+            is_of_specimen: false,
             uniaxial_because,
             is_assumed_plain: false,
         })
