@@ -141,5 +141,9 @@ fn records_of_one_gel_share_its_law() {
     assert!(dir.join("joint/joint.png").is_file());
     let apart = vitreo(dir, &["sample", "creep", "another", "--out", "apart", "--json", "-"]).exits(1).json();
     assert!(apart["agreement"]["p"].as_f64().unwrap() < 1e-3, "{}", apart["agreement"]);
+    // A law without flow misses both records alike. Its learnt noise says so.
+    let solid = ["sample", "creep", "same", "--base", "kelvin-voigt", "--out", "solid", "--json", "-"];
+    let solid = vitreo(dir, &solid).exits(1).json();
+    assert!(solid["warnings"].to_string().contains("the common law misses this record"), "{}", solid["warnings"]);
     vitreo(dir, &["sample", "creep", "same", "--with", "tracking-drift"]).refuses(&["--with", "share only the law"]);
 }

@@ -215,7 +215,9 @@ fn signatures(
         }
         let Some((place, points)) = points_at_null(base, fitted, candidate) else { return Ok(Vec::new()) };
         // At the null the candidate's position is the base's, whatever the values of unidentified parameters.
-        points.iter().map(|theta| column_m(subject, candidate, theta, place, &fitted.position_m)).collect()
+        // A model that has no solution on either side of the null has no signature.
+        let columns = points.iter().map(|theta| column_m(subject, candidate, theta, place, &fitted.position_m));
+        Ok(columns.collect::<Result<_>>().unwrap_or_default())
     };
     candidates.iter().zip(finite).map(of).collect()
 }

@@ -28,6 +28,8 @@ use crate::design::files::NEXT;
 const N_STARTS: usize = 48;
 /// p of the agreement test below which the records count as disagreeing.
 const LEAST_P: f64 = 0.01;
+/// Ratio of the learnt to the known noise above which the noise has absorbed a misfit.
+const ABSORBED: f64 = 1.5;
 /// Largest number of records in a joint posterior.
 pub const MOST_RECORDS: usize = 20;
 
@@ -39,6 +41,8 @@ pub struct JointMember<'a> {
     pub kind: &'static str,
     /// Words and units of the record's quantities; `None` for a commanded force and a measured position, and for an oscillation.
     pub quantities: Option<Quantities>,
+    /// Noise standard deviation of the record's measured quantity, given or estimated, in the unit of `noise_um`; `None` if unknown, and for an oscillation.
+    pub noise_um: Option<f64>,
     /// Log posterior density over the record's coordinates, including their priors.
     pub density: &'a dyn LogDensity,
     /// Priors of the record's coordinates, in their order.
@@ -195,7 +199,8 @@ impl<'a> Joint<'a> {
             .zip(&columns)
             .map(|(name, column)| parameter_summary(name, &diagnose(column, &blom)))
             .collect();
-        let warnings = warnings(&agreement, &records, &outcome, &with_parameter_names(&outcome.messages, priors));
+        let mut warnings = warnings(&agreement, &records, &outcome, &with_parameter_names(&outcome.messages, priors));
+        warnings.extend((0..self.members.len()).filter_map(|record| self.misfit_warning(record, &columns)));
         let summary = JointSummary {
             model,
             parameters,
@@ -206,6 +211,33 @@ impl<'a> Joint<'a> {
             warnings,
         };
         Ok(JointResult { summary, outcome, columns })
+    }
+}
+
+impl Joint<'_> {
+    /// Warning if the learnt noise of a record is far above its given or estimated noise: it then contains what the common law misses.
+    fn misfit_warning(&self, record: usize, columns: &[DrawColumn]) -> Option<Warning> {
+        let JointMember { noise_um, quantities, .. } = &self.members[record];
+        let noise_um = (*noise_um)?;
+        let begin = format!("record {}: noise_sd", record + 1);
+        let place = self.priors.names().position(|name| name.starts_with(&begin))?;
+        let mut draws = columns.get(place)?.values.clone();
+        draws.sort_by(f64::total_cmp);
+        let learnt_um = *draws.get(draws.len() / 2)?;
+        let factor = learnt_um / noise_um;
+        (factor > ABSORBED).then(|| {
+            let text = format!(
+                "record {}: the learnt noise of {} µm is {factor:.1} × the noise of {} µm that is given or estimated: the common law misses this record",
+                record + 1,
+                figures::number::format_significant(learnt_um, 3),
+                figures::number::format_significant(noise_um, 3)
+            );
+            Warning {
+                kind: WarningKind::MisfitAboveNoise,
+                text: quantities.map_or(text.clone(), |quantities| quantities.translate(&text).into_owned()),
+                advice: "fit the record alone with `sample`, and choose the law with `compare --laws`".into(),
+            }
+        })
     }
 }
 
