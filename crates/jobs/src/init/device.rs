@@ -61,7 +61,7 @@ pub(super) enum Device {
     /// Bead or robot in a ball of gel: diameters of both in mm, and Poisson's ratio.
     Bead([Option<f64>; 3]),
     /// Stress and strain, of a rheometer or of a specimen of known sizes.
-    StressStrain(StressStrain),
+    StressStrain(Box<StressStrain>),
     /// Spherical tip that is pressed into the gel.
     Tip {
         /// Radius of the sphere in m.
@@ -237,7 +237,7 @@ impl Device {
             significant(1e6 * area_m2.value),
             area_m2.origin()
         );
-        Self::StressStrain(StressStrain::of_specimen(sizes))
+        Self::StressStrain(Box::new(StressStrain::of_specimen(sizes)))
     }
 
     /// Stress and strain of the record; `None` for a force and a position.
@@ -270,8 +270,8 @@ impl Device {
     pub fn write(&self, request: &InitRequest, proposal: &TableProposal, line: &mut dyn FnMut(&str, String, &str)) {
         let number = |value: Option<f64>| value.map_or_else(|| quoted(UNKNOWN), |value| format!("{value:?}"));
         match self {
-            Self::StressStrain(StressStrain { compliance, .. }) => {
-                let value = format!("{compliance:?}");
+            Self::StressStrain(of) => {
+                let value = format!("{:?}", of.compliance);
                 line(
                     "\n[instrument]\ncompliance_per_m",
                     value,

@@ -108,7 +108,7 @@ fn one(
         Some(creep) => {
             creep.refuse_large_plain(proposal.position_m.iter().fold(0.0, |most, strain| strain.abs().max(most)))?;
             proposal.reasons.extend(unused_sizes_remark(&request));
-            Device::StressStrain(creep)
+            Device::StressStrain(Box::new(creep))
         }
         None => Device::of(&request, Preamble(&preamble), &mut proposal, ask),
     };
