@@ -3,6 +3,7 @@
 
 use vitreo_uq::documents::init::InitSummary;
 use vitreo_uq::jobs::init::{InitRequest, run};
+use vitreo_uq::record::table::TableSettings;
 use vitreo_uq::record::{Apparatus, Experiment};
 
 /// Applies `init` to a creep of 400 rows with a force in N and a position in mm. Returns the summary and the description.
@@ -123,6 +124,26 @@ fn names_of_columns_tell_the_device() {
         assert!(reasons.contains(option), "{reasons}");
         assert!(read.unwrap_err().contains("not filled in yet"));
     }
+}
+
+/// Each table of a file has the sizes that stand above it.
+#[test]
+fn every_table_has_its_own_sizes() {
+    let table = |length_mm: f64| -> String {
+        let rows: String = (0..60).map(|row| format!("{row},6,{:.4}\n", 0.1 + 0.01 * f64::from(row))).collect();
+        format!("Gauge length: {length_mm} mm\nArea: 12 mm^2\nTime (s),Load (N),Extension (mm)\n{rows}\n")
+    };
+    let folder = tempfile::tempdir().expect("a folder");
+    let (file, out) = (folder.path().join("both.csv"), folder.path().join("both"));
+    std::fs::write(&file, table(20.0) + &table(40.0)).expect("room");
+    let known_columns = TableSettings { tables: Some("each".into()), ..TableSettings::default() };
+    run(&InitRequest { file, out: Some(out.clone()), known_columns, ..InitRequest::default() }, &mut |_| None)
+        .expect("two descriptions");
+    let unit_of = |number: &str| {
+        let toml = std::fs::read_to_string(out.join(number).join("experiment.toml")).expect("a description");
+        toml.lines().rev().find(|line| line.starts_with("position")).expect("a unit").to_string()
+    };
+    assert!(unit_of("1").contains("0.05 m") && unit_of("2").contains("0.025 m"), "{} {}", unit_of("1"), unit_of("2"));
 }
 
 #[test]

@@ -82,7 +82,6 @@ fn one(
     request.refuse_impossible_sizes()?;
     // A file without a table of numbers is refused below.
     let tables = inspect_tables(place, bytes).unwrap_or_default();
-    let preamble = tables.first().map_or(Vec::new(), |table| table.preamble.clone());
     let has_oscillation = tables.iter().any(|table| sweep_columns(table).is_some());
     if request.known_columns.tables.is_none() && tables.len() > 1 && has_oscillation {
         request.known_columns.tables = Some(choose_table(place, bytes, ask)?.to_string());
@@ -110,7 +109,10 @@ fn one(
             proposal.reasons.extend(unused_sizes_remark(&request));
             Device::StressStrain(Box::new(creep))
         }
-        None => Device::of(&request, Preamble(&preamble), &mut proposal, ask),
+        None => {
+            let preamble = Preamble(looked.as_ref().map_or(&[], |looked| &looked.preamble));
+            Device::of(&request, preamble, &mut proposal, ask)
+        }
     };
     let constant = device.stress_strain().and_then(|creep| creep.constant);
     let control = request.control.or(constant).unwrap_or(proposal.control);

@@ -77,9 +77,9 @@ impl<'a> Preamble<'a> {
         self.stated(names, |_, value| number_and_unit(value).map(|(number, _)| number))
     }
 
-    /// First value above zero that a line states under one of the names.
+    /// Value above zero that a line states under one of the names. The line nearest to the table decides: lines of other tables may stand farther above.
     fn stated(self, names: &[&str], si: fn(&str, &str) -> Option<f64>) -> Option<StatedValue> {
-        self.0.iter().find_map(|(number, line)| {
+        self.0.iter().rev().find_map(|(number, line)| {
             let line = line.trim_start_matches(['#', '%', '/', ';', ' ', '"']);
             let (name, rest) = line.split_once(BETWEEN)?;
             let name = name.trim_end_matches('"');
