@@ -386,7 +386,8 @@ impl Report<'_> {
         let returning = self.left.returning_m.map_or(String::new(), |returning_m| {
             format!("; {} µm of it recur in every cycle, which noise does not", short(1e6 * returning_m))
         });
-        format!("{:.1} times {noise} on the {which}{returning}", size.rms_m / noise_m)
+        let gains = self.left.implausible_gains.map_or(String::new(), |gains| format!("; {}", gains.words()));
+        format!("{:.1} times {noise} on the {which}{returning}{gains}", size.rms_m / noise_m)
     }
 
     fn none_sentence(&self, candidates: &[CandidateEntry], shown: &DocumentSource) -> String {

@@ -23,6 +23,7 @@ const WITHIN: Misfit = Misfit {
     heldout: Some(SMALL),
     noise_m: 4e-6,
     is_known: true,
+    implausible_gains: None,
     returning_m: None,
     learnt_degrees: 1.0,
 };

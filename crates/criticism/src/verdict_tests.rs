@@ -15,8 +15,15 @@ fn addition(effects: &[&str], p: f64, round: usize) -> Addition {
 /// Residual of `factor` times the noise of 4 µm on the held-out cycle.
 fn misfit(factor: f64, is_known: bool, is_too_large: bool) -> Residual {
     let size = ResidualSize { rms_m: factor * 4e-6, is_too_large };
-    let misfit =
-        Misfit { fitted: size, heldout: Some(size), noise_m: 4e-6, is_known, returning_m: None, learnt_degrees: 1.0 };
+    let misfit = Misfit {
+        fitted: size,
+        heldout: Some(size),
+        noise_m: 4e-6,
+        is_known,
+        implausible_gains: None,
+        returning_m: None,
+        learnt_degrees: 1.0,
+    };
     Residual::Record { misfit, n_positions: 100, over_predicted: None }
 }
 

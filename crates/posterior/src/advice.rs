@@ -366,6 +366,7 @@ mod tests {
             heldout: summary.heldout.rmse_um.map(size),
             noise_m: 4e-6,
             is_known: true,
+            implausible_gains: None,
             returning_m: None,
             learnt_degrees: 1e4,
         }

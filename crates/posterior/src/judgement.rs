@@ -144,6 +144,9 @@ impl Judgement {
                 warning.text +=
                     &format!(", and {} µm of it recur in every cycle", format_significant(1e6 * returning_m, 3));
             }
+            if let Some(gains) = left.implausible_gains {
+                warning.text += &format!("; {}", gains.words());
+            }
             // A learnt noise that is not too large and has no gain cannot hide a misfit inside the joint band. Only the uncertainty of the parameters can hide it.
             let is_covered = !is_learnt_too_large && !self.has_gain && self.joint_p.is_some_and(|p| p >= OUTSIDE_BAND);
             if !left.fitted.is_too_large && is_covered {

@@ -23,13 +23,15 @@
 //! *Gain and offset.* If the noise has a gain and an offset, both are removed from every recording ([`super::recordings`]) before its size is tested. They are removed
 //! from held-out recordings only if the model declares them, or if they are no larger than those of at least two fitted recordings. An F test compares the mean squares
 //! of the removed parts, with two degrees of freedom for each recording. A held-out cycle in a recording with fitted rows has the gain and the offset of those rows.
+//! Nothing is removed if the gains are no noise ([`ImplausibleGains`]): cycles of one protocol are alike within a few per cent, and noise does not grow steadily.
 //!
 //! γₖ is the squared inter-trial coherence of evoked responses (Jervis et al., *IEEE Trans. Biomed. Eng.* 30, 43, 1983, doi:10.1109/TBME.1983.325165).
 
 use std::ops::Range;
 
-use statrs::distribution::{ChiSquared, ContinuousCDF, FisherSnedecor, Gamma};
+use statrs::distribution::{ChiSquared, ContinuousCDF, FisherSnedecor, Gamma, StudentsT};
 
+use figures::number::format_significant;
 use record::Record;
 
 use super::recordings::recordings;
@@ -56,6 +58,12 @@ const SAME_FORCE: f64 = 0.05;
 const OTHER_ROWS: f64 = 0.03;
 /// Largest relative difference of the durations of two cycles with the same command.
 const SAME_DURATION: f64 = 0.05;
+/// Largest gain of a recording, relative to 1, that can be noise.
+const LARGEST_GAIN: f64 = 0.3;
+/// Number of standard errors by which a gain exceeds [`LARGEST_GAIN`] before it counts as larger.
+const GAIN_MARGIN: f64 = 4.0;
+/// Smallest number of recordings that show whether gains change steadily.
+const FEWEST_GAINS: usize = 4;
 /// Smallest norm of a column's remainder, as a fraction of its norm, after the previous columns are projected out. A smaller remainder counts as a rounding error.
 const LEAST_NEW: f64 = 1e-6;
 
@@ -87,6 +95,35 @@ pub enum GainKnowledge {
     Learnt,
 }
 
+/// Gains of the recordings that are no noise. They are not removed from the residuals.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum ImplausibleGains {
+    /// A gain differs from 1 by this much, which is more than 0.3.
+    Large(f64),
+    /// The gains change by this much from one recording to the next, on a straight line. Independent gains follow a line so closely with a probability below 0.001.
+    Steady(f64),
+}
+
+impl ImplausibleGains {
+    /// Phrase for a sentence about a misfit.
+    pub fn words(&self) -> String {
+        let percent = |gain: f64| format_significant(100.0 * gain.abs(), 2);
+        match *self {
+            Self::Large(gain) => {
+                format!(
+                    "the size of the motion differs from the model by up to {} % of it, which noise does not",
+                    percent(gain)
+                )
+            }
+            Self::Steady(change) => format!(
+                "the motion {} by {} % from one recording to the next, which noise does not",
+                if change > 0.0 { "grows steadily" } else { "shrinks steadily" },
+                percent(change)
+            ),
+        }
+    }
+}
+
 /// Root mean square residual of some cycles, with the result of its comparison with the noise.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ResidualSize {
@@ -109,6 +146,8 @@ pub struct Misfit {
     pub is_known: bool,
     /// Root mean square (m) of the part of the residuals that recurs in every cycle; `None` if chance explains it.
     pub returning_m: Option<f64>,
+    /// Gains that would have been removed, but are no noise.
+    pub implausible_gains: Option<ImplausibleGains>,
     /// Number of independent values to which the slow part of the fitted residuals is equivalent. [`Misfit::is_learnt_too_large`] uses it. It is 0 if the size of a
     /// learnt noise is not tested.
     pub learnt_degrees: f64,
@@ -123,8 +162,8 @@ impl Misfit {
 
     /// Compares residuals with the noise `noise_m`. If `is_measured` is false, the noise was taken from the residuals themselves, so its size alone sets no limit.
     fn beside(remainder: &Residuals, noise_m: f64, is_known: bool, is_measured: bool) -> Option<Self> {
-        let returning = RecurringPart::of(remainder);
-        let has_gain = remainder.gains != GainKnowledge::None;
+        let (has_gain, implausible_gains) = remainder.judge_gains();
+        let returning = RecurringPart::of(remainder, has_gain);
         let fitted = Series::of(remainder, remainder.fitted_m, has_gain)?;
         let heldout = Series::of(remainder, remainder.heldout_m, has_gain && remainder.shows_gains());
         // The removal of the parameters' columns distributes a misfit of the held-out cycles over all cycles. A recurring misfit must therefore also be present in the
@@ -144,6 +183,7 @@ impl Misfit {
             is_too_large: series.mean_square_m2.sqrt() > NOISE_FACTOR * noise_m
                 && (comes_again
                     || is_beyond
+                    || implausible_gains.is_some()
                     || has_bound && is_beyond_slow_noise(series.mean_square_m2, noise_m, series.degrees(noise_m))),
         };
         let beyond_fitted = |series: &Series| series.is_beyond(&fitted, remainder.absorbed_m.len(), noise_m);
@@ -152,6 +192,7 @@ impl Misfit {
             heldout: heldout.as_ref().map(|series| judged(series, beyond_fitted(series))),
             noise_m,
             is_known,
+            implausible_gains,
             returning_m: returning
                 .filter(|_| comes_again)
                 .map(|recurring_part| recurring_part.returning_m2.max(0.0).sqrt()),
@@ -161,7 +202,7 @@ impl Misfit {
 
     /// Compares the held-out residuals with the fitted ones, for unknown noise; `None` if no position is fitted.
     pub fn relative_to_fitted(remainder: &Residuals) -> Option<Self> {
-        let fitted = Series::of(remainder, remainder.fitted_m, remainder.gains != GainKnowledge::None)?;
+        let fitted = Series::of(remainder, remainder.fitted_m, remainder.judge_gains().0)?;
         Self::beside(remainder, fitted.corrected_m2(remainder.absorbed_m.len()).sqrt(), false, false)
     }
 
@@ -250,6 +291,25 @@ impl Residuals<'_> {
             (!there.is_empty()).then_some(Recording { left_m, without_gain_m, has_own_gain })
         };
         numbers.chunk_by(|a, b| a == b).scan(0, next_range).filter_map(of_rows).collect()
+    }
+
+    /// Returns whether the recordings have gains that can be noise, and otherwise the gains that cannot.
+    fn judge_gains(&self) -> (bool, Option<ImplausibleGains>) {
+        if self.gains == GainKnowledge::None {
+            return (false, None);
+        }
+        let numbers = recordings(self.record);
+        let of_recording = |range: Range<usize>| {
+            let with_residual = |row: usize| Some((self.position_m[row], self.fitted_m[row].or(self.heldout_m[row])?));
+            let pairs: Vec<(f64, f64)> = range.filter_map(with_residual).collect();
+            gain_with_error(&pairs)
+        };
+        let gains: Vec<(f64, f64)> =
+            numbers.chunk_by(|a, b| a == b).scan(0, next_range).filter_map(of_recording).collect();
+        let largest = gains.iter().filter(|(gain, error)| gain.abs() > LARGEST_GAIN + GAIN_MARGIN * error);
+        let large = largest.map(|(gain, _)| gain.abs()).reduce(f64::max).map(ImplausibleGains::Large);
+        let implausible = large.or_else(|| steady_change(&gains).map(ImplausibleGains::Steady));
+        (implausible.is_none(), implausible)
     }
 
     /// Returns true if a gain and an offset may be removed from held-out recordings. This is allowed if the model declares them, or if they are no larger than in the
@@ -344,6 +404,33 @@ impl Series {
     }
 }
 
+/// Slope of the residuals (m) over the positions (m) of one recording, with its standard error for white residuals. `None` if the positions do not determine it.
+fn gain_with_error(pairs: &[(f64, f64)]) -> Option<(f64, f64)> {
+    let n = pairs.len() as f64;
+    let (mean_x, mean_left) =
+        (pairs.iter().map(|pair| pair.0).sum::<f64>() / n, pairs.iter().map(|pair| pair.1).sum::<f64>() / n);
+    let sum =
+        |of: &dyn Fn(f64, f64) -> f64| pairs.iter().map(|(x, left)| of(x - mean_x, left - mean_left)).sum::<f64>();
+    let square = sum(&|x, _| x * x);
+    let gain = sum(&|x, left| x * left) / square;
+    let rest = sum(&|x, left| (left - gain * x).powi(2));
+    let error = (rest / (n - 2.0) / square).sqrt();
+    (pairs.len() > 2 && gain.is_finite() && error.is_finite()).then_some((gain, error))
+}
+
+/// Change of the gain from one recording to the next, if the gains lie closer to a straight line than independent gains do.
+fn steady_change(gains: &[(f64, f64)]) -> Option<f64> {
+    let n = gains.len();
+    if n < FEWEST_GAINS {
+        return None;
+    }
+    let numbered: Vec<(f64, f64)> =
+        gains.iter().enumerate().map(|(number, (gain, _))| (number as f64, *gain)).collect();
+    let (slope, error) = gain_with_error(&numbered)?;
+    let score = (slope / error).abs();
+    (score > 0.0 && 2.0 * StudentsT::new(0.0, 1.0, n as f64 - 2.0).ok()?.sf(score) < FALSE_ALARM).then_some(slope)
+}
+
 /// Part of the residuals that recurs in every cycle of the same command.
 struct RecurringPart {
     /// Probability that pure noise recurs in every cycle as strongly as the residuals.
@@ -356,7 +443,7 @@ struct RecurringPart {
 
 impl RecurringPart {
     /// Estimates the recurring part from all residuals; `None` if fewer than two cycles with the same command have enough rows.
-    fn of(remainder: &Residuals) -> Option<Self> {
+    fn of(remainder: &Residuals, has_gain: bool) -> Option<Self> {
         let record = remainder.record;
         let mut left_m: Vec<Option<f64>> =
             remainder.fitted_m.iter().zip(remainder.heldout_m).map(|(fitted, heldout)| fitted.or(*heldout)).collect();
@@ -372,7 +459,7 @@ impl RecurringPart {
         for cycle in &cycles {
             let mut of_cycle: Vec<f64> = cycle.rows.iter().filter_map(|row| left_m[*row]).collect();
             let mut nuisance = vec![vec![1.0; cycle.rows.len()], cycle.phase.clone()];
-            if remainder.gains != GainKnowledge::None {
+            if has_gain {
                 nuisance.push(cycle.rows.iter().map(|row| remainder.position_m[*row]).collect());
             }
             project_out(&mut of_cycle, nuisance);

@@ -259,7 +259,15 @@ mod tests {
         let size = |rms_um: f64| ResidualSize { rms_m: 1e-6 * rms_um, is_too_large: rms_um > 6.0 };
         let judged = |heldout_um: f64| {
             let (fitted, heldout) = (size(4.2), Some(size(heldout_um)));
-            Some(Misfit { fitted, heldout, noise_m: 4e-6, is_known: true, returning_m: None, learnt_degrees: 1.0 })
+            Some(Misfit {
+                fitted,
+                heldout,
+                noise_m: 4e-6,
+                is_known: true,
+                implausible_gains: None,
+                returning_m: None,
+                learnt_degrees: 1.0,
+            })
         };
         let said = describe_comparison(&comparison, judged(14.0));
         assert!(
