@@ -39,6 +39,11 @@ const SLEW_STEPS: usize = 20;
 const N_SEARCH_ROWS: usize = 32;
 /// Number of rounds in which the sizes and durations of changes are found in turn.
 const SLEW_ROUNDS: usize = 4;
+/// Number of equal intervals of a force that a limited slew rate shapes from the start on, and the largest part of an interval in which the force changes.
+const SHAPED_INTERVALS: usize = 40;
+const SHAPED_PART: f64 = 0.95;
+/// Times from which such a force keeps the mean at the target, as parts of the time of arrival.
+const SHAPED_BEGINS: [f64; 3] = [0.6, 0.8, 1.0];
 /// Factor of a limit that counts as no limit.
 const MUCH: f64 = 100.0;
 /// Number of sweeps over the changes of the force in the least-squares search.
@@ -405,19 +410,21 @@ impl<'a> ForceSearch<'a> {
         let all = 0..self.ensemble.parameters.len();
         let mean_m = mean(&self.ensemble.with_record(record.clone()).trajectories_m(all)?);
         let first_draws = (self.ensemble.parameters.len() / N_FIRST_DRAWS).max(1);
-        for begin in REST_BEGINS {
-            for (part, n_steps) in TRAVEL_PARTS.into_iter().flat_map(|part| REST_STEPS.map(|n_steps| (part, n_steps))) {
-                let changes = self.rest_changes(part, begin, n_steps, &record, &mean_m);
-                let mut probability = self.share_of(self.target, &changes, first_draws)?;
-                if probability >= self.target.probability - NEAR_PROBABILITY {
-                    probability = self.share(self.target, &changes)?;
-                }
-                if probability >= self.target.probability {
-                    return Ok(Tried { changes, probability });
-                }
-                if best.as_ref().is_none_or(|best| probability > best.probability) {
-                    best = Some(Tried { changes, probability });
-                }
+        let steps = TRAVEL_PARTS.into_iter().flat_map(|part| REST_STEPS.map(|n_steps| (part, n_steps)));
+        let of_steps = REST_BEGINS.into_iter().flat_map(|begin| steps.clone().map(move |(part, n)| (begin, part, n)));
+        let at_once = of_steps.map(|(begin, part, n)| self.rest_changes(part, begin, n, &record, &mean_m));
+        let begins = if self.target.slew_n_per_s.is_some() { &SHAPED_BEGINS[..] } else { &[] };
+        let shaped = begins.iter().map(|begin| self.shaped_changes(*begin, &record, &mean_m));
+        for changes in at_once.chain(shaped) {
+            let mut probability = self.share_of(self.target, &changes, first_draws)?;
+            if probability >= self.target.probability - NEAR_PROBABILITY {
+                probability = self.share(self.target, &changes)?;
+            }
+            if probability >= self.target.probability {
+                return Ok(Tried { changes, probability });
+            }
+            if best.as_ref().is_none_or(|best| probability > best.probability) {
+                best = Some(Tried { changes, probability });
             }
         }
         let changes = best.map_or(vec![[0.0, 0.0]], |best| best.changes);
@@ -471,6 +478,35 @@ impl<'a> ForceSearch<'a> {
             }
         }
         changes_s.iter().zip(&parts).map(|(time_s, part)| [*time_s, part * travel_n]).collect()
+    }
+
+    /// Changes of a force that the slew rate limits, in equal intervals from the start on. They keep the mean at the target, in the sense of least squares, from the part `begin` of the
+    /// time of arrival on. `mean_m` is the mean position (m) under the largest force at the rows of `record`.
+    fn shaped_changes(&self, begin: f64, record: &Record, mean_m: &[f64]) -> Vec<[f64; 2]> {
+        let target = self.target;
+        let (end_s, begin_s) = (target.duration_s(), begin * target.within_s);
+        let slew = target.slew_n_per_s.unwrap_or(f64::INFINITY) / target.largest_force_n;
+        let interval_s = end_s / SHAPED_INTERVALS as f64;
+        let step_m = |since_s: f64| if since_s <= 0.0 { 0.0 } else { interpolated(&record.time_s, mean_m, since_s) };
+        let response_m = |since_s: f64, ramp_s: f64| {
+            let at = |k: usize| step_m(since_s - ramp_s * (k as f64 + 1.0) / SLEW_STEPS as f64);
+            (0..SLEW_STEPS).map(at).sum::<f64>() / SLEW_STEPS as f64
+        };
+        let change_s = |k: usize| interval_s * k as f64;
+        let row_s = |row: usize| begin_s + (end_s - begin_s) * row as f64 / N_REST_ROWS as f64;
+        let wanted = DVector::from_element(N_REST_ROWS + 1, target.reach_m);
+        let mut changes = vec![0.0_f64; SHAPED_INTERVALS];
+        // The time that a change takes depends on its size, so that both are found in turn.
+        for _ in 0..SLEW_ROUNDS {
+            let response = |row: usize, k: usize| response_m(row_s(row) - change_s(k), changes[k].abs() / slew);
+            let matrix = DMatrix::from_fn(N_REST_ROWS + 1, SHAPED_INTERVALS, response);
+            changes = bounded_changes(&matrix, &wanted, SHAPED_PART * slew * interval_s);
+        }
+        let levels = changes.iter().scan(0.0, |level, change| {
+            *level += change;
+            Some(*level * target.sign() * target.largest_force_n)
+        });
+        levels.enumerate().map(|(k, force_n)| [change_s(k), force_n]).collect()
     }
 
     /// Limit that keeps the probability below the request: the first whose removal helps.
@@ -570,9 +606,47 @@ fn bounded_least_squares(matrix: &DMatrix<f64>, wanted: &DVector<f64>, bound: f6
     x.iter().copied().collect()
 }
 
+/// Minimises |A x − b|² over changes x between −`bound` and `bound` whose sums from the first on stay between −1 and 1, by descent in one coordinate after the other.
+fn bounded_changes(matrix: &DMatrix<f64>, wanted: &DVector<f64>, bound: f64) -> Vec<f64> {
+    let n = matrix.ncols();
+    let mut x = vec![0.0; n];
+    let mut residual = -wanted;
+    let square: Vec<f64> = (0..n).map(|k| matrix.column(k).norm_squared()).collect();
+    for _ in 0..SWEEPS {
+        for k in 0..n {
+            if square[k] == 0.0 {
+                continue;
+            }
+            // Levels from this change on, which all move with it.
+            let before: f64 = x[..k].iter().sum();
+            let levels = x[k..].iter().scan(before, |level, change| {
+                *level += change;
+                Some(*level)
+            });
+            let [lowest, highest] =
+                levels.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], level| [low.min(level), high.max(level)]);
+            let old = x[k];
+            let (least, most) = ((old - 1.0 - lowest).max(-bound), (old + 1.0 - highest).min(bound));
+            x[k] = (old - matrix.column(k).dot(&residual) / square[k]).clamp(least.min(old), most.max(old));
+            residual.axpy(x[k] - old, &matrix.column(k), 1.0);
+        }
+    }
+    x
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Unconstrained changes (2, −1.5): the first stays at its bound. A larger bound lets the first reach the largest level.
+    #[test]
+    fn bounded_changes_keep_their_levels_within_the_largest() {
+        let matrix = DMatrix::from_row_slice(2, 2, &[1.0, 0.0, 1.0, 1.0]);
+        let wanted = DVector::from_vec(vec![2.0, 0.5]);
+        let [small, large] = [0.4, 5.0].map(|bound| bounded_changes(&matrix, &wanted, bound));
+        assert!((small[0] - 0.4).abs() < 1e-12 && (small[1] - 0.1).abs() < 1e-9, "{small:?}");
+        assert!((large[0] - 1.0).abs() < 1e-12 && (large[1] + 0.5).abs() < 1e-9, "{large:?}");
+    }
 
     #[test]
     fn bounded_least_squares_finds_the_constrained_minimum() {

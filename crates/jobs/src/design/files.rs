@@ -12,6 +12,7 @@ use figures::svg::{Svg, figure_files};
 use posterior::study::WithProvenance;
 use record::{Experiment, ForceRule, Record};
 
+use crate::prediction::predict::digits;
 use crate::simulation_files::description_toml;
 
 /// Directory of the description of the new record.
@@ -114,7 +115,7 @@ fn protocol_csv(record: &Record) -> Vec<u8> {
     for row in 0..=last {
         let is_change = row == 0 || row == last || record.force_n[row] != record.force_n[row - 1];
         if is_change || record.force_rule == ForceRule::Linear {
-            text += &format!("{:.6},{:.6}\n", record.time_s[row], 1e6 * record.force_n[row]);
+            text += &format!("{},{}\n", digits(record.time_s[row]), digits(1e6 * record.force_n[row]));
         }
     }
     text.into_bytes()
@@ -136,7 +137,7 @@ pub fn next_record(experiment: &Experiment, record: &Record, holds_out: bool) ->
     let last = record.n_rows() - 1;
     for row in 0..=last {
         let cycle = if holds_out && 3 * row >= 2 * last { 2 } else { 1 };
-        table += &format!("{:.6},{:.6},,{cycle}\n", record.time_s[row], 1e6 * record.force_n[row]);
+        table += &format!("{},{},,{cycle}\n", digits(record.time_s[row]), digits(1e6 * record.force_n[row]));
     }
     (toml.into_bytes(), table.into_bytes())
 }

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use base::error::{Error, InputPlace, Result, Setting};
-use base::files::{to_json, write_together};
+use base::files::{remove_if_there, to_json, write_together};
 use documents::posterior::{Warning, WarningKind};
 use documents::prediction::{EquivalentPlan, ForceStep, Plan, PlannedRobot, ScenarioPrediction};
 use figures::number::format_significant;
@@ -136,7 +136,10 @@ pub fn run(place: &GelPlace<'_>, request: &PlanRequest, monitor: &dyn Monitor) -
                 .to_vec()
         }
     };
-    // The file of an earlier plan that succeeds is kept.
+    // A controller must not run the force of an earlier plan for this one.
+    if !document.body.feasible {
+        remove_if_there(&protocol.0)?;
+    }
     let protocol = document.body.feasible.then_some(&protocol);
     let all = [&svg, &png, &pdf, &tube, &json].into_iter().chain(&compared).chain(protocol);
     write_together(&all.map(|(path, bytes)| (path.as_path(), bytes.as_slice())).collect::<Vec<_>>())?;

@@ -348,7 +348,7 @@ fn write(source: &GelSource, found: Prediction, seed: u64, monitor: &dyn Monitor
 }
 
 /// A number with ten significant digits, without trailing zeros.
-pub(super) fn digits(number: f64) -> String {
+pub(crate) fn digits(number: f64) -> String {
     format!("{number:.9e}").parse::<f64>().unwrap_or(number).to_string()
 }
 

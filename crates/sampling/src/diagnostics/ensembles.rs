@@ -76,7 +76,8 @@ pub fn diagnose(column: &DrawColumn, blom: &BlomScores) -> ParameterDiagnostics 
         rhat,
         ess_bulk: ess(column, &scores),
         ess_tail,
-        mcse_mean: sd / ess_mean.sqrt(),
+        // Without an effective number of draws, the mean is at best as certain as one draw.
+        mcse_mean: if ess_mean > 0.0 { sd / ess_mean.sqrt() } else { sd },
         autocorrelation_time: n as f64 / ess_mean,
     }
 }
