@@ -39,6 +39,8 @@ const LEAST_IMPROVEMENT: f64 = 5e-3;
 const N_ROBUST: usize = 8;
 /// Value of a visible effect beside the information about its size, in nats.
 const VISIBLE_NATS: f64 = 10.0;
+/// Farthest position of a protocol with a reduced force, as a part of the limit.
+const SHARE_OF_LIMIT: f64 = 0.999;
 /// Results that remain if the user stops a search.
 const NOTHING_KEPT: &str = "nothing was written";
 /// Number of simulated records that judge the verdict.
@@ -133,10 +135,20 @@ impl<'a> Designer<'a> {
         let mut n_tried = drives.len();
         let (holds, others): (Vec<_>, Vec<_>) =
             drives.into_iter().partition(|drive| !drive.neighbours(limits).is_empty());
-        let screen = Screen { designer: self, limits, interval_s: coarse_s, monitor };
-        let mut ranked = screen.best(holds, (N_JUDGED, f64::NEG_INFINITY), Some(&counter))?;
+        let mut screen = Screen { designer: self, limits, interval_s: coarse_s, monitor, reduces_force: false };
+        let rank = |screen: &Screen<'_, '_>| -> Result<_> {
+            let ranked = screen.best(holds.clone(), (N_JUDGED, f64::NEG_INFINITY), Some(&counter))?;
+            let others = screen.best(others.clone(), (N_JUDGED, f64::NEG_INFINITY), Some(&counter))?;
+            Ok((ranked, others))
+        };
+        let (mut ranked, mut of_others) = rank(&screen)?;
+        if ranked.is_empty() && of_others.is_empty() {
+            screen.reduces_force = true;
+            (ranked, of_others) = rank(&screen)?;
+        }
+        let reduces_force = screen.reduces_force;
         let begun: Vec<(f64, DesignedDrive)> = ranked.iter().take(N_IMPROVED).cloned().collect();
-        ranked.extend(screen.best(others, (N_JUDGED, f64::NEG_INFINITY), Some(&counter))?);
+        ranked.extend(of_others);
         for start in begun {
             let (improved, n) = screen.improve(start)?;
             n_tried += n;
@@ -146,7 +158,8 @@ impl<'a> Designer<'a> {
         ranked.dedup_by(|a, b| a.1.shape == b.1.shape);
         ranked.truncate(N_JUDGED);
         let drives = ranked.into_iter().map(|(_, drive)| drive).chain(also.iter().cloned());
-        let tried = drives.filter_map(|drive| self.tried(drive, limits, limits.interval_s).ok()).collect();
+        let tried =
+            drives.filter_map(|drive| self.tried(drive, limits, limits.interval_s, reduces_force).ok()).collect();
         let value = |tried: &TriedDrive, pair| match self.sought {
             Sought::Effects => {
                 refuse_if_stopped(monitor, NOTHING_KEPT)?;
@@ -175,10 +188,24 @@ impl<'a> Designer<'a> {
         })
     }
 
-    /// A protocol with rows at the given interval; an error if it moves the robot farther than the limit.
-    fn tried(&self, drive: DesignedDrive, limits: &DesignLimits, interval_s: f64) -> Result<TriedDrive<'a>> {
-        let models = UnderProtocol::new(self.under(&drive.record(limits, interval_s))?, self.members);
-        let farthest_m = models.position_m(0)?.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+    /// A protocol with rows at the given interval; an error if it moves the robot farther than the limit. `reduces_force` allows a smaller force that does not.
+    fn tried(
+        &self,
+        mut drive: DesignedDrive,
+        limits: &DesignLimits,
+        interval_s: f64,
+        reduces_force: bool,
+    ) -> Result<TriedDrive<'a>> {
+        let under = |drive: &DesignedDrive| -> Result<_> {
+            let models = UnderProtocol::new(self.under(&drive.record(limits, interval_s))?, self.members);
+            let farthest_m = models.position_m(0)?.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+            Ok((models, farthest_m))
+        };
+        let (mut models, mut farthest_m) = under(&drive)?;
+        if reduces_force && farthest_m > limits.largest_position_m {
+            drive.amplitude *= SHARE_OF_LIMIT * limits.largest_position_m / farthest_m;
+            (models, farthest_m) = under(&drive)?;
+        }
         if farthest_m > limits.largest_position_m {
             return Err(Error::numerical(
                 "the protocol moves the robot beyond the limit",
@@ -316,6 +343,8 @@ struct Screen<'a, 'b> {
     limits: &'b DesignLimits,
     interval_s: f64,
     monitor: &'b dyn Monitor,
+    /// True if protocols that move the robot too far are tried with a smaller force.
+    reduces_force: bool,
 }
 
 impl Screen<'_, '_> {
@@ -329,7 +358,7 @@ impl Screen<'_, '_> {
         let designer = self.designer;
         let tried = drives.into_par_iter().filter_map(|drive| {
             refuse_if_stopped(self.monitor, NOTHING_KEPT).ok()?;
-            designer.tried(drive, self.limits, self.interval_s).ok()
+            designer.tried(drive, self.limits, self.interval_s, self.reduces_force).ok()
         });
         let tried: Vec<TriedDrive> = tried.collect();
         refuse_if_stopped(self.monitor, NOTHING_KEPT)?;

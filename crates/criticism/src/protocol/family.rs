@@ -41,6 +41,8 @@ pub struct DesignedDrive {
     pub words: String,
     /// Shape of the force.
     pub shape: DriveShape,
+    /// Factor on the levels; below 1 if the whole force moves the robot too far.
+    pub amplitude: f64,
 }
 
 /// Number of random telegraph signals of each number of holds.
@@ -51,10 +53,14 @@ const MOST_SHOWN: usize = 4;
 const SAMPLES_A_PERIOD: f64 = 12.0;
 
 impl DesignedDrive {
+    fn new(words: impl Into<String>, shape: DriveShape) -> Self {
+        Self { words: words.into(), shape, amplitude: 1.0 }
+    }
+
     fn holds(words: impl Into<String>, levels: impl IntoIterator<Item = f64>) -> Self {
         let levels: Vec<f64> = levels.into_iter().collect();
         let part = 1.0 / levels.len() as f64;
-        Self { words: words.into(), shape: DriveShape::Holds(levels.into_iter().map(|level| [part, level]).collect()) }
+        Self::new(words, DriveShape::Holds(levels.into_iter().map(|level| [part, level]).collect()))
     }
 
     /// Record of this protocol, sampled every `interval_s`, in one cycle and without positions.
@@ -80,7 +86,9 @@ impl DesignedDrive {
             }
             DriveShape::Chirp([first, last]) => (2.0 * PI * (first * part + 0.5 * (last - first) * part * part)).sin(),
         };
-        let force_n = (0..=n_rows).map(|row| limits.largest_force_n * level(row as f64 / n_rows as f64)).collect();
+        let force_n = (0..=n_rows)
+            .map(|row| limits.largest_force_n * self.amplitude * level(row as f64 / n_rows as f64))
+            .collect();
         let rule = if let DriveShape::Holds(_) = self.shape { ForceRule::Hold } else { ForceRule::Linear };
         Record {
             position_m: vec![Some(0.0); time_s.len()],
@@ -97,7 +105,7 @@ impl DesignedDrive {
         let DriveShape::Holds(holds) = &self.shape else { return None };
         let kept = holds.iter().map(|[part, level]| [share * part, *level]);
         let holds = kept.chain([[1.0 - share, 0.0]]).collect();
-        Some(Self { words: self.words.clone(), shape: DriveShape::Holds(holds) })
+        Some(Self { shape: DriveShape::Holds(holds), ..self.clone() })
     }
 
     /// Holds as the rows of the record show them: the duration of each in s and its level. Neighbours of one level are one hold. `None` for other protocols.
@@ -120,8 +128,11 @@ impl DesignedDrive {
 
     /// The protocol in words, with forces and times.
     pub fn described(&self, limits: &DesignLimits) -> String {
-        let Some(holds) = self.sampled_holds(limits) else { return format!("a {}", self.words) };
-        let un = |level: f64| format_significant(1e6 * level * limits.largest_force_n, 3);
+        let un = |level: f64| format_significant(1e6 * level * self.amplitude * limits.largest_force_n, 3);
+        let Some(holds) = self.sampled_holds(limits) else {
+            let article = if self.words.starts_with(|first: char| first.is_ascii_digit()) { "" } else { "a " };
+            return format!("{article}{} at up to {} µN", self.words, un(1.0));
+        };
         let seconds = |time_s: f64| format_significant(time_s, 3);
         let shown = |[time_s, level]: &[f64; 2]| format!("{} µN for {} s", un(*level), seconds(*time_s));
         if holds.len() <= MOST_SHOWN {
@@ -155,7 +166,7 @@ impl DesignedDrive {
         let DriveShape::Holds(holds) = &self.shape else { return Vec::new() };
         let mut list = Vec::new();
         let mut add = |holds: Vec<[f64; 2]>| {
-            let drive = Self { words: "steps of the force".into(), shape: DriveShape::Holds(holds) };
+            let drive = Self::new("steps of the force", DriveShape::Holds(holds));
             if drive.is_possible(limits) {
                 list.push(drive);
             }
@@ -203,40 +214,29 @@ pub fn family(limits: &DesignLimits, seed: u64) -> Vec<DesignedDrive> {
             let down = (0..2 * n).map(move |k| if k < n { up(k) } else { up(2 * n - 1 - k) });
             list.push(DesignedDrive::holds(format!("staircase of {n} levels up and down"), down));
             let point = |k: usize| [k as f64 / (2 * n) as f64, if k.is_multiple_of(2) { 0.0 } else { sign(k / 2) }];
-            list.push(DesignedDrive {
-                words: format!("{n} triangles of alternating sign"),
-                shape: DriveShape::Lines((0..=2 * n).map(point).collect()),
-            });
+            let lines = DriveShape::Lines((0..=2 * n).map(point).collect());
+            list.push(DesignedDrive::new(format!("{n} triangles of alternating sign"), lines));
         }
-        list.push(DesignedDrive { words: format!("sine with {n} periods"), shape: DriveShape::Sines(vec![n as f64]) });
+        list.push(DesignedDrive::new(format!("sine with {n} periods"), DriveShape::Sines(vec![n as f64])));
         for faster in [4.0, 16.0] {
             let last = faster * n as f64;
-            list.push(DesignedDrive {
-                words: format!("chirp from {n} to {last} periods per record"),
-                shape: DriveShape::Chirp([n as f64, last]),
-            });
+            let chirp = DriveShape::Chirp([n as f64, last]);
+            list.push(DesignedDrive::new(format!("chirp from {n} to {last} periods per record"), chirp));
             let sines = vec![n as f64, faster * n as f64];
-            list.push(DesignedDrive {
-                words: format!("two sines with {n} and {last} periods"),
-                shape: DriveShape::Sines(sines),
-            });
+            list.push(DesignedDrive::new(format!("two sines with {n} and {last} periods"), DriveShape::Sines(sines)));
         }
         for ratio in [1.5_f64, 2.0, 3.0] {
             let parts: Vec<f64> = (0..n.min(12)).map(|k| ratio.powi(k as i32)).collect();
             let sum: f64 = parts.iter().sum();
             let holds = parts.iter().enumerate().map(|(k, part)| [part / sum, sign(k)]).collect();
-            list.push(DesignedDrive {
-                words: format!("{} holds of alternating sign, each {ratio} times as long as the last", parts.len()),
-                shape: DriveShape::Holds(holds),
-            });
+            let words = format!("{} holds of alternating sign, each {ratio} times as long as the last", parts.len());
+            list.push(DesignedDrive::new(words, DriveShape::Holds(holds)));
         }
     }
     for part in [0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9] {
         let holds = vec![[part, 1.0], [1.0 - part, 0.0]];
-        list.push(DesignedDrive {
-            words: format!("hold for {:.0} % of the time, then recovery", 100.0 * part),
-            shape: DriveShape::Holds(holds),
-        });
+        let words = format!("hold for {:.0} % of the time, then recovery", 100.0 * part);
+        list.push(DesignedDrive::new(words, DriveShape::Holds(holds)));
     }
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     for n in [3_usize, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32] {
@@ -245,10 +245,7 @@ pub fn family(limits: &DesignLimits, seed: u64) -> Vec<DesignedDrive> {
             let levels = [-1.0, -0.5, 0.0, 0.5, 1.0];
             let holds =
                 cuts.into_iter().map(|part| [part, levels[(5.0 * random.random::<f64>()) as usize % 5]]).collect();
-            list.push(DesignedDrive {
-                words: format!("random telegraph of {n} holds"),
-                shape: DriveShape::Holds(holds),
-            });
+            list.push(DesignedDrive::new(format!("random telegraph of {n} holds"), DriveShape::Holds(holds)));
         }
     }
     list.retain(|drive| drive.is_possible(limits));
@@ -299,7 +296,7 @@ mod tests {
     #[test]
     fn words_are_those_of_the_sampled_holds() {
         let holds = vec![[0.113, 1.0], [0.25, 1.0], [0.637, -0.5]];
-        let drive = DesignedDrive { words: String::new(), shape: DriveShape::Holds(holds) };
+        let drive = DesignedDrive::new("", DriveShape::Holds(holds));
         let record = drive.record(&LIMITS, LIMITS.interval_s);
         let switch_s = record.time_s[record.force().step_rows()[1]];
         let un = 1e6 * LIMITS.largest_force_n;
