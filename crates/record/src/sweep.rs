@@ -188,6 +188,25 @@ impl SweepColumn {
             ("lossmodulus", Self::Loss),
             ("complexmodulus", Self::Modulus),
             ("phaseangle", Self::Phase),
+            ("shearmoduluselasticcomponent", Self::Storage),
+            ("shearmodulusviscouscomponent", Self::Loss),
+            ("shearmoduluscomplexcomponent", Self::Modulus),
+            ("moduledestockage", Self::Storage),
+            ("moduledeconservation", Self::Storage),
+            ("moduledeperte", Self::Loss),
+            ("módulodealmacenamiento", Self::Storage),
+            ("módulodepérdida", Self::Loss),
+            ("módulodearmazenamento", Self::Storage),
+            ("módulodeperda", Self::Loss),
+            ("modulodiaccumulo", Self::Storage),
+            ("modulodiconservazione", Self::Storage),
+            ("modulodiperdita", Self::Loss),
+            ("speichermodul", Self::Storage),
+            ("verlustmodul", Self::Loss),
+            ("貯蔵弾性率", Self::Storage),
+            ("損失弾性率", Self::Loss),
+            ("储能模量", Self::Storage),
+            ("损耗模量", Self::Loss),
         ];
         // A symbol of up to three characters may follow, as in `Storage modulus E'`.
         let with_symbol = by_words.into_iter().find(|(words, _)| {
@@ -197,16 +216,33 @@ impl SweepColumn {
         });
         let found = match plain.as_str() {
             _ if with_symbol.is_some() => with_symbol?.1,
-            "f" | "freq" | "frequency" | "angularfrequency" | "omega" | "ω" | "frequenz" | "kreisfrequenz" => {
-                Self::Frequency
-            }
+            "f"
+            | "freq"
+            | "frequency"
+            | "angularfrequency"
+            | "omega"
+            | "ω"
+            | "frequenz"
+            | "kreisfrequenz"
+            | "fréquence"
+            | "fréquenceangulaire"
+            | "pulsation"
+            | "frecuencia"
+            | "frecuenciaangular"
+            | "frequência"
+            | "frequênciaangular"
+            | "frequenza"
+            | "frequenzaangolare"
+            | "周波数"
+            | "角周波数"
+            | "频率"
+            | "角频率" => Self::Frequency,
             // A letter alone says too little without its unit.
             "w" if unit.is_some() => Self::Frequency,
-            "g'" | "g′" | "g`" | "g´" | "storage" | "gstorage" | "estorage" | "gprime" | "speichermodul" => {
-                Self::Storage
+            "g'" | "g′" | "g`" | "g´" | "storage" | "gstorage" | "estorage" | "gprime" => Self::Storage,
+            "g''" | "g″" | "g′′" | "g\"" | "g``" | "g´´" | "loss" | "gloss" | "eloss" | "gdoubleprime" => {
+                Self::Loss
             }
-            "g''" | "g″" | "g′′" | "g\"" | "g``" | "g´´" | "loss" | "gloss" | "eloss" | "gdoubleprime"
-            | "verlustmodul" => Self::Loss,
             "g" | "modulus" | "complexshearmodulus" => Self::Modulus,
             "phase" | "delta" | "δ" | "phasenwinkel" => Self::Phase,
             "tandelta" | "tanδ" | "tand" | "losstangent" | "lossfactor" | "verlustfaktor" => Self::LossTangent,

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use super::preamble::{Preamble, StatedValue};
 use super::request::InitRequest;
-use super::stress::StressStrain;
+use super::stress::{StressStrain, called};
 use base::error::Setting;
 use base::toml_input::{UNKNOWN, quoted};
 use record::STRESS_STRAIN;
@@ -52,6 +52,10 @@ const OF_TIP: [&str; 7] = ["indentation", "depth", "cantilever", "tip-sample", "
 /// Words in the names of positions that testing machines write.
 const OF_SPECIMEN: [&str; 8] =
     ["extension", "elongation", "crosshead", "cross-head", "stroke", "standardweg", "traverse", "verlängerung"];
+/// Words in the names of positions of the tip itself, from which the instrument has subtracted the deflection of the spring.
+const OF_DEPTH: [&str; 6] = ["indentation", "tip position", "tipposition", "tip-sample", "tip sample", "separation"];
+/// Words in the names of positions of the head that carries the spring.
+const OF_HEAD: [&str; 3] = ["height", "piezo", "zsensor"];
 /// Units of forces that no testing machine measures. A molecule in a trap also has an extension.
 const MOLECULAR: [&str; 3] = ["fN", "pN", "nN"];
 
@@ -66,8 +70,10 @@ pub(super) enum Device {
     Tip {
         /// Radius of the sphere in m.
         radius_m: Option<Size>,
-        /// Stiffness in N/m of the spring that carries the tip; `None` if there is none.
+        /// Stiffness in N/m of the spring that carries the tip; `None` if there is none, or if it is unknown.
         stiffness_n_per_m: Option<Size>,
+        /// True if the position is that of the spring's far end, so that its stiffness must be known.
+        needs_stiffness: bool,
     },
     /// Specimen of unknown sizes between grips or plates.
     Specimen,
@@ -187,7 +193,9 @@ impl Device {
         let given_m = given_um.map(|radius_um| Size::given(radius_um / 1e6));
         let radius_m = given_m.or(stated_m.map(Size::from)).or_else(|| Some(Size::given(TIP_RADIUS.ask(ask)? / 1e6)));
         let stiffness_n_per_m = given_n_per_m.map(Size::given).or_else(|| preamble.number(&STIFFNESS).map(Size::from));
-        Self::Tip { radius_m, stiffness_n_per_m }
+        let is_of_head = has_position(proposal, &OF_HEAD) && !has_position(proposal, &OF_DEPTH);
+        proposal.reasons.push(format!("use `{} generic` for a gel other than vitreous humour", Setting::Prior));
+        Self::Tip { radius_m, stiffness_n_per_m, needs_stiffness: is_of_head && stiffness_n_per_m.is_none() }
     }
 
     fn bead(request: &InitRequest, proposal: &mut TableProposal, ask: Ask<'_>) -> Self {
@@ -260,9 +268,13 @@ impl Device {
                 let open = BEAD_KEYS.into_iter().zip(sizes).filter(|(_, size)| size.is_none());
                 open.map(|(key, _)| key.to_string()).collect()
             }
-            Self::Tip { radius_m: None, .. } => vec!["indenter.tip_radius_um".into()],
+            Self::Tip { radius_m, needs_stiffness, .. } => {
+                let open =
+                    [(radius_m.is_none(), "indenter.tip_radius_um"), (*needs_stiffness, "indenter.cantilever_n_per_m")];
+                open.into_iter().filter(|(is_open, _)| *is_open).map(|(_, key)| key.to_string()).collect()
+            }
             Self::Specimen => vec!["instrument.compliance_per_m".into()],
-            Self::Tip { .. } | Self::StressStrain(_) => Vec::new(),
+            Self::StressStrain(_) => Vec::new(),
         }
     }
 
@@ -283,7 +295,7 @@ impl Device {
                 let what = "length of the specimen over its cross-section, for tension and compression";
                 line("\n[instrument]\ncompliance_per_m", quoted(UNKNOWN), what);
             }
-            Self::Tip { radius_m, stiffness_n_per_m } => {
+            Self::Tip { radius_m, stiffness_n_per_m, needs_stiffness } => {
                 line(
                     "\n[indenter]\nexponent",
                     "1.5".into(),
@@ -292,8 +304,12 @@ impl Device {
                 let origin = radius_m.map_or("of the sphere; remove the line if it is not known".into(), Size::origin);
                 line("tip_radius_um", number(radius_m.map(|radius| (1e12 * radius.value).round() / 1e6)), &origin);
                 line("poisson_ratio", number(request.sizes[2].or(Some(0.5))), "of the gel; 0.5 if it keeps its volume");
+                if *needs_stiffness {
+                    let why = "stiffness of the spring that carries the tip; remove the line if there is none";
+                    line("cantilever_n_per_m", quoted(UNKNOWN), why);
+                }
                 if let Some(stiffness) = stiffness_n_per_m {
-                    let is_depth = positions_are_depths(proposal);
+                    let is_depth = has_position(proposal, &OF_DEPTH);
                     let key = if is_depth { "# cantilever_n_per_m" } else { "cantilever_n_per_m" };
                     let why =
                         if is_depth { "; the table gives the depth, which the spring does not change" } else { "" };
@@ -347,10 +363,8 @@ fn position_of_machine(proposal: &TableProposal) -> Option<String> {
     (is_named && !is_molecular).then_some(name)
 }
 
-/// True if the column of the position is named as a depth of indentation, from which the instrument has subtracted the deflection of the spring.
-fn positions_are_depths(proposal: &TableProposal) -> bool {
+/// True if the name of the position's column contains one of the words.
+fn has_position(proposal: &TableProposal, words: &[&str]) -> bool {
     let positions = proposal.description.position.as_ref();
-    positions.is_some_and(|(columns, _)| {
-        columns.all().iter().any(|column| column.to_string().to_lowercase().contains("indentation"))
-    })
+    positions.is_some_and(|(columns, _)| columns.all().iter().any(|column| called(&column.to_string(), words, &[])))
 }

@@ -18,7 +18,7 @@ use self::preamble::Preamble;
 pub use self::request::InitRequest;
 use self::source::TableSource;
 use self::start::{answers_at_once, has_absolute_strain, is_stretch, left_out_s, load_start_s};
-use self::stress::StressStrain;
+use self::stress::{StressStrain, called};
 use self::sweep::describe_sweep;
 use self::toml::{AXES, experiment_toml};
 use base::error::{Error, InputPlace, Result, Setting};
@@ -26,6 +26,7 @@ use base::files::{self, write_together};
 use base::sha256::sha256_hex;
 use base::units::Dimension;
 use documents::init::{InitColumn, InitSummary};
+use figures::number::format_significant;
 use record::table::{
     Ask, ColumnName, InspectedTable, PositionColumns, TableDescription, TableProposal, TableSettings, choose_table,
     inspect_tables, propose, tracks,
@@ -100,17 +101,22 @@ fn one(
         && let Some(looked) = &looked
     {
         refuse_without_frequency(place, &request.known_columns, looked)?;
+        refuse_flow_curve(place, &request.known_columns, looked)?;
     }
     let given = creep.as_ref().map_or(&request.known_columns, |creep| &creep.given);
     let mut proposal = propose(place, bytes, given, ask)?;
     let mut device = match creep {
         Some(creep) => {
             creep.refuse_large_plain(proposal.position_m.iter().fold(0.0, |most, strain| strain.abs().max(most)))?;
+            if creep.constant.is_none() {
+                refuse_flow(place, &proposal)?;
+            }
             proposal.reasons.extend(unused_sizes_remark(&request));
             Device::StressStrain(Box::new(creep))
         }
         None => {
             let preamble = Preamble(looked.as_ref().map_or(&[], |looked| &looked.preamble));
+            refuse_gap_of_rheometer(place, &request.known_columns, &proposal)?;
             Device::of(&request, preamble, &mut proposal, ask)
         }
     };
@@ -124,12 +130,19 @@ fn one(
             format!("give another column with `{}`, or join the table with the one before it", Setting::ForceColumn),
         ));
     }
+    if proposal.position_m == [0.0, 0.0] && device.stress_strain().is_none() {
+        return Err(Error::input(
+            InputPlace::file(place),
+            "the position is the same in every row, so that the record shows no motion",
+            format!("give another column with `{}`", Setting::PositionColumn),
+        ));
+    }
     if is_stretch(&proposal, device.stress_strain()) {
         proposal.reasons.push(
             "the strain begins near 1 and changes, so that it is read as a stretch: the first row counts as unstrained"
                 .into(),
         );
-        proposal.count_from_first_row();
+        proposal.read_as_stretches();
         if let (Device::StressStrain(creep), Some(looked)) = (&mut device, &looked) {
             creep.take_stretch_for_tension(looked);
         }
@@ -209,6 +222,55 @@ fn refuse_one_column_for_two(given: &TableSettings) -> Result<()> {
     })
 }
 
+/// Refuses a table of a viscosity over the shear rate.
+fn refuse_flow_curve(place: &Path, given: &TableSettings, looked: &InspectedTable) -> Result<()> {
+    let named = |words: &[&str]| looked.columns.iter().find(|name| called(name, words, &[]));
+    let rate = named(&["shear rate", "shearrate", "shear_rate", "scherrate", "gradient", "vitesse de cisaillement"]);
+    let viscosity = named(&["viscosity", "viskosität", "viscosité", "viscosidad", "viscosità"]);
+    let is_given = given.columns.iter().chain(&given.axes).any(Option::is_some);
+    let Some((rate, viscosity)) = rate.zip(viscosity).filter(|_| !is_given) else { return Ok(()) };
+    Err(Error::input(
+        InputPlace::file(place),
+        format!("`{rate}` and `{viscosity}` are columns of a flow curve, which shows the viscosity of a steady flow"),
+        "give a creep, a relaxation or an oscillation, whose tables have a time or a frequency",
+    ))
+}
+
+/// Refuses the axial force and the gap of a rotating rheometer, whose test is one of torque and angle, unless the user names the columns.
+fn refuse_gap_of_rheometer(place: &Path, given: &TableSettings, proposal: &TableProposal) -> Result<()> {
+    const ROTATION: [&str; 6] = ["torque", "shear", "rotation", "drehmoment", "couple", "scher"];
+    let is_named = |column: &ColumnName, words: &[&str]| called(&column.to_string(), words, &[]);
+    let has_gap =
+        proposal.description.position.as_ref().is_some_and(|(columns, _)| {
+            columns.all().iter().any(|column| is_named(column, &["gap", "spalt", "entrefer"]))
+        });
+    let rotation = proposal.columns.iter().find(|name| called(name, &ROTATION, &[]));
+    let is_given = given.columns[1..3].iter().any(Option::is_some);
+    let Some(rotation) = rotation.filter(|_| has_gap && !is_given) else { return Ok(()) };
+    Err(Error::input(
+        InputPlace::file(place),
+        format!("`{rotation}` is a column of a rotating rheometer, whose axial force and gap do not describe its test"),
+        format!(
+            "export the stress and the strain of the test; for a squeezing test name the columns with `{}` and `{}`",
+            Setting::ForceColumn,
+            Setting::PositionColumn
+        ),
+    ))
+}
+
+/// Refuses a flow, whose strain exceeds by far what a law of small strains describes.
+fn refuse_flow(place: &Path, proposal: &TableProposal) -> Result<()> {
+    let strain = proposal.position_m.iter().fold(0.0, |most: f64, strain| most.max(strain.abs()));
+    if strain <= LARGEST_STRAIN {
+        return Ok(());
+    }
+    Err(Error::input(
+        InputPlace::file(place),
+        format!("the strain reaches {} %: the specimen flows", format_significant(100.0 * strain, 2)),
+        "give a creep, a relaxation or an oscillation at small strain; check the unit of the strain if it was one",
+    ))
+}
+
 /// Refuses a table with the moduli of an oscillation, but without a column that is named as a frequency, a force or a position.
 fn refuse_without_frequency(place: &Path, given: &TableSettings, looked: &InspectedTable) -> Result<()> {
     let is_record = given.columns.iter().chain(&given.axes).any(Option::is_some)
@@ -226,6 +288,8 @@ fn refuse_without_frequency(place: &Path, given: &TableSettings, looked: &Inspec
     ))
 }
 
+/// Largest strain of a creep or a relaxation. A larger one is a flow.
+const LARGEST_STRAIN: f64 = 100.0;
 /// Value of the table setting that joins all tables of a file.
 const ALL_TABLES: &str = "all";
 /// Value of the table setting that makes one experiment of each table of a file.

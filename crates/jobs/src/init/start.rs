@@ -34,7 +34,11 @@ pub(super) fn answers_at_once(
         && proposal.loaded_from_s == Some(0.0)
         && match control {
             Control::Force => proposal.starts_displaced(),
-            Control::Position => proposal.starts_at_hold(),
+            // The zero of a machine's position says nothing, but a force shows that the specimen is held.
+            Control::Position => {
+                proposal.starts_at_hold()
+                    && (proposal.starts_loaded || stress_strain.is_none_or(|own| !own.is_of_specimen))
+            }
         }
 }
 
@@ -70,6 +74,8 @@ pub(super) fn load_start_s(proposal: &TableProposal, device: &Device, control: C
         return Some(-JUST_BEFORE * proposal.duration_s);
     }
     let begins_late = match creep {
+        // A ramp begins with the record, whatever its clock shows.
+        Some(_) if control == Control::Position && !proposal.starts_at_hold() => false,
         Some(_) => first_s > 0.0 && first_s <= FIRST_ROW * proposal.duration_s,
         None => {
             let interval_s = proposal.duration_s / proposal.n_rows.saturating_sub(1).max(1) as f64;

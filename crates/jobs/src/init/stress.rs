@@ -8,9 +8,10 @@ use record::Control;
 use record::table::{InspectedTable, TableSettings, unit};
 
 /// Words by which the stress column is recognised.
-const STRESS: [&str; 3] = ["stress", "spannung", "contrainte"];
+const STRESS: [&str; 9] =
+    ["stress", "spannung", "contrainte", "esfuerzo", "sforzo", "tensão", "напряжение", "応力", "应力"];
 /// Words by which the strain column is recognised.
-const STRAIN: [&str; 4] = ["strain", "deformation", "dehnung", "déformation"];
+const STRAIN: [&str; 8] = ["strain", "deform", "dehnung", "déform", "деформация", "ひずみ", "歪み", "应变"];
 /// Words and symbols by which the column of a relaxation modulus is recognised.
 const MODULUS: [&str; 7] = ["modulus", "g(t)", "e(t)", "g_relax", "e_relax", "relaxationsmodul", "module"];
 /// Words and symbols by which the column of a creep compliance is recognised.
@@ -32,8 +33,9 @@ const MEASURED: [&str; 12] = [
 ];
 /// Words that exclude a column of moduli over frequency.
 const OF_FREQUENCY: [&str; 5] = ["storage", "loss", "complex", "'", "tan"];
-/// Word that excludes a column: a column of rates is neither stress nor strain.
-const RATE: &str = "rate";
+/// Words that exclude a column: a column of rates is neither stress nor strain.
+const RATE: [&str; 9] =
+    ["rate", "geschwindigkeit", "gradient", "vitesse", "velocidad", "velocità", "taxa", "скорость", "速"];
 /// Units of a strain as a plain number.
 const PLAIN: [&str; 2] = ["1", "-"];
 /// Words and symbols in a strain's name that state its unit, the longer ones first.
@@ -55,11 +57,28 @@ const PARTS: [(&str, f64); 15] = [
     ("frac", 1.0),
 ];
 /// Words that name a test in tension or compression, whose strain is the stress divided by the modulus without a factor.
-pub(super) const UNIAXIAL: [&str; 8] = ["tensil", "tension", "compress", "axial", "young", "zug", "druck", "traction"];
+pub(super) const UNIAXIAL: [&str; 12] = [
+    "tensil",
+    "tension",
+    "compress",
+    "axial",
+    "young",
+    "zug",
+    "druck",
+    "traction",
+    "engineering",
+    "nominal",
+    "true stress",
+    "true strain",
+];
+/// Words of a stress or a strain that is relative to the deformed specimen. One relative to the first length is read before it.
+const DEFORMED: [&str; 2] = ["true", "cauchy"];
 /// Words that exclude such a test.
 pub(super) const MULTIAXIAL: [&str; 3] = ["biaxial", "triaxial", "shear"];
 /// Largest strain that is taken as a plain number if no unit is stated. A larger one is more likely in percent.
 const LARGEST_PLAIN: f64 = 1.0;
+/// Names of the length of a specimen between grips.
+const GAUGE: [&str; 5] = ["gauge length", "gage length", "specimen length", "grip separation", "einspannlänge"];
 /// Poisson's ratio of a specimen that is nearly all water.
 const OF_WATER: f64 = 0.5;
 
@@ -88,7 +107,10 @@ pub(super) fn called(name: &str, words: &[&str], others: &[&str]) -> bool {
 
 /// Reason that a line above the table gives for tension, compression or bending.
 fn said_above(looked: &InspectedTable) -> Option<String> {
-    Preamble(&looked.preamble).uniaxial_line().map(|line| format!("a line above the table is `{line}`"))
+    let preamble = Preamble(&looked.preamble);
+    let said = preamble.uniaxial_line().map(|line| format!("a line above the table is `{line}`"));
+    let gauge = || Some(format!("line {} states the gauge length of a specimen", preamble.length_m(&GAUGE)?.line));
+    said.or_else(gauge)
 }
 
 /// Lower-case text of a column's name before its unit.
@@ -157,7 +179,16 @@ impl StressStrain {
         };
         let is_plain = given.units[2].as_deref().is_some_and(|text| PLAIN.contains(&text.trim()));
         let strain = if is_plain { Some(1.0) } else { told(2, Dimension::Ratio) };
-        let units = told(1, Dimension::Pressure).zip(strain);
+        // A column that the user names may have its unit in its name.
+        let of_column = |place: usize, dimension: Dimension| {
+            let name = given.columns[place].as_ref().filter(|_| given.units[place].is_none())?;
+            let number = name.parse::<usize>().ok().and_then(|number| number.checked_sub(1));
+            let at = looked.columns.iter().position(|other| other == name).or(number)?;
+            let unit = looked.units.get(at)?.as_ref().filter(|unit| unit.dimension == dimension)?;
+            Some(unit.to_si(1.0))
+        };
+        let stress = told(1, Dimension::Pressure).or_else(|| of_column(1, Dimension::Pressure));
+        let units = stress.zip(strain.or_else(|| of_column(2, Dimension::Ratio)));
         if let Some((stress, strain)) = units.filter(|_| given.axes.iter().all(Option::is_none)) {
             return Ok(Self::told(looked, given, [stress, strain], poisson_ratio));
         }
@@ -166,11 +197,13 @@ impl StressStrain {
         }
         let told_strain = strain;
         let columns = || looked.columns.iter().zip(&looked.units).enumerate();
-        let stress = columns().find_map(|(place, (name, unit))| {
+        let is_relative_to_first = |place: usize| !called(&looked.columns[place], &DEFORMED, &[]);
+        let stresses = columns().filter_map(|(place, (name, unit))| {
             let unit = unit.as_ref().filter(|unit| unit.dimension == Dimension::Pressure)?;
-            called(name, &STRESS, &[RATE]).then(|| (place, unit.to_si(1.0)))
+            called(name, &STRESS, &RATE).then(|| (place, unit.to_si(1.0)))
         });
-        let strain = columns().find_map(|(place, (name, unit))| {
+        let stress = stresses.clone().find(|stress| is_relative_to_first(stress.0)).or_else(|| stresses.clone().next());
+        let strains = columns().filter_map(|(place, (name, unit))| {
             let part = match unit {
                 None => {
                     let (stated, is_read) = stated_part(name);
@@ -179,8 +212,9 @@ impl StressStrain {
                 Some(unit) if unit.dimension == Dimension::Ratio => Some(unit.to_si(1.0)),
                 Some(_) => return None,
             };
-            called(name, &STRAIN, &[RATE]).then_some((place, part))
+            called(name, &STRAIN, &RATE).then_some((place, part))
         });
+        let strain = strains.clone().find(|strain| is_relative_to_first(strain.0)).or_else(|| strains.clone().next());
         let name = |place: usize| looked.columns[place].as_str();
         let (stress, strain, constant) = match (stress, strain) {
             (Some(_), Some((place, None))) => {
@@ -272,7 +306,7 @@ impl StressStrain {
         poisson_ratio: Option<f64>,
     ) -> Option<Self> {
         let column = |place: usize, words: &[&str]| {
-            let named = || looked.columns.iter().position(|name| called(name, words, &[RATE]));
+            let named = || looked.columns.iter().position(|name| called(name, words, &RATE));
             given.columns[place].clone().or_else(|| Some((named()? + 1).to_string()))
         };
         let is_shear = looked.columns.iter().any(|name| called(name, &MULTIAXIAL, &[]));

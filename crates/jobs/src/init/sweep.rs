@@ -24,7 +24,9 @@ fn units_of(place: &Path, looked: &InspectedTable, columns: &[(SweepColumn, usiz
         .filter(|column| found(column).is_none())
         .map(|(column, place)| {
             let name = &looked.columns[*place];
-            let is_angular = ["angular", "omega", "ω"].iter().any(|word| name.to_lowercase().contains(word));
+            let is_angular = ["angular", "omega", "ω", "angulaire", "angolare", "kreis", "pulsation", "角"]
+                .iter()
+                .any(|word| name.to_lowercase().contains(word));
             match column.dimension() {
                 Dimension::Frequency if is_angular => format!("`{name} [rad/s]`"),
                 Dimension::Frequency => format!("`{name} [Hz]` or `{name} [rad/s]`"),

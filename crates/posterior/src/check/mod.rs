@@ -209,12 +209,16 @@ fn sentences(experiment: &Experiment, understood: &Interpretation) -> [String; 5
         format!("{} to {}", number(1e6 * low), number(1e6 * high))
     };
     let settled = &understood.settled;
+    // The zero is that of the position, which a relaxation commands and enters in place of the force.
+    let is_commanded = experiment.control == Control::Position;
+    let unit = if is_commanded { "µN" } else { "µm" };
     let counted = match (&settled.projection, settled.is_reversed, settled.zero_m.first().copied().unwrap_or(0.0)) {
         (Some(projection), ..) => format!(", {projection} with {} µm across", um(projection.across_rms_m)),
-        (None, true, zero_m) => format!(", from {} µm, sign reversed", um(zero_m)),
+        (None, true, zero_m) => format!(", from {} {unit}, sign reversed", um(zero_m)),
         (None, false, 0.0) => String::new(),
-        (None, false, zero_m) => format!(", from {} µm", um(zero_m)),
+        (None, false, zero_m) => format!(", from {} {unit}", um(zero_m)),
     };
+    let (of_force, of_position) = if is_commanded { (counted, String::new()) } else { (String::new(), counted) };
     let left_out = match understood.n_left_out {
         0 => String::new(),
         n => format!(", {n} left out"),
@@ -228,8 +232,8 @@ fn sentences(experiment: &Experiment, understood: &Interpretation) -> [String; 5
             number(scales.duration_s),
             number(scales.sample_interval_s)
         ),
-        format!("force {} µN, which {rule}", ends(&mut record.force_n.iter().copied())),
-        format!("position {} µm{counted}; {noise}", ends(&mut record.position_m.iter().flatten().copied())),
+        format!("force {} µN{of_force}, which {rule}", ends(&mut record.force_n.iter().copied())),
+        format!("position {} µm{of_position}; {noise}", ends(&mut record.position_m.iter().flatten().copied())),
         format!(
             "{} cycles of {} s: fitted [{}], held out [{}]",
             record.n_cycles(),

@@ -262,11 +262,16 @@ fn header(lines: &[&str], from: usize, layout: &Layout, n_empty: usize) -> Heade
         let (_, cells) = names(place)?;
         let units: Vec<Option<ParsedUnit>> = cells.iter().map(|cell| unit(cell)).collect();
         let length = |cell: &String| cell.trim_matches(['[', ']', '(', ')']).chars().count();
-        if units.iter().flatten().count() < 2 || cells.iter().any(|cell| length(cell) > LONGEST_UNIT) {
+        let is_bracketed = |cell: &&String| cell.starts_with(['[', '(']) && cell.ends_with([']', ')']);
+        let are_bracketed = cells.iter().filter(|cell| !cell.is_empty()).all(|cell| is_bracketed(&cell));
+        let fewest = if are_bracketed { 1 } else { 2 };
+        if units.iter().flatten().count() < fewest || cells.iter().any(|cell| length(cell) > LONGEST_UNIT) {
             return None;
         }
-        // A line of remarks may also stand between names and units.
-        let (line, names) = names(place + 1).or_else(|| names(place + 2))?;
+        // A line of remarks, with fewer cells, may also stand between names and units.
+        let n_named = |(_, names): &(usize, Vec<String>)| names.iter().filter(|name| !name.is_empty()).count();
+        let near = [place + 2, place + 1].into_iter().filter_map(names);
+        let (line, names) = near.max_by_key(n_named)?;
         // A unit line may contain units that the program does not use, such as °C.
         let is_foreign = |at: &usize| units[*at].is_none() && cells[*at].chars().any(char::is_alphabetic);
         let foreign = (0..units.len()).filter(is_foreign).collect();

@@ -62,6 +62,8 @@ pub struct TableProposal {
     pub n_lost: usize,
     /// Duration of the record, in s.
     pub duration_s: f64,
+    /// True if the force of the first row is more than a third of the largest one.
+    pub starts_loaded: bool,
     /// Time (s) of the first row, if a force acts in it; otherwise `None`.
     pub loaded_from_s: Option<f64>,
     /// Smallest and largest force, in N.
@@ -117,8 +119,17 @@ impl TableProposal {
         self.first_written_m = self.first_written_m.map(|position_m| position_m * of_position);
     }
 
+    /// Turns stretches into strains, which are relative to the length in the first row.
+    pub fn read_as_stretches(&mut self) {
+        let first = self.first_written_m.filter(|first| *first != 0.0).unwrap_or(1.0);
+        if first != 1.0 {
+            self.rescale([1.0, 1.0 / first]);
+        }
+        self.count_from_first_row();
+    }
+
     /// Replaces the inferred rules for zero and direction: positions count from that of the first row.
-    pub fn count_from_first_row(&mut self) {
+    fn count_from_first_row(&mut self) {
         let first_m = self.first_written_m.unwrap_or(0.0);
         self.frame = Frame { zero: Zero::First, direction: Direction::Forward };
         self.position_m = self.written_position_m.map(|position_m| position_m - first_m);
@@ -182,8 +193,10 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
         true => Control::likely(&trajectory.force_n, &trajectory.position_m),
         false => Control::Force,
     };
+    let largest_n = trajectory.force_n.iter().fold(0.0_f64, |most, force| most.max(force.abs()));
     Ok(TableProposal {
         columns: named_columns(tables[0]),
+        starts_loaded: trajectory.force_n.first().is_some_and(|first_n| 3.0 * first_n.abs() > largest_n),
         reasons,
         n_rows: trajectory.time_s.len(),
         n_lost: trajectory.position_m.iter().filter(|x| x.is_none()).count(),
@@ -265,8 +278,17 @@ impl DescribedFile<'_> {
                 }
             }
         }
-        let taken: Vec<usize> = columns.into_iter().flatten().chain(other_axes.iter().copied()).collect();
         let first_row = cells(lines[layout.first], layout.delimiter);
+        if let Some(at) = columns[Role::Cycle as usize].filter(|_| given.columns[Role::Cycle as usize].is_none())
+            && let Some(cell) =
+                first_row.get(at).filter(|cell| !cell.is_empty() && layout.decimal.number(cell).is_none())
+        {
+            columns[Role::Cycle as usize] = None;
+            let name = &header.names[at];
+            reasons
+                .push(format!("`{name}` is `{cell}` in the first row, which is no number of a cycle: it is not read"));
+        }
+        let taken: Vec<usize> = columns.into_iter().flatten().chain(other_axes.iter().copied()).collect();
         let cell =
             |role: Role| columns[role as usize].and_then(|at| first_row.get(at)).map_or("", |cell| cell.as_ref());
         let own_unit = |role: Role| columns[role as usize].and_then(|at| header.units.get(at).cloned().flatten());
@@ -870,7 +892,22 @@ fn frame(trajectory: &Trajectory, has_force: bool, reasons: &mut Vec<String>) ->
     // A commanded position has no noise, and its zero is known.
     let is_measured = has_force && Control::likely(force_n, position_m) == Control::Force;
     let coarse_m = coarse_step_m(position_m, range_m).filter(|_| is_measured);
+    let is_commanded = has_force && !is_measured;
     let zero = match (rest, first) {
+        (Some(rest), _) if is_commanded && is_far(&rest) => {
+            reasons.push(format!(
+                "the commanded position is {} before the force acts; positions count from it (zero = \"rest\")",
+                written(&rest)
+            ));
+            Zero::Rest
+        }
+        (None, Some(first)) if is_commanded && is_far(&first) => {
+            reasons.push(format!(
+                "the commanded position is {} in the first row; positions count from it (zero = \"first\")",
+                written(&first)
+            ));
+            Zero::First
+        }
         (Some(rest), _) if is_far(&rest) => {
             reasons.push(format!(
                 "the position is {} before the force acts, not 0; the zero is fitted with the model (zero = \"fit\"), because the noise of few rows would shift all positions",

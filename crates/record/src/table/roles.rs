@@ -143,7 +143,7 @@ impl Role {
                 &["force", "kraft", "fuerza", "forza", "força", "kracht", "сила", "荷重", "力"],
             ),
             Self::Position => (
-                &["x", "position", "pos", "displacement", "disp", "weg"],
+                &["x", "position", "pos", "displacement", "disp", "weg", "travel", "standardtravel"],
                 &[
                     "position",
                     "displac",

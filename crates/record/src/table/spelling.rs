@@ -176,7 +176,7 @@ fn known_unit(plain: &str) -> Option<ParsedUnit> {
     Some(ParsedUnit { dimension: *dimension, name: (*name).into(), scale: UnitScale::Times(*si_units) })
 }
 
-/// Splits a column name such as `x [µm]`, `x (µm)`, `x/µm`, `x_um` or `x in µm` into the name without the unit, and the unit, which may be missing.
+/// Splits a column name such as `x [µm]`, `x (µm)`, `x/µm`, `x_um`, `x in µm` or `x en µm` into the name without the unit, and the unit, which may be missing.
 pub fn split_unit(name: &str) -> (&str, Option<ParsedUnit>) {
     // The `_` in `rad_s` and the `/` in `rad/s` are part of the unit.
     for ending in ["_rad_s", "_rad/s", " rad/s"] {
@@ -198,7 +198,7 @@ pub fn split_unit(name: &str) -> (&str, Option<ParsedUnit>) {
         // Elsewhere the word `in` is no unit, as in `x in µm`.
         Some((stem, "in")) => unit("inch").map(|unit| (stem, unit)),
         Some((stem, text)) => unit(text).map(|unit| (stem, unit)),
-        None => ["/", " in ", "_", " "]
+        None => ["/", " in ", " en ", "_", " "]
             .iter()
             .filter_map(|joint| name.rsplit_once(joint))
             .find_map(|(stem, text)| Some((stem, unit(text)?))),

@@ -293,7 +293,7 @@ pub fn header_cells<'a>(
     if comment_sign(whole, comment).is_none() {
         // The first column may have no name, so its line may begin with a tab.
         let with_empty = cells(whole, delimiter);
-        if with_empty.len() == n_cells {
+        if with_empty.len() == n_cells || delimiter != Delimiter::Spaces {
             return with_empty;
         }
     }
