@@ -76,6 +76,16 @@ fn a_bead_under_a_prescribed_position_gives_the_law() {
     assert_eq!(posterior["heldout"]["rmse_um"], Value::Null, "no position was measured");
     let rmse_un = posterior["heldout"]["rmse_un"].as_f64().unwrap();
     assert!((rmse_un / NOISE_UN - 1.0).abs() < 0.1, "{rmse_un}");
+    // A force acts on the gel of a relaxation as it does on that of a creep: x(2 s) = C F J(2 s).
+    std::fs::write(folder.path().join("pull.csv"), "time_s,force_un\n0,2\n2,2\n").unwrap();
+    let predicted = ["predict", "study", "--force", "pull.csv", "--json", "-", "--quiet"];
+    let predicted = vitreo(folder.path(), &predicted).exits(0).json();
+    let [e, c1, c2] = LAW;
+    let expected_um = 2.0 * COMPLIANCE_PER_M * (2.0 / c2 + (1.0 - (-2.0 * e / c1).exp()) / e);
+    let found_um = predicted["scenarios"][0]["quantities"][0]["median"].as_f64().unwrap();
+    assert!((found_um / expected_um - 1.0).abs() < 5e-3, "{found_um} {expected_um}");
+    let plan = ["plan", "study", "--reach-mm", "0.1", "--within-s", "2", "--quiet"];
+    assert!(vitreo(folder.path(), &plan).exits(2).stderr.contains("--max-force-un"));
     let report = std::fs::read_to_string(folder.path().join("study/report.html")).unwrap();
     assert!(report.contains("force (µN)") && !report.contains("position (µN)"), "labels of the measured quantity");
     let check = vitreo(folder.path(), &["check", "study"]).exits(0);

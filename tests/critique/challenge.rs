@@ -87,6 +87,7 @@ fn best_of<'a>(subject: &Subject, slugs: impl Iterator<Item = &'a str>) -> Resul
             log_bayes_factor_at_most: None,
             answers: vec![],
             parameters: Vec::new(),
+            law_parameters: Vec::new(),
         }),
         twins: Vec::new(),
         refused: None,

@@ -60,6 +60,54 @@ fn sizes_of_a_specimen_make_stress_and_strain() {
     }
 }
 
+/// A machine's position begins at any value: 2 % of 20 mm, from 20 mm, from −35 mm, and after a rest.
+#[test]
+fn an_absolute_position_of_a_machine_counts_from_its_start() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for (number, (start_mm, rest_s)) in [(20.0, 0.0), (-35.0, 0.0), (20.0, 2.0)].into_iter().enumerate() {
+        let rows: String = (0..400)
+            .map(|row| {
+                let t = 0.05 * f64::from(row);
+                let part = (t - rest_s).clamp(0.0, 1.0);
+                let force = 0.2 * part * (0.5 + 0.5 * (-(t - rest_s - 1.0).max(0.0) / 5.0).exp());
+                format!("{t:.2},{force:.5},{:.4}\n", start_mm + 0.4 * part)
+            })
+            .collect();
+        let (file, out) = (folder.path().join("pull.csv"), folder.path().join(number.to_string()));
+        std::fs::write(&file, format!("Time (s),Force (N),Displacement (mm)\n{rows}")).expect("room");
+        let request = InitRequest { file, out: Some(out.clone()), ..specimen(20.0, 100.0) };
+        let (summary, _) = run(&request, &mut |_| None).expect("a description");
+        let (experiment, _) = Experiment::read(&out).expect("a record");
+        let strain = &experiment.record.force_n;
+        let largest = strain.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+        assert!(strain[0].abs() < 1e-12 && (largest - 2e-6).abs() < 1e-11, "{largest} {:?}", summary.reasons);
+        assert!(!experiment.fits_position_offset, "a commanded position has no noise");
+    }
+}
+
+/// The position of a tip is its depth already; that of the head that carries its spring is not, and needs the spring's stiffness.
+#[test]
+fn a_spring_is_subtracted_from_the_position_of_its_head_only() {
+    let tip = || InitRequest { tip: [Some(5.0), None], ..InitRequest::default() };
+    let spring = "# springConstant: 0.0122\n";
+    for (above, name, line, unknown) in [
+        (spring, "verticalTipPosition", Some("# cantilever_n_per_m = 0.0122"), 0),
+        (spring, "Tip-Sample Separation", Some("# cantilever_n_per_m = 0.0122"), 0),
+        (spring, "height", Some("cantilever_n_per_m = 0.0122"), 0),
+        ("", "height", Some("cantilever_n_per_m = \"?\""), 1),
+        ("", "Indentation", None, 0),
+    ] {
+        let mut request = tip();
+        request.known_columns =
+            TableSettings { columns: [None, None, Some(format!("{name} (mm)")), None], ..TableSettings::default() };
+        let (summary, toml, _) = described(above, ["Force", name], request).expect("a description");
+        let found = toml.lines().find(|line| line.contains("cantilever_n_per_m"));
+        assert_eq!(found.is_some(), line.is_some(), "{toml}");
+        assert!(found.zip(line).is_none_or(|(found, line)| found.starts_with(line)), "{toml}");
+        assert_eq!(summary.unknown.len(), unknown, "{:?}", summary.unknown);
+    }
+}
+
 /// A machine that presses counts its position down while the force grows.
 #[test]
 fn a_compression_keeps_its_sign() {

@@ -708,13 +708,84 @@ fn quoted_decimal_commas_between_commas_are_read() {
 /// Exports with a line of empty cells, or of a remark, between the names and the units.
 #[test]
 fn lines_between_names_and_units_are_passed() {
-    for between in [",,,", ",Constant component,,"] {
+    for between in [",,,", ",Constant component,,", ",,Waveform,Waveform"] {
         let text = format!(
             "Test:,creep,,\n{between}\nInterval data:,Time,Force,Position\n{between}\n,[s],[uN],[um]\n{}",
             rows(|_, [t, f, x]| format!(",{t:.3},{f},{x:.3}"))
         );
         assert_is_truth(&text, TableSettings::default());
     }
+}
+
+/// Rows with their number in a column before the others.
+fn numbered(rows: &str) -> String {
+    rows.lines().enumerate().map(|(row, line)| format!("{},{line}\n", row + 1)).collect()
+}
+
+/// Tables that show no creep, no relaxation and no oscillation are refused with what they show.
+#[test]
+fn flows_and_auxiliary_columns_are_refused() {
+    let rows =
+        |line: &dyn Fn(f64) -> String| -> String { (0..200).map(|row| line(0.1 * f64::from(row)) + "\n").collect() };
+    let relaxing = |t: f64| 3.0 + 2.0 * (-t / 4.0).exp();
+    for (text, cause) in [
+        (
+            format!(
+                "Torque (N.m),Displacement (rad),Step time (s),Axial force (N),Gap (mm)\n{}",
+                rows(&|t| format!("{:.5},0.01,{t:.1},{:.4},1.0", 1e-5 * relaxing(t), 0.1 + 0.001 * t))
+            ),
+            "rotating rheometer",
+        ),
+        (
+            format!(
+                "Time [s],Shear Rate [1/s],Shear Stress [Pa],Shear Strain [%]\n{}",
+                rows(&|t| format!("{t:.1},1000,{:.4},{:.1}", relaxing(t), 1e5 * (t + 0.1)))
+            ),
+            "the specimen flows",
+        ),
+        (
+            format!(
+                "Shear Rate [1/s],Shear Stress [Pa],Viscosity [Pa.s]\n{}",
+                rows(&|t| format!("{:.1},{:.4},{:.4}", t + 0.1, relaxing(t), relaxing(t) / (t + 0.1)))
+            ),
+            "a flow curve",
+        ),
+        (
+            format!(
+                "Time (s),Force (uN),Position (um)\n{}",
+                rows(&|t| format!("{t:.1},{},10.0", if t < 10.0 { 0.0 } else { 5.0 }))
+            ),
+            "the position is the same in every row",
+        ),
+    ] {
+        let refusal = refused(&text, TableSettings::default());
+        assert!(refusal.contains(cause), "{refusal}");
+    }
+}
+
+/// A bead that is held from time 0 on and then brought back counts its positions from the zero of the table. A zero of its first row would lose the first step.
+#[test]
+fn a_hold_from_the_start_counts_from_zero() {
+    let text: String = (0..400)
+        .map(|row| {
+            let t = 0.05 * f64::from(row);
+            let (position, since) = if t < 10.0 { (1.0, t) } else { (0.0, t - 10.0) };
+            let sign = if t < 10.0 { 1.0 } else { -0.6 };
+            let force = if row == 0 { -2e-5 } else { sign * (0.002 + 0.007 * (-since / 3.0).exp()) };
+            format!("{t:.2},{force:.6},{position}\n")
+        })
+        .collect();
+    let (summary, experiment, _) =
+        read(&format!("time (s),force (uN),position (um)\n{text}"), TableSettings::default()).expect("a relaxation");
+    assert!(summary.reasons.iter().any(|reason| reason.contains("that of the hold")), "{:?}", summary.reasons);
+    let record = &experiment.record;
+    let ends = |of: &dyn Fn(f64, f64) -> f64, from: f64| record.force_n.iter().fold(from, |most, x| of(most, *x));
+    assert!(
+        (ends(&f64::max, 0.0) - 1e-6).abs() < 1e-15 && ends(&f64::min, 0.0).abs() < 1e-15,
+        "{:?}",
+        &record.force_n[..3]
+    );
+    assert_eq!(record.position_m[0], None, "the force of the first row depends on how the position rises");
 }
 
 /// A table of a sweep at several temperatures is refused, and leaves no folder; so is one with two columns of a modulus, or without a frequency.
@@ -749,6 +820,18 @@ fn several_sweeps_in_one_table_are_refused() {
     assert!(refused.contains("2 columns are named as the storage"), "{refused}");
     let refused = tried(&format!("x,G' [Pa],G'' [Pa]\n{}", sweep(1.0))).unwrap_err();
     assert!(refused.contains("no column is named as a frequency"), "{refused}");
+    // Names of other programs and languages.
+    for header in [
+        "Frequency(Hz),Shear modulus (elastic component)(Pa),Shear modulus (viscous component)(Pa)",
+        "f en Hz,G' en Pa,G'' en Pa",
+        "Fréquence [Hz],Module de Stockage [Pa],Module de Perte [Pa]",
+    ] {
+        assert_eq!(tried(&format!("{header}\n{}", sweep(1.0))), Ok(20), "{header}");
+    }
+    // A column without cells at the end, with a name and a unit, does not shift the units.
+    let with_status =
+        format!("No.,Frequency,Storage Modulus,Loss Modulus,Status\n,[Hz],[kPa],[kPa],[1]\n{}", numbered(&sweep(1.0)));
+    assert_eq!(tried(&with_status.replace(',', "\t")), Ok(20));
     let refused = tried(&format!("omega,G',G''\n{}", sweep(1.0))).unwrap_err();
     assert!(refused.contains("`omega [rad/s]`; `G' [Pa]`"), "{refused}");
 }

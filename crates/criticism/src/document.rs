@@ -224,6 +224,15 @@ impl Report<'_> {
             single,
             self.verdict.effects.iter().any(|effect| effect == single.slug),
         )?;
+        let verdict = &self.verdict;
+        let has_rivals = !verdict.equivalent.is_empty()
+            && verdict.effects.iter().chain(&verdict.equivalent).any(|effect| effect == single.slug);
+        let of_law = |parameter: &&RefitParameter| {
+            let names = self.found.base.candidate.free.iter().map(|free| free.name);
+            names.filter(|name| !name.contains('.')).any(|name| name == parameter.name)
+        };
+        let law_parameters =
+            if has_rivals { parameters.all.iter().filter(of_law).cloned().collect() } else { Vec::new() };
         let parameters = parameters.of(&self.found.added(refitted));
         let (log_bayes_factor, log_bayes_factor_at_most) = match weighing.factor(single.slug) {
             BayesFactor::Known(value) => (Some(value), None),
@@ -239,6 +248,7 @@ impl Report<'_> {
             log_bayes_factor,
             log_bayes_factor_at_most,
             parameters: parameters.all,
+            law_parameters,
             answers: parameters.modes,
         })
     }

@@ -217,6 +217,9 @@ pub struct Refit {
     pub log_bayes_factor_at_most: Option<f64>,
     /// Posteriors of the effect's parameters.
     pub parameters: Vec<RefitParameter>,
+    /// Posteriors of the law's parameters beside the effect, for an effect of the verdict that has equivalents and for these; otherwise empty.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub law_parameters: Vec<RefitParameter>,
     /// Modes of the posterior, the most probable first; empty for a single mode. `parameters` averages over all modes.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub answers: Vec<PosteriorMode>,

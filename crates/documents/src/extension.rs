@@ -91,8 +91,19 @@ pub struct EquivalentRefit {
     pub effect: String,
     /// Root mean square residual of the scored (last held-out) cycle, in µm; `None` if no cycle is held out.
     pub rmse_heldout_um: Option<f64>,
-    /// Posteriors of the effect's parameters.
+    /// Posteriors of the effect's parameters, then of the law's parameters beside it.
     pub parameters: Vec<RefitParameter>,
+}
+
+impl EquivalentRefit {
+    /// Name of a parameter, with the effect for a parameter of the law.
+    pub fn label(&self, parameter: &RefitParameter) -> String {
+        if parameter.name.contains('.') {
+            parameter.name.clone()
+        } else {
+            format!("{}, with {}", parameter.name, self.effect)
+        }
+    }
 }
 
 impl EquivalentEffects {

@@ -97,6 +97,7 @@ fn candidate(effect: &str, status: Status, gain_nats: Option<f64>, heldout: Opti
         log_bayes_factor_at_most: None,
         answers: vec![],
         parameters: vec![],
+        law_parameters: Vec::new(),
     });
     CandidateEntry {
         effect: effect.into(),

@@ -6,6 +6,7 @@ use base::error::Result;
 use base::files::{Content, read_if_there};
 use documents::diagnosis::{CandidateEntry, Diagnosis};
 use documents::extension::{EquivalentEffects, EquivalentRefit, ExtensionSummary};
+use documents::posterior::{ParameterSummary, Warning, WarningKind};
 use posterior::study::{DIAGNOSIS_NAME, EXTENSION_NAME, Study, WithProvenance};
 use serde::de::DeserializeOwned;
 
@@ -113,12 +114,45 @@ fn equivalence_class(diagnosis: &Diagnosis) -> EquivalenceClass {
     EquivalenceClass { claimed, equivalent: verdict.equivalent.clone(), is_single }
 }
 
+/// Warning that parameters of the law depend on which of the equivalent effects is true. `None` if the diagnosis finds the same values with each, within their 90 % intervals.
+pub fn law_depends_on_effect(equivalents: &[EquivalentEffects], parameters: &[ParameterSummary]) -> Option<Warning> {
+    let mut found: Vec<String> = Vec::new();
+    for of_revision in equivalents {
+        let [own, rivals @ ..] = &of_revision.refits[..] else { continue };
+        for rival in rivals.iter().filter(|rival| of_revision.rivals.contains(&rival.effect)) {
+            let moved = |parameter: &&ParameterSummary| {
+                let mean = |refit: &EquivalentRefit| {
+                    refit.parameters.iter().find(|of_refit| of_refit.name == parameter.name).map(|found| found.mean)
+                };
+                let by = mean(own).zip(mean(rival)).map(|(own, rival)| (rival - own).abs());
+                !parameter.name.contains('.') && by.is_some_and(|by| by > 0.5 * (parameter.q95 - parameter.q05))
+            };
+            let names: Vec<&str> = parameters.iter().filter(moved).map(|parameter| parameter.name.as_str()).collect();
+            if !names.is_empty() {
+                found.push(format!(
+                    "{} {} another value with {} in place of {}, which the record cannot tell apart",
+                    names.join(", "),
+                    if names.len() > 1 { "have" } else { "has" },
+                    rival.effect,
+                    own.effect
+                ));
+            }
+        }
+    }
+    (!found.is_empty()).then(|| Warning {
+        kind: WarningKind::ModelIncomplete,
+        text: found.join("; "),
+        advice: "record the experiment that tells the effects apart (`vitreo-uq design`), or state the parameters with each effect".into(),
+    })
+}
+
 fn refit(candidate: &CandidateEntry) -> EquivalentRefit {
     let entry = candidate.refit.as_ref();
     EquivalentRefit {
         effect: candidate.effect.clone(),
         rmse_heldout_um: entry.and_then(|refit| refit.rmse_heldout_um),
-        parameters: entry.map_or(Vec::new(), |refit| refit.parameters.clone()),
+        parameters: entry
+            .map_or(Vec::new(), |refit| refit.parameters.iter().chain(&refit.law_parameters).cloned().collect()),
     }
 }
 
@@ -152,6 +186,7 @@ mod tests {
                 log_bayes_factor: None,
                 log_bayes_factor_at_most: None,
                 parameters,
+                law_parameters: Vec::new(),
                 answers: Vec::new(),
             }),
             twins: Vec::new(),

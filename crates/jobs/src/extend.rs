@@ -130,8 +130,17 @@ fn of_creep(target: &CreepTarget, request: &ExtendRequest, monitor: &dyn Monitor
         pair.posterior_before = Some(fitted.posterior(&request.options, false, monitor)?);
     }
     let writer = study.begin_revision(&revision)?;
-    let Extension { mut summary, problem, after } = refit(pair, &request, monitor)?;
+    let Extension { mut summary, problem, mut after } = refit(pair, &request, monitor)?;
     summary.equivalents = equivalents::extension_equivalents(&study, &from, &revision, request.effects)?;
+    if let Some(warning) = equivalents::law_depends_on_effect(&summary.equivalents, &summary.parameters) {
+        after.summary.warnings.push(warning);
+        after.summary.trust = posterior::trust::trust(&after.summary.warnings);
+        summary.warnings.clone_from(&after.summary.warnings);
+        // A comparison that is not valid stays untrusted.
+        if summary.trust.is_sound() {
+            summary.trust.clone_from(&after.summary.trust);
+        }
+    }
     let of_equivalents = summary.equivalents.iter().filter(|equivalent| equivalent.revision == revision);
     let sentences: Vec<String> = of_equivalents.filter_map(EquivalentEffects::sentence).collect();
     sentences.iter().for_each(|sentence| summary.sentence += &format!(" {sentence}"));

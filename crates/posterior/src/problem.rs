@@ -129,6 +129,7 @@ impl Problem {
             poisson_ratio: sizes.poisson_ratio,
             robot_radius_m: sizes.robot_radius_m,
             outer_radius_m: sizes.outer_radius_m,
+            is_position_controlled: sizes.is_position_controlled,
             ..*self.model.scales()
         };
         let effects = self.model.effects().to_vec();

@@ -193,7 +193,8 @@ impl Ensemble {
             true => MeshCorrection { factor: 1.0, error: Some(0.0) },
             false => MeshCorrection::new(gel.is_taught.then_some(gel.problem), &problem)?,
         };
-        let prepared = prepare(&problem, mesh.factor, kept.filter(|_| is_own), monitor)?;
+        let prepared =
+            prepare(&problem, mesh.factor, kept.filter(|_| is_own && taught.control == Control::Force), monitor)?;
         let strain_per_m = strain_per_m(finite_elements(&problem)?)?;
         let found = Self {
             prepared,

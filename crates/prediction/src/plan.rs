@@ -523,7 +523,13 @@ impl<'a> ForceSearch<'a> {
                 return Ok(limit);
             }
         }
-        Ok(if self.target.rest.is_some() { "uncertainty of the gel" } else { "combination of all limits" })
+        let has_others = self.target.largest_strain.is_some() || self.target.slew_n_per_s.is_some();
+        Ok(match self.target.rest {
+            Some(_) => "uncertainty of the gel",
+            // Without other limits, a force that is large enough reaches any target.
+            None if self.is_linear && !has_others => "force",
+            None => "combination of all limits",
+        })
     }
 }
 

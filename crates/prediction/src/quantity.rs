@@ -10,6 +10,8 @@ use record::Record;
 const UM_PER_M: f64 = 1e6;
 /// Part of the time before the end of a window over which a speed is taken.
 const SPEED_WINDOW: f64 = 0.1;
+/// Largest time from a change of the force to the row after it, as a part of the prediction's duration. The rows closer together resolve no time.
+const JUMP: f64 = 2e-6;
 
 /// Quantity of interest, with the event whose probability is asked.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -238,7 +240,10 @@ pub fn time_to_reach_s(record: &Record, position_m: &[f64], distance_m: f64) -> 
         Some(row) => {
             let (before, after) = (along(position_m[row - 1]), along(position_m[row]));
             let share = (1.0 - before) / (after - before);
-            record.time_s[row - 1] + share * (record.time_s[row] - record.time_s[row - 1])
+            // The first row after a change of the force follows at once: a motion that reaches the distance there is a jump.
+            let interval_s = record.time_s[row] - record.time_s[row - 1];
+            let is_jump = interval_s < JUMP * record.time_s[record.time_s.len() - 1];
+            record.time_s[row - 1] + if is_jump { 0.0 } else { share * interval_s }
         }
     }
 }
@@ -254,6 +259,16 @@ pub fn last_release(record: &Record) -> Option<usize> {
 mod tests {
     use super::*;
     use crate::force_history::ForceHistory;
+
+    /// A gel that jumps by 1 µm and then creeps reaches 0.5 µm at once, and 2 µm later.
+    #[test]
+    fn a_jump_reaches_its_distance_at_once() {
+        let record = ForceHistory::Steps(vec![[0.0, 0.0], [1.0, 1e-6]]).record(5.0, &[]).expect("a record");
+        let position_m: Vec<f64> =
+            record.time_s.iter().map(|t| if *t <= 1.0 { 0.0 } else { 1e-6 * (1.0 + (t - 1.0)) }).collect();
+        assert_eq!(time_to_reach_s(&record, &position_m, 0.5e-6), 1.0);
+        assert!((time_to_reach_s(&record, &position_m, 2e-6) - 2.0).abs() < 1e-3);
+    }
 
     #[test]
     fn quantities_of_a_known_motion_have_their_closed_forms() {

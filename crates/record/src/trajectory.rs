@@ -301,6 +301,8 @@ impl Trajectory {
     pub(super) fn add(&mut self, row: TableRow<'_>, place: &dyn Fn(usize) -> InputPlace) -> Result<()> {
         let TableRow { time_s, force_n, position_m, cycle } = row;
         plausible(&|| place(TIME), time_s, TIMES_S, "s")?;
+        // A computed zero, such as a sine of π, has a rounding error.
+        let force_n = if force_n.abs() < FORCES_N[0] { 0.0 } else { force_n };
         plausible(&|| place(FORCE), force_n, FORCES_N, "N")?;
         if let Some(position_m) = position_m {
             plausible(&|| place(POSITION), position_m, POSITIONS_M, "m")?;
@@ -414,7 +416,7 @@ fn finite(place: &dyn Fn() -> InputPlace, text: &str, remedy: &str) -> Result<f6
     Err(Error::input(place(), found, remedy))
 }
 
-/// Allowed absolute values of times, forces and positions in SI units. Larger or smaller values have wrong units, and would later exceed the range of
+/// Allowed absolute values of times, forces and positions in SI units. A smaller force counts as 0. Other larger or smaller values have wrong units, and would later exceed the range of
 /// floating-point numbers. A modulus over time is read in place of a position.
 const TIMES_S: [f64; 2] = [1e-12, 1e12];
 const FORCES_N: [f64; 2] = [1e-24, 1e12];

@@ -80,8 +80,8 @@ fn equivalents(equivalent_effects: &EquivalentEffects) -> Vec<String> {
         equivalent_effects.effects.join(" + "),
         equivalent_effects.alternative().unwrap_or_default()
     );
-    let width =
-        equivalent_effects.refits.iter().flat_map(|refit| &refit.parameters).map(|p| p.name.chars().count() + 2).max();
+    let width = equivalent_effects.refits.iter().flat_map(|refit| refit.parameters.iter().map(|p| refit.label(p)));
+    let width = width.map(|label| label.chars().count() + 2).max();
     let width = width.unwrap_or(0).max(24);
     let mut lines = vec![
         String::new(),
@@ -92,7 +92,7 @@ fn equivalents(equivalent_effects: &EquivalentEffects) -> Vec<String> {
         let error = refit.rmse_heldout_um.map_or("–".into(), significant);
         lines.extend(refit.parameters.iter().map(|p| {
             let [mean, q05, q95] = [p.mean, p.q05, p.q95].map(significant);
-            format!("  {:<width$}{mean:>11}{q05:>11}{q95:>11}{error:>20}", p.name)
+            format!("  {:<width$}{mean:>11}{q05:>11}{q95:>11}{error:>20}", refit.label(p))
         }));
     }
     lines

@@ -250,7 +250,7 @@ fn equivalent_refits(equivalent_effects: &EquivalentEffects) -> Markup {
     let row = |refit: &EquivalentRefit| {
         let of = |p: &RefitParameter| {
             vec![
-                p.name.clone(),
+                refit.label(p),
                 format_significant(p.mean, 4),
                 interval(p.q05, p.q95),
                 optional(refit.rmse_heldout_um, 3),

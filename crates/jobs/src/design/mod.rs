@@ -38,6 +38,7 @@ use self::words::{sentence, stop_sentence, with_detection, with_quantity};
 use crate::artefacts;
 use crate::first_revision::kept_surrogate;
 use crate::outcome::Outcome;
+use crate::prediction::study_warnings;
 use crate::target::{CreepTarget, Revision, Target};
 
 /// Durations of the front in ascending order, relative to that of the recommended protocol.
@@ -101,7 +102,10 @@ fn known(target: &CreepTarget, request: &DesignRequest, monitor: &dyn Monitor) -
     monitor.stage("fitting the models");
     let mut models = models(&subjects, class.as_ref())?;
     let standings = if models.len() > 1 { standings(&models) } else { Vec::new() };
-    let (after, warnings) = judge_later(&subjects, &models[0]);
+    let (after, mut warnings) = judge_later(&subjects, &models[0]);
+    if class.is_none() {
+        warnings.extend(study_warnings(&revision.study.revision_dir(&revision.name)?, &revision.name)?);
+    }
     let decided = if class.is_some() && !later.is_empty() { keep_possible(&mut models) } else { None };
     if decided.is_some() {
         goal = DesignGoal::Parameters;

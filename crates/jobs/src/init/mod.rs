@@ -150,6 +150,13 @@ fn one(
         || answers_at_once(&proposal, device.stress_strain(), control)
     {
         proposal.keep_written_positions();
+        if device.stress_strain().is_none() {
+            let text = "the position of the first row, at time 0, is that of the hold: positions count as in the table, and the force of this row is left out (left_out_s), because it depends on how the position rises";
+            proposal.reasons.push(text.into());
+        }
+    }
+    if control == Control::Position {
+        proposal.count_commanded_positions();
     }
     let creep = device.stress_strain();
     if load_start_s(&proposal, &device, control).is_some() {

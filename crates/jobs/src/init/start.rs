@@ -22,23 +22,24 @@ pub(super) fn is_stretch(proposal: &TableProposal, stress_strain: Option<&Stress
     stress_strain.is_some_and(|own| own.is_told) && proposal.is_stretch()
 }
 
-/// True for stress and strain if the step has begun before the first row, at time 0: a stress acts, and the strain has already jumped. A commanded strain is then at its hold.
-/// Stretches count from the first row.
+/// True if the step has begun before the first row, at time 0. For stress and strain, a stress acts and the strain has already jumped; a commanded strain is then at its hold.
+/// Stretches count from the first row. A bead is then at a hold from which it returns to 0.
 pub(super) fn answers_at_once(
     proposal: &TableProposal,
     stress_strain: Option<&StressStrain>,
     control: Control,
 ) -> bool {
-    stress_strain.is_some_and(|own| !own.is_of_specimen || proposal.frame.direction == Direction::Forward)
+    let Some(own) = stress_strain else {
+        let is_at_start = proposal.loaded_from_s.is_none_or(|first_s| first_s == 0.0);
+        return control == Control::Position && is_at_start && proposal.starts_at_hold() && proposal.returns_to_zero();
+    };
+    (!own.is_of_specimen || proposal.frame.direction == Direction::Forward)
         && !is_stretch(proposal, stress_strain)
         && proposal.loaded_from_s == Some(0.0)
         && match control {
             Control::Force => proposal.starts_displaced(),
             // The zero of a machine's position says nothing, but a force shows that the specimen is held.
-            Control::Position => {
-                proposal.starts_at_hold()
-                    && (proposal.starts_loaded || stress_strain.is_none_or(|own| !own.is_of_specimen))
-            }
+            Control::Position => proposal.starts_at_hold() && (proposal.starts_loaded || !own.is_of_specimen),
         }
 }
 

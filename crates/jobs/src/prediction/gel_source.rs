@@ -167,7 +167,8 @@ fn of_study(target: &CreepTarget, options: &SamplerOptions, monitor: &dyn Monito
         rivals: rivals(&study, &name, &problem, options, monitor)?,
         kept: kept_surrogate(&study, monitor),
         provenance: crate::artefacts::with_inputs(study.provenance("prediction", 1, options.seed), &problem)
-            .with_input(format!("{name}/{POSTERIOR_NAME}"), &posterior),
+            .with_input(format!("{name}/{POSTERIOR_NAME}"), &posterior)
+            .with_quantities(None),
         draws,
         is_taught: true,
         dir: study.dir().to_path_buf(),
@@ -192,7 +193,7 @@ pub(super) fn draws_of_revision(dir: &Path, name: &str, problem: &Problem) -> Re
 }
 
 /// Warnings of a revision about its predictions: all warnings that limit the trust in its posterior, and the missing effect of its diagnosis.
-fn study_warnings(dir: &Path, revision: &str) -> Result<Vec<Warning>> {
+pub(crate) fn study_warnings(dir: &Path, revision: &str) -> Result<Vec<Warning>> {
     let posterior: Option<WithProvenance<PosteriorSummary>> = read_document(&dir.join(POSTERIOR_NAME));
     let all = posterior.map_or_else(Vec::new, |document| document.body.warnings);
     let of_record =

@@ -6,4 +6,5 @@ pub mod plan;
 pub mod predict;
 mod rivals;
 
+pub(crate) use gel_source::study_warnings;
 pub use gel_source::{GelPlace, is_groups};

@@ -15,6 +15,7 @@ use prediction::plan::{PlannedForce, RobotComparison, Target, plan};
 use prediction::quantity::{Quantity, percent, plain};
 use prediction::robot_size::{self, RobotSize};
 use prediction::scenario::Scenario;
+use record::Control;
 use sampling::SamplerOptions;
 
 use super::gel_source::{GelPlace, GelSource};
@@ -53,13 +54,10 @@ pub fn run(place: &GelPlace<'_>, request: &PlanRequest, monitor: &dyn Monitor) -
     let mut scenarios = place.scenarios(request.scenario.as_deref())?;
     refuse_outside(&scenarios, &target)?;
     if target.largest_force_n == 0.0 && !matches!(request.size, Some(RobotSize::SmallestMagnet { .. })) {
-        let GelPlace::Study(study) = place else {
-            return Err(Error::input(
-                InputPlace::setting(Setting::LargestForce),
-                "only a study has a largest force of its own",
-                format!("give the actuator's largest force in µN with `{}`", Setting::LargestForce),
-            ));
-        };
+        let GelPlace::Study(study) = place else { return Err(without_force()) };
+        if study.experiment.control == Control::Position {
+            return Err(without_force());
+        }
         target.largest_force_n = study.experiment.scales().largest_force_n;
     }
     for scenario in &mut scenarios {
@@ -144,6 +142,15 @@ pub fn run(place: &GelPlace<'_>, request: &PlanRequest, monitor: &dyn Monitor) -
     let all = [&svg, &png, &pdf, &tube, &json].into_iter().chain(&compared).chain(protocol);
     write_together(&all.map(|(path, bytes)| (path.as_path(), bytes.as_slice())).collect::<Vec<_>>())?;
     Ok(Outcome { is_sound: document.body.is_sound(), document, written: svg.0, study: source.study.clone() })
+}
+
+/// Error for a source of the gel that commands no force.
+fn without_force() -> Error {
+    Error::input(
+        InputPlace::setting(Setting::LargestForce),
+        "only the study of a record with a commanded force has a largest force of its own",
+        format!("give the actuator's largest force in µN with `{}`", Setting::LargestForce),
+    )
 }
 
 /// Refuses a target outside the gel.

@@ -16,7 +16,7 @@ use prediction::force_history::ForceHistory;
 use prediction::quantity::{Quantity, time_to_reach_s};
 use prediction::scenario::Scenario;
 use prediction::sensitivity::{Inputs, Marginal, indices};
-use record::Record;
+use record::{Control, Record};
 use sampling::SamplerOptions;
 
 use super::gel_source::{GelPlace, GelSource};
@@ -117,8 +117,8 @@ fn scenarios(place: &GelPlace<'_>, request: &PredictRequest) -> Result<Vec<(Scen
             scenario.force = Some(force.clone());
         }
         let record_of_study = match place {
-            GelPlace::Study(target) => Some(&target.experiment.record),
-            GelPlace::Groups { .. } | GelPlace::Prior { .. } => None,
+            GelPlace::Study(target) if target.experiment.control == Control::Force => Some(&target.experiment.record),
+            GelPlace::Study(_) | GelPlace::Groups { .. } | GelPlace::Prior { .. } => None,
         };
         if let (None, None, Some(of_study)) = (&scenario.force, &request.scenarios, record_of_study) {
             let n = of_study.n_rows();

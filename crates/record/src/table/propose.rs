@@ -94,6 +94,12 @@ impl TableProposal {
         self.first_written_m.is_some_and(|first_m| first_m.abs() > 0.9 * farthest_m && farthest_m > 0.0)
     }
 
+    /// Returns whether the positions span the range from 0 to the farthest one, so that they count from 0.
+    pub fn returns_to_zero(&self) -> bool {
+        let [low_m, high_m] = self.written_position_m;
+        low_m.abs().min(high_m.abs()) <= NEAR_ZERO * (high_m - low_m)
+    }
+
     /// Returns whether the positions are stretches, of which 1 is the unstrained length: they begin near 1 and change by more than a hundredth.
     pub fn is_stretch(&self) -> bool {
         let range_m = self.written_position_m[1] - self.written_position_m[0];
@@ -134,6 +140,19 @@ impl TableProposal {
         self.frame = Frame { zero: Zero::First, direction: Direction::Forward };
         self.position_m = self.written_position_m.map(|position_m| position_m - first_m);
         self.reasons.retain(|reason| !["zero =", "direction ="].iter().any(|key| reason.contains(key)));
+    }
+
+    /// Replaces a fitted zero for a commanded position, which has no noise: positions count from those before the force acts, or from the first row.
+    pub fn count_commanded_positions(&mut self) {
+        if self.frame.zero != Zero::Fit {
+            return;
+        }
+        self.frame.zero = if self.loaded_from_s.is_some() { Zero::First } else { Zero::Rest };
+        self.reasons.retain(|reason| !reason.contains("zero = \"fit\""));
+        self.reasons.push(match self.frame.zero {
+            Zero::First => "the commanded position counts from the first row (zero = \"first\")".into(),
+            _ => "the commanded position counts from that before the force acts (zero = \"rest\")".into(),
+        });
     }
 
     /// Replaces the inferred rules for zero and direction: positions count as written in the table.
@@ -892,22 +911,7 @@ fn frame(trajectory: &Trajectory, has_force: bool, reasons: &mut Vec<String>) ->
     // A commanded position has no noise, and its zero is known.
     let is_measured = has_force && Control::likely(force_n, position_m) == Control::Force;
     let coarse_m = coarse_step_m(position_m, range_m).filter(|_| is_measured);
-    let is_commanded = has_force && !is_measured;
     let zero = match (rest, first) {
-        (Some(rest), _) if is_commanded && is_far(&rest) => {
-            reasons.push(format!(
-                "the commanded position is {} before the force acts; positions count from it (zero = \"rest\")",
-                written(&rest)
-            ));
-            Zero::Rest
-        }
-        (None, Some(first)) if is_commanded && is_far(&first) => {
-            reasons.push(format!(
-                "the commanded position is {} in the first row; positions count from it (zero = \"first\")",
-                written(&first)
-            ));
-            Zero::First
-        }
         (Some(rest), _) if is_far(&rest) => {
             reasons.push(format!(
                 "the position is {} before the force acts, not 0; the zero is fitted with the model (zero = \"fit\"), because the noise of few rows would shift all positions",

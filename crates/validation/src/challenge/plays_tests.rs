@@ -48,6 +48,7 @@ fn candidate(slug: &str, gain_nats: f64, [q05, q95]: [f64; 2]) -> CandidateEntry
             log_bayes_factor_at_most: None,
             answers: vec![],
             parameters: vec![parameter],
+            law_parameters: Vec::new(),
         }),
         twins: Vec::new(),
         refused: None,
