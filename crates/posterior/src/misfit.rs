@@ -163,7 +163,7 @@ impl Misfit {
     /// Compares residuals with the noise `noise_m`. If `is_measured` is false, the noise was taken from the residuals themselves, so its size alone sets no limit.
     fn beside(remainder: &Residuals, noise_m: f64, is_known: bool, is_measured: bool) -> Option<Self> {
         let (has_gain, implausible_gains) = remainder.judge_gains();
-        let returning = RecurringPart::of(remainder, has_gain);
+        let returning = RecurringPart::of(remainder);
         let fitted = Series::of(remainder, remainder.fitted_m, has_gain)?;
         let heldout = Series::of(remainder, remainder.heldout_m, has_gain && remainder.shows_gains());
         // The removal of the parameters' columns distributes a misfit of the held-out cycles over all cycles. A recurring misfit must therefore also be present in the
@@ -443,7 +443,7 @@ struct RecurringPart {
 
 impl RecurringPart {
     /// Estimates the recurring part from all residuals; `None` if fewer than two cycles with the same command have enough rows.
-    fn of(remainder: &Residuals, has_gain: bool) -> Option<Self> {
+    fn of(remainder: &Residuals) -> Option<Self> {
         let record = remainder.record;
         let mut left_m: Vec<Option<f64>> =
             remainder.fitted_m.iter().zip(remainder.heldout_m).map(|(fitted, heldout)| fitted.or(*heldout)).collect();
@@ -459,7 +459,7 @@ impl RecurringPart {
         for cycle in &cycles {
             let mut of_cycle: Vec<f64> = cycle.rows.iter().filter_map(|row| left_m[*row]).collect();
             let mut nuisance = vec![vec![1.0; cycle.rows.len()], cycle.phase.clone()];
-            if has_gain {
+            if remainder.gains != GainKnowledge::None {
                 nuisance.push(cycle.rows.iter().map(|row| remainder.position_m[*row]).collect());
             }
             project_out(&mut of_cycle, nuisance);

@@ -98,8 +98,7 @@ impl ForceHistory {
         let bytes = files::read(path, Content::Table, "check the path of the force's table")?;
         let text = decode_detected(&bytes);
         let refuse = |line: usize, found: String| {
-            let remedy =
-                "write the header `time_s,force_un`, then one row for each change of the force, in the order of time";
+            let remedy = "write the header `time_s,force_un`, then one row for each change of the force (µN), in the order of time (s)";
             Err(Error::input(InputPlace::file(path).at_line(line), found, remedy))
         };
         let mut steps: Vec<[f64; 2]> = Vec::new();

@@ -581,7 +581,14 @@ fn check_positions(record: &Record, calibration_cycles: &[u32], place: &InputPla
                 format!(
                     "calibration cycle {cycle} starts here and has {n_positions} positions; {MIN_POSITIONS} are needed"
                 ),
-                "list a cycle with more positions in `calibration_cycles` of the TOML, or measure more positions",
+                match counts.iter().any(|n_positions| *n_positions >= MIN_POSITIONS) {
+                    true => {
+                        "list a cycle with more positions in `calibration_cycles` of the TOML, or measure more positions"
+                    }
+                    false => {
+                        "measure more positions: no cycle has enough; without the column `cycle` the force determines the cycles"
+                    }
+                },
             ));
         }
     }

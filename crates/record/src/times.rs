@@ -14,6 +14,8 @@ const FEWEST_TIES: usize = 3;
 /// Least factor by which neighbouring rows are farther apart in position than rows at neighbouring times, if rows alternate between several tracks.
 const TRACKS: f64 = 3.0;
 
+/// Least factor by which rows of equal time are farther apart than the nearest rows of successive times, if a track has branches. Noise of a coarse clock stays below it.
+const BRANCHES: f64 = 12.0;
 /// Smallest number of falls of the time, and their fraction of the rows, from which rows count as unsorted.
 const FEWEST_FALLS: usize = 4;
 const UNSORTED: f64 = 0.1;
@@ -92,7 +94,10 @@ pub(super) fn order_times(
         ordered = ordered.with_ties_of(time_s);
         spread_ties(time_s);
     }
-    match time_s.windows(2).position(|pair| pair[1] <= pair[0]) {
+    let is_fall = |pair: &[f64]| pair[1] < pair[0];
+    // Equal times that could not be spread have a fall for their cause.
+    let fall = time_s.windows(2).position(is_fall).filter(|_| rules.spreads_ties);
+    match fall.or_else(|| time_s.windows(2).position(|pair| pair[1] <= pair[0])) {
         None => Ok(ordered),
         Some(before) => Err(refused(place(before + 1), before + 1, time_s, position_m)),
     }
@@ -169,7 +174,7 @@ fn refused(place: InputPlace, row: usize, time_s: &[f64], position_m: &[Option<f
                 "several rows have the time {time} s and their positions alternate: the rows belong to several tracks"
             ),
             format!(
-                "name the track column with `{}` and choose one track with `{}`",
+                "name the track column with `{0}` and choose one track with `{1}`; of a track that branches, keep one branch in the file",
                 Setting::TrackColumn,
                 Setting::Track
             ),
@@ -207,7 +212,8 @@ fn refused(place: InputPlace, row: usize, time_s: &[f64], position_m: &[Option<f
     Error::input(place, found, remedy)
 }
 
-/// True if the rows belong to several tracks, because the positions of neighbouring rows differ much more than those of rows at neighbouring times.
+/// True if the rows belong to several tracks, because the positions of neighbouring rows differ much more than those of rows at neighbouring times, throughout or where times
+/// are equal.
 fn alternate(time_s: &[f64], position_m: &[Option<f64>]) -> bool {
     let together = time_s.iter().take_while(|time| **time == time_s[0]).count();
     let apart = |step: usize| {
@@ -215,6 +221,20 @@ fn alternate(time_s: &[f64], position_m: &[Option<f64>]) -> bool {
         median(pairs.filter_map(|(a, b)| Some(((*b)? - (*a)?).abs())).collect())
     };
     together >= 2 && apart(1).zip(apart(together)).is_some_and(|(next, same)| next > TRACKS * same)
+        || branches(time_s, position_m)
+}
+
+/// True if rows of equal time are much farther apart than the nearest rows of successive times: a track has branches.
+fn branches(time_s: &[f64], position_m: &[Option<f64>]) -> bool {
+    let rows: Vec<(f64, f64)> = time_s.iter().zip(position_m).filter_map(|(time, x)| Some((*time, (*x)?))).collect();
+    let groups: Vec<&[(f64, f64)]> = rows.chunk_by(|a, b| a.0 == b.0).collect();
+    let tied = groups.iter().flat_map(|group| group.windows(2).map(|pair| (pair[1].1 - pair[0].1).abs())).collect();
+    let nearest = |pair: &[&[(f64, f64)]]| {
+        let between = pair[0].iter().flat_map(|a| pair[1].iter().map(move |b| (b.1 - a.1).abs()));
+        between.fold(f64::INFINITY, f64::min)
+    };
+    let steps = groups.windows(2).filter(|pair| pair.iter().any(|group| group.len() > 1)).map(nearest).collect();
+    median(tied).zip(median(steps)).is_some_and(|(tied, step)| tied > BRANCHES * step)
 }
 
 #[cfg(test)]
@@ -280,6 +300,24 @@ mod tests {
         assert!(largest_s < 1.0 && time_s.windows(2).all(|pair| pair[0] < pair[1]), "{largest_s}");
         let repeated = [0.0, 1.0, 1.0, 2.0, 3.0];
         assert!(!TimeChanges::default().with_ties_of(&repeated).is_coarse());
+    }
+
+    /// A track of 40 times that has a second branch, ten steps away, in the second half. A coarse clock with four noisy rows a step has none.
+    #[test]
+    fn a_track_that_branches_is_several_tracks() {
+        let noise = |row: usize| ((row * 7919) % 101) as f64 / 50.0 - 1.0;
+        let (mut time_s, mut position_m) = (Vec::new(), Vec::new());
+        for row in 0..40_usize {
+            let x = row as f64 + 0.2 * noise(row);
+            for branch in 0..if row < 20 { 1 } else { 2 } {
+                time_s.push(row as f64);
+                position_m.push(Some(x + 20.0 * branch as f64));
+            }
+        }
+        assert!(alternate(&time_s, &position_m));
+        let coarse_s: Vec<f64> = (0..160_usize).map(|row| (row / 4) as f64).collect();
+        let noisy: Vec<Option<f64>> = (0..160).map(|row| Some(0.1 * row as f64 + noise(row))).collect();
+        assert!(!alternate(&coarse_s, &noisy));
     }
 
     #[test]

@@ -310,20 +310,30 @@ fn each_table(
     out: &Path,
     ask: Ask<'_>,
 ) -> Result<InitSummary> {
-    let (mut made, mut experiments, mut refused) = (None, Vec::new(), Vec::new());
-    let mut first_refusal = None;
-    for number in 1..=inspect_tables(&source.place, &source.bytes)?.len() {
+    let n_tables = inspect_tables(&source.place, &source.bytes)?.len();
+    let parts = (1..=n_tables).map(|number| {
         // Tests of one specimen share its name.
         let id = Some(request.id.clone().unwrap_or_else(|| source.stem()));
         let known_columns = TableSettings { tables: Some(number.to_string()), ..request.known_columns.clone() };
         let of_table = InitRequest { id, known_columns, ..request.clone() };
-        match one(&of_table, source, log, &out.join(number.to_string()), ask) {
+        (format!("table {number}"), one(&of_table, source, log, &out.join(number.to_string()), ask))
+    });
+    of_parts(out, parts)?
+        .ok_or_else(|| Error::input(InputPlace::file(&source.place), "the file has no table", "give another file"))
+}
+
+/// Experiments of the parts of a file, each with its name. Parts that cannot be read are named with the reason, unless none can. `None` without parts.
+fn of_parts(out: &Path, parts: impl Iterator<Item = (String, Result<InitSummary>)>) -> Result<Option<InitSummary>> {
+    let (mut made, mut experiments, mut refused) = (None, Vec::new(), Vec::new());
+    let mut first_refusal = None;
+    for (name, part) in parts {
+        match part {
             Ok(summary) => {
                 experiments.push(summary.directory.clone());
                 made.get_or_insert(summary);
             }
             Err(error @ Error::Input { .. }) => {
-                refused.push(format!("table {number} is left out: {error}"));
+                refused.push(format!("{name} is left out: {error}"));
                 first_refusal.get_or_insert(error);
             }
             Err(error) => return Err(error),
@@ -332,12 +342,10 @@ fn each_table(
     match (made, first_refusal) {
         (Some(mut first), _) => {
             first.reasons.extend(refused);
-            Ok(InitSummary { directory: out.display().to_string(), experiments, ..first })
+            Ok(Some(InitSummary { directory: out.display().to_string(), experiments, ..first }))
         }
         (None, Some(error)) => Err(error),
-        (None, None) => {
-            Err(Error::input(InputPlace::file(&source.place), "the file has no table", "give another file"))
-        }
+        (None, None) => Ok(None),
     }
 }
 
@@ -352,27 +360,24 @@ fn cohort(
     out: &Path,
     ask: Ask<'_>,
 ) -> Result<InitSummary> {
-    let mut made = None;
-    let mut experiments = Vec::new();
     let stem = source.stem();
-    for track in tracks(&source.place, &source.bytes, &request.known_columns)? {
+    let tracks = tracks(&source.place, &source.bytes, &request.known_columns)?;
+    let parts = tracks.into_iter().map(|track| {
         // A track's name may contain any character, but a directory's name may not.
         let safe: String = track.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
+        let name = format!("track {track}");
         let given = TableSettings {
             track: [request.known_columns.track[0].clone(), Some(track)],
             ..request.known_columns.clone()
         };
         let id = Some(format!("{}-{safe}", request.id.as_deref().unwrap_or(&stem)));
         let of_track = InitRequest { id, known_columns: given, ..request.clone() };
-        let summary = one(&of_track, source, log, &out.join(&safe), ask)?;
-        experiments.push(summary.directory.clone());
-        made.get_or_insert(summary);
-    }
-    let first = made.ok_or_else(|| {
+        (name, one(&of_track, source, log, &out.join(&safe), ask))
+    });
+    of_parts(out, parts)?.ok_or_else(|| {
         let remedy = format!("name the column of tracks with `{}`", Setting::TrackColumn);
         Error::input(InputPlace::file(&source.place), "the table has no column of tracks", remedy)
-    })?;
-    Ok(InitSummary { directory: out.display().to_string(), experiments, ..first })
+    })
 }
 
 /// Writes the experiment with a copy of its table, and of the log of its force. If one of the files cannot be written, no other is written either.
