@@ -771,13 +771,16 @@ fn a_hold_from_the_start_counts_from_zero() {
             let t = 0.05 * f64::from(row);
             let (position, since) = if t < 10.0 { (1.0, t) } else { (0.0, t - 10.0) };
             let sign = if t < 10.0 { 1.0 } else { -0.6 };
-            let force = if row == 0 { -2e-5 } else { sign * (0.002 + 0.007 * (-since / 3.0).exp()) };
+            // The force of a row is that just before its position acts.
+            let before = if row == 200 { 0.002 + 0.007 * (-10.0_f64 / 3.0).exp() } else { -2e-5 };
+            let force = if row % 200 == 0 { before } else { sign * (0.002 + 0.007 * (-since / 3.0).exp()) };
             format!("{t:.2},{force:.6},{position}\n")
         })
         .collect();
     let (summary, experiment, _) =
         read(&format!("time (s),force (uN),position (um)\n{text}"), TableSettings::default()).expect("a relaxation");
     assert!(summary.reasons.iter().any(|reason| reason.contains("that of the hold")), "{:?}", summary.reasons);
+    assert_eq!(experiment.record.force_rule.name(), "hold");
     let record = &experiment.record;
     let ends = |of: &dyn Fn(f64, f64) -> f64, from: f64| record.force_n.iter().fold(from, |most, x| of(most, *x));
     assert!(

@@ -30,6 +30,11 @@ const ALIKE: f64 = 0.03;
 /// Least change of the force over the longest hold of the position, as a part of its range, that shows a relaxation.
 const DRIFT: f64 = 0.15;
 
+/// Least change of the position in one row that is a jump, as a part of its range.
+const JUMP: f64 = 0.1;
+/// Largest change of the force in the row of a jump, as a part of that in the next row, if the force answers there.
+const LATE: f64 = 0.2;
+
 /// Largest spread of the rates of a ramp, as a part of the rate.
 const STEADY: f64 = 0.1;
 /// Least part of the blocks in which a ramp moves.
@@ -49,6 +54,21 @@ pub(super) fn nothing_holds(force_n: &[f64], position_m: &[Option<f64>]) -> bool
     [force, position]
         .iter()
         .all(|changes| moving(changes).len() as f64 > MOSTLY * changes.len() as f64 && has_trend(changes))
+}
+
+/// True if a commanded position jumps from row to row, and the force answers only in the row after each jump: the position of a row then acts from that row on.
+pub(super) fn answers_after_jumps(force_n: &[f64], position_m: &[Option<f64>]) -> bool {
+    let known: Vec<f64> = position_m.iter().flatten().copied().collect();
+    if known.len() != force_n.len() {
+        return false;
+    }
+    let range_m = known.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+    let moves = |row: usize, least: f64| (known[row] - known[row - 1]).abs() > least * range_m;
+    let is_jump = |row: &usize| moves(*row, JUMP) && !moves(row - 1, HELD) && !moves(row + 1, HELD);
+    let jumps: Vec<usize> = (2..known.len().saturating_sub(1)).filter(is_jump).collect();
+    let change = |row: usize| (force_n[row] - force_n[row - 1]).abs();
+    let n_after = jumps.iter().filter(|row| change(**row) < LATE * change(**row + 1)).count();
+    !jumps.is_empty() && n_after == jumps.len()
 }
 
 /// Correlation of the changes of force and position from block to block of rows; 0 if one of them does not change. It is positive for a passive body of which a part is elastic, and
@@ -214,6 +234,24 @@ mod tests {
         assert!(nothing_holds(&rows(&force), &some(rows(&triangle))));
         assert!(!nothing_holds(&rows(&|t: f64| f64::from(u8::from(t % 20.0 < 10.0))), &some(rows(&triangle))));
         assert!(correlation_of_changes(&rows(&force), &some(rows(&|t: f64| -triangle(t)))) < -0.5);
+    }
+
+    /// A position that is 1 and 0 for 40 rows in turn, after changes of `n_ramp` rows, and a force that answers `delay` rows later.
+    #[test]
+    fn an_answer_after_a_jump_shows_when_the_position_acts() {
+        let answers = |delay: usize, n_ramp: usize| {
+            let part = |row: usize| (row % 40 + 1).min(n_ramp) as f64 / n_ramp as f64;
+            let position = |row: usize| if row % 80 < 40 { part(row) } else { 1.0 - part(row) };
+            let force = |row: usize| {
+                let since = (row + 40 - delay) % 40;
+                let sign = if (row + 80 - delay) % 80 < 40 { 1.0 } else { -1.0 };
+                sign * part(since) * (0.2 + (-(since as f64) / 9.0).exp())
+            };
+            let positions: Vec<Option<f64>> = (0..200).map(|row| Some(position(row))).collect();
+            answers_after_jumps(&(0..200).map(force).collect::<Vec<_>>(), &positions)
+        };
+        assert!(answers(1, 1));
+        assert!(!answers(0, 1) && !answers(2, 1) && !answers(0, 3) && !answers(1, 3));
     }
 
     #[test]

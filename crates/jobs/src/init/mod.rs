@@ -157,6 +157,10 @@ fn one(
     }
     if control == Control::Position {
         proposal.count_commanded_positions();
+        if proposal.acts_from_row {
+            let text = "the position jumps, and the force answers in the row after each jump: each position acts from its row on (command = \"hold\")";
+            proposal.reasons.push(text.into());
+        }
     }
     let creep = device.stress_strain();
     if load_start_s(&proposal, &device, control).is_some() {

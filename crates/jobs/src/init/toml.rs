@@ -138,6 +138,9 @@ pub(super) fn experiment_toml(
         Control::Force if device.is_tip() => line("force", quoted("linear"), "measured at every row"),
         Control::Force if table.force.is_none() => {}
         Control::Force => line("# force", quoted("hold"), "\"hold\" until the next row, or \"linear\" between rows"),
+        Control::Position if proposal.acts_from_row => {
+            line("command", quoted("hold"), "each position acts from its row on; or \"linear\" between rows");
+        }
         Control::Position => {
             line("command", quoted("linear"), "between rows; \"hold\" until the next row, or \"levels\" of a sensor");
         }

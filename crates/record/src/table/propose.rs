@@ -12,7 +12,7 @@ use super::roles::{ColumnMatch, KnownColumns, Role, unknown_unit};
 use super::several::{ask_table, chosen_tables, describe_summaries, describe_tables, tables_of};
 use super::spelling::{ParsedUnit, clock_s, counted, is_date_time, unit};
 use super::text::{Decimal, Delimiter, Encoding, Thousands, cells, comment_sign, decode_detected, is_blank_or_comment};
-use crate::control::{Control, nothing_holds};
+use crate::control::{Control, answers_after_jumps, nothing_holds};
 use crate::force::has_noisy_levels;
 use crate::frame::{Direction, Frame, Zero, is_zeroed_by_first_row, moves_against_force, rest_m};
 use crate::lost::repeated_outliers;
@@ -62,6 +62,8 @@ pub struct TableProposal {
     pub n_lost: usize,
     /// Duration of the record, in s.
     pub duration_s: f64,
+    /// True if a commanded position jumps and acts from its row on, as the force shows.
+    pub acts_from_row: bool,
     /// True if the force of the first row is more than a third of the largest one.
     pub starts_loaded: bool,
     /// Time (s) of the first row, if a force acts in it; otherwise `None`.
@@ -215,6 +217,7 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
     let largest_n = trajectory.force_n.iter().fold(0.0_f64, |most, force| most.max(force.abs()));
     Ok(TableProposal {
         columns: named_columns(tables[0]),
+        acts_from_row: control == Control::Position && answers_after_jumps(&trajectory.force_n, &trajectory.position_m),
         starts_loaded: trajectory.force_n.first().is_some_and(|first_n| 3.0 * first_n.abs() > largest_n),
         reasons,
         n_rows: trajectory.time_s.len(),
