@@ -831,6 +831,9 @@ fn several_sweeps_in_one_table_are_refused() {
     ] {
         assert_eq!(tried(&format!("{header}\n{}", sweep(1.0))), Ok(20), "{header}");
     }
+    // A title before the names of the columns, which the rows have no cell for.
+    let titled = format!("Interval data:,Frequency,Storage Modulus,Loss Modulus\n,[Hz],[Pa],[Pa]\n{}", sweep(1.0));
+    assert_eq!(tried(&titled), Ok(20));
     // A column without cells at the end, with a name and a unit, does not shift the units.
     let with_status =
         format!("No.,Frequency,Storage Modulus,Loss Modulus,Status\n,[Hz],[kPa],[kPa],[1]\n{}", numbered(&sweep(1.0)));

@@ -155,7 +155,7 @@ fn one(
             proposal.reasons.push(text.into());
         }
     }
-    if control == Control::Position {
+    if control == Control::Position && !device.is_tip() {
         proposal.count_commanded_positions();
         if proposal.acts_from_row {
             let text = "the position jumps, and the force answers in the row after each jump: each position acts from its row on (command = \"hold\")";
@@ -243,7 +243,7 @@ fn refuse_flow_curve(place: &Path, given: &TableSettings, looked: &InspectedTabl
     Err(Error::input(
         InputPlace::file(place),
         format!("`{rate}` and `{viscosity}` are columns of a flow curve, which shows the viscosity of a steady flow"),
-        "give a creep, a relaxation or an oscillation, whose tables have a time or a frequency",
+        "give a creep, a relaxation or an oscillation, whose tables have the strain or the moduli",
     ))
 }
 

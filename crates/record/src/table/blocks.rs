@@ -3,7 +3,9 @@
 use std::borrow::Cow;
 
 use super::spelling::{ParsedUnit, clock_s, is_date_time, split_unit, unit};
-use super::text::{COLUMNS, Decimal, Delimiter, Thousands, cells, comment_sign, header_cells, is_blank_or_comment};
+use super::text::{
+    COLUMNS, Decimal, Delimiter, Thousands, cells, comment_sign, has_title, header_cells, is_blank_or_comment,
+};
 use crate::trajectory::is_lost;
 
 /// Largest number of lines from which the layout of cells is inferred.
@@ -223,11 +225,11 @@ pub(super) struct Header {
     pub foreign: Vec<usize>,
 }
 
-/// Returns the cells of a line as column names. `None` unless the number of cells matches the rows and at least two cells are words. The last
-/// `n_empty` columns need no name.
-fn names_in(line: &str, layout: &Layout, n_empty: usize) -> Option<Vec<String>> {
-    let mut found: Vec<String> =
-        header_cells(line, layout.delimiter, None, layout.n_cells).into_iter().map(Cow::into_owned).collect();
+/// Returns the cells of a line as column names, without the first `skipped` cells. `None` unless the number of cells matches the rows and at least two cells are words. The
+/// last `n_empty` columns need no name.
+fn names_in(line: &str, layout: &Layout, n_empty: usize, skipped: usize) -> Option<Vec<String>> {
+    let cells = header_cells(line, layout.delimiter, None, layout.n_cells);
+    let mut found: Vec<String> = cells.into_iter().skip(skipped).map(Cow::into_owned).collect();
     // Columns at the end may have a name although the rows have no cells for them. Between blanks, the words of a name are cells of their own.
     let is_remark = |last: &String| REMARKS.contains(&last.to_lowercase().as_str());
     while found.len() > layout.n_cells && (layout.delimiter != Delimiter::Spaces || found.last().is_some_and(is_remark))
@@ -255,11 +257,23 @@ fn header(lines: &[&str], from: usize, layout: &Layout, n_empty: usize) -> Heade
     if above.first().is_some_and(|index| is_word(lines[*index])) {
         above.remove(0);
     }
-    let names =
-        |place: usize| above.get(place).and_then(|index| Some((*index, names_in(lines[*index], layout, n_empty)?)));
+    let cells_of = |place: usize, skipped: usize| {
+        above.get(place).and_then(|index| Some((*index, names_in(lines[*index], layout, n_empty, skipped)?)))
+    };
+    // The line of the units has an empty cell below a title of the names.
+    let n_titles = |place: usize| {
+        let has_title = |index: &usize| has_title(&cells(lines[*index], layout.delimiter), layout.n_cells);
+        usize::from(above.get(place).is_some_and(has_title))
+    };
+    let names = |place: usize| cells_of(place, 0);
     // Programs write the units below the names, and some write a line of remarks below the units.
     let with_units = |place: usize| {
-        let (_, cells) = names(place)?;
+        // A line of remarks, with fewer cells, may also stand between names and units.
+        let n_named =
+            |(_, (_, names)): &(usize, (usize, Vec<String>))| names.iter().filter(|name| !name.is_empty()).count();
+        let near = [place + 2, place + 1].into_iter().filter_map(|place| Some((place, names(place)?)));
+        let (place_of_names, (line, names)) = near.max_by_key(n_named)?;
+        let (_, cells) = cells_of(place, n_titles(place_of_names))?;
         let units: Vec<Option<ParsedUnit>> = cells.iter().map(|cell| unit(cell)).collect();
         let length = |cell: &String| cell.trim_matches(['[', ']', '(', ')']).chars().count();
         let is_bracketed = |cell: &&String| cell.starts_with(['[', '(']) && cell.ends_with([']', ')']);
@@ -268,10 +282,6 @@ fn header(lines: &[&str], from: usize, layout: &Layout, n_empty: usize) -> Heade
         if units.iter().flatten().count() < fewest || cells.iter().any(|cell| length(cell) > LONGEST_UNIT) {
             return None;
         }
-        // A line of remarks, with fewer cells, may also stand between names and units.
-        let n_named = |(_, names): &(usize, Vec<String>)| names.iter().filter(|name| !name.is_empty()).count();
-        let near = [place + 2, place + 1].into_iter().filter_map(names);
-        let (line, names) = near.max_by_key(n_named)?;
         // A unit line may contain units that the program does not use, such as °C.
         let is_foreign = |at: &usize| units[*at].is_none() && cells[*at].chars().any(char::is_alphabetic);
         let foreign = (0..units.len()).filter(is_foreign).collect();
@@ -301,7 +311,7 @@ fn commented_header(lines: &[&str], from: usize, layout: &Layout, n_empty: usize
         })
     };
     let (line, _) = comment(COLUMNS)?;
-    let names = names_in(lines[line], layout, n_empty)?;
+    let names = names_in(lines[line], layout, n_empty, 0)?;
     let given: Vec<_> = comment("units").map_or(Vec::new(), |(_, units)| units.split_whitespace().map(unit).collect());
     let units = if given.len() == names.len() { given } else { names.iter().map(|name| split_unit(name).1).collect() };
     Some(Header { line: Some(line), names, units, foreign: Vec::new() })

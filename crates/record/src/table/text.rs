@@ -269,6 +269,11 @@ pub fn cells(line: &str, delimiter: Delimiter) -> Vec<Cow<'_, str>> {
 /// Key of the comment that names the columns.
 pub const COLUMNS: &str = "columns";
 
+/// True if a title of their own, such as `Interval data:`, stands before the names of the columns, and the rows have no cell for it.
+pub(super) fn has_title(names: &[Cow<'_, str>], n_cells: usize) -> bool {
+    names.len() == n_cells + 1 && names[0].ends_with(':')
+}
+
 /// Splits a header into column names and removes a leading comment sign. The rows below the header have `n_cells` cells.
 ///
 /// If spaces separate the cells, names may contain single spaces. In this case at least two spaces must separate the names, or each name must end in
@@ -292,7 +297,10 @@ pub fn header_cells<'a>(
     }
     if comment_sign(whole, comment).is_none() {
         // The first column may have no name, so its line may begin with a tab.
-        let with_empty = cells(whole, delimiter);
+        let mut with_empty = cells(whole, delimiter);
+        if has_title(&with_empty, n_cells) {
+            with_empty.remove(0);
+        }
         if with_empty.len() == n_cells || delimiter != Delimiter::Spaces {
             return with_empty;
         }
