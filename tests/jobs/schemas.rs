@@ -2,6 +2,7 @@
 
 use serde_json::Value;
 
+use vitreo_uq::documents::posterior::ParameterSummary;
 use vitreo_uq::jobs::schemas::all;
 
 /// The files in the repository are up to date.
@@ -34,5 +35,30 @@ fn headers_and_bodies_are_one_object() {
             document_schema.schema["properties"]["schema"]["const"],
             format!("vitreo-uq/{}/1", document_schema.kind)
         );
+    }
+}
+
+/// Diagnostics of draws without variation are undefined, which JSON writes as null. The document is read again.
+#[test]
+fn undefined_diagnostics_are_read_again() {
+    for rhat in [f64::NAN, 1.0] {
+        let summary = ParameterSummary {
+            name: "young_modulus_pa".into(),
+            mean: 3.0,
+            sd: 0.0,
+            q05: 3.0,
+            median: 3.0,
+            q95: 3.0,
+            ess_bulk: rhat,
+            ess_tail: rhat,
+            rhat,
+            mcse_mean: rhat,
+            surrogate_bias_sd: None,
+            discretisation_bias_sd: None,
+        };
+        let text = serde_json::to_string(&summary).expect("JSON");
+        let read: ParameterSummary = serde_json::from_str(&text).expect("a summary");
+        let diagnostics = [read.ess_bulk, read.ess_tail, read.rhat, read.mcse_mean];
+        assert!(diagnostics.iter().all(|read| read.is_nan() == rhat.is_nan()), "{text}");
     }
 }

@@ -5,6 +5,11 @@ use serde::{Deserialize, Serialize};
 
 use super::trust::{Trust, TrustLevel};
 
+/// Reads a diagnostic of the draws, which JSON writes as null where it is undefined.
+fn number_or_null<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+    Ok(Option::<f64>::deserialize(deserializer)?.unwrap_or(f64::NAN))
+}
+
 /// Result of `sample`: body of the JSON document `vitreo-uq/posterior/1`. Figures that do not apply are `null`, such as those of finite elements for an
 /// instrument.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -115,12 +120,16 @@ pub struct ParameterSummary {
     /// 95 % quantile of the posterior.
     pub q95: f64,
     /// Effective sample size for the centre of the posterior.
+    #[serde(deserialize_with = "number_or_null")]
     pub ess_bulk: f64,
     /// Effective sample size for the tails of the posterior: the smaller one of the 5 % and the 95 % quantile.
+    #[serde(deserialize_with = "number_or_null")]
     pub ess_tail: f64,
     /// Convergence diagnostic R̂, rank-normalised and split, with each ensemble as one chain; 1 if the ensembles agree perfectly.
+    #[serde(deserialize_with = "number_or_null")]
     pub rhat: f64,
     /// Monte Carlo standard error of the posterior mean.
+    #[serde(deserialize_with = "number_or_null")]
     pub mcse_mean: f64,
     /// Shift of the posterior mean by the surrogate's error, in posterior standard deviations, estimated by importance weights from the full-order model.
     pub surrogate_bias_sd: Option<f64>,
@@ -141,6 +150,7 @@ pub struct SamplerSummary {
     /// Fraction of proposals that the sampler accepted.
     pub acceptance: f64,
     /// Longest integrated autocorrelation time of a parameter, in steps.
+    #[serde(deserialize_with = "number_or_null")]
     pub autocorrelation_time: f64,
     /// Number of evaluations of the log density.
     pub likelihood_evaluations: u64,

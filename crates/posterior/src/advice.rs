@@ -195,9 +195,9 @@ fn noise_below(summary: &PosteriorSummary, noise: f64, add: &mut impl FnMut(Warn
     let learnt = summary.error_budget_um.noise;
     if learnt * LOW_NOISE_FACTOR < noise {
         let text = format!(
-            "the learnt noise of {learnt:.2e} µm is far below the {} noise of {} µm",
-            summary.heldout.noise_origin,
-            format_significant(noise, 3)
+            "the learnt noise of {learnt:.2e} µm is far below the noise of {} µm, which is {}",
+            format_significant(noise, 3),
+            summary.heldout.noise_origin
         );
         add(
             WarningKind::LearntNoiseBelowKnown,
