@@ -286,6 +286,8 @@ pub enum WarningKind {
     LearntNoiseBelowKnown,
     /// The posterior accumulates at an end of the prior's range.
     EdgeOfRange,
+    /// The posterior of a parameter of the law lies far from the middle of its prior.
+    FarFromPrior,
     /// No cycle is held out.
     NothingHeldOut,
     /// The estimate of an effect is consistent with its null, at which the effect vanishes.
@@ -331,6 +333,7 @@ impl WarningKind {
             | MeshTooCoarse
             | LargeDisplacementFitted
             | LearntNoiseBelowKnown
+            | FarFromPrior
             | NothingHeldOut
             | AtNull
             | NoFiniteElements

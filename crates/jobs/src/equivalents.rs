@@ -114,9 +114,16 @@ fn equivalence_class(diagnosis: &Diagnosis) -> EquivalenceClass {
     EquivalenceClass { claimed, equivalent: verdict.equivalent.clone(), is_single }
 }
 
-/// Warning that parameters of the law depend on which of the equivalent effects is true. `None` if the diagnosis finds the same values with each, within their 90 % intervals.
+/// Warning that parameters of the law depend on which of the equivalent effects is true, or that this was not tested. `None` if the diagnosis finds the same values with each,
+/// within their 90 % intervals.
 pub fn law_depends_on_effect(equivalents: &[EquivalentEffects], parameters: &[ParameterSummary]) -> Option<Warning> {
     let mut found: Vec<String> = Vec::new();
+    for of_revision in equivalents.iter().filter(|of_revision| of_revision.diagnosis_of.is_none()) {
+        found.push(format!(
+            "the equivalents of {} were not tested, so that the law's parameters may depend on it",
+            of_revision.effects.join(" and ")
+        ));
+    }
     for of_revision in equivalents {
         let [own, rivals @ ..] = &of_revision.refits[..] else { continue };
         for rival in rivals.iter().filter(|rival| of_revision.rivals.contains(&rival.effect)) {
@@ -142,7 +149,7 @@ pub fn law_depends_on_effect(equivalents: &[EquivalentEffects], parameters: &[Pa
     (!found.is_empty()).then(|| Warning {
         kind: WarningKind::ModelIncomplete,
         text: found.join("; "),
-        advice: "record the experiment that tells the effects apart (`vitreo-uq design`), or state the parameters with each effect".into(),
+        advice: "diagnose the revision before the effect, if that was not done; then record the experiment that tells the effects apart (`vitreo-uq design`), or state the parameters with each effect".into(),
     })
 }
 

@@ -3,7 +3,9 @@
 use super::cache;
 use super::judgement::Judgement;
 use super::prepared::{SURROGATE_NAME, Verification};
-use documents::posterior::{ModelSummary, PosteriorSummary, Warning, WarningKind};
+use super::problem::Problem;
+use base::distribution::Distribution;
+use documents::posterior::{ModelSummary, ParameterSummary, PosteriorSummary, Warning, WarningKind};
 use figures::number::format_significant;
 use models::effects::Library;
 use record::{Apparatus, Experiment};
@@ -28,6 +30,8 @@ const IMPOSSIBLE_STRAIN: f64 = 20.0;
 /// Advice that precedes all other advice if a strain, a position or a parameter has an implausible value.
 const UNITS_FIRST: &str =
     "check the units of force, position and sizes first: implausible values show that one of them is wrong";
+/// Distance of a posterior median from the middle of the prior, in standard deviations of the prior, from which it is named.
+const FAR_FROM_PRIOR: f64 = 4.0;
 
 /// Input of [`warnings`]: results of a sampled posterior.
 pub struct WarningInputs<'a> {
@@ -241,6 +245,29 @@ pub fn impossible_positions_warning(experiment: &Experiment) -> Option<Warning> 
             1e3 * vitreous.diameter_m
         ),
         advice: "check the units first: of the position column (`position_um`, `position_mm`, …) and of the sizes in experiment.toml".into(),
+    })
+}
+
+/// Warning about parameters of the law whose posterior medians lie far from the middle of their priors, which a wrong unit or another gel causes. `None` if there are none.
+pub fn far_from_prior(problem: &Problem, parameters: &[ParameterSummary]) -> Option<Warning> {
+    let distance = |parameter: &ParameterSummary| {
+        let prior = problem.priors.priors().iter().find(|prior| prior.name == parameter.name)?;
+        let is_of_law = problem.model.parameters().iter().any(|spec| spec.name == parameter.name);
+        let sds = match prior.distribution {
+            Distribution::LogNormal { median, log_sd } => (parameter.median / median).ln() / log_sd,
+            Distribution::Normal { mean, sd } => (parameter.median - mean) / sd,
+            _ => return None,
+        };
+        let is_far = is_of_law && !parameter.name.contains('.') && sds.abs() > FAR_FROM_PRIOR;
+        let side = if sds > 0.0 { "above" } else { "below" };
+        is_far.then(|| format!("{} by {} standard deviations {side}", parameter.name, format_significant(sds.abs(), 2)))
+    };
+    let far: Vec<String> = parameters.iter().filter_map(distance).collect();
+    (!far.is_empty()).then(|| Warning {
+        kind: WarningKind::FarFromPrior,
+        text: format!("the posterior lies far from the middle of the prior: {}", far.join(", ")),
+        advice: "check the units of force and position; for a gel of another kind give its prior, or `--prior generic`"
+            .into(),
     })
 }
 

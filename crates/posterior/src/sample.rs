@@ -6,7 +6,7 @@ use std::time::Instant;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-use super::advice::{WarningInputs, impossible_positions_warning, warnings};
+use super::advice::{WarningInputs, far_from_prior, impossible_positions_warning, warnings};
 use super::full_check::{self, FullCheck, N_CHECK_DRAWS, NaturalDraw, mean_trajectory, rmse_m};
 use super::heldout::{self, Score};
 use super::judgement::{Judgement, Prediction};
@@ -313,6 +313,9 @@ fn summarise(
     let impossible_positions = impossible_positions_warning(&problem.experiment);
     let findings = WarningInputs { summary: &summary, judgement, sampler_messages: &messages, impossible_positions };
     summary.warnings = warnings(&findings);
+    if summary.at_edge_of_range.is_empty() {
+        summary.warnings.extend(far_from_prior(problem, &summary.parameters));
+    }
     let of_large = large_displacement::warnings(&summary);
     summary.warnings.extend(of_large);
     summary.warnings.extend(check.n_refused.map(refused_warning));
