@@ -323,6 +323,14 @@ fn impossible_designs_are_refused() {
     vitreo(dir.path(), &["design", "study", "--budget-s", "0.1"]).refuses(&["20 samples"]);
     vitreo(dir.path(), &["design", "study", "--budget-s", "1e5", "--interval-s", "0.05"]).refuses(&["longer interval"]);
     vitreo(dir.path(), &["design", "study", "--max-force-un", "-3"]).refuses(&["--max-force-un"]);
-    let still = vitreo(dir.path(), &["design", "study", "--max-displacement-um", "0.001"]);
-    assert!(still.code != 0 && still.stderr.contains("larger displacement"), "{still}");
+    // A small limit of the displacement reduces the force of every protocol, also of those that continue a shorter one.
+    let limits = ["design", "study", "--max-displacement-um", "20", "--json", "-", "--no-report"];
+    let small = vitreo(dir.path(), &limits).json();
+    let table = std::fs::read_to_string(dir.path().join("study/design-protocol.csv")).unwrap();
+    let forces = table.lines().skip(1).map(|line| line.split(',').nth(1).unwrap().parse::<f64>().unwrap().abs());
+    let largest_un = forces.fold(0.0, f64::max);
+    assert!(largest_un > 0.02 && largest_un < 2.0, "{largest_un} µN");
+    let information = |protocol: &Value| protocol["expected_information_nats"].as_f64().unwrap();
+    let longer = small["front"].as_array().unwrap().windows(2);
+    longer.for_each(|pair| assert!(information(&pair[1]) > 1.2 * information(&pair[0]), "{}", small["front"]));
 }

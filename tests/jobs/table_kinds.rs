@@ -717,6 +717,22 @@ fn lines_between_names_and_units_are_passed() {
     }
 }
 
+/// Lines that begin with an empty cell which the rows lack, a line of words above the names, a name that ends in a colon, and notes that the rows have no cell for.
+#[test]
+fn names_and_units_stand_above_their_columns() {
+    let body = rows(|row, [t, f, x]| format!("{},{t:.3},{f},{x:.3}", row + 1));
+    for header in [
+        ",No.,Time [s],Force [uN],Position [um]",
+        ",No.,Time,Force,Position\n,,[s],[uN],[um]",
+        "No.,Time,Force,Position\n,,[s],[uN],[um]",
+        "Interval data:,No.,Time,Force,Position\n,[s],[uN],[um]",
+        "Sample,Gel A,Operator,JD\n,Time,Force,Position\n,s,uN,um",
+        "No.:,Time [s],Force [uN],Position [um],Comment",
+    ] {
+        assert_is_truth(&format!("{header}\n{body}"), TableSettings::default());
+    }
+}
+
 /// Rows with their number in a column before the others.
 fn numbered(rows: &str) -> String {
     rows.lines().enumerate().map(|(row, line)| format!("{},{line}\n", row + 1)).collect()
@@ -779,7 +795,7 @@ fn a_hold_from_the_start_counts_from_zero() {
         .collect();
     let (summary, experiment, _) =
         read(&format!("time (s),force (uN),position (um)\n{text}"), TableSettings::default()).expect("a relaxation");
-    assert!(summary.reasons.iter().any(|reason| reason.contains("that of the hold")), "{:?}", summary.reasons);
+    assert!(summary.reasons.iter().any(|reason| reason.contains("already that of the hold")), "{:?}", summary.reasons);
     assert_eq!(experiment.record.force_rule.name(), "hold");
     let record = &experiment.record;
     let ends = |of: &dyn Fn(f64, f64) -> f64, from: f64| record.force_n.iter().fold(from, |most, x| of(most, *x));

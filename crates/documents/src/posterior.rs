@@ -121,15 +121,19 @@ pub struct ParameterSummary {
     pub q95: f64,
     /// Effective sample size for the centre of the posterior.
     #[serde(deserialize_with = "number_or_null")]
+    #[cfg_attr(feature = "schemas", schemars(with = "Option<f64>"))]
     pub ess_bulk: f64,
     /// Effective sample size for the tails of the posterior: the smaller one of the 5 % and the 95 % quantile.
     #[serde(deserialize_with = "number_or_null")]
+    #[cfg_attr(feature = "schemas", schemars(with = "Option<f64>"))]
     pub ess_tail: f64,
     /// Convergence diagnostic R̂, rank-normalised and split, with each ensemble as one chain; 1 if the ensembles agree perfectly.
     #[serde(deserialize_with = "number_or_null")]
+    #[cfg_attr(feature = "schemas", schemars(with = "Option<f64>"))]
     pub rhat: f64,
     /// Monte Carlo standard error of the posterior mean.
     #[serde(deserialize_with = "number_or_null")]
+    #[cfg_attr(feature = "schemas", schemars(with = "Option<f64>"))]
     pub mcse_mean: f64,
     /// Shift of the posterior mean by the surrogate's error, in posterior standard deviations, estimated by importance weights from the full-order model.
     pub surrogate_bias_sd: Option<f64>,
@@ -151,6 +155,7 @@ pub struct SamplerSummary {
     pub acceptance: f64,
     /// Longest integrated autocorrelation time of a parameter, in steps.
     #[serde(deserialize_with = "number_or_null")]
+    #[cfg_attr(feature = "schemas", schemars(with = "Option<f64>"))]
     pub autocorrelation_time: f64,
     /// Number of evaluations of the log density.
     pub likelihood_evaluations: u64,

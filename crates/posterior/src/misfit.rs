@@ -60,6 +60,8 @@ const OTHER_ROWS: f64 = 0.03;
 const SAME_DURATION: f64 = 0.05;
 /// Largest gain of a recording, relative to 1, that can be noise.
 const LARGEST_GAIN: f64 = 0.3;
+/// Least part of the residual that a large gain makes, divided by the rest. Slow noise of a recording with little motion stays below it.
+const DOMINANT: f64 = 3.0;
 /// Number of standard errors by which a gain exceeds [`LARGEST_GAIN`] before it counts as larger.
 const GAIN_MARGIN: f64 = 4.0;
 /// Smallest number of recordings that show whether gains change steadily.
@@ -111,13 +113,13 @@ impl ImplausibleGains {
         match *self {
             Self::Large(gain) => {
                 format!(
-                    "the size of the motion differs from the model by up to {} % of it, which noise does not",
+                    "the residual of a recording is up to {} % of the model itself, which noise cannot cause",
                     percent(gain)
                 )
             }
             Self::Steady(change) => format!(
-                "the motion {} by {} % from one recording to the next, which noise does not",
-                if change > 0.0 { "grows steadily" } else { "shrinks steadily" },
+                "the measured values {} by {} % from one recording to the next, which noise cannot cause",
+                if change > 0.0 { "grow steadily" } else { "shrink steadily" },
                 percent(change)
             ),
         }
@@ -302,12 +304,15 @@ impl Residuals<'_> {
         let of_recording = |range: Range<usize>| {
             let with_residual = |row: usize| Some((self.position_m[row], self.fitted_m[row].or(self.heldout_m[row])?));
             let pairs: Vec<(f64, f64)> = range.filter_map(with_residual).collect();
-            gain_with_error(&pairs)
+            RecordingGain::of(&pairs)
         };
-        let gains: Vec<(f64, f64)> =
+        let gains: Vec<RecordingGain> =
             numbers.chunk_by(|a, b| a == b).scan(0, next_range).filter_map(of_recording).collect();
-        let largest = gains.iter().filter(|(gain, error)| gain.abs() > LARGEST_GAIN + GAIN_MARGIN * error);
-        let large = largest.map(|(gain, _)| gain.abs()).reduce(f64::max).map(ImplausibleGains::Large);
+        let is_large = |found: &&RecordingGain| {
+            found.gain.abs() > LARGEST_GAIN + GAIN_MARGIN * found.error && found.over_rest > DOMINANT
+        };
+        let large = gains.iter().filter(is_large).map(|found| found.gain.abs()).reduce(f64::max);
+        let large = large.map(ImplausibleGains::Large);
         let implausible = large.or_else(|| steady_change(&gains).map(ImplausibleGains::Steady));
         (implausible.is_none(), implausible)
     }
@@ -404,29 +409,41 @@ impl Series {
     }
 }
 
-/// Slope of the residuals (m) over the positions (m) of one recording, with its standard error for white residuals. `None` if the positions do not determine it.
-fn gain_with_error(pairs: &[(f64, f64)]) -> Option<(f64, f64)> {
-    let n = pairs.len() as f64;
-    let (mean_x, mean_left) =
-        (pairs.iter().map(|pair| pair.0).sum::<f64>() / n, pairs.iter().map(|pair| pair.1).sum::<f64>() / n);
-    let sum =
-        |of: &dyn Fn(f64, f64) -> f64| pairs.iter().map(|(x, left)| of(x - mean_x, left - mean_left)).sum::<f64>();
-    let square = sum(&|x, _| x * x);
-    let gain = sum(&|x, left| x * left) / square;
-    let rest = sum(&|x, left| (left - gain * x).powi(2));
-    let error = (rest / (n - 2.0) / square).sqrt();
-    (pairs.len() > 2 && gain.is_finite() && error.is_finite()).then_some((gain, error))
+/// Gain of a recording: slope of its residuals (m) over its positions (m).
+struct RecordingGain {
+    gain: f64,
+    /// Standard error of the gain, for white residuals.
+    error: f64,
+    /// Root mean square of the part of the residuals that the gain makes, divided by that of the rest.
+    over_rest: f64,
 }
 
-/// Change of the gain from one recording to the next, if the gains lie closer to a straight line than independent gains do.
-fn steady_change(gains: &[(f64, f64)]) -> Option<f64> {
+impl RecordingGain {
+    /// Least-squares gain of pairs of position and residual. `None` if the positions do not determine it.
+    fn of(pairs: &[(f64, f64)]) -> Option<Self> {
+        let n = pairs.len() as f64;
+        let mean = |of: fn(&(f64, f64)) -> f64| pairs.iter().map(of).sum::<f64>() / n;
+        let (mean_x, mean_left) = (mean(|pair| pair.0), mean(|pair| pair.1));
+        let sum =
+            |of: &dyn Fn(f64, f64) -> f64| pairs.iter().map(|(x, left)| of(x - mean_x, left - mean_left)).sum::<f64>();
+        let square = sum(&|x, _| x * x);
+        let gain = sum(&|x, left| x * left) / square;
+        let rest = sum(&|x, left| (left - gain * x).powi(2));
+        let error = (rest / (n - 2.0) / square).sqrt();
+        let is_determined = pairs.len() > 2 && gain.is_finite() && error.is_finite();
+        is_determined.then(|| Self { gain, error, over_rest: gain.abs() * (square / rest).sqrt() })
+    }
+}
+
+/// Change of the gain from one recording to the next, if the gains lie closer to a straight line than independent gains do, and one of them makes most of its recording's residual.
+fn steady_change(gains: &[RecordingGain]) -> Option<f64> {
     let n = gains.len();
-    if n < FEWEST_GAINS {
+    if n < FEWEST_GAINS || !gains.iter().any(|found| found.over_rest > 1.0) {
         return None;
     }
     let numbered: Vec<(f64, f64)> =
-        gains.iter().enumerate().map(|(number, (gain, _))| (number as f64, *gain)).collect();
-    let (slope, error) = gain_with_error(&numbered)?;
+        gains.iter().enumerate().map(|(number, found)| (number as f64, found.gain)).collect();
+    let RecordingGain { gain: slope, error, .. } = RecordingGain::of(&numbered)?;
     let score = (slope / error).abs();
     (score > 0.0 && 2.0 * StudentsT::new(0.0, 1.0, n as f64 - 2.0).ok()?.sf(score) < FALSE_ALARM).then_some(slope)
 }

@@ -451,8 +451,12 @@ impl Specification {
         let last_fitted = calibration_cycles.last().copied().unwrap_or(u32::MAX);
         let mut fitted_forces_n = record.cycle.iter().zip(&record.force_n).filter(|(cycle, _)| **cycle <= last_fitted);
         if record.n_cycles() > last_fitted && fitted_forces_n.all(|(_, force_n)| *force_n == 0.0) {
-            let remedy = "list a cycle in which a force acts, in `calibration_cycles` of the TOML";
-            return Err(self.calibration.refuse("no force acts before the end of the fitted cycles", remedy));
+            let found = match self.control {
+                Control::Force => "no force acts before the end of the fitted cycles",
+                Control::Position => "the commanded position does not change before the end of the fitted cycles",
+            };
+            let remedy = "list a cycle in which it does, in `calibration_cycles` of the TOML";
+            return Err(self.calibration.refuse(found, remedy));
         }
         note_data(&record, &heldout_cycles, self.source.is_none(), &mut notes);
         if let Some(projection) = &settled.projection {

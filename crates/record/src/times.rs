@@ -14,8 +14,8 @@ const FEWEST_TIES: usize = 3;
 /// Least factor by which neighbouring rows are farther apart in position than rows at neighbouring times, if rows alternate between several tracks.
 const TRACKS: f64 = 3.0;
 
-/// Least factor by which rows of equal time are farther apart than the nearest rows of successive times, if a track has branches. Noise of a coarse clock stays below it.
-const BRANCHES: f64 = 12.0;
+/// Least factor by which rows of equal time are farther apart than rows of a branch at successive times. Noise of a coarse clock gives a factor of about 1.
+const BRANCHES: f64 = 6.0;
 /// Smallest number of falls of the time, and their fraction of the rows, from which rows count as unsorted.
 const FEWEST_FALLS: usize = 4;
 const UNSORTED: f64 = 0.1;
@@ -224,17 +224,14 @@ fn alternate(time_s: &[f64], position_m: &[Option<f64>]) -> bool {
         || branches(time_s, position_m)
 }
 
-/// True if rows of equal time are much farther apart than the nearest rows of successive times: a track has branches.
+/// True if a track has branches: rows of equal time are much farther apart than the rows of a branch at successive times. Branches have one order at all times.
 fn branches(time_s: &[f64], position_m: &[Option<f64>]) -> bool {
     let rows: Vec<(f64, f64)> = time_s.iter().zip(position_m).filter_map(|(time, x)| Some((*time, (*x)?))).collect();
     let groups: Vec<&[(f64, f64)]> = rows.chunk_by(|a, b| a.0 == b.0).collect();
     let tied = groups.iter().flat_map(|group| group.windows(2).map(|pair| (pair[1].1 - pair[0].1).abs())).collect();
-    let nearest = |pair: &[&[(f64, f64)]]| {
-        let between = pair[0].iter().flat_map(|a| pair[1].iter().map(move |b| (b.1 - a.1).abs()));
-        between.fold(f64::INFINITY, f64::min)
-    };
-    let steps = groups.windows(2).filter(|pair| pair.iter().any(|group| group.len() > 1)).map(nearest).collect();
-    median(tied).zip(median(steps)).is_some_and(|(tied, step)| tied > BRANCHES * step)
+    let alike = groups.windows(2).filter(|pair| pair[0].len() > 1 && pair[0].len() == pair[1].len());
+    let steps = alike.flat_map(|pair| pair[0].iter().zip(pair[1]).map(|(a, b)| (b.1 - a.1).abs())).collect();
+    median(tied).zip(median(steps)).is_some_and(|(tied, step)| step > 0.0 && tied > BRANCHES * step)
 }
 
 #[cfg(test)]
@@ -302,10 +299,10 @@ mod tests {
         assert!(!TimeChanges::default().with_ties_of(&repeated).is_coarse());
     }
 
-    /// A track of 40 times that has a second branch, ten steps away, in the second half. A coarse clock with four noisy rows a step has none.
+    /// A track of 40 times that has a second branch, twenty steps away, in the second half. A coarse clock has none, whatever its noise and digits are.
     #[test]
     fn a_track_that_branches_is_several_tracks() {
-        let noise = |row: usize| ((row * 7919) % 101) as f64 / 50.0 - 1.0;
+        let noise = |row: usize| 2.0 * ((row as f64 + 1.0) * 12.9898).sin().mul_add(43_758.545_3, 0.0).fract();
         let (mut time_s, mut position_m) = (Vec::new(), Vec::new());
         for row in 0..40_usize {
             let x = row as f64 + 0.2 * noise(row);
@@ -315,9 +312,16 @@ mod tests {
             }
         }
         assert!(alternate(&time_s, &position_m));
-        let coarse_s: Vec<f64> = (0..160_usize).map(|row| (row / 4) as f64).collect();
-        let noisy: Vec<Option<f64>> = (0..160).map(|row| Some(0.1 * row as f64 + noise(row))).collect();
-        assert!(!alternate(&coarse_s, &noisy));
+        for rows_a_step in [2, 4, 10, 30] {
+            let coarse_s: Vec<f64> = (0..300_usize).map(|row| (row / rows_a_step) as f64).collect();
+            let positions = |size: f64, digits: f64| -> Vec<Option<f64>> {
+                let noisy = (0..300).map(|row| 0.1 * row as f64 + size * noise(row));
+                noisy.map(|x| Some((x * digits).round() / digits)).collect()
+            };
+            for (size, digits) in [(1.0, 1e6), (1.0, 1.0), (0.0, 1e6), (0.0, 2.0)] {
+                assert!(!alternate(&coarse_s, &positions(size, digits)), "{rows_a_step} rows, {size}, {digits}");
+            }
+        }
     }
 
     #[test]

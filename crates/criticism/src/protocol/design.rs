@@ -135,7 +135,9 @@ impl<'a> Designer<'a> {
         let mut n_tried = drives.len();
         let (holds, others): (Vec<_>, Vec<_>) =
             drives.into_iter().partition(|drive| !drive.neighbours(limits).is_empty());
-        let mut screen = Screen { designer: self, limits, interval_s: coarse_s, monitor, reduces_force: false };
+        // A shorter protocol that needs a smaller force shows that longer ones do, too.
+        let reduces_force = also.iter().any(|drive| drive.amplitude < 1.0);
+        let mut screen = Screen { designer: self, limits, interval_s: coarse_s, monitor, reduces_force };
         let rank = |screen: &Screen<'_, '_>| -> Result<_> {
             let ranked = screen.best(holds.clone(), (N_JUDGED, f64::NEG_INFINITY), Some(&counter))?;
             let others = screen.best(others.clone(), (N_JUDGED, f64::NEG_INFINITY), Some(&counter))?;

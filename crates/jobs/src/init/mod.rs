@@ -18,7 +18,7 @@ use self::preamble::Preamble;
 pub use self::request::InitRequest;
 use self::source::TableSource;
 use self::start::{answers_at_once, has_absolute_strain, is_stretch, left_out_s, load_start_s};
-use self::stress::{StressStrain, called};
+use self::stress::{ROTATION, StressStrain, called};
 use self::sweep::describe_sweep;
 use self::toml::{AXES, experiment_toml};
 use base::error::{Error, InputPlace, Result, Setting};
@@ -134,7 +134,10 @@ fn one(
         return Err(Error::input(
             InputPlace::file(place),
             "the position is the same in every row, so that the record shows no motion",
-            format!("give another column with `{}`", Setting::PositionColumn),
+            format!(
+                "give another column with `{}`; of a hold include the rows before its step",
+                Setting::PositionColumn
+            ),
         ));
     }
     if is_stretch(&proposal, device.stress_strain()) {
@@ -151,8 +154,13 @@ fn one(
     {
         proposal.keep_written_positions();
         if device.stress_strain().is_none() {
-            let text = "the position of the first row, at time 0, is that of the hold: positions count as in the table, and the force of this row is left out (left_out_s), because it depends on how the position rises";
-            proposal.reasons.push(text.into());
+            let left_out = match left_out_s(&proposal, &device, control) {
+                Some(_) => ", and the force of this row is left out (left_out_s)",
+                None => "",
+            };
+            proposal.reasons.push(format!(
+                "the position of the first row is already that of the hold: positions count as in the table{left_out}"
+            ));
         }
     }
     if control == Control::Position && !device.is_tip() {
@@ -236,7 +244,7 @@ fn refuse_one_column_for_two(given: &TableSettings) -> Result<()> {
 /// Refuses a table of a viscosity over the shear rate.
 fn refuse_flow_curve(place: &Path, given: &TableSettings, looked: &InspectedTable) -> Result<()> {
     let named = |words: &[&str]| looked.columns.iter().find(|name| called(name, words, &[]));
-    let rate = named(&["shear rate", "shearrate", "shear_rate", "scherrate", "gradient", "vitesse de cisaillement"]);
+    let rate = named(&["shear rate", "shearrate", "shear_rate", "scherrate", "de cisaillement"]);
     let viscosity = named(&["viscosity", "viskosität", "viscosité", "viscosidad", "viscosità"]);
     let is_given = given.columns.iter().chain(&given.axes).any(Option::is_some);
     let Some((rate, viscosity)) = rate.zip(viscosity).filter(|_| !is_given) else { return Ok(()) };
@@ -249,13 +257,14 @@ fn refuse_flow_curve(place: &Path, given: &TableSettings, looked: &InspectedTabl
 
 /// Refuses the axial force and the gap of a rotating rheometer, whose test is one of torque and angle, unless the user names the columns.
 fn refuse_gap_of_rheometer(place: &Path, given: &TableSettings, proposal: &TableProposal) -> Result<()> {
-    const ROTATION: [&str; 6] = ["torque", "shear", "rotation", "drehmoment", "couple", "scher"];
+    let is_word =
+        |name: &str, word: &str| name.split(|c: char| !c.is_alphabetic()).any(|part| part.eq_ignore_ascii_case(word));
     let is_named = |column: &ColumnName, words: &[&str]| called(&column.to_string(), words, &[]);
     let has_gap =
         proposal.description.position.as_ref().is_some_and(|(columns, _)| {
             columns.all().iter().any(|column| is_named(column, &["gap", "spalt", "entrefer"]))
         });
-    let rotation = proposal.columns.iter().find(|name| called(name, &ROTATION, &[]));
+    let rotation = proposal.columns.iter().find(|name| called(name, &ROTATION, &[]) || is_word(name, "couple"));
     let is_given = given.columns[1..3].iter().any(Option::is_some);
     let Some(rotation) = rotation.filter(|_| has_gap && !is_given) else { return Ok(()) };
     Err(Error::input(

@@ -23,15 +23,17 @@ pub(super) fn is_stretch(proposal: &TableProposal, stress_strain: Option<&Stress
 }
 
 /// True if the step has begun before the first row, at time 0. For stress and strain, a stress acts and the strain has already jumped; a commanded strain is then at its hold.
-/// Stretches count from the first row. A bead is then at a hold from which it returns to 0.
+/// Stretches count from the first row. A bead is then at a hold from which it returns to 0, whatever its clock shows.
 pub(super) fn answers_at_once(
     proposal: &TableProposal,
     stress_strain: Option<&StressStrain>,
     control: Control,
 ) -> bool {
     let Some(own) = stress_strain else {
-        let is_at_start = proposal.loaded_from_s.is_none_or(|first_s| first_s == 0.0);
-        return control == Control::Position && is_at_start && proposal.starts_at_hold() && proposal.returns_to_zero();
+        return control == Control::Position
+            && proposal.starts_loaded
+            && proposal.starts_at_hold()
+            && proposal.returns_to_zero();
     };
     (!own.is_of_specimen || proposal.frame.direction == Direction::Forward)
         && !is_stretch(proposal, stress_strain)
@@ -46,7 +48,7 @@ pub(super) fn answers_at_once(
 /// Interval (s) with the first row of a relaxation whose step has begun just before it. A stress in the middle of the step depends on how the strain rises.
 pub(super) fn left_out_s(proposal: &TableProposal, device: &Device, control: Control) -> Option<[f64; 2]> {
     let is_relaxation = control == Control::Position && answers_at_once(proposal, device.stress_strain(), control);
-    is_relaxation.then_some([0.0, 2.0 * JUST_BEFORE * proposal.duration_s])
+    (is_relaxation && proposal.first_time_s == 0.0).then_some([0.0, 2.0 * JUST_BEFORE * proposal.duration_s])
 }
 
 /// Least time of the first row, in intervals between rows, at which a bead's record counts as begun after its load. Clocks may count from 0 or from 1.

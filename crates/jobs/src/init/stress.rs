@@ -57,20 +57,11 @@ const PARTS: [(&str, f64); 15] = [
     ("frac", 1.0),
 ];
 /// Words that name a test in tension or compression, whose strain is the stress divided by the modulus without a factor.
-pub(super) const UNIAXIAL: [&str; 12] = [
-    "tensil",
-    "tension",
-    "compress",
-    "axial",
-    "young",
-    "zug",
-    "druck",
-    "traction",
-    "engineering",
-    "nominal",
-    "true stress",
-    "true strain",
-];
+pub(super) const UNIAXIAL: [&str; 8] = ["tensil", "tension", "compress", "axial", "young", "zug", "druck", "traction"];
+/// Words of stresses and strains that name such a test, unless a column is of a rotation.
+const OF_LENGTH: [&str; 4] = ["engineering", "nominal", "true stress", "true strain"];
+/// Words in the names of columns of a rotating rheometer.
+pub(super) const ROTATION: [&str; 5] = ["torque", "shear", "rotation", "drehmoment", "scher"];
 /// Words of a stress or a strain that is relative to the deformed specimen. One relative to the first length is read before it.
 const DEFORMED: [&str; 2] = ["true", "cauchy"];
 /// Words that exclude such a test.
@@ -234,8 +225,10 @@ impl StressStrain {
                 None => return Ok(None),
             },
         };
+        let rotates = looked.columns.iter().any(|name| called(name, &ROTATION, &[]));
         let is_uniaxial = [stress.0, strain.0].into_iter().any(|place| {
             called(name(place), &UNIAXIAL, &MULTIAXIAL)
+                || !rotates && called(name(place), &OF_LENGTH, &MULTIAXIAL)
                 || constant.is_some() && ["e", "d", "e_relax"].contains(&symbol(name(place)).as_str())
         });
         let names = || [stress.0, strain.0].into_iter().map(name);

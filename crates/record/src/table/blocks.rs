@@ -4,7 +4,8 @@ use std::borrow::Cow;
 
 use super::spelling::{ParsedUnit, clock_s, is_date_time, split_unit, unit};
 use super::text::{
-    COLUMNS, Decimal, Delimiter, Thousands, cells, comment_sign, has_title, header_cells, is_blank_or_comment,
+    COLUMNS, Decimal, Delimiter, REMARKS, Thousands, cells, comment_sign, header_cells, is_blank_or_comment,
+    n_before_names,
 };
 use crate::trajectory::is_lost;
 
@@ -12,8 +13,6 @@ use crate::trajectory::is_lost;
 const LOOKED_AT: usize = 5_000;
 /// Longest cell, without brackets, of a line that gives the units below the column names, in characters.
 const LONGEST_UNIT: usize = 8;
-/// Lower-case names of columns that contain comments instead of numbers.
-const REMARKS: [&str; 6] = ["", "comment", "comments", "note", "notes", "remarks"];
 /// Beginning of the line above the tables of a workbook's sheet, in the text of a workbook.
 const SHEET: &str = "sheet ";
 /// Smallest number of rows of a table. Fewer rows of numbers count as a preamble.
@@ -225,11 +224,14 @@ pub(super) struct Header {
     pub foreign: Vec<usize>,
 }
 
-/// Returns the cells of a line as column names, without the first `skipped` cells. `None` unless the number of cells matches the rows and at least two cells are words. The
-/// last `n_empty` columns need no name.
-fn names_in(line: &str, layout: &Layout, n_empty: usize, skipped: usize) -> Option<Vec<String>> {
-    let cells = header_cells(line, layout.delimiter, None, layout.n_cells);
-    let mut found: Vec<String> = cells.into_iter().skip(skipped).map(Cow::into_owned).collect();
+/// Returns the cells of a line as column names. `None` unless the number of cells matches the rows and at least two cells are words. The last `n_empty` columns need no
+/// name.
+fn names_in(line: &str, layout: &Layout, n_empty: usize) -> Option<Vec<String>> {
+    as_names(header_cells(line, layout.delimiter, None, layout.n_cells), layout, n_empty)
+}
+
+fn as_names(cells: Vec<Cow<'_, str>>, layout: &Layout, n_empty: usize) -> Option<Vec<String>> {
+    let mut found: Vec<String> = cells.into_iter().map(Cow::into_owned).collect();
     // Columns at the end may have a name although the rows have no cells for them. Between blanks, the words of a name are cells of their own.
     let is_remark = |last: &String| REMARKS.contains(&last.to_lowercase().as_str());
     while found.len() > layout.n_cells && (layout.delimiter != Delimiter::Spaces || found.last().is_some_and(is_remark))
@@ -257,23 +259,29 @@ fn header(lines: &[&str], from: usize, layout: &Layout, n_empty: usize) -> Heade
     if above.first().is_some_and(|index| is_word(lines[*index])) {
         above.remove(0);
     }
-    let cells_of = |place: usize, skipped: usize| {
-        above.get(place).and_then(|index| Some((*index, names_in(lines[*index], layout, n_empty, skipped)?)))
+    let names =
+        |place: usize| above.get(place).and_then(|index| Some((*index, names_in(lines[*index], layout, n_empty)?)));
+    // Units below names with as many cells begin in the same cell as the names.
+    let units_below = |place: usize, names: usize| {
+        let [units, names] =
+            [place, names].map(|place| above.get(place).map(|index| cells(lines[*index], layout.delimiter)));
+        let (mut units, names) = units.zip(names)?;
+        if layout.delimiter == Delimiter::Spaces || units.len() != names.len() {
+            return names_in(lines[above[place]], layout, n_empty);
+        }
+        units.drain(..n_before_names(&names, layout.n_cells));
+        as_names(units, layout, n_empty)
     };
-    // The line of the units has an empty cell below a title of the names.
-    let n_titles = |place: usize| {
-        let has_title = |index: &usize| has_title(&cells(lines[*index], layout.delimiter), layout.n_cells);
-        usize::from(above.get(place).is_some_and(has_title))
-    };
-    let names = |place: usize| cells_of(place, 0);
     // Programs write the units below the names, and some write a line of remarks below the units.
     let with_units = |place: usize| {
-        // A line of remarks, with fewer cells, may also stand between names and units.
-        let n_named =
-            |(_, (_, names)): &(usize, (usize, Vec<String>))| names.iter().filter(|name| !name.is_empty()).count();
-        let near = [place + 2, place + 1].into_iter().filter_map(|place| Some((place, names(place)?)));
-        let (place_of_names, (line, names)) = near.max_by_key(n_named)?;
-        let (_, cells) = cells_of(place, n_titles(place_of_names))?;
+        // A line of remarks may also stand between names and units, and leaves columns with units without a name.
+        let with_cells = |at: usize| Some((names(at)?, units_below(place, at)?));
+        let lacks_name = |((_, names), cells): &((usize, Vec<String>), Vec<String>)| {
+            names.iter().zip(cells).any(|(name, unit)| name.is_empty() && !unit.is_empty())
+        };
+        let next = with_cells(place + 1);
+        let far = if next.as_ref().is_none_or(lacks_name) { with_cells(place + 2) } else { None };
+        let ((line, names), cells) = far.or(next)?;
         let units: Vec<Option<ParsedUnit>> = cells.iter().map(|cell| unit(cell)).collect();
         let length = |cell: &String| cell.trim_matches(['[', ']', '(', ')']).chars().count();
         let is_bracketed = |cell: &&String| cell.starts_with(['[', '(']) && cell.ends_with([']', ')']);
@@ -311,7 +319,7 @@ fn commented_header(lines: &[&str], from: usize, layout: &Layout, n_empty: usize
         })
     };
     let (line, _) = comment(COLUMNS)?;
-    let names = names_in(lines[line], layout, n_empty, 0)?;
+    let names = names_in(lines[line], layout, n_empty)?;
     let given: Vec<_> = comment("units").map_or(Vec::new(), |(_, units)| units.split_whitespace().map(unit).collect());
     let units = if given.len() == names.len() { given } else { names.iter().map(|name| split_unit(name).1).collect() };
     Some(Header { line: Some(line), names, units, foreign: Vec::new() })

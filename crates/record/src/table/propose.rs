@@ -64,8 +64,10 @@ pub struct TableProposal {
     pub duration_s: f64,
     /// True if a commanded position jumps and acts from its row on, as the force shows.
     pub acts_from_row: bool,
-    /// True if the force of the first row is more than a third of the largest one.
+    /// True if the force of one of the first two rows is more than a third of the largest one.
     pub starts_loaded: bool,
+    /// Time of the first row, in s.
+    pub first_time_s: f64,
     /// Time (s) of the first row, if a force acts in it; otherwise `None`.
     pub loaded_from_s: Option<f64>,
     /// Smallest and largest force, in N.
@@ -105,7 +107,7 @@ impl TableProposal {
     /// Returns whether the positions are stretches, of which 1 is the unstrained length: they begin near 1 and change by more than a hundredth.
     pub fn is_stretch(&self) -> bool {
         let range_m = self.written_position_m[1] - self.written_position_m[0];
-        range_m > 0.01 && self.first_written_m.is_some_and(|first_m| (0.5..1.5).contains(&first_m))
+        range_m > 0.01 && self.first_written_m.is_some_and(|first_m| (0.8..1.2).contains(&first_m))
     }
 
     /// Multiplies forces and positions by a factor each, by other units: the sizes of a specimen make stresses (1 Pa as 1 N) and strains (1 as 1 m) of them.
@@ -218,7 +220,8 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
     Ok(TableProposal {
         columns: named_columns(tables[0]),
         acts_from_row: control == Control::Position && answers_after_jumps(&trajectory.force_n, &trajectory.position_m),
-        starts_loaded: trajectory.force_n.first().is_some_and(|first_n| 3.0 * first_n.abs() > largest_n),
+        starts_loaded: trajectory.force_n.iter().take(2).any(|force| 3.0 * force.abs() > largest_n),
+        first_time_s: trajectory.time_s.first().copied().unwrap_or(0.0),
         reasons,
         n_rows: trajectory.time_s.len(),
         n_lost: trajectory.position_m.iter().filter(|x| x.is_none()).count(),

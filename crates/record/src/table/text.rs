@@ -269,9 +269,17 @@ pub fn cells(line: &str, delimiter: Delimiter) -> Vec<Cow<'_, str>> {
 /// Key of the comment that names the columns.
 pub const COLUMNS: &str = "columns";
 
-/// True if a title of their own, such as `Interval data:`, stands before the names of the columns, and the rows have no cell for it.
-pub(super) fn has_title(names: &[Cow<'_, str>], n_cells: usize) -> bool {
-    names.len() == n_cells + 1 && names[0].ends_with(':')
+/// Lower-case names of columns that contain comments instead of numbers.
+pub(super) const REMARKS: [&str; 6] = ["", "comment", "comments", "note", "notes", "remarks"];
+
+/// Number of cells before the names of the columns, for which the rows have no cells. They are empty, or one of them is a title such as `Interval data:`.
+pub(super) fn n_before_names(names: &[Cow<'_, str>], n_cells: usize) -> usize {
+    let n_more = names.len().saturating_sub(n_cells);
+    let is_title = |name: &Cow<'_, str>| name.ends_with(':');
+    let has_remark = names.last().is_some_and(|last| REMARKS.contains(&last.to_lowercase().as_str()));
+    let has_title =
+        n_more == 1 && !has_remark && names.iter().position(is_title) == Some(0) && !names[1..].iter().any(is_title);
+    if has_title || names[..n_more].iter().all(|name| name.is_empty()) { n_more } else { 0 }
 }
 
 /// Splits a header into column names and removes a leading comment sign. The rows below the header have `n_cells` cells.
@@ -298,9 +306,7 @@ pub fn header_cells<'a>(
     if comment_sign(whole, comment).is_none() {
         // The first column may have no name, so its line may begin with a tab.
         let mut with_empty = cells(whole, delimiter);
-        if has_title(&with_empty, n_cells) {
-            with_empty.remove(0);
-        }
+        with_empty.drain(..n_before_names(&with_empty, n_cells));
         if with_empty.len() == n_cells || delimiter != Delimiter::Spaces {
             return with_empty;
         }
