@@ -728,6 +728,7 @@ fn names_and_units_stand_above_their_columns() {
         "Interval data:,No.,Time,Force,Position\n,[s],[uN],[um]",
         "Sample,Gel A,Operator,JD\n,Time,Force,Position\n,s,uN,um",
         "No.:,Time [s],Force [uN],Position [um],Comment",
+        "gel 1,gel 1,gel 1,gel 1\n,Time,Force,Position\n[1],[s],[uN],[um]",
     ] {
         assert_is_truth(&format!("{header}\n{body}"), TableSettings::default());
     }

@@ -276,12 +276,12 @@ fn header(lines: &[&str], from: usize, layout: &Layout, n_empty: usize) -> Heade
     let with_units = |place: usize| {
         // A line of remarks may also stand between names and units, and leaves columns with units without a name.
         let with_cells = |at: usize| Some((names(at)?, units_below(place, at)?));
-        let lacks_name = |((_, names), cells): &((usize, Vec<String>), Vec<String>)| {
-            names.iter().zip(cells).any(|(name, unit)| name.is_empty() && !unit.is_empty())
+        let n_unnamed = |found: &((usize, Vec<String>), Vec<String>)| {
+            let ((_, names), cells) = found;
+            names.iter().zip(cells).filter(|(name, unit)| name.is_empty() && !unit.is_empty()).count()
         };
-        let next = with_cells(place + 1);
-        let far = if next.as_ref().is_none_or(lacks_name) { with_cells(place + 2) } else { None };
-        let ((line, names), cells) = far.or(next)?;
+        let lines = [place + 1, place + 2].into_iter().filter_map(with_cells);
+        let ((line, names), cells) = lines.min_by_key(n_unnamed)?;
         let units: Vec<Option<ParsedUnit>> = cells.iter().map(|cell| unit(cell)).collect();
         let length = |cell: &String| cell.trim_matches(['[', ']', '(', ')']).chars().count();
         let is_bracketed = |cell: &&String| cell.starts_with(['[', '(']) && cell.ends_with([']', ')']);
