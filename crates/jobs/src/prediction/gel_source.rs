@@ -32,6 +32,9 @@ const GROUPS_NAME: &str = "groups.json";
 /// Table of draws of new specimens, beside that document.
 const NEW_SPECIMENS_NAME: &str = "new-specimens.csv";
 
+/// Beginning of a warning about the record of the study.
+const TAUGHT: &str = "in the record that taught the law, ";
+
 /// Where a gel's parameters come from.
 pub enum GelPlace<'a> {
     /// A study, or an experiment whose study will be made.
@@ -162,9 +165,15 @@ fn of_study(target: &CreepTarget, options: &SamplerOptions, monitor: &dyn Monito
     let dir = study.revision_dir(&name)?;
     let posterior = files::read(&dir.join(POSTERIOR_NAME), Content::Document, "run `vitreo-uq sample` again")?;
     let draws = draws_of_revision(&dir, &name, &problem)?;
+    let rivals = rivals(&study, &name, &problem, options, monitor)?;
+    let mut warnings = study_warnings(&dir, &name)?;
+    if !rivals.is_empty() {
+        // Predictions with each equivalent effect show whether the choice between them matters here.
+        warnings.retain(|warning| warning.kind != WarningKind::ModelIncomplete || !warning.text.starts_with(TAUGHT));
+    }
     Ok(GelSource {
-        warnings: study_warnings(&dir, &name)?,
-        rivals: rivals(&study, &name, &problem, options, monitor)?,
+        warnings,
+        rivals,
         kept: kept_surrogate(&study, monitor),
         provenance: crate::artefacts::with_inputs(study.provenance("prediction", 1, options.seed), &problem)
             .with_input(format!("{name}/{POSTERIOR_NAME}"), &posterior)
@@ -196,8 +205,7 @@ pub(super) fn draws_of_revision(dir: &Path, name: &str, problem: &Problem) -> Re
 pub(crate) fn study_warnings(dir: &Path, revision: &str) -> Result<Vec<Warning>> {
     let posterior: Option<WithProvenance<PosteriorSummary>> = read_document(&dir.join(POSTERIOR_NAME));
     let all = posterior.map_or_else(Vec::new, |document| document.body.warnings);
-    let of_record =
-        |warning: Warning| Warning { text: format!("in the record that taught the law, {}", warning.text), ..warning };
+    let of_record = |warning: Warning| Warning { text: format!("{TAUGHT}{}", warning.text), ..warning };
     let mut warnings: Vec<Warning> =
         all.into_iter().filter(|warning| warning.kind.level() != TrustLevel::Trusted).map(of_record).collect();
     let diagnosis: Option<WithProvenance<Diagnosis>> = read_document(&dir.join(DIAGNOSIS_NAME));
