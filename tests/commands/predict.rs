@@ -209,6 +209,22 @@ fn plans_name_their_limit_and_rest_at_the_target() {
     for (time_s, x) in times.iter().zip(median).filter(|(time_s, _)| number(time_s) >= 3.0) {
         assert!((number(x) - 300.0).abs() < 5.0, "{x} µm at {time_s} s");
     }
+    // A force that rises for 3 s cannot wait for the arrival: it is shaped from the start on.
+    let slow =
+        ["--within-s", "5", "--reach-mm", "0.5", "--rest-within-um", "20", "--rest-s", "3", "--max-slew-un-per-s", "1"];
+    let slow =
+        vitreo(dir.path(), &[&["plan", "study", "--no-report", "--json", "-"], &slow[..]].concat()).exits(0).json();
+    assert!(number(&slow["probability_checked"]) > 0.95, "{slow}");
+    let steps: Vec<[f64; 2]> = slow["force"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|step| [number(&step["time_s"]), number(&step["force_un"])])
+        .collect();
+    assert!(
+        steps.windows(2).all(|pair| (pair[1][1] - pair[0][1]).abs() <= 1.001 * (pair[1][0] - pair[0][0])),
+        "{steps:?}"
+    );
     // On the way there the robot does not pass the target.
     assert!(
         median.iter().all(|x| number(x) < 305.0) && !rest["sentence"].as_str().unwrap().contains("beyond"),

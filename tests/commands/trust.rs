@@ -163,7 +163,8 @@ fn put_diagnosis(study: &Path, rivals: &[&str]) {
     let candidate = |effect: &str, status: &str, name: &str, mean: f64| {
         json!({"effect": effect, "status": status, "z": 9.0, "p_familywise": 0.01, "visible_fraction": 0.5, "expected_parameter": null, "twins": [], "refused": null,
             "refit": {"gain_nats": 30.0, "heldout_gain_nats": 9.0, "last_cycle_gain_nats": 9.0, "rmse_heldout_um": 0.52, "largest_change": 3.0, "log_bayes_factor": 20.0,
-                "parameters": [{"name": name, "mean": mean, "q05": 0.9 * mean, "q95": 1.1 * mean}]}})
+                "parameters": [{"name": name, "mean": mean, "q05": 0.9 * mean, "q95": 1.1 * mean}],
+                "law_parameters": [{"name": "young_modulus_pa", "mean": 100.0 * mean, "q05": 99.0 * mean, "q95": 101.0 * mean}]}})
     };
     let status = if rivals.is_empty() { "unsupported" } else { "equivalent" };
     let diagnosis = json!({"schema": "vitreo-uq/diagnosis/1", "version": posterior["version"], "seed": 1, "inputs_sha256": posterior["inputs_sha256"], "experiment": "gel",
@@ -192,6 +193,15 @@ fn equivalent_effects_stay_beside_the_name() {
         assert!(run.stdout.contains(words), "{words} in {run}");
     }
     let read = |name: &str| -> Value { serde_json::from_slice(&std::fs::read(study.join(name)).unwrap()).unwrap() };
+    // The modulus depends on which of both is true.
+    let words = "young_modulus_pa has another value with actuator-lag in place of clock-offset";
+    for name in ["m1/extension.json", "m1/posterior.json"] {
+        let document = read(name);
+        let warnings = document["warnings"].as_array().unwrap();
+        let is_named = warnings.iter().any(|warning| warning["text"].as_str().unwrap().contains(words));
+        assert!(is_named && level(&document) != "trusted", "{name}: {document}");
+    }
+    assert!(run.stdout.contains("young_modulus_pa, with actuator-lag"), "{run}");
     let value = &read("m1/extension.json")["equivalents"][0];
     assert_eq!((&value["rivals"], &value["diagnosis_of"]), (&json!(["actuator-lag"]), &json!("m0")));
     assert_eq!(value["refits"][1]["parameters"][0]["name"], "actuator-lag.time_s");

@@ -717,7 +717,7 @@ fn lines_between_names_and_units_are_passed() {
     }
 }
 
-/// Lines that begin with an empty cell which the rows lack, a line of words above the names, a name that ends in a colon, and notes that the rows have no cell for.
+/// Headers with more cells than the rows: an empty first cell, a title, or a column of notes. Another line of words may stand above the names.
 #[test]
 fn names_and_units_stand_above_their_columns() {
     let body = rows(|row, [t, f, x]| format!("{},{t:.3},{f},{x:.3}", row + 1));

@@ -227,10 +227,8 @@ impl Report<'_> {
         let verdict = &self.verdict;
         let has_rivals = !verdict.equivalent.is_empty()
             && verdict.effects.iter().chain(&verdict.equivalent).any(|effect| effect == single.slug);
-        let of_law = |parameter: &&RefitParameter| {
-            let names = self.found.base.candidate.free.iter().map(|free| free.name);
-            names.filter(|name| !name.contains('.')).any(|name| name == parameter.name)
-        };
+        let of_base = |name: &str| self.found.base.candidate.free.iter().any(|free| free.name == name);
+        let of_law = |parameter: &&RefitParameter| !parameter.name.contains('.') && of_base(&parameter.name);
         let law_parameters =
             if has_rivals { parameters.all.iter().filter(of_law).cloned().collect() } else { Vec::new() };
         let parameters = parameters.of(&self.found.added(refitted));

@@ -61,19 +61,25 @@ fn left_of(kind: &Kind, record: &Record, position_m: &[f64], seed: u64) -> Vec<O
 }
 
 fn misfit(record: &Record, position_m: &[f64], left_m: &[Option<f64>], is_known: bool, has_gain: bool) -> Misfit {
+    let noise_m = if is_known { KNOWN_M } else { 1e-6 };
+    let gains = if has_gain { GainKnowledge::Learnt } else { GainKnowledge::None };
+    with_split(record, position_m, left_m, gains, |remainder| Misfit::of(remainder, noise_m, is_known))
+}
+
+/// Misfit of residuals whose last cycle is held out.
+fn with_split(
+    record: &Record,
+    position_m: &[f64],
+    left_m: &[Option<f64>],
+    gains: GainKnowledge,
+    judge: impl Fn(&Residuals) -> Option<Misfit>,
+) -> Misfit {
     let split = |is_wanted: &dyn Fn(u32) -> bool| -> Vec<Option<f64>> {
         left_m.iter().zip(&record.cycle).map(|(left, cycle)| left.filter(|_| is_wanted(*cycle))).collect()
     };
-    let remainder = Residuals {
-        record,
-        fitted_m: &split(&|cycle| cycle < 4),
-        heldout_m: &split(&|cycle| cycle == 4),
-        position_m,
-        absorbed_m: &[],
-        gains: if has_gain { GainKnowledge::Learnt } else { GainKnowledge::None },
-    };
-    let noise_m = if is_known { KNOWN_M } else { 1e-6 };
-    Misfit::of(&remainder, noise_m, is_known).expect("positions")
+    let (fitted_m, heldout_m) = (split(&|cycle| cycle < 4), split(&|cycle| cycle == 4));
+    let (fitted_m, heldout_m) = (&fitted_m[..], &heldout_m[..]);
+    judge(&Residuals { record, fitted_m, heldout_m, position_m, absorbed_m: &[], gains }).expect("positions")
 }
 
 /// Counts false alarms in records of pure noise. Two tests check the misfit's size and one its recurrence; each gives a false alarm in one or two of a thousand
@@ -202,18 +208,7 @@ fn noise_is_as_large_in_held_out_cycles_as_in_fitted_ones() {
         let held_out = left_m.iter_mut().zip(&record.cycle).filter(|(_, cycle)| **cycle == 4);
         held_out.for_each(|(left, _)| *left = left.map(|left| left + 2e-5));
         let estimated = misfit(&record, &position_m, &left_m, false, false);
-        let split = |is_wanted: &dyn Fn(u32) -> bool| -> Vec<Option<f64>> {
-            left_m.iter().zip(&record.cycle).map(|(left, cycle)| left.filter(|_| is_wanted(*cycle))).collect()
-        };
-        let remainder = Residuals {
-            record: &record,
-            fitted_m: &split(&|cycle| cycle < 4),
-            heldout_m: &split(&|cycle| cycle == 4),
-            position_m: &position_m,
-            absorbed_m: &[],
-            gains: GainKnowledge::None,
-        };
-        let unknown = Misfit::relative_to_fitted(&remainder).expect("positions");
+        let unknown = with_split(&record, &position_m, &left_m, GainKnowledge::None, Misfit::relative_to_fitted);
         [estimated, unknown]
             .iter()
             .all(|misfit| misfit.heldout.is_some_and(|size| size.is_too_large) && !misfit.fitted.is_too_large)
@@ -270,18 +265,7 @@ fn gains_that_grow_steadily_or_are_large_are_a_misfit() {
         let rows = left_m.iter().zip(&position_m).zip(&record.cycle);
         let left_m: Vec<Option<f64>> =
             rows.map(|((left, x), cycle)| left.map(|left| left + gain_of(*cycle) * x)).collect();
-        let part = |is_wanted: &dyn Fn(u32) -> bool| -> Vec<Option<f64>> {
-            left_m.iter().zip(&record.cycle).map(|(left, cycle)| left.filter(|_| is_wanted(*cycle))).collect()
-        };
-        let remainder = Residuals {
-            record: &record,
-            fitted_m: &part(&|cycle| cycle < 4),
-            heldout_m: &part(&|cycle| cycle == 4),
-            position_m: &position_m,
-            absorbed_m: &[],
-            gains,
-        };
-        Misfit::of(&remainder, KNOWN_M, is_known).expect("positions")
+        with_split(&record, &position_m, &left_m, gains, |remainder| Misfit::of(remainder, KNOWN_M, is_known))
     };
     // Slow residuals of unknown noise are no misfit by their size alone.
     let growing = found(0, &|cycle| 0.04 * f64::from(cycle), 1e-6, GainKnowledge::Learnt, false);

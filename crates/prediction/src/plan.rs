@@ -593,47 +593,43 @@ fn interpolated(time_s: &[f64], values: &[f64], at_s: f64) -> f64 {
     }
 }
 
-/// Minimises |A x − b|² over x between −`bound` and `bound`, by descent in one coordinate after the other. The first coordinate begins at 1.
+/// Minimises |A x − b|² over x between −`bound` and `bound`. The first coordinate begins at 1.
 fn bounded_least_squares(matrix: &DMatrix<f64>, wanted: &DVector<f64>, bound: f64) -> Vec<f64> {
-    let n = matrix.ncols();
-    let mut x = DVector::zeros(n);
-    x[0] = 1.0;
-    let mut residual = matrix * &x - wanted;
-    let square: Vec<f64> = (0..n).map(|k| matrix.column(k).norm_squared()).collect();
-    for _ in 0..SWEEPS {
-        for k in 0..n {
-            if square[k] > 0.0 {
-                let old: f64 = x[k];
-                x[k] = (old - matrix.column(k).dot(&residual) / square[k]).clamp(-bound, bound);
-                residual.axpy(x[k] - old, &matrix.column(k), 1.0);
-            }
-        }
-    }
-    x.iter().copied().collect()
+    let mut start = vec![0.0; matrix.ncols()];
+    start[0] = 1.0;
+    descend(matrix, wanted, start, |_, _| [-bound, bound])
 }
 
-/// Minimises |A x − b|² over changes x between −`bound` and `bound` whose sums from the first on stay between −1 and 1, by descent in one coordinate after the other.
+/// Minimises |A x − b|² over changes x between −`bound` and `bound` whose sums from the first on stay between −1 and 1.
 fn bounded_changes(matrix: &DMatrix<f64>, wanted: &DVector<f64>, bound: f64) -> Vec<f64> {
-    let n = matrix.ncols();
-    let mut x = vec![0.0; n];
-    let mut residual = -wanted;
-    let square: Vec<f64> = (0..n).map(|k| matrix.column(k).norm_squared()).collect();
+    let range = |x: &[f64], k: usize| {
+        // Levels from this change on, which all move with it.
+        let before: f64 = x[..k].iter().sum();
+        let levels = x[k..].iter().scan(before, |level, change| {
+            *level += change;
+            Some(*level)
+        });
+        let [lowest, highest] =
+            levels.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], level| [low.min(level), high.max(level)]);
+        // Rounding must not exclude the present value.
+        [(x[k] - 1.0 - lowest).max(-bound).min(x[k]), (x[k] + 1.0 - highest).min(bound).max(x[k])]
+    };
+    descend(matrix, wanted, vec![0.0; matrix.ncols()], range)
+}
+
+/// Minimises |A x − b|² by descent in one coordinate after the other. `range` gives the smallest and the largest value of a coordinate beside the others.
+fn descend(
+    matrix: &DMatrix<f64>,
+    wanted: &DVector<f64>,
+    mut x: Vec<f64>,
+    range: impl Fn(&[f64], usize) -> [f64; 2],
+) -> Vec<f64> {
+    let mut residual = matrix * DVector::from_column_slice(&x) - wanted;
+    let square: Vec<f64> = matrix.column_iter().map(|column| column.norm_squared()).collect();
     for _ in 0..SWEEPS {
-        for k in 0..n {
-            if square[k] == 0.0 {
-                continue;
-            }
-            // Levels from this change on, which all move with it.
-            let before: f64 = x[..k].iter().sum();
-            let levels = x[k..].iter().scan(before, |level, change| {
-                *level += change;
-                Some(*level)
-            });
-            let [lowest, highest] =
-                levels.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], level| [low.min(level), high.max(level)]);
-            let old = x[k];
-            let (least, most) = ((old - 1.0 - lowest).max(-bound), (old + 1.0 - highest).min(bound));
-            x[k] = (old - matrix.column(k).dot(&residual) / square[k]).clamp(least.min(old), most.max(old));
+        for k in (0..x.len()).filter(|k| square[*k] > 0.0) {
+            let (old, [least, most]) = (x[k], range(&x, k));
+            x[k] = (old - matrix.column(k).dot(&residual) / square[k]).clamp(least, most);
             residual.axpy(x[k] - old, &matrix.column(k), 1.0);
         }
     }

@@ -104,7 +104,7 @@ fn known(target: &CreepTarget, request: &DesignRequest, monitor: &dyn Monitor) -
     let standings = if models.len() > 1 { standings(&models) } else { Vec::new() };
     let (after, mut warnings) = judge_later(&subjects, &models[0]);
     if class.is_none() {
-        warnings.extend(study_warnings(&revision.study.revision_dir(&revision.name)?, &revision.name)?);
+        warnings.extend(study_warnings(&revision.study.revision_dir(&revision.name)?, &revision.name, false)?);
     }
     let decided = if class.is_some() && !later.is_empty() { keep_possible(&mut models) } else { None };
     if decided.is_some() {

@@ -364,7 +364,7 @@ fn position_of_machine(proposal: &TableProposal) -> Option<String> {
 }
 
 /// True if the name of the position's column contains one of the words.
-fn has_position(proposal: &TableProposal, words: &[&str]) -> bool {
+pub(super) fn has_position(proposal: &TableProposal, words: &[&str]) -> bool {
     let positions = proposal.description.position.as_ref();
     positions.is_some_and(|(columns, _)| columns.all().iter().any(|column| called(&column.to_string(), words, &[])))
 }

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 mod device;
 mod force_log;
 mod preamble;
+mod refusals;
 mod request;
 pub mod source;
 mod start;
@@ -15,23 +16,25 @@ mod toml;
 use self::device::Device;
 use self::force_log::ForceLog;
 use self::preamble::Preamble;
+use self::refusals::{
+    refuse_flow, refuse_flow_curve, refuse_gap_of_rheometer, refuse_one_column_for_two, refuse_several_columns,
+    refuse_without_frequency, refuse_without_motion,
+};
 pub use self::request::InitRequest;
 use self::source::TableSource;
 use self::start::{answers_at_once, has_absolute_strain, is_stretch, left_out_s, load_start_s};
-use self::stress::{ROTATION, StressStrain, called};
+use self::stress::StressStrain;
 use self::sweep::describe_sweep;
 use self::toml::{AXES, experiment_toml};
 use base::error::{Error, InputPlace, Result, Setting};
 use base::files::{self, write_together};
 use base::sha256::sha256_hex;
-use base::units::Dimension;
 use documents::init::{InitColumn, InitSummary};
-use figures::number::format_significant;
 use record::table::{
     Ask, ColumnName, InspectedTable, PositionColumns, TableDescription, TableProposal, TableSettings, choose_table,
     inspect_tables, propose, tracks,
 };
-use record::{Control, OscillationRecord, columns_of, moduli_columns, sweep_columns};
+use record::{Control, OscillationRecord, sweep_columns};
 
 /// Reads the table, asks the user for missing information, and writes the experiment with a copy of the table. Returns the interpretation of the table
 /// and the table's hash.
@@ -122,24 +125,7 @@ fn one(
     };
     let constant = device.stress_strain().and_then(|creep| creep.constant);
     let control = request.control.or(constant).unwrap_or(proposal.control);
-    if proposal.description.force.is_some() && constant.is_none() && proposal.force_n == [0.0, 0.0] {
-        let column = proposal.description.force.as_ref().map_or(String::new(), |(name, _)| name.to_string());
-        return Err(Error::input(
-            InputPlace::file(place).at_key(column),
-            "the force is 0 in every row, so that the record shows nothing of the gel",
-            format!("give another column with `{}`, or join the table with the one before it", Setting::ForceColumn),
-        ));
-    }
-    if proposal.position_m == [0.0, 0.0] && device.stress_strain().is_none() {
-        return Err(Error::input(
-            InputPlace::file(place),
-            "the position is the same in every row, so that the record shows no motion",
-            format!(
-                "give another column with `{}`; of a hold include the rows before its step",
-                Setting::PositionColumn
-            ),
-        ));
-    }
+    refuse_without_motion(place, &proposal, device.stress_strain())?;
     if is_stretch(&proposal, device.stress_strain()) {
         proposal.reasons.push(
             "the strain begins near 1 and changes, so that it is read as a stretch: the first row counts as unstrained"
@@ -228,88 +214,6 @@ fn one(
     })
 }
 
-/// Refuses the same column for two quantities.
-fn refuse_one_column_for_two(given: &TableSettings) -> Result<()> {
-    let named: Vec<&String> = given.columns[..3].iter().flatten().collect();
-    let twice = named.iter().enumerate().find(|(place, name)| named[..*place].contains(name));
-    twice.map_or(Ok(()), |(_, name)| {
-        Err(Error::input(
-            InputPlace::default().at_key(name.as_str()),
-            "this column is given for two quantities",
-            "give time, force and position a column each",
-        ))
-    })
-}
-
-/// Refuses a table of a viscosity over the shear rate.
-fn refuse_flow_curve(place: &Path, given: &TableSettings, looked: &InspectedTable) -> Result<()> {
-    let named = |words: &[&str]| looked.columns.iter().find(|name| called(name, words, &[]));
-    let rate = named(&["shear rate", "shearrate", "shear_rate", "scherrate", "de cisaillement"]);
-    let viscosity = named(&["viscosity", "viskosität", "viscosité", "viscosidad", "viscosità"]);
-    let is_given = given.columns.iter().chain(&given.axes).any(Option::is_some);
-    let Some((rate, viscosity)) = rate.zip(viscosity).filter(|_| !is_given) else { return Ok(()) };
-    Err(Error::input(
-        InputPlace::file(place),
-        format!("`{rate}` and `{viscosity}` are columns of a flow curve, which shows the viscosity of a steady flow"),
-        "give a creep, a relaxation or an oscillation, whose tables have the strain or the moduli",
-    ))
-}
-
-/// Refuses the axial force and the gap of a rotating rheometer, whose test is one of torque and angle, unless the user names the columns.
-fn refuse_gap_of_rheometer(place: &Path, given: &TableSettings, proposal: &TableProposal) -> Result<()> {
-    let is_word =
-        |name: &str, word: &str| name.split(|c: char| !c.is_alphabetic()).any(|part| part.eq_ignore_ascii_case(word));
-    let is_named = |column: &ColumnName, words: &[&str]| called(&column.to_string(), words, &[]);
-    let has_gap =
-        proposal.description.position.as_ref().is_some_and(|(columns, _)| {
-            columns.all().iter().any(|column| is_named(column, &["gap", "spalt", "entrefer"]))
-        });
-    let rotation = proposal.columns.iter().find(|name| called(name, &ROTATION, &[]) || is_word(name, "couple"));
-    let is_given = given.columns[1..3].iter().any(Option::is_some);
-    let Some(rotation) = rotation.filter(|_| has_gap && !is_given) else { return Ok(()) };
-    Err(Error::input(
-        InputPlace::file(place),
-        format!("`{rotation}` is a column of a rotating rheometer, whose axial force and gap do not describe its test"),
-        format!(
-            "export the stress and the strain of the test; for a squeezing test name the columns with `{}` and `{}`",
-            Setting::ForceColumn,
-            Setting::PositionColumn
-        ),
-    ))
-}
-
-/// Refuses a flow, whose strain exceeds by far what a law of small strains describes.
-fn refuse_flow(place: &Path, proposal: &TableProposal) -> Result<()> {
-    let strain = proposal.position_m.iter().fold(0.0, |most: f64, strain| most.max(strain.abs()));
-    if strain <= LARGEST_STRAIN {
-        return Ok(());
-    }
-    Err(Error::input(
-        InputPlace::file(place),
-        format!("the strain reaches {} %: the specimen flows", format_significant(100.0 * strain, 2)),
-        "give a creep, a relaxation or an oscillation at small strain; check the unit of the strain if it was one",
-    ))
-}
-
-/// Refuses a table with the moduli of an oscillation, but without a column that is named as a frequency, a force or a position.
-fn refuse_without_frequency(place: &Path, given: &TableSettings, looked: &InspectedTable) -> Result<()> {
-    let is_record = given.columns.iter().chain(&given.axes).any(Option::is_some)
-        || looked.units.iter().flatten().any(|unit| matches!(unit.dimension, Dimension::Force | Dimension::Length));
-    let Some([(_, first), (_, second)]) = moduli_columns(looked).filter(|_| !is_record) else { return Ok(()) };
-    let name = |column: usize| &looked.columns[column];
-    Err(Error::input(
-        InputPlace::file(place),
-        format!(
-            "`{}` and `{}` are moduli of an oscillation, and no column is named as a frequency",
-            name(first),
-            name(second)
-        ),
-        "name the column of the frequency with its unit, as in `frequency [rad/s]`; moduli over time, strain or temperature are not read",
-    ))
-}
-
-/// Largest strain of a creep or a relaxation. A larger one is a flow.
-const LARGEST_STRAIN: f64 = 100.0;
 /// Value of the table setting that joins all tables of a file.
 const ALL_TABLES: &str = "all";
 /// Value of the table setting that makes one experiment of each table of a file.
@@ -449,23 +353,6 @@ fn oscillation(
         rows: sweep.rows.len() + sweep.n_incomplete,
         ..summary
     }))
-}
-
-/// Refuses a table with several columns of one modulus, such as of several specimens.
-fn refuse_several_columns(place: &Path, looked: &InspectedTable) -> Result<()> {
-    for (column, _) in moduli_columns(looked).into_iter().flatten() {
-        let names: Vec<String> =
-            columns_of(looked, column).map(|place| format!("`{}`", looked.columns[place])).collect();
-        if names.len() > 1 {
-            let shown = names.iter().take(4).cloned().collect::<Vec<_>>().join(", ");
-            return Err(Error::input(
-                InputPlace::file(place),
-                format!("{} columns are named as the {}: {shown}", names.len(), column.key()),
-                "keep the columns of one sweep in the table",
-            ));
-        }
-    }
-    Ok(())
 }
 
 /// Remark that given sizes are ignored, because stress and strain do not depend on them. `None` if no sizes were given.

@@ -32,9 +32,6 @@ const GROUPS_NAME: &str = "groups.json";
 /// Table of draws of new specimens, beside that document.
 const NEW_SPECIMENS_NAME: &str = "new-specimens.csv";
 
-/// Beginning of a warning about the record of the study.
-const TAUGHT: &str = "in the record that taught the law, ";
-
 /// Where a gel's parameters come from.
 pub enum GelPlace<'a> {
     /// A study, or an experiment whose study will be made.
@@ -166,13 +163,9 @@ fn of_study(target: &CreepTarget, options: &SamplerOptions, monitor: &dyn Monito
     let posterior = files::read(&dir.join(POSTERIOR_NAME), Content::Document, "run `vitreo-uq sample` again")?;
     let draws = draws_of_revision(&dir, &name, &problem)?;
     let rivals = rivals(&study, &name, &problem, options, monitor)?;
-    let mut warnings = study_warnings(&dir, &name)?;
-    if !rivals.is_empty() {
-        // Predictions with each equivalent effect show whether the choice between them matters here.
-        warnings.retain(|warning| warning.kind != WarningKind::ModelIncomplete || !warning.text.starts_with(TAUGHT));
-    }
     Ok(GelSource {
-        warnings,
+        // Predictions with each equivalent effect show whether the choice between them matters here.
+        warnings: study_warnings(&dir, &name, !rivals.is_empty())?,
         rivals,
         kept: kept_surrogate(&study, monitor),
         provenance: crate::artefacts::with_inputs(study.provenance("prediction", 1, options.seed), &problem)
@@ -201,13 +194,18 @@ pub(super) fn draws_of_revision(dir: &Path, name: &str, problem: &Problem) -> Re
     Ok(draws.thinned(MOST_DRAWS))
 }
 
-/// Warnings of a revision about its predictions: all warnings that limit the trust in its posterior, and the missing effect of its diagnosis.
-pub(crate) fn study_warnings(dir: &Path, revision: &str) -> Result<Vec<Warning>> {
+/// Warnings of a revision about its predictions: all warnings that limit the trust in its posterior, and the missing effect of its diagnosis. `judges_equivalents` leaves out the
+/// posterior's warning about equivalent effects.
+pub(crate) fn study_warnings(dir: &Path, revision: &str, judges_equivalents: bool) -> Result<Vec<Warning>> {
     let posterior: Option<WithProvenance<PosteriorSummary>> = read_document(&dir.join(POSTERIOR_NAME));
     let all = posterior.map_or_else(Vec::new, |document| document.body.warnings);
-    let of_record = |warning: Warning| Warning { text: format!("{TAUGHT}{}", warning.text), ..warning };
-    let mut warnings: Vec<Warning> =
-        all.into_iter().filter(|warning| warning.kind.level() != TrustLevel::Trusted).map(of_record).collect();
+    let of_record =
+        |warning: Warning| Warning { text: format!("in the record that taught the law, {}", warning.text), ..warning };
+    let counts = |warning: &Warning| {
+        let is_judged = judges_equivalents && warning.kind == WarningKind::ModelIncomplete;
+        warning.kind.level() != TrustLevel::Trusted && !is_judged
+    };
+    let mut warnings: Vec<Warning> = all.into_iter().filter(counts).map(of_record).collect();
     let diagnosis: Option<WithProvenance<Diagnosis>> = read_document(&dir.join(DIAGNOSIS_NAME));
     if let Some(verdict) =
         diagnosis.map(|document| document.body.verdict).filter(|verdict| verdict.kind != VerdictKind::None)
