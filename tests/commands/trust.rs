@@ -103,6 +103,35 @@ fn fit_judges_held_out_cycles_like_sample() {
     assert!(words.contains("What to do: the model does not describe this measurement"), "{words}");
 }
 
+/// An instrument whose stated compliance is 1,000 times too large moves the law's parameters beyond the range of their priors: no command trusts them or finds that nothing is missing.
+/// A factor of 10 stays within the range and is trusted.
+#[test]
+fn parameters_beyond_the_range_of_the_prior_are_not_trusted() {
+    let dir = tempfile::tempdir().unwrap();
+    for (factor, code, verdict) in [(10.0, 0, "none"), (1000.0, 1, "unexplained")] {
+        let experiment = format!("by-{factor}");
+        write(&dir.path().join(&experiment), &cycles(&[0, 1, 2], 1.0), true);
+        let toml = dir.path().join(&experiment).join("experiment.toml");
+        let text = std::fs::read_to_string(&toml).unwrap();
+        let stated = format!("compliance_per_m = {:.1}", 549.0 * factor);
+        std::fs::write(&toml, text.replace("compliance_per_m = 549.0", &stated)).unwrap();
+        for command in ["fit", "sample"] {
+            let study = format!("{experiment}-{command}");
+            let run = vitreo(dir.path(), &[command, &experiment, "--out", &study, "--json", "-", "--quiet"]);
+            let document = run.exits(code).json();
+            assert_eq!(level(&document) == "untrusted", code == 1, "{command} of {experiment}: {document}");
+            if command == "sample" {
+                assert_eq!(kinds(&document).contains(&"edge_of_range"), code == 1, "{experiment}: {document}");
+            }
+        }
+        let study = format!("{experiment}-sample");
+        let found = vitreo(dir.path(), &["diagnose", &study, "--json", "-", "--quiet"]).exits(0).json();
+        assert_eq!(found["verdict"]["kind"], verdict, "{experiment}: {found}");
+        let sentence = found["verdict"]["sentence"].as_str().unwrap();
+        assert_eq!(sentence.contains("check the units of force and position"), code == 1, "{experiment}: {sentence}");
+    }
+}
+
 /// Rows at logarithmic times, whose neighbours reveal little of the noise: a power law fitted by the program's law is not trusted, with or without an estimate
 /// of the noise. The program's own law stays trusted.
 #[test]

@@ -6,6 +6,7 @@ use documents::comparison::Comparison;
 use posterior::monitor::Monitor;
 use sampling::SamplerOptions;
 
+use crate::last_cycle;
 use crate::outcome::Outcome;
 use crate::target::Target;
 
@@ -24,7 +25,7 @@ pub struct CompareRequest {
 pub fn run(target: &Target, request: &CompareRequest, monitor: &dyn Monitor) -> Result<Outcome<Comparison>> {
     let seed = request.sampler.seed;
     let revision = target.creep()?.revision(request.sampler.clone(), monitor)?;
-    let errors = revision.errors(&request.sampler, monitor)?;
+    let errors = last_cycle::errors(&revision.last_cycle_posterior(&request.sampler, monitor)?);
     monitor.stage("testing the residuals for misfits");
     let subject = revision.subject(monitor)?;
     let simulations = request.simulations.unwrap_or_else(|| compare::default_simulations(subject.n_fitted()));

@@ -24,6 +24,7 @@ use sampling::SamplerOptions;
 use serde::Serialize;
 
 use crate::artefacts::with_prior;
+use crate::last_cycle;
 use crate::laws::{ExplainingLaw, find_explaining_law};
 use crate::outcome::Outcome;
 use crate::sweep;
@@ -33,6 +34,9 @@ use crate::target::{CohortTarget, CreepTarget, SweepTarget, Target, unsupported_
 pub const DISCREPANCY_FIGURE: &str = "discrepancy";
 /// Default directory of a cohort's results.
 pub const COHORT_OUT: &str = "vitreo-uq-out/cohort";
+
+/// Sentence on a study whose own law explains the record with a wide prior only.
+const PRIOR_EXCLUDES: &str = "This study's prior excludes its parameters: check the units of force and position first, then repeat with `--prior generic`.";
 
 /// Settings of `diagnose` that the caller chooses.
 pub struct DiagnoseRequest {
@@ -82,7 +86,8 @@ fn of_creep(
 ) -> Result<Outcome<DiagnoseDocument>> {
     let seed = request.sampler.seed;
     let revision = creep.revision(request.sampler.clone(), monitor)?;
-    let base_errors = Some(revision.errors(&request.sampler, monitor)?);
+    let posterior = revision.last_cycle_posterior(&request.sampler, monitor)?;
+    let base_errors = Some(last_cycle::errors(&posterior));
     let default = DiagnosisRequest::default();
     let criteria = Criteria { smallest_change: request.smallest, ..default.criteria };
     let of_search = DiagnosisRequest { criteria, n_simulations: request.simulations, seed, base_errors, ..default };
@@ -94,13 +99,17 @@ fn of_creep(
     match law.filter(|law| is_unexplained || NOISE_FACTOR * law.error_um < left_um) {
         Some(ExplainingLaw { law, sentence, .. }) => {
             let verdict = &mut found.diagnosis.verdict;
-            verdict.sentence = match is_unexplained {
-                true => format!("The base law {sentence} {}", verdict.sentence),
-                false => format!(
-                    "{} The model with it still leaves {} µm, and the base law {sentence} The law rather than an effect may be wrong.",
-                    verdict.sentence,
-                    format_significant(left_um, 3)
-                ),
+            // Laws are compared with wide priors, so the study's own law can explain what its prior excludes.
+            let is_of_study = law == revision.problem.model.base().name();
+            let said = &verdict.sentence;
+            let of_claim = format!("{said} The model with it still leaves {} µm", format_significant(left_um, 3));
+            verdict.sentence = match (is_unexplained, is_of_study) {
+                (true, true) => format!("With a wide prior, {sentence} {PRIOR_EXCLUDES} {said}"),
+                (true, false) => format!("The base law {sentence} {said}"),
+                (false, true) => format!("{of_claim}. With a wide prior, {sentence} {PRIOR_EXCLUDES}"),
+                (false, false) => {
+                    format!("{of_claim}, and the base law {sentence} The law rather than an effect may be wrong.")
+                }
             };
             verdict.base_law = Some(law);
         }
@@ -109,6 +118,21 @@ fn of_creep(
             found.diagnosis.remarks.extend(preview_learning(&found.subject, &found.found.base, monitor)?);
         }
         None => {}
+    }
+    // The search ends where the prior does, so that it says nothing about a posterior beyond.
+    if !posterior.at_edge_of_range.is_empty() {
+        let at_edge = format!(
+            "posterior of {} without an effect lies at the end of the range that the prior allows: check the units of force and position first, then repeat with `--prior generic`.",
+            posterior.at_edge_of_range.join(", ")
+        );
+        let Diagnosis { verdict, remarks, .. } = &mut found.diagnosis;
+        match verdict.kind {
+            VerdictKind::None => {
+                verdict.kind = VerdictKind::Unexplained;
+                verdict.sentence = format!("The {at_edge} The search for effects does not reach that far.");
+            }
+            _ => remarks.push(format!("the {at_edge}")),
+        }
     }
     monitor.stage("writing results and figures");
     let body = DiagnoseDocument::Creep(Box::new(found.diagnosis.clone()));

@@ -103,7 +103,8 @@ pub struct ExplainingLaw {
     pub error_um: f64,
 }
 
-/// Finds the named base law with the fewest parameters that explains a record without an effect, where a model that leaves errors of `left_um` does not.
+/// Finds a named base law that explains a record without an effect, where a model that leaves errors of `left_um` does not: the problem's own law, or else the one with the
+/// fewest parameters. All have wide priors.
 ///
 /// # Errors
 /// Errors of preparing the laws' models.
@@ -117,8 +118,10 @@ pub fn find_explaining_law(problem: &Problem, left_um: f64, monitor: &dyn Monito
     let subjects = subjects(problem, specifications, monitor)?;
     let rows = rows_by_error(&subjects, monitor)?;
     let explaining = rows.iter().filter(|row| is_explained(row, Some(noise_um)) == Some(true));
-    let n_parameters = |row: &&LawRow| BaseLaw::named(&row.law).map(|law| law.parameters().len());
-    let simplest = explaining.min_by_key(n_parameters);
+    // The study's own law comes first: its prior is then the fault.
+    let of_study = problem.model.base().name();
+    let order = |row: &&LawRow| (row.law != of_study, BaseLaw::named(&row.law).map(|law| law.parameters().len()));
+    let simplest = explaining.min_by_key(order);
     Ok(simplest.map(|row| ExplainingLaw {
         law: row.law.clone(),
         sentence: explains(row, noise_um),

@@ -16,6 +16,7 @@ use sampling::SamplerOptions;
 use serde::Serialize;
 
 use crate::diagnose::COHORT_OUT;
+use crate::last_cycle;
 use crate::outcome::Outcome;
 use crate::target::{CohortTarget, CreepTarget, Target, unsupported_target};
 
@@ -60,7 +61,7 @@ fn of_creep(creep: &CreepTarget, request: &LearnRequest, monitor: &dyn Monitor) 
     let seed = request.sampler.seed;
     let revision = creep.revision(request.sampler.clone(), monitor)?;
     let base_errors = match request.first_cycles {
-        None => Some(revision.errors(&request.sampler, monitor)?),
+        None => Some(last_cycle::errors(&revision.last_cycle_posterior(&request.sampler, monitor)?)),
         Some(_) => None,
     };
     let subject = of_first_cycles(revision.subject_for_effects(monitor)?, request.first_cycles)?;

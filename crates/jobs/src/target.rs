@@ -6,7 +6,7 @@ use base::error::{Error, InputPlace, Result, Setting};
 use base::quantities::Quantities;
 use cohorts::cohort::{self, Measurement};
 use criticism::Subject;
-use documents::errors::ModelErrors;
+use documents::posterior::PosteriorSummary;
 use models::effects::Library;
 use posterior::mechanics::MeshFile;
 use posterior::monitor::Monitor;
@@ -21,7 +21,7 @@ use serde::Serialize;
 
 use crate::artefacts;
 use crate::first_revision::{FIRST_REVISION, kept_surrogate, make_first_revision};
-use crate::last_cycle::{self, LastCycleFit};
+use crate::last_cycle::LastCycleFit;
 use crate::outcome::Outcome;
 use crate::sweep::problem::{DEFAULT_PRIOR, SweepProblem};
 
@@ -339,13 +339,12 @@ impl Revision {
         Subject::new(&self.problem, &Library::default(), kept_surrogate(&self.study, monitor), monitor)
     }
 
-    /// Root mean square residuals of the revision's posterior that is fitted to all cycles except the last.
+    /// Posterior of the revision's model fitted to all cycles except the last.
     ///
     /// # Errors
     /// As [`LastCycleFit::posterior`].
-    pub fn errors(&self, options: &SamplerOptions, monitor: &dyn Monitor) -> Result<ModelErrors> {
-        let fitted = LastCycleFit::of(&self.study, &self.problem, &self.name)?;
-        Ok(last_cycle::errors(&fitted.posterior(options, false, monitor)?))
+    pub fn last_cycle_posterior(&self, options: &SamplerOptions, monitor: &dyn Monitor) -> Result<PosteriorSummary> {
+        LastCycleFit::of(&self.study, &self.problem, &self.name)?.posterior(options, false, monitor)
     }
 
     /// Makes the header of a document about the revision.

@@ -336,17 +336,28 @@ fn median_noise(check: &FullCheck) -> Vec<f64> {
     (0..draws.first().map_or(0, Vec::len)).map(median).collect()
 }
 
-/// Names of the sampled law parameters whose draws accumulate at an end of the trained range: more than 5 % of them lie in the outermost 0.1 % of the range, on a
-/// logarithmic scale. A prior of the usual shape has almost no draws there.
+/// Names of the sampled law parameters whose draws accumulate at or beyond an end of the range that a fit searches: more than 5 % of them lie in the outermost 0.1 % of
+/// the range, on a logarithmic scale, or outside. A prior of the usual shape has almost no draws there.
 fn at_edge_of_range(prepared: &PreparedModel, columns: &[DrawColumn]) -> Vec<String> {
+    let problem = &prepared.problem;
+    let of_law = &problem.model.parameters()[..problem.model.n_before_effects()];
+    // Other priors end at physical bounds, which data may well reach.
+    let has_tails = |name: &str| {
+        problem.priors.get(name).is_some_and(|prior| matches!(prior.distribution, Distribution::LogNormal { .. }))
+    };
+    let searched = |name: &str| {
+        let is_searched = of_law.iter().any(|spec| spec.name == name) && has_tails(name);
+        is_searched.then(|| problem.range_of(name, TAIL_MASS))
+    };
     let crowds = |(name, column): (&str, &DrawColumn)| {
-        let range = prepared.trained.iter().find(|range| range.name == name)?;
+        let trained = prepared.trained.iter().find(|range| range.name == name).cloned();
+        let range = trained.or_else(|| searched(name))?;
         let margin = 1e-3 * (range.upper / range.lower).ln();
         let is_outermost = |x: &&f64| (**x / range.lower).ln() < margin || (range.upper / **x).ln() < margin;
         let n_outermost = column.values.iter().filter(is_outermost).count();
         (20 * n_outermost > column.values.len()).then(|| name.to_string())
     };
-    prepared.problem.priors.names().zip(columns).filter_map(crowds).collect()
+    problem.priors.names().zip(columns).filter_map(crowds).collect()
 }
 
 /// Warning about an external program's parameters whose draws accumulate at an end of the surrogate's trained range: more than 1 % of them lie in the outermost 5 % of
