@@ -6,7 +6,7 @@ use vitreo_uq::documents::init::InitSummary;
 use vitreo_uq::jobs::init::{InitRequest, run};
 use vitreo_uq::posterior::check::contradictions;
 use vitreo_uq::record::table::TableSettings;
-use vitreo_uq::record::{Experiment, ExperimentFiles};
+use vitreo_uq::record::{Apparatus, Control, Experiment, ExperimentFiles};
 
 const INTERVAL_S: f64 = 0.05;
 const N_ROWS: usize = 600;
@@ -43,6 +43,17 @@ fn plain() -> String {
 }
 
 type Read = (InitSummary, Experiment, ExperimentFiles);
+
+/// Applies `init` to a table without the sizes of a bead, and reads the experiment.
+fn read_without_sizes(text: &str) -> Read {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (file, out) = (folder.path().join("a.csv"), folder.path().join("a"));
+    std::fs::write(&file, text).expect("room on the disk");
+    let (summary, _) =
+        run(&InitRequest { file, out: Some(out.clone()), ..InitRequest::default() }, &mut |_| None).expect("a table");
+    let (experiment, files) = Experiment::read(&out).expect("an experiment");
+    (summary, experiment, files)
+}
 
 /// Applies `init` to a table, edits its description, and reads the experiment.
 fn edited(text: &str, given: TableSettings, edit: impl Fn(&str) -> String) -> Result<Read, String> {
@@ -778,6 +789,119 @@ fn flows_and_auxiliary_columns_are_refused() {
         let refusal = refused(&text, TableSettings::default());
         assert!(refusal.contains(cause), "{refusal}");
     }
+}
+
+/// Stress and strain stand among columns of other stresses and strains. The columns of the test are found by their words, or asked for.
+#[test]
+fn the_stress_and_the_strain_of_the_test_are_found() {
+    let creep = |line: &dyn Fn(f64, f64) -> String| -> String {
+        let strain = |t: f64| 2.0 * (1.0 - (-t / 3.0).exp()) + 0.05 * t;
+        (0..200).map(|row| 0.1 * f64::from(row)).map(|t| line(t, strain(t)) + "\n").collect()
+    };
+    let column = |summary: &InitSummary, role: &str| {
+        summary.columns.iter().find(|column| column.role == role).map(|column| column.name.clone())
+    };
+    let four = |header: &str| {
+        let before = header.starts_with("Time (s),Strain");
+        let line = |t: f64, strain: f64| match before {
+            true => format!("{t:.1},{strain:.4},3.0,10.0"),
+            false => format!("{t:.1},1.0,{strain:.4},10.0"),
+        };
+        format!("{header}\n{}", creep(&line))
+    };
+    for (header, stress, strain) in [
+        ("Time (s),Strain (%),Normal stress (Pa),Shear stress (Pa)", "Shear stress (Pa)", "Strain (%)"),
+        ("Time (s),Strain (%),Yield stress (Pa),Stress (Pa)", "Stress (Pa)", "Strain (%)"),
+        ("Time (s),Strain setpoint (%),Strain (%),Stress (Pa)", "Stress (Pa)", "Strain (%)"),
+        ("Time (s),Recoverable strain (%),Strain (%),Stress (Pa)", "Stress (Pa)", "Strain (%)"),
+        ("Time (s),SD strain (%),Mean strain (%),Stress (Pa)", "Stress (Pa)", "?"),
+        ("Time (s),Grip strain (%),Extensometer strain (%),Stress (Pa)", "Stress (Pa)", "?"),
+        ("Time (s),Strain (%),Stress sample 1 (Pa),Stress sample 2 (Pa)", "?", "Strain (%)"),
+    ] {
+        let tried = read(&four(header), TableSettings::default());
+        if [stress, strain].contains(&"?") {
+            let refusal = tried.err().unwrap_or_else(|| panic!("{header}"));
+            assert!(refusal.contains("can both be meant"), "{refusal}");
+            continue;
+        }
+        let (summary, ..) = tried.unwrap_or_else(|error| panic!("{header}: {error}"));
+        let number = |name: &str| header.split(',').position(|known| known == name).unwrap() + 1;
+        let is = |role: &str, name: &str| {
+            let found = column(&summary, role).unwrap();
+            assert!(found == name || found.contains(&number(name).to_string()), "{header}: {role} {found}");
+        };
+        is("stress", stress);
+        is("strain", strain);
+    }
+    // A column that the user names, and a time that he names, keep tension.
+    let text = four("Time (s),Tensile strain (%),Grip strain (%),Tensile stress (Pa)");
+    let columns = [Some("1".into()), None, Some("3".into()), None];
+    let (_, experiment, _) = read(&text, TableSettings { columns, ..TableSettings::default() }).expect("a creep");
+    assert!(
+        matches!(experiment.apparatus, Apparatus::Instrument { compliance_per_m, is_stress_strain: true } if (compliance_per_m - 1e-2 * 100.0).abs() < 1e-9),
+        "{:?}",
+        experiment.apparatus
+    );
+}
+
+/// A relaxation whose strain is measured beneath noise, from its first row on.
+#[test]
+fn a_measured_strain_that_holds_is_commanded() {
+    let line = |row: usize| {
+        let t = 0.01 * 1.06_f64.powi(row as i32);
+        format!(
+            "{t:.5},{:.4},{:.4}\n",
+            1.0 + 0.004 * noise(row),
+            10.0 + 20.0 * (-t / 3.0).exp() + 0.02 * noise(row + 500)
+        )
+    };
+    let text = "Time (s),Shear strain (%),Shear stress (Pa)\n".to_string() + &(0..150).map(line).collect::<String>();
+    let (summary, experiment, _) = read(&text, TableSettings::default()).expect("a relaxation");
+    assert_eq!(experiment.control, Control::Position, "{:?}", summary.reasons);
+}
+
+/// Columns of logarithms look like small numbers in a plain unit.
+#[test]
+fn logarithms_are_refused() {
+    for header in ["log10 time (s),log10 G(t) (Pa)", "ln(t) (s),J (1/Pa)"] {
+        let rows: String = (0..60)
+            .map(|row| format!("{:.3},{:.4}\n", -1.0 + 0.05 * f64::from(row), 3.5 - 0.01 * f64::from(row)))
+            .collect();
+        let refusal = refused(&format!("{header}\n{rows}"), TableSettings::default());
+        assert!(refusal.contains("holds logarithms"), "{header}: {refusal}");
+    }
+}
+
+/// A stress as a force over an area.
+#[test]
+fn a_force_over_an_area_is_a_stress() {
+    for (unit, pa) in [("N/mm²", 1e6), ("kN/m^2", 1e3), ("gf/cm2", 98.0665), ("dyn/cm²", 0.1)] {
+        let rows: String =
+            (0..100).map(|row| format!("{:.1},{:.4},2\n", 0.1 * f64::from(row), f64::from(row).sqrt())).collect();
+        let (_, experiment, _) =
+            read(&format!("Time (s),Strain (%),Stress ({unit})\n{rows}"), TableSettings::default()).expect("a creep");
+        let largest_n = experiment.record.force_n.iter().fold(0.0_f64, |most, x| most.max(*x));
+        assert!(
+            (largest_n / (2.0 * pa) - 1.0).abs() < 1e-9 || (largest_n / (2e-6 * pa) - 1.0).abs() < 1e-9,
+            "{unit}: {largest_n}"
+        );
+    }
+}
+
+/// A sheet of testXpert: names in quotation marks with a comma, and a travel of the machine.
+#[test]
+fn sizes_of_a_testing_machine_are_read() {
+    let text = format!(
+        "\"Cross-section\",12,\"mm²\"\n\"Gage length, standard travel\",25,\"mm\"\n\n\"Time\",\"Standard travel\",\"Standard force\"\n\"s\",\"mm\",\"mN\"\n{}",
+        rows(|_, [t, f, x]| format!("{t:.3},{:.6},{f}", 1e-3 * x))
+    );
+    let (summary, experiment, _) = read_without_sizes(&text);
+    assert!(
+        matches!(experiment.apparatus, Apparatus::Instrument { is_stress_strain: true, .. }),
+        "{:?}",
+        summary.reasons
+    );
+    assert!(summary.reasons.iter().any(|reason| reason.contains("25 mm long (from line 2")), "{:?}", summary.reasons);
 }
 
 /// A bead that is held from time 0 on and then brought back counts its positions from the zero of the table. A zero of its first row would lose the first step.

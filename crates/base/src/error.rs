@@ -162,6 +162,8 @@ settings! {
     ZColumn "z"
     /// Names of the tables to read from a file with several tables.
     Tables "table"
+    /// Kind of a record: creep or relaxation.
+    Kind "kind"
     /// Column that holds the track identifier in a table of several tracks.
     TrackColumn "track_column"
     /// Identifier of the track to read.

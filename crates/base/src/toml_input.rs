@@ -176,6 +176,10 @@ impl<'a> TomlTable<'a> {
     }
 
     fn wrong_type(&self, key: &str, value: &DeValue<'_>, wanted: &str, example: &str) -> Error {
+        if value.as_str() == Some(UNKNOWN) {
+            let remedy = format!("measure it or look it up, and write it, as in `{example}`");
+            return self.refuse(key, "this is not filled in yet", remedy);
+        }
         self.refuse(key, format!("expected {wanted}, found {}", value.type_str()), format!("write `{example}`"))
     }
 
@@ -194,6 +198,11 @@ impl<'a> TomlTable<'a> {
         self.text(key)?.ok_or_else(|| self.missing(key, example))
     }
 
+    /// Returns `true` if a key still holds the mark of an unknown value.
+    pub fn is_unknown(&self, key: &str) -> bool {
+        self.entry(key).is_some_and(|(_, value)| value.get_ref().as_str() == Some(UNKNOWN))
+    }
+
     /// Returns `true` if a key holds a number.
     pub fn is_number(&self, key: &str) -> bool {
         self.entry(key).is_some_and(|(_, value)| matches!(value.get_ref(), DeValue::Float(_) | DeValue::Integer(_)))
@@ -202,10 +211,6 @@ impl<'a> TomlTable<'a> {
     /// Returns the finite number of a key, written as an integer or a float; `None` if the key is absent.
     pub fn number(&self, key: &str) -> Result<Option<f64>> {
         let Some((_, value)) = self.entry(key) else { return Ok(None) };
-        if value.get_ref().as_str() == Some(UNKNOWN) {
-            let remedy = format!("measure it or look it up, and write the number, as in `{key} = 1.0`");
-            return Err(self.refuse(key, "this is not filled in yet", remedy));
-        }
         let text = match value.get_ref() {
             DeValue::Float(float) => float.as_str(),
             DeValue::Integer(integer) if integer.radix() == 10 => integer.as_str(),

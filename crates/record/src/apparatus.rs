@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use super::indenter::Indenter;
-use base::error::Result;
+use base::error::{Result, Setting};
 use base::toml_input::TomlTable;
 
 /// Apparatus on which the force acts and whose position is measured.
@@ -242,6 +242,14 @@ impl Apparatus {
                 }
             }
             instrument.only(&["compliance_per_m", "measures"])?;
+            if instrument.is_unknown("compliance_per_m") {
+                let remedy = format!(
+                    "for a specimen between grips or plates run `init` again with `{}` and `{}`; for another device write its displacement (m) at a force of 1 N in a gel of E = 1 Pa",
+                    Setting::SpecimenLength,
+                    Setting::SpecimenArea
+                );
+                return Err(instrument.refuse("compliance_per_m", "this is not filled in yet", remedy));
+            }
             let compliance_per_m =
                 instrument.required_within("compliance_per_m", "compliance_per_m = 1.59e6", COMPLIANCES_PER_M)?;
             let is_stress_strain = match instrument.text("measures")?.as_deref() {

@@ -30,6 +30,9 @@ const ALIKE: f64 = 0.03;
 /// Least change of the force over the longest hold of the position, as a part of its range, that shows a relaxation.
 const DRIFT: f64 = 0.15;
 
+/// Largest distance of a measured position that holds from its mean, as a part of the mean.
+const NEAR_MEAN: f64 = 0.03;
+
 /// Least change of the position in one row that is a jump, as a part of its range.
 const JUMP: f64 = 0.1;
 /// Largest change of the force in the row of a jump, as a part of that in the next row, if the force answers there.
@@ -46,6 +49,23 @@ impl Control {
     pub(super) fn likely(force_n: &[f64], position_m: &[Option<f64>]) -> Self {
         Changes::of(force_n, position_m).control()
     }
+}
+
+/// True if the position as the table has it stays near one value without a trend, while the force drifts: a relaxation whose measured position counts from its first row is
+/// noise only.
+pub(super) fn holds_as_written(force_n: &[f64], written_m: &[Option<f64>]) -> bool {
+    let known: Vec<f64> = written_m.iter().flatten().copied().collect();
+    let mean_m = known.iter().sum::<f64>() / known.len().max(1) as f64;
+    let is_near = known.iter().all(|x| (x - mean_m).abs() < NEAR_MEAN * mean_m.abs());
+    let from_mean: Vec<f64> = known.iter().map(|x| x - mean_m).collect();
+    is_near && !has_trend(&changes(&from_mean)) && drifts(&changes(force_n))
+}
+
+/// True if changes add up to more than a small part of the range, and none of them is most of their sum: a commanded force may change at once during the hold of a body that flows only.
+fn drifts(changes: &[f64]) -> bool {
+    let (sum, largest) =
+        changes.iter().fold((0.0, 0.0_f64), |(sum, most), change| (sum + change, most.max(change.abs())));
+    sum.abs() > DRIFT && largest < 0.5 * sum.abs()
 }
 
 /// True if neither quantity holds for most of the time: both change in most blocks of rows.
@@ -112,12 +132,7 @@ impl Changes {
             Some((run, &force[*at - run.len()..*at]))
         });
         let longest = held.filter(|(run, _)| is_held(&run[0])).max_by_key(|(run, _)| run.len());
-        // A commanded force may change at once during the hold of a body that flows only.
-        let drifts = longest.is_some_and(|(_, force)| {
-            let (sum, largest) =
-                force.iter().fold((0.0, 0.0_f64), |(sum, most), change| (sum + change, most.max(change.abs())));
-            sum.abs() > DRIFT && largest < 0.5 * sum.abs()
-        });
+        let drifts = longest.is_some_and(|(_, force)| drifts(force));
         if is_trend || drifts { Control::Position } else { Control::Force }
     }
 }

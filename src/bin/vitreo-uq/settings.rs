@@ -39,6 +39,7 @@ pub fn option(setting: Setting) -> &'static str {
         Setting::YColumn => "--y",
         Setting::ZColumn => "--z",
         Setting::Tables => "--table",
+        Setting::Kind => "--kind",
         Setting::TrackColumn => "--track-column",
         Setting::Track => "--track",
         Setting::BlankForce => "--blank-force",

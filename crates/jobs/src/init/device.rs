@@ -50,8 +50,19 @@ const DIAMETER: [&str; 4] = ["diameter", "specimen diameter", "sample diameter",
 /// Words in the names of columns that instruments with a tip write.
 const OF_TIP: [&str; 7] = ["indentation", "depth", "cantilever", "tip-sample", "tip sample", "piezo", "vdeflection"];
 /// Words in the names of positions that testing machines write.
-const OF_SPECIMEN: [&str; 8] =
-    ["extension", "elongation", "crosshead", "cross-head", "stroke", "standardweg", "traverse", "verlängerung"];
+const OF_SPECIMEN: [&str; 11] = [
+    "extension",
+    "elongation",
+    "crosshead",
+    "cross-head",
+    "stroke",
+    "standard travel",
+    "course standard",
+    "standardweg",
+    "traverse",
+    "verlängerung",
+    "allongement",
+];
 /// Words in the names of positions of the tip itself, from which the instrument has subtracted the deflection of the spring.
 const OF_DEPTH: [&str; 6] = ["indentation", "tip position", "tipposition", "tip-sample", "tip sample", "separation"];
 /// Words in the names of positions of the head that carries the spring.

@@ -17,8 +17,8 @@ use self::device::Device;
 use self::force_log::ForceLog;
 use self::preamble::Preamble;
 use self::refusals::{
-    refuse_flow, refuse_flow_curve, refuse_gap_of_rheometer, refuse_one_column_for_two, refuse_several_columns,
-    refuse_without_frequency, refuse_without_motion,
+    refuse_flow, refuse_flow_curve, refuse_gap_of_rheometer, refuse_logarithms, refuse_one_column_for_two,
+    refuse_relaxation_of_tip, refuse_several_columns, refuse_without_frequency, refuse_without_motion,
 };
 pub use self::request::InitRequest;
 use self::source::TableSource;
@@ -108,6 +108,7 @@ fn one(
     }
     let given = creep.as_ref().map_or(&request.known_columns, |creep| &creep.given);
     let mut proposal = propose(place, bytes, given, ask)?;
+    refuse_logarithms(place, &proposal)?;
     let mut device = match creep {
         Some(creep) => {
             creep.refuse_large_plain(proposal.position_m.iter().fold(0.0, |most, strain| strain.abs().max(most)))?;
@@ -126,6 +127,9 @@ fn one(
     let constant = device.stress_strain().and_then(|creep| creep.constant);
     let control = request.control.or(constant).unwrap_or(proposal.control);
     refuse_without_motion(place, &proposal, device.stress_strain())?;
+    if device.is_tip() && control == Control::Position {
+        return Err(refuse_relaxation_of_tip(place));
+    }
     if is_stretch(&proposal, device.stress_strain()) {
         proposal.reasons.push(
             "the strain begins near 1 and changes, so that it is read as a stretch: the first row counts as unstrained"

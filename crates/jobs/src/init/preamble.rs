@@ -80,11 +80,12 @@ impl<'a> Preamble<'a> {
     /// Value above zero that a line states under one of the names. The line nearest to the table decides: lines of other tables may stand farther above.
     fn stated(self, names: &[&str], si: fn(&str, &str) -> Option<f64>) -> Option<StatedValue> {
         self.0.iter().rev().find_map(|(number, line)| {
-            let line = line.trim_start_matches(['#', '%', '/', ';', ' ', '"']);
-            let (name, rest) = line.split_once(BETWEEN)?;
-            let name = name.trim_end_matches('"');
+            let line = line.trim_start_matches(['#', '%', '/', ';', ' ']);
+            // A name in quotation marks may contain a comma.
+            let quoted = line.strip_prefix('"').and_then(|text| text.split_once('"'));
+            let (name, rest) = quoted.or_else(|| line.split_once(BETWEEN))?;
             let called = name.trim().to_lowercase();
-            let before_bracket = called.split(['(', '[']).next().unwrap_or_default().trim();
+            let before_bracket = called.split(['(', '[', ',']).next().unwrap_or_default().trim();
             if !names
                 .iter()
                 .any(|known| [called.as_str(), split_unit(&called).0.trim(), before_bracket].contains(known))

@@ -7,9 +7,11 @@ use super::stress::{ROTATION, StressStrain, called};
 use base::error::{Error, InputPlace, Result, Setting};
 use base::units::Dimension;
 use figures::number::format_significant;
-use record::table::{InspectedTable, TableProposal, TableSettings};
+use record::table::{ColumnName, InspectedTable, TableDescription, TableProposal, TableSettings};
 use record::{columns_of, moduli_columns};
 
+/// Beginnings of the names of columns that hold logarithms.
+const LOGARITHMS: [&str; 4] = ["log10", "log", "ln", "lg"];
 /// Largest strain of a creep or a relaxation. A larger one is a flow.
 const LARGEST_STRAIN: f64 = 100.0;
 
@@ -39,6 +41,43 @@ pub(super) fn refuse_without_motion(
         ));
     }
     Ok(())
+}
+
+/// Refuses columns of logarithms, which look like small numbers in a plain unit.
+pub(super) fn refuse_logarithms(place: &Path, proposal: &TableProposal) -> Result<()> {
+    let TableDescription { time, force, position, .. } = &proposal.description;
+    let positions = position.iter().flat_map(|(columns, _)| columns.all());
+    let used = std::iter::once(&time.0).chain(force.iter().map(|(name, _)| name)).chain(positions);
+    let names = used.filter_map(|column| match column {
+        ColumnName::Named(name) => Some(name),
+        ColumnName::Number(number) => proposal.columns.get(number - 1),
+    });
+    let is_logarithm = |name: &&String| {
+        let name = name.trim().to_lowercase();
+        let behind = LOGARITHMS.iter().find_map(|word| name.strip_prefix(word));
+        behind.is_some_and(|rest| rest.starts_with([' ', '(', '[', '_']))
+    };
+    match names.into_iter().find(is_logarithm) {
+        None => Ok(()),
+        Some(name) => Err(Error::input(
+            InputPlace::file(place).at_key(name.as_str()),
+            "by its name this column holds logarithms",
+            "write the plain numbers into the table: a record of logarithms is not read",
+        )),
+    }
+}
+
+/// Refuses a relaxation of a tip, for which there is no model.
+pub(super) fn refuse_relaxation_of_tip(place: &Path) -> Error {
+    Error::input(
+        InputPlace::file(place),
+        "the position seems to be commanded and the force measured, and a relaxation of a tip has no model",
+        format!(
+            "give the record of a hold at constant force; if this is one, say so with `{} creep`; of several parts choose the hold with `{}`",
+            Setting::Kind,
+            Setting::Tables
+        ),
+    )
 }
 
 /// Refuses the same column for two quantities.

@@ -66,6 +66,48 @@ pub(super) const ROTATION: [&str; 5] = ["torque", "shear", "rotation", "drehmome
 const DEFORMED: [&str; 2] = ["true", "cauchy"];
 /// Words that exclude such a test.
 pub(super) const MULTIAXIAL: [&str; 3] = ["biaxial", "triaxial", "shear"];
+/// Words in the names of stresses and strains that are not those of the test: settings, statistics, other directions, and parts of another quantity.
+const BESIDE: [&str; 39] = [
+    "normal",
+    "residual",
+    "yield",
+    "wall",
+    "setpoint",
+    "set",
+    "target",
+    "soll",
+    "command",
+    "commanded",
+    "initial",
+    "max",
+    "maximum",
+    "min",
+    "minimum",
+    "mean",
+    "sd",
+    "std",
+    "stdev",
+    "se",
+    "sem",
+    "error",
+    "err",
+    "uncertainty",
+    "recoverable",
+    "recovery",
+    "recovered",
+    "residuals",
+    "transverse",
+    "lateral",
+    "radial",
+    "hoop",
+    "elastic",
+    "viscous",
+    "plastic",
+    "static",
+    "offset",
+    "raw",
+    "limit",
+];
 /// Largest strain that is taken as a plain number if no unit is stated. A larger one is more likely in percent.
 const LARGEST_PLAIN: f64 = 1.0;
 /// Names of the length of a specimen between grips.
@@ -102,6 +144,34 @@ fn said_above(looked: &InspectedTable) -> Option<String> {
     let said = preamble.uniaxial_line().map(|line| format!("a line above the table is `{line}`"));
     let gauge = || Some(format!("line {} states the gauge length of a specimen", preamble.length_m(&GAUGE)?.line));
     said.or_else(gauge)
+}
+
+/// The column of a quantity among those that are called so: the only one that is measured along the test and relative to the undeformed specimen. Names that differ only in
+/// their units are the same quantity.
+///
+/// # Errors
+/// [`Error::Input`] if several remain.
+fn only_one<T: Copy>(looked: &InspectedTable, found: &[(usize, T)], setting: Setting) -> Result<(usize, T)> {
+    let name = |place: usize| looked.columns[place].as_str();
+    let words = |place: usize| {
+        let text = name(place).to_lowercase();
+        text.split(|c: char| !c.is_alphabetic()).map(String::from).collect::<Vec<String>>()
+    };
+    let is_beside = |place: usize| words(place).iter().any(|word| BESIDE.contains(&word.as_str()));
+    let without = |list: Vec<(usize, T)>, is_left_out: &dyn Fn(usize) -> bool| {
+        let kept: Vec<(usize, T)> = list.iter().copied().filter(|(place, _)| !is_left_out(*place)).collect();
+        if kept.is_empty() { list } else { kept }
+    };
+    let measured = without(found.to_vec(), &is_beside);
+    let left = without(measured, &|place| called(name(place), &DEFORMED, &[]));
+    match left.iter().find(|(place, _)| symbol(name(*place)) != symbol(name(left[0].0))) {
+        None => Ok(left[0]),
+        Some((other, _)) => Err(Error::input(
+            InputPlace::setting(setting),
+            format!("`{}` and `{}` can both be meant", name(left[0].0), name(*other)),
+            format!("name the right one, as in `{setting} \"{}\"`", name(*other)),
+        )),
+    }
 }
 
 /// Lower-case text of a column's name before its unit.
@@ -170,42 +240,52 @@ impl StressStrain {
         };
         let is_plain = given.units[2].as_deref().is_some_and(|text| PLAIN.contains(&text.trim()));
         let strain = if is_plain { Some(1.0) } else { told(2, Dimension::Ratio) };
-        // A column that the user names may have its unit in its name.
-        let of_column = |place: usize, dimension: Dimension| {
-            let name = given.columns[place].as_ref().filter(|_| given.units[place].is_none())?;
-            let number = name.parse::<usize>().ok().and_then(|number| number.checked_sub(1));
-            let at = looked.columns.iter().position(|other| other == name).or(number)?;
-            let unit = looked.units.get(at)?.as_ref().filter(|unit| unit.dimension == dimension)?;
-            Some(unit.to_si(1.0))
-        };
-        let stress = told(1, Dimension::Pressure).or_else(|| of_column(1, Dimension::Pressure));
-        let units = stress.zip(strain.or_else(|| of_column(2, Dimension::Ratio)));
-        if let Some((stress, strain)) = units.filter(|_| given.axes.iter().all(Option::is_none)) {
-            return Ok(Self::told(looked, given, [stress, strain], poisson_ratio));
-        }
-        if given.columns.iter().chain(&given.axes).any(Option::is_some) {
+        let told_stress = told(1, Dimension::Pressure);
+        if given.axes.iter().any(Option::is_some) {
             return Ok(None);
         }
+        if let Some((stress, strain)) = told_stress.zip(strain) {
+            return Ok(Self::told(looked, given, [stress, strain], poisson_ratio));
+        }
         let told_strain = strain;
-        let columns = || looked.columns.iter().zip(&looked.units).enumerate();
-        let is_relative_to_first = |place: usize| !called(&looked.columns[place], &DEFORMED, &[]);
-        let stresses = columns().filter_map(|(place, (name, unit))| {
-            let unit = unit.as_ref().filter(|unit| unit.dimension == Dimension::Pressure)?;
-            called(name, &STRESS, &RATE).then(|| (place, unit.to_si(1.0)))
-        });
-        let stress = stresses.clone().find(|stress| is_relative_to_first(stress.0)).or_else(|| stresses.clone().next());
-        let strains = columns().filter_map(|(place, (name, unit))| {
-            let part = match unit {
-                None => {
-                    let (stated, is_read) = stated_part(name);
-                    told_strain.or(stated).or(is_read.then_some(1.0))
-                }
-                Some(unit) if unit.dimension == Dimension::Ratio => Some(unit.to_si(1.0)),
-                Some(_) => return None,
-            };
-            called(name, &STRAIN, &RATE).then_some((place, part))
-        });
-        let strain = strains.clone().find(|strain| is_relative_to_first(strain.0)).or_else(|| strains.clone().next());
+        // Column that the user names for a role, by its name or its number.
+        let named = |role: usize| {
+            let name = given.columns[role].as_ref()?;
+            let number = name.parse::<usize>().ok().and_then(|number| number.checked_sub(1));
+            looked.columns.iter().position(|other| other == name).or(number)
+        };
+        let columns = |role: usize| {
+            let columns = looked.columns.iter().zip(&looked.units).enumerate();
+            columns.filter(move |(place, _)| given.columns[role].is_none() || named(role) == Some(*place))
+        };
+        let is_called = |role: usize, name: &str, words: &[&str]| named(role).is_some() || called(name, words, &RATE);
+        let stresses: Vec<(usize, f64)> = columns(1)
+            .filter_map(|(place, (name, unit))| {
+                let stated = unit.as_ref().filter(|unit| unit.dimension == Dimension::Pressure);
+                let size = told_stress.or_else(|| stated.map(|unit| unit.to_si(1.0)))?;
+                is_called(1, name, &STRESS).then_some((place, size))
+            })
+            .collect();
+        let strains: Vec<(usize, Option<f64>)> = columns(2)
+            .filter_map(|(place, (name, unit))| {
+                let part = match unit {
+                    None if called(name, &STRAIN, &RATE) => {
+                        let (stated, is_read) = stated_part(name);
+                        told_strain.or(stated).or(is_read.then_some(1.0))
+                    }
+                    Some(unit) if unit.dimension == Dimension::Ratio => Some(unit.to_si(1.0)),
+                    _ => return None,
+                };
+                is_called(2, name, &STRAIN).then_some((place, part))
+            })
+            .collect();
+        let (stress, strain) = match (&stresses[..], &strains[..]) {
+            ([], _) | (_, []) => (None, None),
+            _ => (
+                Some(only_one(looked, &stresses, Setting::ForceColumn)?),
+                Some(only_one(looked, &strains, Setting::PositionColumn)?),
+            ),
+        };
         let name = |place: usize| looked.columns[place].as_str();
         let (stress, strain, constant) = match (stress, strain) {
             (Some(_), Some((place, None))) => {
@@ -220,7 +300,7 @@ impl StressStrain {
             }
             (Some(stress), Some((place, Some(part)))) => (stress, (place, part), None),
             // The only column of values serves as both quantities until the table is described.
-            _ => match Self::published(looked) {
+            _ => match Self::published(looked, [named(1), named(2)]) {
                 Some((column, control)) => (column, column, Some(control)),
                 None => return Ok(None),
             },
@@ -239,7 +319,7 @@ impl StressStrain {
         let number = |(place, _): (usize, f64)| Some((place + 1).to_string());
         Ok(Some(Self {
             given: TableSettings {
-                columns: [None, number(stress), number(strain), None],
+                columns: [given.columns[0].clone(), number(stress), number(strain), given.columns[3].clone()],
                 units: [given.units[0].clone(), so_many(stress.1, "N"), so_many(strain.1, "m")],
                 ..given.clone()
             },
@@ -325,8 +405,8 @@ impl StressStrain {
     }
 
     /// Column of a modulus or a compliance over time, as its index and the size of its unit in SI units, with the quantity that is commanded. `None` unless the table has
-    /// one such column and none of the quantities that it was computed from.
-    fn published(looked: &InspectedTable) -> Option<((usize, f64), Control)> {
+    /// one such column, or the user names it as force or position, and none of the quantities that it was computed from.
+    fn published(looked: &InspectedTable, named: [Option<usize>; 2]) -> Option<((usize, f64), Control)> {
         let columns = || looked.columns.iter().zip(&looked.units).enumerate();
         // A modulus or a compliance beside the quantities from which it was computed is not read. A compliance beside the strain alone is: the stress is not in the table.
         let measures = |words: &[&str]| {
@@ -341,6 +421,9 @@ impl StressStrain {
                 let symbol = symbol(name);
                 let is_modulus = called(name, &MODULUS, &OF_FREQUENCY);
                 let is_compliance = called(name, &COMPLIANCE, &OF_FREQUENCY) || ["j", "d"].contains(&symbol.as_str());
+                if named.iter().flatten().any(|wanted| *wanted != place) {
+                    return None;
+                }
                 match unit.as_ref() {
                     Some(unit)
                         if unit.dimension == Dimension::Pressure

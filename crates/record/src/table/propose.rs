@@ -12,7 +12,7 @@ use super::roles::{ColumnMatch, KnownColumns, Role, unknown_unit};
 use super::several::{ask_table, chosen_tables, describe_summaries, describe_tables, tables_of};
 use super::spelling::{ParsedUnit, clock_s, counted, is_date_time, unit};
 use super::text::{Decimal, Delimiter, Encoding, Thousands, cells, comment_sign, decode_detected, is_blank_or_comment};
-use crate::control::{Control, answers_after_jumps, nothing_holds};
+use crate::control::{Control, answers_after_jumps, holds_as_written, nothing_holds};
 use crate::force::has_noisy_levels;
 use crate::frame::{Direction, Frame, Zero, is_zeroed_by_first_row, moves_against_force, rest_m};
 use crate::lost::repeated_outliers;
@@ -203,6 +203,7 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
     let written_position_m = ends(&mut trajectory.position_m.iter().flatten().copied());
     let first_written_m = trajectory.position_m.first().copied().flatten();
     let first_answer = first_answer(&trajectory);
+    let holds_as_written = holds_as_written(&trajectory.force_n, &trajectory.position_m);
     let frame = frame(&trajectory, description.force.is_some(), &mut reasons);
     if let Some(projection) = frame.apply(file, &mut trajectory)?.projection {
         reasons.push(format!(
@@ -213,6 +214,7 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
     // A force at levels is commanded, and so is any force that moves a body in two or three dimensions.
     let is_along = matches!(description.position, Some((PositionColumns::Along(_), _)));
     let control = match is_along && !has_noisy_levels && description.force.is_some() {
+        true if holds_as_written => Control::Position,
         true => Control::likely(&trajectory.force_n, &trajectory.position_m),
         false => Control::Force,
     };

@@ -6,7 +6,7 @@ use base::units::{Dimension, UNITS};
 const GRAM_FORCE_N: f64 = 9.806_65e-3;
 
 /// Spellings of units that differ from the program's own names, with their dimension and their value in SI units.
-const SPELLINGS: [(&str, Dimension, f64); 75] = [
+const SPELLINGS: [(&str, Dimension, f64); 72] = [
     ("с", Dimension::Time, 1.0),
     ("мс", Dimension::Time, 1e-3),
     ("Н", Dimension::Force, 1.0),
@@ -70,9 +70,6 @@ const SPELLINGS: [(&str, Dimension, f64); 75] = [
     ("mbar", Dimension::Pressure, 1e2),
     ("MPa", Dimension::Pressure, 1e6),
     ("GPa", Dimension::Pressure, 1e9),
-    ("dyn/cm^2", Dimension::Pressure, 0.1),
-    ("dyn/cm2", Dimension::Pressure, 0.1),
-    ("dyn/cm²", Dimension::Pressure, 0.1),
     ("psi", Dimension::Pressure, 6_894.757_293_168),
     ("deg", Dimension::Angle, std::f64::consts::PI / 180.0),
     ("degrees", Dimension::Angle, std::f64::consts::PI / 180.0),
@@ -172,8 +169,22 @@ fn known_unit(plain: &str) -> Option<ParsedUnit> {
     };
     let is_same_word = |known: &str| is_word && known.eq_ignore_ascii_case(plain) && !has_other_prefix(known);
     let same = |known: &str| known == plain || is_same_word(known);
-    let (name, dimension, si_units) = SPELLINGS.iter().find(|(known, ..)| same(known))?;
-    Some(ParsedUnit { dimension: *dimension, name: (*name).into(), scale: UnitScale::Times(*si_units) })
+    match SPELLINGS.iter().find(|(known, ..)| same(known)) {
+        Some((name, dimension, si_units)) => {
+            Some(ParsedUnit { dimension: *dimension, name: (*name).into(), scale: UnitScale::Times(*si_units) })
+        }
+        None => force_per_area(plain),
+    }
+}
+
+/// Unit of a stress that is written as a force over an area, such as `N/mm²` or `dyn/cm^2`.
+fn force_per_area(plain: &str) -> Option<ParsedUnit> {
+    let (force, area) = plain.split_once('/')?;
+    let side = ["^2", "²", "2"].iter().find_map(|power| area.strip_suffix(power))?;
+    let force = known_unit(force).filter(|unit| unit.dimension == Dimension::Force)?;
+    let side_m = known_unit(side).filter(|unit| unit.dimension == Dimension::Length)?.to_si(1.0);
+    let scale = UnitScale::Times(force.to_si(1.0) / (side_m * side_m));
+    Some(ParsedUnit { dimension: Dimension::Pressure, name: plain.into(), scale })
 }
 
 /// Splits a column name such as `x [µm]`, `x (µm)`, `x/µm`, `x_um`, `x in µm` or `x en µm` into the name without the unit, and the unit, which may be missing.
