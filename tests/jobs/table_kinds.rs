@@ -635,7 +635,7 @@ fn the_commanded_quantity_and_its_direction_are_told() {
             let force = 2e-6 * if t < 2.0 { t / 2.0 } else { 0.5 + 0.5 * (-(t - 2.0) / 6.0).exp() };
             format!("{t:.2},{:e},{:e}\n", force + 1e-8 * noise(row), 2e-5 + sign * depth + 2e-8 * noise(row + 9_999))
         };
-        "Time [s],vDeflection [N],separation [m]\n".to_string() + &(0..2_100).map(line).collect::<String>()
+        "Time [s],Force [N],Position [m]\n".to_string() + &(0..2_100).map(line).collect::<String>()
     };
     for (sign, direction) in [(-1.0, "direction = \"-\""), (1.0, "direction = \"+\"")] {
         let folder = tempfile::tempdir().expect("a folder");
@@ -648,6 +648,12 @@ fn the_commanded_quantity_and_its_direction_are_told() {
         assert!(summary.reasons.iter().any(|reason| reason.contains("a relaxation")), "{:?}", summary.reasons);
         let toml = std::fs::read_to_string(out.join("experiment.toml")).expect("a description");
         assert!(toml.contains("kind = \"relaxation\"") && toml.contains(direction), "{toml}");
+        // Of a tip there is no model of a relaxation.
+        let of_tip = relaxation(sign).replacen("Force [N],Position", "vDeflection [N],separation", 1);
+        std::fs::write(&request.file, of_tip).expect("room on the disk");
+        let request = InitRequest { replace: true, ..request };
+        let refusal = run(&request, &mut |_| None).unwrap_err().to_string();
+        assert!(refusal.contains("a relaxation of a tip has no model"), "{refusal}");
     }
 
     // A stretch at a constant rate, forth and back, whose stress bends.
@@ -836,28 +842,29 @@ fn the_stress_and_the_strain_of_the_test_are_found() {
     // A column that the user names, and a time that he names, keep tension.
     let text = four("Time (s),Tensile strain (%),Grip strain (%),Tensile stress (Pa)");
     let columns = [Some("1".into()), None, Some("3".into()), None];
-    let (_, experiment, _) = read(&text, TableSettings { columns, ..TableSettings::default() }).expect("a creep");
-    assert!(
-        matches!(experiment.apparatus, Apparatus::Instrument { compliance_per_m, is_stress_strain: true } if (compliance_per_m - 1e-2 * 100.0).abs() < 1e-9),
-        "{:?}",
-        experiment.apparatus
-    );
+    let (summary, ..) = read(&text, TableSettings { columns, ..TableSettings::default() }).expect("a creep");
+    let is_tension = summary.reasons.iter().any(|reason| reason.contains("with compliance_per_m = 1,"));
+    assert!(is_tension, "{:?}", summary.reasons);
 }
 
 /// A relaxation whose strain is measured beneath noise, from its first row on.
 #[test]
 fn a_measured_strain_that_holds_is_commanded() {
-    let line = |row: usize| {
-        let t = 0.01 * 1.06_f64.powi(row as i32);
-        format!(
-            "{t:.5},{:.4},{:.4}\n",
-            1.0 + 0.004 * noise(row),
-            10.0 + 20.0 * (-t / 3.0).exp() + 0.02 * noise(row + 500)
-        )
-    };
-    let text = "Time (s),Shear strain (%),Shear stress (Pa)\n".to_string() + &(0..150).map(line).collect::<String>();
-    let (summary, experiment, _) = read(&text, TableSettings::default()).expect("a relaxation");
-    assert_eq!(experiment.control, Control::Position, "{:?}", summary.reasons);
+    // A decay to a third, and one of three hundredths.
+    for (plateau, part) in [(10.0, 20.0), (20.0, 0.6)] {
+        let line = |row: usize| {
+            let t = 0.01 * 1.06_f64.powi(row as i32);
+            format!(
+                "{t:.5},{:.4},{:.4}\n",
+                1.0 + 0.004 * noise(row),
+                plateau + part * (-t / 3.0).exp() + 0.02 * noise(row + 500)
+            )
+        };
+        let text =
+            "Time (s),Shear strain (%),Shear stress (Pa)\n".to_string() + &(0..150).map(line).collect::<String>();
+        let (summary, experiment, _) = read(&text, TableSettings::default()).expect("a relaxation");
+        assert_eq!(experiment.control, Control::Position, "{:?}", summary.reasons);
+    }
 }
 
 /// Columns of logarithms look like small numbers in a plain unit.

@@ -33,6 +33,9 @@ const DRIFT: f64 = 0.15;
 /// Largest distance of a measured position that holds from its mean, as a part of the mean.
 const NEAR_MEAN: f64 = 0.03;
 
+/// Least correlation of a force with the number of the row that shows a drift beneath noise.
+const ORDERED: f64 = 0.7;
+
 /// Least change of the position in one row that is a jump, as a part of its range.
 const JUMP: f64 = 0.1;
 /// Largest change of the force in the row of a jump, as a part of that in the next row, if the force answers there.
@@ -58,7 +61,18 @@ pub(super) fn holds_as_written(force_n: &[f64], written_m: &[Option<f64>]) -> bo
     let mean_m = known.iter().sum::<f64>() / known.len().max(1) as f64;
     let is_near = known.iter().all(|x| (x - mean_m).abs() < NEAR_MEAN * mean_m.abs());
     let from_mean: Vec<f64> = known.iter().map(|x| x - mean_m).collect();
-    is_near && !has_trend(&changes(&from_mean)) && drifts(&changes(force_n))
+    let is_still = !has_trend(&changes(&from_mean)) && correlation_with_row(&known).abs() < 0.5 * ORDERED;
+    is_near && is_still && (drifts(&changes(force_n)) || correlation_with_row(force_n).abs() > ORDERED)
+}
+
+/// Correlation of values with the number of their row; 0 if they do not change.
+fn correlation_with_row(values: &[f64]) -> f64 {
+    let n = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / n.max(1.0);
+    let rows = || values.iter().enumerate().map(|(row, x)| (row as f64 - 0.5 * (n - 1.0), x - mean));
+    let sum = |of: &dyn Fn((f64, f64)) -> f64| rows().map(of).sum::<f64>();
+    let size = (sum(&|(row, _)| row * row) * sum(&|(_, x)| x * x)).sqrt();
+    if size > 0.0 { sum(&|(row, x)| row * x) / size } else { 0.0 }
 }
 
 /// True if changes add up to more than a small part of the range, and none of them is most of their sum: a commanded force may change at once during the hold of a body that flows only.

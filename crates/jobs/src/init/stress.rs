@@ -11,7 +11,8 @@ use record::table::{InspectedTable, TableSettings, unit};
 const STRESS: [&str; 9] =
     ["stress", "spannung", "contrainte", "esfuerzo", "sforzo", "tensão", "напряжение", "応力", "应力"];
 /// Words by which the strain column is recognised.
-const STRAIN: [&str; 8] = ["strain", "deform", "dehnung", "déform", "деформация", "ひずみ", "歪み", "应变"];
+const STRAIN: [&str; 9] =
+    ["strain", "deform", "dehnung", "stauchung", "déform", "деформация", "ひずみ", "歪み", "应变"];
 /// Words and symbols by which the column of a relaxation modulus is recognised.
 const MODULUS: [&str; 7] = ["modulus", "g(t)", "e(t)", "g_relax", "e_relax", "relaxationsmodul", "module"];
 /// Words and symbols by which the column of a creep compliance is recognised.
@@ -67,7 +68,7 @@ const DEFORMED: [&str; 2] = ["true", "cauchy"];
 /// Words that exclude such a test.
 pub(super) const MULTIAXIAL: [&str; 3] = ["biaxial", "triaxial", "shear"];
 /// Words in the names of stresses and strains that are not those of the test: settings, statistics, other directions, and parts of another quantity.
-const BESIDE: [&str; 39] = [
+const BESIDE: [&str; 40] = [
     "normal",
     "residual",
     "yield",
@@ -107,6 +108,7 @@ const BESIDE: [&str; 39] = [
     "offset",
     "raw",
     "limit",
+    "amplitude",
 ];
 /// Largest strain that is taken as a plain number if no unit is stated. A larger one is more likely in percent.
 const LARGEST_PLAIN: f64 = 1.0;
