@@ -9,11 +9,12 @@ use super::robust::median;
 /// neighbouring rows.
 const FEWEST: usize = 3;
 const MOSTLY: f64 = 0.5;
-/// Factors for the smallest distance of a lost position from its neighbouring rows. It is the largest of three distances: `STEPS` median steps
-/// between rows, `DIGITS` steps of the last written digit, and `FLOWS` times the distance between the neighbouring rows.
+/// Factors for the smallest distance of a lost position from its neighbouring rows. It is the largest of four distances: `STEPS` median steps
+/// between rows, `DIGITS` steps of the last written digit, `FLOWS` times the distance between the neighbouring rows, and the part `OF_RANGE` of the range of all positions.
 const STEPS: f64 = 20.0;
 const DIGITS: f64 = 20.0;
 const FLOWS: f64 = 5.0;
+const OF_RANGE: f64 = 0.01;
 /// Largest number of consecutive rows in which a lost position may repeat. In longer runs the body is at rest, unless the value lies outside all
 /// other values by more than their range.
 const LONGEST: usize = 10;
@@ -28,6 +29,7 @@ pub fn repeated_outliers(positions: &[Option<f64>]) -> Vec<f64> {
     let mut sorted = known.clone();
     sorted.sort_unstable_by(f64::total_cmp);
     let digit = sorted.windows(2).map(|pair| pair[1] - pair[0]).filter(|gap| *gap > 0.0).fold(f64::INFINITY, f64::min);
+    let range = sorted.last().zip(sorted.first()).map_or(0.0, |(last, first)| last - first);
     let step = median(known.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect()).unwrap_or(0.0);
     let is_beyond = |x: f64| {
         let (below, above) = (sorted.partition_point(|other| *other < x), sorted.partition_point(|other| *other <= x));
@@ -48,7 +50,8 @@ pub fn repeated_outliers(positions: &[Option<f64>]) -> Vec<f64> {
         let distance = (x - before).abs().min((x - after).abs());
         // A value between the two neighbours is part of the motion.
         let is_between = (before - x) * (after - x) < 0.0;
-        !is_between && !is_rest && distance > (STEPS * step).max(DIGITS * digit).max(FLOWS * (after - before).abs())
+        let least = (STEPS * step).max(DIGITS * digit).max(FLOWS * (after - before).abs()).max(OF_RANGE * range);
+        !is_between && !is_rest && distance > least
     };
     let mut found: Vec<f64> = rows
         .iter()
@@ -107,6 +110,15 @@ mod tests {
                 (0..1200).map(|row| Some(if row % 200 == 150 { 0.0 } else { at(row) })).collect();
             assert!(repeated_outliers(&positions).is_empty());
         }
+    }
+
+    /// Checks that a machine's position counts as a position if it moves a little and back during a hold.
+    #[test]
+    fn a_small_excursion_during_a_hold_is_kept() {
+        let held = |row: usize| if row / 9 % 40 == 30 { 0.311_65 } else { 0.311_45 };
+        let machine = |row: usize| if row < 200 { 0.001_557_25 * row as f64 } else { held(row) };
+        let positions: Vec<Option<f64>> = (0..1200).map(|row| Some(machine(row))).collect();
+        assert!(repeated_outliers(&positions).is_empty());
     }
 
     #[test]

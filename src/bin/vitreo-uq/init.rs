@@ -54,7 +54,7 @@ pub struct InitArguments {
     /// Column with the number or name of the track, in a table of several tracks
     #[arg(long, value_name = "COLUMN")]
     track_column: Option<String>,
-    /// Force of rows with an empty force: above (the force of the row above) or zero
+    /// Force of rows with an empty force: above (the force of the row above), zero, or left-out (such rows are not used)
     #[arg(long, value_name = "MEANING")]
     blank_force: Option<String>,
     /// Thousands separator: `.`, `,` or none

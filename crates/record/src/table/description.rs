@@ -69,17 +69,20 @@ pub enum BlankForce {
     Above,
     /// The force is zero.
     Zero,
+    /// The row is left out, because its force was not measured.
+    LeftOut,
 }
 
 impl BlankForce {
-    /// Both rules for blank force cells.
-    pub const ALL: [Self; 2] = [Self::Above, Self::Zero];
+    /// All rules for blank force cells.
+    pub const ALL: [Self; 3] = [Self::Above, Self::Zero, Self::LeftOut];
 
     /// Name of the rule in `experiment.toml`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Above => "above",
             Self::Zero => "zero",
+            Self::LeftOut => "left-out",
         }
     }
 }

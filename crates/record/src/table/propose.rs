@@ -533,7 +533,7 @@ impl DescribedFile<'_> {
                 Error::input(
                     InputPlace::setting(setting),
                     format!("`{word}` is not a known meaning of a blank force"),
-                    "give `above` or `zero`",
+                    "give `above`, `zero` or `left-out`",
                 )
             });
         }
@@ -542,7 +542,7 @@ impl DescribedFile<'_> {
             return Ok(None);
         }
         let question = Question {
-            text: "force of rows with a blank force cell (above: force of the row above; zero: no force)".into(),
+            text: "force of rows with a blank force cell (above: force of the row above; zero: no force; left-out: not measured, without this row)".into(),
             choices: BlankForce::ALL.map(|blank| blank.name().to_string()).to_vec(),
             also: Vec::new(),
             proposal: None,

@@ -162,6 +162,7 @@ pub(crate) fn read_described(file: &Path, text: &str, description: &TableDescrip
             Some((column, (_, unit))) => {
                 let text = cell(column)?;
                 match (is_lost(text), description.blank_force, trajectory.force_n.last()) {
+                    (true, Some(BlankForce::LeftOut), _) => continue,
                     (true, Some(BlankForce::Zero), _) => 0.0,
                     (true, Some(BlankForce::Above), Some(above_n)) => *above_n,
                     (true, Some(BlankForce::Above), None) => {
@@ -238,7 +239,7 @@ fn blank_force(place: InputPlace) -> Error {
         place,
         "the force cell is blank",
         format!(
-            "give its meaning: `{option} above` (in [measurement]: blank_force = \"above\") if the log only contains changes, `{option} zero` if no force acted"
+            "give its meaning: `{option} above` (in [measurement]: blank_force = \"above\") if the log only contains changes, `{option} zero` if no force acted, `{option} left-out` if it was not measured"
         ),
     )
 }
