@@ -820,6 +820,7 @@ fn the_stress_and_the_strain_of_the_test_are_found() {
         ("Time (s),Strain (%),Yield stress (Pa),Stress (Pa)", "Stress (Pa)", "Strain (%)"),
         ("Time (s),Strain setpoint (%),Strain (%),Stress (Pa)", "Stress (Pa)", "Strain (%)"),
         ("Time (s),Recoverable strain (%),Strain (%),Stress (Pa)", "Stress (Pa)", "Strain (%)"),
+        ("Time (s),Strain constant,Strain (%),Stress (Pa)", "Stress (Pa)", "Strain (%)"),
         ("Time (s),SD strain (%),Mean strain (%),Stress (Pa)", "Stress (Pa)", "?"),
         ("Time (s),Grip strain (%),Extensometer strain (%),Stress (Pa)", "Stress (Pa)", "?"),
         ("Time (s),Strain (%),Stress sample 1 (Pa),Stress sample 2 (Pa)", "?", "Strain (%)"),

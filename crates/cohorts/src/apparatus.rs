@@ -9,7 +9,6 @@ use serde::{Deserialize, Serialize};
 
 use super::cohort::Measurement;
 use base::error::{Error, InputPlace, Result, Setting};
-use elements::fe::time::FullOrderModel;
 use models::effects::Library;
 use models::model::Compliance;
 use posterior::cache::{self, ModelInputs};
@@ -98,7 +97,7 @@ pub fn compliance(measurement: &Measurement, monitor: &dyn Monitor) -> Result<Co
         Problem::new(measurement.experiment.clone(), measurement.specification.clone(), None, &SilentMonitor)?;
     match problem.finite_elements() {
         Some(fe) if problem.model.field().is_none() && problem.poisson_ratios(fe)? == [fe.poisson_ratio; 2] => {
-            let compliance_per_m = FullOrderModel::new(&fe.stiffness, fe.poisson_ratio)?.compliance_per_m();
+            let compliance_per_m = fe.compliance_per_m()?;
             cache::write(&built_from, &KeptCompliance { compliance_per_m });
             Ok(Compliance::fixed(compliance_per_m))
         }

@@ -2,6 +2,7 @@
 //! program.
 
 use std::path::PathBuf;
+use std::sync::OnceLock;
 
 use super::mesh_check;
 use super::outside::ExternalModel;
@@ -80,9 +81,31 @@ pub struct FiniteElements {
     pub mesh_file_sha256: Option<String>,
     /// Warnings about an imported mesh.
     pub mesh_warnings: Vec<Warning>,
+    /// Displacement of every unknown for 1 N on the whole robot, at unit Young's modulus, in 1/m; empty until it is asked for.
+    field_per_n: OnceLock<Vec<f64>>,
 }
 
 impl FiniteElements {
+    /// Displacement of every unknown for 1 N on the whole robot, at unit Young's modulus, in 1/m. The stiffness is factorised at the first call only.
+    ///
+    /// # Errors
+    /// Errors of the factorisation.
+    pub fn field_per_n(&self) -> Result<&[f64]> {
+        if let Some(field_per_n) = self.field_per_n.get() {
+            return Ok(field_per_n);
+        }
+        let field_per_n = FullOrderModel::new(&self.stiffness, self.poisson_ratio)?.field_per_n().to_vec();
+        Ok(self.field_per_n.get_or_init(|| field_per_n))
+    }
+
+    /// Displacement of the robot per force at unit creep compliance, in 1/m.
+    ///
+    /// # Errors
+    /// Errors of [`Self::field_per_n`].
+    pub fn compliance_per_m(&self) -> Result<f64> {
+        Ok(self.field_per_n()?[self.stiffness.assembly.unknowns.robot()])
+    }
+
     /// Returns mesh, stiffness and sizes, as input of effects that change the displacement field.
     pub fn surroundings(&self) -> GelAndRobot<'_> {
         GelAndRobot {
@@ -250,6 +273,7 @@ impl Mechanics {
             comparison,
             mesh_file_sha256,
             mesh_warnings,
+            field_per_n: OnceLock::new(),
         })))
     }
 }

@@ -4,11 +4,10 @@ use base::error::{Error, InputPlace, Result};
 use documents::posterior::{Warning, WarningKind};
 use documents::prediction::PositionQuantiles;
 use elements::fe::strain::largest_principal_strain;
-use elements::fe::time::FullOrderModel;
 use figures::density::quantile_of_sorted;
 use figures::number::format_significant;
 use models::effects::Stage;
-use models::model::{Compliance, Forward, SurrogateForward};
+use models::model::{Compliance, Forward, N_LANES, SurrogateForward};
 use posterior::advice::strain_warning;
 use posterior::mechanics::{FiniteElements, Mechanics};
 use posterior::monitor::Monitor;
@@ -130,14 +129,14 @@ impl MeshCorrection {
     /// meshes, of which the true error is a part.
     fn new(taught: Option<&Problem>, asked: &Problem) -> Result<Self> {
         let fe = finite_elements(asked)?;
-        let mesh_per_m = compliance_per_m(fe)?;
+        let mesh_per_m = fe.compliance_per_m()?;
         let exact = if asked.model.is_law_alone() { accurate(&asked.experiment.apparatus) } else { None };
         let Some((exact_per_m, error)) = exact else {
             let error = fe.comparison.map(|other| other.relative_error(mesh_per_m).abs());
             return Ok(Self { factor: 1.0, error });
         };
         let absorbed = match taught.and_then(|taught| Some((taught, accurate(&taught.experiment.apparatus)?))) {
-            Some((taught, (exact_per_m, _))) => compliance_per_m(finite_elements(taught)?)? / exact_per_m,
+            Some((taught, (exact_per_m, _))) => finite_elements(taught)?.compliance_per_m()? / exact_per_m,
             None => 1.0,
         };
         Ok(Self { factor: absorbed * exact_per_m / mesh_per_m, error: Some(error) })
@@ -312,12 +311,16 @@ impl Ensemble {
         draws: impl IntoParallelIterator<Item = usize, Iter: IndexedParallelIterator>,
     ) -> Result<Vec<Vec<f64>>> {
         let forward = self.forward();
-        let trajectory = |draw: usize| {
-            let mut position_m = forward.trajectory_m(&self.parameters[draw])?;
-            position_m.iter_mut().for_each(|x| *x *= self.factors[draw]);
-            Ok(position_m)
+        let of_chunk = |draws: Vec<usize>| {
+            let points: Vec<Vec<f64>> = draws.iter().map(|draw| self.parameters[*draw].clone()).collect();
+            let mut trajectories_m = forward.trajectories_m(&points)?;
+            for (position_m, draw) in trajectories_m.iter_mut().zip(&draws) {
+                position_m.iter_mut().for_each(|x| *x *= self.factors[*draw]);
+            }
+            Ok(trajectories_m)
         };
-        draws.into_par_iter().map(trajectory).collect()
+        let chunks: Vec<Vec<Vec<f64>>> = draws.into_par_iter().chunks(N_LANES).map(of_chunk).collect::<Result<_>>()?;
+        Ok(chunks.into_iter().flatten().collect())
     }
 
     /// Trajectories (m) of the given draws by full finite elements.
@@ -369,7 +372,7 @@ fn by_diameter(scenario: &Scenario) -> Result<f64> {
             return Ok(accurate_per_m);
         }
         match Mechanics::new(&Apparatus::Robot { robot, vitreous: scenario.vitreous }, None)? {
-            Mechanics::FiniteElements(fe) => compliance_per_m(&fe),
+            Mechanics::FiniteElements(fe) => fe.compliance_per_m(),
             _ => Ok(f64::NAN),
         }
     };
@@ -402,11 +405,6 @@ fn of_scenario(error: Error, scenario: &Scenario) -> Error {
     }
 }
 
-/// Displacement of the robot per force at unit creep compliance, in 1/m.
-fn compliance_per_m(fe: &FiniteElements) -> Result<f64> {
-    Ok(FullOrderModel::new(&fe.stiffness, fe.poisson_ratio)?.compliance_per_m())
-}
-
 /// Prepares the reduced model. A law without effects needs the compliance of the finite elements only.
 fn prepare(
     problem: &Problem,
@@ -417,7 +415,7 @@ fn prepare(
     if !problem.model.is_law_alone() {
         return PreparedModel::unverified(problem, kept, monitor);
     }
-    let compliance = Compliance::fixed(mesh_factor * compliance_per_m(finite_elements(problem)?)?);
+    let compliance = Compliance::fixed(mesh_factor * finite_elements(problem)?.compliance_per_m()?);
     Ok(PreparedModel::given(problem, compliance, Vec::new()))
 }
 
@@ -444,10 +442,9 @@ fn halton(mut number: u64, base: u64) -> f64 {
 
 /// Largest principal strain of the gel per displacement of the robot (1/m), of the linear displacement field.
 fn strain_per_m(fe: &FiniteElements) -> Result<f64> {
-    let response = fe.stiffness.factor(fe.poisson_ratio)?.unit_response();
     let unknowns = &fe.stiffness.assembly.unknowns;
-    let moved = response[unknowns.robot()];
-    let field: Vec<f64> = response.iter().map(|u| u / moved).collect();
+    let moved = fe.compliance_per_m()?;
+    let field: Vec<f64> = fe.field_per_n()?.iter().map(|u| u / moved).collect();
     largest_principal_strain(&fe.mesh, &unknowns.nodal_displacement(&field))
 }
 

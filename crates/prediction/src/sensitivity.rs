@@ -15,6 +15,9 @@ use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, Normal};
 
+/// Number of points that are evaluated at once.
+const AT_ONCE: usize = 8;
+
 /// Marginal distribution of an input.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Marginal {
@@ -104,8 +107,8 @@ fn normal_scores(values: &[f64]) -> Vec<f64> {
     scores
 }
 
-/// Computes the indices of every quantity to every input from `n` pairs of points for each index. `quantities` returns the values of all quantities at the
-/// inputs' values. The result is indexed by quantity, then by input.
+/// Computes the indices of every quantity to every input from `n` pairs of points for each index. `quantities` returns the values of all quantities at each of several
+/// points, which are the inputs' values. The result is indexed by quantity, then by input.
 ///
 /// # Errors
 /// [`Error::Numerical`] if the correlations are singular; errors of `quantities`.
@@ -113,7 +116,7 @@ pub fn indices(
     inputs: &Inputs,
     n: usize,
     seed: u64,
-    quantities: impl Fn(&[f64]) -> Result<Vec<f64>> + Sync,
+    quantities: impl Fn(&[Vec<f64>]) -> Result<Vec<Vec<f64>>> + Sync,
 ) -> Result<Vec<Vec<Index>>> {
     let d = inputs.names.len();
     let singular = || {
@@ -129,7 +132,11 @@ pub fn indices(
     let mut normals = |count: usize| DVector::from_fn(count, |_, _| StandardNormal.sample(&mut random));
     let points: Vec<DVector<f64>> = (0..n).map(|_| &lower * normals(d)).collect();
     let evaluate = |points: &[DVector<f64>]| -> Result<Vec<Vec<f64>>> {
-        points.par_iter().map(|point| quantities(&inputs.values(point.as_slice()))).collect()
+        let of_chunk = |points: &[DVector<f64>]| {
+            quantities(&points.iter().map(|point| inputs.values(point.as_slice())).collect::<Vec<Vec<f64>>>())
+        };
+        let chunks: Vec<Vec<Vec<f64>>> = points.par_chunks(AT_ONCE).map(of_chunk).collect::<Result<_>>()?;
+        Ok(chunks.into_iter().flatten().collect())
     };
     let base = evaluate(&points)?;
     let n_quantities = base.first().map_or(0, Vec::len);
@@ -257,6 +264,11 @@ mod tests {
     const MOST_ERRORS: f64 = 3.6;
     const N: usize = 20_000;
 
+    /// Evaluates a function at each of several points.
+    fn each(function: impl Fn(&[f64]) -> Vec<f64> + Sync) -> impl Fn(&[Vec<f64>]) -> Result<Vec<Vec<f64>>> + Sync {
+        move |points| Ok(points.iter().map(|point| function(point)).collect())
+    }
+
     fn independent(n: usize, range: [f64; 2]) -> Inputs {
         let mut inputs = Inputs { names: Vec::new(), marginals: Vec::new(), correlation: DMatrix::zeros(0, 0) };
         (0..n).for_each(|k| inputs.push_independent(&format!("x{k}"), Marginal::Uniform(range)));
@@ -274,8 +286,8 @@ mod tests {
     #[test]
     fn ishigami_has_its_exact_indices() {
         let (a, b) = (7.0, 0.1);
-        let ishigami = |x: &[f64]| Ok(vec![x[0].sin() + a * x[1].sin().powi(2) + b * x[2].powi(4) * x[0].sin()]);
-        let found = &indices(&independent(3, [-PI, PI]), N, 1, ishigami).expect("indices")[0];
+        let ishigami = |x: &[f64]| vec![x[0].sin() + a * x[1].sin().powi(2) + b * x[2].powi(4) * x[0].sin()];
+        let found = &indices(&independent(3, [-PI, PI]), N, 1, each(ishigami)).expect("indices")[0];
         let variance = a * a / 8.0 + b * PI.powi(4) / 5.0 + b * b * PI.powi(8) / 18.0 + 0.5;
         let [v1, v2] = [0.5 * (1.0 + b * PI.powi(4) / 5.0).powi(2), a * a / 8.0].map(|v| v / variance);
         let v13 = b * b * PI.powi(8) * (1.0 / 18.0 - 1.0 / 50.0) / variance;
@@ -290,8 +302,8 @@ mod tests {
     #[test]
     fn sobol_g_of_eight_inputs_has_its_exact_indices() {
         let a = [0.0, 1.0, 4.5, 9.0, 99.0, 99.0, 99.0, 99.0];
-        let g = |x: &[f64]| Ok(vec![x.iter().zip(a).map(|(x, a)| ((4.0 * x - 2.0).abs() + a) / (1.0 + a)).product()]);
-        let found = &indices(&independent(8, [0.0, 1.0]), N, 2, g).expect("indices")[0];
+        let g = |x: &[f64]| vec![x.iter().zip(a).map(|(x, a)| ((4.0 * x - 2.0).abs() + a) / (1.0 + a)).product()];
+        let found = &indices(&independent(8, [0.0, 1.0]), N, 2, each(g)).expect("indices")[0];
         let part = a.map(|a: f64| 1.0 / (3.0 * (1.0 + a) * (1.0 + a)));
         let variance = part.iter().map(|v| 1.0 + v).product::<f64>() - 1.0;
         for k in 0..4 {
@@ -311,7 +323,7 @@ mod tests {
         let correlation = DMatrix::from_row_slice(3, 3, &[1.0, 0.6, 0.0, 0.6, 1.0, 0.0, 0.0, 0.0, 1.0]);
         let names = ["a", "b", "c"].map(String::from).to_vec();
         let inputs = Inputs { names, marginals: sd.map(draws).to_vec(), correlation: correlation.clone() };
-        let found = &indices(&inputs, N, 3, |x| Ok(vec![x.iter().sum()])).expect("indices")[0];
+        let found = &indices(&inputs, N, 3, each(|x| vec![x.iter().sum()])).expect("indices")[0];
         let covariance = DMatrix::from_fn(3, 3, |i, j| correlation[(i, j)] * sd[i] * sd[j]);
         let variance = covariance.sum();
         let precision = covariance.clone().try_inverse().expect("an inverse");

@@ -70,7 +70,7 @@ impl<'a> FullOrderModel<'a> {
     }
 
     /// Displacement of every unknown for 1 N on the whole robot, at unit Young's modulus, in 1/m.
-    pub(super) fn field_per_n(&self) -> &[f64] {
+    pub fn field_per_n(&self) -> &[f64] {
         &self.field_per_n
     }
 

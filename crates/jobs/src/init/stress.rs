@@ -40,12 +40,13 @@ const RATE: [&str; 9] =
 /// Units of a strain as a plain number.
 const PLAIN: [&str; 2] = ["1", "-"];
 /// Words and symbols in a strain's name that state its unit, the longer ones first.
-const PARTS: [(&str, f64); 15] = [
+const PARTS: [(&str, f64); 16] = [
     ("microstrain", 1e-6),
     ("ustrain", 1e-6),
     ("µstrain", 1e-6),
     ("um/m", 1e-6),
     ("µm/m", 1e-6),
+    ("µε", 1e-6),
     ("millistrain", 1e-3),
     ("mm/mm", 1.0),
     ("mm/m", 1e-3),
@@ -148,8 +149,8 @@ fn said_above(looked: &InspectedTable) -> Option<String> {
     said.or_else(gauge)
 }
 
-/// The column of a quantity among those that are called so: the only one that is measured along the test and relative to the undeformed specimen. Names that differ only in
-/// their units are the same quantity.
+/// The column of a quantity among those that are called so: the only one that is measured along the test and relative to the undeformed specimen, or the only one without
+/// another word in its name. Names that differ only in their units are the same quantity.
 ///
 /// # Errors
 /// [`Error::Input`] if several remain.
@@ -165,7 +166,11 @@ fn only_one<T: Copy>(looked: &InspectedTable, found: &[(usize, T)], setting: Set
         if kept.is_empty() { list } else { kept }
     };
     let measured = without(found.to_vec(), &is_beside);
-    let left = without(measured, &|place| called(name(place), &DEFORMED, &[]));
+    let relative = without(measured, &|place| called(name(place), &DEFORMED, &[]));
+    let left = without(relative, &|place| {
+        let symbol = symbol(name(place));
+        !STRESS.iter().chain(&STRAIN).any(|word| symbol == *word)
+    });
     match left.iter().find(|(place, _)| symbol(name(*place)) != symbol(name(left[0].0))) {
         None => Ok(left[0]),
         Some((other, _)) => Err(Error::input(

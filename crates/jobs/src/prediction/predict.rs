@@ -8,7 +8,6 @@ use documents::posterior::{Warning, WarningKind};
 use documents::prediction::{EquivalentPrediction, PredictedQuantity, Prediction, ScenarioPrediction, Sensitivity};
 use figures::number::format_significant;
 use figures::svg::figure_files;
-use models::model::Forward;
 use posterior::monitor::Monitor;
 use posterior::study::WithProvenance;
 use prediction::ensemble::{self, Ensemble, Gel};
@@ -297,22 +296,24 @@ fn sensitivity(
     let ensemble = of_few_rows.as_ref().unwrap_or(ensemble);
     let (forward, record) = (ensemble.forward(), ensemble.record());
     let duration_s = record.time_s[record.n_rows() - 1];
-    let values = |inputs: &[f64]| -> Result<Vec<f64>> {
+    let draw_and_factor = |inputs: &Vec<f64>| {
         let mut draw = gel.draws.values[0].clone();
         kept.iter().zip(inputs).for_each(|(k, value)| draw[*k] = *value);
         let mut others = inputs[kept.len()..].iter();
         let mut next = |tolerance: f64| if tolerance > 0.0 { others.next().copied().unwrap_or(0.0) } else { 0.0 };
         let [diameter, force] = [next(tolerances[0]), next(tolerances[1])];
         let factor = ensemble.by_diameter_factor(diameter) * (1.0 + force);
-        let mut position_m = forward.trajectory_m(&gel.draws.parameters(ensemble.problem(), &draw))?;
-        position_m.iter_mut().for_each(|x| *x *= factor);
-        let value = |quantity: &Quantity| quantity.value(record, &position_m, ensemble.strain_per_m);
-        Ok(scenario
-            .quantities
-            .iter()
-            .map(value)
-            .map(|value| if value.is_finite() { value } else { duration_s })
-            .collect())
+        (gel.draws.parameters(ensemble.problem(), &draw), factor)
+    };
+    let values = |points: &[Vec<f64>]| -> Result<Vec<Vec<f64>>> {
+        let (parameters, factors): (Vec<Vec<f64>>, Vec<f64>) = points.iter().map(draw_and_factor).unzip();
+        let of_trajectory = |(mut position_m, factor): (Vec<f64>, f64)| {
+            position_m.iter_mut().for_each(|x| *x *= factor);
+            let value = |quantity: &Quantity| quantity.value(record, &position_m, ensemble.strain_per_m);
+            let values = scenario.quantities.iter().map(value);
+            values.map(|value| if value.is_finite() { value } else { duration_s }).collect()
+        };
+        Ok(forward.trajectories_m(&parameters)?.into_iter().zip(factors).map(of_trajectory).collect())
     };
     let n = if is_linear { N_SENSITIVITY } else { N_SENSITIVITY_SLOW };
     let found = indices(&inputs, n, seed, values)?;

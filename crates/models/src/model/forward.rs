@@ -1,6 +1,6 @@
 //! Full-order and reduced model with their common trait.
 
-use super::{Compliance, Model, Response};
+use super::{Compliance, Model, N_LANES, Response};
 use crate::effects::sphere_required_error;
 use base::error::{Error, Result};
 use base::number::Dual;
@@ -268,6 +268,39 @@ impl SurrogateForward<'_> {
         Ok(())
     }
 
+    /// Recorded positions (m) of several parameter points at every row. Up to eight points are computed at once; their bits are those of [`Forward::trajectory_m`].
+    ///
+    /// # Errors
+    /// Errors of [`Forward::trajectory_m`] for any point.
+    pub fn trajectories_m(&self, points: &[Vec<f64>]) -> Result<Vec<Vec<f64>>> {
+        let mut trajectories_m = Vec::with_capacity(points.len());
+        let (mut stages, mut compliances_per_m, mut lanes) = (Vec::new(), Vec::new(), Vec::new());
+        for chunk in points.chunks(N_LANES) {
+            (stages.clear(), compliances_per_m.clear());
+            for parameters in chunk {
+                let (of_point, compliance_per_m) = self.stages(parameters)?;
+                (stages.push(of_point), compliances_per_m.push(compliance_per_m));
+            }
+            let is_sound = self.response.trajectories_m(&stages, &compliances_per_m, &mut lanes);
+            for (lane, parameters) in chunk.iter().enumerate() {
+                trajectories_m.push(match is_sound[lane] {
+                    true => lanes.iter().map(|row| row.0[lane]).collect(),
+                    false => self.trajectory_m(parameters)?,
+                });
+            }
+        }
+        Ok(trajectories_m)
+    }
+
+    /// Stages of the model at a parameter point, and the displacement per force at unit creep compliance (1/m).
+    fn stages(&self, parameters: &[f64]) -> Result<(Stages, f64)> {
+        self.in_trained_range(parameters)?;
+        let constants: Vec<Dual> = parameters.iter().map(|value| Dual::constant(*value)).collect();
+        let mut stages = self.model.stages(&constants)?;
+        let compliance_per_m = self.compliance.resolve(&mut stages)?;
+        Ok((stages, compliance_per_m.value))
+    }
+
     /// Derivative of the trajectory with respect to the parameter at `index`, at every row, in m per unit of the parameter. The derivative
     /// is exact, and one-sided if the parameter is at an end of its support.
     ///
@@ -306,10 +339,7 @@ impl SurrogateForward<'_> {
 
 impl Forward for SurrogateForward<'_> {
     fn trajectory_m(&self, parameters: &[f64]) -> Result<Vec<f64>> {
-        self.in_trained_range(parameters)?;
-        let constants: Vec<Dual> = parameters.iter().map(|value| Dual::constant(*value)).collect();
-        let mut stages = self.model.stages(&constants)?;
-        let compliance_per_m = self.compliance.resolve(&mut stages)?;
-        self.response.trajectory_m(&stages, compliance_per_m.value)
+        let (stages, compliance_per_m) = self.stages(parameters)?;
+        self.response.trajectory_m(&stages, compliance_per_m)
     }
 }
