@@ -255,9 +255,12 @@ impl Mechanics {
                 (mesh, warnings, exact_comparison(robot, vitreous))
             }
             None => {
-                let coarse = Stiffness::new(&robot_mesh(robot, vitreous, MODEL_LEVEL - 1)?)?;
-                let coarse_per_m = FullOrderModel::new(&coarse, poisson_ratio)?.compliance_per_m();
-                (robot_mesh(robot, vitreous, MODEL_LEVEL)?, Vec::new(), Some(Comparison::CoarserMesh(coarse_per_m)))
+                let coarse_per_m = || -> Result<f64> {
+                    let coarse = Stiffness::new(&robot_mesh(robot, vitreous, MODEL_LEVEL - 1)?)?;
+                    Ok(FullOrderModel::new(&coarse, poisson_ratio)?.compliance_per_m())
+                };
+                let (mesh, coarse_per_m) = rayon::join(|| robot_mesh(robot, vitreous, MODEL_LEVEL), coarse_per_m);
+                (mesh?, Vec::new(), Some(Comparison::CoarserMesh(coarse_per_m?)))
             }
         };
         let mesh_file_sha256 = match mesh_file {

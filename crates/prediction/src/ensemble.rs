@@ -129,8 +129,10 @@ impl MeshCorrection {
     /// meshes, of which the true error is a part.
     fn new(taught: Option<&Problem>, asked: &Problem) -> Result<Self> {
         let fe = finite_elements(asked)?;
-        let mesh_per_m = fe.compliance_per_m()?;
-        let exact = if asked.model.is_law_alone() { accurate(&asked.experiment.apparatus) } else { None };
+        let is_law_alone = asked.model.is_law_alone();
+        let exact = || if is_law_alone { accurate(&asked.experiment.apparatus) } else { None };
+        let (mesh_per_m, exact) = rayon::join(|| fe.compliance_per_m(), exact);
+        let mesh_per_m = mesh_per_m?;
         let Some((exact_per_m, error)) = exact else {
             let error = fe.comparison.map(|other| other.relative_error(mesh_per_m).abs());
             return Ok(Self { factor: 1.0, error });
@@ -176,7 +178,10 @@ impl Ensemble {
             gel.problem.mechanics.clone()
         } else {
             monitor.stage("meshing the robot and assembling the finite elements");
-            Arc::new(Mechanics::new(&apparatus, None).map_err(|error| of_scenario(error, scenario))?)
+            // The correction of the mesh needs the elements of the record's robot, too. They are kept for it.
+            let of_taught = || finite_elements(gel.problem).and_then(FiniteElements::compliance_per_m).ok();
+            let (mechanics, _) = rayon::join(|| Mechanics::new(&apparatus, None), of_taught);
+            Arc::new(mechanics.map_err(|error| of_scenario(error, scenario))?)
         };
         let experiment = Experiment {
             apparatus,
