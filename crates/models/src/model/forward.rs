@@ -276,10 +276,12 @@ impl SurrogateForward<'_> {
         let mut trajectories_m = Vec::with_capacity(points.len());
         let (mut stages, mut compliances_per_m, mut lanes) = (Vec::new(), Vec::new(), Vec::new());
         for chunk in points.chunks(N_LANES) {
-            (stages.clear(), compliances_per_m.clear());
+            stages.clear();
+            compliances_per_m.clear();
             for parameters in chunk {
                 let (of_point, compliance_per_m) = self.stages(parameters)?;
-                (stages.push(of_point), compliances_per_m.push(compliance_per_m));
+                stages.push(of_point);
+                compliances_per_m.push(compliance_per_m);
             }
             let is_sound = self.response.trajectories_m(&stages, &compliances_per_m, &mut lanes);
             for (lane, parameters) in chunk.iter().enumerate() {
