@@ -821,14 +821,14 @@ fn the_stress_and_the_strain_of_the_test_are_found() {
         ("Time (s),Strain setpoint (%),Strain (%),Stress (Pa)", "Stress (Pa)", "Strain (%)"),
         ("Time (s),Recoverable strain (%),Strain (%),Stress (Pa)", "Stress (Pa)", "Strain (%)"),
         ("Time (s),Strain constant,Strain (%),Stress (Pa)", "Stress (Pa)", "Strain (%)"),
-        ("Time (s),SD strain (%),Mean strain (%),Stress (Pa)", "Stress (Pa)", "?"),
+        ("Time (s),SD strain (%),Mean strain (%),Stress (Pa)", "Stress (Pa)", "Mean strain (%)"),
         ("Time (s),Grip strain (%),Extensometer strain (%),Stress (Pa)", "Stress (Pa)", "?"),
         ("Time (s),Strain (%),Stress sample 1 (Pa),Stress sample 2 (Pa)", "?", "Strain (%)"),
     ] {
         let tried = read(&four(header), TableSettings::default());
         if [stress, strain].contains(&"?") {
             let refusal = tried.err().unwrap_or_else(|| panic!("{header}"));
-            assert!(refusal.contains("can both be meant"), "{refusal}");
+            assert!(refusal.contains("several columns can be meant"), "{refusal}");
             continue;
         }
         let (summary, ..) = tried.unwrap_or_else(|error| panic!("{header}: {error}"));
@@ -871,6 +871,9 @@ fn a_measured_strain_that_holds_is_commanded() {
 /// Columns of logarithms look like small numbers in a plain unit.
 #[test]
 fn logarithms_are_refused() {
+    let (_, experiment, _) =
+        read(&plain().replacen("Time (s)", "Log Time (s)", 1), TableSettings::default()).expect("a logger's time");
+    assert_eq!(experiment.record.n_rows(), N_ROWS);
     for header in ["log10 time (s),log10 G(t) (Pa)", "ln(t) (s),J (1/Pa)"] {
         let rows: String = (0..60)
             .map(|row| format!("{:.3},{:.4}\n", -1.0 + 0.05 * f64::from(row), 3.5 - 0.01 * f64::from(row)))
@@ -883,16 +886,82 @@ fn logarithms_are_refused() {
 /// A stress as a force over an area.
 #[test]
 fn a_force_over_an_area_is_a_stress() {
-    for (unit, pa) in [("N/mm²", 1e6), ("kN/m^2", 1e3), ("gf/cm2", 98.0665), ("dyn/cm²", 0.1)] {
-        let rows: String =
-            (0..100).map(|row| format!("{:.1},{:.4},2\n", 0.1 * f64::from(row), f64::from(row).sqrt())).collect();
+    let rows: String =
+        (0..100).map(|row| format!("{:.1},{:.4},2\n", 0.1 * f64::from(row), f64::from(row).sqrt())).collect();
+    let largest_n = |unit: &str| {
         let (_, experiment, _) =
             read(&format!("Time (s),Strain (%),Stress ({unit})\n{rows}"), TableSettings::default()).expect("a creep");
-        let largest_n = experiment.record.force_n.iter().fold(0.0_f64, |most, x| most.max(*x));
-        assert!(
-            (largest_n / (2.0 * pa) - 1.0).abs() < 1e-9 || (largest_n / (2e-6 * pa) - 1.0).abs() < 1e-9,
-            "{unit}: {largest_n}"
-        );
+        experiment.record.force_n.iter().fold(0.0_f64, |most, x| most.max(*x))
+    };
+    let of_pa = largest_n("Pa");
+    for (unit, pa) in [
+        ("N/mm²", 1e6),
+        ("N / mm2", 1e6),
+        ("kN/m^2", 1e3),
+        ("gf/cm2", 98.0665),
+        ("DYN/CM2", 0.1),
+        ("lbf/in²", 6894.757_293),
+    ] {
+        assert!((largest_n(unit) / (pa * of_pa) - 1.0).abs() < 1e-9, "{unit}");
+    }
+}
+
+/// Rows without a measured force are left out and counted, also if they are all rows of a table.
+#[test]
+fn rows_without_a_force_are_left_out() {
+    let blanked =
+        rows(|row, [t, f, x]| if row % 50 == 7 { format!("{t:.3},,{x:.3}") } else { format!("{t:.3},{f},{x:.3}") });
+    let given = TableSettings { blank_force: Some("left-out".into()), ..TableSettings::default() };
+    let (summary, experiment, _) =
+        read(&format!("Time (s),Force (uN),Position (um)\n{blanked}"), given.clone()).expect("a record");
+    assert!(summary.reasons.iter().any(|reason| reason.contains("12 rows have no force")), "{:?}", summary.reasons);
+    assert_eq!(experiment.record.n_rows(), N_ROWS - 12);
+    let empty: String = (0..60).map(|row| format!("{:.3},,1.0\n", 40.0 + 0.05 * f64::from(row))).collect();
+    let header = "Time (s),Force (uN),Position (um)";
+    let text = format!("{header}\n{}\n{header}\n{empty}", rows(|_, [t, f, x]| format!("{t:.3},{f},{x:.3}")));
+    let given = TableSettings { tables: Some("all".into()), ..given };
+    let (_, experiment, _) = read(&text, given).expect("the first table");
+    assert_eq!(experiment.record.n_rows(), N_ROWS);
+}
+
+/// A bead at a place far from 0, whose motion is small and soon over while the force sinks a little, is no relaxation; nor is a creep whose strain does not vary more than its stress.
+#[test]
+fn a_hold_far_from_zero_is_no_relaxation() {
+    let bead: String = (0..600)
+        .map(|row| {
+            let t = 0.1 * row as f64;
+            let x = 512.0 + 10.0 * (1.0 - (-t).exp()) + 0.05 * noise(row);
+            format!("{t:.1},{:.4},{x:.3}\n", 10.0 * (1.0 - 0.004 * t / 60.0) + 0.002 * noise(row + 700))
+        })
+        .collect();
+    let (_, experiment, _) =
+        read(&format!("Time (s),Force (uN),Position (um)\n{bead}"), TableSettings::default()).expect("a creep");
+    assert_eq!(experiment.control, Control::Force);
+    let gel: String = (0..200)
+        .map(|row| {
+            format!("{},{:.3},{:.4}\n", row + 1, 99.9 + 0.0005 * f64::from(row), 5.0 + 0.03 * noise(row as usize))
+        })
+        .collect();
+    let (summary, experiment, _) =
+        read(&format!("Time (s),Stress (Pa),Strain (%)\n{gel}"), TableSettings::default()).expect("a creep");
+    assert_eq!(experiment.control, Control::Force, "{:?}", summary.reasons);
+}
+
+/// Lines above a table in quotation marks, with their values inside or behind.
+#[test]
+fn quoted_lines_state_sizes() {
+    let body = rows(|_, [t, f, x]| format!("{t:.3},{:.6},{f}", 1e-3 * x));
+    for (lines, length_mm) in [
+        ("\"Gage length: 25 mm\"\n", "25"),
+        ("\"Gage length:\",25,mm\n", "25"),
+        ("\"Gage length, 25 mm\"\n", "25"),
+        ("\"Gage length, standard travel\",25,\"mm\"\n\"Gage length, tolerance\",1,\"mm\"\n", "25"),
+    ] {
+        let text = format!("{lines}\"Cross-section\",12,\"mm²\"\n\nTime,Extension,Load\ns,mm,mN\n{body}");
+        let (summary, ..) = read_without_sizes(&text);
+        let is_said =
+            summary.reasons.iter().any(|reason| reason.contains(&format!("{length_mm} mm long (from line 1")));
+        assert!(is_said, "{lines} {:?}", summary.reasons);
     }
 }
 

@@ -101,12 +101,17 @@ fn of_creep(
             let verdict = &mut found.diagnosis.verdict;
             // Laws are compared with wide priors, so the study's own law can explain what its prior excludes.
             let is_of_study = law == revision.problem.model.base().name();
+            let fixed: Vec<&str> = revision.problem.specification.fixed.keys().map(String::as_str).collect();
+            let own = match fixed.is_empty() {
+                true => format!("With a wide prior, {sentence} {PRIOR_EXCLUDES}"),
+                false => format!("With free parameters, {sentence} This study fixes {}.", fixed.join(", ")),
+            };
             let said = &verdict.sentence;
             let of_claim = format!("{said} The model with it still leaves {} µm", format_significant(left_um, 3));
             verdict.sentence = match (is_unexplained, is_of_study) {
-                (true, true) => format!("With a wide prior, {sentence} {PRIOR_EXCLUDES} {said}"),
+                (true, true) => format!("{own} {said}"),
                 (true, false) => format!("The base law {sentence} {said}"),
-                (false, true) => format!("{of_claim}. With a wide prior, {sentence} {PRIOR_EXCLUDES}"),
+                (false, true) => format!("{of_claim}. {own}"),
                 (false, false) => {
                     format!("{of_claim}, and the base law {sentence} The law rather than an effect may be wrong.")
                 }

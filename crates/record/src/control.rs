@@ -15,8 +15,9 @@ pub enum Control {
     Position,
 }
 
-/// Largest number of blocks of rows whose means are compared.
+/// Largest number of blocks of rows whose means are compared, and that for a range.
 const MOST_BLOCKS: usize = 100;
+const FEW_BLOCKS: usize = 20;
 /// A quantity holds between two blocks if their means differ by less than this part of its range.
 const HELD: f64 = 0.01;
 /// Least part of the blocks in which a commanded quantity holds.
@@ -32,6 +33,8 @@ const DRIFT: f64 = 0.15;
 
 /// Largest distance of a measured position that holds from its mean, as a part of the mean.
 const NEAR_MEAN: f64 = 0.03;
+/// Least range of the force beside such a position, as a part of its mean, in standard deviations of the position, as a part of its mean.
+const MORE: f64 = 5.0;
 
 /// Least correlation of a force with the number of the row that shows a drift beneath noise.
 const ORDERED: f64 = 0.7;
@@ -54,15 +57,31 @@ impl Control {
     }
 }
 
-/// True if the position as the table has it stays near one value without a trend, while the force drifts: a relaxation whose measured position counts from its first row is
-/// noise only.
+/// True if a strain as the table has it stays near one value without a trend, while the stress drifts by more than the strain varies: a relaxation whose measured strain counts
+/// from its first row is noise only. A coordinate of a bead has no zero of its own, so that this says nothing of it.
 pub(super) fn holds_as_written(force_n: &[f64], written_m: &[Option<f64>]) -> bool {
     let known: Vec<f64> = written_m.iter().flatten().copied().collect();
     let mean_m = known.iter().sum::<f64>() / known.len().max(1) as f64;
     let is_near = known.iter().all(|x| (x - mean_m).abs() < NEAR_MEAN * mean_m.abs());
     let from_mean: Vec<f64> = known.iter().map(|x| x - mean_m).collect();
     let is_still = !has_trend(&changes(&from_mean)) && correlation_with_row(&known).abs() < 0.5 * ORDERED;
-    is_near && is_still && (drifts(&changes(force_n)) || correlation_with_row(force_n).abs() > ORDERED)
+    let is_drift = drifts(&changes(force_n)) || correlation_with_row(force_n).abs() > ORDERED;
+    is_near && is_still && is_drift && relative_range(force_n) > MORE * relative_sd(&known)
+}
+
+/// Standard deviation of values as a part of their mean.
+fn relative_sd(values: &[f64]) -> f64 {
+    let n = values.len().max(1) as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    (values.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() / n).sqrt() / mean.abs()
+}
+
+/// Range of the means of blocks of values as a part of the mean of all.
+fn relative_range(values: &[f64]) -> f64 {
+    let mean = |block: &[f64]| block.iter().sum::<f64>() / block.len() as f64;
+    let blocks = values.chunks(values.len().div_ceil(FEW_BLOCKS).max(1)).map(mean);
+    let [low, high] = blocks.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)]);
+    (high - low) / mean(values).abs()
 }
 
 /// Correlation of values with the number of their row; 0 if they do not change.

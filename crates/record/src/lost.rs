@@ -10,26 +10,45 @@ use super::robust::median;
 const FEWEST: usize = 3;
 const MOSTLY: f64 = 0.5;
 /// Factors for the smallest distance of a lost position from its neighbouring rows. It is the largest of four distances: `STEPS` median steps
-/// between rows, `DIGITS` steps of the last written digit, `FLOWS` times the distance between the neighbouring rows, and the part `OF_RANGE` of the range of all positions.
+/// between rows, `DIGITS` steps of the last written digit, `FLOWS` times the distance between the neighbouring rows, and the part `OF_RANGE` of the range of most positions.
 const STEPS: f64 = 20.0;
 const DIGITS: f64 = 20.0;
 const FLOWS: f64 = 5.0;
 const OF_RANGE: f64 = 0.01;
+/// Part of the positions at either end that the range leaves out.
+const BESIDE: f64 = 0.05;
 /// Largest number of consecutive rows in which a lost position may repeat. In longer runs the body is at rest, unless the value lies outside all
 /// other values by more than their range.
 const LONGEST: usize = 10;
 
-/// Returns the values that repeat and are mostly far from the rows before and after, in ascending order and in the unit of the positions.
+/// Returns the values that repeat and are mostly far from the rows before and after, in ascending order and in the unit of the positions. The search is repeated without the
+/// values that it has found: one mark of a lost position hides another.
 pub fn repeated_outliers(positions: &[Option<f64>]) -> Vec<f64> {
-    let known: Vec<f64> = positions.iter().flatten().copied().collect();
+    let mut known: Vec<f64> = positions.iter().flatten().copied().collect();
+    let mut found = Vec::new();
+    loop {
+        let more = outliers_of(&known);
+        if more.is_empty() {
+            break;
+        }
+        known.retain(|x| !more.contains(x));
+        found.extend(more);
+    }
+    found.sort_unstable_by(f64::total_cmp);
+    found
+}
+
+fn outliers_of(known: &[f64]) -> Vec<f64> {
     let mut rows: HashMap<u64, Vec<usize>> = HashMap::new();
     for (row, x) in known.iter().enumerate() {
         rows.entry(x.to_bits()).or_default().push(row);
     }
-    let mut sorted = known.clone();
+    let mut sorted = known.to_vec();
     sorted.sort_unstable_by(f64::total_cmp);
     let digit = sorted.windows(2).map(|pair| pair[1] - pair[0]).filter(|gap| *gap > 0.0).fold(f64::INFINITY, f64::min);
-    let range = sorted.last().zip(sorted.first()).map_or(0.0, |(last, first)| last - first);
+    // Few glitches do not count.
+    let quantile = |part: f64| sorted.get((part * (sorted.len().max(1) - 1) as f64) as usize).copied().unwrap_or(0.0);
+    let range = quantile(1.0 - BESIDE) - quantile(BESIDE);
     let step = median(known.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect()).unwrap_or(0.0);
     let is_beyond = |x: f64| {
         let (below, above) = (sorted.partition_point(|other| *other < x), sorted.partition_point(|other| *other <= x));
@@ -53,17 +72,14 @@ pub fn repeated_outliers(positions: &[Option<f64>]) -> Vec<f64> {
         let least = (STEPS * step).max(DIGITS * digit).max(FLOWS * (after - before).abs()).max(OF_RANGE * range);
         !is_between && !is_rest && distance > least
     };
-    let mut found: Vec<f64> = rows
-        .iter()
+    rows.iter()
         .filter(|(_, rows)| rows.len() >= FEWEST)
         .filter(|(_, rows)| {
             let n_far = rows.iter().filter(|row| is_far(**row)).count();
             n_far >= FEWEST && n_far as f64 >= MOSTLY * rows.len() as f64
         })
         .map(|(bits, _)| f64::from_bits(*bits))
-        .collect();
-    found.sort_unstable_by(f64::total_cmp);
-    found
+        .collect()
 }
 
 #[cfg(test)]
@@ -87,6 +103,22 @@ mod tests {
                 (0..1200).map(|row| Some(if row % 17 == 5 { sentinel } else { motion(row) + noise(row) })).collect();
             assert_eq!(repeated_outliers(&positions), [sentinel]);
         }
+    }
+
+    /// Checks that one mark does not hide another, and that a single glitch hides none.
+    #[test]
+    fn several_marks_are_found() {
+        let marked = |marks: [f64; 2], row: usize| match row % 17 {
+            5 => marks[0],
+            11 => marks[1],
+            _ => motion(row) / 20.0 + 0.05 * noise(row),
+        };
+        for marks in [[0.0, 65535.0], [-1.0, 65535.0], [-99999.0, -50.0]] {
+            let positions: Vec<Option<f64>> = (0..1200).map(|row| Some(marked(marks, row))).collect();
+            assert_eq!(repeated_outliers(&positions), marks);
+        }
+        let glitch = |row: usize| if row == 700 { 1e6 } else { marked([-50.0, -50.0], row) };
+        assert_eq!(repeated_outliers(&(0..1200).map(|row| Some(glitch(row))).collect::<Vec<_>>()), [-50.0]);
     }
 
     /// Checks that a value far outside all others counts as a lost position in runs of any length, here 30 rows.

@@ -108,7 +108,7 @@ fn one(
     }
     let given = creep.as_ref().map_or(&request.known_columns, |creep| &creep.given);
     let mut proposal = propose(place, bytes, given, ask)?;
-    refuse_logarithms(place, &proposal)?;
+    refuse_logarithms(place, &request.known_columns, &proposal)?;
     let mut device = match creep {
         Some(creep) => {
             creep.refuse_large_plain(proposal.position_m.iter().fold(0.0, |most, strain| strain.abs().max(most)))?;
@@ -125,7 +125,9 @@ fn one(
         }
     };
     let constant = device.stress_strain().and_then(|creep| creep.constant);
-    let control = request.control.or(constant).unwrap_or(proposal.control);
+    let is_held_strain = device.stress_strain().is_some() && proposal.holds_as_written;
+    let likely = if is_held_strain { Control::Position } else { proposal.control };
+    let control = request.control.or(constant).unwrap_or(likely);
     refuse_without_motion(place, &proposal, device.stress_strain())?;
     if device.is_tip() && control == Control::Position {
         return Err(refuse_relaxation_of_tip(place));
@@ -153,7 +155,7 @@ fn one(
             ));
         }
     }
-    if control == Control::Position && !device.is_tip() {
+    if control == Control::Position {
         proposal.count_commanded_positions();
         if proposal.acts_from_row {
             let text = "the position jumps, and the force answers in the row after each jump: each position acts from its row on (command = \"hold\")";

@@ -24,6 +24,9 @@ const SHEAR: [&str; 8] = ["shear", "torsion", "rotation", "cone", "couette", "cy
 /// Signs between a name and its value.
 const BETWEEN: [char; 5] = ['\t', ':', '=', ',', ';'];
 
+/// Ends of names that say by which device a size is measured.
+const QUALIFIERS: [&str; 2] = [", standard travel", ", crosshead"];
+
 /// Lines above a table, each with its number from 1.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Preamble<'a>(pub &'a [(usize, String)]);
@@ -81,11 +84,15 @@ impl<'a> Preamble<'a> {
     fn stated(self, names: &[&str], si: fn(&str, &str) -> Option<f64>) -> Option<StatedValue> {
         self.0.iter().rev().find_map(|(number, line)| {
             let line = line.trim_start_matches(['#', '%', '/', ';', ' ']);
-            // A name in quotation marks may contain a comma.
-            let quoted = line.strip_prefix('"').and_then(|text| text.split_once('"'));
-            let (name, rest) = quoted.or_else(|| line.split_once(BETWEEN))?;
+            // A name in quotation marks may contain a comma, unless the quotation marks enclose the value, too.
+            let is_name =
+                |(name, rest): &(&str, &str)| !name.contains([':', '=', ';', '\t']) && !rest.trim().is_empty();
+            let quoted = line.strip_prefix('"').and_then(|text| text.split_once('"')).filter(is_name);
+            let (name, rest) = quoted.or_else(|| line.trim_start_matches('"').split_once(BETWEEN))?;
+            let name = name.trim_end_matches('"');
             let called = name.trim().to_lowercase();
-            let before_bracket = called.split(['(', '[', ',']).next().unwrap_or_default().trim();
+            let called = QUALIFIERS.iter().find_map(|end| called.strip_suffix(end)).unwrap_or(&called).to_string();
+            let before_bracket = called.split(['(', '[']).next().unwrap_or_default().trim();
             if !names
                 .iter()
                 .any(|known| [called.as_str(), split_unit(&called).0.trim(), before_bracket].contains(known))

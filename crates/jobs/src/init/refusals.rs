@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::device::has_position;
-use super::stress::{ROTATION, StressStrain, called};
+use super::stress::{ROTATION, STRAIN, StressStrain, called};
 use base::error::{Error, InputPlace, Result, Setting};
 use base::units::Dimension;
 use figures::number::format_significant;
@@ -11,7 +11,7 @@ use record::table::{ColumnName, InspectedTable, TableDescription, TableProposal,
 use record::{columns_of, moduli_columns};
 
 /// Beginnings of the names of columns that hold logarithms.
-const LOGARITHMS: [&str; 4] = ["log10", "log", "ln", "lg"];
+const LOGARITHMS: [&str; 3] = ["log10", "ln", "lg"];
 /// Largest strain of a creep or a relaxation. A larger one is a flow.
 const LARGEST_STRAIN: f64 = 100.0;
 
@@ -43,8 +43,9 @@ pub(super) fn refuse_without_motion(
     Ok(())
 }
 
-/// Refuses columns of logarithms, which look like small numbers in a plain unit.
-pub(super) fn refuse_logarithms(place: &Path, proposal: &TableProposal) -> Result<()> {
+/// Refuses columns of logarithms, which look like small numbers in a plain unit, unless the user names them. A logarithmic strain is a strain, and `log` alone may name the time of
+/// a logger, which is never negative.
+pub(super) fn refuse_logarithms(place: &Path, given: &TableSettings, proposal: &TableProposal) -> Result<()> {
     let TableDescription { time, force, position, .. } = &proposal.description;
     let positions = position.iter().flat_map(|(columns, _)| columns.all());
     let used = std::iter::once(&time.0).chain(force.iter().map(|(name, _)| name)).chain(positions);
@@ -52,8 +53,16 @@ pub(super) fn refuse_logarithms(place: &Path, proposal: &TableProposal) -> Resul
         ColumnName::Named(name) => Some(name),
         ColumnName::Number(number) => proposal.columns.get(number - 1),
     });
+    let is_named =
+        |name: &str| given.columns.iter().flatten().any(|known| known == name || known.parse::<usize>().is_ok());
     let is_logarithm = |name: &&String| {
+        if is_named(name) || called(name, &STRAIN, &[]) {
+            return false;
+        }
         let name = name.trim().to_lowercase();
+        if proposal.first_time_s < 0.0 && name.starts_with("log ") {
+            return true;
+        }
         let behind = LOGARITHMS.iter().find_map(|word| name.strip_prefix(word));
         behind.is_some_and(|rest| rest.starts_with([' ', '(', '[', '_']))
     };
@@ -71,7 +80,7 @@ pub(super) fn refuse_logarithms(place: &Path, proposal: &TableProposal) -> Resul
 pub(super) fn refuse_relaxation_of_tip(place: &Path) -> Error {
     Error::input(
         InputPlace::file(place),
-        "the position seems to be commanded and the force measured, and a relaxation of a tip has no model",
+        "the position is commanded and the force measured, or seems to be, and a relaxation of a tip has no model",
         format!(
             "give the record of a hold at constant force; if this is one, say so with `{} creep`; of several parts choose the hold with `{}`",
             Setting::Kind,

@@ -5,13 +5,13 @@ use super::preamble::Preamble;
 use base::error::{Error, InputPlace, Result, Setting};
 use base::units::Dimension;
 use record::Control;
-use record::table::{InspectedTable, TableSettings, unit};
+use record::table::{InspectedTable, TableSettings, split_unit, unit};
 
 /// Words by which the stress column is recognised.
 const STRESS: [&str; 9] =
     ["stress", "spannung", "contrainte", "esfuerzo", "sforzo", "tensão", "напряжение", "応力", "应力"];
 /// Words by which the strain column is recognised.
-const STRAIN: [&str; 9] =
+pub(super) const STRAIN: [&str; 9] =
     ["strain", "deform", "dehnung", "stauchung", "déform", "деформация", "ひずみ", "歪み", "应变"];
 /// Words and symbols by which the column of a relaxation modulus is recognised.
 const MODULUS: [&str; 7] = ["modulus", "g(t)", "e(t)", "g_relax", "e_relax", "relaxationsmodul", "module"];
@@ -69,7 +69,7 @@ const DEFORMED: [&str; 2] = ["true", "cauchy"];
 /// Words that exclude such a test.
 pub(super) const MULTIAXIAL: [&str; 3] = ["biaxial", "triaxial", "shear"];
 /// Words in the names of stresses and strains that are not those of the test: settings, statistics, other directions, and parts of another quantity.
-const BESIDE: [&str; 40] = [
+const BESIDE: [&str; 42] = [
     "normal",
     "residual",
     "yield",
@@ -85,7 +85,6 @@ const BESIDE: [&str; 40] = [
     "maximum",
     "min",
     "minimum",
-    "mean",
     "sd",
     "std",
     "stdev",
@@ -110,6 +109,9 @@ const BESIDE: [&str; 40] = [
     "raw",
     "limit",
     "amplitude",
+    "normalspannung",
+    "sollspannung",
+    "solldehnung",
 ];
 /// Largest strain that is taken as a plain number if no unit is stated. A larger one is more likely in percent.
 const LARGEST_PLAIN: f64 = 1.0;
@@ -168,17 +170,29 @@ fn only_one<T: Copy>(looked: &InspectedTable, found: &[(usize, T)], setting: Set
     let measured = without(found.to_vec(), &is_beside);
     let relative = without(measured, &|place| called(name(place), &DEFORMED, &[]));
     let left = without(relative, &|place| {
-        let symbol = symbol(name(place));
-        !STRESS.iter().chain(&STRAIN).any(|word| symbol == *word)
+        let quantity = quantity(name(place));
+        !STRESS.iter().chain(&STRAIN).any(|word| quantity == *word)
     });
-    match left.iter().find(|(place, _)| symbol(name(*place)) != symbol(name(left[0].0))) {
-        None => Ok(left[0]),
-        Some((other, _)) => Err(Error::input(
-            InputPlace::setting(setting),
-            format!("`{}` and `{}` can both be meant", name(left[0].0), name(*other)),
-            format!("name the right one, as in `{setting} \"{}\"`", name(*other)),
-        )),
+    if left.iter().all(|(place, _)| quantity(name(*place)) == quantity(name(left[0].0))) {
+        return Ok(left[0]);
     }
+    let names: Vec<String> = left.iter().map(|(place, _)| format!("`{}`", name(*place))).collect();
+    Err(Error::input(
+        InputPlace::setting(setting),
+        format!("several columns can be meant: {}", names.join(", ")),
+        format!("name the right one: `{setting} NAME`"),
+    ))
+}
+
+/// Lower-case name of a column without its unit.
+fn quantity(name: &str) -> String {
+    let (stem, unit) = split_unit(name);
+    let bracket = name.trim_end().strip_suffix([')', ']']).and_then(|open| open.rsplit_once(['(', '[']));
+    let stem = match bracket {
+        Some((stem, _)) if unit.is_none() && stated_part(name).0.is_some() => stem,
+        _ => stem,
+    };
+    stem.trim().trim_end_matches('%').trim_start_matches('%').trim().to_lowercase()
 }
 
 /// Lower-case text of a column's name before its unit.
@@ -248,11 +262,15 @@ impl StressStrain {
         let is_plain = given.units[2].as_deref().is_some_and(|text| PLAIN.contains(&text.trim()));
         let strain = if is_plain { Some(1.0) } else { told(2, Dimension::Ratio) };
         let told_stress = told(1, Dimension::Pressure);
-        if given.axes.iter().any(Option::is_some) {
+        let is_of_other = |place: usize, dimension: Dimension| {
+            given.units[place].as_deref().and_then(unit).is_some_and(|unit| unit.dimension == dimension)
+        };
+        let has_force_or_length = is_of_other(1, Dimension::Force) || is_of_other(2, Dimension::Length);
+        if has_force_or_length || given.axes.iter().any(Option::is_some) {
             return Ok(None);
         }
         if let Some((stress, strain)) = told_stress.zip(strain) {
-            return Ok(Self::told(looked, given, [stress, strain], poisson_ratio));
+            return Self::told(looked, given, [stress, strain], poisson_ratio);
         }
         let told_strain = strain;
         // Column that the user names for a role, by its name or its number.
@@ -280,7 +298,7 @@ impl StressStrain {
                         let (stated, is_read) = stated_part(name);
                         told_strain.or(stated).or(is_read.then_some(1.0))
                     }
-                    Some(unit) if unit.dimension == Dimension::Ratio => Some(unit.to_si(1.0)),
+                    Some(unit) if unit.dimension == Dimension::Ratio => Some(told_strain.unwrap_or(unit.to_si(1.0))),
                     _ => return None,
                 };
                 is_called(2, name, &STRAIN).then_some((place, part))
@@ -384,21 +402,23 @@ impl StressStrain {
         given: &TableSettings,
         [stress, strain]: [f64; 2],
         poisson_ratio: Option<f64>,
-    ) -> Option<Self> {
-        let column = |place: usize, words: &[&str]| {
-            let named = || looked.columns.iter().position(|name| called(name, words, &RATE));
-            given.columns[place].clone().or_else(|| Some((named()? + 1).to_string()))
+    ) -> Result<Option<Self>> {
+        let column = |role: usize, words: &[&str], setting: Setting| {
+            if let Some(name) = &given.columns[role] {
+                return Ok(Some(name.clone()));
+            }
+            let named = looked.columns.iter().enumerate().filter(|(_, name)| called(name, words, &RATE));
+            let found: Vec<(usize, ())> = named.map(|(place, _)| (place, ())).collect();
+            let only = if found.is_empty() { None } else { Some(only_one(looked, &found, setting)?) };
+            Ok::<_, Error>(only.map(|(place, ())| (place + 1).to_string()))
         };
         let is_shear = looked.columns.iter().any(|name| called(name, &MULTIAXIAL, &[]));
         let uniaxial_because = if is_shear { None } else { said_above(looked) };
-        Some(Self {
+        let columns = [column(1, &STRESS, Setting::ForceColumn)?, column(2, &STRAIN, Setting::PositionColumn)?];
+        let [Some(of_stress), Some(of_strain)] = columns else { return Ok(None) };
+        Ok(Some(Self {
             given: TableSettings {
-                columns: [
-                    given.columns[0].clone(),
-                    Some(column(1, &STRESS)?),
-                    Some(column(2, &STRAIN)?),
-                    given.columns[3].clone(),
-                ],
+                columns: [given.columns[0].clone(), Some(of_stress), Some(of_strain), given.columns[3].clone()],
                 units: [given.units[0].clone(), so_many(stress, "N"), so_many(strain, "m")],
                 ..given.clone()
             },
@@ -408,7 +428,7 @@ impl StressStrain {
             is_of_specimen: false,
             uniaxial_because,
             is_assumed_plain: false,
-        })
+        }))
     }
 
     /// Column of a modulus or a compliance over time, as its index and the size of its unit in SI units, with the quantity that is commanded. `None` unless the table has

@@ -102,7 +102,11 @@ pub(super) fn experiment_toml(
         line("time_ties", quoted("spread"), "equal times of a coarse clock are spread evenly");
     }
     if let Some(blank) = table.blank_force {
-        line("blank_force", quoted(blank.name()), "value of a blank force: that of the row \"above\", or \"zero\"");
+        line(
+            "blank_force",
+            quoted(blank.name()),
+            "of a row without one: that of the row \"above\", \"zero\", or \"left-out\" with its row",
+        );
     }
     if !table.lost.is_empty() {
         line("lost", format!("{:?}", table.lost), "position values that mean lost tracking, in the column's unit");

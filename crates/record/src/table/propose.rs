@@ -50,6 +50,8 @@ pub struct TableProposal {
     pub has_noisy_levels: bool,
     /// Quantity that the experiment most likely commanded.
     pub control: Control,
+    /// True if the position as written stays near one value while the force drifts by more, which shows a relaxation if the position has a zero of its own, as a strain has.
+    pub holds_as_written: bool,
     /// True if neither force nor position holds for most of the time, so that the commanded quantity is hard to tell.
     pub nothing_holds: bool,
     /// Names of all columns; empty without a header.
@@ -214,7 +216,6 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
     // A force at levels is commanded, and so is any force that moves a body in two or three dimensions.
     let is_along = matches!(description.position, Some((PositionColumns::Along(_), _)));
     let control = match is_along && !has_noisy_levels && description.force.is_some() {
-        true if holds_as_written => Control::Position,
         true => Control::likely(&trajectory.force_n, &trajectory.position_m),
         false => Control::Force,
     };
@@ -239,6 +240,7 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
         nothing_holds: is_along && nothing_holds(&trajectory.force_n, &trajectory.position_m),
         has_noisy_levels,
         control,
+        holds_as_written,
     })
 }
 
@@ -451,7 +453,7 @@ impl DescribedFile<'_> {
             position: Some((position, unit_of(Role::Position)?)),
             cycle: name(Role::Cycle),
             track,
-            blank_force: self.blank_force(force_at, ask)?,
+            blank_force: self.blank_force(force_at, reasons, ask)?,
             lost: Vec::new(),
             time_rules: TimeRules {
                 joins_restarts: one_word(Setting::TimeRestarts, given.time_restarts.as_deref(), "join")?,
@@ -525,20 +527,25 @@ impl DescribedFile<'_> {
     }
 
     /// Returns the rule for blank force cells; `None` if no force cell is blank or the user gives no answer.
-    fn blank_force(&self, force: Option<usize>, ask: Ask<'_>) -> Result<Option<BlankForce>> {
+    fn blank_force(&self, force: Option<usize>, reasons: &mut Vec<String>, ask: Ask<'_>) -> Result<Option<BlankForce>> {
         let setting = Setting::BlankForce;
         let named = |word: &str| BlankForce::ALL.into_iter().find(|blank| blank.name() == word);
+        let is_blank = |row: &Vec<Cow<'_, str>>| force.and_then(|at| row.get(at)).is_some_and(|cell| is_lost(cell));
+        let n_blank = self.rows().filter(is_blank).count();
         if let Some(word) = &self.given.blank_force {
-            return named(word).map(Some).ok_or_else(|| {
+            let blank = named(word).ok_or_else(|| {
                 Error::input(
                     InputPlace::setting(setting),
                     format!("`{word}` is not a known meaning of a blank force"),
                     "give `above`, `zero` or `left-out`",
                 )
-            });
+            })?;
+            if blank == BlankForce::LeftOut && n_blank > 0 {
+                reasons.push(format!("{n_blank} rows have no force and are left out"));
+            }
+            return Ok(Some(blank));
         }
-        let is_blank = |row: &Vec<Cow<'_, str>>| force.and_then(|at| row.get(at)).is_some_and(|cell| is_lost(cell));
-        if !self.rows().any(|row| is_blank(&row)) {
+        if n_blank == 0 {
             return Ok(None);
         }
         let question = Question {

@@ -142,9 +142,6 @@ pub(crate) fn read_described(file: &Path, text: &str, description: &TableDescrip
         {
             continue;
         }
-        if table != Some(of_line) {
-            (table, _) = (Some(of_line), starts.push(trajectory.time_s.len()));
-        }
         let at = |quantity: usize| {
             let column = match quantity {
                 FORCE => columns.force.as_ref(),
@@ -193,6 +190,10 @@ pub(crate) fn read_described(file: &Path, text: &str, description: &TableDescrip
         }
         let position_m = coordinates.first().copied().flatten().filter(|_| is_whole);
         let cycle = columns.cycle.as_ref().map(cell).transpose()?;
+        // A row without a force may have been left out before.
+        if table != Some(of_line) {
+            (table, _) = (Some(of_line), starts.push(trajectory.time_s.len()));
+        }
         trajectory.note_line(file, index + 1)?;
         trajectory.add(TableRow { time_s, force_n, position_m, cycle }, &at)?;
     }

@@ -179,10 +179,16 @@ fn known_unit(plain: &str) -> Option<ParsedUnit> {
 
 /// Unit of a stress that is written as a force over an area, such as `N/mm²` or `dyn/cm^2`.
 fn force_per_area(plain: &str) -> Option<ParsedUnit> {
-    let (force, area) = plain.split_once('/')?;
+    let (force, area) = plain.split_once('/').map(|(force, area)| (force.trim(), area.trim()))?;
     let side = ["^2", "²", "2"].iter().find_map(|power| area.strip_suffix(power))?;
-    let force = known_unit(force).filter(|unit| unit.dimension == Dimension::Force)?;
-    let side_m = known_unit(side).filter(|unit| unit.dimension == Dimension::Length)?.to_si(1.0);
+    let side = if side == "in" { "inch" } else { side };
+    // Some programs write all units in capitals.
+    let find = |text: &str, dimension: Dimension| {
+        let found = known_unit(text).or_else(|| known_unit(&text.to_lowercase()));
+        found.filter(|unit| unit.dimension == dimension)
+    };
+    let force = find(force, Dimension::Force)?;
+    let side_m = find(side, Dimension::Length)?.to_si(1.0);
     let scale = UnitScale::Times(force.to_si(1.0) / (side_m * side_m));
     Some(ParsedUnit { dimension: Dimension::Pressure, name: plain.into(), scale })
 }
