@@ -900,7 +900,7 @@ fn a_force_over_an_area_is_a_stress() {
         ("kN/m^2", 1e3),
         ("gf/cm2", 98.0665),
         ("DYN/CM2", 0.1),
-        ("lbf/in²", 6894.757_293),
+        ("lbf/in²", 6_894.757_293),
     ] {
         assert!((largest_n(unit) / (pa * of_pa) - 1.0).abs() < 1e-9, "{unit}");
     }
