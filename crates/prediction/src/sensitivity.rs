@@ -7,6 +7,7 @@
 
 use base::error::{Error, Result};
 use figures::density::quantile_of_sorted;
+use models::model::N_LANES;
 use nalgebra::{DMatrix, DVector};
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
@@ -14,9 +15,6 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, Normal};
-
-/// Number of points that are evaluated at once.
-const AT_ONCE: usize = 8;
 
 /// Marginal distribution of an input.
 #[derive(Debug, Clone, PartialEq)]
@@ -135,7 +133,7 @@ pub fn indices(
         let of_chunk = |points: &[DVector<f64>]| {
             quantities(&points.iter().map(|point| inputs.values(point.as_slice())).collect::<Vec<Vec<f64>>>())
         };
-        let chunks: Vec<Vec<Vec<f64>>> = points.par_chunks(AT_ONCE).map(of_chunk).collect::<Result<_>>()?;
+        let chunks: Vec<Vec<Vec<f64>>> = points.par_chunks(N_LANES).map(of_chunk).collect::<Result<_>>()?;
         Ok(chunks.into_iter().flatten().collect())
     };
     let base = evaluate(&points)?;

@@ -44,7 +44,7 @@ pub(super) fn refuse_without_motion(
 }
 
 /// Refuses columns of logarithms, which look like small numbers in a plain unit, unless the user names them. A logarithmic strain is a strain, and `log` alone may name the time of
-/// a logger, which is never negative.
+/// a logger.
 pub(super) fn refuse_logarithms(place: &Path, given: &TableSettings, proposal: &TableProposal) -> Result<()> {
     let TableDescription { time, force, position, .. } = &proposal.description;
     let positions = position.iter().flat_map(|(columns, _)| columns.all());
@@ -60,9 +60,6 @@ pub(super) fn refuse_logarithms(place: &Path, given: &TableSettings, proposal: &
             return false;
         }
         let name = name.trim().to_lowercase();
-        if proposal.first_time_s < 0.0 && name.starts_with("log ") {
-            return true;
-        }
         let behind = LOGARITHMS.iter().find_map(|word| name.strip_prefix(word));
         behind.is_some_and(|rest| rest.starts_with([' ', '(', '[', '_']))
     };
