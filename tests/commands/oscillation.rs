@@ -97,6 +97,72 @@ fn a_sweep_with_inertia_is_told() {
     assert!(said.stdout.contains("a modulus is negative at 3 of 14 frequencies"), "{said}");
 }
 
+/// Moduli of two samples beside each other have names that say too little. The user names a pair, with a modulus and a loss modulus, a phase or a loss tangent.
+#[test]
+fn columns_of_moduli_are_named_by_the_user() {
+    let place = tempfile::tempdir().unwrap();
+    let dir = place.path();
+    let row = |k: i32| {
+        let f = 0.1 * 1.5_f64.powi(k);
+        format!("{f},100,10,{},{},0.1,5.7\n", 200.0 + f, 20.0 + f)
+    };
+    let header = "f (Hz),A storage (Pa),A loss (Pa),B storage (Pa),B loss (Pa),B tan,B angle (deg)\n";
+    std::fs::write(dir.join("two.csv"), header.to_string() + &(0..14).map(row).collect::<String>()).unwrap();
+    let refused = ["`f (Hz)` is a frequency", "`--moduli COLUMN COLUMN`"];
+    vitreo(dir, &["init", "two.csv"]).refuses(&refused);
+    for (pair, keys) in [
+        (["B storage (Pa)", "B loss (Pa)"], ["storage = \"B storage (Pa)\"", "loss = \"B loss (Pa)\""]),
+        (["4", "6"], ["storage = \"B storage (Pa)\"", "loss_tangent = \"B tan\""]),
+        (["B storage (Pa)", "B angle (deg)"], ["modulus = \"B storage (Pa)\"", "phase = \"B angle (deg)\""]),
+    ] {
+        vitreo(dir, &["init", "two.csv", "--replace", "--moduli", pair[0], pair[1]]).exits(0);
+        let toml = std::fs::read_to_string(dir.join("two/experiment.toml")).unwrap();
+        assert!(keys.iter().all(|key| toml.contains(key)), "{toml}");
+        vitreo(dir, &["check", "two"]).exits(0);
+    }
+    let twice = ["init", "two.csv", "--replace", "--moduli", "4", "4"];
+    vitreo(dir, &twice).refuses(&["--moduli", "the same column is given twice"]);
+    let text = std::fs::read_to_string(dir.join("two.csv")).unwrap();
+    std::fs::write(dir.join("one.csv"), text.replace("B storage", "Storage modulus").replace("B loss", "Loss modulus"))
+        .unwrap();
+    vitreo(dir, &["init", "one.csv", "--moduli", "5", "4"])
+        .refuses(&["`Loss modulus (Pa)` stands in the place of the storage"]);
+    let unknown = ["init", "two.csv", "--replace", "--moduli", "C storage", "B loss (Pa)"];
+    vitreo(dir, &unknown).refuses(&["--moduli", "there is no column `C storage`"]);
+}
+
+/// A Lethersich law with a spring in series is two Maxwell bodies in parallel, of which the moduli add up to that of the spring. Laws of two elements do not explain it.
+#[test]
+fn laws_of_a_table_of_moduli_are_ranked() {
+    let place = tempfile::tempdir().unwrap();
+    let dir = place.path();
+    write_table(&dir.join("sweep.txt"), 47.0, 30.0);
+    vitreo(dir, &["init", "sweep.txt"]).exits(0);
+    let compared = |laws: &str, exit_code: i32| {
+        let run = vitreo(dir, &["compare", "sweep", "--laws", laws, "--out", "study"]).exits(exit_code);
+        assert!(dir.join("study/laws.png").is_file());
+        let text = std::fs::read_to_string(dir.join("study/laws.json")).unwrap();
+        (serde_json::from_str::<Value>(&text).unwrap(), run.stdout)
+    };
+    let (found, said) = compared("maxwell,lethersich,two-mode-maxwell", 0);
+    let best = &found["laws"][0];
+    assert_eq!((&best["law"], &best["status"]), (&"two-mode-maxwell".into(), &"likeliest".into()), "{said}");
+    // The table's noise is 2 % of |G*| for each modulus.
+    let error = best["misfit"]["relative_fitted"].as_f64().unwrap();
+    assert!((0.014..0.026).contains(&error), "{error}");
+    let moduli = best["parameters"].as_array().unwrap().iter();
+    let moduli = moduli.filter(|parameter| parameter["name"].as_str().unwrap().ends_with("_modulus_pa"));
+    let sum: f64 = moduli.map(|parameter| parameter["mean"].as_f64().unwrap()).sum();
+    assert!((sum - 30.0).abs() < 3.0, "{sum}");
+    assert!(said.contains("its residuals are noise") && said.contains("fitted (%)"), "{said}");
+    let fixed =
+        ["compare", "sweep", "--laws", "two-mode-maxwell", "--set", "second_flow_viscosity_pa_s=47", "--out", "other"];
+    vitreo(dir, &fixed).exits(0);
+    let (found, said) = compared("maxwell,kelvin-voigt", 1);
+    assert_eq!(found["is_explained"], false, "{said}");
+    assert!(said.contains("No law explains the record"), "{said}");
+}
+
 /// `sample` and `diagnose` agree on a law that lacks a spring. With the spring nothing is missing.
 #[test]
 #[ignore = "thorough"]

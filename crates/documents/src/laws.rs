@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::diagnosis::RefitParameter;
+use super::oscillation::{Frequencies, OscillationMisfit};
 
 /// Result of `compare --laws`, which compares base laws on one record: body of the JSON document `vitreo-uq/laws/1`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -10,20 +11,30 @@ use super::diagnosis::RefitParameter;
 pub struct LawComparison {
     /// Specimen identifier.
     pub experiment: String,
-    /// Cycles that every law is fitted to.
+    /// Cycles that every law is fitted to; empty for an oscillation.
     pub fitted_cycles: Vec<u32>,
     /// The scored cycle; empty if no cycle is held out.
     pub heldout_cycles: Vec<u32>,
-    /// Number of positions that every law is fitted to. A long record is thinned.
+    /// Frequencies of an oscillation; `None` for records over time.
+    pub frequencies: Option<Frequencies>,
+    /// Number of positions or frequencies that every law is fitted to. A long record over time is thinned.
     pub n_fitted: usize,
-    /// Known or estimated noise standard deviation, in µm; `None` if it is unknown.
+    /// Known or estimated noise standard deviation, in µm; `None` if it is unknown, and for an oscillation.
     pub noise_um: Option<f64>,
     /// True if the best law leaves only noise on the fitted positions, and only noise and uncertain parameters on the scored ones. `None` if the noise is unknown.
+    /// For an oscillation, true if the residuals of the best law are consistent with measurement errors.
     pub is_explained: Option<bool>,
     /// Laws by falling evidence, or by rising error if no law explains the record. Without an explanation there is no evidence. Laws that could not be fitted come last.
     pub laws: Vec<LawRow>,
     /// Summary of the comparison as a sentence.
     pub sentence: String,
+}
+
+impl LawComparison {
+    /// Unit of [`LawRow::errors`].
+    pub fn error_unit(&self) -> &'static str {
+        if self.frequencies.is_some() { "%" } else { "µm" }
+    }
 }
 
 /// One law of a comparison.
@@ -46,8 +57,27 @@ pub struct LawRow {
     pub rmse_heldout_um: Option<f64>,
     /// Distance of the scored positions from the law's prediction, per position: √(rᵀΣ⁻¹r/n) with the covariance Σ of white noise and uncertain parameters. About 1 for the true law; `None` without a fit or a scored cycle.
     pub heldout_over_expected: Option<f64>,
+    /// Residuals of an oscillation at the best fit, relative to the modulus of the complex modulus; `None` without a fit and for records over time.
+    pub misfit: Option<OscillationMisfit>,
     /// Posterior of each parameter of the law; empty without evidence.
     pub parameters: Vec<RefitParameter>,
+}
+
+impl LawRow {
+    /// Root mean square residuals of the fitted and of the scored rows at the best fit: in µm, or in % of the complex modulus for an oscillation.
+    pub fn errors(&self) -> [Option<f64>; 2] {
+        let percent = |share: f64| 100.0 * share;
+        match &self.misfit {
+            Some(misfit) => [Some(percent(misfit.relative_fitted)), misfit.relative_heldout.map(percent)],
+            None => [self.rmse_fitted_um, self.rmse_heldout_um],
+        }
+    }
+
+    /// Error by which laws are ranked without evidence, in the unit of [`LawRow::errors`]: that of the scored rows, or of the fitted rows if none is scored.
+    pub fn ranking_error(&self) -> Option<f64> {
+        let [fitted, heldout] = self.errors();
+        heldout.or(fitted)
+    }
 }
 
 /// Status of a law in a comparison.

@@ -14,8 +14,8 @@ const ROW_PX: f64 = 30.0;
 const TEXT_PX: f64 = 13.0;
 /// Difference of log evidences at the end of the bars, in nats. Laws beyond it are equally hopeless.
 const LONGEST_NATS: f64 = 50.0;
-/// Heads of the columns of numbers, and their right ends.
-const NUMBERS: [(&str, f64); 3] = [("nats", 600.0), ("fitted (µm)", 720.0), ("held out (µm)", 860.0)];
+/// Heads of the columns of numbers, and their right ends. Errors have a unit.
+const NUMBERS: [(&str, f64); 3] = [("nats", 600.0), ("fitted", 720.0), ("held out", 860.0)];
 
 /// Draws one row for each law. A bar shows by how much its log evidence is below that of the likeliest law.
 pub fn laws(comparison: &LawComparison) -> Svg {
@@ -28,13 +28,14 @@ pub fn laws(comparison: &LawComparison) -> Svg {
         let has_evidence = comparison.laws.iter().any(|law| law.evidence_difference_nats.is_some());
         let of_bars =
             if has_evidence { "log evidence below the likeliest law" } else { "error relative to the largest" };
-        let largest_um = comparison.laws.iter().filter_map(error_um).fold(0.0_f64, f64::max);
+        let largest = comparison.laws.iter().filter_map(LawRow::ranking_error).fold(0.0_f64, f64::max);
         svg.text(of_bars, (MARGIN_PX + LABEL_PX, top - 8.0), small(Anchor::Start));
         for (words, right) in NUMBERS {
-            svg.text(words, (right, top - 8.0), small(Anchor::End));
+            let unit = if words == "nats" { String::new() } else { format!(" ({})", comparison.error_unit()) };
+            svg.text(&format!("{words}{unit}"), (right, top - 8.0), small(Anchor::End));
         }
         for (place, law) in comparison.laws.iter().enumerate() {
-            row(svg, law, (has_evidence, largest_um), top + ROW_PX * place as f64);
+            row(svg, law, (has_evidence, largest), top + ROW_PX * place as f64);
         }
         top + ROW_PX * comparison.laws.len() as f64 + MARGIN_PX
     };
@@ -45,12 +46,7 @@ pub fn laws(comparison: &LawComparison) -> Svg {
     svg
 }
 
-/// Error by which laws without evidence are ranked, in µm.
-fn error_um(law: &LawRow) -> Option<f64> {
-    law.rmse_heldout_um.or(law.rmse_fitted_um)
-}
-
-fn row(svg: &mut Svg, law: &LawRow, (has_evidence, largest_um): (bool, f64), top: f64) {
+fn row(svg: &mut Svg, law: &LawRow, (has_evidence, largest): (bool, f64), top: f64) {
     let baseline = top + 0.65 * ROW_PX;
     let ink = if law.status == LawStatus::NotCompared { MUTED } else { INK };
     svg.text(&law.law, (MARGIN_PX, baseline), TextStyle::new(TEXT_PX, Anchor::Start).colour(ink));
@@ -58,7 +54,7 @@ fn row(svg: &mut Svg, law: &LawRow, (has_evidence, largest_um): (bool, f64), top
     let left = MARGIN_PX + LABEL_PX;
     let part = match law.evidence_difference_nats {
         Some(difference) => Some((-difference / LONGEST_NATS).clamp(0.0, 1.0)),
-        None => error_um(law).filter(|_| !has_evidence).map(|error_um| error_um / largest_um),
+        None => law.ranking_error().filter(|_| !has_evidence).map(|error| error / largest),
     };
     let Some(part) = part else {
         svg.text(law.status.text(), (left, baseline), TextStyle::new(TEXT_PX, Anchor::Start).colour(MUTED));
@@ -70,7 +66,8 @@ fn row(svg: &mut Svg, law: &LawRow, (has_evidence, largest_um): (bool, f64), top
     svg.rect(bar, Fill::new(colour, 1.0));
     let error = |value: Option<f64>| value.map_or("–".into(), |value| format_significant(value, 3));
     let nats = law.evidence_difference_nats.map_or("–".into(), |difference| format_decimals(difference, 1));
-    let texts = [nats, error(law.rmse_fitted_um), error(law.rmse_heldout_um)];
+    let [fitted, heldout] = law.errors().map(error);
+    let texts = [nats, fitted, heldout];
     for ((_, right), text) in NUMBERS.iter().zip(texts) {
         svg.text(&text, (*right, baseline), TextStyle::new(TEXT_PX, Anchor::End));
     }

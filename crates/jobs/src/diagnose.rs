@@ -25,7 +25,8 @@ use serde::Serialize;
 
 use crate::artefacts::with_prior;
 use crate::last_cycle;
-use crate::laws::{ExplainingLaw, find_explaining_law};
+use crate::laws::creep::{ExplainingLaw, find_explaining_law};
+use crate::laws::oscillation;
 use crate::outcome::Outcome;
 use crate::sweep;
 use crate::target::{CohortTarget, CreepTarget, SweepTarget, Target, unsupported_target};
@@ -177,7 +178,14 @@ fn of_oscillation(
     let seed = request.sampler.seed;
     let problem = target.problem()?;
     let study = target.make_study()?;
-    let found = sweep::diagnose::run(&problem, seed, &Library::default(), monitor)?;
+    let mut found = sweep::diagnose::run(&problem, seed, &Library::default(), monitor)?;
+    if found.verdict.kind == VerdictKind::Unexplained
+        && let left = found.extended.as_ref().unwrap_or(&found.base)
+        && let Some((law, sentence)) = oscillation::find_explaining_law(&problem, left, seed, monitor)?
+    {
+        found.verdict.sentence = format!("{} The base law {sentence}", found.verdict.sentence);
+        found.verdict.base_law = Some(law);
+    }
     let provenance = with_prior(study.provenance("oscillation-diagnosis", 1, seed), &problem.priors);
     let document = WithProvenance { provenance, body: DiagnoseDocument::Oscillation(found) };
     let written = study.dir().join(DIAGNOSIS_NAME);

@@ -449,10 +449,12 @@ pub(crate) fn specification(
 
 /// Oscillation with its study. The study need not exist yet.
 pub struct SweepTarget {
-    sweep: OscillationRecord,
+    /// The moduli.
+    pub sweep: OscillationRecord,
     files: ExperimentFiles,
     dir: PathBuf,
-    model: ModelRequest,
+    /// Options that change the model.
+    pub request: ModelRequest,
     /// `true` allows to replace results of another input or model.
     pub force: bool,
 }
@@ -471,7 +473,7 @@ impl SweepTarget {
         if !Study::is_study(&dir) {
             Study::check_place(&dir)?;
         }
-        Ok(Self { sweep, files, dir, model, force })
+        Ok(Self { sweep, files, dir, request: model, force })
     }
 
     /// Model of the study's posterior if the study is of this oscillation; otherwise the default model.
@@ -487,17 +489,28 @@ impl SweepTarget {
         }
     }
 
+    /// Refuses a mesh and a revision.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for these options.
+    pub fn refuse_foreign_options(&self) -> Result<()> {
+        let ModelRequest { mesh, from, .. } = &self.request;
+        match first_given(&[(Setting::Mesh, mesh.is_some()), (Setting::Revision, from.is_some())]) {
+            None => Ok(()),
+            Some(option) => {
+                let found = "an oscillation has neither finite elements nor later revisions";
+                Err(Error::input(InputPlace::setting(option), found, format!("leave out {option}")))
+            }
+        }
+    }
+
     /// Joins the oscillation with its model and priors.
     ///
     /// # Errors
     /// [`Error::Input`] for options that do not apply to an oscillation; otherwise as [`SweepProblem::new`].
     pub fn problem(&self) -> Result<SweepProblem> {
-        let ModelRequest { mesh, from, .. } = &self.model;
-        if let Some(option) = first_given(&[(Setting::Mesh, mesh.is_some()), (Setting::Revision, from.is_some())]) {
-            let found = "an oscillation has neither finite elements nor later revisions";
-            return Err(Error::input(InputPlace::setting(option), found, format!("leave out {option}")));
-        }
-        let specification = self.model.applied_to(self.specification()?)?;
+        self.refuse_foreign_options()?;
+        let specification = self.request.applied_to(self.specification()?)?;
         SweepProblem::new(self.sweep.clone(), specification, &Library::default())
     }
 

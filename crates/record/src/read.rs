@@ -256,7 +256,7 @@ impl Specification {
         let measurement = root.required_table("measurement")?;
         let kind = measurement_kind(root, measurement)?;
         if kind == MeasurementKind::Oscillation {
-            let remedy = "give a record of force and position over time; only `check`, `sample` and `diagnose` take oscillations";
+            let remedy = "give a record of force and position over time; only `check`, `sample`, `compare` with laws and `diagnose` take oscillations";
             return Err(measurement.refuse("kind", "this is an oscillation, not a record over time", remedy));
         }
         root.only(&["kind", "specimen", "robot", "vitreous", "instrument", "indenter", "measurement", "actuation"])?;

@@ -4,9 +4,11 @@ use std::process::ExitCode;
 
 use vitreo_uq::base::error::Result;
 use vitreo_uq::documents::laws::{LawComparison, LawRow, LawStatus};
+use vitreo_uq::documents::oscillation::Frequencies;
 use vitreo_uq::figures::labels::parameter_label;
 use vitreo_uq::figures::number::format_ranges;
 use vitreo_uq::jobs::laws::{self, LawsRequest};
+use vitreo_uq::jobs::target::TargetKind;
 
 use crate::options::CompareArguments;
 use crate::session::Session;
@@ -14,26 +16,27 @@ use crate::text::significant;
 
 pub fn run(arguments: &CompareArguments, names: &[String]) -> Result<ExitCode> {
     let session = Session::begin(&arguments.common)?;
-    let target = session.open(&arguments.model, &[], &[])?;
+    let target = session.open(&arguments.model, &[], &[TargetKind::Oscillation])?;
     let laws = names.iter().filter(|name| !name.is_empty()).cloned().collect();
     let outcome = laws::run(&target, &LawsRequest { laws, seed: arguments.common.seed }, &session.terminal)?;
     session.end(&outcome, &words(&outcome.document.body), "Figure", &arguments.page)
 }
 
 fn words(comparison: &LawComparison) -> String {
-    let scored = match comparison.heldout_cycles.as_slice() {
-        [] => "no cycle is held out".into(),
-        cycles => format!("scored on cycle {}", format_ranges(cycles)),
+    let rows = match (&comparison.frequencies, comparison.heldout_cycles.as_slice()) {
+        (Some(Frequencies { fitted, heldout: 0, .. }), _) => format!("{fitted} frequencies, none is held out"),
+        (Some(Frequencies { fitted, heldout, .. }), _) => format!("{fitted} frequencies, scored on {heldout} others"),
+        (None, []) => format!("cycles {}, no cycle is held out", format_ranges(&comparison.fitted_cycles)),
+        (None, cycles) => {
+            format!("cycles {}, scored on cycle {}", format_ranges(&comparison.fitted_cycles), format_ranges(cycles))
+        }
     };
+    let of_error = |rows: &str| format!("{rows} ({})", comparison.error_unit());
     let mut lines = vec![
-        format!(
-            "{}: laws fitted to cycles {}, {scored}",
-            comparison.experiment,
-            format_ranges(&comparison.fitted_cycles)
-        ),
+        format!("{}: laws fitted to {rows}", comparison.experiment),
         comparison.sentence.clone(),
         String::new(),
-        format!("  {:<26}{:>12}{:>14}{:>16}   status", "law", "nats", "fitted (µm)", "held out (µm)"),
+        format!("  {:<26}{:>12}{:>14}{:>16}   status", "law", "nats", of_error("fitted"), of_error("held out")),
     ];
     lines.extend(comparison.laws.iter().map(row));
     for law in
@@ -70,6 +73,6 @@ fn row(law: &LawRow) -> String {
         Some(reason) => format!("{}: {reason}", law.status.text()),
         None => law.status.text().into(),
     };
-    let (fitted, held_out) = (number(law.rmse_fitted_um), number(law.rmse_heldout_um));
+    let [fitted, held_out] = law.errors().map(number);
     format!("  {:<26}{difference:>12}{fitted:>14}{held_out:>16}   {status}", law.law)
 }

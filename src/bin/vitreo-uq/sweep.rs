@@ -5,6 +5,7 @@ use std::process::ExitCode;
 
 use vitreo_uq::base::error::Result;
 use vitreo_uq::documents::check::{CheckSummary, Contradiction, RecordReading};
+use vitreo_uq::documents::diagnosis::VerdictKind;
 use vitreo_uq::documents::oscillation::{
     OscillationCandidate, OscillationDiagnosis, OscillationMisfit, OscillationSummary,
 };
@@ -81,6 +82,15 @@ pub fn diagnosis_words(found: &OscillationDiagnosis) -> String {
     lines.extend(found.candidates.iter().map(row));
     lines.push(String::new());
     lines.push("Other effects need a record over time: an oscillation can only show effects of the law.".into());
+    match (&found.verdict.base_law, found.verdict.kind) {
+        (Some(law), _) => lines.push(format!("Next:  vitreo-uq sample EXPERIMENT --base {law} --out STUDY")),
+        (None, VerdictKind::Unexplained) => {
+            lines.push(
+                "No base law explains the record either; `vitreo-uq compare EXPERIMENT --laws` ranks them.".into(),
+            );
+        }
+        (None, _) => {}
+    }
     lines.join("\n") + "\n"
 }
 

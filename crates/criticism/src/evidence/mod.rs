@@ -10,8 +10,6 @@
 
 mod starts;
 
-use std::collections::BTreeMap;
-
 use super::{Candidate, Fitted, Subject};
 use base::error::{Error, InputPlace, Result, Setting};
 use documents::diagnosis::{PosteriorMode, RefitParameter};
@@ -21,7 +19,7 @@ use posterior::prior::PriorSet;
 use posterior::problem::Problem;
 use sampling::evidence::importance::{self, ImportanceOptions};
 use sampling::evidence::tempering::{self, TemperingOptions};
-use sampling::evidence::{Estimate, PriorCoordinates, WeightedDraws, find_density_valley};
+use sampling::evidence::{Estimate, PriorCoordinates, WeightedDraws, estimate, find_density_valley};
 use sampling::optimum::{Modes, find_modes, fit_local_gaussian};
 
 pub use starts::Starts;
@@ -65,7 +63,6 @@ pub enum EvidenceBudget {
 pub struct CandidatePosterior<'a> {
     subject: &'a Subject,
     problem: Problem,
-    fixed: BTreeMap<String, f64>,
     care: EvidenceBudget,
 }
 
@@ -85,8 +82,7 @@ impl<'a> CandidatePosterior<'a> {
         let mut specification = subject.specification().clone();
         specification.effects.clone_from(&candidate.effects);
         let problem = subject.problem().with_model(specification, subject.library())?;
-        let fixed = problem.specification.fixed.clone();
-        Ok(Self { subject, problem, fixed, care: EvidenceBudget::Full })
+        Ok(Self { subject, problem, care: EvidenceBudget::Full })
     }
 
     /// Priors of the sampled parameters.
@@ -112,7 +108,7 @@ impl<'a> CandidatePosterior<'a> {
             compliance: compliance.clone(),
             trained: &[],
             priors: &self.problem.priors,
-            fixed: &self.fixed,
+            fixed: &self.problem.specification.fixed,
         };
         let (observed_m, recordings) = (&self.subject.fitted_m, self.problem.recordings());
         ReducedPosterior::new(
@@ -144,7 +140,7 @@ impl<'a> CandidatePosterior<'a> {
     /// # Errors
     /// Errors of [`importance::evidence`].
     pub fn by_importance(&self, modes: &Modes, seed: u64) -> Result<Estimate> {
-        let options = match (self.is_slow(), self.care) {
+        let options = match (self.problem.model.is_nonlinear(), self.care) {
             (true, _) => ImportanceOptions::for_slow_density(),
             (false, EvidenceBudget::Full) => ImportanceOptions::default(),
             (false, EvidenceBudget::Brief) => ImportanceOptions::quick(),
@@ -164,41 +160,28 @@ impl<'a> CandidatePosterior<'a> {
         tempering::evidence(&seen, modes, &TemperingOptions { seed, ..TemperingOptions::default() })
     }
 
-    /// Returns whether trajectories must be computed one by one.
-    fn is_slow(&self) -> bool {
-        self.problem.model.is_nonlinear()
-    }
-
     fn estimate(&self, candidate: &Candidate, fitted: &Fitted, seed: u64) -> Result<(Estimate, EvidenceMethod)> {
         let modes = self.modes(candidate, fitted)?;
-        let weighted = self.by_importance(&modes, seed);
-        match weighted {
-            Ok(estimate) if importance::is_reliable(&estimate) => Ok((estimate, EvidenceMethod::ImportanceSampling)),
-            Ok(_) | Err(Error::Numerical { .. }) if !self.is_slow() && self.care == EvidenceBudget::Full => {
-                let mut tempered = self.by_tempering(&modes, seed)?;
-                // Independent runs may all miss a region of the posterior, without any sign of it. Importance weights that reach the region reveal it.
-                if let Ok(weighted) = weighted {
-                    let apart = (tempered.ln_evidence - weighted.ln_evidence).abs();
-                    tempered.standard_error = tempered.standard_error.max(apart);
-                }
-                Ok((tempered, EvidenceMethod::SequentialMonteCarlo))
-            }
-            // Sequential Monte Carlo takes hundreds of thousands of trajectories. That is too many for models beside a claim, and for any diagnosis if trajectories are
-            // computed one by one.
-            Ok(_) => Err(Error::numerical(
-                format!("the importance weights of {} are unreliable", named(candidate)),
-                "sample it with `extend`, which takes more draws",
-            )),
-            Err(other) => Err(other),
+        if !self.problem.model.is_nonlinear() && self.care == EvidenceBudget::Full {
+            let density = self.density_of_draws();
+            let seen = PriorCoordinates::new(&density, self.priors().distributions());
+            let found = estimate(&seen, &modes, seed)?;
+            let method = match found.pareto_k {
+                Some(_) => EvidenceMethod::ImportanceSampling,
+                None => EvidenceMethod::SequentialMonteCarlo,
+            };
+            return Ok((found, method));
         }
-    }
-}
-
-/// Name of a candidate's model in messages.
-fn named(candidate: &Candidate) -> String {
-    match candidate.effects.as_slice() {
-        [] => "the base law".into(),
-        effects => format!("the model with {}", effects.join(", ")),
+        // Sequential Monte Carlo takes hundreds of thousands of trajectories. That is too many for models beside a claim, and for any diagnosis if trajectories are
+        // computed one by one.
+        let weighted = self.by_importance(&modes, seed)?;
+        if importance::is_reliable(&weighted) {
+            return Ok((weighted, EvidenceMethod::ImportanceSampling));
+        }
+        Err(Error::numerical(
+            "the importance weights of its evidence are unreliable",
+            "sample it with `extend`, which takes more draws",
+        ))
     }
 }
 
@@ -290,7 +273,8 @@ fn split_modes(posterior: &CandidatePosterior, seen: &PriorCoordinates, draws: &
     sides
 }
 
-fn summary(draws: &WeightedDraws, name: &str, of: impl Fn(&[f64]) -> f64) -> RefitParameter {
+/// Estimate of one parameter from weighted draws. `of` returns its value in natural units at a draw.
+pub fn summary(draws: &WeightedDraws, name: &str, of: impl Fn(&[f64]) -> f64) -> RefitParameter {
     let quantiles = draws.quantiles(&of, &[0.05, 0.95]);
     RefitParameter { name: name.into(), mean: draws.mean(&of), q05: quantiles[0], q95: quantiles[1] }
 }

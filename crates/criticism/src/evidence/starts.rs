@@ -93,7 +93,7 @@ impl CandidatePosterior<'_> {
             self.fitted_with_held(candidate, &at_design, &of_effects)
         };
         let mut profile: Vec<Fitted> = (0..EFFECT_STARTS).into_par_iter().filter_map(on_profile).collect();
-        if let (true, [only]) = (self.is_slow(), &of_effects[..]) {
+        if let (true, [only]) = (self.problem.model.is_nonlinear(), &of_effects[..]) {
             profile = near_local_tops(profile, |point| point.theta[*only]);
         }
         let mut passed = Vec::new();

@@ -239,9 +239,7 @@ fn sentence(verdict: &Verdict, candidates: &[OscillationCandidate]) -> String {
             candidate.effect, candidate.gain_nats
         ),
         (VerdictKind::Unexplained, None) => {
-            format!(
-                "The law is wrong (p = {p:.3}), and no effect of the library improves it: try another law with --base."
-            )
+            format!("The law is wrong (p = {p:.3}), and no effect of the library improves it.")
         }
         (_, None) => {
             format!(

@@ -79,7 +79,7 @@ pub(super) fn model_summary(problem: &SweepProblem) -> ModelSummary {
     ModelSummary { noise: vec![noise.into()], ..problem.specification.summary() }
 }
 
-pub(super) fn no_fit() -> Error {
+pub(crate) fn no_fit() -> Error {
     Error::numerical("the law has no prediction at these frequencies", "check the table's units, and the priors")
 }
 
@@ -93,7 +93,7 @@ fn mean_prediction(problem: &SweepProblem, values: &[Vec<f64>]) -> Result<Vec<[f
     Ok((0..problem.sweep.rows.len()).map(mean).collect())
 }
 
-fn frequencies(problem: &SweepProblem) -> Frequencies {
+pub(crate) fn frequencies(problem: &SweepProblem) -> Frequencies {
     let rows = &problem.sweep.rows;
     let heldout = rows.iter().filter(|row| row.is_heldout).count();
     let [lowest_hz, highest_hz] = problem.sweep.range_hz();
@@ -101,7 +101,7 @@ fn frequencies(problem: &SweepProblem) -> Frequencies {
 }
 
 /// Summarises the residuals of a prediction. The standard deviations of the errors are those of the fit.
-pub(super) fn misfit(
+pub(crate) fn misfit(
     problem: &SweepProblem,
     predicted: &[[f64; 2]],
     fit: &SweepFit,
@@ -163,7 +163,7 @@ fn warnings(
             }
             () => format!("residuals of held-out frequencies are larger than measurement errors (p = {p:.3})"),
         };
-        warn(WarningKind::MisfitAboveNoise, text, "run `diagnose`, or try another law (--base)");
+        warn(WarningKind::MisfitAboveNoise, text, "run `diagnose`, or `compare --laws`, which tries every law");
     }
     let law = problem.model.parameters();
     for parameter in &summary.parameters {

@@ -5,6 +5,7 @@
 
 mod charts;
 mod coordinates;
+mod estimate;
 pub mod importance;
 mod proposal;
 pub mod tempering;
@@ -12,6 +13,7 @@ mod valley;
 mod weighted;
 
 pub use coordinates::{PriorCoordinates, to_normal_coordinate};
+pub use estimate::estimate;
 pub use valley::find_density_valley;
 pub use weighted::WeightedDraws;
 
