@@ -868,18 +868,178 @@ fn a_measured_strain_that_holds_is_commanded() {
     }
 }
 
-/// Columns of logarithms look like small numbers in a plain unit.
+/// Columns of logarithms look like small numbers in a plain unit. A logger's time is read if the user names it.
 #[test]
 fn logarithms_are_refused() {
-    let (_, experiment, _) =
-        read(&plain().replacen("Time (s)", "Log Time (s)", 1), TableSettings::default()).expect("a logger's time");
+    let of_logger = plain().replacen("Time (s)", "Log Time (s)", 1);
+    let named = TableSettings { columns: [Some("Log Time (s)".into()), None, None, None], ..TableSettings::default() };
+    let (_, experiment, _) = read(&of_logger, named).expect("a logger's time");
     assert_eq!(experiment.record.n_rows(), N_ROWS);
-    for header in ["log10 time (s),log10 G(t) (Pa)", "ln(t) (s),J (1/Pa)"] {
+    assert!(refused(&of_logger, TableSettings::default()).contains("name the column: `time NAME`"));
+    for header in
+        ["log10 time (s),log10 G(t) (Pa)", "ln(t) (s),J (1/Pa)", "log t (s),G(t) (Pa)", "time (s),log G(t) (Pa)"]
+    {
         let rows: String = (0..60)
             .map(|row| format!("{:.3},{:.4}\n", -1.0 + 0.05 * f64::from(row), 3.5 - 0.01 * f64::from(row)))
             .collect();
         let refusal = refused(&format!("{header}\n{rows}"), TableSettings::default());
         assert!(refusal.contains("holds logarithms"), "{header}: {refusal}");
+    }
+}
+
+/// A factor in a column's name is not a unit. Coordinates and sizes of lenses are no factors.
+#[test]
+fn multiples_are_refused() {
+    let rows: String = (0..60).map(|row| format!("{row},{:.4},2\n", f64::from(row).sqrt())).collect();
+    for header in [
+        "Time (s),Strain (%),Stress x10 (Pa)",
+        "Time (s),Strain (%),10 x Stress (Pa)",
+        "Time (s),Strain*1000 (%),Stress (Pa)",
+        "Time (s),Strain (%) x 10,Stress (Pa)",
+        "Time x 0.5 s,Strain (%),Stress (Pa)",
+    ] {
+        let refusal = refused(&format!("{header}\n{rows}"), TableSettings::default());
+        assert!(refusal.contains("holds multiples"), "{header}: {refusal}");
+    }
+    let by_number = TableSettings { columns: [Some("1".into()), None, None, None], ..TableSettings::default() };
+    assert!(refused(&format!("Time (s),Strain (%),Stress x10 (Pa)\n{rows}"), by_number).contains("holds multiples"));
+    for header in [
+        "Time (s),2 x (um),Force (uN)",
+        "Time (s),x 2 (um),Force (uN)",
+        "Time (s),x1 (um),Force x (uN)",
+        "Time (s),Strain (%),Stress (Pa)",
+    ] {
+        assert!(read(&format!("{header}\n{rows}"), TableSettings::default()).is_ok(), "{header}");
+    }
+}
+
+/// The amplitudes of an oscillation at one strain look like a relaxation.
+#[test]
+fn amplitudes_of_an_oscillation_are_refused() {
+    let rows: String = (0..40)
+        .map(|row| {
+            format!("{},{:.4},{:.3},1,{:.2}\n", 10 * row, 10.0 / f64::from(row + 1), 12.0 - 0.1 * f64::from(row), 16.0)
+        })
+        .collect();
+    for header in [
+        "Time (s),Frequency (Hz),Oscillation stress (Pa),Oscillation strain (%),Phase angle (deg)",
+        "Time (s),Temperature (°C),Stress (Pa),Strain (%),tan delta",
+        "Time (s),Complex viscosity (Pa.s),Stress (Pa),Strain (%),n",
+    ] {
+        let refusal = refused(&format!("{header}\n{rows}"), TableSettings::default());
+        assert!(refusal.contains("is a column of an oscillation"), "{header}: {refusal}");
+    }
+    // A part of the test, and an indentation.
+    for header in ["Time (s),Phase,Stress (Pa),n,Strain (%)", "Time (s),delta,Stress (Pa),n,Strain (%)"] {
+        assert!(read(&format!("{header}\n{rows}"), TableSettings::default()).is_ok(), "{header}");
+    }
+}
+
+/// Two samples beside each other have equal names. A chosen time reads the columns beside it.
+#[test]
+fn a_chosen_time_reads_the_columns_beside_it() {
+    let row = |k: i32| {
+        let creep = |scale: f64| scale * (1.0 + f64::from(k)).ln();
+        format!("{},10,{:.4},{},20,{:.4}\n", f64::from(k) * 0.5, creep(1.0), 3 * k, creep(4.0))
+    };
+    // The first sample has ten rows more.
+    let more = |k: i32| format!("{},10,{:.4},,,\n", f64::from(k) * 0.5, (1.0 + f64::from(k)).ln());
+    let text = "Time (s),Stress (Pa),Strain (%),Time (s),Stress (Pa),Strain (%)\n".to_string()
+        + &(0..60).map(row).chain((60..70).map(more)).collect::<String>();
+    let with =
+        |time: &str| TableSettings { columns: [Some(time.into()), None, None, None], ..TableSettings::default() };
+    for (time, stress_n, n_rows, duration_s) in [("1", 10.0, 70, 34.5), ("4", 20.0, 60, 177.0)] {
+        let (_, experiment, _) = read(&text, with(time)).expect("one sample");
+        let record = &experiment.record;
+        // A stress of 1 Pa is read as 1 µN.
+        assert!((1e6 * record.force_n[5] - stress_n).abs() < 1e-9, "{time}: {}", record.force_n[5]);
+        assert_eq!(record.n_rows(), n_rows, "{time}");
+        assert!((record.time_s[n_rows - 1] - record.time_s[0] - duration_s).abs() < 1e-9, "{time}");
+    }
+    let refusal = refused(&text, with("Time (s)"));
+    assert!(refusal.contains("2 columns are called `Time (s)`"), "{refusal}");
+    // The time need not be the first column of a sample, and a column may serve both.
+    let row = |k: i32| format!("5,{k},{},50,{},{}\n", f64::from(k).sqrt(), 2 * k, f64::from(k));
+    let rows = (0..60).map(row).collect::<String>();
+    for (header, time, force_un, last_um) in [
+        ("Force (uN),Time (s),Position (um),Force (uN),Time (s),Position (um)", "2", 5.0, 59_f64.sqrt()),
+        ("Force (uN),Time (s),Position (um),Force (uN),Time (s),Position (um)", "5", 50.0, 59.0),
+        ("Force (uN),Time (s),Position (um),n,Time (s),n2", "2", 5.0, 59_f64.sqrt()),
+    ] {
+        let (_, experiment, _) = read(&format!("{header}\n{rows}"), with(time)).expect(header);
+        let record = &experiment.record;
+        assert!((1e6 * record.force_n[5] - force_un).abs() < 1e-9, "{header} {time}: {}", record.force_n[5]);
+        let range_um = 1e6 * (record.position_m[59].unwrap_or(0.0) - record.position_m[0].unwrap_or(0.0));
+        assert!((range_um.abs() - last_um).abs() < 1e-6, "{header} {time}: {range_um}");
+    }
+}
+
+/// A line above the table that only names the test decides between shear and tension, unless it is a setting.
+#[test]
+fn a_title_names_compression() {
+    let table = "Time (s),Strain (%),Stress (Pa)\n".to_string()
+        + &(0..60).map(|row| format!("{row},{:.4},2\n", f64::from(row + 1).ln())).collect::<String>();
+    for (title, is_uniaxial) in [
+        ("Unconfined compression of hydrogel", true),
+        ("# Uniaxial tension, stress relaxation", true),
+        ("Geometry: Compression plates", true),
+        ("Bose ElectroForce 3200 tension", true),
+        ("Instrument: DMA 850", true),
+        ("Test: PDMAEMA hydrogel", false),
+        ("Compression moulded PVA hydrogel", false),
+        ("Shear creep of compression-molded disks", false),
+        ("No tension applied before the test", false),
+        ("Trimmed after compression", false),
+        ("Compression set 0.2", false),
+        ("Sample 3; surface tension 72 mN/m", false),
+        ("Compression: 10 %", false),
+        ("Geometry: parallel plate 25 mm", false),
+        ("Lossless data compression", false),
+        ("Preload: 0.1 N compression, then shear", false),
+    ] {
+        let (summary, ..) = read(&format!("{title}\n\n{table}"), TableSettings::default()).expect(title);
+        let is_read_so = summary.reasons.iter().any(|reason| reason.contains("compliance_per_m = 1,"));
+        assert_eq!(is_read_so, is_uniaxial, "{title}: {:?}", summary.reasons);
+    }
+}
+
+/// A hold that is recorded from one interval after its step on began at time 0. The first force of a machine is then not its zero.
+#[test]
+fn a_hold_that_begins_one_interval_late_began_at_zero() {
+    let stress = |t: f64| 1200.0 + 1800.0 * (-t / 5.0).exp();
+    let of = |header: &str, strain: &str, factor: f64| {
+        let rows: String = (1..=60)
+            .map(|k| (k, f64::from(k) * 0.5))
+            .map(|(_, t)| format!("{t},{strain},{:.5}\n", factor * stress(t)))
+            .collect();
+        read_without_sizes(&format!("{header}\n{rows}")).1
+    };
+    let rheometer = of("Time (s),Strain (%),Stress (Pa)", "5", 0.05);
+    let machine = of("Gauge length: 20 mm\nArea: 10 mm2\nTime (s),Displacement (mm),Force (N)", "1", 0.05 * 1e-5);
+    for experiment in [rheometer, machine] {
+        assert_eq!(experiment.control, Control::Position);
+        let record = &experiment.record;
+        // The hold acts from time 0 on, half a second before the first measured row.
+        let first = record.position_m.iter().position(Option::is_some).expect("a row");
+        assert!((record.time_s[first] - 0.5).abs() < 1e-9 && record.force_n[0] != 0.0, "{}", record.time_s[first]);
+    }
+}
+
+/// Stress and strain of a compression may have opposite signs. The moduli stay positive.
+#[test]
+fn opposite_signs_of_stress_and_strain_are_turned() {
+    for (of_strain, of_stress) in [(1.0, 1.0), (-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0)] {
+        let row = |k: i32| {
+            let t = 0.05 * f64::from(k);
+            let strain = 0.1 * t.min(0.5);
+            format!("{t:.2},{},{}\n", of_strain * 100.0 * strain, of_stress * 1500.0 * strain * (-t / 20.0).exp())
+        };
+        let text = "Time (s),Strain (%),Stress (Pa)\n".to_string() + &(0..400).map(row).collect::<String>();
+        let experiment = read(&text, TableSettings::default()).expect("a relaxation").1;
+        assert_eq!(experiment.control, Control::Position);
+        let record = &experiment.record;
+        let product: f64 = record.force_n.iter().zip(&record.position_m).map(|(a, b)| a * b.unwrap_or(0.0)).sum();
+        assert!(product > 0.0, "{of_strain} {of_stress}: {product}");
     }
 }
 

@@ -160,6 +160,10 @@ settings! {
     YColumn "y"
     /// Column that holds the z coordinate in a table.
     ZColumn "z"
+    /// Column that holds the frequency in a table of moduli.
+    FrequencyColumn "frequency"
+    /// Columns that hold the two moduli of an oscillation, or a modulus and the phase.
+    ModuliColumns "moduli"
     /// Names of the tables to read from a file with several tables.
     Tables "table"
     /// Kind of a record: creep or relaxation.

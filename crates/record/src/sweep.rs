@@ -8,10 +8,10 @@ use super::inputs::{
     ExperimentFiles, Interpretation, MeasurementKind, measurement_kind, plain_path, read_table, read_toml,
 };
 use super::table::{
-    ColumnName, ColumnNames, InspectedTable, ParsedUnit, SWEEP_KEYS, TableLayout, Units, cells, column, decode_table,
-    is_blank_or_comment, read_choice, split_unit,
+    ColumnName, ColumnNames, InspectedTable, ParsedUnit, SWEEP_KEYS, TableLayout, TableSettings, Units, cells, column,
+    decode_table, is_blank_or_comment, read_choice, split_unit,
 };
-use base::error::{Error, InputPlace, Result};
+use base::error::{Error, InputPlace, Result, Setting};
 use base::files::refuse_long_lines;
 use base::toml_input::{TomlInput, TomlTable, text_of};
 use base::units::Dimension;
@@ -172,7 +172,7 @@ impl SweepColumn {
     }
 
     /// Returns the quantity of a column from its name in the export of a rheometer's program; `None` for unknown names. Columns of standard
-    /// deviations are not recognised by name.
+    /// deviations are recognised by their keys alone.
     fn from_name(name: &str, unit: Option<&ParsedUnit>) -> Option<Self> {
         let stem = split_unit(name).0.to_lowercase();
         let plain: String = stem.chars().filter(|c| !c.is_whitespace() && !"_-|*.()".contains(*c)).collect();
@@ -246,18 +246,113 @@ impl SweepColumn {
             "g" | "modulus" | "complexshearmodulus" => Self::Modulus,
             "phase" | "delta" | "δ" | "phasenwinkel" => Self::Phase,
             "tandelta" | "tanδ" | "tand" | "losstangent" | "lossfactor" | "verlustfaktor" => Self::LossTangent,
+            "storagesd" => Self::StorageSd,
+            "losssd" => Self::LossSd,
+            "modulussd" => Self::ModulusSd,
+            "phasesd" => Self::PhaseSd,
             _ => return None,
         };
         unit.is_none_or(|unit| unit.dimension == found.dimension()).then_some(found)
     }
 }
 
-/// Returns the columns of a rheometer's table with their indices: frequency, then the two measured quantities. `None` if the table is not a
-/// rheometer's.
-pub fn sweep_columns(looked: &InspectedTable) -> Option<Vec<(SweepColumn, usize)>> {
-    let frequency = column_of(looked, SweepColumn::Frequency)?;
-    let pair = moduli_columns(looked)?;
-    Some(vec![frequency, pair[0], pair[1]])
+/// Returns the columns of a rheometer's table with their indices: frequency, then the two measured quantities. They are those that the user gives, or else those that are
+/// named so. `None` if the table is not a rheometer's.
+///
+/// # Errors
+/// [`Error::Input`] if a given column does not exist.
+pub fn sweep_columns(looked: &InspectedTable, given: &TableSettings) -> Result<Option<Vec<(SweepColumn, usize)>>> {
+    let frequency = match &given.frequency {
+        Some(told) => Some((SweepColumn::Frequency, told_column(looked, Setting::FrequencyColumn, told)?)),
+        None => column_of(looked, SweepColumn::Frequency),
+    };
+    let pair = match &given.moduli {
+        Some(told) => Some(told_moduli(looked, told)?),
+        None => moduli_columns(looked),
+    };
+    match (frequency, pair) {
+        (Some(frequency), Some([first, second])) => {
+            let of_errors = match [first.0, second.0] {
+                [SweepColumn::Storage, SweepColumn::Loss] => [SweepColumn::StorageSd, SweepColumn::LossSd],
+                _ => [SweepColumn::ModulusSd, SweepColumn::PhaseSd],
+            };
+            let errors: Option<Vec<_>> = of_errors.into_iter().map(|column| column_of(looked, column)).collect();
+            let errors = errors.filter(|_| given.moduli.is_none() && second.0 != SweepColumn::LossTangent);
+            Ok(Some([frequency, first, second].into_iter().chain(errors.into_iter().flatten()).collect()))
+        }
+        (frequency, _) if given.frequency.is_some() || given.moduli.is_some() => {
+            let missing = if frequency.is_none() { Setting::FrequencyColumn } else { Setting::ModuliColumns };
+            Err(Error::input(
+                InputPlace::setting(missing),
+                "no column of the table has a name of this quantity",
+                format!("give it with `{missing}`, too; {}", listed(looked)),
+            ))
+        }
+        _ => Ok(None),
+    }
+}
+
+/// Columns of a table, for messages.
+fn listed(looked: &InspectedTable) -> String {
+    let names: Vec<String> = looked.columns.iter().map(|name| format!("`{name}`")).collect();
+    format!("the columns are {}", names.join(", "))
+}
+
+/// Index of a column that the user gives by its name or its number from 1.
+fn told_column(looked: &InspectedTable, setting: Setting, told: &str) -> Result<usize> {
+    let named: Vec<usize> = (0..looked.columns.len()).filter(|place| looked.columns[*place] == told).collect();
+    let number = told.parse::<usize>().ok().and_then(|number| number.checked_sub(1));
+    match named[..] {
+        [place] => Ok(place),
+        [] if let Some(place) = number.filter(|place| *place < looked.columns.len()) => Ok(place),
+        [] => Err(Error::input(InputPlace::setting(setting), format!("there is no column `{told}`"), listed(looked))),
+        _ => Err(Error::input(
+            InputPlace::setting(setting),
+            format!("{} columns are called `{told}`", named.len()),
+            "give the number of the right one, from 1 at the left",
+        )),
+    }
+}
+
+/// Two columns that the user gives. The second is a phase or a loss tangent if its name or its unit says so, and otherwise a loss modulus.
+fn told_moduli(looked: &InspectedTable, told: &[String; 2]) -> Result<[(SweepColumn, usize); 2]> {
+    let [first, second] = [&told[0], &told[1]].map(|told| told_column(looked, Setting::ModuliColumns, told));
+    let (first, second) = (first?, second?);
+    let is_of = |place: usize, column: SweepColumn| {
+        SweepColumn::from_name(&looked.columns[place], looked.units[place].as_ref()) == Some(column)
+    };
+    let dimension = looked.units[second].as_ref().map(|unit| unit.dimension);
+    let has_angle = dimension == Some(Dimension::Angle);
+    let is_tangent = dimension != Some(Dimension::Pressure) && looked.columns[second].to_lowercase().contains("tan");
+    let pair = match () {
+        () if has_angle || is_of(second, SweepColumn::Phase) => {
+            [(SweepColumn::Modulus, first), (SweepColumn::Phase, second)]
+        }
+        () if is_tangent => {
+            let modulus = if is_of(first, SweepColumn::Modulus) { SweepColumn::Modulus } else { SweepColumn::Storage };
+            [(modulus, first), (SweepColumn::LossTangent, second)]
+        }
+        () => [(SweepColumn::Storage, first), (SweepColumn::Loss, second)],
+    };
+    let named = |place: usize| SweepColumn::from_name(&looked.columns[place], looked.units[place].as_ref());
+    let contradicted = pair.iter().find(|(column, place)| named(*place).is_some_and(|named| named != *column));
+    match contradicted {
+        Some((column, place)) => Err(Error::input(
+            InputPlace::setting(Setting::ModuliColumns),
+            format!(
+                "`{}` stands in the place of the {}, and its name says otherwise",
+                looked.columns[*place],
+                column.key()
+            ),
+            "give storage and loss modulus, or the absolute modulus and the phase, in this order",
+        )),
+        None if first == second => Err(Error::input(
+            InputPlace::setting(Setting::ModuliColumns),
+            "the same column is given twice",
+            "give two columns",
+        )),
+        None => Ok(pair),
+    }
 }
 
 /// Returns the two columns with the moduli of an oscillation, or with a modulus and a phase, with their indices. `None` if the table has none.

@@ -83,11 +83,12 @@ fn what_is_no_sweep_is_refused_with_its_place() {
 fn a_rheometers_own_names_are_known() {
     let table = "Angular frequency\tStorage modulus\tLoss modulus\tTan(delta)\nrad/s\tPa\tPa\t\n1,0\t2,0\t3,0\t1,5\n2,0\t3,0\t4,0\t1,3\n";
     let looked = super::super::table::inspect_table("a.txt".as_ref(), table.as_bytes()).unwrap();
-    let columns = sweep_columns(&looked).unwrap();
+    let named = TableSettings::default();
+    let columns = sweep_columns(&looked, &named).unwrap().unwrap();
     assert_eq!(columns, [(SweepColumn::Frequency, 0), (SweepColumn::Storage, 1), (SweepColumn::Loss, 2)]);
     let creep =
         super::super::table::inspect_table("b.csv".as_ref(), b"time_s,force_uN,position_um\n0,1,2\n1,1,3\n").unwrap();
-    assert_eq!(sweep_columns(&creep), None);
+    assert_eq!(sweep_columns(&creep, &named).unwrap(), None);
 }
 
 /// Checks one sweep in four spellings: G′ and G″, G′ and tan δ, |G*| and tan δ, and Young's moduli, which are 2 + 2ν times as large.
@@ -131,10 +132,27 @@ fn names_of_tension_and_of_tangents_are_known() {
         ("Frequency (Hz),Storage modulus E' (MPa),Loss modulus E'' (MPa)", [SweepColumn::Storage, SweepColumn::Loss]),
         ("Frequency (Hz),Tensile Storage Modulus (kPa),Tan(delta)", [SweepColumn::Storage, SweepColumn::LossTangent]),
         ("omega (rad/s),|G*| (Pa),tan δ", [SweepColumn::Modulus, SweepColumn::LossTangent]),
+        ("omega (rad·s⁻¹),|G*| (Pa),tan δ", [SweepColumn::Modulus, SweepColumn::LossTangent]),
     ] {
         let text = format!("{header}\n{0}\n{0}\n{0}\n", vec!["1"; header.split(',').count()].join(","));
         let looked = super::super::table::inspect_table("a.csv".as_ref(), text.as_bytes()).unwrap();
-        let found: Vec<SweepColumn> = sweep_columns(&looked).unwrap().into_iter().map(|(column, _)| column).collect();
+        let columns = sweep_columns(&looked, &TableSettings::default()).unwrap().unwrap();
+        let found: Vec<SweepColumn> = columns.into_iter().map(|(column, _)| column).collect();
         assert_eq!(found[1..], expected, "{header}");
+    }
+}
+
+/// Columns of errors have the names of their keys. One alone is not read.
+#[test]
+fn errors_are_known_by_the_names_of_their_keys() {
+    for (header, n_columns) in [
+        ("frequency_hz,storage_pa,loss_pa,storage_sd_pa,loss_sd_pa", 5),
+        ("frequency_hz,modulus_pa,phase_deg,modulus_sd_pa,phase_sd_deg", 5),
+        ("frequency_hz,storage_pa,loss_pa,storage_sd_pa,n", 3),
+    ] {
+        let text = format!("{header}\n{0}\n{0}\n{0}\n", "1,1,1,1,1");
+        let looked = super::super::table::inspect_table("a.csv".as_ref(), text.as_bytes()).unwrap();
+        let columns = sweep_columns(&looked, &TableSettings::default()).unwrap().unwrap();
+        assert_eq!(columns.len(), n_columns, "{header}");
     }
 }

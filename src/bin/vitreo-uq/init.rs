@@ -45,6 +45,12 @@ pub struct InitArguments {
     /// Column of the z coordinate
     #[arg(long, value_name = "COLUMN")]
     z: Option<String>,
+    /// Column of the frequency, in a table of an oscillation
+    #[arg(long, value_name = "COLUMN", conflicts_with_all = ["time", "force", "position"])]
+    frequency: Option<String>,
+    /// Columns of storage and loss modulus, or of a modulus and the phase or the loss tangent
+    #[arg(long, value_name = "COLUMN", num_args = 2, conflicts_with_all = ["time", "force", "position", "x", "y", "z", "cycle"])]
+    moduli: Option<Vec<String>>,
     /// Tables to read from a file with several tables: numbers such as 1 or 1,2 (joined in time), all, or each (one experiment of each table)
     #[arg(long, value_name = "LIST")]
     table: Option<String>,
@@ -143,6 +149,8 @@ pub fn run(arguments: &InitArguments) -> Result<ExitCode> {
         columns: [&arguments.time, &arguments.force, &arguments.position, &arguments.cycle].map(Clone::clone),
         axes: [&arguments.x, &arguments.y, &arguments.z].map(Clone::clone),
         units: [&arguments.unit_time, &arguments.unit_force, &arguments.unit_position].map(Clone::clone),
+        frequency: arguments.frequency.clone(),
+        moduli: arguments.moduli.clone().and_then(|moduli| <[String; 2]>::try_from(moduli).ok()),
         tables: arguments.table.clone(),
         track: [arguments.track_column.clone(), arguments.track.clone()],
         blank_force: arguments.blank_force.clone(),

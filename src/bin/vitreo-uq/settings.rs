@@ -38,6 +38,8 @@ pub fn option(setting: Setting) -> &'static str {
         Setting::XColumn => "--x",
         Setting::YColumn => "--y",
         Setting::ZColumn => "--z",
+        Setting::FrequencyColumn => "--frequency",
+        Setting::ModuliColumns => "--moduli",
         Setting::Tables => "--table",
         Setting::Kind => "--kind",
         Setting::TrackColumn => "--track-column",

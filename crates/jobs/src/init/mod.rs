@@ -17,12 +17,13 @@ use self::device::Device;
 use self::force_log::ForceLog;
 use self::preamble::Preamble;
 use self::refusals::{
-    refuse_flow, refuse_flow_curve, refuse_gap_of_rheometer, refuse_logarithms, refuse_one_column_for_two,
-    refuse_relaxation_of_tip, refuse_several_columns, refuse_without_frequency, refuse_without_motion,
+    refuse_amplitudes, refuse_changed_numbers, refuse_flow, refuse_flow_curve, refuse_gap_of_rheometer,
+    refuse_one_column_for_two, refuse_relaxation_of_tip, refuse_several_columns, refuse_without_frequency,
+    refuse_without_moduli, refuse_without_motion,
 };
 pub use self::request::InitRequest;
 use self::source::TableSource;
-use self::start::{answers_at_once, has_absolute_strain, is_stretch, left_out_s, load_start_s};
+use self::start::{answers_at_once, has_absolute_strain, is_stretch, left_out_s, load_start_s, opposes};
 use self::stress::StressStrain;
 use self::sweep::describe_sweep;
 use self::toml::{AXES, experiment_toml};
@@ -34,7 +35,7 @@ use record::table::{
     Ask, ColumnName, InspectedTable, PositionColumns, TableDescription, TableProposal, TableSettings, choose_table,
     inspect_tables, propose, tracks,
 };
-use record::{Control, OscillationRecord, sweep_columns};
+use record::{Control, Direction, OscillationRecord, sweep_columns};
 
 /// Reads the table, asks the user for missing information, and writes the experiment with a copy of the table. Returns the interpretation of the table
 /// and the table's hash.
@@ -86,7 +87,8 @@ fn one(
     request.refuse_impossible_sizes()?;
     // A file without a table of numbers is refused below.
     let tables = inspect_tables(place, bytes).unwrap_or_default();
-    let has_oscillation = tables.iter().any(|table| sweep_columns(table).is_some());
+    let named = TableSettings::default();
+    let has_oscillation = tables.iter().any(|table| matches!(sweep_columns(table, &named), Ok(Some(_))));
     if request.known_columns.tables.is_none() && tables.len() > 1 && has_oscillation {
         request.known_columns.tables = Some(choose_table(place, bytes, ask)?.to_string());
     }
@@ -96,6 +98,9 @@ fn one(
     {
         return Ok(summary);
     }
+    if let Some(looked) = &looked {
+        refuse_amplitudes(place, &request.known_columns, looked)?;
+    }
     let creep = match &looked {
         Some(looked) => StressStrain::of(looked, &request.known_columns, request.sizes[2])?,
         None => None,
@@ -104,11 +109,12 @@ fn one(
         && let Some(looked) = &looked
     {
         refuse_without_frequency(place, &request.known_columns, looked)?;
+        refuse_without_moduli(place, &request.known_columns, looked)?;
         refuse_flow_curve(place, &request.known_columns, looked)?;
     }
     let given = creep.as_ref().map_or(&request.known_columns, |creep| &creep.given);
     let mut proposal = propose(place, bytes, given, ask)?;
-    refuse_logarithms(place, &request.known_columns, &proposal)?;
+    refuse_changed_numbers(place, &request.known_columns, &proposal)?;
     let mut device = match creep {
         Some(creep) => {
             creep.refuse_large_plain(proposal.position_m.iter().fold(0.0, |most, strain| strain.abs().max(most)))?;
@@ -143,8 +149,15 @@ fn one(
         }
     } else if has_absolute_strain(device.stress_strain(), control)
         || answers_at_once(&proposal, device.stress_strain(), control)
+        || control == Control::Position && load_start_s(&proposal, &device, control).is_some()
     {
         proposal.keep_written_positions();
+        if control == Control::Position && device.stress_strain().is_some() && opposes(&proposal) {
+            proposal.frame.direction = Direction::Backward;
+            proposal.position_m = [-proposal.position_m[1], -proposal.position_m[0]];
+            let text = "stress and strain have opposite signs, so that the strain counts with the other sign (direction = \"-\")";
+            proposal.reasons.push(text.into());
+        }
         if device.stress_strain().is_none() {
             let left_out = match left_out_s(&proposal, &device, control) {
                 Some(_) => ", and the force of this row is left out (left_out_s)",
@@ -159,6 +172,9 @@ fn one(
         proposal.count_commanded_positions();
         if proposal.acts_from_row {
             let text = "the position jumps, and the force answers in the row after each jump: each position acts from its row on (command = \"hold\")";
+            proposal.reasons.push(text.into());
+        } else if proposal.jumps_at_once && proposal.first_time_s == 0.0 && device.stress_strain().is_some() {
+            let text = "the strain rises between the first two rows, and is read as a ramp; if it jumped at time 0, write strain and stress of the second row into the first, whose stress is then left out";
             proposal.reasons.push(text.into());
         }
     }
@@ -338,10 +354,12 @@ fn oscillation(
     if given.columns.iter().chain(&given.axes).any(Option::is_some) {
         return Ok(None);
     }
-    let Some(columns) = sweep_columns(looked) else { return Ok(None) };
+    let Some(columns) = sweep_columns(looked, given)? else { return Ok(None) };
     let (toml, mut summary) = describe_sweep(source, request.id.as_deref(), request.sizes[2], looked, &columns)?;
     summary.reasons.extend(unused_sizes_remark(request));
-    refuse_several_columns(&source.place, looked)?;
+    if given.moduli.is_none() {
+        refuse_several_columns(&source.place, looked)?;
+    }
     let is_new = files::kind(out).is_none();
     write(out, (&source.name, &source.bytes), &toml, None)?;
     let sweep = match OscillationRecord::read(out) {

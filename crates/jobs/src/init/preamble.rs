@@ -21,6 +21,22 @@ const UNIAXIAL: [&str; 10] = [
 ];
 /// Words for shear, and for the geometries of rotational rheometers, which also compress their specimens.
 const SHEAR: [&str; 8] = ["shear", "torsion", "rotation", "cone", "couette", "cylinder", "vane", "plate"];
+/// Words of a title that names a test in tension or compression: one of the first together with one of the second, which keep away settings, materials and remarks.
+const TITLES: [&str; 5] = ["tension", "tensile", "uniaxial", "compression", "compressive"];
+const OF_TESTS: [&str; 12] = [
+    "unconfined",
+    "confined",
+    "uniaxial",
+    "test",
+    "tests",
+    "relaxation",
+    "creep",
+    "dynamic",
+    "dma",
+    "electroforce",
+    "instron",
+    "zwick",
+];
 /// Signs between a name and its value.
 const BETWEEN: [char; 5] = ['\t', ':', '=', ',', ';'];
 
@@ -48,10 +64,16 @@ impl<'a> Preamble<'a> {
             lines.filter(|(_, lower)| KEYS.iter().any(|key| lower.contains(key)))
         };
         let says = |words: &[&str], lower: &str| words.iter().any(|word| lower.contains(word));
-        if of_test().any(|(_, lower)| says(&SHEAR, &lower)) {
+        if of_test().any(|(_, lower)| says(&SHEAR, &lower.replace("compression plate", ""))) {
             return None;
         }
-        of_test().find(|(_, lower)| says(&UNIAXIAL, lower) && !lower.contains("surface tension")).map(|(line, _)| line)
+        let is_of_key = |lower: &str| {
+            (says(&UNIAXIAL, lower) || words(lower).any(|word| word == "dma")) && !is_of_other_things(lower)
+        };
+        let of_key = of_test().find(|(_, lower)| is_of_key(lower));
+        let lines = || self.0.iter().map(|(_, line)| (line.trim(), line.to_lowercase()));
+        let is_sheared = lines().any(|(_, lower)| says(&SHEAR, &lower.replace("compression plate", "")));
+        of_key.or_else(|| lines().find(|(_, lower)| !is_sheared && is_title(lower))).map(|(line, _)| line)
     }
 
     /// Length in m that a line states with its unit under one of the names, which are in lower case.
@@ -104,6 +126,21 @@ impl<'a> Preamble<'a> {
             (value > 0.0 && value.is_finite()).then_some(StatedValue { value, line: *number })
         })
     }
+}
+
+/// True if a line in lower case names a test of tension or compression, and is not a value with its name.
+fn is_title(lower: &str) -> bool {
+    let has = |list: &[&str]| words(lower).any(|word| list.contains(&word));
+    !lower.contains([':', '=', ';', '\t']) && has(&TITLES) && has(&OF_TESTS) && !is_of_other_things(lower)
+}
+
+/// True if a line in lower case denies a load, or names the tension of a surface.
+fn is_of_other_things(lower: &str) -> bool {
+    words(lower).any(|word| ["no", "not", "without", "surface", "interfacial"].contains(&word))
+}
+
+fn words(lower: &str) -> impl Iterator<Item = &str> {
+    lower.split(|c: char| !c.is_alphanumeric())
 }
 
 /// Number at the start of a text, with a point or a comma, and the unit behind it, also in the next cell.

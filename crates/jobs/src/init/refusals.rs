@@ -8,10 +8,12 @@ use base::error::{Error, InputPlace, Result, Setting};
 use base::units::Dimension;
 use figures::number::format_significant;
 use record::table::{ColumnName, InspectedTable, TableDescription, TableProposal, TableSettings};
-use record::{columns_of, moduli_columns};
+use record::{SweepColumn, columns_of, moduli_columns};
 
 /// Beginnings of the names of columns that hold logarithms.
-const LOGARITHMS: [&str; 3] = ["log10", "ln", "lg"];
+const LOGARITHMS: [&str; 4] = ["log10", "ln", "lg", "log"];
+/// Signs of a product in the name of a column of multiples; the first is also a letter.
+const TIMES: [char; 4] = ['x', '×', '*', '·'];
 /// Largest strain of a creep or a relaxation. A larger one is a flow.
 const LARGEST_STRAIN: f64 = 100.0;
 
@@ -43,32 +45,92 @@ pub(super) fn refuse_without_motion(
     Ok(())
 }
 
-/// Refuses columns of logarithms, which look like small numbers in a plain unit, unless the user names them. A logarithmic strain is a strain, and `log` alone may name the time of
-/// a logger.
-pub(super) fn refuse_logarithms(place: &Path, given: &TableSettings, proposal: &TableProposal) -> Result<()> {
+/// Refuses columns of logarithms and of multiples, which look like numbers in a plain unit, unless the user names them. A logger may call its time `Log time`.
+pub(super) fn refuse_changed_numbers(place: &Path, given: &TableSettings, proposal: &TableProposal) -> Result<()> {
     let TableDescription { time, force, position, .. } = &proposal.description;
-    let positions = position.iter().flat_map(|(columns, _)| columns.all());
-    let used = std::iter::once(&time.0).chain(force.iter().map(|(name, _)| name)).chain(positions);
-    let names = used.filter_map(|column| match column {
-        ColumnName::Named(name) => Some(name),
-        ColumnName::Number(number) => proposal.columns.get(number - 1),
-    });
-    let is_named =
-        |name: &str| given.columns.iter().flatten().any(|known| known == name || known.parse::<usize>().is_ok());
-    let is_logarithm = |name: &&String| {
-        if is_named(name) || called(name, &STRAIN, &[]) {
-            return false;
-        }
-        let name = name.trim().to_lowercase();
-        let behind = LOGARITHMS.iter().find_map(|word| name.strip_prefix(word));
-        behind.is_some_and(|rest| rest.starts_with([' ', '(', '[', '_']))
+    let positions = position.iter().flat_map(|(columns, _)| columns.all()).map(|name| (name, Setting::PositionColumn));
+    let force = force.iter().map(|(name, _)| (name, Setting::ForceColumn));
+    let used = std::iter::once((&time.0, Setting::TimeColumn)).chain(force).chain(positions);
+    let is_named = |name: &str| {
+        let place = proposal.columns.iter().position(|other| other == name).map(|place| (place + 1).to_string());
+        given.columns.iter().flatten().any(|known| known == name || Some(known) == place.as_ref())
     };
-    match names.into_iter().find(is_logarithm) {
+    for (column, setting) in used {
+        let name = match column {
+            ColumnName::Named(name) => Some(name),
+            ColumnName::Number(number) => proposal.columns.get(number - 1),
+        };
+        let Some(name) = name.filter(|name| !is_named(name)) else { continue };
+        let what = match () {
+            () if is_logarithm(name) => "logarithms",
+            () if is_multiple(name) => "multiples",
+            () => continue,
+        };
+        return Err(Error::input(
+            InputPlace::file(place).at_key(name.as_str()),
+            format!("by its name this column holds {what}"),
+            format!("write the plain numbers into the table; if they are plain, name the column: `{setting} NAME`"),
+        ));
+    }
+    Ok(())
+}
+
+/// True if a name begins with a logarithm. The natural logarithm of a stretch is a strain.
+fn is_logarithm(name: &str) -> bool {
+    let name = name.trim().to_lowercase();
+    let behind = LOGARITHMS.iter().find_map(|word| name.strip_prefix(word));
+    behind.is_some_and(|rest| rest.starts_with([' ', '(', '[', '_']))
+        && !(name.starts_with("ln") && called(&name, &STRAIN, &[]))
+}
+
+/// True if a name holds a product with a number, as in `Stress x10 (Pa)`, `10 x Stress` or `Strain*1000`. `x1` and `x 2` are coordinates.
+fn is_multiple(name: &str) -> bool {
+    let name = name.to_lowercase();
+    let number_before = |text: &str| text.trim().parse::<f64>().is_ok_and(|number| number != 1.0);
+    let number_behind = |text: &str, is_letter: bool| {
+        let digits: String =
+            text.trim_start().chars().take_while(|c| c.is_ascii_digit() || ".^-".contains(*c)).collect();
+        let rest = text.trim_start()[digits.len()..].trim_start();
+        let is_number = digits.starts_with(|c: char| c.is_ascii_digit()) && digits != "1" && !rest.starts_with('x');
+        is_number && (!is_letter || digits.starts_with("10") || digits.starts_with("0."))
+    };
+    name.char_indices().filter(|(_, sign)| TIMES.contains(sign)).any(|(at, sign)| {
+        let (before, behind) = (&name[..at], &name[at + sign.len_utf8()..]);
+        let is_apart = sign != 'x' || before.ends_with([' ', ')', ']']);
+        let has_name = behind.trim_start().starts_with(char::is_alphabetic);
+        is_apart
+            && !before.trim().is_empty()
+            && (number_behind(behind, sign == 'x') || has_name && number_before(before))
+    })
+}
+
+/// Refuses amplitudes of an oscillation over time, which look like a hold: a phase or a complex viscosity stands beside the stress or force.
+pub(super) fn refuse_amplitudes(place: &Path, given: &TableSettings, looked: &InspectedTable) -> Result<()> {
+    let is_given = given.columns[1..3].iter().chain(&given.axes).any(Option::is_some);
+    let of_oscillation = [SweepColumn::Phase, SweepColumn::LossTangent].into_iter();
+    // `Phase` alone may be a part of the test, and `delta` a distance.
+    let is_sure = |place: &usize| {
+        looked.units[*place].is_some()
+            || called(&looked.columns[*place], &["angle", "tan", "winkel", "faktor", "factor"], &[])
+    };
+    // A bead's record may have a phase of its camera. That of an oscillation has its frequency.
+    let is_of = |dimension: Dimension| looked.units.iter().flatten().any(|unit| unit.dimension == dimension);
+    let has_frequency = columns_of(looked, SweepColumn::Frequency).next().is_some();
+    let is_bead = is_of(Dimension::Force) && is_of(Dimension::Length) && !has_frequency;
+    let named = of_oscillation.flat_map(|column| columns_of(looked, column)).filter(is_sure);
+    let named = named.map(|place| &looked.columns[place]);
+    let viscosity =
+        looked.columns.iter().filter(|name| called(name, &["complex viscosity", "komplexe viskosität"], &[]));
+    match named.chain(viscosity).next().filter(|_| !is_given && !is_bead) {
         None => Ok(()),
         Some(name) => Err(Error::input(
-            InputPlace::file(place).at_key(name.as_str()),
-            "by its name this column holds logarithms",
-            "write the plain numbers into the table: a record of logarithms is not read",
+            InputPlace::file(place),
+            format!("`{name}` is a column of an oscillation, and no pair of its moduli is in the table"),
+            format!(
+                "add the ratio of the amplitudes of stress and strain as `complex modulus [Pa]` beside frequency and phase; for a record over time name the columns with `{}` and `{}`",
+                Setting::ForceColumn,
+                Setting::PositionColumn
+            ),
         )),
     }
 }
@@ -158,7 +220,36 @@ pub(super) fn refuse_without_frequency(place: &Path, given: &TableSettings, look
             name(first),
             name(second)
         ),
-        "name the column of the frequency with its unit, as in `frequency [rad/s]`; moduli over time, strain or temperature are not read",
+        format!(
+            "name it with `{}`, and give its unit in its name, as in `frequency [rad/s]`; moduli over time, strain or temperature are not read",
+            Setting::FrequencyColumn
+        ),
+    ))
+}
+
+/// Refuses a table over a frequency without a pair of moduli, and without columns of a record over time.
+pub(super) fn refuse_without_moduli(place: &Path, given: &TableSettings, looked: &InspectedTable) -> Result<()> {
+    let is_time = |name: &String| {
+        let name = name.trim().to_lowercase();
+        ["time", "zeit", "temps", "tiempo", "tempo"].iter().any(|word| name.starts_with(word)) || name == "t"
+    };
+    let is_record = given.columns.iter().chain(&given.axes).chain(&given.units).any(Option::is_some)
+        || looked.columns.iter().any(is_time)
+        || looked.units.iter().flatten().any(|unit| matches!(unit.dimension, Dimension::Time | Dimension::Length));
+    // A letter alone may be the force.
+    let is_sure = |place: &usize| looked.units[*place].is_some() || looked.columns[*place].chars().count() > 1;
+    let frequency = columns_of(looked, SweepColumn::Frequency).find(is_sure);
+    let Some(frequency) = frequency.filter(|_| !is_record) else { return Ok(()) };
+    Err(Error::input(
+        InputPlace::file(place),
+        format!(
+            "`{}` is a frequency, and no two columns are named as the moduli of an oscillation",
+            looked.columns[frequency]
+        ),
+        format!(
+            "name storage and loss modulus, or a modulus and the phase, with `{} COLUMN COLUMN`",
+            Setting::ModuliColumns
+        ),
     ))
 }
 
@@ -172,7 +263,7 @@ pub(super) fn refuse_several_columns(place: &Path, looked: &InspectedTable) -> R
             return Err(Error::input(
                 InputPlace::file(place),
                 format!("{} columns are named as the {}: {shown}", names.len(), column.key()),
-                "keep the columns of one sweep in the table",
+                format!("choose two columns of one sweep with `{} COLUMN COLUMN`", Setting::ModuliColumns),
             ));
         }
     }

@@ -11,8 +11,26 @@ pub(super) fn has_absolute_strain(stress_strain: Option<&StressStrain>, control:
     stress_strain.is_some_and(|own| control == Control::Position && !own.is_of_specimen || own.constant.is_some())
 }
 
+/// Smallest ratio of the largest value on one side of 0 to that on the other at which a quantity counts as one-sided.
+const ONE_SIDED: f64 = 10.0;
+
+/// True if forces and written positions are one-sided, on opposite sides of 0: a commanded strain and the stress that it causes have one sign.
+pub(super) fn opposes(proposal: &TableProposal) -> bool {
+    let side = |[low, high]: [f64; 2]| match () {
+        () if high > 0.0 && high > -ONE_SIDED * low => 1,
+        () if low < 0.0 && -low > ONE_SIDED * high => -1,
+        () => 0,
+    };
+    // A specimen that rests in the hold of the first row shows a change of the strain, which may have another sign.
+    let is_at_rest = proposal.loaded_from_s.is_none() && proposal.starts_at_hold();
+    !is_at_rest && side(proposal.force_n) * side(proposal.position_m) < 0
+}
+
 /// Largest time of the first loaded row at which a rheometer's load still counts as begun at time 0, divided by the record's duration.
 const FIRST_ROW: f64 = 0.01;
+
+/// Largest relative difference of the first time from the interval between rows at which a record's first row counts as the end of its first interval.
+const SAME_INTERVAL: f64 = 0.01;
 
 /// Time from a rheometer's step to the first row at time 0, divided by the record's duration, where that row shows the strain after the step.
 const JUST_BEFORE: f64 = 1e-9;
@@ -37,11 +55,16 @@ pub(super) fn answers_at_once(
     };
     (!own.is_of_specimen || proposal.frame.direction == Direction::Forward)
         && !is_stretch(proposal, stress_strain)
-        && proposal.loaded_from_s == Some(0.0)
         && match control {
-            Control::Force => proposal.starts_displaced(),
+            Control::Force => proposal.loaded_from_s == Some(0.0) && proposal.starts_displaced(),
             // The zero of a machine's position says nothing, but a force shows that the specimen is held.
-            Control::Position => proposal.starts_at_hold() && (proposal.starts_loaded || !own.is_of_specimen),
+            Control::Position => {
+                let has_force = proposal.loaded_from_s.is_some() || proposal.starts_loaded;
+                proposal.first_time_s == 0.0
+                    && has_force
+                    && proposal.starts_at_hold()
+                    && (proposal.starts_loaded || !own.is_of_specimen)
+            }
         }
 }
 
@@ -72,16 +95,20 @@ pub(super) fn load_start_s(proposal: &TableProposal, device: &Device, control: C
     {
         return Some(0.0);
     }
-    let first_s = proposal.loaded_from_s?;
     if answers_at_once(proposal, creep, control) {
         return Some(-JUST_BEFORE * proposal.duration_s);
     }
+    let first_s = proposal.loaded_from_s?;
+    let interval_s = proposal.duration_s / proposal.n_rows.saturating_sub(1).max(1) as f64;
     let begins_late = match creep {
         // A ramp begins with the record, whatever its clock shows.
         Some(_) if control == Control::Position && !proposal.starts_at_hold() => false,
-        Some(_) => first_s > 0.0 && first_s <= FIRST_ROW * proposal.duration_s,
+        Some(_) => {
+            let is_one_interval = (first_s / interval_s - 1.0).abs() < SAME_INTERVAL
+                && (control == Control::Position || proposal.starts_displaced());
+            first_s > 0.0 && (first_s <= FIRST_ROW * proposal.duration_s || is_one_interval)
+        }
         None => {
-            let interval_s = proposal.duration_s / proposal.n_rows.saturating_sub(1).max(1) as f64;
             let is_as_loaded = proposal.first_answer.is_some_and(|ratio| (AS_LOADED[0]..AS_LOADED[1]).contains(&ratio));
             let least = if is_as_loaded { FIRST_INTERVAL } else { LATE_INTERVALS };
             first_s > least * interval_s

@@ -5,7 +5,7 @@ use super::preamble::Preamble;
 use base::error::{Error, InputPlace, Result, Setting};
 use base::units::Dimension;
 use record::Control;
-use record::table::{InspectedTable, TableSettings, split_unit, unit};
+use record::table::{InspectedTable, TableSettings, columns_beside, split_unit, unit};
 
 /// Words by which the stress column is recognised.
 const STRESS: [&str; 9] =
@@ -279,9 +279,16 @@ impl StressStrain {
             let number = name.parse::<usize>().ok().and_then(|number| number.checked_sub(1));
             looked.columns.iter().position(|other| other == name).or(number)
         };
+        let beside = &match named(0) {
+            Some(time) => columns_beside(&looked.columns, time),
+            None => (0..looked.columns.len()).collect(),
+        };
         let columns = |role: usize| {
             let columns = looked.columns.iter().zip(&looked.units).enumerate();
-            columns.filter(move |(place, _)| given.columns[role].is_none() || named(role) == Some(*place))
+            columns.filter(move |(place, _)| match given.columns[role] {
+                Some(_) => named(role) == Some(*place),
+                None => beside.contains(place),
+            })
         };
         let is_called = |role: usize, name: &str, words: &[&str]| named(role).is_some() || called(name, words, &RATE);
         let stresses: Vec<(usize, f64)> = columns(1)

@@ -81,7 +81,7 @@ pub(super) fn between_rows(looked: &CheckContext<'_>) -> Option<Contradiction> {
         },
         um(middle_m)
     );
-    let advice = "give every switch a separate row at its time, with the new force and an empty position";
+    let advice = "give every switch a separate row at its time (or a little later, if a row has this time), with the new force and an empty position";
     Some(found("switch_between_rows", is_sure, text, advice))
 }
 
@@ -117,7 +117,7 @@ pub(super) fn after_missing_rows(looked: &CheckContext<'_>) -> Option<Contradict
         number(record.time_s[first - 1]),
         number(record.time_s[first])
     );
-    let advice = "give every switch a separate row at its time, with the new force and an empty position";
+    let advice = "give every switch a separate row at its time (or a little later, if a row has this time), with the new force and an empty position";
     Some(found("switch_between_rows", true, text, advice))
 }
 

@@ -5,6 +5,10 @@
 pub struct TableSettings {
     /// Columns of time, force, position and cycle, each by name or by number from 1.
     pub columns: [Option<String>; 4],
+    /// Column of the frequency of an oscillation, by name or by number from 1.
+    pub frequency: Option<String>,
+    /// Columns of its two moduli, or of a modulus and the phase or the loss tangent, each by name or by number from 1.
+    pub moduli: Option<[String; 2]>,
     /// Columns of x, y and z, if the position is not in a single column.
     pub axes: [Option<String>; 3],
     /// Units of time, force and position.

@@ -20,6 +20,7 @@ pub(super) use description::{KEYS, SWEEP_KEYS, Units, column, read_choice};
 pub use propose::{InspectedTable, TableProposal, choose_table, inspect_table, inspect_tables, propose, tracks};
 pub(crate) use read::read_described;
 pub use read::{ColumnNames, decode_table};
+pub use roles::columns_beside;
 
 pub use spelling::{ParsedUnit, split_unit, unit};
 pub(super) use text::is_blank_or_comment;

@@ -66,6 +66,8 @@ pub struct TableProposal {
     pub duration_s: f64,
     /// True if a commanded position jumps and acts from its row on, as the force shows.
     pub acts_from_row: bool,
+    /// True if the position changes by at least half of its range from the first row to the second.
+    pub jumps_at_once: bool,
     /// True if the force of one of the first two rows is more than a third of the largest one.
     pub starts_loaded: bool,
     /// Time of the first row, in s.
@@ -205,6 +207,12 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
     let written_position_m = ends(&mut trajectory.position_m.iter().flatten().copied());
     let first_written_m = trajectory.position_m.first().copied().flatten();
     let first_answer = first_answer(&trajectory);
+    let range_m = written_position_m[1] - written_position_m[0];
+    let first_change_m = match trajectory.position_m[..] {
+        [Some(first_m), Some(second_m), ..] => (second_m - first_m).abs(),
+        _ => 0.0,
+    };
+    let jumps_at_once = first_change_m > 0.0 && first_change_m >= 0.5 * range_m;
     let holds_as_written = holds_as_written(&trajectory.force_n, &trajectory.position_m);
     let frame = frame(&trajectory, description.force.is_some(), &mut reasons);
     if let Some(projection) = frame.apply(file, &mut trajectory)?.projection {
@@ -224,6 +232,7 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
         columns: named_columns(tables[0]),
         acts_from_row: control == Control::Position && answers_after_jumps(&trajectory.force_n, &trajectory.position_m),
         starts_loaded: trajectory.force_n.iter().take(2).any(|force| 3.0 * force.abs() > largest_n),
+        jumps_at_once,
         first_time_s: trajectory.time_s.first().copied().unwrap_or(0.0),
         reasons,
         n_rows: trajectory.time_s.len(),

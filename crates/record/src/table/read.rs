@@ -142,6 +142,11 @@ pub(crate) fn read_described(file: &Path, text: &str, description: &TableDescrip
         {
             continue;
         }
+        // Below the end of one of several samples side by side.
+        let mut described = std::iter::once(&columns.time).chain(&columns.force).chain(&columns.positions);
+        if described.all(|(at, _)| cells.get(*at).is_some_and(|cell| cell.trim().is_empty())) {
+            continue;
+        }
         let at = |quantity: usize| {
             let column = match quantity {
                 FORCE => columns.force.as_ref(),

@@ -173,6 +173,28 @@ impl Role {
     }
 }
 
+/// Columns that belong to the time in column `time`. Of samples side by side, whose names repeat, they are those of one sample and those beside all samples; otherwise all.
+pub fn columns_beside(names: &[String], time: usize) -> Vec<usize> {
+    let all = || (0..names.len()).collect();
+    let is_like = |at: &usize| names.get(time).is_some_and(|name| !name.is_empty() && names[*at] == *name);
+    let times: Vec<usize> = (0..names.len()).filter(is_like).collect();
+    let [first, second, ..] = times[..] else { return all() };
+    let period = second - first;
+    if period < 2 || times.windows(2).any(|pair| pair[1] - pair[0] != period) {
+        return all();
+    }
+    // The time need not be the first column of its sample.
+    let repeats = |start: usize| {
+        let end = start + times.len() * period;
+        end <= names.len() && (start + period..end).all(|at| names[at] == names[at - period])
+    };
+    let Some(start) = (0..=first).rev().take(period).find(|start| repeats(*start)) else { return all() };
+    let own = start + (time - start) / period * period;
+    let is_of_other =
+        |at: usize| (start..start + times.len() * period).contains(&at) && !(own..own + period).contains(&at);
+    (0..names.len()).filter(|at| !is_of_other(*at)).collect()
+}
+
 /// Returns the score of a column for a role, which is higher the more likely the column has the role. `None` if the column's unit contradicts the
 /// role.
 fn fit(role: Role, name: &str, unit: Option<&ParsedUnit>) -> Option<u32> {
@@ -244,6 +266,14 @@ impl KnownColumns<'_> {
     /// # Errors
     /// [`Error::Input`] if there is no such column.
     pub fn told(&self, setting: Setting, told: &str) -> Result<usize> {
+        let n_called = self.header.names.iter().filter(|name| *name == told).count();
+        if n_called > 1 {
+            return Err(Error::input(
+                InputPlace::setting(setting),
+                format!("{n_called} columns are called `{told}`"),
+                "give the number of the right one, from 1 at the left",
+            ));
+        }
         self.at(told).ok_or_else(|| {
             let remedy = format!("{}; give one of them or its number", self.listed());
             Error::input(InputPlace::setting(setting), format!("there is no column `{told}`"), remedy)
@@ -276,8 +306,8 @@ impl KnownColumns<'_> {
     }
 
     /// Returns the index of the y or z column that belongs to the x column `at`. It has an equal unit, and an equal name with `letter` in place of x.
-    /// `None` if there is none.
-    fn partner(&self, at: usize, letter: char, taken: &[usize]) -> Option<usize> {
+    /// It is one of `beside`. `None` if there is none.
+    fn partner(&self, at: usize, letter: char, taken: &[usize], beside: &[usize]) -> Option<usize> {
         let (names, units) = (&self.header.names, &self.header.units);
         let name = names.get(at)?;
         let turned = name.char_indices().filter_map(|(place, of_name)| {
@@ -290,7 +320,7 @@ impl KnownColumns<'_> {
         });
         let free = |other: &usize| *other != at && !taken.contains(other) && !self.header.foreign.contains(other);
         turned
-            .filter_map(|turned| names.iter().position(|other| *other == turned))
+            .filter_map(|turned| beside.iter().copied().find(|other| names[*other] == turned))
             .find(|other| free(other) && units.get(*other) == units.get(at))
     }
 
@@ -307,7 +337,12 @@ impl KnownColumns<'_> {
             return self.told(setting, told).map(ColumnMatch::Single);
         }
         let header = self.header;
-        let free = (0..header.names.len()).filter(|at| !taken.contains(at) && !header.foreign.contains(at));
+        // The time is the first role.
+        let beside = match taken.first() {
+            Some(time) => columns_beside(&header.names, *time),
+            None => (0..header.names.len()).collect(),
+        };
+        let free = beside.iter().copied().filter(|at| !taken.contains(at) && !header.foreign.contains(at));
         let mut fits: Vec<(u32, usize)> =
             free.filter_map(|at| Some((fit(role, &header.names[at], header.units[at].as_ref())?, at))).collect();
         fits.retain(|(fit, _)| *fit > u32::from(role == Role::Cycle));
@@ -315,8 +350,8 @@ impl KnownColumns<'_> {
         let best: Vec<usize> = fits.iter().filter(|(fit, _)| *fit == fits[0].0).map(|(_, at)| *at).collect();
         if role == Role::Position {
             let axes = best.iter().find_map(|at| {
-                let y = self.partner(*at, 'y', taken)?;
-                Some([*at, y].into_iter().chain(self.partner(*at, 'z', taken)).collect::<Vec<_>>())
+                let y = self.partner(*at, 'y', taken, &beside)?;
+                Some([*at, y].into_iter().chain(self.partner(*at, 'z', taken, &beside)).collect::<Vec<_>>())
             });
             if let Some(axes) = axes.filter(|axes| best.iter().all(|at| axes.contains(at))) {
                 return Ok(ColumnMatch::Axes(axes));
@@ -330,7 +365,9 @@ impl KnownColumns<'_> {
         };
         // The user can choose among the remaining columns, which are listed by name or, without a name, by number.
         let left = (0..self.n_cells).filter(|at| !taken.contains(at));
-        let called = |at: usize| header.names.get(at).filter(|name| !name.is_empty()).cloned();
+        // Equal names are told by number.
+        let is_unique = |name: &&String| header.names.iter().filter(|other| other == name).count() == 1;
+        let called = |at: usize| header.names.get(at).filter(|name| !name.is_empty()).filter(is_unique).cloned();
         let choices: Vec<String> = left.map(|at| called(at).unwrap_or_else(|| (at + 1).to_string())).collect();
         let proposal = best.first().and_then(|at| called(*at));
         let also = (1..=self.n_cells).map(|number| number.to_string()).collect();

@@ -2,11 +2,13 @@
 
 use base::units::{Dimension, UNITS};
 
+/// Cycles in a radian.
+const PER_RADIAN: f64 = 0.5 * std::f64::consts::FRAC_1_PI;
 /// Weight of a gram in standard gravity, in N.
 const GRAM_FORCE_N: f64 = 9.806_65e-3;
 
 /// Spellings of units that differ from the program's own names, with their dimension and their value in SI units.
-const SPELLINGS: [(&str, Dimension, f64); 72] = [
+const SPELLINGS: [(&str, Dimension, f64); 79] = [
     ("с", Dimension::Time, 1.0),
     ("мс", Dimension::Time, 1e-3),
     ("Н", Dimension::Force, 1.0),
@@ -62,7 +64,14 @@ const SPELLINGS: [(&str, Dimension, f64); 72] = [
     ("hz", Dimension::Frequency, 1.0),
     ("mHz", Dimension::Frequency, 1e-3),
     ("kHz", Dimension::Frequency, 1e3),
-    ("rad/s", Dimension::Frequency, 0.5 * std::f64::consts::FRAC_1_PI),
+    ("rad/s", Dimension::Frequency, PER_RADIAN),
+    ("rad/sec", Dimension::Frequency, PER_RADIAN),
+    ("rad s-1", Dimension::Frequency, PER_RADIAN),
+    ("rad s^-1", Dimension::Frequency, PER_RADIAN),
+    ("rad s⁻¹", Dimension::Frequency, PER_RADIAN),
+    ("rad.s-1", Dimension::Frequency, PER_RADIAN),
+    ("rad.s^-1", Dimension::Frequency, PER_RADIAN),
+    ("rad·s⁻¹", Dimension::Frequency, PER_RADIAN),
     ("pa", Dimension::Pressure, 1.0),
     ("kPa", Dimension::Pressure, 1e3),
     ("hPa", Dimension::Pressure, 1e2),
