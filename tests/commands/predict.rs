@@ -347,4 +347,8 @@ fn sizes_are_found_at_their_limit() {
     let density = 1.0 / number(&once["robots"][0]["volume_mm3"]);
     let magnet = run(&["--smallest-magnet-un-per-mm3", &density.to_string()]);
     assert!((diameter_mm(&magnet) / diameter_mm(&once) - 1.0).abs() < 1e-3, "{magnet}");
+    // A strain limit needs a larger body than the force does: the strain of a displacement falls with the size.
+    let strained = ["0.2", "0.15"].map(|limit| run(&["--smallest-magnet-un-per-mm3", "100", "--max-strain", limit]));
+    let ratio = diameter_mm(&strained[1]) / diameter_mm(&strained[0]);
+    assert!((ratio / (0.2 / 0.15) - 1.0).abs() < 0.05, "{ratio}");
 }

@@ -37,6 +37,12 @@ const N_REST_ROWS: usize = 240;
 const SLEW_STEPS: usize = 20;
 /// Number of equal intervals at whose ends a constant force is searched, beside the changes of the force, if the position is proportional to it.
 const N_SEARCH_ROWS: usize = 32;
+/// Number of equal steps between the force that a target needs and the one that a limit of the strain allows.
+const BETWEEN_LIMITS: u32 = 12;
+/// Relative distance from the limit of a draw at which rounding does not lose it.
+const ROUNDING: f64 = 1e-6;
+/// Distances from the target that a rest aims at if the strain is limited, as parts of its tolerance: a robot that stops short of the target strains the gel less.
+const AIMS_SHORT: [f64; 4] = [0.0, 0.25, 0.5, 0.75];
 /// Number of rounds in which the sizes and durations of changes are found in turn.
 const SLEW_ROUNDS: usize = 4;
 /// Number of equal intervals of a force that a limited slew rate shapes from the start on, and the largest part of an interval in which the force changes.
@@ -123,10 +129,55 @@ impl Target {
     }
 
     /// True if the strain stays below its limit.
-    pub(crate) fn strain_is_met(&self, position_m: &[f64], strain_per_m: f64) -> bool {
-        let largest = strain_per_m * position_m.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
-        self.largest_strain.is_none_or(|limit| largest <= limit)
+    fn strain_is_met(&self, position_m: &[f64], strain_per_m: f64) -> bool {
+        self.largest_strain.is_none_or(|limit| strain_per_m * largest(position_m) <= limit)
     }
+
+    /// Farthest position (m) towards the target in time; 0 if the robot only moves away from it.
+    fn farthest_m(&self, record: &Record, position_m: &[f64]) -> f64 {
+        let n_rows = record.time_s.partition_point(|time_s| *time_s <= self.within_s * (1.0 + 1e-9));
+        position_m[..n_rows].iter().fold(0.0_f64, |most, x| most.max(self.sign() * x))
+    }
+
+    /// Smallest and largest factor of a trajectory at which it reaches the target and stays below the largest strain.
+    pub(crate) fn succeeding_factors(&self, record: &Record, position_m: &[f64], strain_per_m: f64) -> [f64; 2] {
+        let strain = self.largest_strain.map_or(0.0, |limit| strain_per_m * largest(position_m) / limit);
+        [self.reach_m.abs() / self.farthest_m(record, position_m), strain.recip()]
+    }
+}
+
+/// Largest distance from 0.
+fn largest(position_m: &[f64]) -> f64 {
+    position_m.iter().fold(0.0_f64, |most, x| most.max(x.abs()))
+}
+
+/// Smallest factor up to `most` at which the share `probability` of all ranges of factors overlaps, or else the largest at which most of them do, with the share that overlaps.
+pub(crate) fn best_factor(ranges: &[[f64; 2]], probability: f64, most: f64) -> (f64, f64) {
+    let able = ranges.iter().filter(|[from, to]| *from <= most && from <= to);
+    let mut ends: Vec<(f64, i32)> = able.flat_map(|[from, to]| [(*from, 1), (*to, -1)]).collect();
+    // Ranges that touch overlap.
+    ends.sort_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)));
+    let share = |count: i32| f64::from(count) / ranges.len().max(1) as f64;
+    if ends.is_empty() {
+        // Nothing succeeds: the largest factor below the ends of the ranges of that share.
+        return ((-within_share(ranges.iter().map(|[_, to]| -to), probability)).min(most), 0.0);
+    }
+    let (mut count, mut best) = (0, (most, 0));
+    for (k, (at, change)) in ends.iter().enumerate().take_while(|(_, (at, _))| *at <= most) {
+        count += change;
+        if *change < 0 {
+            continue;
+        }
+        let next = ends.get(k + 1).map_or(most, |next| next.0.min(most));
+        if share(count) >= probability - 1e-12 {
+            return ((at * (1.0 + ROUNDING)).min(0.5 * (at + next)), share(count));
+        }
+        if count > best.1 {
+            let end = ends[k + 1..].iter().find(|(_, change)| *change < 0).map_or(most, |end| end.0);
+            best = (if end > most { most } else { (end * (1.0 - ROUNDING)).max(*at) }, count);
+        }
+    }
+    (best.0, share(best.1))
 }
 
 /// A force as its changes, with the probability of success over the draws of the search.
@@ -371,36 +422,49 @@ impl<'a> ForceSearch<'a> {
         Ok(trajectories_m.iter().filter(is_met).count() as f64 / trajectories_m.len().max(1) as f64)
     }
 
-    /// Smallest constant force with the requested probability. Without one, the force with the highest probability that keeps the strain.
+    /// Smallest constant force with the requested probability. Without one, the force with the highest probability.
     fn constant(&self) -> Result<Tried> {
         let target = self.target;
         let changes = |force_n: f64| vec![[0.0, target.sign() * force_n]];
-        // Farthest position in time of the draw that just meets the probability, as a part of the distance.
-        let reached = |force_n: f64| {
-            let (record, trajectories_m) = self.trajectories_on_few_rows_m(&changes(force_n))?;
-            let n_rows = record.time_s.partition_point(|time_s| *time_s <= target.within_s * (1.0 + 1e-9));
-            let farthest = |x: &Vec<f64>| x[..n_rows].iter().fold(0.0_f64, |most, x| most.max(x / target.reach_m));
-            Ok(-within_share(trajectories_m.iter().map(|x| -farthest(x)), target.probability))
+        let tried = |force_n: f64| {
+            let probability = self.share(target, &changes(force_n))?;
+            Ok::<Tried, Error>(Tried { changes: changes(force_n), probability })
         };
+        if self.is_linear && target.slew_n_per_s.is_none() {
+            let (record, trajectories_m) = self.trajectories_on_few_rows_m(&target.whole())?;
+            let range = |x: &Vec<f64>| target.succeeding_factors(&record, x, self.ensemble.strain_per_m);
+            let ranges: Vec<[f64; 2]> = trajectories_m.iter().map(range).collect();
+            return tried(best_factor(&ranges, target.probability, 1.0).0 * target.largest_force_n);
+        }
+        // A quantity of all draws (a part of its limit), for the share of them that the probability asks for.
+        let of_share = |force_n: f64, part: &dyn Fn(&Record, &Vec<f64>) -> f64| {
+            let (record, trajectories_m) = self.trajectories_on_few_rows_m(&changes(force_n))?;
+            Ok(within_share(trajectories_m.iter().map(|x| part(&record, x)), target.probability))
+        };
+        // Farthest position in time as a part of the distance; the sign makes the share one of draws that go at least so far.
+        let reached =
+            |force_n: f64| Ok(-of_share(force_n, &|record, x| -target.farthest_m(record, x) / target.reach_m.abs())?);
         let [_, force_n] = crossing(target.largest_force_n, reached)?;
         // Rounding must not lose the draw at the limit.
-        let force_n = (force_n * (1.0 + 1e-6)).min(target.largest_force_n);
-        let probability = self.share(target, &changes(force_n))?;
-        let Some(largest_strain) = target.largest_strain.filter(|_| probability < target.probability) else {
-            return Ok(Tried { changes: changes(force_n), probability });
+        let force_n = (force_n * (1.0 + ROUNDING)).min(target.largest_force_n);
+        let found = tried(force_n)?;
+        let Some(largest_strain) = target.largest_strain.filter(|_| found.probability < target.probability) else {
+            return Ok(found);
         };
-        // Where the strain binds, the largest force that keeps it succeeds most often among those that do.
-        let strain = |force_n: f64| {
-            let (_, trajectories_m) = self.trajectories_on_few_rows_m(&changes(force_n))?;
-            let part = self.ensemble.strain_per_m / largest_strain;
-            let largest = |x: &Vec<f64>| x.iter().fold(0.0_f64, |most, x| most.max(part * x.abs()));
-            Ok(within_share(trajectories_m.iter().map(largest), target.probability))
-        };
-        if strain(force_n)? <= 1.0 {
-            return Ok(Tried { changes: changes(force_n), probability });
+        let part = self.ensemble.strain_per_m / largest_strain;
+        let strain = |force_n: f64| of_share(force_n, &|_, x| part * largest(x));
+        let [_, strain_n] = crossing(target.largest_force_n, strain)?;
+        // Draws differ in the force that they need and in the one that strains them too much, so that a force between both limits may serve most.
+        let mut best = found;
+        for k in 0..=BETWEEN_LIMITS {
+            let share = f64::from(k) / f64::from(BETWEEN_LIMITS);
+            let found = tried(force_n + share * (strain_n - force_n))?;
+            if found.probability >= target.probability {
+                return Ok(found);
+            }
+            best = if found.probability > best.probability { found } else { best };
         }
-        let [force_n, _] = crossing(force_n, strain)?;
-        Ok(Tried { probability: self.share(target, &changes(force_n))?, changes: changes(force_n) })
+        Ok(best)
     }
 
     /// First stepwise force with the requested probability, or the one with the highest: the largest force, or a part of it, until the mean arrives, then steps that keep the mean at the target.
@@ -410,12 +474,20 @@ impl<'a> ForceSearch<'a> {
         let all = 0..self.ensemble.parameters.len();
         let mean_m = mean(&self.ensemble.with_record(record.clone()).trajectories_m(all)?);
         let first_draws = (self.ensemble.parameters.len() / N_FIRST_DRAWS).max(1);
-        let steps = TRAVEL_PARTS.into_iter().flat_map(|part| REST_STEPS.map(|n_steps| (part, n_steps)));
-        let of_steps = REST_BEGINS.into_iter().flat_map(|begin| steps.clone().map(move |(part, n)| (begin, part, n)));
-        let at_once = of_steps.map(|(begin, part, n)| self.rest_changes(part, begin, n, &record, &mean_m));
-        let begins = if self.target.slew_n_per_s.is_some() { &SHAPED_BEGINS[..] } else { &[] };
-        let shaped = begins.iter().map(|begin| self.shaped_changes(*begin, &record, &mean_m));
-        for changes in at_once.chain(shaped) {
+        let short = if self.target.largest_strain.is_some() { &AIMS_SHORT[..] } else { &AIMS_SHORT[..1] };
+        let within_m = self.target.rest.map_or(0.0, |rest| rest.within_m);
+        let aims_m = short.iter().map(|part| self.target.reach_m - part * self.target.sign() * within_m);
+        let (record, mean_m) = (&record, &mean_m);
+        let all = aims_m.flat_map(|aim_m| {
+            let steps = TRAVEL_PARTS.into_iter().flat_map(|part| REST_STEPS.map(|n_steps| (part, n_steps)));
+            let of_steps =
+                REST_BEGINS.into_iter().flat_map(move |begin| steps.clone().map(move |(part, n)| (begin, part, n)));
+            let at_once =
+                of_steps.map(move |(begin, part, n)| self.rest_changes(aim_m, (part, begin, n), record, mean_m));
+            let begins = if self.target.slew_n_per_s.is_some() { &SHAPED_BEGINS[..] } else { &[] };
+            at_once.chain(begins.iter().map(move |begin| self.shaped_changes(aim_m, *begin, record, mean_m)))
+        });
+        for changes in all {
             let mut probability = self.share_of(self.target, &changes, first_draws)?;
             if probability >= self.target.probability - NEAR_PROBABILITY {
                 probability = self.share(self.target, &changes)?;
@@ -431,9 +503,15 @@ impl<'a> ForceSearch<'a> {
         Ok(Tried { probability: self.share(self.target, &changes)?, changes })
     }
 
-    /// Changes of a stepwise force: `part` of the largest force until the mean arrives, then `n_steps` changes that keep the mean at the target in the sense of
+    /// Changes of a stepwise force: `part` of the largest force until the mean arrives at `aim_m`, then `n_steps` changes that keep the mean there in the sense of
     /// least squares. `begin` is one of [`REST_BEGINS`], and `mean_m` is the mean position (m) under the largest force at the rows of `record`.
-    fn rest_changes(&self, part: f64, begin: f64, n_steps: usize, record: &Record, mean_m: &[f64]) -> Vec<[f64; 2]> {
+    fn rest_changes(
+        &self,
+        aim_m: f64,
+        (part, begin, n_steps): (f64, f64, usize),
+        record: &Record,
+        mean_m: &[f64],
+    ) -> Vec<[f64; 2]> {
         let target = self.target;
         let travel_n = part * target.sign() * target.largest_force_n;
         let step_m =
@@ -443,7 +521,7 @@ impl<'a> ForceSearch<'a> {
             let at = |k: usize| step_m(since_s - ramp_s * (k as f64 + 1.0) / SLEW_STEPS as f64);
             if ramp_s == 0.0 { step_m(since_s) } else { (0..SLEW_STEPS).map(at).sum::<f64>() / SLEW_STEPS as f64 }
         };
-        let arrival_s = time_to_reach_s(record, mean_m, target.reach_m / part);
+        let arrival_s = time_to_reach_s(record, mean_m, aim_m / part);
         let end_s = target.duration_s();
         if arrival_s > target.within_s {
             return vec![[0.0, travel_n]];
@@ -460,7 +538,7 @@ impl<'a> ForceSearch<'a> {
         let begin_s = arrival_s + begin * (target.within_s - arrival_s);
         let rows: Vec<f64> =
             (0..=N_REST_ROWS).map(|k| begin_s + (end_s - begin_s) * k as f64 / N_REST_ROWS as f64).collect();
-        let wanted = DVector::from_element(rows.len(), target.reach_m);
+        let wanted = DVector::from_element(rows.len(), aim_m);
         let mut ramps_s = vec![0.0; changes_s.len()];
         let mut parts = Vec::new();
         // The time that a change takes depends on its size, so that both are found in turn.
@@ -480,9 +558,9 @@ impl<'a> ForceSearch<'a> {
         changes_s.iter().zip(&parts).map(|(time_s, part)| [*time_s, part * travel_n]).collect()
     }
 
-    /// Changes of a force that the slew rate limits, in equal intervals from the start on. They keep the mean at the target, in the sense of least squares, from the part `begin` of the
+    /// Changes of a force that the slew rate limits, in equal intervals from the start on. They keep the mean at `aim_m`, in the sense of least squares, from the part `begin` of the
     /// time of arrival on. `mean_m` is the mean position (m) under the largest force at the rows of `record`.
-    fn shaped_changes(&self, begin: f64, record: &Record, mean_m: &[f64]) -> Vec<[f64; 2]> {
+    fn shaped_changes(&self, aim_m: f64, begin: f64, record: &Record, mean_m: &[f64]) -> Vec<[f64; 2]> {
         let target = self.target;
         let (end_s, begin_s) = (target.duration_s(), begin * target.within_s);
         let slew = target.slew_n_per_s.unwrap_or(f64::INFINITY) / target.largest_force_n;
@@ -494,7 +572,7 @@ impl<'a> ForceSearch<'a> {
         };
         let change_s = |k: usize| interval_s * k as f64;
         let row_s = |row: usize| begin_s + (end_s - begin_s) * row as f64 / N_REST_ROWS as f64;
-        let wanted = DVector::from_element(N_REST_ROWS + 1, target.reach_m);
+        let wanted = DVector::from_element(N_REST_ROWS + 1, aim_m);
         let mut changes = vec![0.0_f64; SHAPED_INTERVALS];
         // The time that a change takes depends on its size, so that both are found in turn.
         for _ in 0..SLEW_ROUNDS {
@@ -681,6 +759,24 @@ mod tests {
             assert!(trials.get() <= most, "{name}: {}", trials.get());
         }
         assert_eq!(crossing(2.0, |x| Ok(0.4 * x)).unwrap(), [2.0; 2]);
+    }
+
+    /// Four draws that need 0.2, 0.3, 0.4 and 0.5 of the force; the strain of the first allows 0.45, that of the last 0.48 alone.
+    #[test]
+    fn a_factor_serves_the_draws_that_overlap() {
+        let ranges = [[0.2, 0.45], [0.3, 0.9], [0.4, 0.9], [0.5, 0.48]];
+        let near = |(factor, share): (f64, f64), expected: [f64; 2]| {
+            assert!((factor - expected[0]).abs() < 1e-5 && share == expected[1], "{factor} {share}");
+        };
+        near(best_factor(&ranges, 0.5, 1.0), [0.3, 0.5]);
+        near(best_factor(&ranges, 0.75, 1.0), [0.4, 0.75]);
+        // All four never succeed together: the largest factor for three.
+        near(best_factor(&ranges, 1.0, 1.0), [0.45, 0.75]);
+        near(best_factor(&ranges, 1.0, 0.35), [0.35, 0.5]);
+        near(best_factor(&[[2.0, f64::INFINITY]], 0.5, 1.0), [1.0, 0.0]);
+        near(best_factor(&[[2.0, 0.3], [2.0, 0.2]], 1.0, 1.0), [0.2, 0.0]);
+        // Without a limit of the strain, the largest force serves most.
+        near(best_factor(&[[0.2, f64::INFINITY], [1.5, f64::INFINITY]], 1.0, 1.0), [1.0, 0.5]);
     }
 
     #[test]

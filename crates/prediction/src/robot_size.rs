@@ -8,8 +8,7 @@ use record::Robot;
 
 use crate::body;
 use crate::ensemble::{Ensemble, Gel};
-use crate::plan::{Target, halves};
-use crate::quantity::time_to_reach_s;
+use crate::plan::{Target, best_factor, halves};
 use crate::scenario::{Scenario, diameter_m, resized};
 
 /// Smallest size that is tried, as a factor of the robot's length and diameter.
@@ -20,6 +19,8 @@ const MOST_OF_GEL: f64 = 0.8;
 const N_SIZES: usize = 40;
 /// Number of halvings between the last size that fails and the first that succeeds.
 const HALVINGS: usize = 24;
+/// Largest number of searches that confirm a size under a limit of the strain.
+const MOST_CONFIRMATIONS: usize = 4;
 /// Relative distance from the limit, so that rounding does not lose the draw at the limit.
 const MARGIN: f64 = 1e-6;
 
@@ -45,6 +46,14 @@ impl RobotSize {
     }
 }
 
+/// Robot of the size that is asked for.
+pub struct SizedRobot {
+    /// The robot.
+    pub robot: Robot,
+    /// True if the size is the end of the range that is tried, so that a size beyond it may succeed, too.
+    pub is_last_tried: bool,
+}
+
 /// Finds the robot of the size that is asked for; `None` if no size reaches the target with the requested probability.
 ///
 /// # Errors
@@ -56,7 +65,35 @@ pub fn sized(
     size: RobotSize,
     kept: Option<KeptSurrogate>,
     monitor: &dyn Monitor,
-) -> Result<Option<Robot>> {
+) -> Result<Option<SizedRobot>> {
+    let mut found = sized_from(gel, scenario, target, size, kept.clone(), monitor)?;
+    // The strain at a robot is that of its own elements, so that the size is searched again from the one that was found until that one is confirmed.
+    for _ in 0..if target.largest_strain.is_some() { MOST_CONFIRMATIONS } else { 0 } {
+        let Some(sized) = found else { break };
+        let mut from = scenario.clone();
+        from.robot = sized.robot;
+        let again = sized_from(gel, &from, target, size, kept.clone(), monitor)?;
+        let is_confirmed = again.as_ref().is_some_and(|again| match size {
+            RobotSize::Largest => diameter_m(&again.robot) >= diameter_m(&sized.robot),
+            RobotSize::SmallestMagnet { .. } => diameter_m(&again.robot) <= diameter_m(&sized.robot),
+        });
+        found = if is_confirmed { Some(sized) } else { again };
+        if is_confirmed {
+            break;
+        }
+    }
+    Ok(found)
+}
+
+/// Robot of the size that is asked for, by the elements of the scenario's robot.
+fn sized_from(
+    gel: &Gel<'_>,
+    scenario: &Scenario,
+    target: &Target,
+    size: RobotSize,
+    kept: Option<KeptSurrogate>,
+    monitor: &dyn Monitor,
+) -> Result<Option<SizedRobot>> {
     let refuse = |found: &str, remedy: String| Err(Error::input(scenario.place("robot"), found, remedy));
     if !gel.problem.model.is_law_alone() {
         return refuse(
@@ -80,18 +117,15 @@ pub fn sized(
     let trajectories_m = ensemble.trajectories_m(0..ensemble.parameters.len())?;
     monitor.stage("searching for the size of the robot");
     // The law is linear: all trajectories of a size are those of the given robot times one factor.
+    let range = |x: &Vec<f64>| target.succeeding_factors(ensemble.record(), x, ensemble.strain_per_m);
+    let ranges: Vec<[f64; 2]> = trajectories_m.iter().map(range).collect();
     let is_met = |factor: f64| {
         let robot = resized(&scenario.robot, factor, factor);
         let Some((compliance_per_m, _)) = body::compliance_per_m(&robot, &scenario.vitreous) else { return false };
         let times = compliance_per_m / reference_per_m * size.largest_force_n(&robot, target) / force_n;
         // Strain per displacement falls with the size of the body.
-        let strain_per_m = ensemble.strain_per_m / factor;
-        let arrives = |x: &&Vec<f64>| {
-            time_to_reach_s(ensemble.record(), x, target.reach_m / times) <= target.within_s * (1.0 + 1e-9)
-                && target.strain_is_met(x, strain_per_m * times)
-        };
-        let met = trajectories_m.iter().filter(arrives).count() as f64;
-        met >= target.probability * trajectories_m.len().max(1) as f64
+        let of_size: Vec<[f64; 2]> = ranges.iter().map(|[reached, strained]| [*reached, strained * factor]).collect();
+        best_factor(&of_size, target.probability, times).1 >= target.probability - 1e-12
     };
     let largest = MOST_OF_GEL * 0.5 * scenario.vitreous.diameter_m / scenario.robot.shape.outer_radius_m();
     if largest <= SMALLEST {
@@ -110,12 +144,12 @@ pub fn sized(
         *(if is_met(middle) { &mut succeeds } else { &mut fails }) = middle;
     }
     if success == failure {
-        return Ok(Some(resized(&scenario.robot, succeeds, succeeds)));
+        return Ok(Some(SizedRobot { robot: resized(&scenario.robot, succeeds, succeeds), is_last_tried: true }));
     }
     let towards = (succeeds - fails).signum();
     let diameter_m = diameter_m(&scenario.robot);
     let factor = rounded(diameter_m * succeeds * (1.0 + MARGIN * towards), towards) / diameter_m;
-    Ok(Some(resized(&scenario.robot, factor, factor)))
+    Ok(Some(SizedRobot { robot: resized(&scenario.robot, factor, factor), is_last_tried: false }))
 }
 
 /// A length with four significant digits, rounded up or down.

@@ -251,6 +251,11 @@ fn of_group(dir: &Path, group: Option<&str>, first: &Scenario, seed: u64) -> Res
             advice: "predict from the study of one specimen to include them".into(),
         });
     }
+    warnings.push(Warning {
+        kind: WarningKind::Extrapolation,
+        text: "a group has no record of its own, so that forces, durations and displacements beyond those of its specimens are not named".into(),
+        advice: "compare them with the specimens' records, or predict from the study of one specimen".into(),
+    });
     let draws = draws.thinned(MOST_DRAWS);
     Ok(GelSource { warnings, ..GelSource::without_record(problem, draws, dir, seed, (GROUPS_NAME, &bytes)) })
 }

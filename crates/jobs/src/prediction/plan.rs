@@ -70,7 +70,8 @@ pub fn run(place: &GelPlace<'_>, request: &PlanRequest, monitor: &dyn Monitor) -
     }
     let source = place.open(&scenarios[0], &request.sampler, monitor)?;
     let gel = source.gel();
-    let (scenario, target, robots) = chosen_robot(&source, scenarios, &target, request.size, monitor)?;
+    let Chosen { scenario, target, robots, is_last_tried } =
+        chosen_robot(&source, scenarios, &target, request.size, monitor)?;
     let planned = plan(&gel, &scenario, &target, source.kept.clone(), monitor)?;
     let tube = predicted(&gel, &planned.ensemble, &scenario, monitor)?;
     let equivalent = equivalent(&source, &scenario, &target, &planned, monitor)?;
@@ -97,7 +98,13 @@ pub fn run(place: &GelPlace<'_>, request: &PlanRequest, monitor: &dyn Monitor) -
         probability_checked_se: (checked * (1.0 - checked) / planned.full_runs.max(1) as f64).sqrt(),
         full_runs: planned.full_runs,
         limit: planned.limit.into(),
-        sentence: sentence(&planned, &target, request.size, &robots) + &overshoot_sentence(&target, &tube),
+        sentence: sentence(&planned, &target, request.size, &robots)
+            + if is_last_tried {
+                " It is the last size that was tried: another beyond it may succeed, too."
+            } else {
+                ""
+            }
+            + &overshoot_sentence(&target, &tube),
         robots,
         force: planned.steps,
         tube,
@@ -170,6 +177,17 @@ fn refuse_outside(scenarios: &[Scenario], target: &Target) -> Result<()> {
     }
 }
 
+/// Robot that a plan is for.
+struct Chosen {
+    scenario: Scenario,
+    /// Target with the largest force on the robot.
+    target: Target,
+    /// Comparison with other robots.
+    robots: Vec<PlannedRobot>,
+    /// True if the robot has the last size that was tried.
+    is_last_tried: bool,
+}
+
 /// Compares the robots of the scenarios, and returns the one that the plan is for, its target with the largest force on it, and the comparison. The comparison is
 /// empty for one robot of a given size.
 fn chosen_robot(
@@ -178,19 +196,19 @@ fn chosen_robot(
     target: &Target,
     size: Option<RobotSize>,
     monitor: &dyn Monitor,
-) -> Result<(Scenario, Target, Vec<PlannedRobot>)> {
+) -> Result<Chosen> {
     let gel = source.gel();
     let mut comparison = RobotComparison::new(&gel, source.kept.clone());
     let mut compared = Vec::new();
     let is_only = scenarios.len() == 1 && size.is_none();
     for mut scenario in scenarios {
         if is_only {
-            return Ok((scenario, *target, Vec::new()));
+            return Ok(Chosen { scenario, target: *target, robots: Vec::new(), is_last_tried: false });
         }
-        let mut target = *target;
+        let (mut target, mut is_last_tried) = (*target, false);
         if let Some(size) = size {
-            if let Some(robot) = robot_size::sized(&gel, &scenario, &target, size, source.kept.clone(), monitor)? {
-                scenario.robot = robot;
+            if let Some(sized) = robot_size::sized(&gel, &scenario, &target, size, source.kept.clone(), monitor)? {
+                (scenario.robot, is_last_tried) = (sized.robot, sized.is_last_tried);
             }
             target.largest_force_n = size.largest_force_n(&scenario.robot, &target);
         }
@@ -207,32 +225,30 @@ fn chosen_robot(
             on_front: false,
             chosen: false,
         };
-        compared.push((scenario, target, robot));
+        compared.push(((scenario, target, is_last_tried), robot));
     }
     // Infeasible robots come last, by their probability.
     let rank = |robot: &PlannedRobot| match (robot.feasible, size) {
         (false, _) => (1, -robot.probability),
         (true, Some(RobotSize::Largest)) => (0, -robot.volume_mm3),
         (true, Some(RobotSize::SmallestMagnet { .. })) => (0, robot.volume_mm3),
+        // The way to a rest takes all of the force, or a fixed part of it.
+        (true, None) if target.rest.is_some() => (0, -robot.probability),
         (true, None) => (0, robot.force_un),
     };
     let order = |a: &PlannedRobot, b: &PlannedRobot| {
         let ((a_group, a_value), (b_group, b_value)) = (rank(a), rank(b));
         a_group.cmp(&b_group).then(a_value.total_cmp(&b_value))
     };
-    let (mut scenarios, mut robots) = (Vec::new(), Vec::new());
-    for (scenario, target, robot) in compared {
-        scenarios.push((scenario, target));
-        robots.push(robot);
-    }
+    let (mut scenarios, mut robots): (Vec<_>, Vec<PlannedRobot>) = compared.into_iter().unzip();
     let best = (0..robots.len()).min_by(|a, b| order(&robots[*a], &robots[*b])).unwrap_or(0);
     let on_front: Vec<bool> = robots.iter().map(|robot| robot.feasible && !is_dominated(robot, &robots)).collect();
     for (robot, on_front) in robots.iter_mut().zip(on_front) {
         robot.on_front = on_front;
     }
     robots[best].chosen = true;
-    let (scenario, target) = scenarios.swap_remove(best);
-    Ok((scenario, target, robots))
+    let (scenario, target, is_last_tried) = scenarios.swap_remove(best);
+    Ok(Chosen { scenario, target, robots, is_last_tried })
 }
 
 /// True if another feasible robot is at least as large and needs at most the same force, and differs in one of both.
@@ -268,7 +284,10 @@ fn sentence(planned: &PlannedForce, target: &Target, size: Option<RobotSize>, ro
     let of_many = if robots.len() > 1 { format!(" of {} robots", robots.len()) } else { String::new() };
     let of_robot = match (planned.is_feasible, size) {
         (false, None) => format!("The most probable{of_many} is {}.", chosen.name),
-        (false, Some(_)) => format!("No size{of_many} within the limits reaches the target; the given size is shown."),
+        (false, Some(_)) => {
+            format!("No size{of_many} within the limits reaches the target; the plan is for a {shape}.")
+        }
+        (true, None) if target.rest.is_some() => format!("The most probable{of_many} is {}.", chosen.name),
         (true, None) => format!("The smallest force{of_many} is that on {}.", chosen.name),
         (true, Some(RobotSize::Largest)) => format!("The largest robot{of_many} that succeeds is a {shape}."),
         (true, Some(RobotSize::SmallestMagnet { .. })) => {
@@ -307,30 +326,36 @@ fn force_sentence(planned: &PlannedForce, target: &Target) -> String {
         .iter()
         .map(|step| step.force_un)
         .fold(0.0_f64, |most, force| if force.abs() > most.abs() { force } else { most });
-    let goal = format!("{} mm within {} s", plain(1e3 * target.reach_m), plain(target.within_s));
-    let rest = target.rest.map_or(String::new(), |rest| {
-        format!(" and rests there within ± {} µm for {} s", plain(1e6 * rest.within_m), plain(rest.for_s))
-    });
+    let (reach_mm, within_s) = (plain(1e3 * target.reach_m), plain(target.within_s));
+    let goal = match target.rest {
+        None => format!("reaches {reach_mm} mm within {within_s} s"),
+        Some(rest) => format!(
+            "comes within ± {} µm of {reach_mm} mm in {within_s} s and stays there for {} s",
+            plain(1e6 * rest.within_m),
+            plain(rest.for_s)
+        ),
+    };
     let checked =
         format!("{} % of {} unused draws by full finite elements", percent(planned.checked), planned.full_runs);
     // Rounded up, because a smaller force succeeds less often than promised.
     let size_un = largest_un.abs();
-    let unit_un = 10_f64.powf(size_un.log10().floor() - 3.0);
+    // Under a limit of the strain, a larger force may strain the gel too much.
+    let digits = if target.largest_strain.is_some() { 7 } else { 4 };
+    let unit_un = 10_f64.powf(size_un.log10().floor() - f64::from(digits - 1));
     let rounded_un = if size_un > 0.0 { (size_un / unit_un - 1e-9).ceil() * unit_un } else { 0.0 };
-    let force = format!("{} µN", format_significant(rounded_un.copysign(largest_un), 4));
+    // The most of a stepwise force is a size.
+    let signed_un = if target.rest.is_some() { rounded_un } else { rounded_un.copysign(largest_un) };
+    let force = format!("{} µN", format_significant(signed_un, digits as usize));
     if planned.is_feasible {
         let kind = match (target.rest, target.slew_n_per_s) {
             (Some(_), _) => "A stepwise force of at most",
             (None, Some(_)) => "A force that rises to",
             (None, None) => "A constant force of",
         };
-        return format!(
-            "{kind} {force} reaches {goal}{rest} with {} % probability ({checked}).",
-            percent(planned.promised)
-        );
+        return format!("{kind} {force} {goal} with {} % probability ({checked}).", percent(planned.promised));
     }
     format!(
-        "No force within the limits reaches {goal}{rest} with {} % probability: the highest found is {} % at {force} ({checked}). The limit that binds is the {}.",
+        "No force within the limits {goal} with {} % probability: the highest found is {} % at {force} ({checked}). The limit that binds is the {}.",
         percent(target.probability),
         percent(planned.promised),
         planned.limit
