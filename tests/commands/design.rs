@@ -86,6 +86,24 @@ fn a_first_record_is_designed_from_the_prior() {
     assert!((found / information - 1.0).abs() < 0.01, "{found} against {information}");
     assert!(now / c2 > 0.1, "the prior is {c2} ± {now}");
 
+    // A wider limit of the displacement teaches more, also where few protocols under the largest force keep it.
+    let information = ["100", "300", "500", "1000"].map(|limit_um| {
+        let run = [
+            "design",
+            "first",
+            "--max-displacement-um",
+            limit_um,
+            "--budget-s",
+            "40",
+            "--out",
+            limit_um,
+            "--json",
+            "-",
+        ];
+        number(&vitreo(dir.path(), &run).exits(0).json()["recommended"]["expected_information_nats"])
+    });
+    assert!(information.windows(2).all(|pair| pair[1] > pair[0]), "{information:?}");
+
     let mut normal = normals();
     let next = dir.path().join("plan/next-record");
     let table = std::fs::read_to_string(next.join("trajectory.csv")).unwrap();

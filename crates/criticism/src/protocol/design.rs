@@ -144,11 +144,11 @@ impl<'a> Designer<'a> {
             Ok((ranked, others))
         };
         let (mut ranked, mut of_others) = rank(&screen)?;
-        if ranked.is_empty() && of_others.is_empty() {
+        // If few protocols keep the limit, better ones may keep it under a smaller force.
+        if ranked.len() + of_others.len() < N_JUDGED && !reduces_force {
             screen.reduces_force = true;
             (ranked, of_others) = rank(&screen)?;
         }
-        let reduces_force = screen.reduces_force;
         let begun: Vec<(f64, DesignedDrive)> = ranked.iter().take(N_IMPROVED).cloned().collect();
         ranked.extend(of_others);
         for start in begun {
@@ -161,7 +161,8 @@ impl<'a> Designer<'a> {
         ranked.truncate(N_JUDGED);
         let drives = ranked.into_iter().map(|(_, drive)| drive).chain(also.iter().cloned());
         let tried =
-            drives.filter_map(|drive| self.tried(drive, limits, limits.interval_s, reduces_force).ok()).collect();
+            // Rows that are closer than those of the screen show positions farther away.
+            drives.filter_map(|drive| self.tried(drive, limits, limits.interval_s, true).ok()).collect();
         let value = |tried: &TriedDrive, pair| match self.sought {
             Sought::Effects => {
                 refuse_if_stopped(monitor, NOTHING_KEPT)?;
@@ -174,8 +175,8 @@ impl<'a> Designer<'a> {
         let best = farthest(tried, &self.pairs, ANY, value)?.into_iter().next();
         let Some((separation, TriedDrive { drive, models })) = best else {
             return Err(Error::numerical(
-                "no protocol stays within the limits",
-                "allow a larger displacement, a longer duration or a shorter hold",
+                "no protocol can be computed within the limits",
+                "allow a longer duration, or a shorter hold relative to it",
             ));
         };
         let (information_nats, sd) = self.gain(&self.information(&models.subject)?.matrix)?;

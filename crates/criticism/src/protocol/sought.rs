@@ -7,6 +7,9 @@ use crate::detectable::{Detectability, RANGE_TAIL};
 use crate::{Candidate, Fitted, Subject};
 use base::error::{Error, Result};
 
+/// Nuisance of records whose zero is fitted.
+const OFFSET: &str = "position-offset.offset_m";
+
 /// Purpose of a design.
 pub enum Sought {
     /// Smallest uncertainty of the model's parameters.
@@ -44,7 +47,17 @@ impl RecordInformation {
     pub fn new(subject: &Subject, (candidate, fitted): (&Candidate, &Fitted)) -> Result<Self> {
         let position_m = subject.trajectory_m(candidate, &fitted.theta)?;
         let columns_m = columns_m(subject, candidate, &fitted.theta)?;
-        let columns = subject.fitted.whiten(&columns_m, &position_m, &fitted.noise);
+        let mut columns = subject.fitted.whiten(&columns_m, &position_m, &fitted.noise);
+        // A new record has an unknown offset of its own, of which the present records say nothing.
+        if let Some(place) = candidate.free.iter().position(|free| free.name == OFFSET) {
+            let of_offset = columns[place].clone();
+            columns[place].fill(0.0);
+            let square = dot(&of_offset, &of_offset);
+            for column in columns.iter_mut().filter(|_| square > 0.0) {
+                let share = dot(column, &of_offset) / square;
+                column.iter_mut().zip(&of_offset).for_each(|(x, offset)| *x -= share * offset);
+            }
+        }
         let matrix = DMatrix::from_fn(columns.len(), columns.len(), |i, j| dot(&columns[i], &columns[j]));
         Ok(Self { columns, matrix })
     }
@@ -112,4 +125,42 @@ pub(super) fn sd_of(derivatives: &DVector<f64>, precision: &DMatrix<f64>) -> Res
         Error::numerical("the parameters have no finite uncertainty", "fix one of the model's parameters")
     })?;
     Ok(factor.solve(derivatives).dot(derivatives).max(0.0).sqrt())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Search;
+    use models::effects::Library;
+    use posterior::monitor::SilentMonitor;
+    use posterior::problem::Problem;
+    use posterior::replica::embedded;
+    use posterior::study::ModelSpecification;
+    use record::Apparatus;
+
+    /// The information of a record with an unknown offset is the Schur complement of the offset in the information of all parameters.
+    #[test]
+    fn a_new_record_has_an_offset_of_its_own() {
+        let (mut experiment, _) = embedded().expect("embedded");
+        experiment.apparatus = Apparatus::Instrument { compliance_per_m: 549.178, is_stress_strain: false };
+        experiment.fits_position_offset = true;
+        let problem = Problem::new(experiment, ModelSpecification::default(), None, &SilentMonitor).expect("sound");
+        let subject = Subject::new(&problem, &Library::only(&[]), None, &SilentMonitor).expect("sound");
+        let base = subject.base();
+        let fitted = subject.fit(&base, &[], Search::Wide).expect("fits");
+        let found = RecordInformation::new(&subject, (&base, &fitted)).expect("derivatives").matrix;
+        let position_m = subject.trajectory_m(&base, &fitted.theta).expect("a model");
+        let columns_m = columns_m(&subject, &base, &fitted.theta).expect("derivatives");
+        let columns = subject.fitted.whiten(&columns_m, &position_m, &fitted.noise);
+        let all = DMatrix::from_fn(columns.len(), columns.len(), |i, j| dot(&columns[i], &columns[j]));
+        let k = base.free.iter().position(|free| free.name == OFFSET).expect("an offset");
+        for i in 0..columns.len() {
+            for j in 0..columns.len() {
+                let expected =
+                    if i == k || j == k { 0.0 } else { all[(i, j)] - all[(i, k)] * all[(k, j)] / all[(k, k)] };
+                let scale = (all[(i, i)] * all[(j, j)]).sqrt();
+                assert!((found[(i, j)] - expected).abs() < 1e-9 * scale, "{i} {j}: {} {expected}", found[(i, j)]);
+            }
+        }
+    }
 }

@@ -10,7 +10,7 @@ use nalgebra::DVector;
 use posterior::monitor::Monitor;
 use prediction::ensemble::Ensemble;
 use prediction::quantity::Quantity;
-use prediction::scenario::Scenario;
+use prediction::scenario::{Scenario, Tolerances};
 use sampling::SamplerOptions;
 
 use crate::prediction::GelPlace;
@@ -58,7 +58,10 @@ impl AskedQuantity {
         }
         Err(Error::input(
             self.scenario.place("quantity"),
-            format!("the quantity `{}` has no value at the fit", self.quantity.label()),
+            format!(
+                "the quantity `{}` has no value: under this force the robot does not come so far",
+                self.quantity.label()
+            ),
             "give a longer duration, a larger force or a smaller distance",
         ))
     }
@@ -76,6 +79,11 @@ impl AskedQuantity {
         };
         let all: Vec<f64> = (0..candidate.free.len()).map(derivative).collect::<Result<_>>()?;
         Ok(DVector::from_vec(all))
+    }
+
+    /// True if the apparatus of the scenario is uncertain, too, which no record of the gel changes.
+    pub fn has_tolerances(&self) -> bool {
+        self.scenario.tolerances != Tolerances::default()
     }
 
     pub fn designed(

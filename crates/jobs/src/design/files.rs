@@ -129,6 +129,7 @@ pub fn next_record(experiment: &Experiment, record: &Record, holds_out: bool) ->
         format!("force = \"{}\"", record.force_rule.name()),
         format!("source = {}", quoted("to be recorded: protocol of vitreo-uq design")),
     ];
+    measurement.extend(experiment.fits_position_offset.then(|| "zero = \"fit\"".to_string()));
     measurement.extend(experiment.noise_sd_m.map(|sd_m| format!("noise_um = {}", 1e6 * sd_m)));
     let head =
         "# Protocol of `vitreo-uq design`. Replace trajectory.csv by the record, or fill in its column position_um.";
@@ -140,4 +141,21 @@ pub fn next_record(experiment: &Experiment, record: &Record, holds_out: bool) ->
         table += &format!("{},{},,{cycle}\n", digits(record.time_s[row]), digits(1e6 * record.force_n[row]));
     }
     (toml.into_bytes(), table.into_bytes())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use posterior::replica::embedded;
+
+    /// A new record on an apparatus with an unknown zero has one of its own.
+    #[test]
+    fn the_next_record_keeps_a_fitted_zero() {
+        let (mut experiment, _) = embedded().expect("embedded");
+        for fits in [false, true] {
+            experiment.fits_position_offset = fits;
+            let (toml, _) = next_record(&experiment, &experiment.record, false);
+            assert_eq!(String::from_utf8(toml).expect("text").contains("zero = \"fit\""), fits);
+        }
+    }
 }

@@ -177,7 +177,10 @@ fn designed(known: Known, request: &DesignRequest, monitor: &dyn Monitor) -> Res
     let files = DesignFiles::new(&dir);
     let recommended = recommended(&designer, &best, &limits, (&effects, now), seed, &files)?;
     let recommended = match &quantity {
-        Some(quantity) => RecommendedProtocol { sentence: with_quantity(&best, &limits, quantity), ..recommended },
+        Some(quantity) => {
+            let has_tolerances = asked.as_ref().is_some_and(AskedQuantity::has_tolerances);
+            RecommendedProtocol { sentence: with_quantity(&best, &limits, quantity, has_tolerances), ..recommended }
+        }
         None if goal == DesignGoal::Detection => {
             RecommendedProtocol { sentence: with_detection(&best, &limits, &detectable), ..recommended }
         }

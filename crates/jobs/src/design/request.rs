@@ -66,7 +66,7 @@ pub fn limits(experiment: &Experiment, farthest_m: f64, request: &DesignRequest)
         return Err(Error::input(
             InputPlace::default().at_key("limits"),
             format!(
-                "a record of {} s with a sample every {} s and at most {} µN",
+                "no protocol has room in a record of {} s with a sample every {} s and at most {} µN",
                 format_significant(duration_s, 4),
                 format_significant(interval_s, 4),
                 format_significant(1e6 * largest_force_n, 4)

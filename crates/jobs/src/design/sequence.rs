@@ -93,7 +93,7 @@ pub fn read_later(paths: &[PathBuf], first: &Experiment, monitor: &dyn Monitor) 
         if experiment.fits_position_offset || first.fits_position_offset {
             return refuse(
                 "positions with an unknown offset cannot be joined with another record",
-                "give records whose position is zero before the first force",
+                "give records whose position is zero before the first force, or join these by `vitreo-uq sample`",
             );
         }
         Ok(Later { experiment, hashes: Study::hashes_of(&files)? })

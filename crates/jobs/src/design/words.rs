@@ -24,16 +24,22 @@ fn instruction(best: &DesignedProtocol, limits: &DesignLimits) -> String {
     format!("Apply {} ({} s in all).", best.drive.described(limits), format_significant(limits.duration_s, 3))
 }
 
-pub fn with_quantity(best: &DesignedProtocol, limits: &DesignLimits, quantity: &DesignedQuantity) -> String {
+pub fn with_quantity(
+    best: &DesignedProtocol,
+    limits: &DesignLimits,
+    quantity: &DesignedQuantity,
+    has_tolerances: bool,
+) -> String {
     let unit = quantity.unit.replace("um", "µm");
     let unit = if unit == "1" { String::new() } else { format!(" {unit}") };
     let [value, now, then] =
         [quantity.value, quantity.sd_now, quantity.sd_expected].map(|value| format_significant(value, 3));
     format!(
-        "{} The {} of {} ({value}{unit}) becomes known to ± {then}{unit} (now ± {now}{unit}).",
+        "{} The {} of {} ({value}{unit}) becomes known to ± {then}{unit} (now ± {now}{unit}){}.",
         instruction(best, limits),
         quantity.quantity,
-        quantity.scenario
+        quantity.scenario,
+        if has_tolerances { ", beside the scenario's tolerances, which no record of the gel reduces" } else { "" }
     )
 }
 
@@ -73,7 +79,7 @@ pub fn sentence(
             effects[0],
             effects[other],
             short(distance),
-            now.map_or(String::new(), |now| format!(" ({} σ in the present one)", short(now)))
+            now.map_or(String::new(), |now| format!(" ({} σ in all cycles of the present one)", short(now)))
         );
     }
     let improved = parameters.iter().min_by(|a, b| (a.sd_expected / a.sd_now).total_cmp(&(b.sd_expected / b.sd_now)));
