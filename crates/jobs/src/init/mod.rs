@@ -99,7 +99,7 @@ fn one(
         return Ok(summary);
     }
     if let Some(looked) = &looked {
-        refuse_amplitudes(place, &request.known_columns, looked)?;
+        refuse_amplitudes(place, bytes, &request.known_columns, looked)?;
     }
     let creep = match &looked {
         Some(looked) => StressStrain::of(looked, &request.known_columns, request.sizes[2])?,

@@ -7,7 +7,9 @@ use super::stress::{ROTATION, STRAIN, StressStrain, called};
 use base::error::{Error, InputPlace, Result, Setting};
 use base::units::Dimension;
 use figures::number::format_significant;
-use record::table::{ColumnName, InspectedTable, TableDescription, TableProposal, TableSettings};
+use record::table::{
+    ColumnName, InspectedTable, TableDescription, TableProposal, TableSettings, cells, decode_detected,
+};
 use record::{SweepColumn, columns_of, moduli_columns};
 
 /// Beginnings of the names of columns that hold logarithms.
@@ -105,7 +107,12 @@ fn is_multiple(name: &str) -> bool {
 }
 
 /// Refuses amplitudes of an oscillation over time, which look like a hold: a phase or a complex viscosity stands beside the stress or force.
-pub(super) fn refuse_amplitudes(place: &Path, given: &TableSettings, looked: &InspectedTable) -> Result<()> {
+pub(super) fn refuse_amplitudes(
+    place: &Path,
+    bytes: &[u8],
+    given: &TableSettings,
+    looked: &InspectedTable,
+) -> Result<()> {
     let is_given = given.columns[1..3].iter().chain(&given.axes).any(Option::is_some);
     let of_oscillation = [SweepColumn::Phase, SweepColumn::LossTangent].into_iter();
     // `Phase` alone may be a part of the test, and `delta` a distance.
@@ -118,10 +125,12 @@ pub(super) fn refuse_amplitudes(place: &Path, given: &TableSettings, looked: &In
     let has_frequency = columns_of(looked, SweepColumn::Frequency).next().is_some();
     let is_bead = is_of(Dimension::Force) && is_of(Dimension::Length) && !has_frequency;
     let named = of_oscillation.flat_map(|column| columns_of(looked, column)).filter(is_sure);
-    let named = named.map(|place| &looked.columns[place]);
-    let viscosity =
-        looked.columns.iter().filter(|name| called(name, &["complex viscosity", "komplexe viskosität"], &[]));
-    match named.chain(viscosity).next().filter(|_| !is_given && !is_bead) {
+    let is_viscosity =
+        |place: &usize| called(&looked.columns[*place], &["complex viscosity", "komplexe viskosität"], &[]);
+    let viscosities = (0..looked.columns.len()).filter(is_viscosity);
+    // Exports hold the columns of all kinds of tests, those of the others without numbers.
+    let found = named.chain(viscosities).find(|place| has_numbers(bytes, looked, *place));
+    match found.map(|place| &looked.columns[place]).filter(|_| !is_given && !is_bead) {
         None => Ok(()),
         Some(name) => Err(Error::input(
             InputPlace::file(place),
@@ -133,6 +142,15 @@ pub(super) fn refuse_amplitudes(place: &Path, given: &TableSettings, looked: &In
             ),
         )),
     }
+}
+
+/// True if a column holds a number other than 0.
+fn has_numbers(bytes: &[u8], looked: &InspectedTable, place: usize) -> bool {
+    let layout = &looked.layout;
+    decode_detected(bytes).lines().skip(layout.first_row_line - 1).any(|line| {
+        let cells = cells(line, layout.delimiter);
+        cells.get(place).and_then(|cell| layout.number(cell)).is_some_and(|number| number != 0.0)
+    })
 }
 
 /// Refuses a relaxation of a tip, for which there is no model.
@@ -234,7 +252,10 @@ pub(super) fn refuse_without_moduli(place: &Path, given: &TableSettings, looked:
         ["time", "zeit", "temps", "tiempo", "tempo"].iter().any(|word| name.starts_with(word)) || name == "t"
     };
     let is_record = given.columns.iter().chain(&given.axes).chain(&given.units).any(Option::is_some)
-        || looked.columns.iter().any(is_time)
+        || looked
+            .columns
+            .iter()
+            .any(|name| is_time(name) || called(name, &["force", "position", "displacement", "current"], &[]))
         || looked.units.iter().flatten().any(|unit| matches!(unit.dimension, Dimension::Time | Dimension::Length));
     // A letter alone may be the force.
     let is_sure = |place: &usize| looked.units[*place].is_some() || looked.columns[*place].chars().count() > 1;
