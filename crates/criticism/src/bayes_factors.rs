@@ -16,6 +16,7 @@ use super::request::DiagnosisRequest;
 use super::search::{SearchResult, Single};
 use base::error::{Error, Result};
 use documents::diagnosis::{PosteriorMode, RefitParameter};
+use figures::number::format_significant;
 use posterior::monitor::{Counter, Monitor};
 
 /// Margin (nats) below the best log Bayes factor: no evidence is computed for an effect whose upper bound lies lower.
@@ -157,6 +158,13 @@ impl EvidenceSet {
                 failed.join(", ")
             )
         }));
+        if let [slug] = claimed[..]
+            && let BayesFactor::Known(factor) = evidence_set.factor(slug)
+            && factor < 0.0
+        {
+            let factor = format_significant(factor.exp(), 2);
+            evidence_set.remarks.push(format!("the evidence is against {slug}: its Bayes factor over the model without it is {factor}. Its fitted size is one that the prior holds unlikely, or the gain is chance: repeat the experiment before you rely on the claim"));
+        }
         if let Some(claim) = claim.filter(|_| claimed.len() > 1) {
             evidence_set.of_claim = Some(evidence_set.of_larger_claim(subject, claim, seed)?);
         }

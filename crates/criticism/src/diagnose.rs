@@ -32,6 +32,8 @@ pub struct DiagnosisResult {
 }
 
 const N_OUTSIDE_SIMULATIONS: usize = 199;
+/// Smallest size of an unexplained residual that is shown, as a part of the predictive noise. Below it, the learnt noise has taken the residual.
+const VISIBLE_SHARE: f64 = 0.05;
 /// Largest number of simulated data sets that confirm a finding. The largest gain in each must stay below the gain of the finding. The sets are made in batches of
 /// `CONFIRMING_BATCH`, and at least `FEWEST_CONFIRMING` are made. The batches stop early if the finding is out of their reach.
 const N_CONFIRMING: usize = 195;
@@ -80,8 +82,9 @@ pub fn diagnose(subject: &Subject, request: &DiagnosisRequest, monitor: &dyn Mon
         let model = report.model.unwrap_or(&found.base);
         let outside = outside_request(request);
         if report.remains() {
-            report.leftover =
-                Some(UnexplainedResidual::of(&subject, model, &unexplained, (&request.criteria, &outside))?);
+            let leftover = UnexplainedResidual::of(&subject, model, &unexplained, (&request.criteria, &outside))?;
+            let entry = &leftover.entry;
+            report.leftover = (entry.size_um >= VISIBLE_SHARE * entry.predictive_noise_um).then_some(leftover);
         }
         report.event = event_in_any_cycle(&subject, model, &unexplained, (&request.criteria, &outside))?;
     }
