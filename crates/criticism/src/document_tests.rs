@@ -326,7 +326,8 @@ fn what_cannot_come_near_the_claim_gets_a_bound() {
     assert_eq!(refit.parameters.len(), 1);
 }
 
-/// Beside a claim, a nonlinear law only gets an upper bound of its Bayes factor, however large its gain is. A remark names the law.
+/// Beside a claim, a nonlinear law only gets an upper bound of its Bayes factor, however large its gain is. A remark names the law, and another the claim, which the evidence does not favour: the replica has
+/// no bias of the force.
 #[test]
 #[ignore = "thorough"]
 fn a_law_that_is_not_linear_is_not_weighed_beside_a_claim() {
@@ -340,7 +341,8 @@ fn a_law_that_is_not_linear_is_not_weighed_beside_a_claim() {
     let weighing = EvidenceSet::new(&data, &request, (&found, claimed), &SilentMonitor).expect("weighed");
     assert!(matches!(weighing.factor("force-bias"), BayesFactor::Known(_)));
     assert_eq!(weighing.factor("strain-stiffening"), BayesFactor::AtMost(1005.0));
-    let [remark] = &weighing.remarks[..] else { panic!("{:?}", weighing.remarks) };
+    let [remark, against] = &weighing.remarks[..] else { panic!("{:?}", weighing.remarks) };
+    assert!(against.starts_with("the evidence is against force-bias"), "{against}");
     assert!(remark.contains("strain-stiffening") && remark.contains("because nonlinear laws take long"), "{remark}");
 }
 

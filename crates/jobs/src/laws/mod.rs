@@ -1,6 +1,6 @@
 //! `compare --laws`: fits several base laws to one record and compares their evidence and their errors on rows that no fit has seen.
 //!
-//! [`creep`] fits records over time, and [`oscillation`] fits tables of moduli. [`ranking`] orders the laws of both.
+//! [`creep`] fits records over time, and [`oscillation`] fits tables of moduli. `ranking` orders the laws of both.
 
 pub mod creep;
 pub mod oscillation;
