@@ -9,7 +9,7 @@ use super::inputs::{
 };
 use super::table::{
     ColumnName, ColumnNames, InspectedTable, ParsedUnit, SWEEP_KEYS, TableLayout, TableSettings, Units, cells, column,
-    decode_table, is_blank_or_comment, read_choice, split_unit,
+    decode_table, is_blank_or_comment, listed_columns, read_choice, split_unit, told_column,
 };
 use base::error::{Error, InputPlace, Result, Setting};
 use base::files::refuse_long_lines;
@@ -262,8 +262,9 @@ impl SweepColumn {
 /// # Errors
 /// [`Error::Input`] if a given column does not exist.
 pub fn sweep_columns(looked: &InspectedTable, given: &TableSettings) -> Result<Option<Vec<(SweepColumn, usize)>>> {
+    let names = &looked.columns;
     let frequency = match &given.frequency {
-        Some(told) => Some((SweepColumn::Frequency, told_column(looked, Setting::FrequencyColumn, told)?)),
+        Some(told) => Some((SweepColumn::Frequency, told_column(names, names.len(), Setting::FrequencyColumn, told)?)),
         None => column_of(looked, SweepColumn::Frequency),
     };
     let pair = match &given.moduli {
@@ -285,38 +286,18 @@ pub fn sweep_columns(looked: &InspectedTable, given: &TableSettings) -> Result<O
             Err(Error::input(
                 InputPlace::setting(missing),
                 "no column of the table has a name of this quantity",
-                format!("give it with `{missing}`, too; {}", listed(looked)),
+                format!("give it with `{missing}`, too; {}", listed_columns(names, names.len())),
             ))
         }
         _ => Ok(None),
     }
 }
 
-/// Columns of a table, for messages.
-fn listed(looked: &InspectedTable) -> String {
-    let names: Vec<String> = looked.columns.iter().map(|name| format!("`{name}`")).collect();
-    format!("the columns are {}", names.join(", "))
-}
-
-/// Index of a column that the user gives by its name or its number from 1.
-fn told_column(looked: &InspectedTable, setting: Setting, told: &str) -> Result<usize> {
-    let named: Vec<usize> = (0..looked.columns.len()).filter(|place| looked.columns[*place] == told).collect();
-    let number = told.parse::<usize>().ok().and_then(|number| number.checked_sub(1));
-    match named[..] {
-        [place] => Ok(place),
-        [] if let Some(place) = number.filter(|place| *place < looked.columns.len()) => Ok(place),
-        [] => Err(Error::input(InputPlace::setting(setting), format!("there is no column `{told}`"), listed(looked))),
-        _ => Err(Error::input(
-            InputPlace::setting(setting),
-            format!("{} columns are called `{told}`", named.len()),
-            "give the number of the right one, from 1 at the left",
-        )),
-    }
-}
-
 /// Two columns that the user gives. The second is a phase or a loss tangent if its name or its unit says so, and otherwise a loss modulus.
 fn told_moduli(looked: &InspectedTable, told: &[String; 2]) -> Result<[(SweepColumn, usize); 2]> {
-    let [first, second] = [&told[0], &told[1]].map(|told| told_column(looked, Setting::ModuliColumns, told));
+    let names = &looked.columns;
+    let [first, second] =
+        [&told[0], &told[1]].map(|told| told_column(names, names.len(), Setting::ModuliColumns, told));
     let (first, second) = (first?, second?);
     let is_of = |place: usize, column: SweepColumn| {
         SweepColumn::from_name(&looked.columns[place], looked.units[place].as_ref()) == Some(column)

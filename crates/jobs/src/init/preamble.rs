@@ -64,7 +64,9 @@ impl<'a> Preamble<'a> {
             lines.filter(|(_, lower)| KEYS.iter().any(|key| lower.contains(key)))
         };
         let says = |words: &[&str], lower: &str| words.iter().any(|word| lower.contains(word));
-        if of_test().any(|(_, lower)| says(&SHEAR, &lower.replace("compression plate", ""))) {
+        // Plates of a rheometer shear, and plates of compression do not.
+        let says_shear = |lower: &str| says(&SHEAR, &lower.replace("compression plate", ""));
+        if of_test().any(|(_, lower)| says_shear(&lower)) {
             return None;
         }
         let is_of_key = |lower: &str| {
@@ -72,7 +74,7 @@ impl<'a> Preamble<'a> {
         };
         let of_key = of_test().find(|(_, lower)| is_of_key(lower));
         let lines = || self.0.iter().map(|(_, line)| (line.trim(), line.to_lowercase()));
-        let is_sheared = lines().any(|(_, lower)| says(&SHEAR, &lower.replace("compression plate", "")));
+        let is_sheared = lines().any(|(_, lower)| says_shear(&lower));
         of_key.or_else(|| lines().find(|(_, lower)| !is_sheared && is_title(lower))).map(|(line, _)| line)
     }
 

@@ -53,16 +53,17 @@ pub(super) fn refuse_changed_numbers(place: &Path, given: &TableSettings, propos
     let positions = position.iter().flat_map(|(columns, _)| columns.all()).map(|name| (name, Setting::PositionColumn));
     let force = force.iter().map(|(name, _)| (name, Setting::ForceColumn));
     let used = std::iter::once((&time.0, Setting::TimeColumn)).chain(force).chain(positions);
-    let is_named = |name: &str| {
-        let place = proposal.columns.iter().position(|other| other == name).map(|place| (place + 1).to_string());
-        given.columns.iter().flatten().any(|known| known == name || Some(known) == place.as_ref())
-    };
     for (column, setting) in used {
-        let name = match column {
-            ColumnName::Named(name) => Some(name),
-            ColumnName::Number(number) => proposal.columns.get(number - 1),
+        let at = match column {
+            ColumnName::Named(name) => proposal.columns.iter().position(|other| other == name),
+            ColumnName::Number(number) => Some(number - 1),
         };
-        let Some(name) = name.filter(|name| !is_named(name)) else { continue };
+        let Some((at, name)) = at.and_then(|at| Some((at, proposal.columns.get(at)?))) else { continue };
+        // The user names a column by its name or by its number.
+        let number = (at + 1).to_string();
+        if given.columns.iter().flatten().any(|known| known == name || *known == number) {
+            continue;
+        }
         let what = match () {
             () if is_logarithm(name) => "logarithms",
             () if is_multiple(name) => "multiples",

@@ -21,6 +21,7 @@ pub use propose::{InspectedTable, TableProposal, choose_table, inspect_table, in
 pub(crate) use read::read_described;
 pub use read::{ColumnNames, decode_table};
 pub use roles::columns_beside;
+pub(crate) use roles::{listed_columns, told_column};
 
 pub use spelling::{ParsedUnit, split_unit, unit};
 pub(super) use text::is_blank_or_comment;

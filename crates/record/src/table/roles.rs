@@ -245,20 +245,40 @@ pub(super) struct KnownColumns<'a> {
     pub n_cells: usize,
 }
 
+/// Columns of a table, for messages.
+pub(crate) fn listed_columns(names: &[String], n_cells: usize) -> String {
+    if names.is_empty() {
+        return format!("columns are counted from 1 to {n_cells}");
+    }
+    let names: Vec<String> = names.iter().map(|name| format!("`{name}`")).collect();
+    format!("the columns are {}", names.join(", "))
+}
+
+/// Returns the index of the column that the user gives for a setting. `told` is the column's name or its number from 1.
+///
+/// # Errors
+/// [`Error::Input`] if there is no such column, or if several columns have the name.
+pub(crate) fn told_column(names: &[String], n_cells: usize, setting: Setting, told: &str) -> Result<usize> {
+    let refuse = |found: String, remedy: String| Err(Error::input(InputPlace::setting(setting), found, remedy));
+    let named: Vec<usize> = (0..names.len()).filter(|at| names[*at] == told).collect();
+    let number = told.parse::<usize>().ok().filter(|number| (1..=n_cells).contains(number));
+    match (&named[..], number) {
+        ([at], _) => Ok(*at),
+        ([], Some(number)) => Ok(number - 1),
+        ([], None) => refuse(
+            format!("there is no column `{told}`"),
+            format!("{}; give one of them or its number", listed_columns(names, n_cells)),
+        ),
+        (named, _) => refuse(
+            format!("{} columns are called `{told}`", named.len()),
+            "give the number of the right one, from 1 at the left".into(),
+        ),
+    }
+}
+
 impl KnownColumns<'_> {
     fn listed(&self) -> String {
-        if self.header.names.is_empty() {
-            return format!("columns are counted from 1 to {}", self.n_cells);
-        }
-        let names: Vec<String> = self.header.names.iter().map(|name| format!("`{name}`")).collect();
-        format!("the columns are {}", names.join(", "))
-    }
-
-    /// Returns the index, from 0, of the column with the name or the number (from 1) `told`; `None` if there is no such column.
-    fn at(&self, told: &str) -> Option<usize> {
-        let by_name = self.header.names.iter().position(|name| name == told);
-        let numbers = 1..=self.n_cells;
-        by_name.or_else(|| told.parse::<usize>().ok().filter(|n| numbers.contains(n)).map(|n| n - 1))
+        listed_columns(&self.header.names, self.n_cells)
     }
 
     /// Returns the index of the column that the user gives for a setting. `told` is the column's name or its number from 1.
@@ -266,18 +286,7 @@ impl KnownColumns<'_> {
     /// # Errors
     /// [`Error::Input`] if there is no such column.
     pub fn told(&self, setting: Setting, told: &str) -> Result<usize> {
-        let n_called = self.header.names.iter().filter(|name| *name == told).count();
-        if n_called > 1 {
-            return Err(Error::input(
-                InputPlace::setting(setting),
-                format!("{n_called} columns are called `{told}`"),
-                "give the number of the right one, from 1 at the left",
-            ));
-        }
-        self.at(told).ok_or_else(|| {
-            let remedy = format!("{}; give one of them or its number", self.listed());
-            Error::input(InputPlace::setting(setting), format!("there is no column `{told}`"), remedy)
-        })
+        told_column(&self.header.names, self.n_cells, setting, told)
     }
 
     /// Returns the indices of the columns that the user gives for x and y, with or without z; `None` if the user gives none.
