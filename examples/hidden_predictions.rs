@@ -12,6 +12,7 @@ use serde::Serialize;
 use vitreo_uq::base::error::{Error, InputPlace, Result};
 use vitreo_uq::base::files::write_json_atomically;
 use vitreo_uq::elements::fe::Stiffness;
+use vitreo_uq::elements::fe::time::FullOrderModel;
 use vitreo_uq::models::model::{Forward, FullOrderForward};
 use vitreo_uq::posterior::mechanics::robot_mesh;
 use vitreo_uq::posterior::monitor::SilentMonitor;
@@ -101,8 +102,8 @@ impl Bench {
     }
 
     fn moved_m(&self, stiffness: &Stiffness, truth: &[f64], record: &Record) -> Result<Vec<f64>> {
-        let ratio = self.vitreous.poisson_ratio;
-        FullOrderForward::new(&self.problem.model, stiffness, ratio, &record.time_s, record.force())?
+        let at_ratio = FullOrderModel::new(stiffness, self.vitreous.poisson_ratio)?;
+        FullOrderForward::new(&self.problem.model, stiffness, at_ratio, &record.time_s, record.force())
             .trajectory_m(truth)
     }
 

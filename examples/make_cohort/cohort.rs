@@ -213,7 +213,7 @@ impl Species {
 }
 
 /// Factorised finite elements of a species, shared by all its experiments.
-pub fn model(stiffness: &Stiffness) -> Result<FullOrderModel<'_>> {
+pub fn model(stiffness: &Stiffness) -> Result<FullOrderModel> {
     FullOrderModel::new(stiffness, POISSON_RATIO)
 }
 

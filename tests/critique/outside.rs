@@ -11,6 +11,7 @@ use vitreo_uq::criticism::outside::{
 use vitreo_uq::criticism::{Fitted, Search, Subject, Tangent, outliers};
 use vitreo_uq::elements::fe::Stiffness;
 use vitreo_uq::elements::fe::stepping::Resolution;
+use vitreo_uq::elements::fe::time::FullOrderModel;
 use vitreo_uq::models::effects::Library;
 use vitreo_uq::models::model::{Forward, FullOrderForward};
 use vitreo_uq::posterior::mechanics::{MODEL_LEVEL, robot_mesh};
@@ -42,13 +43,9 @@ impl Bench {
         let stiffness = Stiffness::new(&mesh).expect("a good mesh");
         let finer = Resolution { steps_per_doubling: 2 * Resolution::default().steps_per_doubling };
         let record = &experiment.record;
-        let full =
-            FullOrderForward::new(&problem.model, &stiffness, vitreous.poisson_ratio, &record.time_s, &record.force_n);
-        let truth_m = full
-            .expect("positive definite")
-            .with_resolution(finer)
-            .trajectory_m(&TABLE_I)
-            .expect("Table I has a model");
+        let at_ratio = FullOrderModel::new(&stiffness, vitreous.poisson_ratio).expect("positive definite");
+        let full = FullOrderForward::new(&problem.model, &stiffness, at_ratio, &record.time_s, &record.force_n);
+        let truth_m = full.with_resolution(finer).trajectory_m(&TABLE_I).expect("Table I has a model");
         let subject = Subject::new(&problem, &Library::default(), None, &SilentMonitor).expect("sound");
         Self { subject, experiment, truth_m }
     }

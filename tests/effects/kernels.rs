@@ -195,8 +195,8 @@ fn reduced<'a>(model: &'a Model, protocol: &Protocol) -> SurrogateForward<'a> {
 
 fn full<'a>(model: &'a Model, protocol: &'a Protocol) -> FullOrderForward<'a> {
     let surroundings = surroundings(is_slow(model));
-    FullOrderForward::new(model, surroundings.stiffness, POISSON_RATIO, &protocol.time_s, protocol.force())
-        .expect("positive definite")
+    let at_ratio = FullOrderModel::new(surroundings.stiffness, POISSON_RATIO).expect("positive definite");
+    FullOrderForward::new(model, surroundings.stiffness, at_ratio, &protocol.time_s, protocol.force())
         .in_surroundings(surroundings)
 }
 

@@ -7,6 +7,7 @@ use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 use vitreo_uq::elements::fe::Stiffness;
 use vitreo_uq::elements::fe::stepping::Resolution;
+use vitreo_uq::elements::fe::time::FullOrderModel;
 use vitreo_uq::jobs::extend::{ExtensionRequest, prepare_comparison, refit};
 use vitreo_uq::models::effects::{EFFECTS, Effect, Library};
 use vitreo_uq::models::model::{Forward, FullOrderForward};
@@ -49,9 +50,10 @@ fn problem_of(base: &Problem, effect: &dyn Effect) -> Problem {
 /// Positions (m) by the finer model; `None` if the effect has no model.
 fn finer_run(problem: &Problem, stiffness: &Stiffness, parameters: &[f64]) -> Option<Vec<f64>> {
     let (record, poisson_ratio) = (&problem.experiment.record, problem.model.scales().poisson_ratio.expect("a robot"));
-    let full = FullOrderForward::new(&problem.model, stiffness, poisson_ratio, &record.time_s, &record.force_n);
+    let at_ratio = FullOrderModel::new(stiffness, poisson_ratio).expect("positive definite");
+    let full = FullOrderForward::new(&problem.model, stiffness, at_ratio, &record.time_s, &record.force_n);
     let finer = Resolution { steps_per_doubling: 2 * Resolution::default().steps_per_doubling };
-    full.expect("positive definite").with_resolution(finer).trajectory_m(parameters).ok()
+    full.with_resolution(finer).trajectory_m(parameters).ok()
 }
 
 fn noisy(experiment: &Experiment, position_m: &[f64], rng: &mut ChaCha8Rng) -> Experiment {

@@ -10,7 +10,7 @@ use base::number::Dual;
 use documents::posterior::PosteriorSummary;
 use elements::fe::stepping::Resolution;
 use elements::fe::strain::largest_principal_strain;
-use elements::fe::time::{FullOrderModel, TimeScheme};
+use elements::fe::time::TimeScheme;
 use elements::mesh::Mesh;
 use laws::rheology::CreepCompliance;
 use models::model::{Forward, FullOrderForward, FullRun, Response};
@@ -280,7 +280,7 @@ fn run_law(
     scheme: TimeScheme,
     written_rows: &[usize],
 ) -> Result<FullOrderRun> {
-    let model = FullOrderModel::new(&fe.stiffness, fe.poisson_ratio)?;
+    let model = fe.full_order()?;
     let load = model.solve_load(&grid.time_s, grid.force.get());
     let stepped_m = model.trajectory(&load, law, scheme);
     let position_m: Vec<f64> = grid.place_of_row.iter().map(|&place| stepped_m[place]).collect();
@@ -299,7 +299,8 @@ fn run_all_stages(
     written_rows: &[usize],
 ) -> Result<FullOrderRun> {
     let record = &problem.experiment.record;
-    let full = FullOrderForward::new(&problem.model, &fe.stiffness, fe.poisson_ratio, &record.time_s, record.force())?
+    let at_ratio = fe.full_order()?.clone();
+    let full = FullOrderForward::new(&problem.model, &fe.stiffness, at_ratio, &record.time_s, record.force())
         .in_surroundings(fe.surroundings());
     let position_m = full.trajectory_m(values)?;
     let (rows, extreme_row) = rows_with_extreme(written_rows, &position_m);
@@ -319,7 +320,8 @@ fn reference_trajectory_m(
     let record = &problem.experiment.record;
     if problem.model.effects().iter().any(|effect| effect.is_nonlinear()) {
         let resolution = Resolution { steps_per_doubling: Resolution::default().steps_per_doubling / 2 };
-        return FullOrderForward::new(&problem.model, &fe.stiffness, fe.poisson_ratio, &record.time_s, record.force())?
+        let at_ratio = fe.full_order()?.clone();
+        return FullOrderForward::new(&problem.model, &fe.stiffness, at_ratio, &record.time_s, record.force())
             .in_surroundings(fe.surroundings())
             .with_resolution(resolution)
             .trajectory_m(values);

@@ -81,29 +81,37 @@ pub struct FiniteElements {
     pub mesh_file_sha256: Option<String>,
     /// Warnings about an imported mesh.
     pub mesh_warnings: Vec<Warning>,
-    /// Displacement of every unknown for 1 N on the whole robot, at unit Young's modulus, in 1/m; empty until it is asked for.
-    field_per_n: OnceLock<Vec<f64>>,
+    /// Full-order model at this Poisson ratio; empty until it is asked for.
+    full_order: OnceLock<FullOrderModel>,
 }
 
 impl FiniteElements {
-    /// Displacement of every unknown for 1 N on the whole robot, at unit Young's modulus, in 1/m. The stiffness is factorised at the first call only.
+    /// Full-order model at this Poisson ratio. The stiffness is factorised at the first call only.
     ///
     /// # Errors
     /// Errors of the factorisation.
-    pub fn field_per_n(&self) -> Result<&[f64]> {
-        if let Some(field_per_n) = self.field_per_n.get() {
-            return Ok(field_per_n);
+    pub fn full_order(&self) -> Result<&FullOrderModel> {
+        if let Some(model) = self.full_order.get() {
+            return Ok(model);
         }
-        let field_per_n = FullOrderModel::new(&self.stiffness, self.poisson_ratio)?.field_per_n().to_vec();
-        Ok(self.field_per_n.get_or_init(|| field_per_n))
+        let model = FullOrderModel::new(&self.stiffness, self.poisson_ratio)?;
+        Ok(self.full_order.get_or_init(|| model))
+    }
+
+    /// Displacement of every unknown for 1 N on the whole robot, at unit Young's modulus, in 1/m.
+    ///
+    /// # Errors
+    /// Errors of [`Self::full_order`].
+    pub fn field_per_n(&self) -> Result<&[f64]> {
+        Ok(self.full_order()?.field_per_n())
     }
 
     /// Displacement of the robot per force at unit creep compliance, in 1/m.
     ///
     /// # Errors
-    /// Errors of [`Self::field_per_n`].
+    /// Errors of [`Self::full_order`].
     pub fn compliance_per_m(&self) -> Result<f64> {
-        Ok(self.field_per_n()?[self.stiffness.assembly.unknowns.robot()])
+        Ok(self.full_order()?.compliance_per_m())
     }
 
     /// Returns mesh, stiffness and sizes, as input of effects that change the displacement field.
@@ -248,26 +256,27 @@ impl Mechanics {
             Apparatus::Robot { robot, vitreous } => (robot, vitreous),
         };
         let poisson_ratio = vitreous.poisson_ratio;
-        let (mesh, mesh_warnings, comparison) = match mesh_file {
+        let with_stiffness = |mesh: Mesh| Stiffness::new(&mesh).map(|stiffness| (mesh, stiffness));
+        let ((mesh, stiffness), mesh_warnings, comparison) = match mesh_file {
             Some(file) => {
                 refuse_across(robot)?;
                 let (mesh, warnings) = read_mesh(file, Some(robot), vitreous)?;
-                (mesh, warnings, exact_comparison(robot, vitreous))
+                (with_stiffness(mesh)?, warnings, exact_comparison(robot, vitreous))
             }
             None => {
                 let coarse_per_m = || -> Result<f64> {
                     let coarse = Stiffness::new(&robot_mesh(robot, vitreous, MODEL_LEVEL - 1)?)?;
                     Ok(FullOrderModel::new(&coarse, poisson_ratio)?.compliance_per_m())
                 };
-                let (mesh, coarse_per_m) = rayon::join(|| robot_mesh(robot, vitreous, MODEL_LEVEL), coarse_per_m);
-                (mesh?, Vec::new(), Some(Comparison::CoarserMesh(coarse_per_m?)))
+                let fine = || robot_mesh(robot, vitreous, MODEL_LEVEL).and_then(with_stiffness);
+                let (fine, coarse_per_m) = rayon::join(fine, coarse_per_m);
+                (fine?, Vec::new(), Some(Comparison::CoarserMesh(coarse_per_m?)))
             }
         };
         let mesh_file_sha256 = match mesh_file {
             Some(file) => Some(hash_of(file)?),
             None => None,
         };
-        let stiffness = Stiffness::new(&mesh)?;
         Ok(Self::FiniteElements(Box::new(FiniteElements {
             mesh,
             stiffness,
@@ -276,7 +285,7 @@ impl Mechanics {
             comparison,
             mesh_file_sha256,
             mesh_warnings,
-            field_per_n: OnceLock::new(),
+            full_order: OnceLock::new(),
         })))
     }
 }

@@ -428,7 +428,7 @@ pub struct Verification {
 fn verify(problem: &Problem, fe: &FiniteElements, compliance: &Compliance, n_runs: u32) -> Result<Verification> {
     let (time_s, force) = training_load(problem);
     let model = &problem.model;
-    let full = FullOrderForward::new(model, &fe.stiffness, fe.poisson_ratio, time_s, force)?
+    let full = FullOrderForward::new(model, &fe.stiffness, fe.full_order()?.clone(), time_s, force)
         .in_surroundings(fe.surroundings());
     let response = Response::new(time_s, force, time_s.len());
     let reduced = SurrogateForward { model, compliance: compliance.clone(), response, trained: &[] };

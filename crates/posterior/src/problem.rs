@@ -263,8 +263,9 @@ impl Problem {
         let record = &self.experiment.record;
         self.finite_elements()
             .map(|fe| {
-                FullOrderForward::new(&self.model, &fe.stiffness, fe.poisson_ratio, &record.time_s, record.force())
-                    .map(|full| full.in_surroundings(fe.surroundings()))
+                let at_ratio = fe.full_order()?.clone();
+                let full = FullOrderForward::new(&self.model, &fe.stiffness, at_ratio, &record.time_s, record.force());
+                Ok(full.in_surroundings(fe.surroundings()))
             })
             .transpose()
     }

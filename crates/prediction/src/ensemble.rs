@@ -4,7 +4,6 @@ use base::error::{Error, InputPlace, Result};
 use documents::posterior::{Warning, WarningKind};
 use documents::prediction::PositionQuantiles;
 use elements::fe::strain::largest_principal_strain;
-use figures::density::quantile_of_sorted;
 use figures::number::format_significant;
 use models::effects::Stage;
 use models::model::{Compliance, Forward, N_LANES, SurrogateForward};
@@ -457,13 +456,26 @@ fn strain_per_m(fe: &FiniteElements) -> Result<f64> {
 pub fn quantiles_um(trajectories_m: &[Vec<f64>]) -> PositionQuantiles {
     let n_rows = trajectories_m.first().map_or(0, Vec::len);
     let at_row = |row: usize| {
-        let mut ascending: Vec<f64> = trajectories_m.iter().map(|trajectory| 1e6 * trajectory[row]).collect();
-        ascending.sort_unstable_by(f64::total_cmp);
-        [0.05, 0.25, 0.5, 0.75, 0.95].map(|probability| quantile_of_sorted(&ascending, probability))
+        let mut at_row: Vec<f64> = trajectories_m.iter().map(|trajectory| 1e6 * trajectory[row]).collect();
+        quantiles(&mut at_row, [0.05, 0.25, 0.5, 0.75, 0.95])
     };
     let rows: Vec<[f64; 5]> = (0..n_rows).into_par_iter().map(at_row).collect();
     let [q05, q25, median, q75, q95] = [0, 1, 2, 3, 4].map(|k| rows.iter().map(|row| row[k]).collect());
     PositionQuantiles { q05, q25, median, q75, q95 }
+}
+
+/// Quantiles at ascending probabilities, by linear interpolation between neighbouring values as in [`figures::density::quantile_of_sorted`]; the values change their order.
+fn quantiles<const N: usize>(values: &mut [f64], ascending: [f64; N]) -> [f64; N] {
+    let Some(last) = values.len().checked_sub(1) else { return [f64::NAN; N] };
+    let mut smaller = 0;
+    ascending.map(|probability| {
+        let position = probability * last as f64;
+        let below = position.floor() as usize;
+        let (_, value, larger) = values[smaller..].select_nth_unstable_by(below - smaller, f64::total_cmp);
+        smaller = below;
+        let next = larger.iter().copied().reduce(f64::min).unwrap_or(*value);
+        *value + (position - below as f64) * (next - *value)
+    })
 }
 
 /// Warnings about a scenario: extrapolation beyond the record that taught the law, large strains, a coarse mesh, and effects that are left out.

@@ -7,7 +7,7 @@
 //! the compliance gained. If the force is constant or linear in time, so is w. A step of the
 //! exponential scheme is then exact.
 
-use super::factorisation::{Factor, Stiffness};
+use super::factorisation::Stiffness;
 use base::error::Result;
 use laws::rheology::CreepCompliance;
 use record::Force;
@@ -34,39 +34,36 @@ impl TimeScheme {
     }
 }
 
-/// The full-order model at one Poisson ratio. Its stiffness is factorised once, for all laws and
-/// loads.
-pub struct FullOrderModel<'a> {
-    factor: Factor<'a>,
+/// The full-order model at one Poisson ratio. All laws and loads share one displacement field,
+/// because all forces act on the robot along x.
+#[derive(Debug, Clone)]
+pub struct FullOrderModel {
     robot: usize,
     /// Displacement of every unknown for 1 N on the whole robot, at unit Young's modulus (in 1/m,
-    /// as displacement × modulus / force). Computed once for all runs.
+    /// as displacement × modulus / force).
     field_per_n: Vec<f64>,
 }
 
 /// A commanded force, with the displacement field for 1 N.
-///
-/// All forces act on the robot along x. Multiples of one displacement field therefore serve all
-/// forces.
 pub struct SolvedLoad<'a> {
     time_s: &'a [f64],
     force: Force<'a>,
     /// Displacement of every unknown for 1 N on the whole robot, at unit Young's modulus, in 1/m.
-    field_per_n: Vec<f64>,
+    field_per_n: &'a [f64],
 }
 
-impl<'a> FullOrderModel<'a> {
-    /// Factorises the unit stiffness at `poisson_ratio`, which must lie in (−1, 0.5).
-    pub fn new(stiffness: &'a Stiffness, poisson_ratio: f64) -> Result<Self> {
+impl FullOrderModel {
+    /// Factorises the unit stiffness at `poisson_ratio`, which must lie in (−1, 0.5), and solves for the field.
+    pub fn new(stiffness: &Stiffness, poisson_ratio: f64) -> Result<Self> {
         let factor = stiffness.factor(poisson_ratio)?;
         let share = stiffness.assembly.unknowns.share();
         let field_per_n = factor.unit_response().iter().map(|u| share * u).collect();
-        Ok(Self { factor, robot: stiffness.assembly.unknowns.robot(), field_per_n })
+        Ok(Self { robot: stiffness.assembly.unknowns.robot(), field_per_n })
     }
 
     /// Prepares a commanded force for a run with rows at `time_s` (s).
-    pub fn solve_load<'l>(&self, time_s: &'l [f64], force: impl Into<Force<'l>>) -> SolvedLoad<'l> {
-        SolvedLoad { time_s, force: force.into(), field_per_n: self.field_per_n.clone() }
+    pub fn solve_load<'l>(&'l self, time_s: &'l [f64], force: impl Into<Force<'l>>) -> SolvedLoad<'l> {
+        SolvedLoad { time_s, force: force.into(), field_per_n: &self.field_per_n }
     }
 
     /// Displacement of every unknown for 1 N on the whole robot, at unit Young's modulus, in 1/m.
@@ -106,10 +103,13 @@ impl<'a> FullOrderModel<'a> {
         rows: &[usize],
         scheme: TimeScheme,
     ) -> Vec<Vec<f64>> {
+        if rows.is_empty() {
+            return Vec::new();
+        }
         let (mut fields, mut row) = (Vec::with_capacity(rows.len()), 0);
-        run(load, &load.field_per_n, law, scheme, |run| {
+        run(load, load.field_per_n, law, scheme, |run| {
             if rows.contains(&row) {
-                fields.push((0..self.factor.n_unknowns()).map(|i| run.displacement_at(i)).collect());
+                fields.push((0..self.field_per_n.len()).map(|i| run.displacement_at(i)).collect());
             }
             row += 1;
         });

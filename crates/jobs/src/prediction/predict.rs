@@ -30,6 +30,8 @@ const N_ARRIVAL_ROWS: usize = 100;
 const NAMED_ERROR_UM: f64 = 1e-6;
 /// Number of points from which each sensitivity index is computed.
 const N_SENSITIVITY: usize = 2_048;
+/// Distance between the rows of a linear model from which quantities other than positions are computed.
+const SENSITIVITY_ROWS: usize = 8;
 /// The same number if the position is not proportional to the force, where a trajectory takes milliseconds.
 const N_SENSITIVITY_SLOW: usize = 128;
 
@@ -285,14 +287,20 @@ fn sensitivity(
     }
     let is_linear = ensemble.is_linear()?;
     let are_positions = scenario.quantities.iter().all(|quantity| matches!(quantity, Quantity::PositionAt { .. }));
+    let every = if are_positions { usize::MAX } else { SENSITIVITY_ROWS };
     let times_s: Vec<f64> = scenario.quantities.iter().flat_map(Quantity::times_s).collect();
     let record = ensemble.record();
-    // Of a linear model, positions at given times need these rows and those at which the force changes. The last row is the end of the scenario.
+    // Of a linear model, positions at given times need these rows and those at which the force changes. The last row is the end of the scenario. Other quantities need
+    // rows between them.
     let is_needed = |row: usize| {
-        record.force().changes_at(row) || times_s.contains(&record.time_s[row]) || row + 1 == record.n_rows()
+        let after_change = row > 0 && record.force().changes_at(row - 1);
+        (record.force().changes_at(row) || after_change)
+            || times_s.contains(&record.time_s[row])
+            || row % every == 0
+            || row + 1 == record.n_rows()
     };
     let needed: Vec<bool> = (0..record.n_rows()).map(is_needed).collect();
-    let of_few_rows = (is_linear && are_positions).then(|| ensemble.with_record(record.of_rows(&needed)));
+    let of_few_rows = is_linear.then(|| ensemble.with_record(record.of_rows(&needed)));
     let ensemble = of_few_rows.as_ref().unwrap_or(ensemble);
     let (forward, record) = (ensemble.forward(), ensemble.record());
     let duration_s = record.time_s[record.n_rows() - 1];

@@ -29,8 +29,8 @@ pub trait Forward: Sync {
 pub struct FullOrderForward<'a> {
     model: &'a Model,
     stiffness: &'a Stiffness,
-    /// Factorised finite-element model at the experiment's Poisson ratio.
-    at_experiment_ratio: FullOrderModel<'a>,
+    /// Finite-element model at the experiment's Poisson ratio.
+    at_experiment_ratio: FullOrderModel,
     time_s: &'a [f64],
     force: Force<'a>,
     resolution: Resolution,
@@ -52,26 +52,25 @@ pub struct FullRun {
 }
 
 impl<'a> FullOrderForward<'a> {
-    /// Returns the full-order model of a record. It factorises the stiffness at the experiment's Poisson ratio.
+    /// Returns the full-order model of a record. `at_experiment_ratio` is the finite-element model at the experiment's Poisson ratio.
     pub fn new(
         model: &'a Model,
         stiffness: &'a Stiffness,
-        poisson_ratio: f64,
+        at_experiment_ratio: FullOrderModel,
         time_s: &'a [f64],
         force: impl Into<Force<'a>>,
-    ) -> Result<Self> {
-        let at_rest = FullOrderModel::new(stiffness, poisson_ratio)?;
+    ) -> Self {
         let (resolution, nonlinear) = (Resolution::default(), OnceLock::new());
-        Ok(Self {
+        Self {
             model,
             stiffness,
-            at_experiment_ratio: at_rest,
+            at_experiment_ratio,
             time_s,
             force: force.into(),
             resolution,
             surroundings: None,
             nonlinear,
-        })
+        }
     }
 
     /// Adds gel and robot. Effects on the displacement field need them.

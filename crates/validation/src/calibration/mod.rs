@@ -148,7 +148,7 @@ impl Bench {
         let model = &self.model.problem.model;
         let full = match self.model.problem.finite_elements() {
             Some(fe) => {
-                let full = FullOrderForward::new(model, &fe.stiffness, fe.poisson_ratio, time_s, force)?;
+                let full = FullOrderForward::new(model, &fe.stiffness, fe.full_order()?.clone(), time_s, force);
                 Some(full.in_surroundings(fe.surroundings()))
             }
             None => None,

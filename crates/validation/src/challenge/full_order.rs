@@ -68,7 +68,7 @@ pub fn trajectories_m(
         let is_any_nonlinear = needed.values().any(|truth| is_nonlinear(bench, truth));
         let for_nonlinear = is_any_nonlinear.then(|| DataSolver::new(bench, NONLINEAR_DATA_LEVEL)).transpose()?;
         let places = off_centre(bench, needed.values())?;
-        let models: Vec<(ApparatusError, FullOrderModel<'_>)> = places
+        let models: Vec<(ApparatusError, FullOrderModel)> = places
             .par_iter()
             .map(|(error, stiffness)| Ok((*error, FullOrderModel::new(stiffness, workshop.poisson_ratio)?)))
             .collect::<Result<_>>()?;
@@ -163,7 +163,7 @@ impl DataSolver {
     }
 
     /// Computes the positions (m) of a truth. `full` is factorised at the stated Poisson ratio, with the robot at its true place.
-    fn trajectory_m(&self, bench: &Bench, full: &FullOrderModel<'_>, truth: &Truth) -> Result<Vec<f64>> {
+    fn trajectory_m(&self, bench: &Bench, full: &FullOrderModel, truth: &Truth) -> Result<Vec<f64>> {
         let record = truth.protocol.record();
         let still = bench.subject_of(truth.protocol, &vec![0.0; record.n_rows()])?;
         let effects = truth.effects.iter().map(|effect| effect.slug.clone()).collect();
@@ -193,7 +193,8 @@ impl DataSolver {
             position_m
         } else if stages.spatial.is_some() {
             let values: Vec<f64> = values.iter().map(|value| value.value).collect();
-            FullOrderForward::new(&model, stiffness, poisson_ratio, &record.time_s, force)?
+            let at_ratio = FullOrderModel::new(stiffness, poisson_ratio)?;
+            FullOrderForward::new(&model, stiffness, at_ratio, &record.time_s, force)
                 .in_surroundings(surroundings)
                 .trajectory_m(&values)?
         } else {

@@ -54,7 +54,7 @@ pub struct SteppingResult {
     strain_n_per_pa: Vec<f64>,
 }
 
-impl FullOrderModel<'_> {
+impl FullOrderModel {
     /// Computes the model's motion through a record of ascending times (s) and commanded force. No
     /// force acts before the first row.
     ///

@@ -16,11 +16,20 @@ use super::prepared_record::PreparedRows;
 use super::system::{Mode, System};
 use base::number::{Complex, PointScalar, Scalar};
 
-/// Coefficients of all modes for a step of length h.
-struct LinearStep<S> {
+/// Coefficients of all modes for each distinct step length h. Those of one step are consecutive.
+struct LinearSteps<S> {
     modes: Vec<LinearRow<S>>,
     oscillating: Vec<LinearRow<Complex<S>>>,
-    /// Factor e^{−λh} by which the deficit behind a lag decays over the step, with λ the lag's rate and h the step's length.
+    lag_decays: Vec<S>,
+    lengths_s: Vec<f64>,
+}
+
+/// Coefficients of all modes for a step of length h.
+#[derive(Clone, Copy)]
+struct LinearStep<'a, S> {
+    modes: &'a [LinearRow<S>],
+    oscillating: &'a [LinearRow<Complex<S>>],
+    /// Factor e^{−λh} by which the deficit behind a lag decays over the step, with λ the lag's rate; 0 without a lag.
     lag_decay: S,
     length_s: f64,
 }
@@ -98,38 +107,52 @@ impl<S: Number> Mode<Complex<S>> {
     }
 }
 
-impl<S: Number> LinearStep<S> {
-    fn new(system: &System<S>, length_s: f64, rises: bool) -> Self {
-        let zero = S::constant(0.0);
-        let mut step = Self {
-            modes: vec![LinearRow::filled(zero); system.modes.len()],
-            oscillating: vec![LinearRow::filled(complex_zero()); system.oscillating.len()],
-            lag_decay: zero,
-            length_s,
+impl<S: Number> LinearSteps<S> {
+    fn new(system: &System<S>, lengths_s: &[f64], rises: bool) -> Self {
+        let (zero, n) = (S::constant(0.0), lengths_s.len());
+        let mut steps = Self {
+            modes: vec![LinearRow::filled(zero); n * system.modes.len()],
+            oscillating: vec![LinearRow::filled(complex_zero()); n * system.oscillating.len()],
+            lag_decays: vec![zero; n],
+            lengths_s: lengths_s.to_vec(),
         };
-        Arch::new().dispatch(FillRows { system, length_s, rises, rows: &mut step.modes });
-        for lane in 0..S::N_POINTS {
-            let length_s = S::Lane::constant(length_s);
-            let lag_rate = system.shape.lagging.then(|| system.lag_rate.lane(lane));
-            for (mode, target) in system.oscillating.iter().zip(&mut step.oscillating) {
-                let of_lane = oscillating_row(mode.lane(lane), length_s, lag_rate, rises);
-                target.decay.set_lane(lane, of_lane.decay);
-                target.gain.set_lane(lane, of_lane.gain);
-                target.lag_gain.set_lane(lane, of_lane.lag_gain);
-                target.ramp_gain.set_lane(lane, of_lane.ramp_gain);
-            }
-            if let Some(lag_rate) = lag_rate {
-                step.lag_decay.set_lane(lane, (-(lag_rate * length_s)).exp());
+        Arch::new().dispatch(FillRows { system, lengths_s, rises, rows: &mut steps.modes });
+        for (step, &length_s) in lengths_s.iter().enumerate() {
+            let targets = &mut steps.oscillating[step * system.oscillating.len()..][..system.oscillating.len()];
+            for lane in 0..S::N_POINTS {
+                let length_s = S::Lane::constant(length_s);
+                let lag_rate = system.shape.lagging.then(|| system.lag_rate.lane(lane));
+                for (mode, target) in system.oscillating.iter().zip(targets.iter_mut()) {
+                    let of_lane = oscillating_row(mode.lane(lane), length_s, lag_rate, rises);
+                    target.decay.set_lane(lane, of_lane.decay);
+                    target.gain.set_lane(lane, of_lane.gain);
+                    target.lag_gain.set_lane(lane, of_lane.lag_gain);
+                    target.ramp_gain.set_lane(lane, of_lane.ramp_gain);
+                }
+                if let Some(lag_rate) = lag_rate {
+                    steps.lag_decays[step].set_lane(lane, (-(lag_rate * length_s)).exp());
+                }
             }
         }
-        step
+        steps
+    }
+
+    fn of(&self, step: usize) -> LinearStep<'_, S> {
+        let n = self.lengths_s.len();
+        let [real, oscillating] = [self.modes.len() / n, self.oscillating.len() / n];
+        LinearStep {
+            modes: &self.modes[step * real..][..real],
+            oscillating: &self.oscillating[step * oscillating..][..oscillating],
+            lag_decay: self.lag_decays[step],
+            length_s: self.lengths_s[step],
+        }
     }
 }
 
-/// Task that fills the coefficients of the real modes at all points at once.
+/// Task that fills the coefficients of the real modes, for all steps, at all points at once.
 struct FillRows<'a, S> {
     system: &'a System<S>,
-    length_s: f64,
+    lengths_s: &'a [f64],
     rises: bool,
     rows: &'a mut [LinearRow<S>],
 }
@@ -139,10 +162,13 @@ impl<S: Number> WithSimd for FillRows<'_, S> {
 
     #[inline(always)]
     fn with_simd<V: Simd>(self, _simd: V) {
-        let length_s = S::constant(self.length_s);
         let lag_rate = if self.system.shape.lagging { Some(self.system.lag_rate) } else { None };
-        for (mode, target) in self.system.modes.iter().zip(self.rows.iter_mut()) {
-            *target = row(*mode, length_s, lag_rate, self.rises);
+        let mut targets = self.rows.iter_mut();
+        for length_s in self.lengths_s {
+            let length_s = S::constant(*length_s);
+            for (mode, target) in self.system.modes.iter().zip(&mut targets) {
+                *target = row(*mode, length_s, lag_rate, self.rises);
+            }
         }
     }
 }
@@ -235,7 +261,7 @@ pub fn run<S: Number>(record: &PreparedRows, system: &System<S>, position_m: &mu
     let longest = record.holds.iter().map(|hold| hold.rows.len()).max().unwrap_or(0);
     let mut sweep = LinearSweep {
         system,
-        steps: record.step_s.iter().map(|&length_s| LinearStep::new(system, length_s, record.is_linear)).collect(),
+        steps: LinearSteps::new(system, &record.step_s, record.is_linear),
         modes: vec![zero; system.modes.len()],
         oscillating: vec![complex_zero(); system.oscillating.len()],
         is_linear: record.is_linear,
@@ -275,7 +301,7 @@ pub fn run<S: Number>(record: &PreparedRows, system: &System<S>, position_m: &mu
 /// State of the modes and of the force during one pass through the record.
 struct LinearSweep<'a, S> {
     system: &'a System<S>,
-    steps: Vec<LinearStep<S>>,
+    steps: LinearSteps<S>,
     modes: Vec<S>,
     oscillating: Vec<Complex<S>>,
     is_linear: bool,
@@ -307,18 +333,18 @@ impl<S: Number> LinearSweep<'_, S> {
     }
 
     fn advance(&mut self, step: usize, position_m: &mut [S]) {
-        let step = &self.steps[step];
-        for (input, row) in self.input.iter_mut().zip(&step.modes) {
+        let step = self.steps.of(step);
+        for (input, row) in self.input.iter_mut().zip(step.modes) {
             *input = row.gain * self.level_n;
         }
-        for (input, row) in self.oscillating_input.iter_mut().zip(&step.oscillating) {
+        for (input, row) in self.oscillating_input.iter_mut().zip(step.oscillating) {
             *input = row.gain.times(self.level_n);
         }
         if self.is_linear {
-            for (input, row) in self.input.iter_mut().zip(&step.modes) {
+            for (input, row) in self.input.iter_mut().zip(step.modes) {
                 *input += row.ramp_gain * self.slope_n_per_s;
             }
-            for (input, row) in self.oscillating_input.iter_mut().zip(&step.oscillating) {
+            for (input, row) in self.oscillating_input.iter_mut().zip(step.oscillating) {
                 *input = *input + row.ramp_gain.times(self.slope_n_per_s);
             }
             // If the force changes linearly, `advance` receives one row at a time, so the level is updated here for the next row.
@@ -376,7 +402,7 @@ impl<S: Number> LinearSweep<'_, S> {
 
 /// Task that advances all modes through consecutive equal steps under one level.
 struct LinearRows<'a, S> {
-    step: &'a LinearStep<S>,
+    step: LinearStep<'a, S>,
     system: &'a System<S>,
     modes: &'a mut [S],
     oscillating: &'a mut [Complex<S>],
@@ -407,11 +433,11 @@ impl<S: Number> WithSimd for LinearRows<'_, S> {
             position_m.fill(system.instantaneous * level_n);
         }
         let mut part = PendingModes {
-            rows: &step.modes,
+            rows: step.modes,
             inputs: self.input,
             oscillating_inputs: self.oscillating_input,
             states: self.modes,
-            oscillating_rows: &step.oscillating,
+            oscillating_rows: step.oscillating,
             oscillating: self.oscillating,
             deficits_n,
             lagging: system.shape.lagging,
