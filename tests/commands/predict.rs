@@ -277,7 +277,8 @@ fn wrong_scenarios_and_targets_are_refused() {
 }
 
 /// A linear gel: the force that a robot needs is inversely proportional to its compliance. At ν = 0.48 the resistance of the cylinder along the force is 1.2934
-/// times that of the sphere of its volume, and of the ellipsoid 1.25 times (docs/shapes.md). Another robot then needs a force of that ratio.
+/// times that of the sphere of its volume, and of the ellipsoid 1.25 times (docs/shapes.md). Another robot then needs a force of that ratio, and a force of that ratio
+/// leads back to the robot.
 #[test]
 fn robots_are_compared_by_the_force_that_they_need() {
     let dir = tempfile::tempdir().unwrap();
@@ -318,6 +319,26 @@ fn robots_are_compared_by_the_force_that_they_need() {
         "{plan}"
     );
     assert!(dir.path().join("study/plan-robots.svg").is_file());
+    // Under 1.25 times the sphere's force, the ellipsoid of the aspect ratio that this belongs to is the longest one.
+    let ellipsoid = robots[robots.find("[[scenario]]\nname = \"ellipsoid").unwrap()..].split("[scenario.vary]").next();
+    std::fs::write(dir.path().join("ellipsoid.toml"), ellipsoid.unwrap()).unwrap();
+    let force = (1.25 * sphere).to_string();
+    let longest = |target: &str, more: &[&str]| {
+        let words = ["plan", "study", "--scenario", target, "--reach-mm", "0.3", "--within-s", "3", "--longest-robot"];
+        vitreo(dir.path(), &[&words[..], &["--max-force-un", &force, "--no-report", "--json", "-"], more].concat())
+    };
+    let plan = longest("ellipsoid.toml", &[]).exits(0).json();
+    let length_mm = 0.55 * (68.0_f64 / 7.0).powf(2.0 / 3.0);
+    let robot = &plan["robots"][0];
+    assert!((number(&robot["length_mm"]) / length_mm - 1.0).abs() < 2e-3, "{robot}");
+    assert!((6.0 / std::f64::consts::PI * number(&robot["volume_mm3"]) / 0.55_f64.powi(3) - 1.0).abs() < 1e-6);
+    assert!(
+        plan["sentence"].as_str().unwrap().starts_with("The longest robot of its volume that succeeds is"),
+        "{plan}"
+    );
+    std::fs::write(dir.path().join("sphere.toml"), "[[scenario]]\nname = \"sphere\"\n").unwrap();
+    longest("sphere.toml", &[]).exits(2).refuses(&["no other aspect ratio"]);
+    longest("ellipsoid.toml", &["--max-strain", "0.1"]).exits(2).refuses(&["limit of the strain"]);
 }
 
 /// The largest sphere under a force, and the smallest under a force that grows with its volume. A sphere of radius a in an infinite gel moves by F·J/(6π a ·

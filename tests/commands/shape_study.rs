@@ -77,9 +77,6 @@ fn the_papers_claims_are_judged() {
     assert_eq!(names[..4], expected);
     assert_eq!(names[4..], ["shapes.json", "shapes.pdf", "shapes.png", "shapes.svg", "sphere.vtu"]);
     assert_large_strains(&document);
-    let longest = document["longest"].as_array().unwrap();
-    assert_eq!(longest.len(), 4);
-    assert!(longest.iter().all(|value| value["surrogate_relative_error"].as_f64().unwrap() < 1e-3), "{longest:?}");
 }
 
 /// Bodies along the force with large strains. For the sphere an independent program found 27 µm at the end of the first pull, with laws 1 % away from this
@@ -216,5 +213,4 @@ fn what_makes_no_study_is_refused() {
     refuses(&["--force", "4.6,9.2"], &["--force", "--force-un 4.6,9.2"]);
     refuses(&["somewhere", "--force", "4.6"], &["--force-un 4.6"]);
     refuses(&["--force", "-1"], &["--force-un -1"]);
-    refuses(&["--distance", "0"], &["--distance"]);
 }

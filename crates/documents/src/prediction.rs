@@ -187,6 +187,8 @@ pub struct PlannedRobot {
     pub name: String,
     /// Robot and gel in words, with their sizes.
     pub apparatus: String,
+    /// Length of the robot, in mm; the diameter of a sphere.
+    pub length_mm: f64,
     /// Volume of the robot, in mm³.
     pub volume_mm3: f64,
     /// Largest force of the limits for this robot, in µN.

@@ -31,10 +31,6 @@ pub struct ShapesSummary {
     pub elastic_robot: Vec<ElasticRobotResult>,
     /// Accuracy of simple predictors of the stiffness, best first.
     pub predictors: Vec<PredictorAccuracy>,
-    /// Displacement within a hold that the longest robot must reach, in mm.
-    pub wanted_displacement_mm: f64,
-    /// Longest robot of each shape that reaches `wanted_displacement_mm` with probability 95 %, at the sphere's volume.
-    pub longest: Vec<LongestRobot>,
     /// Bodies that are pulled along their axis in a gel with large strains; absent if the law has no form for large strains.
     pub large_strains: Option<LargeStrains>,
     /// Warnings on the user's mesh.
@@ -211,24 +207,6 @@ pub enum ClaimVerdict {
     /// The claim is undecided within the errors of the stiffnesses.
     #[serde(rename = "too close")]
     TooClose,
-}
-
-/// Longest robot of one shape and orientation that moves far enough, at the sphere's volume and force.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
-pub struct LongestRobot {
-    /// Shape of the robot.
-    pub shape: BodyShape,
-    /// Orientation of the robot's axis, in words.
-    pub orientation: String,
-    /// Ratio of length to diameter; `None` if even the shortest robot does not move far enough.
-    pub aspect: Option<f64>,
-    /// Length of the robot, in m; `None` if even the shortest robot does not move far enough.
-    pub length_m: Option<f64>,
-    /// True if longer robots would also move far enough, but lie outside the range of the surrogate.
-    pub is_limit_of_range: bool,
-    /// Largest relative error of the surrogate of the stiffness, tested between its training points.
-    pub surrogate_relative_error: f64,
 }
 
 /// Motion over one hold of bodies that are pulled along their axis in two large-strain fluids: Oldroyd-B, and Giesekus with one mobility.

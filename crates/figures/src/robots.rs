@@ -81,6 +81,7 @@ mod tests {
         let robot = |name: &str, volume_mm3: f64, force_un: f64, feasible: bool| PlannedRobot {
             name: name.into(),
             apparatus: String::new(),
+            length_mm: 1.0,
             volume_mm3,
             largest_force_un: 20.0,
             feasible,

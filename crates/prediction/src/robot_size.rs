@@ -1,4 +1,4 @@
-//! Size of a robot for a target: the largest robot of a shape that a force moves far enough, and the smallest magnet that is strong enough.
+//! Size of a robot for a target: the largest or the longest robot of a shape that a force moves far enough, and the smallest magnet that is strong enough.
 
 use base::error::{Error, Result, Setting};
 use posterior::monitor::Monitor;
@@ -9,10 +9,12 @@ use record::Robot;
 use crate::body;
 use crate::ensemble::{Ensemble, Gel};
 use crate::plan::{Target, best_factor, halves};
-use crate::scenario::{Scenario, diameter_m, resized};
+use crate::scenario::{Scenario, aspect, diameter_m, resized, slenderer};
 
 /// Smallest size that is tried, as a factor of the robot's length and diameter.
 const SMALLEST: f64 = 0.02;
+/// Smallest and largest ratio of length to diameter that is tried.
+const ASPECTS: [f64; 2] = [1.0, 20.0];
 /// Largest distance of the robot's surface from its centre that is tried, as a fraction of the gel's radius.
 const MOST_OF_GEL: f64 = 0.8;
 /// Number of sizes that are tried first, with equal ratios between them.
@@ -24,11 +26,13 @@ const MOST_CONFIRMATIONS: usize = 4;
 /// Relative distance from the limit, so that rounding does not lose the draw at the limit.
 const MARGIN: f64 = 1e-6;
 
-/// Size that is asked for. Length and diameter keep their ratio.
+/// Size that is asked for. Length and diameter keep their ratio, except for the longest robot.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum RobotSize {
     /// The largest robot that the largest force moves to the target.
     Largest,
+    /// The longest robot of the given robot's volume that the largest force moves to the target.
+    Longest,
     /// The smallest robot that reaches the target if the force grows with its volume, as for a magnet in a field gradient.
     SmallestMagnet {
         /// Force per volume of the robot, in N/m³: magnetisation times field gradient.
@@ -40,8 +44,34 @@ impl RobotSize {
     /// Largest force (N) on a robot.
     pub fn largest_force_n(&self, robot: &Robot, target: &Target) -> f64 {
         match self {
-            Self::Largest => target.largest_force_n,
+            Self::Largest | Self::Longest => target.largest_force_n,
             Self::SmallestMagnet { force_per_volume_n_m3 } => force_per_volume_n_m3 * robot.shape.volume_m3(),
+        }
+    }
+
+    /// The robot with another size: a factor of its length and diameter, or of their ratio.
+    fn applied(&self, robot: &Robot, factor: f64) -> Robot {
+        match self {
+            Self::Largest | Self::SmallestMagnet { .. } => resized(robot, factor, factor),
+            Self::Longest => slenderer(robot, factor),
+        }
+    }
+
+    /// Smallest and largest factor that is tried.
+    fn range(&self, scenario: &Scenario) -> Result<[f64; 2]> {
+        let most_m = MOST_OF_GEL * 0.5 * scenario.vitreous.diameter_m;
+        match self {
+            Self::Largest | Self::SmallestMagnet { .. } => {
+                Ok([SMALLEST, most_m / scenario.robot.shape.outer_radius_m()])
+            }
+            Self::Longest => {
+                let aspect = aspect(&scenario.robot).ok_or_else(|| {
+                    let remedy = "give an ellipsoid or a cylinder, or ask for the largest robot";
+                    Error::input(scenario.place("robot"), "a sphere has no other aspect ratio", remedy)
+                })?;
+                let fits = (most_m / scenario.robot.shape.outer_radius_m()).powf(1.5);
+                Ok([ASPECTS[0] / aspect, (ASPECTS[1] / aspect).min(fits)])
+            }
         }
     }
 }
@@ -74,7 +104,7 @@ pub fn sized(
         from.robot = sized.robot;
         let again = sized_from(gel, &from, target, size, kept.clone(), monitor)?;
         let is_confirmed = again.as_ref().is_some_and(|again| match size {
-            RobotSize::Largest => diameter_m(&again.robot) >= diameter_m(&sized.robot),
+            RobotSize::Largest | RobotSize::Longest => diameter_m(&again.robot) >= diameter_m(&sized.robot),
             RobotSize::SmallestMagnet { .. } => diameter_m(&again.robot) <= diameter_m(&sized.robot),
         });
         found = if is_confirmed { Some(sized) } else { again };
@@ -105,6 +135,11 @@ fn sized_from(
         let remedy = "leave out the rest and the slew rate, then plan again with them for the robot that is found";
         return refuse("the size is searched for a constant force", remedy.into());
     }
+    if size == RobotSize::Longest && target.largest_strain.is_some() {
+        let remedy = "leave out the limit of the strain, then plan again with it for the robot that is found";
+        return refuse("the longest robot is searched without a limit of the strain", remedy.into());
+    }
+    let [smallest, largest] = size.range(scenario)?;
     let reference = body::compliance_per_m(&scenario.robot, &scenario.vitreous);
     let Some((reference_per_m, _)) = reference else {
         return refuse("the size is searched for robots in the middle of the gel", "remove the offset".into());
@@ -120,21 +155,22 @@ fn sized_from(
     let range = |x: &Vec<f64>| target.succeeding_factors(ensemble.record(), x, ensemble.strain_per_m);
     let ranges: Vec<[f64; 2]> = trajectories_m.iter().map(range).collect();
     let is_met = |factor: f64| {
-        let robot = resized(&scenario.robot, factor, factor);
+        let robot = size.applied(&scenario.robot, factor);
         let Some((compliance_per_m, _)) = body::compliance_per_m(&robot, &scenario.vitreous) else { return false };
         let times = compliance_per_m / reference_per_m * size.largest_force_n(&robot, target) / force_n;
         // Strain per displacement falls with the size of the body.
         let of_size: Vec<[f64; 2]> = ranges.iter().map(|[reached, strained]| [*reached, strained * factor]).collect();
         best_factor(&of_size, target.probability, times).1 >= target.probability - 1e-12
     };
-    let largest = MOST_OF_GEL * 0.5 * scenario.vitreous.diameter_m / scenario.robot.shape.outer_radius_m();
-    if largest <= SMALLEST {
+    if largest <= smallest {
         return Ok(None);
     }
-    let at = |k: usize| SMALLEST * (largest / SMALLEST).powf(k as f64 / (N_SIZES - 1) as f64);
+    let at = |k: usize| smallest * (largest / smallest).powf(k as f64 / (N_SIZES - 1) as f64);
     let succeeds: Vec<bool> = (0..N_SIZES).into_par_iter().map(|k| is_met(at(k))).collect();
     let found = match size {
-        RobotSize::Largest => succeeds.iter().rposition(|met| *met).map(|k| (k, (k + 1).min(N_SIZES - 1))),
+        RobotSize::Largest | RobotSize::Longest => {
+            succeeds.iter().rposition(|met| *met).map(|k| (k, (k + 1).min(N_SIZES - 1)))
+        }
         RobotSize::SmallestMagnet { .. } => succeeds.iter().position(|met| *met).map(|k| (k, k.saturating_sub(1))),
     };
     let Some((success, failure)) = found else { return Ok(None) };
@@ -144,12 +180,17 @@ fn sized_from(
         *(if is_met(middle) { &mut succeeds } else { &mut fails }) = middle;
     }
     if success == failure {
-        return Ok(Some(SizedRobot { robot: resized(&scenario.robot, succeeds, succeeds), is_last_tried: true }));
+        return Ok(Some(SizedRobot { robot: size.applied(&scenario.robot, succeeds), is_last_tried: true }));
     }
     let towards = (succeeds - fails).signum();
-    let diameter_m = diameter_m(&scenario.robot);
-    let factor = rounded(diameter_m * succeeds * (1.0 + MARGIN * towards), towards) / diameter_m;
-    Ok(Some(SizedRobot { robot: resized(&scenario.robot, factor, factor), is_last_tried: false }))
+    let factor = match size {
+        RobotSize::Largest | RobotSize::SmallestMagnet { .. } => {
+            let diameter_m = diameter_m(&scenario.robot);
+            rounded(diameter_m * succeeds * (1.0 + MARGIN * towards), towards) / diameter_m
+        }
+        RobotSize::Longest => succeeds * (1.0 + MARGIN * towards),
+    };
+    Ok(Some(SizedRobot { robot: size.applied(&scenario.robot, factor), is_last_tried: false }))
 }
 
 /// A length with four significant digits, rounded up or down.

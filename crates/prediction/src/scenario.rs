@@ -169,15 +169,11 @@ impl Scenario {
             for size in &sizes {
                 let mut one = self.clone();
                 if let Some(aspect) = aspect {
-                    let (RobotShape::Ellipsoid { length_m, diameter_m, .. }
-                    | RobotShape::Cylinder { length_m, diameter_m, .. }) = self.robot.shape
-                    else {
+                    let Some(own) = self::aspect(&self.robot) else {
                         let remedy = "give an ellipsoid or a cylinder, or vary `size` only";
                         return Err(vary.refuse("aspect", "a sphere has no other aspect ratio", remedy));
                     };
-                    // Length over diameter changes by this factor, and the volume stays.
-                    let factor = aspect * diameter_m / length_m;
-                    one.robot = resized(&one.robot, factor.powf(2.0 / 3.0), factor.powf(-1.0 / 3.0));
+                    one.robot = slenderer(&one.robot, aspect / own);
                     one.name += &format!(", aspect {aspect}");
                 }
                 if let Some(size) = size {
@@ -247,6 +243,21 @@ pub fn diameter_m(robot: &Robot) -> f64 {
         | RobotShape::Ellipsoid { diameter_m, .. }
         | RobotShape::Cylinder { diameter_m, .. } => diameter_m,
     }
+}
+
+/// Length over diameter of a robot; `None` for a sphere.
+pub fn aspect(robot: &Robot) -> Option<f64> {
+    match robot.shape {
+        RobotShape::Sphere { .. } => None,
+        RobotShape::Ellipsoid { length_m, diameter_m, .. } | RobotShape::Cylinder { length_m, diameter_m, .. } => {
+            Some(length_m / diameter_m)
+        }
+    }
+}
+
+/// The robot with its ratio of length to diameter multiplied by a factor, at the same volume.
+pub fn slenderer(robot: &Robot, factor: f64) -> Robot {
+    resized(robot, factor.powf(2.0 / 3.0), factor.powf(-1.0 / 3.0))
 }
 
 /// The same robot with its length and its diameter multiplied by factors. A sphere takes the factor of the diameter.

@@ -119,7 +119,7 @@ enum Command {
     Tasks(tasks::TasksArguments),
     /// Join the results of a list of tasks, byte for byte as on one machine, and name missing ones
     Gather(gather::GatherArguments),
-    /// Repeat the paper's study of robot shapes with posterior uncertainty, and find the longest robot that moves far enough
+    /// Repeat the paper's study of robot shapes with posterior uncertainty
     Shapes(shapes::ShapesArguments),
     /// Print the shell completions of this program
     Completions(shell::CompletionsArguments),

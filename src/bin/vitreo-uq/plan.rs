@@ -45,6 +45,9 @@ pub struct PlanArguments {
     /// Search for the largest robot of this shape that the largest force moves to the target
     #[arg(long, conflicts_with_all = ["smallest_magnet_un_per_mm3", "rest_within_um", "max_slew_un_per_s"])]
     largest_robot: bool,
+    /// Search for the longest robot of this shape and volume that the largest force moves to the target
+    #[arg(long, conflicts_with_all = ["largest_robot", "smallest_magnet_un_per_mm3", "rest_within_um", "max_slew_un_per_s"])]
+    longest_robot: bool,
     /// Search for the smallest robot of this shape that reaches the target if the largest force is this one per mm³ of its volume (magnetisation times field gradient)
     #[arg(long, value_name = "MICRONEWTON/MM3", conflicts_with_all = ["max_force_un", "rest_within_um", "max_slew_un_per_s"], allow_negative_numbers = true)]
     smallest_magnet_un_per_mm3: Option<f64>,
@@ -87,7 +90,8 @@ fn size(arguments: &PlanArguments) -> Result<Option<RobotSize>> {
     let un_per_mm3 = positive("--smallest-magnet-un-per-mm3", arguments.smallest_magnet_un_per_mm3, 1e9)?;
     // 1 µN/mm³ is 1000 N/m³.
     let magnet = un_per_mm3.map(|density| RobotSize::SmallestMagnet { force_per_volume_n_m3: 1e3 * density });
-    Ok(magnet.or(arguments.largest_robot.then_some(RobotSize::Largest)))
+    let longest = arguments.longest_robot.then_some(RobotSize::Longest);
+    Ok(magnet.or(longest).or(arguments.largest_robot.then_some(RobotSize::Largest)))
 }
 
 fn target(arguments: &PlanArguments) -> Result<Target> {

@@ -62,9 +62,6 @@ pub struct ShapesArguments {
     /// Poisson ratio, or several, separated by commas [default: the experiment's]
     #[arg(long, value_name = "RATIO", value_delimiter = ',', allow_negative_numbers = true)]
     poisson: Vec<f64>,
-    /// Required displacement of the longest robot within a hold, in mm
-    #[arg(long, value_name = "MILLIMETRE", default_value_t = 0.5, allow_negative_numbers = true)]
-    distance: f64,
 }
 
 impl ShapesArguments {
@@ -133,9 +130,6 @@ fn check(arguments: &ShapesArguments) -> Result<()> {
     if let Some(force) = arguments.force_un.iter().find(|value| !(**value > 0.0 && value.is_finite())) {
         return refuse("--force-un", format!("a force of {force} µN"), "give a positive force");
     }
-    if !(arguments.distance > 0.0 && arguments.distance.is_finite()) {
-        return refuse("--distance", format!("a distance of {} mm", arguments.distance), "give a positive distance");
-    }
     Ok(())
 }
 
@@ -174,7 +168,6 @@ fn request(arguments: &ShapesArguments, revision: &Revision) -> Result<(ShapesRe
         poisson_ratios,
         force_n: arguments.force_un.first().map_or(amplitude, |force| 1e-6 * force),
         hold_s: HOLD_S,
-        distance_m: 1e-3 * arguments.distance,
         laws,
         finite_law: mean.and_then(|mean| FiniteLaw::new(&revision.problem.model.base().elements(&mean), 0.0)),
         own_mesh,

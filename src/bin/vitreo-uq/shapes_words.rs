@@ -32,8 +32,6 @@ pub fn words(summary: &ShapesSummary) -> String {
     lines.extend(elastic(summary));
     lines.push(String::new());
     lines.extend(predictors(summary));
-    lines.push(String::new());
-    lines.extend(longest(summary));
     for warning in &summary.warnings {
         lines.push(format!("Warning: {}; {}", warning.text, warning.advice));
     }
@@ -266,23 +264,5 @@ fn predictors(summary: &ShapesSummary) -> Vec<String> {
             predictor.worst
         )
     }));
-    lines
-}
-
-fn longest(summary: &ShapesSummary) -> Vec<String> {
-    let mut lines = vec![format!(
-        "Longest robot that moves {} mm in {} s with a probability of 95 %, at the sphere's volume:",
-        summary.wanted_displacement_mm, summary.hold_s
-    )];
-    for longest_robot in &summary.longest {
-        let found = match (longest_robot.aspect, longest_robot.length_m) {
-            (Some(aspect), Some(length_m)) => {
-                let or_longer = if longest_robot.is_limit_of_range { ", or longer" } else { "" };
-                format!("{:.2} mm (aspect ratio {aspect:.1}{or_longer})", 1e3 * length_m)
-            }
-            _ => "none".into(),
-        };
-        lines.push(format!("  {}, {}: {found}", longest_robot.shape.name(), longest_robot.orientation));
-    }
     lines
 }

@@ -14,7 +14,7 @@ use prediction::ensemble::{Ensemble, Gel};
 use prediction::plan::{PlannedForce, RobotComparison, Target, plan};
 use prediction::quantity::{Quantity, percent, plain};
 use prediction::robot_size::{self, RobotSize};
-use prediction::scenario::Scenario;
+use prediction::scenario::{Scenario, aspect, diameter_m};
 use record::Control;
 use sampling::SamplerOptions;
 
@@ -216,6 +216,7 @@ fn chosen_robot(
         let robot = PlannedRobot {
             name: scenario.name.clone(),
             apparatus: scenario.apparatus(),
+            length_mm: 1e3 * aspect(&scenario.robot).unwrap_or(1.0) * diameter_m(&scenario.robot),
             volume_mm3: 1e9 * scenario.robot.shape.volume_m3(),
             largest_force_un: 1e6 * target.largest_force_n,
             feasible: needed.probability >= target.probability,
@@ -231,6 +232,7 @@ fn chosen_robot(
     let rank = |robot: &PlannedRobot| match (robot.feasible, size) {
         (false, _) => (1, -robot.probability),
         (true, Some(RobotSize::Largest)) => (0, -robot.volume_mm3),
+        (true, Some(RobotSize::Longest)) => (0, -robot.length_mm),
         (true, Some(RobotSize::SmallestMagnet { .. })) => (0, robot.volume_mm3),
         // The way to a rest takes all of the force, or a fixed part of it.
         (true, None) if target.rest.is_some() => (0, -robot.probability),
@@ -290,6 +292,9 @@ fn sentence(planned: &PlannedForce, target: &Target, size: Option<RobotSize>, ro
         (true, None) if target.rest.is_some() => format!("The most probable{of_many} is {}.", chosen.name),
         (true, None) => format!("The smallest force{of_many} is that on {}.", chosen.name),
         (true, Some(RobotSize::Largest)) => format!("The largest robot{of_many} that succeeds is a {shape}."),
+        (true, Some(RobotSize::Longest)) => {
+            format!("The longest robot{of_many} of its volume that succeeds is a {shape}.")
+        }
         (true, Some(RobotSize::SmallestMagnet { .. })) => {
             format!("The smallest magnet{of_many} that succeeds is a {shape}.")
         }

@@ -1,20 +1,14 @@
-//! Runs the shape study. It computes the stiffness of every body with two solvers, displacements with posterior uncertainty, the paper's claims, predictors of
-//! the stiffness and the longest robot.
+//! Runs the shape study. It computes the stiffness of every body with two solvers, displacements with posterior uncertainty, the paper's claims, and predictors of
+//! the stiffness.
 
-use documents::shapes::ElasticRobotResult;
+use documents::shapes::{Claim, ElasticRobotResult, LargeStrains, PredictorAccuracy};
 use rayon::prelude::*;
 
 use super::bodies::{StudyBody, bodies};
 use super::claims::{StiffnessEstimate, claims};
-use super::design::{StiffnessSurrogate, longest};
 use super::large;
 use super::predictors::compare_predictors;
 use base::error::Result;
-use documents::shapes::BodyShape;
-use documents::shapes::Claim;
-use documents::shapes::LargeStrains;
-use documents::shapes::LongestRobot;
-use documents::shapes::PredictorAccuracy;
 use elements::fe::Stiffness;
 use elements::fe::meridional::{ElasticRobot, Formulation, Resolution, solve, solve_elastic};
 use elements::fe::oldroyd::FiniteLaw;
@@ -27,7 +21,7 @@ use laws::rheology::CreepCompliance;
 use models::model::convolve_m;
 use posterior::mechanics::{MODEL_LEVEL, robot_mesh};
 use posterior::monitor::{Counter, Monitor};
-use record::{Orientation, Vitreous};
+use record::Vitreous;
 
 /// Number of times at which the trajectory is computed in each hold.
 const ROWS_A_HOLD: usize = 100;
@@ -46,8 +40,6 @@ pub struct ShapesRequest {
     pub force_n: f64,
     /// Duration of a hold, in s.
     pub hold_s: f64,
-    /// Displacement that the longest robot must reach within one hold, in m.
-    pub distance_m: f64,
     /// Creep compliance of the gel for each posterior draw.
     pub laws: Vec<CreepCompliance>,
     /// Law of the gel for large strains, at the posterior mean; `None` if the law has no such form.
@@ -126,8 +118,6 @@ pub struct ShapesResult {
     pub elastic: Vec<ElasticRobotResult>,
     /// Accuracy of each predictor of the stiffness.
     pub predictors: Vec<PredictorAccuracy>,
-    /// Longest robot of each shape and orientation.
-    pub longest: Vec<LongestRobot>,
     /// Motion along the force at large strains; `None` if it was not computed.
     pub large_strains: Option<LargeStrains>,
 }
@@ -242,7 +232,7 @@ fn own_body(request: &ShapesRequest) -> Result<(Option<OwnMesh>, Vec<f64>)> {
 /// # Errors
 /// Errors of meshes and solvers, for bodies that do not fit into the gel.
 pub fn run(request: &ShapesRequest, monitor: &dyn Monitor) -> Result<ShapesResult> {
-    let ShapesRequest { sphere_diameter_m, vitreous, force_n, hold_s, distance_m, laws, .. } = request;
+    let ShapesRequest { sphere_diameter_m, vitreous, force_n, hold_s, laws, .. } = request;
     let outer_radius_m = 0.5 * vitreous.diameter_m;
     monitor.stage("computing the stiffness of every body, in the meridian plane and in three dimensions");
     let (own_mesh, own_stiffnesses_m) = own_body(request)?;
@@ -264,16 +254,6 @@ pub fn run(request: &ShapesRequest, monitor: &dyn Monitor) -> Result<ShapesResul
     let elastic = elastic(&bodies(aspect, *sphere_diameter_m)[..5], outer_radius_m, poisson_ratio)?;
     monitor.stage("comparing predictors of the stiffness");
     let predictors = compare_predictors(*sphere_diameter_m, outer_radius_m, poisson_ratio)?;
-    monitor.stage("searching for the longest robot that moves far enough");
-    let ends: Vec<f64> = trajectories.iter().map(|trajectory| trajectory[ROWS_A_HOLD]).collect();
-    let mut found = Vec::new();
-    for shape in [BodyShape::Ellipsoid, BodyShape::Cylinder] {
-        for orientation in [Orientation::Horizontal, Orientation::Vertical] {
-            let surrogate =
-                StiffnessSurrogate::new(shape, orientation, *sphere_diameter_m, outer_radius_m, poisson_ratio)?;
-            found.push(longest(&surrogate, *sphere_diameter_m, poisson_ratio, &ends, *distance_m));
-        }
-    }
     let large_strains = match &request.finite_law {
         Some(law) => {
             monitor.stage("following bodies along the force through large strains");
@@ -289,16 +269,5 @@ pub fn run(request: &ShapesRequest, monitor: &dyn Monitor) -> Result<ShapesResul
         }
         None => None,
     };
-    Ok(ShapesResult {
-        studied,
-        fields,
-        own_mesh,
-        time_s,
-        force_per_pa,
-        after_hold,
-        elastic,
-        predictors,
-        longest: found,
-        large_strains,
-    })
+    Ok(ShapesResult { studied, fields, own_mesh, time_s, force_per_pa, after_hold, elastic, predictors, large_strains })
 }

@@ -3,7 +3,6 @@
 pub mod artefacts;
 pub mod bodies;
 pub mod claims;
-pub mod design;
 mod figures;
 pub mod job;
 pub mod large;

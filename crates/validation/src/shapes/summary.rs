@@ -49,8 +49,6 @@ pub fn summarise(request: &ShapesRequest, found: &ShapesResult, forces_n: &[f64]
         claims: first.claims,
         elastic_robot: found.elastic.clone(),
         predictors: found.predictors.clone(),
-        wanted_displacement_mm: 1e3 * request.distance_m,
-        longest: found.longest.clone(),
         large_strains: found.large_strains.clone(),
         warnings: Vec::new(),
     }
