@@ -1,6 +1,7 @@
 //! Jobs of the library, from an experiment to a result.
 
 mod actuation;
+mod begins;
 mod cohort_data;
 mod contradictions;
 mod devices;

@@ -254,15 +254,21 @@ pub fn is_work_negative(force_n: &[f64], position_m: &[Option<f64>], share: f64)
 /// Correlation of the changes of force and position below which the position grows against the force.
 const AGAINST: f64 = -0.5;
 
+/// Sum of absolute works, as a fraction of the largest force times the whole way, up to which it shows no sign: a commanded position may jump while the measured force is noise about 0.
+const NEGLIGIBLE: f64 = 0.02;
+
 /// True if positions clearly grow against the force, which is impossible for a passive body. Each step of the position is paired with the force some
 /// rows later, by the shift with the largest absolute work. Without a shift, the work does not show the sign of the motion if force and positions are
 /// not synchronous.
 pub(super) fn moves_against_force(force_n: &[f64], position_m: &[Option<f64>]) -> bool {
     let steps = Force::from(force_n).step_rows();
     let shortest = steps.windows(2).map(|pair| pair[1] - pair[0]).min().unwrap_or(0);
+    let largest_n = force_n.iter().fold(0.0_f64, |most, force| most.max(force.abs()));
+    let way_m: f64 = position_m.windows(2).filter_map(|pair| Some((pair[1]? - pair[0]?).abs())).sum();
+    let most = largest_n * way_m;
     let share = |lag: usize| {
         let (work, size) = work_and_size(&force_n[lag.min(force_n.len())..], position_m);
-        if size > 0.0 { work / size } else { 0.0 }
+        if size > NEGLIGIBLE * most { work / size } else { 0.0 }
     };
     let lags = 0..=(shortest / 2).min(MOST_LAGS).min(force_n.len() / 4);
     let best = lags.map(share).max_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap_or(0.0);

@@ -90,7 +90,7 @@ pub(super) fn order_times(
         }
     }
     if rules.spreads_ties {
-        ordered.are_tracks = alternate(time_s, position_m);
+        ordered.are_tracks = are_tracks(time_s, force_n, position_m);
         ordered = ordered.with_ties_of(time_s);
         spread_ties(time_s);
     }
@@ -99,7 +99,10 @@ pub(super) fn order_times(
     let fall = time_s.windows(2).position(is_fall).filter(|_| rules.spreads_ties);
     match fall.or_else(|| time_s.windows(2).position(|pair| pair[1] <= pair[0])) {
         None => Ok(ordered),
-        Some(before) => Err(refused(place(before + 1), before + 1, time_s, position_m)),
+        Some(before) => {
+            let are_tracks = are_tracks(time_s, force_n, position_m);
+            Err(refused(place(before + 1), before + 1, time_s, are_tracks))
+        }
     }
 }
 
@@ -165,13 +168,13 @@ fn spread_ties(time_s: &mut [f64]) {
 }
 
 /// Returns the error for a time that is not later than the previous time. The error names the cause that the rows suggest, and the remedy.
-fn refused(place: InputPlace, row: usize, time_s: &[f64], position_m: &[Option<f64>]) -> Error {
+fn refused(place: InputPlace, row: usize, time_s: &[f64], are_tracks: bool) -> Error {
     let (time, before) = (time_s[row], time_s[row - 1]);
     let is_coarse = TimeChanges::default().with_ties_of(time_s).is_coarse();
-    let (found, remedy) = if time == before && is_coarse && alternate(time_s, position_m) {
+    let (found, remedy) = if time == before && is_coarse && are_tracks {
         (
             format!(
-                "several rows have the time {time} s and their positions alternate: the rows belong to several tracks"
+                "several rows have the time {time} s and their values alternate: the rows belong to several tracks"
             ),
             format!(
                 "name the track column with `{0}` and choose one track with `{1}`; of a track that branches, keep one branch in the file",
@@ -210,6 +213,12 @@ fn refused(place: InputPlace, row: usize, time_s: &[f64], position_m: &[Option<f
         )
     };
     Error::input(place, found, remedy)
+}
+
+/// True if the rows belong to several tracks, of which the positions or the measured forces tell.
+fn are_tracks(time_s: &[f64], force_n: &[f64], position_m: &[Option<f64>]) -> bool {
+    let forces: Vec<Option<f64>> = force_n.iter().copied().map(Some).collect();
+    alternate(time_s, position_m) || alternate(time_s, &forces)
 }
 
 /// True if the rows belong to several tracks, because the positions of neighbouring rows differ much more than those of rows at neighbouring times, throughout or where times

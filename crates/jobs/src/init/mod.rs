@@ -23,7 +23,9 @@ use self::refusals::{
 };
 pub use self::request::InitRequest;
 use self::source::TableSource;
-use self::start::{answers_at_once, has_absolute_strain, is_stretch, left_out_s, load_start_s, opposes};
+use self::start::{
+    answers_at_once, has_absolute_strain, is_stretch, left_out_s, load_start_s, opposes, refuse_unknown_start,
+};
 use self::stress::StressStrain;
 use self::sweep::describe_sweep;
 use self::toml::{AXES, experiment_toml};
@@ -114,10 +116,12 @@ fn one(
     }
     let given = creep.as_ref().map_or(&request.known_columns, |creep| &creep.given);
     let mut proposal = propose(place, bytes, given, ask)?;
+    let is_found = proposal.load_began_s.is_some();
+    proposal.load_began_s = request.load_start_s.or(proposal.load_began_s);
     refuse_changed_numbers(place, &request.known_columns, &proposal)?;
     let mut device = match creep {
         Some(creep) => {
-            creep.refuse_large_plain(proposal.position_m.iter().fold(0.0, |most, strain| strain.abs().max(most)))?;
+            creep.refuse_large_plain(proposal.farthest_written_m())?;
             if creep.constant.is_none() {
                 refuse_flow(place, &proposal)?;
             }
@@ -149,6 +153,7 @@ fn one(
         }
     } else if has_absolute_strain(device.stress_strain(), control)
         || answers_at_once(&proposal, device.stress_strain(), control)
+        || is_found
         || control == Control::Position && load_start_s(&proposal, &device, control).is_some()
     {
         proposal.keep_written_positions();
@@ -178,8 +183,9 @@ fn one(
             proposal.reasons.push(text.into());
         }
     }
+    refuse_unknown_start(place, &proposal, &device, control)?;
     let creep = device.stress_strain();
-    if load_start_s(&proposal, &device, control).is_some() {
+    if proposal.load_began_s.is_none() && load_start_s(&proposal, &device, control).is_some() {
         let text = match creep {
             Some(_) if left_out_s(&proposal, &device, control).is_some() => {
                 "the strain of the first row, at time 0, is that of the hold: the step is assumed to have begun just before it (load_start_s), and the stress of this row is left out (left_out_s), because it depends on how the strain rises"
@@ -395,7 +401,12 @@ fn columns(proposal: &TableProposal, stress_strain: Option<&StressStrain>) -> Ve
         range,
     };
     let micro = |range: [f64; 2]| Some(range.map(|x| 1e6 * x));
-    let mut columns = vec![column("time", &time.0, time.1.name().into(), Some([0.0, proposal.duration_s]))];
+    let mut columns = vec![column(
+        "time",
+        &time.0,
+        time.1.name().into(),
+        Some([0.0, proposal.duration_s].map(|s| s + proposal.first_time_s)),
+    )];
     columns
         .extend(force.as_ref().map(|(name, unit)| column("force", name, unit.name.clone(), micro(proposal.force_n))));
     match position {

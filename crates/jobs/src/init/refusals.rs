@@ -92,10 +92,10 @@ fn is_multiple(name: &str) -> bool {
     let number_before = |text: &str| text.trim().parse::<f64>().is_ok_and(|number| number != 1.0);
     let number_behind = |text: &str, is_letter: bool| {
         let digits: String =
-            text.trim_start().chars().take_while(|c| c.is_ascii_digit() || ".^-".contains(*c)).collect();
+            text.trim_start().chars().take_while(|c| c.is_ascii_digit() || ".^-e".contains(*c)).collect();
         let rest = text.trim_start()[digits.len()..].trim_start();
         let is_number = digits.starts_with(|c: char| c.is_ascii_digit()) && digits != "1" && !rest.starts_with('x');
-        is_number && (!is_letter || digits.starts_with("10") || digits.starts_with("0."))
+        is_number && (!is_letter || ["10", "0.", "1e"].iter().any(|first| digits.starts_with(first)))
     };
     name.char_indices().filter(|(_, sign)| TIMES.contains(sign)).any(|(at, sign)| {
         let (before, behind) = (&name[..at], &name[at + sign.len_utf8()..]);

@@ -30,6 +30,8 @@ pub struct InitRequest {
     pub noise: Option<f64>,
     /// Quantity that the experiment commands: the force or the position. `None` to infer it from the table.
     pub control: Option<Control>,
+    /// Time at which the load of the first row began, in s of the table's clock.
+    pub load_start_s: Option<f64>,
     /// File that contains the force, if the table does not.
     pub force_file: Option<PathBuf>,
     /// True if an existing experiment may be overwritten.

@@ -2,8 +2,11 @@
 
 use super::device::Device;
 use super::stress::StressStrain;
+use base::error::{Error, InputPlace, Result, Setting};
+use figures::number::format_significant;
 use record::table::TableProposal;
 use record::{Control, Direction};
+use std::path::Path;
 
 /// Returns true if strains keep the zero and the sign of the table. A commanded strain does, because a record may begin in the middle of a hold, and so does a
 /// published compliance or modulus. The position of a testing machine has any zero and any sign.
@@ -82,9 +85,56 @@ const AS_LOADED: [f64; 2] = [0.6, 1.6];
 /// Largest such time, divided by the record's duration. Later first rows are times of another clock.
 const LATEST: f64 = 0.1;
 
+/// True if the strain of the first row shows that the step came before it. A commanded strain is at its hold, and that of a machine has any zero.
+fn has_moved(proposal: &TableProposal, own: &StressStrain, control: Control) -> bool {
+    match control {
+        Control::Position => proposal.starts_at_hold(),
+        Control::Force if own.is_of_specimen => proposal.starts_displaced(),
+        Control::Force => proposal.starts_away(),
+    }
+}
+
+/// Refuses a record whose first rows are missing, if neither the table nor the user says when its load began: a load acts in the first row, the body has moved, and the clock
+/// shows neither a time close to 0 nor that of another event.
+///
+/// # Errors
+/// [`Error::Input`] for such a record.
+pub(super) fn refuse_unknown_start(
+    place: &Path,
+    proposal: &TableProposal,
+    device: &Device,
+    control: Control,
+) -> Result<()> {
+    let own = device.stress_strain();
+    let Some(first_s) = proposal.loaded_from_s.filter(|_| proposal.load_began_s.is_none() && !device.is_tip()) else {
+        return Ok(());
+    };
+    let has_moved = match own {
+        Some(own) => own.constant.is_none() && has_moved(proposal, own, control),
+        None => control == Control::Force && proposal.starts_away(),
+    };
+    let interval_s = proposal.duration_s / proposal.n_rows.saturating_sub(1).max(1) as f64;
+    let is_open = has_moved && first_s > LATE_INTERVALS * interval_s && first_s <= proposal.duration_s;
+    if !is_open || load_start_s(proposal, device, control).is_some() {
+        return Ok(());
+    }
+    let first_s: f64 = format_significant(first_s, 6).parse().unwrap_or(first_s);
+    Err(Error::input(
+        InputPlace::file(place),
+        format!("a load acts in the first row, at {first_s} s, and the table does not show when it began"),
+        format!(
+            "say when: `{0} 0` if it began at time 0, `{0} {first_s}` if it began with the first row",
+            Setting::LoadStart
+        ),
+    ))
+}
+
 /// Time at which the load of the first row begins, in s of the table's clock: 0 if the first loaded row follows soon after time 0, otherwise `None`.
 pub(super) fn load_start_s(proposal: &TableProposal, device: &Device, control: Control) -> Option<f64> {
     let creep = device.stress_strain();
+    if let Some(began_s) = proposal.load_began_s.filter(|_| !device.is_tip()) {
+        return (began_s < proposal.first_time_s).then_some(began_s);
+    }
     // A tip is pressed from its own contact on, and a prescribed position has no load.
     if device.is_tip() || creep.is_none() && control == Control::Position {
         return None;
@@ -103,10 +153,11 @@ pub(super) fn load_start_s(proposal: &TableProposal, device: &Device, control: C
     let begins_late = match creep {
         // A ramp begins with the record, whatever its clock shows.
         Some(_) if control == Control::Position && !proposal.starts_at_hold() => false,
-        Some(_) => {
+        Some(own) => {
             let is_one_interval = (first_s / interval_s - 1.0).abs() < SAME_INTERVAL
                 && (control == Control::Position || proposal.starts_displaced());
-            first_s > 0.0 && (first_s <= FIRST_ROW * proposal.duration_s || is_one_interval)
+            let is_early = has_moved(proposal, own, control) && first_s <= LATEST * proposal.duration_s;
+            first_s > 0.0 && (first_s <= FIRST_ROW * proposal.duration_s || is_one_interval || is_early)
         }
         None => {
             let is_as_loaded = proposal.first_answer.is_some_and(|ratio| (AS_LOADED[0]..AS_LOADED[1]).contains(&ratio));

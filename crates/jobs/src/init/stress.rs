@@ -59,7 +59,8 @@ const PARTS: [(&str, f64); 16] = [
     ("frac", 1.0),
 ];
 /// Words that name a test in tension or compression, whose strain is the stress divided by the modulus without a factor.
-pub(super) const UNIAXIAL: [&str; 8] = ["tensil", "tension", "compress", "axial", "young", "zug", "druck", "traction"];
+pub(super) const UNIAXIAL: [&str; 9] =
+    ["tensil", "tension", "elongation", "compress", "axial", "young", "zug", "druck", "traction"];
 /// Words of stresses and strains that name such a test, unless a column is of a rotation.
 const OF_LENGTH: [&str; 4] = ["engineering", "nominal", "true stress", "true strain"];
 /// Words in the names of columns of a rotating rheometer.
@@ -123,6 +124,9 @@ const OF_WATER: f64 = 0.5;
 /// Size of the unit that a strain's name states, and whether the name can be read: a bracket may hold another unit.
 fn stated_part(name: &str) -> (Option<f64>, bool) {
     let name = name.to_lowercase().replace('μ', "µ");
+    if has_changed_percent(&name) {
+        return (None, false);
+    }
     if let Some((_, part)) = PARTS.iter().find(|(text, _)| name.contains(text)) {
         return (Some(*part), true);
     }
@@ -134,6 +138,16 @@ fn stated_part(name: &str) -> (Option<f64>, bool) {
             (is_plain.then_some(1.0), is_plain)
         }
     }
+}
+
+/// True if a bracket at the end of a name holds a percent sign beside something else, as in `(%/100)` or `(m%)`. A word is no unit.
+fn has_changed_percent(name: &str) -> bool {
+    let bracket = name.trim_end().strip_suffix([')', ']']).and_then(|open| open.rsplit_once(['(', '[']));
+    bracket.filter(|(_, text)| text.contains('%')).is_some_and(|(_, text)| {
+        let rest = text.replace('%', "");
+        let rest = rest.trim();
+        !(rest.is_empty() || rest.len() > 2 && rest.chars().all(|c| c.is_alphabetic() || c == ' '))
+    })
 }
 
 /// Whether a column's name contains one of the words and none of the others.
@@ -198,6 +212,18 @@ fn quantity(name: &str) -> String {
 /// Lower-case text of a column's name before its unit.
 fn symbol(name: &str) -> String {
     name.to_lowercase().replace("(t)", "").split(['(', '[', '/']).next().unwrap_or_default().trim().to_string()
+}
+
+/// True if a name is that of a modulus or compliance of tension by its symbol, as in `Relaxation modulus E(t)`.
+fn is_of_young(name: &str) -> bool {
+    symbol(name).split_whitespace().next_back().is_some_and(|last| ["e", "d", "e_relax"].contains(&last))
+}
+
+/// True if a name is that of a quantity divided by its first value, as in `G(t)/G0`.
+fn is_ratio(name: &str) -> bool {
+    let stem = quantity(name);
+    let over = stem.split_once('/').map(|(_, over)| over.trim());
+    stem.contains("norm") || over.is_some_and(|over| over.starts_with(['g', 'e', 'j', 'd']))
 }
 
 /// True if a name does not end in a bracket that holds a unit.
@@ -341,7 +367,8 @@ impl StressStrain {
         let is_uniaxial = [stress.0, strain.0].into_iter().any(|place| {
             called(name(place), &UNIAXIAL, &MULTIAXIAL)
                 || !rotates && called(name(place), &OF_LENGTH, &MULTIAXIAL)
-                || constant.is_some() && ["e", "d", "e_relax"].contains(&symbol(name(place)).as_str())
+                || ["ε", "epsilon"].contains(&symbol(name(place)).as_str())
+                || constant.is_some() && is_of_young(name(place))
         });
         let names = || [stress.0, strain.0].into_iter().map(name);
         let is_open = !is_uniaxial && constant.is_none() && !names().any(|name| called(name, &MULTIAXIAL, &[]));
@@ -399,7 +426,10 @@ impl StressStrain {
                 "no unit of the strain is stated, and it reaches {}",
                 figures::number::format_significant(largest, 3)
             ),
-            format!("give the unit: `{0} %` for percent, `{0} 1` for a plain number", Setting::PositionUnit),
+            format!(
+                "give the unit: `{0} %` for percent, `{0} 1` for a plain number or a stretch",
+                Setting::PositionUnit
+            ),
         ))
     }
 
@@ -455,7 +485,7 @@ impl StressStrain {
                 let symbol = symbol(name);
                 let is_modulus = called(name, &MODULUS, &OF_FREQUENCY);
                 let is_compliance = called(name, &COMPLIANCE, &OF_FREQUENCY) || ["j", "d"].contains(&symbol.as_str());
-                if named.iter().flatten().any(|wanted| *wanted != place) {
+                if is_ratio(name) || named.iter().flatten().any(|wanted| *wanted != place) {
                     return None;
                 }
                 match unit.as_ref() {

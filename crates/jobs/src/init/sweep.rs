@@ -10,7 +10,7 @@ use base::error::{Error, InputPlace, Result};
 use base::toml_input::quoted;
 use base::units::Dimension;
 use documents::init::{InitColumn, InitSummary};
-use record::table::{InspectedTable, ParsedUnit};
+use record::table::{InspectedTable, ParsedUnit, is_angular};
 use record::{OSCILLATION, SweepColumn};
 
 /// Units of the columns, as the table states them. If it does not state all of them, the error asks the user to write them into the columns' names.
@@ -24,9 +24,10 @@ fn units_of(place: &Path, looked: &InspectedTable, columns: &[(SweepColumn, usiz
         .filter(|column| found(column).is_none())
         .map(|(column, place)| {
             let name = &looked.columns[*place];
-            let is_angular = ["angular", "omega", "ω", "angulaire", "angolare", "kreis", "pulsation", "角"]
-                .iter()
-                .any(|word| name.to_lowercase().contains(word));
+            let is_angular = is_angular(name);
+            // A bracket holds another unit, in place of which the right one is written.
+            let name = name.trim_end().strip_suffix([')', ']']).and_then(|open| open.rsplit_once(['(', '[']));
+            let name = name.map_or(looked.columns[*place].as_str(), |(stem, _)| stem.trim_end());
             match column.dimension() {
                 Dimension::Frequency if is_angular => format!("`{name} [rad/s]`"),
                 Dimension::Frequency => format!("`{name} [Hz]` or `{name} [rad/s]`"),
@@ -38,8 +39,11 @@ fn units_of(place: &Path, looked: &InspectedTable, columns: &[(SweepColumn, usiz
     columns.iter().map(found).collect::<Option<_>>().ok_or_else(|| {
         Error::input(
             InputPlace::file(place),
-            "the table does not state all units of the oscillation",
-            format!("add them to the names of the columns: {}", missing.join("; ")),
+            "the table does not state all units of the oscillation, or states unknown ones",
+            format!(
+                "write them into the names of the columns, and convert numbers in other units: {}",
+                missing.join("; ")
+            ),
         )
     })
 }

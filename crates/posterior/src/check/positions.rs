@@ -131,6 +131,6 @@ pub(super) fn unread(looked: &CheckContext<'_>) -> Option<Contradiction> {
         "the table has columns that are not read, although they are correlated with the motion: {}",
         columns.join(", ")
     );
-    let advice = "if it is a coordinate, name position_x, position_y and position_z in [measurement.columns]";
+    let advice = "if it is a coordinate, name position_x, position_y and position_z in [measurement.columns]; all have one unit, so convert a column in another one first";
     (!columns.is_empty()).then(|| found("unread_column_follows", false, text, advice))
 }

@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use super::spelling::{ParsedUnit, clock_s, is_date_time, split_unit, unit};
+use super::spelling::{ParsedUnit, clock_s, is_date_time, is_hours_minutes, split_unit, unit};
 use super::text::{
     COLUMNS, Decimal, Delimiter, REMARKS, Thousands, cells, comment_sign, header_cells, is_blank_or_comment,
     n_before_names,
@@ -61,7 +61,11 @@ fn is_value(cell: &str, delimiter: Delimiter, decimal: Decimal) -> bool {
         let removed = Thousands::Comma.removed(cell);
         delimiter == Delimiter::Comma && removed.is_some_and(|cell| decimal.number(&cell).is_some())
     };
-    decimal.number(cell).is_some() || clock_s(cell).is_some() || is_date_time(cell) || is_grouped()
+    decimal.number(cell).is_some()
+        || clock_s(cell).is_some()
+        || is_hours_minutes(cell)
+        || is_date_time(cell)
+        || is_grouped()
 }
 
 /// Returns the number of cells in a line that are numbers or times, and the number of other cells. Cells that mean a lost position do not count.

@@ -31,18 +31,21 @@ impl std::fmt::Display for ColumnName {
 pub enum TimeFormat {
     /// Numbers in the given unit.
     Unit(ParsedUnit),
-    /// Times of day `hh:mm:ss`, which count from the first row and continue past midnight.
+    /// Times `hh:mm:ss`, which continue past midnight. Times of day count from the first row, elapsed times from 0.
     Clock,
+    /// Times of day `hh:mm`, which count as the times of a clock do.
+    HoursMinutes,
     /// Dates with a time, which count from the first row, in the given order of day, month and year. `None` if the dates themselves must show the
     /// order.
     Date(Option<DateOrder>),
 }
 
 impl TimeFormat {
-    /// Returns the format for one of the words `clock`, `iso`, `day-first` and `month-first`; `None` for another word.
+    /// Returns the format for one of the words `clock`, `mm:ss`, `hh:mm`, `iso`, `day-first` and `month-first`; `None` for another word.
     pub fn named(word: &str) -> Option<Self> {
         Some(match word {
-            "clock" => Self::Clock,
+            "clock" | "mm:ss" | "hh:mm:ss" => Self::Clock,
+            "hh:mm" => Self::HoursMinutes,
             "iso" => Self::Date(None),
             "day-first" => Self::Date(Some(DateOrder::Day)),
             "month-first" => Self::Date(Some(DateOrder::Month)),
@@ -50,11 +53,12 @@ impl TimeFormat {
         })
     }
 
-    /// Word for the format in `experiment.toml`: the name of the unit, `clock`, `iso`, `day-first` or `month-first`.
+    /// Word for the format in `experiment.toml`: the name of the unit, `clock`, `hh:mm`, `iso`, `day-first` or `month-first`.
     pub fn name(&self) -> &str {
         match self {
             Self::Unit(unit) => &unit.name,
             Self::Clock => "clock",
+            Self::HoursMinutes => "hh:mm",
             Self::Date(None | Some(DateOrder::Year)) => "iso",
             Self::Date(Some(DateOrder::Day)) => "day-first",
             Self::Date(Some(DateOrder::Month)) => "month-first",

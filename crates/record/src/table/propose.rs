@@ -10,7 +10,7 @@ use super::description::{BlankForce, ColumnName, PositionColumns, TableDescripti
 use super::read::read_described;
 use super::roles::{ColumnMatch, KnownColumns, Role, unknown_unit};
 use super::several::{ask_table, chosen_tables, describe_summaries, describe_tables, tables_of};
-use super::spelling::{ParsedUnit, clock_s, counted, is_date_time, unit};
+use super::spelling::{ParsedUnit, clock_s, counted, hours_minutes_s, is_date_time, is_hours_minutes, unit};
 use super::text::{Decimal, Delimiter, Encoding, Thousands, cells, comment_sign, decode_detected, is_blank_or_comment};
 use crate::control::{Control, answers_after_jumps, holds_as_written, nothing_holds};
 use crate::force::has_noisy_levels;
@@ -82,6 +82,8 @@ pub struct TableProposal {
     written_position_m: [f64; 2],
     /// First position as written in the table, in m.
     first_written_m: Option<f64>,
+    /// Time at which the load of the first row began, in s of the table's clock; `None` if neither the table nor the user says so.
+    pub load_began_s: Option<f64>,
     /// First position as written, divided by the motion that the first force causes in the time of the first row, as other switches of the force show it. `None` if no
     /// switch shows it.
     pub first_answer: Option<f64>,
@@ -96,9 +98,19 @@ impl TableProposal {
         !self.description.time_rules.spreads_ties && self.first_written_m.is_some_and(is_displaced)
     }
 
+    /// Largest absolute position as written in the table, in m.
+    pub fn farthest_written_m(&self) -> f64 {
+        farthest(&self.written_position_m)
+    }
+
+    /// Returns whether the first position is not 0, compared with the farthest one.
+    pub fn starts_away(&self) -> bool {
+        self.first_written_m.is_some_and(|first_m| first_m.abs() > NEAR_ZERO * self.farthest_written_m())
+    }
+
     /// Returns whether the first position is already within a tenth of the farthest one, as in the hold of a relaxation that begins with the record.
     pub fn starts_at_hold(&self) -> bool {
-        let farthest_m = self.written_position_m.into_iter().fold(0.0, |most: f64, x| most.max(x.abs()));
+        let farthest_m = self.farthest_written_m();
         self.first_written_m.is_some_and(|first_m| first_m.abs() > 0.9 * farthest_m && farthest_m > 0.0)
     }
 
@@ -195,6 +207,19 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
     let described = DescribedFile { file, bytes, text, lines: &lines, given, tables: &tables };
     let mut description = described.description(&mut reasons, ask)?;
     let mut trajectory = described.completed(&mut description, &mut reasons)?;
+    let idle = idle_rows(&trajectory).filter(|_| description.force.is_some());
+    if let Some(Idle { n_rows, began_s, .. }) = idle {
+        let line = trajectory.lines[n_rows];
+        description.layout.first_row_line = line;
+        if let Some([first, _]) = description.layout.row_lines.first_mut() {
+            *first = line;
+        }
+        trajectory = described.completed(&mut description, &mut Vec::new())?;
+        reasons.push(match n_rows {
+            1 => format!("no force acts in the first row, and the body has moved in the second: the force of the second row is taken to act since the time of the first (load_start_s = {began_s}), which is left out (first_row_line)"),
+            _ => format!("the clock shows 0 between two rows, the position jumps from one to the other, and rows between them are missing: it is taken to jump at 0 (load_start_s = {began_s}), and the {n_rows} rows before it are left out (first_row_line)"),
+        });
+    }
     let has_noisy_levels = has_noisy_levels(&trajectory.force_n);
     if has_noisy_levels {
         reasons.push(
@@ -243,6 +268,7 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
         position_m: ends(&mut trajectory.position_m.iter().flatten().copied()),
         written_position_m,
         first_written_m,
+        load_began_s: idle.map(|idle| idle.began_s),
         first_answer,
         description,
         frame,
@@ -251,6 +277,31 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
         control,
         holds_as_written,
     })
+}
+
+/// Words in the name of a column whose times are times of day.
+const OF_DAY: [&str; 4] = ["clock", "time of day", "uhrzeit", "heure"];
+/// Words in the name of a column whose times of two parts are minutes and seconds.
+const OF_MINUTES: [&str; 5] = ["mm:ss", "m:ss", "min:s", "min:sec", "elapsed"];
+
+/// Format of the times of a clock. Two parts are hours and minutes, or minutes and seconds.
+///
+/// # Errors
+/// [`Error::Input`] if neither the name nor a fraction of a second tells which.
+fn clock_format(name: &str, cell: &str) -> Result<TimeFormat> {
+    let lower = name.to_lowercase();
+    let says = |words: &[&str]| words.iter().any(|word| lower.contains(word));
+    match hours_minutes_s(cell) {
+        Some(_) if says(&["h:mm"]) => Ok(TimeFormat::HoursMinutes),
+        Some(_) if says(&OF_MINUTES) => Ok(TimeFormat::Clock),
+        Some(_) if says(&OF_DAY) => Ok(TimeFormat::HoursMinutes),
+        Some(_) => Err(Error::input(
+            InputPlace::setting(Setting::TimeUnit),
+            format!("`{cell}` in `{name}` may be hours and minutes, or minutes and seconds"),
+            format!("say which: `{0} hh:mm` or `{0} mm:ss`", Setting::TimeUnit),
+        )),
+        None => Ok(TimeFormat::Clock),
+    }
 }
 
 /// Returns the names of a table's columns. Columns at the end with neither a name nor a cell are omitted.
@@ -333,7 +384,7 @@ impl DescribedFile<'_> {
         let called = |role: Role| columns[role as usize].and_then(|at| header.names.get(at)).map_or("", String::as_str);
         let has_form = |role: Role| {
             let cell = cell(role);
-            role == Role::Time && (clock_s(cell).is_some() || is_date_time(cell))
+            role == Role::Time && (clock_s(cell).is_some() || is_hours_minutes(cell) || is_date_time(cell))
         };
         let mut said = given.units.clone();
         let mut missing: Vec<Role> = [Role::Time, Role::Force, Role::Position]
@@ -389,7 +440,10 @@ impl DescribedFile<'_> {
         let time_format = match told(Role::Time).and_then(TimeFormat::named) {
             Some(format) => format,
             None if told(Role::Time).is_none() && is_date_time(cell(Role::Time)) => TimeFormat::Date(None),
-            None if told(Role::Time).is_none() && clock_s(cell(Role::Time)).is_some() => TimeFormat::Clock,
+            None if told(Role::Time).is_none() && clock_s(cell(Role::Time)).is_some() => {
+                clock_format(called(Role::Time), cell(Role::Time))?
+            }
+            None if told(Role::Time).is_none() && is_hours_minutes(cell(Role::Time)) => TimeFormat::HoursMinutes,
             None => TimeFormat::Unit(unit_of(Role::Time)?),
         };
         for role in [Role::Time, Role::Force, Role::Position] {
@@ -904,6 +958,65 @@ fn first_answer(trajectory: &Trajectory) -> Option<f64> {
     };
     let expected_m = first_n * median((1..force_n.len()).filter_map(of_switch).collect())?;
     (expected_m.abs() > SHOWS * short_lag_noise_m(position_m)).then(|| first_m / expected_m)
+}
+
+/// Largest relative difference of the forces of a hold that follows the first row.
+const HELD: f64 = 0.01;
+
+/// Rows before a load or a step that began between two rows.
+#[derive(Clone, Copy)]
+struct Idle {
+    /// Number of these rows.
+    n_rows: usize,
+    /// Time at which the load or the step began, in s of the table's clock.
+    began_s: f64,
+}
+
+/// Rows that only show the state before a load or a step whose begin no row shows.
+fn idle_rows(trajectory: &Trajectory) -> Option<Idle> {
+    let Trajectory { force_n, position_m, others_m, .. } = trajectory;
+    if !others_m.is_empty() {
+        return None;
+    }
+    match Control::likely(force_n, position_m) {
+        Control::Force => idle_first_row(trajectory),
+        Control::Position => rows_before_trigger(trajectory),
+    }
+}
+
+/// The first row, if no force acts in it and the body has moved as far in the second row as under the force of that row, which holds.
+fn idle_first_row(trajectory: &Trajectory) -> Option<Idle> {
+    let Trajectory { time_s, force_n, position_m, clock_zero_s, .. } = trajectory;
+    let [t0, t1, t2, ..] = time_s[..] else { return None };
+    let [f0, f1, f2, f3, ..] = force_n[..] else { return None };
+    let [Some(x0), Some(x1), Some(x2), ..] = position_m[..] else { return None };
+    let holds = f0 == 0.0 && f1 != 0.0 && [f2, f3].iter().all(|f| (f / f1 - 1.0).abs() < HELD);
+    let (first_rate, next_rate) = ((x1 - x0) / (t1 - t0), (x2 - x1) / (t2 - t1));
+    let has_moved = (x1 - x0).abs() > SHOWS * short_lag_noise_m(position_m)
+        && first_rate * next_rate.signum() > 0.5 * next_rate.abs();
+    let is_plain = *clock_zero_s == 0.0 && x0.abs() <= NEAR_ZERO * farthest(position_m.iter().flatten());
+    (holds && has_moved && is_plain).then_some(Idle { n_rows: 1, began_s: t0 })
+}
+
+/// Smallest ratio of the interval of a jump to the next interval at which rows between them are missing.
+const MISSING: f64 = 3.0;
+
+/// The rows before time 0 of the clock, if a commanded position jumps from 0 to its hold between two rows on either side of that time, and rows are missing there.
+fn rows_before_trigger(trajectory: &Trajectory) -> Option<Idle> {
+    let Trajectory { time_s, force_n, position_m, clock_zero_s, .. } = trajectory;
+    let n_rows =
+        time_s.iter().position(|time| time + clock_zero_s > 0.0).filter(|n| (1..time_s.len() - 1).contains(n))?;
+    let is_missing = time_s[n_rows] - time_s[n_rows - 1] > MISSING * (time_s[n_rows + 1] - time_s[n_rows]);
+    let known: Option<Vec<f64>> = position_m.iter().copied().collect();
+    let known = known?;
+    let is_idle = |values: &[f64]| farthest(&values[..n_rows]) <= NEAR_ZERO * farthest(values);
+    let jumps = known[n_rows].abs() > 0.5 * farthest(&known);
+    (is_missing && jumps && is_idle(&known) && is_idle(force_n)).then_some(Idle { n_rows, began_s: 0.0 })
+}
+
+/// Largest absolute value.
+fn farthest<'a>(values: impl IntoIterator<Item = &'a f64>) -> f64 {
+    values.into_iter().fold(0.0, |most: f64, x| most.max(x.abs()))
 }
 
 /// A number with six significant digits.

@@ -202,6 +202,14 @@ fn force_per_area(plain: &str) -> Option<ParsedUnit> {
     Some(ParsedUnit { dimension: Dimension::Pressure, name: plain.into(), scale })
 }
 
+/// True if a name is that of an angular frequency.
+pub fn is_angular(name: &str) -> bool {
+    let name = name.to_lowercase();
+    ["angular", "omega", "ω", "angulaire", "angolare", "kreis", "pulsation", "角"]
+        .iter()
+        .any(|word| name.contains(word))
+}
+
 /// Splits a column name such as `x [µm]`, `x (µm)`, `x/µm`, `x_um`, `x in µm` or `x en µm` into the name without the unit, and the unit, which may be missing.
 pub fn split_unit(name: &str) -> (&str, Option<ParsedUnit>) {
     // The `_` in `rad_s` and the `/` in `rad/s` are part of the unit.
@@ -221,6 +229,7 @@ pub fn split_unit(name: &str) -> (&str, Option<ParsedUnit>) {
         Some((stem, "S" | "M")) if !name.contains(char::is_lowercase) => {
             name.to_lowercase().split_once(['(', '[']).and_then(|(_, text)| Some((stem, unit(text)?)))
         }
+        Some((stem, "1/s" | "s^-1" | "s-1" | "s⁻¹")) if is_angular(stem) => unit("rad/s").map(|unit| (stem, unit)),
         // Elsewhere the word `in` is no unit, as in `x in µm`.
         Some((stem, "in")) => unit("inch").map(|unit| (stem, unit)),
         Some((stem, text)) => unit(text).map(|unit| (stem, unit)),
@@ -251,19 +260,46 @@ pub fn counted(name: &str) -> Option<(&str, &'static str)> {
     parts.chain([(name, name)]).find_map(|(stem, text)| Some((stem.trim(), of(text)?)))
 }
 
+/// Splits `AM` or `PM` from a time of day, and returns the hours that this half of the day begins with.
+fn half_of_day(cell: &str) -> Option<(&str, f64)> {
+    let cell = cell.trim_end();
+    let (time, half) = cell.split_at_checked(cell.len().checked_sub(3)?)?;
+    match half.to_ascii_uppercase().as_str() {
+        " AM" => Some((time, 0.0)),
+        " PM" => Some((time, 12.0)),
+        _ => None,
+    }
+}
+
+/// Time in s of a half of the day, from the time on the dial.
+fn of_dial_s(dial_s: f64, later_h: f64) -> Option<f64> {
+    (3600.0..46_800.0).contains(&dial_s).then(|| dial_s.rem_euclid(43_200.0) + 3600.0 * later_h)
+}
+
+/// Returns the seconds since midnight for a time of day `hh:mm` or `hh:mm AM`; `None` for other text.
+pub fn hours_minutes_s(cell: &str) -> Option<f64> {
+    if let Some((dial, later_h)) = half_of_day(cell) {
+        return of_dial_s(hours_minutes_s(dial)?, later_h);
+    }
+    let (hours, minutes) = cell.trim().split_once(':')?;
+    let number = |text: &str, longest: usize| {
+        let is_number = (1..=longest).contains(&text.len()) && text.bytes().all(|byte| byte.is_ascii_digit());
+        is_number.then(|| text.parse::<f64>().ok())?
+    };
+    let minutes = number(minutes, 2).filter(|minutes| *minutes < 60.0)?;
+    Some(3600.0 * number(hours, 3)? + 60.0 * minutes)
+}
+
+/// True if a time of two parts, such as `10:15 PM`, can only be hours and minutes.
+pub fn is_hours_minutes(cell: &str) -> bool {
+    half_of_day(cell).is_some() && hours_minutes_s(cell).is_some()
+}
+
 /// Returns the seconds since midnight for a time of day `hh:mm:ss.fff`, `hh:mm:ss:fff` with three digits of milliseconds, `mm:ss.fff` or `hh:mm:ss AM`; `None` for
 /// other text.
 pub fn clock_s(cell: &str) -> Option<f64> {
-    let half = cell.trim_end().get(cell.trim_end().len().saturating_sub(3)..).unwrap_or("");
-    let later_h = match half.to_ascii_uppercase().as_str() {
-        " AM" => Some(0.0),
-        " PM" => Some(12.0),
-        _ => None,
-    };
-    if let Some(later_h) = later_h {
-        let of_half =
-            clock_s(cell.trim_end().get(..cell.trim_end().len() - 3)?).filter(|s| (3600.0..46_800.0).contains(s))?;
-        return Some(of_half.rem_euclid(43_200.0) + 3600.0 * later_h);
+    if let Some((dial, later_h)) = half_of_day(cell) {
+        return of_dial_s(clock_s(dial)?, later_h);
     }
     let parts: Vec<&str> = cell.split(':').collect();
     let are_digits = |text: &str| text.bytes().all(|byte| byte.is_ascii_digit());
@@ -338,7 +374,8 @@ pub fn date_time_s(cell: &str, order: DateOrder) -> Option<f64> {
     let (era, of_era) = (year.div_euclid(400), year.rem_euclid(400));
     let of_year = (153 * ((month + 9) % 12) + 2) / 5 + day - 1;
     let days = era * 146_097 + of_era * 365 + of_era / 4 - of_era / 100 + of_year - 719_468;
-    Some(86_400.0 * days as f64 + clock_s(time)? - offset_s)
+    // Beside a date, a time of two parts has no seconds.
+    Some(86_400.0 * days as f64 + hours_minutes_s(time).or_else(|| clock_s(time))? - offset_s)
 }
 
 /// True if a cell is a date with a time, in any order.
