@@ -276,6 +276,33 @@ fn wrong_scenarios_and_targets_are_refused() {
     vitreo(dir.path(), &sure).exits(2).refuses(&["--probability"]);
 }
 
+/// A gel that slips without friction: an incompressible medium resists a sphere with 4πGa·u in place of 6πGa·u, so that the sphere moves 1.5 times as far
+/// (Basset 1888; physics §4.7). The container, 36 times as wide, and the Poisson ratio of 0.48 change this by a few percent.
+#[test]
+fn effects_of_a_scenario_act_on_the_gel_of_a_study() {
+    let dir = tempfile::tempdir().unwrap();
+    sampled(dir.path());
+    let run = |effects: &str| {
+        let text = SPHERE.replace("[[scenario.quantity]]", &format!("{effects}\n[[scenario.quantity]]"));
+        std::fs::write(dir.path().join("slip.toml"), text).unwrap();
+        vitreo(dir.path(), &["predict", "study", "--scenario", "slip.toml", "--no-report", "--json", "-"])
+    };
+    let median = |document: &Value| number(&document["scenarios"][0]["quantities"][0]["median"]);
+    let slip = "interface-slip.slip_compliance_m_per_pa_s";
+    let sticking = median(&run("").exits(0).json());
+    let [little, free] =
+        ["1e-12", "1e6"].map(|size| run(&format!("[scenario.effects]\n{slip} = {size}")).exits(0).json());
+    assert!((median(&little) / sticking - 1.0).abs() < 1e-3, "{} {sticking}", median(&little));
+    assert!((median(&free) / sticking / 1.5 - 1.0).abs() < 0.05, "{} {sticking}", median(&free));
+    assert!(free["scenarios"][0]["apparatus"].as_str().unwrap().contains(&format!("{slip} = 1000000")), "{free}");
+    let varied = run(&format!("[scenario.vary]\n\"{slip}\" = [1e-12, 1e6]")).exits(0).json();
+    let both: Vec<f64> = (0..2).map(|k| number(&varied["scenarios"][k]["quantities"][0]["median"])).collect();
+    assert_eq!(both, [median(&little), median(&free)]);
+    run("[scenario.effects]\nslip = 1").exits(2).refuses(&["unknown key `slip`"]);
+    run("[scenario.effects]\ninterface-slip.slip = 1").exits(2).refuses(&["unknown parameter", "slip_compliance"]);
+    run("[scenario.effects]\nactuator-lags.lag_time_s = 1").exits(2).refuses(&["did you mean `actuator-lag`"]);
+}
+
 /// A linear gel: the force that a robot needs is inversely proportional to its compliance. At ν = 0.48 the resistance of the cylinder along the force is 1.2934
 /// times that of the sphere of its volume, and of the ellipsoid 1.25 times (docs/shapes.md). Another robot then needs a force of that ratio, and a force of that ratio
 /// leads back to the robot.

@@ -51,34 +51,59 @@ fn times_since_load(experiment: &Experiment) -> Vec<f64> {
     known.map(|(time, _)| time - record.time_s[first]).collect()
 }
 
+fn told(text: &str, load_start: &str) -> Result<(Experiment, String), String> {
+    read(text, |request| request.load_start = Some(load_start.into()))
+}
+
 #[test]
-fn a_creep_without_its_first_rows_began_at_time_0() {
-    for first_s in [1.0, 2.0, 2.9] {
-        let (experiment, words) = plainly(&creep_from(first_s)).expect("a creep");
-        assert!((times_since_load(&experiment)[0] - first_s).abs() < 1e-6, "{words}");
-        assert!(words.contains("load_start_s = 0"), "{words}");
+fn a_creep_without_its_first_rows_asks_when_it_began() {
+    let (experiment, words) = plainly(&creep_from(0.5)).expect("a creep");
+    assert!((times_since_load(&experiment)[0] - 0.5).abs() < 1e-6, "{words}");
+    for first_s in [1.0, 2.0, 6.0] {
+        let refused = plainly(&creep_from(first_s)).expect_err("a question");
+        assert!(refused.contains("load_start 0` if it began at time 0, `load_start first`"), "{refused}");
+        let last = (first_s - 0.5).to_string();
+        for (answer, since_s) in [("0", first_s), (last.as_str(), 0.5), ("first", 0.0)] {
+            let (experiment, _) = told(&creep_from(first_s), answer).expect("a creep");
+            assert!((times_since_load(&experiment)[0] - since_s).abs() < 1e-6, "{first_s} {answer}");
+        }
     }
-    // Where the clock does not tell, the user is asked, and both answers are read.
-    let refused = plainly(&creep_from(6.0)).expect_err("a question");
-    assert!(refused.contains("load_start_s 0` if it began at time 0, `load_start_s 6`"), "{refused}");
-    for (began_s, since_s) in [(0.0, 6.0), (5.0, 1.0), (6.0, 0.0)] {
-        let (experiment, _) = read(&creep_from(6.0), |request| request.load_start_s = Some(began_s)).expect("a creep");
-        assert!((times_since_load(&experiment)[0] - since_s).abs() < 1e-6, "{began_s}");
+    for wrong in ["7", "nan", "soon"] {
+        assert!(told(&creep_from(6.0), wrong).expect_err("no time").contains("no time up to the first row"), "{wrong}");
     }
+    // A clock below 0 is shifted by the reader, and answers count on the table's clock.
+    let (experiment, _) = told(&creep_from(-3.0), "-4").expect("a creep");
+    assert!((times_since_load(&experiment)[0] - 1.0).abs() < 1e-6);
     // Another clock says nothing of the load.
     assert!(plainly(&creep_from(1000.0)).is_ok());
 }
 
 #[test]
-fn a_bead_without_its_first_rows_asks_when_its_load_began() {
-    let mut text = String::from("Time (s),Force (uN),Position (um)\n");
-    for row in 0..140 {
-        let t = 0.5 + 0.05 * f64::from(row);
-        writeln!(text, "{t:.2},4.6,{:.3}", 515.0 + 210.0 * crept(t)).expect("a string");
-    }
-    assert!(plainly(&text).expect_err("a question").contains("when it began"));
-    let (experiment, _) = read(&text, |request| request.load_start_s = Some(0.0)).expect("a creep");
+fn a_bead_without_its_first_rows_asks_unless_other_switches_show_its_load() {
+    let bead = |position: &dyn Fn(f64) -> f64, force: &dyn Fn(f64) -> f64| {
+        let mut text = String::from("Time (s),Force (uN),Position (um)\n");
+        for row in 0..240 {
+            let t = 0.05 * f64::from(row);
+            writeln!(text, "{:.2},{},{:.3}", t + 0.5, force(t), position(t)).expect("a string");
+        }
+        text
+    };
+    let late = bead(&|t| 515.0 + 210.0 * crept(t), &|_| 4.6);
+    assert!(plainly(&late).expect_err("a question").contains("when it began"));
+    let (experiment, _) = told(&late, "0").expect("a creep");
     assert!((times_since_load(&experiment)[0] - 0.5).abs() < 1e-6);
+    // From rest, as after the next switches, in the coordinates of a camera.
+    let switched = |t: f64| {
+        (0..6)
+            .filter(|k| t > 2.0 * f64::from(*k))
+            .map(|k| (1.0 - 2.0 * f64::from(k % 2)) * crept(t - 2.0 * f64::from(k)))
+            .sum::<f64>()
+    };
+    let fresh = bead(&|t| 512.0 + 210.0 * switched(t), &|t| {
+        if ((t / 2.0 + 1e-9) as u32).is_multiple_of(2) { 4.6 } else { 0.0 }
+    });
+    let (experiment, words) = plainly(&fresh).expect("a creep");
+    assert!(times_since_load(&experiment)[0].abs() < 1e-6, "{words}");
 }
 
 /// A first row of zeros: the stress of the second row acted before it, because the specimen has moved.
@@ -94,9 +119,15 @@ fn a_first_row_of_zeros_is_the_begin_of_a_creep() {
     };
     let (experiment, words) = with(1.0);
     assert!((times_since_load(&experiment)[0] - 0.5).abs() < 1e-6, "{words}");
-    assert!(!experiment.fits_position_offset && words.contains("which is left out"), "{words}");
+    assert!(!experiment.fits_position_offset && words.contains("are left out"), "{words}");
     let known: Vec<f64> = experiment.record.position_m.iter().copied().flatten().collect();
     assert!((known[0] / known[58] / (crept(0.5) / crept(29.5)) - 1.0).abs() < 1e-5, "{known:?}");
+    // A strain that jumps with the second row is an answer at once.
+    let jump: String = (1..60)
+        .map(|row| 0.5 * f64::from(row))
+        .fold(String::new(), |all, t| all + &format!("{t},3,{:.6}\n", 1.0 + crept(t)));
+    let (_, words) = plainly(&format!("Time (s),Shear stress (Pa),Shear strain (%)\n0,0,0\n{jump}")).expect("a creep");
+    assert!(!words.contains("are left out"), "{words}");
     // A bead whose force acts from the second row on has not moved there.
     let mut text = String::from("Time (s),Force (uN),Position (um)\n0,0,0.2\n");
     for row in 1..60 {
@@ -104,7 +135,7 @@ fn a_first_row_of_zeros_is_the_begin_of_a_creep() {
         writeln!(text, "{},4.6,{:.3}", t + 0.5, 210.0 * crept(t) + 0.3 * f64::from(row % 3)).expect("a string");
     }
     let (experiment, words) = plainly(&text).expect("a creep");
-    assert!(times_since_load(&experiment)[1].abs() < 1e-6 && !words.contains("which is left out"), "{words}");
+    assert!(times_since_load(&experiment)[1].abs() < 1e-6 && !words.contains("are left out"), "{words}");
 }
 
 /// Rows before a trigger at time 0, and a step whose rows begin 0.1 s after it: the strain does not rise from the last row before.
@@ -126,6 +157,10 @@ fn a_step_at_the_trigger_is_no_ramp() {
         strains[0] > 0.0 && strains.iter().all(|strain| strain == &strains[0])
     };
     assert!(holds(&experiment), "{words}");
+    // The same with a bead, whose position then counts as written.
+    let bead = text.replace("Shear strain (%)", "Position (um)").replace("Shear stress (Pa)", "Force (uN)");
+    let (experiment, words) = plainly(&bead).expect("a relaxation");
+    assert!((experiment.record.time_s[1] - 0.1).abs() < 1e-6 && holds(&experiment), "{words}");
     // A machine's noise before the step does not reverse its sign.
     let machine =
         "Gauge length: 10 mm\nArea: 100 mm²\nTime (s),Displacement (mm),Load (mN)\n-1,0,0.02\n-0.5,0,0.03\n0,0,-0.02\n";
@@ -152,7 +187,10 @@ fn a_clock_of_two_parts_is_what_its_name_says() {
     };
     let two = |row: u32| format!("00:{:02}", row + 1);
     assert_eq!(interval(&table("Time (hh:mm)", &two)), 60.0);
-    assert_eq!(interval(&table("Time (mm:ss)", &two)), 1.0);
+    for name in ["Time (mm:ss)", "Time (h:mm:ss)", "Time (min)", "Elapsed time"] {
+        assert_eq!(interval(&table(name, &two)), 1.0, "{name}");
+    }
+    assert_eq!(interval(&table("Time (h)", &two)), 60.0);
     assert_eq!(
         interval(&table("Time of day", &|row| format!("{}:{:02}", 23 * u32::from(row < 20), (row + 40) % 60))),
         60.0
@@ -161,22 +199,24 @@ fn a_clock_of_two_parts_is_what_its_name_says() {
     assert_eq!(interval(&table("Time", &|row| format!("2026-11-22 10:{:02}", row + 6))), 60.0);
     let refused = plainly(&table("Time", &two)).expect_err("a question");
     assert!(refused.contains("unit_time hh:mm` or `unit_time mm:ss"), "{refused}");
-    let told = |unit: &str| {
+    let of_unit = |unit: &str| {
         let given = TableSettings { units: [Some(unit.into()), None, None], ..TableSettings::default() };
         read(&table("Time", &two), |request| request.known_columns = given.clone()).expect("a relaxation").0.record
     };
-    assert_eq!(told("hh:mm").time_s[2] - told("hh:mm").time_s[1], 60.0);
-    assert_eq!(told("mm:ss").time_s[2] - told("mm:ss").time_s[1], 1.0);
-    // An elapsed time keeps its zero; a time of day counts from the first row.
-    let elapsed = |first: u32| table("Elapsed time (hh:mm:ss)", &|row| format!("{:02}:00:{:02}", first, 3 + row));
+    assert_eq!(of_unit("hh:mm").time_s[2] - of_unit("hh:mm").time_s[1], 60.0);
+    assert_eq!(of_unit("mm:ss").time_s[2] - of_unit("mm:ss").time_s[1], 1.0);
+    // An elapsed time keeps its zero; a time of day counts from the first row, and its step is just before that row, which is left out.
+    let from_1 = |name: &str| table(name, &|row| format!("00:00:{:02}", 1 + row));
     let first_s = |text: &str| {
         let record = plainly(text).expect("a relaxation").0.record;
         let held = record.position_m.iter().position(Option::is_some).expect("a stress");
         record.time_s[held]
     };
-    assert!((first_s(&elapsed(0)) - 3.0).abs() < 1e-6);
-    // The first row is left out there, because the step is just before it.
-    assert!((first_s(&elapsed(9)) - 1.0).abs() < 1e-6);
+    assert!((first_s(&from_1("Elapsed time (hh:mm:ss)")) - 1.0).abs() < 1e-6);
+    assert!((first_s(&from_1("Time of day")) - 1.0).abs() < 1e-6);
+    let stress =
+        |name: &str| plainly(&from_1(name)).expect("a relaxation").0.record.position_m.into_iter().flatten().next();
+    assert_ne!(stress("Elapsed time (hh:mm:ss)"), stress("Time of day"));
 }
 
 /// Two samples in turn, whose strains are equal: their stresses tell them apart.
@@ -193,7 +233,7 @@ fn samples_in_turn_are_not_spread_over_the_clock() {
 
 /// Sweeps of a Maxwell body at two temperatures, whose moduli differ by a factor; repeats within 3 % are one sweep.
 #[test]
-fn sweeps_that_differ_in_one_sense_are_several() {
+fn sweeps_that_differ_alike_are_several() {
     let sweep = |factor: f64| {
         let mut text = String::from("Frequency [Hz],Temperature [°C],G' [Pa],G'' [Pa]\n");
         for row in 0..12_i32 {
@@ -217,9 +257,9 @@ fn sweeps_that_differ_in_one_sense_are_several() {
         run(&request, &mut |_| None).map_err(|error| error.to_string())?;
         OscillationRecord::read(&out).map(|_| ()).map_err(|error| error.to_string())
     };
-    assert!(sweep(0.8).expect_err("two sweeps").contains("in one sense"));
-    assert!(sweep(1.15).expect_err("two sweeps").contains("in one sense"));
-    assert_eq!(sweep(1.0), Ok(()));
+    assert!(sweep(0.8).expect_err("two sweeps").contains("at each of them"));
+    assert!(sweep(1.15).expect_err("two sweeps").contains("at each of them"));
+    assert_eq!((sweep(1.0), sweep(1.05)), (Ok(()), Ok(())));
 }
 
 #[test]
@@ -239,8 +279,21 @@ fn names_of_young_s_quantities_and_of_changed_numbers_are_read() {
     assert!(words.contains("compliance_per_m = 1,"), "{words}");
     let (_, words) = table("Time (s),Relaxation modulus G(t) [Pa]", &modulus).expect("a relaxation");
     assert!(words.contains("compliance_per_m = 2.96"), "{words}");
-    for header in ["t (s),G(t)/G0", "t [s],J(t)·1e3 [1/Pa]"] {
-        assert!(table(header, &modulus).is_err(), "{header}");
+    for header in [
+        "Time (s),Relaxation modulus gel E (Pa)",
+        "Time (s),Relaxation modulus G(t) group E (Pa)",
+        "Time (s),Normal relaxation modulus (Pa)",
+    ] {
+        let (_, words) = table(header, &modulus).expect("a relaxation");
+        assert!(words.contains("compliance_per_m = 2.96"), "{words}");
+    }
+    assert!(table("t (s),G(t)/G0", &modulus).expect_err("a ratio").contains("relative to a value"));
+    assert!(table("t [s],J(t)·1e3 [1/Pa]", &modulus).expect_err("multiples").contains("multiples"));
+    for unit in ["% of L0", "in %", "%, engineering"] {
+        assert!(
+            plainly(&creep_from(0.0).replace("Shear strain (%)", &format!("\"Shear strain ({unit})\""))).is_ok(),
+            "{unit}"
+        );
     }
     for unit in ["%/100", "m%"] {
         let text = creep_from(0.0).replace("Shear strain (%)", &format!("Shear strain ({unit})"));

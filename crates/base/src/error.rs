@@ -173,7 +173,7 @@ settings! {
     /// Identifier of the track to read.
     Track "track"
     /// Time at which the load of the first row began.
-    LoadStart "load_start_s"
+    LoadStart "load_start"
     /// Force that an empty force cell stands for.
     BlankForce "blank_force"
     /// File that contains the force, if the table does not.

@@ -171,6 +171,7 @@ impl Ensemble {
         monitor: &dyn Monitor,
     ) -> Result<Self> {
         let taught = &gel.problem.experiment;
+        let with_effects = scenario.with_effects(gel.problem)?;
         let apparatus = Apparatus::Robot { robot: scenario.robot, vitreous: scenario.vitreous };
         let is_own = taught.apparatus == apparatus;
         let mechanics = if is_own {
@@ -190,14 +191,18 @@ impl Ensemble {
             control: Control::Force,
             ..taught.clone()
         };
-        let problem = gel.problem.for_apparatus(experiment, mechanics)?;
+        let problem = with_effects.as_ref().unwrap_or(gel.problem).for_apparatus(experiment, mechanics)?;
         refuse_unpredictable(&problem, scenario)?;
         let mesh = match is_own && gel.is_taught {
             true => MeshCorrection { factor: 1.0, error: Some(0.0) },
             false => MeshCorrection::new(gel.is_taught.then_some(gel.problem), &problem)?,
         };
-        let prepared =
-            prepare(&problem, mesh.factor, kept.filter(|_| is_own && taught.control == Control::Force), monitor)?;
+        let prepared = prepare(
+            &problem,
+            mesh.factor,
+            kept.filter(|_| is_own && with_effects.is_none() && taught.control == Control::Force),
+            monitor,
+        )?;
         let strain_per_m = strain_per_m(finite_elements(&problem)?)?;
         let found = Self {
             prepared,
@@ -257,7 +262,8 @@ impl Ensemble {
     /// The same draws for another robot in the middle of a gel, whose displacements differ by one factor. `reference_per_m` is the compliance of this ensemble's robot by
     /// [`body::compliance_per_m`]. `None` for models with effects, for tolerances, and for bodies without an accurate compliance. The strain is unknown.
     pub fn for_robot(&self, scenario: &Scenario, reference_per_m: f64) -> Option<Self> {
-        let is_plain = self.tolerances == [0.0; 2] && scenario.tolerances == Tolerances::default();
+        let is_plain =
+            self.tolerances == [0.0; 2] && scenario.tolerances == Tolerances::default() && scenario.effects.is_empty();
         if !(is_plain && self.problem().model.is_law_alone()) {
             return None;
         }

@@ -70,7 +70,7 @@ impl RobotSize {
                     Error::input(scenario.place("robot"), "a sphere has no other aspect ratio", remedy)
                 })?;
                 let fits = (most_m / scenario.robot.shape.outer_radius_m()).powf(1.5);
-                Ok([ASPECTS[0] / aspect, (ASPECTS[1] / aspect).min(fits)])
+                Ok([(ASPECTS[0] / aspect).min(1.0), (ASPECTS[1] / aspect).max(1.0).min(fits)])
             }
         }
     }
@@ -104,8 +104,8 @@ pub fn sized(
         from.robot = sized.robot;
         let again = sized_from(gel, &from, target, size, kept.clone(), monitor)?;
         let is_confirmed = again.as_ref().is_some_and(|again| match size {
-            RobotSize::Largest | RobotSize::Longest => diameter_m(&again.robot) >= diameter_m(&sized.robot),
             RobotSize::SmallestMagnet { .. } => diameter_m(&again.robot) <= diameter_m(&sized.robot),
+            _ => diameter_m(&again.robot) >= diameter_m(&sized.robot),
         });
         found = if is_confirmed { Some(sized) } else { again };
         if is_confirmed {
@@ -125,7 +125,7 @@ fn sized_from(
     monitor: &dyn Monitor,
 ) -> Result<Option<SizedRobot>> {
     let refuse = |found: &str, remedy: String| Err(Error::input(scenario.place("robot"), found, remedy));
-    if !gel.problem.model.is_law_alone() {
+    if !(gel.problem.model.is_law_alone() && scenario.effects.is_empty()) {
         return refuse(
             "the size is searched for models without effects, and this one has some",
             format!("give a revision without effects (`{} m0`), or plan for robots of given sizes", Setting::Revision),

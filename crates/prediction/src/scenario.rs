@@ -1,10 +1,13 @@
 //! Scenarios: a robot in a gel, the force on it, and the quantities of interest.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use base::error::{Error, InputPlace, Result};
 use base::files::{self, Content};
 use base::toml_input::{TomlInput, TomlTable, text_of};
+use models::effects::Library;
+use posterior::problem::Problem;
 use record::{Apparatus, Orientation, Robot, RobotShape, Vitreous};
 
 use crate::force_history::ForceHistory;
@@ -36,6 +39,8 @@ pub struct Scenario {
     pub quantities: Vec<Quantity>,
     /// Tolerances of the apparatus.
     pub tolerances: Tolerances,
+    /// Values of the parameters of effects that act here beside those of the gel's model, by name, in the parameters' units.
+    pub effects: BTreeMap<String, f64>,
 }
 
 /// Uncertainty of the apparatus, as half-widths of uniform distributions.
@@ -59,6 +64,7 @@ impl Scenario {
             duration_s: None,
             quantities: Vec::new(),
             tolerances: Tolerances::default(),
+            effects: BTreeMap::new(),
         }
     }
 
@@ -102,7 +108,17 @@ impl Scenario {
     }
 
     fn from_table(table: TomlTable<'_>, folder: &Path, default: Option<(Robot, Vitreous)>) -> Result<Self> {
-        table.only(&["name", "robot", "vitreous", "force", "duration_s", "quantity", "tolerance", "vary"])?;
+        table.only(&[
+            "name",
+            "robot",
+            "vitreous",
+            "force",
+            "duration_s",
+            "quantity",
+            "tolerance",
+            "effects",
+            "vary",
+        ])?;
         let name = table.required_text("name", "name = \"cylinder\"")?;
         if name.trim().is_empty() || name.contains(char::is_control) || name.chars().count() > LONGEST_NAME {
             let remedy = format!("give a name of 1 to {LONGEST_NAME} characters without control characters");
@@ -143,51 +159,96 @@ impl Scenario {
                 Tolerances { diameter_m: 1e-6 * diameter_um, force: 0.01 * percent }
             }
         };
-        Ok(Self { name, place: table.place("name"), robot, vitreous, force, duration_s, quantities, tolerances })
-    }
-
-    /// The scenario with every combination of the sizes and aspect ratios of a table `[scenario.vary]`.
-    fn varied(&self, vary: TomlTable<'_>) -> Result<Vec<Self>> {
-        vary.only(&["size", "aspect"])?;
-        let of_key = |key: &str| -> Result<Vec<Option<f64>>> {
-            let Some(numbers) = vary.numbers(key)? else { return Ok(vec![None]) };
-            if numbers.is_empty() {
-                return Err(vary.refuse(
-                    key,
-                    "the list is empty",
-                    format!("give numbers, as in `{key} = [0.5, 1, 2]`"),
-                ));
-            }
-            for number in &numbers {
-                vary.require_range(key, *number, [0.01, 100.0])?;
-            }
-            Ok(numbers.into_iter().map(Some).collect())
-        };
-        let (sizes, aspects) = (of_key("size")?, of_key("aspect")?);
-        let mut all = Vec::new();
-        for aspect in &aspects {
-            for size in &sizes {
-                let mut one = self.clone();
-                if let Some(aspect) = aspect {
-                    let Some(own) = self::aspect(&self.robot) else {
-                        let remedy = "give an ellipsoid or a cylinder, or vary `size` only";
-                        return Err(vary.refuse("aspect", "a sphere has no other aspect ratio", remedy));
-                    };
-                    one.robot = slenderer(&one.robot, aspect / own);
-                    one.name += &format!(", aspect {aspect}");
-                }
-                if let Some(size) = size {
-                    one.robot = resized(&one.robot, *size, *size);
-                    one.name += &format!(", size {size}");
-                }
-                if one.robot.farthest_point_m() >= 0.5 * one.vitreous.diameter_m {
-                    let found = format!("the robot of `{}` does not fit inside the gel", one.name);
-                    return Err(vary.refuse("size", found, "leave out this combination"));
-                }
-                all.push(one);
+        let mut effects = BTreeMap::new();
+        if let Some(of_table) = table.table("effects")? {
+            for (parameter, inner, key) in parameters_in(of_table, &[])? {
+                effects.insert(
+                    parameter,
+                    inner.required_number(&key, "interface-slip.slip_compliance_m_per_pa_s = 1e-3")?,
+                );
             }
         }
-        Ok(all)
+        let place = table.place("name");
+        Ok(Self { name, place, robot, vitreous, force, duration_s, quantities, tolerances, effects })
+    }
+
+    /// The scenario with every combination of the values of a table `[scenario.vary]`: aspect ratios, sizes, and parameters of effects.
+    fn varied(&self, vary: TomlTable<'_>) -> Result<Vec<Self>> {
+        let mut all = vec![self.clone()];
+        for key in ["aspect", "size"] {
+            if let Some(numbers) = vary.numbers(key)? {
+                let change = |one: &Self, number: f64| one.reshaped(vary, key, number);
+                all = combined(&all, (vary, key), &numbers, change)?;
+            }
+        }
+        for (parameter, table, key) in parameters_in(vary, &["aspect", "size"])? {
+            let numbers = table.numbers(&key)?.unwrap_or_default();
+            let change = |one: &Self, number: f64| {
+                let effects = one.effects.iter().map(|(name, value)| (name.clone(), *value));
+                Ok(Self { effects: effects.chain([(parameter.clone(), number)]).collect(), ..one.clone() })
+            };
+            all = combined(&all, (table, &key), &numbers, change)?;
+        }
+        match all.iter().find(|one| one.robot.farthest_point_m() >= 0.5 * one.vitreous.diameter_m) {
+            None => Ok(all),
+            Some(one) => {
+                let found = format!("the robot of `{}` does not fit inside the gel", one.name);
+                Err(vary.refuse("size", found, "leave out this combination"))
+            }
+        }
+    }
+
+    /// The scenario with another aspect ratio at the same volume, or another size at the same aspect ratio.
+    fn reshaped(&self, vary: TomlTable<'_>, key: &str, number: f64) -> Result<Self> {
+        vary.require_range(key, number, [0.01, 100.0])?;
+        let robot = match (key, aspect(&self.robot)) {
+            ("aspect", None) => {
+                let remedy = "give an ellipsoid or a cylinder, or vary `size` only";
+                return Err(vary.refuse("aspect", "a sphere has no other aspect ratio", remedy));
+            }
+            ("aspect", Some(own)) => slenderer(&self.robot, number / own),
+            _ => resized(&self.robot, number, number),
+        };
+        Ok(Self { robot, ..self.clone() })
+    }
+
+    /// Problem of the gel with the effects of this scenario, whose parameters have fixed values; `None` without such effects.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for an effect that the gel's model has already, that lacks a parameter, or that does not suit the gel's record.
+    pub fn with_effects(&self, problem: &Problem) -> Result<Option<Problem>> {
+        if self.effects.is_empty() {
+            return Ok(None);
+        }
+        let refuse = |found: String, remedy: &str| Error::input(self.place("effects"), found, remedy);
+        let slug_of = |name: &String| name.split('.').next().unwrap_or_default().to_string();
+        let slugs: BTreeSet<String> = self.effects.keys().map(slug_of).collect();
+        if let Some(own) = slugs.iter().find(|slug| problem.specification.effects.contains(slug)) {
+            let found = format!("the gel's model has {own}, with its own parameters");
+            return Err(refuse(found, "leave it out here, or predict from a revision without it"));
+        }
+        let slugs: Vec<String> = slugs.into_iter().collect();
+        let values: Vec<String> = self.effects.iter().map(|(name, value)| format!("{name}={value}")).collect();
+        let here = |error: Error| match error {
+            Error::Input { found, remedy, .. } => refuse(found, &remedy),
+            other => other,
+        };
+        let specification =
+            problem.specification.clone().with_options(None, &slugs, &[], None, &values).map_err(here)?;
+        let found = problem.with_model(specification, &Library::default()).map_err(here)?;
+        let free = found.parameters().into_iter().find(|spec| {
+            let is_of_scenario = slugs
+                .iter()
+                .any(|slug| spec.name.strip_prefix(slug.as_str()).is_some_and(|rest| rest.starts_with('.')));
+            is_of_scenario && !found.specification.fixed.contains_key(spec.name)
+        });
+        match free {
+            None => Ok(Some(found)),
+            Some(spec) => Err(refuse(
+                format!("`{}` has no value", spec.name),
+                "give all parameters of the effect (`vitreo-uq effects`)",
+            )),
+        }
     }
 
     /// Force and duration (s) of a prediction. The default duration is the later one of the last change of the force and the last quantity.
@@ -232,8 +293,53 @@ impl Scenario {
             format!(", {} mm off the centre {} the force", mm(offset.distance_m), offset.direction.name())
         });
         let Vitreous { diameter_m, poisson_ratio, .. } = self.vitreous;
-        format!("{robot}{place}; gel of {} mm, Poisson ratio {poisson_ratio}", mm(diameter_m))
+        let effects: String = self.effects.iter().map(|(name, value)| format!("; {name} = {value}")).collect();
+        format!("{robot}{place}; gel of {} mm, Poisson ratio {poisson_ratio}{effects}", mm(diameter_m))
     }
+}
+
+/// The parameters of effects in a table, each with the table and the key of its value. Names have the slug of the effect before a point, which also separates nested tables.
+fn parameters_in<'a>(table: TomlTable<'a>, others: &[&str]) -> Result<Vec<(String, TomlTable<'a>, String)>> {
+    let mut found = Vec::new();
+    for key in table.keys_in_order() {
+        if others.contains(&key) {
+            continue;
+        }
+        if key.contains('.') {
+            found.push((key.to_string(), table, key.to_string()));
+            continue;
+        }
+        if table.is_number(key) || table.numbers(key).is_ok_and(|numbers| numbers.is_some()) {
+            let others = others.iter().map(|other| format!("`{other}`, ")).collect::<String>();
+            let remedy =
+                format!("give {others}a parameter of an effect, such as `interface-slip.slip_compliance_m_per_pa_s`");
+            return Err(table.refuse(key, format!("unknown key `{key}`"), remedy));
+        }
+        let inner = table.required_table(key)?;
+        found.extend(inner.keys_in_order().into_iter().map(|name| (format!("{key}.{name}"), inner, name.to_string())));
+    }
+    Ok(found)
+}
+
+/// Every scenario with every value of one quantity. `at` is the table and the key of the values.
+fn combined(
+    all: &[Scenario],
+    (table, key): (TomlTable<'_>, &str),
+    numbers: &[f64],
+    change: impl Fn(&Scenario, f64) -> Result<Scenario>,
+) -> Result<Vec<Scenario>> {
+    if numbers.is_empty() {
+        return Err(table.refuse(key, "the list is empty", format!("give numbers, as in `{key} = [0.5, 1, 2]`")));
+    }
+    if all.len() * numbers.len() > MOST_SCENARIOS {
+        let found = format!("there are {} combinations", all.len() * numbers.len());
+        return Err(table.refuse(key, found, format!("give at most {MOST_SCENARIOS} in one file")));
+    }
+    let changed = |(one, number): (&Scenario, &f64)| {
+        let new = change(one, *number)?;
+        Ok(Scenario { name: format!("{}, {key} {number}", new.name), ..new })
+    };
+    all.iter().flat_map(|one| numbers.iter().map(move |number| (one, number))).map(changed).collect()
 }
 
 /// Diameter of a robot, in m.

@@ -254,7 +254,7 @@ pub fn is_work_negative(force_n: &[f64], position_m: &[Option<f64>], share: f64)
 /// Correlation of the changes of force and position below which the position grows against the force.
 const AGAINST: f64 = -0.5;
 
-/// Sum of absolute works, as a fraction of the largest force times the whole way, up to which it shows no sign: a commanded position may jump while the measured force is noise about 0.
+/// Sum of absolute works, as a fraction of a large force times the whole way, up to which it shows no sign: a commanded position may jump while the measured force is noise about 0.
 const NEGLIGIBLE: f64 = 0.02;
 
 /// True if positions clearly grow against the force, which is impossible for a passive body. Each step of the position is paired with the force some
@@ -263,9 +263,12 @@ const NEGLIGIBLE: f64 = 0.02;
 pub(super) fn moves_against_force(force_n: &[f64], position_m: &[Option<f64>]) -> bool {
     let steps = Force::from(force_n).step_rows();
     let shortest = steps.windows(2).map(|pair| pair[1] - pair[0]).min().unwrap_or(0);
-    let largest_n = force_n.iter().fold(0.0_f64, |most, force| most.max(force.abs()));
+    let mut sizes_n: Vec<f64> = force_n.iter().map(|force| force.abs()).collect();
+    sizes_n.sort_by(f64::total_cmp);
+    // One wrong row does not count.
+    let large_n = sizes_n.get(sizes_n.len() * 9 / 10).copied().unwrap_or(0.0);
     let way_m: f64 = position_m.windows(2).filter_map(|pair| Some((pair[1]? - pair[0]?).abs())).sum();
-    let most = largest_n * way_m;
+    let most = large_n * way_m;
     let share = |lag: usize| {
         let (work, size) = work_and_size(&force_n[lag.min(force_n.len())..], position_m);
         if size > NEGLIGIBLE * most { work / size } else { 0.0 }

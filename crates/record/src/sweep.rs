@@ -20,9 +20,9 @@ use base::units::Dimension;
 const ONE_FREQUENCY: f64 = 1e-3;
 /// Largest ratio of the moduli of repeats at one frequency.
 const LIKE_REPEATS: f64 = 1.3;
-/// Smallest number of frequencies with repeats from which a difference in one sense counts, its smallest mean logarithm, and its smallest ratio to the standard deviation.
+/// Smallest number of frequencies with repeats from which a like difference at all of them counts, its smallest mean logarithm, and its smallest ratio to the standard deviation.
 const FEWEST_DIFFERENCES: usize = 5;
-const ONE_SENSE: f64 = 0.05;
+const ALIKE: f64 = 0.1;
 const APART: f64 = 3.0;
 /// Smallest number of rows that are not held out.
 const FEWEST_FITTED: usize = 4;
@@ -458,7 +458,7 @@ impl OscillationRecord {
     }
 }
 
-/// Refuses rows of one frequency whose moduli differ more than repeats do, or that differ in one sense at all frequencies: the table then holds sweeps at several
+/// Refuses rows of one frequency whose moduli differ more than repeats do, or that differ alike at all frequencies: the table then holds sweeps at several
 /// temperatures or strains, or of several specimens.
 fn refuse_several_states(file: &Path, form: SweepForm, rows: &[SweepRow]) -> Result<()> {
     let modulus_pa = |row: &SweepRow| form.moduli(row.pair).into_iter().fold(0.0, f64::hypot);
@@ -477,20 +477,24 @@ fn refuse_several_states(file: &Path, form: SweepForm, rows: &[SweepRow]) -> Res
             ));
         }
     }
-    let of_pair = |pair: &[SweepRow]| (modulus_pa(&pair[1]) / modulus_pa(&pair[0])).ln();
+    // Noise scatters the differences of repeats about 0.
     let groups = rows.chunk_by(|a, b| b.frequency_hz <= (1.0 + ONE_FREQUENCY) * a.frequency_hz);
+    let difference = |group: &[SweepRow]| {
+        let logs = || group.iter().map(|row| modulus_pa(row).ln());
+        logs().fold(f64::NEG_INFINITY, f64::max) - logs().fold(f64::INFINITY, f64::min)
+    };
     let differences: Vec<f64> =
-        groups.filter(|group| group.len() > 1).map(of_pair).filter(|difference| difference.is_finite()).collect();
+        groups.filter(|group| group.len() > 1).map(difference).filter(|difference| difference.is_finite()).collect();
     let n = differences.len() as f64;
     let mean = differences.iter().sum::<f64>() / n;
     let sd = (differences.iter().map(|difference| (difference - mean).powi(2)).sum::<f64>() / n).sqrt();
-    if differences.len() >= FEWEST_DIFFERENCES && mean.abs() > ONE_SENSE.max(APART * sd) {
+    if differences.len() >= FEWEST_DIFFERENCES && mean > ALIKE.max(APART * sd) {
         return Err(Error::input(
             InputPlace::file(file),
             format!(
-                "{} frequencies have several rows, whose moduli differ by {:.0} % in one sense: these are several sweeps, such as of several temperatures or specimens",
+                "{} frequencies have several rows, whose moduli differ by {:.0} % at each of them: these are several sweeps, such as of several temperatures or specimens",
                 differences.len(),
-                100.0 * mean.abs().exp_m1()
+                100.0 * mean.exp_m1()
             ),
             "give a table with the rows of one sweep",
         ));

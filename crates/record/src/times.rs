@@ -1,5 +1,6 @@
 //! Repair of times that do not ascend. The runs of a clock that restarts are joined, and rows that share one time of a coarse clock are spread.
 
+use super::control::Control;
 use super::robust::median;
 use base::error::{Error, InputPlace, Result, Setting};
 
@@ -215,10 +216,11 @@ fn refused(place: InputPlace, row: usize, time_s: &[f64], are_tracks: bool) -> E
     Error::input(place, found, remedy)
 }
 
-/// True if the rows belong to several tracks, of which the positions or the measured forces tell.
+/// True if the rows belong to several tracks: their positions tell, or the forces that are measured at commanded positions.
 fn are_tracks(time_s: &[f64], force_n: &[f64], position_m: &[Option<f64>]) -> bool {
-    let forces: Vec<Option<f64>> = force_n.iter().copied().map(Some).collect();
-    alternate(time_s, position_m) || alternate(time_s, &forces)
+    let tell = |values: &[Option<f64>]| alternate(time_s, values);
+    let forces = || force_n.iter().copied().map(Some).collect::<Vec<_>>();
+    tell(position_m) || Control::likely(force_n, position_m) == Control::Position && tell(&forces())
 }
 
 /// True if the rows belong to several tracks, because the positions of neighbouring rows differ much more than those of rows at neighbouring times, throughout or where times

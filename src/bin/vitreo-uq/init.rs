@@ -60,9 +60,9 @@ pub struct InitArguments {
     /// Column with the number or name of the track, in a table of several tracks
     #[arg(long, value_name = "COLUMN")]
     track_column: Option<String>,
-    /// Time at which the load of the first row began, in s of the table's clock, if earlier rows are missing
-    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
-    load_start_s: Option<f64>,
+    /// Begin of the load, if earlier rows are missing: first (with the first row), or a time in s of the table's clock
+    #[arg(long, value_name = "TIME", allow_negative_numbers = true)]
+    load_start: Option<String>,
     /// Force of rows with an empty force: above (the force of the row above), zero, or left-out (such rows are not used)
     #[arg(long, value_name = "MEANING")]
     blank_force: Option<String>,
@@ -78,7 +78,7 @@ pub struct InitArguments {
     /// Column with the number of the cycle
     #[arg(long, value_name = "COLUMN")]
     cycle: Option<String>,
-    /// Unit of the time: s, ms, min, h, clock (hh:mm:ss), hh:mm, mm:ss, iso, day-first or month-first (dates), or a multiple such as "0.05 s" per frame
+    /// Unit of the time: s, ms, min, h, clock or elapsed (hh:mm:ss), hh:mm, mm:ss, iso, day-first or month-first (dates), or a multiple such as "0.05 s" per frame
     #[arg(long, value_name = "UNIT")]
     unit_time: Option<String>,
     /// Unit of the force: N, mN, uN, nN or pN
@@ -177,7 +177,7 @@ pub fn run(arguments: &InitArguments) -> Result<ExitCode> {
             RecordKind::Creep => Control::Force,
             RecordKind::Relaxation => Control::Position,
         }),
-        load_start_s: arguments.load_start_s,
+        load_start: arguments.load_start.clone(),
         force_file: arguments.force_file.clone(),
         replace: arguments.replace,
     };

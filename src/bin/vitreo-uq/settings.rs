@@ -44,7 +44,7 @@ pub fn option(setting: Setting) -> &'static str {
         Setting::Kind => "--kind",
         Setting::TrackColumn => "--track-column",
         Setting::Track => "--track",
-        Setting::LoadStart => "--load-start-s",
+        Setting::LoadStart => "--load-start",
         Setting::BlankForce => "--blank-force",
         Setting::ForceFile => "--force-file",
         Setting::Thousands => "--thousands",

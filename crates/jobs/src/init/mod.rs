@@ -18,8 +18,8 @@ use self::force_log::ForceLog;
 use self::preamble::Preamble;
 use self::refusals::{
     refuse_amplitudes, refuse_changed_numbers, refuse_flow, refuse_flow_curve, refuse_gap_of_rheometer,
-    refuse_one_column_for_two, refuse_relaxation_of_tip, refuse_several_columns, refuse_without_frequency,
-    refuse_without_moduli, refuse_without_motion,
+    refuse_one_column_for_two, refuse_ratio, refuse_relaxation_of_tip, refuse_several_columns,
+    refuse_without_frequency, refuse_without_moduli, refuse_without_motion,
 };
 pub use self::request::InitRequest;
 use self::source::TableSource;
@@ -110,14 +110,14 @@ fn one(
     if creep.is_none()
         && let Some(looked) = &looked
     {
+        refuse_ratio(place, &request.known_columns, looked)?;
         refuse_without_frequency(place, &request.known_columns, looked)?;
         refuse_without_moduli(place, &request.known_columns, looked)?;
         refuse_flow_curve(place, &request.known_columns, looked)?;
     }
     let given = creep.as_ref().map_or(&request.known_columns, |creep| &creep.given);
     let mut proposal = propose(place, bytes, given, ask)?;
-    let is_found = proposal.load_began_s.is_some();
-    proposal.load_began_s = request.load_start_s.or(proposal.load_began_s);
+    proposal.load_began_s = request.load_began_s(&proposal)?.or(proposal.load_began_s);
     refuse_changed_numbers(place, &request.known_columns, &proposal)?;
     let mut device = match creep {
         Some(creep) => {
@@ -153,7 +153,6 @@ fn one(
         }
     } else if has_absolute_strain(device.stress_strain(), control)
         || answers_at_once(&proposal, device.stress_strain(), control)
-        || is_found
         || control == Control::Position && load_start_s(&proposal, &device, control).is_some()
     {
         proposal.keep_written_positions();

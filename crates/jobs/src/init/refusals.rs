@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::device::has_position;
-use super::stress::{ROTATION, STRAIN, StressStrain, called};
+use super::stress::{ROTATION, STRAIN, StressStrain, called, is_ratio};
 use base::error::{Error, InputPlace, Result, Setting};
 use base::units::Dimension;
 use figures::number::format_significant;
@@ -39,8 +39,10 @@ pub(super) fn refuse_without_motion(
             InputPlace::file(place),
             "the position is the same in every row, so that the record shows no motion",
             format!(
-                "give another column with `{}`; of a hold include the rows before its step",
-                Setting::PositionColumn
+                "give another column with `{}`; of a hold include the rows before its step, or give the sizes of a specimen with `{}` and `{}`",
+                Setting::PositionColumn,
+                Setting::SpecimenLength,
+                Setting::SpecimenArea
             ),
         ));
     }
@@ -243,6 +245,19 @@ pub(super) fn refuse_without_frequency(place: &Path, given: &TableSettings, look
             "name it with `{}`, and give its unit in its name, as in `frequency [rad/s]`; moduli over time, strain or temperature are not read",
             Setting::FrequencyColumn
         ),
+    ))
+}
+
+/// Refuses a modulus or a compliance that is relative to its first value, unless the user names the columns.
+pub(super) fn refuse_ratio(place: &Path, given: &TableSettings, looked: &InspectedTable) -> Result<()> {
+    let words = ["modul", "compliance", "nachgiebigkeit", "g(t)", "e(t)", "j(t)", "d(t)"];
+    let found = looked.columns.iter().find(|name| is_ratio(name) && called(name, &words, &[]));
+    let is_given = given.columns[1..3].iter().any(Option::is_some);
+    let Some(name) = found.filter(|_| !is_given) else { return Ok(()) };
+    Err(Error::input(
+        InputPlace::file(place).at_key(name.as_str()),
+        "by its name this column is relative to a value, so that it shows no modulus",
+        "multiply it by that value, and name it with its unit, as in `G(t) [Pa]` or `J(t) [1/Pa]`",
     ))
 }
 

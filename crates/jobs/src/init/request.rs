@@ -2,7 +2,7 @@
 
 use base::error::{Error, InputPlace, Result, Setting};
 use record::Control;
-use record::table::TableSettings;
+use record::table::{TableProposal, TableSettings};
 use std::path::PathBuf;
 
 /// Settings of `init` that the caller chooses.
@@ -30,8 +30,8 @@ pub struct InitRequest {
     pub noise: Option<f64>,
     /// Quantity that the experiment commands: the force or the position. `None` to infer it from the table.
     pub control: Option<Control>,
-    /// Time at which the load of the first row began, in s of the table's clock.
-    pub load_start_s: Option<f64>,
+    /// Begin of the load of the first row: `first` for the first row, or a time in s of the table's clock.
+    pub load_start: Option<String>,
     /// File that contains the force, if the table does not.
     pub force_file: Option<PathBuf>,
     /// True if an existing experiment may be overwritten.
@@ -39,6 +39,29 @@ pub struct InitRequest {
 }
 
 impl InitRequest {
+    /// Time (s) at which the load of the first row began, as the reader counts; `None` if the request does not say so.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for a text that is neither `first` nor a time up to the first row.
+    pub(super) fn load_began_s(&self, proposal: &TableProposal) -> Result<Option<f64>> {
+        let Some(text) = self.load_start.as_deref() else { return Ok(None) };
+        if text == "first" {
+            return Ok(Some(proposal.first_time_s));
+        }
+        let began_s = text.parse::<f64>().ok().map(|time_s| time_s - proposal.clock_zero_s);
+        match began_s.filter(|began_s| began_s.is_finite() && *began_s <= proposal.first_time_s) {
+            Some(began_s) => Ok(Some(began_s)),
+            None => {
+                let found = format!(
+                    "`{text}` is no time up to the first row, which is at {} s",
+                    proposal.first_time_s + proposal.clock_zero_s
+                );
+                let remedy = "give a time in s of the table's clock, or `first` for the first row";
+                Err(Error::input(InputPlace::setting(Setting::LoadStart), found, remedy))
+            }
+        }
+    }
+
     /// Refuses sizes of a tip or a specimen that are not above 0.
     pub(super) fn refuse_impossible_sizes(&self) -> Result<()> {
         let settings = [

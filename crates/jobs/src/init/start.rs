@@ -111,21 +111,22 @@ pub(super) fn refuse_unknown_start(
     };
     let has_moved = match own {
         Some(own) => own.constant.is_none() && has_moved(proposal, own, control),
-        None => control == Control::Force && proposal.starts_away(),
+        None => control == Control::Force && proposal.starts_away() && !proposal.starts_fresh,
     };
     let interval_s = proposal.duration_s / proposal.n_rows.saturating_sub(1).max(1) as f64;
     let is_open = has_moved && first_s > LATE_INTERVALS * interval_s && first_s <= proposal.duration_s;
     if !is_open || load_start_s(proposal, device, control).is_some() {
         return Ok(());
     }
-    let first_s: f64 = format_significant(first_s, 6).parse().unwrap_or(first_s);
+    let first_s = format_significant(first_s, 6);
+    let others = match control {
+        Control::Force => format!("`{} first` if it began with the first row", Setting::LoadStart),
+        Control::Position => "or give the time of the step".into(),
+    };
     Err(Error::input(
         InputPlace::file(place),
         format!("a load acts in the first row, at {first_s} s, and the table does not show when it began"),
-        format!(
-            "say when: `{0} 0` if it began at time 0, `{0} {first_s}` if it began with the first row",
-            Setting::LoadStart
-        ),
+        format!("say when: `{} 0` if it began at time 0, {others}", Setting::LoadStart),
     ))
 }
 
@@ -153,11 +154,10 @@ pub(super) fn load_start_s(proposal: &TableProposal, device: &Device, control: C
     let begins_late = match creep {
         // A ramp begins with the record, whatever its clock shows.
         Some(_) if control == Control::Position && !proposal.starts_at_hold() => false,
-        Some(own) => {
+        Some(_) => {
             let is_one_interval = (first_s / interval_s - 1.0).abs() < SAME_INTERVAL
                 && (control == Control::Position || proposal.starts_displaced());
-            let is_early = has_moved(proposal, own, control) && first_s <= LATEST * proposal.duration_s;
-            first_s > 0.0 && (first_s <= FIRST_ROW * proposal.duration_s || is_one_interval || is_early)
+            first_s > 0.0 && (first_s <= FIRST_ROW * proposal.duration_s || is_one_interval)
         }
         None => {
             let is_as_loaded = proposal.first_answer.is_some_and(|ratio| (AS_LOADED[0]..AS_LOADED[1]).contains(&ratio));

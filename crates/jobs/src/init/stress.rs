@@ -140,13 +140,11 @@ fn stated_part(name: &str) -> (Option<f64>, bool) {
     }
 }
 
-/// True if a bracket at the end of a name holds a percent sign beside something else, as in `(%/100)` or `(m%)`. A word is no unit.
+/// True if a bracket at the end of a name changes a percent sign, as in `(%/100)` or `(m%)`.
 fn has_changed_percent(name: &str) -> bool {
     let bracket = name.trim_end().strip_suffix([')', ']']).and_then(|open| open.rsplit_once(['(', '[']));
-    bracket.filter(|(_, text)| text.contains('%')).is_some_and(|(_, text)| {
-        let rest = text.replace('%', "");
-        let rest = rest.trim();
-        !(rest.is_empty() || rest.len() > 2 && rest.chars().all(|c| c.is_alphabetic() || c == ' '))
+    bracket.and_then(|(_, text)| text.split_once('%')).is_some_and(|(before, behind)| {
+        before.ends_with(char::is_alphanumeric) || behind.trim_start().starts_with(['/', '×', '*', '·'])
     })
 }
 
@@ -216,14 +214,17 @@ fn symbol(name: &str) -> String {
 
 /// True if a name is that of a modulus or compliance of tension by its symbol, as in `Relaxation modulus E(t)`.
 fn is_of_young(name: &str) -> bool {
-    symbol(name).split_whitespace().next_back().is_some_and(|last| ["e", "d", "e_relax"].contains(&last))
+    let is_symbol = |word: &str| ["e(t)", "d(t)"].contains(&word.trim_matches([',', ';', ':']));
+    ["e", "d", "e_relax"].contains(&symbol(name).as_str())
+        || name.to_lowercase().split_whitespace().any(is_symbol) && !called(name, &MULTIAXIAL, &[])
 }
 
 /// True if a name is that of a quantity divided by its first value, as in `G(t)/G0`.
-fn is_ratio(name: &str) -> bool {
+pub(super) fn is_ratio(name: &str) -> bool {
     let stem = quantity(name);
     let over = stem.split_once('/').map(|(_, over)| over.trim());
-    stem.contains("norm") || over.is_some_and(|over| over.starts_with(['g', 'e', 'j', 'd']))
+    ["normalis", "normaliz", "normiert"].iter().any(|word| stem.contains(word))
+        || over.is_some_and(|over| over.starts_with(['g', 'e', 'j', 'd']))
 }
 
 /// True if a name does not end in a bracket that holds a unit.

@@ -187,7 +187,7 @@ pub(super) fn experiment_toml(
     line(
         "\n[measurement.units]\ntime",
         quoted(table.time.1.name()),
-        "s, ms, min, h, \"clock\" (hh:mm:ss), or dates: \"iso\", \"day-first\", \"month-first\"",
+        "s, ms, min, h, \"clock\" or \"elapsed\" (hh:mm:ss), \"hh:mm\", or dates: \"iso\", \"day-first\", \"month-first\"",
     );
     if let Some((_, unit)) = table.force.as_ref().filter(|_| constant != Some(Control::Force)) {
         let units = if creep.is_some() { "1 Pa is entered as 1 N" } else { "N, mN, uN, nN or pN" };

@@ -283,20 +283,21 @@ fn sentence(planned: &PlannedForce, target: &Target, size: Option<RobotSize>, ro
     let of_force = force_sentence(planned, target);
     let Some(chosen) = robots.iter().find(|robot| robot.chosen) else { return of_force };
     let shape = chosen.apparatus.split(';').next().unwrap_or(&chosen.apparatus);
+    let shape = format!("{} {shape}", if shape.starts_with('e') { "an" } else { "a" });
     let of_many = if robots.len() > 1 { format!(" of {} robots", robots.len()) } else { String::new() };
     let of_robot = match (planned.is_feasible, size) {
         (false, None) => format!("The most probable{of_many} is {}.", chosen.name),
         (false, Some(_)) => {
-            format!("No size{of_many} within the limits reaches the target; the plan is for a {shape}.")
+            format!("No size{of_many} within the limits reaches the target; the plan is for {shape}.")
         }
         (true, None) if target.rest.is_some() => format!("The most probable{of_many} is {}.", chosen.name),
         (true, None) => format!("The smallest force{of_many} is that on {}.", chosen.name),
-        (true, Some(RobotSize::Largest)) => format!("The largest robot{of_many} that succeeds is a {shape}."),
+        (true, Some(RobotSize::Largest)) => format!("The largest robot{of_many} that succeeds is {shape}."),
         (true, Some(RobotSize::Longest)) => {
-            format!("The longest robot{of_many} of its volume that succeeds is a {shape}.")
+            format!("The longest robot{of_many} of its volume that succeeds is {shape}.")
         }
         (true, Some(RobotSize::SmallestMagnet { .. })) => {
-            format!("The smallest magnet{of_many} that succeeds is a {shape}.")
+            format!("The smallest magnet{of_many} that succeeds is {shape}.")
         }
     };
     format!("{of_robot} {of_force}")

@@ -296,7 +296,7 @@ fn sensitivity(
         let after_change = row > 0 && record.force().changes_at(row - 1);
         (record.force().changes_at(row) || after_change)
             || times_s.contains(&record.time_s[row])
-            || row % every == 0
+            || row.is_multiple_of(every)
             || row + 1 == record.n_rows()
     };
     let needed: Vec<bool> = (0..record.n_rows()).map(is_needed).collect();

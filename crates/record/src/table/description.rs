@@ -31,9 +31,11 @@ impl std::fmt::Display for ColumnName {
 pub enum TimeFormat {
     /// Numbers in the given unit.
     Unit(ParsedUnit),
-    /// Times `hh:mm:ss`, which continue past midnight. Times of day count from the first row, elapsed times from 0.
+    /// Times of day `hh:mm:ss`, which count from the first row and continue past midnight.
     Clock,
-    /// Times of day `hh:mm`, which count as the times of a clock do.
+    /// Elapsed times `mm:ss` or `hh:mm:ss`, which count from 0.
+    Elapsed,
+    /// Times of day `hh:mm`, which count as `Clock`.
     HoursMinutes,
     /// Dates with a time, which count from the first row, in the given order of day, month and year. `None` if the dates themselves must show the
     /// order.
@@ -41,10 +43,11 @@ pub enum TimeFormat {
 }
 
 impl TimeFormat {
-    /// Returns the format for one of the words `clock`, `mm:ss`, `hh:mm`, `iso`, `day-first` and `month-first`; `None` for another word.
+    /// Returns the format for one of the words `clock`, `elapsed`, `mm:ss`, `hh:mm`, `iso`, `day-first` and `month-first`; `None` for another word.
     pub fn named(word: &str) -> Option<Self> {
         Some(match word {
-            "clock" | "mm:ss" | "hh:mm:ss" => Self::Clock,
+            "clock" => Self::Clock,
+            "elapsed" | "mm:ss" => Self::Elapsed,
             "hh:mm" => Self::HoursMinutes,
             "iso" => Self::Date(None),
             "day-first" => Self::Date(Some(DateOrder::Day)),
@@ -53,11 +56,12 @@ impl TimeFormat {
         })
     }
 
-    /// Word for the format in `experiment.toml`: the name of the unit, `clock`, `hh:mm`, `iso`, `day-first` or `month-first`.
+    /// Word for the format in `experiment.toml`: the name of the unit, `clock`, `elapsed`, `hh:mm`, `iso`, `day-first` or `month-first`.
     pub fn name(&self) -> &str {
         match self {
             Self::Unit(unit) => &unit.name,
             Self::Clock => "clock",
+            Self::Elapsed => "elapsed",
             Self::HoursMinutes => "hh:mm",
             Self::Date(None | Some(DateOrder::Year)) => "iso",
             Self::Date(Some(DateOrder::Day)) => "day-first",
@@ -444,7 +448,9 @@ impl<'a> Units<'a> {
         unit(&text).filter(|unit| unit.dimension == dimension).ok_or_else(|| {
             let known = dimension.accepted_suffixes().replace('_', "");
             let others = match dimension {
-                Dimension::Time => ", min, h, clock (hh:mm:ss), iso, day-first or month-first (dates)",
+                Dimension::Time => {
+                    ", min, h, clock or elapsed (hh:mm:ss), hh:mm, iso, day-first or month-first (dates)"
+                }
                 Dimension::Frequency => ", rad/s",
                 Dimension::Pressure => ", kPa, MPa",
                 Dimension::Angle => ", deg",

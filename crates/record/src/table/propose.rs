@@ -10,7 +10,9 @@ use super::description::{BlankForce, ColumnName, PositionColumns, TableDescripti
 use super::read::read_described;
 use super::roles::{ColumnMatch, KnownColumns, Role, unknown_unit};
 use super::several::{ask_table, chosen_tables, describe_summaries, describe_tables, tables_of};
-use super::spelling::{ParsedUnit, clock_s, counted, hours_minutes_s, is_date_time, is_hours_minutes, unit};
+use super::spelling::{
+    ParsedUnit, clock_s, counted, hours_minutes_s, is_date_time, is_hours_minutes, split_unit, unit,
+};
 use super::text::{Decimal, Delimiter, Encoding, Thousands, cells, comment_sign, decode_detected, is_blank_or_comment};
 use crate::control::{Control, answers_after_jumps, holds_as_written, nothing_holds};
 use crate::force::has_noisy_levels;
@@ -84,6 +86,10 @@ pub struct TableProposal {
     first_written_m: Option<f64>,
     /// Time at which the load of the first row began, in s of the table's clock; `None` if neither the table nor the user says so.
     pub load_began_s: Option<f64>,
+    /// Time (s) of the table's clock that counts as 0: the first time, if it is below 0.
+    pub clock_zero_s: f64,
+    /// True if the body moves in the first interval as after other switches of the force, so that the load began with the first row.
+    pub starts_fresh: bool,
     /// First position as written, divided by the motion that the first force causes in the time of the first row, as other switches of the force show it. `None` if no
     /// switch shows it.
     pub first_answer: Option<f64>,
@@ -208,17 +214,17 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
     let mut description = described.description(&mut reasons, ask)?;
     let mut trajectory = described.completed(&mut description, &mut reasons)?;
     let idle = idle_rows(&trajectory).filter(|_| description.force.is_some());
-    if let Some(Idle { n_rows, began_s, .. }) = idle {
+    if let Some(Idle { n_rows, began_s, why }) = idle {
         let line = trajectory.lines[n_rows];
         description.layout.first_row_line = line;
+        description.layout.row_lines.retain(|[_, last]| *last >= line);
         if let Some([first, _]) = description.layout.row_lines.first_mut() {
             *first = line;
         }
         trajectory = described.completed(&mut description, &mut Vec::new())?;
-        reasons.push(match n_rows {
-            1 => format!("no force acts in the first row, and the body has moved in the second: the force of the second row is taken to act since the time of the first (load_start_s = {began_s}), which is left out (first_row_line)"),
-            _ => format!("the clock shows 0 between two rows, the position jumps from one to the other, and rows between them are missing: it is taken to jump at 0 (load_start_s = {began_s}), and the {n_rows} rows before it are left out (first_row_line)"),
-        });
+        reasons.push(format!(
+            "{why} at {began_s} s (load_start_s), and the rows before line {line} are left out (first_row_line)"
+        ));
     }
     let has_noisy_levels = has_noisy_levels(&trajectory.force_n);
     if has_noisy_levels {
@@ -239,7 +245,10 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
     };
     let jumps_at_once = first_change_m > 0.0 && first_change_m >= 0.5 * range_m;
     let holds_as_written = holds_as_written(&trajectory.force_n, &trajectory.position_m);
-    let frame = frame(&trajectory, description.force.is_some(), &mut reasons);
+    let frame = match idle {
+        Some(_) => Frame::default(),
+        None => frame(&trajectory, description.force.is_some(), &mut reasons),
+    };
     if let Some(projection) = frame.apply(file, &mut trajectory)?.projection {
         reasons.push(format!(
             "positions are {projection}; across this line they vary by {:.3} µm (root mean square)",
@@ -269,6 +278,8 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
         written_position_m,
         first_written_m,
         load_began_s: idle.map(|idle| idle.began_s),
+        clock_zero_s: trajectory.clock_zero_s.min(0.0),
+        starts_fresh: starts_fresh(&trajectory),
         first_answer,
         description,
         frame,
@@ -281,26 +292,33 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
 
 /// Words in the name of a column whose times are times of day.
 const OF_DAY: [&str; 4] = ["clock", "time of day", "uhrzeit", "heure"];
-/// Words in the name of a column whose times of two parts are minutes and seconds.
-const OF_MINUTES: [&str; 5] = ["mm:ss", "m:ss", "min:s", "min:sec", "elapsed"];
+/// Words in the name of a column whose times count from 0.
+const OF_ELAPSED: [&str; 4] = ["elapsed", "min:s", "min:sec", "m:ss"];
 
-/// Format of the times of a clock. Two parts are hours and minutes, or minutes and seconds.
+/// Format of the times of a clock, by the name and the first cell of their column. Two parts are hours and minutes, or minutes and seconds.
 ///
 /// # Errors
-/// [`Error::Input`] if neither the name nor a fraction of a second tells which.
+/// [`Error::Input`] if the two parts can be both.
 fn clock_format(name: &str, cell: &str) -> Result<TimeFormat> {
     let lower = name.to_lowercase();
     let says = |words: &[&str]| words.iter().any(|word| lower.contains(word));
+    let has_hours = says(&["h:mm"]);
+    let is_elapsed = says(&["elapsed"]) || says(&OF_ELAPSED) && !has_hours;
+    let of_parts = if is_elapsed { TimeFormat::Elapsed } else { TimeFormat::Clock };
+    let unit_s = split_unit(name).1.filter(|unit| unit.dimension == Dimension::Time).map(|unit| unit.to_si(1.0));
     match hours_minutes_s(cell) {
-        Some(_) if says(&["h:mm"]) => Ok(TimeFormat::HoursMinutes),
-        Some(_) if says(&OF_MINUTES) => Ok(TimeFormat::Clock),
+        None => Ok(of_parts),
+        Some(_) if has_hours && !says(&["h:mm:ss"]) || unit_s == Some(3600.0) => Ok(TimeFormat::HoursMinutes),
+        Some(_) if is_elapsed || has_hours => Ok(of_parts),
+        Some(_) if unit_s.is_some() => Ok(TimeFormat::Elapsed),
         Some(_) if says(&OF_DAY) => Ok(TimeFormat::HoursMinutes),
+        // No day has so many hours.
+        Some(time_s) if time_s >= 86_400.0 => Ok(TimeFormat::Elapsed),
         Some(_) => Err(Error::input(
             InputPlace::setting(Setting::TimeUnit),
             format!("`{cell}` in `{name}` may be hours and minutes, or minutes and seconds"),
             format!("say which: `{0} hh:mm` or `{0} mm:ss`", Setting::TimeUnit),
         )),
-        None => Ok(TimeFormat::Clock),
     }
 }
 
@@ -941,8 +959,9 @@ fn short_lag_noise_m(position_m: &[Option<f64>]) -> f64 {
 
 /// Largest relative difference of the interval after a switch from the time of the first row.
 const SAME_INTERVAL: f64 = 0.2;
-/// Least motion that shows an answer, in standard deviations of the noise.
+/// Least motion that shows an answer, in standard deviations of the noise; and that after a row of zeros.
 const SHOWS: f64 = 8.0;
+const SHOWS_BESIDE_ZERO: f64 = 3.0;
 
 /// First position divided by the motion that the first force causes in the time of the first row (s of the table's clock). Other switches of at least half the first force show it; a
 /// row's position is that before its switch.
@@ -960,8 +979,30 @@ fn first_answer(trajectory: &Trajectory) -> Option<f64> {
     (expected_m.abs() > SHOWS * short_lag_noise_m(position_m)).then(|| first_m / expected_m)
 }
 
+/// Range of the first motion, divided by those after other switches, in which the load began with the first row.
+const FRESH: [f64; 2] = [0.6, 1.6];
+
+/// True if the body moves in the first interval, in proportion to the force, as after other switches of at least half the first force.
+fn starts_fresh(trajectory: &Trajectory) -> bool {
+    let Trajectory { time_s, force_n, position_m, .. } = trajectory;
+    let velocity =
+        |row: usize| Some((position_m.get(row + 1).copied()?? - position_m[row]?) / (time_s[row + 1] - time_s[row]));
+    let Some(&first_n) = force_n.first() else { return false };
+    let of_switch = |row: usize| {
+        let switch_n = force_n[row] - force_n[row - 1];
+        // The motion before the switch goes on.
+        (switch_n.abs() >= 0.5 * first_n.abs()).then_some((velocity(row)? - velocity(row - 1)?) / switch_n)
+    };
+    let expected = median((1..force_n.len()).filter_map(of_switch).collect());
+    let ratio = velocity(0).zip(expected).map(|(first, expected)| first / (first_n * expected));
+    ratio.is_some_and(|ratio| (FRESH[0]..FRESH[1]).contains(&ratio))
+}
+
 /// Largest relative difference of the forces of a hold that follows the first row.
 const HELD: f64 = 0.01;
+
+/// Range of the first mean velocity, divided by the next, in which the first motion counts as one of the same load.
+const AS_NEXT: [f64; 2] = [0.5, 3.0];
 
 /// Rows before a load or a step that began between two rows.
 #[derive(Clone, Copy)]
@@ -970,6 +1011,8 @@ struct Idle {
     n_rows: usize,
     /// Time at which the load or the step began, in s of the table's clock.
     began_s: f64,
+    /// Reason in words, as the begin of a sentence.
+    why: &'static str,
 }
 
 /// Rows that only show the state before a load or a step whose begin no row shows.
@@ -988,14 +1031,21 @@ fn idle_rows(trajectory: &Trajectory) -> Option<Idle> {
 fn idle_first_row(trajectory: &Trajectory) -> Option<Idle> {
     let Trajectory { time_s, force_n, position_m, clock_zero_s, .. } = trajectory;
     let [t0, t1, t2, ..] = time_s[..] else { return None };
-    let [f0, f1, f2, f3, ..] = force_n[..] else { return None };
+    let [f0, f1, ..] = force_n[..] else { return None };
     let [Some(x0), Some(x1), Some(x2), ..] = position_m[..] else { return None };
-    let holds = f0 == 0.0 && f1 != 0.0 && [f2, f3].iter().all(|f| (f / f1 - 1.0).abs() < HELD);
+    // Later switches show how rows and switches belong together, and a much faster first motion may be an answer at once to a load in the second row.
+    let holds = f0 == 0.0 && f1 != 0.0 && force_n[1..].iter().all(|f| (f / f1 - 1.0).abs() < HELD);
     let (first_rate, next_rate) = ((x1 - x0) / (t1 - t0), (x2 - x1) / (t2 - t1));
-    let has_moved = (x1 - x0).abs() > SHOWS * short_lag_noise_m(position_m)
-        && first_rate * next_rate.signum() > 0.5 * next_rate.abs();
+    // A row of zeros is no measurement, and has no noise.
+    let shows = if x0 == 0.0 { SHOWS_BESIDE_ZERO } else { SHOWS };
+    let has_moved = (x1 - x0).abs() > shows * short_lag_noise_m(position_m)
+        && (AS_NEXT[0]..AS_NEXT[1]).contains(&(first_rate / next_rate));
     let is_plain = *clock_zero_s == 0.0 && x0.abs() <= NEAR_ZERO * farthest(position_m.iter().flatten());
-    (holds && has_moved && is_plain).then_some(Idle { n_rows: 1, began_s: t0 })
+    (holds && has_moved && is_plain).then_some(Idle {
+        n_rows: 1,
+        began_s: t0,
+        why: "no force acts in the first row, and the body has moved in the second: the force of the second row is taken to begin",
+    })
 }
 
 /// Smallest ratio of the interval of a jump to the next interval at which rows between them are missing.
@@ -1011,7 +1061,11 @@ fn rows_before_trigger(trajectory: &Trajectory) -> Option<Idle> {
     let known = known?;
     let is_idle = |values: &[f64]| farthest(&values[..n_rows]) <= NEAR_ZERO * farthest(values);
     let jumps = known[n_rows].abs() > 0.5 * farthest(&known);
-    (is_missing && jumps && is_idle(&known) && is_idle(force_n)).then_some(Idle { n_rows, began_s: 0.0 })
+    (is_missing && jumps && is_idle(&known) && is_idle(force_n)).then_some(Idle {
+        n_rows,
+        began_s: 0.0,
+        why: "the clock shows 0 before the first row of the hold, and rows are missing there: the position is taken to jump",
+    })
 }
 
 /// Largest absolute value.

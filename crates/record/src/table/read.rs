@@ -211,9 +211,6 @@ pub(crate) fn read_described(file: &Path, text: &str, description: &TableDescrip
         ));
     }
     trajectory.check_length(file, layout.first_row_line)?;
-    if matches!(description.time.1, TimeFormat::Clock | TimeFormat::HoursMinutes) {
-        clock.keep_elapsed(&mut trajectory.time_s);
-    }
     let place = |row: usize| InputPlace::file(file).at_line(trajectory.lines[row]).at_key(columns.time.1.as_str());
     let rows = TimeRows {
         time_s: &mut trajectory.time_s,
@@ -290,16 +287,19 @@ impl Clock {
                 let first_s = *self.first_s.get_or_insert(time_s.min(0.0));
                 return Ok(time_s - first_s);
             }
-            TimeFormat::Clock | TimeFormat::HoursMinutes => {
+            TimeFormat::Clock | TimeFormat::Elapsed | TimeFormat::HoursMinutes => {
                 let (time_s, example) = match format {
-                    TimeFormat::Clock => (clock_s(cell), "10:15:00.25"),
-                    _ => (hours_minutes_s(cell), "10:15"),
+                    TimeFormat::HoursMinutes => (hours_minutes_s(cell), "10:15"),
+                    _ => (clock_s(cell), "10:15:00.25"),
                 };
                 let time_s = time_s.ok_or_else(|| refuse(&format!("not a time of day such as {example}")))?;
                 if time_s < self.last_s - 0.5 * DAY_S {
                     self.days += 1.0;
                 }
                 self.last_s = time_s;
+                if *format == TimeFormat::Elapsed {
+                    self.first_s = Some(0.0);
+                }
                 time_s + DAY_S * self.days
             }
             TimeFormat::Date(Some(order)) => {
@@ -308,15 +308,6 @@ impl Clock {
             TimeFormat::Date(None) => return self.dated(cell, place),
         };
         Ok(since - *self.first_s.get_or_insert(since))
-    }
-
-    /// Lets times (s) count from 0 on a clock that shows the elapsed time: its first time is not later than the record is long.
-    fn keep_elapsed(&mut self, time_s: &mut [f64]) {
-        let duration_s = time_s.iter().copied().fold(0.0, f64::max);
-        if let Some(first_s) = self.first_s.filter(|first_s| *first_s <= duration_s) {
-            time_s.iter_mut().for_each(|time| *time += first_s);
-            self.first_s = Some(0.0);
-        }
     }
 
     /// Returns the seconds since the first row, for a date without a given order of day, month and year. All orders that are still possible must
