@@ -1,6 +1,5 @@
 //! Repair of times that do not ascend. The runs of a clock that restarts are joined, and rows that share one time of a coarse clock are spread.
 
-use super::control::Control;
 use super::robust::median;
 use base::error::{Error, InputPlace, Result, Setting};
 
@@ -55,6 +54,8 @@ pub(super) struct TimeRows<'a> {
     pub time_s: &'a mut [f64],
     pub force_n: &'a mut [f64],
     pub position_m: &'a [Option<f64>],
+    /// True if the forces are measured at commanded positions.
+    pub is_force_measured: bool,
 }
 
 /// Rules for times that do not ascend, from a table's description.
@@ -77,7 +78,8 @@ pub(super) fn order_times(
     starts: &[usize],
     rows: TimeRows<'_>,
 ) -> Result<TimeChanges> {
-    let TimeRows { time_s, force_n, position_m } = rows;
+    let TimeRows { time_s, force_n, position_m, is_force_measured } = rows;
+    let measured_n = |force_n: &[f64]| is_force_measured.then(|| force_n.iter().copied().map(Some).collect::<Vec<_>>());
     let mut ordered = TimeChanges::default();
     if rules.joins_restarts {
         ordered.restart_rows = join_restarts(time_s);
@@ -91,7 +93,7 @@ pub(super) fn order_times(
         }
     }
     if rules.spreads_ties {
-        ordered.are_tracks = are_tracks(time_s, force_n, position_m);
+        ordered.are_tracks = are_tracks(time_s, position_m, measured_n(force_n));
         ordered = ordered.with_ties_of(time_s);
         spread_ties(time_s);
     }
@@ -101,7 +103,7 @@ pub(super) fn order_times(
     match fall.or_else(|| time_s.windows(2).position(|pair| pair[1] <= pair[0])) {
         None => Ok(ordered),
         Some(before) => {
-            let are_tracks = are_tracks(time_s, force_n, position_m);
+            let are_tracks = are_tracks(time_s, position_m, measured_n(force_n));
             Err(refused(place(before + 1), before + 1, time_s, are_tracks))
         }
     }
@@ -217,10 +219,8 @@ fn refused(place: InputPlace, row: usize, time_s: &[f64], are_tracks: bool) -> E
 }
 
 /// True if the rows belong to several tracks: their positions tell, or the forces that are measured at commanded positions.
-fn are_tracks(time_s: &[f64], force_n: &[f64], position_m: &[Option<f64>]) -> bool {
-    let tell = |values: &[Option<f64>]| alternate(time_s, values);
-    let forces = || force_n.iter().copied().map(Some).collect::<Vec<_>>();
-    tell(position_m) || Control::likely(force_n, position_m) == Control::Position && tell(&forces())
+fn are_tracks(time_s: &[f64], position_m: &[Option<f64>], measured_n: Option<Vec<Option<f64>>>) -> bool {
+    alternate(time_s, position_m) || measured_n.is_some_and(|force_n| alternate(time_s, &force_n))
 }
 
 /// True if the rows belong to several tracks, because the positions of neighbouring rows differ much more than those of rows at neighbouring times, throughout or where times
@@ -274,7 +274,12 @@ mod tests {
             (60.0, [1.0, 1.0, 1.0, 2.0, 2.0], true),
         ] {
             let (mut time_s, mut force_n) = ([0.01, 30.0, 60.0, third_s, 100.0], [1.0, 1.0, 1.0, 2.0, 2.0]);
-            let rows = TimeRows { time_s: &mut time_s, force_n: &mut force_n, position_m: &position_m };
+            let rows = TimeRows {
+                time_s: &mut time_s,
+                force_n: &mut force_n,
+                position_m: &position_m,
+                is_force_measured: false,
+            };
             order_times(&place, TimeRules::default(), &[0, 3], rows).expect("times that ascend");
             assert_eq!(force_n, expected_n, "{third_s}");
             assert_eq!(time_s[2] < 60.0, is_nudged, "{third_s}");

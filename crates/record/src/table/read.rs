@@ -6,6 +6,7 @@ use std::path::Path;
 use super::description::{BlankForce, ColumnName, TableDescription, TableLayout, TimeFormat};
 use super::spelling::{DateOrder, clock_s, date_time_s, hours_minutes_s};
 use super::text::{Decimal, Encoding, cells, header_cells, is_blank_or_comment};
+use crate::control::Control;
 use crate::times::{TimeRows, order_times};
 use crate::trajectory::{CYCLE, FORCE, POSITION, TIME, TableRow, Trajectory, is_lost};
 use base::error::{Error, InputPlace, Result, Setting};
@@ -212,7 +213,9 @@ pub(crate) fn read_described(file: &Path, text: &str, description: &TableDescrip
     }
     trajectory.check_length(file, layout.first_row_line)?;
     let place = |row: usize| InputPlace::file(file).at_line(trajectory.lines[row]).at_key(columns.time.1.as_str());
+    let is_force_measured = Control::likely(&trajectory.force_n, &trajectory.position_m) == Control::Position;
     let rows = TimeRows {
+        is_force_measured,
         time_s: &mut trajectory.time_s,
         force_n: &mut trajectory.force_n,
         position_m: &trajectory.position_m,
