@@ -304,5 +304,8 @@ fn names_of_young_s_quantities_and_of_changed_numbers_are_read() {
     (1..60)
         .map(|row| 0.1 * f64::from(row))
         .for_each(|t| writeln!(text, "{t:.2},1.05,{:.5}", relaxed(t)).expect("a string"));
-    assert!(plainly(&text).expect_err("a question").contains("or a stretch"));
+    assert!(plainly(&text).expect_err("a question").contains("a stretch that begins at 1"));
+    let given = TableSettings { units: [None, None, Some("1".into())], ..TableSettings::default() };
+    let (_, words) = read(&text, |request| request.known_columns = given.clone()).expect("a relaxation");
+    assert!(words.contains("read as a stretch") && words.contains("compliance_per_m = 1,"), "{words}");
 }

@@ -261,7 +261,7 @@ pub(super) struct StressStrain {
     pub compliance: f64,
     /// Quantity that is commanded with the constant value 1, in a table of a compliance or a modulus; `None` if the table has both stress and strain.
     pub constant: Option<Control>,
-    /// True if the user says that the columns are stress and strain, whatever their names.
+    /// True if the user says that the columns are stress and strain, whatever their names, or that the strain is a plain number.
     pub is_told: bool,
     /// True if the sizes of a specimen have turned a machine's force and position into them.
     pub is_of_specimen: bool,
@@ -385,7 +385,7 @@ impl StressStrain {
             },
             compliance: if is_uniaxial { 1.0 } else { 2.0 + 2.0 * poisson_ratio.unwrap_or(OF_WATER) },
             constant,
-            is_told: named(2).is_some() && !called(name(strain.0), &STRAIN, &RATE),
+            is_told: is_plain || named(2).is_some() && !called(name(strain.0), &STRAIN, &RATE),
             is_of_specimen: false,
             uniaxial_because,
             is_assumed_plain: !has_stated && stated_part(name(strain.0)).0.is_none(),
@@ -428,7 +428,7 @@ impl StressStrain {
                 figures::number::format_significant(largest, 3)
             ),
             format!(
-                "give the unit: `{0} %` for percent, `{0} 1` for a plain number or a stretch",
+                "give the unit: `{0} %` for percent, `{0} 1` for a plain number, or for a stretch that begins at 1",
                 Setting::PositionUnit
             ),
         ))
