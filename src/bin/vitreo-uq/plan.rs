@@ -127,11 +127,12 @@ fn target(arguments: &PlanArguments) -> Result<Target> {
 fn words(found: &Plan) -> String {
     let mut lines = vec![format!("Plan for {}", found.gel), found.sentence.clone(), String::new()];
     if found.robots.len() > 1 {
+        let width = found.robots.iter().map(|robot| robot.name.chars().count()).fold(NARROWEST, usize::max);
         lines.push(format!(
-            "  {:<34}{:>12}{:>12}{:>14}{:>14}   front",
+            "  {:<width$}{:>12}{:>12}{:>14}{:>14}   front",
             "robot", "mm³", "force (µN)", "probability", "reach (mm)"
         ));
-        lines.extend(found.robots.iter().map(robot_line));
+        lines.extend(found.robots.iter().map(|robot| robot_line(robot, width)));
         lines.push("  (reach: distance that the largest force reaches in time with the requested probability; front: no larger robot needs less force)".into());
         lines.push(String::new());
     }
@@ -145,9 +146,12 @@ fn words(found: &Plan) -> String {
     lines.join("\n") + "\n"
 }
 
-fn robot_line(robot: &PlannedRobot) -> String {
+/// Smallest width of the column of names, in characters.
+const NARROWEST: usize = 34;
+
+fn robot_line(robot: &PlannedRobot, width: usize) -> String {
     let [volume, force, reach] = [robot.volume_mm3, robot.force_un, robot.reach_mm].map(significant);
     let force = if robot.feasible { force } else { "too weak".into() };
     let front = if robot.on_front { "yes" } else { "" };
-    format!("  {:<34}{volume:>12}{force:>12}{:>14.3}{reach:>14}   {front}", robot.name, robot.probability)
+    format!("  {:<width$}{volume:>12}{force:>12}{:>14.3}{reach:>14}   {front}", robot.name, robot.probability)
 }
