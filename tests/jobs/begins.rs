@@ -157,6 +157,12 @@ fn a_step_at_the_trigger_is_no_ramp() {
         strains[0] > 0.0 && strains.iter().all(|strain| strain == &strains[0])
     };
     assert!(holds(&experiment), "{words}");
+    // The same in two tables of one file.
+    let lines: Vec<&str> = text.lines().collect();
+    let [header, rest, hold] = [&lines[..1], &lines[1..11], &lines[11..]].map(|part| part.join("\n"));
+    let (experiment, words) =
+        plainly(&format!("Rest\n{header}\n{rest}\n\nHold\n{header}\n{hold}\n")).expect("a relaxation");
+    assert!(experiment.record.n_rows() == 201 && holds(&experiment), "{words}");
     // The same with a bead, whose position then counts as written.
     let bead = text.replace("Shear strain (%)", "Position (um)").replace("Shear stress (Pa)", "Force (uN)");
     let (experiment, words) = plainly(&bead).expect("a relaxation");
