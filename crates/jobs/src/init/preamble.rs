@@ -1,7 +1,7 @@
 //! What the lines above a table say of the test: how the specimen is held, and sizes.
 
 use base::units::Dimension;
-use record::table::{split_unit, unit};
+use record::table::{bracketed, split_unit, unit};
 
 /// Words of lines that name how a specimen is held and loaded.
 const KEYS: [&str; 11] =
@@ -91,8 +91,7 @@ impl<'a> Preamble<'a> {
     pub fn area_m2(self, names: &[&str]) -> Option<StatedValue> {
         self.stated(names, |name, value| {
             let (number, behind) = number_and_unit(value)?;
-            let bracket = name.trim_end().strip_suffix([')', ']']).and_then(|open| open.rsplit_once(['(', '[']));
-            let square = bracket.map_or(behind, |(_, text)| text).trim();
+            let square = bracketed(name).map_or(behind, |(_, text)| text).trim();
             let side = ["^2", "²", "2"].iter().find_map(|power| square.strip_suffix(power))?;
             let side_m = unit(side).filter(|unit| unit.dimension == Dimension::Length)?.to_si(1.0);
             Some(number * side_m * side_m)

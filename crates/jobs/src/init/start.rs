@@ -113,7 +113,7 @@ pub(super) fn refuse_unknown_start(
         Some(own) => own.constant.is_none() && has_moved(proposal, own, control),
         None => control == Control::Force && proposal.starts_away() && !proposal.starts_fresh,
     };
-    let interval_s = proposal.duration_s / proposal.n_rows.saturating_sub(1).max(1) as f64;
+    let interval_s = proposal.interval_s();
     let is_open = has_moved && first_s > LATE_INTERVALS * interval_s && first_s <= proposal.duration_s;
     if !is_open || load_start_s(proposal, device, control).is_some() {
         return Ok(());
@@ -150,7 +150,7 @@ pub(super) fn load_start_s(proposal: &TableProposal, device: &Device, control: C
         return Some(-JUST_BEFORE * proposal.duration_s);
     }
     let first_s = proposal.loaded_from_s?;
-    let interval_s = proposal.duration_s / proposal.n_rows.saturating_sub(1).max(1) as f64;
+    let interval_s = proposal.interval_s();
     let begins_late = match creep {
         // A ramp begins with the record, whatever its clock shows.
         Some(_) if control == Control::Position && !proposal.starts_at_hold() => false,

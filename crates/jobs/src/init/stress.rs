@@ -5,7 +5,7 @@ use super::preamble::Preamble;
 use base::error::{Error, InputPlace, Result, Setting};
 use base::units::Dimension;
 use record::Control;
-use record::table::{InspectedTable, TableSettings, columns_beside, split_unit, unit};
+use record::table::{InspectedTable, TableSettings, bracketed, columns_beside, split_unit, unit};
 
 /// Words by which the stress column is recognised.
 const STRESS: [&str; 9] =
@@ -130,8 +130,7 @@ fn stated_part(name: &str) -> (Option<f64>, bool) {
     if let Some((_, part)) = PARTS.iter().find(|(text, _)| name.contains(text)) {
         return (Some(*part), true);
     }
-    let bracket = name.trim_end().strip_suffix([')', ']']).and_then(|open| open.rsplit_once(['(', '[']));
-    match bracket.map(|(_, text)| text.trim()) {
+    match bracketed(&name).map(|(_, text)| text.trim()) {
         None => (None, true),
         Some(text) => {
             let is_plain = text.is_empty() || PLAIN.contains(&text);
@@ -142,8 +141,7 @@ fn stated_part(name: &str) -> (Option<f64>, bool) {
 
 /// True if a bracket at the end of a name changes a percent sign, as in `(%/100)` or `(m%)`.
 fn has_changed_percent(name: &str) -> bool {
-    let bracket = name.trim_end().strip_suffix([')', ']']).and_then(|open| open.rsplit_once(['(', '[']));
-    bracket.and_then(|(_, text)| text.split_once('%')).is_some_and(|(before, behind)| {
+    bracketed(name).and_then(|(_, text)| text.split_once('%')).is_some_and(|(before, behind)| {
         before.ends_with(char::is_alphanumeric) || behind.trim_start().starts_with(['/', '×', '*', '·'])
     })
 }
@@ -199,8 +197,7 @@ fn only_one<T: Copy>(looked: &InspectedTable, found: &[(usize, T)], setting: Set
 /// Lower-case name of a column without its unit.
 fn quantity(name: &str) -> String {
     let (stem, unit) = split_unit(name);
-    let bracket = name.trim_end().strip_suffix([')', ']']).and_then(|open| open.rsplit_once(['(', '[']));
-    let stem = match bracket {
+    let stem = match bracketed(name) {
         Some((stem, _)) if unit.is_none() && stated_part(name).0.is_some() => stem,
         _ => stem,
     };
@@ -235,7 +232,7 @@ fn has_no_unit(name: &str) -> bool {
 
 /// Size of the unit of a compliance in 1/Pa. A name without a unit is in 1/Pa, unless it is only a letter. `None` for another unit.
 fn per_pa(name: &str, symbol: &str) -> Option<f64> {
-    let unit = name.trim_end().strip_suffix([')', ']']).and_then(|open| open.rsplit_once(['(', '[']));
+    let unit = bracketed(name);
     let Some((_, unit)) = unit.filter(|_| !has_no_unit(name)) else {
         return (symbol.len() > 1 || name.ends_with("(t)")).then_some(1.0);
     };

@@ -10,7 +10,7 @@ use base::error::{Error, InputPlace, Result};
 use base::toml_input::quoted;
 use base::units::Dimension;
 use documents::init::{InitColumn, InitSummary};
-use record::table::{InspectedTable, ParsedUnit, is_angular};
+use record::table::{InspectedTable, ParsedUnit, bracketed, is_angular};
 use record::{OSCILLATION, SweepColumn};
 
 /// Units of the columns, as the table states them. If it does not state all of them, the error asks the user to write them into the columns' names.
@@ -26,7 +26,7 @@ fn units_of(place: &Path, looked: &InspectedTable, columns: &[(SweepColumn, usiz
             let name = &looked.columns[*place];
             let is_angular = is_angular(name);
             // A bracket holds another unit, in place of which the right one is written.
-            let name = name.trim_end().strip_suffix([')', ']']).and_then(|open| open.rsplit_once(['(', '[']));
+            let name = bracketed(name);
             let name = name.map_or(looked.columns[*place].as_str(), |(stem, _)| stem.trim_end());
             match column.dimension() {
                 Dimension::Frequency if is_angular => format!("`{name} [rad/s]`"),

@@ -84,7 +84,7 @@ pub struct TableProposal {
     written_position_m: [f64; 2],
     /// First position as written in the table, in m.
     first_written_m: Option<f64>,
-    /// Time at which the load of the first row began, in s of the table's clock; `None` if neither the table nor the user says so.
+    /// Time (s) at which the load of the first row began, counted as [`Self::first_time_s`] is; `None` if neither the table nor the user says so.
     pub load_began_s: Option<f64>,
     /// Time (s) of the table's clock that counts as 0: the first time, if it is below 0.
     pub clock_zero_s: f64,
@@ -107,6 +107,11 @@ impl TableProposal {
     /// Largest absolute position as written in the table, in m.
     pub fn farthest_written_m(&self) -> f64 {
         farthest(&self.written_position_m)
+    }
+
+    /// Mean interval between rows, in s.
+    pub fn interval_s(&self) -> f64 {
+        self.duration_s / self.n_rows.saturating_sub(1).max(1) as f64
     }
 
     /// Returns whether the first position is not 0, compared with the farthest one.
@@ -292,8 +297,8 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
 
 /// Words in the name of a column whose times are times of day.
 const OF_DAY: [&str; 4] = ["clock", "time of day", "uhrzeit", "heure"];
-/// Words in the name of a column whose times count from 0.
-const OF_ELAPSED: [&str; 4] = ["elapsed", "min:s", "min:sec", "m:ss"];
+/// Words in the name of a column whose times are minutes and seconds.
+const OF_MINUTES: [&str; 2] = ["min:s", "m:ss"];
 
 /// Format of the times of a clock, by the name and the first cell of their column. Two parts are hours and minutes, or minutes and seconds.
 ///
@@ -303,7 +308,7 @@ fn clock_format(name: &str, cell: &str) -> Result<TimeFormat> {
     let lower = name.to_lowercase();
     let says = |words: &[&str]| words.iter().any(|word| lower.contains(word));
     let has_hours = says(&["h:mm"]);
-    let is_elapsed = says(&["elapsed"]) || says(&OF_ELAPSED) && !has_hours;
+    let is_elapsed = says(&["elapsed"]) || says(&OF_MINUTES) && !has_hours;
     let of_parts = if is_elapsed { TimeFormat::Elapsed } else { TimeFormat::Clock };
     let unit_s = split_unit(name).1.filter(|unit| unit.dimension == Dimension::Time).map(|unit| unit.to_si(1.0));
     match hours_minutes_s(cell) {

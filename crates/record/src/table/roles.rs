@@ -5,7 +5,7 @@ use std::path::Path;
 use super::asked::{Ask, Question, TableSettings};
 use super::blocks::Header;
 use super::description::TimeFormat;
-use super::spelling::{ParsedUnit, counted, split_unit, unit};
+use super::spelling::{ParsedUnit, bracketed, counted, split_unit, unit};
 use base::error::{Error, InputPlace, Result, Setting};
 use base::units::Dimension;
 
@@ -226,7 +226,7 @@ fn fit(role: Role, name: &str, unit: Option<&ParsedUnit>) -> Option<u32> {
 
 /// Splits a column name with a unit in brackets that is not known, such as `Force (ozf)`, into the name and that text. `None` for other names.
 pub(super) fn unknown_unit(name: &str) -> Option<(&str, &str)> {
-    let (stem, text) = name.trim_end().strip_suffix([']', ')'])?.rsplit_once(['[', '('])?;
+    let (stem, text) = bracketed(name)?;
     (split_unit(name).1.is_none() && counted(name).is_none()).then_some((stem.trim(), text.trim()))
 }
 

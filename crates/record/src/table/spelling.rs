@@ -202,6 +202,11 @@ fn force_per_area(plain: &str) -> Option<ParsedUnit> {
     Some(ParsedUnit { dimension: Dimension::Pressure, name: plain.into(), scale })
 }
 
+/// Splits a name that ends in brackets, as in `x [µm]`, into the text before them and the text in them.
+pub fn bracketed(name: &str) -> Option<(&str, &str)> {
+    name.trim_end().strip_suffix([']', ')'])?.rsplit_once(['[', '('])
+}
+
 /// True if a name is that of an angular frequency.
 pub fn is_angular(name: &str) -> bool {
     let name = name.to_lowercase();
@@ -222,8 +227,7 @@ pub fn split_unit(name: &str) -> (&str, Option<ParsedUnit>) {
     if let Some(stem) = name.strip_suffix("_S").filter(|stem| stem.to_lowercase().starts_with("time")) {
         return (stem, unit("s"));
     }
-    let bracketed = name.trim_end().strip_suffix([']', ')']).and_then(|open| open.rsplit_once(['[', '(']));
-    let found = match bracketed {
+    let found = match bracketed(name) {
         // Other text in brackets, such as `1/Pa`, is no unit either in part.
         // Names in capitals have their unit in capitals.
         Some((stem, "S" | "M")) if !name.contains(char::is_lowercase) => {
