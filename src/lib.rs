@@ -44,6 +44,7 @@
 //! - [`figures`]: drawings and pages; reads documents
 //! - [`posterior`]: priors, noise, likelihood, the prepared model, its posterior
 //! - [`criticism`]: misfits of a model, and missing effects
+//! - [`learning`]: functions that a law lacks, learnt from records
 //! - [`cohorts`]: groups of specimens, and effects that a cohort lacks
 //! - [`validation`]: challenges, calibration, the study of robot shapes
 //! - [`prediction`]: robots under uncertainty, sensitivity, force plans
@@ -58,6 +59,7 @@ pub use elements;
 pub use figures;
 pub use jobs;
 pub use laws;
+pub use learning;
 pub use models;
 pub use posterior;
 pub use prediction;

@@ -16,16 +16,16 @@ use super::cohort_diagnosis::apparatus::Apparatuses;
 use super::cohort_diagnosis::job::{FEWEST_RECORDS, check_interrupt};
 use base::error::{Error, InputPlace, Result, Setting};
 use base::files::{remove_if_there, write_atomically};
-use criticism::learn::record::{Formula, LearningRecord, PairGain, test_formula};
-use criticism::learn::{
-    EQUAL_NATS, FILE_NAME, FORMULA_LOSS, FORMULA_LOSS_NATS, LARGEST_P, LEAST_EVIDENCE_NATS, LEAST_FUTURE_NATS,
-    quantity_words,
-};
 use documents::learned::EquivalentPair;
 use documents::learned_cohort::{
     CohortFormula, CohortPair, ConfirmedOn, LearnedCohort, LearnedCohortKind, LearnedCohortVerdict, TrainingRecord,
 };
 use figures::number::format_significant;
+use learning::record::{Formula, LearningRecord, PairGain, test_formula};
+use learning::{
+    EQUAL_NATS, FILE_NAME, FORMULA_LOSS, FORMULA_LOSS_NATS, LARGEST_P, LEAST_EVIDENCE_NATS, LEAST_FUTURE_NATS,
+    quantity_words,
+};
 use posterior::monitor::{Counter, Monitor};
 use posterior::study::{Provenance, RevisionWriter, WithProvenance};
 

@@ -16,7 +16,7 @@ const FACTOR: f64 = 1.5;
 const NATS: f64 = 1.0;
 
 /// Whitened signatures of candidates at the fit of a reference.
-pub(super) struct Screen {
+pub struct Screen {
     tangent: Tangent,
     position_m: Vec<f64>,
     /// Whitened unit directions of each candidate, and the sign of the added effect's support.

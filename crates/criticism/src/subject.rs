@@ -227,7 +227,7 @@ impl Subject {
     }
 
     /// Returns the subject with bounds on slow noise, gains and offsets, if the experiment gives the noise.
-    pub(super) fn with_bounded_noise(&self) -> Self {
+    pub fn with_bounded_noise(&self) -> Self {
         let position_m = self.observed_m();
         let record = Record { position_m, ..self.experiment().record.clone() };
         let bounds = || noise_bounds(&record, self.experiment().control, self.reference_noise_m());

@@ -1,7 +1,6 @@
 //! Subjects and data shared by the tests of this crate.
 
-use super::Subject;
-use crate::NoiseValues;
+use criticism::{NoiseValues, Subject};
 use models::effects::Library;
 use posterior::monitor::SilentMonitor;
 use posterior::problem::Problem;

@@ -480,7 +480,7 @@ pub(super) fn commands(
         }
         JobKind::Adopt => {
             // The path is relative to the folder in which the command runs. An absolute path could contain a comma, which would divide the argument.
-            let file = Path::new(".").join(&item.study).join(named()?).join(vitreo_uq::criticism::learn::FILE_NAME);
+            let file = Path::new(".").join(&item.study).join(named()?).join(vitreo_uq::learning::FILE_NAME);
             let file = file.display().to_string();
             if file.contains(',') {
                 return Err(Error::input(

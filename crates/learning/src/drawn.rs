@@ -3,7 +3,7 @@
 use super::distil::NORMAL_90;
 use super::function::Function;
 use super::pairs::{Pair, StateKind, state_range};
-use crate::Subject;
+use criticism::Subject;
 use documents::learned::{LearnedFunction, LearnedPoint, QuantityAtReference};
 
 /// Number of states at which the function is tabulated.

@@ -25,3 +25,8 @@ pub use search::{
     EQUAL_NATS, FORMULA_LOSS, FORMULA_LOSS_NATS, LARGEST_P, LEAST_EVIDENCE_NATS, LEAST_FUTURE_NATS, Request,
 };
 pub use words::quantity_words;
+
+#[cfg(test)]
+#[expect(dead_code, reason = "tests of criticism use the rest")]
+#[path = "../../criticism/src/test_subjects.rs"]
+pub(crate) mod test_subjects;

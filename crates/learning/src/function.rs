@@ -13,9 +13,9 @@ use super::formulas::{FormulaText, formulas};
 use super::pairs::{Pair, StateKind, finer_functions, state_range};
 use super::smooth::{Basis, Smooth};
 use super::truncated;
-use crate::{Candidate, Coordinate, Fitted, Free, Subject, Tangent};
 use base::error::Result;
 use base::number::Dual;
+use criticism::{Candidate, Coordinate, Fitted, Free, Subject, Tangent};
 use models::effects::StateEffect;
 
 /// Prior standard deviations of the weights, in the order of their fits.

@@ -1,11 +1,11 @@
 //! Compares bands of learnt functions with the scatter of functions learnt from many records of one truth.
 
 use super::*;
-use crate::learn::pairs::pairs;
-use crate::learn::smooth::N_WEIGHTS;
-use crate::refit::Refitted;
+use crate::pairs::pairs;
+use crate::smooth::N_WEIGHTS;
 use crate::test_subjects::{Protocol, noise_of, subject, truth_of};
-use crate::{NoiseValues, Search};
+use criticism::refit::Refitted;
+use criticism::{NoiseValues, Search};
 
 /// Number of records, and number of records whose function is averaged over priors (`N_AVERAGED`).
 const N_RECORDS: u64 = 48;

@@ -2,12 +2,12 @@
 
 use super::creep::{Creep, creep};
 use super::smooth::{Basis, MOST_WEIGHTS, N_WEIGHTS, Smooth};
-use crate::Subject;
-use crate::refit::Refitted;
 use base::distribution::Distribution;
 use base::error::Result;
 use base::number::Dual;
 use base::parameter::{ParameterSpec, Support};
+use criticism::Subject;
+use criticism::refit::Refitted;
 use laws::stages::{Operation, Stages, State};
 use models::effects::{Effect, EffectParameter, QuantityName, StateEffect};
 use models::model::Response;

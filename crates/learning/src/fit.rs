@@ -8,11 +8,11 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::pairs::{Pair, StateKind};
-use crate::derivatives::columns_m;
-use crate::future::{FutureScore, future_score};
-use crate::refit::Refitted;
-use crate::{Candidate, Fitted, NoiseValues, Search, Subject, Tangent};
 use base::error::Result;
+use criticism::derivatives::columns_m;
+use criticism::future::{FutureScore, future_score};
+use criticism::refit::Refitted;
+use criticism::{Candidate, Fitted, NoiseValues, Search, Subject, Tangent};
 
 /// Prior standard deviations that are tried for the weights, in order. A weight of 1 changes its quantity by a factor of e over the range of states.
 const SPREADS: [f64; 4] = [0.3, 1.0, 3.0, 0.08];

@@ -3,11 +3,11 @@
 use super::distil::{FittedFormula, find_simplest_formula};
 use super::fit::{PairFit, PairlessModel, Screen, fit_under, largest_gain, refit_pairs, score_all, search_all};
 use super::pairs::{Pair, pairs};
-use crate::bootstrap::{Bootstrap, Simulations, simulated};
-use crate::outliers;
-use crate::refit::{Refitted, refit_all};
-use crate::{Candidate, Fitted, Search, Subject, screen};
 use base::error::Result;
+use criticism::bootstrap::{Bootstrap, Simulations, simulated};
+use criticism::outliers;
+use criticism::refit::{Refitted, refit_all};
+use criticism::{Candidate, Fitted, Search, Subject, screen};
 use documents::errors::ModelErrors;
 use posterior::monitor::{Counter, Monitor};
 

@@ -4,9 +4,9 @@ use rayon::prelude::*;
 
 use super::formulas::{FormulaText, Parameter, formulas};
 use super::pairs::{Pair, StateKind, state_range};
-use crate::refit::Refitted;
-use crate::{Search, Subject, Tangent};
 use base::number::Dual;
+use criticism::refit::Refitted;
+use criticism::{Search, Subject, Tangent};
 use documents::learned::{FormulaParameter, LearnedFormula, LearnedFunction};
 use models::effects::{Effect, StateEffect};
 use posterior::study::effect_file;

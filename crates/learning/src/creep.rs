@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use crate::Subject;
 use base::distribution::Distribution;
 use base::error::Result;
 use base::number::Dual;
 use base::parameter::{ParameterSpec, Support};
+use criticism::Subject;
 use laws::rheology::Element;
 use models::effects::{Effect, EffectParameter, FieldEffect, Stage, Stages};
 use posterior::study::effect_file::leak;
