@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use vitreo_uq::jobs::init::{InitRequest, run};
 use vitreo_uq::record::table::TableSettings;
-use vitreo_uq::record::{Experiment, OscillationRecord};
+use vitreo_uq::record::{Control, Experiment, OscillationRecord};
 
 /// Applies `init` to a table, and returns the record with the words of the summary, or the refusal.
 fn read(text: &str, change: impl Fn(&mut InitRequest)) -> Result<(Experiment, String), String> {
@@ -157,6 +157,10 @@ fn a_step_at_the_trigger_is_no_ramp() {
         strains[0] > 0.0 && strains.iter().all(|strain| strain == &strains[0])
     };
     assert!(holds(&experiment), "{words}");
+    // The row of the step has the stress before it.
+    let (experiment, words) = plainly(&text.replace("0.10000,", "0,1,0\n0.10000,")).expect("a relaxation");
+    assert!(experiment.record.force_n[9..12].iter().map(|strain| *strain > 0.0).eq([false, true, true]), "{words}");
+    assert!(experiment.control == Control::Position && words.contains("command = \"hold\""), "{words}");
     // The same in two tables of one file.
     let lines: Vec<&str> = text.lines().collect();
     let [header, rest, hold] = [&lines[..1], &lines[1..11], &lines[11..]].map(|part| part.join("\n"));

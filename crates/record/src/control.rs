@@ -165,7 +165,8 @@ impl Changes {
             Some((run, &force[*at - run.len()..*at]))
         });
         let longest = held.filter(|(run, _)| is_held(&run[0])).max_by_key(|(run, _)| run.len());
-        let drifts = longest.is_some_and(|(_, force)| drifts(force));
+        // The force may answer a jump in the row after it.
+        let drifts = longest.is_some_and(|(_, force)| drifts(&force[1..]));
         if is_trend || drifts { Control::Position } else { Control::Force }
     }
 }
@@ -310,6 +311,9 @@ mod tests {
         let creep = |t: f64| square(t) - decay(t);
         assert_eq!(control(|t| decay(t) + noise(t), square), Control::Position);
         assert_eq!(control(square, |t| creep(t) + noise(t)), Control::Force);
+        // The force answers the jump in the row after it.
+        let late = |t: f64| if t < 4.99 { 0.0 } else { 0.5 + 0.5 * ((5.0 - t) / 20.0).exp() };
+        assert_eq!(control(|t| late(t - 0.05) + noise(t), |t| f64::from(u8::from(t > 4.99))), Control::Position);
         // A noisy force whose body has come to rest is no relaxation.
         assert_eq!(control(|t| 1.0 + noise(t), |t| 1.0 - (-t).exp()), Control::Force);
         assert_eq!(control(|t| t.sin(), |t| (t - 0.3).sin()), Control::Force);
