@@ -295,6 +295,11 @@ fn effects_of_a_scenario_act_on_the_gel_of_a_study() {
     assert!((median(&little) / sticking - 1.0).abs() < 1e-3, "{} {sticking}", median(&little));
     assert!((median(&free) / sticking / 1.5 - 1.0).abs() < 0.05, "{} {sticking}", median(&free));
     assert!(free["scenarios"][0]["apparatus"].as_str().unwrap().contains(&format!("{slip} = 1000000")), "{free}");
+    let strained = run(&format!("[scenario.effects]\n{slip} = 1e6\n[[scenario.quantity]]\nkind = \"peak_strain\""))
+        .exits(0)
+        .json();
+    let warnings = strained["scenarios"][0]["warnings"].to_string();
+    assert!(warnings.contains("peak strain is that of the displacement field without interface-slip"), "{warnings}");
     let varied = run(&format!("[scenario.vary]\n\"{slip}\" = [1e-12, 1e6]")).exits(0).json();
     let both: Vec<f64> = (0..2).map(|k| number(&varied["scenarios"][k]["quantities"][0]["median"])).collect();
     assert_eq!(both, [median(&little), median(&free)]);

@@ -67,6 +67,7 @@ pub fn run(place: &GelPlace<'_>, request: &PlanRequest, monitor: &dyn Monitor) -
                 .map(|at_s| Quantity::PositionAt { at_s, at_least_m: None })
                 .to_vec(),
         };
+        scenario.quantities.extend(target.largest_strain.map(|_| Quantity::PeakStrain));
     }
     let source = place.open(&scenarios[0], &request.sampler, monitor)?;
     let gel = source.gel();

@@ -186,6 +186,14 @@ pub(super) fn predicted(
     let check = ensemble.check(&trajectories_m)?;
     let largest_um = position_um.median.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
     let mut warnings = ensemble::warnings(gel, ensemble, &trajectories_m);
+    let bends = ensemble.problem().model.effects().iter().find(|effect| effect.changes_field());
+    if let Some(effect) = bends.filter(|_| scenario.quantities.contains(&Quantity::PeakStrain)) {
+        warnings.push(Warning {
+            kind: WarningKind::Extrapolation,
+            text: format!("the peak strain is that of the displacement field without {}", effect.slug()),
+            advice: "read it as an estimate: the effect changes the field beside the robot".into(),
+        });
+    }
     let record = ensemble.record();
     let half_um =
         position_um.q95.iter().zip(&position_um.q05).fold(0.0_f64, |most, (q95, q05)| most.max(0.5 * (q95 - q05)));
