@@ -23,9 +23,7 @@ use self::refusals::{
 };
 pub use self::request::InitRequest;
 use self::source::TableSource;
-use self::start::{
-    answers_at_once, has_absolute_strain, is_stretch, left_out_s, load_start_s, opposes, refuse_unknown_start,
-};
+use self::start::{Start, has_absolute_strain, is_stretch, opposes};
 use self::stress::StressStrain;
 use self::sweep::describe_sweep;
 use self::toml::{AXES, experiment_toml};
@@ -142,6 +140,7 @@ fn one(
     if device.is_tip() && control == Control::Position {
         return Err(refuse_relaxation_of_tip(place));
     }
+    let start = Start::of(place, &proposal, &device, control)?;
     if is_stretch(&proposal, device.stress_strain()) {
         proposal.reasons.push(
             "the strain begins near 1 and changes, so that it is read as a stretch: the first row counts as unstrained"
@@ -152,8 +151,8 @@ fn one(
             creep.take_stretch_for_tension(looked);
         }
     } else if has_absolute_strain(device.stress_strain(), control)
-        || answers_at_once(&proposal, device.stress_strain(), control)
-        || control == Control::Position && load_start_s(&proposal, &device, control).is_some()
+        || start.is_under_way
+        || control == Control::Position && start.load_start_s.is_some()
     {
         proposal.keep_written_positions();
         if control == Control::Position && device.stress_strain().is_some() && opposes(&proposal) {
@@ -163,7 +162,7 @@ fn one(
             proposal.reasons.push(text.into());
         }
         if device.stress_strain().is_none() {
-            let left_out = match left_out_s(&proposal, &device, control) {
+            let left_out = match start.left_out_s {
                 Some(_) => ", and the force of this row is left out (left_out_s)",
                 None => "",
             };
@@ -182,25 +181,9 @@ fn one(
             proposal.reasons.push(text.into());
         }
     }
-    refuse_unknown_start(place, &proposal, &device, control)?;
+    proposal.reasons.extend(start.reason.map(String::from));
     let creep = device.stress_strain();
-    if proposal.load_began_s.is_none() && load_start_s(&proposal, &device, control).is_some() {
-        let text = match creep {
-            Some(_) if left_out_s(&proposal, &device, control).is_some() => {
-                "the strain of the first row, at time 0, is that of the hold: the step is assumed to have begun just before it (load_start_s), and the stress of this row is left out (left_out_s), because it depends on how the strain rises"
-            }
-            Some(_) if answers_at_once(&proposal, creep, control) => {
-                "the strain of the first row, at time 0, is not 0, and a stress acts: the step is assumed to have begun just before it (load_start_s), so that this strain is the gel's instantaneous answer; \
-                 if the instrument's zero was off, remove that line and write zero = \"fit\""
-            }
-            Some(_) => "the step began at 0, before the first row (load_start_s = 0)",
-            None => {
-                "a force acts in the first row, which is after time 0, and the body has moved before: the force is assumed to act since time 0 (load_start_s = 0); correct that line if it began at another time"
-            }
-        };
-        proposal.reasons.push(text.into());
-    }
-    let mut toml = experiment_toml(&request, source, &proposal, &device, control);
+    let mut toml = experiment_toml(&request, source, &proposal, &device, control, &start);
     match (creep, control) {
         (Some(creep), _) => proposal.reasons.push(creep.reason(control, proposal.nothing_holds)),
         (None, Control::Position) => {

@@ -43,13 +43,88 @@ pub(super) fn is_stretch(proposal: &TableProposal, stress_strain: Option<&Stress
     stress_strain.is_some_and(|own| own.is_told) && proposal.is_stretch()
 }
 
+/// Least time of the first row, in intervals between rows, at which a bead's record counts as begun after its load. Clocks may count from 0 or from 1.
+const LATE_INTERVALS: f64 = 1.5;
+/// Least such time if the first position is the motion that the load causes in it. The two are equal if their ratio is in this range.
+const FIRST_INTERVAL: f64 = 0.5;
+const AS_LOADED: [f64; 2] = [0.6, 1.6];
+/// Largest such time, divided by the record's duration. Later first rows are times of another clock.
+const LATEST: f64 = 0.1;
+
+const SINCE_ZERO: &str = "the step began at 0, before the first row (load_start_s = 0)";
+const BEAD_SINCE_ZERO: &str = "a force acts in the first row, which is after time 0, and the body has moved before: the force is assumed to act since time 0 (load_start_s = 0); \
+     correct that line if it began at another time";
+const STEP_JUST_BEFORE: &str = "the strain of the first row, at time 0, is that of the hold: the step is assumed to have begun just before it (load_start_s), \
+     and the stress of this row is left out (left_out_s), because it depends on how the strain rises";
+const LOAD_JUST_BEFORE: &str = "the strain of the first row, at time 0, is not 0, and a stress acts: the step is assumed to have begun just before it (load_start_s), \
+     so that this strain is the gel's instantaneous answer; if the instrument's zero was off, remove that line and write zero = \"fit\"";
+
+/// When the load of the first row began.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Start {
+    /// Time (s) of the table's clock; `None` if it began with the first row or later, or if nothing is known of it, as for a tip, which is pressed from its own contact on.
+    pub load_start_s: Option<f64>,
+    /// True if the first row already shows the hold or the instantaneous answer of a step.
+    pub is_under_way: bool,
+    /// Interval (s) with the first row of a relaxation whose step has begun just before it. A stress in the middle of the step depends on how the strain rises.
+    pub left_out_s: Option<[f64; 2]>,
+    /// Why, if neither the table's first rows nor the user say so.
+    pub reason: Option<&'static str>,
+}
+
+impl Start {
+    /// Begin of the load as the user says, as the rows before it show, or as the first row suggests.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for a record whose first rows are missing, if nothing shows when its load began: a load acts in the first row, the body has moved, and the clock shows
+    /// neither a time close to 0 nor that of another event.
+    pub fn of(place: &Path, proposal: &TableProposal, device: &Device, control: Control) -> Result<Self> {
+        let own = device.stress_strain();
+        let is_under_way = is_under_way(proposal, own, control);
+        let leaves_out = is_under_way && control == Control::Position && proposal.first_time_s == 0.0;
+        let just_before_s = JUST_BEFORE * proposal.duration_s;
+        let known = Self {
+            load_start_s: None,
+            is_under_way,
+            left_out_s: leaves_out.then_some([0.0, 2.0 * just_before_s]),
+            reason: None,
+        };
+        if device.is_tip() {
+            return Ok(known);
+        }
+        if let Some(began_s) = proposal.load_began_s {
+            return Ok(Self {
+                load_start_s: Some(began_s).filter(|began_s| *began_s < proposal.first_time_s),
+                ..known
+            });
+        }
+        let begun =
+            |load_start_s: f64, reason| Ok(Self { load_start_s: Some(load_start_s), reason: Some(reason), ..known });
+        match own {
+            // A prescribed position has no load.
+            None if control == Control::Position => return Ok(known),
+            // Times of a published compliance or modulus count from the step.
+            Some(own) if own.constant.is_some() && proposal.loaded_from_s.is_some_and(|first_s| first_s > 0.0) => {
+                return begun(0.0, SINCE_ZERO);
+            }
+            Some(_) if leaves_out => return begun(-just_before_s, STEP_JUST_BEFORE),
+            Some(_) if is_under_way => return begun(-just_before_s, LOAD_JUST_BEFORE),
+            _ => {}
+        }
+        let Some(first_s) = proposal.loaded_from_s else { return Ok(known) };
+        if began_at_zero(first_s, proposal, own, control) {
+            return begun(0.0, if own.is_some() { SINCE_ZERO } else { BEAD_SINCE_ZERO });
+        }
+        if is_unknown(first_s, proposal, own, control) {
+            return Err(unknown(place, first_s, control));
+        }
+        Ok(known)
+    }
+}
+
 /// True if the step has begun before the first row, at time 0. For stress and strain, a stress acts and the strain has already jumped; a commanded strain is then at its hold.
 /// Stretches count from the first row. A bead is then at a hold from which it returns to 0, whatever its clock shows.
-pub(super) fn answers_at_once(
-    proposal: &TableProposal,
-    stress_strain: Option<&StressStrain>,
-    control: Control,
-) -> bool {
+fn is_under_way(proposal: &TableProposal, stress_strain: Option<&StressStrain>, control: Control) -> bool {
     let Some(own) = stress_strain else {
         return control == Control::Position
             && proposal.starts_loaded
@@ -71,87 +146,10 @@ pub(super) fn answers_at_once(
         }
 }
 
-/// Interval (s) with the first row of a relaxation whose step has begun just before it. A stress in the middle of the step depends on how the strain rises.
-pub(super) fn left_out_s(proposal: &TableProposal, device: &Device, control: Control) -> Option<[f64; 2]> {
-    let is_relaxation = control == Control::Position && answers_at_once(proposal, device.stress_strain(), control);
-    (is_relaxation && proposal.first_time_s == 0.0).then_some([0.0, 2.0 * JUST_BEFORE * proposal.duration_s])
-}
-
-/// Least time of the first row, in intervals between rows, at which a bead's record counts as begun after its load. Clocks may count from 0 or from 1.
-const LATE_INTERVALS: f64 = 1.5;
-/// Least such time if the first position is the motion that the load causes in it. The two are equal if their ratio is in this range.
-const FIRST_INTERVAL: f64 = 0.5;
-const AS_LOADED: [f64; 2] = [0.6, 1.6];
-/// Largest such time, divided by the record's duration. Later first rows are times of another clock.
-const LATEST: f64 = 0.1;
-
-/// True if the strain of the first row shows that the step came before it. A commanded strain is at its hold, and that of a machine has any zero.
-fn has_moved(proposal: &TableProposal, own: &StressStrain, control: Control) -> bool {
-    match control {
-        Control::Position => proposal.starts_at_hold(),
-        Control::Force if own.is_of_specimen => proposal.starts_displaced(),
-        Control::Force => proposal.starts_away(),
-    }
-}
-
-/// Refuses a record whose first rows are missing, if neither the table nor the user says when its load began: a load acts in the first row, the body has moved, and the clock
-/// shows neither a time close to 0 nor that of another event.
-///
-/// # Errors
-/// [`Error::Input`] for such a record.
-pub(super) fn refuse_unknown_start(
-    place: &Path,
-    proposal: &TableProposal,
-    device: &Device,
-    control: Control,
-) -> Result<()> {
-    let own = device.stress_strain();
-    let Some(first_s) = proposal.loaded_from_s.filter(|_| proposal.load_began_s.is_none() && !device.is_tip()) else {
-        return Ok(());
-    };
-    let has_moved = match own {
-        Some(own) => own.constant.is_none() && has_moved(proposal, own, control),
-        None => control == Control::Force && proposal.starts_away() && !proposal.starts_fresh,
-    };
+/// Returns whether the load of the first row, at `first_s` seconds, began at time 0 of the clock, because that row follows soon after it.
+fn began_at_zero(first_s: f64, proposal: &TableProposal, own: Option<&StressStrain>, control: Control) -> bool {
     let interval_s = proposal.interval_s();
-    let is_open = has_moved && first_s > LATE_INTERVALS * interval_s && first_s <= proposal.duration_s;
-    if !is_open || load_start_s(proposal, device, control).is_some() {
-        return Ok(());
-    }
-    let first_s = format_significant(first_s, 6);
-    let others = match control {
-        Control::Force => format!("`{} first` if it began with the first row", Setting::LoadStart),
-        Control::Position => "or give the time of the step".into(),
-    };
-    Err(Error::input(
-        InputPlace::file(place),
-        format!("a load acts in the first row, at {first_s} s, and the table does not show when it began"),
-        format!("say when: `{} 0` if it began at time 0, {others}", Setting::LoadStart),
-    ))
-}
-
-/// Time at which the load of the first row begins, in s of the table's clock: 0 if the first loaded row follows soon after time 0, otherwise `None`.
-pub(super) fn load_start_s(proposal: &TableProposal, device: &Device, control: Control) -> Option<f64> {
-    let creep = device.stress_strain();
-    if let Some(began_s) = proposal.load_began_s.filter(|_| !device.is_tip()) {
-        return (began_s < proposal.first_time_s).then_some(began_s);
-    }
-    // A tip is pressed from its own contact on, and a prescribed position has no load.
-    if device.is_tip() || creep.is_none() && control == Control::Position {
-        return None;
-    }
-    // Times of a published compliance or modulus count from the step.
-    if creep.is_some_and(|creep| creep.constant.is_some())
-        && proposal.loaded_from_s.is_some_and(|first_s| first_s > 0.0)
-    {
-        return Some(0.0);
-    }
-    if answers_at_once(proposal, creep, control) {
-        return Some(-JUST_BEFORE * proposal.duration_s);
-    }
-    let first_s = proposal.loaded_from_s?;
-    let interval_s = proposal.interval_s();
-    let begins_late = match creep {
+    match own {
         // A ramp begins with the record, whatever its clock shows.
         Some(_) if control == Control::Position && !proposal.starts_at_hold() => false,
         Some(_) => {
@@ -166,6 +164,32 @@ pub(super) fn load_start_s(proposal: &TableProposal, device: &Device, control: C
                 && first_s <= LATEST * proposal.duration_s
                 && (is_as_loaded || proposal.starts_displaced())
         }
+    }
+}
+
+/// Returns whether the load of the first row, at `first_s` seconds, began at an unknown time before it.
+fn is_unknown(first_s: f64, proposal: &TableProposal, own: Option<&StressStrain>, control: Control) -> bool {
+    let has_moved = match own {
+        // A commanded strain is at its hold, and the position of a machine has any zero.
+        Some(_) if control == Control::Position => proposal.starts_at_hold(),
+        Some(own) if own.is_of_specimen => proposal.starts_displaced(),
+        Some(_) => proposal.starts_away(),
+        None => proposal.starts_away() && !proposal.starts_fresh,
     };
-    begins_late.then_some(0.0)
+    has_moved && first_s > LATE_INTERVALS * proposal.interval_s() && first_s <= proposal.duration_s
+}
+
+fn unknown(place: &Path, first_s: f64, control: Control) -> Error {
+    let others = match control {
+        Control::Force => format!("`{} first` if it began with the first row", Setting::LoadStart),
+        Control::Position => "or give the time of the step".into(),
+    };
+    Error::input(
+        InputPlace::file(place),
+        format!(
+            "a load acts in the first row, at {} s, and the table does not show when it began",
+            format_significant(first_s, 6)
+        ),
+        format!("say when: `{} 0` if it began at time 0, {others}", Setting::LoadStart),
+    )
 }

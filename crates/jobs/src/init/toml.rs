@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use super::device::Device;
 use super::request::InitRequest;
 use super::source::TableSource;
-use super::start::{left_out_s, load_start_s};
+use super::start::Start;
 use base::quantities::Quantities;
 use base::toml_input::quoted;
 use record::table::{ColumnName, PositionColumns, TableProposal};
@@ -28,6 +28,7 @@ pub(super) fn experiment_toml(
     proposal: &TableProposal,
     device: &Device,
     control: Control,
+    start: &Start,
 ) -> String {
     let table = &proposal.description;
     let layout = &table.layout;
@@ -149,7 +150,7 @@ pub(super) fn experiment_toml(
             line("command", quoted("linear"), "between rows; \"hold\" until the next row, or \"levels\" of a sensor");
         }
     }
-    match load_start_s(proposal, device, control) {
+    match start.load_start_s {
         Some(start_s) => {
             line("load_start_s", format!("{start_s:?}"), "time at which the force of the first row began");
         }
@@ -157,7 +158,7 @@ pub(super) fn experiment_toml(
             line("# load_start_s", "-3.0".into(), "time at which the force of the first row began, if before that row")
         }
     }
-    if let Some(interval_s) = left_out_s(proposal, device, control) {
+    if let Some(interval_s) = start.left_out_s {
         line("left_out_s", format!("[{interval_s:?}]"), "the first row, in the middle of the step");
     }
     line("\n[measurement.columns]\ntime", column_name(&table.time.0), "name in the header, or number from 1");
