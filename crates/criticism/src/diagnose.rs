@@ -8,12 +8,13 @@ use super::predicted::{error_over_predicted_noise, error_over_white_noise};
 use super::refit::Refitted;
 pub use super::request::DiagnosisRequest;
 use super::residual_structure::{
-    UnexplainedResidual, event_in_any_cycle, is_gain_of_a_cycle, measure_misfit, with_structure_outside_law,
+    UnexplainedResidual, event_in_any_cycle, is_gain_of_a_cycle, measure_misfit, remaining_pattern,
+    with_structure_outside_law,
 };
 use super::search::{SearchResult, SearchStep, search};
 use super::verdict::{Evidence, Residual, ResidualTest, decide_verdict};
 use super::{Search, Subject, outliers};
-use documents::diagnosis::Diagnosis;
+use documents::diagnosis::{Diagnosis, VerdictKind};
 use rayon::prelude::*;
 
 use base::error::{Error, Result};
@@ -63,6 +64,7 @@ pub fn diagnose(subject: &Subject, request: &DiagnosisRequest, monitor: &dyn Mon
     let Some(Residual::Record { misfit: left, over_predicted, .. }) = verdict.residual else {
         return Err(Error::numerical("the residual was not tested", "examine another revision with `--from`"));
     };
+    let is_nothing = verdict.kind == VerdictKind::None;
     let mut report = Report {
         subject: &subject,
         request,
@@ -71,6 +73,7 @@ pub fn diagnose(subject: &Subject, request: &DiagnosisRequest, monitor: &dyn Mon
         model: verdict.proposal.map(|place| models[place]),
         unexplained: &unexplained,
         left: &left,
+        pattern: if is_nothing { remaining_pattern(&subject, &found.base)? } else { None },
         over_predicted: over_predicted.filter(|factor| *factor > request.criteria.claim_factor),
         leftover: None,
         event: None,

@@ -22,6 +22,7 @@ use models::effects::AMPLITUDE;
 use posterior::large_displacement::interpretation;
 use posterior::misfit::Misfit;
 use posterior::monitor::Monitor;
+use posterior::patterns::Pattern;
 use rayon::prelude::*;
 
 /// Number of simulated repetitions of the experiment that confirm a change of the protocol.
@@ -43,6 +44,8 @@ pub(super) struct Report<'a> {
     pub unexplained: &'a [OutsideStructure],
     /// Misfit on which the verdict rests.
     pub left: &'a Misfit,
+    /// Pattern in the base model's residual, if the verdict names nothing.
+    pub pattern: Option<Pattern>,
     /// Error on the last held-out cycle, divided by the predictive noise; `None` if this ratio is small enough.
     pub over_predicted: Option<f64>,
     /// Summary of the unexplained residual; `None` if nothing is unexplained or the request is not in full.
@@ -416,8 +419,15 @@ impl Report<'_> {
                 short(left / self.left.noise_m),
             );
         }
+        let residual = match &self.pattern {
+            None => ", and its residual looks like noise".into(),
+            Some(pattern) => {
+                format!(". It is not all noise: {}, and the parameters have absorbed a part of it", pattern.words())
+            }
+        };
         format!(
-            "This experiment shows no missing effect: the model's error is {} µm on the {rows}{} (noise {}), and its residual looks like noise.{}{hint}",
+            "This experiment shows no missing effect{}: the model's error is {} µm on the {rows}{} (noise {}){residual}.{}{hint}",
+            if self.pattern.is_some() { " of a size that matters for predictions" } else { "" },
             short(rmse_um),
             error_without_cycle_gains(rmse_um, 1e6 * left),
             self.noise_words(),

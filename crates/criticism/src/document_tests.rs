@@ -73,6 +73,7 @@ fn plain<'a>(
         model,
         unexplained,
         left,
+        pattern: None,
         over_predicted: None,
         leftover: None,
         event: None,

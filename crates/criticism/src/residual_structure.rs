@@ -20,6 +20,8 @@ use figures::number::format_decimals;
 use figures::number::format_significant;
 use figures::svg::Svg;
 use posterior::misfit::{GainKnowledge, Misfit, Residuals};
+use posterior::patterns::rows::TestRows;
+use posterior::patterns::{Pattern, clearest_pattern};
 
 /// Largest distance of a gain change from a cycle's start, as a fraction of the cycle's length, at which the change counts as one between cycles. Positions near zero do not
 /// show the exact time.
@@ -48,6 +50,20 @@ pub fn measure_misfit(subject: &Subject, model: &Refitted, unexplained: &[Outsid
         Misfit::of(&remainder, subject.reference_noise_m(), subject.is_noise_known())
     };
     misfit.ok_or_else(|| Error::numerical("no position is fitted", "fit a cycle that has positions"))
+}
+
+/// Pattern in a model's residual beside the subject's noise, slow noise and gains included; `None` if that noise explains the residual.
+///
+/// # Errors
+/// Errors of [`columns_m`].
+pub fn remaining_pattern(subject: &Subject, model: &Refitted) -> Result<Option<Pattern>> {
+    let Refitted { candidate, fitted, .. } = model;
+    let observed_m = subject.observed_m();
+    let left_m = observed_m.iter().zip(&fitted.position_m).map(|(y, x)| y.map_or(0.0, |y| y - x));
+    let is_observed = observed_m.iter().map(Option::is_some).collect();
+    let rows = TestRows::new(&subject.experiment().record, &fitted.position_m, is_observed);
+    let columns_m = columns_m(subject, candidate, &fitted.theta)?;
+    Ok(clearest_pattern(&rows, &left_m.collect::<Vec<_>>(), &columns_m, &subject.all, &fitted.noise))
 }
 
 /// Returns the candidate and fit that contain the leading residual structure, if no constitutive law can cause it. Otherwise returns the model's own candidate and fit.

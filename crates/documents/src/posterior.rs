@@ -287,6 +287,8 @@ pub enum WarningKind {
     ResidualsUntested,
     /// The residuals follow a pattern that the fitted kind of noise does not produce.
     SystematicResidual,
+    /// The residuals do not exceed the noise, but follow a pattern that noise does not have.
+    ResidualPattern,
     /// The learnt noise is far below the known noise.
     LearntNoiseBelowKnown,
     /// The posterior accumulates at an end of the prior's range.
@@ -332,7 +334,9 @@ impl WarningKind {
             | LearntNoiseAboveKnown
             | ResidualsUntested
             | SystematicResidual => TrustLevel::Untrusted,
-            LargeStrain | LargeDisplacement | NoiseUnknown | Extrapolation | ModelIncomplete => TrustLevel::Effective,
+            LargeStrain | LargeDisplacement | NoiseUnknown | ResidualPattern | Extrapolation | ModelIncomplete => {
+                TrustLevel::Effective
+            }
             Sampler
             | Mesh
             | MeshTooCoarse

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 pub enum TrustLevel {
     /// Parameters can be trusted.
     Trusted,
-    /// Predictions can be trusted. Parameters are effective values that hold only at the amplitude of this record.
+    /// Predictions can be trusted. Parameters are effective values that hold only in the experiment of this record.
     Effective,
     /// Neither parameters nor predictions can be trusted.
     Untrusted,

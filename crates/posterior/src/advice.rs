@@ -379,6 +379,7 @@ mod tests {
             is_noise_unknown,
             exceeded_estimate_m: None,
             systematic: is_noise_unknown.then_some(white),
+            pattern: None,
             learnt_noise_m: Some(1e-6 * summary.error_budget_um.noise),
             joint_p: summary.heldout.joint_p,
             has_gain: false,

@@ -10,6 +10,8 @@ use record::{NoiseOrigin, ReferenceNoise};
 
 use super::misfit::{GainKnowledge, Misfit, NOISE_FACTOR, OUTSIDE_BAND, Residuals};
 use super::noise::{NoiseLikelihood, NoiseModel};
+use super::patterns::rows::TestRows;
+use super::patterns::{Pattern, clearest_pattern};
 use super::problem::Problem;
 use super::systematic::SystematicTest;
 
@@ -43,6 +45,8 @@ pub struct Judgement {
     pub exceeded_estimate_m: Option<f64>,
     /// Test of the residuals for patterns, if the noise is unknown or its estimate is exceeded, and they can be tested.
     pub systematic: Option<SystematicTest>,
+    /// Pattern in residuals of fitted and held-out cycles that do not exceed the noise.
+    pub pattern: Option<Pattern>,
     /// Standard deviation (m) of the learnt noise, as in [`Prediction::learnt_noise_m`].
     pub learnt_noise_m: Option<f64>,
     /// Joint probability of the held-out misfit, as in [`Prediction::joint_p`].
@@ -57,6 +61,7 @@ impl Judgement {
         let (experiment, record) = (&problem.experiment, &problem.experiment.record);
         let Prediction { position_m, columns_m, noise: (noise, parameters), learnt_noise_m, joint_p } = *prediction;
         let fitted = problem.positions_of(&experiment.calibration_cycles);
+        let heldout = problem.positions_of(&experiment.heldout_cycles);
         let left = |positions: &[Option<f64>]| -> Vec<Option<f64>> {
             positions.iter().zip(position_m).map(|(y, x)| y.map(|y| y - x)).collect()
         };
@@ -64,7 +69,7 @@ impl Judgement {
         let remainder = Residuals {
             record,
             fitted_m: &left(&fitted),
-            heldout_m: &left(&problem.positions_of(&experiment.heldout_cycles)),
+            heldout_m: &left(&heldout),
             position_m,
             absorbed_m: columns_m,
             gains: if has_gain { GainKnowledge::Declared } else { GainKnowledge::None },
@@ -90,8 +95,19 @@ impl Judgement {
         let is_rounding = misfit.is_some_and(|misfit| misfit.fitted.rms_m < ROUNDING * range_m);
         let systematic =
             systematic.flatten().map(|test| if is_rounding { SystematicTest { p: 1.0, ..test } } else { test });
+        let is_systematic = systematic.is_some_and(|test| test.is_systematic());
+        let is_hidden = !is_rounding && !is_systematic && misfit.is_some_and(|misfit| !misfit.is_too_large());
+        let pattern = is_hidden.then(|| {
+            let all_m: Vec<Option<f64>> =
+                fitted.iter().zip(&heldout).map(|(fitted, heldout)| fitted.or(*heldout)).collect();
+            let residual_m: Vec<f64> = left(&all_m).into_iter().map(|left| left.unwrap_or(0.0)).collect();
+            let likelihood = NoiseLikelihood::new(noise, &record.time_s, &problem.recordings(), &all_m);
+            let rows = TestRows::new(record, position_m, all_m.iter().map(Option::is_some).collect());
+            clearest_pattern(&rows, &residual_m, columns_m, &likelihood, parameters)
+        });
+        let pattern = pattern.flatten();
         let is_noise_unknown = yardstick.is_none();
-        Self { misfit, is_noise_unknown, exceeded_estimate_m, systematic, learnt_noise_m, joint_p, has_gain }
+        Self { misfit, is_noise_unknown, exceeded_estimate_m, systematic, pattern, learnt_noise_m, joint_p, has_gain }
     }
 
     /// Returns true if the held-out cycles lie outside the joint predictive band.
@@ -103,6 +119,7 @@ impl Judgement {
     pub fn warnings(&self) -> Vec<Warning> {
         let mut list: Vec<Warning> = self.misfit.iter().flat_map(|misfit| self.of_misfit(misfit)).collect();
         list.extend(self.of_unknown_noise());
+        list.extend(self.pattern.as_ref().map(of_pattern));
         if let Some(p) = self.joint_p.filter(|p| *p < OUTSIDE_BAND) {
             list.push(Warning {
                 kind: WarningKind::HeldoutOutsideBand,
@@ -218,6 +235,14 @@ impl Judgement {
             (false, ..) => return None,
         };
         Some(Warning { kind, text, advice: advice.into() })
+    }
+}
+
+fn of_pattern(pattern: &Pattern) -> Warning {
+    Warning {
+        kind: WarningKind::ResidualPattern,
+        text: format!("{}: it is too small to harm predictions, but the parameters have absorbed a part of it, which may exceed their intervals", pattern.words()),
+        advice: "`vitreo-uq compare` shows the pattern, and `vitreo-uq diagnose` searches for its cause; if the tracker drifts, sample with slow noise (--noise white,ou)".into(),
     }
 }
 

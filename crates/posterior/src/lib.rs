@@ -47,6 +47,7 @@ pub mod model_priors;
 pub mod monitor;
 pub mod noise;
 pub mod outside;
+pub mod patterns;
 pub mod prepared;
 pub mod prior;
 pub mod problem;

@@ -9,6 +9,7 @@ use rayon::prelude::*;
 use sampling::ensemble::RandomStream;
 use statrs::distribution::{ChiSquared, ContinuousCDF, Normal};
 
+use super::patterns::orthonormal;
 use super::whiteness::{N_LAGS, autocorrelation, ljung_box, runs_score};
 
 /// False-alarm probability: fraction of records of pure noise whose residuals are called systematic.
@@ -85,27 +86,6 @@ fn by_simulation(values: [f64; 2], n: usize, basis: &[DVector<f64>]) -> [f64; 2]
         let at_least = all.iter().filter(|other| other[k] >= values[k]).count();
         (1 + at_least) as f64 / (1 + N_SIMULATIONS) as f64
     })
-}
-
-/// Orthonormal basis of the space that the columns span. Linearly dependent and non-finite columns are left out.
-fn orthonormal(columns: &[Vec<f64>]) -> Vec<DVector<f64>> {
-    let mut basis: Vec<DVector<f64>> = Vec::with_capacity(columns.len());
-    for column in columns {
-        let mut matrix = DVector::from_column_slice(column);
-        let whole = matrix.norm();
-        // Two passes make the columns orthogonal up to rounding errors.
-        for _ in 0..2 {
-            for direction in &basis {
-                let along = direction.dot(&matrix);
-                matrix.axpy(-along, direction, 1.0);
-            }
-        }
-        let norm = matrix.norm();
-        if norm > 1e-9 * whole && norm.is_finite() {
-            basis.push(matrix / norm);
-        }
-    }
-    basis
 }
 
 #[cfg(test)]

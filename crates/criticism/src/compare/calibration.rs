@@ -11,12 +11,12 @@ use statrs::distribution::{ContinuousCDF, Gamma};
 
 use super::SIGNIFICANT;
 use super::linear::{Linear, LinearFit};
-use super::rows::Columns;
 use crate::NoiseValues;
 use crate::Subject;
 use base::error::Result;
 use base::parameter::NOISE_SD;
 use posterior::noise::NoiseLikelihood;
+use posterior::patterns::rows::Columns;
 use posterior::whiteness::{ljung_box, runs};
 use sampling::ensemble::RandomStream;
 

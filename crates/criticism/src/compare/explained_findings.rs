@@ -6,9 +6,9 @@
 
 use super::calibration::{Significance, TestStatistics};
 use super::linear::Linear;
-use super::rows::Columns;
 use base::error::Result;
 use posterior::noise::NoiseLikelihood;
+use posterior::patterns::rows::Columns;
 use posterior::whiteness::{ljung_box, runs};
 
 /// Largest fraction of its gain that an explained finding keeps once the bias of another finding (its source) is in the model.

@@ -10,10 +10,10 @@ use super::super::derivatives::columns_m;
 use super::super::noise_fit::{self, LogNoise, NoisePrior};
 use super::super::{Candidate, Fitted, Subject};
 use super::normal::{Normal, NormalSolution};
-use super::rows::{ByCycle, Columns};
 use crate::NoiseValues;
 use base::error::{Error, Result};
 use posterior::noise::{NoiseLikelihood, ProductRequest};
+use posterior::patterns::rows::{ByCycle, Columns};
 use sampling::ensemble::RandomStream;
 
 /// A model linearised around its fit.

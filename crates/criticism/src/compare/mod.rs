@@ -1,6 +1,6 @@
 //! Comparison of a model with a record: many tests of its misfit, corrected together.
 //!
-//! Every test ([`panels`]) is a set of columns added to the model. The gain of these columns is a likelihood ratio with the noise estimated anew ([`linear`]). Records
+//! Every test ([`posterior::patterns::panels`]) is a set of columns added to the model. The gain of these columns is a likelihood ratio with the noise estimated anew ([`linear`]). Records
 //! simulated from the model and its fitted noise decide whether the gain is significant ([`calibration`]).
 
 pub mod calibration;
@@ -8,8 +8,6 @@ mod explained_findings;
 pub mod figures;
 pub mod linear;
 mod normal;
-pub mod panels;
-pub mod rows;
 mod sentences;
 
 use crate::NoiseValues;
@@ -18,14 +16,14 @@ use documents::comparison::{ColumnBias, Comparison, InapplicableTest, TestEntry}
 use documents::errors::ModelErrors;
 use explained_findings::RecordResults;
 use linear::Linear;
-use panels::Panel;
-use rows::{Column, Columns, TestRows};
 
 use super::own_errors::own_errors;
 use super::refit::Refitted;
 use super::residual_structure::measure_misfit;
 use super::{Candidate, Fitted, Subject, outliers};
 use base::error::Result;
+use posterior::patterns::panels::{self, Panel};
+use posterior::patterns::rows::{Column, Columns, TestRows};
 use posterior::whiteness;
 
 /// Family-wise probability below which a test's result is a finding.

@@ -1,9 +1,9 @@
 //! Sentences of the document of a comparison.
 
-use super::panels::lag_phrase;
 use documents::comparison::{ColumnBias, Comparison, Finding, TestEntry};
 use figures::number::format_significant;
 use posterior::misfit::{Misfit, NOISE_FACTOR};
+use posterior::patterns::panels::lag_phrase;
 
 /// Fraction of the largest bar (bias of one column) that its neighbours in time must exceed to be described together with it.
 const SHARE_OF_LARGEST: f64 = 0.5;

@@ -1,6 +1,6 @@
 //! Rows of a record from which panels are made, and columns over these rows.
 
-use posterior::recordings::recordings;
+use crate::recordings::recordings;
 use record::Record;
 
 /// Least number of fitted rows in which a column must differ from 0; columns with fewer such rows are dropped.

@@ -1,0 +1,167 @@
+//! Patterns in the residuals of a fit: systematic errors that are too small to exceed the noise of a row, but not the noise of all rows together.
+//!
+//! Such a pattern does no harm to predictions, but the parameters have absorbed a part of it, which can be many of their standard deviations. The columns of every panel
+//! ([`panels`]) and the residuals are whitened by the fitted noise, and the directions of the parameters are removed from both. Without a pattern, the squared length of the
+//! residuals along k columns is then χ² distributed with k degrees of freedom. `compare` tests the same panels with the noise estimated anew and with simulated records,
+//! finds smaller patterns, and describes them.
+
+pub mod panels;
+pub mod rows;
+
+use figures::number::format_significant;
+use nalgebra::DVector;
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
+use super::noise::NoiseLikelihood;
+use panels::panels;
+use rows::TestRows;
+
+/// Probability of a pattern in pure noise below which a pattern counts, for all panels together. It is small because the noise is taken as fitted.
+const FALSE_ALARM: f64 = 0.001;
+/// Smallest probability that is shown: that of a larger pattern depends on tails of the noise that no record shows.
+const SMALLEST_P: f64 = 1e-9;
+/// Least length of a column beside the columns before it, as a part of its own.
+const LEAST_NEW: f64 = 1e-9;
+
+/// Pattern in residuals.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Pattern {
+    /// Probability that pure noise has such a pattern in any panel, at most.
+    pub p: f64,
+    /// Root mean square of the pattern, divided by the standard deviation of the noise.
+    pub share_of_noise: f64,
+    /// Phrase for where it is largest, such as "within 0.3 s after each force step".
+    pub place: String,
+}
+
+impl Pattern {
+    /// The pattern in words, for a sentence.
+    pub fn words(&self) -> String {
+        let [share, p] = [100.0 * self.share_of_noise, self.p.max(SMALLEST_P)].map(|x| format_significant(x, 1));
+        format!("a pattern of {share} % of the noise is left in the residuals, most clearly {} (p ≤ {p})", self.place)
+    }
+}
+
+/// The clearest pattern in residuals (m, one per row of the record; 0 in rows without one); `None` if noise explains all of them. `columns_m` holds the directions of the
+/// parameters, and `noise` the fitted noise parameters in their units.
+pub fn clearest_pattern(
+    rows: &TestRows,
+    residual_m: &[f64],
+    columns_m: &[Vec<f64>],
+    likelihood: &NoiseLikelihood,
+    noise: &[f64],
+) -> Option<Pattern> {
+    let whitening = likelihood.whitening(rows.position_m, noise)?;
+    let basis = orthonormal(&whitening.whiten(columns_m));
+    let residual = DVector::from_vec(whitening.whiten(&[residual_m.to_vec()]).pop()?);
+    let (panels, _) = panels(rows);
+    let mut clearest: Option<(f64, f64, &str)> = None;
+    for panel in &panels {
+        let mut own: Vec<DVector<f64>> = Vec::new();
+        let (mut along, mut farthest) = (0.0, (0.0, ""));
+        let whitened = whitening.whiten(&panel.values().dense);
+        for (column, whitened) in panel.columns.iter().zip(whitened) {
+            // The phrase is that of the column that alone explains most.
+            if let Some(alone) = new_direction(&whitened, &[&basis]) {
+                let square = alone.dot(&residual).powi(2);
+                farthest = if square > farthest.0 { (square, &*column.phrase) } else { farthest };
+            }
+            if let Some(direction) = new_direction(&whitened, &[&basis, &own]) {
+                along += direction.dot(&residual).powi(2);
+                own.push(direction);
+            }
+        }
+        let p = ChiSquared::new(own.len().max(1) as f64).map_or(1.0, |chi| chi.sf(along));
+        if clearest.is_none_or(|(least, ..)| p < least) {
+            clearest = Some((p, along, farthest.1));
+        }
+    }
+    let (p, along, place) = clearest?;
+    let p = (p * panels.len() as f64).min(1.0);
+    (p < FALSE_ALARM).then(|| Pattern {
+        p,
+        share_of_noise: (along / residual.len() as f64).sqrt(),
+        place: place.to_string(),
+    })
+}
+
+/// Orthonormal basis of the space that the columns span. Linearly dependent and non-finite columns are left out.
+pub(super) fn orthonormal(columns: &[Vec<f64>]) -> Vec<DVector<f64>> {
+    let mut basis = Vec::with_capacity(columns.len());
+    for column in columns {
+        basis.extend(new_direction(column, &[&basis]));
+    }
+    basis
+}
+
+/// Unit vector along a column's part beside orthonormal vectors; `None` if there is no such part.
+fn new_direction(column: &[f64], beside: &[&Vec<DVector<f64>>]) -> Option<DVector<f64>> {
+    let mut left = DVector::from_column_slice(column);
+    let whole = left.norm();
+    // Two passes make the columns orthogonal up to rounding errors.
+    for _ in 0..2 {
+        for direction in beside.iter().copied().flatten() {
+            let along = direction.dot(&left);
+            left.axpy(-along, direction, 1.0);
+        }
+    }
+    let norm = left.norm();
+    (norm > LEAST_NEW * whole && norm.is_finite()).then(|| left / norm)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::noise::NoiseModel;
+    use record::Record;
+    use sampling::ensemble::RandomStream;
+
+    /// Clearest pattern in the residuals of four cycles of 200 rows with noise of 1 µm, whose position is a square wave with a lag. Offset, scale and lag are fitted. A part
+    /// of the response to each step, of the size `missed`, is in no parameter.
+    fn pattern(number: u64, missed: f64) -> Option<Pattern> {
+        let n = 800;
+        let time_s: Vec<f64> = (0..n).map(|row| 0.05 * row as f64).collect();
+        let sign = |row: usize| if row / 100 % 2 == 0 { 1.0 } else { -1.0 };
+        let since = |row: usize| 0.05 * (row % 100) as f64;
+        let lagged = |time_s: f64| {
+            move |row: usize| sign(row) * (1.0 - 2.0 * (-since(row) / time_s).exp() * f64::from(u8::from(row >= 100)))
+        };
+        let column = |of: &dyn Fn(usize) -> f64| -> Vec<f64> { (0..n).map(|row| 1e-6 * of(row)).collect() };
+        let absorbed = [column(&|_| 1.0), column(&lagged(2.0)), column(&|row| lagged(2.2)(row) - lagged(2.0)(row))];
+        let mut stream = RandomStream::new(17, number);
+        let noise_m: Vec<f64> =
+            (0..n).map(|row| 1e-6 * (stream.normal() + missed * sign(row) * (-since(row) / 0.2).exp())).collect();
+        let basis = orthonormal(&absorbed);
+        let mut left = DVector::from_vec(noise_m);
+        for direction in &basis {
+            let along = direction.dot(&left);
+            left.axpy(-along, direction, 1.0);
+        }
+        let position_m = column(&|row| 100.0 * lagged(2.0)(row));
+        let record = Record {
+            force_n: (0..n).map(|row| 4.6e-6 * sign(row)).collect(),
+            position_m: position_m.iter().copied().map(Some).collect(),
+            cycle: (0..n).map(|row| 1 + (row / 200) as u32).collect(),
+            time_s,
+            ..Record::default()
+        };
+        let likelihood = NoiseLikelihood::new(NoiseModel::default(), &record.time_s, &record.cycle, &record.position_m);
+        let rows = TestRows::new(&record, &position_m, vec![true; n]);
+        clearest_pattern(&rows, left.as_slice(), &absorbed, &likelihood, &[1.0])
+    }
+
+    /// More than two alarms in 400 records of noise occur with a probability below 10⁻⁵.
+    #[test]
+    fn noise_has_no_pattern() {
+        let found: Vec<Pattern> = (0..400).filter_map(|number| pattern(number, 0.0)).collect();
+        assert!(found.len() <= 2, "{found:?}");
+    }
+
+    /// A missed response of 1.3 times the noise just after each step adds up to about 7 standard deviations of the noise, with a root mean square of a quarter of the noise.
+    #[test]
+    fn a_missed_response_is_found_where_it_is() {
+        let found = pattern(1, 1.3).expect("a pattern");
+        assert!(found.p < 1e-6 && (0.15..0.35).contains(&found.share_of_noise), "{found:?}");
+        assert!(found.place.contains("after each force step"), "{found:?}");
+    }
+}
