@@ -18,6 +18,9 @@ pub struct Criteria {
     /// Gain (nats) in the log score of future cycles that a claim has to exceed; `None` if fitted data alone may support a claim. Record and cohort: 2 nats (campaigns `controls`,
     /// `cohorts`). Sweep: none, because an effect need not show in the held-out frequencies (campaign `sweeps`).
     pub least_future_nats: Option<f64>,
+    /// Least gain (nats) of a claim on the fitted cycles. Cohort: 2 nats, as on future cycles, because p is that of both together: one disturbed cycle of one record would otherwise
+    /// support a claim. Record and sweep: 0, because p is that of the fitted cycles.
+    pub least_fitted_nats: f64,
     /// Largest loss (nats) of a claim in the log score of the last cycle, or of held-out frequencies. An effect that is invisible there hardly changes that score. In six of eight
     /// records with a false claim and no hidden effect, all gain was on earlier cycles (campaign `controls`).
     pub largest_loss_nats: f64,
@@ -90,6 +93,7 @@ impl Criteria {
     pub const RECORD: Self = Self {
         largest_p: 0.05,
         least_future_nats: Some(2.0),
+        least_fitted_nats: 0.0,
         largest_loss_nats: 0.1,
         smallest_change: 0.25,
         most_effects: 3,
@@ -130,6 +134,7 @@ impl Criteria {
     /// Thresholds for many records together.
     pub const COHORT: Self = Self {
         largest_p: 0.01,
+        least_fitted_nats: 2.0,
         smallest_change: 0.0,
         most_effects: 1,
         equivalent_nats: f64::INFINITY,

@@ -4,6 +4,7 @@ use super::bootstrap::simulated;
 use super::class::fit_rivals;
 use super::document::Report;
 use super::outside::{self, OutsideNull, OutsideRequest, OutsideStructure, largest_outside_gain};
+use super::own_errors::own_errors;
 use super::predicted::{error_over_predicted_noise, error_over_white_noise};
 use super::refit::Refitted;
 pub use super::request::DiagnosisRequest;
@@ -12,9 +13,10 @@ use super::residual_structure::{
     with_structure_outside_law,
 };
 use super::search::{SearchResult, SearchStep, search};
-use super::verdict::{Evidence, Residual, ResidualTest, decide_verdict};
+use super::verdict::{Evidence, Residual, ResidualTest, Verdict, decide_verdict};
 use super::{Search, Subject, outliers};
 use documents::diagnosis::{Diagnosis, VerdictKind};
+use documents::errors::ModelErrors;
 use rayon::prelude::*;
 
 use base::error::{Error, Result};
@@ -60,7 +62,13 @@ pub fn diagnose(subject: &Subject, request: &DiagnosisRequest, monitor: &dyn Mon
     let found = search(&subject, request, monitor)?;
     monitor.stage("testing for structure outside the library");
     let GatheredEvidence { evidence, models, unexplained, equivalent } = gather(&subject, request, &found, monitor)?;
-    let verdict = decide_verdict(&evidence, &request.criteria);
+    let mut verdict = decide_verdict(&evidence, &request.criteria);
+    if let Some(place) = verdict.proposal.filter(|_| verdict.kind == VerdictKind::Unexplained)
+        && !is_improved(whole, request, &found.base, models[place])?
+    {
+        let residual = residual(&subject, &found.base, &unexplained, false)?;
+        verdict = Verdict { proposal: None, effects: Vec::new(), residual: Some(residual), ..verdict };
+    }
     let Some(Residual::Record { misfit: left, over_predicted, .. }) = verdict.residual else {
         return Err(Error::numerical("the residual was not tested", "examine another revision with `--from`"));
     };
@@ -94,6 +102,15 @@ pub fn diagnose(subject: &Subject, request: &DiagnosisRequest, monitor: &dyn Mon
     let diagnosis = report.document(outlier_rows, monitor)?;
     let leftover = report.leftover;
     Ok(DiagnosisResult { diagnosis, found, leftover, subject })
+}
+
+/// True if a model's error on the last held-out cycle, or on the fitted cycles if none is held out, is smaller than that of the base.
+fn is_improved(whole: &Subject, request: &DiagnosisRequest, base: &Refitted, model: &Refitted) -> Result<bool> {
+    let base = request.base_errors.map_or_else(|| own_errors(whole, base), Ok)?;
+    let model = own_errors(whole, model)?;
+    let [before, after] =
+        [base, model].map(|errors: ModelErrors| errors.rmse_heldout_um.unwrap_or(errors.rmse_fitted_um));
+    Ok(after < before)
 }
 
 fn outside_request(request: &DiagnosisRequest) -> OutsideRequest {

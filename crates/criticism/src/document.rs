@@ -320,9 +320,9 @@ impl Report<'_> {
         let errors = shown.change_in_words();
         let claimed = candidates.iter().filter(|candidate| candidate.status == Status::Claimed);
         let refits: Vec<&Refit> = claimed.filter_map(|candidate| candidate.refit.as_ref()).collect();
-        let sizes: Vec<String> = refits.iter().filter_map(|refit| refit.parameters.first().map(size)).collect();
-        let several: Vec<String> = refits.iter().filter_map(|refit| in_words(&refit.answers)).collect();
-        let several = several.concat();
+        let sizes =
+            refits.iter().filter_map(|refit| in_words(&refit.answers).or_else(|| refit.parameters.first().map(size)));
+        let sizes: Vec<String> = sizes.collect();
         let class = match &self.verdict.equivalent[..] {
             [] => String::new(),
             class => {
@@ -332,7 +332,7 @@ impl Report<'_> {
         };
         let rest = self.what_remains().map_or(String::new(), |what| format!(" Unexplained in this experiment: {what}"));
         format!(
-            "The model lacks {}: with {}, {errors} (noise {}). {}.{several}{class}{rest}",
+            "The model lacks {}: with {}, {errors} (noise {}). {}.{class}{rest}",
             listed(effects, "and"),
             if effects.len() > 1 { "them" } else { "it" },
             self.noise_words(),
@@ -425,11 +425,17 @@ impl Report<'_> {
                 format!(". It is not all noise: {}, and the parameters have absorbed a part of it", pattern.words())
             }
         };
+        let of_gains = error_without_cycle_gains(rmse_um, 1e6 * left);
+        let shows = match (&self.pattern, of_gains.is_empty()) {
+            (None, true) => "This experiment shows no missing effect",
+            (Some(_), true) => "This experiment shows no missing effect of a size that matters for predictions",
+            (_, false) => {
+                "If each cycle may have a gain and an offset of its own, this experiment shows no missing effect"
+            }
+        };
         format!(
-            "This experiment shows no missing effect{}: the model's error is {} µm on the {rows}{} (noise {}){residual}.{}{hint}",
-            if self.pattern.is_some() { " of a size that matters for predictions" } else { "" },
+            "{shows}: the model's error is {} µm on the {rows}{of_gains} (noise {}){residual}.{}{hint}",
             short(rmse_um),
-            error_without_cycle_gains(rmse_um, 1e6 * left),
             self.noise_words(),
             self.unknown_noise(),
         )
@@ -462,7 +468,7 @@ fn error_without_cycle_gains(rmse_um: f64, left_um: f64) -> String {
     }
     let left = short(left_um);
     format!(
-        ", or {left} µm after removal of each cycle's gain and offset, which are part of the noise here; in `sample` they are a misfit unless its noise is `white,gain`"
+        ", or {left} µm after removal of each cycle's gain and offset; for `sample` these are a misfit unless its noise is `white,gain`"
     )
 }
 
@@ -494,7 +500,7 @@ fn in_words(answers: &[PosteriorMode]) -> Option<String> {
     };
     let each: Vec<String> = answers.iter().filter_map(of).collect();
     let count = if each.len() == 2 { "two" } else { "several" };
-    (each.len() > 1).then(|| format!(" The posterior has {count} modes: {}.", listed(&each, "or")))
+    (each.len() > 1).then(|| format!("The posterior has {count} modes: {}", listed(&each, "or")))
 }
 
 /// Writes a value with three significant digits.

@@ -63,7 +63,7 @@ pub fn remaining_pattern(subject: &Subject, model: &Refitted) -> Result<Option<P
     let is_observed = observed_m.iter().map(Option::is_some).collect();
     let rows = TestRows::new(&subject.experiment().record, &fitted.position_m, is_observed);
     let columns_m = columns_m(subject, candidate, &fitted.theta)?;
-    Ok(clearest_pattern(&rows, &left_m.collect::<Vec<_>>(), &columns_m, &subject.all, &fitted.noise))
+    Ok(clearest_pattern(&rows, &left_m.collect::<Vec<_>>(), &columns_m, (&subject.all, &fitted.noise), false))
 }
 
 /// Returns the candidate and fit that contain the leading residual structure, if no constitutive law can cause it. Otherwise returns the model's own candidate and fit.

@@ -157,6 +157,7 @@ impl Criteria {
     pub fn passes(&self, addition: &Addition) -> bool {
         addition.p <= self.p_of_round(addition.round)
             && addition.gain.largest_change >= self.smallest_change
+            && addition.over_base.fitted >= self.least_fitted_nats
             && self.predicts(&addition.gain)
             && self.predicts(&addition.over_base)
     }

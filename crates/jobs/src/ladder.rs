@@ -180,7 +180,7 @@ fn shifts(law: BaseLaw, rungs: &[LadderRow]) -> Vec<Shift> {
     let shift = |name: &str| {
         let (before, after) = (find(first, name)?, find(last, name)?);
         let relative = before.median / after.median - 1.0;
-        let in_sd_before = (before.mean - after.mean) / before.sd;
+        let in_sd_before = (before.median - after.median) / before.sd;
         Some(Shift { name: name.into(), before, after, relative, in_sd_before })
     };
     law.parameters().iter().filter_map(|spec| shift(spec.name)).collect()

@@ -103,7 +103,7 @@ impl Judgement {
             let residual_m: Vec<f64> = left(&all_m).into_iter().map(|left| left.unwrap_or(0.0)).collect();
             let likelihood = NoiseLikelihood::new(noise, &record.time_s, &problem.recordings(), &all_m);
             let rows = TestRows::new(record, position_m, all_m.iter().map(Option::is_some).collect());
-            clearest_pattern(&rows, &residual_m, columns_m, &likelihood, parameters)
+            clearest_pattern(&rows, &residual_m, columns_m, (&likelihood, parameters), has_gain)
         });
         let pattern = pattern.flatten();
         let is_noise_unknown = yardstick.is_none();

@@ -565,7 +565,7 @@ fn has_same_force(record: &Record, rows: &Range<usize>, other: &Range<usize>) ->
 }
 
 /// Subtracts from `values` the least-squares combination of the columns that fits them best.
-fn project_out(values: &mut [f64], columns: Vec<Vec<f64>>) {
+pub(super) fn project_out(values: &mut [f64], columns: Vec<Vec<f64>>) {
     let mut basis: Vec<Vec<f64>> = Vec::with_capacity(columns.len());
     for mut column in columns {
         let whole = dot(&column, &column);

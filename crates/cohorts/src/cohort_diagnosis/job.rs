@@ -483,7 +483,19 @@ impl DiagnosisState<'_> {
 
     fn document(&self, leading: Option<usize>, verdict: Verdict) -> CohortDiagnosis {
         let n_effects = self.said[0].effects.len();
-        let effects: Vec<CohortEffect> = (0..n_effects).map(|effect| self.effect(effect, &verdict)).collect();
+        let mut effects: Vec<CohortEffect> = (0..n_effects).map(|effect| self.effect(effect, &verdict)).collect();
+        let pooled = self.claim.as_ref().map(|claim| self.group(claim, ("all", self.said.len()), &claim.all));
+        // Full fits of the claimed effect replace the sizes of first-order scores.
+        if let Some(pooled) = &pooled
+            && let Some(claimed) = effects.iter_mut().find(|entry| entry.effect == pooled.effect)
+        {
+            claimed.law = Some(SizeDistribution {
+                median: pooled.median,
+                between_specimen_log_sd: pooled.between_specimen_log_sd,
+                share: pooled.share,
+                sides: pooled.sides,
+            });
+        }
         let named = self.groups();
         let groups: Vec<CohortGroup> = match &self.claim {
             None => Vec::new(),
@@ -508,7 +520,6 @@ impl DiagnosisState<'_> {
         };
         let specimens: Vec<CohortSpecimen> = (0..self.said.len()).map(|number| self.specimen(number)).collect();
         let of_leading = leading.map(|place| &effects[self.judged.effects[place].effect]);
-        let pooled = self.claim.as_ref().map(|claim| self.group(claim, ("all", self.said.len()), &claim.all));
         let Verdict { kind, effects: named_effects, equivalent, .. } = verdict;
         let sentence = wording::verdict(
             (kind, of_leading, &equivalent),

@@ -63,7 +63,7 @@ pub(super) fn describe(
             let time_s = setting.time_s[row];
             let by = with_sd(amplitude.abs(), sd);
             let text = format!(
-                "The position jumps {up_or_down} by {by} µm {}: a slip or a tracker error, not a property of the gel.",
+                "The position jumps {up_or_down} by {by} µm {}: a slip or an error of the tracker, not a property of the gel.",
                 when(time_s)
             );
             event(text, time_s)

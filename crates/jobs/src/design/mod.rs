@@ -19,7 +19,7 @@ use criticism::{Candidate, Fitted, Subject};
 use documents::design::{
     Design, DesignedDetection, DesignedParameter, HelplessPair, LaterRecord, ModelStanding, RecommendedProtocol,
 };
-use documents::posterior::Warning;
+use documents::posterior::{Warning, WarningKind};
 use documents::prediction::{PositionQuantiles, ScenarioPrediction};
 use figures::number::format_significant;
 use models::effects::Library;
@@ -103,9 +103,10 @@ fn known(target: &CreepTarget, request: &DesignRequest, monitor: &dyn Monitor) -
     let mut models = models(&subjects, class.as_ref())?;
     let standings = if models.len() > 1 { standings(&models) } else { Vec::new() };
     let (after, mut warnings) = judge_later(&subjects, &models[0]);
-    if class.is_none() {
-        warnings.extend(study_warnings(&revision.study.revision_dir(&revision.name)?, &revision.name, false)?);
-    }
+    // A class replaces the model of the revision, but not draws that have not converged.
+    let of_study = study_warnings(&revision.study.revision_dir(&revision.name)?, &revision.name, false)?;
+    let counts = |warning: &Warning| class.is_none() || warning.kind == WarningKind::NotConverged;
+    warnings.extend(of_study.into_iter().filter(counts));
     let decided = if class.is_some() && !later.is_empty() { keep_possible(&mut models) } else { None };
     if decided.is_some() {
         goal = DesignGoal::Parameters;
