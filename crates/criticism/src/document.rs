@@ -422,7 +422,10 @@ impl Report<'_> {
         let residual = match &self.pattern {
             None => ", and its residual looks like noise".into(),
             Some(pattern) => {
-                format!(". It is not all noise: {}, and the parameters have absorbed a part of it", pattern.words())
+                format!(
+                    ". Its residual is not all noise of the study's kind: {}, and the parameters have absorbed a part of it",
+                    pattern.words()
+                )
             }
         };
         let of_gains = error_without_cycle_gains(rmse_um, 1e6 * left);

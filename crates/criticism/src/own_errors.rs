@@ -1,10 +1,10 @@
-//! Errors of a model as the commands `extend` and `ladder` show them. The fit uses the noise terms of the specification, and the errors cover every position.
+//! Fit and errors of a model as the commands `extend` and `ladder` show them. The fit uses the noise terms of the specification, and the errors cover every position.
 
 use base::error::Result;
 use documents::errors::ModelErrors;
 
 use super::refit::Refitted;
-use super::{Search, Subject};
+use super::{Fitted, Search, Subject};
 
 /// Returns the errors (µm) of a model's best fit with only the noise terms of the base's specification. The fit starts from the model's fit in a search. The errors are close to
 /// those of the model's posterior mean. `subject` has every position, also those that a search excludes as outliers.
@@ -12,11 +12,20 @@ use super::{Search, Subject};
 /// # Errors
 /// Errors of [`Subject::fit`].
 pub fn own_errors(subject: &Subject, model: &Refitted) -> Result<ModelErrors> {
+    let (subject, fitted) = own_fit(subject, model)?;
+    let um = |positions_m: &[Option<f64>]| fitted.rmse_m(positions_m).map(|rmse_m| 1e6 * rmse_m);
+    Ok(ModelErrors { rmse_fitted_um: um(&subject.fitted_m).unwrap_or(0.0), rmse_heldout_um: um(&subject.scored_m) })
+}
+
+/// Best fit of a model with only the noise terms of the base's specification, and the subject with this noise.
+///
+/// # Errors
+/// Errors of [`Subject::fit`].
+pub fn own_fit(subject: &Subject, model: &Refitted) -> Result<(Subject, Fitted)> {
     let subject = subject.clone().with_specified_noise();
     let start = (model.fitted.theta.clone(), model.fitted.noise);
     let fitted = subject.fit(&model.candidate, &[start], Search::Local)?;
-    let um = |positions_m: &[Option<f64>]| fitted.rmse_m(positions_m).map(|rmse_m| 1e6 * rmse_m);
-    Ok(ModelErrors { rmse_fitted_um: um(&subject.fitted_m).unwrap_or(0.0), rmse_heldout_um: um(&subject.scored_m) })
+    Ok((subject, fitted))
 }
 
 #[cfg(test)]

@@ -10,6 +10,7 @@ use super::derivatives::columns_m;
 use super::outside::{
     Axis, Discrepancy, OutsideKind, OutsideRequest, OutsideStructure, discrepancies, events_over_all_cycles,
 };
+use super::own_errors::own_fit;
 use super::predicted::predictive_noise_um;
 use super::refit::Refitted;
 use super::{Candidate, Fitted, Subject};
@@ -52,18 +53,19 @@ pub fn measure_misfit(subject: &Subject, model: &Refitted, unexplained: &[Outsid
     misfit.ok_or_else(|| Error::numerical("no position is fitted", "fit a cycle that has positions"))
 }
 
-/// Pattern in a model's residual beside the subject's noise, slow noise and gains included; `None` if that noise explains the residual.
+/// Pattern in a model's residual beside noise of the terms that the study specifies, as `sample` tests it; `None` if that noise explains the residual.
 ///
 /// # Errors
-/// Errors of [`columns_m`].
+/// Errors of [`own_fit`] and [`columns_m`].
 pub fn remaining_pattern(subject: &Subject, model: &Refitted) -> Result<Option<Pattern>> {
-    let Refitted { candidate, fitted, .. } = model;
+    let (subject, fitted) = own_fit(subject, model)?;
     let observed_m = subject.observed_m();
     let left_m = observed_m.iter().zip(&fitted.position_m).map(|(y, x)| y.map_or(0.0, |y| y - x));
     let is_observed = observed_m.iter().map(Option::is_some).collect();
     let rows = TestRows::new(&subject.experiment().record, &fitted.position_m, is_observed);
-    let columns_m = columns_m(subject, candidate, &fitted.theta)?;
-    Ok(clearest_pattern(&rows, &left_m.collect::<Vec<_>>(), &columns_m, (&subject.all, &fitted.noise), false))
+    let columns_m = columns_m(&subject, &model.candidate, &fitted.theta)?;
+    let noise = (&subject.all, &fitted.noise[..]);
+    Ok(clearest_pattern(&rows, &left_m.collect::<Vec<_>>(), &columns_m, noise, subject.declares_gains()))
 }
 
 /// Returns the candidate and fit that contain the leading residual structure, if no constitutive law can cause it. Otherwise returns the model's own candidate and fit.

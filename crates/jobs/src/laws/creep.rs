@@ -53,7 +53,7 @@ pub(super) fn compare(
     })
 }
 
-/// Least ratio of the error that a study leaves to that of its own law with a wide prior, at which the prior is the fault.
+/// Least ratio of the error that a study leaves to that of a law that explains the record.
 const LESS: f64 = 1.1;
 
 /// Base law that explains a record without an effect.
@@ -78,13 +78,11 @@ pub fn find_explaining_law(problem: &Problem, left_um: f64, monitor: &dyn Monito
     }
     let subjects = subjects(problem, all_laws()?, monitor)?;
     let rows = rows_by_error(&subjects, monitor)?;
-    let own = problem.model.base().name();
-    // The study's own law only explains what its model does not if it leaves less with a wide prior.
-    let is_better =
-        |row: &LawRow| row.law != own || row.ranking_error().is_some_and(|error_um| LESS * error_um < left_um);
+    // A law whose error is that of the study explains nothing more, whatever the uncertainty of its parameters allows.
+    let is_better = |row: &LawRow| row.ranking_error().is_some_and(|error_um| LESS * error_um < left_um);
     let explaining = rows.iter().filter(|row| is_explained(row, Some(noise_um)) == Some(true) && is_better(row));
-    // It comes first: its prior is then the fault.
-    Ok(simplest(explaining, own).map(|row| ExplainingLaw {
+    // The study's own law comes first: its prior is then the fault.
+    Ok(simplest(explaining, problem.model.base().name()).map(|row| ExplainingLaw {
         law: row.law.clone(),
         sentence: explains(row, noise_um),
         error_um: row.ranking_error().unwrap_or(f64::INFINITY),
