@@ -141,7 +141,7 @@ mod tests {
     fn pattern(number: u64, missed: f64) -> Option<Pattern> {
         let n = 800;
         let time_s: Vec<f64> = (0..n).map(|row| 0.05 * row as f64).collect();
-        let sign = |row: usize| if row / 100 % 2 == 0 { 1.0 } else { -1.0 };
+        let sign = |row: usize| if (row / 100).is_multiple_of(2) { 1.0 } else { -1.0 };
         let since = |row: usize| 0.05 * (row % 100) as f64;
         let lagged = |time_s: f64| {
             move |row: usize| sign(row) * (1.0 - 2.0 * (-since(row) / time_s).exp() * f64::from(u8::from(row >= 100)))
