@@ -161,6 +161,10 @@ fn a_step_at_the_trigger_is_no_ramp() {
     let (experiment, words) = plainly(&text.replace("0.10000,", "0,1,0\n0.10000,")).expect("a relaxation");
     assert!(experiment.record.force_n[9..12].iter().map(|strain| *strain > 0.0).eq([false, true, true]), "{words}");
     assert!(experiment.control == Control::Position && words.contains("command = \"hold\""), "{words}");
+    let after = text.find("0.10000,").expect("the first row of the hold");
+    let at_once = format!("Time (s),Shear strain (%),Shear stress (Pa)\n-1,0,0\n0,1,0\n{}", &text[after..]);
+    let (_, words) = plainly(&at_once).expect("a relaxation");
+    assert!(words.contains("the strain jumps, and the stress answers in the row after"), "{words}");
     // The same in two tables of one file.
     let lines: Vec<&str> = text.lines().collect();
     let [header, rest, hold] = [&lines[..1], &lines[1..11], &lines[11..]].map(|part| part.join("\n"));

@@ -67,7 +67,13 @@ pub fn diagnose(subject: &Subject, request: &DiagnosisRequest, monitor: &dyn Mon
         && !is_improved(whole, request, &found.base, models[place])?
     {
         let residual = residual(&subject, &found.base, &unexplained, false)?;
-        verdict = Verdict { proposal: None, effects: Vec::new(), residual: Some(residual), ..verdict };
+        verdict = Verdict {
+            proposal: None,
+            effects: Vec::new(),
+            equivalent: Vec::new(),
+            residual: Some(residual),
+            ..verdict
+        };
     }
     let Some(Residual::Record { misfit: left, over_predicted, .. }) = verdict.residual else {
         return Err(Error::numerical("the residual was not tested", "examine another revision with `--from`"));

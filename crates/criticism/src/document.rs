@@ -419,8 +419,10 @@ impl Report<'_> {
                 short(left / self.left.noise_m),
             );
         }
+        let of_gains = error_without_cycle_gains(rmse_um, 1e6 * left);
         let residual = match &self.pattern {
-            None => ", and its residual looks like noise".into(),
+            None if of_gains.is_empty() => ", and its residual looks like noise".into(),
+            None => ", and the rest looks like noise".into(),
             Some(pattern) => {
                 format!(
                     ". Its residual is not all noise of the study's kind: {}, and the parameters have absorbed a part of it",
@@ -428,7 +430,6 @@ impl Report<'_> {
                 )
             }
         };
-        let of_gains = error_without_cycle_gains(rmse_um, 1e6 * left);
         let shows = match (&self.pattern, of_gains.is_empty()) {
             (None, true) => "This experiment shows no missing effect",
             (Some(_), true) => "This experiment shows no missing effect of a size that matters for predictions",
@@ -471,7 +472,7 @@ fn error_without_cycle_gains(rmse_um: f64, left_um: f64) -> String {
     }
     let left = short(left_um);
     format!(
-        ", or {left} µm after removal of each cycle's gain and offset; for `sample` these are a misfit unless its noise is `white,gain`"
+        ", or {left} µm after removal of each cycle's gain and offset, which `sample` does only with `--noise white,gain`"
     )
 }
 

@@ -130,7 +130,7 @@ fn the_verdict_follows_claim_structure_and_noise() {
     let (none, effects, sentence, statuses) = kind(&found, None, &[], &WITHIN);
     assert_eq!((none, effects.len()), (VerdictKind::None, 0));
     // The bias moves the whole cycle, as a gain and an offset would. The sentence says why this counts as noise.
-    let name = "on the last held-out cycle, or 4.00 µm after removal of each cycle's gain and offset; for `sample` these are a misfit unless its noise is `white,gain` (noise 4.00)";
+    let name = "on the last held-out cycle, or 4.00 µm after removal of each cycle's gain and offset, which `sample` does only with `--noise white,gain` (noise 4.00)";
     assert!(sentence.contains(name) && sentence.starts_with("If each cycle may have a gain"), "{sentence}");
     assert_eq!(statuses[1], Status::Suggestive);
     let (unexplained, _, sentence, statuses) = kind(&found, None, &outside, &WITHIN);

@@ -113,7 +113,7 @@ pub struct Shift {
     pub after: LadderParameter,
     /// Posterior median in the first revision divided by that in the last, minus 1.
     pub relative: f64,
-    /// Posterior mean in the first revision minus that in the last, in posterior standard deviations of the first.
+    /// Posterior median in the first revision minus that in the last, in posterior standard deviations of the first.
     pub in_sd_before: f64,
 }
 

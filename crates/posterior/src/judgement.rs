@@ -6,6 +6,7 @@
 
 use documents::posterior::{Warning, WarningKind};
 use figures::number::format_significant;
+use record::noise::rounding_sd_m;
 use record::{NoiseOrigin, ReferenceNoise};
 
 use super::misfit::{GainKnowledge, Misfit, NOISE_FACTOR, OUTSIDE_BAND, Residuals};
@@ -18,6 +19,9 @@ use super::systematic::SystematicTest;
 /// Root mean square of the residuals, as a fraction of the range of positions, below which they are rounding errors of files and solvers. Their patterns then have no
 /// meaning.
 const ROUNDING: f64 = 1e-6;
+
+/// Least part of the residuals that is the rounding of written positions, at which their patterns are those of the rounding.
+const COARSE: f64 = 0.8;
 
 /// A fitted model's prediction of all rows of a record.
 pub struct Prediction<'a> {
@@ -96,7 +100,13 @@ impl Judgement {
         let systematic =
             systematic.flatten().map(|test| if is_rounding { SystematicTest { p: 1.0, ..test } } else { test });
         let is_systematic = systematic.is_some_and(|test| test.is_systematic());
-        let is_hidden = !is_rounding && !is_systematic && misfit.is_some_and(|misfit| !misfit.is_too_large());
+        let is_outside = joint_p.is_some_and(|p| p < OUTSIDE_BAND);
+        let is_hidden = |misfit: &Misfit| {
+            !misfit.is_too_large() && !learnt_noise_m.is_some_and(|learnt_m| misfit.is_learnt_too_large(learnt_m))
+        };
+        let is_coarse = |misfit: Misfit| rounding_sd_m(&record.position_m) > COARSE * misfit.fitted.rms_m;
+        let is_rounding = is_rounding || misfit.is_some_and(is_coarse);
+        let is_hidden = !is_rounding && !is_systematic && !is_outside && misfit.as_ref().is_some_and(is_hidden);
         let pattern = is_hidden.then(|| {
             let all_m: Vec<Option<f64>> =
                 fitted.iter().zip(&heldout).map(|(fitted, heldout)| fitted.or(*heldout)).collect();
@@ -242,7 +252,7 @@ fn of_pattern(pattern: &Pattern) -> Warning {
     Warning {
         kind: WarningKind::ResidualPattern,
         text: format!("{}: it is too small to harm predictions, but the parameters have absorbed a part of it, which may exceed their intervals", pattern.words()),
-        advice: "`vitreo-uq compare` shows the pattern, and `vitreo-uq diagnose` searches for its cause; if the tracker drifts, sample with slow noise (--noise white,ou)".into(),
+        advice: "`vitreo-uq compare` shows the pattern, and `vitreo-uq diagnose` searches for its cause; if the tracker drifts (--noise white,ou) or its scale changes from cycle to cycle (--noise white,gain), sample with this noise".into(),
     }
 }
 

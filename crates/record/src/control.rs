@@ -117,8 +117,9 @@ pub(super) fn answers_after_jumps(force_n: &[f64], position_m: &[Option<f64>]) -
     }
     let range_m = known.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
     let moves = |row: usize, least: f64| (known[row] - known[row - 1]).abs() > least * range_m;
-    let is_jump = |row: &usize| moves(*row, JUMP) && !moves(row - 1, HELD) && !moves(row + 1, HELD);
-    let jumps: Vec<usize> = (2..known.len().saturating_sub(1)).filter(is_jump).collect();
+    let is_held = |row: usize| row == 0 || !moves(row, HELD);
+    let is_jump = |row: &usize| moves(*row, JUMP) && is_held(row - 1) && is_held(row + 1);
+    let jumps: Vec<usize> = (1..known.len().saturating_sub(1)).filter(is_jump).collect();
     let change = |row: usize| (force_n[row] - force_n[row - 1]).abs();
     let n_after = jumps.iter().filter(|row| change(**row) < LATE * change(**row + 1)).count();
     !jumps.is_empty() && n_after == jumps.len()

@@ -118,7 +118,7 @@ impl std::fmt::Display for ReferenceNoise {
 /// Estimates the noise of single positions from the record itself: from rests, or else from neighbouring positions. `None` if there are too few.
 pub fn estimate_noise(record: &Record) -> Option<ReferenceNoise> {
     // Rounded positions of a smooth motion may lie exactly on lines. Their rounding errors still count as noise.
-    let rounding_sd_m = written_step_m(&record.position_m).map_or(0.0, |step_m| step_m / 12_f64.sqrt());
+    let rounding_sd_m = rounding_sd_m(&record.position_m);
     let short_lag = short_lag(record).map(|(sd_m, n_differences)| (sd_m.max(rounding_sd_m), n_differences));
     let rest = rest_residuals(record);
     if let Some(sd_m) = rest.sd_m() {
@@ -163,6 +163,11 @@ fn short_lag(record: &Record) -> Option<(f64, usize)> {
         let (sd_m, n_deviations, _) = if best.2 { best } else { line };
         Some((sd_m, n_deviations))
     })
+}
+
+/// Standard deviation (m) of the rounding of written positions; 0 if they have no digital step.
+pub fn rounding_sd_m(position_m: &[Option<f64>]) -> f64 {
+    written_step_m(position_m).map_or(0.0, |step_m| step_m / 12_f64.sqrt())
 }
 
 /// Returns the digital step (m) between written positions: the largest number that divides all their differences. `None` without such a step.

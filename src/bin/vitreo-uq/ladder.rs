@@ -147,6 +147,6 @@ fn shifts(summary: &LadderSummary) -> Vec<String> {
         let percent = format!("{:+.1} %", 100.0 * shift.relative);
         format!("  {axis:<width$}{before:>26}{after:>26}{percent:>10}{:>+12.1}", shift.in_sd_before)
     }));
-    lines.push(format!("  Shift: from {before} to {after}; in sd: in posterior standard deviations of {before}."));
+    lines.push(format!("  Shift: of {before} away from {after}; in sd: in posterior standard deviations of {before}."));
     lines
 }

@@ -174,8 +174,13 @@ fn one(
     if control == Control::Position {
         proposal.count_commanded_positions();
         if proposal.acts_from_row {
-            let text = "the position jumps, and the force answers in the row after each jump: each position acts from its row on (command = \"hold\")";
-            proposal.reasons.push(text.into());
+            let [commanded, measured] = match device.stress_strain() {
+                Some(_) => ["strain", "stress"],
+                None => ["position", "force"],
+            };
+            proposal.reasons.push(format!(
+                "the {commanded} jumps, and the {measured} answers in the row after each jump: each {commanded} acts from its row on (command = \"hold\")"
+            ));
         } else if proposal.jumps_at_once && proposal.first_time_s == 0.0 && device.stress_strain().is_some() {
             let text = "the strain rises between the first two rows, and is read as a ramp; if it jumped at time 0, write strain and stress of the second row into the first, whose stress is then left out";
             proposal.reasons.push(text.into());
