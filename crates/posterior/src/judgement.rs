@@ -12,7 +12,7 @@ use record::{NoiseOrigin, ReferenceNoise};
 use super::misfit::{GainKnowledge, Misfit, NOISE_FACTOR, OUTSIDE_BAND, Residuals};
 use super::noise::{NoiseLikelihood, NoiseModel};
 use super::patterns::rows::TestRows;
-use super::patterns::{Pattern, clearest_pattern};
+use super::patterns::{Pattern, clearest_pattern, tested};
 use super::problem::Problem;
 use super::systematic::SystematicTest;
 
@@ -108,8 +108,7 @@ impl Judgement {
         let is_rounding = is_rounding || misfit.is_some_and(is_coarse);
         let is_hidden = !is_rounding && !is_systematic && !is_outside && misfit.as_ref().is_some_and(is_hidden);
         let pattern = is_hidden.then(|| {
-            let all_m: Vec<Option<f64>> =
-                fitted.iter().zip(&heldout).map(|(fitted, heldout)| fitted.or(*heldout)).collect();
+            let all_m = tested(noise, &fitted, &heldout);
             let residual_m: Vec<f64> = left(&all_m).into_iter().map(|left| left.unwrap_or(0.0)).collect();
             let likelihood = NoiseLikelihood::new(noise, &record.time_s, &problem.recordings(), &all_m);
             let rows = TestRows::new(record, position_m, all_m.iter().map(Option::is_some).collect());

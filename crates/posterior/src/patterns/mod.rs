@@ -13,7 +13,7 @@ use nalgebra::DVector;
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 
 use super::misfit::project_out;
-use super::noise::NoiseLikelihood;
+use super::noise::{NoiseLikelihood, NoiseModel};
 use super::recordings::recordings;
 use panels::{Panel, panels};
 use rows::{ByCycle, TestRows};
@@ -44,6 +44,12 @@ impl Pattern {
         let [share, p] = [100.0 * self.share_of_noise, self.p.max(SMALLEST_P)].map(|x| format_significant(x, 1));
         format!("a pattern of {share} % of the noise is left in the residuals, most clearly {} (p ≤ {p})", self.place)
     }
+}
+
+/// Positions (m) whose residuals are tested: all of them, but only the fitted ones if the noise is slow, because few fitted cycles do not show how slow it is in others.
+pub fn tested(noise: NoiseModel, fitted_m: &[Option<f64>], heldout_m: &[Option<f64>]) -> Vec<Option<f64>> {
+    let has_slow = noise.names().contains(&"ou");
+    fitted_m.iter().zip(heldout_m).map(|(fitted, heldout)| fitted.or(heldout.filter(|_| !has_slow))).collect()
 }
 
 /// The clearest pattern in residuals (m, one per row of the record; 0 in rows without one); `None` if noise explains all of them. `columns_m` holds the directions of the
@@ -148,7 +154,6 @@ fn new_direction(column: &[f64], beside: &[&Vec<DVector<f64>>]) -> Option<DVecto
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::noise::NoiseModel;
     use record::Record;
     use sampling::ensemble::RandomStream;
 
