@@ -2,8 +2,8 @@
 //!
 //! Such a pattern does no harm to predictions, but the parameters have absorbed a part of it, which can be many of their standard deviations. The columns of every panel
 //! ([`mod@panels`]) and the residuals are whitened by the fitted noise, and the directions of the parameters are removed from both. Without a pattern, the squared length of the
-//! residuals along k columns, divided by k and by the mean square of the rest, is then F distributed, whatever the size of the fitted noise. `compare` tests the same panels with the noise estimated anew and with simulated records,
-//! finds smaller patterns, and describes them.
+//! residuals along k columns, divided by k and by the mean square of the rest, is then F distributed, whatever the size of the fitted noise. `compare` tests the same panels
+//! with the noise estimated anew and with simulated records, finds smaller patterns, and describes them.
 
 pub mod panels;
 pub mod rows;
