@@ -21,9 +21,7 @@ use figures::number::format_decimals;
 use figures::number::format_significant;
 use figures::svg::Svg;
 use posterior::misfit::{GainKnowledge, Misfit, Residuals};
-use posterior::noise::NoiseLikelihood;
-use posterior::patterns::rows::TestRows;
-use posterior::patterns::{Pattern, clearest_pattern, tested};
+use posterior::patterns::{Pattern, TestedFit};
 
 /// Largest distance of a gain change from a cycle's start, as a fraction of the cycle's length, at which the change counts as one between cycles. Positions near zero do not
 /// show the exact time.
@@ -60,15 +58,15 @@ pub fn measure_misfit(subject: &Subject, model: &Refitted, unexplained: &[Outsid
 /// Errors of [`own_fit`] and [`columns_m`].
 pub fn remaining_pattern(subject: &Subject, model: &Refitted) -> Result<Option<Pattern>> {
     let (subject, fitted) = own_fit(subject, model)?;
-    let observed_m = tested(subject.problem().noise, &subject.fitted_m, &subject.scored_m);
-    let left_m = observed_m.iter().zip(&fitted.position_m).map(|(y, x)| y.map_or(0.0, |y| y - x));
-    let is_observed = observed_m.iter().map(Option::is_some).collect();
-    let rows = TestRows::new(&subject.experiment().record, &fitted.position_m, is_observed);
-    let columns_m = columns_m(&subject, &model.candidate, &fitted.theta)?;
-    let (record, recordings) = (&subject.experiment().record, subject.problem().recordings());
-    let likelihood = NoiseLikelihood::new(subject.all.model(), &record.time_s, &recordings, &observed_m);
-    let noise = (&likelihood, &fitted.noise[..]);
-    Ok(clearest_pattern(&rows, &left_m.collect::<Vec<_>>(), &columns_m, noise, subject.declares_gains()))
+    let fit = TestedFit {
+        record: &subject.experiment().record,
+        position_m: &fitted.position_m,
+        measured_m: [&subject.fitted_m, &subject.scored_m],
+        columns_m: &columns_m(&subject, &model.candidate, &fitted.theta)?,
+        declared: subject.problem().noise,
+        noise: (subject.all.model(), &fitted.noise),
+    };
+    Ok(fit.clearest_pattern())
 }
 
 /// Returns the candidate and fit that contain the leading residual structure, if no constitutive law can cause it. Otherwise returns the model's own candidate and fit.

@@ -11,8 +11,7 @@ use record::{NoiseOrigin, ReferenceNoise};
 
 use super::misfit::{GainKnowledge, Misfit, NOISE_FACTOR, OUTSIDE_BAND, Residuals};
 use super::noise::{NoiseLikelihood, NoiseModel};
-use super::patterns::rows::TestRows;
-use super::patterns::{Pattern, clearest_pattern, tested};
+use super::patterns::{Pattern, TestedFit};
 use super::problem::Problem;
 use super::systematic::SystematicTest;
 
@@ -102,19 +101,20 @@ impl Judgement {
         let is_systematic = systematic.is_some_and(|test| test.is_systematic());
         let is_outside = joint_p.is_some_and(|p| p < OUTSIDE_BAND);
         let is_hidden = |misfit: &Misfit| {
-            !misfit.is_too_large() && !learnt_noise_m.is_some_and(|learnt_m| misfit.is_learnt_too_large(learnt_m))
+            !misfit.is_too_large()
+                && !learnt_noise_m.is_some_and(|learnt_m| misfit.is_learnt_too_large(learnt_m))
+                && rounding_sd_m(&record.position_m) <= COARSE * misfit.fitted.rms_m
         };
-        let is_coarse = |misfit: Misfit| rounding_sd_m(&record.position_m) > COARSE * misfit.fitted.rms_m;
-        let is_rounding = is_rounding || misfit.is_some_and(is_coarse);
         let is_hidden = !is_rounding && !is_systematic && !is_outside && misfit.as_ref().is_some_and(is_hidden);
-        let pattern = is_hidden.then(|| {
-            let all_m = tested(noise, &fitted, &heldout);
-            let residual_m: Vec<f64> = left(&all_m).into_iter().map(|left| left.unwrap_or(0.0)).collect();
-            let likelihood = NoiseLikelihood::new(noise, &record.time_s, &problem.recordings(), &all_m);
-            let rows = TestRows::new(record, position_m, all_m.iter().map(Option::is_some).collect());
-            clearest_pattern(&rows, &residual_m, columns_m, (&likelihood, parameters), has_gain)
-        });
-        let pattern = pattern.flatten();
+        let fit = TestedFit {
+            record,
+            position_m,
+            measured_m: [&fitted, &heldout],
+            columns_m,
+            declared: noise,
+            noise: (noise, parameters),
+        };
+        let pattern = if is_hidden { fit.clearest_pattern() } else { None };
         let is_noise_unknown = yardstick.is_none();
         Self { misfit, is_noise_unknown, exceeded_estimate_m, systematic, pattern, learnt_noise_m, joint_p, has_gain }
     }

@@ -10,6 +10,7 @@ pub mod rows;
 
 use figures::number::format_significant;
 use nalgebra::DVector;
+use record::Record;
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 
 use super::misfit::project_out;
@@ -46,29 +47,55 @@ impl Pattern {
     }
 }
 
-/// Positions (m) whose residuals are tested: all of them, but only the fitted ones if the noise is slow, because few fitted cycles do not show how slow it is in others.
-pub fn tested(noise: NoiseModel, fitted_m: &[Option<f64>], heldout_m: &[Option<f64>]) -> Vec<Option<f64>> {
-    let has_slow = noise.names().contains(&"ou");
-    fitted_m.iter().zip(heldout_m).map(|(fitted, heldout)| fitted.or(heldout.filter(|_| !has_slow))).collect()
+/// Fit whose residuals are tested.
+pub struct TestedFit<'a> {
+    /// Record with the times, cycles and forces.
+    pub record: &'a Record,
+    /// Position (m) of the fit at every row.
+    pub position_m: &'a [f64],
+    /// Measured positions (m) of the fitted and of the held-out cycles, one entry per row each.
+    pub measured_m: [&'a [Option<f64>]; 2],
+    /// Directions of the parameters: one column per direction, with one value (m) per row.
+    pub columns_m: &'a [Vec<f64>],
+    /// Noise that the study declares. If it is slow, only the fitted cycles are tested, because few of them do not show how slow it is in others. If it has gains, every recording
+    /// has a gain and an offset of any size: one fitted recording does not show how large they are in others.
+    pub declared: NoiseModel,
+    /// Noise of the fit, with the values of its parameters in their units.
+    pub noise: (NoiseModel, &'a [f64]),
 }
 
-/// The clearest pattern in residuals (m, one per row of the record; 0 in rows without one); `None` if noise explains all of them. `columns_m` holds the directions of the
-/// parameters, and `noise` the fitted noise parameters in their units. With `frees_gains`, every recording has a gain and an offset of any size: one fitted recording does not show
-/// how large they are in others.
-pub fn clearest_pattern(
+impl TestedFit<'_> {
+    /// The clearest pattern in the residuals; `None` if noise explains all of them.
+    pub fn clearest_pattern(&self) -> Option<Pattern> {
+        let Self { record, position_m, measured_m: [fitted_m, heldout_m], declared, .. } = *self;
+        let [is_slow, has_gains] = ["ou", "gain"].map(|term| declared.names().contains(&term));
+        let measured_m: Vec<Option<f64>> =
+            fitted_m.iter().zip(heldout_m).map(|(fitted, heldout)| fitted.or(heldout.filter(|_| !is_slow))).collect();
+        let residual_m = measured_m.iter().zip(position_m).map(|(y, x)| y.map_or(0.0, |y| y - x)).collect();
+        let recordings = recordings(record);
+        let likelihood = NoiseLikelihood::new(self.noise.0, &record.time_s, &recordings, &measured_m);
+        let rows = TestRows::new(record, position_m, measured_m.iter().map(Option::is_some).collect());
+        let whitening = likelihood.whitening(position_m, self.noise.1)?;
+        let whiten = |columns_m: Vec<Vec<f64>>| match has_gains {
+            true => {
+                let of = |column_m: &Vec<f64>| without_gains(column_m, &rows, &recordings);
+                whitening.whiten(&columns_m.iter().map(of).collect::<Vec<_>>())
+            }
+            false => whitening.whiten(&columns_m),
+        };
+        clearest(&rows, residual_m, self.columns_m, whiten)
+    }
+}
+
+/// The clearest pattern in residuals (m, one per row). `columns_m` holds the directions of the parameters, and `whiten` whitens columns.
+fn clearest(
     rows: &TestRows,
-    residual_m: &[f64],
+    residual_m: Vec<f64>,
     columns_m: &[Vec<f64>],
-    (likelihood, noise): (&NoiseLikelihood, &[f64]),
-    frees_gains: bool,
+    whiten: impl Fn(Vec<Vec<f64>>) -> Vec<Vec<f64>>,
 ) -> Option<Pattern> {
-    let whitening = likelihood.whitening(rows.position_m, noise)?;
-    let whiten = |columns_m: &[Vec<f64>]| match frees_gains {
-        true => whitening.whiten(&columns_m.iter().map(|column_m| without_gains(column_m, rows)).collect::<Vec<_>>()),
-        false => whitening.whiten(columns_m),
-    };
-    let basis = orthonormal(&whiten(columns_m));
-    let mut residual = DVector::from_vec(whiten(&[residual_m.to_vec()]).pop()?);
+    let basis = orthonormal(&whiten(columns_m.to_vec()));
+    let mut residual = DVector::from_vec(whiten(vec![residual_m]).pop()?);
     for direction in &basis {
         residual.axpy(-direction.dot(&residual), direction, 1.0);
     }
@@ -78,7 +105,7 @@ pub fn clearest_pattern(
     for panel in &tested {
         let mut own: Vec<DVector<f64>> = Vec::new();
         let (mut along, mut farthest) = (0.0, (0.0, ""));
-        let whitened = whiten(&dense_columns(panel));
+        let whitened = whiten(dense_columns(panel));
         for (column, whitened) in panel.columns.iter().zip(whitened) {
             // The phrase is that of the column that alone explains most.
             if let Some(alone) = new_direction(&whitened, &[&basis]) {
@@ -115,9 +142,8 @@ fn dense_columns(panel: &Panel) -> Vec<Vec<f64>> {
 }
 
 /// A column without its part along an offset and the position in each recording.
-fn without_gains(column: &[f64], rows: &TestRows) -> Vec<f64> {
+fn without_gains(column: &[f64], rows: &TestRows, recordings: &[u32]) -> Vec<f64> {
     let mut left = column.to_vec();
-    let recordings = recordings(rows.record);
     let counted: Vec<usize> = rows.fitted_rows().collect();
     for own in counted.chunk_by(|a, b| recordings[*a] == recordings[*b]) {
         let mut values: Vec<f64> = own.iter().map(|row| column[*row]).collect();
@@ -154,7 +180,6 @@ fn new_direction(column: &[f64], beside: &[&Vec<DVector<f64>>]) -> Option<DVecto
 #[cfg(test)]
 mod tests {
     use super::*;
-    use record::Record;
     use sampling::ensemble::RandomStream;
 
     /// Clearest pattern in the residuals of four cycles with noise of 1 µm, whose position is a square wave with a lag. Offset, scale and lag are fitted. `missed` (µm) is added in
@@ -180,9 +205,16 @@ mod tests {
             cycle: (0..n).map(|row| 1 + (row / rows_each) as u32).collect(),
             ..Record::default()
         };
-        let likelihood = NoiseLikelihood::new(NoiseModel::default(), &record.time_s, &record.cycle, &record.position_m);
-        let rows = TestRows::new(&record, &position_m, vec![true; n]);
-        clearest_pattern(&rows, &errors_m, &absorbed, (&likelihood, &[1.0]), false)
+        let measured_m: Vec<Option<f64>> = position_m.iter().zip(&errors_m).map(|(x, error)| Some(x + error)).collect();
+        let fit = TestedFit {
+            record: &record,
+            position_m: &position_m,
+            measured_m: [&measured_m, &vec![None; n]],
+            columns_m: &absorbed,
+            declared: NoiseModel::default(),
+            noise: (NoiseModel::default(), &[1.0]),
+        };
+        fit.clearest_pattern()
     }
 
     /// More than three alarms in 400 records of noise occur with a probability below 10⁻³, also in short records.
