@@ -36,6 +36,14 @@ async function startIn(folder) {
   link = await start(folder);
   await page.goto(link);
 }
+/** Number of the process that runs the command of a folder's job. */
+async function runningCommand(folder) {
+  for (;;) {
+    const { process } = JSON.parse(readFileSync(join(folder, ".vitreo-uq-workbench", "job.json"), "utf8"));
+    if (process.number > 0) return process.number;
+    await page.waitForTimeout(10);
+  }
+}
 /** Folder of its own for a test. */
 const folder = () => mkdtempSync(join(tmpdir(), "workbench-"));
 /** Copies an experiment of the cohort. */
@@ -370,10 +378,17 @@ test("what was learnt in vain is said", async () => {
 test("a workbench that is killed during a job loses nothing, and the page goes on by itself", async () => {
   await page.locator("#next [data-action=diagnose]").first().click();
   await page.waitForSelector("#job:not([hidden])");
+  const command = await runningCommand(home);
+  // The command is halted, so that it does not end before the page has shown it. It runs on while the workbench ends, because the system ends a halted
+  // command that loses its parent.
+  process.kill(command, "SIGSTOP");
   await page.waitForFunction(() => /since the start/.test(document.getElementById("job-time").textContent));
   await page.evaluate(() => scrollTo(0, document.body.scrollHeight));
   await assertInView("#job-progress");
+  process.kill(command, "SIGCONT");
   server.kill("SIGKILL");
+  await once(server, "exit");
+  process.kill(command, "SIGSTOP");
   await page.waitForSelector("#lost:not([hidden])", { timeout: 2000 });
   assert.ok(await page.locator("#job").isHidden(), "no bar runs on");
   await picture("9d-lost");
@@ -382,6 +397,7 @@ test("a workbench that is killed during a job loses nothing, and the page goes o
   assert.equal(link, before, "the same port and token");
   await page.waitForSelector("#lost", { state: "hidden", timeout: 3000 });
   await page.waitForSelector("#job:not([hidden])");
+  process.kill(command, "SIGCONT");
   await isIdle();
   await page.waitForFunction(() => /no missing effect|may be missing|lacks|explains/i.test(document.getElementById("missing-sentence").textContent), null, { timeout: 20_000 });
 });
