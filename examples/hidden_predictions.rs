@@ -128,6 +128,7 @@ impl Bench {
             source: "hidden gel".into(),
             names: problem.parameters().iter().map(|spec| spec.name.to_string()).collect(),
             values: found.outcome.draws.subsample(N_DRAWS).iter().map(|point| posterior.natural(point)).collect(),
+            other_specimens: Vec::new(),
         };
         let gel = Gel { problem: &problem, draws, is_taught: true, seed };
         let (name, robot, stiffness) = &self.truths[(number % 3) as usize];

@@ -46,8 +46,8 @@
 //! - [`criticism`]: misfits of a model, and missing effects
 //! - [`learning`]: functions that a law lacks, learnt from records
 //! - [`cohorts`]: groups of specimens, and effects that a cohort lacks
-//! - [`validation`]: challenges, calibration, the study of robot shapes
-//! - [`prediction`]: robots under uncertainty, sensitivity, force plans
+//! - [`validation`]: challenges, calibration
+//! - [`prediction`]: robots under uncertainty, sensitivity, force plans, shapes
 //! - [`jobs`]: the function behind every command
 
 pub use base;

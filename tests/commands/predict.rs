@@ -68,6 +68,28 @@ fn the_page_leads_to_a_plan_for_a_new_eye() {
     let arrival = &again["scenarios"][0]["quantities"][1];
     assert_eq!(arrival["name"], "time_to_reach_um");
     assert!((number(&arrival["probability"]) - promised).abs() < 0.02, "{arrival} against {promised}");
+    assert_group_share(dir.path(), &again);
+}
+
+/// Under a constant force the position at 5 s is proportional to the Lethersich law's J(5 s), written out here. The share of the group is the correlation of the two specimens of
+/// each draw of the population.
+fn assert_group_share(dir: &Path, document: &Value) {
+    let table = std::fs::read_to_string(dir.join("eyes/species/new-specimens.csv")).unwrap();
+    let mut lines = table.lines();
+    assert_eq!(lines.next(), Some("group,draw,young_modulus_pa,viscosity_1_pa_s,viscosity_2_pa_s"));
+    let compliance = |line: &str| -> f64 {
+        let x: Vec<f64> = line.split(',').skip(2).map(|cell| cell.parse().unwrap()).collect();
+        (1.0 - (-5.0 * x[0] / x[1]).exp()) / x[0] + 5.0 / x[2]
+    };
+    let values: Vec<f64> = lines.filter(|line| line.starts_with("porcine,")).map(compliance).collect();
+    let mean = values.iter().sum::<f64>() / values.len() as f64;
+    let variance: f64 = values.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / values.len() as f64;
+    let common: f64 = values.chunks_exact(2).map(|pair| (pair[0] - mean) * (pair[1] - mean)).sum();
+    let expected = common / (0.5 * values.len() as f64 * variance);
+    let found = &document["group_shares"][0];
+    assert_eq!(found["quantity"], "position at 5 s");
+    assert!((number(&found["share"]) - expected).abs() < 1e-6, "{found} for {expected}");
+    assert!((0.01..0.9).contains(&expected), "{expected}");
 }
 
 /// A constant force on the record's own sphere: x(t) = F·C·J(t), with J of the Lethersich law written out here at the posterior's medians. The band is

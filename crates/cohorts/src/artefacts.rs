@@ -110,15 +110,18 @@ fn table(header: &[&str], rows: impl Iterator<Item = Vec<String>>) -> Result<Vec
 /// Largest number of draws of a group in the table of new specimens.
 const MOST_NEW_SPECIMENS: usize = 4_000;
 
-/// Table of draws of new specimens: the name of the group, then the parameters in the units of their names.
+/// Table of new specimens, two for each draw of the population: the name of the group, the number of the draw, then the parameters in the units of their names.
 fn new_specimens_csv(found: &Comparison) -> Result<Vec<u8>> {
-    let header: Vec<&str> = std::iter::once("group").chain(found.parameters.iter().copied()).collect();
+    let header: Vec<&str> = ["group", "draw"].into_iter().chain(found.parameters.iter().copied()).collect();
+    let p = found.parameters.len();
     let rows = found.groups.iter().flat_map(|group| {
-        let draws = group.new_specimen.chunks_exact(found.parameters.len());
-        let every = draws.len().div_ceil(MOST_NEW_SPECIMENS).max(1);
-        draws.step_by(every).map(|draw| {
-            let values = draw.iter().zip(&found.scales).map(|(x, scale)| scale.value(*x).to_string());
-            std::iter::once(group.name.clone()).chain(values).collect()
+        let every = (group.new_specimen.len() / p).div_ceil(MOST_NEW_SPECIMENS).max(1);
+        let pairs = group.new_specimen.chunks_exact(p).zip(group.other_specimen.chunks_exact(p));
+        pairs.step_by(every).enumerate().flat_map(move |(number, (one, other))| {
+            [one, other].map(|specimen| {
+                let values = specimen.iter().zip(&found.scales).map(|(x, scale)| scale.value(*x).to_string());
+                [group.name.clone(), number.to_string()].into_iter().chain(values).collect()
+            })
         })
     });
     table(&header, rows)

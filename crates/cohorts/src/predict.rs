@@ -30,6 +30,8 @@ pub struct PredictedGroup {
     pub typical: Vec<f64>,
     /// Coordinates (logarithms or log-odds) of the parameters of a new specimen, as the mean over its repeats.
     pub new_specimen: Vec<f64>,
+    /// Coordinates of the parameters of another new specimen, from the same draws of the population.
+    pub other_specimen: Vec<f64>,
     /// Standard deviations between specimens, in the coordinates.
     pub between_sd: Vec<f64>,
     /// Index of the group in the design; `None` for a group without measurements.
@@ -105,20 +107,25 @@ fn with_specimens(
     rng: &mut ChaCha8Rng,
 ) -> PredictedGroup {
     let p = typical.len() / draws.len().max(1);
-    let mut new_specimen = Vec::with_capacity(typical.len());
-    let mut between_sd = Vec::with_capacity(typical.len());
+    let covariance = |draw: &PopulationDraw| {
+        DMatrix::from_column_slice(p, p, &draw.between_specimens[stratum * p * p..(stratum + 1) * p * p])
+    };
     let chi_squared = student_dof.and_then(|dof| ChiSquared::new(dof).ok().map(|chi_squared| (dof, chi_squared)));
-    for (draw, mean) in draws.iter().zip(typical.chunks_exact(p.max(1))) {
-        let covariance = &draw.between_specimens[stratum * p * p..(stratum + 1) * p * p];
-        let matrix = DMatrix::from_column_slice(p, p, covariance);
-        between_sd.extend((0..p).map(|k| matrix[(k, k)].sqrt()));
-        let noise = DVector::from_fn(p, |_, _| StandardNormal.sample(rng));
-        let weight = chi_squared.map_or(1.0, |(dof, chi_squared)| chi_squared.sample(rng) / dof);
-        let deviation =
-            matrix.cholesky().map_or_else(|| DVector::zeros(p), |factor| factor.l() * noise / weight.sqrt());
-        new_specimen.extend(mean.iter().zip(deviation.iter()).map(|(mean, deviation)| mean + deviation));
-    }
-    PredictedGroup { name: name.to_string(), typical, new_specimen, between_sd, group }
+    let mut specimens = || -> Vec<f64> {
+        let mut all = Vec::with_capacity(typical.len());
+        for (draw, mean) in draws.iter().zip(typical.chunks_exact(p.max(1))) {
+            let noise = DVector::from_fn(p, |_, _| StandardNormal.sample(rng));
+            let weight = chi_squared.map_or(1.0, |(dof, chi_squared)| chi_squared.sample(rng) / dof);
+            let factor = covariance(draw).cholesky();
+            let deviation = factor.map_or_else(|| DVector::zeros(p), |factor| factor.l() * noise / weight.sqrt());
+            all.extend(mean.iter().zip(deviation.iter()).map(|(mean, deviation)| mean + deviation));
+        }
+        all
+    };
+    let (new_specimen, other_specimen) = (specimens(), specimens());
+    let sd_of = |draw: &&PopulationDraw| (0..p).map(|k| covariance(draw)[(k, k)].sqrt()).collect::<Vec<f64>>();
+    let between_sd = draws.iter().flat_map(sd_of).collect();
+    PredictedGroup { name: name.to_string(), typical, new_specimen, other_specimen, between_sd, group }
 }
 
 /// Times (s) at which creep is predicted, evenly spaced in the logarithm.

@@ -18,6 +18,9 @@ pub struct Prediction {
     pub equivalent: Vec<EquivalentPrediction>,
     /// Sensitivity of every quantity of interest to every uncertain input.
     pub sensitivity: Vec<Sensitivity>,
+    /// For a new specimen of a group: the share of every quantity's variance that is due to the uncertain group.
+    #[serde(default)]
+    pub group_shares: Vec<GroupShare>,
     /// Warnings that concern all scenarios.
     pub warnings: Vec<Warning>,
 }
@@ -127,6 +130,20 @@ pub struct Sensitivity {
     pub shapley: f64,
     /// Standard error of the Shapley effect.
     pub shapley_se: f64,
+}
+
+/// Share of the variance of a quantity for a new specimen that would vanish if the group were known exactly. The rest is the scatter between specimens and the tolerances.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
+pub struct GroupShare {
+    /// Name of the scenario.
+    pub scenario: String,
+    /// Name of the quantity of interest, with its time or distance.
+    pub quantity: String,
+    /// Share of the variance.
+    pub share: f64,
+    /// Monte Carlo standard error of the share.
+    pub share_se: f64,
 }
 
 impl Prediction {

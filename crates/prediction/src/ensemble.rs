@@ -19,7 +19,8 @@ use record::{Apparatus, Control, Experiment, Record};
 use std::sync::Arc;
 
 use crate::body;
-use crate::scenario::{self, Scenario, Tolerances, resized};
+use crate::scenario::{Scenario, Tolerances};
+use crate::tolerance::Tolerance;
 
 /// Largest number of draws of a prediction.
 pub const MOST_DRAWS: usize = 10_000;
@@ -27,8 +28,6 @@ pub const MOST_DRAWS: usize = 10_000;
 const CHECKED: usize = 8;
 /// Number of checked draws if the model solves for a displacement field, which takes seconds to minutes a run.
 const CHECKED_SLOW: usize = 1;
-/// Relative change of the diameter from which the sensitivity of the compliance is taken.
-const DIAMETER_STEP: f64 = 0.02;
 /// Smallest relative error of the mesh at the largest displacement that is named.
 const NAMED_MESH_ERROR: f64 = 0.01;
 /// Largest share of the record's largest force, duration and relative displacement that is not an extrapolation.
@@ -37,8 +36,8 @@ const BEYOND: f64 = 1.05;
 const LINEAR: f64 = 1e-6;
 /// Number of the first random stream of the tolerances.
 const TOLERANCE_STREAM: u64 = 1 << 40;
-/// Bases of the Halton sequences of diameter and force.
-const HALTON_BASES: [u64; 2] = [2, 3];
+/// Bases of the tolerances' Halton sequences.
+const HALTON_BASES: [u64; 3] = [2, 3, 5];
 
 /// Draws of the parameters of a gel's model.
 #[derive(Debug, Clone, PartialEq)]
@@ -49,6 +48,8 @@ pub struct Draws {
     pub names: Vec<String>,
     /// Values of the varying parameters in each draw.
     pub values: Vec<Vec<f64>>,
+    /// Values of the varying parameters in another specimen of each draw of a group; empty for other sources.
+    pub other_specimens: Vec<Vec<f64>>,
 }
 
 impl Draws {
@@ -56,8 +57,13 @@ impl Draws {
     pub fn thinned(&self, most: usize) -> Self {
         let n = self.values.len();
         let kept = most.min(n);
-        let values = (0..kept).map(|k| self.values[k * n / kept].clone()).collect();
-        Self { source: self.source.clone(), names: self.names.clone(), values }
+        let thinned = |all: &Vec<Vec<f64>>| (0..kept).filter_map(|k| all.get(k * n / kept).cloned()).collect();
+        Self {
+            source: self.source.clone(),
+            names: self.names.clone(),
+            values: thinned(&self.values),
+            other_specimens: thinned(&self.other_specimens),
+        }
     }
 
     /// Parameters of the model for one draw, in the order of the model. Parameters of the observation have their null values, because the prediction
@@ -101,12 +107,10 @@ pub struct Ensemble {
     prepared: PreparedModel,
     /// Parameters of every draw, in the order of the model.
     pub parameters: Vec<Vec<f64>>,
-    /// Factor of the displacements in each draw, from the tolerances of diameter and force; 1 without tolerances.
+    /// Factor of the displacements in each draw, from the tolerances; 1 without tolerances.
     pub factors: Vec<f64>,
-    /// Relative tolerances of the robot's diameter and of the force.
-    pub tolerances: [f64; 2],
-    /// Change of the compliance's logarithm by the logarithm of the diameter; 0 without a tolerance of the diameter.
-    pub by_diameter: f64,
+    /// Tolerances of the apparatus.
+    pub tolerances: Vec<Tolerance>,
     /// Largest principal strain of the gel per displacement of the robot, in 1/m.
     pub strain_per_m: f64,
     mesh: MeshCorrection,
@@ -208,30 +212,21 @@ impl Ensemble {
             prepared,
             parameters: Vec::new(),
             factors: Vec::new(),
-            tolerances: [0.0; 2],
-            by_diameter: 0.0,
+            tolerances: Vec::new(),
             strain_per_m,
             mesh,
             seed: gel.seed,
         };
         // One draw tells whether the model is linear, which tolerances need.
         let found = found.with_draws(&gel.draws.thinned(1), 0);
-        let tolerances = found.read_tolerances(scenario)?;
-        let by_diameter = if tolerances[0] > 0.0 { by_diameter(scenario)? } else { 0.0 };
-        Ok(Self { tolerances, by_diameter, ..found }.with_draws(&gel.draws, 0))
-    }
-
-    /// Relative tolerances of diameter and force.
-    fn read_tolerances(&self, scenario: &Scenario) -> Result<[f64; 2]> {
-        let Tolerances { diameter_m, force } = scenario.tolerances;
-        if (diameter_m > 0.0 || force > 0.0) && !self.is_linear()? {
+        if scenario.tolerances != Tolerances::default() && !found.is_linear()? {
             return Err(Error::input(
                 scenario.place("tolerance"),
                 "the position of this model is not proportional to the force, so that a tolerance has no fixed factor",
                 "remove the tolerance, and compare scenarios with a larger and a smaller force or diameter instead",
             ));
         }
-        Ok([diameter_m / scenario::diameter_m(&scenario.robot), force])
+        Ok(Self { tolerances: Tolerance::of_scenario(scenario)?, ..found }.with_draws(&gel.draws, 0))
     }
 
     /// The same scenario with other draws. `stream` is the number of the random stream of their tolerances.
@@ -240,48 +235,44 @@ impl Ensemble {
         let parameters: Vec<Vec<f64>> = draws.values.iter().map(|draw| draws.parameters(problem, draw)).collect();
         let mut random = ChaCha8Rng::seed_from_u64(self.seed);
         random.set_stream(TOLERANCE_STREAM + stream);
-        let shifts: [f64; 2] = [random.random(), random.random()];
-        // A shifted Halton sequence covers both tolerances evenly, so that they add little sampling noise.
+        let shifts: [f64; HALTON_BASES.len()] = random.random();
+        // A shifted Halton sequence covers all tolerances evenly, so that they add little sampling noise.
+        let uniform = |number: usize, k: usize| (halton(number as u64 + 1, HALTON_BASES[k]) + shifts[k]).fract();
         let factor = |number: usize| {
-            let uniform = |k: usize| (halton(number as u64 + 1, HALTON_BASES[k]) + shifts[k]).fract();
-            let [diameter, force] = [0, 1].map(|k| self.tolerances[k] * (2.0 * uniform(k) - 1.0));
-            self.by_diameter_factor(diameter) * (1.0 + force)
+            let of = |(k, tolerance): (usize, &Tolerance)| tolerance.factor(2.0 * uniform(number, k) - 1.0);
+            self.tolerances.iter().enumerate().map(of).product()
         };
         let factors = (0..parameters.len()).map(factor).collect();
-        Self { prepared: self.prepared.clone(), parameters, factors, ..*self }
+        self.with(self.prepared.clone(), parameters, factors)
     }
 
     /// The same draws under another force, with rows of its own.
     pub fn with_record(&self, record: Record) -> Self {
         let mut problem = self.prepared.problem.clone();
         problem.experiment.record = record;
-        let (parameters, factors) = (self.parameters.clone(), self.factors.clone());
-        Self { prepared: self.prepared.for_problem(problem), parameters, factors, ..*self }
+        self.with(self.prepared.for_problem(problem), self.parameters.clone(), self.factors.clone())
+    }
+
+    fn with(&self, prepared: PreparedModel, parameters: Vec<Vec<f64>>, factors: Vec<f64>) -> Self {
+        Self { prepared, parameters, factors, tolerances: self.tolerances.clone(), ..*self }
     }
 
     /// The same draws for another robot in the middle of a gel, whose displacements differ by one factor. `reference_per_m` is the compliance of this ensemble's robot by
     /// [`body::compliance_per_m`]. `None` for models with effects, for tolerances, and for bodies without an accurate compliance. The strain is unknown.
     pub fn for_robot(&self, scenario: &Scenario, reference_per_m: f64) -> Option<Self> {
         let is_plain =
-            self.tolerances == [0.0; 2] && scenario.tolerances == Tolerances::default() && scenario.effects.is_empty();
+            self.tolerances.is_empty() && scenario.tolerances == Tolerances::default() && scenario.effects.is_empty();
         if !(is_plain && self.problem().model.is_law_alone()) {
             return None;
         }
         let (compliance_per_m, error) = body::compliance_per_m(&scenario.robot, &scenario.vitreous)?;
         let factor = compliance_per_m / reference_per_m;
+        let factors = self.factors.iter().map(|other| factor * other).collect();
         Some(Self {
-            prepared: self.prepared.clone(),
-            parameters: self.parameters.clone(),
-            factors: self.factors.iter().map(|other| factor * other).collect(),
             strain_per_m: f64::NAN,
             mesh: MeshCorrection { factor: f64::NAN, error: Some(error) },
-            ..*self
+            ..self.with(self.prepared.clone(), self.parameters.clone(), factors)
         })
-    }
-
-    /// Factor of the displacements for a diameter that differs by the fraction `relative`.
-    pub fn by_diameter_factor(&self, relative: f64) -> f64 {
-        (1.0 + relative).powf(self.by_diameter)
     }
 
     /// Problem of the scenario.
@@ -372,22 +363,6 @@ impl Ensemble {
     pub fn mesh_error(&self) -> Option<f64> {
         self.mesh.error
     }
-}
-
-/// Change of the compliance's logarithm by the logarithm of the diameter, in the meridian plane or from two meshes.
-fn by_diameter(scenario: &Scenario) -> Result<f64> {
-    let compliance = |factor: f64| {
-        let robot = resized(&scenario.robot, 1.0, factor);
-        if let Some((accurate_per_m, _)) = body::compliance_per_m(&robot, &scenario.vitreous) {
-            return Ok(accurate_per_m);
-        }
-        match Mechanics::new(&Apparatus::Robot { robot, vitreous: scenario.vitreous }, None)? {
-            Mechanics::FiniteElements(fe) => fe.compliance_per_m(),
-            _ => Ok(f64::NAN),
-        }
-    };
-    let [less, more] = [1.0 - DIAMETER_STEP, 1.0 + DIAMETER_STEP];
-    Ok((compliance(more)? / compliance(less)?).ln() / (more / less).ln())
 }
 
 /// Refuses scenarios that the model cannot predict.

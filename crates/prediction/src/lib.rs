@@ -1,7 +1,9 @@
 //! Prediction under uncertainty: the motion of a robot in a gel whose parameters are known as draws, its sensitivity, and force plans.
 //!
-//! [`scenario`] reads robots, gels and forces. [`ensemble`] turns the draws of a model into trajectories, and checks some by full finite elements.
+//! [`scenario_file`] reads robots, gels and forces. [`ensemble`] turns the draws of a model into trajectories, and checks some by full finite elements.
 //! [`quantity`] takes quantities of interest from trajectories, [`sensitivity`] attributes their variance, and [`plan`] searches for forces.
+//! [`tolerance`] scales trajectories by uncertain sizes, places and forces.
+//! [`shapes`] judges the paper's claims about robots of several shapes.
 //! [`robot_size`] searches for the largest robot of a shape and for the smallest magnet that reach a target.
 
 pub mod body;
@@ -11,4 +13,7 @@ pub mod plan;
 pub mod quantity;
 pub mod robot_size;
 pub mod scenario;
+pub mod scenario_file;
 pub mod sensitivity;
+pub mod shapes;
+pub mod tolerance;

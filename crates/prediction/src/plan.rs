@@ -293,6 +293,7 @@ pub(crate) fn halves(draws: &Draws) -> [Draws; 2] {
         source: draws.source.clone(),
         names: draws.names.clone(),
         values: draws.values.iter().skip(first).step_by(2).cloned().collect(),
+        other_specimens: Vec::new(),
     })
 }
 

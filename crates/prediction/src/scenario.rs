@@ -4,8 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use base::error::{Error, InputPlace, Result};
-use base::files::{self, Content};
-use base::toml_input::{TomlInput, TomlTable, text_of};
+use base::toml_input::TomlTable;
 use models::effects::Library;
 use posterior::problem::Problem;
 use record::{Apparatus, Orientation, Robot, RobotShape, Vitreous};
@@ -17,8 +16,6 @@ use crate::quantity::{Quantity, plain};
 const LONGEST_S: f64 = 864_000.0;
 /// Longest name of a scenario, in characters.
 const LONGEST_NAME: usize = 100;
-/// Largest number of scenarios of a file.
-const MOST_SCENARIOS: usize = 100;
 
 /// Robot in a gel under a force, with quantities of interest.
 #[derive(Debug, Clone, PartialEq)]
@@ -26,7 +23,7 @@ pub struct Scenario {
     /// Name in documents and figures.
     pub name: String,
     /// Place of its table in a file; without file and line for the study's own robot.
-    place: InputPlace,
+    pub(crate) place: InputPlace,
     /// The robot.
     pub robot: Robot,
     /// The gel around the robot.
@@ -48,6 +45,8 @@ pub struct Scenario {
 pub struct Tolerances {
     /// Half-width of the robot's diameter, in m.
     pub diameter_m: f64,
+    /// Half-width of the robot's place in m, along its offset; along the force for a robot in the centre.
+    pub offset_m: f64,
     /// Half-width of the force's calibration, as a fraction of the force.
     pub force: f64,
 }
@@ -73,41 +72,11 @@ impl Scenario {
         self.place.clone().at_key(format!("scenario {}: {key}", self.name))
     }
 
-    /// Reads all scenarios of a file. `default` is the apparatus of the study, which a scenario may leave out, as it may leave out densities.
+    /// Reads the table of one scenario. `default` is the apparatus of the study, which a scenario may leave out, as it may leave out densities.
     ///
     /// # Errors
     /// [`Error::Input`] with line and key for anything that is missing, unknown or impossible.
-    pub fn read(path: &Path, default: Option<(Robot, Vitreous)>) -> Result<Vec<Self>> {
-        let bytes = files::read(path, Content::Settings, "check the path of the scenarios' file")?;
-        let document = TomlInput::parse(path, text_of(path, &bytes)?)?;
-        let root = document.root();
-        root.only(&["scenario"])?;
-        let folder = path.parent().unwrap_or(Path::new("."));
-        let tables = root.tables("scenario", "[[scenario]]")?;
-        if tables.is_empty() {
-            return Err(root.refuse("scenario", "the list of scenarios is empty", "add a table `[[scenario]]`"));
-        }
-        let mut scenarios: Vec<Self> = Vec::new();
-        for table in tables {
-            let scenario = Self::from_table(table, folder, default)?;
-            let of_table = match table.table("vary")? {
-                Some(vary) => scenario.varied(vary)?,
-                None => vec![scenario],
-            };
-            if let Some(twice) = of_table.iter().find(|one| scenarios.iter().any(|other| other.name == one.name)) {
-                let found = format!("two scenarios have the name `{}`", twice.name);
-                return Err(table.refuse("name", found, "give each scenario a different name"));
-            }
-            scenarios.extend(of_table);
-        }
-        if scenarios.len() > MOST_SCENARIOS {
-            let found = format!("there are {} scenarios", scenarios.len());
-            return Err(root.refuse("scenario", found, format!("give at most {MOST_SCENARIOS} in one file")));
-        }
-        Ok(scenarios)
-    }
-
-    fn from_table(table: TomlTable<'_>, folder: &Path, default: Option<(Robot, Vitreous)>) -> Result<Self> {
+    pub(crate) fn from_table(table: TomlTable<'_>, folder: &Path, default: Option<(Robot, Vitreous)>) -> Result<Self> {
         table.only(&[
             "name",
             "robot",
@@ -148,15 +117,16 @@ impl Scenario {
         let tolerances = match table.table("tolerance")? {
             None => Tolerances::default(),
             Some(tolerance) => {
-                tolerance.only(&["diameter_um", "force_percent"])?;
+                tolerance.only(&["diameter_um", "offset_um", "force_percent"])?;
                 let diameter_um = tolerance.positive("diameter_um", "diameter_um = 5")?.unwrap_or(0.0);
+                let offset_um = tolerance.positive("offset_um", "offset_um = 200")?.unwrap_or(0.0);
                 let percent = tolerance.positive("force_percent", "force_percent = 3")?.unwrap_or(0.0);
                 if 1e-6 * diameter_um > 0.2 * diameter_m(&robot) {
                     let found = format!("{diameter_um} µm is more than a fifth of the robot's diameter");
                     return Err(tolerance.refuse("diameter_um", found, "give the half-width of the diameter in µm"));
                 }
                 tolerance.require_range("force_percent", percent, [0.0, 50.0])?;
-                Tolerances { diameter_m: 1e-6 * diameter_um, force: 0.01 * percent }
+                Tolerances { diameter_m: 1e-6 * diameter_um, offset_m: 1e-6 * offset_um, force: 0.01 * percent }
             }
         };
         let mut effects = BTreeMap::new();
@@ -170,46 +140,6 @@ impl Scenario {
         }
         let place = table.place("name");
         Ok(Self { name, place, robot, vitreous, force, duration_s, quantities, tolerances, effects })
-    }
-
-    /// The scenario with every combination of the values of a table `[scenario.vary]`: aspect ratios, sizes, and parameters of effects.
-    fn varied(&self, vary: TomlTable<'_>) -> Result<Vec<Self>> {
-        let mut all = vec![self.clone()];
-        for key in ["aspect", "size"] {
-            if let Some(numbers) = vary.numbers(key)? {
-                let change = |one: &Self, number: f64| one.reshaped(vary, key, number);
-                all = combined(&all, (vary, key), &numbers, change)?;
-            }
-        }
-        for (parameter, table, key) in parameters_in(vary, &["aspect", "size"])? {
-            let numbers = table.numbers(&key)?.unwrap_or_default();
-            let change = |one: &Self, number: f64| {
-                let effects = one.effects.iter().map(|(name, value)| (name.clone(), *value));
-                Ok(Self { effects: effects.chain([(parameter.clone(), number)]).collect(), ..one.clone() })
-            };
-            all = combined(&all, (table, &key), &numbers, change)?;
-        }
-        match all.iter().find(|one| one.robot.farthest_point_m() >= 0.5 * one.vitreous.diameter_m) {
-            None => Ok(all),
-            Some(one) => {
-                let found = format!("the robot of `{}` does not fit inside the gel", one.name);
-                Err(vary.refuse("size", found, "leave out this combination"))
-            }
-        }
-    }
-
-    /// The scenario with another aspect ratio at the same volume, or another size at the same aspect ratio.
-    fn reshaped(&self, vary: TomlTable<'_>, key: &str, number: f64) -> Result<Self> {
-        vary.require_range(key, number, [0.01, 100.0])?;
-        let robot = match (key, aspect(&self.robot)) {
-            ("aspect", None) => {
-                let remedy = "give an ellipsoid or a cylinder, or vary `size` only";
-                return Err(vary.refuse("aspect", "a sphere has no other aspect ratio", remedy));
-            }
-            ("aspect", Some(own)) => slenderer(&self.robot, number / own),
-            _ => resized(&self.robot, number, number),
-        };
-        Ok(Self { robot, ..self.clone() })
     }
 
     /// Problem of the gel with the effects of this scenario, whose parameters have fixed values; `None` without such effects.
@@ -299,7 +229,7 @@ impl Scenario {
 }
 
 /// The parameters of effects in a table, each with the table and the key of its value. Names have the slug of the effect before a point, which also separates nested tables.
-fn parameters_in<'a>(table: TomlTable<'a>, others: &[&str]) -> Result<Vec<(String, TomlTable<'a>, String)>> {
+pub(crate) fn parameters_in<'a>(table: TomlTable<'a>, others: &[&str]) -> Result<Vec<(String, TomlTable<'a>, String)>> {
     let mut found = Vec::new();
     for key in table.keys_in_order() {
         if others.contains(&key) {
@@ -319,27 +249,6 @@ fn parameters_in<'a>(table: TomlTable<'a>, others: &[&str]) -> Result<Vec<(Strin
         found.extend(inner.keys_in_order().into_iter().map(|name| (format!("{key}.{name}"), inner, name.to_string())));
     }
     Ok(found)
-}
-
-/// Every scenario with every value of one quantity. `at` is the table and the key of the values.
-fn combined(
-    all: &[Scenario],
-    (table, key): (TomlTable<'_>, &str),
-    numbers: &[f64],
-    change: impl Fn(&Scenario, f64) -> Result<Scenario>,
-) -> Result<Vec<Scenario>> {
-    if numbers.is_empty() {
-        return Err(table.refuse(key, "the list is empty", format!("give numbers, as in `{key} = [0.5, 1, 2]`")));
-    }
-    if all.len() * numbers.len() > MOST_SCENARIOS {
-        let found = format!("there are {} combinations", all.len() * numbers.len());
-        return Err(table.refuse(key, found, format!("give at most {MOST_SCENARIOS} in one file")));
-    }
-    let changed = |(one, number): (&Scenario, &f64)| {
-        let new = change(one, *number)?;
-        Ok(Scenario { name: format!("{}, {key} {number}", new.name), ..new })
-    };
-    all.iter().flat_map(|one| numbers.iter().map(move |number| (one, number))).map(changed).collect()
 }
 
 /// Diameter of a robot, in m.
@@ -387,77 +296,4 @@ pub fn resized(robot: &Robot, length_factor: f64, diameter_factor: f64) -> Robot
 /// Latest time (s) at which a quantity is taken; `None` if no quantity has a time.
 fn latest_s(quantities: &[Quantity]) -> Option<f64> {
     quantities.iter().flat_map(Quantity::times_s).reduce(f64::max)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn read(text: &str) -> Result<Vec<Scenario>> {
-        let dir = tempfile::tempdir().expect("a directory");
-        let path = dir.path().join("scenarios.toml");
-        std::fs::write(&path, text).expect("a file");
-        let vitreous = Vitreous { diameter_m: 0.02, poisson_ratio: 0.48, density_kg_m3: None };
-        let shape = RobotShape::Sphere { diameter_m: 0.55e-3 };
-        Scenario::read(&path, Some((Robot { shape, density_kg_m3: Some(7500.0), offset: None }, vitreous)))
-    }
-
-    const CYLINDER: &str = "[[scenario]]\nname = \"cylinder\"\nforce = { steps_un = [[0, 20], [5, 0]] }\n[scenario.robot]\nshape = \"cylinder\"\nlength_mm = 2.04\ndiameter_mm = 0.21\norientation = \"horizontal\"\n[[scenario.quantity]]\nkind = \"position_at\"\nat_s = 7\n";
-
-    #[test]
-    fn what_a_scenario_leaves_out_is_the_study_s() {
-        let found = &read(CYLINDER).expect("scenarios")[0];
-        assert_eq!(found.vitreous.diameter_m, 0.02);
-        assert_eq!(found.robot.density_kg_m3, Some(7500.0));
-        assert_eq!(found.force_and_duration().expect("a force").1, 7.0);
-        assert!(
-            found.apparatus().starts_with("cylinder of 2.04 mm × 0.21 mm, along the force"),
-            "{}",
-            found.apparatus()
-        );
-    }
-
-    #[test]
-    fn impossible_scenarios_are_refused_with_line_and_key() {
-        let refusal = |text: &str| read(text).expect_err("a refusal").to_string();
-        let too_large = CYLINDER.replace("length_mm = 2.04", "length_mm = 30");
-        assert!(refusal(&too_large).contains("does not fit inside"));
-        let twice = format!("{CYLINDER}{CYLINDER}");
-        assert!(refusal(&twice).contains("two scenarios"));
-        let early = CYLINDER.replace("name =", "duration_s = 6\nname =");
-        assert!(refusal(&early).contains("ends at 6 s"));
-        let vary = |line: &str| format!("{CYLINDER}[scenario.vary]\n{line}\n");
-        assert!(refusal(&vary("size = [1, 20]")).contains("`cylinder, size 20` does not fit"));
-        assert!(refusal(&vary("aspect = []")).contains("empty"));
-        let force = "force = { steps_un = [[0, 20], [5, 0]] }\n";
-        let forceless = read(&CYLINDER.replace(force, "")).expect("a scenario")[0].force_and_duration().unwrap_err();
-        assert!(forceless.to_string().contains("scenarios.toml, line 2, `scenario cylinder: force`"), "{forceless}");
-        assert!(refusal(&CYLINDER.replace("\"cylinder\"\nforce", "\"\\u001b[2J\"\nforce")).contains("cannot be shown"));
-        assert!(refusal("[[scenarios]]\n").contains("`scenario`"));
-        assert!(refusal("scenario = []\n").contains("empty"));
-        assert!(refusal(&CYLINDER.replace("position_at", "speeed")).contains("line 10"));
-    }
-
-    /// Aspect ratios keep the volume, and sizes the aspect ratio.
-    #[test]
-    fn robots_are_varied_in_aspect_ratio_and_size() {
-        let found = read(&format!("{CYLINDER}[scenario.vary]\naspect = [2, 5]\nsize = [1, 3]\n")).expect("scenarios");
-        let names: Vec<&str> = found.iter().map(|scenario| scenario.name.as_str()).collect();
-        assert_eq!(
-            names,
-            [
-                "cylinder, aspect 2, size 1",
-                "cylinder, aspect 2, size 3",
-                "cylinder, aspect 5, size 1",
-                "cylinder, aspect 5, size 3"
-            ]
-        );
-        let volume_m3 = 0.25 * std::f64::consts::PI * 0.21e-3_f64.powi(2) * 2.04e-3;
-        for (scenario, [aspect, size]) in found.iter().zip([[2.0, 1.0], [2.0, 3.0], [5.0, 1.0], [5.0, 3.0_f64]]) {
-            let RobotShape::Cylinder { length_m, diameter_m, .. } = scenario.robot.shape else { panic!("no cylinder") };
-            assert!((length_m / diameter_m / aspect - 1.0).abs() < 1e-12, "{}", scenario.name);
-            let expected_m3 = volume_m3 * size.powi(3);
-            assert!((scenario.robot.shape.volume_m3() / expected_m3 - 1.0).abs() < 1e-12, "{}", scenario.name);
-        }
-    }
 }

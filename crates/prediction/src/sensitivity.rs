@@ -199,6 +199,13 @@ pub fn indices(
     Ok(found)
 }
 
+/// Share of the variance of a quantity that two evaluations with common inputs have in common, with its standard error: the first-order index of the common inputs. Entry k of `one`
+/// and of `other` have the same common inputs, and independent others.
+pub fn covariance_share(one: &[f64], other: &[f64]) -> [f64; 2] {
+    let pairs: Vec<[f64; 2]> = one.iter().zip(other).map(|(a, b)| [*a, *b]).collect();
+    ratio(&pairs, |a, b| a * b)
+}
+
 /// Shapley effects of quantity `q` to every input, with standard errors. `base` holds the quantities of every point; `with_first_kept` those of d further points for each,
 /// in which the first 0, 1, … d − 1 inputs of its order keep their values.
 fn shapley_effects(
@@ -362,6 +369,21 @@ mod tests {
             weight * (left(&known) - left(&with_input))
         };
         sets.map(part).sum::<f64>() / left(&[])
+    }
+
+    /// Two specimens of one group have the group in common: with standard deviations 1 and 2 the group's share of the variance is 1/5.
+    #[test]
+    fn the_share_of_common_inputs_is_that_of_their_variance() {
+        let mut random = ChaCha8Rng::seed_from_u64(6);
+        let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
+        let pairs: Vec<[f64; 2]> = (0..N)
+            .map(|_| {
+                let group = normal();
+                [group + 2.0 * normal(), group + 2.0 * normal()]
+            })
+            .collect();
+        let [one, other] = [0, 1].map(|k| pairs.iter().map(|pair| pair[k]).collect::<Vec<f64>>());
+        assert_near(covariance_share(&one, &other), 0.2, "share");
     }
 
     #[test]

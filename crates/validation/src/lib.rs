@@ -1,5 +1,4 @@
-//! Challenges with hidden effects, calibration of posteriors, and the study of robot shapes.
+//! Challenges with hidden effects, and calibration of posteriors.
 
 pub mod calibration;
 pub mod challenge;
-pub mod shapes;

@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use clap::Args;
 use vitreo_uq::base::error::{Error, InputPlace, Result};
 use vitreo_uq::documents::posterior::Warning;
-use vitreo_uq::documents::prediction::{Prediction, ScenarioPrediction};
+use vitreo_uq::documents::prediction::{GroupShare, Prediction, ScenarioPrediction};
 use vitreo_uq::jobs::outcome::Outcome;
 use vitreo_uq::jobs::prediction::predict::{self, PredictRequest};
 use vitreo_uq::jobs::prediction::{GelPlace, is_groups};
@@ -151,6 +151,10 @@ fn words(found: &Prediction) -> String {
             let [first, total] = [share(entry.first_order, entry.first_order_se), share(entry.total, entry.total_se)];
             lines.push(format!("  {:<28}{:<24}{due:>15}{first:>15}{total:>15}", entry.quantity, entry.input));
         }
+        let of_group = found.group_shares.iter().filter(|share| share.scenario == scenario.name);
+        lines.extend(of_group.map(|GroupShare { quantity, share, share_se, .. }| {
+            format!("  {quantity}: {share:.2} ± {share_se:.2} of the variance is due to the uncertain group, which more specimens reduce")
+        }));
         lines.extend(warning_lines(&scenario.warnings));
     }
     lines.extend(warning_lines(&found.warnings));

@@ -9,18 +9,18 @@ use vitreo_uq::base::number::Dual;
 use vitreo_uq::documents::posterior::Warning;
 use vitreo_uq::documents::shapes::ShapesSummary;
 use vitreo_uq::elements::fe::oldroyd::FiniteLaw;
-use vitreo_uq::figures::draws::read_draws_csv;
 use vitreo_uq::jobs::outcome::Outcome;
+use vitreo_uq::jobs::prediction::draws_of_revision;
 use vitreo_uq::jobs::target::Revision;
-use vitreo_uq::laws::rheology::CreepCompliance;
 use vitreo_uq::posterior::mechanics::{MeshFile, read_mesh};
 use vitreo_uq::posterior::monitor::Monitor;
 use vitreo_uq::posterior::study::WithProvenance;
+use vitreo_uq::prediction::ensemble::{Draws, Gel};
+use vitreo_uq::prediction::shapes::artefacts;
+use vitreo_uq::prediction::shapes::bodies::PAPER_ASPECT;
+use vitreo_uq::prediction::shapes::job::{self, ShapesRequest};
+use vitreo_uq::prediction::shapes::summary::summarise;
 use vitreo_uq::record::{Apparatus, RobotShape, Vitreous};
-use vitreo_uq::validation::shapes::artefacts;
-use vitreo_uq::validation::shapes::bodies::PAPER_ASPECT;
-use vitreo_uq::validation::shapes::job::{self, ShapesRequest};
-use vitreo_uq::validation::shapes::summary::summarise;
 
 use crate::options::{Common, ModelOptions};
 use crate::report::PageArguments;
@@ -90,8 +90,6 @@ impl ShapesArguments {
 const PAPER_DIAMETER_M: f64 = 0.55e-3;
 /// Duration of a hold in the paper's cycle, in s.
 const HOLD_S: f64 = 5.0;
-/// Number of posterior draws for which displacements are computed.
-const N_DRAWS: usize = 1_000;
 
 pub fn run(arguments: &ShapesArguments) -> Result<ExitCode> {
     let common = &arguments.common()?;
@@ -133,7 +131,7 @@ fn check(arguments: &ShapesArguments) -> Result<()> {
     Ok(())
 }
 
-fn request(arguments: &ShapesArguments, revision: &Revision) -> Result<(ShapesRequest, Vec<Warning>)> {
+fn request<'a>(arguments: &ShapesArguments, revision: &'a Revision) -> Result<(ShapesRequest<'a>, Vec<Warning>)> {
     let experiment = &revision.problem.experiment;
     let Apparatus::Robot { robot, vitreous } = &experiment.apparatus else {
         return Err(Error::input(
@@ -160,7 +158,7 @@ fn request(arguments: &ShapesArguments, revision: &Revision) -> Result<(ShapesRe
         None => (None, Vec::new()),
     };
     let amplitude = experiment.record.force_n.iter().fold(0.0_f64, |most, force| most.max(force.abs()));
-    let (laws, mean) = laws(revision)?;
+    let draws = draws(revision)?;
     let request = ShapesRequest {
         sphere_diameter_m,
         vitreous: *vitreous,
@@ -168,53 +166,42 @@ fn request(arguments: &ShapesArguments, revision: &Revision) -> Result<(ShapesRe
         poisson_ratios,
         force_n: arguments.force_un.first().map_or(amplitude, |force| 1e-6 * force),
         hold_s: HOLD_S,
-        laws,
-        finite_law: mean.and_then(|mean| FiniteLaw::new(&revision.problem.model.base().elements(&mean), 0.0)),
+        finite_law: finite_law(revision, &draws),
+        gel: Gel { problem: &revision.problem, draws, is_taught: true, seed: arguments.seed },
         own_mesh,
     };
     Ok((request, warnings))
 }
 
 /// Force amplitudes for which displacements are reported, in N.
-fn forces_n(arguments: &ShapesArguments, request: &ShapesRequest) -> Vec<f64> {
+fn forces_n(arguments: &ShapesArguments, request: &ShapesRequest<'_>) -> Vec<f64> {
     match &arguments.force_un[..] {
         [] => vec![request.force_n],
         given => given.iter().map(|force| 1e-6 * force).collect(),
     }
 }
 
-/// Creep compliance of the gel for posterior draws of the revision, and the law's parameters at the posterior mean. `None` for the parameters if there are no
-/// draws.
-fn laws(revision: &Revision) -> Result<(Vec<CreepCompliance>, Option<Vec<Dual>>)> {
-    let model = &revision.problem.model;
-    if !model.effects().is_empty() || !model.base().is_exponential() {
+/// Draws of the gel's law.
+fn draws(revision: &Revision) -> Result<Draws> {
+    let Revision { study, name, problem, .. } = revision;
+    if !problem.model.effects().is_empty() {
         return Err(Error::input(
-            InputPlace::file(revision.study.dir()).at_key(&revision.name),
-            "shapes are compared in a gel of springs and dashpots alone, but this revision has further effects",
+            InputPlace::file(study.dir()).at_key(name),
+            "shapes are compared in a gel without further effects, but this revision has some",
             "choose a revision without effects (--from m0)",
         ));
     }
-    let table = read_draws_csv(&revision.study.revision_dir(&revision.name)?.join("draws.csv"))?;
-    let column = |name: &str| {
-        table.parameter_names.iter().position(|parameter_name| parameter_name == name).map(|index| table.column(index))
-    };
-    let fixed = &revision.problem.specification.fixed;
-    let columns: Vec<(Option<Vec<f64>>, f64)> = model
-        .base()
-        .parameters()
-        .iter()
-        .map(|spec| (column(spec.name), fixed.get(spec.name).copied().unwrap_or(f64::NAN)))
-        .collect();
-    let n = table.n_draws();
-    let law = |draw: usize| {
-        let parameters: Vec<f64> =
-            columns.iter().map(|(values, fixed)| values.as_ref().map_or(*fixed, |values| values[draw])).collect();
-        model.base().creep_compliance(&parameters)
-    };
-    let mean = |(values, fixed): &(Option<Vec<f64>>, f64)| {
-        let mean = values.as_ref().map_or(*fixed, |values| values.iter().sum::<f64>() / n as f64);
-        Dual::constant(mean)
-    };
-    let mean = (n > 0).then(|| columns.iter().map(mean).collect());
-    Ok(((0..n).step_by(n.div_ceil(N_DRAWS).max(1)).filter_map(law).collect(), mean))
+    draws_of_revision(&study.revision_dir(name)?, name, problem)
+}
+
+/// Law of the gel for large strains, at the mean of the draws; `None` if the law has no such form.
+fn finite_law(revision: &Revision, draws: &Draws) -> Option<FiniteLaw> {
+    let problem = &revision.problem;
+    let base = problem.model.base();
+    if !base.is_exponential() || draws.values.is_empty() {
+        return None;
+    }
+    let all: Vec<Vec<f64>> = draws.values.iter().map(|draw| draws.parameters(problem, draw)).collect();
+    let mean = |k: usize| Dual::constant(all.iter().map(|parameters| parameters[k]).sum::<f64>() / all.len() as f64);
+    FiniteLaw::new(&base.elements(&(0..base.parameters().len()).map(mean).collect::<Vec<Dual>>()), 0.0)
 }

@@ -2,16 +2,17 @@
 
 use base::error::{Error, InputPlace, Result};
 use documents::prediction::PositionQuantiles;
+use documents::shapes::{BodyShape, SizeRule};
 use models::effects::Library;
 use posterior::monitor::SilentMonitor;
 use posterior::problem::Problem;
 use posterior::study::{ModelSpecification, Study};
-use prediction::body;
+use prediction::body::{self, of_equal_size};
 use prediction::ensemble::{Ensemble, Gel, quantiles_um};
 use prediction::force_history::ForceHistory;
 use prediction::quantity::Quantity;
 use prediction::scenario::{Scenario, resized};
-use record::{Apparatus, Control, Robot, RobotShape};
+use record::{Apparatus, Control, Orientation, Robot};
 use serde::{Deserialize, Serialize};
 
 use super::gel_source::draws_of_revision;
@@ -180,7 +181,6 @@ fn with_aspect(robot: &Robot, aspect: f64) -> Robot {
     if aspect <= 0.0 {
         return *robot;
     }
-    let diameter_m = (6.0 / std::f64::consts::PI * robot.shape.volume_m3() / aspect).cbrt();
-    let orientation = record::Orientation::Horizontal;
-    Robot { shape: RobotShape::Ellipsoid { length_m: aspect * diameter_m, diameter_m, orientation }, ..*robot }
+    let form = (BodyShape::Ellipsoid, Orientation::Horizontal);
+    Robot { shape: of_equal_size(form, aspect, SizeRule::EqualVolume, &robot.shape), ..*robot }
 }

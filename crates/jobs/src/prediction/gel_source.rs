@@ -16,6 +16,7 @@ use posterior::problem::Problem;
 use posterior::study::{DIAGNOSIS_NAME, ModelSpecification, POSTERIOR_NAME, Provenance, Study, WithProvenance};
 use prediction::ensemble::{Draws, Gel, MOST_DRAWS};
 use prediction::scenario::Scenario;
+use prediction::scenario_file::read_scenarios;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use record::{Apparatus, Control, Experiment, Record, Robot, Vitreous};
@@ -95,7 +96,7 @@ impl GelPlace<'_> {
     /// Errors of reading; [`Error::Input`] if there is neither a file nor a robot of the study.
     pub(crate) fn scenarios(&self, path: Option<&Path>) -> Result<Vec<Scenario>> {
         match (path, self.apparatus()?) {
-            (Some(path), apparatus) => Scenario::read(path, apparatus),
+            (Some(path), apparatus) => read_scenarios(path, apparatus),
             (None, Some((robot, vitreous))) => Ok(vec![Scenario::of_robot("own robot", robot, vitreous)]),
             (None, None) => Err(Error::input(
                 InputPlace::setting(Setting::Scenario),
@@ -181,7 +182,10 @@ fn of_study(target: &CreepTarget, options: &SamplerOptions, monitor: &dyn Monito
 }
 
 /// Draws of the parameters of a revision's model, at most as many as a prediction takes.
-pub(super) fn draws_of_revision(dir: &Path, name: &str, problem: &Problem) -> Result<Draws> {
+///
+/// # Errors
+/// Errors of reading the table of draws.
+pub fn draws_of_revision(dir: &Path, name: &str, problem: &Problem) -> Result<Draws> {
     let table = read_draws_csv(&dir.join("draws.csv"))?;
     let is_parameter = |k: &usize| problem.model.parameters().iter().any(|spec| spec.name == table.parameter_names[*k]);
     let columns: Vec<usize> = (0..table.parameter_names.len()).filter(is_parameter).collect();
@@ -190,6 +194,7 @@ pub(super) fn draws_of_revision(dir: &Path, name: &str, problem: &Problem) -> Re
         source: format!("{}, revision {name}", problem.experiment.specimen_id),
         names: columns.iter().map(|k| table.parameter_names[*k].clone()).collect(),
         values: table.values.chunks_exact(n).map(|draw| columns.iter().map(|k| draw[*k]).collect()).collect(),
+        other_specimens: Vec::new(),
     };
     Ok(draws.thinned(MOST_DRAWS))
 }
@@ -275,6 +280,7 @@ fn of_prior(name: &str, dir: &Path, first: &Scenario, seed: u64) -> Result<GelSo
     let draws = Draws {
         source: format!("the prior {name}"),
         values: (0..MOST_DRAWS).map(|_| draw()).collect(),
+        other_specimens: Vec::new(),
         names: columns.iter().map(|k| names[*k].to_string()).collect(),
     };
     files::create_folders(dir, "choose another directory with `--out`")?;
@@ -311,25 +317,30 @@ fn problem_of_gel(name: &str, specification: ModelSpecification, first: &Scenari
     Problem::with_mechanics(experiment, specification, &models::effects::Library::default(), mechanics)
 }
 
-/// Draws of a new specimen of a group.
+/// Draws of a new specimen of a group: two specimens for each draw of the population.
 fn new_specimens(path: &Path, group: &str) -> Result<Draws> {
     let remedy = "run `vitreo-uq groups` again: it writes the draws of new specimens";
     let bytes = files::read(path, Content::Table, remedy)?;
     let refuse = |found: String| Error::input(InputPlace::file(path), found, remedy);
     let mut reader = csv::Reader::from_reader(bytes.as_slice());
     let header = reader.headers().map_err(|error| refuse(error.to_string()))?.clone();
-    let names: Vec<String> = header.iter().skip(1).map(String::from).collect();
-    let mut values = Vec::new();
+    if header.iter().nth(1) != Some("draw") {
+        return Err(refuse("the table has no column `draw` behind the group".into()));
+    }
+    let names: Vec<String> = header.iter().skip(2).map(String::from).collect();
+    let mut specimens = Vec::new();
     for row in reader.records() {
         let row = row.map_err(|error| refuse(error.to_string()))?;
         if row.get(0) == Some(group) {
             let draw: Option<Vec<f64>> =
-                row.iter().skip(1).map(|cell| cell.parse().ok().filter(|x: &f64| x.is_finite())).collect();
-            values.push(draw.ok_or_else(|| refuse(format!("a draw of {group} is not a list of numbers")))?);
+                row.iter().skip(2).map(|cell| cell.parse().ok().filter(|x: &f64| x.is_finite())).collect();
+            specimens.push(draw.ok_or_else(|| refuse(format!("a draw of {group} is not a list of numbers")))?);
         }
     }
-    if values.is_empty() {
-        return Err(refuse(format!("there are no draws of {group}")));
+    if specimens.is_empty() || specimens.len() % 2 == 1 {
+        return Err(refuse(format!("there are {} new specimens of {group}, not two for each draw", specimens.len())));
     }
-    Ok(Draws { source: format!("a new specimen of {group}"), names, values })
+    let every_second = |first: usize| specimens.iter().skip(first).step_by(2).cloned().collect();
+    let source = format!("a new specimen of {group}");
+    Ok(Draws { source, names, values: every_second(0), other_specimens: every_second(1) })
 }

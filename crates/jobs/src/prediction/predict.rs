@@ -5,16 +5,19 @@ use std::path::PathBuf;
 use base::error::{Error, InputPlace, Result, Setting};
 use base::files::{to_json, write_together};
 use documents::posterior::{Warning, WarningKind};
-use documents::prediction::{EquivalentPrediction, PredictedQuantity, Prediction, ScenarioPrediction, Sensitivity};
+use documents::prediction::{
+    EquivalentPrediction, GroupShare, PositionQuantiles, PredictedQuantity, Prediction, ScenarioPrediction, Sensitivity,
+};
 use figures::number::format_significant;
 use figures::svg::figure_files;
 use posterior::monitor::Monitor;
 use posterior::study::WithProvenance;
-use prediction::ensemble::{self, Ensemble, Gel};
+use prediction::ensemble::{self, Draws, Ensemble, Gel};
 use prediction::force_history::ForceHistory;
 use prediction::quantity::{Quantity, time_to_reach_s};
 use prediction::scenario::Scenario;
-use prediction::sensitivity::{Inputs, Marginal, indices};
+use prediction::sensitivity::{Inputs, Marginal, covariance_share, indices};
+use prediction::tolerance::Tolerance;
 use record::{Control, Record};
 use sampling::SamplerOptions;
 
@@ -34,6 +37,11 @@ const N_SENSITIVITY: usize = 2_048;
 const SENSITIVITY_ROWS: usize = 8;
 /// The same number if the position is not proportional to the force, where a trajectory takes milliseconds.
 const N_SENSITIVITY_SLOW: usize = 128;
+
+/// Largest relative numerical error that is no input of the sensitivity.
+const SHOWN_NUMERICAL_ERROR: f64 = 1e-4;
+/// Random stream of the tolerances of other specimens.
+const OTHER_SPECIMENS_STREAM: u64 = 2;
 
 /// Settings of a prediction.
 pub struct PredictRequest {
@@ -59,6 +67,7 @@ pub fn run(place: &GelPlace<'_>, request: &PredictRequest, monitor: &dyn Monitor
         scenarios: Vec::new(),
         equivalent: Vec::new(),
         sensitivity: Vec::new(),
+        group_shares: Vec::new(),
         warnings: source.warnings.clone(),
     };
     for (scenario, record) in &scenarios {
@@ -68,7 +77,10 @@ pub fn run(place: &GelPlace<'_>, request: &PredictRequest, monitor: &dyn Monitor
         let record = ensemble.record();
         monitor.stage(&format!("predicting {}", scenario.name));
         let prediction = predicted(&gel, &ensemble, scenario, monitor)?;
-        found.sensitivity.extend(sensitivity(&gel, &ensemble, scenario, seed, monitor)?);
+        let error_um = prediction.full_model_error_um + prediction.mesh_error_um.unwrap_or(0.0);
+        let relative_error = error_um / largest_um(&prediction.position_um);
+        found.sensitivity.extend(sensitivity(&gel, &ensemble, scenario, relative_error, monitor)?);
+        found.group_shares.extend(group_shares(&gel, &ensemble, scenario)?);
         for rival in &source.rivals {
             let gel = Gel { problem: &rival.problem, draws: rival.draws.clone(), is_taught: true, seed };
             let ensemble = match Ensemble::new(&gel, scenario, record.clone(), source.kept.clone(), monitor) {
@@ -184,7 +196,7 @@ pub(super) fn predicted(
     let position_um = ensemble::quantiles_um(&trajectories_m);
     monitor.stage("checking draws by full finite elements");
     let check = ensemble.check(&trajectories_m)?;
-    let largest_um = position_um.median.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+    let largest_um = largest_um(&position_um);
     let mut warnings = ensemble::warnings(gel, ensemble, &trajectories_m);
     let bends = ensemble.problem().model.effects().iter().find(|effect| effect.changes_field());
     if let Some(effect) = bends.filter(|_| scenario.quantities.contains(&Quantity::PeakStrain)) {
@@ -220,6 +232,11 @@ pub(super) fn predicted(
         mesh_error_um: ensemble.mesh_error().map(|error| error * largest_um),
         warnings,
     })
+}
+
+/// Largest distance of the median from the start, in µm.
+fn largest_um(position_um: &PositionQuantiles) -> f64 {
+    position_um.median.iter().fold(0.0_f64, |most, x| most.max(x.abs()))
 }
 
 fn quantities(ensemble: &Ensemble, scenario: &Scenario, trajectories_m: &[Vec<f64>]) -> Vec<PredictedQuantity> {
@@ -271,12 +288,12 @@ fn disagreement_warnings(found: &Prediction) -> Vec<Warning> {
     disagreeing.map(warning).collect()
 }
 
-/// Sensitivity of every quantity to the parameters and tolerances. Times of arrival count as the scenario's duration if the robot does not arrive.
+/// Sensitivity of every quantity to the parameters, the tolerances and the numerical error. Times of arrival count as the scenario's duration if the robot does not arrive.
 fn sensitivity(
     gel: &Gel<'_>,
     ensemble: &Ensemble,
     scenario: &Scenario,
-    seed: u64,
+    numerical_error: f64,
     monitor: &dyn Monitor,
 ) -> Result<Vec<Sensitivity>> {
     if ensemble.is_slow() || gel.draws.values.is_empty() {
@@ -284,11 +301,12 @@ fn sensitivity(
     }
     monitor.stage("attributing the variance to its sources");
     let (mut inputs, kept) = Inputs::of_draws(&gel.draws.names, &gel.draws.values);
-    let tolerances = ensemble.tolerances;
-    for (name, tolerance) in ["diameter", "force calibration"].into_iter().zip(tolerances) {
-        if tolerance > 0.0 {
-            inputs.push_independent(name, Marginal::Uniform([-tolerance, tolerance]));
-        }
+    let numerical = Tolerance::proportional("numerical error", numerical_error);
+    let is_numerical_named = numerical_error > SHOWN_NUMERICAL_ERROR;
+    let tolerances: Vec<&Tolerance> =
+        ensemble.tolerances.iter().chain(is_numerical_named.then_some(&numerical)).collect();
+    for tolerance in &tolerances {
+        inputs.push_independent(tolerance.name, Marginal::Uniform([-1.0, 1.0]));
     }
     if inputs.names().is_empty() {
         return Ok(Vec::new());
@@ -315,10 +333,8 @@ fn sensitivity(
     let draw_and_factor = |inputs: &Vec<f64>| {
         let mut draw = gel.draws.values[0].clone();
         kept.iter().zip(inputs).for_each(|(k, value)| draw[*k] = *value);
-        let mut others = inputs[kept.len()..].iter();
-        let mut next = |tolerance: f64| if tolerance > 0.0 { others.next().copied().unwrap_or(0.0) } else { 0.0 };
-        let [diameter, force] = [next(tolerances[0]), next(tolerances[1])];
-        let factor = ensemble.by_diameter_factor(diameter) * (1.0 + force);
+        let at = &inputs[kept.len()..];
+        let factor = tolerances.iter().zip(at).map(|(tolerance, u)| tolerance.factor(*u)).product::<f64>();
         (gel.draws.parameters(ensemble.problem(), &draw), factor)
     };
     let values = |points: &[Vec<f64>]| -> Result<Vec<Vec<f64>>> {
@@ -332,7 +348,7 @@ fn sensitivity(
         Ok(forward.trajectories_m(&parameters)?.into_iter().zip(factors).map(of_trajectory).collect())
     };
     let n = if is_linear { N_SENSITIVITY } else { N_SENSITIVITY_SLOW };
-    let found = indices(&inputs, n, seed, values)?;
+    let found = indices(&inputs, n, gel.seed, values)?;
     let entries = scenario.quantities.iter().zip(found).flat_map(|(quantity, of_inputs)| {
         let entry = move |(input, index): (&String, prediction::sensitivity::Index)| Sensitivity {
             scenario: scenario.name.clone(),
@@ -348,6 +364,31 @@ fn sensitivity(
         inputs.names().iter().zip(of_inputs).map(entry).collect::<Vec<Sensitivity>>()
     });
     Ok(entries.collect())
+}
+
+/// Share of the variance of every quantity that is due to the uncertain group, for a new specimen of a group. It is the covariance of two specimens of one draw of the
+/// population, divided by the variance of one specimen.
+fn group_shares(gel: &Gel<'_>, ensemble: &Ensemble, scenario: &Scenario) -> Result<Vec<GroupShare>> {
+    if gel.draws.other_specimens.is_empty() || ensemble.is_slow() {
+        return Ok(Vec::new());
+    }
+    let duration_s = ensemble.record().time_s[ensemble.record().n_rows() - 1];
+    let values = |draws: &Draws, stream: u64| -> Result<Vec<Vec<f64>>> {
+        let ensemble = ensemble.with_draws(draws, stream);
+        let trajectories_m = ensemble.trajectories_m(0..ensemble.parameters.len())?;
+        let of_quantity = |quantity: &Quantity| {
+            let value = |x: &Vec<f64>| quantity.value(ensemble.record(), x, ensemble.strain_per_m);
+            trajectories_m.iter().map(value).map(|value| if value.is_finite() { value } else { duration_s }).collect()
+        };
+        Ok(scenario.quantities.iter().map(of_quantity).collect())
+    };
+    let other = Draws { values: gel.draws.other_specimens.clone(), other_specimens: Vec::new(), ..gel.draws.clone() };
+    let (one, other) = (values(&gel.draws, 0)?, values(&other, OTHER_SPECIMENS_STREAM)?);
+    let share = |((quantity, one), other): ((&Quantity, &Vec<f64>), &Vec<f64>)| {
+        let [share, share_se] = covariance_share(one, other);
+        GroupShare { scenario: scenario.name.clone(), quantity: quantity.label(), share, share_se }
+    };
+    Ok(scenario.quantities.iter().zip(&one).zip(&other).map(share).collect())
 }
 
 fn write(source: &GelSource, found: Prediction, seed: u64, monitor: &dyn Monitor) -> Result<Outcome<Prediction>> {

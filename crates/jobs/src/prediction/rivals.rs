@@ -58,6 +58,7 @@ pub fn rivals(
                 source: format!("{} with {effect}", problem.experiment.specimen_id),
                 names: problem.parameters().iter().map(|spec| spec.name.to_string()).collect(),
                 values: outcome.draws.subsample(N_DRAWS).iter().map(|point| posterior.natural(point)).collect(),
+                other_specimens: Vec::new(),
             };
             list.push(Rival { effect: effect.clone(), draws, problem: problem.clone() });
         }

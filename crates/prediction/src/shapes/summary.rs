@@ -68,7 +68,7 @@ fn displacement(force_per_pa: [f64; 3], stiffness_m: f64) -> Displacement {
 
 fn body(body_stiffness: &BodyStiffness, sphere: &BodyStiffness, force_per_pa: [f64; 3]) -> BodySummary {
     let [length_m, diameter_m] = body_stiffness.body.sizes_m();
-    let (surface, unit) = (body_stiffness.body.revolution, sphere.body.revolution);
+    let (surface, unit) = (body_stiffness.body.revolution(), sphere.body.revolution());
     BodySummary {
         shape: body_stiffness.body.shape,
         orientation: match (body_stiffness.body.shape, body_stiffness.body.orientation) {

@@ -7,7 +7,7 @@
 
 use rayon::prelude::*;
 
-use super::bodies::{StudyBody, sized};
+use super::bodies::StudyBody;
 use super::claims::{easier, verdict_of};
 use base::error::Result;
 use documents::shapes::{BodyShape, Claim, ClaimVerdict, LargeShape, LargeStrains, SizeRule};
@@ -111,7 +111,7 @@ fn follow(
     let (time_s, force_n) = rows;
     let load = Stages::of_law(Vec::new()).load;
     let deviation_m = |fineness: Discretisation, law: &FiniteLaw| -> Result<Vec<f64>> {
-        let gel = FiniteGel::new(body.revolution, outer_radius_m, VolumeRule::Incompressible, fineness)?;
+        let gel = FiniteGel::new(body.revolution(), outer_radius_m, VolumeRule::Incompressible, fineness)?;
         let (run, _) = gel.run_until_failure(&FiniteInput { law, load: &load, time_s, force: Force::from(force_n) })?;
         Ok(run.deviation_m)
     };
@@ -119,7 +119,8 @@ fn follow(
     let (values, coarser) = (deviation_m(fine, &laws[0])?, deviation_m(coarse, &laws[0])?);
     let is_whole = values.len().min(coarser.len()) == time_s.len();
     let resolution = Resolution::default();
-    let stiffness_m = solve(body.revolution, outer_radius_m, poisson_ratio, body.direction(), resolution)?.stiffness_m;
+    let stiffness_m =
+        solve(body.revolution(), outer_radius_m, poisson_ratio, body.direction(), resolution)?.stiffness_m;
     Ok(BodyMotion {
         body,
         aspect,
@@ -149,8 +150,7 @@ pub fn run(
     let mut aspects: Vec<f64> = ASPECTS.into_iter().filter(|aspect| *aspect != value).chain([value]).collect();
     aspects.sort_by(f64::total_cmp);
     let body = |shape: BodyShape, rule: SizeRule, aspect: f64| {
-        let revolution = sized(shape, aspect, rule, sphere_diameter_m);
-        (StudyBody { shape, orientation: Orientation::Horizontal, rule, revolution }, aspect)
+        (StudyBody::new((shape, Orientation::Horizontal), aspect, rule, sphere_diameter_m), aspect)
     };
     // A sphere has one size under both rules.
     let mut all = vec![body(BodyShape::Sphere, SizeRule::EqualVolume, 1.0)];

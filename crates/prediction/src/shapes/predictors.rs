@@ -11,10 +11,10 @@ use std::f64::consts::PI;
 
 use rayon::prelude::*;
 
-use super::bodies::{StudyBody, sized};
+use super::bodies::StudyBody;
 use base::error::Result;
 use documents::shapes::{BodyShape, SizeRule};
-use elements::fe::meridional::{BodyOfRevolution, Resolution, solve};
+use elements::fe::meridional::{BodyOfRevolution, Direction, Resolution, solve};
 use record::Orientation;
 
 /// Aspect ratios for which the predictors are compared.
@@ -59,16 +59,16 @@ impl Predictor {
         let [along, across] = body.sizes_m();
         let disc = |area_m2: f64| (4.0 * area_m2 / PI).sqrt();
         match self {
-            Self::Volume => (6.0 * body.revolution.volume_m3() / PI).cbrt(),
-            Self::Surface => (body.revolution.surface_area_m2() / PI).sqrt(),
-            Self::Projected => disc(match (body.orientation, body.revolution) {
+            Self::Volume => (6.0 * body.revolution().volume_m3() / PI).cbrt(),
+            Self::Surface => (body.revolution().surface_area_m2() / PI).sqrt(),
+            Self::Projected => disc(match (body.orientation, body.revolution()) {
                 (Orientation::Horizontal, _) => PI / 4.0 * across * across,
                 (Orientation::Vertical, BodyOfRevolution::Spheroid { .. }) => PI / 4.0 * along * across,
                 (Orientation::Vertical, BodyOfRevolution::Cylinder { .. }) => along * across,
             }),
             Self::Length => along.max(across),
             Self::Leith => (Self::Projected.length_m(body) + 2.0 * Self::Surface.length_m(body)) / 3.0,
-            Self::MeanCaliper => mean_caliper_m(body.revolution),
+            Self::MeanCaliper => mean_caliper_m(body.revolution()),
         }
     }
 }
@@ -105,24 +105,19 @@ pub fn compare_predictors(
         for shape in [BodyShape::Ellipsoid, BodyShape::Cylinder] {
             for orientation in [Orientation::Horizontal, Orientation::Vertical] {
                 let rule = SizeRule::EqualVolume;
-                let revolution = sized(shape, aspect, rule, sphere_diameter_m);
-                bodies.push((aspect, StudyBody { shape, orientation, rule, revolution }));
+                bodies.push((aspect, StudyBody::new((shape, orientation), aspect, rule, sphere_diameter_m)));
             }
         }
     }
-    let sphere = StudyBody {
-        shape: BodyShape::Sphere,
-        orientation: Orientation::Horizontal,
-        rule: SizeRule::EqualVolume,
-        revolution: BodyOfRevolution::sphere(0.5 * sphere_diameter_m),
-    };
+    let sphere =
+        StudyBody::new((BodyShape::Sphere, Orientation::Horizontal), 1.0, SizeRule::EqualVolume, sphere_diameter_m);
     let coarse = Resolution { order: 6, rim_layers: 5, ..Resolution::default() };
-    let stiffness_m = |body: &StudyBody| {
-        solve(body.revolution, outer_radius_m, poisson_ratio, body.direction(), coarse).map(|found| found.stiffness_m)
+    let stiffness_m = |body: BodyOfRevolution, direction: Direction| {
+        solve(body, outer_radius_m, poisson_ratio, direction, coarse).map(|found| found.stiffness_m)
     };
-    let of_sphere_m = stiffness_m(&sphere)?;
-    let ratios: Vec<f64> =
-        bodies.par_iter().map(|(_, body)| Ok(stiffness_m(body)? / of_sphere_m)).collect::<Result<_>>()?;
+    let of_sphere_m = stiffness_m(sphere.revolution(), sphere.direction())?;
+    let ratio = |(_, body): &(f64, StudyBody)| Ok(stiffness_m(body.revolution(), body.direction())? / of_sphere_m);
+    let ratios: Vec<f64> = bodies.par_iter().map(ratio).collect::<Result<_>>()?;
     let record = |predictor: Predictor| {
         let unit_m = predictor.length_m(&sphere);
         let errors: Vec<f64> = bodies
@@ -137,8 +132,8 @@ pub fn compare_predictors(
     let names = cylinders().map(|((aspect, body), _)| (*aspect, *body)).collect::<Vec<_>>();
     for (title, scales) in EQUIVALENT_SPHEROIDS {
         let of_twin = |((_, body), ratio): (&(f64, StudyBody), &f64)| {
-            let twin = StudyBody { revolution: equivalent_spheroid(body, scales), ..*body };
-            Ok(stiffness_m(&twin)? / of_sphere_m / ratio - 1.0)
+            let of_twin_m = stiffness_m(equivalent_spheroid(body, scales), body.direction())?;
+            Ok(of_twin_m / of_sphere_m / ratio - 1.0)
         };
         let errors: Vec<f64> = cylinders().map(of_twin).collect::<Result<_>>()?;
         records.push(record_of(title, &errors, &names));
@@ -177,18 +172,11 @@ fn equivalent_spheroid(body: &StudyBody, [of_length, of_diameter]: [f64; 2]) -> 
 mod tests {
     use super::*;
 
-    const RULE: SizeRule = SizeRule::EqualVolume;
-
     /// For a sphere, the length of every predictor is the diameter.
     #[test]
     fn lengths_of_a_sphere_are_its_diameter() {
         let (diameter_m, orientation) = (0.55e-3, Orientation::Vertical);
-        let body = StudyBody {
-            shape: BodyShape::Sphere,
-            orientation,
-            rule: RULE,
-            revolution: BodyOfRevolution::sphere(0.5 * diameter_m),
-        };
+        let body = StudyBody::new((BodyShape::Sphere, orientation), 1.0, SizeRule::EqualVolume, diameter_m);
         for predictor in Predictor::ALL {
             assert!((predictor.length_m(&body) / diameter_m - 1.0).abs() < 1e-6, "{predictor:?}");
         }
@@ -207,10 +195,8 @@ mod tests {
     /// The spheroids that replace a cylinder have its volume, or its second moments.
     #[test]
     fn spheroids_in_a_cylinders_place() {
-        let (length_m, diameter_m) = (3e-3, 0.4e-3);
-        let revolution = BodyOfRevolution::Cylinder { length_m, diameter_m };
-        let body =
-            StudyBody { shape: BodyShape::Cylinder, orientation: Orientation::Horizontal, rule: RULE, revolution };
+        let body = StudyBody::new((BodyShape::Cylinder, Orientation::Horizontal), 7.5, SizeRule::EqualVolume, 0.55e-3);
+        let ([length_m, diameter_m], revolution) = (body.sizes_m(), body.revolution());
         let of_volume = equivalent_spheroid(&body, EQUIVALENT_SPHEROIDS[0].1);
         assert!((of_volume.volume_m3() / revolution.volume_m3() - 1.0).abs() < 1e-14);
         let BodyOfRevolution::Spheroid { semi_axis_along_m: a, semi_axis_across_m: b } =

@@ -107,7 +107,7 @@ pub(super) fn verdict_of(probability: f64) -> ClaimVerdict {
 
 /// Tests "The viscoelastic force is approximately proportional to the surface area of the robot."
 fn proportional_to_surface(sphere: &StiffnessEstimate, others: &[&&StiffnessEstimate]) -> Claim {
-    let area = |stiffness_estimate: &StiffnessEstimate| stiffness_estimate.body.revolution.surface_area_m2();
+    let area = |stiffness_estimate: &StiffnessEstimate| stiffness_estimate.body.revolution().surface_area_m2();
     let parts: Vec<(f64, f64)> =
         others.iter().map(|other| (other.stiffness_m / sphere.stiffness_m, area(other) / area(sphere))).collect();
     let is_so = parts.iter().all(|(resistance, surface)| (resistance / surface - 1.0).abs() < PROPORTIONAL);
@@ -160,13 +160,13 @@ mod tests {
     /// If stiffness is proportional to surface area, that claim holds, and the sphere moves most easily at equal volume.
     #[test]
     fn resistance_that_is_proportional_to_the_surface_is_called_so() {
-        let list = claims(&measured(|body| body.revolution.surface_area_m2(), 1e-6));
+        let list = claims(&measured(|body| body.revolution().surface_area_m2(), 1e-6));
         let verdict = |words: &str| list.iter().find(|claim| claim.claim.contains(words)).unwrap().verdict;
         assert_eq!(verdict("proportional to the surface"), ClaimVerdict::Holds);
         assert_eq!(verdict("at equal volume, the sphere moves easiest"), ClaimVerdict::Holds);
         // At equal surface area all bodies then have equal stiffness.
         assert_eq!(verdict("at equal surface, the horizontal ellipsoid moves easier than"), ClaimVerdict::TooClose);
-        let list = claims(&measured(|body| body.revolution.volume_m3(), 1e-6));
+        let list = claims(&measured(|body| body.revolution().volume_m3(), 1e-6));
         assert_eq!(list[5].verdict, ClaimVerdict::DoesNotHold, "{:?}", list[5]);
     }
 }

@@ -8,6 +8,8 @@ use super::bodies::{StudyBody, bodies};
 use super::claims::{StiffnessEstimate, claims};
 use super::large;
 use super::predictors::compare_predictors;
+use crate::ensemble::{Ensemble, Gel, quantiles_um};
+use crate::scenario::Scenario;
 use base::error::Result;
 use elements::fe::Stiffness;
 use elements::fe::meridional::{ElasticRobot, Formulation, Resolution, solve, solve_elastic};
@@ -16,18 +18,15 @@ use elements::fe::quality::MeshQuality;
 use elements::fe::surface::RobotSize;
 use elements::fe::time::FullOrderModel;
 use elements::mesh::Mesh;
-use figures::density::{quantile_of_sorted, sorted};
-use laws::rheology::CreepCompliance;
-use models::model::convolve_m;
 use posterior::mechanics::{MODEL_LEVEL, robot_mesh};
 use posterior::monitor::{Counter, Monitor};
-use record::Vitreous;
+use record::{Record, Vitreous};
 
 /// Number of times at which the trajectory is computed in each hold.
 const ROWS_A_HOLD: usize = 100;
 
 /// Settings of a shape study.
-pub struct ShapesRequest {
+pub struct ShapesRequest<'a> {
     /// Diameter of the sphere whose volume or surface area the other bodies have, in m.
     pub sphere_diameter_m: f64,
     /// The gel around the bodies.
@@ -40,8 +39,8 @@ pub struct ShapesRequest {
     pub force_n: f64,
     /// Duration of a hold, in s.
     pub hold_s: f64,
-    /// Creep compliance of the gel for each posterior draw.
-    pub laws: Vec<CreepCompliance>,
+    /// Model and draws of the gel.
+    pub gel: Gel<'a>,
     /// Law of the gel for large strains, at the posterior mean; `None` if the law has no such form.
     pub finite_law: Option<FiniteLaw>,
     /// Mesh of the user's own body, which is also solved; `None` if the user gives none.
@@ -130,7 +129,7 @@ const ELASTIC: Resolution = Resolution { order: 6, rim_layers: 3, formulation: F
 fn elastic(bodies: &[StudyBody], outer_radius_m: f64, poisson_ratio: f64) -> Result<Vec<ElasticRobotResult>> {
     let of_ratio = |modulus_ratio: f64| {
         let share = |body: &StudyBody| {
-            let (revolution, direction) = (body.revolution, body.direction());
+            let (revolution, direction) = (body.revolution(), body.direction());
             let robot = ElasticRobot { modulus_ratio, poisson_ratio: 0.3 };
             let rigid = solve(revolution, outer_radius_m, poisson_ratio, direction, ELASTIC)?.stiffness_m;
             let soft = solve_elastic(revolution, robot, outer_radius_m, poisson_ratio, direction, ELASTIC)?;
@@ -149,14 +148,14 @@ fn solve_body(
     vitreous: &Vitreous,
     poisson_ratios: &[f64],
 ) -> Result<(Vec<BodyStiffness>, BodyField)> {
-    let mesh = robot_mesh(&body.robot(), vitreous, MODEL_LEVEL)?;
+    let mesh = robot_mesh(&body.robot, vitreous, MODEL_LEVEL)?;
     let stiffness = Stiffness::new(&mesh)?;
     let (quality, unknowns) = (MeshQuality::of(&mesh), &stiffness.assembly.unknowns);
     let (mut solved, mut displacement) = (Vec::new(), Vec::new());
     for &poisson_ratio in poisson_ratios {
         let outer_radius_m = 0.5 * vitreous.diameter_m;
         let meridional =
-            solve(body.revolution, outer_radius_m, poisson_ratio, body.direction(), Resolution::default())?;
+            solve(body.revolution(), outer_radius_m, poisson_ratio, body.direction(), Resolution::default())?;
         let response = stiffness.factor(poisson_ratio)?.unit_response();
         let moved = response[unknowns.robot()];
         if displacement.is_empty() {
@@ -179,7 +178,7 @@ fn solve_body(
 /// Also returns the displacement fields of the equal-volume bodies at the first aspect ratio. Fields of equal-surface bodies differ from these fields only by a
 /// scale.
 fn study(
-    request: &ShapesRequest,
+    request: &ShapesRequest<'_>,
     own_stiffnesses_m: &[f64],
     monitor: &dyn Monitor,
 ) -> Result<(Vec<StudyPoint>, Vec<BodyField>)> {
@@ -217,7 +216,7 @@ fn study(
 }
 
 /// Returns the user's mesh, and the stiffness of its body divided by Young's modulus (m) at every Poisson ratio.
-fn own_body(request: &ShapesRequest) -> Result<(Option<OwnMesh>, Vec<f64>)> {
+fn own_body(request: &ShapesRequest<'_>) -> Result<(Option<OwnMesh>, Vec<f64>)> {
     let Some(mesh) = &request.own_mesh else { return Ok((None, Vec::new())) };
     let stiffness = Stiffness::new(mesh)?;
     let stiffness_m = |ratio: &f64| Ok(1.0 / FullOrderModel::new(&stiffness, *ratio)?.compliance_per_m());
@@ -231,8 +230,8 @@ fn own_body(request: &ShapesRequest) -> Result<(Option<OwnMesh>, Vec<f64>)> {
 ///
 /// # Errors
 /// Errors of meshes and solvers, for bodies that do not fit into the gel.
-pub fn run(request: &ShapesRequest, monitor: &dyn Monitor) -> Result<ShapesResult> {
-    let ShapesRequest { sphere_diameter_m, vitreous, force_n, hold_s, laws, .. } = request;
+pub fn run(request: &ShapesRequest<'_>, monitor: &dyn Monitor) -> Result<ShapesResult> {
+    let ShapesRequest { sphere_diameter_m, vitreous, force_n, hold_s, gel, .. } = request;
     let outer_radius_m = 0.5 * vitreous.diameter_m;
     monitor.stage("computing the stiffness of every body, in the meridian plane and in three dimensions");
     let (own_mesh, own_stiffnesses_m) = own_body(request)?;
@@ -242,12 +241,21 @@ pub fn run(request: &ShapesRequest, monitor: &dyn Monitor) -> Result<ShapesResul
     let time_s: Vec<f64> = (0..=2 * ROWS_A_HOLD).map(|i| hold_s * i as f64 / ROWS_A_HOLD as f64).collect();
     let force_n: Vec<f64> =
         (0..time_s.len()).map(|i| if (i / ROWS_A_HOLD).is_multiple_of(2) { *force_n } else { -force_n }).collect();
-    let trajectories: Vec<Vec<f64>> = laws.par_iter().map(|law| convolve_m(1.0, law, &time_s, &force_n)).collect();
-    let at_row = |row: usize| {
-        let ascending = sorted(&trajectories.iter().map(|trajectory| trajectory[row]).collect::<Vec<f64>>());
-        [0.05, 0.5, 0.95].map(|probability| quantile_of_sorted(&ascending, probability))
+    let sphere = studied[0].solved[0];
+    let scenario = Scenario::of_robot("sphere", sphere.body.robot, Vitreous { poisson_ratio, ..*vitreous });
+    let rows = time_s.len();
+    let record = Record {
+        time_s: time_s.clone(),
+        force_n,
+        position_m: vec![None; rows],
+        cycle: vec![1; rows],
+        ..Record::default()
     };
-    let force_per_pa: Vec<[f64; 3]> = (0..time_s.len()).into_par_iter().map(at_row).collect();
+    let ensemble = Ensemble::new(gel, &scenario, record, None, monitor)?;
+    let position_um = quantiles_um(&ensemble.trajectories_m(0..ensemble.parameters.len())?);
+    let [q05, median, q95] = [&position_um.q05, &position_um.median, &position_um.q95];
+    let at_row = |row: usize| [q05[row], median[row], q95[row]].map(|um| 1e-6 * um * sphere.stiffness_m);
+    let force_per_pa: Vec<[f64; 3]> = (0..rows).map(at_row).collect();
     let after_hold = force_per_pa[ROWS_A_HOLD];
 
     monitor.stage("comparing elastic robots with rigid ones");
