@@ -27,7 +27,8 @@ use rayon::prelude::*;
 
 /// Number of simulated repetitions of the experiment that confirm a change of the protocol.
 const N_REPEATS: usize = 40;
-/// Ratio of an error to the error after removal of each cycle's gain and offset. Above this ratio, a sentence mentions the second error.
+/// Ratio of an error to the error after removal of each cycle's gain and offset. From this ratio on, a sentence mentions the second error: it tells why an error far above the noise
+/// may be acceptable.
 const WORTH_SAYING: f64 = 1.1;
 /// Number of pairs of effects that the document lists.
 const N_PAIRS: usize = 5;
@@ -419,26 +420,28 @@ impl Report<'_> {
                 short(left / self.left.noise_m),
             );
         }
-        let of_gains = error_without_cycle_gains(rmse_um, 1e6 * left);
-        let residual = match &self.pattern {
-            None if of_gains.is_empty() => ", and its residual looks like noise".into(),
-            None => ", and the rest looks like noise".into(),
-            Some(pattern) => {
-                format!(
-                    ". Its residual is not all noise of the study's kind: {}, and the parameters have absorbed a part of it",
-                    pattern.words()
-                )
-            }
-        };
-        let shows = match (&self.pattern, of_gains.is_empty()) {
-            (None, true) => "This experiment shows no missing effect",
-            (Some(_), true) => "This experiment shows no missing effect of a size that matters for predictions",
-            (_, false) => {
+        let has_gains = rmse_um >= WORTH_SAYING * 1e6 * left;
+        let shows = match (&self.pattern, has_gains) {
+            (None, false) => "This experiment shows no missing effect",
+            (Some(_), false) => "This experiment shows no missing effect of a size that matters for predictions",
+            (_, true) => {
                 "If each cycle may have a gain and an offset of its own, this experiment shows no missing effect"
             }
         };
+        let without_gains = match has_gains {
+            true => format!(
+                " Without each cycle's gain and offset it is {} µm; `sample` allows them only with `--noise white,gain`.",
+                short(1e6 * left)
+            ),
+            false => String::new(),
+        };
+        let residual = match &self.pattern {
+            None if has_gains => "The rest looks like noise.".into(),
+            None => "Its residual looks like noise.".into(),
+            Some(pattern) => format!("But {}. The parameters have absorbed a part of it.", pattern.words()),
+        };
         format!(
-            "{shows}: the model's error is {} µm on the {rows}{of_gains} (noise {}){residual}.{}{hint}",
+            "{shows}. The model's error is {} µm on the {rows} (noise {}).{without_gains} {residual}{}{hint}",
             short(rmse_um),
             self.noise_words(),
             self.unknown_noise(),
@@ -462,18 +465,6 @@ impl DocumentSource<'_> {
         };
         format!("the error on the {which} goes from {} to {} µm", short(was), short(is))
     }
-}
-
-/// Phrase for an error (µm) after removal of each cycle's gain and offset; empty if gains and offsets add little. It tells the reader why an error far above the noise standard
-/// deviation may be acceptable: gains and offsets count as noise.
-fn error_without_cycle_gains(rmse_um: f64, left_um: f64) -> String {
-    if rmse_um < WORTH_SAYING * left_um {
-        return String::new();
-    }
-    let left = short(left_um);
-    format!(
-        ", or {left} µm after removal of each cycle's gain and offset, which `sample` does only with `--noise white,gain`"
-    )
 }
 
 fn entry(outside: &OutsideStructure) -> UnexplainedMisfit {

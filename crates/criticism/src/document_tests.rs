@@ -130,7 +130,7 @@ fn the_verdict_follows_claim_structure_and_noise() {
     let (none, effects, sentence, statuses) = kind(&found, None, &[], &WITHIN);
     assert_eq!((none, effects.len()), (VerdictKind::None, 0));
     // The bias moves the whole cycle, as a gain and an offset would. The sentence says why this counts as noise.
-    let name = "on the last held-out cycle, or 4.00 µm after removal of each cycle's gain and offset, which `sample` does only with `--noise white,gain` (noise 4.00)";
+    let name = "on the last held-out cycle (noise 4.00). Without each cycle's gain and offset it is 4.00 µm; `sample` allows them only with `--noise white,gain`.";
     assert!(sentence.contains(name) && sentence.starts_with("If each cycle may have a gain"), "{sentence}");
     assert_eq!(statuses[1], Status::Suggestive);
     let (unexplained, _, sentence, statuses) = kind(&found, None, &outside, &WITHIN);
