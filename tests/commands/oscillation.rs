@@ -207,6 +207,12 @@ fn records_of_one_gel_share_its_law() {
     assert!(dir.join("joint/joint.png").is_file());
     let apart = vitreo(dir, &["sample", "creep", "another", "--out", "apart", "--json", "-"]).exits(1).json();
     assert!(apart["agreement"]["p"].as_f64().unwrap() < 1e-3, "{}", apart["agreement"]);
+    // A drift of the held-out cycle, which the agreement does not test, is told as for the record alone.
+    write_instrument_experiment(&dir.join("drifting"), true, 5.0);
+    let drifting = vitreo(dir, &["sample", "drifting", "same", "--out", "both", "--json", "-"]).exits(1).json();
+    let warnings = drifting["warnings"].as_array().unwrap();
+    let of_record = |own: &&Value| own["text"].as_str().unwrap().starts_with("record 1 alone: ");
+    assert!(warnings.iter().any(|own| of_record(&own) && own["kind"] == "misfit_above_noise"), "{warnings:?}");
     // A law without flow misses both records alike. Its learnt noise says so.
     let solid = ["sample", "creep", "same", "--base", "kelvin-voigt", "--out", "solid", "--json", "-"];
     let solid = vitreo(dir, &solid).exits(1).json();

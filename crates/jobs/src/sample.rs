@@ -6,12 +6,13 @@ use base::error::{Error, InputPlace, Result, Setting};
 use base::files::{Content, read_if_there, write_json_atomically};
 use documents::joint::JointSummary;
 use documents::oscillation::OscillationSummary;
-use documents::posterior::{ModelSummary, PosteriorSummary};
+use documents::posterior::{ModelSummary, PosteriorSummary, Warning, WarningKind};
 use figures::svg::write_figure;
 use models::effects::Library;
 use posterior::check;
+use posterior::fit;
 use posterior::likelihood::ReducedPosterior;
-use posterior::monitor::Monitor;
+use posterior::monitor::{Monitor, StoppableMonitor};
 use posterior::prepared::PreparedModel;
 use posterior::problem::Problem;
 use posterior::sample::refuse_nothing_to_sample;
@@ -162,6 +163,32 @@ impl PreparedRecord {
         }
     }
 
+    /// Warnings about the law's best fit to this record alone, held-out rows included. Parameters that the record alone does not determine are left out: the other records may
+    /// determine them. A record that cannot be fitted alone has no warnings.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`] when stopped.
+    fn warnings_alone(&self, seed: u64, monitor: &dyn Monitor) -> Result<Vec<Warning>> {
+        use WarningKind::{ImpossiblePositions, LargeStrain, MisfitAboveNoise, ResidualPattern, SystematicResidual};
+        let found = match self {
+            Self::Creep(creep) => {
+                fit::run(&creep.problem, None, &StoppableMonitor(monitor.stop())).map(|found| found.summary.warnings)
+            }
+            Self::Oscillation(problem) => job::misfit_alone(problem, seed).map(|found| found.into_iter().collect()),
+        };
+        let of_data = |warning: &Warning| {
+            matches!(
+                warning.kind,
+                ImpossiblePositions | LargeStrain | MisfitAboveNoise | ResidualPattern | SystematicResidual
+            )
+        };
+        match found {
+            Ok(all) => Ok(all.into_iter().filter(of_data).collect()),
+            Err(stopped @ Error::Interrupted { .. }) => Err(stopped),
+            Err(_) => Ok(Vec::new()),
+        }
+    }
+
     fn member<'a>(&'a self, density: Option<&'a ReducedPosterior<'a>>) -> Option<JointMember<'a>> {
         match self {
             Self::Creep(creep) => density.map(|density| JointMember {
@@ -210,7 +237,17 @@ fn of_several(target: &JointTarget, request: &SampleRequest, monitor: &dyn Monit
         Study::check_place(&dir)?;
     }
     let summary = ModelSummary { noise: vec!["own".into()], ..target.specification.summary() };
-    let result = joint.run(summary, options, monitor)?;
+    let mut result = joint.run(summary, options, monitor)?;
+    monitor.stage("testing the law in each record alone");
+    for (number, (record, member)) in records.iter().zip(&joint.members).enumerate() {
+        let of_record = record.warnings_alone(options.seed, monitor)?.into_iter().map(|warning| {
+            let translated =
+                |text: String| member.quantities.map_or(text.clone(), |own| own.translate(&text).into_owned());
+            let text = translated(format!("record {} alone: {}", number + 1, warning.text));
+            Warning { text, advice: translated(warning.advice), ..warning }
+        });
+        result.summary.warnings.extend(of_record);
+    }
     monitor.stage("writing results and figures");
     std::fs::create_dir_all(&dir).map_err(|error| {
         Error::at_path("create", &dir, error, format!("choose a writable place with `{}`", Setting::Out))

@@ -137,6 +137,36 @@ pub(crate) fn misfit(
     }
 }
 
+/// Warning that the best fit to one oscillation leaves more than measurement errors; `None` if it does not.
+///
+/// # Errors
+/// The errors of fitting.
+pub(crate) fn misfit_alone(problem: &SweepProblem, seed: u64) -> Result<Option<Warning>> {
+    let fit = problem.fit(seed, &[])?.ok_or_else(no_fit)?;
+    let left = test_residuals(problem, &fit, seed)?.ok_or_else(no_fit)?;
+    Ok(misfit_warning(&left))
+}
+
+fn misfit_warning(left: &ResidualPValues) -> Option<Warning> {
+    if left.is_noise() {
+        return None;
+    }
+    let p = left.p();
+    let text = match () {
+        () if left.p_size.is_some_and(|p| p < LEAST_P) => {
+            format!("the residuals of the law exceed the table's errors (p = {p:.3})")
+        }
+        () if left.p_neighbours < LEAST_P => {
+            format!(
+                "residuals of neighbouring frequencies are correlated, which measurement errors are not (p = {p:.3})"
+            )
+        }
+        () => format!("residuals of held-out frequencies are larger than measurement errors (p = {p:.3})"),
+    };
+    let advice = "run `diagnose`, or `compare --laws`, which tries every law".into();
+    Some(Warning { kind: WarningKind::MisfitAboveNoise, text, advice })
+}
+
 fn warnings(
     problem: &SweepProblem,
     summary: &OscillationSummary,
@@ -150,20 +180,8 @@ fn warnings(
         warn(WarningKind::NotConverged, text, "give more steps (--steps), or a narrower prior");
     }
     messages.iter().for_each(|text| warn(WarningKind::Sampler, text.clone(), "check figures/trace.png"));
-    if !left.is_noise() {
-        let p = left.p();
-        let text = match () {
-            () if left.p_size.is_some_and(|p| p < LEAST_P) => {
-                format!("the residuals of the law exceed the table's errors (p = {p:.3})")
-            }
-            () if left.p_neighbours < LEAST_P => {
-                format!(
-                    "residuals of neighbouring frequencies are correlated, which measurement errors are not (p = {p:.3})"
-                )
-            }
-            () => format!("residuals of held-out frequencies are larger than measurement errors (p = {p:.3})"),
-        };
-        warn(WarningKind::MisfitAboveNoise, text, "run `diagnose`, or `compare --laws`, which tries every law");
+    if let Some(misfit) = misfit_warning(left) {
+        warn(misfit.kind, misfit.text, &misfit.advice);
     }
     let law = problem.model.parameters();
     for parameter in &summary.parameters {

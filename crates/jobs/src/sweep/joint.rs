@@ -51,7 +51,8 @@ pub struct JointMember<'a> {
 
 /// Several records that share the law's parameters.
 pub struct Joint<'a> {
-    members: Vec<JointMember<'a>>,
+    /// The records.
+    pub members: Vec<JointMember<'a>>,
     /// Priors of the law's parameters.
     law: PriorSet,
     /// Priors of all parameters: those of the law, then the noise parameters of each record. The name of a noise parameter begins with the record's
@@ -263,7 +264,7 @@ fn warnings(
             0.5 * (agreement.statistic - agreement.degrees_of_freedom as f64),
             if agreement.p < 1e-10 { "< 1e-10".into() } else { format!("= {:.1e}", agreement.p) }
         );
-        let advice = "compare the records' own laws above, and `diagnose` each record: a missing effect biases its law";
+        let advice = "compare the records' own laws above: if all moduli and viscosities differ by one factor, check units, sizes and Poisson ratios first; then `diagnose` each record, because a missing effect biases its law";
         warn(WarningKind::MisfitAboveNoise, text, advice);
     }
     // A record that `design` has prepared has the name of its specimen with an ending.
