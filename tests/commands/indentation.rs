@@ -12,10 +12,10 @@ use vitreo_uq::models::effects::EFFECTS;
 /// to 10 nN, 3 s of hold, 0.6 s of retraction. The free tip shows a force of 11.2 nN, and a fixed recurrence generates noise of 5 nm.
 fn write_indentation(dir: &Path) {
     std::fs::create_dir_all(dir).unwrap();
-    let toml = "[specimen]\nid = \"gel\"\n[indenter]\nexponent = 1.5\ntip_radius_um = 5\n[measurement]\nfile = \"clamp.csv\"\ndirection = \"-\"\nnoise_um = 0.005\ncycle_starts_s = [0, 4]\nsource = \"synthetic\"\n[measurement.columns]\ntime = 1\nforce = 2\nposition = 3\n[measurement.units]\ntime = \"s\"\nforce = \"nN\"\nposition = \"um\"\n";
+    let toml = "[specimen]\nid = \"gel\"\n[indenter]\nexponent = 1.5\ntip_radius_um = 500\n[measurement]\nfile = \"clamp.csv\"\ndirection = \"-\"\nnoise_um = 0.005\ncycle_starts_s = [0, 4]\nsource = \"synthetic\"\n[measurement.columns]\ntime = 1\nforce = 2\nposition = 3\n[measurement.units]\ntime = \"s\"\nforce = \"nN\"\nposition = \"um\"\n";
     std::fs::write(dir.join("experiment.toml"), toml).unwrap();
     let mut normal = program::normals();
-    let (e, c1, c2, k) = (400.0, 200.0, 3000.0, 0.75 * 0.75 / f64::sqrt(5e-6));
+    let (e, c1, c2, k) = (400.0, 200.0, 3000.0, 0.75 * 0.75 / f64::sqrt(5e-4));
     let (step_s, n_free, n_growing, n_pressed) = (0.04, 25, 50, 125);
     let decay = f64::exp(-step_s * e / c1);
     let mut csv = String::from("t,F,z\n");
@@ -63,7 +63,7 @@ fn fit_says_what_is_left_of_the_record() {
         assert!(run.stderr.contains(words), "`{words}` is missing in {run}");
     }
     let toml = dir.path().join("gel/experiment.toml");
-    let unknown = std::fs::read_to_string(&toml).unwrap().replace("tip_radius_um = 5\n", "");
+    let unknown = std::fs::read_to_string(&toml).unwrap().replace("tip_radius_um = 500\n", "");
     std::fs::write(&toml, unknown).unwrap();
     let run = vitreo(dir.path(), &[&["fit", "gel", "--out", "nominal"][..], &PRIOR].concat()).exits(0);
     assert!(run.stderr.contains("one unknown common factor"), "{run}");

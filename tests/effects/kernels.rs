@@ -49,6 +49,7 @@ fn protocol() -> Protocol {
         duration_s: 12.8,
         poisson_ratio: Some(POISSON_RATIO),
         robot_radius_m: Some(0.275e-3),
+        taught_radius_m: Some(0.275e-3),
         outer_radius_m: Some(10e-3),
         depth_exponent: None,
         fits_position_offset: false,

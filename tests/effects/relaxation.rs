@@ -20,6 +20,7 @@ const SCALES: CharacteristicSizes = CharacteristicSizes {
     duration_s: 30.0,
     poisson_ratio: Some(0.48),
     robot_radius_m: Some(2.75e-4),
+    taught_radius_m: Some(2.75e-4),
     outer_radius_m: Some(0.01),
     depth_exponent: None,
     fits_position_offset: false,

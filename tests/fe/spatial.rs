@@ -291,6 +291,7 @@ const SCALES: CharacteristicSizes = CharacteristicSizes {
     duration_s: 40.0,
     poisson_ratio: Some(0.48),
     robot_radius_m: Some(RADIUS_M),
+    taught_radius_m: Some(RADIUS_M),
     outer_radius_m: Some(OUTER_RADIUS_M),
     depth_exponent: None,
     fits_position_offset: false,

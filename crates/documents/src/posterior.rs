@@ -309,7 +309,7 @@ pub enum WarningKind {
     GroupPredicted,
     /// A specimen lies far from its group.
     OutlyingSpecimen,
-    /// The positions range over more than the diameter of the gel.
+    /// The positions range over more than the diameter of the gel, or a spherical tip is pressed deeper than its radius.
     ImpossiblePositions,
     /// A prediction leaves the range of the record that taught the law, or the apparatus of that record.
     Extrapolation,

@@ -8,7 +8,7 @@ use base::distribution::Distribution;
 use documents::posterior::{ModelSummary, ParameterSummary, PosteriorSummary, Warning, WarningKind};
 use figures::number::format_significant;
 use models::effects::Library;
-use record::{Apparatus, Experiment};
+use record::{Apparatus, Experiment, Indenter, Tip};
 
 /// Smallest ratio of known to learnt noise that causes a warning: the measurement cannot be so much more precise than its known noise.
 const LOW_NOISE_FACTOR: f64 = 3.0;
@@ -30,6 +30,8 @@ const IMPOSSIBLE_STRAIN: f64 = 20.0;
 /// Advice that precedes all other advice if a strain, a position or a parameter has an implausible value.
 const UNITS_FIRST: &str =
     "check the units of force, position and sizes first: implausible values show that one of them is wrong";
+/// Depth of a spherical tip over its radius above which the error of Hertz's contact is named: 1 %.
+const DEEP_SPHERE: f64 = 0.1;
 /// Distance of a posterior median from the middle of the prior, in standard deviations of the prior, from which it is named.
 const FAR_FROM_PRIOR: f64 = 4.0;
 
@@ -231,12 +233,19 @@ fn model_error(
     }
 }
 
-/// Warning about positions with a range larger than the gel in which the robot moves.
-pub fn impossible_positions_warning(experiment: &Experiment) -> Option<Warning> {
-    let Apparatus::Robot { vitreous, .. } = &experiment.apparatus else { return None };
+/// Warning about positions with a range larger than the gel in which the robot moves, or deeper than the model of a spherical tip holds. `offset_m` is the position (m) at which the
+/// tip touches, if it is fitted.
+pub fn impossible_positions_warning(experiment: &Experiment, offset_m: Option<f64>) -> Option<Warning> {
     let positions_m = experiment.record.position_m.iter().flatten();
     let [lowest, highest] =
         positions_m.fold([f64::INFINITY, f64::NEG_INFINITY], |[lowest, highest], x| [lowest.min(*x), highest.max(*x)]);
+    let vitreous = match &experiment.apparatus {
+        Apparatus::Robot { vitreous, .. } => vitreous,
+        Apparatus::Indenter(Indenter { tip: Tip::Sphere, size: Some(radius_m), .. }) => {
+            return deep_sphere_warning((highest - offset_m.unwrap_or(0.0)) / radius_m);
+        }
+        _ => return None,
+    };
     (highest - lowest > vitreous.diameter_m).then(|| Warning {
         kind: WarningKind::ImpossiblePositions,
         text: format!(
@@ -245,6 +254,29 @@ pub fn impossible_positions_warning(experiment: &Experiment) -> Option<Warning> 
             1e3 * vitreous.diameter_m
         ),
         advice: "check the units first: of the position column (`position_um`, `position_mm`, …) and of the sizes in experiment.toml".into(),
+    })
+}
+
+/// Warning about a spherical tip that is pressed too deep for Hertz's contact, where the sphere counts as a paraboloid. `depth` is the largest depth over the radius.
+/// At the same depth an exact sphere (Sneddon 1965, Int. J. Eng. Sci. 3:47) presses less by the share depth/10, to 1 % of the force up to one radius.
+fn deep_sphere_warning(depth: f64) -> Option<Warning> {
+    let shown = figures::number::format_significant(depth, 2);
+    if depth > 1.0 {
+        return Some(Warning {
+            kind: WarningKind::ImpossiblePositions,
+            text: format!(
+                "the tip is pressed in by {shown} of its radii, but the contact of a sphere ends at one radius"
+            ),
+            advice: "check the unit and the value of the tip's radius, and the unit of the depth".into(),
+        });
+    }
+    (depth > DEEP_SPHERE).then(|| Warning {
+        kind: WarningKind::LargeStrain,
+        text: format!(
+            "the tip is pressed in by {shown} of its radius: Hertz's contact finds moduli about {} % too low",
+            figures::number::format_significant(10.0 * depth, 2)
+        ),
+        advice: "read the parameters as effective values, or press less deep: a tenth of the radius costs 1 %".into(),
     })
 }
 
@@ -415,6 +447,27 @@ mod tests {
         (summary.warnings.iter().map(|warning| warning.kind).collect(), summary.is_sound())
     }
 
+    /// Exact contact of a sphere by Sneddon: depth and force by the radius of contact a/R.
+    #[test]
+    fn a_deep_sphere_is_named_with_the_error_of_its_modulus() {
+        for contact in [0.31_f64, 0.45, 0.7, 0.8] {
+            let logarithm = ((1.0 + contact) / (1.0 - contact)).ln();
+            let depth = 0.5 * contact * logarithm;
+            let force = 0.5 * (1.0 + contact * contact) * logarithm - contact;
+            let too_low = 1.0 - force / (4.0 / 3.0 * depth.powf(1.5));
+            assert!((too_low - 0.1 * depth).abs() < 0.01, "{depth}: {too_low}");
+            let warned = deep_sphere_warning(depth).map(|warning| warning.kind);
+            let expected = match depth {
+                d if d > 1.0 => Some(WarningKind::ImpossiblePositions),
+                d if d > DEEP_SPHERE => Some(WarningKind::LargeStrain),
+                _ => None,
+            };
+            assert_eq!(warned, expected, "{depth}");
+        }
+        assert_eq!(deep_sphere_warning(0.05), None);
+        assert!(deep_sphere_warning(0.45).is_some_and(|warning| warning.text.contains("4.5 % too low")));
+    }
+
     /// Checks each rule for a warning (docs/formats.md §4) on both sides of its limit.
     #[test]
     fn every_rule_speaks_on_its_side_of_the_limit_only() {
@@ -489,9 +542,9 @@ mod tests {
     #[test]
     fn positions_that_no_gel_allows_are_told_first() {
         let (mut experiment, _) = crate::replica::embedded().expect("embedded");
-        assert_eq!(impossible_positions_warning(&experiment), None);
+        assert_eq!(impossible_positions_warning(&experiment, None), None);
         experiment.record.position_m.iter_mut().flatten().for_each(|x| *x *= 1e3);
-        let impossible = impossible_positions_warning(&experiment).expect("the gel measures 20 mm");
+        let impossible = impossible_positions_warning(&experiment, None).expect("the gel measures 20 mm");
         assert!(impossible.kind.is_fatal() && impossible.advice.starts_with("check the units"));
         let mut summary = sound();
         summary.heldout.rmse_um = Some(4e3);

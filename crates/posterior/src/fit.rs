@@ -24,7 +24,7 @@ use crate::trust::trust;
 use base::error::{Error, InputPlace, Result, Setting};
 use documents::posterior::{Warning, WarningKind};
 use documents::trust::Trust;
-use models::effects::EffectParameter;
+use models::effects::{EffectParameter, POSITION_OFFSET};
 use models::model::{Forward, SurrogateForward, TrainedRange};
 use sampling::least_squares::{Fit, LeastSquaresProblem, Tolerances, fit};
 
@@ -467,7 +467,8 @@ fn summarise(
     let judgement = Judgement::of(problem, &prediction, yardstick);
     let at_end = data.at_end_of_range(&best.theta);
     summary.converged &= at_end.is_empty();
-    let impossible = impossible_positions_warning(&problem.experiment);
+    let offset = summary.parameters.iter().find(|parameter| parameter.name == POSITION_OFFSET);
+    let impossible = impossible_positions_warning(&problem.experiment, offset.map(|offset| offset.value));
     summary.warnings = warnings(&summary, &judgement, (&at_end, &at_null), impossible);
     summary.warnings.extend(problem.experiment.largest_strain.and_then(recorded_strain_warning));
     summary.warnings.extend(full.and_then(|full| full.largest_strain).and_then(strain_warning));

@@ -118,8 +118,8 @@ impl Problem {
         Self::with_mechanics(experiment, specification, library, self.mechanics.clone())
     }
 
-    /// Returns the problem of the same gel with another apparatus and record. Parameters keep their meaning: sizes of the record stay those of the original, and
-    /// sizes of robot and gel become those of the new apparatus.
+    /// Returns the problem of the same gel with another apparatus and record. Parameters keep their meaning: sizes of the record stay those of the original, to which the
+    /// law's stresses refer, and sizes of robot and gel become those of the new apparatus.
     ///
     /// # Errors
     /// [`Error::Input`] if the new apparatus does not support an effect of the model.

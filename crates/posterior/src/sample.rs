@@ -25,6 +25,7 @@ use base::files::write_atomically;
 use documents::posterior::*;
 use documents::trust::Trust;
 use laws::rheology::BaseLaw;
+use models::effects::POSITION_OFFSET;
 use record::{Experiment, NoiseOrigin, ReferenceNoise};
 use sampling::checkpoint;
 use sampling::diagnostics::ranks::BlomScores;
@@ -37,6 +38,8 @@ const N_STARTS: usize = 16;
 /// Number of starts of the search for posterior modes for all other models. Similar elements of a model can exchange their roles, which gives several modes. Only few
 /// of the starts may lead to the highest mode.
 const N_STARTS_OF_LARGER: usize = 96;
+/// Number of starts if the law is Lethersich's and the model has effects of the displacement field. No elements exchange their roles then, and each climb takes seconds.
+const N_STARTS_OF_FIELD: usize = 24;
 /// Number of the random stream that draws the starts. The sampler uses other streams.
 const START_STREAM: u64 = u64::MAX / 2;
 /// Largest number of rows at which posterior draws are predicted. A million rows take 3.4 GB of memory.
@@ -164,8 +167,12 @@ pub fn sample(
     }
     let mut rng = ChaCha8Rng::seed_from_u64(request.options.seed);
     rng.set_stream(START_STREAM);
-    let is_plain = problem.model.base() == BaseLaw::Lethersich && problem.model.is_law_alone();
-    let n_starts = if is_plain { N_STARTS } else { N_STARTS_OF_LARGER };
+    let model = &problem.model;
+    let n_starts = match model.base() {
+        BaseLaw::Lethersich if model.is_law_alone() => N_STARTS,
+        BaseLaw::Lethersich if model.effects().iter().all(|effect| effect.changes_field()) => N_STARTS_OF_FIELD,
+        _ => N_STARTS_OF_LARGER,
+    };
     let names: Vec<&str> = problem.priors.names().collect();
     let from: Vec<Distribution> = names.iter().filter_map(|name| problem.starts_of(name)).collect();
     let mut start = || -> Vec<f64> { from.iter().map(|distribution| distribution.draw(&mut rng)).collect() };
@@ -310,7 +317,8 @@ fn summarise(
         joint_p: summary.heldout.joint_p,
     };
     let judgement = &Judgement::of(problem, &prediction, yardstick);
-    let impossible_positions = impossible_positions_warning(&problem.experiment);
+    let offset = summary.parameters.iter().find(|parameter| parameter.name == POSITION_OFFSET);
+    let impossible_positions = impossible_positions_warning(&problem.experiment, offset.map(|offset| offset.median));
     let findings = WarningInputs { summary: &summary, judgement, sampler_messages: &messages, impossible_positions };
     summary.warnings = warnings(&findings);
     if summary.at_edge_of_range.is_empty() {

@@ -89,11 +89,21 @@ pub(super) fn trim_to_contact(file: &Path, trajectory: &mut Trajectory, indenter
         );
     };
     let at_peak_m = tip_m[..=peak].iter().rev().flatten().next().copied().unwrap_or(origin_m);
+    let moved_um = 1e6 * (at_peak_m - origin_m);
+    let deflection_um = 1e6 * deflection_m(peak);
+    let recorded_um = moved_um + deflection_um;
+    if let Some(stiffness) = indenter.cantilever_n_per_m.filter(|_| moved_um < 0.0 && recorded_um > 0.0) {
+        let found = format!(
+            "the position grows by {recorded_um:.4} µm with the force, less than the deflection of {deflection_um:.4} µm of a spring of {stiffness} N/m"
+        );
+        let remedy = "correct `cantilever_n_per_m`, or leave it out if the column is the position of the tip itself";
+        return refuse(peak, &trajectory.position_column, found, remedy);
+    }
     if at_peak_m < origin_m {
         return refuse(
             peak,
             &trajectory.position_column,
-            format!("the position falls by {:.4} µm while the force grows", 1e6 * (origin_m - at_peak_m)),
+            format!("the position falls by {:.4} µm while the force grows", -recorded_um),
             "write `direction = \"-\"` in [measurement] if the column is a height that falls as the tip goes in (this needs [measurement.columns]), or give the depth",
         );
     }

@@ -84,6 +84,15 @@ fn the_deflection_of_the_spring_is_taken_off() {
     assert!(((at(&stiff) - at(&soft)) / 0.2e-6 - 1.0).abs() < 0.01, "{} {}", at(&stiff), at(&soft));
 }
 
+/// A spring that is stated too soft would be deflected by 20 µm, but the recorded position moves by 15 µm.
+#[test]
+fn a_spring_that_is_too_soft_is_named() {
+    let mut trajectory = indentation(0.0, 1);
+    let refused = settle(&mut trajectory, &Indenter { cantilever_n_per_m: Some(5e-4), ..INDENTER });
+    let refused = refused.expect_err("a refusal").to_string();
+    assert!(refused.contains("correct `cantilever_n_per_m`"), "{refused}");
+}
+
 #[test]
 fn a_record_that_begins_in_contact_keeps_its_forces() {
     let mut trajectory = indentation(0.0, 2);

@@ -21,6 +21,8 @@ pub struct CharacteristicSizes {
     pub poisson_ratio: Option<f64>,
     /// Radius of the robot, or of the sphere of equal volume, in m; `None` for an instrument.
     pub robot_radius_m: Option<f64>,
+    /// Radius of the robot whose record taught the law, in m, to which the law's own stresses refer; `None` for an instrument.
+    pub taught_radius_m: Option<f64>,
     /// Radius of the vitreous, in m; `None` for an instrument.
     pub outer_radius_m: Option<f64>,
     /// Exponent p of an indenter, whose depth to the power p responds linearly to the force. `None` for other apparatus, whose position itself
@@ -58,6 +60,7 @@ impl Experiment {
             duration_s,
             poisson_ratio: body.map(|(_, vitreous)| vitreous.poisson_ratio),
             robot_radius_m: body.map(|(robot, _)| robot.shape.equivalent_radius_m()),
+            taught_radius_m: body.map(|(robot, _)| robot.shape.equivalent_radius_m()),
             outer_radius_m: body.map(|(_, vitreous)| 0.5 * vitreous.diameter_m),
             depth_exponent: match &self.apparatus {
                 Apparatus::Indenter(indenter) => Some(indenter.exponent()),

@@ -6,9 +6,7 @@ use crate::derivatives::columns_m;
 use crate::detectable::{Detectability, RANGE_TAIL};
 use crate::{Candidate, Fitted, Subject};
 use base::error::{Error, Result};
-
-/// Nuisance of records whose zero is fitted.
-const OFFSET: &str = "position-offset.offset_m";
+use models::effects::POSITION_OFFSET;
 
 /// Purpose of a design.
 pub enum Sought {
@@ -49,7 +47,7 @@ impl RecordInformation {
         let columns_m = columns_m(subject, candidate, &fitted.theta)?;
         let mut columns = subject.fitted.whiten(&columns_m, &position_m, &fitted.noise);
         // A new record has an unknown offset of its own, of which the present records say nothing.
-        if let Some(place) = candidate.free.iter().position(|free| free.name == OFFSET) {
+        if let Some(place) = candidate.free.iter().position(|free| free.name == POSITION_OFFSET) {
             let of_offset = columns[place].clone();
             columns[place].fill(0.0);
             let square = dot(&of_offset, &of_offset);
@@ -153,7 +151,7 @@ mod tests {
         let columns_m = columns_m(&subject, &base, &fitted.theta).expect("derivatives");
         let columns = subject.fitted.whiten(&columns_m, &position_m, &fitted.noise);
         let all = DMatrix::from_fn(columns.len(), columns.len(), |i, j| dot(&columns[i], &columns[j]));
-        let k = base.free.iter().position(|free| free.name == OFFSET).expect("an offset");
+        let k = base.free.iter().position(|free| free.name == POSITION_OFFSET).expect("an offset");
         for i in 0..columns.len() {
             for j in 0..columns.len() {
                 let expected =

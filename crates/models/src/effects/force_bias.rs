@@ -39,6 +39,9 @@ impl Effect for ForceBias {
     fn parameters(&self) -> &'static [EffectParameter] {
         PARAMETERS
     }
+    fn refers_to_largest_force(&self) -> bool {
+        true
+    }
     fn apply(&self, parameters: &[Dual], scales: &CharacteristicSizes, stages: &mut Stages) -> Result<()> {
         stages.load.offset_n += parameters[0] * scales.largest_force_n;
         Ok(())

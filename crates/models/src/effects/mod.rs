@@ -39,6 +39,7 @@ pub use formula::{Formula, FormulaError};
 pub use large_displacement::{AMPLITUDE, MOBILITY, sphere_required_error};
 pub use laws::stages::{DriftApproach, LinearField, Load, Observation, Spatial, Stages};
 pub use library::{Library, parameter_named};
+pub use position_offset::POSITION_OFFSET;
 pub use state_effect::{QuantityName, StateEffect, define, defined};
 
 use base::distribution::Distribution;
@@ -108,9 +109,10 @@ fn hold_s(scales: &CharacteristicSizes) -> f64 {
     if scales.hold_s > 0.0 { scales.hold_s } else { 1.0 }
 }
 
-/// Stress s₀ = F_max/(4πR²) in Pa, the largest force divided by the area of the robot's surface.
+/// Stress s₀ = F_max/(4πR²) in Pa: the largest force divided by the area of the robot's surface, both of the record that taught the law.
 fn reference_stress_pa(scales: &CharacteristicSizes) -> f64 {
-    largest_force_n(scales) / (4.0 * std::f64::consts::PI * robot_radius_m(scales).powi(2))
+    let radius_m = scales.taught_radius_m.unwrap_or_else(|| robot_radius_m(scales));
+    largest_force_n(scales) / (4.0 * std::f64::consts::PI * radius_m.powi(2))
 }
 
 /// Stage between the command and the camera at which an effect acts.
@@ -212,6 +214,10 @@ pub trait Effect: Sync {
     /// each gel.
     fn is_learnt_for_record(&self) -> bool {
         self.field().is_some_and(FieldEffect::is_learnt_for_record)
+    }
+    /// Returns `true` if the effect's equation contains the largest force of the record.
+    fn refers_to_largest_force(&self) -> bool {
+        false
     }
     /// Reason why the effect cannot be added to this base law; `None` if it can.
     fn conflict(&self, _base: &BaseLaw) -> Option<&'static str> {

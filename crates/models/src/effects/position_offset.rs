@@ -12,8 +12,11 @@ use base::number::Dual;
 use base::parameter::{ParameterSpec, Support};
 use record::CharacteristicSizes;
 
+/// Name of the offset.
+pub const POSITION_OFFSET: &str = "position-offset.offset_m";
+
 const PARAMETERS: &[EffectParameter] = &[EffectParameter {
-    spec: ParameterSpec::new("position-offset.offset_m", "b", "m", Support::REAL),
+    spec: ParameterSpec::new(POSITION_OFFSET, "b", "m", Support::REAL),
     null: &|_| Some(0.0),
     prior: &|scales| Distribution::Normal { mean: 0.0, sd: position_range_m(scales) },
     prior_source: "chosen: symmetric, as large as the range of positions",

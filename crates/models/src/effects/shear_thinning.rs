@@ -53,6 +53,9 @@ impl Effect for ShearThinning {
     fn conflict(&self, base: &BaseLaw) -> Option<&'static str> {
         nonlinear_conflict(base)
     }
+    fn refers_to_largest_force(&self) -> bool {
+        true
+    }
     fn apply(&self, parameters: &[Dual], scales: &CharacteristicSizes, stages: &mut Stages) -> Result<()> {
         let index = parameters[0];
         if !index.is_constant(1.0) {
@@ -84,6 +87,9 @@ mod tests {
         };
         // The force of 4.6 µN is divided by the surface of a sphere of diameter 0.55 mm.
         assert!((reference_stress_pa.value - 4.84).abs() < 0.005, "{reference_stress_pa:?}");
+        // A prediction for another robot keeps the stress of the record that taught the law.
+        let larger = CharacteristicSizes { robot_radius_m: Some(1e-3), ..SCALES };
+        assert_eq!(super::reference_stress_pa(&larger), reference_stress_pa.value);
         assert_eq!(index, 0.5.into());
     }
 

@@ -14,6 +14,7 @@ pub(super) const SCALES: CharacteristicSizes = CharacteristicSizes {
     duration_s: 40.0,
     poisson_ratio: Some(0.48),
     robot_radius_m: Some(0.275e-3),
+    taught_radius_m: Some(0.275e-3),
     outer_radius_m: Some(10e-3),
     depth_exponent: None,
     fits_position_offset: false,
