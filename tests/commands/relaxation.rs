@@ -240,3 +240,26 @@ fn several_tests_in_one_file_are_joined() {
         vitreo(folder.path(), &twice).refuses(&["the same rows", "give every record once"]);
     }
 }
+
+/// A strain that steps between two rows, while the stress relaxes as fast, is read as a ramp, and `check` says so. Rows just before and after the step tell its time.
+#[test]
+fn a_step_between_rows_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let step_s = 2.1;
+    let stress = |t: f64| if t < step_s { 0.0 } else { 0.02 * (100.0 + 200.0 * (-(t - step_s) / 0.8_f64).exp()) };
+    let mut normal = normals();
+    let mut write = |name: &str, more: &[f64]| {
+        let mut times: Vec<f64> = (0..80).map(|row| 0.5 * f64::from(row)).chain(more.iter().copied()).collect();
+        times.sort_by(f64::total_cmp);
+        let mut table = String::from("Time [s];Shear strain [%];Shear stress [Pa]\n");
+        for t in times {
+            let strain = if t < step_s { 0.0 } else { 2.0 };
+            table += &format!("{t:.4};{strain:.4};{:.6}\n", stress(t) + 0.01 * normal());
+        }
+        std::fs::write(folder.path().join(format!("{name}.csv")), table).unwrap();
+        vitreo(folder.path(), &["init", &format!("{name}.csv"), "--quiet"]).exits(0);
+        vitreo(folder.path(), &["check", name]).exits(0).stdout.contains("strain jumps between the rows at 2")
+    };
+    assert!(write("coarse", &[]), "the step lies between rows at 2 and 2.5 s");
+    assert!(!write("told", &[2.0999, 2.1001]), "the step has rows at its time");
+}

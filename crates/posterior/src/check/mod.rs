@@ -97,7 +97,14 @@ pub fn contradictions(experiment: &Experiment, understood: &Interpretation) -> V
     // The quick fit assumes that positions are linear in the force. An indenter's depth is not linear, so only checks without the quick fit apply to it.
     let of_indenter = [times::units, positions::clipped, positions::repeated];
     // A relaxation starts anywhere, and no simple law is fitted to it.
-    let of_relaxation = [times::units, times::gaps, positions::clipped, positions::repeated, positions::unread];
+    let of_relaxation = [
+        times::units,
+        times::gaps,
+        positions::clipped,
+        positions::repeated,
+        positions::unread,
+        switches::jumps_between_rows,
+    ];
     let looks = match (&experiment.apparatus, experiment.control) {
         (Apparatus::Indenter(_), _) => &of_indenter[..],
         (_, Control::Position) => &of_relaxation[..],

@@ -4,7 +4,7 @@ use super::quick_fit::quick_fit;
 use super::{CheckContext, found, um};
 use documents::check::Contradiction;
 use figures::number::format_significant;
-use record::{MotionLine, Record};
+use record::{ForceRule, MotionLine, Record};
 
 /// Number of positions whose regression line is extrapolated to the next row.
 const BEFORE: usize = 4;
@@ -119,6 +119,45 @@ pub(super) fn after_missing_rows(looked: &CheckContext<'_>) -> Option<Contradict
     );
     let advice = "give every switch a separate row at its time (or a little later, if a row has this time), with the new force and an empty position";
     Some(found("switch_between_rows", true, text, advice))
+}
+
+/// Least part of a jump's answer that relaxes in the next interval, from which the unknown time of the jump matters.
+const RELAXES: f64 = 0.05;
+/// Interval after the jump, as a part of the jump's own, above which the rows are as dense before and after it.
+const DENSER: f64 = 0.5;
+/// Least part of the command's range that counts as a jump.
+const JUMP: f64 = 0.5;
+
+/// Finds a commanded position that jumps from one constant value to another between two rows, while the measured force relaxes within an interval: the force depends on the time
+/// of the jump within the interval, which the record does not show. The text calls the command the force, as all texts do before their translation.
+pub(super) fn jumps_between_rows(looked: &CheckContext<'_>) -> Option<Contradiction> {
+    let Record { time_s, force_n: command, position_m: answer, .. } = looked.record;
+    if looked.record.force_rule != ForceRule::Linear {
+        return None;
+    }
+    let range = looked.record.force_range_n();
+    let share = |row: usize| {
+        let is_jump = (command[row] - command[row - 1]).abs() > JUMP * range;
+        let is_held = command[row + 1] == command[row] && (row == 1 || command[row - 2] == command[row - 1]);
+        let [jump_s, next_s] = [time_s[row] - time_s[row - 1], time_s[row + 1] - time_s[row]];
+        let [before, at, after] = [row - 1, row, row + 1].map(|row| answer[row]);
+        let (jump, lost) = (at? - before?, at? - after?);
+        let is_clear = lost.abs() > ERRORS * looked.noise_m && lost * jump > 0.0;
+        // The part that relaxes in as long a time as the jump may take.
+        let share = lost / jump * (jump_s / next_s).min(1.0);
+        // Rows that are far denser after the jump show that the interval is a ramp.
+        (is_jump && is_held && is_clear && next_s > DENSER * jump_s && share > RELAXES).then_some((row, share))
+    };
+    let (row, share) = (1..command.len().saturating_sub(1)).find_map(share)?;
+    let number = |time_s: f64| format_significant(time_s, 5);
+    let text = format!(
+        "the force jumps between the rows at {} and {} s, and {} % of the answering position relaxes in as long a time after it: the time of the jump is not known, and a ramp between both rows is assumed",
+        number(time_s[row - 1]),
+        number(time_s[row]),
+        format_significant(100.0 * share, 2)
+    );
+    let advice = "if it was no ramp, moduli of fast elements are wrong: give the jump a row just before its time and one just after it";
+    Some(found("jump_between_rows", false, text, advice))
 }
 
 /// Largest delay, in rows, of a force log that the check for a late log tries.
