@@ -143,7 +143,7 @@ fn the_same_note_of_many_experiments_is_said_once() {
     let place = tempfile::tempdir().unwrap();
     for k in 0..20 {
         let gel = place.path().join(format!("eyes/gel-{k:02}"));
-        program::write_instrument_experiment(&gel, true, 0.0);
+        program::write_instrument_experiment(&gel, true, 0.1 * f64::from(k));
         let toml = std::fs::read_to_string(gel.join("experiment.toml")).unwrap();
         let without = toml.replace("source = \"synthetic: closed form\"\n", "");
         std::fs::write(gel.join("experiment.toml"), without.replace("id = \"gel\"", &format!("id = \"{k}\""))).unwrap();
@@ -156,4 +156,9 @@ fn the_same_note_of_many_experiments_is_said_once() {
         notes[0].starts_with("gel-00, gel-01, gel-02 and 17 others: `measurement.source` is not given"),
         "{notes:?}"
     );
+    // The rows of one gel under the name of another would count twice.
+    let rows = std::fs::read(place.path().join("eyes/gel-00/trajectory.csv")).unwrap();
+    std::fs::write(place.path().join("eyes/gel-01/trajectory.csv"), rows).unwrap();
+    let refused = cohort::read(&[place.path().join("eyes")], &[], &Ok, &heard);
+    assert!(refused.is_err_and(|error| error.to_string().contains("same measurement")));
 }

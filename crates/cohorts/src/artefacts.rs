@@ -110,7 +110,7 @@ fn table(header: &[&str], rows: impl Iterator<Item = Vec<String>>) -> Result<Vec
 /// Largest number of draws of a group in the table of new specimens.
 const MOST_NEW_SPECIMENS: usize = 4_000;
 
-/// Table of new specimens, two for each draw of the population: the name of the group, the number of the draw, then the parameters in the units of their names.
+/// Table of new specimens, two for each draw of the population: the name of the group, the number of the pair, then the parameters in the units of their names.
 fn new_specimens_csv(found: &Comparison) -> Result<Vec<u8>> {
     let header: Vec<&str> = ["group", "draw"].into_iter().chain(found.parameters.iter().copied()).collect();
     let p = found.parameters.len();

@@ -314,10 +314,12 @@ fn refuse_broken(mut broken: Vec<(PathBuf, Error)>) -> Result<()> {
     })
 }
 
-/// Refuses a measurement that occurs twice, because it would count as two measurements that agree.
+/// Refuses rows that occur twice, also under two specimens, because they would count as two measurements that agree.
 fn refuse_twice(measurements: &[Measurement]) -> Result<()> {
     for (index, entry) in measurements.iter().enumerate() {
-        if let Some(other) = measurements[..index].iter().find(|other| other.inputs_sha256 == entry.inputs_sha256) {
+        if let Some(other) =
+            measurements[..index].iter().find(|other| other.experiment.record == entry.experiment.record)
+        {
             return Err(Error::input(
                 InputPlace::file(&entry.path),
                 format!("this is the same measurement as {}", other.path.display()),
