@@ -273,6 +273,29 @@ fn equivalent_effects_are_predicted_side_by_side() {
     assert_eq!(is_named, other["disagrees"].as_bool().unwrap(), "{document}");
 }
 
+/// A power-law gel has no length of its own: a robot and a gel twice as large under four times the force have the same stresses, so that the robot moves twice as far. The stress to
+/// which the viscosity refers stays that of the record.
+#[test]
+#[ignore = "campaigns/long-tests"]
+fn a_shear_thinning_gel_scales_with_its_robot() {
+    let dir = tempfile::tempdir().unwrap();
+    sampled(dir.path());
+    let scenario = |size: f64| {
+        format!(
+            "[[scenario]]\nname = \"{size}\"\nforce = {{ steps_un = [[0, {}]] }}\nduration_s = 2\n[scenario.effects]\nshear-thinning.index = 0.7\n\
+             [scenario.robot]\nshape = \"sphere\"\ndiameter_mm = {}\n[scenario.vitreous]\ndiameter_mm = {}\npoisson_ratio = 0.48\n",
+            2.0 * size * size,
+            0.55 * size,
+            20.0 * size
+        )
+    };
+    std::fs::write(dir.path().join("s.toml"), scenario(1.0) + &scenario(2.0)).unwrap();
+    let run = ["predict", "study", "--scenario", "s.toml", "--no-report", "--json", "-"];
+    let document = vitreo(dir.path(), &run).exits(0).json();
+    let [one, two] = [0, 1].map(|k| number(&document["scenarios"][k]["quantities"][0]["median"]));
+    assert!((two / one - 2.0).abs() < 2e-3, "{two} for twice {one}");
+}
+
 /// Every refusal names the place and the remedy.
 #[test]
 fn wrong_scenarios_and_targets_are_refused() {
@@ -291,6 +314,18 @@ fn wrong_scenarios_and_targets_are_refused() {
         &SPHERE.replace("[[scenario.quantity]]", &format!("{thin}[[scenario.quantity]]")),
         &["does not fit inside"],
     );
+    // Without a record there is no largest force to which an effect could refer.
+    let of_prior = |robot: &str, effects: &str| {
+        let gel = "[scenario.vitreous]\ndiameter_mm = 20\npoisson_ratio = 0.48\n";
+        let text = format!("{robot}{gel}{effects}[[scenario.quantity]]");
+        std::fs::write(dir.path().join("s.toml"), SPHERE.replace("[[scenario.quantity]]", &text)).unwrap();
+        vitreo(dir.path(), &["predict", "--prior", "porcine", "--scenario", "s.toml"]).exits(2)
+    };
+    let bead = "[scenario.robot]\nshape = \"sphere\"\ndiameter_mm = 0.55\n";
+    of_prior(bead, "[scenario.effects]\nforce-bias.fraction = 0.5\n").refuses(&["s.toml", "largest force of a record"]);
+    let needle =
+        "[scenario.robot]\nshape = \"ellipsoid\"\nlength_mm = 9\ndiameter_mm = 0.09\norientation = \"horizontal\"\n";
+    of_prior(needle, "").refuses(&["s.toml", "scenario sphere: robot", "change the sizes"]);
     let none = vitreo(dir.path(), &["predict", "study", "--new-eye", "porcine"]).exits(2);
     none.refuses(&["vitreo-uq groups"]);
     vitreo(dir.path(), &["plan", "study", "--reach-mm", "0", "--within-s", "3"]).exits(2).refuses(&["--reach-mm"]);

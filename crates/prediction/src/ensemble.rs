@@ -4,6 +4,7 @@ use base::error::{Error, InputPlace, Result};
 use documents::posterior::{Warning, WarningKind};
 use documents::prediction::PositionQuantiles;
 use elements::fe::strain::largest_principal_strain;
+use figures::density::{quantile_of_sorted, sorted};
 use figures::number::format_significant;
 use models::effects::Stage;
 use models::model::{Compliance, Forward, N_LANES, SurrogateForward};
@@ -32,6 +33,8 @@ const CHECKED_SLOW: usize = 1;
 const NAMED_MESH_ERROR: f64 = 0.01;
 /// Largest share of the record's largest force, duration and relative displacement that is not an extrapolation.
 const BEYOND: f64 = 1.05;
+/// Quantile of the draws' largest displacements by which a prediction is judged.
+const FARTHEST_QUANTILE: f64 = 0.95;
 /// Largest relative difference between twice a response and the response to twice the force in a linear model.
 const LINEAR: f64 = 1e-6;
 /// Number of the first random stream of the tolerances.
@@ -185,7 +188,7 @@ impl Ensemble {
             // The correction of the mesh needs the elements of the record's robot, too. They are kept for it.
             let of_taught = || finite_elements(gel.problem).and_then(FiniteElements::compliance_per_m).ok();
             let (mechanics, _) = rayon::join(|| Mechanics::new(&apparatus, None), of_taught);
-            Arc::new(mechanics.map_err(|error| of_scenario(error, scenario))?)
+            Arc::new(mechanics.map_err(|error| scenario.refusal_of_robot(error))?)
         };
         let experiment = Experiment {
             apparatus,
@@ -196,7 +199,7 @@ impl Ensemble {
             ..taught.clone()
         };
         let problem = with_effects.as_ref().unwrap_or(gel.problem).for_apparatus(experiment, mechanics)?;
-        refuse_unpredictable(&problem, scenario)?;
+        refuse_unpredictable(gel, &problem, scenario)?;
         let mesh = match is_own && gel.is_taught {
             true => MeshCorrection { factor: 1.0, error: Some(0.0) },
             false => MeshCorrection::new(gel.is_taught.then_some(gel.problem), &problem)?,
@@ -244,6 +247,12 @@ impl Ensemble {
         };
         let factors = (0..parameters.len()).map(factor).collect();
         self.with(self.prepared.clone(), parameters, factors)
+    }
+
+    /// The same draws without tolerances.
+    pub fn without_tolerances(&self) -> Self {
+        let factors = vec![1.0; self.parameters.len()];
+        Self { tolerances: Vec::new(), ..self.with(self.prepared.clone(), self.parameters.clone(), factors) }
     }
 
     /// The same draws under another force, with rows of its own.
@@ -366,28 +375,23 @@ impl Ensemble {
 }
 
 /// Refuses scenarios that the model cannot predict.
-fn refuse_unpredictable(problem: &Problem, scenario: &Scenario) -> Result<()> {
+fn refuse_unpredictable(gel: &Gel<'_>, problem: &Problem, scenario: &Scenario) -> Result<()> {
     let refuse = |key: &str, found: String, remedy: &str| Err(Error::input(scenario.place(key), found, remedy));
     if let Some(effect) = problem.model.effects().iter().find(|effect| effect.is_learnt_for_record()) {
         let found =
             format!("the reduced model of {} is learnt for one record, and holds for that record only", effect.slug());
         return refuse("effects", found, "predict from a revision without this effect");
     }
+    if let Some(effect) =
+        problem.model.effects().iter().find(|effect| effect.refers_to_largest_force() && !gel.is_taught)
+    {
+        let found = format!("{} refers to the largest force of a record, and this gel has no record", effect.slug());
+        return refuse("effects", found, "predict from the study of a specimen, or leave the effect out");
+    }
     if problem.experiment.record.force_n.iter().all(|force| *force == 0.0) {
         return refuse("force", "the force is zero at all times".into(), "give a force that moves the robot");
     }
     Ok(())
-}
-
-/// Error about a robot's mesh, with the scenario as its place.
-fn of_scenario(error: Error, scenario: &Scenario) -> Error {
-    match error {
-        Error::Input { found, .. } => {
-            let place = scenario.place("robot");
-            Error::input(place, found, "change the size or the offset of the scenario's robot")
-        }
-        other => other,
-    }
 }
 
 /// Prepares the reduced model. A law without effects needs the compliance of the finite elements only.
@@ -461,7 +465,10 @@ fn quantiles<const N: usize>(values: &mut [f64], ascending: [f64; N]) -> [f64; N
 
 /// Warnings about a scenario: extrapolation beyond the record that taught the law, large strains, a coarse mesh, and effects that are left out.
 pub fn warnings(gel: &Gel<'_>, ensemble: &Ensemble, trajectories_m: &[Vec<f64>]) -> Vec<Warning> {
-    let farthest_m = trajectories_m.iter().flatten().fold(0.0_f64, |most, x| most.max(x.abs()));
+    let farthest = |x: &Vec<f64>| x.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+    let each_m = sorted(&trajectories_m.iter().map(farthest).collect::<Vec<f64>>());
+    // Beyond this quantile are single draws, which do not condemn all others.
+    let farthest_m = quantile_of_sorted(&each_m, FARTHEST_QUANTILE);
     let of_prediction = |warning: Warning| {
         Warning {
         advice: "the prediction assumes that the fitted law holds at this amplitude: test it by a record with as large a displacement".into(),
@@ -480,7 +487,7 @@ pub fn warnings(gel: &Gel<'_>, ensemble: &Ensemble, trajectories_m: &[Vec<f64>])
             advice: "read the bands as this much wider".into(),
         });
     }
-    warnings.extend(beyond_the_gel(ensemble, farthest_m));
+    warnings.extend(beyond_the_gel(ensemble, &each_m));
     if gel.is_taught {
         warnings.extend(extrapolations(gel.problem, ensemble, farthest_m));
         warnings.extend(other_poisson_ratio(gel.problem, ensemble.problem()));
@@ -510,15 +517,21 @@ pub fn warnings(gel: &Gel<'_>, ensemble: &Ensemble, trajectories_m: &[Vec<f64>])
     warnings
 }
 
-/// Warning about a robot that would leave the gel.
-fn beyond_the_gel(ensemble: &Ensemble, farthest_m: f64) -> Option<Warning> {
+/// Warning about a robot that would leave the gel. `each_m` holds the largest displacement (m) of every draw, in ascending order.
+fn beyond_the_gel(ensemble: &Ensemble, each_m: &[f64]) -> Option<Warning> {
     let Apparatus::Robot { robot, vitreous } = &ensemble.problem().experiment.apparatus else { return None };
     let free_m = 0.5 * vitreous.diameter_m - robot.farthest_point_m();
-    (farthest_m > free_m).then(|| Warning {
-        kind: WarningKind::ImpossiblePositions,
+    let n_beyond = each_m.len() - each_m.partition_point(|x| *x <= free_m);
+    let share = n_beyond as f64 / each_m.len() as f64;
+    (n_beyond > 0).then(|| Warning {
+        kind: if share > 1.0 - FARTHEST_QUANTILE {
+            WarningKind::ImpossiblePositions
+        } else {
+            WarningKind::Extrapolation
+        },
         text: format!(
-            "the robot moves by {} µm, but the gel's outer surface is {} µm away",
-            format_significant(1e6 * farthest_m, 4),
+            "in {} % of the draws the robot moves beyond the gel's outer surface, which is {} µm away",
+            format_significant(100.0 * share, 2),
             format_significant(1e6 * free_m, 4)
         ),
         advice: "give a smaller force or a shorter time".into(),

@@ -72,6 +72,16 @@ impl Scenario {
         self.place.clone().at_key(format!("scenario {}: {key}", self.name))
     }
 
+    /// Error about the robot's mesh, with the scenario as its place.
+    pub fn refusal_of_robot(&self, error: Error) -> Error {
+        match error {
+            Error::Input { found, .. } => {
+                Error::input(self.place("robot"), found, "change the sizes or the offset of the scenario's robot")
+            }
+            other => other,
+        }
+    }
+
     /// Reads the table of one scenario. `default` is the apparatus of the study, which a scenario may leave out, as it may leave out densities.
     ///
     /// # Errors
@@ -121,10 +131,6 @@ impl Scenario {
                 let diameter_um = tolerance.positive("diameter_um", "diameter_um = 5")?.unwrap_or(0.0);
                 let offset_um = tolerance.positive("offset_um", "offset_um = 200")?.unwrap_or(0.0);
                 let percent = tolerance.positive("force_percent", "force_percent = 3")?.unwrap_or(0.0);
-                if 1e-6 * diameter_um > 0.2 * diameter_m(&robot) {
-                    let found = format!("{diameter_um} µm is more than a fifth of the robot's diameter");
-                    return Err(tolerance.refuse("diameter_um", found, "give the half-width of the diameter in µm"));
-                }
                 tolerance.require_range("force_percent", percent, [0.0, 50.0])?;
                 Tolerances { diameter_m: 1e-6 * diameter_um, offset_m: 1e-6 * offset_um, force: 0.01 * percent }
             }
@@ -139,7 +145,25 @@ impl Scenario {
             }
         }
         let place = table.place("name");
-        Ok(Self { name, place, robot, vitreous, force, duration_s, quantities, tolerances, effects })
+        let found = Self { name, place, robot, vitreous, force, duration_s, quantities, tolerances, effects };
+        found.refuse_wide_tolerances()?;
+        Ok(found)
+    }
+
+    /// Refuses tolerances that are not small beside the robot, or that let it leave the gel.
+    pub(crate) fn refuse_wide_tolerances(&self) -> Result<()> {
+        let Tolerances { diameter_m: half_width_m, offset_m, .. } = self.tolerances;
+        let refuse = |key: &str, found: String| {
+            Err(Error::input(self.place(&format!("tolerance.{key}")), found, "give a smaller half-width in µm"))
+        };
+        if half_width_m > 0.2 * diameter_m(&self.robot) {
+            let found = format!("{} µm is more than a fifth of the robot's diameter", plain(1e6 * half_width_m));
+            return refuse("diameter_um", found);
+        }
+        if offset_m > 0.0 && self.robot.farthest_point_m() + offset_m >= 0.5 * self.vitreous.diameter_m {
+            return refuse("offset_um", format!("{} µm lets the robot leave the gel", plain(1e6 * offset_m)));
+        }
+        Ok(())
     }
 
     /// Problem of the gel with the effects of this scenario, whose parameters have fixed values; `None` without such effects.

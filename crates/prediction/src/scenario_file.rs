@@ -37,11 +37,17 @@ pub fn read_scenarios(path: &Path, default: Option<(Robot, Vitreous)>) -> Result
             Some(vary) => varied(&scenario, vary)?,
             None => vec![scenario],
         };
-        if let Some(twice) = of_table.iter().find(|one| scenarios.iter().any(|other| other.name == one.name)) {
-            let found = format!("two scenarios have the name `{}`", twice.name);
-            return Err(table.refuse("name", found, "give each scenario a different name"));
+        for one in of_table {
+            if scenarios.iter().any(|other| other.name == one.name) {
+                let found = format!("two scenarios have the name `{}`", one.name);
+                return Err(table.refuse(
+                    "name",
+                    found,
+                    "give each scenario a different name, and each value of `vary` once",
+                ));
+            }
+            scenarios.push(one);
         }
-        scenarios.extend(of_table);
     }
     if scenarios.len() > MOST_SCENARIOS {
         let found = format!("there are {} scenarios", scenarios.len());
@@ -62,6 +68,10 @@ fn varied(scenario: &Scenario, vary: TomlTable<'_>) -> Result<Vec<Scenario>> {
         }
     };
     let aspects = vary.numbers("aspect")?;
+    if vary.has("size_rule") && aspects.is_none() && !vary.has("shape") {
+        let found = "neither shapes nor aspect ratios vary, so that there is no size to keep";
+        return Err(vary.refuse("size_rule", found, "leave it out, or add `shape` or `aspect`"));
+    }
     for number in aspects.iter().flatten() {
         vary.require_range("aspect", *number, [0.01, 100.0])?;
     }
@@ -95,7 +105,10 @@ fn varied(scenario: &Scenario, vary: TomlTable<'_>) -> Result<Vec<Scenario>> {
         all = combined(&all, (table, &key), &numbers, change)?;
     }
     match all.iter().find(|one| one.robot.farthest_point_m() >= 0.5 * one.vitreous.diameter_m) {
-        None => Ok(all),
+        None => {
+            all.iter().try_for_each(Scenario::refuse_wide_tolerances)?;
+            Ok(all)
+        }
         Some(one) => {
             let found = format!("the robot of `{}` does not fit inside the gel", one.name);
             Err(vary.refuse("size", found, "leave out this combination"))
@@ -139,10 +152,19 @@ fn of_shapes(
     if shapes.is_none() && orientations.is_none() {
         return Ok(vec![scenario.clone()]);
     }
+    for (key, list) in [("shape", &shapes), ("orientation", &orientations)] {
+        if list.as_ref().is_some_and(Vec::is_empty) {
+            return Err(vary.refuse(key, "the list is empty", "give at least one value, or leave the key out"));
+        }
+    }
     let shapes: Vec<BodyShape> =
         shapes.map_or(Ok(vec![own_shape]), |texts| texts.iter().map(shape_of).collect::<Result<_>>())?;
     let orientations: Vec<Orientation> = orientations
         .map_or(Ok(vec![own_orientation]), |texts| texts.iter().map(orientation_of).collect::<Result<_>>())?;
+    if vary.has("orientation") && shapes.iter().all(|shape| *shape == BodyShape::Sphere) {
+        let remedy = "leave it out, or name other shapes in `shape`";
+        return Err(vary.refuse("orientation", "a sphere has no orientation", remedy));
+    }
     let mut all = Vec::new();
     for shape in shapes {
         if shape == BodyShape::Sphere {
@@ -151,21 +173,14 @@ fn of_shapes(
             continue;
         }
         let Some(aspect) = aspect(&scenario.robot).or(first_aspect) else {
-            let found = format!("a sphere does not give the ratio of length to diameter of an {}", shape.name());
-            return Err(vary.refuse("shape", found.replace("an c", "a c"), "add `aspect = [9.714]`"));
+            let found = format!("a sphere gives no ratio of length to diameter for the shape `{}`", shape.name());
+            return Err(vary.refuse("shape", found, "add `aspect = [9.714]`"));
         };
         for orientation in &orientations {
             let way = if *orientation == Orientation::Horizontal { "horizontal" } else { "vertical" };
             let of_shape = of_equal_size((shape, *orientation), aspect, rule, &scenario.robot.shape);
             all.push(named(scenario, &format!("{} {way}", shape.name()), of_shape));
         }
-    }
-    if all.is_empty() {
-        return Err(vary.refuse(
-            "shape",
-            "the list is empty",
-            "give shapes, as in `shape = [\"sphere\", \"cylinder\"]`",
-        ));
     }
     Ok(all)
 }
@@ -185,7 +200,7 @@ fn with_aspect(shape: &RobotShape, aspect: f64, rule: SizeRule) -> RobotShape {
     of_equal_size(form, aspect, rule, shape)
 }
 
-/// Every scenario with every value of one quantity. `at` is the table and the key of the values.
+/// Every scenario with every value of one quantity, at a key of a table.
 fn combined(
     all: &[Scenario],
     (table, key): (TomlTable<'_>, &str),
@@ -298,11 +313,15 @@ mod tests {
         let by_surface = found("size_rule = \"equal_surface\"\n");
         assert!(by_surface.iter().all(|one| (ratio(one) - 1.0).abs() < 1e-12), "{by_surface:?}");
         let refusal = |text: &str| read(&format!("{sphere}{text}")).expect_err("a refusal").to_string();
-        assert!(refusal(shapes).contains("an ellipsoid"));
+        assert!(refusal(shapes).contains("for the shape `ellipsoid`"));
+        assert!(refusal("shape = [\"sphere\", \"sphere\"]\n").contains("two scenarios"));
+        assert!(refusal("shape = [\"sphere\"]\norientation = []\n").contains("the list is empty"));
+        assert!(refusal("orientation = [\"vertical\"]\n").contains("a sphere has no orientation"));
+        assert!(refusal("size = [1]\nsize_rule = \"equal_surface\"\n").contains("neither shapes nor aspect"));
         assert!(refusal("shape = [\"cube\"]\n").contains("unknown shape `cube`"));
         assert!(refusal("orientation = [\"up\"]\n").contains("unknown orientation `up`"));
         assert!(refusal("size_rule = \"equal\"\n").contains("`equal` is no rule"));
-        assert!(refusal("shape = []\n").contains("empty"));
+        assert!(refusal("shape = []\n").contains("the list is empty"));
         assert!(refusal("aspect = [2]\n").contains("a sphere has no other aspect ratio"));
     }
 }

@@ -9,6 +9,8 @@ use crate::scenario::{self, Scenario, resized};
 
 /// Relative change of the diameter from which the sensitivity of the compliance is taken.
 const DIAMETER_STEP: f64 = 0.02;
+/// Largest difference of the compliance's logarithm from its curve in the middle of an offset's tolerance.
+const CURVE_ERROR: f64 = 1e-3;
 
 /// Uniform input of the apparatus.
 #[derive(Debug, Clone, PartialEq)]
@@ -92,7 +94,16 @@ fn by_offset(scenario: &Scenario, half_width_m: f64) -> Result<Scaling> {
         0.0 => more,
         distance_m => (compliance((distance_m - half_width_m).abs())? / middle_per_m).ln(),
     };
-    Ok(Scaling::Curve { slope: 0.5 * (more - less), curvature: 0.5 * (more + less) })
+    let (slope, curvature) = (0.5 * (more - less), 0.5 * (more + less));
+    let half = (compliance(own.distance_m + 0.5 * half_width_m)? / middle_per_m).ln();
+    if (half - 0.5 * slope - 0.25 * curvature).abs() > CURVE_ERROR {
+        return Err(Error::input(
+            scenario.place("tolerance.offset_um"),
+            "the robot may come so near to the gel's outer surface that its compliance falls steeply",
+            "give a smaller tolerance, or compare scenarios with several offsets",
+        ));
+    }
+    Ok(Scaling::Curve { slope, curvature })
 }
 
 /// Displacement per force at unit creep compliance (1/m) from a mesh. `key` is the tolerance that asks for this robot.
@@ -136,6 +147,8 @@ mod tests {
                 let found = tolerance.factor(u);
                 assert!((found - expected).abs() < EXPANSION, "{own_m} {u}: {found} for {expected}");
             }
+            let near_wall = Scenario::of_robot("sphere", at(0.0), vitreous);
+            assert!(by_offset(&near_wall, 9e-3).is_err_and(|error| error.to_string().contains("outer surface")));
             if own_m == 0.0 {
                 let end = tolerance.factor(1.0);
                 assert!(end == tolerance.factor(-1.0) && (0.99..1.0).contains(&end), "{end}");

@@ -24,7 +24,7 @@ pub struct GelArguments {
     /// Study, experiment, or directory that `groups` has written [default: the embedded porcine replica]
     #[arg(value_name = "STUDY|GROUPS")]
     target: Option<PathBuf>,
-    /// Study directory [default: vitreo-uq-out/<specimen id>]
+    /// Directory of the study, or of the results for a group or a prior [default: vitreo-uq-out/<specimen id>; for a group, its own]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Write the result as one JSON document to a file, or with `-` to standard output in place of the text
@@ -76,7 +76,8 @@ impl GelArguments {
             return run(&GelPlace::Prior { name, dir: &dir }, sampler);
         }
         if let Some(dir) = self.target.as_deref().filter(|dir| is_groups(dir)) {
-            return run(&GelPlace::Groups { dir, group: self.new_eye.as_deref() }, sampler);
+            let place = GelPlace::Groups { dir, group: self.new_eye.as_deref(), out: self.out.as_deref() };
+            return run(&place, sampler);
         }
         let refuse = |option: &str, found: String, remedy: String| {
             Err(Error::input(InputPlace::default().at_key(option), found, remedy))

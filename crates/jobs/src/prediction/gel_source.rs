@@ -43,6 +43,8 @@ pub enum GelPlace<'a> {
         dir: &'a Path,
         /// Name of the group; `None` if the comparison has one group only.
         group: Option<&'a str>,
+        /// Directory of the results; `None` for `dir`.
+        out: Option<&'a Path>,
     },
     /// A prior, without any record.
     Prior {
@@ -116,7 +118,7 @@ impl GelPlace<'_> {
     pub(crate) fn open(&self, first: &Scenario, options: &SamplerOptions, monitor: &dyn Monitor) -> Result<GelSource> {
         match self {
             Self::Study(target) => of_study(target, options, monitor),
-            Self::Groups { dir, group } => of_group(dir, *group, first, options.seed),
+            Self::Groups { dir, group, out } => of_group(dir, *group, out.unwrap_or(dir), first, options.seed),
             Self::Prior { name, dir } => of_prior(name, dir, first, options.seed),
         }
     }
@@ -224,7 +226,7 @@ pub(crate) fn study_warnings(dir: &Path, revision: &str, judges_equivalents: boo
     Ok(warnings)
 }
 
-fn of_group(dir: &Path, group: Option<&str>, first: &Scenario, seed: u64) -> Result<GelSource> {
+fn of_group(dir: &Path, group: Option<&str>, out: &Path, first: &Scenario, seed: u64) -> Result<GelSource> {
     let path = dir.join(GROUPS_NAME);
     let bytes = files::read(&path, Content::Document, "give the directory that `vitreo-uq groups` has written")?;
     let refuse = |found: String, remedy: String| Err(Error::input(InputPlace::file(&path), found, remedy));
@@ -258,11 +260,12 @@ fn of_group(dir: &Path, group: Option<&str>, first: &Scenario, seed: u64) -> Res
     }
     warnings.push(Warning {
         kind: WarningKind::Extrapolation,
-        text: "a group has no record of its own, so that forces, durations and displacements beyond those of its specimens are not named".into(),
+        text: "a group has no record of its own, so that forces, durations, displacements and Poisson ratios other than those of its specimens are not named".into(),
         advice: "compare them with the specimens' records, or predict from the study of one specimen".into(),
     });
     let draws = draws.thinned(MOST_DRAWS);
-    Ok(GelSource { warnings, ..GelSource::without_record(problem, draws, dir, seed, (GROUPS_NAME, &bytes)) })
+    files::create_folders(out, "choose another directory with `--out`")?;
+    Ok(GelSource { warnings, ..GelSource::without_record(problem, draws, out, seed, (GROUPS_NAME, &bytes)) })
 }
 
 fn of_prior(name: &str, dir: &Path, first: &Scenario, seed: u64) -> Result<GelSource> {
@@ -292,7 +295,7 @@ fn of_prior(name: &str, dir: &Path, first: &Scenario, seed: u64) -> Result<GelSo
 fn problem_of_gel(name: &str, specification: ModelSpecification, first: &Scenario) -> Result<Problem> {
     let Scenario { robot, vitreous, .. } = *first;
     let apparatus = Apparatus::Robot { robot, vitreous };
-    let mechanics = Arc::new(Mechanics::new(&apparatus, None)?);
+    let mechanics = Mechanics::new(&apparatus, None).map_err(|error| first.refusal_of_robot(error))?;
     let record = Record {
         time_s: vec![0.0, 1.0],
         force_n: vec![1e-6; 2],
@@ -314,7 +317,7 @@ fn problem_of_gel(name: &str, specification: ModelSpecification, first: &Scenari
         control: Control::Force,
         largest_strain: None,
     };
-    Problem::with_mechanics(experiment, specification, &models::effects::Library::default(), mechanics)
+    Problem::with_mechanics(experiment, specification, &models::effects::Library::default(), Arc::new(mechanics))
 }
 
 /// Draws of a new specimen of a group: two specimens for each draw of the population.

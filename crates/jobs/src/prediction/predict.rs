@@ -40,8 +40,8 @@ const N_SENSITIVITY_SLOW: usize = 128;
 
 /// Largest relative numerical error that is no input of the sensitivity.
 const SHOWN_NUMERICAL_ERROR: f64 = 1e-4;
-/// Random stream of the tolerances of other specimens.
-const OTHER_SPECIMENS_STREAM: u64 = 2;
+/// Largest relative numerical error that is an input of the sensitivity; the prediction's warnings name larger ones.
+const MOST_NUMERICAL_ERROR: f64 = 0.5;
 
 /// Settings of a prediction.
 pub struct PredictRequest {
@@ -301,7 +301,7 @@ fn sensitivity(
     }
     monitor.stage("attributing the variance to its sources");
     let (mut inputs, kept) = Inputs::of_draws(&gel.draws.names, &gel.draws.values);
-    let numerical = Tolerance::proportional("numerical error", numerical_error);
+    let numerical = Tolerance::proportional("numerical error", numerical_error.min(MOST_NUMERICAL_ERROR));
     let is_numerical_named = numerical_error > SHOWN_NUMERICAL_ERROR;
     let tolerances: Vec<&Tolerance> =
         ensemble.tolerances.iter().chain(is_numerical_named.then_some(&numerical)).collect();
@@ -373,8 +373,7 @@ fn group_shares(gel: &Gel<'_>, ensemble: &Ensemble, scenario: &Scenario) -> Resu
         return Ok(Vec::new());
     }
     let duration_s = ensemble.record().time_s[ensemble.record().n_rows() - 1];
-    let values = |draws: &Draws, stream: u64| -> Result<Vec<Vec<f64>>> {
-        let ensemble = ensemble.with_draws(draws, stream);
+    let values = |ensemble: &Ensemble| -> Result<Vec<Vec<f64>>> {
         let trajectories_m = ensemble.trajectories_m(0..ensemble.parameters.len())?;
         let of_quantity = |quantity: &Quantity| {
             let value = |x: &Vec<f64>| quantity.value(ensemble.record(), x, ensemble.strain_per_m);
@@ -383,12 +382,21 @@ fn group_shares(gel: &Gel<'_>, ensemble: &Ensemble, scenario: &Scenario) -> Resu
         Ok(scenario.quantities.iter().map(of_quantity).collect())
     };
     let other = Draws { values: gel.draws.other_specimens.clone(), other_specimens: Vec::new(), ..gel.draws.clone() };
-    let (one, other) = (values(&gel.draws, 0)?, values(&other, OTHER_SPECIMENS_STREAM)?);
-    let share = |((quantity, one), other): ((&Quantity, &Vec<f64>), &Vec<f64>)| {
-        let [share, share_se] = covariance_share(one, other);
+    // The tolerances of two specimens are independent, so that they count in the variance only.
+    let plain = ensemble.without_tolerances();
+    let (one, other, with_tolerances) = (values(&plain)?, values(&plain.with_draws(&other, 0))?, values(ensemble)?);
+    let share = |(k, quantity): (usize, &Quantity)| {
+        let of_variance = variance(&one[k]) / variance(&with_tolerances[k]).max(f64::MIN_POSITIVE);
+        let [share, share_se] = covariance_share(&one[k], &other[k]).map(|share| share * of_variance);
         GroupShare { scenario: scenario.name.clone(), quantity: quantity.label(), share, share_se }
     };
-    Ok(scenario.quantities.iter().zip(&one).zip(&other).map(share).collect())
+    Ok(scenario.quantities.iter().enumerate().map(share).collect())
+}
+
+fn variance(values: &[f64]) -> f64 {
+    let n = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    values.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / n
 }
 
 fn write(source: &GelSource, found: Prediction, seed: u64, monitor: &dyn Monitor) -> Result<Outcome<Prediction>> {
