@@ -19,7 +19,7 @@ const KEYS: [&str; 5] = ["shape", "orientation", "size_rule", "aspect", "size"];
 /// Reads all scenarios of a file. `default` is the apparatus of the study, which a scenario may leave out, as it may leave out densities.
 ///
 /// # Errors
-/// [`Error::Input`] with line and key for anything that is missing, unknown or impossible.
+/// [`base::Error::Input`] with line and key for anything that is missing, unknown or impossible.
 pub fn read_scenarios(path: &Path, default: Option<(Robot, Vitreous)>) -> Result<Vec<Scenario>> {
     let bytes = files::read(path, Content::Settings, "check the path of the scenarios' file")?;
     let document = TomlInput::parse(path, text_of(path, &bytes)?)?;
