@@ -117,8 +117,8 @@ fn an_edited_surrogate_is_not_used() {
 #[test]
 fn edited_draws_of_an_experiment_are_sampled_anew() {
     let place = tempfile::tempdir().unwrap();
-    for (name, species) in [("a", "porcine"), ("b", "bovine")] {
-        write_instrument_experiment(&place.path().join(name), true, 0.0);
+    for (name, species, drift_um_per_s) in [("a", "porcine", 0.0), ("b", "bovine", 0.01)] {
+        write_instrument_experiment(&place.path().join(name), true, drift_um_per_s);
         let path = place.path().join(name).join("experiment.toml");
         let toml = std::fs::read_to_string(&path).unwrap();
         std::fs::write(path, toml.replace("id = \"gel\"", &format!("id = \"{name}\"\nspecies = \"{species}\"")))

@@ -164,7 +164,13 @@ pub fn replica_with_id(experiment: &Path, id: &str) {
     let toml = std::fs::read_to_string(replica.join("experiment.toml")).unwrap();
     let toml = toml.replace("id = \"porcine-replica\"", &format!("id = \"{id}\""));
     std::fs::write(experiment.join("experiment.toml"), toml).unwrap();
-    std::fs::copy(replica.join("trajectory.csv"), experiment.join("trajectory.csv")).unwrap();
+    // Two specimens never have equal rows: the last position depends on the name.
+    let rows = std::fs::read_to_string(replica.join("trajectory.csv")).unwrap();
+    let (before, last) = rows.trim_end().rsplit_once('\n').unwrap();
+    let mut cells: Vec<String> = last.split(',').map(String::from).collect();
+    let shift_um: f64 = id.bytes().map(|byte| 1e-4 * f64::from(byte)).sum();
+    cells[2] = format!("{:.4}", cells[2].parse::<f64>().unwrap() + shift_um);
+    std::fs::write(experiment.join("trajectory.csv"), format!("{before}\n{}\n", cells.join(","))).unwrap();
 }
 
 /// Writes the replica with a drift of 1 µm/s in its positions into `dir`.
