@@ -84,7 +84,8 @@ fn varied(scenario: &Scenario, vary: TomlTable<'_>) -> Result<Vec<Scenario>> {
             return Err(vary.refuse("aspect", "a sphere has no other aspect ratio", remedy));
         }
         let change = |one: &Scenario, number: f64| {
-            let robot = Robot { shape: with_aspect(&one.robot.shape, number, rule), ..one.robot };
+            let shape = of_equal_size(form(&one.robot.shape), number, rule, &one.robot.shape);
+            let robot = Robot { shape, ..one.robot };
             Ok(Scenario { robot, ..one.clone() })
         };
         all = [spheres, combined(&others, (vary, "aspect"), &numbers, change)?].concat();
@@ -123,11 +124,7 @@ fn of_shapes(
     first_aspect: Option<f64>,
     rule: SizeRule,
 ) -> Result<Vec<Scenario>> {
-    let (own_shape, own_orientation) = match scenario.robot.shape {
-        RobotShape::Sphere { .. } => (BodyShape::Sphere, Orientation::Horizontal),
-        RobotShape::Ellipsoid { orientation, .. } => (BodyShape::Ellipsoid, orientation),
-        RobotShape::Cylinder { orientation, .. } => (BodyShape::Cylinder, orientation),
-    };
+    let (own_shape, own_orientation) = form(&scenario.robot.shape);
     let shape_of = |text: &String| match text.as_str() {
         "sphere" => Ok(BodyShape::Sphere),
         "ellipsoid" => Ok(BodyShape::Ellipsoid),
@@ -190,14 +187,13 @@ fn named(scenario: &Scenario, what: &str, shape: RobotShape) -> Scenario {
     Scenario { name: format!("{}, {what}", scenario.name), robot, ..scenario.clone() }
 }
 
-/// The shape with another ratio of length to diameter, and the same volume or surface.
-fn with_aspect(shape: &RobotShape, aspect: f64, rule: SizeRule) -> RobotShape {
-    let form = match *shape {
-        RobotShape::Sphere { .. } => return *shape,
+/// Shape and orientation without the sizes; a sphere counts as horizontal.
+fn form(shape: &RobotShape) -> (BodyShape, Orientation) {
+    match *shape {
+        RobotShape::Sphere { .. } => (BodyShape::Sphere, Orientation::Horizontal),
         RobotShape::Ellipsoid { orientation, .. } => (BodyShape::Ellipsoid, orientation),
         RobotShape::Cylinder { orientation, .. } => (BodyShape::Cylinder, orientation),
-    };
-    of_equal_size(form, aspect, rule, shape)
+    }
 }
 
 /// Every scenario with every value of one quantity, at a key of a table.

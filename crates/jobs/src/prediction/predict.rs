@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use base::error::{Error, InputPlace, Result, Setting};
 use base::files::{to_json, write_together};
+use cohorts::spread::variance;
 use documents::posterior::{Warning, WarningKind};
 use documents::prediction::{
     EquivalentPrediction, GroupShare, PositionQuantiles, PredictedQuantity, Prediction, ScenarioPrediction, Sensitivity,
@@ -391,12 +392,6 @@ fn group_shares(gel: &Gel<'_>, ensemble: &Ensemble, scenario: &Scenario) -> Resu
         GroupShare { scenario: scenario.name.clone(), quantity: quantity.label(), share, share_se }
     };
     Ok(scenario.quantities.iter().enumerate().map(share).collect())
-}
-
-fn variance(values: &[f64]) -> f64 {
-    let n = values.len() as f64;
-    let mean = values.iter().sum::<f64>() / n;
-    values.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / n
 }
 
 fn write(source: &GelSource, found: Prediction, seed: u64, monitor: &dyn Monitor) -> Result<Outcome<Prediction>> {
