@@ -166,7 +166,7 @@ impl Specimen {
     ) -> Result<InterimResult> {
         let posterior = self.posterior();
         let request = SampleRequest { options: options.clone(), kept_surrogate: None, checkpoint: None, resume: false };
-        let outcome = sample(&self.model.problem, &posterior, &request, &StoppableMonitor(stop))?;
+        let outcome = sample(&self.model, &posterior, &request, &StoppableMonitor(stop))?;
         let draws = &outcome.draws;
         let blom = BlomScores::new(draws.len());
         let of_parameter = |d: usize| diagnose(&draws.column(d), &blom);

@@ -54,6 +54,7 @@ pub mod problem;
 pub mod recordings;
 pub mod replica;
 pub mod sample;
+mod starts;
 pub mod study;
 pub mod systematic;
 pub mod trust;

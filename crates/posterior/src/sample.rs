@@ -3,9 +3,6 @@
 use std::path::Path;
 use std::time::Instant;
 
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
-
 use super::advice::{WarningInputs, far_from_prior, impossible_positions_warning, warnings};
 use super::full_check::{self, FullCheck, N_CHECK_DRAWS, NaturalDraw, mean_trajectory, rmse_m};
 use super::heldout::{self, Score};
@@ -18,13 +15,13 @@ use super::problem::{Problem, TAIL_MASS};
 use crate::likelihood::ReducedPosterior;
 use crate::monitor::Monitor;
 use crate::prior::PriorSet;
+use crate::starts::starts;
 use crate::trust::trust;
 use base::distribution::Distribution;
 use base::error::{Error, InputPlace, Result, Setting};
 use base::files::write_atomically;
 use documents::posterior::*;
 use documents::trust::Trust;
-use laws::rheology::BaseLaw;
 use models::effects::POSITION_OFFSET;
 use record::{Experiment, NoiseOrigin, ReferenceNoise};
 use sampling::checkpoint;
@@ -33,15 +30,6 @@ use sampling::diagnostics::{DrawColumn, ParameterDiagnostics, diagnose};
 use sampling::ensemble::{Checkpointing, Progress, RunControl, SampleOutcome};
 use sampling::{SamplerOptions, sample as sample_density};
 
-/// Number of starts of the search for posterior modes if the model is the Lethersich law alone. The starts are drawn from the prior.
-const N_STARTS: usize = 16;
-/// Number of starts of the search for posterior modes for all other models. Similar elements of a model can exchange their roles, which gives several modes. Only few
-/// of the starts may lead to the highest mode.
-const N_STARTS_OF_LARGER: usize = 96;
-/// Number of starts if the law is Lethersich's and the model has effects of the displacement field. No elements exchange their roles then, and each climb takes seconds.
-const N_STARTS_OF_FIELD: usize = 24;
-/// Number of the random stream that draws the starts. The sampler uses other streams.
-const START_STREAM: u64 = u64::MAX / 2;
 /// Largest number of rows at which posterior draws are predicted. A million rows take 3.4 GB of memory.
 const MOST_ROWS: usize = 1_200_000;
 /// Time between two writes of the checkpoint file.
@@ -125,7 +113,7 @@ pub fn run(problem: &Problem, request: &SampleRequest, monitor: &dyn Monitor) ->
     let model = PreparedModel::new(problem, request.kept_surrogate.clone(), monitor)?;
     lap("surrogate");
     let posterior = model.posterior();
-    let outcome = sample(problem, &posterior, request, monitor)?;
+    let outcome = sample(&model, &posterior, request, monitor)?;
     lap("sampling");
     monitor.stage(&match (problem.outside(), problem.finite_elements()) {
         (Some(outside), _) => format!("checking by {}", outside.title()),
@@ -154,30 +142,19 @@ pub fn run(problem: &Problem, request: &SampleRequest, monitor: &dyn Monitor) ->
 /// # Errors
 /// [`base::Error::Interrupted`] if the user stops the run; errors of the sampler.
 pub fn sample(
-    problem: &Problem,
+    model: &PreparedModel,
     posterior: &ReducedPosterior,
     request: &SampleRequest,
     monitor: &dyn Monitor,
 ) -> Result<SampleOutcome> {
     monitor.stage("sampling the posterior");
+    let problem = &model.problem;
     if problem.specification.noise.iter().any(|n| n == "gain") && problem.experiment.calibration_cycles.len() < 2 {
         monitor.warn(
             "gain and offset differ from cycle to cycle, but only one cycle is fitted: the prior alone determines their spread",
         );
     }
-    let mut rng = ChaCha8Rng::seed_from_u64(request.options.seed);
-    rng.set_stream(START_STREAM);
-    let model = &problem.model;
-    let n_starts = match model.base() {
-        BaseLaw::Lethersich if model.is_law_alone() => N_STARTS,
-        BaseLaw::Lethersich if model.effects().iter().all(|effect| effect.changes_field()) => N_STARTS_OF_FIELD,
-        _ => N_STARTS_OF_LARGER,
-    };
-    let names: Vec<&str> = problem.priors.names().collect();
-    let from: Vec<Distribution> = names.iter().filter_map(|name| problem.starts_of(name)).collect();
-    let mut start = || -> Vec<f64> { from.iter().map(|distribution| distribution.draw(&mut rng)).collect() };
-    let starts: Vec<Vec<f64>> =
-        (0..n_starts).map(|_| problem.priors.to_unconstrained(&problem.priors.ordered(start()))).collect();
+    let starts = starts(model, request.options.seed)?;
     let resumed = match request.checkpoint {
         Some(path) if request.resume => checkpoint::read(path)?,
         _ => None,

@@ -53,7 +53,7 @@ pub fn rivals(
             let posterior = prepared.posterior();
             let request =
                 SampleRequest { options: options.clone(), kept_surrogate: None, checkpoint: None, resume: false };
-            let outcome = sample(&problem, &posterior, &request, monitor)?;
+            let outcome = sample(&prepared, &posterior, &request, monitor)?;
             let draws = Draws {
                 source: format!("{} with {effect}", problem.experiment.specimen_id),
                 names: problem.parameters().iter().map(|spec| spec.name.to_string()).collect(),

@@ -232,7 +232,7 @@ impl Bench {
         let model = self.model.for_problem(self.model.problem.with_positions(position_m));
         let (problem, posterior) = (&model.problem, model.posterior());
         let request = SampleRequest { options: options.clone(), kept_surrogate: None, checkpoint: None, resume: false };
-        let outcome = sample(problem, &posterior, &request, &StoppableMonitor(monitor.stop()))?;
+        let outcome = sample(&model, &posterior, &request, &StoppableMonitor(monitor.stop()))?;
         let point = problem.priors.to_unconstrained(truth);
         let mut log_density = [0.0];
         posterior.log_density(&point, &mut log_density);
