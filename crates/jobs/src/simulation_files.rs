@@ -8,7 +8,7 @@ use base::toml_input::quoted;
 use documents::simulation::SimulationSummary;
 use elements::mesh::vtu::{PointData, TimeStep, write_pvd, write_vtu};
 use posterior::problem::Problem;
-use record::{Apparatus, Experiment, Offset, Orientation, Record, RobotShape, density_toml};
+use record::{Apparatus, Experiment, Offset, Orientation, Record, RobotShape, STRESS_STRAIN, density_toml};
 
 /// Writes the trajectory, the description and the fields into `dir`. The directory can then be read as an experiment.
 ///
@@ -79,8 +79,13 @@ pub fn description_toml(head: &str, id: &str, experiment: &Experiment, measureme
 pub fn apparatus_toml(apparatus: &Apparatus) -> String {
     let mm = |metres: f64| decimal(1e3 * metres);
     match apparatus {
-        Apparatus::Instrument { compliance_per_m, .. } => {
+        Apparatus::Instrument { compliance_per_m, is_stress_strain: false } => {
             format!("[instrument]\ncompliance_per_m = {compliance_per_m}")
+        }
+        // Inside, 1 Pa counts as 1 µN and 1 % as 1 µm.
+        Apparatus::Instrument { compliance_per_m, is_stress_strain: true } => {
+            let of_strain = decimal(1e-2 * compliance_per_m);
+            format!("[instrument]\ncompliance_per_m = {of_strain}\nmeasures = {}", quoted(STRESS_STRAIN))
         }
         Apparatus::Indenter(indenter) => indenter.toml(),
         Apparatus::Robot { robot, vitreous } => {

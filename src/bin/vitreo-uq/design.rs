@@ -46,6 +46,9 @@ pub struct DesignArguments {
     /// Shortest time for which a force is held, in s [default: four samples]
     #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
     min_hold_s: Option<f64>,
+    /// Allow forces of both directions, even if the present record has one direction
+    #[arg(long)]
+    both_directions: bool,
     #[command(flatten)]
     page: PageArguments,
 }
@@ -91,6 +94,7 @@ pub fn run(arguments: &DesignArguments) -> Result<ExitCode> {
         interval_s,
         shortest_hold_s,
         largest_position_m: largest_position_um.map(|um| 1e-6 * um),
+        both_directions: arguments.both_directions,
         after: arguments.after.clone(),
         sampler: session.default_sampler(),
     };

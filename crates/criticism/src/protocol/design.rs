@@ -37,6 +37,8 @@ const MOST_ROUNDS: usize = 4;
 const LEAST_IMPROVEMENT: f64 = 5e-3;
 /// Number of parameter draws over which the information of the best protocol is averaged.
 const N_ROBUST: usize = 8;
+/// Number of parameter draws for which the motion under the best protocol is computed.
+const N_MOVED: usize = 100;
 /// Value of a visible effect beside the information about its size, in nats.
 const VISIBLE_NATS: f64 = 10.0;
 /// Farthest position of a protocol with a reduced force, as a part of the limit.
@@ -129,6 +131,8 @@ impl<'a> Designer<'a> {
         seed: u64,
         monitor: &dyn Monitor,
     ) -> Result<DesignedProtocol> {
+        let also: Vec<DesignedDrive> =
+            also.iter().map(|drive| drive.clone().in_directions(limits.directions)).collect();
         let drives: Vec<DesignedDrive> = also.iter().cloned().chain(family(limits, seed)).collect();
         let coarse_s = limits.interval_s.max(limits.duration_s / SCREENED_ROWS);
         let counter = Counter::new(monitor, drives.len());
@@ -157,7 +161,7 @@ impl<'a> Designer<'a> {
             ranked.push(improved);
         }
         ranked.sort_by(|a, b| b.0.total_cmp(&a.0));
-        ranked.dedup_by(|a, b| a.1.shape == b.1.shape);
+        ranked.dedup_by(|a, b| a.1.holds == b.1.holds);
         ranked.truncate(N_JUDGED);
         let drives = ranked.into_iter().map(|(_, drive)| drive).chain(also.iter().cloned());
         let tried =
@@ -281,24 +285,50 @@ impl<'a> Designer<'a> {
     }
 
     fn mean_gain(&self, subject: &Subject, seed: u64) -> Result<[f64; 2]> {
+        let (candidate, _) = self.members[0];
+        let gain = |drawn: &Fitted| Ok(self.gain(&RecordInformation::new(subject, (candidate, drawn))?.matrix)?.0);
+        let gains: Vec<f64> = self.drawn(N_ROBUST, seed)?.iter().map(gain).collect::<Result<_>>()?;
+        let n = gains.len() as f64;
+        let mean = gains.iter().sum::<f64>() / n;
+        let variance = gains.iter().map(|gain| (gain - mean).powi(2)).sum::<f64>() / (n - 1.0);
+        Ok([mean, (variance / n).sqrt()])
+    }
+
+    /// The first model with parameters drawn from what is known now.
+    fn drawn(&self, n_draws: usize, seed: u64) -> Result<Vec<Fitted>> {
         let (candidate, fitted) = self.members[0];
         let covariance = self.precision.clone().cholesky().ok_or_else(undetermined)?.inverse();
         let lower = covariance.cholesky().ok_or_else(undetermined)?.l();
-        let gains = (0..N_ROBUST).map(|draw| {
+        let draw = |draw| {
             let mut random = ChaCha8Rng::seed_from_u64(seed);
             random.set_stream(draw as u64);
             let normals = nalgebra::DVector::from_fn(lower.nrows(), |_, _| StandardNormal.sample(&mut random));
             let moved = &lower * normals;
             let theta = fitted.theta.iter().zip(moved.iter()).zip(&candidate.free);
             let theta = theta.map(|((theta, by), free)| free.clamped(theta + by)).collect();
-            let drawn = Fitted { theta, ..fitted.clone() };
-            Ok(self.gain(&RecordInformation::new(subject, (candidate, &drawn))?.matrix)?.0)
-        });
-        let gains: Vec<f64> = gains.collect::<Result<_>>()?;
-        let n = gains.len() as f64;
-        let mean = gains.iter().sum::<f64>() / n;
-        let variance = gains.iter().map(|gain| (gain - mean).powi(2)).sum::<f64>() / (n - 1.0);
-        Ok([mean, (variance / n).sqrt()])
+            Fitted { theta, ..fitted.clone() }
+        };
+        Ok((0..n_draws).map(draw).collect())
+    }
+
+    /// Largest distance (m) of the robot from its start under a protocol, for each of [`N_MOVED`] draws of the parameters, in ascending order; empty for a model whose trajectories
+    /// are stepped.
+    ///
+    /// # Errors
+    /// Errors of the model.
+    pub fn farthest_m(&self, protocol: &DesignedProtocol, seed: u64) -> Result<Vec<f64>> {
+        let (candidate, _) = self.members[0];
+        if candidate.is_slow() {
+            return Ok(Vec::new());
+        }
+        let subject = self.under(&protocol.record)?;
+        let farthest = |drawn: &Fitted| {
+            let position_m = subject.trajectory_m(candidate, &drawn.theta)?;
+            Ok(position_m.iter().fold(0.0_f64, |most, x| most.max(x.abs())))
+        };
+        let mut all: Vec<f64> = self.drawn(N_MOVED, seed)?.par_iter().map(farthest).collect::<Result<_>>()?;
+        all.sort_by(f64::total_cmp);
+        Ok(all)
     }
 
     /// Smallest distance (σ) between the models under other limits, by the shape of a protocol.

@@ -10,7 +10,7 @@ mod farthest;
 mod sought;
 
 pub use degeneracies::{Degeneracy, exact_degeneracies};
-pub use family::{DesignLimits, DesignedDrive, DriveShape};
+pub use family::{DesignLimits, DesignedDrive, ForceDirections};
 pub use sought::{Sought, SoughtEffect};
 
 use rand::SeedableRng;

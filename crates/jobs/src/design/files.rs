@@ -10,7 +10,7 @@ use criticism::protocol::design::DesignedProtocol;
 use documents::design::{Design, FrontProtocol};
 use figures::svg::{Svg, figure_files};
 use posterior::study::WithProvenance;
-use record::{Experiment, ForceRule, Record};
+use record::{Apparatus, Experiment, Record};
 
 use crate::prediction::predict::digits;
 use crate::simulation_files::description_toml;
@@ -69,13 +69,15 @@ impl DesignFiles {
         figure: &Svg,
         best: &DesignedProtocol,
         others: &[(DesignLimits, DesignedProtocol)],
-        (description, table): (Vec<u8>, Vec<u8>),
+        (experiment, holds_out): (&Experiment, bool),
     ) -> Result<PathBuf> {
+        let is_of_stress = has_stress_and_strain(experiment);
+        let (description, table) = next_record(experiment, &best.record, holds_out);
         let json = self.study.join("design.json");
         let json = (json.clone(), to_json(&json, document)?);
-        let mut tables = vec![(self.protocol.clone(), protocol_csv(&best.record))];
+        let mut tables = vec![(self.protocol.clone(), protocol_csv(&best.record, is_of_stress))];
         let of_other = |(k, (_, protocol)): (usize, &(DesignLimits, DesignedProtocol))| {
-            (self.of_front(k), protocol_csv(&protocol.record))
+            (self.of_front(k), protocol_csv(&protocol.record, is_of_stress))
         };
         tables.extend(others.iter().enumerate().map(of_other));
         create_folders(&self.record_dir, "check the permissions of the study's directory")?;
@@ -108,13 +110,29 @@ fn is_unfilled(dir: &Path) -> bool {
         && table.lines().skip(1).all(|line| line.split(',').nth(2) == Some(""))
 }
 
-/// Table for the controller. Each force holds until the next row; a force that changes at every row has a row for each sample.
-fn protocol_csv(record: &Record) -> Vec<u8> {
-    let mut text = String::from("time_s,force_un\n");
+/// Whether the record has stress and strain. A stress of 1 Pa then counts as 1 µN, and a strain of 1 % as 1 µm.
+fn has_stress_and_strain(experiment: &Experiment) -> bool {
+    matches!(experiment.apparatus, Apparatus::Instrument { is_stress_strain: true, .. })
+}
+
+/// Columns and units of the new record's table, if they are not a force in µN and a position in µm.
+const OF_STRESS_AND_STRAIN: &str = "[measurement.columns]
+time = \"time_s\"
+force = \"stress_pa\"
+position = \"strain_percent\"
+cycle = \"cycle\"
+[measurement.units]
+time = \"s\"
+force = \"N\"          # 1 Pa is entered as 1 N
+position = \"0.01 m\"  # a strain of 1 is entered as 1 m";
+
+/// Table for the controller. Each force holds until the next row.
+fn protocol_csv(record: &Record, is_of_stress: bool) -> Vec<u8> {
+    let mut text = format!("time_s,{}\n", if is_of_stress { "stress_pa" } else { "force_un" });
     let last = record.n_rows() - 1;
     for row in 0..=last {
         let is_change = row == 0 || row == last || record.force_n[row] != record.force_n[row - 1];
-        if is_change || record.force_rule == ForceRule::Linear {
+        if is_change {
             text += &format!("{},{}\n", digits(record.time_s[row]), digits(1e6 * record.force_n[row]));
         }
     }
@@ -122,7 +140,7 @@ fn protocol_csv(record: &Record) -> Vec<u8> {
 }
 
 /// Description and table for the new record, with the same apparatus. The positions are missing. The last third is a cycle of its own if it is held out.
-pub fn next_record(experiment: &Experiment, record: &Record, holds_out: bool) -> (Vec<u8>, Vec<u8>) {
+fn next_record(experiment: &Experiment, record: &Record, holds_out: bool) -> (Vec<u8>, Vec<u8>) {
     let mut measurement = vec![
         "calibration_cycles = [1]".to_string(),
         format!("heldout_cycles = [{}]", if holds_out { "2" } else { "" }),
@@ -130,11 +148,17 @@ pub fn next_record(experiment: &Experiment, record: &Record, holds_out: bool) ->
         format!("source = {}", quoted("to be recorded: protocol of vitreo-uq design")),
     ];
     measurement.extend(experiment.fits_position_offset.then(|| "zero = \"fit\"".to_string()));
-    measurement.extend(experiment.noise_sd_m.map(|sd_m| format!("noise_um = {}", 1e6 * sd_m)));
-    let head =
-        "# Protocol of `vitreo-uq design`. Replace trajectory.csv by the record, or fill in its column position_um.";
+    let noise = experiment.quantities().map_or("noise_um".into(), |quantities| quantities.key("noise_um"));
+    measurement.extend(experiment.noise_sd_m.map(|sd_m| format!("{noise} = {}", 1e6 * sd_m)));
+    let is_of_stress = has_stress_and_strain(experiment);
+    measurement.extend(is_of_stress.then(|| OF_STRESS_AND_STRAIN.to_string()));
+    let columns = if is_of_stress { ["stress_pa", "strain_percent"] } else { ["force_uN", "position_um"] };
+    let head = &format!(
+        "# Protocol of `vitreo-uq design`. Replace trajectory.csv by the record, or fill in its column {}.",
+        columns[1]
+    );
     let toml = description_toml(head, &format!("{}{NEXT}", experiment.specimen_id), experiment, &measurement);
-    let mut table = String::from("time_s,force_uN,position_um,cycle\n");
+    let mut table = format!("time_s,{},cycle\n", columns.join(","));
     let last = record.n_rows() - 1;
     for row in 0..=last {
         let cycle = if holds_out && 3 * row >= 2 * last { 2 } else { 1 };

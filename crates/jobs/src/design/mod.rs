@@ -30,7 +30,7 @@ use record::{Control, Experiment, Record};
 
 pub use self::before::{Unmeasured, run_before_measurement};
 use self::decision::AskedQuantity;
-use self::files::{DesignFiles, next_record};
+use self::files::DesignFiles;
 use self::request::limits;
 pub use self::request::{DesignGoal, DesignRequest};
 use self::sequence::{Class, FittedModel, Later, class, judge_later, keep_possible, models, read_later, standings};
@@ -107,7 +107,9 @@ fn known(target: &CreepTarget, request: &DesignRequest, monitor: &dyn Monitor) -
     let of_study = study_warnings(&revision.study.revision_dir(&revision.name)?, &revision.name, false)?;
     let counts = |warning: &Warning| class.is_none() || warning.kind == WarningKind::NotConverged;
     warnings.extend(of_study.into_iter().filter(counts));
-    let decided = if class.is_some() && !later.is_empty() { keep_possible(&mut models) } else { None };
+    // A record that no effect of the class explains decides nothing.
+    let is_explained = warnings.is_empty();
+    let decided = if class.is_some() && !later.is_empty() && is_explained { keep_possible(&mut models) } else { None };
     if decided.is_some() {
         goal = DesignGoal::Parameters;
     }
@@ -188,11 +190,16 @@ fn designed(known: Known, request: &DesignRequest, monitor: &dyn Monitor) -> Res
         None => recommended,
     };
     let uncertainties = recommended.parameters.iter().map(|parameter| [parameter.sd_now, parameter.sd_expected]);
+    let has_gains = subject.problem().noise.names().contains(&"gain");
     let stop = known.decided.or_else(|| match (goal, &quantity) {
-        (DesignGoal::Parameters, _) => stop_sentence(&limits, uncertainties),
-        (_, Some(quantity)) => stop_sentence(&limits, std::iter::once([quantity.sd_now, quantity.sd_expected])),
+        (DesignGoal::Parameters, _) => stop_sentence(&limits, uncertainties, has_gains),
+        (_, Some(quantity)) => {
+            stop_sentence(&limits, std::iter::once([quantity.sd_now, quantity.sd_expected]), has_gains)
+        }
         _ => None,
     });
+    let mut warnings = known.warnings;
+    warnings.extend(moves_too_far(&designer.farthest_m(&best, seed)?, &limits));
     let found = Design {
         experiment: subject.experiment().specimen_id.clone(),
         revision,
@@ -211,13 +218,12 @@ fn designed(known: Known, request: &DesignRequest, monitor: &dyn Monitor) -> Res
         after: known.after,
         models: known.standings,
         stop,
-        warnings: known.warnings,
+        warnings,
     };
     monitor.stage("writing results and figures");
     let figure = figure(&designer.expected_m(&best)?, subject.reference_noise_m(), &best.record, &found)?;
     let document = WithProvenance { provenance, body: found };
-    let next = next_record(subject.experiment(), &best.record, holds_out);
-    let written = files.write(&document, &figure, &best, &front, next)?;
+    let written = files.write(&document, &figure, &best, &front, (subject.experiment(), holds_out))?;
     Ok(Outcome { is_sound: document.body.is_sound(), document, written, study })
 }
 
@@ -288,8 +294,8 @@ fn search(
         let within = DesignLimits { duration_s: factor * limits.duration_s, ..*limits };
         let shorter = front
             .last()
-            .and_then(|(shorter, protocol)| protocol.drive.followed_by_rest(shorter.duration_s / within.duration_s));
-        match designer.search(&within, shorter.as_slice(), seed, monitor) {
+            .map_or(Vec::new(), |(shorter, protocol)| protocol.drive.continued(shorter.duration_s / within.duration_s));
+        match designer.search(&within, &shorter, seed, monitor) {
             // A short duration in which no protocol fits is left out.
             Err(Error::Numerical { .. }) if factor < 1.0 => {}
             found => front.push((within, found?)),
@@ -324,6 +330,25 @@ fn recommended(
         simulated_records: if right.is_some() { N_REPEATS } else { 0 },
         sentence: sentence(best, limits, now, right, effects, &parameters),
         parameters,
+    })
+}
+
+/// Warning if the robot leaves the limit for many gels that the present knowledge allows. `farthest_m` are the largest distances for draws of the parameters, in ascending order.
+fn moves_too_far(farthest_m: &[f64], limits: &DesignLimits) -> Option<Warning> {
+    let beyond = farthest_m.iter().filter(|distance_m| **distance_m > limits.largest_position_m).count();
+    let n = farthest_m.len();
+    if beyond * 20 <= n {
+        return None;
+    }
+    let um = |metres: f64| format_significant(1e6 * metres, 3);
+    Some(Warning {
+        kind: WarningKind::Extrapolation,
+        text: format!(
+            "the limit of {} µm holds for the middle of what is known: {beyond} of {n} gels drawn from it move the robot farther, 5 % of them farther than {} µm",
+            um(limits.largest_position_m),
+            um(farthest_m[n - 1 - n / 20])
+        ),
+        advice: "lower the limit, or record a short protocol first and design the next one from its posterior".into(),
     })
 }
 

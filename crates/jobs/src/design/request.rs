@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use base::error::{Error, InputPlace, Result};
-use criticism::protocol::DesignLimits;
+use criticism::protocol::{DesignLimits, ForceDirections};
 use figures::number::format_significant;
 use record::Experiment;
 use sampling::SamplerOptions;
@@ -49,6 +49,8 @@ pub struct DesignRequest {
     pub shortest_hold_s: Option<f64>,
     /// Largest distance from the start, in m.
     pub largest_position_m: Option<f64>,
+    /// True to allow both directions of the force even if the present record has one.
+    pub both_directions: bool,
     /// Directories of later records of the specimen, on the same apparatus.
     pub after: Vec<PathBuf>,
     /// Sampler settings for a first revision; the seed also serves the search.
@@ -60,6 +62,8 @@ pub fn limits(experiment: &Experiment, farthest_m: f64, request: &DesignRequest)
     let interval_s = request.interval_s.or(experiment.record.median_interval_s()).unwrap_or(0.0);
     let scales = experiment.scales();
     let duration_s = request.budget_s.unwrap_or(scales.duration_s + interval_s);
+    // The record consists of whole intervals.
+    let duration_s = interval_s * (duration_s / interval_s + 1e-6).floor();
     let largest_force_n = request.largest_force_n.unwrap_or(scales.largest_force_n);
     let shortest_hold_s = request.shortest_hold_s.unwrap_or(4.0 * interval_s);
     if !(interval_s > 0.0 && duration_s >= 20.0 * interval_s && largest_force_n > 0.0) {
@@ -82,7 +86,13 @@ pub fn limits(experiment: &Experiment, farthest_m: f64, request: &DesignRequest)
         ));
     }
     let largest_position_m = request.largest_position_m.unwrap_or(BEYOND * farthest_m);
-    Ok(DesignLimits { largest_force_n, duration_s, interval_s, shortest_hold_s, largest_position_m })
+    let has = |is_direction: fn(&f64) -> bool| experiment.record.force_n.iter().any(is_direction);
+    let directions = match (has(|force_n| *force_n > 0.0), has(|force_n| *force_n < 0.0)) {
+        (true, false) if !request.both_directions => ForceDirections::Positive,
+        (false, true) if !request.both_directions => ForceDirections::Negative,
+        _ => ForceDirections::Both,
+    };
+    Ok(DesignLimits { largest_force_n, duration_s, interval_s, shortest_hold_s, largest_position_m, directions })
 }
 
 /// Largest distance of a designed record from its start, relative to that of the present record, unless it is given.

@@ -9,11 +9,18 @@ use figures::number::format_significant;
 /// Ratio of the expected and the present standard deviation above which a record does not pay.
 const LITTLE_LEARNT: f64 = 0.9;
 
-/// Reason to stop if a record would lower no standard deviation by more than 10 %. `sd` are the present and the expected ones.
-pub fn stop_sentence(limits: &DesignLimits, mut sd: impl Iterator<Item = [f64; 2]>) -> Option<String> {
+/// Reason to stop if a record would lower no standard deviation by more than 10 %. `sd` are the present and the expected ones; `has_gains` tells whether each cycle has a gain of
+/// its own.
+pub fn stop_sentence(limits: &DesignLimits, mut sd: impl Iterator<Item = [f64; 2]>, has_gains: bool) -> Option<String> {
     sd.all(|[now, expected]| expected > LITTLE_LEARNT * now).then(|| {
+        // A designed record is one cycle, whose gain is unknown however long it is.
+        let remedy = if has_gains {
+            "Each cycle has its own gain, and a designed record is one cycle: repeat the present protocol for more cycles."
+        } else {
+            "More force, time or samples would teach more."
+        };
         format!(
-            "Another record of {} s within these limits lowers no standard deviation by more than 10 %. More force, time or samples would teach more.",
+            "Another record of {} s within these limits lowers no standard deviation by more than 10 %. {remedy}",
             format_significant(limits.duration_s, 3)
         )
     })
