@@ -311,6 +311,8 @@ pub enum WarningKind {
     OutlyingSpecimen,
     /// The positions range over more than the diameter of the gel, or a spherical tip is pressed deeper than its radius.
     ImpossiblePositions,
+    /// A commanded position jumps between two rows, so that the time of the jump is unknown.
+    UnknownJump,
     /// A prediction leaves the range of the record that taught the law, or the apparatus of that record.
     Extrapolation,
     /// The model that predicts lacks an effect, or the scenario depends on which of several equivalent effects is true.
@@ -325,6 +327,7 @@ impl WarningKind {
             NotConverged
             | EdgeOfRange
             | ImpossiblePositions
+            | UnknownJump
             | MeshInaccurate
             | Undetermined
             | SurrogateInaccurate

@@ -415,6 +415,7 @@ mod tests {
             learnt_noise_m: Some(1e-6 * summary.error_budget_um.noise),
             joint_p: summary.heldout.joint_p,
             has_gain: false,
+            unknown_jump: None,
         }
     }
 

@@ -7,8 +7,9 @@
 use documents::posterior::{Warning, WarningKind};
 use figures::number::format_significant;
 use record::noise::rounding_sd_m;
-use record::{NoiseOrigin, ReferenceNoise};
+use record::{Control, NoiseOrigin, ReferenceNoise};
 
+use super::check::unknown_jump;
 use super::misfit::{GainKnowledge, Misfit, NOISE_FACTOR, OUTSIDE_BAND, Residuals};
 use super::noise::{NoiseLikelihood, NoiseModel};
 use super::patterns::{Pattern, TestedFit};
@@ -56,6 +57,8 @@ pub struct Judgement {
     pub joint_p: Option<f64>,
     /// True if the noise model has a gain and an offset for each cycle.
     pub has_gain: bool,
+    /// Warning about a commanded position that jumps at an unknown time.
+    pub unknown_jump: Option<Warning>,
 }
 
 impl Judgement {
@@ -116,7 +119,21 @@ impl Judgement {
         };
         let pattern = if is_hidden { fit.clearest_pattern() } else { None };
         let is_noise_unknown = yardstick.is_none();
-        Self { misfit, is_noise_unknown, exceeded_estimate_m, systematic, pattern, learnt_noise_m, joint_p, has_gain }
+        let unknown_jump = match experiment.control {
+            Control::Position => unknown_jump(record, yardstick.map_or(0.0, |noise| noise.sd_m)),
+            Control::Force => None,
+        };
+        Self {
+            misfit,
+            is_noise_unknown,
+            exceeded_estimate_m,
+            systematic,
+            pattern,
+            learnt_noise_m,
+            joint_p,
+            has_gain,
+            unknown_jump,
+        }
     }
 
     /// Returns true if the held-out cycles lie outside the joint predictive band.
@@ -126,7 +143,8 @@ impl Judgement {
 
     /// Lists the warnings that follow from the judgement, most serious first.
     pub fn warnings(&self) -> Vec<Warning> {
-        let mut list: Vec<Warning> = self.misfit.iter().flat_map(|misfit| self.of_misfit(misfit)).collect();
+        let mut list: Vec<Warning> = self.unknown_jump.iter().cloned().collect();
+        list.extend(self.misfit.iter().flat_map(|misfit| self.of_misfit(misfit)));
         list.extend(self.of_unknown_noise());
         list.extend(self.pattern.as_ref().map(of_pattern));
         if let Some(p) = self.joint_p.filter(|p| *p < OUTSIDE_BAND) {

@@ -239,7 +239,7 @@ impl Trajectory {
         }
         let force_n = std::mem::take(&mut self.force_n);
         self.force_n = std::mem::take(&mut self.position_m).into_iter().flatten().collect();
-        self.position_m = force_n.into_iter().map(Some).collect();
+        self.position_m = force_n.into_iter().map(|force_n| (!force_n.is_nan()).then_some(force_n)).collect();
         std::mem::swap(&mut self.force_column, &mut self.position_column);
         Ok(())
     }

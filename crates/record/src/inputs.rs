@@ -58,6 +58,11 @@ pub(super) fn read_toml(path: &Path) -> Result<(PathBuf, Vec<u8>)> {
         let remedy = "make an experiment of a table with `init`, or give a directory that holds experiment.toml";
         return Err(Error::input(InputPlace::file(path), "this file is no description of an experiment", remedy));
     }
+    if path.join("joint.json").is_file() {
+        let found = "this directory has the joint posterior of several records";
+        let remedy = "give the experiment or the study of one of the records; `design STUDY --after EXPERIMENT` joins them for a design";
+        return Err(Error::input(InputPlace::file(path), found, remedy));
+    }
     if !path.is_dir() {
         return Ok((path.to_path_buf(), files::read(path, Content::Settings, remedy)?));
     }

@@ -14,7 +14,7 @@ use super::inputs::{
 };
 use super::notes::Note;
 use super::record::Record;
-use super::table::{KEYS, TableDescription, decode_table, read_choice, read_described, unread_columns};
+use super::table::{BlankForce, KEYS, TableDescription, decode_table, read_choice, read_described, unread_columns};
 use super::trajectory::{Trajectory, read_trajectory};
 use super::{Apparatus, Control, Experiment};
 use base::error::{Error, InputPlace, Result};
@@ -310,7 +310,18 @@ impl Specification {
             let remedy = "give the value of the commanded quantity, in N or m (for stress and strain in Pa or 1), or leave the key out";
             return Err(measurement.refuse("constant", "the commanded quantity cannot be this constant", remedy));
         }
-        let table = TableDescription::read(measurement, actuation.is_some(), constant.map(|_| control))?;
+        let mut table = TableDescription::read(measurement, actuation.is_some(), constant.map(|_| control))?;
+        if let (Some(table), Control::Position) = (&mut table, control) {
+            if let Some(BlankForce::Above | BlankForce::Zero) = table.blank_force {
+                let found = "the force of a relaxation is measured, so a blank one is unknown";
+                return Err(measurement.refuse(
+                    "blank_force",
+                    found,
+                    "leave `blank_force` out: such rows have no force",
+                ));
+            }
+            table.blank_force = Some(BlankForce::Lost);
+        }
         if constant.is_some() && table.is_none() {
             let remedy = "describe the table in [measurement.columns], or write the commanded quantity in a column";
             return Err(measurement.refuse(
@@ -377,7 +388,10 @@ impl Specification {
     ) -> Result<(Experiment, ExperimentFiles)> {
         let mut unread = Vec::new();
         let mut trajectory = match &self.table {
-            None => read_trajectory(csv_place, text_of(csv_place, csv_bytes)?, self.actuation.is_some())?,
+            None => {
+                let text = text_of(csv_place, csv_bytes)?;
+                read_trajectory(csv_place, text, self.actuation.is_some(), self.control == Control::Position)?
+            }
             Some(table) => {
                 let text = decode_table(csv_place, csv_bytes, table.layout.encoding)?;
                 let trajectory = read_described(csv_place, &text, table)?;

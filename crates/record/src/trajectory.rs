@@ -79,8 +79,14 @@ struct Header {
     cycle: Option<usize>,
 }
 
-/// Parses the text of `trajectory.csv`. Errors name `file`. `is_driven_elsewhere` is true if another file contains the force.
-pub(super) fn read_trajectory(file: &Path, text: &str, is_driven_elsewhere: bool) -> Result<Trajectory> {
+/// Parses the text of `trajectory.csv`. Errors name `file`. `is_driven_elsewhere` is true if another file contains the force. A force that is measured
+/// (`is_force_measured`), because the position is commanded, may be blank: it is then NaN.
+pub(super) fn read_trajectory(
+    file: &Path,
+    text: &str,
+    is_driven_elsewhere: bool,
+    is_force_measured: bool,
+) -> Result<Trajectory> {
     refuse_long_lines(file, text.as_bytes())?;
     let mut rows = TableRows::new(file, text);
     let Some(header_line) = rows.next_row()? else {
@@ -93,7 +99,7 @@ pub(super) fn read_trajectory(file: &Path, text: &str, is_driven_elsewhere: bool
     trajectory.position_unit_m = header.position.1.to_si(1.0);
     while let Some(line) = rows.next_row()? {
         trajectory.note_line(file, line)?;
-        trajectory.push(&header, &|| InputPlace::file(file).at_line(line), &rows.record)?;
+        trajectory.push(&header, &|| InputPlace::file(file).at_line(line), &rows.record, is_force_measured)?;
     }
     trajectory.check_length(file, header_line + trajectory.time_s.len())?;
     Ok(trajectory)
@@ -244,7 +250,13 @@ impl Column {
 
 impl Trajectory {
     /// Adds a row of the CSV. `place` returns the row's place for errors; it is called only for an error, because files have millions of rows.
-    fn push(&mut self, header: &Header, place: &dyn Fn() -> InputPlace, cells: &csv::StringRecord) -> Result<()> {
+    fn push(
+        &mut self,
+        header: &Header,
+        place: &dyn Fn() -> InputPlace,
+        cells: &csv::StringRecord,
+        is_force_measured: bool,
+    ) -> Result<()> {
         if cells.len() != header.names.len() {
             return Err(Error::input(
                 place(),
@@ -258,6 +270,7 @@ impl Trajectory {
         let time_s = unit.to_si(finite(&place_of_time, text, "correct the time or remove the row")?);
         self.check_time(&place_of_time, time_s)?;
         let force_n = match header.force.map(cell) {
+            Some((text, ..)) if is_force_measured && is_lost(text) => f64::NAN,
             Some((text, unit, place_of_force)) => {
                 let remedy = "give the force commanded in this row; use `vitreo-uq init` for tables in which blank forces have a meaning";
                 unit.to_si(finite(&place_of_force, text, remedy)?)
@@ -303,7 +316,9 @@ impl Trajectory {
         plausible(&|| place(TIME), time_s, TIMES_S, "s")?;
         // A computed zero, such as a sine of π, has a rounding error.
         let force_n = if force_n.abs() < FORCES_N[0] { 0.0 } else { force_n };
-        plausible(&|| place(FORCE), force_n, FORCES_N, "N")?;
+        if !force_n.is_nan() {
+            plausible(&|| place(FORCE), force_n, FORCES_N, "N")?;
+        }
         if let Some(position_m) = position_m {
             plausible(&|| place(POSITION), position_m, POSITIONS_M, "m")?;
         }
@@ -465,7 +480,16 @@ mod tests {
     use super::*;
 
     fn read(text: &str) -> Result<Trajectory> {
-        read_trajectory(Path::new("t.csv"), text, false)
+        read_trajectory(Path::new("t.csv"), text, false, false)
+    }
+
+    #[test]
+    fn a_force_that_is_measured_may_be_blank() {
+        let text = "time_s,force_uN,position_um\n0,1,0\n1,,2\n2,nan,2\n3,4,2\n";
+        assert!(read(text).is_err());
+        let trajectory = read_trajectory(Path::new("t.csv"), text, false, true).unwrap();
+        assert!(trajectory.force_n[1].is_nan() && trajectory.force_n[2].is_nan());
+        assert_eq!(trajectory.position_m, [Some(0.0), Some(2e-6), Some(2e-6), Some(2e-6)]);
     }
 
     #[test]

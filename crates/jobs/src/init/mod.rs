@@ -182,7 +182,7 @@ fn one(
                 "the {commanded} jumps, and the {measured} answers in the row after each jump: each {commanded} acts from its row on (command = \"hold\")"
             ));
         } else if proposal.jumps_at_once && proposal.first_time_s == 0.0 && device.stress_strain().is_some() {
-            let text = "the strain rises between the first two rows, and is read as a ramp; if it jumped at time 0, write strain and stress of the second row into the first, whose stress is then left out";
+            let text = "the strain rises between the first two rows, and is read as a ramp; if it jumped, give each jump a row just before its time and one just after it, with the strain and an empty stress";
             proposal.reasons.push(text.into());
         }
     }

@@ -106,7 +106,7 @@ pub(super) fn experiment_toml(
         line(
             "blank_force",
             quoted(blank.name()),
-            "of a row without one: that of the row \"above\", \"zero\", or \"left-out\" with its row",
+            "of a row without one: that of the row \"above\", \"zero\", or \"left-out\" if it was not measured",
         );
     }
     if !table.lost.is_empty() {

@@ -19,6 +19,7 @@ use record::{Apparatus, Control, Experiment, ExperimentFiles, ForceRule, Interpr
 use crate::monitor::Monitor;
 use figures::number::format_ranges;
 pub use quick_fit::{QuickFit, quick_fit};
+pub use switches::unknown_jump;
 
 /// An experiment with the quantities that all checks share.
 struct CheckContext<'a> {

@@ -3,6 +3,7 @@
 use super::quick_fit::quick_fit;
 use super::{CheckContext, found, um};
 use documents::check::Contradiction;
+use documents::posterior::{Warning, WarningKind};
 use figures::number::format_significant;
 use record::{ForceRule, MotionLine, Record};
 
@@ -131,18 +132,24 @@ const JUMP: f64 = 0.5;
 /// Finds a commanded position that jumps from one constant value to another between two rows, while the measured force relaxes within an interval: the force depends on the time
 /// of the jump within the interval, which the record does not show. The text calls the command the force, as all texts do before their translation.
 pub(super) fn jumps_between_rows(looked: &CheckContext<'_>) -> Option<Contradiction> {
-    let Record { time_s, force_n: command, position_m: answer, .. } = looked.record;
-    if looked.record.force_rule != ForceRule::Linear {
+    let Warning { text, advice, .. } = unknown_jump(looked.record, looked.noise_m)?;
+    Some(found("jump_between_rows", false, text, advice))
+}
+
+/// Warning about a jump as in [`jumps_between_rows`], which makes parameters wrong. `noise_m` is the noise standard deviation of the measured quantity.
+pub fn unknown_jump(record: &Record, noise_m: f64) -> Option<Warning> {
+    let Record { time_s, force_n: command, position_m: answer, .. } = record;
+    if record.force_rule != ForceRule::Linear {
         return None;
     }
-    let range = looked.record.force_range_n();
+    let range = record.force_range_n();
     let share = |row: usize| {
         let is_jump = (command[row] - command[row - 1]).abs() > JUMP * range;
         let is_held = command[row + 1] == command[row] && (row == 1 || command[row - 2] == command[row - 1]);
         let [jump_s, next_s] = [time_s[row] - time_s[row - 1], time_s[row + 1] - time_s[row]];
         let [before, at, after] = [row - 1, row, row + 1].map(|row| answer[row]);
         let (jump, lost) = (at? - before?, at? - after?);
-        let is_clear = lost.abs() > ERRORS * looked.noise_m && lost * jump > 0.0;
+        let is_clear = lost.abs() > ERRORS * noise_m && lost * jump > 0.0;
         // The part that relaxes in as long a time as the jump may take.
         let share = lost / jump * (jump_s / next_s).min(1.0);
         // Rows that are far denser after the jump show that the interval is a ramp.
@@ -156,8 +163,8 @@ pub(super) fn jumps_between_rows(looked: &CheckContext<'_>) -> Option<Contradict
         number(time_s[row]),
         format_significant(100.0 * share, 2)
     );
-    let advice = "if it was no ramp, moduli of fast elements are wrong: give the jump a row just before its time and one just after it";
-    Some(found("jump_between_rows", false, text, advice))
+    let advice = "moduli of fast elements are wrong if it was no ramp: give the jump a row just before its time and one just after it, or the ramp a row in its middle, each with an empty position";
+    Some(Warning { kind: WarningKind::UnknownJump, text, advice: advice.into() })
 }
 
 /// Largest delay, in rows, of a force log that the check for a late log tries.

@@ -79,10 +79,12 @@ pub enum BlankForce {
     Zero,
     /// The row is left out, because its force was not measured.
     LeftOut,
+    /// The force of a relaxation was not measured in this row, whose commanded position counts. The force is NaN.
+    Lost,
 }
 
 impl BlankForce {
-    /// All rules for blank force cells.
+    /// The rules for blank force cells that can be chosen.
     pub const ALL: [Self; 3] = [Self::Above, Self::Zero, Self::LeftOut];
 
     /// Name of the rule in `experiment.toml`.
@@ -90,7 +92,7 @@ impl BlankForce {
         match self {
             Self::Above => "above",
             Self::Zero => "zero",
-            Self::LeftOut => "left-out",
+            Self::LeftOut | Self::Lost => "left-out",
         }
     }
 }

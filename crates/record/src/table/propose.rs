@@ -627,7 +627,7 @@ impl DescribedFile<'_> {
                 )
             })?;
             if blank == BlankForce::LeftOut && n_blank > 0 {
-                reasons.push(format!("{n_blank} rows have no force and are left out"));
+                reasons.push(format!("{n_blank} rows have no measured force"));
             }
             return Ok(Some(blank));
         }
@@ -755,7 +755,18 @@ impl DescribedFile<'_> {
     /// Reads the rows, and completes the description with properties of the rows: a clock that restarts or is coarse, values for lost positions, and
     /// a constant coordinate.
     fn completed(&self, description: &mut TableDescription, reasons: &mut Vec<String>) -> Result<Trajectory> {
-        let read = |description: &TableDescription| read_described(self.file, self.text, description);
+        let read = |description: &TableDescription| {
+            let trajectory = read_described(self.file, self.text, description)?;
+            let is_relaxation = || Control::likely(&trajectory.force_n, &trajectory.position_m) == Control::Position;
+            if description.blank_force != Some(BlankForce::LeftOut) || !is_relaxation() {
+                return Ok(trajectory);
+            }
+            // The commanded positions of rows without a measured force count.
+            let whole = TableDescription { blank_force: Some(BlankForce::Lost), ..description.clone() };
+            let mut trajectory = read_described(self.file, self.text, &whole)?;
+            bridge_lost(&mut trajectory.force_n, &trajectory.time_s);
+            Ok(trajectory)
+        };
         let told = description.time_rules;
         let lenient = with_times(description, TimeRules { joins_restarts: true, spreads_ties: true });
         if let Ok(trajectory) = read(&lenient) {
@@ -815,6 +826,23 @@ impl DescribedFile<'_> {
         }
         description.lost = lost.iter().map(|value_m| as_written(*value_m, unit_m)).collect();
         read(description)
+    }
+}
+
+/// Replaces lost values (NaN) by the line between the known values before and after them, or by the nearest known one.
+fn bridge_lost(values: &mut [f64], time_s: &[f64]) {
+    let known: Vec<usize> = (0..values.len()).filter(|row| !values[*row].is_nan()).collect();
+    for row in 0..values.len() {
+        let next = known.partition_point(|other| *other < row);
+        values[row] = match (next.checked_sub(1).map(|before| known[before]), known.get(next)) {
+            (_, Some(after)) if *after == row => values[row],
+            (Some(before), Some(after)) => {
+                let share = (time_s[row] - time_s[before]) / (time_s[*after] - time_s[before]);
+                values[before] + share * (values[*after] - values[before])
+            }
+            (Some(near), None) | (None, Some(&near)) => values[near],
+            (None, None) => 0.0,
+        };
     }
 }
 

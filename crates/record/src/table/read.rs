@@ -166,6 +166,7 @@ pub(crate) fn read_described(file: &Path, text: &str, description: &TableDescrip
                 let text = cell(column)?;
                 match (is_lost(text), description.blank_force, trajectory.force_n.last()) {
                     (true, Some(BlankForce::LeftOut), _) => continue,
+                    (true, Some(BlankForce::Lost), _) => f64::NAN,
                     (true, Some(BlankForce::Zero), _) => 0.0,
                     (true, Some(BlankForce::Above), Some(above_n)) => *above_n,
                     (true, Some(BlankForce::Above), None) => {
