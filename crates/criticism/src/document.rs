@@ -185,7 +185,22 @@ impl Report<'_> {
             p: self.p(single),
             visible_fraction: single.score.as_ref().map(|score| score.visible_fraction),
         };
-        self.verdict.status(&evidence, &self.request.criteria)
+        match self.untested() {
+            Some((slug, _)) if slug == single.slug => Status::Suggestive,
+            _ => self.verdict.status(&evidence, &self.request.criteria),
+        }
+    }
+
+    /// The effect that explains the residual best and its gain (nats), if only a held-out cycle is missing for a claim: it gains more than all structure outside the library.
+    fn untested(&self) -> Option<(&'static str, f64)> {
+        if self.model.is_some() || !self.subject.experiment().heldout_cycles.is_empty() {
+            return None;
+        }
+        let gains = self.found.singles.iter().filter_map(|single| Some((single.slug, single.gain?.fitted)));
+        let (slug, gain_nats) = gains.max_by(|a, b| a.1.total_cmp(&b.1))?;
+        let by_chance = self.found.bootstrap.p(gain_nats) > self.request.criteria.largest_p;
+        let is_best = self.unexplained.iter().all(|structure| structure.gain_nats < gain_nats);
+        (!by_chance && is_best && gain_nats > self.request.criteria.least_gain_nats).then_some((slug, gain_nats))
     }
 
     fn p(&self, single: &Single) -> f64 {
@@ -358,6 +373,12 @@ impl Report<'_> {
                 shown.change_in_words()
             );
         }
+        if let Some((effect, gain_nats)) = self.untested() {
+            return format!(
+                "The model is wrong, and no cycle is held out that would test an effect. Of the library, {effect} explains most (gain {} nats). Hold out a cycle (`heldout_cycles`; `cycle_starts_s` divides a record of one cycle) and diagnose again.",
+                short(gain_nats)
+            );
+        }
         if self.verdict.has_structure {
             return format!("No effect of the library explains the model's residual.{rest}");
         }
@@ -430,7 +451,7 @@ impl Report<'_> {
         };
         let without_gains = match has_gains {
             true => format!(
-                " Without each cycle's gain and offset it is {} µm; `sample` allows them only with `--noise white,gain`.",
+                " With each cycle's own gain and offset {} µm are left; `sample` allows them only with `--noise white,gain`.",
                 short(1e6 * left)
             ),
             false => String::new(),

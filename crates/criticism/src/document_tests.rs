@@ -130,7 +130,7 @@ fn the_verdict_follows_claim_structure_and_noise() {
     let (none, effects, sentence, statuses) = kind(&found, None, &[], &WITHIN);
     assert_eq!((none, effects.len()), (VerdictKind::None, 0));
     // The bias moves the whole cycle, as a gain and an offset would. The sentence says why this counts as noise.
-    let name = "on the last held-out cycle (noise 4.00). Without each cycle's gain and offset it is 4.00 µm; `sample` allows them only with `--noise white,gain`.";
+    let name = "on the last held-out cycle (noise 4.00). With each cycle's own gain and offset 4.00 µm are left; `sample` allows them only with `--noise white,gain`.";
     assert!(sentence.contains(name) && sentence.starts_with("If each cycle may have a gain"), "{sentence}");
     assert_eq!(statuses[1], Status::Suggestive);
     let (unexplained, _, sentence, statuses) = kind(&found, None, &outside, &WITHIN);
@@ -165,6 +165,28 @@ fn the_verdict_follows_claim_structure_and_noise() {
         "{sentence}"
     );
     assert_eq!(statuses[1], Status::Suggestive);
+}
+
+/// Without a held-out cycle nothing is claimed. An effect that gains more than the structure outside the library is named nevertheless.
+#[test]
+fn an_effect_that_no_cycle_tests_is_named() {
+    let data = measured(&small(), &["force-bias"], &[BIAS], 31);
+    let every: Vec<u32> = (1..=data.experiment().record.n_cycles()).collect();
+    let data = data.with_cycles(&every, &[]).expect("cycles");
+    let found = found(&data, &[1.0; 99]);
+    let request = request();
+    let gain_of = |single: &Single| single.gain.map_or(f64::NEG_INFINITY, |gain| gain.fitted);
+    let best = found.singles.iter().max_by(|a, b| gain_of(a).total_cmp(&gain_of(b))).expect("effects");
+    let gain_nats = gain_of(best);
+    for (of_structure, is_named) in [(0.5 * gain_nats, true), (2.0 * gain_nats, false)] {
+        let outside = [OutsideStructure { gain_nats: of_structure, ..slip(&found.base) }];
+        let verdict = decided(None, &found, &WITHIN, &outside, &[]);
+        let report = Report { unexplained: &outside, ..plain(&data, &request, &found, (&verdict, None)) };
+        let sentence = report.sentence(&[], &shown(None));
+        assert_eq!(sentence.contains(&format!("Of the library, {} explains most", best.slug)), is_named, "{sentence}");
+        assert_eq!(sentence.contains("a slip."), !is_named, "{sentence}");
+        assert_eq!(report.status(best) == Status::Suggestive, is_named);
+    }
 }
 
 #[test]

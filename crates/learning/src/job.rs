@@ -15,6 +15,7 @@ use criticism::residual_structure::measure_misfit;
 use documents::errors::ModelErrors;
 use documents::learned::{EquivalentPair, Learned, LearnedKind, LearnedPair, LearnedVerdict, Retardation};
 use posterior::monitor::Monitor;
+use record::Control;
 
 /// Result of learning, with the file of the formula.
 pub struct LearningResult {
@@ -118,6 +119,9 @@ impl PairSearch {
         let mut sentence = format!(
             "Nothing was learnt: no dependence of a quantity on a state explains more than the model does ({why})."
         );
+        if self.subject.experiment().control == Control::Position {
+            sentence += " Only a free memory was tried: functions of a state need a commanded force, and this record commands a position.";
+        }
         if measure_misfit(&self.subject, &self.base, &[])?.is_too_large() {
             sentence += " The model's residual exceeds the noise: `vitreo-uq diagnose` shows whether an effect of the library explains it.";
         }

@@ -1,4 +1,4 @@
-//! Structure that no effect of the library causes: vibrations, slips, drifts, jumps of the gain, passing disturbances, backlash, memory of the largest excursion, and
+//! Structure that no effect of the library causes: vibrations, offsets, slips, drifts, jumps of the gain, passing disturbances, backlash, memory of the largest excursion, and
 //! free curves.
 //!
 //! Findings describe a residual and do not explain it: they have no parameter of the gel. Each shape is added to the mean as columns of free amplitude, and the model is
@@ -39,6 +39,8 @@ use super::{Candidate, Fitted};
 pub enum OutsideKind {
     /// A sinusoid of time, of any frequency.
     Vibration,
+    /// A shift of all positions.
+    Offset,
     /// A step of the position at one time.
     Slip,
     /// A drift that begins or ends at one time.
@@ -68,6 +70,7 @@ impl OutsideKind {
     pub fn name(self) -> &'static str {
         match self {
             Self::Vibration => "vibration",
+            Self::Offset => "offset",
             Self::Slip => "slip",
             Self::Ramp => "ramp",
             Self::GainChange => "gain-change",
@@ -84,7 +87,7 @@ impl OutsideKind {
 
     /// Returns whether the structure comes from outside the gel and belongs to no law.
     pub fn is_apart_from_law(self) -> bool {
-        matches!(self, Self::Vibration | Self::Slip | Self::Ramp | Self::GainChange | Self::Disturbance)
+        matches!(self, Self::Vibration | Self::Offset | Self::Slip | Self::Ramp | Self::GainChange | Self::Disturbance)
     }
 
     /// Axis of a free curve, which approximates a Gaussian process along it; `None` for fixed shapes.

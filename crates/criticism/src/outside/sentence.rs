@@ -59,6 +59,11 @@ pub(super) fn describe(
             );
             FindingText { sentence, event_time_s: None, period_s: Some(1.0 / frequency_hz) }
         }
+        StructureShape::Offset => plain(format!(
+            "All positions are {} µm too {}: the zero is wrong. Write `zero = \"fit\"` in [measurement], which fits it.",
+            with_sd(amplitude.abs(), sd),
+            if amplitude > 0.0 { "large" } else { "small" }
+        )),
         StructureShape::Step { row } => {
             let time_s = setting.time_s[row];
             let by = with_sd(amplitude.abs(), sd);

@@ -14,6 +14,8 @@ pub(super) const UNIT_M: f64 = 1e-6;
 pub(super) enum StructureShape {
     /// Sine and cosine of time.
     Vibration { frequency_hz: f64 },
+    /// A shift of all positions.
+    Offset,
     /// A shift of the position from one row on.
     Step { row: usize },
     /// A drift that begins at one time.
@@ -70,6 +72,7 @@ impl StructureShape {
     pub fn kind(self) -> OutsideKind {
         match self {
             Self::Vibration { .. } => OutsideKind::Vibration,
+            Self::Offset => OutsideKind::Offset,
             Self::Step { .. } => OutsideKind::Slip,
             Self::RampFrom { .. } | Self::RampUntil { .. } => OutsideKind::Ramp,
             Self::GainChange { .. } => OutsideKind::GainChange,
@@ -94,6 +97,7 @@ impl StructureShape {
                 let angle = |row: usize| 2.0 * PI * frequency_hz * (time(row) - first_s);
                 vec![setting.column(|row| angle(row).sin()), setting.column(|row| angle(row).cos())]
             }
+            Self::Offset => vec![setting.column(|_| 1.0)],
             Self::Step { row: from } => vec![setting.column(|row| f64::from(u8::from(row >= from)))],
             Self::RampFrom { time_s } => vec![setting.column(|row| (time(row) - time_s).max(0.0))],
             // A ramp that ends: the record begins shifted and drifts to its final position.
@@ -318,6 +322,7 @@ pub(super) fn families(setting: &SearchSetting) -> Vec<Vec<StructureShape>> {
     let ramps: Vec<f64> = moments(setting, ramp_spacing_s(setting));
     let mut families = vec![
         vibrations(setting),
+        vec![StructureShape::Offset],
         rows.iter().map(|row| StructureShape::Step { row: *row }).collect(),
         ramps.iter().map(|time_s| StructureShape::RampFrom { time_s: *time_s }).collect(),
         ramps.iter().map(|time_s| StructureShape::RampUntil { time_s: *time_s }).collect(),
