@@ -375,7 +375,7 @@ impl Report<'_> {
         }
         if let Some((effect, gain_nats)) = self.untested() {
             return format!(
-                "The model is wrong, and no cycle is held out that would test an effect. Of the library, {effect} explains most (gain {} nats). Hold out a cycle (`heldout_cycles`; `cycle_starts_s` divides a record of one cycle) and diagnose again.",
+                "The model is wrong, and no cycle is held out that would test an effect. Of the library, {effect} explains most (gain {} nats). Hold out a cycle (`heldout_cycles`) and diagnose again. A record of one cycle is divided by its column `cycle`, or by `cycle_starts_s` without this column.",
                 short(gain_nats)
             );
         }

@@ -24,7 +24,7 @@ const MOST_ROWS: usize = 20_000;
 const LARGEST_N: f64 = 1e3;
 const UN_PER_N: f64 = 1e6;
 /// Headers of a table of the force. `plan` writes the second one for a given magnetic moment; the gradient is not read.
-const HEADERS: [&str; 3] = ["time_s,force_un", "time_s,force_un,gradient_t_per_m", "time_s,stress_pa"];
+const HEADERS: [&str; 2] = ["time_s,force_un", "time_s,force_un,gradient_t_per_m"];
 /// Example of a force in a scenario, for errors.
 const EXAMPLE: &str = "force = { steps_un = [[0, 20], [5, 0]] }";
 

@@ -239,9 +239,10 @@ pub(super) fn rest_m(force_n: &[f64], position_m: &[Option<f64>]) -> Option<f64>
     median(position_m.iter().take(n_rest).copied().flatten().collect())
 }
 
-/// Sums the work of the force from row to row. Returns the sum with signs and the sum of absolute values.
+/// Sums the work of the force from row to row, without rows whose measured force was lost (NaN). Returns the sum with signs and the sum of absolute values.
 fn work_and_size(force_n: &[f64], position_m: &[Option<f64>]) -> (f64, f64) {
-    let moved = position_m.windows(2).zip(force_n).filter_map(|(pair, force)| Some((pair[1]? - pair[0]?, *force)));
+    let known = position_m.windows(2).zip(force_n).filter(|(_, force)| !force.is_nan());
+    let moved = known.filter_map(|(pair, force)| Some((pair[1]? - pair[0]?, *force)));
     moved.fold((0.0, 0.0), |(work, size), (way, force)| (work + way * force, size + (way * force).abs()))
 }
 

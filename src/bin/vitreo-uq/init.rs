@@ -63,7 +63,7 @@ pub struct InitArguments {
     /// Begin of the load, if earlier rows are missing: first (with the first row), or a time in s of the table's clock
     #[arg(long, value_name = "TIME", allow_negative_numbers = true)]
     load_start: Option<String>,
-    /// Force of rows with an empty force: above (the force of the row above), zero, or left-out (such rows are not used)
+    /// Force of rows with an empty force: above (the force of the row above), zero, or left-out (not measured)
     #[arg(long, value_name = "MEANING")]
     blank_force: Option<String>,
     /// Thousands separator: `.`, `,` or none

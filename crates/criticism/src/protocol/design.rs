@@ -11,7 +11,7 @@
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
-use super::family::{DesignLimits, DesignedDrive, family};
+use super::family::{DesignLimits, DesignedDrive, ForceDirections, family};
 use super::farthest::{ANY, Pair, UnderProtocol, farthest};
 use super::sought::{RecordInformation, Sought, SoughtEffect, sd_of};
 use super::{Members, n_right, under_protocol};
@@ -139,8 +139,9 @@ impl<'a> Designer<'a> {
         let mut n_tried = drives.len();
         let (holds, others): (Vec<_>, Vec<_>) =
             drives.into_iter().partition(|drive| !drive.neighbours(limits).is_empty());
-        // A shorter protocol that needs a smaller force shows that longer ones do, too.
-        let reduces_force = also.iter().any(|drive| drive.amplitude < 1.0);
+        // A shorter protocol that needs a smaller force shows that longer ones do, too. A force of one direction leads away steadily.
+        let reduces_force =
+            also.iter().any(|drive| drive.amplitude < 1.0) || limits.directions != ForceDirections::Both;
         let mut screen = Screen { designer: self, limits, interval_s: coarse_s, monitor, reduces_force };
         let rank = |screen: &Screen<'_, '_>| -> Result<_> {
             let ranked = screen.best(holds.clone(), (N_JUDGED, f64::NEG_INFINITY), Some(&counter))?;

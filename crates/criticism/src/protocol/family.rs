@@ -44,6 +44,11 @@ impl ForceDirections {
 }
 
 impl DesignLimits {
+    /// These limits for a record of another duration, rounded down to whole intervals.
+    pub fn lasting(self, duration_s: f64) -> Self {
+        Self { duration_s: self.interval_s * (duration_s / self.interval_s + 1e-6).floor(), ..self }
+    }
+
     /// Number of intervals between the samples of the whole record.
     fn n_intervals(&self, interval_s: f64) -> usize {
         // A duration that is a multiple of the interval may be slightly shorter because of rounding.
@@ -127,16 +132,20 @@ impl DesignedDrive {
             let holds = self.holds.iter().chain(&after).map(|[part, level]| [share * part, *level]).collect();
             Self { holds, ..self.clone() }
         };
-        let rest = [1.0 / share - 1.0, 0.0];
         let times = |sign: f64| {
-            let repeats = (1.0 / share).round() as usize - 1;
+            let repeats = (1.0 / share + 1e-9) as usize - 1;
             let one = |repeat: usize| {
                 let sign = if repeat.is_multiple_of(2) { sign } else { 1.0 };
                 self.holds.iter().map(move |[part, level]| [*part, sign * level])
             };
-            with((0..repeats).flat_map(one).collect())
+            let mut all = with((0..repeats).flat_map(one).collect());
+            all.words += " and again";
+            // A share that is no integer part leaves a rest, in which the last level goes on.
+            let left = 1.0 - all.holds.iter().map(|hold| hold[0]).sum::<f64>();
+            all.holds.iter_mut().rev().take(1).for_each(|last| last[0] += left);
+            all
         };
-        vec![with(vec![rest]), times(1.0), times(-1.0)]
+        vec![with(vec![[1.0 / share - 1.0, 0.0]]), times(1.0), times(-1.0)]
     }
 
     /// Holds as the rows of the record show them: the duration of each in s and its level. Neighbours of one level are one hold.
@@ -178,6 +187,11 @@ impl DesignedDrive {
         format!("{} holds of {durations} s at up to {} µN{kind}", holds.len(), un(largest))
     }
 
+    /// True if a force acts at some time.
+    fn acts(&self) -> bool {
+        self.holds.iter().any(|hold| hold[1] != 0.0)
+    }
+
     /// True if every hold is long enough.
     fn is_possible(&self, limits: &DesignLimits) -> bool {
         let shortest = limits.shortest_hold_s / limits.duration_s;
@@ -193,7 +207,7 @@ impl DesignedDrive {
         let mut list = Vec::new();
         let mut add = |holds: Vec<[f64; 2]>| {
             let drive = Self::new("steps of the force", holds).in_directions(limits.directions);
-            if drive.is_possible(limits) && drive.holds != self.holds {
+            if drive.is_possible(limits) && drive.acts() && drive.holds != self.holds {
                 list.push(drive);
             }
         };
@@ -289,7 +303,8 @@ pub fn family(limits: &DesignLimits, seed: u64) -> Vec<DesignedDrive> {
         // Most protocols begin in the positive direction.
         list.iter_mut().flat_map(|drive| &mut drive.holds).for_each(|hold| hold[1] = -hold[1]);
     }
-    list.into_iter().map(|drive| drive.in_directions(limits.directions)).collect()
+    let possible = list.into_iter().map(|drive| drive.in_directions(limits.directions));
+    possible.filter(DesignedDrive::acts).collect()
 }
 
 /// Random parts that add to 1. Each is at least a quarter of the mean.
@@ -327,7 +342,7 @@ mod tests {
             let record = drive.record(&LIMITS, LIMITS.interval_s);
             assert_eq!(record.n_rows(), 801);
             let largest = record.force_n.iter().fold(0.0_f64, |most, force| most.max(force.abs()));
-            assert!(largest > 0.0 || drive.words.contains("random"), "{}", drive.words);
+            assert!(largest > 0.0, "{}", drive.words);
             assert!(largest <= LIMITS.largest_force_n * (1.0 + 1e-12), "{}: {largest} N", drive.words);
             let shortest_s = shortest_hold_s(&record);
             assert!(shortest_s >= LIMITS.shortest_hold_s - 0.051, "{}: a hold of {shortest_s} s", drive.words);
@@ -375,7 +390,9 @@ mod tests {
         assert_eq!(rest.holds, [[0.25, 1.0], [0.25, 0.5], [0.5, 0.0]]);
         assert_eq!(levels(&again), [1.0, 0.5, 1.0, 0.5]);
         assert_eq!(levels(&opposite), [1.0, 0.5, -1.0, -0.5]);
-        for drive in [again, opposite] {
+        let thrice = drive.continued(0.3).remove(1);
+        assert_eq!(levels(&thrice), [1.0, 0.5, 1.0, 0.5, 1.0, 0.5]);
+        for drive in [again, opposite, thrice] {
             assert!((drive.holds.iter().map(|hold| hold[0]).sum::<f64>() - 1.0).abs() < 1e-12);
         }
     }

@@ -52,6 +52,9 @@ const CHANGES: [(&str, [f64; 3]); 5] = [
     ("duration", [1.0, 10.0, 1.0]),
 ];
 
+/// Distance over its limit from which a gel counts as leaving it.
+const CLEARLY_BEYOND: f64 = 1.1;
+
 /// What is known before the new record.
 struct Known {
     /// Directory of the results.
@@ -290,8 +293,8 @@ fn search(
 ) -> Result<(DesignedProtocol, Vec<(DesignLimits, DesignedProtocol)>)> {
     let mut front: Vec<(DesignLimits, DesignedProtocol)> = Vec::new();
     for factor in FRONT {
-        monitor.stage(&format!("comparing protocols of {} s", format_significant(factor * limits.duration_s, 3)));
-        let within = DesignLimits { duration_s: factor * limits.duration_s, ..*limits };
+        let within = limits.lasting(factor * limits.duration_s);
+        monitor.stage(&format!("comparing protocols of {} s", format_significant(within.duration_s, 3)));
         let shorter = front
             .last()
             .map_or(Vec::new(), |(shorter, protocol)| protocol.drive.continued(shorter.duration_s / within.duration_s));
@@ -335,7 +338,8 @@ fn recommended(
 
 /// Warning if the robot leaves the limit for many gels that the present knowledge allows. `farthest_m` are the largest distances for draws of the parameters, in ascending order.
 fn moves_too_far(farthest_m: &[f64], limits: &DesignLimits) -> Option<Warning> {
-    let beyond = farthest_m.iter().filter(|distance_m| **distance_m > limits.largest_position_m).count();
+    let beyond =
+        farthest_m.iter().filter(|distance_m| **distance_m > CLEARLY_BEYOND * limits.largest_position_m).count();
     let n = farthest_m.len();
     if beyond * 20 <= n {
         return None;
@@ -344,7 +348,7 @@ fn moves_too_far(farthest_m: &[f64], limits: &DesignLimits) -> Option<Warning> {
     Some(Warning {
         kind: WarningKind::Extrapolation,
         text: format!(
-            "the limit of {} µm holds for the middle of what is known: {beyond} of {n} gels drawn from it move the robot farther, 5 % of them farther than {} µm",
+            "the limit of {} µm is kept in the middle of what is known. Of {n} gels drawn from what is known, {beyond} exceed it by more than 10 %, and 5 % of all exceed {} µm",
             um(limits.largest_position_m),
             um(farthest_m[n - 1 - n / 20])
         ),

@@ -62,8 +62,6 @@ pub fn limits(experiment: &Experiment, farthest_m: f64, request: &DesignRequest)
     let interval_s = request.interval_s.or(experiment.record.median_interval_s()).unwrap_or(0.0);
     let scales = experiment.scales();
     let duration_s = request.budget_s.unwrap_or(scales.duration_s + interval_s);
-    // The record consists of whole intervals.
-    let duration_s = interval_s * (duration_s / interval_s + 1e-6).floor();
     let largest_force_n = request.largest_force_n.unwrap_or(scales.largest_force_n);
     let shortest_hold_s = request.shortest_hold_s.unwrap_or(4.0 * interval_s);
     if !(interval_s > 0.0 && duration_s >= 20.0 * interval_s && largest_force_n > 0.0) {
@@ -92,7 +90,9 @@ pub fn limits(experiment: &Experiment, farthest_m: f64, request: &DesignRequest)
         (false, true) if !request.both_directions => ForceDirections::Negative,
         _ => ForceDirections::Both,
     };
-    Ok(DesignLimits { largest_force_n, duration_s, interval_s, shortest_hold_s, largest_position_m, directions })
+    let limits =
+        DesignLimits { largest_force_n, duration_s, interval_s, shortest_hold_s, largest_position_m, directions };
+    Ok(limits.lasting(duration_s))
 }
 
 /// Largest distance of a designed record from its start, relative to that of the present record, unless it is given.

@@ -127,7 +127,7 @@ const RELAXES: f64 = 0.05;
 /// Interval after the jump, as a part of the jump's own, above which the rows are as dense before and after it.
 const DENSER: f64 = 0.5;
 /// Least part of the command's range that counts as a jump.
-const JUMP: f64 = 0.5;
+const JUMP: f64 = 0.1;
 
 /// Finds a commanded position that jumps from one constant value to another between two rows, while the measured force relaxes within an interval: the force depends on the time
 /// of the jump within the interval, which the record does not show. The text calls the command the force, as all texts do before their translation.
@@ -146,9 +146,13 @@ pub fn unknown_jump(record: &Record, noise_m: f64) -> Option<Warning> {
     let share = |row: usize| {
         let is_jump = (command[row] - command[row - 1]).abs() > JUMP * range;
         let is_held = command[row + 1] == command[row] && (row == 1 || command[row - 2] == command[row - 1]);
-        let [jump_s, next_s] = [time_s[row] - time_s[row - 1], time_s[row + 1] - time_s[row]];
-        let [before, at, after] = [row - 1, row, row + 1].map(|row| answer[row]);
-        let (jump, lost) = (at? - before?, at? - after?);
+        // The nearest rows with an answer, as long as the command holds.
+        let is_level = |other: &usize| command[*other] == command[row];
+        let mut later = (row..command.len()).take_while(is_level).filter(|row| answer[*row].is_some());
+        let (at, after) = (later.next()?, later.next()?);
+        let before = (0..row).rev().find(|row| answer[*row].is_some())?;
+        let [jump_s, next_s] = [time_s[row] - time_s[row - 1], time_s[after] - time_s[at]];
+        let (jump, lost) = (answer[at]? - answer[before]?, answer[at]? - answer[after]?);
         let is_clear = lost.abs() > ERRORS * noise_m && lost * jump > 0.0;
         // The part that relaxes in as long a time as the jump may take.
         let share = lost / jump * (jump_s / next_s).min(1.0);

@@ -635,7 +635,7 @@ impl DescribedFile<'_> {
             return Ok(None);
         }
         let question = Question {
-            text: "force of rows with a blank force cell (above: force of the row above; zero: no force; left-out: not measured, without this row)".into(),
+            text: "force of rows with a blank force cell (above: force of the row above; zero: no force; left-out: not measured)".into(),
             choices: BlankForce::ALL.map(|blank| blank.name().to_string()).to_vec(),
             also: Vec::new(),
             proposal: None,

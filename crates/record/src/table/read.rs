@@ -161,11 +161,14 @@ pub(crate) fn read_described(file: &Path, text: &str, description: &TableDescrip
         let number = |cell: &str, at: &dyn Fn() -> InputPlace, remedy: &dyn Fn() -> String| {
             layout.number(cell).ok_or_else(|| Error::input(at(), not_a_number(cell, layout), remedy()))
         };
+        let lacks_position = columns.positions.iter().any(|(at, _)| cells.get(*at).is_some_and(|cell| is_lost(cell)));
         let force_n = match columns.force.as_ref().zip(description.force.as_ref()) {
             Some((column, (_, unit))) => {
                 let text = cell(column)?;
                 match (is_lost(text), description.blank_force, trajectory.force_n.last()) {
                     (true, Some(BlankForce::LeftOut), _) => continue,
+                    // The row tells nothing.
+                    (true, Some(BlankForce::Lost), _) if lacks_position => continue,
                     (true, Some(BlankForce::Lost), _) => f64::NAN,
                     (true, Some(BlankForce::Zero), _) => 0.0,
                     (true, Some(BlankForce::Above), Some(above_n)) => *above_n,
@@ -214,7 +217,8 @@ pub(crate) fn read_described(file: &Path, text: &str, description: &TableDescrip
     }
     trajectory.check_length(file, layout.first_row_line)?;
     let place = |row: usize| InputPlace::file(file).at_line(trajectory.lines[row]).at_key(columns.time.1.as_str());
-    let is_force_measured = Control::likely(&trajectory.force_n, &trajectory.position_m) == Control::Position;
+    let is_force_measured = description.blank_force == Some(BlankForce::Lost)
+        || Control::likely(&trajectory.force_n, &trajectory.position_m) == Control::Position;
     let rows = TimeRows {
         is_force_measured,
         time_s: &mut trajectory.time_s,
