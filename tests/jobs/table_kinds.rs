@@ -1079,7 +1079,11 @@ fn rows_without_a_force_are_left_out() {
     let given = TableSettings { blank_force: Some("left-out".into()), ..TableSettings::default() };
     let (summary, experiment, _) =
         read(&format!("Time (s),Force (uN),Position (um)\n{blanked}"), given.clone()).expect("a record");
-    assert!(summary.reasons.iter().any(|reason| reason.contains("12 rows have no measured force")), "{:?}", summary.reasons);
+    assert!(
+        summary.reasons.iter().any(|reason| reason.contains("12 rows have no measured force")),
+        "{:?}",
+        summary.reasons
+    );
     assert_eq!(experiment.record.n_rows(), N_ROWS - 12);
     let empty: String = (0..60).map(|row| format!("{:.3},,1.0\n", 40.0 + 0.05 * f64::from(row))).collect();
     let header = "Time (s),Force (uN),Position (um)";

@@ -140,7 +140,7 @@ impl DesignedDrive {
             };
             let mut all = with((0..repeats).flat_map(one).collect());
             all.words += " and again";
-            // A share that is no integer part leaves a rest, in which the last level goes on.
+            // The last level goes on in the time that whole repeats leave.
             let left = 1.0 - all.holds.iter().map(|hold| hold[0]).sum::<f64>();
             all.holds.iter_mut().rev().take(1).for_each(|last| last[0] += left);
             all

@@ -106,12 +106,12 @@ fn known(target: &CreepTarget, request: &DesignRequest, monitor: &dyn Monitor) -
     let mut models = models(&subjects, class.as_ref())?;
     let standings = if models.len() > 1 { standings(&models) } else { Vec::new() };
     let (after, mut warnings) = judge_later(&subjects, &models[0]);
+    // A record that no effect of the class explains decides nothing.
+    let is_explained = warnings.is_empty();
     // A class replaces the model of the revision, but not draws that have not converged.
     let of_study = study_warnings(&revision.study.revision_dir(&revision.name)?, &revision.name, false)?;
     let counts = |warning: &Warning| class.is_none() || warning.kind == WarningKind::NotConverged;
     warnings.extend(of_study.into_iter().filter(counts));
-    // A record that no effect of the class explains decides nothing.
-    let is_explained = warnings.is_empty();
     let decided = if class.is_some() && !later.is_empty() && is_explained { keep_possible(&mut models) } else { None };
     if decided.is_some() {
         goal = DesignGoal::Parameters;

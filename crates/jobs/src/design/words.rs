@@ -15,7 +15,7 @@ pub fn stop_sentence(limits: &DesignLimits, mut sd: impl Iterator<Item = [f64; 2
     sd.all(|[now, expected]| expected > LITTLE_LEARNT * now).then(|| {
         // A designed record is one cycle, whose gain is unknown however long it is.
         let remedy = if has_gains {
-            "Each cycle has its own gain, and a designed record is one cycle: repeat the present protocol for more cycles."
+            "Each cycle has its own gain, and a designed record is one cycle: a record of more cycles would teach more."
         } else {
             "More force, time or samples would teach more."
         };

@@ -129,14 +129,15 @@ const DENSER: f64 = 0.5;
 /// Least part of the command's range that counts as a jump.
 const JUMP: f64 = 0.1;
 
-/// Finds a commanded position that jumps from one constant value to another between two rows, while the measured force relaxes within an interval: the force depends on the time
-/// of the jump within the interval, which the record does not show. The text calls the command the force, as all texts do before their translation.
+/// Finds the jump of [`unknown_jump`].
 pub(super) fn jumps_between_rows(looked: &CheckContext<'_>) -> Option<Contradiction> {
     let Warning { text, advice, .. } = unknown_jump(looked.record, looked.noise_m)?;
     Some(found("jump_between_rows", false, text, advice))
 }
 
-/// Warning about a jump as in [`jumps_between_rows`], which makes parameters wrong. `noise_m` is the noise standard deviation of the measured quantity.
+/// Warning about a commanded position that jumps from one constant value to another between two rows, while the measured force relaxes within an interval: the force depends on
+/// the time of the jump within the interval, which the record does not show. The text calls the command the force, as all texts do before their translation. `noise_m` is the
+/// noise standard deviation of the measured quantity.
 pub fn unknown_jump(record: &Record, noise_m: f64) -> Option<Warning> {
     let Record { time_s, force_n: command, position_m: answer, .. } = record;
     if record.force_rule != ForceRule::Linear {
@@ -146,6 +147,9 @@ pub fn unknown_jump(record: &Record, noise_m: f64) -> Option<Warning> {
     let share = |row: usize| {
         let is_jump = (command[row] - command[row - 1]).abs() > JUMP * range;
         let is_held = command[row + 1] == command[row] && (row == 1 || command[row - 2] == command[row - 1]);
+        if !is_jump || !is_held {
+            return None;
+        }
         // The nearest rows with an answer, as long as the command holds.
         let is_level = |other: &usize| command[*other] == command[row];
         let mut later = (row..command.len()).take_while(is_level).filter(|row| answer[*row].is_some());
@@ -157,7 +161,7 @@ pub fn unknown_jump(record: &Record, noise_m: f64) -> Option<Warning> {
         // The part that relaxes in as long a time as the jump may take.
         let share = lost / jump * (jump_s / next_s).min(1.0);
         // Rows that are far denser after the jump show that the interval is a ramp.
-        (is_jump && is_held && is_clear && next_s > DENSER * jump_s && share > RELAXES).then_some((row, share))
+        (is_clear && next_s > DENSER * jump_s && share > RELAXES).then_some((row, share))
     };
     let (row, share) = (1..command.len().saturating_sub(1)).find_map(share)?;
     let number = |time_s: f64| format_significant(time_s, 5);
@@ -230,4 +234,39 @@ pub(super) fn logged_late(looked: &CheckContext<'_>) -> Option<Contradiction> {
         if begins.len() > LISTED { ", …" } else { "" }
     );
     Some(found("force_logged_late", true, text, advice))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Steps of the command at 2 s and at 6 s, whose answer relaxes with a time of 2 s; a row each 0.5 s, and those at `more` s. Rows at `lost` s have no answer.
+    fn stepped(more: &[f64], lost: &[f64]) -> Record {
+        let mut time_s: Vec<f64> = (0..24).map(|row| 0.5 * f64::from(row)).chain(more.iter().copied()).collect();
+        time_s.sort_by(f64::total_cmp);
+        let since = |t: f64, step_s: f64| if t < step_s { 0.0 } else { 1.0 + (-(t - step_s) / 2.0).exp() };
+        let command = |t: f64| f64::from(u8::from(t >= 2.0)) + f64::from(u8::from(t >= 6.0));
+        let answer = |t: &f64| (!lost.contains(t)).then(|| since(*t, 2.0) + since(*t, 6.0));
+        Record {
+            force_n: time_s.iter().map(|t| command(*t)).collect(),
+            position_m: time_s.iter().map(answer).collect(),
+            cycle: vec![1; time_s.len()],
+            time_s,
+            force_rule: ForceRule::Linear,
+            force_rows: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn a_jump_is_unknown_unless_rows_tell_its_time() {
+        let just_before = [1.9999, 5.9999];
+        let is_unknown = |more: &[f64], lost: &[f64]| unknown_jump(&stepped(more, lost), 1e-3).is_some();
+        assert!(is_unknown(&[], &[]));
+        // A lost answer in the row of each jump hides nothing.
+        assert!(is_unknown(&[], &[2.0, 6.0]));
+        assert!(!is_unknown(&just_before, &just_before));
+        // One jump that is told leaves the other one.
+        assert!(is_unknown(&just_before[..1], &just_before[..1]));
+        assert!(unknown_jump(&Record { force_rule: ForceRule::Hold, ..stepped(&[], &[]) }, 1e-3).is_none());
+    }
 }
