@@ -312,7 +312,7 @@ impl<'a> Designer<'a> {
         Ok((0..n_draws).map(draw).collect())
     }
 
-    /// Largest distance (m) of the robot from its start under a protocol, for each of [`N_MOVED`] draws of the parameters, in ascending order; empty for a model whose trajectories
+    /// Largest distance (m) of the robot from its start under a protocol, for each of a hundred draws of the parameters, in ascending order; empty for a model whose trajectories
     /// are stepped.
     ///
     /// # Errors
