@@ -27,8 +27,11 @@ pub struct DesignLimits {
 /// Directions of the force that an apparatus can apply.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ForceDirections {
+    /// Forces of both signs.
     Both,
+    /// Positive forces only, as of a magnet that pulls.
     Positive,
+    /// Negative forces only.
     Negative,
 }
 
@@ -142,7 +145,9 @@ impl DesignedDrive {
             all.words += " and again";
             // The last level goes on in the time that whole repeats leave.
             let left = 1.0 - all.holds.iter().map(|hold| hold[0]).sum::<f64>();
-            all.holds.iter_mut().rev().take(1).for_each(|last| last[0] += left);
+            if let Some(last) = all.holds.last_mut() {
+                last[0] += left;
+            }
             all
         };
         vec![with(vec![[1.0 / share - 1.0, 0.0]]), times(1.0), times(-1.0)]

@@ -348,7 +348,7 @@ fn moves_too_far(farthest_m: &[f64], limits: &DesignLimits) -> Option<Warning> {
     Some(Warning {
         kind: WarningKind::Extrapolation,
         text: format!(
-            "the limit of {} µm is kept in the middle of what is known. Of {n} gels drawn from what is known, {beyond} exceed it by more than 10 %, and 5 % of all exceed {} µm",
+            "the limit of {} µm is kept in the middle of what is known. Of {n} gels drawn from what is known, {beyond} exceed it by more than 10 %. One in twenty exceeds {} µm",
             um(limits.largest_position_m),
             um(farthest_m[n - 1 - n / 20])
         ),
