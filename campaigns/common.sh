@@ -67,7 +67,8 @@ run_in() {
     started=$(date +%s)
     local code=0
     "$@" >"$raw/$label.txt" 2>"$raw/$label.log" || code=$?
-    if ((code > 1)); then
+    # A Python program that breaks down also ends with 1.
+    if ((code > 1)) || { ((code == 1)) && grep -q '^Traceback' "$raw/$label.log"; }; then
         printf '%s failed with %s:\n' "$label" "$code" >&2
         tail -n 5 "$raw/$label.log" >&2
         exit "$code"

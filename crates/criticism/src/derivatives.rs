@@ -62,6 +62,9 @@ pub(super) fn derivatives_m(
     theta: &[f64],
     known_m: Option<&[f64]>,
 ) -> Option<Vec<Vec<f64>>> {
+    if let Some(columns) = subject.constant_derivatives_m(candidate) {
+        return Some(columns);
+    }
     let exact = by_function_m(subject, candidate, theta).unwrap_or_default();
     let is_exact = |k: &usize| exact.iter().any(|(place, _)| place == k);
     let moved: Vec<usize> = (0..candidate.free.len()).filter(|k| !is_exact(k)).collect();

@@ -44,10 +44,6 @@ const CONFIRMING_BATCH: usize = 13;
 const FEWEST_CONFIRMING: usize = 39;
 const OUT_OF_REACH: f64 = 2.0;
 const CONFIRMING_STREAMS: u64 = 0xc0f1;
-/// Budget of trajectory rows for confirming a finding. One row of a nonlinear law counts as `NONLINEAR_COUNTS_AS` rows. A confirmation that would exceed the budget stops
-/// after the data sets already made.
-const MOST_ROWS_EVALUATED: usize = 50_000_000_000;
-const NONLINEAR_COUNTS_AS: usize = 50;
 
 /// Diagnoses a record: excludes outliers, searches for missing effects, computes evidence, decides the verdict and writes the document.
 ///
@@ -238,7 +234,8 @@ fn structure_beside(
 }
 
 /// Keeps structure that does not appear by chance in data simulated from the model and its noise. The simulated data are searched in the same way, with the noise
-/// estimated anew, because correlated noise resembles many structures.
+/// estimated anew, because correlated noise resembles many structures. The model is linearised about its fit, from which the simulated data differ by noise only: a trajectory
+/// can take milliseconds, and every data set needs thousands.
 fn confirmed(
     subject: &Subject,
     model: &Refitted,
@@ -249,29 +246,19 @@ fn confirmed(
     let Some(gain) = list.first().map(|first| first.penalised_gain_nats) else { return Ok(list) };
     let null = OutsideNull::of(subject, &model.candidate, &model.fitted, &outside_request(request))?;
     let counter = Counter::new(monitor, N_CONFIRMING);
-    // Nonlinear laws use remembered trajectories: every data set needs hundreds of trajectories, all near the fit.
-    let gain_of = |number: usize| -> Result<(f64, usize)> {
-        let data = simulated(subject, model, request.seed ^ CONFIRMING_STREAMS, number)
-            .with_trajectory_memory()
-            .with_new_count();
+    let linearised = subject.clone().linearised(&model.candidate, &model.fitted)?;
+    let gain_of = |number: usize| -> Result<f64> {
+        let data = simulated(&linearised, model, request.seed ^ CONFIRMING_STREAMS, number);
         let start = (model.fitted.theta.clone(), model.fitted.noise);
         let fitted = data.fit(&model.candidate, &[start], Search::Local)?;
         let simulated = largest_outside_gain(&data, &model.candidate, &fitted, &null)?.0;
         counter.add_one();
-        Ok((simulated, data.n_evaluated()))
+        Ok(simulated)
     };
-    let weight = if model.candidate.model.is_nonlinear() { NONLINEAR_COUNTS_AS } else { 1 };
-    let most_evaluated = MOST_ROWS_EVALUATED / (weight * subject.experiment().record.n_rows().max(1));
-    let (mut largest, mut n_made, mut n_evaluated) = (request.criteria.least_structure_nats, 0, 0);
-    while n_evaluated < most_evaluated
-        && n_made < N_CONFIRMING
-        && (n_made < FEWEST_CONFIRMING || gain <= OUT_OF_REACH * largest)
-    {
-        let batch = (n_made..n_made + CONFIRMING_BATCH).into_par_iter().map(gain_of);
-        for (gain, evaluated) in batch.collect::<Result<Vec<(f64, usize)>>>()? {
-            largest = largest.max(gain);
-            n_evaluated += evaluated;
-        }
+    let (mut largest, mut n_made) = (request.criteria.least_structure_nats, 0);
+    while n_made < N_CONFIRMING && (n_made < FEWEST_CONFIRMING || gain <= OUT_OF_REACH * largest) {
+        let batch = (n_made..n_made + CONFIRMING_BATCH).into_par_iter().map(gain_of).collect::<Result<Vec<f64>>>()?;
+        largest = batch.into_iter().fold(largest, f64::max);
         n_made += CONFIRMING_BATCH;
         // The first data set that reaches the gain ends the confirmation: further data sets would not change the result.
         if largest >= gain {
@@ -279,10 +266,8 @@ fn confirmed(
         }
     }
     let p = 1.0 / (1 + n_made) as f64;
-    let cut_short_after = (n_made < FEWEST_CONFIRMING).then_some(n_made);
     for outside in &mut list {
         outside.p_familywise = outside.p_familywise.max(p);
-        outside.cut_short_after = cut_short_after;
     }
     Ok(list)
 }

@@ -277,12 +277,6 @@ impl Report<'_> {
             "without any effect, the largest score stays below {threshold:.2} standard deviations in 95 of 100 experiments"
         ));
         list.extend(self.found.bootstrap.sentence());
-        if let Some(n) = self.unexplained.iter().find_map(|outside| outside.cut_short_after) {
-            list.push(format!(
-                "this model takes long to fit, so the test of structure outside the library stopped after {n} simulated records: none contains structure with such a gain, so p is at most 1 in {}",
-                n + 1
-            ));
-        }
         match self.subject.experiment().heldout_cycles[..] {
             [] => list.push("no cycle is held out, so effects are \"suggestive\" at most".into()),
             [cycle] if self.subject.problem().experiment.calibration_cycles.len() == 1 => list.push(format!(

@@ -97,7 +97,6 @@ pub fn slip(model: &Refitted) -> OutsideStructure {
         degrees: 1,
         p_familywise: 0.005,
         size_um: 9.0,
-        cut_short_after: None,
         event_time_s: Some(12.0),
         period_s: None,
         twins: Vec::new(),

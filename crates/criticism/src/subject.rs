@@ -1,9 +1,8 @@
 //! One experiment, prepared for the fits of many models.
 
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, OnceLock};
 
-use super::{Candidate, noise_bounds::noise_bounds, score::Score};
+use super::{Candidate, Fitted, derivatives, noise_bounds::noise_bounds, score::Score};
 use base::error::{Error, InputPlace, Result, Setting};
 use base::number::Dual;
 use laws::stages::SharedStepper;
@@ -32,8 +31,8 @@ pub struct Subject {
     has_only_specified_noise: bool,
     /// Plausible sizes of noise beside white noise; `None` if noise of any size is allowed.
     noise_bounds: Option<NoiseBounds>,
-    /// Number of trajectories computed for this subject and for subjects derived from it.
-    n_evaluated: Arc<AtomicUsize>,
+    /// Straight line that stands for the model's trajectories; `None` for the trajectories themselves.
+    line: Option<Arc<StraightLine>>,
     /// Positions (m) of the fitted cycles, `None` elsewhere; one entry per row of the record.
     pub fitted_m: Vec<Option<f64>>,
     /// Positions (m) of the scored cycle, `None` elsewhere.
@@ -42,6 +41,29 @@ pub struct Subject {
     pub(super) fitted: NoiseLikelihood,
     /// Likelihood of the fitted and the scored positions.
     pub(super) all: NoiseLikelihood,
+}
+
+/// First-order expansion of a model's positions about a fit.
+struct StraightLine {
+    /// Coordinates of the fit.
+    theta: Vec<f64>,
+    /// Positions (m) of the fit, one per row of the record.
+    position_m: Vec<f64>,
+    /// Derivatives of the positions (m per unit): one column per coordinate of the fit.
+    columns_m: Vec<Vec<f64>>,
+}
+
+impl StraightLine {
+    /// Positions (m) at a point whose coordinates begin with those of the fit. Each coordinate behind them is the amplitude of one of the columns `added_m`.
+    fn position_m(&self, point: &[f64], added_m: &[Vec<f64>]) -> Vec<f64> {
+        let (of_fit, added) = point.split_at(self.theta.len());
+        let steps = of_fit.iter().zip(&self.theta).map(|(to, from)| to - from).chain(added.iter().copied());
+        let mut position_m = self.position_m.clone();
+        for (step, column) in steps.zip(self.columns_m.iter().chain(added_m)) {
+            position_m.iter_mut().zip(column).for_each(|(position, by)| *position += step * by);
+        }
+        position_m
+    }
 }
 
 /// Parts of a subject that do not depend on the positions.
@@ -182,7 +204,7 @@ impl Subject {
             has_trajectory_memory: false,
             has_only_specified_noise: false,
             noise_bounds: None,
-            n_evaluated: Arc::default(),
+            line: None,
             fitted_m,
             scored_m,
             fitted,
@@ -212,7 +234,7 @@ impl Subject {
             left
         };
         let other = Self::of(self.shared.clone(), left(&self.fitted_m), left(&self.scored_m));
-        Self { n_evaluated: self.n_evaluated.clone(), ..other.treated_like(self) }
+        Self { line: self.line.clone(), ..other.treated_like(self) }
     }
 
     /// Returns the subject with the noise and the trajectories of the fits of `other`.
@@ -279,14 +301,22 @@ impl Subject {
         Self { has_trajectory_memory: true, ..self }
     }
 
-    /// Returns the subject with a separate count of computed trajectories.
-    pub(super) fn with_new_count(self) -> Self {
-        Self { n_evaluated: Arc::default(), ..self }
+    /// Returns the subject with the first-order expansion of one model about its fit in place of the model. It then serves that model only, and the model with further columns.
+    /// Fits to positions that differ from those of the fit by noise are nearly the same.
+    ///
+    /// # Errors
+    /// [`Error::Numerical`] if the model has no derivatives at the fit.
+    pub(super) fn linearised(self, candidate: &Candidate, fitted: &Fitted) -> Result<Self> {
+        let columns_m = derivatives::columns_m(&self, candidate, &fitted.theta)?;
+        let (theta, position_m) = (fitted.theta.clone(), fitted.position_m.clone());
+        Ok(Self { line: Some(Arc::new(StraightLine { theta, position_m, columns_m })), ..self })
     }
 
-    /// Number of trajectories computed for this subject and for subjects derived from it.
-    pub(super) fn n_evaluated(&self) -> usize {
-        self.n_evaluated.load(Ordering::Relaxed)
+    /// Derivatives of the positions (m per unit) of a linearised model: one column per coordinate; `None` for other models.
+    pub(super) fn constant_derivatives_m(&self, candidate: &Candidate) -> Option<Vec<Vec<f64>>> {
+        let line = self.line.as_ref()?;
+        let added = &candidate.columns[line.theta.len() - candidate.free.len()..];
+        Some(line.columns_m.iter().chain(added).cloned().collect())
     }
 
     /// The experiment, split into fitted and scored cycles. Its positions are the measured ones, outliers included.
@@ -428,7 +458,15 @@ impl Subject {
 
     /// Positions (m) at every row of the record for one to eight points of a candidate, one lane per point. The flags mark valid points.
     pub(super) fn trajectories_m(&self, candidate: &Candidate, points: &[Vec<f64>]) -> (Vec<Lanes>, [bool; N_LANES]) {
-        self.n_evaluated.fetch_add(points.len().min(N_LANES), Ordering::Relaxed);
+        if let Some(line) = &self.line {
+            let added = &candidate.columns[line.theta.len() - candidate.free.len()..];
+            let mut position_m = vec![Lanes([0.0; N_LANES]); line.position_m.len()];
+            for (lane, point) in points.iter().enumerate().take(N_LANES) {
+                let of_point = line.position_m(point, added);
+                position_m.iter_mut().zip(of_point).for_each(|(row, position)| row.0[lane] = position);
+            }
+            return (position_m, [true; N_LANES]);
+        }
         let mut lanes = Vec::with_capacity(N_LANES);
         let (mut stages, mut compliances_per_m) = (Vec::new(), Vec::new());
         for (lane, theta) in points.iter().enumerate().take(N_LANES) {
@@ -509,7 +547,33 @@ fn select_rows(record: &Record, most: usize, is_placed: impl Fn(usize) -> bool) 
 
 #[cfg(test)]
 mod tests {
-    use crate::test_replica::{base_fit, replica};
+    use crate::Search;
+    use crate::test_replica::{WHITE, base_fit, replica, simulated};
+
+    /// Fits of the linearised model to simulated positions are those of the model, also beside a further column. The parameters move by half a per cent, so the second order is
+    /// 10⁻⁵ of 300 µm, a thousandth of the noise: the fits differ by 10⁻³ nats at most. A column of 20 µm gains more than 50 nats.
+    #[test]
+    fn a_linearised_model_is_fitted_like_the_model() {
+        let (base, fitted) = base_fit();
+        let step_m: Vec<f64> = (0..fitted.position_m.len()).map(|row| if row < 300 { 0.0 } else { 2e-5 }).collect();
+        let with_step = base.with_columns(vec![step_m.clone()]);
+        for seed in 0..3 {
+            let data = simulated(&base, &fitted.theta, &WHITE, 500 + seed);
+            let shifted: Vec<f64> =
+                data.observed_m().iter().zip(&step_m).map(|(y, by)| y.unwrap_or(0.0) + by).collect();
+            let data = data.with_positions(&shifted);
+            let linearised = data.clone().linearised(&base, &fitted).expect("derivatives");
+            let objectives = [&data, &linearised].map(|subject| {
+                [&base, &with_step].map(|candidate| {
+                    let start = (candidate.embed(&base, &fitted.theta), fitted.noise);
+                    subject.fit(candidate, &[start], Search::Local).expect("a fit").objective
+                })
+            });
+            let [[exact, exact_with], [linear, linear_with]] = objectives;
+            assert!(exact_with - exact > 50.0, "{objectives:?}");
+            assert!((exact - linear).abs() < 1e-3 && (exact_with - linear_with).abs() < 1e-3, "{objectives:?}");
+        }
+    }
 
     /// With one position in eight, the replica's remaining rows and the rows at which its force changes keep their model positions and their data. A record that is short
     /// enough stays unchanged.

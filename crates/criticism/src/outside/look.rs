@@ -300,7 +300,6 @@ impl<'a> OutsideSearch<'a> {
             degrees: amplitudes.len(),
             p_familywise: null.p_familywise(penalised_gain_nats),
             size_um,
-            cut_short_after: None,
             event_time_s: words.event_time_s,
             period_s: words.period_s,
             twins,

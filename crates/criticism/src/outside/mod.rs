@@ -134,8 +134,6 @@ pub struct OutsideStructure {
     pub p_familywise: f64,
     /// Root mean square (µm), over the fitted rows, of the part of the structure that the model's parameters cannot absorb.
     pub size_um: f64,
-    /// Number of simulated data sets that tested the structure, if the budget ended the test early; no set showed as large a gain. `None` if the budget sufficed.
-    pub cut_short_after: Option<usize>,
     /// Time (s) of an event; `None` for other structure.
     pub event_time_s: Option<f64>,
     /// Period (s) of a repeating structure; `None` for other structure.
