@@ -23,6 +23,7 @@
 
 pub mod effects;
 pub mod model;
+pub mod non_negative;
 pub mod surrogate;
 
 /// Hash of the source code of all mechanics. A cached reduced model is used only if its hash is equal.

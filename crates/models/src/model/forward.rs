@@ -4,6 +4,7 @@ use super::{Compliance, Model, N_LANES, Response};
 use crate::effects::sphere_required_error;
 use base::error::{Error, Result};
 use base::number::Dual;
+use elements::fe::meridional::NonlinearBall;
 use elements::fe::nonlinear::{self, NonlinearModel};
 use elements::fe::oldroyd::{self, FiniteGel, FiniteInput, FiniteLaw};
 use elements::fe::spatial::{GelAndRobot, SpatialInput, SpatialResult};
@@ -11,7 +12,7 @@ use elements::fe::stepping::Resolution;
 use elements::fe::time::{FullOrderModel, TimeScheme};
 use elements::fe::{Stiffness, transient};
 use elements::mesh::Mesh;
-use laws::stages::{Nonlinearity, Spatial, Stages};
+use laws::stages::{Spatial, Stages};
 use record::Force;
 use std::sync::OnceLock;
 
@@ -154,46 +155,30 @@ impl<'a> FullOrderForward<'a> {
         Ok(FullRun { position_m, fields, mesh: None, compliance_per_m })
     }
 
+    /// Runs a nonlinear law: around a sphere at the gel's centre in the half meridian, around other robots on the mesh. The motion beyond the
+    /// linear law is added to that of the linear law on the mesh.
     fn run_nonlinear(&self, surroundings: &GelAndRobot<'a>, stages: &Stages, rows: &[usize]) -> Result<FullRun> {
-        let own_ball = match stages.spatial {
-            Some(Spatial::Nonlinear(Nonlinearity::ShearThinning { .. })) => surroundings.thinning_ball(),
-            _ => None,
+        let GelAndRobot { mesh, stiffness, poisson_ratio, sizes } = *surroundings;
+        let default = nonlinear::NonlinearOptions::default();
+        let steps_per_doubling = scaled(default.resolution.steps_per_doubling, self.resolution);
+        let options = nonlinear::NonlinearOptions { resolution: Resolution { steps_per_doubling }, ..default };
+        let (record, compliance_per_m) = ((self.time_s, self.force), self.compliance_per_m());
+        let (position_m, fields) = if let Some(ball) = sizes.ball {
+            let gel = NonlinearBall::new(ball.robot_radius_m, ball.outer_radius_m, poisson_ratio)?;
+            let run = nonlinear::run_stages(&gel, stages, record, rows, options, compliance_per_m)?;
+            let nodal = |field: &Vec<f64>| gel.displacements_at(field, &mesh.node_coordinates_m);
+            (run.displacement_m, run.fields.iter().map(nodal).collect())
+        } else {
+            let model = match self.nonlinear.get() {
+                Some(model) => model,
+                None => {
+                    let model = NonlinearModel::new(mesh, stiffness, poisson_ratio)?;
+                    self.nonlinear.get_or_init(|| model)
+                }
+            };
+            let run = nonlinear::run_stages(model, stages, record, rows, options, compliance_per_m)?;
+            (run.displacement_m, self.nodal(run.fields))
         };
-        if let Some(ball) = own_ball {
-            let mesh = ball.mesh()?;
-            let stiffness = Stiffness::new(&mesh)?;
-            let model = NonlinearModel::new(&mesh, &stiffness, surroundings.poisson_ratio)?;
-            let run = self.run_balance(&model, &stiffness, stages, rows)?;
-            return Ok(FullRun { mesh: Some(mesh), ..run });
-        }
-        let GelAndRobot { mesh, stiffness, poisson_ratio, .. } = *surroundings;
-        let model = match self.nonlinear.get() {
-            Some(model) => model,
-            None => {
-                let model = NonlinearModel::new(mesh, stiffness, poisson_ratio)?;
-                self.nonlinear.get_or_init(|| model)
-            }
-        };
-        self.run_balance(model, stiffness, stages, rows)
-    }
-
-    fn run_balance(
-        &self,
-        model: &NonlinearModel<'_>,
-        stiffness: &Stiffness,
-        stages: &Stages,
-        rows: &[usize],
-    ) -> Result<FullRun> {
-        let nonlinear_options = nonlinear::NonlinearOptions::default();
-        let resolution = scaled(nonlinear_options.resolution.steps_per_doubling, self.resolution);
-        let options = nonlinear::NonlinearOptions {
-            resolution: Resolution { steps_per_doubling: resolution },
-            ..nonlinear_options
-        };
-        let run = model.run_stages(stages, self.time_s, self.force, rows, options)?;
-        let unknowns = &stiffness.assembly.unknowns;
-        let fields = run.fields.iter().map(|field| unknowns.nodal_displacement(field)).collect();
-        let (position_m, compliance_per_m) = (run.displacement_m, self.compliance_per_m());
         Ok(FullRun { position_m, fields, mesh: None, compliance_per_m })
     }
 

@@ -25,14 +25,12 @@ use record::Force;
 
 /// Level of the mesh that the data are simulated on. The fitted model uses the next coarser level.
 const DATA_LEVEL: usize = MODEL_LEVEL + 1;
-/// Level of the mesh for nonlinear laws. Their surrogates are trained on the next coarser mesh. On the next finer mesh one run would take a quarter of an hour.
-const NONLINEAR_DATA_LEVEL: usize = MODEL_LEVEL;
 /// Factor by which the data's time steps are shorter than those of the fitted model. The factor does not apply to effects that change the displacement field.
 /// Their surrogates have no time steps, or other time steps.
 const FINER_STEPS: u32 = 2;
 
 /// Returns the noise-free position (m) at every row, for each truth. The full-order model uses a finer mesh and shorter time steps than the fitted model. Three
-/// kinds of truths have their own meshes: linear effects that change the displacement field around a sphere, nonlinear laws, and large displacements.
+/// kinds of truths have their own elements: linear effects that change the displacement field around a sphere, nonlinear laws, and large displacements.
 /// Trajectories in the directory `cache` are reused; others are computed and stored there.
 ///
 /// # Errors
@@ -63,10 +61,8 @@ pub fn trajectories_m(
     }
     if !needed.is_empty() {
         monitor.stage(&format!("computing {} trajectories with full finite elements", needed.len()));
-        let workshop = DataSolver::new(bench, DATA_LEVEL)?;
+        let workshop = DataSolver::new(bench)?;
         let full = FullOrderModel::new(&workshop.stiffness, workshop.poisson_ratio)?;
-        let is_any_nonlinear = needed.values().any(|truth| is_nonlinear(bench, truth));
-        let for_nonlinear = is_any_nonlinear.then(|| DataSolver::new(bench, NONLINEAR_DATA_LEVEL)).transpose()?;
         let places = off_centre(bench, needed.values())?;
         let models: Vec<(ApparatusError, FullOrderModel)> = places
             .par_iter()
@@ -79,7 +75,6 @@ pub fn trajectories_m(
             }
             let pair = models.iter().find(|(error, _)| truth.apparatus == Some(*error));
             let full = pair.map_or(&full, |(_, model)| model);
-            let workshop = for_nonlinear.as_ref().filter(|_| is_nonlinear(bench, truth)).unwrap_or(&workshop);
             workshop.trajectory_m(bench, full, truth)
         };
         let kept = |key: &str, truth: &Truth| -> Result<Vec<f64>> {
@@ -95,10 +90,6 @@ pub fn trajectories_m(
         known.extend(computed);
     }
     Ok(keys.iter().map(|key| known[key.as_str()].clone()).collect())
-}
-
-fn is_nonlinear(bench: &Bench, truth: &Truth) -> bool {
-    bench.library().any_nonlinear(truth.effects.iter().map(|effect| effect.slug.as_str()))
 }
 
 /// Stiffness matrices on the data's mesh, one for each true position of the robot that differs from the stated position at the centre.
@@ -121,7 +112,7 @@ fn off_centre<'a>(
 fn key(truth: &Truth) -> String {
     let parameters: Vec<_> = truth.effects.iter().map(|effect| (&effect.slug, &effect.parameters)).collect();
     let text = format!(
-        "{} {DATA_LEVEL} {NONLINEAR_DATA_LEVEL} {FINER_STEPS} {:?} {:?} {parameters:?} {:?} {:?}",
+        "{} {DATA_LEVEL} {FINER_STEPS} {:?} {:?} {parameters:?} {:?} {:?}",
         env!("CARGO_PKG_VERSION"),
         truth.protocol,
         truth.law,
@@ -153,12 +144,12 @@ struct DataSolver {
 }
 
 impl DataSolver {
-    fn new(bench: &Bench, level: usize) -> Result<Self> {
+    fn new(bench: &Bench) -> Result<Self> {
         let (robot, vitreous) = robot_of(bench.apparatus())?;
-        let mesh = robot_mesh(robot, vitreous, level)?;
+        let mesh = robot_mesh(robot, vitreous, DATA_LEVEL)?;
         let stiffness = Stiffness::new(&mesh)?;
         let resolution = Resolution { steps_per_doubling: FINER_STEPS * Resolution::default().steps_per_doubling };
-        let (poisson_ratio, sizes) = (vitreous.poisson_ratio, sizes_of(robot, vitreous, Some(level)));
+        let (poisson_ratio, sizes) = (vitreous.poisson_ratio, sizes_of(robot, vitreous, Some(DATA_LEVEL)));
         Ok(Self { mesh, stiffness, poisson_ratio, sizes, resolution })
     }
 

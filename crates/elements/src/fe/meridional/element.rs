@@ -88,11 +88,11 @@ pub(super) struct ShapeTable {
     pub(super) order: usize,
     /// The order + 1 Gauss–Lobatto nodes of one direction.
     pub(super) nodes: Vec<f64>,
-    points: Vec<([f64; 2], f64)>,
+    pub(super) points: Vec<([f64; 2], f64)>,
     by_xi: Mat<f64>,
     by_eta: Mat<f64>,
     value: Mat<f64>,
-    pressure: Mat<f64>,
+    pub(super) pressure: Mat<f64>,
 }
 
 impl ShapeTable {
@@ -202,7 +202,7 @@ impl ShapeTable {
     /// Returns ∂N/∂r, ∂N/∂z and N/r of every shape function N, multiplied by the square root of the
     /// point's weight. Rows are points. Columns are functions, one operator after the other. Also
     /// returns the square roots.
-    fn operators(&self, map: &Ruled) -> Result<(Mat<f64>, Vec<f64>)> {
+    pub(super) fn operators(&self, map: &Ruled) -> Result<(Mat<f64>, Vec<f64>)> {
         let n = self.n_functions();
         let (mut factors, mut roots) = (Vec::with_capacity(self.points.len()), Vec::with_capacity(self.points.len()));
         for &([xi, eta], weight) in &self.points {

@@ -24,6 +24,7 @@ mod elastic;
 mod element;
 pub(super) mod geometry;
 pub(super) mod mesh;
+mod nonlinear;
 mod pair;
 #[cfg(test)]
 mod patch_tests;
@@ -37,6 +38,7 @@ pub use eccentric::{EccentricSphere, EccentricStiffness};
 pub use elastic::{ElasticRobot, solve_elastic};
 use element::ShapeTable;
 use mesh::Mesh;
+pub use nonlinear::NonlinearBall;
 pub use pair::{EffectMatrix, build_effect_system};
 
 /// A rigid body of revolution about the z axis, symmetric about the plane z = 0. Lengths are in m.

@@ -75,8 +75,8 @@ pub fn build_effect_system(
             "give a sphere, and a pocket, that lie inside the vitreous",
         ));
     }
-    let half = HalfMeridian::new(&corners_m);
-    let freedoms = half.freedoms(second);
+    let half = HalfMeridian::new(&corners_m, ORDER, LAYER_RATIO);
+    let freedoms = half.freedoms(Some(second));
     let (mode, table) = (Mode::of(Direction::Axial), &half.table);
     let is_second = |cell: &Cell| between_m.is_some_and(|between_m| half.outer_radius_m(cell) < 1.001 * between_m);
     let stiffness = |cell: &Cell| {
@@ -120,23 +120,24 @@ fn isotropic(products: &Mat<f64>, factor: f64) -> DMatrix<f64> {
 }
 
 /// Cells between concentric spheres, from the axis to the equator, and their nodes.
-struct HalfMeridian {
-    mesh: Mesh,
-    table: ShapeTable,
+pub(super) struct HalfMeridian {
+    pub(super) mesh: Mesh,
+    pub(super) table: ShapeTable,
     boundaries: Vec<Boundary>,
     /// Node of every shape function of each cell.
-    nodes: Vec<Vec<u32>>,
+    pub(super) nodes: Vec<Vec<u32>>,
     /// Coordinates (r, z) of every node, in m.
     places_m: Vec<[f64; 2]>,
 }
 
 impl HalfMeridian {
-    /// Builds layers of cells that end at each of the radii (m).
-    fn new(radii_m: &[f64]) -> Self {
-        let (mut mesh, table) = (Mesh::default(), ShapeTable::new(ORDER));
+    /// Builds layers of cells with displacements of a polynomial order. A layer ends at each of the
+    /// radii (m). The outer radius of a layer is at most `layer_ratio` times its inner one.
+    pub(super) fn new(radii_m: &[f64], order: usize, layer_ratio: f64) -> Self {
+        let (mut mesh, table) = (Mesh::default(), ShapeTable::new(order));
         let mut layers_m = vec![radii_m[0]];
         for pair in radii_m.windows(2) {
-            let n = ((pair[1] / pair[0]).ln() / LAYER_RATIO.ln()).ceil().max(1.0) as usize;
+            let n = ((pair[1] / pair[0]).ln() / layer_ratio.ln()).ceil().max(1.0) as usize;
             let radius =
                 |k: usize| if k == n { pair[1] } else { pair[0] * (pair[1] / pair[0]).powf(k as f64 / n as f64) };
             layers_m.extend((1..=n).map(radius));
@@ -149,7 +150,7 @@ impl HalfMeridian {
                 mesh.rule(&inner, &chain);
             }
         }
-        let skeleton = Skeleton::new(&mesh, ORDER);
+        let skeleton = Skeleton::new(&mesh, order);
         let mut boundaries = skeleton.boundaries.clone();
         let mut nodes = Vec::with_capacity(mesh.cells.len());
         for cell in &mesh.cells {
@@ -178,11 +179,11 @@ impl HalfMeridian {
 
     /// Numbers the unknowns of the half meridian. On the axis and on the equator, displacements
     /// across the axis are 0.
-    fn freedoms(&self, second: EffectMatrix) -> DegreesOfFreedom {
+    pub(super) fn freedoms(&self, second: Option<EffectMatrix>) -> DegreesOfFreedom {
         let mut combinations: Vec<[Vec<(u32, f64)>; 3]> = vec![Default::default(); self.boundaries.len()];
         let mut count = 0;
         for (of_node, boundary) in combinations.iter_mut().zip(&self.boundaries) {
-            if boundary.body || (boundary.outer && second != EffectMatrix::OuterSprings) {
+            if boundary.body || (boundary.outer && second != Some(EffectMatrix::OuterSprings)) {
                 continue;
             }
             let is_free = [true, !(boundary.axis || boundary.equator)];
@@ -193,7 +194,7 @@ impl HalfMeridian {
         }
         let first_slip = count as usize;
         let on_body = || self.boundaries.iter().enumerate().filter(|(_, boundary)| boundary.body);
-        if second == EffectMatrix::Slip {
+        if second == Some(EffectMatrix::Slip) {
             for (node, _) in on_body().filter(|(_, boundary)| !boundary.axis) {
                 let [r, z] = self.places_m[node];
                 let radius_m = r.hypot(z);
@@ -273,7 +274,7 @@ impl HalfMeridian {
     }
 
     /// Returns the nodes in the order of elimination: from the outer surface inwards.
-    fn order(&self) -> Vec<usize> {
+    pub(super) fn order(&self) -> Vec<usize> {
         let mut order: Vec<usize> = (0..self.places_m.len()).collect();
         let distance_m = |node: &usize| self.places_m[*node][0].hypot(self.places_m[*node][1]);
         order.sort_by(|a, b| distance_m(b).total_cmp(&distance_m(a)));

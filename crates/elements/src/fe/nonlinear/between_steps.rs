@@ -7,7 +7,8 @@
 //! rows.
 
 use super::run::{self, RunRecorder};
-use super::{Bodies, NonlinearModel, NonlinearOptions, NonlinearResult};
+use super::stage::Balance;
+use super::{Bodies, Discretisation, NonlinearOptions, NonlinearResult};
 use crate::fe::clock::CLOCK_ROUNDING;
 use crate::fe::stepping::Resolution;
 use crate::fe::stepping::run::strains;
@@ -19,63 +20,63 @@ use std::collections::BTreeMap;
 /// Number of step ends through which one polynomial passes.
 const N_NODES: usize = 6;
 
-impl NonlinearModel<'_> {
-    /// Runs a nonlinear law through a record, with steps that do not end at rows. Returns the
-    /// recorded position (m) at every row, and all unknowns (m) at the rows with the indices
-    /// `rows`.
-    ///
-    /// # Errors
-    /// Those of [`Self::run`], and [`Error::Numerical`] for stages without a nonlinear law or with
-    /// softening.
-    pub fn run_stages<'f>(
-        &self,
-        stages: &Stages,
-        time_s: &[f64],
-        force: impl Into<Force<'f>>,
-        rows: &[usize],
-        options: NonlinearOptions,
-    ) -> Result<NonlinearResult> {
-        let force = force.into();
-        let Some(Spatial::Nonlinear(nonlinearity)) = stages.spatial else {
-            return Err(Error::numerical("the law is linear", "use the linear model"));
-        };
-        if !stages.softening_rate_per_s.is_constant(0.0) {
-            return Err(Error::numerical(
-                "softening over time cannot be combined with a nonlinear law",
-                "leave out the softening or the nonlinear effect",
-            ));
-        }
-        let bodies = Bodies::<f64>::new(&stages.law, nonlinearity)?;
-        let load = stages.load.of::<f64>();
-        // A spring in series jumps with the force. If the force also depends on the position, the
-        // excess jumps. Such a run stops at every row.
-        let jumps = bodies.instantaneous_per_pa > 0.0 && load.depends_on_position();
-        let wanted = rows.iter().copied().filter(|&row| row < time_s.len());
-        let mut stop_rows: Vec<usize> = if jumps { (0..time_s.len()).collect() } else { wanted.collect() };
-        stop_rows.extend(time_s.len().checked_sub(1));
-        stop_rows.sort_unstable();
-        stop_rows.dedup();
-        let stops_s: Vec<f64> = stop_rows.iter().map(|&row| time_s[row]).collect();
-        let record = RunRecorder { time_s, force, stops_s: &stops_s };
-        let (mut fields, mut steps) = (BTreeMap::new(), Vec::new());
-        let at_stop = |at: run::RowState| {
-            let row = stop_rows[at.row];
-            if rows.contains(&row) {
-                fields.insert(row, at.displacement.to_vec());
-            }
-        };
-        let at_step = |time_s: f64, x: f64| steps.push((time_s, x));
-        let outcome = run::run(self.balance(), &bodies, &stages.load, record, options, at_stop, at_step);
-        let cost = outcome.map_err(|error| with_place(error, &steps))?;
-        let mut displacement_m = displacements_m(self, stages, time_s, force, &steps)?;
-        let start_s = time_s.first().copied().unwrap_or(0.0);
-        let observation = stages.observation.of::<f64>();
-        for (x, t) in displacement_m.iter_mut().zip(time_s) {
-            *x = observation.recorded_m(*x, t - start_s);
-        }
-        let fields = rows.iter().filter_map(|row| fields.get(row).cloned()).collect();
-        Ok(NonlinearResult { displacement_m, fields, cost })
+/// Runs a nonlinear law through a record, with steps that do not end at rows. Returns the
+/// recorded position (m) at every row, and all unknowns (m) at the rows with the indices
+/// `rows`.
+///
+/// The positions are those of the linear law on a mesh of the given compliance (m per N of force on
+/// the robot, at unit Young's modulus), plus the difference between the two laws on this mesh.
+///
+/// # Errors
+/// Those of [`super::NonlinearModel::run`], and [`Error::Numerical`] for stages without a nonlinear law or with
+/// softening.
+pub fn run_stages(
+    on: &dyn Discretisation,
+    stages: &Stages,
+    (time_s, force): (&[f64], Force<'_>),
+    rows: &[usize],
+    options: NonlinearOptions,
+    compliance_per_m: f64,
+) -> Result<NonlinearResult> {
+    let Some(Spatial::Nonlinear(nonlinearity)) = stages.spatial else {
+        return Err(Error::numerical("the law is linear", "use the linear model"));
+    };
+    if !stages.softening_rate_per_s.is_constant(0.0) {
+        return Err(Error::numerical(
+            "softening over time cannot be combined with a nonlinear law",
+            "leave out the softening or the nonlinear effect",
+        ));
     }
+    let bodies = Bodies::<f64>::new(&stages.law, nonlinearity)?;
+    let load = stages.load.of::<f64>();
+    // A spring in series jumps with the force. If the force also depends on the position, the
+    // excess jumps. Such a run stops at every row.
+    let jumps = bodies.instantaneous_per_pa > 0.0 && load.depends_on_position();
+    let wanted = rows.iter().copied().filter(|&row| row < time_s.len());
+    let mut stop_rows: Vec<usize> = if jumps { (0..time_s.len()).collect() } else { wanted.collect() };
+    stop_rows.extend(time_s.len().checked_sub(1));
+    stop_rows.sort_unstable();
+    stop_rows.dedup();
+    let stops_s: Vec<f64> = stop_rows.iter().map(|&row| time_s[row]).collect();
+    let record = RunRecorder { time_s, force, stops_s: &stops_s };
+    let (mut fields, mut steps) = (BTreeMap::new(), Vec::new());
+    let at_stop = |at: run::RowState| {
+        let row = stop_rows[at.row];
+        if rows.contains(&row) {
+            fields.insert(row, at.displacement.to_vec());
+        }
+    };
+    let at_step = |time_s: f64, x: f64| steps.push((time_s, x));
+    let outcome = run::run(Balance(on), &bodies, &stages.load, record, options, at_stop, at_step);
+    let cost = outcome.map_err(|error| with_place(error, &steps))?;
+    let mut displacement_m = displacements_m(on, stages, (time_s, force), &steps, compliance_per_m)?;
+    let start_s = time_s.first().copied().unwrap_or(0.0);
+    let observation = stages.observation.of::<f64>();
+    for (x, t) in displacement_m.iter_mut().zip(time_s) {
+        *x = observation.recorded_m(*x, t - start_s);
+    }
+    let fields = rows.iter().filter_map(|row| fields.get(row).cloned()).collect();
+    Ok(NonlinearResult { displacement_m, fields, cost })
 }
 
 /// Appends the largest distance that the robot had moved to an error's text.
@@ -93,29 +94,31 @@ fn with_place(error: Error, steps: &[(f64, f64)]) -> Error {
 /// Interpolates the displacement (m) at the rows from `steps`: time (s) and displacement (m) at the
 /// ends of steps.
 fn displacements_m(
-    model: &NonlinearModel,
+    on: &dyn Discretisation,
     stages: &Stages,
-    time_s: &[f64],
-    force: Force<'_>,
+    (time_s, force): (&[f64], Force<'_>),
     steps: &[(f64, f64)],
+    compliance_per_m: f64,
 ) -> Result<Vec<f64>> {
-    let compliance_per_m = model.share * model.factor().unit_response()[model.robot()];
+    let own_per_m = on.share() * on.unit_compliance_per_m();
     let mut union_s: Vec<f64> = time_s.iter().copied().chain(steps.iter().map(|step| step.0)).collect();
     union_s.sort_by(f64::total_cmp);
     union_s.dedup();
     let commands_n: Vec<f64> = union_s.iter().map(|&t| force.at_n(time_s, t)).collect();
     let commands = Force { at_rows_n: &commands_n, rule: force.rule };
     let linear = Stages { spatial: None, spread: None, ..stages.clone() };
-    let strains = strains(compliance_per_m, &linear, &union_s, commands, Resolution::default())?;
-    let linear_m = |t: f64| {
-        let place = union_s.partition_point(|&u| u < t);
-        strains.get(place).map_or(0.0, |q| compliance_per_m * q)
+    let linear_m = |compliance_per_m: f64| -> Result<Vec<f64>> {
+        let strains = strains(compliance_per_m, &linear, &union_s, commands, Resolution::default())?;
+        Ok(strains.into_iter().map(|q| compliance_per_m * q).collect())
     };
+    let own_m = linear_m(own_per_m)?;
+    let of_mesh_m = linear_m(compliance_per_m)?;
+    let at = |positions_m: &[f64], t: f64| positions_m.get(union_s.partition_point(|&u| u < t)).copied().unwrap_or(0.0);
     let length_s = time_s.last().zip(time_s.first()).map_or(0.0, |(last, first)| last - first);
     let rounding_s = CLOCK_ROUNDING * length_s;
     // The excess does not jump with the force. At a switch it keeps the value at the end of the
     // step before.
-    let excesses: Vec<(f64, f64)> = steps.iter().map(|&(t, x)| (t, x - linear_m(t))).collect();
+    let excesses: Vec<(f64, f64)> = steps.iter().map(|&(t, x)| (t, x - at(&own_m, t))).collect();
     let begins_s: Vec<f64> =
         stages.load.of::<f64>().switches(time_s, force).iter().map(|switch| switch.time_s).collect();
     let mut found = Vec::with_capacity(time_s.len());
@@ -131,7 +134,7 @@ fn displacements_m(
         let before = from.checked_sub(1).map_or(0.0, |last| excesses[last].1);
         let nodes: Vec<(f64, f64)> =
             std::iter::once((begin_s, before)).chain(excesses[from..to].iter().copied()).collect();
-        found.push(linear_m(row_s) + interpolated(&nodes, row_s));
+        found.push(at(&of_mesh_m, row_s) + interpolated(&nodes, row_s));
     }
     Ok(found)
 }

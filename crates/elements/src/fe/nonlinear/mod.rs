@@ -23,6 +23,7 @@ mod stage;
 mod tests;
 
 pub use super::clock::Scheme;
+pub use between_steps::run_stages;
 pub use law::Bodies;
 pub use run::RowState;
 
@@ -32,9 +33,11 @@ use crate::mesh::Mesh;
 use base::error::{Error, Result};
 use base::number::Dual;
 use laws::rheology::Element;
-use laws::stages::{Load, Nonlinearity};
+use laws::stages::{Load, Nonlinearity, Stages};
+use point::Tensor;
 use points::IntegrationPoints;
 use record::Force;
+use stage::Balance;
 
 /// Time steps and accuracy of a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -100,6 +103,70 @@ pub struct NonlinearResult {
     pub cost: Cost,
 }
 
+/// A mesh at one Poisson ratio, with the linear maps between displacements, strains and forces.
+pub trait Discretisation: Sync {
+    /// Number of integration points.
+    fn n_points(&self) -> usize;
+
+    /// Number of displacement unknowns.
+    fn n_unknowns(&self) -> usize;
+
+    /// Index of the unknown that is the robot's translation.
+    fn robot(&self) -> usize;
+
+    /// Fraction of the robot, and of the force on it, that the mesh contains.
+    fn share(&self) -> f64;
+
+    /// Strains at every integration point for a displacement field (one value per unknown, m).
+    fn strains(&self, displacement: &[f64]) -> Vec<Tensor<f64>>;
+
+    /// Forces (N) on the unknowns due to stresses (Pa, relative to unit moduli) at every
+    /// integration point.
+    fn forces(&self, stresses: &[Tensor<f64>]) -> Vec<f64>;
+
+    /// Replaces forces (N) on the unknowns by displacements (m) at unit Young's modulus.
+    fn solve_unit_stiffness(&self, forces: &mut [f64]);
+
+    /// Displacement of the robot (m) at unit Young's modulus, for a unit force on the part of the
+    /// robot in the mesh.
+    fn unit_compliance_per_m(&self) -> f64 {
+        let mut field = vec![0.0; self.n_unknowns()];
+        field[self.robot()] = 1.0;
+        self.solve_unit_stiffness(&mut field);
+        field[self.robot()]
+    }
+}
+
+impl Discretisation for NonlinearModel<'_> {
+    fn n_points(&self) -> usize {
+        self.points.count()
+    }
+
+    fn n_unknowns(&self) -> usize {
+        self.factor.n_unknowns()
+    }
+
+    fn robot(&self) -> usize {
+        self.robot
+    }
+
+    fn share(&self) -> f64 {
+        self.share
+    }
+
+    fn strains(&self, displacement: &[f64]) -> Vec<Tensor<f64>> {
+        self.points.strains(displacement)
+    }
+
+    fn forces(&self, stresses: &[Tensor<f64>]) -> Vec<f64> {
+        self.points.forces(stresses)
+    }
+
+    fn solve_unit_stiffness(&self, forces: &mut [f64]) {
+        self.factor.solve_in_place(forces);
+    }
+}
+
 /// A mesh at one Poisson ratio, prepared for nonlinear laws. Its stiffness is factorised once, for
 /// all laws and loads.
 pub struct NonlinearModel<'a> {
@@ -126,16 +193,6 @@ impl<'a> NonlinearModel<'a> {
         let factor = stiffness.factor(poisson_ratio)?;
         let points = IntegrationPoints::new(mesh, unknowns, poisson_ratio)?;
         Ok(Self { factor, points, robot: unknowns.robot(), share: unknowns.share() })
-    }
-
-    /// Number of integration points in the mesh.
-    pub fn n_points(&self) -> usize {
-        self.points.count()
-    }
-
-    /// Number of displacement unknowns.
-    pub fn n_unknowns(&self) -> usize {
-        self.factor.n_unknowns()
     }
 
     /// Runs a law through a record and keeps the fields at the rows with the indices `rows`.
@@ -169,14 +226,24 @@ impl<'a> NonlinearModel<'a> {
         at_row: impl FnMut(RowState),
     ) -> Result<Cost> {
         let bodies = Bodies::new(what.law, what.nonlinearity)?;
-        let balance = self.balance();
         let record = run::RunRecorder { time_s: what.time_s, force: what.force, stops_s: what.time_s };
-        run::run(balance, &bodies, what.load, record, options, at_row, |_, _| {})
+        run::run(Balance(self), &bodies, what.load, record, options, at_row, |_, _| {})
     }
 
-    fn balance(&self) -> stage::Balance<'_> {
-        let Self { points, factor, robot, share } = self;
-        stage::Balance { points, factor, robot: *robot, share: *share }
+    /// Runs stages with a nonlinear law through a record, by [`run_stages`].
+    ///
+    /// # Errors
+    /// Those of [`run_stages`].
+    pub fn run_stages<'f>(
+        &self,
+        stages: &Stages,
+        time_s: &[f64],
+        force: impl Into<Force<'f>>,
+        rows: &[usize],
+        options: NonlinearOptions,
+    ) -> Result<NonlinearResult> {
+        let compliance_per_m = self.share * self.unit_compliance_per_m();
+        run_stages(self, stages, (time_s, force.into()), rows, options, compliance_per_m)
     }
 
     pub fn points(&self) -> &IntegrationPoints {
@@ -185,9 +252,5 @@ impl<'a> NonlinearModel<'a> {
 
     pub fn factor(&self) -> &Factor<'a> {
         &self.factor
-    }
-
-    pub fn robot(&self) -> usize {
-        self.robot
     }
 }

@@ -102,10 +102,10 @@ impl<'a> NonlinearStepper<'a> {
     ) -> Self {
         let rule = StepRule::new(options.resolution.steps_per_doubling, bodies.fastest_s(0.0), false, 0.0);
         let largest_n = switches.iter().fold(0.0_f64, |most, switch| most.max(switch.force_n.abs()));
-        let per_n = balance.factor.unit_response()[balance.robot].max(0.0).sqrt();
-        let n_points = balance.points.count();
+        let per_n = balance.0.unit_compliance_per_m().max(0.0).sqrt();
+        let n_points = balance.0.n_points();
         Self {
-            tolerance: options.tolerance * balance.share * largest_n * per_n,
+            tolerance: options.tolerance * balance.0.share() * largest_n * per_n,
             tableau: options.scheme.tableau(),
             resolution: options.resolution,
             rule,
@@ -115,7 +115,7 @@ impl<'a> NonlinearStepper<'a> {
             input: Switch::to(start_s, 0.0),
             lagged_n: 0.0,
             histories: vec![[0.0; 6]; n_points * bodies.n_histories()],
-            displacement: vec![0.0; balance.factor.n_unknowns()],
+            displacement: vec![0.0; balance.0.n_unknowns()],
             stresses: vec![[0.0; 6]; n_points],
             known: Vec::new(),
             cost: Cost::default(),
@@ -148,7 +148,7 @@ impl<'a> NonlinearStepper<'a> {
             // The remaining time equals the step up to rounding: the step ends at the stop.
             let end_s = if step_s > 0.75 * left_s { stop_s } else { self.now_s + step_s };
             self.step(end_s, MOST_RETRIES)?;
-            at_step(end_s, self.displacement[self.balance.robot]);
+            at_step(end_s, self.displacement[self.balance.0.robot()]);
         }
         Ok(())
     }
@@ -191,12 +191,12 @@ impl<'a> NonlinearStepper<'a> {
             let time_s = if is_last { end_s } else { start_s + node * step_s };
             let mut histories = started(&self.histories, &rates, weights, step_s);
             let input_n = self.force_n(time_s);
-            let force_n = self.balance.share * input_n;
+            let force_n = self.balance.0.share() * input_n;
             let push = RobotForce { force_n, load: self.load };
             let mut displacement = self.extrapolated(stage, time_s);
             let problem = NonlinearStage { law: &law, histories: &histories, n_histories: n, push };
             let solved = self.balance.solve(&problem, &mut displacement, self.tolerance)?;
-            self.load.check_feedback(&[displacement[self.balance.robot]], time_s)?;
+            self.load.check_feedback(&[displacement[self.balance.0.robot()]], time_s)?;
             self.cost.n_stages += 1;
             self.cost.n_evaluations += solved.n_evaluations;
             self.cost.n_gradients += solved.n_gradients;

@@ -10,9 +10,8 @@
 //! omitted, and the last Newton steps converge linearly. This part is the dependence of the trace's
 //! modulus on the deviator in a flowing dashpot.
 
+use super::Discretisation;
 use super::point::{Moduli, StageLaw, Tensor, deviator_norm};
-use super::points::IntegrationPoints;
-use crate::fe::factorisation::Factor;
 use base::error::{Error, Result};
 use laws::stages::Load;
 use rayon::prelude::*;
@@ -50,14 +49,9 @@ struct Tangent {
     direction: [f64; 5],
 }
 
-/// Solver for the force balance of a mesh.
-pub(super) struct Balance<'a> {
-    pub points: &'a IntegrationPoints,
-    pub factor: &'a Factor<'a>,
-    pub robot: usize,
-    /// Fraction of the force on the whole robot that acts on the mesh.
-    pub share: f64,
-}
+/// Solver for the force balance on a mesh.
+#[derive(Clone, Copy)]
+pub(super) struct Balance<'a>(pub &'a dyn Discretisation);
 
 /// One stage: the law, the force, and the histories. `histories` holds `n_histories` tensors per
 /// integration point, one point after the other.
@@ -143,7 +137,7 @@ impl Balance<'_> {
     }
 
     fn evaluate(&self, stage: &NonlinearStage, displacement: &[f64]) -> Evaluated {
-        let strains = self.points.strains(displacement);
+        let strains = self.0.strains(displacement);
         let mut stresses = vec![[0.0; 6]; strains.len()];
         let still = Tangent { secant: 0.0, along: 0.0, volumetric: 0.0, coupling: 0.0, direction: [0.0; 5] };
         let mut tangents = vec![still; strains.len()];
@@ -156,12 +150,12 @@ impl Balance<'_> {
                 (*stress, *tangent) = respond(stage.law, strain, histories);
             }
         });
-        let mut residual = self.points.forces(&stresses);
+        let mut residual = self.0.forces(&stresses);
         residual.iter_mut().for_each(|f| *f = -*f);
-        let push_n = stage.push.load.acting_n(stage.push.force_n, displacement[self.robot]);
-        residual[self.robot] += push_n;
+        let push_n = stage.push.load.acting_n(stage.push.force_n, displacement[self.0.robot()]);
+        residual[self.0.robot()] += push_n;
         let mut preconditioned = residual.clone();
-        self.factor.solve_in_place(&mut preconditioned);
+        self.0.solve_unit_stiffness(&mut preconditioned);
         let norm = dot(&residual, &preconditioned).max(0.0).sqrt();
         let slope_n_per_m = stage.push.load.acting_slope(push_n);
         Evaluated { strains, stresses, tangents, residual, slope_n_per_m, preconditioned, norm }
@@ -171,7 +165,7 @@ impl Balance<'_> {
     /// tangent is omitted.
     fn apply(&self, at: &Evaluated, displacement: &[f64], symmetric: bool) -> Vec<f64> {
         let tangents = &at.tangents;
-        let mut tensors = self.points.strains(displacement);
+        let mut tensors = self.0.strains(displacement);
         tensors.par_chunks_mut(CHUNK).zip(tangents.par_chunks(CHUNK)).for_each(|(tensors, tangents)| {
             for (tensor, tangent) in tensors.iter_mut().zip(tangents) {
                 let along: f64 = tensor.iter().zip(&tangent.direction).map(|(e, n)| e * n).sum();
@@ -182,8 +176,8 @@ impl Balance<'_> {
                 tensor[5] = tangent.volumetric * tensor[5] + coupling * along;
             }
         });
-        let mut product = self.points.forces(&tensors);
-        product[self.robot] -= at.slope_n_per_m * displacement[self.robot];
+        let mut product = self.0.forces(&tensors);
+        product[self.0.robot()] -= at.slope_n_per_m * displacement[self.0.robot()];
         product
     }
 
@@ -211,7 +205,7 @@ impl Balance<'_> {
                 *r -= length * i;
             }
             preconditioned.copy_from_slice(&rest);
-            self.factor.solve_in_place(&mut preconditioned);
+            self.0.solve_unit_stiffness(&mut preconditioned);
             let next = dot(&rest, &preconditioned);
             let keep = next / squared;
             for (d, z) in direction.iter_mut().zip(&preconditioned) {

@@ -4,6 +4,7 @@
 use super::super::Bodies;
 use super::*;
 use crate::fe::Stiffness;
+use crate::fe::nonlinear::NonlinearModel;
 use crate::mesh::QuarterBall;
 use base::number::Dual;
 use laws::rheology::BaseLaw;
@@ -29,23 +30,20 @@ fn with_stage(nonlinearity: Nonlinearity, check: impl Fn(&Balance, &NonlinearSta
     let ball = QuarterBall { robot_radius_m: 0.275e-3, outer_radius_m: 10e-3, n_per_edge: 1, n_layers: 2 };
     let mesh = ball.mesh().expect("the sizes are good");
     let stiffness = Stiffness::new(&mesh).expect("the mesh is good");
-    let factor = stiffness.factor(0.48).expect("positive definite");
-    let unknowns = &stiffness.assembly.unknowns;
-    let points = IntegrationPoints::new(&mesh, unknowns, 0.48).expect("no element is inverted");
-    let balance = Balance { points: &points, factor: &factor, robot: unknowns.robot(), share: unknowns.share() };
+    let model = NonlinearModel::new(&mesh, &stiffness, 0.48).expect("positive definite");
     let parameters = [3.527, 1.402, 20.0].map(Dual::constant);
     let bodies = Bodies::new(&BaseLaw::Lethersich.elements(&parameters), nonlinearity.constant()).expect("a sound law");
     let law = StageLaw::new(&bodies, STEP_S);
-    let unit = factor.unit_response();
+    let unit = model.factor().unit_response();
     let field: Vec<f64> = unit.iter().map(|u| size * FORCE_N * u).collect();
-    let strains = points.strains(&field);
+    let strains = model.strains(&field);
     let histories: Vec<Tensor<f64>> = strains.iter().flat_map(|e| [e.map(|e| 0.3 * e), e.map(|e| -0.2 * e)]).collect();
-    let force_n = unknowns.share() * FORCE_N;
+    let force_n = model.share() * FORCE_N;
     let load = Load { gradient_per_m: 200.0, ..Load::COMMANDED.of() };
     let push = RobotForce { force_n, load: &load };
     let stage = NonlinearStage { law: &law, histories: &histories, n_histories: 2, push };
     let wavy = field.iter().enumerate().map(|(i, u)| u * (1.0 + 0.1 * (i as f64).sin())).collect();
-    check(&balance, &stage, wavy);
+    check(&Balance(&model), &stage, wavy);
 }
 
 /// Returns the tangent, including its asymmetric part, as a dense matrix.
@@ -112,14 +110,14 @@ fn newtons_method_converges_quadratically_with_the_whole_tangent() {
 fn the_iteration_with_conjugate_gradients_converges_to_the_balance() {
     for nonlinearity in kinds() {
         with_stage(nonlinearity, |balance, stage, mut displacement| {
-            let tolerance = 1e-11 * balance.factor.unit_response()[balance.robot].sqrt() * FORCE_N;
+            let tolerance = 1e-11 * balance.0.unit_compliance_per_m().sqrt() * FORCE_N;
             let solved = balance.solve(stage, &mut displacement, tolerance).expect("converges");
             let last = solved.norms.len() - 1;
             assert!(solved.norms[last] < tolerance && last < 12, "{nonlinearity:?} {:?}", solved.norms);
             assert!(solved.norms[last] < 0.2 * solved.norms[last - 1], "{:?}", solved.norms);
             let rest = DVector::from_vec(balance.evaluate(stage, &displacement).residual);
             let step = dense_tangent(balance, stage, &displacement).lu().solve(&rest).expect("regular");
-            assert!(step.amax() < 1e-9 * displacement[balance.robot].abs(), "{nonlinearity:?}");
+            assert!(step.amax() < 1e-9 * displacement[balance.0.robot()].abs(), "{nonlinearity:?}");
         });
     }
 }

@@ -9,7 +9,6 @@
 //! subtracted. The closed-form response of the linear law is then added to the excess (see [`crate::model::Response`]). At the
 //! null the response is therefore exactly that of the base, and errors of time steps and mesh affect only the excess.
 
-mod cubature;
 mod kernel;
 mod lanes;
 mod stepper;

@@ -7,14 +7,14 @@
 //! divided by the force per area of the robot's surface. The training does not depend on measurements or priors. The modes are also used
 //! outside the box, with larger errors.
 
-use super::cubature;
 use super::{HyperModel, HyperReducedData, N_MODES};
 use crate::model::Response;
+use crate::non_negative;
 use crate::surrogate::pod::{EnergyProduct, Pod};
 use base::error::{Error, Result};
 use base::number::Dual;
 use elements::fe::Stiffness;
-use elements::fe::nonlinear::{NonlinearInput, NonlinearModel, NonlinearOptions, Scheme};
+use elements::fe::nonlinear::{Discretisation, NonlinearInput, NonlinearModel, NonlinearOptions, Scheme};
 use elements::fe::spatial::GelAndRobot;
 use elements::fe::stepping::Resolution;
 use elements::fe::time::FullOrderModel;
@@ -181,7 +181,7 @@ fn train(
     let strains: Vec<Vec<[f64; 6]>> = pod.modes.iter().map(|mode| points.strains(mode)).collect();
     let kept = kept_states(&states);
     let (columns, target) = conditions(points.volumes_m3(), points.unit_moduli(), &strains, &kept);
-    let chosen = cubature::choose(&columns, &target, settings.cubature_tolerance, settings.most_points);
+    let chosen = non_negative::choose(&columns, &target, settings.cubature_tolerance, settings.most_points);
     let at_points = chosen.weights.iter().flat_map(|(point, _)| {
         let strains = &strains;
         (0..6).flat_map(move |c| strains.iter().map(move |mode| mode[*point][c]))

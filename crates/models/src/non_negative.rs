@@ -1,16 +1,15 @@
-//! Empirical cubature, which selects a few integration points with non-negative weights (energy-conserving sampling and
-//! weighting).
+//! Least squares with non-negative weights: the weights x ≥ 0 that minimise |Ax − b|, by the active-set method of C. Lawson and R. Hanson
+//! (Solving Least Squares Problems, ch. 23).
 //!
-//! Source: C. Farhat, T. Chapman, P. Avery, Int. J. Numer. Meth. Engng 102 (2015) 1077, doi:10.1002/nme.4820. The weights x ≥ 0 minimise
-//! |Ax − b|. Each column of A has the contributions of one point, and b has the sums over all points. The method is the active-set method
-//! of C. Lawson and R. Hanson (Solving Least Squares Problems, ch. 23). It stops as soon as the residual is small, because an earlier stop
-//! gives fewer points.
+//! In empirical cubature (C. Farhat, T. Chapman, P. Avery, Int. J. Numer. Meth. Engng 102 (2015) 1077, doi:10.1002/nme.4820), each column
+//! of A has the contributions of one integration point, and b has the sums over all points. The search stops as soon as the residual is
+//! small, because an earlier stop gives fewer points.
 
 use nalgebra::{DMatrix, DVector};
 
 /// Selected columns of a matrix, with their weights.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Cubature {
+pub struct Selection {
     /// Indices of the selected columns, ascending, with their positive weights.
     pub weights: Vec<(usize, f64)>,
     /// Residual |Ax − b|/|b| of the weights x, for the matrix A and the right-hand side b.
@@ -19,7 +18,7 @@ pub(super) struct Cubature {
 
 /// Selects columns of a matrix A until the residual |Ax − b| of their weights x is at most `tolerance` |b|, or until `most` columns are in
 /// use. `columns` holds A column by column, each of the length of b.
-pub(super) fn choose(columns: &[f64], b: &[f64], tolerance: f64, most: usize) -> Cubature {
+pub fn choose(columns: &[f64], b: &[f64], tolerance: f64, most: usize) -> Selection {
     let n_rows = b.len();
     let b = DVector::from_column_slice(b);
     let column = |j: usize| &columns[j * n_rows..(j + 1) * n_rows];
@@ -80,7 +79,7 @@ pub(super) fn choose(columns: &[f64], b: &[f64], tolerance: f64, most: usize) ->
     }
     let mut weights: Vec<(usize, f64)> = active.into_iter().zip(x).collect();
     weights.sort_by_key(|(j, _)| *j);
-    Cubature { weights, residual: rest.norm() / norm }
+    Selection { weights, residual: rest.norm() / norm }
 }
 
 /// Returns the least-squares solution by a QR decomposition; `None` if a column depends linearly on the others.
