@@ -24,6 +24,7 @@ use crate::trust::trust;
 use base::error::{Error, InputPlace, Result, Setting};
 use documents::posterior::{Warning, WarningKind};
 use documents::trust::Trust;
+use figures::number::format_significant;
 use models::effects::{EffectParameter, POSITION_OFFSET};
 use models::model::{Forward, SurrogateForward, TrainedRange};
 use sampling::least_squares::{Fit, LeastSquaresProblem, Tolerances, fit};
@@ -46,6 +47,13 @@ const AT_LINEAR_END: f64 = 1e-6;
 const MOST_ROWS_OF_COLUMNS: usize = 10_000_000;
 /// Largest number of effects for which every combination of free effects and effects fixed at the null is tried. Further effects stay free.
 const MOST_HELD: usize = 4;
+
+/// Multiples of an effect's parameter at which the search starts again.
+const ASIDE: [f64; 6] = [0.03, 0.1, 0.3, 3.0, 10.0, 30.0];
+/// Largest difference in χ² at which another minimum cannot be excluded.
+const AS_GOOD: f64 = 9.0;
+/// Least distance between two minima, in standard errors of a parameter, at which they are different.
+const APART: f64 = 5.0;
 
 /// Result of a fit, with the prepared model for further computations.
 pub struct FitResult {
@@ -106,12 +114,19 @@ fn best_support<'a>(prepared: &'a PreparedModel, free: &[usize], rows: &FittedRo
     let search = |held: &BTreeMap<usize, f64>| -> Result<Searched<'a>> {
         let left: Vec<usize> = free.iter().copied().filter(|j| !held.contains_key(j)).collect();
         let residuals = CreepResiduals::new(prepared, &left, held, rows);
-        let starts = residuals.starts(problem);
+        let from_everywhere = |rows: &FittedRows| -> Result<(Vec<Fit>, usize)> {
+            let residuals = CreepResiduals::new(prepared, &left, held, rows);
+            let mut searches = residuals.search(&residuals.starts(problem))?;
+            searches.extend(
+                residuals.search(&aside(prepared, (&left, held), rows, best_of(&searches))?).unwrap_or_default(),
+            );
+            Ok((searches, residuals.observed.len()))
+        };
         let searches = if rows.observed.len() <= MOST_SEARCHED {
-            residuals.search(&starts)?
+            from_everywhere(rows)?.0
         } else {
-            let few = CreepResiduals::new(prepared, &left, held, &rows.thinned(MOST_SEARCHED));
-            refine_minima(&residuals, &few.search(&starts)?, rows.observed.len() as f64 / few.observed.len() as f64)?
+            let (few, n_few) = from_everywhere(&rows.thinned(MOST_SEARCHED))?;
+            refine_minima(&residuals, &few, rows.observed.len() as f64 / n_few as f64)?
         };
         let in_order = |found: Fit| match residuals.reordered(problem, &found.theta) {
             Some(theta) => {
@@ -138,6 +153,41 @@ fn best_support<'a>(prepared: &'a PreparedModel, free: &[usize], rows: &FittedRo
         }
     }
     Ok(best)
+}
+
+/// Further starts of the search beside a minimum: one parameter of an effect is held at a multiple of its value there, while the others move to their best values. An effect
+/// and a part of the law can exchange their roles, such as a lag and the gel's retardation; starts from the priors then may all lead to one of two minima.
+fn aside(
+    prepared: &PreparedModel,
+    (free, held): (&[usize], &BTreeMap<usize, f64>),
+    rows: &FittedRows,
+    best: &Fit,
+) -> Result<Vec<Vec<f64>>> {
+    let problem = &prepared.problem;
+    let all = CreepResiduals::new(prepared, free, held, rows);
+    let parameters = all.model_parameters(&best.theta);
+    let mut starts = Vec::new();
+    for (place, &j) in free.iter().enumerate().filter(|(_, j)| **j >= problem.model.n_before_effects()) {
+        let left: Vec<usize> = free.iter().copied().filter(|other| *other != j).collect();
+        if left.is_empty() {
+            continue;
+        }
+        for multiple in ASIDE {
+            let value = (multiple * parameters[j]).clamp(all.ranges[j].lower, all.ranges[j].upper);
+            if value == parameters[j] {
+                continue;
+            }
+            let held = held.iter().map(|(j, value)| (*j, *value)).chain([(j, value)]).collect();
+            let others = CreepResiduals::new(prepared, &left, &held, rows);
+            let start: Vec<f64> =
+                best.theta.iter().enumerate().filter(|(k, _)| *k != place).map(|(_, theta)| *theta).collect();
+            let Ok(moved) = fit(&others, &start, &Tolerances::default()) else { continue };
+            let mut theta = moved.theta;
+            theta.insert(place, all.free[place].1.theta(value));
+            starts.push(theta);
+        }
+    }
+    Ok(starts)
 }
 
 /// Effects whose parameters are all free and whose null (the value without the effect) is an end of the support. Each entry maps the indices of an effect's parameters
@@ -469,7 +519,8 @@ fn summarise(
     summary.converged &= at_end.is_empty();
     let offset = summary.parameters.iter().find(|parameter| parameter.name == POSITION_OFFSET);
     let impossible = impossible_positions_warning(&problem.experiment, offset.map(|offset| offset.value));
-    summary.warnings = warnings(&summary, &judgement, (&at_end, &at_null), impossible);
+    let other = other_minimum(problem, data, searches, best);
+    summary.warnings = warnings(&summary, &judgement, (&at_end, &at_null), [impossible, other]);
     summary.warnings.extend(problem.experiment.largest_strain.and_then(recorded_strain_warning));
     summary.warnings.extend(full.and_then(|full| full.largest_strain).and_then(strain_warning));
     summary.warnings.extend(problem.finite_elements().into_iter().flat_map(|fe| fe.mesh_warnings.clone()));
@@ -477,11 +528,35 @@ fn summarise(
     summary
 }
 
+/// Warning about a minimum elsewhere that the fitted positions cannot exclude; `None` if there is none.
+fn other_minimum(problem: &Problem, data: &CreepResiduals, searches: &[Fit], best: &Fit) -> Option<Warning> {
+    let variance_m2 = best.objective / data.observed.len() as f64;
+    let is_as_good = |other: &&Fit| other.converged && other.objective - best.objective < AS_GOOD * variance_m2;
+    let apart = |k: usize, other: &Fit| (other.theta[k] - best.theta[k]).abs() / best.standard_errors[k];
+    let is_apart = |other: &&Fit| (0..best.theta.len()).any(|k| apart(k, other) > APART && apart(k, other).is_finite());
+    let candidates = searches.iter().filter(is_as_good).filter(is_apart);
+    let other = candidates.min_by(|a, b| a.objective.total_cmp(&b.objective))?;
+    let parameters = data.model_parameters(&other.theta);
+    let specs = problem.model.parameters();
+    let listed: Vec<String> = data
+        .free
+        .iter()
+        .map(|(j, _)| format!("{} = {}", specs[*j].name, format_significant(parameters[*j], 3)))
+        .collect();
+    Some(Warning {
+        kind: WarningKind::Undetermined,
+        text: format!("other parameters fit as well, within noise: {}", listed.join(", ")),
+        advice:
+            "fix a parameter that you know (--set), or sample the posterior, which weighs both (`vitreo-uq sample`)"
+                .into(),
+    })
+}
+
 fn warnings(
     summary: &FitSummary,
     judgement: &Judgement,
     (at_end, at_null): (&[&str], &[&str]),
-    impossible_positions: Option<Warning>,
+    [impossible_positions, other_minimum]: [Option<Warning>; 2],
 ) -> Vec<Warning> {
     let units_first = !at_end.is_empty() || impossible_positions.is_some();
     let mut list: Vec<Warning> = impossible_positions.into_iter().collect();
@@ -518,6 +593,7 @@ fn warnings(
         .map(|p| p.name.as_str())
         .filter(|name| !at_null.contains(name))
         .collect();
+    list.extend(other_minimum);
     if !undetermined.is_empty() {
         list.push(Warning {
             kind: WarningKind::Undetermined,

@@ -10,6 +10,7 @@ use super::judgement::{Judgement, Prediction};
 use super::large_displacement;
 use super::log_score::log_score;
 use super::misfit::directions_of_spread;
+use super::modes::several_modes;
 use super::prepared::{KeptSurrogate, PreparedModel};
 use super::problem::{Problem, TAIL_MASS};
 use crate::likelihood::ReducedPosterior;
@@ -303,6 +304,7 @@ fn summarise(
     }
     let of_large = large_displacement::warnings(&summary);
     summary.warnings.extend(of_large);
+    summary.warnings.extend(several_modes(problem, columns));
     summary.warnings.extend(check.n_refused.map(refused_warning));
     summary.warnings.extend(at_edge_of_box(prepared, columns));
     summary.warnings.extend(problem.finite_elements().into_iter().flat_map(|fe| fe.mesh_warnings.clone()));
