@@ -106,13 +106,37 @@ fn summarised(laws: &SizeLawGrid, weights: &[f64], gain_nats: f64) -> GroupSizes
         all.iter().zip(weights).filter(|(law, _)| law.sides == side).map(|(_, weight)| weight).sum::<f64>() / whole
     };
     GroupSizes {
-        median: quantiles(&|law| law.ln_median).map(f64::exp),
+        median: in_cells(&all, weights, laws.step()).map(f64::exp),
         log_sd: quantiles(&|law| law.log_sd),
         share: quantiles(&|law| law.share),
         mean: quantiles(&|law| law.mean_size()),
         sides: [Sides::Above, Sides::Below, Sides::Both].map(of_side),
         gain_nats,
     }
+}
+
+/// 5 %, 50 % and 95 % quantiles of the logarithm of the median size. Each median of the grid stands for all sizes that are nearer to it than to the others: a posterior that is
+/// narrower than the grid would otherwise have an interval without width.
+fn in_cells(laws: &[super::law::SizeLaw], weights: &[f64], step: f64) -> Quantiles {
+    let mut cells: Vec<(f64, f64)> = Vec::new();
+    for (law, weight) in laws.iter().zip(weights) {
+        match cells.iter_mut().find(|(middle, _)| *middle == law.ln_median) {
+            Some((_, sum)) => *sum += weight,
+            None => cells.push((law.ln_median, *weight)),
+        }
+    }
+    cells.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let whole: f64 = weights.iter().sum();
+    [0.05, 0.5, 0.95].map(|probability| {
+        let mut left = probability * whole;
+        for (middle, weight) in &cells {
+            if left <= *weight {
+                return middle + step * (left / weight - 0.5);
+            }
+            left -= weight;
+        }
+        f64::NAN
+    })
 }
 
 /// 5 %, 50 % and 95 % quantiles of pairs (value, weight) in ascending order of value.

@@ -89,7 +89,7 @@ pub fn run(measurements: &[Measurement], request: &CohortRequest, monitor: &dyn 
         monitor.stage("fitting the claim to every record");
         let claim = Claim::new(&found, &apparatuses, claimed, monitor)?;
         if let Some(proposal) = evidence.proposals.first_mut() {
-            let residual = Some(Residual::CohortClaim(claim.error_ratio()));
+            let residual = Some(Residual::CohortClaim(claim.error_ratio(found.base_errors())));
             proposal.test = Some(ResidualTest { residual, ..ResidualTest::default() });
         }
         found.claim = Some(claim);
@@ -176,14 +176,16 @@ impl Claim {
         Ok(Self { claimed, predicted, all, compared })
     }
 
-    /// Held-out error with the effect, divided by the held-out error that the predictive noise allows. Both errors are over all records. `None` if no
-    /// cycle is held out.
-    fn error_ratio(&self) -> Option<f64> {
+    /// Held-out error with the effect, divided by the held-out error that the predictive noise allows. Both errors are over all records. Infinite if the
+    /// effect does not lower the error of the base models, `None` if no cycle is held out.
+    fn error_ratio(&self, base: CohortErrors) -> Option<f64> {
         let rows = |sized_prediction: &SizedPrediction| sized_prediction.heldout.map(|(_, n)| n);
         let allowed = root_mean_square(
             self.predicted.iter().map(|sized_prediction| sized_prediction.allowed_um.zip(rows(sized_prediction))),
         );
-        Some(self.errors().rmse_heldout_um? / allowed.rmse_heldout_um?)
+        let error_um = self.errors().rmse_heldout_um?;
+        let is_lower = base.rmse_heldout_um.is_none_or(|base_um| error_um < base_um);
+        Some(if is_lower { error_um / allowed.rmse_heldout_um? } else { f64::INFINITY })
     }
 
     /// Held-out errors over all records, with the effect.
@@ -318,6 +320,11 @@ impl DiagnosisState<'_> {
         let subject = apparatuses.subject(&self.measurements[number])?;
         let rows = &self.based[number].outlier_rows;
         Ok(if rows.is_empty() { subject } else { subject.without_rows(rows) })
+    }
+
+    /// Held-out errors of the base models over all records.
+    fn base_errors(&self) -> CohortErrors {
+        root_mean_square(self.based.iter().map(|base_fit| base_fit.rmse_heldout))
     }
 
     /// Evidence for the verdict: the leading effect, and the residuals of all records without this effect. Only the leading effect can be claimed. The
@@ -521,13 +528,14 @@ impl DiagnosisState<'_> {
         let specimens: Vec<CohortSpecimen> = (0..self.said.len()).map(|number| self.specimen(number)).collect();
         let of_leading = leading.map(|place| &effects[self.judged.effects[place].effect]);
         let Verdict { kind, effects: named_effects, equivalent, .. } = verdict;
+        let base = self.base_errors();
         let sentence = wording::verdict(
             (kind, of_leading, &equivalent),
             (pooled.as_ref(), &groups, &specimens),
-            self.claim.as_ref().and_then(|claim| Some((claim.errors().rmse_heldout_um?, claim.error_ratio()?))),
+            self.claim.as_ref().and_then(|claim| Some((claim.errors().rmse_heldout_um?, claim.error_ratio(base)?))),
+            base,
         );
         let extended = self.claim.as_ref().map(Claim::errors);
-        let base = root_mean_square(self.based.iter().map(|base_fit| base_fit.rmse_heldout));
         let threshold = self.judged.threshold();
         CohortDiagnosis {
             remarks: wording::remarks(&effects, &specimens, kind),

@@ -114,6 +114,11 @@ pub struct Nodes {
 }
 
 impl SizeLawGrid {
+    /// Distance between neighbouring median sizes, in the logarithm of the size.
+    pub fn step(&self) -> f64 {
+        self.step
+    }
+
     /// Makes a grid of size laws for all sizes that the specimens can show; `None` if no specimen has information on the effect.
     pub fn new(likelihoods: &[SizeLikelihood], fineness: Fineness) -> Option<Self> {
         let told: Vec<&SizeLikelihood> = likelihoods.iter().filter(|likelihood| likelihood.norm > 0.0).collect();

@@ -1,6 +1,6 @@
 //! Sentences on the diagnosis of a cohort.
 
-use documents::cohort::{CohortContrast, CohortEffect, CohortGroup, CohortSpecimen, NullSide};
+use documents::cohort::{CohortContrast, CohortEffect, CohortErrors, CohortGroup, CohortSpecimen, NullSide};
 use documents::diagnosis::{Status, VerdictKind, group_by_reason};
 use documents::groups::RatioVerdict;
 use figures::labels::parameter_label;
@@ -50,6 +50,7 @@ pub fn verdict(
     (kind, leading, equivalent): (VerdictKind, Option<&CohortEffect>, &[String]),
     (pooled, groups, specimens): (Option<&CohortGroup>, &[CohortGroup], &[CohortSpecimen]),
     left: Option<(f64, f64)>,
+    base: CohortErrors,
 ) -> String {
     let n = specimens.len();
     let gained = leading.map(|cohort_effect| {
@@ -81,11 +82,19 @@ pub fn verdict(
         }
         (VerdictKind::Unexplained, Some(leading), Some(gained)) if left.is_some() => {
             let (error_um, factor) = left.unwrap_or_default();
+            let error = format_significant(error_um, 3);
+            let but = match base.rmse_heldout_um.filter(|_| factor.is_infinite()) {
+                Some(base_um) => format!(
+                    "the error on the held-out cycles does not fall ({} µm before, {error} µm with it)",
+                    format_significant(base_um, 3)
+                ),
+                None => format!(
+                    "leaves an error of {error} µm on the held-out cycles, {factor:.1} times the error that noise and parameters allow"
+                ),
+            };
             format!(
-                "the law is wrong, and no effect of the library explains it. {} helps most ({gained}), but leaves an error of {} µm on the held-out cycles, {factor:.1} \
-                 times the error that noise and parameters allow. Do not interpret its size as a property.",
-                leading.effect,
-                format_significant(error_um, 3)
+                "the law is wrong, and no effect of the library explains it. {} helps most ({gained}), but {but}. Do not interpret its size as a property.",
+                leading.effect
             )
         }
         (VerdictKind::Unexplained, ..) => {
