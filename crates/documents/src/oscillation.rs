@@ -21,7 +21,7 @@ pub struct OscillationSummary {
     pub frequencies: Frequencies,
     /// Poisson's ratio of the gel. It converts Young's moduli of the law into the measured shear moduli.
     pub poisson_ratio: f64,
-    /// Residuals of the posterior mean prediction.
+    /// Residuals of the best fit.
     pub misfit: OscillationMisfit,
     /// True if the draws have converged.
     pub converged: bool,
@@ -67,7 +67,8 @@ pub struct OscillationMisfit {
     /// True if the table states the errors of its moduli.
     pub errors_known: bool,
     /// Smallest p of the tests of the residuals, multiplied by the number of tests. The tests compare neighbouring residuals, the size of held-out residuals
-    /// and, for known errors, the size of fitted residuals. The p values come from simulated and refitted oscillations.
+    /// and, for known errors, the size of fitted residuals; for unknown ones, the law with the best passive linear law. A last test looks for single rows that no such
+    /// law explains. The p values come from simulated and refitted oscillations.
     pub p: f64,
 }
 

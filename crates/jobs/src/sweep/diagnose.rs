@@ -15,6 +15,7 @@ use criticism::criteria::Criteria;
 use criticism::verdict::{Addition, Evidence, Residual, ResidualTest, Rival, Verdict, decide_verdict};
 use documents::diagnosis::VerdictKind;
 use documents::oscillation::{OscillationCandidate, OscillationDiagnosis, OscillationEstimate};
+use figures::number::format_significant;
 use models::effects::{Effect, Library, Stage};
 use posterior::monitor::{Counter, Monitor};
 use posterior::study::ModelSpecification;
@@ -85,7 +86,7 @@ pub fn run(
     Ok(OscillationDiagnosis {
         experiment: problem.sweep.specimen_id.clone(),
         model: model_summary(problem),
-        verdict: verdict.document(sentence(&verdict, &candidates)),
+        verdict: verdict.document(sentence(&verdict, &candidates, &left)),
         base: misfit(problem, &predicted, &base, &left),
         extended,
         candidates,
@@ -219,8 +220,14 @@ fn rivals(candidates: &[OscillationCandidate], best: usize) -> Vec<Rival> {
     candidates.iter().filter(|candidate| candidate.effect != best.effect).map(rival).collect()
 }
 
-fn sentence(verdict: &Verdict, candidates: &[OscillationCandidate]) -> String {
+fn sentence(verdict: &Verdict, candidates: &[OscillationCandidate], left: &ResidualPValues) -> String {
     let Some(Residual::Sweep(p)) = verdict.residual else { return String::new() };
+    if let (VerdictKind::Unexplained, Some(frequency_hz)) = (verdict.kind, left.outlying_row_hz()) {
+        return format!(
+            "No linear law explains the row at {} Hz beside the other rows (p = {p:.3}): measure it again, or remove it from the table, and repeat the diagnosis.",
+            format_significant(frequency_hz, 4)
+        );
+    }
     match (verdict.kind, verdict.proposal.map(|place| &candidates[place])) {
         (VerdictKind::Missing, Some(oscillation_candidate)) => {
             let others = match &verdict.equivalent[..] {

@@ -6,6 +6,7 @@ use base::error::{Error, Result, Setting};
 use base::parameter::RELATIVE_NOISE;
 use documents::oscillation::{Frequencies, OscillationMisfit, OscillationSummary};
 use documents::posterior::{ModelSummary, Warning, WarningKind};
+use figures::number::format_significant;
 use posterior::monitor::Monitor;
 use posterior::sample::{natural_columns, parameter_summary, sampler_summary, with_parameter_names};
 use record::SweepForm;
@@ -55,6 +56,7 @@ pub fn run(problem: &SweepProblem, options: &SamplerOptions, monitor: &dyn Monit
     let mean = mean_prediction(problem, &values)?;
     let fit = problem.fit(options.seed, &outcome.draws.subsample(1))?.ok_or_else(no_fit)?;
     let left = test_residuals(problem, &fit, options.seed)?.ok_or_else(no_fit)?;
+    let of_fit = problem.predict(&fit.values).ok_or_else(no_fit)?;
     let blom = BlomScores::new(columns.first().map_or(0, |column| column.values.len()));
     let names = problem.priors.names().zip(&columns);
     let parameters: Vec<_> = names.map(|(name, column)| parameter_summary(name, &diagnose(column, &blom))).collect();
@@ -65,7 +67,7 @@ pub fn run(problem: &SweepProblem, options: &SamplerOptions, monitor: &dyn Monit
         sampler: sampler_summary(options, &outcome),
         frequencies: frequencies(problem),
         poisson_ratio: problem.sweep.poisson_ratio,
-        misfit: misfit(problem, &mean, &fit, &left),
+        misfit: misfit(problem, &of_fit, &fit, &left),
         converged: outcome.converged,
         warnings: Vec::new(),
     };
@@ -152,9 +154,20 @@ fn misfit_warning(left: &ResidualPValues) -> Option<Warning> {
         return None;
     }
     let p = left.p();
+    if let Some(frequency_hz) = left.outlying_row_hz() {
+        let place = format_significant(frequency_hz, 4);
+        return Some(Warning {
+            kind: WarningKind::MisfitAboveNoise,
+            text: format!("no linear law explains the row at {place} Hz beside the other rows (p = {p:.3})"),
+            advice: "measure this row again, or remove it from the table, and run the same command".into(),
+        });
+    }
     let text = match () {
         () if left.p_size.is_some_and(|p| p < LEAST_P) => {
             format!("the residuals of the law exceed the table's errors (p = {p:.3})")
+        }
+        () if left.p_spectrum.is_some_and(|p| p < LEAST_P) => {
+            format!("another linear law leaves far less than this one: its residuals are no errors (p = {p:.3})")
         }
         () if left.p_neighbours < LEAST_P => {
             format!(

@@ -13,6 +13,7 @@ pub mod job;
 pub mod joint;
 pub mod noise_like;
 pub mod problem;
+mod spectrum;
 
 #[cfg(test)]
 mod tests;

@@ -4,11 +4,12 @@
 use rayon::prelude::*;
 
 use super::problem::{SweepFit, SweepProblem};
+use super::spectrum::fit_spectrum;
 use base::error::Result;
 use criticism::criteria::Criteria;
 use sampling::ensemble::RandomStream;
 
-/// Number of simulated oscillations. Three tests at a joint level of 1 % need to resolve probabilities of 1/300.
+/// Number of simulated oscillations. Four tests at a joint level of 1 % need to resolve probabilities of 1/400.
 const N_SIMULATED: usize = 499;
 /// Joint probability of all tests below which residuals do not count as noise.
 pub const LEAST_P: f64 = Criteria::SWEEP.least_noise_p;
@@ -24,13 +25,28 @@ pub struct ResidualPValues {
     pub p_size: Option<f64>,
     /// p of the root mean square of the held-out residuals; `None` if no row is held out.
     pub p_heldout: Option<f64>,
+    /// p of the ratio of the law's squared residuals to those of the best passive linear law; `None` for known errors and for very long tables.
+    pub p_spectrum: Option<f64>,
+    /// p of the largest residual of the best passive linear law, relative to the median one, and the frequency (Hz) of its row; `None` for very long tables.
+    pub row: Option<(f64, f64)>,
 }
 
 impl ResidualPValues {
     /// Joint p of all tests: the smallest p times the number of tests, at most 1.
     pub fn p(&self) -> f64 {
-        let all: Vec<f64> = [Some(self.p_neighbours), self.p_size, self.p_heldout].into_iter().flatten().collect();
+        let all = self.all();
         (all.iter().copied().fold(1.0, f64::min) * all.len() as f64).min(1.0)
+    }
+
+    fn all(&self) -> Vec<f64> {
+        let of_row = self.row.map(|(p, _)| p);
+        [Some(self.p_neighbours), self.p_size, self.p_heldout, self.p_spectrum, of_row].into_iter().flatten().collect()
+    }
+
+    /// Frequency (Hz) of a row that no passive linear law explains beside the others, if it is the clearest sign that the residuals are no noise.
+    pub fn outlying_row_hz(&self) -> Option<f64> {
+        let smallest = self.all().into_iter().fold(1.0, f64::min);
+        self.row.filter(|(p, _)| !self.is_noise() && *p <= smallest).map(|(_, frequency_hz)| frequency_hz)
     }
 
     /// Returns `true` if the residuals are consistent with noise.
@@ -39,9 +55,17 @@ impl ResidualPValues {
     }
 }
 
-/// Computes three test statistics. The first is the sum of products of neighbouring residuals, divided by the sum of squares. The second and third are the
-/// sums of squared residuals of the fitted and of the held-out rows. `None` if the model has no prediction.
-fn test_statistics(problem: &SweepProblem, fit: &SweepFit) -> Option<[f64; 3]> {
+/// Statistics of the residuals' tests.
+struct Statistics {
+    /// The sum of products of neighbouring residuals, divided by the sum of squares; the sums of squared residuals of the fitted and of the held-out rows; their
+    /// sum over the fitted rows, relative to that of the best passive linear law; and the largest of the latter's squared residuals relative to the median one.
+    sizes: [f64; 5],
+    /// Frequency (Hz) of the row with that largest residual; `None` if no passive linear law was fitted.
+    outlying_hz: Option<f64>,
+}
+
+/// `None` if the model has no prediction.
+fn test_statistics(problem: &SweepProblem, fit: &SweepFit) -> Option<Statistics> {
     let predicted = problem.predict(&fit.values)?;
     let residuals = problem.residuals(&predicted, &fit.values);
     let part = |of_heldout: bool| -> Vec<[f64; 2]> {
@@ -52,7 +76,27 @@ fn test_statistics(problem: &SweepProblem, fit: &SweepFit) -> Option<[f64; 3]> {
     let fitted = part(false);
     let neighbours: f64 = fitted.windows(2).map(|pair| pair[0][0] * pair[1][0] + pair[0][1] * pair[1][1]).sum();
     // The division by the sum of squares makes the first statistic independent of the residuals' size, which the second statistic tests.
-    Some([neighbours / squares(&fitted), squares(&fitted), squares(&part(true))])
+    let mut sizes = [neighbours / squares(&fitted), squares(&fitted), squares(&part(true)), 0.0, 0.0];
+    let mut outlying_hz = None;
+    if let Some(spectrum) = fit_spectrum(&problem.sweep) {
+        let form = problem.sweep.form;
+        let rows = problem.sweep.rows.iter().zip(&predicted).filter(|(row, _)| !row.is_heldout);
+        let of_law: f64 = rows
+            .clone()
+            .zip(&spectrum.weights)
+            .map(|((row, pair), weight)| {
+                let ([storage, loss], [law_storage, law_loss]) = (form.moduli(row.pair), form.moduli(*pair));
+                (weight * (storage - law_storage)).powi(2) + (weight * (loss - law_loss)).powi(2)
+            })
+            .sum();
+        let mut sorted = spectrum.squares.clone();
+        sorted.sort_by(f64::total_cmp);
+        let largest = rows.zip(&spectrum.squares).max_by(|a, b| a.1.total_cmp(b.1));
+        outlying_hz = largest.map(|((row, _), _)| row.frequency_hz);
+        sizes[3] = of_law / spectrum.squares.iter().sum::<f64>();
+        sizes[4] = largest.map_or(0.0, |(_, square)| square / sorted[sorted.len() / 2]);
+    }
+    Some(Statistics { sizes, outlying_hz })
 }
 
 /// Tests the residuals of a fit. Oscillations are simulated from the fit and fitted again. The p-value of a test is the fraction of simulated oscillations
@@ -64,17 +108,17 @@ pub fn test_residuals(problem: &SweepProblem, fit: &SweepFit, seed: u64) -> Resu
     let (Some(predicted), Some(found)) = (problem.predict(&fit.values), test_statistics(problem, fit)) else {
         return Ok(None);
     };
-    let simulate = |k: usize| -> Result<Option<[f64; 3]>> {
+    let simulate = |k: usize| -> Result<Option<Statistics>> {
         let mut stream = RandomStream::new(seed, STREAM + k as u64);
         let other = problem.with_rows(problem.simulate_rows(&predicted, &fit.values, &mut stream));
         let refitted = other.fit_from(std::slice::from_ref(&fit.point))?;
         // A law that the frequencies do not determine may have no maximum. Its prediction without a new fit then stands for it: without simulations, every residual would be noise.
         Ok(test_statistics(&other, refitted.as_ref().unwrap_or(fit)))
     };
-    let all: Vec<Option<[f64; 3]>> = (0..N_SIMULATED).into_par_iter().map(simulate).collect::<Result<_>>()?;
-    let simulated: Vec<[f64; 3]> = all.into_iter().flatten().collect();
+    let all: Vec<Option<Statistics>> = (0..N_SIMULATED).into_par_iter().map(simulate).collect::<Result<_>>()?;
+    let simulated: Vec<[f64; 5]> = all.into_iter().flatten().map(|statistics| statistics.sizes).collect();
     let p = |k: usize| {
-        let n_larger = simulated.iter().filter(|sizes| sizes[k] >= found[k]).count();
+        let n_larger = simulated.iter().filter(|sizes| sizes[k] >= found.sizes[k]).count();
         (1 + n_larger) as f64 / (1 + simulated.len()) as f64
     };
     let has_heldout = problem.sweep.rows.iter().any(|row| row.is_heldout);
@@ -82,5 +126,7 @@ pub fn test_residuals(problem: &SweepProblem, fit: &SweepFit, seed: u64) -> Resu
         p_neighbours: p(0),
         p_size: problem.sweep.has_errors().then(|| p(1)),
         p_heldout: has_heldout.then(|| p(2)),
+        p_spectrum: found.outlying_hz.filter(|_| !problem.sweep.has_errors()).map(|_| p(3)),
+        row: found.outlying_hz.map(|frequency_hz| (p(4), frequency_hz)),
     }))
 }
