@@ -141,7 +141,7 @@ pub(super) fn describe(
             ))
         }
         StructureShape::OfPosition { .. } => plain(format!(
-            "{size} µm are a curve of the position itself: the tracker reads some positions too large and others too small."
+            "{size} µm are a curve of the position itself: the tracker's scale or the gel is not linear."
         )),
         StructureShape::PositionWave { period_m } => plain(format!(
             "{size} µm vary periodically with the position, with a period of {} µm, as if the tracker were drawn towards its pixels.",
@@ -158,7 +158,7 @@ pub(super) fn describe(
             ))
         }
         StructureShape::ForceSquared => plain(format!(
-            "{size} µm follow the square of the force, with the gel's own delay: the force is not proportional to its command."
+            "{size} µm follow the square of the force, with the gel's own delay: the force is not proportional to its command, or the gel is not linear."
         )),
         StructureShape::ForceLevel => {
             plain(format!("{size} µm follow the level of the force immediately, without the gel's delay."))
