@@ -41,6 +41,10 @@ const ORDERED: f64 = 0.7;
 
 /// Least change of the position in one row that is a jump, as a part of its range.
 const JUMP: f64 = 0.1;
+/// Largest part of the rows in which a command of holds jumps.
+const FEW_JUMPS: f64 = 0.1;
+/// Largest sum of the squared changes of a smooth quantity from row to row, divided by the sum of its squared distances from its means. For noise it is about 2 (von Neumann's ratio).
+const SMOOTH: f64 = 1.0;
 /// Largest change of the force in the row of a jump, as a part of that in the next row, if the force answers there.
 const LATE: f64 = 0.2;
 
@@ -50,11 +54,48 @@ const STEADY: f64 = 0.1;
 const RAMPING: f64 = 0.3;
 
 impl Control {
-    /// The quantity that an experiment most likely commanded, from the force (N) and the position (m) of each row: the position if it holds for most of the time while
-    /// the force drifts, or if it changes at a much steadier rate than the force; otherwise the force.
+    /// The quantity that an experiment most likely commanded, from the force (N) and the position (m) of each row. A quantity that only jumps, while the other one changes
+    /// smoothly, is commanded. Otherwise it is the position if it holds for most of the time while the force drifts, or if it changes at a much steadier rate than the force;
+    /// otherwise the force.
     pub(super) fn likely(force_n: &[f64], position_m: &[Option<f64>]) -> Self {
-        Changes::of(force_n, position_m).control()
+        let (force_n, position_m) = known_rows(force_n, position_m);
+        match [(&force_n, &position_m), (&position_m, &force_n)].map(|(command, answer)| is_command(command, answer)) {
+            [true, false] => Self::Force,
+            [false, true] => Self::Position,
+            _ => Changes { force: changes(&force_n), position: changes(&position_m) }.control(),
+        }
     }
+}
+
+/// Forces and positions of the rows that have both.
+fn known_rows(force_n: &[f64], position_m: &[Option<f64>]) -> (Vec<f64>, Vec<f64>) {
+    force_n.iter().zip(position_m).filter_map(|(force, position)| Some((*force, (*position)?))).unzip()
+}
+
+/// True if `values` are constant to the last digit except for a few jumps, while `answer` changes smoothly between the jumps. Measured values vary in their last digit.
+fn is_command(values: &[f64], answer: &[f64]) -> bool {
+    if !has_only_jumps(values) || has_only_jumps(answer) {
+        return false;
+    }
+    let holds = values.chunk_by(|a, b| a == b).scan(0, |at, hold| {
+        *at += hold.len();
+        Some(&answer[*at - hold.len()..*at])
+    });
+    let (changes, distances) = holds.fold((0.0, 0.0), |(changes, distances), hold| {
+        let mean = hold.iter().sum::<f64>() / hold.len() as f64;
+        let of_changes: f64 = hold.windows(2).map(|pair| (pair[1] - pair[0]).powi(2)).sum();
+        (changes + of_changes, distances + hold.iter().map(|x| (x - mean).powi(2)).sum::<f64>())
+    });
+    changes < SMOOTH * distances
+}
+
+/// True if values are constant to the last digit except for a few jumps.
+fn has_only_jumps(values: &[f64]) -> bool {
+    let [low, high] =
+        values.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(*x), high.max(*x)]);
+    let changes = values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).filter(|change| *change > 0.0);
+    let sizes: Vec<f64> = changes.collect();
+    (sizes.len() as f64) < FEW_JUMPS * values.len() as f64 && sizes.iter().all(|size| *size > JUMP * (high - low))
 }
 
 /// True if a strain as the table has it stays near one value without a trend, while the stress drifts by more than the strain varies: a relaxation whose measured strain counts
@@ -142,8 +183,7 @@ struct Changes {
 
 impl Changes {
     fn of(force_n: &[f64], position_m: &[Option<f64>]) -> Self {
-        let rows = force_n.iter().zip(position_m).filter_map(|(force, position)| Some((*force, (*position)?)));
-        let (force_n, position_m): (Vec<f64>, Vec<f64>) = rows.unzip();
+        let (force_n, position_m) = known_rows(force_n, position_m);
         Self { force: changes(&force_n), position: changes(&position_m) }
     }
 
@@ -302,6 +342,29 @@ mod tests {
         };
         assert!(answers(1, 1));
         assert!(!answers(0, 1) && !answers(2, 1) && !answers(0, 3) && !answers(1, 3));
+    }
+
+    /// A step whose answer reaches its plateau in the first rows, so that neither quantity changes for most of the time.
+    #[test]
+    fn a_quantity_that_is_constant_to_the_last_digit_is_commanded() {
+        let noise = |t: f64| (((1.0 + t) * 12.9898).sin() * 43_758.545_3).fract();
+        let decay = |t: f64| 49.0 + 151.0 * (-t / 0.2).exp() + noise(t);
+        let growth = |t: f64| 5.0 - 4.0 * (-t / 0.2).exp() + 0.02 * noise(t);
+        for jump in [0.0, 2.0] {
+            let command = |t: f64| if t < 30.0 { 5.0 } else { 5.0 + jump };
+            assert_eq!(control(decay, command), Control::Position);
+            assert_eq!(control(command, growth), Control::Force);
+            // A command that is measured is not constant: noise decides nothing, and the creep remains the default.
+            let measured = |t: f64| command(t) + 0.5 * noise(7.0 * t);
+            assert_eq!(control(measured, growth), Control::Force);
+            assert_eq!(control(decay, measured), Control::Force);
+            assert_eq!(control(|t| 49.0 + noise(t), command), Control::Force);
+        }
+        // Both are written with few digits, and both are constant in most rows.
+        assert_eq!(control(|_| 1.0, |t| f64::from(u8::from(t > 1.0))), Control::Force);
+        // A body that comes to rest moves by less than a jump before.
+        let rest: Vec<f64> = (0..1200).map(|row| (100.0 * growth((0.05 * f64::from(row)).min(3.0))).round()).collect();
+        assert!(!has_only_jumps(&rest) && has_only_jumps(&[&[0.0; 9][..], &[1.0; 9], &[3.0; 9]].concat()));
     }
 
     #[test]
