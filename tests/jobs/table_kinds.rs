@@ -6,7 +6,7 @@ use vitreo_uq::documents::init::InitSummary;
 use vitreo_uq::jobs::init::{InitRequest, run};
 use vitreo_uq::posterior::check::contradictions;
 use vitreo_uq::record::table::TableSettings;
-use vitreo_uq::record::{Apparatus, Control, Experiment, ExperimentFiles};
+use vitreo_uq::record::{Apparatus, Control, Experiment, ExperimentFiles, OscillationRecord};
 
 const INTERVAL_S: f64 = 0.05;
 const N_ROWS: usize = 600;
@@ -1227,6 +1227,25 @@ fn several_sweeps_in_one_table_are_refused() {
     assert_eq!(tried(&with_status.replace(',', "\t")), Ok(20));
     let refused = tried(&format!("omega,G',G''\n{}", sweep(1.0))).unwrap_err();
     assert!(refused.contains("`omega [rad/s]`; `G' [Pa]`"), "{refused}");
+}
+
+/// Two sweeps beside each other have equal names. Chosen moduli have the frequency beside them, which the summary names by its number.
+#[test]
+fn chosen_moduli_read_the_frequency_beside_them() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("a.csv");
+    let sweep = "omega [rad/s],G' [Pa],G'' [Pa]";
+    let rows: String = (1..=12).map(|row| format!("{row},100,{row},{0},200,{0}\n", 10 * row)).collect();
+    std::fs::write(&file, format!("{sweep},{sweep}\n{rows}")).expect("room on the disk");
+    let out = folder.path().join("a");
+    let moduli = Some(["5".to_string(), "6".to_string()]);
+    let known_columns = TableSettings { moduli, ..TableSettings::default() };
+    let request = InitRequest { file, out: Some(out.clone()), known_columns, ..InitRequest::default() };
+    let (summary, _) = run(&request, &mut |_| None).expect("a sweep");
+    assert_eq!(summary.columns[0].name, "column 4: omega [rad/s]");
+    assert_eq!(summary.others[0], "column 1: omega [rad/s]");
+    let (sweep, _) = OscillationRecord::read(&out).expect("a sweep");
+    assert!((sweep.rows[0].frequency_hz - 10.0 / std::f64::consts::TAU).abs() < 1e-9);
 }
 
 /// Two of three tables of stress and strain are joined by their numbers.

@@ -34,7 +34,7 @@ pub struct InitColumn {
     /// Quantity in the column: time, force, position, position_x, position_y or cycle; stress and strain for such a table; for an oscillation frequency, storage, loss,
     /// modulus or phase.
     pub role: String,
-    /// Name of the column in the table's header, or `column N`.
+    /// Name of the column in the table's header, or `column N`; for columns of an oscillation with equal names `column N: NAME`.
     pub name: String,
     /// Unit of the column, or the format of its times; empty for cycles.
     pub unit: String,

@@ -261,20 +261,25 @@ impl SweepColumn {
 }
 
 /// Returns the columns of a rheometer's table with their indices: frequency, then the two measured quantities. They are those that the user gives, or else those that are
-/// named so. `None` if the table is not a rheometer's.
+/// named so. Of several frequencies, moduli that the user gives have the nearest one to their left. `None` if the table is not a rheometer's.
 ///
 /// # Errors
 /// [`Error::Input`] if a given column does not exist.
 pub fn sweep_columns(looked: &InspectedTable, given: &TableSettings) -> Result<Option<Vec<(SweepColumn, usize)>>> {
     let names = &looked.columns;
-    let frequency = match &given.frequency {
-        Some(told) => Some((SweepColumn::Frequency, told_column(names, names.len(), Setting::FrequencyColumn, told)?)),
-        None => column_of(looked, SweepColumn::Frequency),
-    };
     let pair = match &given.moduli {
         Some(told) => Some(told_moduli(looked, told)?),
         None => moduli_columns(looked),
     };
+    let is_left = |place: &usize| pair.is_some_and(|pair| pair.iter().all(|(_, modulus)| place < modulus));
+    let frequency = match &given.frequency {
+        Some(told) => Some(told_column(names, names.len(), Setting::FrequencyColumn, told)?),
+        None => {
+            let nearest = columns_of(looked, SweepColumn::Frequency).filter(is_left).last();
+            nearest.filter(|_| given.moduli.is_some()).or(columns_of(looked, SweepColumn::Frequency).next())
+        }
+    };
+    let frequency = frequency.map(|place| (SweepColumn::Frequency, place));
     match (frequency, pair) {
         (Some(frequency), Some([first, second])) => {
             let of_errors = match [first.0, second.0] {

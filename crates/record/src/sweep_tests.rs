@@ -91,6 +91,26 @@ fn a_rheometers_own_names_are_known() {
     assert_eq!(sweep_columns(&creep, &named).unwrap(), None);
 }
 
+/// Two sweeps beside each other have equal names. Chosen moduli have the frequency beside them.
+#[test]
+fn chosen_moduli_have_the_nearest_frequency_to_their_left() {
+    let sweep = "omega [rad/s],G' [Pa],G'' [Pa]";
+    let table = format!("{sweep},{sweep}\n1,2,3,4,5,6\n2,3,4,5,6,7\n3,4,5,6,7,8\n");
+    let looked = super::super::table::inspect_table("a.csv".as_ref(), table.as_bytes()).unwrap();
+    let places = |moduli: [&str; 2], frequency: Option<&str>| {
+        let given = TableSettings {
+            moduli: Some(moduli.map(String::from)),
+            frequency: frequency.map(String::from),
+            ..TableSettings::default()
+        };
+        let columns = sweep_columns(&looked, &given).unwrap().unwrap();
+        columns.into_iter().map(|(_, place)| place).collect::<Vec<_>>()
+    };
+    assert_eq!(places(["5", "6"], None), [3, 4, 5]);
+    assert_eq!(places(["2", "3"], None), [0, 1, 2]);
+    assert_eq!(places(["5", "6"], Some("1")), [0, 4, 5]);
+}
+
 /// Checks one sweep in four spellings: G′ and G″, G′ and tan δ, |G*| and tan δ, and Young's moduli, which are 2 + 2ν times as large.
 #[test]
 fn tangents_and_youngs_moduli_are_the_same_sweep() {

@@ -111,11 +111,11 @@ pub(super) fn describe_sweep(
     if layout.row_lines.is_empty() {
         line("first_row_line", layout.first_row_line.to_string(), "line of the first row");
     }
+    let is_unique = |name: &String| looked.columns.iter().filter(|other| *other == name).count() == 1;
     for (index, (column, place)) in columns.iter().enumerate() {
         let key = format!("{}{}", if index == 0 { "\n[measurement.columns]\n" } else { "" }, column.key());
         let name = &looked.columns[*place];
-        let is_unique = looked.columns.iter().filter(|other| *other == name).count() == 1;
-        let value = if is_unique { quoted(name) } else { (place + 1).to_string() };
+        let value = if is_unique(name) { quoted(name) } else { (place + 1).to_string() };
         line(&key, value, "name in the header, or number from 1");
     }
     line(
@@ -143,21 +143,30 @@ pub(super) fn describe_sweep(
         false => "frequencies and shear moduli: an oscillation of a rheometer (write `moduli = \"young\"` for tension)"
             .into(),
     };
+    // Equal names are told apart by number.
+    let named = |place: usize| {
+        let name = &looked.columns[place];
+        match name.as_str() {
+            "" => format!("column {}", place + 1),
+            _ if is_unique(name) => name.clone(),
+            _ => format!("column {}: {name}", place + 1),
+        }
+    };
     let shown = |((column, place), unit): (&(SweepColumn, usize), &ParsedUnit)| InitColumn {
         role: column.key().into(),
-        name: looked.columns[*place].clone(),
+        name: named(*place),
         unit: unit.name.clone(),
         range: None,
     };
     let is_used = |place: usize| columns.iter().any(|(_, used)| *used == place);
-    let others = looked.columns.iter().enumerate().filter(|(place, _)| !is_used(*place));
+    let others = (0..looked.columns.len()).filter(|place| !is_used(*place));
     let summary = InitSummary {
         experiments: Vec::new(),
         directory: String::new(),
         file: source.name.clone(),
         reasons: vec![looked.said.clone(), reason],
         columns: columns.iter().zip(&units).map(shown).collect(),
-        others: others.map(|(_, name)| name.clone()).collect(),
+        others: others.map(named).collect(),
         rows: 0,
         rows_without_position: 0,
         unknown: Vec::new(),
