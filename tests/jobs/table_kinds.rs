@@ -1248,6 +1248,28 @@ fn chosen_moduli_read_the_frequency_beside_them() {
     assert!((sweep.rows[0].frequency_hz - 10.0 / std::f64::consts::TAU).abs() < 1e-9);
 }
 
+/// Frequencies in Hz and in rad/s differ by 2π, but for their rounding. Otherwise the user chooses one of them.
+#[test]
+fn frequencies_that_contradict_each_other_are_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let tried = |factor: f64, frequency: Option<&str>| {
+        let (file, out) = (folder.path().join("a.csv"), folder.path().join("a"));
+        let row = |row: i32| format!("{:.2},{row},100,{row}\n", f64::from(row) / factor);
+        let rows: String = (1..=20).map(row).collect();
+        std::fs::write(&file, format!("Frequency (Hz),omega (rad/s),G' (Pa),G'' (Pa)\n{rows}")).expect("room");
+        let known_columns = TableSettings { frequency: frequency.map(String::from), ..TableSettings::default() };
+        let request = InitRequest { file, out: Some(out), replace: true, known_columns, ..InitRequest::default() };
+        run(&request, &mut |_| None)
+            .map(|(summary, _)| summary.columns[0].unit.clone())
+            .map_err(|error| error.to_string())
+    };
+    assert_eq!(tried(std::f64::consts::TAU, None), Ok("Hz".into()));
+    let refused = tried(1.0, None).unwrap_err();
+    assert!(refused.contains("line 2") && refused.contains("different frequencies: 1 Hz and 1 rad/s"), "{refused}");
+    assert!(refused.contains("frequency COLUMN`"), "{refused}");
+    assert_eq!(tried(1.0, Some("omega (rad/s)")), Ok("rad/s".into()));
+}
+
 /// Two of three tables of stress and strain are joined by their numbers.
 #[test]
 fn chosen_tables_of_stress_and_strain_are_joined() {

@@ -17,8 +17,8 @@ use self::device::Device;
 use self::force_log::ForceLog;
 use self::preamble::Preamble;
 use self::refusals::{
-    refuse_amplitudes, refuse_changed_numbers, refuse_flow, refuse_flow_curve, refuse_gap_of_rheometer,
-    refuse_one_column_for_two, refuse_ratio, refuse_relaxation_of_tip, refuse_several_columns,
+    refuse_amplitudes, refuse_changed_numbers, refuse_contradictory_frequencies, refuse_flow, refuse_flow_curve,
+    refuse_gap_of_rheometer, refuse_one_column_for_two, refuse_ratio, refuse_relaxation_of_tip, refuse_several_columns,
     refuse_without_frequency, refuse_without_moduli, refuse_without_motion,
 };
 pub use self::request::InitRequest;
@@ -352,6 +352,9 @@ fn oscillation(
     summary.reasons.extend(unused_sizes_remark(request));
     if given.moduli.is_none() {
         refuse_several_columns(&source.place, looked)?;
+    }
+    if given.frequency.is_none() {
+        refuse_contradictory_frequencies(&source.place, &source.bytes, looked, &columns)?;
     }
     let is_new = files::kind(out).is_none();
     write(out, (&source.name, &source.bytes), &toml, None)?;

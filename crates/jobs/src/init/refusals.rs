@@ -18,6 +18,8 @@ const LOGARITHMS: [&str; 4] = ["log10", "ln", "lg", "log"];
 const TIMES: [char; 4] = ['x', '×', '*', '·'];
 /// Largest strain of a creep or a relaxation. A larger one is a flow.
 const LARGEST_STRAIN: f64 = 100.0;
+/// Largest relative difference of two columns of the same frequencies in different units.
+const SAME_FREQUENCIES: f64 = 0.01;
 
 /// Refuses a record whose force is 0 in every row, or whose body does not move.
 pub(super) fn refuse_without_motion(
@@ -149,11 +151,66 @@ pub(super) fn refuse_amplitudes(
 
 /// True if a column holds a number other than 0.
 fn has_numbers(bytes: &[u8], looked: &InspectedTable, place: usize) -> bool {
+    !numbers_of(bytes, looked, [place]).is_empty()
+}
+
+/// Numbers of columns with their line, for the rows in which all of them hold a number other than 0.
+fn numbers_of<const N: usize>(bytes: &[u8], looked: &InspectedTable, places: [usize; N]) -> Vec<(usize, [f64; N])> {
     let layout = &looked.layout;
-    decode_detected(bytes).lines().skip(layout.first_row_line - 1).any(|line| {
-        let cells = cells(line, layout.delimiter);
-        cells.get(place).and_then(|cell| layout.number(cell)).is_some_and(|number| number != 0.0)
-    })
+    let text = decode_detected(bytes);
+    let lines = (1..).zip(text.lines()).filter(|(line, _)| layout.table_of(*line).is_some());
+    let rows = lines.map(|(line, text)| {
+        let cells = cells(text, layout.delimiter);
+        (line, places.map(|place| cells.get(place).and_then(|cell| layout.number(cell)).unwrap_or(0.0)))
+    });
+    rows.filter(|(_, numbers)| !numbers.contains(&0.0)).collect()
+}
+
+/// Refuses a frequency that another one in another unit contradicts, so that one of the units is wrong. Sweeps side by side have a frequency each: of several sweeps
+/// only frequencies next to each other are compared.
+pub(super) fn refuse_contradictory_frequencies(
+    place: &Path,
+    bytes: &[u8],
+    looked: &InspectedTable,
+    columns: &[(SweepColumn, usize)],
+) -> Result<()> {
+    let [(_, chosen), moduli @ ..] = columns else { return Ok(()) };
+    let has_one_sweep = moduli.iter().all(|(column, _)| columns_of(looked, *column).count() < 2);
+    let frequencies: Vec<usize> = columns_of(looked, SweepColumn::Frequency).collect();
+    let is_beside = |other: &usize| {
+        has_one_sweep || (*chosen.min(other)..*chosen.max(other)).all(|between| frequencies.contains(&between))
+    };
+    for other in frequencies.iter().filter(|other| is_beside(other)) {
+        let units = [*chosen, *other].map(|column| looked.units[column].as_ref());
+        let [Some(unit), Some(other_unit)] = units else { continue };
+        if unit.to_si(1.0) == other_unit.to_si(1.0) {
+            continue;
+        }
+        let rows = numbers_of(bytes, looked, [*chosen, *other]);
+        let in_hz = |[first, second]: [f64; 2]| [unit.to_si(first), other_unit.to_si(second)].map(f64::abs);
+        let difference = |[first, second]: [f64; 2]| (first - second).abs();
+        let largest = |[first, second]: [f64; 2]| first.max(second);
+        // Rounding to few decimals changes small frequencies most, which add little to the sums.
+        let sum = |of: &dyn Fn([f64; 2]) -> f64| rows.iter().map(|(_, pair)| of(in_hz(*pair))).sum::<f64>();
+        if sum(&difference) <= SAME_FREQUENCIES * sum(&largest) {
+            continue;
+        }
+        let apart = |pair: [f64; 2]| difference(pair) > SAME_FREQUENCIES * largest(pair);
+        let Some((line, [first, second])) = rows.iter().find(|(_, pair)| apart(in_hz(*pair))) else { continue };
+        let [name, other_name] = [*chosen, *other].map(|column| &looked.columns[column]);
+        return Err(Error::input(
+            InputPlace::file(place).at_line(*line),
+            format!(
+                "`{name}` and `{other_name}` are different frequencies: {first} {} and {second} {}",
+                unit.name, other_unit.name
+            ),
+            format!(
+                "one of the two units is wrong, because 1 Hz is 2π rad/s; choose the right column with `{} COLUMN`",
+                Setting::FrequencyColumn
+            ),
+        ));
+    }
+    Ok(())
 }
 
 /// Refuses a relaxation of a tip, for which there is no model.
