@@ -1270,6 +1270,28 @@ fn frequencies_that_contradict_each_other_are_refused() {
     assert_eq!(tried(1.0, Some("omega (rad/s)")), Ok("rad/s".into()));
 }
 
+/// Viscosities and compliances of an oscillation are refused with the equations of the moduli, whether or not the user names them as moduli.
+#[test]
+fn viscosities_and_compliances_are_no_moduli() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let rows: String = (1..=12).map(|row| format!("{row},100,{row}\n")).collect();
+    for (names, found) in [
+        ("eta' (Pa.s),eta'' (Pa.s)", "G' = ω η'' and G'' = ω η'"),
+        ("η' [Pa],η'' [Pa]", "G' = ω η'' and G'' = ω η'"),
+        ("J' (1/Pa),J'' (1/Pa)", "G' = J'/(J'² + J''²)"),
+        ("storage compliance,loss compliance", "G' = J'/(J'² + J''²)"),
+    ] {
+        for moduli in [None, Some(["2".to_string(), "3".to_string()])] {
+            let (file, out) = (folder.path().join("a.csv"), Some(folder.path().join("a")));
+            std::fs::write(&file, format!("omega [rad/s],{names}\n{rows}")).expect("room on the disk");
+            let known_columns = TableSettings { moduli, ..TableSettings::default() };
+            let request = InitRequest { file, out, known_columns, ..InitRequest::default() };
+            let refused = run(&request, &mut |_| None).unwrap_err().to_string();
+            assert!(refused.contains(found), "{names}: {refused}");
+        }
+    }
+}
+
 /// Two of three tables of stress and strain are joined by their numbers.
 #[test]
 fn chosen_tables_of_stress_and_strain_are_joined() {

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use super::device::has_position;
 use super::stress::{ROTATION, STRAIN, StressStrain, called, is_ratio};
+use super::sweep::{VISCOSITY, refuse_other_than_moduli};
 use base::error::{Error, InputPlace, Result, Setting};
 use base::units::Dimension;
 use figures::number::format_significant;
@@ -243,7 +244,7 @@ pub(super) fn refuse_one_column_for_two(given: &TableSettings) -> Result<()> {
 pub(super) fn refuse_flow_curve(place: &Path, given: &TableSettings, looked: &InspectedTable) -> Result<()> {
     let named = |words: &[&str]| looked.columns.iter().find(|name| called(name, words, &[]));
     let rate = named(&["shear rate", "shearrate", "shear_rate", "scherrate", "de cisaillement"]);
-    let viscosity = named(&["viscosity", "viskosität", "viscosité", "viscosidad", "viscosità"]);
+    let viscosity = named(&VISCOSITY);
     let is_given = given.columns.iter().chain(&given.axes).any(Option::is_some);
     let Some((rate, viscosity)) = rate.zip(viscosity).filter(|_| !is_given) else { return Ok(()) };
     Err(Error::input(
@@ -334,6 +335,7 @@ pub(super) fn refuse_without_moduli(place: &Path, given: &TableSettings, looked:
     let is_sure = |place: &usize| looked.units[*place].is_some() || looked.columns[*place].chars().count() > 1;
     let frequency = columns_of(looked, SweepColumn::Frequency).find(is_sure);
     let Some(frequency) = frequency.filter(|_| !is_record) else { return Ok(()) };
+    refuse_other_than_moduli(place, looked, &(0..looked.columns.len()).collect::<Vec<_>>(), 2)?;
     Err(Error::input(
         InputPlace::file(place),
         format!(

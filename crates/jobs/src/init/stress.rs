@@ -16,7 +16,7 @@ pub(super) const STRAIN: [&str; 9] =
 /// Words and symbols by which the column of a relaxation modulus is recognised.
 const MODULUS: [&str; 7] = ["modulus", "g(t)", "e(t)", "g_relax", "e_relax", "relaxationsmodul", "module"];
 /// Words and symbols by which the column of a creep compliance is recognised.
-const COMPLIANCE: [&str; 5] = ["compliance", "j(t)", "d(t)", "nachgiebigkeit", "complaisance"];
+pub(super) const COMPLIANCE: [&str; 5] = ["compliance", "j(t)", "d(t)", "nachgiebigkeit", "complaisance"];
 /// Words by which a column of a measured quantity is recognised.
 const MEASURED: [&str; 12] = [
     "stress",

@@ -5,13 +5,58 @@ use std::path::Path;
 
 use super::preamble::Preamble;
 use super::source::TableSource;
-use super::stress::{MULTIAXIAL, UNIAXIAL, called};
+use super::stress::{COMPLIANCE, MULTIAXIAL, UNIAXIAL, called};
 use base::error::{Error, InputPlace, Result};
 use base::toml_input::quoted;
 use base::units::Dimension;
 use documents::init::{InitColumn, InitSummary};
 use record::table::{InspectedTable, ParsedUnit, bracketed, is_angular};
 use record::{OSCILLATION, SweepColumn};
+
+/// Words by which a column of viscosities is recognised.
+pub(super) const VISCOSITY: [&str; 5] = ["viscosity", "viskosität", "viscosité", "viscosidad", "viscosità"];
+
+/// Refuses columns of viscosities or compliances of an oscillation in place of its moduli, by their names and units.
+///
+/// # Errors
+/// [`Error::Input`] for the first kind of which `fewest` of the columns are, with the equations of the moduli.
+pub(super) fn refuse_other_than_moduli(
+    place: &Path,
+    looked: &InspectedTable,
+    columns: &[usize],
+    fewest: usize,
+) -> Result<()> {
+    let kinds = [
+        (is_viscosity as fn(&str) -> bool, "viscosities", "G' = ω η'' and G'' = ω η', with ω in rad/s,"),
+        (is_compliance, "compliances", "G' = J'/(J'² + J''²) and G'' = J''/(J'² + J''²)"),
+    ];
+    for (is_kind, kind, equations) in kinds {
+        let names = columns.iter().map(|column| &looked.columns[*column]).filter(|name| is_kind(name));
+        let names: Vec<String> = names.map(|name| format!("`{name}`")).collect();
+        if names.len() >= fewest {
+            return Err(Error::input(
+                InputPlace::file(place),
+                format!("by name or unit these columns hold {kind}, not moduli: {}", names.join(", ")),
+                format!("write the moduli {equations} into columns with the names `G' [Pa]` and `G'' [Pa]`"),
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// True if a column's name is that of viscosities: it says so, or has their symbol or unit.
+fn is_viscosity(name: &str) -> bool {
+    let is_unit = |text: &str| text.contains("Pa") && text.trim_end().ends_with('s');
+    called(name, &VISCOSITY, &[])
+        || ["eta", "Eta", "η"].iter().any(|symbol| has_symbol(name, symbol))
+        || bracketed(name).is_some_and(|(_, text)| is_unit(text))
+}
+
+/// True if a column's name is that of compliances: it says so, or has their symbol or unit.
+fn is_compliance(name: &str) -> bool {
+    let is_unit = |text: &str| ["/Pa", "/kPa", "/MPa", "Pa^-1", "Pa⁻¹", "Pa-1"].iter().any(|end| text.contains(end));
+    called(name, &COMPLIANCE, &[]) || has_symbol(name, "J") || bracketed(name).is_some_and(|(_, text)| is_unit(text))
+}
 
 /// Units of the columns, as the table states them. If it does not state all of them, the error asks the user to write them into the columns' names.
 fn units_of(place: &Path, looked: &InspectedTable, columns: &[(SweepColumn, usize)]) -> Result<Vec<ParsedUnit>> {
@@ -48,10 +93,10 @@ fn units_of(place: &Path, looked: &InspectedTable, columns: &[(SweepColumn, usiz
     })
 }
 
-/// True if a word of a column's name is the symbol of a modulus, such as E or E′.
-fn has_symbol(name: &str, letter: char) -> bool {
+/// True if a word of a column's name is a symbol with or without a sign, such as E or E′.
+fn has_symbol(name: &str, symbol: &str) -> bool {
     let is_symbol = |word: &str| {
-        let rest = word.trim_start_matches('|').strip_prefix(letter);
+        let rest = word.trim_start_matches('|').strip_prefix(symbol);
         rest.is_some_and(|rest| rest.is_empty() || rest.starts_with(['\'', '′', '″', '"', '`', '´', '*', '_']))
     };
     name.split([' ', '(', '[']).any(is_symbol)
@@ -59,12 +104,12 @@ fn has_symbol(name: &str, letter: char) -> bool {
 
 /// True if the name of a column of moduli is of tension, compression or bending: it says so, or its symbol is E.
 fn is_of_tension(name: &str) -> bool {
-    called(name, &[&UNIAXIAL[..], &["flexur", "bending"]].concat(), &MULTIAXIAL) || has_symbol(name, 'E')
+    called(name, &[&UNIAXIAL[..], &["flexur", "bending"]].concat(), &MULTIAXIAL) || has_symbol(name, "E")
 }
 
 /// True if the name of a column of moduli is of shear: it says so, or its symbol is G.
 fn is_of_shear(name: &str) -> bool {
-    called(name, &MULTIAXIAL, &[]) || has_symbol(name, 'G')
+    called(name, &MULTIAXIAL, &[]) || has_symbol(name, "G")
 }
 
 /// Makes the text of `experiment.toml` for an oscillation, and the interpretation of the table.
@@ -76,6 +121,12 @@ pub(super) fn describe_sweep(
     columns: &[(SweepColumn, usize)],
 ) -> Result<(String, InitSummary)> {
     let stem = source.stem();
+    let moduli: Vec<usize> = columns
+        .iter()
+        .filter(|(column, _)| column.dimension() == Dimension::Pressure)
+        .map(|(_, place)| *place)
+        .collect();
+    refuse_other_than_moduli(&source.place, looked, &moduli, 1)?;
     let units = units_of(&source.place, looked, columns)?;
     let mut lines = String::from("# Description of the experiment: an oscillation of a rheometer.\n");
     let mut line = |key: &str, value: String, comment: &str| {
