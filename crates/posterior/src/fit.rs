@@ -499,7 +499,10 @@ fn summarise(
         iterations: best.iterations,
         converged: best.converged,
         starts: searches.len(),
-        starts_agreeing: searches.iter().filter(|search| is_same_minimum(search, best)).count(),
+        starts_agreeing: searches
+            .iter()
+            .filter(|search| is_same_minimum(search, best) && !is_apart(search, best))
+            .count(),
         surrogate_vs_fe_max_um: full.as_ref().map(|full| 1e6 * full.distance_m),
         fe_discretisation_um: full.as_ref().and_then(|full| full.discretisation_m).map(|x| 1e6 * x),
         trust: Trust::default(),
@@ -528,13 +531,17 @@ fn summarise(
     summary
 }
 
+/// True if a coordinate of two minima differs by far more than its standard error.
+fn is_apart(other: &Fit, best: &Fit) -> bool {
+    let coordinates = best.theta.iter().zip(&other.theta).zip(&best.standard_errors);
+    coordinates.map(|((a, b), error)| (a - b).abs() / error).any(|distance| distance > APART && distance.is_finite())
+}
+
 /// Warning about a minimum elsewhere that the fitted positions cannot exclude; `None` if there is none.
 fn other_minimum(problem: &Problem, data: &CreepResiduals, searches: &[Fit], best: &Fit) -> Option<Warning> {
     let variance_m2 = best.objective / data.observed.len() as f64;
     let is_as_good = |other: &&Fit| other.converged && other.objective - best.objective < AS_GOOD * variance_m2;
-    let apart = |k: usize, other: &Fit| (other.theta[k] - best.theta[k]).abs() / best.standard_errors[k];
-    let is_apart = |other: &&Fit| (0..best.theta.len()).any(|k| apart(k, other) > APART && apart(k, other).is_finite());
-    let candidates = searches.iter().filter(is_as_good).filter(is_apart);
+    let candidates = searches.iter().filter(is_as_good).filter(|other| is_apart(other, best));
     let other = candidates.min_by(|a, b| a.objective.total_cmp(&b.objective))?;
     let parameters = data.model_parameters(&other.theta);
     let specs = problem.model.parameters();

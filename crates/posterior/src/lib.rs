@@ -44,7 +44,7 @@ mod mesh_check;
 pub mod misfit;
 mod mixture;
 pub mod model_priors;
-mod modes;
+pub mod modes;
 pub mod monitor;
 pub mod noise;
 pub mod outside;

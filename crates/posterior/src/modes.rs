@@ -1,6 +1,6 @@
 //! Several modes of a posterior. A median and an interval over all of them describe none.
 
-use super::problem::Problem;
+use super::prior::{Prior, PriorSet};
 use documents::posterior::{Warning, WarningKind};
 use figures::number::format_significant;
 use sampling::diagnostics::DrawColumn;
@@ -9,12 +9,12 @@ use sampling::evidence::{WeightedDraws, find_density_valley};
 /// Number of draws in which modes are sought. Neighbouring draws of a chain are not independent, and so many draws spaced evenly nearly are.
 const MOST_DRAWS: usize = 1000;
 
-/// Warning that the density of the model's parameters has a valley, which separates two modes; `None` if no parameter shows one. `columns` holds the draws of each sampled
-/// parameter, in its unit.
-pub(crate) fn several_modes(problem: &Problem, columns: &[DrawColumn]) -> Option<Warning> {
+/// Warning that the density of a parameter has a valley, which separates two modes; `None` if there is no valley. `columns` holds the draws of each sampled parameter, in its
+/// unit. Only the parameters that `is_wanted` accepts by name count.
+pub fn several_modes(priors: &PriorSet, columns: &[DrawColumn], is_wanted: impl Fn(&str) -> bool) -> Option<Warning> {
     let n_draws = columns.first().map_or(0, |column| column.values.len());
     let chosen: Vec<usize> = (0..n_draws).step_by(n_draws.div_ceil(MOST_DRAWS).max(1)).collect();
-    let priors = problem.priors.priors();
+    let priors = priors.priors();
     let point = |draw: &usize| -> Vec<f64> {
         priors
             .iter()
@@ -25,19 +25,18 @@ pub(crate) fn several_modes(problem: &Problem, columns: &[DrawColumn]) -> Option
     let points: Vec<Vec<f64>> = chosen.iter().map(point).collect();
     let equal = vec![0.0; points.len()];
     let draws = WeightedDraws::new(points, &equal);
-    let of_model = |name: &str| problem.model.parameters().iter().any(|spec| spec.name == name);
     let separates = |d: &usize| Some((*d, find_density_valley(&draws, |point| point[*d])?));
-    let (split, bottom) = (0..priors.len()).filter(|d| of_model(&priors[*d].name)).find_map(|d| separates(&d))?;
+    let (split, bottom) = (0..priors.len()).filter(|d| is_wanted(&priors[*d].name)).find_map(|d| separates(&d))?;
     let sides =
         [draws.restricted_to(|point| point[split] < bottom), draws.restricted_to(|point| point[split] >= bottom)];
     let lower = draws.mean(|point| f64::from(u8::from(point[split] < bottom)));
     let listed = |side: &WeightedDraws, share: f64| {
-        let of_parameter = |(d, prior): (usize, &crate::prior::Prior)| {
+        let of_parameter = |(d, prior): (usize, &Prior)| {
             let median = prior.distribution.from_unconstrained(side.quantiles(|point| point[d], &[0.5])[0]);
             format!("{} = {}", prior.name, format_significant(median, 3))
         };
         let medians: Vec<String> =
-            priors.iter().enumerate().filter(|(_, prior)| of_model(&prior.name)).map(of_parameter).collect();
+            priors.iter().enumerate().filter(|(_, prior)| is_wanted(&prior.name)).map(of_parameter).collect();
         format!("{} (probability {share:.2})", medians.join(", "))
     };
     Some(Warning {

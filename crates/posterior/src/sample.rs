@@ -304,7 +304,8 @@ fn summarise(
     }
     let of_large = large_displacement::warnings(&summary);
     summary.warnings.extend(of_large);
-    summary.warnings.extend(several_modes(problem, columns));
+    let of_model = |name: &str| problem.model.parameters().iter().any(|spec| spec.name == name);
+    summary.warnings.extend(several_modes(&problem.priors, columns, of_model));
     summary.warnings.extend(check.n_refused.map(refused_warning));
     summary.warnings.extend(at_edge_of_box(prepared, columns));
     summary.warnings.extend(problem.finite_elements().into_iter().flat_map(|fe| fe.mesh_warnings.clone()));

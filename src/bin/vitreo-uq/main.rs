@@ -226,7 +226,7 @@ fn find_output_outside_task(found: &ArgMatches) -> Option<String> {
 /// Advice after a signal has stopped the command.
 fn resume_advice(command: &Command) -> &'static str {
     match command {
-        Command::Sample(_) => {
+        Command::Sample(arguments) if arguments.others.is_empty() => {
             "run the same command with `--resume`, which continues from the sampler's last saved state, if there is one"
         }
         Command::Serve(_) => "run the same command again: clients find the same models",

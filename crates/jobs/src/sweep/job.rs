@@ -7,6 +7,7 @@ use base::parameter::RELATIVE_NOISE;
 use documents::oscillation::{Frequencies, OscillationMisfit, OscillationSummary};
 use documents::posterior::{ModelSummary, Warning, WarningKind};
 use figures::number::format_significant;
+use posterior::modes::several_modes;
 use posterior::monitor::Monitor;
 use posterior::sample::{natural_columns, parameter_summary, sampler_summary, with_parameter_names};
 use record::SweepForm;
@@ -71,7 +72,9 @@ pub fn run(problem: &SweepProblem, options: &SamplerOptions, monitor: &dyn Monit
         converged: outcome.converged,
         warnings: Vec::new(),
     };
-    summary.warnings = warnings(problem, &summary, &left, &with_parameter_names(&outcome.messages, &problem.priors));
+    let messages = with_parameter_names(&outcome.messages, &problem.priors);
+    let modes = several_modes(&problem.priors, &columns, |name| name != RELATIVE_NOISE.name);
+    summary.warnings = warnings(problem, &summary, &left, (&messages, modes));
     Ok(SweepResult { summary, outcome, columns, values, mean })
 }
 
@@ -184,7 +187,7 @@ fn warnings(
     problem: &SweepProblem,
     summary: &OscillationSummary,
     left: &ResidualPValues,
-    messages: &[String],
+    (messages, modes): (&[String], Option<Warning>),
 ) -> Vec<Warning> {
     let mut warnings = Vec::new();
     let mut warn = |kind, text: String, advice: &str| warnings.push(Warning { kind, text, advice: advice.into() });
@@ -197,7 +200,11 @@ fn warnings(
         warn(misfit.kind, misfit.text, &misfit.advice);
     }
     let law = problem.model.parameters();
-    for parameter in &summary.parameters {
+    let has_modes = modes.is_some();
+    if let Some(modes) = modes {
+        warn(modes.kind, modes.text, &modes.advice);
+    }
+    for parameter in summary.parameters.iter().filter(|_| !has_modes) {
         let is_of_law = law.iter().any(|spec| spec.name == parameter.name && spec.unit.starts_with("Pa"));
         if is_of_law && parameter.q95 > UNDETERMINED * parameter.q05 {
             let text = format!("these frequencies do not determine {}", parameter.name);
