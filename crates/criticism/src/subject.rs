@@ -315,6 +315,7 @@ impl Subject {
     /// Derivatives of the positions (m per unit) of a linearised model: one column per coordinate; `None` for other models.
     pub(super) fn constant_derivatives_m(&self, candidate: &Candidate) -> Option<Vec<Vec<f64>>> {
         let line = self.line.as_ref()?;
+        debug_assert!(candidate.free.len() <= line.theta.len(), "another model than the linearised one");
         let added = &candidate.columns[line.theta.len() - candidate.free.len()..];
         Some(line.columns_m.iter().chain(added).cloned().collect())
     }

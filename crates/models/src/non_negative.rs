@@ -7,6 +7,11 @@
 
 use nalgebra::{DMatrix, DVector};
 
+/// Slope of a column, relative to the product of its size and that of the right-hand side, that is rounding.
+const ROUNDING: f64 = 1e-15;
+/// Largest number of selections per column. Rounding could exchange columns for ever.
+const MOST_STEPS: usize = 3;
+
 /// Selected columns of a matrix, with their weights.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Selection {
@@ -29,12 +34,15 @@ pub fn choose(columns: &[f64], b: &[f64], tolerance: f64, most: usize) -> Select
     // `refused` holds columns that were removed directly after their selection because of rounding. They are not tried again until the
     // selection changes.
     let mut refused: Vec<usize> = Vec::new();
-    while rest.norm() > tolerance * norm && active.len() < most {
+    let sizes: Vec<f64> = columns.chunks_exact(n_rows).map(|a| a.iter().map(|a| a * a).sum::<f64>().sqrt()).collect();
+    let mut n_left = MOST_STEPS * sizes.len();
+    while rest.norm() > tolerance * norm && active.len() < most && n_left > 0 {
+        n_left -= 1;
         let best = columns
             .chunks_exact(n_rows)
             .enumerate()
             .map(|(j, a)| (j, a.iter().zip(rest.iter()).map(|(a, r)| a * r).sum::<f64>()))
-            .filter(|(j, slope)| *slope > 0.0 && !active.contains(j) && !refused.contains(j))
+            .filter(|(j, slope)| *slope > ROUNDING * sizes[*j] * norm && !active.contains(j) && !refused.contains(j))
             .fold(None, |best: Option<(usize, f64)>, (j, slope)| match best {
                 Some((_, most)) if most >= slope => best,
                 _ => Some((j, slope)),

@@ -531,6 +531,25 @@ fn summarise(
     summary
 }
 
+/// Effects whose first parameter lies within three standard errors of its null.
+fn absent_effects(problem: &Problem, data: &CreepResiduals, fit: &Fit) -> Vec<&'static str> {
+    let (scales, mut first, mut list) = (problem.model.scales(), problem.model.n_before_effects(), Vec::new());
+    for effect in problem.model.effects() {
+        if let Some(k) = data.free.iter().position(|(j, _)| *j == first)
+            && let Some(null) = effect.parameters().first().and_then(|parameter| (parameter.null)(scales))
+        {
+            let distance = (fit.theta[k] - data.free[k].1.theta(null)).abs();
+            // The data do not determine an effect at its null, which then has no standard error.
+            let is_present = distance > 3.0 * fit.standard_errors[k];
+            if !is_present {
+                list.push(effect.slug());
+            }
+        }
+        first += effect.parameters().len();
+    }
+    list
+}
+
 /// True if a coordinate of two minima differs by far more than its standard error.
 fn is_apart(other: &Fit, best: &Fit) -> bool {
     let coordinates = best.theta.iter().zip(&other.theta).zip(&best.standard_errors);
@@ -539,9 +558,17 @@ fn is_apart(other: &Fit, best: &Fit) -> bool {
 
 /// Warning about a minimum elsewhere that the fitted positions cannot exclude; `None` if there is none.
 fn other_minimum(problem: &Problem, data: &CreepResiduals, searches: &[Fit], best: &Fit) -> Option<Warning> {
+    // Searches of longer records end on a selection of the positions.
+    if data.observed.len() > MOST_SEARCHED {
+        return None;
+    }
     let variance_m2 = best.objective / data.observed.len() as f64;
     let is_as_good = |other: &&Fit| other.converged && other.objective - best.objective < AS_GOOD * variance_m2;
-    let candidates = searches.iter().filter(is_as_good).filter(|other| is_apart(other, best));
+    // Without its effect, a parameter has no meaning.
+    let is_absent = |fit: &Fit| absent_effects(problem, data, fit);
+    let differs =
+        |other: &&Fit| is_apart(other, best) && (is_absent(other).is_empty() || is_absent(other) != is_absent(best));
+    let candidates = searches.iter().filter(is_as_good).filter(differs);
     let other = candidates.min_by(|a, b| a.objective.total_cmp(&b.objective))?;
     let parameters = data.model_parameters(&other.theta);
     let specs = problem.model.parameters();

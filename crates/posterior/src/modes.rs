@@ -6,14 +6,18 @@ use figures::number::format_significant;
 use sampling::diagnostics::DrawColumn;
 use sampling::evidence::{WeightedDraws, find_density_valley};
 
-/// Number of draws in which modes are sought. Neighbouring draws of a chain are not independent, and so many draws spaced evenly nearly are.
+/// Number of draws in which modes are sought. Draws of a chain are not independent, and so many of all are nearly.
 const MOST_DRAWS: usize = 1000;
+/// Golden ratio minus 1: its multiples, without their integer parts, are spread evenly.
+const GOLDEN: f64 = 0.618_033_988_749_894_9;
 
 /// Warning that the density of a parameter has a valley, which separates two modes; `None` if there is no valley. `columns` holds the draws of each sampled parameter, in its
 /// unit. Only the parameters that `is_wanted` accepts by name count.
 pub fn several_modes(priors: &PriorSet, columns: &[DrawColumn], is_wanted: impl Fn(&str) -> bool) -> Option<Warning> {
     let n_draws = columns.first().map_or(0, |column| column.values.len());
-    let chosen: Vec<usize> = (0..n_draws).step_by(n_draws.div_ceil(MOST_DRAWS).max(1)).collect();
+    // A constant stride would favour some walkers.
+    let place = |k: usize| ((k as f64 * GOLDEN).fract() * n_draws as f64) as usize;
+    let chosen: Vec<usize> = (0..n_draws.min(MOST_DRAWS)).map(place).collect();
     let priors = priors.priors();
     let point = |draw: &usize| -> Vec<f64> {
         priors

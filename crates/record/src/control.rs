@@ -41,6 +41,8 @@ const ORDERED: f64 = 0.7;
 
 /// Least change of the position in one row that is a jump, as a part of its range.
 const JUMP: f64 = 0.1;
+/// Smallest number of equal jumps in one direction that count as a staircase.
+const STAIRS: usize = 3;
 /// Largest part of the rows in which a command of holds jumps.
 const FEW_JUMPS: f64 = 0.1;
 /// Largest sum of the squared changes of a smooth quantity from row to row, divided by the sum of its squared distances from its means. For noise it is about 2 (von Neumann's ratio).
@@ -89,13 +91,16 @@ fn is_command(values: &[f64], answer: &[f64]) -> bool {
     changes < SMOOTH * distances
 }
 
-/// True if values are constant to the last digit except for a few jumps.
+/// True if values are constant to the last digit except for a few jumps. Many equal jumps in one direction can be the digits of a coarse sensor.
 fn has_only_jumps(values: &[f64]) -> bool {
     let [low, high] =
         values.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(*x), high.max(*x)]);
-    let changes = values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).filter(|change| *change > 0.0);
-    let sizes: Vec<f64> = changes.collect();
-    (sizes.len() as f64) < FEW_JUMPS * values.len() as f64 && sizes.iter().all(|size| *size > JUMP * (high - low))
+    let changes: Vec<f64> = values.windows(2).map(|pair| pair[1] - pair[0]).filter(|change| *change != 0.0).collect();
+    let is_staircase = changes.len() >= STAIRS && changes.iter().all(|change| (change / changes[0] - 1.0).abs() < 1e-6);
+    let sizes: Vec<f64> = changes.iter().map(|change| change.abs()).collect();
+    !is_staircase
+        && (sizes.len() as f64) < FEW_JUMPS * values.len() as f64
+        && sizes.iter().all(|size| *size > JUMP * (high - low))
 }
 
 /// True if a strain as the table has it stays near one value without a trend, while the stress drifts by more than the strain varies: a relaxation whose measured strain counts

@@ -129,7 +129,7 @@ fn in_cells(laws: &[super::law::SizeLaw], weights: &[f64], step: f64) -> Quantil
     let whole: f64 = weights.iter().sum();
     [0.05, 0.5, 0.95].map(|probability| {
         let mut left = probability * whole;
-        for (middle, weight) in &cells {
+        for (middle, weight) in cells.iter().filter(|(_, weight)| *weight > 0.0) {
             if left <= *weight {
                 return middle + step * (left / weight - 0.5);
             }

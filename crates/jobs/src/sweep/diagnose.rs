@@ -222,9 +222,9 @@ fn rivals(candidates: &[OscillationCandidate], best: usize) -> Vec<Rival> {
 
 fn sentence(verdict: &Verdict, candidates: &[OscillationCandidate], left: &ResidualPValues) -> String {
     let Some(Residual::Sweep(p)) = verdict.residual else { return String::new() };
-    if let (VerdictKind::Unexplained, Some(frequency_hz)) = (verdict.kind, left.outlying_row_hz()) {
+    if let (VerdictKind::Unexplained, Some(frequency_hz)) = (verdict.kind, left.outlying_hz) {
         return format!(
-            "No linear law explains the row at {} Hz beside the other rows (p = {p:.3}): measure it again, or remove it from the table, and repeat the diagnosis.",
+            "No linear law explains the row at {} Hz together with the other rows (p = {p:.3}): measure it again, or remove it from the table, and repeat the diagnosis.",
             format_significant(frequency_hz, 4)
         );
     }

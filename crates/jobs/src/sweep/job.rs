@@ -1,6 +1,6 @@
 //! `sample` for an oscillation: samples the posterior, tests the residuals and summarises both.
 
-use super::noise_like::{LEAST_P, ResidualPValues, test_residuals};
+use super::noise_like::{ResidualPValues, test_residuals};
 use super::problem::{SweepFit, SweepProblem};
 use base::error::{Error, Result, Setting};
 use base::parameter::RELATIVE_NOISE;
@@ -157,25 +157,31 @@ fn misfit_warning(left: &ResidualPValues) -> Option<Warning> {
         return None;
     }
     let p = left.p();
-    if let Some(frequency_hz) = left.outlying_row_hz() {
+    if let Some(frequency_hz) = left.outlying_hz {
         let place = format_significant(frequency_hz, 4);
         return Some(Warning {
             kind: WarningKind::MisfitAboveNoise,
-            text: format!("no linear law explains the row at {place} Hz beside the other rows (p = {p:.3})"),
+            text: format!("no linear law explains the row at {place} Hz together with the other rows (p = {p:.3})"),
             advice: "measure this row again, or remove it from the table, and run the same command".into(),
         });
     }
+    let smallest = |of: Option<f64>| of.is_some_and(|of| of <= left.smallest());
     let text = match () {
-        () if left.p_size.is_some_and(|p| p < LEAST_P) => {
+        () if smallest(left.p_size) => {
             format!("the residuals of the law exceed the table's errors (p = {p:.3})")
         }
-        () if left.p_spectrum.is_some_and(|p| p < LEAST_P) => {
-            format!("another linear law leaves far less than this one: its residuals are no errors (p = {p:.3})")
+        () if smallest(left.p_spectrum) => {
+            format!(
+                "another linear law fits much better: the residuals of this law are larger than measurement errors (p = {p:.3})"
+            )
         }
-        () if left.p_neighbours < LEAST_P => {
+        () if smallest(Some(left.p_neighbours)) => {
             format!(
                 "residuals of neighbouring frequencies are correlated, which measurement errors are not (p = {p:.3})"
             )
+        }
+        () if smallest(left.p_row) => {
+            format!("some rows depart from every linear law by more than measurement errors (p = {p:.3})")
         }
         () => format!("residuals of held-out frequencies are larger than measurement errors (p = {p:.3})"),
     };

@@ -4,7 +4,7 @@
 use rayon::prelude::*;
 
 use super::problem::{SweepFit, SweepProblem};
-use super::spectrum::fit_spectrum;
+use super::spectrum::{SPECTRUM_ERROR, fit_spectrum};
 use base::error::Result;
 use criticism::criteria::Criteria;
 use sampling::ensemble::RandomStream;
@@ -27,26 +27,28 @@ pub struct ResidualPValues {
     pub p_heldout: Option<f64>,
     /// p of the ratio of the law's squared residuals to those of the best passive linear law; `None` for known errors and for very long tables.
     pub p_spectrum: Option<f64>,
-    /// p of the largest residual of the best passive linear law, relative to the median one, and the frequency (Hz) of its row; `None` for very long tables.
-    pub row: Option<(f64, f64)>,
+    /// p of the largest residual of the best passive linear law, relative to the size of the errors; `None` for very long tables.
+    pub p_row: Option<f64>,
+    /// Frequency (Hz) of the row with this residual, if the residuals are noise without this row; `None` if they are noise with it.
+    pub outlying_hz: Option<f64>,
 }
 
 impl ResidualPValues {
     /// Joint p of all tests: the smallest p times the number of tests, at most 1.
     pub fn p(&self) -> f64 {
-        let all = self.all();
-        (all.iter().copied().fold(1.0, f64::min) * all.len() as f64).min(1.0)
+        (self.smallest() * self.all().len() as f64).min(1.0)
+    }
+
+    /// The smallest p of a test.
+    pub fn smallest(&self) -> f64 {
+        self.all().into_iter().fold(1.0, f64::min)
     }
 
     fn all(&self) -> Vec<f64> {
-        let of_row = self.row.map(|(p, _)| p);
-        [Some(self.p_neighbours), self.p_size, self.p_heldout, self.p_spectrum, of_row].into_iter().flatten().collect()
-    }
-
-    /// Frequency (Hz) of a row that no passive linear law explains beside the others, if it is the clearest sign that the residuals are no noise.
-    pub fn outlying_row_hz(&self) -> Option<f64> {
-        let smallest = self.all().into_iter().fold(1.0, f64::min);
-        self.row.filter(|(p, _)| !self.is_noise() && *p <= smallest).map(|(_, frequency_hz)| frequency_hz)
+        [Some(self.p_neighbours), self.p_size, self.p_heldout, self.p_spectrum, self.p_row]
+            .into_iter()
+            .flatten()
+            .collect()
     }
 
     /// Returns `true` if the residuals are consistent with noise.
@@ -58,10 +60,11 @@ impl ResidualPValues {
 /// Statistics of the residuals' tests.
 struct Statistics {
     /// The sum of products of neighbouring residuals, divided by the sum of squares; the sums of squared residuals of the fitted and of the held-out rows; their
-    /// sum over the fitted rows, relative to that of the best passive linear law; and the largest of the latter's squared residuals relative to the median one.
+    /// sum over the fitted rows, relative to that of the best passive linear law; and the largest of the latter's squared residuals relative to the mean one of the law or
+    /// of the errors.
     sizes: [f64; 5],
-    /// Frequency (Hz) of the row with that largest residual; `None` if no passive linear law was fitted.
-    outlying_hz: Option<f64>,
+    /// Index of the row with that largest residual; `None` if no passive linear law was fitted.
+    outlying: Option<usize>,
 }
 
 /// `None` if the model has no prediction.
@@ -77,34 +80,51 @@ fn test_statistics(problem: &SweepProblem, fit: &SweepFit) -> Option<Statistics>
     let neighbours: f64 = fitted.windows(2).map(|pair| pair[0][0] * pair[1][0] + pair[0][1] * pair[1][1]).sum();
     // The division by the sum of squares makes the first statistic independent of the residuals' size, which the second statistic tests.
     let mut sizes = [neighbours / squares(&fitted), squares(&fitted), squares(&part(true)), 0.0, 0.0];
-    let mut outlying_hz = None;
+    let mut outlying = None;
     if let Some(spectrum) = fit_spectrum(&problem.sweep) {
         let form = problem.sweep.form;
-        let rows = problem.sweep.rows.iter().zip(&predicted).filter(|(row, _)| !row.is_heldout);
+        let rows: Vec<usize> = (0..predicted.len()).filter(|row| !problem.sweep.rows[*row].is_heldout).collect();
         let of_law: f64 = rows
-            .clone()
+            .iter()
+            .map(|row| (&problem.sweep.rows[*row], &predicted[*row]))
             .zip(&spectrum.weights)
             .map(|((row, pair), weight)| {
                 let ([storage, loss], [law_storage, law_loss]) = (form.moduli(row.pair), form.moduli(*pair));
                 (weight * (storage - law_storage)).powi(2) + (weight * (loss - law_loss)).powi(2)
             })
             .sum();
-        let mut sorted = spectrum.squares.clone();
-        sorted.sort_by(f64::total_cmp);
-        let largest = rows.zip(&spectrum.squares).max_by(|a, b| a.1.total_cmp(b.1));
-        outlying_hz = largest.map(|((row, _), _)| row.frequency_hz);
-        sizes[3] = of_law / spectrum.squares.iter().sum::<f64>();
-        sizes[4] = largest.map_or(0.0, |(_, square)| square / sorted[sorted.len() / 2]);
+        let n = rows.len() as f64;
+        // Each row has two moduli. Stated errors have the size 1 in units of themselves.
+        let least = if problem.sweep.has_errors() { 2.0 } else { 2.0 * SPECTRUM_ERROR * SPECTRUM_ERROR };
+        let largest = rows.iter().zip(&spectrum.squares).max_by(|a, b| a.1.total_cmp(b.1));
+        outlying = largest.map(|(row, _)| *row);
+        sizes[3] = of_law / (spectrum.squares.iter().sum::<f64>() + n * least);
+        sizes[4] = largest.map_or(0.0, |(_, square)| square / (of_law / n).max(least));
     }
-    Some(Statistics { sizes, outlying_hz })
+    Some(Statistics { sizes, outlying })
 }
 
-/// Tests the residuals of a fit. Oscillations are simulated from the fit and fitted again. The p-value of a test is the fraction of simulated oscillations
-/// whose test statistic is at least as large. `None` if the model has no prediction.
+/// Tests the residuals of a fit. If a row departs from every passive linear law, the other rows are tested alone: the row is named if the law then passes. `None` if the model
+/// has no prediction.
 ///
 /// # Errors
 /// The errors of fitting.
 pub fn test_residuals(problem: &SweepProblem, fit: &SweepFit, seed: u64) -> Result<Option<ResidualPValues>> {
+    let Some((mut left, outlying)) = test(problem, fit, seed)? else { return Ok(None) };
+    if let Some(row) = outlying.filter(|_| !left.is_noise() && left.p_row.is_some_and(|p| p < LEAST_P)) {
+        let mut rows = problem.sweep.rows.clone();
+        let outlying_hz = rows.remove(row).frequency_hz;
+        let others = problem.with_rows(rows);
+        let refitted = others.fit(seed, std::slice::from_ref(&fit.point))?;
+        let tested = refitted.map(|fit| test(&others, &fit, seed)).transpose()?.flatten();
+        left.outlying_hz = tested.filter(|(left, _)| left.is_noise()).map(|_| outlying_hz);
+    }
+    Ok(Some(left))
+}
+
+/// Tests the residuals of a fit. Oscillations are simulated from the fit and fitted again. The p-value of a test is the fraction of simulated oscillations
+/// whose test statistic is at least as large. Also returns the index of the row with the largest residual of the best passive linear law.
+fn test(problem: &SweepProblem, fit: &SweepFit, seed: u64) -> Result<Option<(ResidualPValues, Option<usize>)>> {
     let (Some(predicted), Some(found)) = (problem.predict(&fit.values), test_statistics(problem, fit)) else {
         return Ok(None);
     };
@@ -122,11 +142,13 @@ pub fn test_residuals(problem: &SweepProblem, fit: &SweepFit, seed: u64) -> Resu
         (1 + n_larger) as f64 / (1 + simulated.len()) as f64
     };
     let has_heldout = problem.sweep.rows.iter().any(|row| row.is_heldout);
-    Ok(Some(ResidualPValues {
+    let left = ResidualPValues {
         p_neighbours: p(0),
         p_size: problem.sweep.has_errors().then(|| p(1)),
         p_heldout: has_heldout.then(|| p(2)),
-        p_spectrum: found.outlying_hz.filter(|_| !problem.sweep.has_errors()).map(|_| p(3)),
-        row: found.outlying_hz.map(|frequency_hz| (p(4), frequency_hz)),
-    }))
+        p_spectrum: found.outlying.filter(|_| !problem.sweep.has_errors()).map(|_| p(3)),
+        p_row: found.outlying.map(|_| p(4)),
+        outlying_hz: None,
+    };
+    Ok(Some((left, found.outlying)))
 }

@@ -4,8 +4,12 @@
 use models::non_negative;
 use record::{OscillationRecord, SweepForm};
 
-/// Number of relaxation times in a decade. Between two of them, a Maxwell element differs from the nearest sums by less than 1 %.
-const TIMES_PER_DECADE: f64 = 4.0;
+/// Number of relaxation times in a decade.
+const TIMES_PER_DECADE: f64 = 12.0;
+/// Largest relative difference of a Maxwell element, whose time lies between two of the grid, from the best sum of those of the grid.
+pub(super) const SPECTRUM_ERROR: f64 = 0.004;
+/// Relative residual at which a fit ends: exact data have no least residual.
+const LEAST_RESIDUAL: f64 = 1e-6;
 /// Number of decades by which the relaxation times exceed the range of the frequencies on both sides.
 const DECADES_BEYOND: f64 = 1.0;
 /// Largest number of rows that are tested. In longer tables, the correlation of neighbouring residuals shows a wrong law.
@@ -49,7 +53,7 @@ pub(super) fn fit_spectrum(sweep: &OscillationRecord) -> Option<SpectrumFit> {
         let norm = column.iter().map(|x| x * x).sum::<f64>().sqrt();
         columns.extend(column.iter().map(|x| x / norm));
     }
-    let found = non_negative::choose(&columns, &measured, 0.0, measured.len() - 1);
+    let found = non_negative::choose(&columns, &measured, LEAST_RESIDUAL, measured.len() - 1);
     let mut rest = measured.clone();
     for (place, factor) in found.weights {
         rest.iter_mut().zip(&columns[place * measured.len()..]).for_each(|(rest, x)| *rest -= factor * x);
