@@ -2,6 +2,7 @@
 
 use super::bootstrap::simulated;
 use super::class::fit_rivals;
+use super::derivatives::columns_m;
 use super::document::Report;
 use super::outside::{self, OutsideNull, OutsideRequest, OutsideStructure, largest_outside_gain};
 use super::own_errors::own_errors;
@@ -246,7 +247,8 @@ fn confirmed(
     let Some(gain) = list.first().map(|first| first.penalised_gain_nats) else { return Ok(list) };
     let null = OutsideNull::of(subject, &model.candidate, &model.fitted, &outside_request(request))?;
     let counter = Counter::new(monitor, N_CONFIRMING);
-    let linearised = subject.clone().linearised(&model.candidate, &model.fitted)?;
+    let columns_m = columns_m(subject, &model.candidate, &model.fitted.theta)?;
+    let linearised = subject.clone().linearised(&model.fitted, columns_m);
     let gain_of = |number: usize| -> Result<f64> {
         let data = simulated(&linearised, model, request.seed ^ CONFIRMING_STREAMS, number);
         let start = (model.fitted.theta.clone(), model.fitted.noise);

@@ -237,3 +237,21 @@ pub fn compare_groups(laws: &SizeLawGrid, groups: &[Vec<&Nodes>], margin: f64) -
         ratios: pairs.map(|[a, b]| ([a, b], ratio(a, b))).collect(),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::law::SizeLaw;
+    use super::*;
+
+    /// All weight on one median of the grid gives the cell around it, and equal weights on three give the quantiles of a uniform density over the three cells.
+    #[test]
+    fn a_median_of_the_grid_stands_for_its_cell() {
+        let law = |ln_median: f64| SizeLaw { ln_median, log_sd: 0.05, sides: Sides::Above, share: 1.0 };
+        let laws = [law(0.0), law(0.1), law(0.2), law(0.1)];
+        let close = |found: Quantiles, expected: Quantiles| {
+            assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12), "{found:?} {expected:?}");
+        };
+        close(in_cells(&laws, &[0.0, 2.0, 0.0, 3.0], 0.1), [0.055, 0.1, 0.145]);
+        close(in_cells(&laws, &[2.0, 1.0, 2.0, 1.0], 0.1), [-0.035, 0.1, 0.235]);
+    }
+}

@@ -169,7 +169,7 @@ fn a_wrong_law_and_a_wrong_row_are_found_at_few_frequencies() {
         assert_eq!(wrong.outlying_hz, Some(place_hz), "{wrong:?}");
     }
     assert!((0..6).filter(|seed| !tested(springpot(*seed), "springpot").is_noise()).count() <= 1);
-    // Exact tables, and errors that are stated far too large, are no misfit.
+    // An exact table, with and without errors that are stated far too large, has no outlying row, and its test ends.
     let mut exact = springpot(1);
     for row in &mut exact.rows {
         row.pair = [100.0, 20.0 * std::f64::consts::TAU * row.frequency_hz];
@@ -178,8 +178,7 @@ fn a_wrong_law_and_a_wrong_row_are_found_at_few_frequencies() {
     for row in &mut exact.rows {
         row.sd = Some([0.05 * row.pair[0].hypot(row.pair[1]); 2]);
     }
-    let overstated = tested(exact, "kelvin-voigt");
-    assert!(overstated.is_noise(), "{overstated:?}");
+    assert!(tested(exact, "kelvin-voigt").p_row.unwrap() > 0.5);
 }
 
 /// A hidden effect is claimed with its size. If nothing is hidden, nothing is claimed. A misfit that no effect describes stays unexplained.
