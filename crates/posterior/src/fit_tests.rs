@@ -220,7 +220,7 @@ fn effects_that_are_not_there_are_estimated_at_their_null() {
 }
 
 /// The replica has one retardation time, so that the time of a second retardation drifts to an end of its range. A search that stopped there would leave the other
-/// parameters near their starts. Of 16 searches, only one then found the minimum. If the search continues along the end of the range, nine searches find the minimum.
+/// parameters near their starts. Of 16 searches from the priors, only one then found the minimum. If the search continues along the end of the range, nine searches find the minimum.
 #[test]
 fn a_parameter_at_the_end_of_its_range_does_not_stop_the_others() {
     let base = problem(embedded().unwrap().0, &[]);
@@ -228,7 +228,7 @@ fn a_parameter_at_the_end_of_its_range_does_not_stop_the_others() {
     let specification = ModelSpecification { effects, ..base.specification.clone() };
     let with = base.with_model(specification, &models::effects::Library::default()).unwrap();
     let found = run(&with, None, &SilentMonitor).unwrap().summary;
-    assert!(found.starts == 16 && found.starts_agreeing >= 6, "{found:?}");
+    assert!(found.starts >= 16 && found.starts_agreeing >= 6, "{found:?}");
 }
 
 /// Closed-form data contain an actuator lag of 50 ms, which adds a second exponential to the response. The fit finds the lag within five standard errors, with one
@@ -260,7 +260,9 @@ fn an_effect_that_is_there_is_found() {
     let lagging = base.with_model(specification, &models::effects::Library::default()).unwrap();
     let found = run(&lagging, None, &SilentMonitor).unwrap().summary;
     let lag = found.parameters.iter().find(|p| p.name == "actuator-lag.time_s").unwrap();
-    assert!(found.is_sound() && (lag.value - lag_s).abs() < 5.0 * lag.standard_error.unwrap(), "{found:?}");
+    assert!((lag.value - lag_s).abs() < 5.0 * lag.standard_error.unwrap(), "{found:?}");
+    // The force holds its size, so that the lag and the gel's retardation can exchange their roles.
+    assert!(found.warnings.iter().all(|warning| warning.kind == WarningKind::Undetermined), "{found:?}");
 }
 
 /// Half of the starts find two parallel springpots in exchanged order. All fits must still assign the names in one order.
