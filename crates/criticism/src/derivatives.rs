@@ -145,8 +145,10 @@ mod tests {
             let shifted: Vec<f64> =
                 data.observed_m().iter().zip(&step_m).map(|(y, by)| y.unwrap_or(0.0) + by).collect();
             let data = data.with_positions(&shifted);
-            let linearised =
-                data.clone().linearised(&fitted, columns_m(&data, &base, &fitted.theta).expect("derivatives"));
+            let linearised = data.clone().linearised(
+                (&fitted.theta, &fitted.position_m),
+                columns_m(&data, &base, &fitted.theta).expect("derivatives"),
+            );
             let objectives = [&data, &linearised].map(|subject| {
                 [&base, &with_step].map(|candidate| {
                     let start = (candidate.embed(&base, &fitted.theta), fitted.noise);

@@ -248,7 +248,7 @@ fn confirmed(
     let null = OutsideNull::of(subject, &model.candidate, &model.fitted, &outside_request(request))?;
     let counter = Counter::new(monitor, N_CONFIRMING);
     let columns_m = columns_m(subject, &model.candidate, &model.fitted.theta)?;
-    let linearised = subject.clone().linearised(&model.fitted, columns_m);
+    let linearised = subject.clone().linearised((&model.fitted.theta, &model.fitted.position_m), columns_m);
     let gain_of = |number: usize| -> Result<f64> {
         let data = simulated(&linearised, model, request.seed ^ CONFIRMING_STREAMS, number);
         let start = (model.fitted.theta.clone(), model.fitted.noise);

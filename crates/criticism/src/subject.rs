@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, OnceLock};
 
-use super::{Candidate, Fitted, noise_bounds::noise_bounds, score::Score};
+use super::{Candidate, noise_bounds::noise_bounds, score::Score};
 use base::error::{Error, InputPlace, Result, Setting};
 use base::number::Dual;
 use laws::stages::SharedStepper;
@@ -302,10 +302,10 @@ impl Subject {
     }
 
     /// Returns the subject with the first-order expansion of one model about its fit in place of the model. It then serves that model only, and the model with further columns.
-    /// Fits to positions that differ from those of the fit by noise are nearly the same. `columns_m` holds the derivatives of the positions (m per unit) at the fit, one column
-    /// per coordinate.
-    pub(super) fn linearised(self, fitted: &Fitted, columns_m: Vec<Vec<f64>>) -> Self {
-        let (theta, position_m) = (fitted.theta.clone(), fitted.position_m.clone());
+    /// Fits to positions that differ from those of the fit by noise are nearly the same. `theta` are the coordinates of the fit, and `position_m` its positions. `columns_m` holds
+    /// the derivatives of the positions (m per unit), one column per coordinate.
+    pub(super) fn linearised(self, (theta, position_m): (&[f64], &[f64]), columns_m: Vec<Vec<f64>>) -> Self {
+        let (theta, position_m) = (theta.to_vec(), position_m.to_vec());
         Self { line: Some(Arc::new(StraightLine { theta, position_m, columns_m })), ..self }
     }
 
