@@ -54,6 +54,12 @@ struct StraightLine {
 }
 
 impl StraightLine {
+    /// Columns (m) of a candidate beside those of the linearised model.
+    fn added_columns<'a>(&self, candidate: &'a Candidate) -> &'a [Vec<f64>] {
+        debug_assert!(candidate.free.len() <= self.theta.len(), "another model than the linearised one");
+        &candidate.columns[self.theta.len() - candidate.free.len()..]
+    }
+
     /// Positions (m) at a point whose coordinates begin with those of the fit. Each coordinate behind them is the amplitude of one of the columns `added_m`.
     fn position_m(&self, point: &[f64], added_m: &[Vec<f64>]) -> Vec<f64> {
         let (of_fit, added) = point.split_at(self.theta.len());
@@ -312,8 +318,7 @@ impl Subject {
     /// Derivatives of the positions (m per unit) of a linearised model: one column per coordinate; `None` for other models.
     pub(super) fn constant_derivatives_m(&self, candidate: &Candidate) -> Option<Vec<Vec<f64>>> {
         let line = self.line.as_ref()?;
-        debug_assert!(candidate.free.len() <= line.theta.len(), "another model than the linearised one");
-        let added = &candidate.columns[line.theta.len() - candidate.free.len()..];
+        let added = line.added_columns(candidate);
         Some(line.columns_m.iter().chain(added).cloned().collect())
     }
 
@@ -457,7 +462,7 @@ impl Subject {
     /// Positions (m) at every row of the record for one to eight points of a candidate, one lane per point. The flags mark valid points.
     pub(super) fn trajectories_m(&self, candidate: &Candidate, points: &[Vec<f64>]) -> (Vec<Lanes>, [bool; N_LANES]) {
         if let Some(line) = &self.line {
-            let added = &candidate.columns[line.theta.len() - candidate.free.len()..];
+            let added = line.added_columns(candidate);
             let mut position_m = vec![Lanes([0.0; N_LANES]); line.position_m.len()];
             for (lane, point) in points.iter().enumerate().take(N_LANES) {
                 let of_point = line.position_m(point, added);

@@ -11,6 +11,7 @@ use documents::posterior::PosteriorSummary;
 use documents::trust::{Trust, TrustLevel};
 use figures::number::format_significant;
 use models::effects::Library;
+use posterior::modes::draws_for_modes;
 use posterior::monitor::Monitor;
 use posterior::prepared::KeptSurrogate;
 use posterior::problem::Problem;
@@ -399,10 +400,6 @@ fn trust(base: &PosteriorSummary, after: &PosteriorSummary) -> Trust {
     Trust { level: TrustLevel::Untrusted, reason }
 }
 
-/// Number of posterior draws that the search for separate modes uses, spread evenly over all draws.
-const N_DRAWS_FOR_MODES: usize = 2_000;
-const GOLDEN: f64 = 0.618_033_988_749_894_9;
-
 /// Finds the first parameter of the added effects whose posterior has two modes. Returns both modes, or an empty list. The search uses the coordinate in
 /// which the parameter's prior is standard normal.
 fn split_modes(problem: &Problem, effects: &[String], columns: &[DrawColumn]) -> Vec<ExtensionMode> {
@@ -410,10 +407,7 @@ fn split_modes(problem: &Problem, effects: &[String], columns: &[DrawColumn]) ->
         effects.iter().any(|slug| name.strip_prefix(slug.as_str()).is_some_and(|rest| rest.starts_with('.')))
     };
     for (prior, column) in problem.priors.priors().iter().zip(columns).filter(|(prior, _)| is_added(&prior.name)) {
-        // Multiples of the golden ratio choose the draws. A constant stride would favour some walkers.
-        let n = column.values.len();
-        let place = |k: usize| ((k as f64 * GOLDEN).fract() * n as f64) as usize;
-        let natural: Vec<f64> = (0..N_DRAWS_FOR_MODES.min(n)).map(|k| column.values[place(k)]).collect();
+        let natural: Vec<f64> = draws_for_modes(column.values.len()).map(|draw| column.values[draw]).collect();
         let points: Vec<Vec<f64>> =
             natural.iter().map(|x| vec![to_normal_coordinate(&prior.distribution, *x), *x]).collect();
         let draws = WeightedDraws::new(points, &vec![0.0; natural.len()]);

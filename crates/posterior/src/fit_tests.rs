@@ -228,7 +228,8 @@ fn a_parameter_at_the_end_of_its_range_does_not_stop_the_others() {
     let specification = ModelSpecification { effects, ..base.specification.clone() };
     let with = base.with_model(specification, &models::effects::Library::default()).unwrap();
     let found = run(&with, None, &SilentMonitor).unwrap().summary;
-    assert!(found.starts >= 16 && found.starts_agreeing >= 6, "{found:?}");
+    // Sixteen starts from the priors, and at most six beside the minimum for each of the two parameters.
+    assert!((16..=28).contains(&found.starts) && found.starts_agreeing >= 6, "{found:?}");
 }
 
 /// Closed-form data contain an actuator lag of 50 ms, which adds a second exponential to the response. The fit finds the lag within five standard errors, with one

@@ -29,7 +29,7 @@ pub struct ResidualPValues {
     pub p_spectrum: Option<f64>,
     /// p of the largest residual of the best passive linear law, relative to the size of the errors; `None` for very long tables.
     pub p_row: Option<f64>,
-    /// Frequency (Hz) of the row with this residual, if the residuals are noise without this row; `None` if they are noise with it.
+    /// Frequency (Hz) of the row with this residual, if the residuals are noise without this row, and no noise with it; `None` otherwise.
     pub outlying_hz: Option<f64>,
 }
 
