@@ -1,5 +1,5 @@
-//! Rigid bodies of revolution in a fixed sphere, solved in the half meridian: reference solutions
-//! for the three-dimensional elements.
+//! Rigid bodies of revolution in a fixed sphere, solved in the half meridian: nonlinear laws around
+//! a sphere, and reference solutions for the three-dimensional elements.
 //!
 //! The quasi-static balance of an isotropic medium (physics §3.1) separates in the angle θ around
 //! the body's axis z. The displacement of mode n is u_r = U cos nθ, u_θ = V sin nθ, u_z = W cos nθ.

@@ -8,8 +8,8 @@
 //! [`NonlinearModel`]: crate::fe::nonlinear::NonlinearModel
 
 use faer::Mat;
-use faer::sparse::Triplet;
 use faer::sparse::linalg::cholesky::SymbolicCholesky;
+use faer::sparse::{SparseColMatRef, Triplet};
 use nalgebra::DMatrix;
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -27,6 +27,8 @@ use base::error::{Error, Result};
 
 /// Polynomial order of the displacements.
 const ORDER: usize = 6;
+/// Order and largest ratio of radii for the training of surrogates: the shapes of fields suffice.
+const COARSE: (usize, f64) = (4, 1.5);
 /// Largest ratio of the radii of neighbouring layers. A gel that yields or thins strains most near
 /// the robot.
 const LAYER_RATIO: f64 = 1.6;
@@ -40,6 +42,7 @@ pub struct NonlinearBall {
     cells: Vec<CellMaps>,
     /// Twice the shear modulus, and the bulk modulus, for unit Young's modulus.
     moduli: [f64; 2],
+    gel: SymmetricMatrix,
     symbolic: SymbolicCholesky<u32>,
     factor: Vec<f64>,
 }
@@ -64,6 +67,15 @@ impl NonlinearBall {
         Self::refined(radius_m, outer_radius_m, poisson_ratio, ORDER, LAYER_RATIO)
     }
 
+    /// Prepares the gel with fewer elements of lower order, which take a fraction of the time.
+    ///
+    /// # Errors
+    /// Those of [`NonlinearBall::new`].
+    pub fn coarse(radius_m: f64, outer_radius_m: f64, poisson_ratio: f64) -> Result<Self> {
+        let (order, layer_ratio) = COARSE;
+        Self::refined(radius_m, outer_radius_m, poisson_ratio, order, layer_ratio)
+    }
+
     fn refined(radius_m: f64, outer_radius_m: f64, poisson_ratio: f64, order: usize, layer_ratio: f64) -> Result<Self> {
         let half = HalfMeridian::new(&[radius_m, outer_radius_m], order, layer_ratio);
         let freedoms = half.freedoms(None);
@@ -80,7 +92,7 @@ impl NonlinearBall {
                 "give a Poisson ratio in (−1, 0.5)",
             )
         })?;
-        Ok(Self { moduli, half, freedoms, cells, symbolic, factor })
+        Ok(Self { moduli, half, freedoms, cells, gel, symbolic, factor })
     }
 
     /// Displacement vectors (m) at points of the whole gel, for a field of unknowns. The points are
@@ -231,6 +243,19 @@ impl Discretisation for NonlinearBall {
 
     fn solve_unit_stiffness(&self, forces: &mut [f64]) {
         solve_in_place(&self.symbolic, &self.factor, forces);
+    }
+
+    fn unit_stiffness(&self) -> SparseColMatRef<'_, u32, f64> {
+        self.gel.upper()
+    }
+
+    fn volumes_m3(&self) -> Vec<f64> {
+        self.cells.iter().flat_map(|cell| cell.volume_m3.iter().copied()).collect()
+    }
+
+    fn unit_moduli(&self) -> Tensor<f64> {
+        let [two_mu, kappa] = self.moduli;
+        [two_mu, two_mu, two_mu, two_mu, two_mu, kappa]
     }
 }
 

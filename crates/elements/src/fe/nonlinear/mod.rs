@@ -32,6 +32,7 @@ use crate::fe::{Factor, Stiffness};
 use crate::mesh::Mesh;
 use base::error::{Error, Result};
 use base::number::Dual;
+use faer::sparse::SparseColMatRef;
 use laws::rheology::Element;
 use laws::stages::{Load, Nonlinearity, Stages};
 use point::Tensor;
@@ -127,13 +128,29 @@ pub trait Discretisation: Sync {
     /// Replaces forces (N) on the unknowns by displacements (m) at unit Young's modulus.
     fn solve_unit_stiffness(&self, forces: &mut [f64]);
 
-    /// Displacement of the robot (m) at unit Young's modulus, for a unit force on the part of the
-    /// robot in the mesh.
-    fn unit_compliance_per_m(&self) -> f64 {
+    /// Upper triangle of the stiffness matrix (m) at unit Young's modulus.
+    fn unit_stiffness(&self) -> SparseColMatRef<'_, u32, f64>;
+
+    /// Volume (m³) that each integration point represents.
+    fn volumes_m3(&self) -> Vec<f64>;
+
+    /// Factors from a stress relative to unit moduli to the stress: twice the shear modulus for the
+    /// deviator's coordinates and the bulk modulus for the trace, at unit Young's modulus.
+    fn unit_moduli(&self) -> Tensor<f64>;
+
+    /// Displacements (m) at unit Young's modulus, for a unit force on the part of the robot in the
+    /// mesh.
+    fn unit_response(&self) -> Vec<f64> {
         let mut field = vec![0.0; self.n_unknowns()];
         field[self.robot()] = 1.0;
         self.solve_unit_stiffness(&mut field);
-        field[self.robot()]
+        field
+    }
+
+    /// Displacement of the robot (m) at unit Young's modulus, for a unit force on the part of the
+    /// robot in the mesh.
+    fn unit_compliance_per_m(&self) -> f64 {
+        self.unit_response()[self.robot()]
     }
 }
 
@@ -165,6 +182,33 @@ impl Discretisation for NonlinearModel<'_> {
     fn solve_unit_stiffness(&self, forces: &mut [f64]) {
         self.factor.solve_in_place(forces);
     }
+
+    fn unit_stiffness(&self) -> SparseColMatRef<'_, u32, f64> {
+        self.factor.matrix()
+    }
+
+    fn volumes_m3(&self) -> Vec<f64> {
+        self.points.volumes_m3().to_vec()
+    }
+
+    fn unit_moduli(&self) -> Tensor<f64> {
+        self.points.unit_moduli()
+    }
+}
+
+/// Runs a law through a record, and passes the state at every row to `at_row`.
+///
+/// # Errors
+/// Those of [`NonlinearModel::run`].
+pub fn run_with_row_states(
+    on: &dyn Discretisation,
+    what: &NonlinearInput,
+    options: NonlinearOptions,
+    at_row: impl FnMut(RowState),
+) -> Result<Cost> {
+    let bodies = Bodies::new(what.law, what.nonlinearity)?;
+    let record = run::RunRecorder { time_s: what.time_s, force: what.force, stops_s: what.time_s };
+    run::run(Balance(on), &bodies, what.load, record, options, at_row, |_, _| {})
 }
 
 /// A mesh at one Poisson ratio, prepared for nonlinear laws. Its stiffness is factorised once, for
@@ -208,7 +252,7 @@ impl<'a> NonlinearModel<'a> {
             fields: Vec::new(),
             cost: Cost::default(),
         };
-        let cost = self.run_with_row_states(what, options, |at| {
+        let cost = run_with_row_states(self, what, options, |at| {
             result.displacement_m.push(at.displacement[self.robot]);
             if rows.contains(&at.row) {
                 result.fields.push(at.displacement.to_vec());
@@ -216,18 +260,6 @@ impl<'a> NonlinearModel<'a> {
         })?;
         result.cost = cost;
         Ok(result)
-    }
-
-    /// Runs a law through a record, and passes the state at every row to `at_row`.
-    pub fn run_with_row_states(
-        &self,
-        what: &NonlinearInput,
-        options: NonlinearOptions,
-        at_row: impl FnMut(RowState),
-    ) -> Result<Cost> {
-        let bodies = Bodies::new(what.law, what.nonlinearity)?;
-        let record = run::RunRecorder { time_s: what.time_s, force: what.force, stops_s: what.time_s };
-        run::run(Balance(self), &bodies, what.load, record, options, at_row, |_, _| {})
     }
 
     /// Runs stages with a nonlinear law through a record, by [`run_stages`].
@@ -244,10 +276,6 @@ impl<'a> NonlinearModel<'a> {
     ) -> Result<NonlinearResult> {
         let compliance_per_m = self.share * self.unit_compliance_per_m();
         run_stages(self, stages, (time_s, force.into()), rows, options, compliance_per_m)
-    }
-
-    pub fn points(&self) -> &IntegrationPoints {
-        &self.points
     }
 
     pub fn factor(&self) -> &Factor<'a> {

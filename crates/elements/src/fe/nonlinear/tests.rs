@@ -2,11 +2,10 @@
 //! means, and against each other.
 
 use super::*;
-use crate::fe::spatial::{GelAndRobot, PhysicalProperties};
 use crate::fe::time::FullOrderModel;
 use crate::mesh::QuarterBall;
 use laws::rheology::BaseLaw;
-use laws::stages::{Nonlinearity, Spatial, Stages, YIELD_SMOOTHING};
+use laws::stages::{Nonlinearity, Stages, YIELD_SMOOTHING};
 
 /// Fraction of the body in the quarter model.
 const QUARTER: f64 = 0.25;
@@ -379,60 +378,4 @@ fn rows_between_steps_are_interpolated_to_the_steps_own_error() {
         );
         assert_eq!(found.fields.len(), 2);
     }
-}
-
-/// Relative errors of a robot's motion in a thinning gel (n = 0.3): with the level's own mesh, and
-/// with the mesh for thinning. The reference mesh has elements half as long along the radius and
-/// twice as many around it.
-fn errors_without_and_with_layers(ball: QuarterBall) -> [f64; 2] {
-    let excess_m = |ball: QuarterBall| {
-        let mesh = ball.mesh().unwrap();
-        let stiffness = Stiffness::new(&mesh).unwrap();
-        let model = NonlinearModel::new(&mesh, &stiffness, 0.48).unwrap();
-        let (time_s, force_n) = (vec![0.0, 1.0, 3.0], vec![FORCE_N; 3]);
-        let at = |index: f64| {
-            let thinning = Nonlinearity::ShearThinning { index, reference_stress_pa: REFERENCE_STRESS_PA };
-            let mut stages = Stages::of_law(lethersich());
-            stages.spatial = Some(Spatial::Nonlinear(thinning.constant()));
-            let options =
-                NonlinearOptions { resolution: Resolution { steps_per_doubling: 1 }, ..NonlinearOptions::default() };
-            model.run_stages(&stages, &time_s, &force_n, &[], options).unwrap().displacement_m[2]
-        };
-        at(0.3) - at(1.0)
-    };
-    let sizes = PhysicalProperties {
-        gel_density_kg_m3: 1000.0,
-        robot_mass_kg: 0.65e-6,
-        robot_radius_m: ball.robot_radius_m,
-        outer_radius_m: ball.outer_radius_m,
-        ball: Some(ball),
-    };
-    let mesh = ball.mesh().unwrap();
-    let stiffness = Stiffness::new(&mesh).unwrap();
-    let surroundings = GelAndRobot { mesh: &mesh, stiffness: &stiffness, poisson_ratio: 0.48, sizes };
-    let layered = surroundings.thinning_ball().unwrap();
-    let finer = QuarterBall { n_per_edge: 2 * layered.n_per_edge, n_layers: 2 * layered.n_layers, ..layered };
-    let exact_m = excess_m(finer);
-    let [value, layered] = [ball, layered].map(|ball| (excess_m(ball) / exact_m - 1.0).abs());
-    println!("the level's mesh errs {value:.1e}, the mesh for thinning {layered:.1e}");
-    [value, layered]
-}
-
-const LEVEL_1: QuarterBall =
-    QuarterBall { robot_radius_m: 0.275e-3, outer_radius_m: 10e-3, n_per_edge: 1, n_layers: 4 };
-
-/// Checks that at level 1 more layers remove more than half of the error. The few elements around
-/// the robot's circumference cause much of the remaining error.
-#[test]
-#[ignore = "thorough"]
-fn layers_are_what_a_law_that_thins_needs() {
-    let [value, layered] = errors_without_and_with_layers(LEVEL_1);
-    assert!(layered < 0.5 * value, "{layered:e} {value:e}");
-}
-
-#[test]
-#[ignore = "campaigns/long-tests"]
-fn layers_are_what_a_law_that_thins_needs_at_level_2() {
-    let [value, layered] = errors_without_and_with_layers(QuarterBall { n_per_edge: 2, n_layers: 8, ..LEVEL_1 });
-    assert!(layered < 0.2 * value && layered < 5e-3, "{layered:e} {value:e}");
 }

@@ -31,22 +31,3 @@ pub struct GelAndRobot<'a> {
     /// Sizes and masses of the gel and the robot.
     pub sizes: PhysicalProperties,
 }
-
-/// Number of layers of a thinning law's mesh, divided by that of the model's mesh. Example for a
-/// thinning index of 0.3 and a robot that moves 0.78 mm: the position error is 4 µm with 8 layers,
-/// 1.5 µm with 12 and 0.1 µm with 24. Two elements per quarter arc add 0.2 µm, one adds 0.4 µm.
-const THINNING_LAYERS: usize = 2;
-
-impl GelAndRobot<'_> {
-    /// Mesh parameters around a sphere for a thinning law, with more layers and fewer elements per
-    /// layer. Strain rates fall steeply with the distance from the robot, so that additional layers
-    /// reduce the error most. Returns `None` for robots of other shapes.
-    pub fn thinning_ball(&self) -> Option<QuarterBall> {
-        let layered = |ball: QuarterBall| QuarterBall {
-            n_per_edge: (ball.n_per_edge - 1).max(1),
-            n_layers: THINNING_LAYERS * ball.n_layers,
-            ..ball
-        };
-        self.sizes.ball.map(layered)
-    }
-}

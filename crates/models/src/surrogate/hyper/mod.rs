@@ -63,7 +63,7 @@ pub struct HyperReducedData {
     /// Largest difference of a reduced from a full-order trajectory in the verification runs, relative to the full-order amplitude; 0
     /// without verification runs.
     pub max_relative_error: f64,
-    /// Number of unknowns of the full-order model.
+    /// Number of unknowns of the full-order model that trained the surrogate.
     pub fe_unknowns: usize,
 }
 

@@ -4,9 +4,9 @@
 use super::*;
 use crate::model::Response;
 use elements::fe::Stiffness;
-use elements::fe::nonlinear::{NonlinearModel, NonlinearOptions};
+use elements::fe::meridional::NonlinearBall;
+use elements::fe::nonlinear::{self, Discretisation, NonlinearOptions};
 use elements::fe::spatial::{GelAndRobot, PhysicalProperties};
-use elements::fe::time::FullOrderModel;
 use elements::mesh::{Mesh, QuarterBall};
 use laws::rheology::BaseLaw;
 use laws::stages::{ReducedField, SharedStepper, YIELD_SMOOTHING};
@@ -39,29 +39,21 @@ fn surroundings() -> GelAndRobot<'static> {
     GelAndRobot { mesh, stiffness, poisson_ratio: 0.48, sizes }
 }
 
-/// Returns mesh and stiffness of a family's full-order runs.
-fn parts(which: usize) -> (&'static Mesh, &'static Stiffness) {
-    static FOR_THINNING: OnceLock<(Mesh, Stiffness)> = OnceLock::new();
-    let GelAndRobot { mesh, stiffness, .. } = surroundings();
-    if FAMILIES[which] != NonlinearFamily::ShearThinning {
-        return (mesh, stiffness);
-    }
-    let (mesh, stiffness) = FOR_THINNING.get_or_init(|| {
-        let mesh = surroundings().thinning_ball().and_then(|ball| ball.mesh().ok()).expect("a sphere");
-        let stiffness = Stiffness::new(&mesh).expect("the mesh is good");
-        (mesh, stiffness)
-    });
-    (mesh, stiffness)
+/// Returns the full-order model with which surrogates are compared: much finer than that of the training.
+fn full() -> &'static NonlinearBall {
+    static GEL: OnceLock<NonlinearBall> = OnceLock::new();
+    GEL.get_or_init(|| NonlinearBall::new(BALL.robot_radius_m, BALL.outer_radius_m, 0.48).expect("a gel"))
 }
 
-/// Returns the full-order model with which a family's surrogate is compared.
-fn full(which: usize) -> NonlinearModel<'static> {
-    let (mesh, stiffness) = parts(which);
-    NonlinearModel::new(mesh, stiffness, 0.48).expect("positive definite")
+fn compliance_per_m() -> f64 {
+    full().share() * full().unit_compliance_per_m()
 }
 
-fn compliance_per_m(which: usize) -> f64 {
-    FullOrderModel::new(parts(which).1, 0.48).expect("positive definite").compliance_per_m()
+/// Positions (m) of the full-order model at every row.
+fn exact_m(stages: &Stages, time_s: &[f64], force_n: &[f64]) -> Vec<f64> {
+    let record = (time_s, Force::from(force_n));
+    let run = nonlinear::run_stages(full(), stages, record, &[], NonlinearOptions::default(), compliance_per_m());
+    run.expect("a balance").displacement_m
 }
 
 fn trained(family: NonlinearFamily, verification_runs: u32) -> HyperModel {
@@ -109,11 +101,11 @@ fn a_few_modes_and_points_are_right_to_a_thousandth() {
     for (which, family) in FAMILIES.into_iter().enumerate() {
         let model = model_of(which);
         let reduced = model.reduced();
-        println!("{family:?}: {N_MODES} modes, {} points, error {:.1e}", model.n_points(), reduced.max_relative_error);
-        assert!(model.n_points() <= 56, "{family:?}: {}", model.n_points());
+        println!("{family:?}: {} points, error {:.1e}", model.n_points(), reduced.max_relative_error);
+        assert!(model.n_points() <= 64, "{family:?}: {}", model.n_points());
         // The error is already reached with fewer points than the cubature's tolerance requires.
         assert!(reduced.weights_m3.iter().all(|w| *w > 0.0) && reduced.cubature_residual < 1e-3, "{family:?}");
-        assert!(reduced.singular_values[N_MODES] < 0.01, "{family:?}: {:?}", &reduced.singular_values[..8]);
+        assert!(reduced.singular_values[N_MODES] < 0.02, "{family:?}: {:?}", &reduced.singular_values[..8]);
         let error = reduced.max_relative_error;
         assert!(error < 1e-3 && error > 1e-6, "{family:?}: {error:e}");
     }
@@ -135,15 +127,12 @@ fn other_laws_records_and_loads_are_right() {
         stages.load.lag_time_s = 0.1.into();
         stages.load.gradient_per_m = 200.0.into();
         stages.observation.velocity_m_per_s = 1e-6.into();
-        let exact = full(which)
-            .run_stages(&stages, &time_s, &force_n, &[], NonlinearOptions::default())
-            .unwrap()
-            .displacement_m;
-        let found = response.trajectory_m(&stages, compliance_per_m(which)).unwrap();
+        let exact = exact_m(&stages, &time_s, &force_n);
+        let found = response.trajectory_m(&stages, compliance_per_m()).unwrap();
         let error = largest_distance(&found, &exact);
         stages.spatial = None;
         stages.spread = None;
-        let linear = largest_distance(&response.trajectory_m(&stages, compliance_per_m(which)).unwrap(), &exact);
+        let linear = largest_distance(&response.trajectory_m(&stages, compliance_per_m()).unwrap(), &exact);
         println!("{:?} on {}: error {error:.1e}, excess {linear:.1e}", FAMILIES[which], base.name());
         assert!(error < 1e-3 && linear > 20.0 * error, "{which}: {error:e} of {linear:e}");
     }
@@ -159,12 +148,9 @@ fn small_effects_are_right_beside_themselves() {
     for (which, null) in [(0, 0.0), (1, 1.0), (2, 0.0)] {
         let value = null + 0.02 * (MIDDLE[which] - null);
         let at = |value: f64| stages(which, BaseLaw::Lethersich, &PORCINE.map(Dual::constant), value.into());
-        let full = full(which);
-        let run =
-            |value: f64| full.run_stages(&at(value), &time_s, &force_n, &[], NonlinearOptions::default()).unwrap();
-        let (exact, linear) = (run(value).displacement_m, run(null).displacement_m);
+        let [exact, linear] = [value, null].map(|value| exact_m(&at(value), &time_s, &force_n));
         let excess: Vec<f64> = exact.iter().zip(&linear).map(|(x, l)| x - l).collect();
-        let found = model_of(which).excess_m(&at(value), compliance_per_m(which), &time_s, (&force_n).into()).unwrap();
+        let found = model_of(which).excess_m(&at(value), compliance_per_m(), &time_s, (&force_n).into()).unwrap();
         let error = largest_distance(&found, &excess);
         println!(
             "{:?}: excess {:.1e} of the amplitude, error {error:.1e} of the excess",
@@ -184,7 +170,7 @@ fn the_excess_vanishes_with_the_nonlinearity() {
         let away = |share: f64| null + share * (MIDDLE[which] - null);
         let excess = |share: f64| {
             let stages = stages(which, BaseLaw::Lethersich, &PORCINE.map(Dual::constant), away(share).into());
-            model_of(which).excess_m(&stages, compliance_per_m(which), &time_s, (&force_n).into()).unwrap()
+            model_of(which).excess_m(&stages, compliance_per_m(), &time_s, (&force_n).into()).unwrap()
         };
         let largest = |x: &[f64]| x.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
         // At the null the excess is the rounding error of displacements of a millimetre.
@@ -213,9 +199,9 @@ fn sensitivities_are_finite_differences() {
                 stages.load.negative_factor = share(8) + 0.9;
                 stages
             };
-            let at = |by: f64| response.trajectory_m(&with(by.into()), compliance_per_m(which)).unwrap();
+            let at = |by: f64| response.trajectory_m(&with(by.into()), compliance_per_m()).unwrap();
             let moving = with(Dual::variable(0.0));
-            let found = response.derivative_m(&moving, compliance_per_m(which).into()).unwrap();
+            let found = response.derivative_m(&moving, compliance_per_m().into()).unwrap();
             let (up, down, middle) = (at(3e-5), at(-3e-5), at(0.0));
             let differences: Vec<f64> = up.iter().zip(&down).map(|(u, d)| (u - d) / 6e-5).collect();
             let derivatives: Vec<f64> = found.iter().map(|x| x.derivative).collect();
@@ -244,13 +230,13 @@ fn a_batch_gives_every_point_its_own_bits() {
     };
     let points: Vec<Stages> = (0..7).map(of_point).collect();
     let mut lanes = Vec::new();
-    let is_valid = response.trajectories_m(&points, &[compliance_per_m(0); 7], &mut lanes);
+    let is_valid = response.trajectories_m(&points, &[compliance_per_m(); 7], &mut lanes);
     assert_eq!(is_valid, [true, true, true, true, false, true, true, false]);
     for (lane, point) in points.iter().enumerate().filter(|(lane, _)| *lane != 4) {
-        let alone = response.trajectory_m(point, compliance_per_m(0)).unwrap();
+        let alone = response.trajectory_m(point, compliance_per_m()).unwrap();
         assert!(alone.iter().zip(&lanes).all(|(x, row)| x.to_bits() == row.0[lane].to_bits()), "{lane}");
     }
-    let refused = response.trajectory_m(&points[4], compliance_per_m(0)).unwrap_err().to_string();
+    let refused = response.trajectory_m(&points[4], compliance_per_m()).unwrap_err().to_string();
     assert!(refused.contains("balance is not found"), "{refused}");
 }
 

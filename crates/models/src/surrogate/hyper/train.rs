@@ -13,15 +13,14 @@ use crate::non_negative;
 use crate::surrogate::pod::{EnergyProduct, Pod};
 use base::error::{Error, Result};
 use base::number::Dual;
-use elements::fe::Stiffness;
-use elements::fe::nonlinear::{Discretisation, NonlinearInput, NonlinearModel, NonlinearOptions, Scheme};
+use elements::fe::meridional::NonlinearBall;
+use elements::fe::nonlinear::{self, Discretisation, NonlinearInput, NonlinearModel, NonlinearOptions, Scheme};
 use elements::fe::spatial::GelAndRobot;
 use elements::fe::stepping::Resolution;
-use elements::fe::time::FullOrderModel;
-use elements::mesh::QuarterBall;
 use laws::rheology::{BaseLaw, Element};
 use laws::stages::{NonlinearFamily, Nonlinearity, ReducedField, SharedStepper, Spatial, Stages, YIELD_SMOOTHING};
 use rayon::prelude::*;
+use record::Force;
 use std::f64::consts::PI;
 use std::sync::Arc;
 
@@ -44,9 +43,6 @@ const YIELDS: [f64; 2] = [0.0, 2.0];
 const MOST_STATES: usize = 80;
 /// Weight of the reduced linear stiffness relative to the states' forces, in the fit of the cubature.
 const STIFFNESS_WEIGHT: f64 = 1.0;
-/// Number of elements from a quarter sphere's middle to its rim in training meshes. Such coarse meshes suffice, since the excess
-/// over the linear law is smaller than the position, and so is its error.
-const MOST_PER_EDGE: usize = 2;
 /// Accuracy of the training runs. It is low, because the modes need the shapes of fields but not their exact times.
 const TRAINING: NonlinearOptions =
     NonlinearOptions { scheme: Scheme::Euler, resolution: Resolution { steps_per_doubling: 1 }, tolerance: 1e-4 };
@@ -78,9 +74,9 @@ impl HyperSettings {
     /// flow stops depends on both times of the law and on the yield stress.
     pub fn of(family: NonlinearFamily) -> Self {
         let (most_points, training_runs) = match family {
-            NonlinearFamily::StrainStiffening => (32, 16),
-            NonlinearFamily::ShearThinning => (32, 10),
-            NonlinearFamily::YieldStress => (56, 28),
+            NonlinearFamily::StrainStiffening => (40, 16),
+            NonlinearFamily::ShearThinning => (40, 10),
+            NonlinearFamily::YieldStress => (64, 28),
         };
         Self { cubature_tolerance: 3e-4, most_points, training_runs, verification_runs: 4 }
     }
@@ -105,7 +101,7 @@ struct DesignPoint {
 
 /// Training problem, with a full-order model and a force.
 struct TrainingProblem<'a> {
-    model: NonlinearModel<'a>,
+    model: &'a dyn Discretisation,
     family: NonlinearFamily,
     radius_m: f64,
     /// Largest force in N. It moves the robot by its radius at unit creep compliance.
@@ -115,8 +111,8 @@ struct TrainingProblem<'a> {
     command_n: Vec<f64>,
 }
 
-/// Trains a surrogate on full-order runs, and calls `run_done` after each run. For a sphere in a built-in mesh, the runs use
-/// another mesh with fewer elements along the robot's surface.
+/// Trains a surrogate on full-order runs, and calls `run_done` after each run. Around a sphere at the gel's centre the runs use elements in the
+/// half meridian, and finer ones for the verification. Around other robots they use the mesh.
 ///
 /// # Errors
 /// [`Error::Numerical`] if the number of modes is out of range, or if a full-order run fails.
@@ -126,46 +122,35 @@ pub fn build(
     settings: &HyperSettings,
     run_done: &(dyn Fn() + Sync),
 ) -> Result<HyperModel> {
-    let ball = match family {
-        NonlinearFamily::ShearThinning => {
-            surroundings.thinning_ball().map(|ball| QuarterBall { n_per_edge: 1, ..ball })
-        }
-        _ => surroundings.sizes.ball.filter(|ball| ball.n_per_edge > MOST_PER_EDGE).map(|ball| QuarterBall {
-            n_per_edge: MOST_PER_EDGE,
-            n_layers: ball.n_layers * MOST_PER_EDGE / ball.n_per_edge,
-            ..ball
-        }),
-    };
-    match ball {
-        Some(ball) => {
-            let mesh = ball.mesh()?;
-            let stiffness = Stiffness::new(&mesh)?;
-            let mut sizes = surroundings.sizes;
-            sizes.ball = Some(ball);
-            let coarser =
-                GelAndRobot { mesh: &mesh, stiffness: &stiffness, poisson_ratio: surroundings.poisson_ratio, sizes };
-            train(&coarser, family, settings, run_done)
-        }
-        None => train(surroundings, family, settings, run_done),
+    let GelAndRobot { mesh, stiffness, poisson_ratio, sizes } = *surroundings;
+    if let Some(ball) = sizes.ball {
+        let (radius_m, outer_radius_m) = (ball.robot_radius_m, ball.outer_radius_m);
+        let coarse = NonlinearBall::coarse(radius_m, outer_radius_m, poisson_ratio)?;
+        let fine = NonlinearBall::new(radius_m, outer_radius_m, poisson_ratio)?;
+        train([&coarse, &fine], surroundings, family, settings, run_done)
+    } else {
+        let model = NonlinearModel::new(mesh, stiffness, poisson_ratio)?;
+        train([&model, &model], surroundings, family, settings, run_done)
     }
 }
 
+/// Trains on the first discretisation, and verifies on the second.
 fn train(
+    [model, verifying]: [&dyn Discretisation; 2],
     surroundings: &GelAndRobot,
     family: NonlinearFamily,
     settings: &HyperSettings,
     run_done: &(dyn Fn() + Sync),
 ) -> Result<HyperModel> {
-    let workshop = TrainingProblem::new(surroundings, family)?;
-    let model = &workshop.model;
+    let workshop = TrainingProblem::new(model, surroundings.sizes.robot_radius_m, family);
     let runs: Vec<Vec<TrainingState>> = (0..settings.training_runs)
         .into_par_iter()
         .map(|index| workshop.states(index).inspect(|_| run_done()))
         .collect::<Result<_>>()?;
     let states: Vec<TrainingState> = runs.into_iter().flatten().collect();
-    let energy = EnergyProduct(model.factor().matrix());
+    let energy = EnergyProduct(model.unit_stiffness());
     // The linear model's field is one of the snapshots.
-    let linear = model.factor().unit_response();
+    let linear = model.unit_response();
     let snapshots: Vec<Vec<f64>> =
         std::iter::once(linear).chain(states.iter().map(|state| state.displacement.clone())).collect();
     let mut pod = Pod::new(&snapshots, energy, 0.0)?;
@@ -177,22 +162,21 @@ fn train(
             "train on more runs",
         )
     })?;
-    let points = model.points();
-    let strains: Vec<Vec<[f64; 6]>> = pod.modes.iter().map(|mode| points.strains(mode)).collect();
+    let strains: Vec<Vec<[f64; 6]>> = pod.modes.iter().map(|mode| model.strains(mode)).collect();
     let kept = kept_states(&states);
-    let (columns, target) = conditions(points.volumes_m3(), points.unit_moduli(), &strains, &kept);
+    let (volumes_m3, moduli) = (model.volumes_m3(), model.unit_moduli());
+    let (columns, target) = conditions(&volumes_m3, moduli, &strains, &kept);
     let chosen = non_negative::choose(&columns, &target, settings.cubature_tolerance, settings.most_points);
     let at_points = chosen.weights.iter().flat_map(|(point, _)| {
         let strains = &strains;
         (0..6).flat_map(move |c| strains.iter().map(move |mode| mode[*point][c]))
     });
-    let moduli = points.unit_moduli();
     let mut reduced = HyperReducedData {
         family,
         poisson_ratio: surroundings.poisson_ratio,
         robot,
-        force_share: surroundings.stiffness.assembly.unknowns.share(),
-        weights_m3: chosen.weights.iter().map(|(point, weight)| weight * points.volumes_m3()[*point]).collect(),
+        force_share: model.share(),
+        weights_m3: chosen.weights.iter().map(|(point, weight)| weight * volumes_m3[*point]).collect(),
         strains: at_points.collect(),
         unit_moduli: [moduli[0], moduli[5]],
         singular_values: pod.singular_values.iter().map(|s| s / pod.singular_values[0]).collect(),
@@ -200,12 +184,12 @@ fn train(
         training_runs: settings.training_runs as usize,
         verification_runs: settings.verification_runs as usize,
         max_relative_error: 0.0,
-        fe_unknowns: surroundings.stiffness.n_unknowns(),
+        fe_unknowns: model.n_unknowns(),
     };
     let ready = HyperModel::try_from(reduced.clone())?;
     let errors: Vec<f64> = (settings.training_runs..settings.training_runs + settings.verification_runs)
         .into_par_iter()
-        .map(|index| workshop.distance(&ready, index).inspect(|_| run_done()))
+        .map(|index| workshop.distance(&ready, verifying, index).inspect(|_| run_done()))
         .collect::<Result<_>>()?;
     reduced.max_relative_error = errors.into_iter().fold(0.0, f64::max);
     HyperModel::try_from(reduced)
@@ -221,11 +205,8 @@ fn between([lower, upper]: [f64; 2], share: f64) -> f64 {
 }
 
 impl<'a> TrainingProblem<'a> {
-    fn new(surroundings: &GelAndRobot<'a>, family: NonlinearFamily) -> Result<Self> {
-        let GelAndRobot { mesh, stiffness, poisson_ratio, sizes } = *surroundings;
-        let model = NonlinearModel::new(mesh, stiffness, poisson_ratio)?;
-        let compliance_per_m = FullOrderModel::new(stiffness, poisson_ratio)?.compliance_per_m();
-        let radius_m = sizes.robot_radius_m;
+    fn new(model: &'a dyn Discretisation, radius_m: f64, family: NonlinearFamily) -> Self {
+        let compliance_per_m = model.share() * model.unit_compliance_per_m();
         let force_n = radius_m / compliance_per_m;
         let (mut time_s, mut command_n) = (vec![0.0], Vec::new());
         for (hold, level) in (0_u8..).zip(HOLDS) {
@@ -233,7 +214,7 @@ impl<'a> TrainingProblem<'a> {
             command_n.extend([level * force_n; TAKEN_AT.len()]);
         }
         command_n.push(0.0);
-        Ok(Self { model, family, radius_m, force_n, compliance_per_m, time_s, command_n })
+        Self { model, family, radius_m, force_n, compliance_per_m, time_s, command_n }
     }
 
     /// Returns the law and the nonlinearity at the Sobol point with this index.
@@ -263,7 +244,7 @@ impl<'a> TrainingProblem<'a> {
         let force = (&self.command_n).into();
         let what = NonlinearInput { law: &law, nonlinearity, load, time_s, force };
         let mut states = Vec::new();
-        self.model.run_with_row_states(&what, TRAINING, |at| {
+        nonlinear::run_with_row_states(self.model, &what, TRAINING, |at| {
             if at.row > 0 {
                 states.push(TrainingState { displacement: at.displacement.to_vec(), stresses: at.stresses.to_vec() });
             }
@@ -273,14 +254,14 @@ impl<'a> TrainingProblem<'a> {
 
     /// Returns the largest difference of the reduced from the full-order trajectory at a design point, relative to the full-order
     /// amplitude.
-    fn distance(&self, ready: &HyperModel, index: u32) -> Result<f64> {
+    fn distance(&self, ready: &HyperModel, verifying: &dyn Discretisation, index: u32) -> Result<f64> {
         let DesignPoint { law, nonlinearity } = self.design_point(index);
         let mut stages = Stages::of_law(law);
         stages.spatial = Some(Spatial::Nonlinear(nonlinearity));
-        let full = self
-            .model
-            .run_stages(&stages, &self.time_s, &self.command_n, &[], verification(self.family))?
-            .displacement_m;
+        let record = (self.time_s.as_slice(), Force::from(&self.command_n));
+        let options = verification(self.family);
+        let full =
+            nonlinear::run_stages(verifying, &stages, record, &[], options, self.compliance_per_m)?.displacement_m;
         stages.spread = Some(ReducedField::Stepped(SharedStepper(Arc::new(ready.clone()))));
         let response = Response::new(&self.time_s, &self.command_n, self.time_s.len());
         let reduced = response.trajectory_m(&stages, self.compliance_per_m)?;
