@@ -70,6 +70,8 @@ pub struct OscillationMisfit {
     /// and, for known errors, the size of fitted residuals; for unknown ones, the law with the best passive linear law. A last test looks for single rows that no such
     /// law explains. The p values come from simulated and refitted oscillations.
     pub p: f64,
+    /// True if repeats of the sweep differ alike at all frequencies, which no law explains.
+    pub repeats_differ: bool,
 }
 
 /// Result of `diagnose` on an oscillation: body of the JSON document `vitreo-uq/oscillation-diagnosis/1`.

@@ -39,7 +39,9 @@ pub use noise::{NoiseOrigin, ReferenceNoise};
 pub use notes::Note;
 pub use record::Record;
 pub use scales::CharacteristicSizes;
-pub use sweep::{OscillationRecord, SweepColumn, SweepForm, SweepRow, columns_of, moduli_columns, sweep_columns};
+pub use sweep::{
+    OscillationRecord, SweepColumn, SweepForm, SweepRow, columns_of, moduli_columns, rows_by_frequency, sweep_columns,
+};
 pub use times::TimeRules;
 
 use base::quantities::Quantities;

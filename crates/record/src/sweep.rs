@@ -404,7 +404,7 @@ impl OscillationRecord {
         refuse_long_lines(&csv_path, text.as_bytes())?;
         let columns = Columns::new(&csv_path, &text, measurement, &layout)?;
         let (mut rows, n_incomplete) = columns.rows(&csv_path, &text, &layout)?;
-        rows.sort_by(|a, b| a.frequency_hz.total_cmp(&b.frequency_hz));
+        sort(&mut rows);
         let poisson_ratio = poisson_ratio(root)?;
         if read_choice(measurement, "moduli", &[false, true], |is_young| if is_young { "young" } else { "shear" })?
             == Some(true)
@@ -463,11 +463,29 @@ impl OscillationRecord {
     }
 }
 
+/// True if a row has the frequency of the one before it.
+fn is_repeat(row: &SweepRow, next: &SweepRow) -> bool {
+    next.frequency_hz <= (1.0 + ONE_FREQUENCY) * row.frequency_hz
+}
+
+/// Rows of each frequency, in the order of the table. Rows ascend by frequency.
+pub fn rows_by_frequency(rows: &[SweepRow]) -> impl Iterator<Item = &[SweepRow]> {
+    rows.chunk_by(is_repeat)
+}
+
+/// Sorts rows by frequency. Repeats of a frequency keep the order of the table, even if an instrument writes slightly different frequencies.
+fn sort(rows: &mut Vec<SweepRow>) {
+    let mut numbered: Vec<(usize, SweepRow)> = std::mem::take(rows).into_iter().enumerate().collect();
+    numbered.sort_by(|a, b| a.1.frequency_hz.total_cmp(&b.1.frequency_hz));
+    numbered.chunk_by_mut(|a, b| is_repeat(&a.1, &b.1)).for_each(|repeats| repeats.sort_by_key(|(place, _)| *place));
+    rows.extend(numbered.into_iter().map(|(_, row)| row));
+}
+
 /// Refuses rows of one frequency whose moduli differ more than repeats do, or that differ alike at all frequencies: the table then holds sweeps at several
 /// temperatures or strains, or of several specimens.
 fn refuse_several_states(file: &Path, form: SweepForm, rows: &[SweepRow]) -> Result<()> {
     let modulus_pa = |row: &SweepRow| form.moduli(row.pair).into_iter().fold(0.0, f64::hypot);
-    for repeats in rows.chunk_by(|a, b| b.frequency_hz <= (1.0 + ONE_FREQUENCY) * a.frequency_hz) {
+    for repeats in rows_by_frequency(rows) {
         let moduli = || repeats.iter().map(modulus_pa);
         let (least, most) = (moduli().fold(f64::INFINITY, f64::min), moduli().fold(0.0, f64::max));
         if most > LIKE_REPEATS * least {
@@ -483,13 +501,15 @@ fn refuse_several_states(file: &Path, form: SweepForm, rows: &[SweepRow]) -> Res
         }
     }
     // Noise scatters the differences of repeats about 0.
-    let groups = rows.chunk_by(|a, b| b.frequency_hz <= (1.0 + ONE_FREQUENCY) * a.frequency_hz);
     let difference = |group: &[SweepRow]| {
         let logs = || group.iter().map(|row| modulus_pa(row).ln());
         logs().fold(f64::NEG_INFINITY, f64::max) - logs().fold(f64::INFINITY, f64::min)
     };
-    let differences: Vec<f64> =
-        groups.filter(|group| group.len() > 1).map(difference).filter(|difference| difference.is_finite()).collect();
+    let differences: Vec<f64> = rows_by_frequency(rows)
+        .filter(|group| group.len() > 1)
+        .map(difference)
+        .filter(|difference| difference.is_finite())
+        .collect();
     let n = differences.len() as f64;
     let mean = differences.iter().sum::<f64>() / n;
     let sd = (differences.iter().map(|difference| (difference - mean).powi(2)).sum::<f64>() / n).sqrt();
@@ -656,18 +676,19 @@ impl Columns {
     }
 }
 
-/// Marks rows as held out: the rows with the frequencies in `heldout_hz`, or by default every third row starting with the second.
+/// Marks rows as held out: the rows with the frequencies in `heldout_hz`, or by default those of every third frequency starting with the second. Repeats of a fitted
+/// frequency would not test the law.
 fn hold_out(measurement: TomlTable<'_>, rows: &mut [SweepRow]) -> Result<()> {
     let Some(wanted_hz) = measurement.numbers("heldout_hz")? else {
-        if rows.len() >= FEWEST_TO_HOLD_OUT {
-            rows.iter_mut().skip(1).step_by(3).for_each(|row| row.is_heldout = true);
+        if rows_by_frequency(rows).count() >= FEWEST_TO_HOLD_OUT {
+            rows.chunk_by_mut(is_repeat).skip(1).step_by(3).flatten().for_each(|row| row.is_heldout = true);
         }
         return Ok(());
     };
     for wanted_hz in wanted_hz {
-        let is_it = |row: &&mut SweepRow| (row.frequency_hz / wanted_hz - 1.0).abs() < SAME_FREQUENCY;
+        let is_it = |row: &SweepRow| (row.frequency_hz / wanted_hz - 1.0).abs() < SAME_FREQUENCY;
         let mut n_found = 0;
-        for row in rows.iter_mut().filter(is_it) {
+        for row in rows.chunk_by_mut(is_repeat).filter(|repeats| repeats.iter().any(is_it)).flatten() {
             row.is_heldout = true;
             n_found += 1;
         }

@@ -54,6 +54,23 @@ fn every_third_frequency_is_held_out_or_those_that_are_named() {
     assert_eq!(heldout("heldout_hz = []\n"), [0.0; 0]);
 }
 
+/// Two sweeps in one table, with frequencies as an instrument measures them: repeats are held out together, and stay in the order of the table.
+#[test]
+fn repeats_of_a_frequency_are_held_out_together() {
+    let sweep = |storage: u32, jitter: f64| -> String {
+        (1..=9).map(|k| format!("{},{storage},1\n", f64::from(k) + if k % 2 == 0 { jitter } else { -jitter })).collect()
+    };
+    let table = format!("frequency_hz,storage_pa,loss_pa\n{}{}", sweep(100, 2e-4), sweep(103, -2e-4));
+    let heldout = |measurement: &str| -> Vec<i64> {
+        let sweep = read(&table, measurement).unwrap();
+        let order: Vec<f64> = sweep.rows.iter().map(|row| row.pair[0]).collect();
+        assert!(order.chunks(2).all(|pair| pair == [100.0, 103.0]), "{order:?}");
+        sweep.rows.iter().filter(|row| row.is_heldout).map(|row| row.frequency_hz.round() as i64).collect()
+    };
+    assert_eq!(heldout(""), [2, 2, 5, 5, 8, 8]);
+    assert_eq!(heldout("heldout_hz = [3.0002]\n"), [3, 3]);
+}
+
 /// Checks that every faulty input is refused with a message that contains the listed words.
 #[test]
 fn what_is_no_sweep_is_refused_with_its_place() {

@@ -14,7 +14,7 @@ use sampling::optimum::find_modes;
 use super::ranking::{
     DOES_NOT_PREDICT, SAYS_LITTLE, all_laws, first, not_compared, ranked, rows_of, sentence_by_evidence, simplest,
 };
-use crate::sweep::job::{frequencies, misfit, no_fit};
+use crate::sweep::job::{REPEATS_DIFFER, SEVERAL_GELS, frequencies, misfit, no_fit};
 use crate::sweep::noise_like::{LEAST_P, test_residuals};
 use crate::sweep::problem::SweepProblem;
 
@@ -152,6 +152,9 @@ fn sentence(rows: &[LawRow]) -> String {
     if let Some((best, misfit)) = first(rows, LawStatus::Closest).and_then(|row| Some((row, row.misfit.as_ref()?))) {
         if misfit.p >= LEAST_P {
             return format!("{} {DOES_NOT_PREDICT}", explains(&best.law, misfit));
+        }
+        if misfit.repeats_differ {
+            return format!("No law explains that {REPEATS_DIFFER} (p = {:.3}): {SEVERAL_GELS}.", misfit.p);
         }
         return format!(
             "No law explains the record. {} is the closest: its error {}, and its residuals are not noise (p = {:.3}). {SAYS_LITTLE}",

@@ -7,7 +7,7 @@
 
 use rayon::prelude::*;
 
-use super::job::{misfit, model_summary, no_fit};
+use super::job::{REPEATS_DIFFER, SEVERAL_GELS, misfit, model_summary, no_fit};
 use super::noise_like::{ResidualPValues, test_residuals};
 use super::problem::{SweepFit, SweepProblem};
 use base::error::{Error, Result};
@@ -227,6 +227,9 @@ fn sentence(verdict: &Verdict, candidates: &[OscillationCandidate], left: &Resid
             "No linear law explains the row at {} Hz together with the other rows (p = {p:.3}): measure it again, or remove it from the table, and repeat the diagnosis.",
             format_significant(frequency_hz, 4)
         );
+    }
+    if verdict.kind == VerdictKind::Unexplained && left.repeats_differ() {
+        return format!("No law explains that {REPEATS_DIFFER} (p = {p:.3}): {SEVERAL_GELS}.");
     }
     match (verdict.kind, verdict.proposal.map(|place| &candidates[place])) {
         (VerdictKind::Missing, Some(oscillation_candidate)) => {

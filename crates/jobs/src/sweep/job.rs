@@ -139,6 +139,7 @@ pub(crate) fn misfit(
         error_relative: rms(&errors),
         errors_known: sweep.has_errors(),
         p: left.p(),
+        repeats_differ: left.repeats_differ(),
     }
 }
 
@@ -151,6 +152,11 @@ pub(crate) fn misfit_alone(problem: &SweepProblem, seed: u64) -> Result<Option<W
     let left = test_residuals(problem, &fit, seed)?.ok_or_else(no_fit)?;
     Ok(misfit_warning(&left))
 }
+
+/// Sentence on repeats of a sweep that are not repeats.
+pub const REPEATS_DIFFER: &str = "repeats of the sweep differ at all frequencies alike";
+/// Reason and remedy.
+pub const SEVERAL_GELS: &str = "the gel changed, or the rows are of several gels: give every sweep a table of its own";
 
 fn misfit_warning(left: &ResidualPValues) -> Option<Warning> {
     if left.is_noise() {
@@ -166,6 +172,13 @@ fn misfit_warning(left: &ResidualPValues) -> Option<Warning> {
         });
     }
     let smallest = |of: Option<f64>| of.is_some_and(|of| of <= left.smallest());
+    if left.repeats_differ() {
+        return Some(Warning {
+            kind: WarningKind::MisfitAboveNoise,
+            text: format!("{REPEATS_DIFFER}, which no law explains (p = {p:.3})"),
+            advice: format!("{SEVERAL_GELS}, and sample them together to see whether they agree"),
+        });
+    }
     let text = match () {
         () if smallest(left.p_size) => {
             format!("the residuals of the law exceed the table's errors (p = {p:.3})")

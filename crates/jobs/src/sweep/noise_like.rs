@@ -7,10 +7,11 @@ use super::problem::{SweepFit, SweepProblem};
 use super::spectrum::{SPECTRUM_ERROR, fit_spectrum};
 use base::error::Result;
 use criticism::criteria::Criteria;
+use record::rows_by_frequency;
 use sampling::ensemble::RandomStream;
 
-/// Number of simulated oscillations. Four tests at a joint level of 1 % need to resolve probabilities of 1/400.
-const N_SIMULATED: usize = 499;
+/// Number of simulated oscillations. Five tests at a joint level of 1 % need to resolve probabilities of 1/500.
+const N_SIMULATED: usize = 599;
 /// Joint probability of all tests below which residuals do not count as noise.
 pub const LEAST_P: f64 = Criteria::SWEEP.least_noise_p;
 /// Number of the random stream of the first simulation. Other uses of the seed have other stream numbers.
@@ -29,6 +30,8 @@ pub struct ResidualPValues {
     pub p_spectrum: Option<f64>,
     /// p of the largest residual of the best passive linear law, relative to the size of the errors; `None` for very long tables.
     pub p_row: Option<f64>,
+    /// p of the common differences between repeats of the sweep; `None` if fewer than five frequencies have several rows.
+    pub p_repeats: Option<f64>,
     /// Frequency (Hz) of the row with this residual, if the residuals are noise without this row, and no noise with it; `None` otherwise.
     pub outlying_hz: Option<f64>,
 }
@@ -45,10 +48,15 @@ impl ResidualPValues {
     }
 
     fn all(&self) -> Vec<f64> {
-        [Some(self.p_neighbours), self.p_size, self.p_heldout, self.p_spectrum, self.p_row]
+        [Some(self.p_neighbours), self.p_size, self.p_heldout, self.p_spectrum, self.p_row, self.p_repeats]
             .into_iter()
             .flatten()
             .collect()
+    }
+
+    /// Returns `true` if repeats of the sweep differ alike at all frequencies, which no law explains.
+    pub fn repeats_differ(&self) -> bool {
+        self.p_repeats.is_some_and(|p| p * (self.all().len() as f64) < LEAST_P)
     }
 
     /// Returns `true` if the residuals are consistent with noise.
@@ -60,9 +68,9 @@ impl ResidualPValues {
 /// Statistics of the residuals' tests.
 struct Statistics {
     /// The sum of products of neighbouring residuals, divided by the sum of squares; the sums of squared residuals of the fitted and of the held-out rows; their
-    /// sum over the fitted rows, relative to that of the best passive linear law; and the largest of the latter's squared residuals relative to the mean one of the law or
-    /// of the errors.
-    sizes: [f64; 5],
+    /// sum over the fitted rows, relative to that of the best passive linear law; the largest of the latter's squared residuals relative to the mean one of the law or
+    /// of the errors; and the part of the squared differences between repeats that a common difference of each makes.
+    sizes: [f64; 6],
     /// Index of the row with that largest residual; `None` if no passive linear law was fitted.
     outlying: Option<usize>,
 }
@@ -79,7 +87,14 @@ fn test_statistics(problem: &SweepProblem, fit: &SweepFit) -> Option<Statistics>
     let fitted = part(false);
     let neighbours: f64 = fitted.windows(2).map(|pair| pair[0][0] * pair[1][0] + pair[0][1] * pair[1][1]).sum();
     // The division by the sum of squares makes the first statistic independent of the residuals' size, which the second statistic tests.
-    let mut sizes = [neighbours / squares(&fitted), squares(&fitted), squares(&part(true)), 0.0, 0.0];
+    let mut sizes = [
+        neighbours / squares(&fitted),
+        squares(&fitted),
+        squares(&part(true)),
+        0.0,
+        0.0,
+        part_of_repeats(problem, &residuals),
+    ];
     let mut outlying = None;
     if let Some(spectrum) = fit_spectrum(&problem.sweep) {
         let form = problem.sweep.form;
@@ -102,6 +117,46 @@ fn test_statistics(problem: &SweepProblem, fit: &SweepFit) -> Option<Statistics>
         sizes[4] = largest.map_or(0.0, |(_, square)| square / (of_law / n).max(least));
     }
     Some(Statistics { sizes, outlying })
+}
+
+/// Smallest number of frequencies with several rows from which differences between repeats are tested.
+const FEWEST_REPEATED: usize = 5;
+
+/// Differences of the residuals at each frequency from their mean, by repeat: the first row of every frequency that has several belongs to the first repeat, the second to
+/// the next, and so on. `None` for too few such frequencies. The errors of a wrong law are equal in all repeats of a frequency, and leave the differences.
+fn differences_by_repeat(problem: &SweepProblem, residuals: &[[f64; 2]]) -> Option<Vec<Vec<[f64; 2]>>> {
+    let mut by_repeat: Vec<Vec<[f64; 2]>> = Vec::new();
+    let mut rest = residuals;
+    let mut n_repeated = 0;
+    for rows in rows_by_frequency(&problem.sweep.rows) {
+        let (here, after) = rest.split_at(rows.len());
+        rest = after;
+        if let [_, _, ..] = here {
+            n_repeated += 1;
+            let mean = mean(here);
+            for (number, residual) in here.iter().enumerate() {
+                if number == by_repeat.len() {
+                    by_repeat.push(Vec::new());
+                }
+                by_repeat[number].push([0, 1].map(|k| residual[k] - mean[k]));
+            }
+        }
+    }
+    (n_repeated >= FEWEST_REPEATED).then_some(by_repeat)
+}
+
+fn mean(pairs: &[[f64; 2]]) -> [f64; 2] {
+    [0, 1].map(|k| pairs.iter().map(|pair| pair[k]).sum::<f64>() / pairs.len() as f64)
+}
+
+/// Part of the squared differences between repeats that a common difference of each repeat makes: a sweep that is repeated on a gel that has changed, or on another gel,
+/// differs by a common factor. 0 without repeats.
+fn part_of_repeats(problem: &SweepProblem, residuals: &[[f64; 2]]) -> f64 {
+    let Some(by_repeat) = differences_by_repeat(problem, residuals) else { return 0.0 };
+    let squares = |pairs: &[[f64; 2]]| pairs.iter().flatten().map(|x| x * x).sum::<f64>();
+    let common: f64 = by_repeat.iter().map(|pairs| pairs.len() as f64 * squares(&[mean(pairs)])).sum();
+    let all: f64 = by_repeat.iter().map(|pairs| squares(pairs)).sum();
+    if all > 0.0 { common / all } else { 0.0 }
 }
 
 /// Tests the residuals of a fit. If a row departs from every passive linear law, the other rows are tested alone: the row is named if the law then passes. `None` if the model
@@ -136,7 +191,7 @@ fn test(problem: &SweepProblem, fit: &SweepFit, seed: u64) -> Result<Option<(Res
         Ok(test_statistics(&other, refitted.as_ref().unwrap_or(fit)))
     };
     let all: Vec<Option<Statistics>> = (0..N_SIMULATED).into_par_iter().map(simulate).collect::<Result<_>>()?;
-    let simulated: Vec<[f64; 5]> = all.into_iter().flatten().map(|statistics| statistics.sizes).collect();
+    let simulated: Vec<[f64; 6]> = all.into_iter().flatten().map(|statistics| statistics.sizes).collect();
     let p = |k: usize| {
         let n_larger = simulated.iter().filter(|sizes| sizes[k] >= found.sizes[k]).count();
         (1 + n_larger) as f64 / (1 + simulated.len()) as f64
@@ -148,6 +203,7 @@ fn test(problem: &SweepProblem, fit: &SweepFit, seed: u64) -> Result<Option<(Res
         p_heldout: has_heldout.then(|| p(2)),
         p_spectrum: found.outlying.filter(|_| !problem.sweep.has_errors()).map(|_| p(3)),
         p_row: found.outlying.map(|_| p(4)),
+        p_repeats: differences_by_repeat(problem, &problem.residuals(&predicted, &fit.values)).map(|_| p(5)),
         outlying_hz: None,
     };
     Ok(Some((left, found.outlying)))
