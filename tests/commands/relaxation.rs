@@ -278,3 +278,39 @@ fn a_step_between_rows_is_named() {
         assert!((0.5 * (low + high) - expected).abs() < 2.0 * (high - low), "{own} {expected}");
     }
 }
+
+/// A row of no strain at time 0, and evenly spaced rows after a gap: the strain may have grown in the gap or jumped, so `check` says so and no result is trusted. Rows that are evenly
+/// spaced in the logarithm of time have no gap: the strain jumped at 0, and the moduli are those of the gel.
+#[test]
+fn a_gap_after_a_row_of_no_strain_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut normal = normals();
+    let mut write = |name: &str, times: &[f64]| {
+        let mut table = String::from("Time [s];Shear strain [%];Shear stress [Pa]\n0;0;0.001\n");
+        for t in times {
+            let stress = 0.02 * (100.0 + 200.0 * (-t / 0.8_f64).exp());
+            table += &format!("{t:.5};2.0;{:.6}\n", stress + 0.01 * normal());
+        }
+        std::fs::write(folder.path().join(format!("{name}.csv")), table).unwrap();
+        vitreo(folder.path(), &["init", &format!("{name}.csv"), "--quiet"]).exits(0);
+        vitreo(folder.path(), &["check", name])
+            .exits(0)
+            .stdout
+            .contains("strain jumps between the rows at 0.0000 and 0.5")
+    };
+    let even: Vec<f64> = (0..200).map(|row| 0.5 + 0.1 * f64::from(row)).collect();
+    let logarithmic: Vec<f64> = (0..81).map(|row| 0.01 * 10f64.powf(f64::from(row) / 25.0)).collect();
+    assert!(write("even", &even));
+    assert!(!write("logarithmic", &logarithmic));
+    let sample = |name| {
+        let law = ["--base", "standard-linear-solid", "--prior", "generic", "--json", "-", "--no-report"];
+        vitreo(folder.path(), &[&["sample", name], &law[..]].concat())
+    };
+    assert!(sample("even").exits(1).stderr.contains("strain jumps between the rows"));
+    let parameters = sample("logarithmic").exits(0).json()["parameters"].clone();
+    for (own, expected) in parameters.as_array().unwrap().iter().zip([300.0, 600.0]) {
+        let [low, high] = ["q05", "q95"].map(|key| own[key].as_f64().unwrap());
+        // Four times the interval's half width is 6.6 standard deviations.
+        assert!((0.5 * (low + high) - expected).abs() < 2.0 * (high - low), "{own} {expected}");
+    }
+}

@@ -126,6 +126,8 @@ pub(super) fn after_missing_rows(looked: &CheckContext<'_>) -> Option<Contradict
 const RELAXES: f64 = 0.05;
 /// Interval after the jump, as a part of the jump's own, above which the rows are as dense before and after it.
 const DENSER: f64 = 0.5;
+/// Part of the jump's interval after which the relaxation is read: rounding does not skip a row.
+const AS_LONG: f64 = 0.99;
 /// Least part of the command's range that counts as a jump.
 const JUMP: f64 = 0.1;
 
@@ -150,18 +152,23 @@ pub fn unknown_jump(record: &Record, noise_m: f64) -> Option<Warning> {
         if !is_jump || !is_held {
             return None;
         }
-        // The nearest rows with an answer, as long as the command holds.
+        // Rows with an answer, as long as the command holds.
         let is_level = |other: &usize| command[*other] == command[row];
-        let mut later = (row..command.len()).take_while(is_level).filter(|row| answer[*row].is_some());
-        let (at, after) = (later.next()?, later.next()?);
+        let later: Vec<usize> =
+            (row..command.len()).take_while(is_level).filter(|row| answer[*row].is_some()).collect();
+        let [at, next, ..] = later[..] else { return None };
         let before = (0..row).rev().find(|row| answer[*row].is_some())?;
-        let [jump_s, next_s] = [time_s[row] - time_s[row - 1], time_s[after] - time_s[at]];
+        let jump_s = time_s[row] - time_s[row - 1];
+        let as_long_after = |other: &&usize| time_s[**other] - time_s[at] >= AS_LONG * jump_s;
+        let after = *later.iter().find(as_long_after).unwrap_or(&later[later.len() - 1]);
+        let after_s = time_s[after] - time_s[at];
         let (jump, lost) = (answer[at]? - answer[before]?, answer[at]? - answer[after]?);
         let is_clear = lost.abs() > ERRORS * noise_m && lost * jump > 0.0;
         // The part that relaxes in as long a time as the jump may take.
-        let share = lost / jump * (jump_s / next_s).min(1.0);
-        // Rows that are far denser after the jump show that the interval is a ramp.
-        (is_clear && next_s > DENSER * jump_s && share > RELAXES).then_some((row, share))
+        let share = lost / jump * (jump_s / after_s).min(1.0);
+        // Rows that are far denser after the jump show that the interval is a ramp, unless nothing was commanded before.
+        let is_ramp = time_s[next] - time_s[at] <= DENSER * jump_s && command[..row].iter().any(|c| *c != command[0]);
+        (is_clear && !is_ramp && share > RELAXES).then_some((row, share))
     };
     let (row, share) = (1..command.len().saturating_sub(1)).find_map(share)?;
     let number = |time_s: f64| format_significant(time_s, 5);

@@ -1084,12 +1084,24 @@ fn idle_first_row(trajectory: &Trajectory) -> Option<Idle> {
 /// Smallest ratio of the interval of a jump to the next interval at which rows between them are missing.
 const MISSING: f64 = 3.0;
 
-/// The rows before time 0 of the clock, if a commanded position jumps from 0 to its hold between two rows on either side of that time, and rows are missing there.
+/// Smallest ratio of the intervals at the end of a hold to those at its begin at which the rows grow sparser, as those of a logarithmic clock do.
+const GROWS: f64 = 2.0;
+/// Number of intervals at the begin of a hold.
+const FIRST_INTERVALS: usize = 5;
+
+/// The rows before time 0 of the clock, if a commanded position jumps from 0 to its hold between two rows on either side of that time, and rows are missing there. A row at
+/// time 0 itself belongs to them if the later rows grow sparser. Otherwise the missing rows may be those of a ramp.
 fn rows_before_trigger(trajectory: &Trajectory) -> Option<Idle> {
     let Trajectory { time_s, force_n, position_m, clock_zero_s, .. } = trajectory;
     let n_rows =
         time_s.iter().position(|time| time + clock_zero_s > 0.0).filter(|n| (1..time_s.len() - 1).contains(n))?;
-    let is_missing = time_s[n_rows] - time_s[n_rows - 1] > MISSING * (time_s[n_rows + 1] - time_s[n_rows]);
+    let intervals_s: Vec<f64> = time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let of_hold_s = &intervals_s[n_rows..];
+    let middle_s = |of: &[f64]| median(of.to_vec()).unwrap_or(f64::NAN);
+    let first_s = middle_s(&of_hold_s[..of_hold_s.len().min(FIRST_INTERVALS)]);
+    let grows = middle_s(&of_hold_s[3 * of_hold_s.len() / 4..]) > GROWS * first_s;
+    let is_missing =
+        intervals_s[n_rows - 1] > MISSING * of_hold_s[0] && (time_s[n_rows - 1] + clock_zero_s < 0.0 || grows);
     let known: Option<Vec<f64>> = position_m.iter().copied().collect();
     let known = known?;
     let is_idle = |values: &[f64]| farthest(&values[..n_rows]) <= NEAR_ZERO * farthest(values);
