@@ -12,11 +12,14 @@ use super::hierarchy::{ExperimentDensity, InterimDraws};
 use super::scale::SizeScale;
 use base::error::Result;
 use base::files::{Content, read_if_there, to_json, write_atomically};
+use documents::posterior::{Warning, WarningKind};
 use models::effects::Library;
 use models::model::{Compliance, Forward};
 use posterior::full_check::{mean_trajectory, rmse_m};
+use posterior::judgement::Judgement;
 use posterior::likelihood::ReducedPosterior;
 use posterior::mechanics::Mechanics;
+use posterior::misfit::NOISE_FACTOR;
 use posterior::monitor::StoppableMonitor;
 use posterior::prepared::PreparedModel;
 use posterior::prior::Prior;
@@ -31,6 +34,9 @@ use sampling::{LogDensity, SamplerOptions};
 const N_DRAWS: usize = 1_000;
 /// Number of stored draws from which the mean trajectory is computed and compared with the measurement.
 const N_TRAJECTORIES: usize = 32;
+
+/// Largest residual on the held-out cycle that does not count as a misfit, in posterior standard deviations of the prediction.
+const LARGEST_PREDICTIVE_SDS: f64 = 3.3;
 
 /// Experiment with its model and the compliance of its apparatus. The compliance replaces the finite elements.
 pub struct Specimen {
@@ -60,6 +66,8 @@ pub struct InterimResult {
     pub predictive_sd_heldout_um: Option<f64>,
     /// Noise standard deviation with which residuals are compared, in µm; `None` if it is unknown.
     pub noise_um: Option<f64>,
+    /// Warnings that the residuals give, by the tests of `sample`.
+    pub residual_warnings: Vec<Warning>,
 }
 
 impl Specimen {
@@ -177,22 +185,22 @@ impl Specimen {
             .fold(f64::INFINITY, f64::min);
         let points = draws.subsample(N_DRAWS);
         let forward = self.model.forward();
-        let of_point = |point: &Vec<f64>| forward.trajectory_m(&self.model_parameters(&posterior, point));
+        let n_of_model = self.model.problem.model.parameters().len();
+        let of_point = |point: &Vec<f64>| {
+            let natural = posterior.natural(point);
+            Some((forward.trajectory_m(&natural[..n_of_model]).ok()?, natural[n_of_model..].to_vec()))
+        };
         let chosen = points.iter().step_by(points.len().div_ceil(N_TRAJECTORIES).max(1));
-        let trajectories: Vec<Vec<f64>> = chosen.filter_map(|point| of_point(point).ok()).collect();
+        let (trajectories, noise): (Vec<Vec<f64>>, Vec<Vec<f64>>) = chosen.filter_map(of_point).unzip();
         let mean_m = mean_trajectory(&trajectories, None);
         let misfit_um = |cycles: &[u32]| {
             let observed = self.model.problem.positions_of(cycles);
-            (!trajectories.is_empty() && observed.iter().any(Option::is_some)).then(|| {
-                let squares: Vec<f64> = trajectories
-                    .iter()
-                    .map(|trajectory| rmse_m(trajectory, &about(&mean_m, &observed)).powi(2))
-                    .collect();
-                let spread_m = (squares.iter().sum::<f64>() / squares.len() as f64).sqrt();
-                [1e6 * rmse_m(&mean_m, &observed), 1e6 * spread_m]
-            })
+            (!trajectories.is_empty() && observed.iter().any(Option::is_some))
+                .then(|| [rmse_m(&mean_m, &observed), self.spread_m(&trajectories, cycles)].map(|m| 1e6 * m))
         };
         let experiment = &self.model.problem.experiment;
+        let residual_warnings =
+            if trajectories.is_empty() { Vec::new() } else { self.residual_warnings(&trajectories, &noise) };
         Ok(InterimResult {
             built_from_sha256,
             parameters: self.model.problem.priors.names().map(String::from).collect(),
@@ -203,11 +211,40 @@ impl Specimen {
             rmse_heldout_um: misfit_um(&experiment.heldout_cycles).map(|[rmse, _]| rmse),
             predictive_sd_heldout_um: misfit_um(&experiment.heldout_cycles).map(|[_, spread]| spread),
             noise_um: experiment.reference_noise().map(|yardstick| 1e6 * yardstick.sd_m),
+            residual_warnings,
         })
     }
 
-    fn model_parameters(&self, posterior: &ReducedPosterior, point: &[f64]) -> Vec<f64> {
-        posterior.natural(point)[..self.model.problem.model.parameters().len()].to_vec()
+    /// Standard deviation (m) of predicted positions over draws: root mean square over the rows of some cycles.
+    fn spread_m(&self, trajectories_m: &[Vec<f64>], cycles: &[u32]) -> f64 {
+        let mean_m = mean_trajectory(trajectories_m, None);
+        let about_mean = about(&mean_m, &self.model.problem.positions_of(cycles));
+        let squares = trajectories_m.iter().map(|trajectory| rmse_m(trajectory, &about_mean).powi(2));
+        (squares.sum::<f64>() / trajectories_m.len() as f64).sqrt()
+    }
+
+    /// Warnings that the residuals give, by the tests of `sample`: without its joint band, but a misfit of the held-out cycles must exceed the spread of the prediction, too.
+    fn residual_warnings(&self, trajectories_m: &[Vec<f64>], noise: &[Vec<f64>]) -> Vec<Warning> {
+        let experiment = &self.model.problem.experiment;
+        let judgement =
+            Judgement::of_draws(&self.model.problem, (trajectories_m, noise), None, experiment.reference_noise());
+        let is_covered = judgement.misfit.is_some_and(|misfit| {
+            let spread_m = self.spread_m(trajectories_m, &experiment.heldout_cycles);
+            let most_m = (NOISE_FACTOR * misfit.noise_m).hypot(LARGEST_PREDICTIVE_SDS * spread_m);
+            !misfit.fitted.is_too_large && misfit.heldout.is_some_and(|heldout| heldout.rms_m <= most_m)
+        });
+        let is_wanted = |warning: &Warning| match warning.kind {
+            // `groups` says so of all experiments together.
+            WarningKind::NoiseUnknown | WarningKind::ResidualsUntested => false,
+            WarningKind::MisfitAboveNoise => !is_covered,
+            _ => true,
+        };
+        let wanted = judgement.warnings().into_iter().filter(is_wanted);
+        let Some(quantities) = experiment.quantities() else { return wanted.collect() };
+        let translated = |text: String| quantities.translate(&text).into_owned();
+        wanted
+            .map(|warning| Warning { text: translated(warning.text), advice: translated(warning.advice), ..warning })
+            .collect()
     }
 
     /// Converts stored draws to the coordinates of the population (logarithms or log-odds), for the hierarchy.

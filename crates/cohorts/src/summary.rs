@@ -241,6 +241,7 @@ fn experiment_summary(measurements: &[Measurement], found: &Comparison, e: usize
         rmse_heldout_um: interim.rmse_heldout_um,
         predictive_sd_heldout_um: interim.predictive_sd_heldout_um,
         noise_um: interim.noise_um,
+        residual_warnings: interim.residual_warnings.clone(),
         converged: interim.converged,
         effective_draws: entry.effective_draws,
         is_exact: entry.is_exact,

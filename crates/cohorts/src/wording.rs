@@ -6,7 +6,6 @@ use documents::groups::{
 };
 use documents::posterior::{Warning, WarningKind};
 use figures::labels::parameter_label;
-use posterior::misfit::NOISE_FACTOR;
 
 /// Largest number of pairs of groups in a sentence.
 const MOST_PAIRS: usize = 3;
@@ -98,26 +97,6 @@ pub fn required_specimens(plan: &SampleSizePlan) -> String {
     }
 }
 
-/// Largest residual on the held-out cycle that does not count as a misfit, in posterior standard deviations of the prediction.
-const LARGEST_PREDICTIVE_SDS: f64 = 3.3;
-
-/// Describes the misfit of an experiment; `None` if the experiment has no misfit. A residual counts as a misfit if it exceeds 1.5 times the noise. On the
-/// held-out cycle, it must also exceed the posterior uncertainty of the prediction.
-fn misfit(experiment_summary: &ExperimentSummary) -> Option<String> {
-    let bar_um = NOISE_FACTOR * experiment_summary.noise_um?;
-    let open_um = LARGEST_PREDICTIVE_SDS * experiment_summary.predictive_sd_heldout_um.unwrap_or(0.0);
-    let cases = [
-        ("fitted", Some(experiment_summary.rmse_fitted_um), bar_um),
-        ("held-out", experiment_summary.rmse_heldout_um, bar_um.hypot(open_um)),
-    ];
-    let parts: Vec<String> = cases
-        .into_iter()
-        .filter_map(|(cycles, rmse, most)| rmse.filter(|rmse| *rmse > most).map(|rmse| (cycles, rmse, most)))
-        .map(|(cycles, rmse, most)| format!("the {cycles} cycles have a root mean square residual of {rmse:.1} µm, of which noise explains at most {most:.1} µm"))
-        .collect();
-    (!parts.is_empty()).then(|| parts.join(" and "))
-}
-
 /// Joins at most [`MOST_NAMES`] names, and adds the number of the remaining names.
 fn join_names(names: &[&str]) -> String {
     at_most(MOST_NAMES, names)
@@ -159,19 +138,29 @@ pub fn warnings(summary: &GroupsSummary) -> Vec<Warning> {
             "check each with `vitreo-uq sample`; give more steps (--steps), a narrower prior (--prior), or leave it out (--leave-out)",
         );
     }
-    let failing = names(&|experiment_summary| misfit(experiment_summary).is_some());
-    if let Some((entry, words)) =
-        summary.experiments.iter().find_map(|experiment| misfit(experiment).map(|words| (experiment, words)))
-    {
-        let text = format!(
-            "the models of {} of {} experiments do not fit: {}. In {}, {words}",
-            failing.len(),
-            summary.experiments.len(),
-            join_names(&failing),
-            entry.name,
-        );
-        let advice = "run `vitreo-uq diagnose` on them, extend their studies and give the studies here, or leave them out (--leave-out)";
-        add(WarningKind::MisfitAboveNoise, text, advice);
+    let mut kinds: Vec<WarningKind> = Vec::new();
+    for warning in summary.experiments.iter().flat_map(|experiment| &experiment.residual_warnings) {
+        if !kinds.contains(&warning.kind) {
+            kinds.push(warning.kind);
+        }
+    }
+    for kind in kinds {
+        let of_kind = |experiment: &ExperimentSummary| {
+            experiment.residual_warnings.iter().find(|warning| warning.kind == kind).cloned()
+        };
+        let failing = names(&|experiment| of_kind(experiment).is_some());
+        let Some(first) = summary.experiments.iter().find_map(of_kind) else { continue };
+        let (n, all, of, in_first) = (failing.len(), summary.experiments.len(), join_names(&failing), failing[0]);
+        let (text, advice) = if kind == WarningKind::MisfitAboveNoise {
+            let advice = "run `vitreo-uq diagnose` on them, extend their studies and give the studies here, or leave them out (--leave-out)";
+            (
+                format!("the models of {n} of {all} experiments do not fit: {of}. In {in_first}, {}", first.text),
+                advice.to_string(),
+            )
+        } else {
+            (format!("{n} of {all} experiments need a second look: {of}. In {in_first}, {}", first.text), first.advice)
+        };
+        add(kind, text, &advice);
     }
     let unknown = names(&|experiment_summary| experiment_summary.noise_um.is_none());
     if !unknown.is_empty() {

@@ -185,6 +185,8 @@ pub struct ExperimentSummary {
     pub predictive_sd_heldout_um: Option<f64>,
     /// Noise standard deviation that residuals are compared with, in µm; `None` if it is unknown.
     pub noise_um: Option<f64>,
+    /// Warnings that the residuals of this experiment alone give, by the tests of `sample`.
+    pub residual_warnings: Vec<Warning>,
     /// True if the draws of this experiment's posterior have converged.
     pub converged: bool,
     /// Effective number of this experiment's draws after they are reweighted with the population's distribution.

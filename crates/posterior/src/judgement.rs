@@ -10,7 +10,8 @@ use record::noise::rounding_sd_m;
 use record::{Control, NoiseOrigin, ReferenceNoise};
 
 use super::check::unknown_jump;
-use super::misfit::{GainKnowledge, Misfit, NOISE_FACTOR, OUTSIDE_BAND, Residuals};
+use super::full_check::mean_trajectory;
+use super::misfit::{GainKnowledge, Misfit, NOISE_FACTOR, OUTSIDE_BAND, Residuals, directions_of_spread};
 use super::noise::{NoiseLikelihood, NoiseModel};
 use super::patterns::{Pattern, TestedFit};
 use super::problem::Problem;
@@ -134,6 +135,25 @@ impl Judgement {
             has_gain,
             unknown_jump,
         }
+    }
+
+    /// Judges the mean of the trajectories (m) of posterior draws. Also takes the values of the noise parameters of each draw, in their units.
+    pub fn of_draws(
+        problem: &Problem,
+        (trajectories_m, noise): (&[Vec<f64>], &[Vec<f64>]),
+        joint_p: Option<f64>,
+        yardstick: Option<ReferenceNoise>,
+    ) -> Self {
+        let mean_m = mean_trajectory(trajectories_m, None);
+        let n_directions = problem.model.parameters().len();
+        let prediction = Prediction {
+            position_m: &mean_m,
+            columns_m: &directions_of_spread(trajectories_m, &mean_m, n_directions),
+            noise: (problem.noise, &median_parameters(noise)),
+            learnt_noise_m: Some(1e-6 * median_row_sd_um(problem.noise, noise)),
+            joint_p,
+        };
+        Self::of(problem, &prediction, yardstick)
     }
 
     /// Returns true if the held-out cycles lie outside the joint predictive band.
@@ -263,6 +283,22 @@ impl Judgement {
         };
         Some(Warning { kind, text, advice: advice.into() })
     }
+}
+
+fn middle(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}
+
+/// Median of each noise parameter over draws, in the parameter's unit.
+fn median_parameters(noise: &[Vec<f64>]) -> Vec<f64> {
+    let n_parameters = noise.first().map_or(0, Vec::len);
+    (0..n_parameters).map(|k| middle(noise.iter().map(|draw| draw[k]).collect())).collect()
+}
+
+/// Median over draws of the standard deviation (µm) of the noise that varies from row to row. `noise` holds the values of the noise parameters of each draw.
+pub fn median_row_sd_um(model: NoiseModel, noise: &[Vec<f64>]) -> f64 {
+    middle(noise.iter().map(|parameters| model.row_sd_um(parameters)).collect())
 }
 
 fn of_pattern(pattern: &Pattern) -> Warning {

@@ -6,10 +6,9 @@ use std::time::Instant;
 use super::advice::{WarningInputs, far_from_prior, impossible_positions_warning, warnings};
 use super::full_check::{self, FullCheck, N_CHECK_DRAWS, NaturalDraw, mean_trajectory, rmse_m};
 use super::heldout::{self, Score};
-use super::judgement::{Judgement, Prediction};
+use super::judgement::{Judgement, median_row_sd_um};
 use super::large_displacement;
 use super::log_score::log_score;
-use super::misfit::directions_of_spread;
 use super::modes::several_modes;
 use super::prepared::{KeptSurrogate, PreparedModel};
 use super::problem::{Problem, TAIL_MASS};
@@ -235,7 +234,7 @@ fn summarise(
     let parameters = parameter_summaries(prepared, columns, check);
     let mean_m = mean_trajectory(&check.trajectories_m, None);
     let fitted = problem.positions_of(&problem.experiment.calibration_cycles);
-    let learnt_noise_um = learnt_noise_um(check);
+    let learnt_noise_um = median_row_sd_um(problem.noise, &check.noise.parameters);
     let surrogate = prepared.surrogate.as_ref();
     let log_score = log_score(problem, &check.trajectories_m, &check.noise.parameters);
     let heldout = HeldoutSummary {
@@ -286,15 +285,8 @@ fn summarise(
         warnings: Vec::new(),
     };
     let messages = with_parameter_names(&outcome.messages, &problem.priors);
-    let columns_m = directions_of_spread(&check.trajectories_m, &mean_m, problem.model.parameters().len());
-    let prediction = Prediction {
-        position_m: &mean_m,
-        columns_m: &columns_m,
-        noise: (problem.noise, &median_noise(check)),
-        learnt_noise_m: Some(1e-6 * learnt_noise_um),
-        joint_p: summary.heldout.joint_p,
-    };
-    let judgement = &Judgement::of(problem, &prediction, yardstick);
+    let drawn = (&check.trajectories_m[..], &check.noise.parameters[..]);
+    let judgement = &Judgement::of_draws(problem, drawn, summary.heldout.joint_p, yardstick);
     let offset = summary.parameters.iter().find(|parameter| parameter.name == POSITION_OFFSET);
     let impossible_positions = impossible_positions_warning(&problem.experiment, offset.map(|offset| offset.median));
     let findings = WarningInputs { summary: &summary, judgement, sampler_messages: &messages, impossible_positions };
@@ -311,17 +303,6 @@ fn summarise(
     summary.warnings.extend(problem.finite_elements().into_iter().flat_map(|fe| fe.mesh_warnings.clone()));
     summary.trust = trust(&summary.warnings);
     summary
-}
-
-/// Median of each noise parameter over the checked draws, in the parameter's unit.
-fn median_noise(check: &FullCheck) -> Vec<f64> {
-    let draws = &check.noise.parameters;
-    let median = |k: usize| {
-        let mut values: Vec<f64> = draws.iter().map(|draw| draw[k]).collect();
-        values.sort_by(f64::total_cmp);
-        values[values.len() / 2]
-    };
-    (0..draws.first().map_or(0, Vec::len)).map(median).collect()
 }
 
 /// Names of the sampled law parameters whose draws accumulate at or beyond an end of the range that a fit searches: more than 5 % of them lie in the outermost 0.1 % of
@@ -468,14 +449,6 @@ fn refused_warning(n_refused: usize) -> Warning {
         ),
         advice: "give the effect a narrower prior, or leave it out".into(),
     }
-}
-
-/// Learnt standard deviation (µm) of the noise that varies from row to row, with all its terms: median over the checked draws.
-fn learnt_noise_um(check: &FullCheck) -> f64 {
-    let noise = &check.noise;
-    let mut noise_um: Vec<f64> = noise.parameters.iter().map(|parameter| noise.model.row_sd_um(parameter)).collect();
-    noise_um.sort_by(f64::total_cmp);
-    noise_um[noise_um.len() / 2]
 }
 
 /// Monte Carlo error of the mean trajectory in m: root mean square of its standard error at all rows.
