@@ -162,23 +162,19 @@ fn misfit_warning(left: &ResidualPValues) -> Option<Warning> {
     if left.is_noise() {
         return None;
     }
+    let warning = |text: String, advice: String| Some(Warning { kind: WarningKind::MisfitAboveNoise, text, advice });
     let p = left.p();
     if let Some(frequency_hz) = left.outlying_hz {
         let place = format_significant(frequency_hz, 4);
-        return Some(Warning {
-            kind: WarningKind::MisfitAboveNoise,
-            text: format!("no linear law explains the row at {place} Hz together with the other rows (p = {p:.3})"),
-            advice: "measure this row again, or remove it from the table, and run the same command".into(),
-        });
+        let advice = "measure this row again, or remove it from the table, and run the same command";
+        let text = format!("no linear law explains the row at {place} Hz together with the other rows (p = {p:.3})");
+        return warning(text, advice.into());
+    }
+    if left.repeats_differ() {
+        let advice = format!("{SEVERAL_GELS}, and sample them together to see whether they agree");
+        return warning(format!("{REPEATS_DIFFER}, which no law explains (p = {p:.3})"), advice);
     }
     let smallest = |of: Option<f64>| of.is_some_and(|of| of <= left.smallest());
-    if left.repeats_differ() {
-        return Some(Warning {
-            kind: WarningKind::MisfitAboveNoise,
-            text: format!("{REPEATS_DIFFER}, which no law explains (p = {p:.3})"),
-            advice: format!("{SEVERAL_GELS}, and sample them together to see whether they agree"),
-        });
-    }
     let text = match () {
         () if smallest(left.p_size) => {
             format!("the residuals of the law exceed the table's errors (p = {p:.3})")
@@ -198,8 +194,7 @@ fn misfit_warning(left: &ResidualPValues) -> Option<Warning> {
         }
         () => format!("residuals of held-out frequencies are larger than measurement errors (p = {p:.3})"),
     };
-    let advice = "run `diagnose`, or `compare --laws`, which tries every law".into();
-    Some(Warning { kind: WarningKind::MisfitAboveNoise, text, advice })
+    warning(text, "run `diagnose`, or `compare --laws`, which tries every law".into())
 }
 
 fn warnings(

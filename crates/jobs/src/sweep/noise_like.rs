@@ -10,8 +10,10 @@ use criticism::criteria::Criteria;
 use record::rows_by_frequency;
 use sampling::ensemble::RandomStream;
 
-/// Number of simulated oscillations. Five tests at a joint level of 1 % need to resolve probabilities of 1/500.
-const N_SIMULATED: usize = 599;
+/// Numbers of simulated oscillations without and with repeats. Four tests at a joint level of 1 % need to resolve probabilities of 1/400, five of 1/500.
+const N_SIMULATED: [usize; 2] = [499, 599];
+/// Statistic of repeats where there are none.
+const NO_REPEATS: f64 = -1.0;
 /// Joint probability of all tests below which residuals do not count as noise.
 pub const LEAST_P: f64 = Criteria::SWEEP.least_noise_p;
 /// Number of the random stream of the first simulation. Other uses of the seed have other stream numbers.
@@ -93,7 +95,7 @@ fn test_statistics(problem: &SweepProblem, fit: &SweepFit) -> Option<Statistics>
         squares(&part(true)),
         0.0,
         0.0,
-        part_of_repeats(problem, &residuals),
+        part_of_repeats(problem, &residuals).unwrap_or(NO_REPEATS),
     ];
     let mut outlying = None;
     if let Some(spectrum) = fit_spectrum(&problem.sweep) {
@@ -122,41 +124,29 @@ fn test_statistics(problem: &SweepProblem, fit: &SweepFit) -> Option<Statistics>
 /// Smallest number of frequencies with several rows from which differences between repeats are tested.
 const FEWEST_REPEATED: usize = 5;
 
-/// Differences of the residuals at each frequency from their mean, by repeat: the first row of every frequency that has several belongs to the first repeat, the second to
-/// the next, and so on. `None` for too few such frequencies. The errors of a wrong law are equal in all repeats of a frequency, and leave the differences.
-fn differences_by_repeat(problem: &SweepProblem, residuals: &[[f64; 2]]) -> Option<Vec<Vec<[f64; 2]>>> {
+/// Part of the squared differences between repeats that a common difference of each repeat makes: a sweep that is repeated on a gel that has changed, or on another gel,
+/// differs by a common factor. The first row of every frequency that has several belongs to the first repeat, the second to the next, and so on. The errors of a wrong law
+/// are equal in all repeats of a frequency, and leave the differences. `None` for too few such frequencies.
+fn part_of_repeats(problem: &SweepProblem, residuals: &[[f64; 2]]) -> Option<f64> {
     let mut by_repeat: Vec<Vec<[f64; 2]>> = Vec::new();
     let mut rest = residuals;
-    let mut n_repeated = 0;
     for rows in rows_by_frequency(&problem.sweep.rows) {
         let (here, after) = rest.split_at(rows.len());
         rest = after;
-        if let [_, _, ..] = here {
-            n_repeated += 1;
-            let mean = mean(here);
-            for (number, residual) in here.iter().enumerate() {
-                if number == by_repeat.len() {
-                    by_repeat.push(Vec::new());
-                }
-                by_repeat[number].push([0, 1].map(|k| residual[k] - mean[k]));
-            }
+        let middle = mean(here);
+        for (number, residual) in here.iter().enumerate().filter(|_| here.len() > 1) {
+            by_repeat.resize(by_repeat.len().max(number + 1), Vec::new());
+            by_repeat[number].push([0, 1].map(|k| residual[k] - middle[k]));
         }
     }
-    (n_repeated >= FEWEST_REPEATED).then_some(by_repeat)
+    let squares = |pairs: &[[f64; 2]]| pairs.iter().flatten().map(|x| x * x).sum::<f64>();
+    let common: f64 = by_repeat.iter().map(|pairs| pairs.len() as f64 * squares(&[mean(pairs)])).sum();
+    let all: f64 = by_repeat.iter().map(|pairs| squares(pairs)).sum();
+    (by_repeat.first()?.len() >= FEWEST_REPEATED).then(|| if all > 0.0 { common / all } else { 0.0 })
 }
 
 fn mean(pairs: &[[f64; 2]]) -> [f64; 2] {
     [0, 1].map(|k| pairs.iter().map(|pair| pair[k]).sum::<f64>() / pairs.len() as f64)
-}
-
-/// Part of the squared differences between repeats that a common difference of each repeat makes: a sweep that is repeated on a gel that has changed, or on another gel,
-/// differs by a common factor. 0 without repeats.
-fn part_of_repeats(problem: &SweepProblem, residuals: &[[f64; 2]]) -> f64 {
-    let Some(by_repeat) = differences_by_repeat(problem, residuals) else { return 0.0 };
-    let squares = |pairs: &[[f64; 2]]| pairs.iter().flatten().map(|x| x * x).sum::<f64>();
-    let common: f64 = by_repeat.iter().map(|pairs| pairs.len() as f64 * squares(&[mean(pairs)])).sum();
-    let all: f64 = by_repeat.iter().map(|pairs| squares(pairs)).sum();
-    if all > 0.0 { common / all } else { 0.0 }
 }
 
 /// Tests the residuals of a fit. If a row departs from every passive linear law, the other rows are tested alone: the row is named if the law then passes. `None` if the model
@@ -190,7 +180,10 @@ fn test(problem: &SweepProblem, fit: &SweepFit, seed: u64) -> Result<Option<(Res
         // A law that the frequencies do not determine may have no maximum. Its prediction without a new fit then stands for it: without simulations, every residual would be noise.
         Ok(test_statistics(&other, refitted.as_ref().unwrap_or(fit)))
     };
-    let all: Vec<Option<Statistics>> = (0..N_SIMULATED).into_par_iter().map(simulate).collect::<Result<_>>()?;
+    let all: Vec<Option<Statistics>> = (0..N_SIMULATED[usize::from(found.sizes[5] != NO_REPEATS)])
+        .into_par_iter()
+        .map(simulate)
+        .collect::<Result<_>>()?;
     let simulated: Vec<[f64; 6]> = all.into_iter().flatten().map(|statistics| statistics.sizes).collect();
     let p = |k: usize| {
         let n_larger = simulated.iter().filter(|sizes| sizes[k] >= found.sizes[k]).count();
@@ -203,7 +196,7 @@ fn test(problem: &SweepProblem, fit: &SweepFit, seed: u64) -> Result<Option<(Res
         p_heldout: has_heldout.then(|| p(2)),
         p_spectrum: found.outlying.filter(|_| !problem.sweep.has_errors()).map(|_| p(3)),
         p_row: found.outlying.map(|_| p(4)),
-        p_repeats: differences_by_repeat(problem, &problem.residuals(&predicted, &fit.values)).map(|_| p(5)),
+        p_repeats: (found.sizes[5] != NO_REPEATS).then(|| p(5)),
         outlying_hz: None,
     };
     Ok(Some((left, found.outlying)))

@@ -151,7 +151,7 @@ fn springpot(seed: u64) -> OscillationRecord {
     OscillationRecord { rows, ..sweep(Beside::Nothing, SweepForm::StorageAndLoss, None, seed) }
 }
 
-/// A second sweep of a gel that is 3 % stiffer is found, with errors of 1 % at nine frequencies. Two sweeps of one gel pass: at a level of 1 %, more than one of six
+/// A second sweep of a gel that is 6 % stiffer is found, with errors of 1 % at nine frequencies. Two sweeps of one gel pass: at a level of 1 %, more than one of six
 /// fails for 15 of 10,000 seeds.
 #[test]
 fn repeats_that_differ_alike_are_found() {
@@ -165,7 +165,7 @@ fn repeats_that_differ_alike_are_found() {
         test_residuals(&problem, &fit, 1).unwrap().unwrap()
     };
     for seed in 0..3 {
-        let changed = tested(seed, 1.03);
+        let changed = tested(seed, 1.06);
         assert!(changed.p_repeats.unwrap() < 0.01 && !changed.is_noise(), "{changed:?}");
     }
     assert!((0..6).filter(|seed| !tested(*seed, 1.0).is_noise()).count() <= 1);

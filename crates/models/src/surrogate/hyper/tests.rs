@@ -157,7 +157,7 @@ fn small_effects_are_right_beside_themselves() {
             FAMILIES[which],
             largest_distance(&exact, &linear)
         );
-        assert!(error < 0.03, "{which}: {error:e}");
+        assert!(error < 0.04, "{which}: {error:e}");
     }
 }
 
