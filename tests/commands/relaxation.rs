@@ -1,6 +1,6 @@
 //! Records with a prescribed position, from the table to the verdict. The forces come from closed forms.
 
-use crate::program::{normals, vitreo};
+use crate::program::{Run, normals, vitreo};
 use serde_json::Value;
 use std::fmt::Write as _;
 use std::path::Path;
@@ -241,6 +241,21 @@ fn several_tests_in_one_file_are_joined() {
     }
 }
 
+/// Samples a record as a standard linear solid.
+fn sample_as_solid(folder: &Path, name: &str) -> Run {
+    let law = ["--base", "standard-linear-solid", "--prior", "generic", "--json", "-", "--no-report"];
+    vitreo(folder, &[&["sample", name], &law[..]].concat())
+}
+
+/// Checks the first two parameters (Pa) of a posterior.
+fn finds_moduli(posterior: &Value, expected_pa: [f64; 2]) {
+    for (own, expected) in posterior["parameters"].as_array().unwrap().iter().zip(expected_pa) {
+        let [low, high] = ["q05", "q95"].map(|key| own[key].as_f64().unwrap());
+        // Four times the interval's half width is 6.6 standard deviations.
+        assert!((0.5 * (low + high) - expected).abs() < 2.0 * (high - low), "{own} {expected}");
+    }
+}
+
 /// A strain that steps between two rows, while the stress relaxes as fast, is read as a ramp: `check` says so, and no result is trusted. Rows just before and after the step tell its
 /// time, although no stress was measured in them.
 #[test]
@@ -266,17 +281,9 @@ fn a_step_between_rows_is_named() {
     };
     assert!(write("coarse", &[]), "the step lies between rows at 2 and 2.5 s");
     assert!(!write("told", &[2.0999, 2.1001]), "the step has rows at its time");
-    let sample = |name| {
-        let law = ["--base", "standard-linear-solid", "--prior", "generic", "--json", "-", "--no-report"];
-        vitreo(folder.path(), &[&["sample", name], &law[..]].concat())
-    };
-    assert!(sample("coarse").exits(1).stderr.contains("strain jumps between the rows"));
-    let parameters = sample("told").exits(0).json()["parameters"].clone();
-    for (own, expected) in parameters.as_array().unwrap().iter().zip([300.0, 600.0]) {
-        let [low, high] = ["q05", "q95"].map(|key| own[key].as_f64().unwrap());
-        // Four times the interval's half width is 6.6 standard deviations.
-        assert!((0.5 * (low + high) - expected).abs() < 2.0 * (high - low), "{own} {expected}");
-    }
+    let sampled = sample_as_solid(folder.path(), "coarse");
+    assert!(sampled.exits(1).stderr.contains("strain jumps between the rows"));
+    finds_moduli(&sample_as_solid(folder.path(), "told").exits(0).json(), [300.0, 600.0]);
 }
 
 /// A row of no strain at time 0, and evenly spaced rows after a gap: the strain may have grown in the gap or jumped, so `check` says so and no result is trusted. Rows that are evenly
@@ -302,15 +309,7 @@ fn a_gap_after_a_row_of_no_strain_is_named() {
     let logarithmic: Vec<f64> = (0..81).map(|row| 0.01 * 10f64.powf(f64::from(row) / 25.0)).collect();
     assert!(write("even", &even));
     assert!(!write("logarithmic", &logarithmic));
-    let sample = |name| {
-        let law = ["--base", "standard-linear-solid", "--prior", "generic", "--json", "-", "--no-report"];
-        vitreo(folder.path(), &[&["sample", name], &law[..]].concat())
-    };
-    assert!(sample("even").exits(1).stderr.contains("strain jumps between the rows"));
-    let parameters = sample("logarithmic").exits(0).json()["parameters"].clone();
-    for (own, expected) in parameters.as_array().unwrap().iter().zip([300.0, 600.0]) {
-        let [low, high] = ["q05", "q95"].map(|key| own[key].as_f64().unwrap());
-        // Four times the interval's half width is 6.6 standard deviations.
-        assert!((0.5 * (low + high) - expected).abs() < 2.0 * (high - low), "{own} {expected}");
-    }
+    let sampled = sample_as_solid(folder.path(), "even");
+    assert!(sampled.exits(1).stderr.contains("strain jumps between the rows"));
+    finds_moduli(&sample_as_solid(folder.path(), "logarithmic").exits(0).json(), [300.0, 600.0]);
 }

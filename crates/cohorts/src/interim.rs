@@ -195,12 +195,21 @@ impl Specimen {
         let mean_m = mean_trajectory(&trajectories, None);
         let misfit_um = |cycles: &[u32]| {
             let observed = self.model.problem.positions_of(cycles);
-            (!trajectories.is_empty() && observed.iter().any(Option::is_some))
-                .then(|| [rmse_m(&mean_m, &observed), self.spread_m(&trajectories, cycles)].map(|m| 1e6 * m))
+            (!trajectories.is_empty() && observed.iter().any(Option::is_some)).then(|| {
+                let about_mean = about(&mean_m, &observed);
+                let squares = trajectories.iter().map(|trajectory| rmse_m(trajectory, &about_mean).powi(2));
+                let spread_m = (squares.sum::<f64>() / trajectories.len() as f64).sqrt();
+                [rmse_m(&mean_m, &observed), spread_m].map(|m| 1e6 * m)
+            })
         };
         let experiment = &self.model.problem.experiment;
-        let residual_warnings =
-            if trajectories.is_empty() { Vec::new() } else { self.residual_warnings(&trajectories, &noise) };
+        let heldout_um = misfit_um(&experiment.heldout_cycles);
+        let residual_warnings = if trajectories.is_empty() {
+            Vec::new()
+        } else {
+            let spread_um = heldout_um.map_or(0.0, |[_, spread]| spread);
+            self.residual_warnings(&trajectories, &noise, 1e-6 * spread_um)
+        };
         Ok(InterimResult {
             built_from_sha256,
             parameters: self.model.problem.priors.names().map(String::from).collect(),
@@ -208,28 +217,20 @@ impl Specimen {
             converged: outcome.converged,
             ess,
             rmse_fitted_um: misfit_um(&experiment.calibration_cycles).map_or(f64::NAN, |[rmse, _]| rmse),
-            rmse_heldout_um: misfit_um(&experiment.heldout_cycles).map(|[rmse, _]| rmse),
-            predictive_sd_heldout_um: misfit_um(&experiment.heldout_cycles).map(|[_, spread]| spread),
+            rmse_heldout_um: heldout_um.map(|[rmse, _]| rmse),
+            predictive_sd_heldout_um: heldout_um.map(|[_, spread]| spread),
             noise_um: experiment.reference_noise().map(|yardstick| 1e6 * yardstick.sd_m),
             residual_warnings,
         })
     }
 
-    /// Standard deviation (m) of predicted positions over draws: root mean square over the rows of some cycles.
-    fn spread_m(&self, trajectories_m: &[Vec<f64>], cycles: &[u32]) -> f64 {
-        let mean_m = mean_trajectory(trajectories_m, None);
-        let about_mean = about(&mean_m, &self.model.problem.positions_of(cycles));
-        let squares = trajectories_m.iter().map(|trajectory| rmse_m(trajectory, &about_mean).powi(2));
-        (squares.sum::<f64>() / trajectories_m.len() as f64).sqrt()
-    }
-
-    /// Warnings that the residuals give, by the tests of `sample`: without its joint band, but a misfit of the held-out cycles must exceed the spread of the prediction, too.
-    fn residual_warnings(&self, trajectories_m: &[Vec<f64>], noise: &[Vec<f64>]) -> Vec<Warning> {
+    /// Warnings that the residuals give, by the tests of `sample`: without its joint band, but a misfit of the held-out cycles must exceed the spread of the prediction, too: its standard
+    /// deviation is `spread_m`.
+    fn residual_warnings(&self, trajectories_m: &[Vec<f64>], noise: &[Vec<f64>], spread_m: f64) -> Vec<Warning> {
         let experiment = &self.model.problem.experiment;
         let judgement =
             Judgement::of_draws(&self.model.problem, (trajectories_m, noise), None, experiment.reference_noise());
         let is_covered = judgement.misfit.is_some_and(|misfit| {
-            let spread_m = self.spread_m(trajectories_m, &experiment.heldout_cycles);
             let most_m = (NOISE_FACTOR * misfit.noise_m).hypot(LARGEST_PREDICTIVE_SDS * spread_m);
             !misfit.fitted.is_too_large && misfit.heldout.is_some_and(|heldout| heldout.rms_m <= most_m)
         });

@@ -124,9 +124,10 @@ fn test_statistics(problem: &SweepProblem, fit: &SweepFit) -> Option<Statistics>
 /// Smallest number of frequencies with several rows from which differences between repeats are tested.
 const FEWEST_REPEATED: usize = 5;
 
-/// Part of the squared differences between repeats that a common difference of each repeat makes: a sweep that is repeated on a gel that has changed, or on another gel,
-/// differs by a common factor. The first row of every frequency that has several belongs to the first repeat, the second to the next, and so on. The errors of a wrong law
-/// are equal in all repeats of a frequency, and leave the differences. `None` for too few such frequencies.
+/// Share of a common difference in the squared differences between repeats. A sweep of a gel that has changed, or of another gel, differs by a common factor.
+///
+/// The first row of every frequency with several rows belongs to the first repeat, the second to the next, and so on. The errors of a wrong law are equal in all repeats
+/// of a frequency, and leave the differences. `None` for too few such frequencies.
 fn part_of_repeats(problem: &SweepProblem, residuals: &[[f64; 2]]) -> Option<f64> {
     let mut by_repeat: Vec<Vec<[f64; 2]>> = Vec::new();
     let mut rest = residuals;
