@@ -325,7 +325,8 @@ fn full_and_reduced_agree_within_what_the_reduced_model_states() {
     let check = prepared.verify_now(&SilentMonitor).unwrap().unwrap();
     assert!(check.n_runs == 2 && check.relative_error <= stated && check_warning(&check).is_none(), "{check:?}");
     let compliance = Compliance::fixed(0.5 * prepared.compliance.experiment_per_m());
-    let wrong = PreparedModel { compliance, ..prepared.clone() }.verify_now(&SilentMonitor).unwrap().unwrap();
+    let wrong =
+        PreparedModel::given(&prepared.problem, compliance, Vec::new()).verify_now(&SilentMonitor).unwrap().unwrap();
     assert!((wrong.relative_error - 0.5).abs() < 1e-6, "{wrong:?}");
     let warning = check_warning(&wrong).unwrap();
     assert!(

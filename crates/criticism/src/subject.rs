@@ -82,7 +82,6 @@ pub(super) struct SharedParts {
     pub own_noise: Vec<String>,
     pub reference_noise_m: f64,
     /// The model's compliance, with a memory of trajectories for nonlinear laws.
-    pub local: Compliance,
     pub response: Response,
     /// Response to large displacements in this record, or the reason why it was not learnt. A search sets it once it has decided.
     pub large: LearntResponse,
@@ -155,9 +154,8 @@ impl Subject {
             Some((_, field)) if field.is_learnt_for_record() => compliance,
             _ => compliance.with_trained(move || slot.get().and_then(|found| found.clone().ok())),
         };
-        let local = trajectory::with_trajectory_cache(&compliance, &record.time_s, record.force());
         let model = PreparedModel::given(&base, compliance, Vec::new());
-        let shared = SharedParts { model, library, own_noise, reference_noise_m, local, response, large };
+        let shared = SharedParts { model, library, own_noise, reference_noise_m, response, large };
         Ok(Self::of(Arc::new(shared), fitted_m, scored_m))
     }
 
@@ -174,11 +172,10 @@ impl Subject {
         let base = self.problem();
         let problem = base.with_experiment(experiment, base.specification.clone(), library)?;
         let shared_parts = SharedParts {
-            model: PreparedModel { problem, ..shared.model.clone() },
+            model: shared.model.for_problem(problem),
             library: library.clone(),
             own_noise: shared.own_noise.clone(),
             reference_noise_m: shared.reference_noise_m,
-            local: shared.local.clone(),
             response: shared.response.clone(),
             large: shared.large.clone(),
         };
@@ -283,8 +280,7 @@ impl Subject {
         let record = &problem.experiment.record;
         let shared_parts = SharedParts {
             response: Response::new(&record.time_s, record.force(), record.n_rows()),
-            local: trajectory::with_trajectory_cache(&shared.model.compliance, &record.time_s, record.force()),
-            model: PreparedModel { problem, ..shared.model.clone() },
+            model: shared.model.for_problem(problem),
             library: shared.library.clone(),
             own_noise: shared.own_noise.clone(),
             reference_noise_m: shared.reference_noise_m,
@@ -451,7 +447,7 @@ impl Subject {
 
     /// Compliance that remembers the trajectories of nonlinear laws, for many neighbouring points.
     pub fn memory_compliance(&self) -> &Compliance {
-        &self.shared.local
+        self.shared.model.local_compliance()
     }
 
     /// Number of fitted positions.
@@ -475,8 +471,7 @@ impl Subject {
         for (lane, theta) in points.iter().enumerate().take(N_LANES) {
             let parameters: Vec<Dual> = candidate.parameters(theta).into_iter().map(Dual::constant).collect();
             let made = candidate.model.stages(&parameters).and_then(|mut stages| {
-                let compliance =
-                    if self.has_trajectory_memory { &self.shared.local } else { &self.shared.model.compliance };
+                let compliance = if self.has_trajectory_memory { self.memory_compliance() } else { self.compliance() };
                 let compliance = compliance.resolve(&mut stages)?;
                 Ok((stages, compliance.value))
             });

@@ -19,7 +19,8 @@ use sampling::ensemble::Draws;
 
 /// Largest total number of predicted draws, over all chains.
 const MOST_DRAWS: usize = 500;
-/// Smallest total number of predicted draws, which applies to long records.
+/// Smallest total number of predicted draws, which applies to long records. It is also the number of prior predictions by a nonlinear law, whose trajectories far
+/// from the posterior take milliseconds each.
 const FEWEST_DRAWS: usize = 100;
 /// Largest number of values in one variable (4 MB). For longer records, only every k-th row is predicted.
 const MOST_VALUES: usize = 500_000;
@@ -60,7 +61,7 @@ pub fn record_groups(model: &PreparedModel, draws: &Draws, seed: u64) -> RecordG
         let posterior = model.posterior();
         let predictor = Predictor::new(model, &posterior, &observed_rows, draws.n_ensembles, seed);
         predictor.add_posterior(draws, &mut groups);
-        predictor.add_prior(&mut groups);
+        predictor.add_prior(&model.forward(), &mut groups);
     }
     groups
 }
@@ -72,7 +73,8 @@ type DrawPrediction = (Vec<f64>, Vec<f64>);
 struct Predictor<'a> {
     problem: &'a Problem,
     posterior: &'a ReducedPosterior<'a>,
-    forward: SurrogateForward<'a>,
+    /// Model for draws of the posterior, which are near each other.
+    local_forward: SurrogateForward<'a>,
     likelihood: NoiseLikelihood,
     /// Predicted rows: every `stride`-th row that has a position.
     rows: Vec<usize>,
@@ -93,7 +95,8 @@ impl<'a> Predictor<'a> {
         n_chains: usize,
         seed: u64,
     ) -> Self {
-        let (problem, forward) = (&model.problem, model.forward());
+        let problem = &model.problem;
+        let local_forward = model.local_forward(problem.experiment.record.n_rows());
         let stride = (observed_rows.len() * FEWEST_DRAWS).div_ceil(MOST_VALUES).max(1);
         let rows: Vec<usize> = observed_rows.iter().copied().step_by(stride).collect();
         let of_all = (MOST_VALUES / rows.len()).clamp(FEWEST_DRAWS, MOST_DRAWS);
@@ -101,7 +104,7 @@ impl<'a> Predictor<'a> {
         let is_chosen = |(_, row): &(usize, usize)| rows.binary_search(row).is_ok();
         let fitted = likelihood.observed_rows().enumerate().filter(is_chosen).collect();
         let n_draws = of_all.div_ceil(n_chains);
-        Self { problem, posterior, forward, likelihood, rows, stride, fitted, n_chains, n_draws, seed }
+        Self { problem, posterior, local_forward, likelihood, rows, stride, fitted, n_chains, n_draws, seed }
     }
 
     fn random(&self, stream: u64) -> ChaCha8Rng {
@@ -112,9 +115,9 @@ impl<'a> Predictor<'a> {
 
     /// Returns the positions (m) at all rows of the record and the noise parameters; `None` if the model has no prediction. `natural` holds the parameters in
     /// natural units.
-    fn prediction(&self, natural: &[f64]) -> Option<(Vec<f64>, Vec<f64>)> {
+    fn prediction(&self, forward: &SurrogateForward, natural: &[f64]) -> Option<(Vec<f64>, Vec<f64>)> {
         let (model, noise) = natural.split_at(self.problem.model.parameters().len());
-        let trajectory_m = self.forward.trajectory_m(model).ok()?;
+        let trajectory_m = forward.trajectory_m(model).ok()?;
         trajectory_m.iter().all(|x| x.is_finite()).then(|| (trajectory_m, noise.to_vec()))
     }
 
@@ -136,7 +139,7 @@ impl<'a> Predictor<'a> {
         let one = |index: usize| {
             let [walker, step] = order[places[index % n_draws]];
             let natural = self.posterior.natural(&draws.point(index / n_draws, step, walker));
-            let (trajectory_m, noise) = self.prediction(&natural)?;
+            let (trajectory_m, noise) = self.prediction(&self.local_forward, &natural)?;
             let ln_density = self.likelihood.ln_pointwise(&trajectory_m, &noise);
             let chosen = self.fitted.iter().map(|(place, _)| ln_density[*place] - LN_UM_PER_M).collect::<Vec<f64>>();
             let rng = &mut self.random(POSTERIOR_STREAM + index as u64);
@@ -182,19 +185,21 @@ impl<'a> Predictor<'a> {
         groups.drawn.push(of_group("posterior_predictive", "µm", note, self.row_labels(), of(|pair| &pair.1)));
     }
 
-    fn add_prior(&self, groups: &mut RecordGroups) {
+    /// Adds predictions of prior draws by `forward`, for laws that are far from each other.
+    fn add_prior(&self, forward: &SurrogateForward, groups: &mut RecordGroups) {
         let priors = &self.problem.priors;
         let one = |index: usize| {
             let mut rng = self.random(PRIOR_STREAM + index as u64);
             (0..MOST_TRIES).find_map(|_| {
                 let values = priors.draw(&mut rng);
                 let natural = self.posterior.natural(&priors.to_unconstrained(&values));
-                let (trajectory_m, noise) = self.prediction(&natural)?;
+                let (trajectory_m, noise) = self.prediction(forward, &natural)?;
                 let position_um = self.with_noise_um(&trajectory_m, &noise, &mut rng);
                 position_um.iter().all(|x| x.is_finite()).then_some((values, position_um))
             })
         };
-        let n_draws = self.n_draws * self.n_chains;
+        let most = if self.problem.model.is_nonlinear() { FEWEST_DRAWS } else { usize::MAX };
+        let n_draws = most.min(self.n_draws * self.n_chains);
         let all: Vec<(Vec<f64>, Vec<f64>)> = (0..n_draws).into_par_iter().filter_map(one).collect();
         if all.is_empty() {
             return;

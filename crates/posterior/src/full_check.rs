@@ -90,7 +90,8 @@ fn normal_components(student_dof: Option<f64>) -> Vec<f64> {
 /// [`base::Error::Numerical`] if no draw has a model on the whole record; errors of the full-order and the reduced model.
 pub fn check(prepared: &PreparedModel, draws: &[NaturalDraw]) -> Result<FullCheck> {
     let problem = &prepared.problem;
-    let (reduced_forward, full) = (prepared.forward(), problem.full_forward()?);
+    let n_rows = problem.experiment.record.n_rows();
+    let (reduced_forward, full) = (prepared.local_forward(n_rows), problem.full_forward()?);
     let n_model = problem.model.parameters().len();
     let is_slow = problem.model.field().is_some();
     let outside = problem.outside_forward();

@@ -1,7 +1,7 @@
 //! Prepared model: a problem (experiment, law, effects, priors, noise) with its reduced model and the reduced model's verified error.
 
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -56,6 +56,8 @@ pub struct PreparedModel {
     /// Largest error of a surrogate that was trained for this record; `None` without such a surrogate. For large displacements, the error is divided by the
     /// displacement. For an external program, it is divided by the noise standard deviation.
     pub learnt_error: Option<f64>,
+    /// Compliance whose nonlinear laws reuse trajectories that are trained for the problem's record. Clones share it.
+    local: Arc<OnceLock<Compliance>>,
 }
 
 /// Content of the file [`SURROGATE_NAME`]: the surrogate of the law, the field models of effects, and the hashes of their inputs.
@@ -159,6 +161,7 @@ impl PreparedModel {
             max_relative_error: Some(surrogate.max_relative_error),
             surrogate: Some(surrogate),
             problem: problem.clone(),
+            local: Arc::default(),
         })
     }
 
@@ -172,6 +175,7 @@ impl PreparedModel {
             trained,
             max_relative_error: None,
             learnt_error: None,
+            local: Arc::default(),
         }
     }
 
@@ -307,12 +311,21 @@ pub fn with_fields(compliance: Compliance, fields: &FieldModels) -> Compliance {
 }
 
 impl PreparedModel {
-    /// Uses this reduced model for another problem, which may differ only in positions, cycles or priors.
+    /// Uses this reduced model for another problem, whose apparatus, law and effects are the same.
     pub fn for_problem(&self, problem: Problem) -> Self {
-        Self { problem, ..self.clone() }
+        let [own, other] = [&self.problem, &problem].map(|problem| &problem.experiment.record);
+        let has_own_rows = own.time_s == other.time_s && own.force() == other.force();
+        let local = if has_own_rows { self.local.clone() } else { Arc::default() };
+        Self { problem, local, ..self.clone() }
     }
 
-    /// Log posterior of the fitted cycles by the reduced model. For a nonlinear law, computed trajectories are cached.
+    /// Compliance for many laws that are near each other: trajectories of nonlinear laws are trained for the problem's record, and reused.
+    pub fn local_compliance(&self) -> &Compliance {
+        let record = &self.problem.experiment.record;
+        self.local.get_or_init(|| trajectory::with_trajectory_cache(&self.compliance, &record.time_s, record.force()))
+    }
+
+    /// Log posterior of the fitted cycles by the reduced model, with [`PreparedModel::local_compliance`].
     pub fn posterior(&self) -> ReducedPosterior<'_> {
         let problem = &self.problem;
         let record = &problem.experiment.record;
@@ -320,7 +333,7 @@ impl PreparedModel {
         let parts = PosteriorParts {
             model: &problem.model,
             noise: problem.noise,
-            compliance: trajectory::with_trajectory_cache(&self.compliance, time_s, force),
+            compliance: self.local_compliance().clone(),
             trained: &self.trained,
             priors: &problem.priors,
             fixed: &problem.specification.fixed,
@@ -335,12 +348,11 @@ impl PreparedModel {
         self.forward_over(Response::new(&record.time_s, record.force(), record.n_rows()))
     }
 
-    /// Reduced forward model over the first `n_rows` rows. It caches trajectories of a nonlinear law, as the posterior does.
-    pub fn forward_up_to(&self, n_rows: usize) -> SurrogateForward<'_> {
+    /// Reduced forward model over the first `n_rows` rows, for many laws that are near each other.
+    pub fn local_forward(&self, n_rows: usize) -> SurrogateForward<'_> {
         let record = &self.problem.experiment.record;
-        let (time_s, force) = (&record.time_s, record.force());
-        let compliance = trajectory::with_trajectory_cache(&self.compliance, time_s, force);
-        SurrogateForward { compliance, ..self.forward_over(Response::new(time_s, force, n_rows)) }
+        let compliance = self.local_compliance().clone();
+        SurrogateForward { compliance, ..self.forward_over(Response::new(&record.time_s, record.force(), n_rows)) }
     }
 
     /// Reduced forward model over the rows for which `response` was prepared.

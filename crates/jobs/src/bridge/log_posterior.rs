@@ -48,7 +48,7 @@ impl<'a> Posterior<'a> {
         let problem = &model.problem;
         let noise = problem.noise_likelihood(&problem.experiment.calibration_cycles);
         let n_rows = noise.observed_rows().last().map_or(0, |last| last + 1);
-        let forward = model.forward_up_to(n_rows);
+        let forward = model.local_forward(n_rows);
         let gradient = PosteriorGradient::new(forward, noise, &problem.priors, &problem.specification.fixed);
         Self { problem, trained: &model.trained, density: model.posterior(), gradient }
     }

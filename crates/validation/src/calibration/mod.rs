@@ -153,7 +153,7 @@ impl Bench {
             }
             None => None,
         };
-        let reduced = self.model.forward_up_to(time_s.len());
+        let reduced = self.model.local_forward(time_s.len());
         let forwards = Forwards { reduced: &reduced, full: full.as_ref().map(|full| full as &dyn Forward) };
         monitor.stage("simulating and sampling records");
         let counter = Counter::new(monitor, numbers.len());

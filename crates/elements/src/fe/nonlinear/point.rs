@@ -204,15 +204,20 @@ impl<N: Number> StageLaw<N> {
         let (j, driving) = (self.linear_compliance, norm * EQUIVALENT);
         let (jv, g, p, s0, e) = (j.value(), fluidity.value(), exponent.value(), reference.value(), driving.value());
         // In logarithms both limits of the equation are straight lines: y = ln(m/s₀), ln
-        // ρ = ln(g/j) + p y, y + ln(1 + ρ) = ln(e/(j s₀)).
+        // ρ = ln(g/j) + p y, y + ln(1 + ρ) = ln(e/(j s₀)). Halley's steps of third order start from the
+        // lower line.
         let (target, offset) = ((e / (jv * s0)).ln(), (g / jv).ln());
         let mut y = target.min((target - offset) / (1.0 + p));
         if e > 0.0 {
             for _ in 0..MOST_ITERATIONS {
                 let ratio = (offset + p * y).exp();
-                let change = (y + ratio.ln_1p() - target) / (1.0 + p * ratio / (1.0 + ratio));
+                let steep = p * ratio / (1.0 + ratio);
+                let (excess, slope) = (y + ratio.ln_1p() - target, 1.0 + steep);
+                let bend = steep * p / (1.0 + ratio);
+                let change = excess * slope / (slope * slope - 0.5 * excess * bend);
                 y -= change;
-                if change.abs() <= ROUNDING {
+                // The next change would be of the order of the cube of this one.
+                if change.abs() <= CUBIC_ROUNDING {
                     break;
                 }
             }
@@ -258,6 +263,8 @@ pub const STIFFENING_START: [[f64; 2]; 2] = [[0.33035, 0.0010286], [0.91573, 0.0
 const MOST_ITERATIONS: usize = 60;
 /// Relative change at which the iteration for the nonlinear body's scalar equation ends.
 const ROUNDING: f64 = 1e-10;
+/// Change at which an iteration of third order ends.
+const CUBIC_ROUNDING: f64 = 1e-4;
 
 /// Gives a root of `rest` the derivative of the number type `N`, by one more Newton step.
 #[inline(always)]
