@@ -48,6 +48,7 @@
 //! - [`cohorts`]: groups of specimens, and effects that a cohort lacks
 //! - [`validation`]: challenges, calibration
 //! - [`prediction`]: robots under uncertainty, sensitivity, force plans, shapes
+//! - [`intake`]: descriptions of tables of measurements, for `init`
 //! - [`jobs`]: the function behind every command
 
 pub use base;
@@ -57,6 +58,7 @@ pub use criticism;
 pub use documents;
 pub use elements;
 pub use figures;
+pub use intake;
 pub use jobs;
 pub use laws;
 pub use learning;

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use vitreo_uq::jobs::init::{InitRequest, run};
+use vitreo_uq::intake::{InitRequest, run};
 use vitreo_uq::record::table::TableSettings;
 use vitreo_uq::record::{Control, Experiment, OscillationRecord};
 

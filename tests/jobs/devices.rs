@@ -2,7 +2,7 @@
 //! columns say.
 
 use vitreo_uq::documents::init::InitSummary;
-use vitreo_uq::jobs::init::{InitRequest, run};
+use vitreo_uq::intake::{InitRequest, run};
 use vitreo_uq::record::table::TableSettings;
 use vitreo_uq::record::{Apparatus, Experiment};
 

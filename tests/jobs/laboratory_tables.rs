@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use vitreo_uq::jobs::init::{InitRequest, run};
+use vitreo_uq::intake::{InitRequest, run};
 use vitreo_uq::record::Experiment;
 use vitreo_uq::record::table::TableSettings;
 

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use vitreo_uq::documents::init::InitSummary;
-use vitreo_uq::jobs::init::{InitRequest, run};
+use vitreo_uq::intake::{InitRequest, run};
 use vitreo_uq::posterior::check::contradictions;
 use vitreo_uq::record::table::TableSettings;
 use vitreo_uq::record::{Apparatus, Control, Experiment, ExperimentFiles, OscillationRecord};

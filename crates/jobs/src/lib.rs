@@ -14,7 +14,6 @@ mod exchange;
 pub mod extend;
 pub mod first_revision;
 pub mod fit;
-pub mod init;
 pub mod ladder;
 pub mod last_cycle;
 pub mod laws;

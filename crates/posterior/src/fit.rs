@@ -50,10 +50,6 @@ const MOST_HELD: usize = 4;
 
 /// Multiples of an effect's parameter at which the search starts again.
 const ASIDE: [f64; 6] = [0.03, 0.1, 0.3, 3.0, 10.0, 30.0];
-/// Tolerances of a search that only has to come near a minimum.
-const NEAR: Tolerances = Tolerances { objective: 1e-3, parameters: 1e-2, max_iterations: 40 };
-/// Sum of squares, relative to the smallest that was found, above which the end of such a search is dropped.
-const FAR: f64 = 2.0;
 /// Largest difference in χ² at which another minimum cannot be excluded.
 const AS_GOOD: f64 = 9.0;
 /// Least distance between two minima, in standard errors of a parameter, at which they are different.
@@ -415,46 +411,6 @@ impl LeastSquaresProblem for CreepResiduals<'_> {
         let (j, coordinate) = self.free[coordinate];
         (coordinate.theta(self.ranges[j].lower), coordinate.theta(self.ranges[j].upper))
     }
-}
-
-/// Residuals of a nonlinear law, whose derivatives are differences: each takes two runs of the stepper, less than a run with derivatives.
-struct Stepped<'a>(CreepResiduals<'a>);
-
-impl LeastSquaresProblem for Stepped<'_> {
-    fn residuals(&self, theta: &[f64]) -> Option<DVector<f64>> {
-        self.0.residuals(theta)
-    }
-
-    fn jacobian(&self, _theta: &[f64]) -> Option<DMatrix<f64>> {
-        None
-    }
-
-    fn bounds(&self, coordinate: usize) -> (f64, f64) {
-        self.0.bounds(coordinate)
-    }
-}
-
-/// Moves `starts` (values of all sampled parameters, in natural units and in the order of the priors) to nearby least-squares minima over the model's parameters. Starts
-/// whose sum of squares remains far above the smallest are dropped. The result is empty if the model can be evaluated at none.
-pub(crate) fn near_minima(model: &PreparedModel, starts: &[Vec<f64>]) -> Vec<Vec<f64>> {
-    let problem = &model.problem;
-    let place = |name: &str| problem.priors.names().position(|prior| prior == name);
-    let names = problem.model.parameters().iter().map(|spec| spec.name).enumerate();
-    let (free, places): (Vec<usize>, Vec<usize>) = names.filter_map(|(j, name)| Some((j, place(name)?))).unzip();
-    let residuals = Stepped(CreepResiduals::new(model, &free, &BTreeMap::new(), &FittedRows::new(problem)));
-    let coordinates = &residuals.0.free;
-    let moved = |start: &Vec<f64>| -> Option<(f64, Vec<f64>)> {
-        let theta: Vec<f64> =
-            places.iter().zip(coordinates).map(|(place, (_, coordinate))| coordinate.theta(start[*place])).collect();
-        let found = fit(&residuals, &theta, &NEAR).ok()?;
-        let parameters = residuals.0.model_parameters(&found.theta);
-        let mut start = start.clone();
-        free.iter().zip(&places).for_each(|(j, place)| start[*place] = parameters[*j]);
-        Some((found.objective, start))
-    };
-    let moved: Vec<(f64, Vec<f64>)> = starts.par_iter().filter_map(moved).collect();
-    let least = moved.iter().fold(f64::INFINITY, |least, (objective, _)| least.min(*objective));
-    moved.into_iter().filter(|(objective, _)| *objective <= FAR * least).map(|(_, start)| start).collect()
 }
 
 /// Search with the lowest objective. If several searches have found this minimum, a converged search is preferred.

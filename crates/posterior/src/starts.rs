@@ -3,7 +3,6 @@
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-use super::fit::near_minima;
 use super::prepared::PreparedModel;
 use super::problem::Problem;
 use base::distribution::Distribution;
@@ -26,8 +25,8 @@ const START_STREAM: u64 = u64::MAX / 2;
 
 /// Returns the starts of the search, in the sampler's coordinates. They are drawn from the priors.
 ///
-/// For a nonlinear law only the effect's parameters are drawn, and the others have their best values without the effect. From there the starts are moved to minima of least
-/// squares, because climbs from far away would train trajectories of many laws that do not fit the record.
+/// For a nonlinear law only the effect's parameters are drawn, and the others have their best values without the effect. Climbs from anywhere in the priors would train
+/// the trajectories of laws far from the record, which takes minutes.
 ///
 /// # Errors
 /// [`base::Error::Numerical`] when a log density is +∞.
@@ -52,16 +51,9 @@ pub fn starts(model: &PreparedModel, seed: u64) -> Result<Vec<Vec<f64>>> {
                 *value = *at_best;
             }
         }
-        natural
+        problem.priors.to_unconstrained(&problem.priors.ordered(natural))
     };
-    let mut natural: Vec<Vec<f64>> = (0..n_starts).map(start).collect();
-    if !best.is_empty() {
-        let near = near_minima(model, &natural);
-        if !near.is_empty() {
-            natural = near;
-        }
-    }
-    Ok(natural.into_iter().map(|natural| problem.priors.to_unconstrained(&problem.priors.ordered(natural))).collect())
+    Ok((0..n_starts).map(start).collect())
 }
 
 /// Best value of every parameter in the model without its nonlinear effects, by name; empty if the model has no such effects, or no maximum without them.

@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use clap::Args;
 use vitreo_uq::base::error::Result;
 use vitreo_uq::documents::init::{InitColumn, InitSummary};
-use vitreo_uq::jobs::init::{self, InitRequest};
+use vitreo_uq::intake::{self, InitRequest};
 use vitreo_uq::posterior::study::{Provenance, WithProvenance};
 use vitreo_uq::record::Control;
 use vitreo_uq::record::table::{TableSettings, unit as spelt};
@@ -183,7 +183,7 @@ pub fn run(arguments: &InitArguments) -> Result<ExitCode> {
     };
     let may_ask = questions::can_ask_questions(arguments.quiet, arguments.json.as_deref());
     let (summary, sha256) =
-        if may_ask { init::run(&request, &mut questions::ask)? } else { init::run(&request, &mut |_| None)? };
+        if may_ask { intake::run(&request, &mut questions::ask)? } else { intake::run(&request, &mut |_| None)? };
     let provenance = Provenance::new("init", 1, 0, BTreeMap::from([(summary.file.clone(), sha256)]));
     crate::output::show(arguments.json.as_deref(), &WithProvenance { provenance, body: &summary }, &words(&summary))?;
     if !arguments.quiet {

@@ -173,6 +173,20 @@ impl TableProposal {
         self.reasons.retain(|reason| !["zero =", "direction ="].iter().any(|key| reason.contains(key)));
     }
 
+    /// Replaces a fitted zero by that of the instrument, if the first strain is not 0: the load began before the first row, which shows the gel's instantaneous answer.
+    pub fn keep_zero_of_instrument(&mut self) {
+        if self.frame.zero != Zero::Fit || self.first_written_m == Some(0.0) {
+            return;
+        }
+        self.frame.zero = Zero::AsWritten;
+        let [low, high] = self.written_position_m;
+        self.position_m = if self.frame.direction == Direction::Backward { [-high, -low] } else { [low, high] };
+        self.reasons.retain(|reason| !reason.contains("zero = \"fit\""));
+        self.reasons.push(
+            "strains count from the instrument's zero, so that the strain of the first row is the gel's instantaneous answer; if the instrument was not zeroed before the load, write zero = \"fit\"".into(),
+        );
+    }
+
     /// Replaces a fitted zero for a commanded position, which has no noise: positions count from those before the force acts, or from the first row.
     pub fn count_commanded_positions(&mut self) {
         if self.frame.zero != Zero::Fit {

@@ -123,9 +123,10 @@ impl ParsedUnit {
 }
 
 /// Parses a unit such as `µm`, `[uN]` or `(s)`; `None` for other text. A number may precede the unit: a camera's pixel may be `0.65 um` and its frame
-/// `0.05 s`. Symbols are case-sensitive (`mN` is not `MN`), words are not.
+/// `0.05 s`. The number may be a power of ten, as in `10^3 Pa` or `10⁻³ Pa`. Symbols are case-sensitive (`mN` is not `MN`), words are not.
 pub fn unit(text: &str) -> Option<ParsedUnit> {
-    let many = text.trim().split_once(' ').and_then(|(many, of)| Some((many.parse::<f64>().ok()?, one_unit(of)?)));
+    let plain = text.trim().trim_matches(['[', ']', '(', ')', '{', '}']).trim();
+    let many = plain.split_once([' ', '·', '*']).and_then(|(many, of)| Some((factor(many)?, one_unit(of)?)));
     match many {
         Some((many, of)) => (many > 0.0 && many.is_finite()).then(|| ParsedUnit {
             dimension: of.dimension,
@@ -135,6 +136,37 @@ pub fn unit(text: &str) -> Option<ParsedUnit> {
         None => one_unit(text),
     }
 }
+
+/// Number before a unit: a plain number, or a power of ten such as `10^-3` or `10³`.
+pub fn factor(text: &str) -> Option<f64> {
+    let text = text.trim();
+    let power = |text: &str| -> Option<f64> {
+        let exponent = text.strip_prefix("10")?;
+        let raised: String = exponent
+            .chars()
+            .map(|c| RAISED.iter().find(|(raised, _)| *raised == c).map_or(c, |(_, plain)| *plain))
+            .collect();
+        let is_raised = raised != exponent;
+        let digits = exponent.strip_prefix('^').or(is_raised.then_some(&raised))?;
+        format!("1e{}", digits.trim_matches(['(', ')', '{', '}']).replace('−', "-")).parse().ok()
+    };
+    text.parse().ok().or_else(|| power(text))
+}
+
+/// Raised signs of an exponent, each with its plain sign.
+const RAISED: [(char, char); 11] = [
+    ('⁻', '-'),
+    ('⁰', '0'),
+    ('¹', '1'),
+    ('²', '2'),
+    ('³', '3'),
+    ('⁴', '4'),
+    ('⁵', '5'),
+    ('⁶', '6'),
+    ('⁷', '7'),
+    ('⁸', '8'),
+    ('⁹', '9'),
+];
 
 /// Prefixes of units as words, each with its letter.
 const PREFIXES: [(&str, &str); 6] =
@@ -239,10 +271,21 @@ pub fn split_unit(name: &str) -> (&str, Option<ParsedUnit>) {
         Some((stem, text)) => unit(text).map(|unit| (stem, unit)),
         None => ["/", " in ", " en ", "_", " "]
             .iter()
-            .filter_map(|joint| name.rsplit_once(joint))
-            .find_map(|(stem, text)| Some((stem, unit(text)?))),
+            .filter_map(|joint| Some((*joint, name.rsplit_once(joint)?)))
+            .find_map(|(joint, (stem, text))| Some((joint, stem, unit(text)?)))
+            // A number before the unit that is not read changes the unit, as in `G x10^3 Pa` or `J in 1/Pa`.
+            .filter(|(joint, stem, _)| !ends_in_factor(stem) && !(*joint == "/" && stem.ends_with(" 1")))
+            .map(|(_, stem, unit)| (stem, unit)),
     };
     found.map_or((name, None), |(stem, unit)| (stem, Some(unit)))
+}
+
+/// True if the last word of a name is a power of ten, or a product with a number such as `x1000`. `x1` is a coordinate.
+fn ends_in_factor(stem: &str) -> bool {
+    let Some(word) = stem.split([' ', '/', '_']).next_back() else { return false };
+    let number = word.trim_start_matches(['x', '×', '*', '·', '(']);
+    let is_product = number != word && ["10", "1e"].iter().any(|first| number.starts_with(first));
+    factor(number).is_some() && (is_product || number.parse::<f64>().is_err())
 }
 
 /// Splits the name of a column that counts pixels or frames, such as `x (px)` or `frame`, into the name without the unit, and `pixel` or `frame`.
@@ -423,6 +466,29 @@ mod tests {
             ["", "MN", "Um", "MHz", "mpa", "MM", "a.u.", "V", "px", "-1 um", "0 um", "inf um", "0.65 px", "um 2"]
         {
             assert_eq!(unit(text), None, "{text}");
+        }
+    }
+
+    #[test]
+    fn powers_of_ten_belong_to_the_unit() {
+        for (name, stem, si) in [
+            ("G(t)/10^3 Pa", "G(t)", 1e3),
+            ("E(t)/10^6 Pa", "E(t)", 1e6),
+            ("F / 10^-3 N", "F ", 1e-3),
+            ("Stress [10³ Pa]", "Stress ", 1e3),
+            ("t/10⁻³ s", "t", 1e-3),
+            ("Force (1e-6 N)", "Force ", 1e-6),
+            ("Force (10^3·Pa)", "Force ", 1e3),
+            ("x2_um", "x2", 1e-6),
+            ("Sensor 100 N", "Sensor 100", 1.0),
+        ] {
+            let (found, unit) = split_unit(name);
+            let unit = unit.unwrap_or_else(|| panic!("{name}"));
+            assert_eq!(found, stem, "{name}");
+            assert!((unit.to_si(1.0) / si - 1.0).abs() < 1e-12, "{name}: {unit:?}");
+        }
+        for name in ["G x10^3 Pa", "Stress 10^3 Pa", "J(t) in 1/kPa", "Force (x10^3 N)", "G ×1000 Pa"] {
+            assert_eq!(split_unit(name), (name, None), "{name}");
         }
     }
 

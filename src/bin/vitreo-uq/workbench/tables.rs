@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 use vitreo_uq::base::error::{Error, InputPlace, Result};
 use vitreo_uq::base::files;
 use vitreo_uq::documents::init::InitSummary;
-use vitreo_uq::jobs::init::source::TableSource;
-use vitreo_uq::jobs::init::{self, InitRequest};
+use vitreo_uq::intake::source::TableSource;
+use vitreo_uq::intake::{self, InitRequest};
 use vitreo_uq::record::table::{InspectedTable, Question, TableSettings, cells, decode_detected, inspect_table};
 
 use super::home::WorkbenchFolder;
@@ -153,14 +153,14 @@ fn written(home: &WorkbenchFolder, file: &Path, described: &Described) -> Result
     files::refuse_link(&home.own())?;
     let trial = tempfile::tempdir_in(home.own())
         .map_err(|error| Error::at_path("create", home.own(), error, "make the folder writable"))?;
-    let tried = init::run(&request(trial.path().join("trial")), &mut answer);
+    let tried = intake::run(&request(trial.path().join("trial")), &mut answer);
     if !questions.is_empty() {
         return Ok(DescribeOutcome::Questions { questions, preview: preview(file) });
     }
     tried?;
     let item = home.new_experiment(&described.file);
     let out = home.dir().join(&item);
-    let (mut summary, _) = init::run(&request(out), &mut |question| known(question))?;
+    let (mut summary, _) = intake::run(&request(out), &mut |question| known(question))?;
     summary.directory.clone_from(&item);
     project::separate(home, &item)?;
     let _ = files::remove_all(file.parent().unwrap_or(file));

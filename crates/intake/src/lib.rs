@@ -1,4 +1,4 @@
-//! `init`: makes an experiment that the program can read from a table of any origin.
+//! Makes an experiment that the program can read from a table of any origin, for the command `init`.
 
 use std::path::{Path, PathBuf};
 
@@ -17,14 +17,14 @@ use self::device::Device;
 use self::force_log::ForceLog;
 use self::preamble::Preamble;
 use self::refusals::{
-    refuse_amplitudes, refuse_changed_numbers, refuse_contradictory_frequencies, refuse_flow, refuse_flow_curve,
-    refuse_gap_of_rheometer, refuse_one_column_for_two, refuse_ratio, refuse_relaxation_of_tip, refuse_several_columns,
-    refuse_without_frequency, refuse_without_moduli, refuse_without_motion,
+    refuse_amplitudes, refuse_changed_columns, refuse_changed_numbers, refuse_contradictory_frequencies, refuse_flow,
+    refuse_flow_curve, refuse_gap_of_rheometer, refuse_one_column_for_two, refuse_ratio, refuse_relaxation_of_tip,
+    refuse_several_columns, refuse_without_frequency, refuse_without_moduli, refuse_without_motion,
 };
 pub use self::request::InitRequest;
 use self::source::TableSource;
 use self::start::{Start, has_absolute_strain, is_stretch, opposes};
-use self::stress::StressStrain;
+use self::stress::{StressStrain, strain_of_specimen};
 use self::sweep::describe_sweep;
 use self::toml::{AXES, experiment_toml};
 use base::error::{Error, InputPlace, Result, Setting};
@@ -113,13 +113,18 @@ fn one(
         refuse_without_moduli(place, &request.known_columns, looked)?;
         refuse_flow_curve(place, &request.known_columns, looked)?;
     }
-    let given = creep.as_ref().map_or(&request.known_columns, |creep| &creep.given);
-    let mut proposal = propose(place, bytes, given, ask)?;
+    let strain_of_specimen = match &looked {
+        Some(looked) if creep.is_none() => strain_of_specimen(&request, looked),
+        _ => None,
+    };
+    let given = creep.as_ref().map(|creep| &creep.given).or(strain_of_specimen.as_ref());
+    let mut proposal = propose(place, bytes, given.unwrap_or(&request.known_columns), ask)?;
     proposal.load_began_s = request.load_began_s(&proposal)?.or(proposal.load_began_s);
     refuse_changed_numbers(place, &request.known_columns, &proposal)?;
     let mut device = match creep {
         Some(creep) => {
             creep.refuse_large_plain(proposal.farthest_written_m())?;
+            proposal.reasons.extend(creep.plain_remark());
             if creep.constant.is_none() {
                 refuse_flow(place, &proposal)?;
             }
@@ -170,6 +175,10 @@ fn one(
                 "the position of the first row is already that of the hold: positions count as in the table{left_out}"
             ));
         }
+    }
+    let is_of_instrument = device.stress_strain().is_some_and(|own| !own.is_of_specimen);
+    if control == Control::Force && is_of_instrument && start.load_start_s.is_some() {
+        proposal.keep_zero_of_instrument();
     }
     if control == Control::Position {
         proposal.count_commanded_positions();
@@ -348,6 +357,7 @@ fn oscillation(
         return Ok(None);
     }
     let Some(columns) = sweep_columns(looked, given)? else { return Ok(None) };
+    refuse_changed_columns(&source.place, looked, &columns)?;
     let (toml, mut summary) = describe_sweep(source, request.id.as_deref(), request.sizes[2], looked, &columns)?;
     summary.reasons.extend(unused_sizes_remark(request));
     if given.moduli.is_none() {

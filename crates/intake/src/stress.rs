@@ -2,10 +2,11 @@
 //! (docs/experiment.md).
 
 use super::preamble::Preamble;
+use super::request::InitRequest;
 use base::error::{Error, InputPlace, Result, Setting};
 use base::units::Dimension;
 use record::Control;
-use record::table::{InspectedTable, TableSettings, bracketed, columns_beside, split_unit, unit};
+use record::table::{InspectedTable, TableSettings, bracketed, columns_beside, factor, split_unit, unit};
 
 /// Words by which the stress column is recognised.
 const STRESS: [&str; 9] =
@@ -232,21 +233,75 @@ fn has_no_unit(name: &str) -> bool {
 
 /// Size of the unit of a compliance in 1/Pa. A name without a unit is in 1/Pa, unless it is only a letter. `None` for another unit.
 fn per_pa(name: &str, symbol: &str) -> Option<f64> {
-    let unit = bracketed(name);
-    let Some((_, unit)) = unit.filter(|_| !has_no_unit(name)) else {
+    let behind = [" in ", "/"].iter().find_map(|joint| name.split_once(joint));
+    let Some((_, text)) = bracketed(name).filter(|_| !has_no_unit(name)).or(behind) else {
         return (symbol.len() > 1 || name.ends_with("(t)")).then_some(1.0);
     };
-    let of = unit
-        .trim()
-        .strip_prefix("1/")
-        .or_else(|| ["^-1", "⁻¹", "-1"].iter().find_map(|end| unit.trim().strip_suffix(end)));
-    match of?.trim() {
-        "Pa" => Some(1.0),
-        "kPa" => Some(1e-3),
-        "MPa" => Some(1e-6),
-        "GPa" => Some(1e-9),
-        _ => None,
+    let text = text.trim();
+    let (many, of) = match text.split_once([' ', '·', '*']) {
+        Some((many, of)) => (factor(many)?, of.trim()),
+        None => (1.0, text),
+    };
+    let inverse = of.strip_prefix("1/").or_else(|| ["^-1", "⁻¹", "-1"].iter().find_map(|end| of.strip_suffix(end)));
+    // An area over a force is the inverse of a stress.
+    let turned = || of.split_once('/').map(|(area, force)| format!("{}/{}", force.trim(), area.trim()));
+    let pressure = inverse.map(|text| text.trim().to_string()).or_else(turned).and_then(|text| unit(&text));
+    pressure.filter(|unit| unit.dimension == Dimension::Pressure).map(|unit| many / unit.to_si(1.0))
+}
+
+/// Refuses a modulus or a compliance over time whose unit is not known.
+///
+/// # Errors
+/// [`Error::Input`] for such a column in a table without the quantities of a record.
+fn refuse_unknown_unit(looked: &InspectedTable, given: &TableSettings) -> Result<()> {
+    let is_given = given.columns[1..3].iter().chain(&given.axes).any(Option::is_some);
+    let is_measured = |name: &String| called(name, &MEASURED, &MODULUS);
+    let has_dimension = |dimension| looked.units.iter().flatten().any(|unit| unit.dimension == dimension);
+    if is_given
+        || looked.columns.iter().any(is_measured)
+        || [Dimension::Force, Dimension::Length, Dimension::Frequency].into_iter().any(has_dimension)
+    {
+        return Ok(());
     }
+    let kinds = [(&MODULUS[..], "Pa", "G(t) [Pa]"), (&COMPLIANCE[..], "1/Pa", "J(t) [1/Pa]")];
+    let unknown = looked.columns.iter().zip(&looked.units).find_map(|(name, unit)| {
+        let kind = kinds.iter().find(|(words, ..)| called(name, words, &OF_FREQUENCY))?;
+        (unit.is_none() && bracketed(name).is_some() && !has_no_unit(name)).then_some((name, kind))
+    });
+    let Some((name, (_, plain, example))) = unknown else { return Ok(()) };
+    Err(Error::input(
+        InputPlace::default().at_key(name.as_str()),
+        "the unit of this column is not known",
+        format!("write its values in {plain} into the table, and name it as in `{example}`"),
+    ))
+}
+
+/// Settings for a strain beside a machine's force, for a specimen of known length: the strain is read as a position. `None` if the table has no such column, or a position.
+pub(super) fn strain_of_specimen(request: &InitRequest, looked: &InspectedTable) -> Option<TableSettings> {
+    let length_mm = request.specimen[0]?;
+    let given = &request.known_columns;
+    let named = given.columns[2].as_ref();
+    let columns = || looked.columns.iter().zip(&looked.units).enumerate();
+    let has_position =
+        columns().any(|(_, (_, unit))| unit.as_ref().is_some_and(|unit| unit.dimension == Dimension::Length));
+    let strains = columns().filter_map(|(place, (name, unit))| {
+        let part = match (given.units[2].as_deref().map(str::trim), unit) {
+            (Some("%"), _) => 1e-2,
+            (Some("1" | "-"), _) => 1.0,
+            (Some(_), _) => return None,
+            (None, Some(unit)) if unit.dimension == Dimension::Ratio => unit.to_si(1.0),
+            (None, Some(_)) => return None,
+            (None, None) => stated_part(name).0?,
+        };
+        let is_named = named.is_some_and(|named| named == name || *named == (place + 1).to_string());
+        (is_named || named.is_none() && !has_position && called(name, &STRAIN, &RATE)).then_some((place, part))
+    });
+    let found: Vec<(usize, f64)> = strains.collect();
+    let [(place, part)] = found[..] else { return None };
+    let mut settings = given.clone();
+    settings.columns[2] = Some((place + 1).to_string());
+    settings.units[2] = Some(format!("{} mm", part * length_mm));
+    Some(settings)
 }
 
 /// Stress and strain over time, of which one is commanded.
@@ -358,7 +413,7 @@ impl StressStrain {
             // The only column of values serves as both quantities until the table is described.
             _ => match Self::published(looked, [named(1), named(2)]) {
                 Some((column, control)) => (column, column, Some(control)),
-                None => return Ok(None),
+                None => return refuse_unknown_unit(looked, given).map(|()| None),
             },
         };
         let rotates = looked.columns.iter().any(|name| called(name, &ROTATION, &[]));
@@ -408,6 +463,16 @@ impl StressStrain {
             self.compliance = 1.0;
             self.uniaxial_because = Some("a stretch is one of tension".into());
         }
+    }
+
+    /// Remark that a strain is taken for a plain number; `None` if its unit is stated.
+    pub fn plain_remark(&self) -> Option<String> {
+        self.is_assumed_plain.then(|| {
+            format!(
+                "no unit of the strain is stated: it is taken for a plain number, of which 1 is 100 %; for percent give `{} %`",
+                Setting::PositionUnit
+            )
+        })
     }
 
     /// Refuses strains without a stated unit that are too large for a plain number. `largest` is the largest absolute strain.
@@ -651,6 +716,16 @@ mod tests {
     }
 
     #[test]
+    fn unknown_units_of_published_tables_are_named() {
+        for header in ["t,Modulus [atm],n", "t,G(t) (x10^3 Pa),n", "t,Compliance (%/Pa),n"] {
+            let looked =
+                inspect_table("p.csv".as_ref(), format!("{header}\n0,0,1\n1,5,1\n2,6,1\n").as_bytes()).unwrap();
+            let refused = StressStrain::of(&looked, &TableSettings::default(), None).unwrap_err().to_string();
+            assert!(refused.contains("the unit of this column is not known"), "{header}: {refused}");
+        }
+    }
+
+    #[test]
     fn published_tables_have_one_commanded_value() {
         let modulus = creep("Time [s],Relaxation Modulus [kPa],n", None).expect("a modulus");
         assert_eq!((modulus.constant, modulus.given.units[1].as_deref()), (Some(Control::Position), Some("1000 N")));
@@ -661,6 +736,11 @@ mod tests {
             ("t,J(t) [kPa^-1],n", "0.001 m"),
             ("t,Compliance [1/MPa],n", "0.000001 m"),
             ("t,Creep compliance,n", "m"),
+            ("t,Compliance [mm²/N],n", "0.000001 m"),
+            ("t,J (10^-3 1/Pa),n", "0.001 m"),
+            ("t,Creep compliance/10^-3 Pa^-1,n", "0.001 m"),
+            ("t,Creep compliance/kPa^-1,n", "0.001 m"),
+            ("t,J(t) in 1/kPa,n", "0.001 m"),
         ] {
             let found = creep(header, None).unwrap_or_else(|| panic!("{header}"));
             assert_eq!(
@@ -674,8 +754,7 @@ mod tests {
         assert_eq!(creep("t,G [kPa],n", None).unwrap().given.units[1].as_deref(), Some("1000 N"));
         for header in [
             "t,J,n",
-            "t,Compliance [mm²/N],n",
-            "t,Modulus [atm],n",
+            "t,J [%/Pa],n",
             "Time [s],Storage modulus [Pa],Loss modulus [Pa]",
             "t (s),Force (uN),Position (um),Modulus (Pa)",
         ] {

@@ -166,7 +166,8 @@ pub(super) fn describe_sweep(
     for (index, (column, place)) in columns.iter().enumerate() {
         let key = format!("{}{}", if index == 0 { "\n[measurement.columns]\n" } else { "" }, column.key());
         let name = &looked.columns[*place];
-        let value = if is_unique(name) { quoted(name) } else { (place + 1).to_string() };
+        let value =
+            if is_unique(name) && layout.header_line.is_some() { quoted(name) } else { (place + 1).to_string() };
         line(&key, value, "name in the header, or number from 1");
     }
     line(

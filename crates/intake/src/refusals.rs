@@ -83,6 +83,28 @@ pub(super) fn refuse_changed_numbers(place: &Path, given: &TableSettings, propos
     Ok(())
 }
 
+/// Refuses columns of logarithms and of multiples of a sweep, also of those that the user names, for only their names tell their numbers from plain ones.
+pub(super) fn refuse_changed_columns(
+    place: &Path,
+    looked: &InspectedTable,
+    columns: &[(SweepColumn, usize)],
+) -> Result<()> {
+    for (_, column) in columns {
+        let name = &looked.columns[*column];
+        let what = match () {
+            () if is_logarithm(name) => "logarithms",
+            () if is_multiple(name) => "multiples",
+            () => continue,
+        };
+        return Err(Error::input(
+            InputPlace::file(place).at_key(name.as_str()),
+            format!("by its name this column holds {what}"),
+            "write the plain numbers into the table, and name the column by its quantity and unit, as in `G' [Pa]`",
+        ));
+    }
+    Ok(())
+}
+
 /// True if a name begins with a logarithm. The natural logarithm of a stretch is a strain.
 fn is_logarithm(name: &str) -> bool {
     let name = name.trim().to_lowercase();
