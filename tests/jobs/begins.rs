@@ -323,3 +323,49 @@ fn names_of_young_s_quantities_and_of_changed_numbers_are_read() {
     let (_, words) = read(&text, |request| request.known_columns = given.clone()).expect("a relaxation");
     assert!(words.contains("read as a stretch") && words.contains("compliance_per_m = 1,"), "{words}");
 }
+
+/// A creep after rows at rest, whose clock counts from the step and whose rows grow sparser: the load began at 0, not with its first row. Evenly spaced rows do not show it.
+#[test]
+fn a_load_at_the_trigger_began_at_zero() {
+    let with = |before: &[f64], after: &dyn Fn(i32) -> f64| {
+        let mut text = String::from("Time (s),Shear stress (Pa),Shear strain (%)\n");
+        for t in before {
+            writeln!(text, "{t},0,0").expect("a string");
+        }
+        for row in 0..120 {
+            let t = after(row);
+            writeln!(text, "{t:.5},5,{:.6}", 0.5 + crept(t)).expect("a string");
+        }
+        plainly(&text).expect("a creep")
+    };
+    let grows = |row: i32| 0.1 * 1.06_f64.powi(row);
+    for before in [&[0.0][..], &[-4.0, -3.0, -2.0, -1.0, 0.0], &[-4.0, -3.0, -2.0, -1.0]] {
+        let (experiment, words) = with(before, &grows);
+        assert!((times_since_load(&experiment)[0] - 0.1).abs() < 1e-6, "{before:?} {words}");
+        assert!(!experiment.fits_position_offset, "{before:?} {words}");
+    }
+    let (experiment, words) = with(&[0.0], &|row| 0.1 * f64::from(row + 1));
+    assert!(times_since_load(&experiment)[1].abs() < 1e-6, "{words}");
+}
+
+/// The first strain of a rheometer's creep is the gel's answer at once, and no zero to be fitted: the law that made the record is found.
+#[test]
+fn the_first_strain_of_a_rheometer_is_no_zero() {
+    let mut text = String::from("Time\tStrain\tStress\ns\t%\tPa\n");
+    for row in 0..120 {
+        let t = 0.1 * 1.0655_f64.powi(row);
+        // 5 Pa on springs of 1000 Pa and 500 Pa in shear, the second with a dashpot beside it.
+        let strain = 0.5 + 1.0 - (-t / 5.0).exp();
+        writeln!(text, "{t:.4}\t{strain:.5}\t5").expect("a string");
+    }
+    let (experiment, words) = plainly(&text).expect("a creep");
+    assert!(!experiment.fits_position_offset && words.contains("the gel's instantaneous answer"), "{words}");
+    let first = experiment.record.position_m[0].expect("a strain");
+    // A strain of 1 % is kept as 1 µm.
+    assert!((1e6 * first - (1.5 - (-0.02_f64).exp())).abs() < 1e-4, "{first} {words}");
+    // Strains against the stress keep their zero, too.
+    let against = text.replace("\t5\n", "\t-5\n");
+    let (experiment, words) = plainly(&against).expect("a creep");
+    let first = experiment.record.position_m[0].expect("a strain");
+    assert!(!experiment.fits_position_offset && (first * experiment.record.force_n[0]) > 0.0, "{first} {words}");
+}

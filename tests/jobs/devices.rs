@@ -60,6 +60,41 @@ fn sizes_of_a_specimen_make_stress_and_strain() {
     }
 }
 
+/// A machine's force beside the specimen's strain, by its name or by the unit that the user gives.
+#[test]
+fn a_strain_beside_the_force_of_a_specimen_is_one() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let percent = TableSettings { units: [None, None, Some("%".into())], ..TableSettings::default() };
+    let named = TableSettings { columns: [None, None, Some("3".into()), None], ..percent.clone() };
+    for (number, (names, known_columns, of_one)) in [
+        ("Compressive load (N),Compressive strain (%)", TableSettings::default(), 100.0),
+        ("Standardkraft (N),Stauchung [%]", TableSettings::default(), 100.0),
+        ("Load (N),Strain (mm/mm)", TableSettings::default(), 1.0),
+        ("Load (N),Strain", percent, 100.0),
+        ("Load (N),e", named, 100.0),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        let rows: String = (0..400)
+            .map(|row| {
+                let t = 0.1 * f64::from(row);
+                let strain = if t < 1.0 { 0.0 } else { of_one * 0.05 * (1.0 - (-(t - 1.0) / 9.0).exp()) };
+                format!("{t:.1},{},{strain:.7}\n", if t < 1.0 { 0.0 } else { 6.0 })
+            })
+            .collect();
+        let (file, out) = (folder.path().join("s.csv"), folder.path().join(number.to_string()));
+        std::fs::write(&file, format!("Time (s),{names}\n{rows}")).expect("room");
+        let request = InitRequest { file, out: Some(out.clone()), known_columns, ..specimen(40.0, 12.0) };
+        run(&request, &mut |_| None).unwrap_or_else(|error| panic!("{names}: {error}"));
+        let (experiment, _) = Experiment::read(&out).expect("a record");
+        let (last, force) = (experiment.record.position_m[399].unwrap(), experiment.record.force_n[399]);
+        let strain = 0.05 * (1.0 - (-(39.9 - 1.0) / 9.0_f64).exp());
+        assert!((1e4 * last - strain).abs() < 1e-5 * strain, "{names}: {last}");
+        assert!((1e6 * force - 5e5).abs() < 1e-3, "{names}: {force}");
+    }
+}
+
 /// A machine's position begins at any value: 2 % of 20 mm, from 20 mm, from −35 mm, and after a rest.
 #[test]
 fn an_absolute_position_of_a_machine_counts_from_its_start() {

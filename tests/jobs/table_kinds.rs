@@ -1248,6 +1248,36 @@ fn chosen_moduli_read_the_frequency_beside_them() {
     assert!((sweep.rows[0].frequency_hz - 10.0 / std::f64::consts::TAU).abs() < 1e-9);
 }
 
+/// Signals that are numbered above a table without a header, in their units; logarithms and multiples are no plain numbers, also if the user names them.
+#[test]
+fn names_of_moduli_say_what_their_numbers_are() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let rows: String = (1..=20).map(|row| format!("{row}\t{row}\t0.1\t0.0{row:02}\n")).collect();
+    let tried = |above: &str, moduli: Option<[&str; 2]>, frequency: Option<&str>| {
+        let (file, out) = (folder.path().join("a.txt"), folder.path().join("a"));
+        std::fs::write(&file, format!("{above}{rows}")).expect("room on the disk");
+        let known_columns = TableSettings {
+            moduli: moduli.map(|names| names.map(String::from)),
+            frequency: frequency.map(String::from),
+            ..TableSettings::default()
+        };
+        let request =
+            InitRequest { file, out: Some(out.clone()), replace: true, known_columns, ..InitRequest::default() };
+        run(&request, &mut |_| None).map_err(|error| error.to_string())?;
+        Ok::<f64, String>(OscillationRecord::read(&out).expect("a sweep").0.rows[0].frequency_hz)
+    };
+    let signals = "Instrument\tDMA Q800\nNsig\t4\nSig1\tTime (min)\nSig2\tFrequency (Hz)\nSig3\tStorage Modulus (MPa)\nSig4\tLoss Modulus (MPa)\nStartOfData\n";
+    assert_eq!(tried(signals, None, None), Ok(1.0));
+    for (header, moduli, frequency, what) in [
+        ("t\tFrequency (Hz)\tlog G' (Pa)\tlog G'' (Pa)\n", Some(["3", "4"]), None, "logarithms"),
+        ("t\tFrequency (Hz)\tG' x10^3 (Pa)\tG'' x10^3 (Pa)\n", Some(["3", "4"]), None, "multiples"),
+        ("t\tlog10 frequency (Hz)\tG' (Pa)\tG'' (Pa)\n", None, Some("2"), "logarithms"),
+    ] {
+        let refused = tried(header, moduli, frequency).unwrap_err();
+        assert!(refused.contains(&format!("holds {what}")), "{refused}");
+    }
+}
+
 /// Frequencies in Hz and in rad/s differ by 2π, but for their rounding. Otherwise the user chooses one of them.
 #[test]
 fn frequencies_that_contradict_each_other_are_refused() {

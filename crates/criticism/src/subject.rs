@@ -8,7 +8,6 @@ use base::number::Dual;
 use laws::stages::SharedStepper;
 use models::effects::{Effect, Library};
 use models::model::{Compliance, Lanes, N_LANES, Response};
-use models::surrogate::trajectory;
 use posterior::monitor::Monitor;
 use posterior::noise::{NoiseBounds, NoiseKnowledge, NoiseLikelihood, NoiseModel};
 use posterior::prepared::{KeptSurrogate, PreparedModel};

@@ -304,7 +304,7 @@ pub fn median_row_sd_um(model: NoiseModel, noise: &[Vec<f64>]) -> f64 {
 fn of_pattern(pattern: &Pattern) -> Warning {
     Warning {
         kind: WarningKind::ResidualPattern,
-        text: format!("{}: it is too small to harm predictions, but the parameters have absorbed a part of it, which may exceed their intervals", pattern.words()),
+        text: format!("{}: predictions may be off by about as much as the noise, and parameters by more than their intervals say, because they have absorbed a part of the pattern", pattern.words()),
         advice: "`vitreo-uq compare` shows the pattern, and `vitreo-uq diagnose` searches for its cause; if the tracker drifts (--noise white,ou) or its scale changes from cycle to cycle (--noise white,gain), sample with this noise".into(),
     }
 }

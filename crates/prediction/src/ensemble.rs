@@ -6,7 +6,7 @@ use documents::prediction::PositionQuantiles;
 use elements::fe::strain::largest_principal_strain;
 use figures::density::{quantile_of_sorted, sorted};
 use figures::number::format_significant;
-use models::effects::Stage;
+use models::effects::{Effect, Stage};
 use models::model::{Compliance, Forward, N_LANES, SurrogateForward};
 use posterior::advice::strain_warning;
 use posterior::mechanics::{FiniteElements, Mechanics};
@@ -32,7 +32,11 @@ const CHECKED_SLOW: usize = 1;
 /// Smallest relative error of the mesh at the largest displacement that is named.
 const NAMED_MESH_ERROR: f64 = 0.01;
 /// Largest share of the record's largest force, duration and relative displacement that is not an extrapolation.
-const BEYOND: f64 = 1.05;
+pub(crate) const BEYOND: f64 = 1.05;
+/// Largest change of the force that is none, as a fraction of the largest force.
+const STEADY: f64 = 0.05;
+/// Shortest time between turning points of the force that the record tests, in intervals between its rows.
+const FASTEST: f64 = 2.0;
 /// Quantile of the draws' largest displacements by which a prediction is judged.
 const FARTHEST_QUANTILE: f64 = 0.95;
 /// Largest relative difference between twice a response and the response to twice the force in a linear model.
@@ -504,14 +508,17 @@ pub fn warnings(gel: &Gel<'_>, ensemble: &Ensemble, trajectories_m: &[Vec<f64>])
             advice: "add it to the prediction before a comparison with a record of the same camera".into(),
         });
     }
-    for effect in model.effects().iter().filter(|effect| effect.stage() == Stage::Load) {
+    let is_of_record =
+        |effect: &&&dyn Effect| gel.problem.model.effects().iter().any(|own| own.slug() == effect.slug());
+    let of_load = model.effects().iter().filter(|effect| effect.stage() == Stage::Load);
+    for effect in of_load.filter(is_of_record) {
         warnings.push(Warning {
             kind: WarningKind::Extrapolation,
             text: format!(
                 "{} belongs to the actuator of the record; the prediction holds for the same actuator",
                 effect.slug()
             ),
-            advice: "for another actuator, predict with a revision without this effect, and compare".into(),
+            advice: "another actuator moves the robot otherwise; no revision without this effect tells how, because its law has absorbed the effect".into(),
         });
     }
     warnings
@@ -553,8 +560,13 @@ fn other_poisson_ratio(taught: &Problem, asked: &Problem) -> Option<Warning> {
 fn extrapolations(problem: &Problem, ensemble: &Ensemble, farthest_m: f64) -> Vec<Warning> {
     let (taught, asked) = (problem.experiment.scales(), ensemble.problem().experiment.scales());
     let taught_m = problem.experiment.record.position_m.iter().flatten().fold(0.0_f64, |most, x| most.max(x.abs()));
+    let [own, other] = [problem, ensemble.problem()].map(|problem| &problem.experiment.record);
     let mut list: Vec<(String, f64)> = vec![("the duration".into(), asked.duration_s / taught.duration_s)];
     if problem.experiment.control == Control::Force {
+        // A whole record is the longest hold of a single step.
+        if list[0].1 <= BEYOND {
+            list.push(("the longest time at one force".into(), longest_hold_s(other) / longest_hold_s(own)));
+        }
         list.push(("the largest force".into(), asked.largest_force_n / taught.largest_force_n));
         if let (Some(taught_radius_m), Some(radius_m)) = (taught.robot_radius_m, asked.robot_radius_m) {
             let ratio = (farthest_m / radius_m) / (taught_m / taught_radius_m);
@@ -562,10 +574,59 @@ fn extrapolations(problem: &Problem, ensemble: &Ensemble, farthest_m: f64) -> Ve
         }
     }
     let beyond = list.into_iter().filter(|(_, ratio)| *ratio > BEYOND);
+    let (fastest_s, interval_s) = (fastest_change_s(other).min(asked.duration_s), shortest_interval_s(own));
+    let too_fast = (fastest_s < FASTEST * interval_s).then(|| Warning {
+        kind: WarningKind::Extrapolation,
+        text: format!(
+            "the prediction asks for the motion within {} s, and the rows of the record that taught the law are {} s apart",
+            format_significant(fastest_s, 3),
+            format_significant(interval_s, 3)
+        ),
+        advice: "the law is not tested at times this short: record a cycle with more rows a second".into(),
+    });
     let warning = |(quantity, ratio): (String, f64)| Warning {
         kind: WarningKind::Extrapolation,
         text: format!("{quantity} is {} times that of the record that taught the law", format_significant(ratio, 3)),
         advice: "the law is not tested there: record a cycle in this range, or stay within the record".into(),
     };
-    beyond.map(warning).collect()
+    beyond.map(warning).chain(too_fast).collect()
+}
+
+/// Times (s) at which the force changes, each with the change (N).
+fn changes(record: &Record) -> Vec<(f64, f64)> {
+    let force_n = &record.force_n;
+    let change_n = |row: usize| force_n[row] - row.checked_sub(1).map_or(0.0, |before| force_n[before]);
+    let rows = (0..record.n_rows()).map(|row| (record.time_s[row], change_n(row)));
+    rows.filter(|(_, change_n)| *change_n != 0.0).collect()
+}
+
+/// Longest time (s) between two changes of the force, or from one to an end of the record. Smaller changes than [`STEADY`] are noise of a measured force.
+fn longest_hold_s(record: &Record) -> f64 {
+    let ends = [record.time_s.first(), record.time_s.last()];
+    let [Some(first_s), Some(last_s)] = ends else { return 0.0 };
+    let largest_n = record.force_n.iter().fold(0.0_f64, |most, force| most.max(force.abs()));
+    let is_change = |(_, change_n): &(f64, f64)| change_n.abs() > STEADY * largest_n;
+    let of_changes = changes(record).into_iter().filter(is_change).map(|(time_s, _)| time_s);
+    let times_s: Vec<f64> = std::iter::once(*first_s).chain(of_changes).chain([*last_s]).collect();
+    times_s.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f64::max)
+}
+
+/// Shortest time (s) between two turning points of the force, such as the length of a pulse or half the period of a wave; infinite without two of them.
+fn fastest_change_s(record: &Record) -> f64 {
+    let mut turns_s: Vec<f64> = Vec::new();
+    let mut direction = 0.0;
+    for (time_s, change_n) in changes(record) {
+        if change_n.signum() != direction {
+            direction = change_n.signum();
+            turns_s.push(time_s);
+        }
+    }
+    turns_s.windows(2).map(|pair| pair[1] - pair[0]).fold(f64::INFINITY, f64::min)
+}
+
+/// Shortest interval (s) between rows of a record that have a position.
+fn shortest_interval_s(record: &Record) -> f64 {
+    let rows = (0..record.n_rows()).filter(|row| record.position_m[*row].is_some());
+    let times_s: Vec<f64> = rows.map(|row| record.time_s[row]).collect();
+    times_s.windows(2).map(|pair| pair[1] - pair[0]).filter(|s| *s > 0.0).fold(f64::INFINITY, f64::min)
 }

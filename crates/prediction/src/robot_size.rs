@@ -154,27 +154,48 @@ fn sized_from(
     // The law is linear: all trajectories of a size are those of the given robot times one factor.
     let range = |x: &Vec<f64>| target.succeeding_factors(ensemble.record(), x, ensemble.strain_per_m);
     let ranges: Vec<[f64; 2]> = trajectories_m.iter().map(range).collect();
-    let is_met = |factor: f64| {
+    let is_met_with = |factor: f64, limits_strain: bool| {
         let robot = size.applied(&scenario.robot, factor);
         let Some((compliance_per_m, _)) = body::compliance_per_m(&robot, &scenario.vitreous) else { return false };
         let times = compliance_per_m / reference_per_m * size.largest_force_n(&robot, target) / force_n;
         // Strain per displacement falls with the size of the body.
-        let of_size: Vec<[f64; 2]> = ranges.iter().map(|[reached, strained]| [*reached, strained * factor]).collect();
+        let of_size: Vec<[f64; 2]> = ranges
+            .iter()
+            .map(|[reached, strained]| [*reached, if limits_strain { strained * factor } else { f64::INFINITY }])
+            .collect();
         best_factor(&of_size, target.probability, times).1 >= target.probability - 1e-12
     };
+    let is_met = |factor: f64| is_met_with(factor, true);
     if largest <= smallest {
         return Ok(None);
     }
-    let at = |k: usize| smallest * (largest / smallest).powf(k as f64 / (N_SIZES - 1) as f64);
-    let succeeds: Vec<bool> = (0..N_SIZES).into_par_iter().map(|k| is_met(at(k))).collect();
-    let found = match size {
+    let sizes = |[from, to]: [f64; 2]| -> Vec<f64> {
+        (0..N_SIZES).map(|k| from * (to / from).powf(k as f64 / (N_SIZES - 1) as f64)).collect()
+    };
+    // Index of the size that is asked for among `sizes` by whether each succeeds, and that of the next one beyond it.
+    let chosen = |succeeds: &[bool]| match size {
         RobotSize::Largest | RobotSize::Longest => {
             succeeds.iter().rposition(|met| *met).map(|k| (k, (k + 1).min(N_SIZES - 1)))
         }
         RobotSize::SmallestMagnet { .. } => succeeds.iter().position(|met| *met).map(|k| (k, k.saturating_sub(1))),
     };
+    let tried = |sizes: &[f64], limits_strain: bool| -> Vec<bool> {
+        sizes.par_iter().map(|factor| is_met_with(*factor, limits_strain)).collect()
+    };
+    let mut all = sizes([smallest, largest]);
+    let mut found = chosen(&tried(&all, true));
+    if found.is_none()
+        && target.largest_strain.is_some()
+        && let Some((reached, beyond)) = chosen(&tried(&all, false))
+    {
+        // The sizes that reach the target without too large a strain may all lie between two of those that were tried.
+        let [first, last] =
+            [reached.min(beyond).saturating_sub(1), reached.max(beyond).saturating_add(1).min(N_SIZES - 1)];
+        all = sizes([all[first], all[last]]);
+        found = chosen(&tried(&all, true));
+    }
     let Some((success, failure)) = found else { return Ok(None) };
-    let [mut succeeds, mut fails] = [at(success), at(failure)];
+    let [mut succeeds, mut fails] = [all[success], all[failure]];
     for _ in 0..if success == failure { 0 } else { HALVINGS } {
         let middle = (succeeds * fails).sqrt();
         *(if is_met(middle) { &mut succeeds } else { &mut fails }) = middle;

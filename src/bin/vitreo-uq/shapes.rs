@@ -7,10 +7,9 @@ use clap::Args;
 use vitreo_uq::base::error::{Error, InputPlace, Result};
 use vitreo_uq::base::number::Dual;
 use vitreo_uq::documents::posterior::Warning;
-use vitreo_uq::documents::shapes::ShapesSummary;
 use vitreo_uq::elements::fe::oldroyd::FiniteLaw;
 use vitreo_uq::jobs::outcome::Outcome;
-use vitreo_uq::jobs::prediction::draws_of_revision;
+use vitreo_uq::jobs::prediction::{draws_of_revision, study_warnings};
 use vitreo_uq::jobs::target::Revision;
 use vitreo_uq::posterior::mechanics::{MeshFile, read_mesh};
 use vitreo_uq::posterior::monitor::Monitor;
@@ -99,16 +98,19 @@ pub fn run(arguments: &ShapesArguments) -> Result<ExitCode> {
     // The option `--mesh` gives an additional body of the study. The revision of the experiment is made with the experiment's own robot.
     let model = ModelOptions { mesh: None, ..arguments.model.clone() };
     let revision = session.open(&model, &[], &[])?.creep()?.revision(session.default_sampler(), terminal)?;
-    let (request, warnings) = request(arguments, &revision)?;
+    let (request, of_mesh) = request(arguments, &revision)?;
     let found = job::run(&request, terminal)?;
-    let summary = ShapesSummary { warnings, ..summarise(&request, &found, &forces_n(arguments, &request)) };
+    let mut summary = summarise(&request, &found, &forces_n(arguments, &request));
+    summary.warnings.extend(study_warnings(&revision.study.revision_dir(&revision.name)?, &revision.name, false)?);
+    let is_sound = !summary.warnings.iter().any(|warning| warning.kind.is_fatal());
+    summary.warnings.extend(of_mesh);
     terminal.stage("writing results and figures");
     let provenance = revision.provenance("shapes", common.seed);
     let written = artefacts::write(&revision.study, &found, &summary, provenance.clone())?;
     let document = WithProvenance { provenance, body: summary };
     let words = shapes_words::words(&document.body);
     session.end(
-        &Outcome { document, is_sound: true, written, study: None },
+        &Outcome { document, is_sound, written, study: None },
         &words,
         RESULTS,
         &PageArguments { no_report: true },

@@ -5,12 +5,16 @@ use std::collections::BTreeSet;
 use vitreo_uq::documents::shapes::{
     BodyShape, BodySummary, Claim, Displacement, LargeStrains, ShapesSummary, SweepSummary, UserBody,
 };
+use vitreo_uq::figures::number::format_significant;
 
 /// Text and tables of a shape study.
 pub fn words(summary: &ShapesSummary) -> String {
     let mut lines = vec![format!(
         "Aspect ratio {:.3}, Poisson ratio {}, gel of {} mm, force ±{} µN",
-        summary.aspect, summary.poisson_ratio, summary.vitreous_diameter_mm, summary.force_un
+        summary.aspect,
+        summary.poisson_ratio,
+        summary.vitreous_diameter_mm,
+        format_significant(summary.force_un, 6)
     )];
     lines.push(String::new());
     lines.extend(bodies(summary));

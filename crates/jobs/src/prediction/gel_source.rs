@@ -203,7 +203,7 @@ pub fn draws_of_revision(dir: &Path, name: &str, problem: &Problem) -> Result<Dr
 
 /// Warnings of a revision about its predictions: all warnings that limit the trust in its posterior, and the missing effect of its diagnosis. `judges_equivalents` leaves out the
 /// posterior's warning about equivalent effects.
-pub(crate) fn study_warnings(dir: &Path, revision: &str, judges_equivalents: bool) -> Result<Vec<Warning>> {
+pub fn study_warnings(dir: &Path, revision: &str, judges_equivalents: bool) -> Result<Vec<Warning>> {
     let posterior: Option<WithProvenance<PosteriorSummary>> = read_document(&dir.join(POSTERIOR_NAME));
     let all = posterior.map_or_else(Vec::new, |document| document.body.warnings);
     let of_record =

@@ -6,5 +6,4 @@ pub mod plan;
 pub mod predict;
 mod rivals;
 
-pub(crate) use gel_source::study_warnings;
-pub use gel_source::{GelPlace, draws_of_revision, is_groups};
+pub use gel_source::{GelPlace, draws_of_revision, is_groups, study_warnings};

@@ -3,9 +3,12 @@
 use documents::shapes::{BodySummary, Displacement, MeshSummary, ShapesSummary, SweepSummary, UserBody};
 
 use super::job::{BodyStiffness, OwnMesh, ShapesRequest, ShapesResult, StudyPoint};
+use crate::ensemble::BEYOND;
+use documents::posterior::{Warning, WarningKind};
 use documents::shapes::BodyShape;
 use elements::fe::exact::SphereInContainer;
 use elements::fe::quality::MeshQuality;
+use figures::number::format_significant;
 use record::Orientation;
 
 fn mesh_summary(unknowns: usize, quality: &MeshQuality) -> MeshSummary {
@@ -37,6 +40,7 @@ pub fn summarise(request: &ShapesRequest, found: &ShapesResult, forces_n: &[f64]
     let all: Vec<SweepSummary> =
         found.studied.iter().flat_map(|studied| forces_n.iter().map(move |force| of(studied, *force))).collect();
     let first = all[0].clone();
+    let warnings = warnings(request, &all);
     ShapesSummary {
         poisson_ratio: first.poisson_ratio,
         vitreous_diameter_mm: 1e3 * request.vitreous.diameter_m,
@@ -50,8 +54,43 @@ pub fn summarise(request: &ShapesRequest, found: &ShapesResult, forces_n: &[f64]
         elastic_robot: found.elastic.clone(),
         predictors: found.predictors.clone(),
         large_strains: found.large_strains.clone(),
-        warnings: Vec::new(),
+        warnings,
     }
+}
+
+/// Warnings about bodies that would leave the gel, and about forces beyond that of the record that taught the law.
+fn warnings(request: &ShapesRequest, all: &[SweepSummary]) -> Vec<Warning> {
+    let mut list = Vec::new();
+    let taught_n =
+        request.gel.problem.experiment.record.force_n.iter().fold(0.0_f64, |most, force| most.max(force.abs()));
+    let largest_n = all.iter().fold(0.0_f64, |most, point| most.max(1e-6 * point.force_un));
+    if largest_n > BEYOND * taught_n {
+        list.push(Warning {
+            kind: WarningKind::Extrapolation,
+            text: format!(
+                "the largest force is {} times that of the record that taught the law",
+                format_significant(largest_n / taught_n, 3)
+            ),
+            advice: "the law is not tested there: record a cycle in this range, or stay within the record".into(),
+        });
+    }
+    let bodies = all.iter().flat_map(|point| &point.bodies);
+    let free_um =
+        |body: &BodySummary| 500.0 * (1e3 * request.vitreous.diameter_m - body.length_mm.max(body.diameter_mm));
+    let beyond: Vec<&BodySummary> = bodies.filter(|body| body.displacement_5s_um.q95 > free_um(body)).collect();
+    if let Some(worst) = beyond.iter().max_by(|a, b| a.displacement_5s_um.q95.total_cmp(&b.displacement_5s_um.q95)) {
+        list.push(Warning {
+            kind: WarningKind::ImpossiblePositions,
+            text: format!(
+                "{} of the displacements lead beyond the gel's outer surface, by up to {} µm where {} µm are free",
+                beyond.len(),
+                format_significant(worst.displacement_5s_um.q95, 4),
+                format_significant(free_um(worst), 4)
+            ),
+            advice: "give a smaller force".into(),
+        });
+    }
+    list
 }
 
 /// Stiffness of the sphere under the size rule of the given body.

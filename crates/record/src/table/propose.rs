@@ -1069,8 +1069,8 @@ fn idle_rows(trajectory: &Trajectory) -> Option<Idle> {
         return None;
     }
     match Control::likely(force_n, position_m) {
-        Control::Force => idle_first_row(trajectory),
-        Control::Position => rows_before_trigger(trajectory),
+        Control::Force => idle_first_row(trajectory).or_else(|| rows_before_trigger(trajectory, Control::Force)),
+        Control::Position => rows_before_trigger(trajectory, Control::Position),
     }
 }
 
@@ -1103,9 +1103,9 @@ const GROWS: f64 = 2.0;
 /// Number of intervals at the begin of a hold.
 const FIRST_INTERVALS: usize = 5;
 
-/// The rows before time 0 of the clock, if a commanded position jumps from 0 to its hold between two rows on either side of that time, and rows are missing there. A row at
+/// The rows before time 0 of the clock, if the commanded quantity jumps from 0 to its hold between two rows on either side of that time, and rows are missing there. A row at
 /// time 0 itself belongs to them if the later rows grow sparser. Otherwise the missing rows may be those of a ramp.
-fn rows_before_trigger(trajectory: &Trajectory) -> Option<Idle> {
+fn rows_before_trigger(trajectory: &Trajectory, control: Control) -> Option<Idle> {
     let Trajectory { time_s, force_n, position_m, clock_zero_s, .. } = trajectory;
     let n_rows =
         time_s.iter().position(|time| time + clock_zero_s > 0.0).filter(|n| (1..time_s.len() - 1).contains(n))?;
@@ -1119,11 +1119,24 @@ fn rows_before_trigger(trajectory: &Trajectory) -> Option<Idle> {
     let known: Option<Vec<f64>> = position_m.iter().copied().collect();
     let known = known?;
     let is_idle = |values: &[f64]| farthest(&values[..n_rows]) <= NEAR_ZERO * farthest(values);
-    let jumps = known[n_rows].abs() > 0.5 * farthest(&known);
-    (is_missing && jumps && is_idle(&known) && is_idle(force_n)).then_some(Idle {
+    let commanded = if control == Control::Force { force_n } else { &known };
+    let jumps = commanded[n_rows].abs() > 0.5 * farthest(commanded);
+    let is_idle_before = match control {
+        // The body has not moved before, up to its noise.
+        Control::Force => {
+            is_idle(force_n)
+                && farthest(&known[..n_rows])
+                    <= (SHOWS * short_lag_noise_m(position_m)).max(NEAR_ZERO * farthest(&known))
+        }
+        Control::Position => is_idle(&known) && is_idle(force_n),
+    };
+    (is_missing && jumps && is_idle_before).then_some(Idle {
         n_rows,
         began_s: 0.0,
-        why: "the clock shows 0 before the first row of the hold, and rows are missing there: the position is taken to jump",
+        why: match control {
+            Control::Force => "the clock shows 0 before the first row of the load, and rows are missing there: the load is taken to begin at 0",
+            Control::Position => "the clock shows 0 before the first row of the hold, and rows are missing there: the position is taken to jump",
+        },
     })
 }
 
