@@ -152,6 +152,29 @@ fn a_strain_far_too_small_is_named() {
     assert!(!protocol.exists());
 }
 
+/// Holds longer than those of the record (5 s), and pulses and waves faster than its rows (0.05 s), are named; steps that it tests are not.
+#[test]
+fn times_that_the_record_does_not_test_are_named() {
+    let dir = tempfile::tempdir().unwrap();
+    sampled(dir.path());
+    for (force, duration_s, words) in [
+        ("{ steps_un = [[0, 2], [5, 0], [10, 2]] }", 15, ""),
+        ("{ steps_un = [[0, 2]] }", 9, "the longest time at one force is 1.8 times"),
+        ("{ steps_un = [[0, 2], [2, 0]] }", 9, "the longest time at one force is 1.4 times"),
+        ("{ steps_un = [[1, 2], [1.01, 0]] }", 3, "asks for the motion within 0.01 s"),
+    ] {
+        let scenario = format!("[[scenario]]\nname = \"robot\"\nforce = {force}\nduration_s = {duration_s}\n");
+        std::fs::write(dir.path().join("times.toml"), scenario).unwrap();
+        let run = ["predict", "study", "--scenario", "times.toml", "--json", "-", "--no-report"];
+        let document = vitreo(dir.path(), &run).exits(0).json();
+        let warnings = document["scenarios"][0]["warnings"].to_string();
+        let is_named =
+            ["longest time at one force", "asks for the motion within"].iter().any(|part| warnings.contains(part));
+        assert_eq!(is_named, !words.is_empty(), "{force}: {warnings}");
+        assert!(warnings.contains(words), "{force}: {warnings}");
+    }
+}
+
 /// Without a record the gel is that of a prior. Under a constant force a gel that only springs moves by F k/E, so quantiles of the position are those of the prior.
 /// The standard error of a 5 % quantile from 10,000 draws is 0.2 % of the range of E.
 #[test]

@@ -303,17 +303,17 @@ impl Ensemble {
         self.prepared.forward()
     }
 
-    /// True if the position is proportional to the force: the response to twice the force is twice the response.
+    /// True if the position is proportional to the force: the response to half the force is half the response. Under twice the force a position with feedback may diverge.
     ///
     /// # Errors
     /// Errors of the model.
     pub fn is_linear(&self) -> Result<bool> {
         let Some(first) = self.parameters.first() else { return Ok(true) };
         let position_m = self.forward().trajectory_m(first)?;
-        let force_n = self.record().force_n.iter().map(|force| 2.0 * force).collect();
-        let doubled_m = self.with_record(Record { force_n, ..self.record().clone() }).forward().trajectory_m(first)?;
-        let largest_m = doubled_m.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
-        Ok(position_m.iter().zip(&doubled_m).all(|(x, twice)| (2.0 * x - twice).abs() <= LINEAR * largest_m))
+        let force_n = self.record().force_n.iter().map(|force| 0.5 * force).collect();
+        let halved_m = self.with_record(Record { force_n, ..self.record().clone() }).forward().trajectory_m(first)?;
+        let largest_m = position_m.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+        Ok(position_m.iter().zip(&halved_m).all(|(x, half)| (x - 2.0 * half).abs() <= LINEAR * largest_m))
     }
 
     /// Trajectories (m at every row) of the given draws.
