@@ -159,8 +159,8 @@ fn times_that_the_record_does_not_test_are_named() {
     sampled(dir.path());
     for (force, duration_s, words) in [
         ("{ steps_un = [[0, 2], [5, 0], [10, 2]] }", 15, ""),
-        ("{ steps_un = [[0, 2]] }", 9, "the longest time at one force is 1.8 times"),
-        ("{ steps_un = [[0, 2], [2, 0]] }", 9, "the longest time at one force is 1.4 times"),
+        ("{ steps_un = [[0, 2]] }", 9, "the longest time at one force is 1.80 times"),
+        ("{ steps_un = [[0, 2], [2, 0]] }", 9, "the longest time at one force is 1.40 times"),
         ("{ steps_un = [[1, 2], [1.01, 0]] }", 3, "asks for the motion within 0.01 s"),
     ] {
         let scenario = format!("[[scenario]]\nname = \"robot\"\nforce = {force}\nduration_s = {duration_s}\n");

@@ -1134,7 +1134,7 @@ fn rows_before_trigger(trajectory: &Trajectory, control: Control) -> Option<Idle
         n_rows,
         began_s: 0.0,
         why: match control {
-            Control::Force => "the clock shows 0 before the first row of the load, and rows are missing there: the load is taken to begin at 0",
+            Control::Force => "the clock shows 0 before the first row of the load, and rows are missing there: the load is taken to begin",
             Control::Position => "the clock shows 0 before the first row of the hold, and rows are missing there: the position is taken to jump",
         },
     })
