@@ -134,7 +134,7 @@ fn a_wrong_surrogate_is_measured_by_the_full_model() {
     const ERROR: f64 = 2e-4;
     let (experiment, _) = replica::embedded().unwrap();
     let problem = Problem::new(experiment, ModelSpecification::default(), None, &SilentMonitor).unwrap();
-    let mut prepared = PreparedModel::new(&problem, None, &SilentMonitor).unwrap();
+    let prepared = PreparedModel::new(&problem, None, &SilentMonitor).unwrap();
     // Draws of a posterior of about the right width, around Table I.
     let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(4);
     let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
@@ -146,7 +146,8 @@ fn a_wrong_surrogate_is_measured_by_the_full_model() {
     let exact = full_check::check(&prepared, &draws).unwrap();
     assert!(exact.surrogate_vs_full_max_m.unwrap() < 1e-12);
     assert_eq!(exact.pareto_k, Some(0.0));
-    prepared.compliance = Compliance::fixed(prepared.compliance.experiment_per_m() * (1.0 + ERROR));
+    let compliance = Compliance::fixed(prepared.compliance.experiment_per_m() * (1.0 + ERROR));
+    let prepared = PreparedModel::given(&problem, compliance, prepared.trained.clone());
     let wrong = full_check::check(&prepared, &draws).unwrap();
     let amplitude_m = wrong.trajectories_m.iter().flatten().fold(0.0_f64, |a, x| a.max(x.abs()));
     let ratio = wrong.surrogate_vs_full_max_m.unwrap() / (ERROR * amplitude_m);

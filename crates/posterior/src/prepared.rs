@@ -47,7 +47,7 @@ pub struct PreparedModel {
     pub surrogate: Option<Surrogate>,
     /// Field models: reduced models of the effects that change the displacement field. Empty without such effects.
     pub fields: FieldModels,
-    /// Displacement per force at unit creep compliance, in 1/m.
+    /// Displacement per force at unit creep compliance, in 1/m. It does not change, because [`PreparedModel::local_compliance`] is made from it once.
     pub compliance: Compliance,
     /// Parameter ranges in which the reduced model is valid; empty for an instrument.
     pub trained: Vec<TrainedRange>,
