@@ -122,12 +122,13 @@ fn a_first_row_of_zeros_is_the_begin_of_a_creep() {
     assert!(!experiment.fits_position_offset && words.contains("are left out"), "{words}");
     let known: Vec<f64> = experiment.record.position_m.iter().copied().flatten().collect();
     assert!((known[0] / known[58] / (crept(0.5) / crept(29.5)) - 1.0).abs() < 1e-5, "{known:?}");
-    // A strain that jumps with the second row is an answer at once.
+    // A strain that jumps with the second row is an answer at once, which that row shows.
     let jump: String = (1..60)
         .map(|row| 0.5 * f64::from(row))
         .fold(String::new(), |all, t| all + &format!("{t},3,{:.6}\n", 1.0 + crept(t)));
-    let (_, words) = plainly(&format!("Time (s),Shear stress (Pa),Shear strain (%)\n0,0,0\n{jump}")).expect("a creep");
-    assert!(!words.contains("are left out"), "{words}");
+    let (experiment, words) =
+        plainly(&format!("Time (s),Shear stress (Pa),Shear strain (%)\n0,0,0\n{jump}")).expect("a creep");
+    assert!((times_since_load(&experiment)[0] - 0.5).abs() < 1e-6 && words.contains("are left out"), "{words}");
     // A bead whose force acts from the second row on has not moved there.
     let mut text = String::from("Time (s),Force (uN),Position (um)\n0,0,0.2\n");
     for row in 1..60 {
@@ -324,7 +325,7 @@ fn names_of_young_s_quantities_and_of_changed_numbers_are_read() {
     assert!(words.contains("read as a stretch") && words.contains("compliance_per_m = 1,"), "{words}");
 }
 
-/// A creep after rows at rest, whose clock counts from the step and whose rows grow sparser: the load began at 0, not with its first row. Evenly spaced rows do not show it.
+/// A creep after rows at rest, whose clock counts from the step and whose rows grow sparser: the load began at 0, not with its first row. Evenly spaced rows after several at rest do not show it.
 #[test]
 fn a_load_at_the_trigger_began_at_zero() {
     let with = |before: &[f64], after: &dyn Fn(i32) -> f64| {
@@ -345,7 +346,9 @@ fn a_load_at_the_trigger_began_at_zero() {
         assert!(!experiment.fits_position_offset, "{before:?} {words}");
     }
     let (experiment, words) = with(&[0.0], &|row| 0.1 * f64::from(row + 1));
-    assert!(times_since_load(&experiment)[1].abs() < 1e-6, "{words}");
+    assert!((times_since_load(&experiment)[0] - 0.1).abs() < 1e-6, "{words}");
+    let (experiment, words) = with(&[-0.2, -0.1, 0.0], &|row| 0.1 * f64::from(row + 1));
+    assert!(times_since_load(&experiment)[3].abs() < 1e-6, "{words}");
 }
 
 /// The first strain of a rheometer's creep is the gel's answer at once, and no zero to be fitted: the law that made the record is found.

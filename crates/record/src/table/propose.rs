@@ -1074,19 +1074,20 @@ fn idle_rows(trajectory: &Trajectory) -> Option<Idle> {
     }
 }
 
-/// The first row, if no force acts in it and the body has moved as far in the second row as under the force of that row, which holds.
+/// The first row, if no force acts in it and the body has moved in the second row: as far as under the force of that row, which holds, or farther after a row of zeros.
 fn idle_first_row(trajectory: &Trajectory) -> Option<Idle> {
     let Trajectory { time_s, force_n, position_m, clock_zero_s, .. } = trajectory;
     let [t0, t1, t2, ..] = time_s[..] else { return None };
     let [f0, f1, ..] = force_n[..] else { return None };
     let [Some(x0), Some(x1), Some(x2), ..] = position_m[..] else { return None };
-    // Later switches show how rows and switches belong together, and a much faster first motion may be an answer at once to a load in the second row.
+    // Later switches show how rows and switches belong together. A much faster first motion is an answer at once, to a load that began before the second row: a row of zeros
+    // at time 0 is its begin.
     let holds = f0 == 0.0 && f1 != 0.0 && force_n[1..].iter().all(|f| (f / f1 - 1.0).abs() < HELD);
-    let (first_rate, next_rate) = ((x1 - x0) / (t1 - t0), (x2 - x1) / (t2 - t1));
+    let rate = (x1 - x0) / (t1 - t0) / ((x2 - x1) / (t2 - t1));
     // A row of zeros is no measurement, and has no noise.
     let shows = if x0 == 0.0 { SHOWS_BESIDE_ZERO } else { SHOWS };
     let has_moved = (x1 - x0).abs() > shows * short_lag_noise_m(position_m)
-        && (AS_NEXT[0]..AS_NEXT[1]).contains(&(first_rate / next_rate));
+        && ((AS_NEXT[0]..AS_NEXT[1]).contains(&rate) || t0 == 0.0 && x0 == 0.0 && rate.abs() >= AS_NEXT[1]);
     let is_plain = *clock_zero_s == 0.0 && x0.abs() <= NEAR_ZERO * farthest(position_m.iter().flatten());
     (holds && has_moved && is_plain).then_some(Idle {
         n_rows: 1,
