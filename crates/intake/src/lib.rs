@@ -119,12 +119,18 @@ fn one(
     };
     let given = creep.as_ref().map(|creep| &creep.given).or(strain_of_specimen.as_ref());
     let mut proposal = propose(place, bytes, given.unwrap_or(&request.known_columns), ask)?;
+    if strain_of_specimen.is_some() {
+        proposal.reasons.retain(|reason| !reason.contains("although the table says"));
+        proposal.reasons.push("the position is the strain times the length of the specimen".into());
+    }
     proposal.load_began_s = request.load_began_s(&proposal)?.or(proposal.load_began_s);
     refuse_changed_numbers(place, &request.known_columns, &proposal)?;
     let mut device = match creep {
         Some(creep) => {
             creep.refuse_large_plain(proposal.farthest_written_m())?;
-            proposal.reasons.extend(creep.plain_remark());
+            if !is_stretch(&proposal, Some(&creep)) {
+                proposal.reasons.extend(creep.plain_remark());
+            }
             if creep.constant.is_none() {
                 refuse_flow(place, &proposal)?;
             }

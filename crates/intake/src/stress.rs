@@ -233,10 +233,16 @@ fn has_no_unit(name: &str) -> bool {
 
 /// Size of the unit of a compliance in 1/Pa. A name without a unit is in 1/Pa, unless it is only a letter. `None` for another unit.
 fn per_pa(name: &str, symbol: &str) -> Option<f64> {
-    let behind = [" in ", "/"].iter().find_map(|joint| name.split_once(joint));
-    let Some((_, text)) = bracketed(name).filter(|_| !has_no_unit(name)).or(behind) else {
+    let behind = || {
+        let (stem, text) = [" in ", "/"].iter().find_map(|joint| name.split_once(joint))?;
+        let is_unit = ["Pa", "psi", "bar", "/N"].iter().any(|unit| text.contains(unit));
+        is_unit.then(|| if stem.ends_with(" 1") { format!("1/{text}") } else { text.to_string() })
+    };
+    let stated = bracketed(name).filter(|_| !has_no_unit(name)).map(|(_, text)| text.to_string());
+    let Some(text) = stated.or_else(behind) else {
         return (symbol.len() > 1 || name.ends_with("(t)")).then_some(1.0);
     };
+    let text = text.replace(" / ", "/");
     let text = text.trim();
     let (many, of) = match text.split_once([' ', '·', '*']) {
         Some((many, of)) => (factor(many)?, of.trim()),
@@ -263,12 +269,19 @@ fn refuse_unknown_unit(looked: &InspectedTable, given: &TableSettings) -> Result
     {
         return Ok(());
     }
-    let kinds = [(&MODULUS[..], "Pa", "G(t) [Pa]"), (&COMPLIANCE[..], "1/Pa", "J(t) [1/Pa]")];
+    let is_of = |name: &str, words: &[&str], symbols: [&str; 2]| {
+        let words: Vec<&str> = words.iter().copied().filter(|word| !word.contains('(')).collect();
+        called(name, &words, &OF_FREQUENCY) || symbols.iter().any(|symbol| name.trim_start().starts_with(symbol))
+    };
+    let kinds = [
+        (&MODULUS[..], ["G(t)", "E(t)"], "Pa", "G(t) [Pa]"),
+        (&COMPLIANCE[..], ["J(t)", "D(t)"], "1/Pa", "J(t) [1/Pa]"),
+    ];
     let unknown = looked.columns.iter().zip(&looked.units).find_map(|(name, unit)| {
-        let kind = kinds.iter().find(|(words, ..)| called(name, words, &OF_FREQUENCY))?;
+        let kind = kinds.iter().find(|(words, symbols, ..)| is_of(name, words, *symbols))?;
         (unit.is_none() && bracketed(name).is_some() && !has_no_unit(name)).then_some((name, kind))
     });
-    let Some((name, (_, plain, example))) = unknown else { return Ok(()) };
+    let Some((name, (_, _, plain, example))) = unknown else { return Ok(()) };
     Err(Error::input(
         InputPlace::default().at_key(name.as_str()),
         "the unit of this column is not known",
@@ -741,6 +754,10 @@ mod tests {
             ("t,Creep compliance/10^-3 Pa^-1,n", "0.001 m"),
             ("t,Creep compliance/kPa^-1,n", "0.001 m"),
             ("t,J(t) in 1/kPa,n", "0.001 m"),
+            ("t,Creep compliance 1/kPa,n", "0.001 m"),
+            ("t,J(t) [1 / kPa],n", "0.001 m"),
+            ("t,Creep compliance in shear,n", "m"),
+            ("t,Creep compliance of gel/agar,n", "m"),
         ] {
             let found = creep(header, None).unwrap_or_else(|| panic!("{header}"));
             assert_eq!(

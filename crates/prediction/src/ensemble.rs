@@ -33,8 +33,8 @@ const CHECKED_SLOW: usize = 1;
 const NAMED_MESH_ERROR: f64 = 0.01;
 /// Largest share of the record's largest force, duration and relative displacement that is not an extrapolation.
 pub(crate) const BEYOND: f64 = 1.05;
-/// Largest change of the force that is none, as a fraction of the largest force.
-const STEADY: f64 = 0.05;
+/// Smallest change to another force, as a fraction of the largest force.
+const OTHER_FORCE: f64 = 0.2;
 /// Shortest time between turning points of the force that the record tests, in intervals between its rows.
 const FASTEST: f64 = 2.0;
 /// Quantile of the draws' largest displacements by which a prediction is judged.
@@ -592,36 +592,54 @@ fn extrapolations(problem: &Problem, ensemble: &Ensemble, farthest_m: f64) -> Ve
     beyond.map(warning).chain(too_fast).collect()
 }
 
-/// Times (s) at which the force changes, each with the change (N).
-fn changes(record: &Record) -> Vec<(f64, f64)> {
-    let force_n = &record.force_n;
-    let change_n = |row: usize| force_n[row] - row.checked_sub(1).map_or(0.0, |before| force_n[before]);
-    let rows = (0..record.n_rows()).map(|row| (record.time_s[row], change_n(row)));
-    rows.filter(|(_, change_n)| *change_n != 0.0).collect()
+/// Change of the force (N) above which it is another one: noise of a measured force is below it.
+fn other_force_n(record: &Record) -> f64 {
+    OTHER_FORCE * record.force_n.iter().fold(0.0_f64, |most, force| most.max(force.abs()))
 }
 
-/// Longest time (s) between two changes of the force, or from one to an end of the record. Smaller changes than [`STEADY`] are noise of a measured force.
+/// Longest time (s) after the first load in which the force stays near its value at the begin of that time.
 fn longest_hold_s(record: &Record) -> f64 {
-    let ends = [record.time_s.first(), record.time_s.last()];
-    let [Some(first_s), Some(last_s)] = ends else { return 0.0 };
-    let largest_n = record.force_n.iter().fold(0.0_f64, |most, force| most.max(force.abs()));
-    let is_change = |(_, change_n): &(f64, f64)| change_n.abs() > STEADY * largest_n;
-    let of_changes = changes(record).into_iter().filter(is_change).map(|(time_s, _)| time_s);
-    let times_s: Vec<f64> = std::iter::once(*first_s).chain(of_changes).chain([*last_s]).collect();
-    times_s.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f64::max)
+    let least_n = other_force_n(record);
+    let mut hold: Option<(f64, f64)> = None;
+    let mut longest_s = 0.0_f64;
+    for (&time_s, &force_n) in record.time_s.iter().zip(&record.force_n) {
+        match hold {
+            None if force_n.abs() <= least_n => {}
+            Some((begin_s, at_n)) if (force_n - at_n).abs() <= least_n => longest_s = longest_s.max(time_s - begin_s),
+            _ => {
+                // The force before holds until this row.
+                longest_s = longest_s.max(hold.map_or(0.0, |(begin_s, _)| time_s - begin_s));
+                hold = Some((time_s, force_n));
+            }
+        }
+    }
+    longest_s
 }
 
 /// Shortest time (s) between two turning points of the force, such as the length of a pulse or half the period of a wave; infinite without two of them.
 fn fastest_change_s(record: &Record) -> f64 {
-    let mut turns_s: Vec<f64> = Vec::new();
-    let mut direction = 0.0;
-    for (time_s, change_n) in changes(record) {
-        if change_n.signum() != direction {
+    let least_n = other_force_n(record);
+    // Time (s) at which each rise or fall shows, and the number of rows in which the first of them moves.
+    let (mut begins_s, mut n_first): (Vec<f64>, usize) = (Vec::new(), 0);
+    let (mut direction, mut farthest_n) = (0.0, 0.0);
+    for (&time_s, &force_n) in record.time_s.iter().zip(&record.force_n) {
+        let change_n: f64 = force_n - farthest_n;
+        let goes_on = direction != 0.0 && change_n * direction > 0.0;
+        if change_n.abs() > least_n && !goes_on {
+            begins_s.push(time_s);
             direction = change_n.signum();
-            turns_s.push(time_s);
+        } else if !goes_on {
+            continue;
         }
+        farthest_n = force_n;
+        n_first += usize::from(begins_s.len() == 1);
     }
-    turns_s.windows(2).map(|pair| pair[1] - pair[0]).fold(f64::INFINITY, f64::min)
+    let mut gaps_s: Vec<f64> = begins_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    if let Some(first_s) = gaps_s.first_mut().filter(|_| n_first > 1) {
+        // From 0 to its first maximum a wave takes a quarter of its period.
+        *first_s *= 2.0;
+    }
+    gaps_s.into_iter().fold(f64::INFINITY, f64::min)
 }
 
 /// Shortest interval (s) between rows of a record that have a position.

@@ -78,14 +78,14 @@ fn warnings(request: &ShapesRequest, all: &[SweepSummary]) -> Vec<Warning> {
     let free_um =
         |body: &BodySummary| 500.0 * (1e3 * request.vitreous.diameter_m - body.length_mm.max(body.diameter_mm));
     let beyond: Vec<&BodySummary> = bodies.filter(|body| body.displacement_5s_um.q95 > free_um(body)).collect();
-    if let Some(worst) = beyond.iter().max_by(|a, b| a.displacement_5s_um.q95.total_cmp(&b.displacement_5s_um.q95)) {
+    let excess_um = |body: &BodySummary| body.displacement_5s_um.q95 - free_um(body);
+    if let Some(worst) = beyond.iter().max_by(|a, b| excess_um(a).total_cmp(&excess_um(b))) {
         list.push(Warning {
             kind: WarningKind::ImpossiblePositions,
             text: format!(
-                "{} of the displacements lead beyond the gel's outer surface, by up to {} µm where {} µm are free",
+                "{} of the displacements lead beyond the gel's outer surface, by up to {} µm",
                 beyond.len(),
-                format_significant(worst.displacement_5s_um.q95, 4),
-                format_significant(free_um(worst), 4)
+                format_significant(excess_um(worst), 4)
             ),
             advice: "give a smaller force".into(),
         });

@@ -175,11 +175,13 @@ impl TableProposal {
 
     /// Replaces a fitted zero by that of the instrument, if the first strain is not 0: the load began before the first row, which shows the gel's instantaneous answer.
     pub fn keep_zero_of_instrument(&mut self) {
-        if self.frame.zero != Zero::Fit || self.first_written_m == Some(0.0) {
+        let [low, high] = self.written_position_m;
+        let first_m = self.first_written_m.unwrap_or(0.0);
+        // A strain that changes little beside its first value goes on from an earlier test.
+        if self.frame.zero != Zero::Fit || first_m == 0.0 || first_m.abs() > MOST_ANSWER * (high - low) {
             return;
         }
         self.frame.zero = Zero::AsWritten;
-        let [low, high] = self.written_position_m;
         self.position_m = if self.frame.direction == Direction::Backward { [-high, -low] } else { [low, high] };
         self.reasons.retain(|reason| !reason.contains("zero = \"fit\""));
         self.reasons.push(
@@ -1122,15 +1124,13 @@ fn rows_before_trigger(trajectory: &Trajectory, control: Control) -> Option<Idle
     let is_idle = |values: &[f64]| farthest(&values[..n_rows]) <= NEAR_ZERO * farthest(values);
     let commanded = if control == Control::Force { force_n } else { &known };
     let jumps = commanded[n_rows].abs() > 0.5 * farthest(commanded);
-    let is_idle_before = match control {
-        // The body has not moved before, up to its noise.
-        Control::Force => {
-            is_idle(force_n)
-                && farthest(&known[..n_rows])
-                    <= (SHOWS * short_lag_noise_m(position_m)).max(NEAR_ZERO * farthest(&known))
-        }
-        Control::Position => is_idle(&known) && is_idle(force_n),
-    };
+    let least_m = (SHOWS * short_lag_noise_m(position_m)).max(NEAR_ZERO * farthest(&known));
+    let is_idle_before = is_idle(force_n)
+        && match control {
+            // The body has not moved before, up to its noise, and has moved in the first row of the load, which therefore began before it.
+            Control::Force => farthest(&known[..n_rows]) <= least_m && known[n_rows].abs() > least_m,
+            Control::Position => is_idle(&known),
+        };
     (is_missing && jumps && is_idle_before).then_some(Idle {
         n_rows,
         began_s: 0.0,
@@ -1145,6 +1145,9 @@ fn rows_before_trigger(trajectory: &Trajectory, control: Control) -> Option<Idle
 fn farthest<'a>(values: impl IntoIterator<Item = &'a f64>) -> f64 {
     values.into_iter().fold(0.0, |most: f64, x| most.max(x.abs()))
 }
+
+/// Largest first strain, in ranges of the strain, that is an answer to the load of the record.
+const MOST_ANSWER: f64 = 10.0;
 
 /// A number with six significant digits.
 fn six_digits(value: f64) -> String {

@@ -147,7 +147,9 @@ pub fn factor(text: &str) -> Option<f64> {
             .map(|c| RAISED.iter().find(|(raised, _)| *raised == c).map_or(c, |(_, plain)| *plain))
             .collect();
         let is_raised = raised != exponent;
-        let digits = exponent.strip_prefix('^').or(is_raised.then_some(&raised))?;
+        let is_signed = exponent.starts_with(['-', '+', '−']);
+        let marked = exponent.strip_prefix('^').or_else(|| exponent.strip_prefix("**"));
+        let digits = marked.or((is_raised || is_signed).then_some(&raised))?;
         format!("1e{}", digits.trim_matches(['(', ')', '{', '}']).replace('−', "-")).parse().ok()
     };
     text.parse().ok().or_else(|| power(text))
@@ -274,17 +276,20 @@ pub fn split_unit(name: &str) -> (&str, Option<ParsedUnit>) {
             .filter_map(|joint| Some((*joint, name.rsplit_once(joint)?)))
             .find_map(|(joint, (stem, text))| Some((joint, stem, unit(text)?)))
             // A number before the unit that is not read changes the unit, as in `G x10^3 Pa` or `J in 1/Pa`.
-            .filter(|(joint, stem, _)| !ends_in_factor(stem) && !(*joint == "/" && stem.ends_with(" 1")))
+            .filter(|(joint, stem, unit)| {
+                let is_inverse = *joint == "/" && stem.ends_with(" 1") && unit.dimension == Dimension::Pressure;
+                !is_inverse && !ends_in_factor(stem)
+            })
             .map(|(_, stem, unit)| (stem, unit)),
     };
     found.map_or((name, None), |(stem, unit)| (stem, Some(unit)))
 }
 
-/// True if the last word of a name is a power of ten, or a product with a number such as `x1000`. `x1` is a coordinate.
+/// True if the last word of a name is a power of ten, or a product with a number such as `x1000`. `x1` is a coordinate, and so is `x10` without a word before it.
 fn ends_in_factor(stem: &str) -> bool {
     let Some(word) = stem.split([' ', '/', '_']).next_back() else { return false };
     let number = word.trim_start_matches(['x', '×', '*', '·', '(']);
-    let is_product = number != word && ["10", "1e"].iter().any(|first| number.starts_with(first));
+    let is_product = number != word && stem != word && ["10", "1e"].iter().any(|first| number.starts_with(first));
     factor(number).is_some() && (is_product || number.parse::<f64>().is_err())
 }
 
@@ -479,6 +484,10 @@ mod tests {
             ("t/10⁻³ s", "t", 1e-3),
             ("Force (1e-6 N)", "Force ", 1e-6),
             ("Force (10^3·Pa)", "Force ", 1e3),
+            ("Force/10-3 N", "Force", 1e-3),
+            ("G/10**3 Pa", "G", 1e3),
+            ("x10_um", "x10", 1e-6),
+            ("Weg 1/um", "Weg 1", 1e-6),
             ("x2_um", "x2", 1e-6),
             ("Sensor 100 N", "Sensor 100", 1.0),
         ] {
