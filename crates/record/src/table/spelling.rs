@@ -126,7 +126,8 @@ impl ParsedUnit {
 /// `0.05 s`. The number may be a power of ten, as in `10^3 Pa` or `10⁻³ Pa`. Symbols are case-sensitive (`mN` is not `MN`), words are not.
 pub fn unit(text: &str) -> Option<ParsedUnit> {
     let plain = text.trim().trim_matches(['[', ']', '(', ')', '{', '}']).trim();
-    let many = plain.split_once([' ', '·', '*']).and_then(|(many, of)| Some((factor(many)?, one_unit(of)?)));
+    let parts = plain.split_once([' ', '·']).or_else(|| plain.split_once('*'));
+    let many = parts.and_then(|(many, of)| Some((factor(many)?, one_unit(of)?)));
     match many {
         Some((many, of)) => (many > 0.0 && many.is_finite()).then(|| ParsedUnit {
             dimension: of.dimension,
