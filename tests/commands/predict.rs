@@ -161,7 +161,7 @@ fn times_that_the_record_does_not_test_are_named() {
         ("{ steps_un = [[0, 2], [5, 0], [10, 2]] }", 15, ""),
         ("{ steps_un = [[0, 2]] }", 9, "the longest time at one force is 1.80 times"),
         ("{ steps_un = [[0, 2], [2, 0]] }", 9, "the longest time at one force is 1.40 times"),
-        ("{ steps_un = [[1, 2], [1.01, 0]] }", 3, "asks for the motion within 0.01 s"),
+        ("{ steps_un = [[1, 2], [1.01, 0]] }", 3, "asks for the motion within 0.0100 s"),
     ] {
         let scenario = format!("[[scenario]]\nname = \"robot\"\nforce = {force}\nduration_s = {duration_s}\n");
         std::fs::write(dir.path().join("times.toml"), scenario).unwrap();
