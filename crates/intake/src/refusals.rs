@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::device::has_position;
-use super::stress::{ROTATION, STRAIN, StressStrain, called, is_ratio};
+use super::stress::{ROTATION, STRAIN, StressStrain, called, is_ratio, is_told};
 use super::sweep::{VISCOSITY, refuse_other_than_moduli};
 use base::error::{Error, InputPlace, Result, Setting};
 use base::units::Dimension;
@@ -64,45 +64,35 @@ pub(super) fn refuse_changed_numbers(place: &Path, given: &TableSettings, propos
             ColumnName::Number(number) => Some(number - 1),
         };
         let Some((at, name)) = at.and_then(|at| Some((at, proposal.columns.get(at)?))) else { continue };
-        // The user names a column by its name or by its number.
-        let number = (at + 1).to_string();
-        if given.columns.iter().flatten().any(|known| known == name || *known == number) {
+        if given.columns.iter().flatten().any(|known| is_told(known, name, at)) {
             continue;
         }
-        let what = match () {
-            () if is_logarithm(name) => "logarithms",
-            () if is_multiple(name) => "multiples",
-            () => continue,
-        };
-        return Err(Error::input(
-            InputPlace::file(place).at_key(name.as_str()),
-            format!("by its name this column holds {what}"),
-            format!("write the plain numbers into the table; if they are plain, name the column: `{setting} NAME`"),
-        ));
+        let remedy =
+            format!("write the plain numbers into the table; if they are plain, name the column: `{setting} NAME`");
+        refuse_changed_name(place, name, &remedy)?;
     }
     Ok(())
 }
 
-/// Refuses columns of logarithms and of multiples of a sweep, also of those that the user names, for only their names tell their numbers from plain ones.
+/// Refuses columns of logarithms and of multiples of a sweep. Columns that the user names are no exception: their names alone say what the numbers are.
 pub(super) fn refuse_changed_columns(
     place: &Path,
     looked: &InspectedTable,
     columns: &[(SweepColumn, usize)],
 ) -> Result<()> {
-    for (_, column) in columns {
-        let name = &looked.columns[*column];
-        let what = match () {
-            () if is_logarithm(name) => "logarithms",
-            () if is_multiple(name) => "multiples",
-            () => continue,
-        };
-        return Err(Error::input(
-            InputPlace::file(place).at_key(name.as_str()),
-            format!("by its name this column holds {what}"),
-            "write the plain numbers into the table, and name the column by its quantity and unit, as in `G' [Pa]`",
-        ));
-    }
-    Ok(())
+    let remedy =
+        "write the plain numbers into the table, and name the column by its quantity and unit, as in `G' [Pa]`";
+    columns.iter().try_for_each(|(_, column)| refuse_changed_name(place, &looked.columns[*column], remedy))
+}
+
+/// Refuses a column whose name is one of logarithms or of multiples.
+fn refuse_changed_name(place: &Path, name: &str, remedy: &str) -> Result<()> {
+    let what = match () {
+        () if is_logarithm(name) => "logarithms",
+        () if is_multiple(name) => "multiples",
+        () => return Ok(()),
+    };
+    Err(Error::input(InputPlace::file(place).at_key(name), format!("by its name this column holds {what}"), remedy))
 }
 
 /// True if a name begins with a logarithm. The natural logarithm of a stretch is a strain.

@@ -147,6 +147,11 @@ fn has_changed_percent(name: &str) -> bool {
     })
 }
 
+/// True if the user's text for a column is the column's name, or its number from 1.
+pub(super) fn is_told(told: &str, name: &str, place: usize) -> bool {
+    told == name || told == (place + 1).to_string()
+}
+
 /// Whether a column's name contains one of the words and none of the others.
 pub(super) fn called(name: &str, words: &[&str], others: &[&str]) -> bool {
     let name = name.to_lowercase();
@@ -306,7 +311,7 @@ pub(super) fn strain_of_specimen(request: &InitRequest, looked: &InspectedTable)
             (None, Some(_)) => return None,
             (None, None) => stated_part(name).0?,
         };
-        let is_named = named.is_some_and(|named| named == name || *named == (place + 1).to_string());
+        let is_named = named.is_some_and(|named| is_told(named, name, place));
         (is_named || named.is_none() && !has_position && called(name, &STRAIN, &RATE)).then_some((place, part))
     });
     let found: Vec<(usize, f64)> = strains.collect();

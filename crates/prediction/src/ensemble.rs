@@ -561,11 +561,15 @@ fn extrapolations(problem: &Problem, ensemble: &Ensemble, farthest_m: f64) -> Ve
     let (taught, asked) = (problem.experiment.scales(), ensemble.problem().experiment.scales());
     let taught_m = problem.experiment.record.position_m.iter().flatten().fold(0.0_f64, |most, x| most.max(x.abs()));
     let [own, other] = [problem, ensemble.problem()].map(|problem| &problem.experiment.record);
+    let [own_n, other_n] = [taught, asked].map(|scales| OTHER_FORCE * scales.largest_force_n);
     let mut list: Vec<(String, f64)> = vec![("the duration".into(), asked.duration_s / taught.duration_s)];
     if problem.experiment.control == Control::Force {
         // A whole record is the longest hold of a single step.
         if list[0].1 <= BEYOND {
-            list.push(("the longest time at one force".into(), longest_hold_s(other) / longest_hold_s(own)));
+            list.push((
+                "the longest time at one force".into(),
+                longest_hold_s(other, other_n) / longest_hold_s(own, own_n),
+            ));
         }
         list.push(("the largest force".into(), asked.largest_force_n / taught.largest_force_n));
         if let (Some(taught_radius_m), Some(radius_m)) = (taught.robot_radius_m, asked.robot_radius_m) {
@@ -574,7 +578,7 @@ fn extrapolations(problem: &Problem, ensemble: &Ensemble, farthest_m: f64) -> Ve
         }
     }
     let beyond = list.into_iter().filter(|(_, ratio)| *ratio > BEYOND);
-    let (fastest_s, interval_s) = (fastest_change_s(other).min(asked.duration_s), shortest_interval_s(own));
+    let (fastest_s, interval_s) = (fastest_change_s(other, other_n).min(asked.duration_s), shortest_interval_s(own));
     let too_fast = (fastest_s < FASTEST * interval_s).then(|| Warning {
         kind: WarningKind::Extrapolation,
         text: format!(
@@ -584,22 +588,20 @@ fn extrapolations(problem: &Problem, ensemble: &Ensemble, farthest_m: f64) -> Ve
         ),
         advice: "the law is not tested at times this short: record a cycle with more rows a second".into(),
     });
-    let warning = |(quantity, ratio): (String, f64)| Warning {
+    beyond.map(|(quantity, ratio)| beyond_record(&quantity, ratio)).chain(too_fast).collect()
+}
+
+/// Warning about a quantity that is `ratio` times that of the record.
+pub(crate) fn beyond_record(quantity: &str, ratio: f64) -> Warning {
+    Warning {
         kind: WarningKind::Extrapolation,
         text: format!("{quantity} is {} times that of the record that taught the law", format_significant(ratio, 3)),
         advice: "the law is not tested there: record a cycle in this range, or stay within the record".into(),
-    };
-    beyond.map(warning).chain(too_fast).collect()
+    }
 }
 
-/// Change of the force (N) above which it is another one: noise of a measured force is below it.
-fn other_force_n(record: &Record) -> f64 {
-    OTHER_FORCE * record.force_n.iter().fold(0.0_f64, |most, force| most.max(force.abs()))
-}
-
-/// Longest time (s) after the first load in which the force stays near its value at the begin of that time.
-fn longest_hold_s(record: &Record) -> f64 {
-    let least_n = other_force_n(record);
+/// Longest time (s) after the first load in which the force stays within `least_n` (N) of its value at the begin of that time.
+fn longest_hold_s(record: &Record, least_n: f64) -> f64 {
     let mut hold: Option<(f64, f64)> = None;
     let mut longest_s = 0.0_f64;
     for (&time_s, &force_n) in record.time_s.iter().zip(&record.force_n) {
@@ -616,9 +618,8 @@ fn longest_hold_s(record: &Record) -> f64 {
     longest_s
 }
 
-/// Shortest time (s) between two turning points of the force, such as the length of a pulse or half the period of a wave; infinite without two of them.
-fn fastest_change_s(record: &Record) -> f64 {
-    let least_n = other_force_n(record);
+/// Shortest time (s) between two turning points of the force, such as the length of a pulse or half the period of a wave; infinite without two of them. Changes up to `least_n` (N) are noise.
+fn fastest_change_s(record: &Record, least_n: f64) -> f64 {
     // Time (s) at which each rise or fall shows, and the number of rows in which the first of them moves.
     let (mut begins_s, mut n_first): (Vec<f64>, usize) = (Vec::new(), 0);
     let (mut direction, mut farthest_n) = (0.0, 0.0);

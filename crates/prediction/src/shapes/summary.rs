@@ -3,7 +3,7 @@
 use documents::shapes::{BodySummary, Displacement, MeshSummary, ShapesSummary, SweepSummary, UserBody};
 
 use super::job::{BodyStiffness, OwnMesh, ShapesRequest, ShapesResult, StudyPoint};
-use crate::ensemble::BEYOND;
+use crate::ensemble::{BEYOND, beyond_record};
 use documents::posterior::{Warning, WarningKind};
 use documents::shapes::BodyShape;
 use elements::fe::exact::SphereInContainer;
@@ -61,18 +61,10 @@ pub fn summarise(request: &ShapesRequest, found: &ShapesResult, forces_n: &[f64]
 /// Warnings about bodies that would leave the gel, and about forces beyond that of the record that taught the law.
 fn warnings(request: &ShapesRequest, all: &[SweepSummary]) -> Vec<Warning> {
     let mut list = Vec::new();
-    let taught_n =
-        request.gel.problem.experiment.record.force_n.iter().fold(0.0_f64, |most, force| most.max(force.abs()));
     let largest_n = all.iter().fold(0.0_f64, |most, point| most.max(1e-6 * point.force_un));
-    if largest_n > BEYOND * taught_n {
-        list.push(Warning {
-            kind: WarningKind::Extrapolation,
-            text: format!(
-                "the largest force is {} times that of the record that taught the law",
-                format_significant(largest_n / taught_n, 3)
-            ),
-            advice: "the law is not tested there: record a cycle in this range, or stay within the record".into(),
-        });
+    let ratio = largest_n / request.gel.problem.experiment.scales().largest_force_n;
+    if ratio > BEYOND {
+        list.push(beyond_record("the largest force", ratio));
     }
     let bodies = all.iter().flat_map(|point| &point.bodies);
     let free_um =
