@@ -161,6 +161,9 @@ fn times_that_the_record_does_not_test_are_named() {
         ("{ steps_un = [[0, 2], [5, 0], [10, 2]] }", 15, ""),
         ("{ steps_un = [[0, 2]] }", 9, "the longest time at one force is 1.80 times"),
         ("{ steps_un = [[0, 2], [2, 0]] }", 9, "the longest time at one force is 1.40 times"),
+        ("{ steps_un = [[12, 4], [15, 0]] }", 20, ""),
+        ("{ sine_un = 4, frequency_hz = 3 }", 10, ""),
+        ("{ sine_un = 4, frequency_hz = 10 }", 10, "asks for the motion within 0.0491 s"),
         ("{ steps_un = [[1, 2], [1.01, 0]] }", 3, "asks for the motion within 0.0100 s"),
     ] {
         let scenario = format!("[[scenario]]\nname = \"robot\"\nforce = {force}\nduration_s = {duration_s}\n");

@@ -186,6 +186,9 @@ fn assert_swept(poisson_ratios: &str, n_settings: usize) {
     for words in [
         "0.48",
         "for other values, at equal surface, the sphere moves easiest: holds at aspect 9.714 and Poisson ratio 0.3",
+        "force ±4.600 µN",
+        "Note: the largest force is 2.00 times that of the record that taught the law.",
+        "NOT TO BE TRUSTED: in the record that taught the law, ",
     ] {
         assert!(run.stdout.contains(words), "{words}\n{run}");
     }

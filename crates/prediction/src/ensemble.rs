@@ -20,6 +20,7 @@ use record::{Apparatus, Control, Experiment, Record};
 use std::sync::Arc;
 
 use crate::body;
+use crate::force_times::{fastest_change_s, longest_hold_s};
 use crate::scenario::{Scenario, Tolerances};
 use crate::tolerance::Tolerance;
 
@@ -561,15 +562,13 @@ fn extrapolations(problem: &Problem, ensemble: &Ensemble, farthest_m: f64) -> Ve
     let (taught, asked) = (problem.experiment.scales(), ensemble.problem().experiment.scales());
     let taught_m = problem.experiment.record.position_m.iter().flatten().fold(0.0_f64, |most, x| most.max(x.abs()));
     let [own, other] = [problem, ensemble.problem()].map(|problem| &problem.experiment.record);
+    let hold_s = |record: &Record, least_n: f64| longest_hold_s(&record.time_s, &record.force_n, least_n);
     let [own_n, other_n] = [taught, asked].map(|scales| OTHER_FORCE * scales.largest_force_n);
     let mut list: Vec<(String, f64)> = vec![("the duration".into(), asked.duration_s / taught.duration_s)];
     if problem.experiment.control == Control::Force {
         // A whole record is the longest hold of a single step.
         if list[0].1 <= BEYOND {
-            list.push((
-                "the longest time at one force".into(),
-                longest_hold_s(other, other_n) / longest_hold_s(own, own_n),
-            ));
+            list.push(("the longest time at one force".into(), hold_s(other, other_n) / hold_s(own, own_n)));
         }
         list.push(("the largest force".into(), asked.largest_force_n / taught.largest_force_n));
         if let (Some(taught_radius_m), Some(radius_m)) = (taught.robot_radius_m, asked.robot_radius_m) {
@@ -578,7 +577,8 @@ fn extrapolations(problem: &Problem, ensemble: &Ensemble, farthest_m: f64) -> Ve
         }
     }
     let beyond = list.into_iter().filter(|(_, ratio)| *ratio > BEYOND);
-    let (fastest_s, interval_s) = (fastest_change_s(other, other_n).min(asked.duration_s), shortest_interval_s(own));
+    let (fastest_s, interval_s) =
+        (fastest_change_s(&other.time_s, &other.force_n, other_n).min(asked.duration_s), shortest_interval_s(own));
     let too_fast = (fastest_s < FASTEST * interval_s).then(|| Warning {
         kind: WarningKind::Extrapolation,
         text: format!(
@@ -598,49 +598,6 @@ pub(crate) fn beyond_record(quantity: &str, ratio: f64) -> Warning {
         text: format!("{quantity} is {} times that of the record that taught the law", format_significant(ratio, 3)),
         advice: "the law is not tested there: record a cycle in this range, or stay within the record".into(),
     }
-}
-
-/// Longest time (s) after the first load in which the force stays within `least_n` (N) of its value at the begin of that time.
-fn longest_hold_s(record: &Record, least_n: f64) -> f64 {
-    let mut hold: Option<(f64, f64)> = None;
-    let mut longest_s = 0.0_f64;
-    for (&time_s, &force_n) in record.time_s.iter().zip(&record.force_n) {
-        match hold {
-            None if force_n.abs() <= least_n => {}
-            Some((begin_s, at_n)) if (force_n - at_n).abs() <= least_n => longest_s = longest_s.max(time_s - begin_s),
-            _ => {
-                // The force before holds until this row.
-                longest_s = longest_s.max(hold.map_or(0.0, |(begin_s, _)| time_s - begin_s));
-                hold = Some((time_s, force_n));
-            }
-        }
-    }
-    longest_s
-}
-
-/// Shortest time (s) between two turning points of the force, such as the length of a pulse or half the period of a wave; infinite without two of them. Changes up to `least_n` (N) are noise.
-fn fastest_change_s(record: &Record, least_n: f64) -> f64 {
-    // Time (s) at which each rise or fall shows, and the number of rows in which the first of them moves.
-    let (mut begins_s, mut n_first): (Vec<f64>, usize) = (Vec::new(), 0);
-    let (mut direction, mut farthest_n) = (0.0, 0.0);
-    for (&time_s, &force_n) in record.time_s.iter().zip(&record.force_n) {
-        let change_n: f64 = force_n - farthest_n;
-        let goes_on = direction != 0.0 && change_n * direction > 0.0;
-        if change_n.abs() > least_n && !goes_on {
-            begins_s.push(time_s);
-            direction = change_n.signum();
-        } else if !goes_on {
-            continue;
-        }
-        farthest_n = force_n;
-        n_first += usize::from(begins_s.len() == 1);
-    }
-    let mut gaps_s: Vec<f64> = begins_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    if let Some(first_s) = gaps_s.first_mut().filter(|_| n_first > 1) {
-        // From 0 to its first maximum a wave takes a quarter of its period.
-        *first_s *= 2.0;
-    }
-    gaps_s.into_iter().fold(f64::INFINITY, f64::min)
 }
 
 /// Shortest interval (s) between rows of a record that have a position.

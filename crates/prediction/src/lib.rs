@@ -9,6 +9,7 @@
 pub mod body;
 pub mod ensemble;
 pub mod force_history;
+mod force_times;
 pub mod plan;
 pub mod quantity;
 pub mod robot_size;

@@ -7,6 +7,8 @@ use vitreo_uq::documents::shapes::{
 };
 use vitreo_uq::figures::number::format_significant;
 
+use crate::predict::warning_lines;
+
 /// Text and tables of a shape study.
 pub fn words(summary: &ShapesSummary) -> String {
     let mut lines = vec![format!(
@@ -14,7 +16,7 @@ pub fn words(summary: &ShapesSummary) -> String {
         summary.aspect,
         summary.poisson_ratio,
         summary.vitreous_diameter_mm,
-        format_significant(summary.force_un, 6)
+        format_significant(summary.force_un, 4)
     )];
     lines.push(String::new());
     lines.extend(bodies(summary));
@@ -36,9 +38,7 @@ pub fn words(summary: &ShapesSummary) -> String {
     lines.extend(elastic(summary));
     lines.push(String::new());
     lines.extend(predictors(summary));
-    for warning in &summary.warnings {
-        lines.push(format!("Warning: {}; {}", warning.text, warning.advice));
-    }
+    lines.extend(warning_lines(&summary.warnings));
     lines.join("\n") + "\n"
 }
 
